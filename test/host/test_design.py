@@ -24,15 +24,6 @@ def test_modules_stand_from_front_to_back() -> None:
     assert design.module_centers_mm == (170, 65, -40, -170)
 
 
-def test_the_track_is_body_tyre_and_what_the_horns_stand_out() -> None:
-    design = compose("W_B_W", {"width": 95, "W.tire_thickness": 12})
-
-    left, right, *_ = folded_car(design).axles
-
-    # A servo lies with its ears, 15.9 mm above its bottom, on the wall; a horn's outer face is 32 mm above it.
-    assert left.center_mm[1] - right.center_mm[1] == pytest.approx(95 + 12 + 2 * (32 - 15.9))
-
-
 def test_columns_carry_module_and_unit() -> None:
     design = compose("W_B_W", {"width": 70})
 

@@ -196,9 +196,8 @@ def test_a_hubs_walls_do_not_overlap_it_in_the_flat() -> None:
 
 def alone(radius: float, width: float, choices: PartChoices) -> FoldedCar:
     """A left wheel by itself at the origin."""
-    component = Wheel(body="wheel0", parts=chosen(choices))
-    component.solve({"radius": radius, "tire_thickness": width})
-    made = assemble(build(component))
+    values = {"radius": radius, "tire_thickness": width}
+    made = assemble(build(Wheel(values, body="wheel0", parts=chosen(choices))))
     axle = Axle("wheel0", "segment0", "servo", 0, "left", 1, (0.0, 0.0, 0.0), radius, width)
     return FoldedCar(made.pieces, made.placed, made.joins, made.mounts, (axle,), (), (), chosen(choices))
 

@@ -39,15 +39,14 @@ def body_json(design: Design) -> dict[str, Any]:
         "wheels": [_wheel(axle, wheel_kg, car.parts) for axle in car.axles],
         "supply_v": car.parts.battery.supply_v.value,
     }
-    rounded: dict[str, Any] = _rounded(body)
+    rounded: dict[str, Any] = json.loads(json.dumps(body), parse_float=lambda digits: _rounded(float(digits)))
     return rounded
 
 
 def full_speed_m_s(design: Design) -> float:
     """The design's highest speed (m/s): no-load wheel speed at the supply voltage times the wheel radius."""
     line = design.parts.servo.at_voltage(design.parts.battery.supply_v.value)
-    speed: float = _rounded(line.no_load_speed_rad_s * design.values["radius"] * MM)
-    return speed
+    return _rounded(line.no_load_speed_rad_s * design.values["radius"] * MM)
 
 
 def _segment(design: Design, car: FoldedCar, index: int) -> dict[str, Any]:
@@ -72,13 +71,12 @@ def _segment(design: Design, car: FoldedCar, index: int) -> dict[str, Any]:
 
 
 def _hinge(hinge: HingeJoint, film: Film) -> dict[str, Any]:
-    stiffness = hinge.stiffness_n_m_rad
     # A loss factor is damping times angular frequency over stiffness, at the frequency of its measurement.
-    damping = film.loss_factor.value * stiffness / (2 * math.pi * film.loss_frequency_hz.value)
+    damping = film.loss_factor.value * hinge.stiffness_n_m_rad / (2 * math.pi * film.loss_frequency_hz.value)
     return {
         "x_m": hinge.center_mm[0] * MM,
         "z_m": hinge.center_mm[2] * MM,
-        "stiffness_n_m_rad": stiffness,
+        "stiffness_n_m_rad": hinge.stiffness_n_m_rad,
         "damping_n_m_s_rad": damping,
         "min_rad": hinge.min_rad,
         "max_rad": hinge.max_rad,
@@ -114,15 +112,9 @@ def _wheel(axle: Axle, mass_kg: float, parts: Catalogue) -> dict[str, Any]:
     }
 
 
-def _rounded(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _rounded(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [_rounded(item) for item in value]
-    if isinstance(value, float):
-        # Adding zero turns -0.0, which cancelling terms may leave, into 0.0.
-        return float(f"{value:.9g}") + 0.0
-    return value
+def _rounded(value: float) -> float:
+    """To nine significant digits; adding zero turns -0.0, which cancelling terms may leave, into 0.0."""
+    return float(f"{value:.9g}") + 0.0
 
 
 FORMAT = 1
@@ -171,19 +163,11 @@ def _hash(design: Design, body: Mapping[str, Any]) -> str:
 
 
 def _geometry(body: Mapping[str, Any]) -> dict[str, Any]:
-    return {
-        "wheel_radius_m": body["wheels"][0]["radius_m"],
-        "track_m": body["track_m"],
-        "wheels": [
-            {
-                "channel": wheel["channel"] + 1,
-                "side": wheel["side"],
-                "direction": wheel["servo"]["direction"],
-                "x_m": wheel["x_m"],
-            }
-            for wheel in body["wheels"]
-        ],
-    }
+    wheels = [
+        {"channel": one["channel"] + 1, "side": one["side"], "direction": one["servo"]["direction"], "x_m": one["x_m"]}
+        for one in body["wheels"]
+    ]
+    return {"wheel_radius_m": body["wheels"][0]["radius_m"], "track_m": body["track_m"], "wheels": wheels}
 
 
 # Values of CHn_SIDE.
@@ -207,7 +191,7 @@ def firmware_parameters(design: Design, body: Mapping[str, Any] | None = None) -
 
     Channels count from 1 in parameter names and from 0 in the body.
     """
-    body = body if body is not None else body_json(design)
+    body = body_json(design) if body is None else body
     wheels = {wheel["channel"]: wheel for wheel in body["wheels"]}
     first = body["wheels"][0]
     values: dict[str, float] = {
@@ -223,10 +207,8 @@ def firmware_parameters(design: Design, body: Mapping[str, Any] | None = None) -
         servo = wheel["servo"]
         span_us = servo["saturation_us"] - servo["deadband_us"]
         values[f"{prefix}_SIDE"] = SIDES[wheel["side"]]
-        values[f"{prefix}_DIRECTION"] = servo["direction"]
-        values[f"{prefix}_NEUTRAL_US"] = servo["neutral_us"]
-        values[f"{prefix}_DEADBAND_US"] = servo["deadband_us"]
-        values[f"{prefix}_GAIN_US"] = float(f"{span_us / servo['no_load_speed_rad_s']:.9g}")
+        values |= {f"{prefix}_{key.upper()}": servo[key] for key in ("direction", "neutral_us", "deadband_us")}
+        values[f"{prefix}_GAIN_US"] = _rounded(span_us / servo["no_load_speed_rad_s"])
     return values
 
 

@@ -23,7 +23,7 @@ from foldcar.car.proof.prove import prove
 class Verification:
     """Findings and measures: counts of faces, folds and joins, the widest gap (mm), enclosed volumes by segment (mm³).
 
-    ``roundness_mm`` is the largest deviation of a wheel's circle from its radius; ``checked`` names what was checked.
+    ``roundness_mm`` is the largest deviation of a wheel's circle from its radius.
     """
 
     findings: tuple[Finding, ...]
@@ -33,22 +33,15 @@ class Verification:
     worst_gap_mm: float
     volumes_mm3: Mapping[str, float]
     roundness_mm: float
-    checked: tuple[str, ...] = ("flat", "folded", "parts", "wheels")
-
-    @property
-    def passed(self) -> bool:
-        """Whether there are no findings."""
-        return not self.findings
 
     def lines(self) -> list[str]:
         """A short report: the measures, then the findings."""
         volumes = ", ".join(f"{body} {volume / 1000:.1f} cm³" for body, volume in self.volumes_mm3.items())
-        found = [str(finding) for finding in self.findings] or [f"{', '.join(self.checked)}: nothing found"]
         return [
             f"{self.faces} faces, {self.folds} folds, {self.joins} joins; edges meet within {self.worst_gap_mm:.3f} mm "
             f"(limit {CLOSURE_MM:g})",
             f"enclosed: {volumes}; wheels are round within {self.roundness_mm:.2f} mm (limit {ROUND_MM:g})",
-            *found,
+            *(list(map(str, self.findings)) or ["flat, folded, parts, wheels, fits, leads, assembly: nothing found"]),
         ]
 
 
@@ -85,5 +78,4 @@ def verify(design: Design) -> Verification:
     across = wall_mm(design.values["width"], design.parts) * wall_mm(design.values["height"], design.parts)
     volumes = {f"segment{i}": segment.length_mm * across for i, segment in enumerate(design.segments)}
     folded = check_design(car, volumes)
-    findings = (*folded.findings, *check_fits(car), *check_leads(car), *prove(car).findings)
-    return replace(folded, findings=findings, checked=(*folded.checked, "fits", "leads", "assembly"))
+    return replace(folded, findings=(*folded.findings, *check_fits(car), *check_leads(car), *prove(car).findings))

@@ -8,18 +8,16 @@ both may reach into the free floor of the neighbouring modules.
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
 from foldcar.car.components.box_beam import HEIGHT, SET_BY_CAR, WIDTH, BoxBeam, latch_mm, wall_mm
-from foldcar.car.components.bridge import Bridge, half_width_mm, mouth_mm, plug_room_mm, usb_height_mm
+from foldcar.car.components.bridge import half_width_mm, middle_mm, mouth_mm, plug_room_mm, put_bridge, usb_height_mm
 from foldcar.car.components.component import ROUNDING, Component, Parameter, Sub
-from foldcar.car.components.mounts import ServoMount, inside_mm, least_doubler_mm, screw_end_mm
+from foldcar.car.components.mounts import inside_mm, least_doubler_mm, put_servo, screw_end_mm
 from foldcar.car.components.shape import Shape
 from foldcar.car.components.wheel import RADIUS, TYRE_WIDTH
 from foldcar.car.folded.model import Wire
 from foldcar.car.parts.catalogue import Catalogue
-from foldcar.car.parts.quantity import Quantity
 
 # Set by the car: 1 if the middle of the segment lies in front of the module's, else -1.
 TOWARDS_MIDDLE = Parameter("towards_middle", 1, -1, 1, "where the segment's middle is", "rear", "", internal=True)
@@ -32,10 +30,11 @@ class Module(Component):
 
     letter: ClassVar[str]
     title: ClassVar[str]
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    parameters: tuple[Parameter, ...] = (
         WIDTH,
         HEIGHT,
         Parameter("length", 80, 10, 400, "length of the module", "a strip that can be folded"),
+        *SET_BY_CAR,
     )
 
     def subcomponents(self) -> Sequence[Sub]:
@@ -65,14 +64,10 @@ class WheelModule(Module):
             "the opening and screws of one servo",
         ),
         TYRE_WIDTH,
+        *SET_BY_CAR,
         TOWARDS_MIDDLE,
         TAB_THERE,
     )  # fmt: skip
-
-    def subcomponents(self) -> Sequence[Sub]:
-        """The beam, and a servo mount in each side."""
-        mounts = [Sub(f"{side} servo", ServoMount, settings={"height": _doubler_height}) for side in ("left", "right")]
-        return (*super().subcomponents(), *mounts)
 
     def build(self, shape: Shape) -> None:
         """Put a servo into each side wall, its long side towards the middle of the segment, and a wheel onto it."""
@@ -88,102 +83,36 @@ class WheelModule(Module):
         gap = face - servo.ear_underside_mm.value
         out = -(parts.film_mm / 2 + gap + self["tire_thickness"] / 2)
         running = self.parts.tyre.running_width_mm(self["tire_thickness"])
+        # The layer behind a servo is at most twice as high as it, and clear of the lid's flap and its locks.
+        flap = parts.assembly.flap_mm.value + parts.film_mm + parts.assembly.slot_clearance_mm.value
+        clear = min(wall_mm(self["height"], parts) - 2 * flap, 2 * servo.width_mm.value)
+        height = max(least_doubler_mm(parts), clear)
         for side in ("left", "right"):
             wall = f"beam.{side}"
-            name = ServoMount.cut(shape, f"{side} servo", wall, axis, self["towards_middle"])
+            name = put_servo(shape, f"{side} servo", wall, axis, self["towards_middle"], height)
             shape.axle(wall, name, side, (*axis, out), self["radius"], running)
 
 
-def _doubler_height(module: Component) -> float:
-    """Height of the layer behind a servo (mm): at most twice the servo's, and clear of the lid's flap and its locks."""
-    parts, assembly = module.parts, module.parts.assembly
-    wall = wall_mm(module["height"], parts)
-    flap = assembly.flap_mm.value + parts.film_mm + assembly.slot_clearance_mm.value
-    return max(least_doubler_mm(parts), min(wall - 2 * flap, 2 * parts.servo.width_mm.value))
+class Layout(NamedTuple):
+    """Boards with LiPo and battery beside each other on the floor, or the battery on the roof.
 
-
-class Span(NamedTuple):
-    """From ``low`` to ``high`` along x (mm)."""
+    The boards' middle may be anywhere from ``low`` to ``high`` along x (mm), if that is not empty; it is ``boards_mm``.
+    ``lipo_mm`` and ``battery_mm`` are the middles of these. ``side`` is the bridge's edge with the flange, at the
+    battery: 1 the front one, -1 the rear one; ``turned`` tells that the battery's length lies across the car.
+    """
 
     low: float
     high: float
-
-
-@dataclass(frozen=True)
-class Layout:
-    """Boards with LiPo and battery beside each other on the floor.
-
-    The boards' middle may be anywhere in ``boards``, if that is not empty. ``behind`` tells on which side of them the
-    battery is, ``turned`` that its length lies across the car; without ``along_mm`` it is not on the floor.
-    """
-
-    parts: Catalogue
-    boards: Span
-    along_mm: float
-    behind: bool
+    side: int
     turned: bool
+    boards_mm: float
+    lipo_mm: float
+    battery_mm: float
 
     @property
     def missing_mm(self) -> float:
         """How much longer the module must be for it, not above 0 if it fits."""
-        return self.boards.low - self.boards.high
-
-    @property
-    def side(self) -> int:
-        """The bridge's edge with the flange, at the battery: 1 the front one, -1 the rear one."""
-        return -1 if self.behind else 1
-
-    def boards_mm(self, wanted_mm: float) -> float:
-        """The possible middle of the boards next to ``wanted_mm``."""
-        return min(max(wanted_mm, self.boards.low), self.boards.high)
-
-    def lipo_mm(self, boards_mm: float) -> float:
-        """The middle of the LiPo under boards at ``boards_mm``."""
-        return boards_mm - self.side * (lipo_reach_mm(self.parts) - self.parts.lipo.width_mm.value / 2)
-
-    def battery_mm(self, boards_mm: float) -> float:
-        """The middle of the battery beside boards at ``boards_mm``."""
-        rear, front = _reaches(self.parts, self.along_mm, self.behind)
-        return boards_mm - rear + self.along_mm / 2 if self.behind else boards_mm + front - self.along_mm / 2
-
-
-def layouts(parts: Catalogue, floor: Span, usb: Span, across_mm: float) -> Iterator[Layout]:
-    """All layouts of a floor that is ``across_mm`` wide, possible or not; none if the battery is too wide for it."""
-    length, width = parts.battery.length_mm, parts.battery.width_mm
-    several = [
-        (along.value, behind, across is length)
-        for along, across in ((width, length), (length, width))
-        for behind in (True, False)
-        if across_least_mm(parts, across) <= across_mm + ROUNDING
-    ]
-    for along_mm, behind, turned in [(0.0, True, True)] if parts.battery_place == "roof" else several:
-        rear, front = _reaches(parts, along_mm, behind)
-        boards = Span(max(floor.low + rear, usb.low), min(floor.high - front, usb.high))
-        yield Layout(parts, boards, along_mm, behind, turned)
-
-
-def across_least_mm(parts: Catalogue, size: Quantity) -> float:
-    """Width of the floor (mm) that takes a battery of that size across the car in the worst case of it and the cuts."""
-    return size.most + 2 * parts.assembly.cut_mm.value
-
-
-def lipo_reach_mm(parts: Catalogue) -> float:
-    """From the boards' middle to the far side of the LiPo (mm), whose near side lies at the bridge's flange."""
-    film, width, assembly = parts.film_mm, parts.lipo.width_mm, parts.assembly
-    # The flange comes down beside it, wherever in its outline it lies.
-    gap = assembly.placement_mm.value + width.tolerance / 2 + assembly.slot_clearance_mm.value
-    return film / 2 + gap + width.value - half_width_mm(parts)
-
-
-def _reaches(parts: Catalogue, along_mm: float, behind: bool) -> tuple[float, float]:
-    """From the boards' middle to the rear and to the front end of the layout (mm)."""
-    near, far = half_width_mm(parts) + parts.film_mm, lipo_reach_mm(parts)
-    if along_mm == 0:
-        return near, far
-    # The LiPo's lead leaves the Feather at the front.
-    gap = parts.assembly.part_gap_mm.value if behind else parts.plugs.battery.length_mm.value
-    near += gap + along_mm
-    return (near, far) if behind else (far, near)
+        return self.low - self.high
 
 
 LENGTH = Parameter("length", 80, 10, 400, "length of a body module", "a strip that can be folded")
@@ -199,40 +128,31 @@ class BrainModule(Module):
 
     letter = "B"
     title = "body module: electronics and batteries"
-    parameters: ClassVar[tuple[Parameter, ...]] = (WIDTH, HEIGHT, LENGTH)
+    parameters = (WIDTH, HEIGHT, LENGTH, *SET_BY_CAR)
 
 
 class ElectronicsModule(BrainModule):
     """The body module that carries boards and batteries."""
 
-    parameters = (WIDTH, HEIGHT, LENGTH, FLOOR_FRONT, FLOOR_REAR, USB_LOW, USB_HIGH)
-
-    def subcomponents(self) -> Sequence[Sub]:
-        """The beam, and the bridge that carries the boards."""
-        return (
-            *super().subcomponents(),
-            Sub("bridge", Bridge, settings={"side": lambda module: module.layout.side}),  # type: ignore[attr-defined]
-        )
+    parameters = (*BrainModule.parameters, FLOOR_FRONT, FLOOR_REAR, USB_LOW, USB_HIGH)
 
     def build(self, shape: Shape) -> None:
         """Place the parts in the floor's frame: x from the rear, y from the right wall, z from the middle surface."""
         parts, assembly, layout = self.parts, self.parts.assembly, self.layout
-        x = layout.boards_mm(self["length"] / 2)
+        x = layout.boards_mm
         film, across = parts.film_mm, wall_mm(self["width"], parts)
         y = across - film / 2 - assembly.usb_inside_mm.value - mouth_mm(parts)
-        bridge = self.children["bridge"]
-        assert isinstance(bridge, Bridge)
-        bridge.insert(shape, "bridge", "beam.floor", x, y)
-        lipo = (layout.lipo_mm(x), bridge.middle_mm(y), film / 2 + parts.lipo.height_mm.value / 2)
-        shape.part(parts.lipo, parts.lipo.name, "beam.floor", lipo, turned=True, marked=True)
+        put_bridge(shape, "beam.floor", x, y, layout.side)
+        lipo = (layout.lipo_mm, middle_mm(parts, y), film / 2 + parts.lipo.height_mm.value / 2)
+        shape.part(parts.lipo, "beam.floor", lipo, turned=True, marked=True)
         hole = plug_room_mm(parts.plugs.usb) + 2 * (parts.feather.usb.tolerance + assembly.slot_clearance_mm.value)
         shape.round_hole("beam.left", "USB", "opening", (x, usb_height_mm(parts)), hole)
-        self._battery(shape, layout, x, y)
+        self._battery(shape, layout, y)
         wires = (self["length"] / 2, across / 2, wall_mm(self["height"], parts) / 2)
-        shape.part(parts.wiring, parts.wiring.name, "beam.floor", wires)
+        shape.part(parts.wiring, "beam.floor", wires)
         shape.graph.wires += _power_wires(parts)
 
-    def _battery(self, shape: Shape, layout: Layout, boards_x: float, boards_y: float) -> None:
+    def _battery(self, shape: Shape, layout: Layout, boards_y: float) -> None:
         """Stand the battery on its pad onto the floor or the roof, across the car where it balances the boards."""
         parts, film, across = self.parts, self.parts.film_mm, wall_mm(self["width"], self.parts)
         battery, pad, roof = parts.battery, parts.pad, parts.battery_place == "roof"
@@ -240,13 +160,13 @@ class ElectronicsModule(BrainModule):
         reach = (across - film - (battery.length_mm if layout.turned else battery.width_mm).value) / 2
         off = (boards_y - across / 2) * light / battery.mass_kg.value
         y = across / 2 - min(max(off, -reach), reach)
-        x = self["length"] / 2 if roof else layout.battery_mm(boards_x)
+        x = layout.battery_mm
         up = film / 2
         for part in (pad, battery):
             height = part.height_mm.value
             # The lid's printed side faces down, its y runs from the left wall.
             at = (x, across - y, -up - height / 2) if roof else (x, y, up + height / 2)
-            shape.part(part, part.name, "beam.lid" if roof else "beam.floor", at, turned=layout.turned, marked=True)
+            shape.part(part, "beam.lid" if roof else "beam.floor", at, turned=layout.turned, marked=True)
             up += height
         if roof:
             self._lead(shape, x + battery.width_mm.value / 2)
@@ -271,26 +191,49 @@ class ElectronicsModule(BrainModule):
             raise self.misfit("length", _too_small(self["length"], least, what))
         shape.round_hole("beam.lid", "lead", "slit", (x, edge + hole), hole)
 
+    def _layouts(self) -> Iterator[Layout]:
+        """All layouts, possible or not; none if the battery is too wide for the floor in the worst case."""
+        parts, assembly, length = self.parts, self.parts.assembly, self["length"]
+        sizes = (parts.battery.width_mm, parts.battery.length_mm)
+        several = [
+            (along.value, side, across is sizes[1])
+            for along, across in (sizes, sizes[::-1])
+            for side in (-1, 1)
+            if across.most + 2 * assembly.cut_mm.value <= self["width"] - 2 * parts.film_mm + ROUNDING
+        ]
+        for along_mm, side, turned in [(0.0, -1, True)] if parts.battery_place == "roof" else several:
+            # From the boards' middle to the battery's end of the layout; the LiPo's lead leaves the Feather at the front.
+            near = half_width_mm(parts) + parts.film_mm
+            if along_mm:
+                gap = assembly.part_gap_mm.value if side < 0 else parts.plugs.battery.length_mm.value
+                near += gap + along_mm
+            # To the LiPo's far side: the flange comes down beside it, wherever in its outline it lies.
+            lipo = parts.lipo.width_mm
+            beside = assembly.placement_mm.value + lipo.tolerance / 2 + assembly.slot_clearance_mm.value
+            far = parts.film_mm / 2 + beside + lipo.value - half_width_mm(parts)
+            rear, front = (near, far) if side < 0 else (far, near)
+            low = max(rear - self["floor_rear"], self["usb_low"])
+            high = min(length + self["floor_front"] - front, self["usb_high"])
+            x = min(max(length / 2, low), high)
+            battery = x + side * near - side * along_mm / 2 if along_mm else length / 2
+            yield Layout(low, high, side, turned, x, x - side * (far - lipo.value / 2), battery)
+
     @property
     def layout(self) -> Layout:
         """How boards and battery lie; ComponentError if there is no place for them."""
-        film, length = self.parts.film_mm, self["length"]
-        floor = Span(-self["floor_rear"], length + self["floor_front"])
-        tyres = Span(self["usb_low"], self["usb_high"])
-        found = list(layouts(self.parts, floor, tyres, self["width"] - 2 * film))
-        battery = self.parts.battery
+        battery, length, found = self.parts.battery, self["length"], list(self._layouts())
         if not found:
-            sizes = (battery.length_mm, battery.width_mm)
-            least = min(across_least_mm(self.parts, size) for size in sizes) + 2 * film
+            most = min(size.most for size in (battery.length_mm, battery.width_mm))
+            least = most + 2 * (self.parts.assembly.cut_mm.value + self.parts.film_mm)
             raise self.misfit("width", _too_small(self["width"], least, battery.name))
         possible = [layout for layout in found if layout.missing_mm <= ROUNDING]
         if possible:
-            return min(possible, key=lambda layout: abs(layout.boards_mm(length / 2) - length / 2))
+            return min(possible, key=lambda layout: abs(layout.boards_mm - length / 2))
         best = min(found, key=lambda layout: layout.missing_mm)
-        what = "the boards" if best.along_mm == 0 else f"the boards and the {battery.name}"
+        what = "the boards" if self.parts.battery_place == "roof" else f"the boards and the {battery.name}"
         if all(not layout.turned for layout in found):
             what += f" lengthwise at width {self['width']:g}"
-        if best.boards.low == tyres.low or best.boards.high == tyres.high:
+        if best.low == self["usb_low"] or best.high == self["usb_high"]:
             what += ", with a USB plug clear of the tyres"
         raise self.misfit("length", _too_small(length, length + best.missing_mm, what))
 

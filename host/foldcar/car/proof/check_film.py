@@ -4,6 +4,7 @@ Input: a piece; placed faces, hinges flat. Output: findings.
 """
 
 import math
+from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
@@ -69,14 +70,13 @@ def _outlines(piece: Piece, face: Face) -> Iterator[Finding]:
 
 def _holes_at_folds(piece: Piece, least_mm: float) -> Iterator[Finding]:
     faces = {face.name: face for face in piece.faces}
-    folds: dict[str, list[shapely.LineString]] = {}
-    for crease in piece.creases:
-        for ref in () if crease.bend else (crease.parent, crease.child):
-            if faces[ref.face].holes:
-                folds.setdefault(ref.face, []).append(shapely.LineString(edge(faces, ref)))
-    for name, lines in folds.items():
+    refs = (ref for crease in piece.creases if not crease.bend for ref in (crease.parent, crease.child))
+    lines: dict[str, list[shapely.LineString]] = defaultdict(list)
+    for ref in refs:
+        lines[ref.face].append(shapely.LineString(edge(faces, ref)))
+    for name, several in lines.items():
         for hole in faces[name].holes:
-            nearest = min(line.distance(shapely.Polygon(hole.outline_mm)) for line in lines)
+            nearest = min(line.distance(shapely.Polygon(hole.outline_mm)) for line in several)
             if nearest < least_mm - 1e-6:
                 place = f"{piece.name}: {name}: {hole.name}"
                 yield Finding("hole", place, f"is {nearest:.2f} mm from a fold, the limit is {least_mm:g} mm")
@@ -138,10 +138,19 @@ def crossings(
     first: Sequence[PlacedFace], second: Sequence[PlacedFace]
 ) -> Iterator[tuple[PlacedFace, PlacedFace, float]]:
     """Pairs of crossing faces, one of each group, and the crossing's length (mm); each pair once within one group."""
-    for one, other in _near(first, second, TOUCH_MM, parallel=False):
-        length = _crossing_mm(one, other)
+    for a, b in _near(first, second, TOUCH_MM, parallel=False):
+        heights = b.in_face(a.corners_mm)[:, 2], a.in_face(b.corners_mm)[:, 2]
+        # A face that lies on one side of the other's plane cannot cross it.
+        if any(np.min(h) > -SHRINK_MM or np.max(h) < SHRINK_MM for h in heights):
+            continue
+        direction = np.cross(a.normal, b.normal)
+        spans = []
+        for one, other in ((a, b), (b, a)):
+            ends = one.cut(other.normal, float(other.normal @ other.matrix[:3, 3]), SHRINK_MM) @ direction
+            spans.append(shapely.union_all([shapely.LineString([(x, 0.0), (y, 0.0)]) for x, y in ends.reshape(-1, 2)]))
+        length = float(shapely.intersection(*spans).length / np.linalg.norm(direction))
         if length > LEAST_MM:
-            yield one, other, length
+            yield a, b, length
 
 
 def check_hinges(car: FoldedCar, bodies: Bodies, wheel_distance_mm: float) -> Iterator[Finding]:
@@ -185,17 +194,3 @@ def _near(
             near[: i + 1] = False
         for k in np.flatnonzero(near).tolist():
             yield face, second[k]
-
-
-def _crossing_mm(a: PlacedFace, b: PlacedFace) -> float:
-    """Length of the line along which the interiors of two faces cross (mm)."""
-    heights_a, heights_b = b.in_face(a.corners_mm)[:, 2], a.in_face(b.corners_mm)[:, 2]
-    # A face that lies on one side of the other's plane cannot cross it.
-    if any(np.min(h) > -SHRINK_MM or np.max(h) < SHRINK_MM for h in (heights_a, heights_b)):
-        return 0.0
-    direction = np.cross(a.normal, b.normal)
-    spans = []
-    for one, other in ((a, b), (b, a)):
-        ends = one.cut(other.normal, float(other.normal @ other.matrix[:3, 3]), SHRINK_MM) @ direction
-        spans.append(shapely.union_all([shapely.LineString([(x, 0.0), (y, 0.0)]) for x, y in ends.reshape(-1, 2)]))
-    return float(shapely.intersection(*spans).length / np.linalg.norm(direction))

@@ -133,15 +133,6 @@ def test_screws_behind_a_disc_and_plugs_behind_a_wall_without_their_holes_are_no
     assert any(f"{feather}, the lid shut" in one and "no room for its plug: beam: left" in one for one in findings)
 
 
-def test_a_part_too_large_for_its_place_is_named_with_what_it_runs_into() -> None:
-    folded = car("w95")
-    wide = with_mounts(folded, folded.parts.battery.name, lambda m: replace(m, size_mm=(60.0, *m.size_mm[1:])))
-
-    (finding, *_) = (one for one in found(wide) if folded.parts.battery.name in one)
-
-    assert "does not fit: at its place it runs into" in finding
-
-
 # The Feather's holes in its board's frame, from Adafruit's drawing; the module's edges lie at y = -9 and 9.
 USB_HOLES, ANTENNA_HOLES = ((-22.86, 8.89), (-22.86, -8.89)), ((22.86, 9.525), (22.86, -9.589))
 
@@ -179,15 +170,6 @@ def test_screws_under_the_module_are_found() -> None:
 
     for number in (1, 2):
         assert any(f"board screw {number} does not fit: at its place it runs into HUZZAH32" in one for one in planted)
-
-
-def test_a_screw_beside_the_hole_of_its_board_is_found() -> None:
-    folded = car("w95")
-    aside = with_mounts(
-        folded, folded.parts.board_screw.name, lambda m: replace(m, pose=compose(m.pose, translation(1.0, 0, 0)))
-    )
-
-    assert any("board screw 1: does not fit" in one or "board screw 1 does not fit" in one for one in found(aside))
 
 
 def test_blocks_over_the_holes_are_found_as_parts_of_the_board_and_as_parts_of_their_own() -> None:

@@ -109,13 +109,6 @@ def test_a_machine_that_does_not_cut_the_film_is_refused(tmp_path: Path) -> None
     assert isinstance(done.exception, OptionError) and not (tmp_path / "car").exists()
 
 
-def test_a_thickness_apart_from_the_films_is_no_option(tmp_path: Path) -> None:
-    done = CliRunner().invoke(app, ["pattern", "patterns/published_cars.json", "--vehicle", "w95", "--thickness", "1",
-                                    "-o", str(tmp_path / "car")])  # fmt: skip
-
-    assert done.exit_code == 2 and "No such option: --thickness" in done.output
-
-
 def test_a_hinge_of_another_film_has_its_own_sheet_and_is_bought() -> None:
     folded = folded_car(compose("W_B_H_W", {"W.length": 100, "H.thickness": 0.127}))
     made = pattern(folded, options("silhouette"), "a car")

@@ -72,22 +72,6 @@ def test_a_draw_depends_on_seed_and_sample_alone() -> None:
     }
 
 
-def test_every_design_of_a_sample_differs_alike(carsim_limits: CarsimLimits) -> None:
-    variation = draw(WORKSHOP, 42, 3)
-    narrow, wide = (body_json(compose("W_B_W", {"width": width})) for width in (65, 245))
-
-    for nominal in (narrow, wide):
-        varied = vary_body(nominal, variation, carsim_limits.numbers)
-        ratios = [
-            v["servo"]["no_load_speed_rad_s"] / n["servo"]["no_load_speed_rad_s"]
-            for v, n in zip(varied["wheels"], nominal["wheels"], strict=True)
-        ]
-        assert ratios == pytest.approx([1 + value for value in variation["servo_speed"][:4]])
-        shift = varied["segments"][0]["com_y_m"] - nominal["segments"][0]["com_y_m"]
-        # Two centres, rounded to 1e-12 m or so, are subtracted.
-        assert shift == pytest.approx(variation["com_y_m"], abs=1e-10)
-
-
 def test_a_body_is_changed_as_computed_by_hand(body: dict[str, Any], carsim_limits: CarsimLimits) -> None:
     variation: dict[str, Any] = {
         "servo_speed": [0.1] * 8,
@@ -163,13 +147,6 @@ def test_unknown_spreads_are_refused(asked: Any, message: str) -> None:
         spread_named(asked, "here")
 
     assert str(caught.value).startswith(message)
-
-
-def test_a_spread_of_zero_takes_a_quantity_out() -> None:
-    spread = spread_named({"from": "workshop", "eccentricity_m": 0, "mass": 0}, "here")
-
-    assert (spread["eccentricity_m"], spread["mass"]) == (0, 0)
-    assert spread["supply_v"] == workshop()["supply_v"].sd
 
 
 @pytest.mark.parametrize("type_string", ["W_B_W", "W_B_H_W_H_W"])

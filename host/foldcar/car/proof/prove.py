@@ -105,8 +105,7 @@ class _Prover:
 
     def _turned(self, move: Vector, first: str, other: str) -> Vector:
         a, b = (np.array(self.roles.placed(body)[0].pose)[:3, :3] for body in (first, other))
-        x, y, z = (float(c) for c in b @ a.T @ np.array(move))
-        return (x, y, z)
+        return vector(b @ a.T @ np.array(move))
 
     def _fold(self, place: str, step: AssemblyStep) -> None:
         """Close folds; what swings meets nothing of its own piece or of what stands there."""
@@ -184,10 +183,7 @@ class _Prover:
     def _screw_ways(self, screw: Mount, standing: Blocks, own: Sequence[Vector]) -> tuple[Way, Way | None]:
         """The ways out of head and shank, along the driver, and of the nut: off the shank with what holds it, then on."""
         head, *nuts = self.scene.screw(screw, self.stage)
-        driver = next((access for access in screw.accesses if access.tool == "driver"), None)
-        if driver is None:
-            return way_out(together([head, *nuts]), standing, own), None
-        axis = np.array(compose(self.stage.mount(screw), driver.pose))[:3, 2]
+        axis = np.array(compose(self.stage.mount(screw), screw.accesses[0].pose))[:3, 2]
         way = way_out(head, standing, [vector(axis)], only_own=True)
         if not nuts:
             return way, None

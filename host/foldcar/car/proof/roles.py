@@ -148,8 +148,6 @@ class Roles:
 
     def passed_by(self, screw: Mount) -> tuple[Thing, ...]:
         """What the shank of a screw, the second of its solids, passes, from the head on: parts with bores, and film."""
-        if len(screw.solids) < 2:
-            return ()
         shank = screw.solids[1]
         onto = inverse(compose(screw.pose, shank.pose))
         found: list[tuple[float, Thing]] = []

@@ -102,7 +102,7 @@ class Scene:
         return self._last[thing][1]
 
     def screw(self, mount: Mount, stage: Stage) -> list[Blocks]:
-        """Head with shank, then the nut: the solids from the third on; the box of a screw without solids."""
+        """Head with shank, then the nut: the solids from the third on."""
         several = [solid_blocks(solid, mount.name).moved(stage.mount(mount)) for solid in mount.shape]
         return [together(several[:2]), *several[2:]]
 

@@ -12,8 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from foldcar.car.body import body_json
-from foldcar.car.car_file import firmware_parameters
+from foldcar.car.body import body_json, firmware_parameters
 from foldcar.car.design import compose
 from foldcar.scenes.source import open_environment
 from foldcar.simulation.carsim_step import SteppedCarsim

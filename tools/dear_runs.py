@@ -109,7 +109,7 @@ def measured(listing: Path, store: Path, engine: str) -> Runs:
         # Twice: what starting costs is in both.
         spent = sweep(listing, small, engine, "--environments", str(TIMED), "--jobs", "1")
         spent -= sweep(listing, small, engine, "--environments", str(TIMED), "--jobs", "1")
-    return Runs(passed, seconds * spent / seconds[:, : TIMED].sum())
+    return Runs(passed, seconds * spent / seconds[:, :TIMED].sum())
 
 
 def verdicts(passed: Any, n: int, rule: StoppingRule) -> Any:
@@ -142,8 +142,10 @@ def rows(name: str, side: Runs, mujoco: Runs, rule: StoppingRule) -> list[list[s
         cost = mujoco.cost(runs) + extra
         share = f"{100 * cost / everything:.0f}"
         tables.append([name, way, f"{sum(runs)}", f"{decided} of {designs}", f"{cost:.0f}", share])
-    print(f"{name}: multibody's runs {first.runs.sum()}, {before:.0f} s; of MuJoCo's time of the same runs "
-          f"{100 * side.seconds.mean() / mujoco.seconds.mean():.0f} %")
+    print(
+        f"{name}: multibody's runs {first.runs.sum()}, {before:.0f} s; of MuJoCo's time of the same runs "
+        f"{100 * side.seconds.mean() / mujoco.seconds.mean():.0f} %"
+    )
     # Designs on whose side the engines' verdicts part: when their first runs are made.
     here, there = (one.passed / one.runs for one in (ordered, first))
     zone = [numpy.searchsorted(rule.thresholds, rate) for rate in (here, there)]

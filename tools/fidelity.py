@@ -103,9 +103,7 @@ def read_rows(file: Path, names: Sequence[tuple[str, str]]) -> list[dict[str, st
     return rows
 
 
-def experiments(
-    rows: Sequence[Mapping[str, str]], names: Sequence[tuple[str, str]], everything: str
-) -> list[list[str]]:
+def experiments(rows: Sequence[Mapping[str, str]], names: Sequence[tuple[str, str]], everything: str) -> list[list[str]]:
     """A row an experiment of the page and one of all: each engine's share, side-view and multibody against MuJoCo."""
     table = []
     for name in (*(name for _, name in names), everything):
@@ -143,7 +141,7 @@ def parted_designs(rows: Sequence[Mapping[str, str]]) -> list[list[str]]:
                if len({other.columns[key] for them, other in whole.designs.items() if them[0] == name}) > 1}
         for name, _ in whole.designs
     }  # fmt: skip
-    order = sorted(whole.designs.items(), key=lambda pair: -abs(pair[1].first - pair[1].second) / pair[1].runs**0.5)
+    order = sorted(whole.designs.items(), key=lambda pair: -abs(pair[1].first - pair[1].second) / pair[1].runs ** 0.5)
     found = [["experiment", "design", "runs", "multibody %", "MuJoCo %"]]
     for (name, _), one in order[:PARTED]:
         label = ", ".join(f"{key} {one.columns[key]:g}" for key in sorted(varied[name]))

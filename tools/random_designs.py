@@ -15,12 +15,10 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
-from foldcar.car.components.parameter import Parameter
-from foldcar.car.design import Design, DesignError, compose
+from foldcar.car.components.component import Parameter
+from foldcar.car.design import Design, DesignError, compose, parameters
 from foldcar.car.folded_car import folded_car
-from foldcar.car.modules import parameters
-from foldcar.car.parts.catalogue import catalogue
-from foldcar.car.parts.choices import OPTIONS, PartChoices
+from foldcar.car.parts.catalogue import OPTIONS, PartChoices, catalogue
 from foldcar.car.verify import verify
 from foldcar.errors import FoldcarError
 from foldcar.fabrication.make_car import CheckError, make_car

@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from foldcar.car.car_file import car_json
+from foldcar.car.body import car_json
 from foldcar.car.design import compose
 from foldcar.mavlink_dialect import load_dialect
 

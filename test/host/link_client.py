@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from foldcar.car.car_file import firmware_parameters
+from foldcar.car.body import firmware_parameters
 from foldcar.car.design import compose
 from foldcar.mavlink_dialect import load_dialect
 from study_car import car_body, empty_scene

@@ -9,8 +9,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from foldcar.car.body import body_json
-from foldcar.car.car_file import car_json
+from foldcar.car.body import body_json, car_json
 from foldcar.car.design import compose
 from foldcar.link.simulated_car import SimulatedCar, simulated_car
 from foldcar.link.tlog import read_tlog

@@ -15,9 +15,7 @@ from foldcar.study.sweep import Sweep
 WriteListing = Callable[[Any], Path]
 
 
-def swept(
-    listing: Path, store: Path, carsim: Path, jobs: int = 2, environments: int | None = None
-) -> Progress:
+def swept(listing: Path, store: Path, carsim: Path, jobs: int = 2, environments: int | None = None) -> Progress:
     return Sweep(read_study(listing, environments=environments), store, Carsim(carsim), "foldcar sweep …").run(jobs)
 
 

@@ -131,9 +131,7 @@ MISTAKES = {
     "n: 0 is not a whole number": lambda s: foldcar.evaluate(foldcar.design("W_B_W"), STEP_PYRAMIDS, 0),
     "scene.friction: is missing": lambda s: foldcar.simulate(foldcar.design("W_B_W"), {}),
     "timeout_s: -1:": lambda s: foldcar.evaluate(foldcar.design("W_B_W"), STEP_PYRAMIDS, 1, timeout_s=-1),
-    "unknown variation 'shop'": lambda s: foldcar.evaluate(
-        foldcar.design("W_B_W"), STEP_PYRAMIDS, 1, variation="shop"
-    ),
+    "unknown variation 'shop'": lambda s: foldcar.evaluate(foldcar.design("W_B_W"), STEP_PYRAMIDS, 1, variation="shop"),
     "none.db: no such store": lambda s: foldcar.Study("none.db"),
     "choose with experiment=: plain, built": lambda s: s.rate(width=95),
     "B_length_mm has several values (80, 100)": lambda s: s.rate(experiment="plain", width=95),

@@ -302,7 +302,7 @@ def test_view_page_is_one_file() -> None:
     page = view_page(box, "a box", [Sheet("sheet", 10, 10, (), film=box.parts.film.title)])
 
     assert "</script><" not in page.replace("</script>\n", "")
-    assert not re.search(r'<(script|link|img)[^>]*(src|href)=', page)
+    assert not re.search(r"<(script|link|img)[^>]*(src|href)=", page)
     assert "<?xml" not in page and '<svg role="img" aria-label="sheet" ' in page
 
 

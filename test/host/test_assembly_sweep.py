@@ -5,8 +5,7 @@ import pytest
 import shapely
 
 from foldcar.car.folded.pose import compose, rotation, translation
-from foldcar.car.proof.blocks import SKIN_MM, Blocks, blocks_of, box, convex_parts, plate, prism
-from foldcar.car.proof.collide import hit, way_out
+from foldcar.car.proof.blocks import SKIN_MM, Blocks, blocks_of, box, convex_parts, hit, plate, prism, way_out
 
 FILM_MM = 0.25
 

@@ -303,9 +303,7 @@ def test_the_workers_of_this_machine_import_nothing_from_the_working_directory(
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
-def test_the_workers_of_this_machine_end_with_the_command(
-    listing: Path, tmp_path: Path, number: signal.Signals
-) -> None:
+def test_the_workers_of_this_machine_end_with_the_command(listing: Path, tmp_path: Path, number: signal.Signals) -> None:
     process = subprocess.Popen(
         [sys.executable, "-m", "foldcar", "sweep", str(listing), "--store", "s.db", "--environments", "500",
          "--scheduler", "local:1"],

@@ -292,9 +292,7 @@ def test_of_many_designs_that_the_sweep_lacks_a_bounded_number_is_simulated(
     assert any(one == f"{many}no more than 4 runs are made at a time; sweep it." for one in found["remarks"])
 
 
-def test_more_designs_than_can_be_pooled_are_compared_one_by_one(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_more_designs_than_can_be_pooled_are_compared_one_by_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     store = write_study(tmp_path / "s.db", WIDTHS, 100, passing(SIMULATED))
     add_trials(store, [({"width_mm": width}, k, "passed") for width in WIDTHS["width_mm"] for k in range(4)])
     (pooled,) = compare(store)["experiments"]

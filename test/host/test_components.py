@@ -7,15 +7,12 @@ from typing import Any
 
 import pytest
 
-from foldcar.car import modules as module_table
-from foldcar.car.components.assemble import Assembly, assemble
-from foldcar.car.components.component import Component, Sub, build
-from foldcar.car.components.parameter import ComponentError, Parameter
+from foldcar.car.components.assemble import Assembly, assemble, build
+from foldcar.car.components.component import Component, ComponentError, Parameter, Sub
 from foldcar.car.components.shape import Shape
-from foldcar.car.design import compose
+from foldcar.car.design import MODULES, compose, load_components, parameters
 from foldcar.car.folded.pose import apply, folded
 from foldcar.car.folded_car import folded_car
-from foldcar.car.modules import load_components
 from foldcar.car.parts.catalogue import catalogue
 from foldcar.car.verify import verify
 from foldcar.errors import FoldcarError
@@ -23,10 +20,9 @@ from foldcar.errors import FoldcarError
 SIZE = Parameter("size", 30, 5, 100, "edge of a cube", "glue")
 
 
-def made(component: Component, **values: float) -> Assembly:
-    """The solved and assembled component."""
-    component.solve({name.replace("__", "."): value for name, value in values.items()})
-    return assemble(build(component))
+def made(kind: type[Component], **values: float) -> Assembly:
+    """The assembled component."""
+    return assemble(build(kind(values)))
 
 
 class Panel(Component):
@@ -64,7 +60,9 @@ class Cube(Component):
 
 
 class Pair(Component):
-    """Two panels whose lengths must be equal."""
+    """Two panels of the same length."""
+
+    parameters = Panel.parameters[:1]
 
     def subcomponents(self) -> Sequence[Sub]:
         return (Sub("one", Panel, inherit=("length",)), Sub("other", Panel, inherit=("length",)))
@@ -74,7 +72,7 @@ class Pair(Component):
 
 
 def test_a_cross_of_squares_folds_to_a_cube() -> None:
-    assembly = made(Cube(), size=20)
+    assembly = made(Cube, size=20)
 
     (piece,) = assembly.pieces
     assert len(piece.creases) == 5 + 7
@@ -94,25 +92,13 @@ def test_a_cross_of_squares_folds_to_a_cube() -> None:
     assert all(abs(apply(flat[f.name], *point)[2]) < 1e-12 for f in piece.faces for point in f.outline_mm)
 
 
-def test_parameters_flow_down_and_defaults_are_the_parents() -> None:
-    cube = Cube()
-
-    cube.solve({})
-
-    assert cube["size"] == 30
-    assert cube.children["top"]["length"] == 30
-
-
-def test_equal_parameters_take_each_others_value() -> None:
-    pair = Pair()
-
-    pair.solve({"other.length": 12})
-
-    assert pair.children["one"]["length"] == 12
+def test_parameters_flow_down_from_the_parent_s_values_and_defaults() -> None:
+    assert Cube()["size"] == Cube().children["top"]["length"] == 30
+    assert Pair({"length": 12}).children["one"]["length"] == Pair({"length": 12}).children["other"]["length"] == 12
 
 
 def test_fused_panels_are_one_face() -> None:
-    (piece,) = made(Pair(), length=12).pieces
+    (piece,) = made(Pair, length=12).pieces
 
     (face,) = piece.faces
     assert len(face.outline_mm) == 4
@@ -120,27 +106,23 @@ def test_fused_panels_are_one_face() -> None:
     assert (max(xs) - min(xs), max(ys) - min(ys)) == (24, 10)
 
 
-def test_conflicting_values_are_named_with_both_paths() -> None:
-    with pytest.raises(ComponentError, match=r"^other.length: 7 here, but 5 at one.length; they must be equal$"):
-        Pair().solve({"one.length": 5, "other.length": 7})
+def test_limits_are_named_with_path_value_limit_reason_and_the_outermost_parameter() -> None:
+    with pytest.raises(ComponentError, match=r"^size: 4 is below the minimum 5 \(glue\)$"):
+        Cube({"size": 4})
+    with pytest.raises(ComponentError, match=r"^size: nan is below"):
+        Cube({"size": math.nan})
+    with pytest.raises(ComponentError, match=r'has no parameter "colour"; it has size'):
+        Cube({"colour": 1})
 
-    class Fixed(Component):
-        parameters = (SIZE,)
+    class Outer(Component):
+        parameters = (Parameter("pair.length", 1, 0, 5000, "", ""),)
 
         def subcomponents(self) -> Sequence[Sub]:
-            return (Sub("panel", Panel, settings={"length": lambda fixed: fixed["size"] / 2}),)
+            return (Sub("pair", Pair, prefix="pair"),)
 
-    with pytest.raises(ComponentError, match=r"^panel.length: 15 here \(set by Fixed\), but 20 at panel.length; they"):
-        Fixed().solve({"panel.length": 20})
-
-
-def test_limits_are_named_with_path_value_limit_and_reason() -> None:
-    with pytest.raises(ComponentError, match=r"^size: 4 is below the minimum 5 \(glue\)$"):
-        Cube().solve({"size": 4})
-    with pytest.raises(ComponentError, match=r"^size: nan is below"):
-        Cube().solve({"size": math.nan})
-    with pytest.raises(ComponentError, match=r'has no parameter "colour"; it has size'):
-        Cube().solve({"colour": 1})
+    with pytest.raises(ComponentError, match=r"^pair.length: 2500 is above the maximum 2000$") as caught:
+        Outer({"pair.length": 2500})
+    assert caught.value.key == "pair.length"
 
 
 class Wrong(Component):
@@ -175,17 +157,16 @@ class Wrong(Component):
     ],
 )
 def test_wrong_connections_are_named(connections: tuple[tuple[str, str, str], ...], message: str) -> None:
-    wrong = Wrong()
-    wrong.connections = connections
+    kind = type("Broken", (Wrong,), {"connections": connections})
 
     with pytest.raises(ComponentError) as caught:
-        made(wrong)
+        made(kind)
 
     assert str(caught.value).startswith(message)
 
 
 def test_every_parameter_says_what_it_is() -> None:
-    for parameter in module_table.parameters().values():
+    for parameter in parameters().values():
         declared = parameter.declared
         assert declared.help and declared.reason and declared.unit in ("mm", "deg")
         assert declared.least_with(catalogue()) <= declared.default_with(catalogue()) <= declared.maximum
@@ -193,17 +174,17 @@ def test_every_parameter_says_what_it_is() -> None:
 
 # The example of docs/compiler.md.
 DOC = (Path(__file__).parents[2] / "docs" / "compiler.md").read_text(encoding="utf-8")
-TAIL = "\n" + DOC[DOC.index("from foldcar.car.components.component import Sub") :].partition("```")[0]
+TAIL = "\n" + DOC[DOC.index("from foldcar.car.components.component import Parameter\n") :].partition("```")[0]
 
 
 @pytest.fixture(autouse=True)
 def forget_own_modules() -> object:
     """Unregister user modules after each test."""
-    before = dict(module_table.modules())
+    before = dict(MODULES)
     yield
-    for letter in set(module_table.modules()) - set(before):
-        del module_table._MODULES[letter]
-    module_table.parameters.cache_clear()
+    for letter in set(MODULES) - set(before):
+        del MODULES[letter]
+    parameters.cache_clear()
 
 
 def test_a_user_module_is_part_of_the_car(tmp_path: Path) -> None:
@@ -224,14 +205,14 @@ def test_a_user_module_is_part_of_the_car(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (("class Tail(Module):", "class Tail(Module)"), ":8: expected ':'"),
-        (("import Caster", "import Castor"), ":3: ImportError: cannot import name 'Castor'"),
-        (('letter = "Tail"', 'letter = "W"'), ':8: Tail: letter "W" is that of WheelModule already'),
-        (('letter = "Tail"', 'letter = "a_b"'), ':8: Tail: letter "a_b" is not made of letters and digits'),
-        (('letter = "Tail"', "letter = 3"), ':8: Tail has no text "letter"'),
-        (('"offset", 5, 0', '"width", 5, 0'), ':8: Tail: its parameter "width" is declared otherwise'),
+        (("class Tail(Module):", "class Tail(Module)"), ":7: expected ':'"),
+        (("import put_caster", "import put_castor"), ":4: ImportError: cannot import name 'put_castor'"),
+        (('letter = "Tail"', 'letter = "W"'), ':7: Tail: letter "W" is that of WheelModule already'),
+        (('letter = "Tail"', 'letter = "a_b"'), ':7: Tail: letter "a_b" is not made of letters and digits'),
+        (('letter = "Tail"', "letter = 3"), ':7: Tail has no text "letter"'),
+        (('"offset", 5, 0', '"width", 5, 0'), ':7: Tail: its parameter "width" is declared otherwise'),
         (("class Tail(Module):", "from foldcar.car.components.module import *\nclass Tail(WheelModule):"),
-         ":9: Tail: carries wheels or electronics"),
+         ":8: Tail: carries wheels or electronics"),
         (("class Tail(Module)", "class Tail(object)"), ":1: defines no subclass of foldcar.car.components.module.Module"),
     ],
 )  # fmt: skip
@@ -251,9 +232,9 @@ def test_a_file_with_an_error_is_one_line_with_file_and_line(
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (('"beam.floor")[1]', '"beam.flor")[1]'), 'Tail2: has no face "beam.flor" [{file}:17]'),
+        (('"beam.floor")[1]', '"beam.flor")[1]'), 'Tail2: has no face "beam.flor" [{file}:13]'),
         (('self["offset"]', 'self["offsets"]'), 'Tail2: has no parameter "offsets"; it has'),
-        (("width / 2)", "width / 0)"), "{file}:18: ZeroDivisionError: float division by zero"),
+        (("width / 2)", "width / 0)"), "{file}:14: ZeroDivisionError: float division by zero"),
     ],
 )
 def test_a_module_that_cannot_be_built_is_named_with_file_and_line(
@@ -280,7 +261,7 @@ def test_a_file_that_is_not_there_is_named() -> None:
     ("change", "code", "answer"),
     [
         (("", ""), 0, "FoldcarV.urdf\n"),
-        (("import Caster", "import Castor"), 2, "foldcar: error: own.py:3: ImportError: cannot import name 'Castor'"),
+        (("import put_caster", "import put_castor"), 2, "foldcar: error: own.py:4: ImportError: cannot import name"),
         (('"beam.floor")[1]', '"beam.flor")[1]'), 2, "foldcar: error: cars.json: vehicles.V.type: Tail2: has no face"),
     ],
 )  # fmt: skip

@@ -186,7 +186,10 @@ def test_a_full_disk_is_one_line_and_loses_nothing(
     limit = (tmp_path / "check" / "study.db").stat().st_size + 16_000
 
     full = new_foldcar(
-        *words, "--environments", "500", preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit)),
+        *words,
+        "--environments",
+        "500",
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit)),
         env=unmeasured(),
     )
 
@@ -196,7 +199,10 @@ def test_a_full_disk_is_one_line_and_loses_nothing(
     assert stored_runs(tmp_path / "check" / "study.db", "1") >= 2
     # The pictures do not fit.
     full = new_foldcar(
-        *words, "--environments", "1", preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (9000, limit)),
+        *words,
+        "--environments",
+        "1",
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (9000, limit)),
         env=unmeasured(),
     )
     assert full.returncode == 2 and full.stderr.splitlines()[-1].startswith("foldcar: error: check/")

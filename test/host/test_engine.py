@@ -13,8 +13,7 @@ import mujoco
 import pytest
 
 from foldcar.advice.selecting import select
-from foldcar.car.body import body_json
-from foldcar.car.car_file import car_json
+from foldcar.car.body import body_json, car_json
 from foldcar.car.design import compose
 from foldcar.link.simulated_car import simulated_car
 from foldcar.models.mjcf import mjcf

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from foldcar.car.car_file import CHANNELS
+from foldcar.car.body import CHANNELS
 from foldcar.car.design import MAX_AXLES, MAX_SEGMENTS
 from foldcar.scenes.checks import FARTHEST_M
 from foldcar.scenes.scene_json import MOST_FRICTION, MOST_NODES, MOST_PIECES, PLACE_KEYS

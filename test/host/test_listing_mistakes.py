@@ -72,13 +72,13 @@ def test_all_mistakes_come_at_once_with_what_was_meant(
     first, *mistakes = caught.value.lines()
     assert first == f"{file}: 7 mistakes:"
     expected = [
-        ("experiments.1.params: unknown key \"timeuot\"", "; did you mean \"timeout\"?"),
+        ('experiments.1.params: unknown key "timeuot"', '; did you mean "timeout"?'),
         ("experiments.1.params.environments: 0: input should be greater than or equal to 1", ""),
-        ("experiments.2.veh_id: \"narow\" is not among vehicles", "; did you mean \"narrow\"?"),
-        ("vehicles.narrow.params.0.common: unknown parameter \"widht\"", "; did you mean \"width\"?"),
+        ('experiments.2.veh_id: "narow" is not among vehicles', '; did you mean "narrow"?'),
+        ('vehicles.narrow.params.0.common: unknown parameter "widht"', '; did you mean "width"?'),
         ("vehicles.1.params.0.common.width: 20 is below the minimum 53.65", ""),
         ("vehicles.1.params.0.common.radius: 500 is above the maximum 150", ""),
-        ("environments.1.scenic_filename: ", "; did you mean \"pyramids.scenic\"?"),
+        ("environments.1.scenic_filename: ", '; did you mean "pyramids.scenic"?'),
     ]
     for start, end in expected:
         assert [one for one in mistakes if one.startswith(f"  {start}") and one.endswith(end)], (start, mistakes)

@@ -8,8 +8,7 @@ import threading
 import time
 from pathlib import Path
 
-from foldcar.car.body import body_json
-from foldcar.car.car_file import car_json
+from foldcar.car.body import body_json, car_json
 from foldcar.car.design import compose
 from foldcar.link.parameters import read_file
 from foldcar.link.simulated_car import simulated_car

@@ -205,8 +205,12 @@ def test_what_cannot_be_merged_is_said_in_one_line(tmp_path: Path, foldcar: Call
     alter(old_store(VERSION, tmp_path / "old.db"), f"PRAGMA application_id = {UNRELEASED}")
     fill(tmp_path / "a.db")
     told = {
-        ("a.db", "old.db", "-o", "m.db"):
-            "old.db: was made before foldcar's first release, which cannot read it: sweep again",
+        (
+            "a.db",
+            "old.db",
+            "-o",
+            "m.db",
+        ): "old.db: was made before foldcar's first release, which cannot read it: sweep again",
         ("a.db", "none.db", "-o", "m.db"): "none.db: no such store",
         ("a.db", "-o", "m.db"): "merge: name two stores or more",
         ("a.db", "old.db", "-o", "a.db"): "a.db: is read by this command; name another file to write",

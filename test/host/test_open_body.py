@@ -13,7 +13,7 @@ from foldcar.car.folded.model import FoldedCar
 from foldcar.car.folded.pose import apply, folded
 from foldcar.car.folded.pose import compose as chain
 from foldcar.car.folded_car import folded_car
-from foldcar.car.parts.choices import PartChoices
+from foldcar.car.parts.catalogue import PartChoices
 from foldcar.car.verify import verify
 
 SIX = ("W_B_W_W", {"radius": 40.0, "W.length": 90.0})

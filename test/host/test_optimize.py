@@ -22,7 +22,7 @@ from conftest import STEP_PYRAMIDS
 from foldcar.calibration.parameters import PARAMETERS
 from foldcar.car.design import compose
 from foldcar.car.folded_car import folded_car
-from foldcar.car.proof.check_flat import flat_polygons
+from foldcar.car.proof.check_film import flat_polygons
 from foldcar.search.design_simulator import Row
 from foldcar.search.objectives import OBJECTIVES, film_area_cm2
 from foldcar.search.proposals import Proposals, grid

@@ -11,8 +11,7 @@ from typer.testing import CliRunner
 from foldcar.api.designs import design
 from foldcar.car.body import body_json
 from foldcar.car.design import DesignError, compose
-from foldcar.car.parts.catalogue import chosen
-from foldcar.car.parts.choices import DEFAULT_CHOICES, OPTIONS, PartChoices, split_type
+from foldcar.car.parts.catalogue import DEFAULT_CHOICES, OPTIONS, PartChoices, chosen, split_type
 from foldcar.cli import app
 from foldcar.study.family import read_family
 from foldcar.study.listing import ListingError

@@ -92,9 +92,11 @@ def test_a_path_comes_back_within_half_a_unit() -> None:
 
 def test_the_page_holds_every_run_as_stored(study: Path) -> None:
     page = (study / "report" / "index.html").read_text()
-    runs = sqlite3.connect(study / "s.db").execute(
-        "SELECT design_position, sample, outcome, elapsed_time_s, distance_to_target_m, scene_id FROM result"
-    ).fetchall()
+    runs = (
+        sqlite3.connect(study / "s.db")
+        .execute("SELECT design_position, sample, outcome, elapsed_time_s, distance_to_target_m, scene_id FROM result")
+        .fetchall()
+    )
 
     assert page_findings(page) == [] and len(runs) == len(WIDTHS) * SAMPLES
     assert "No replay" not in page and "end otherwise" not in page

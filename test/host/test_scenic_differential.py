@@ -13,8 +13,7 @@ from scenic.core.dynamics import GuardViolation, RejectSimulationException
 from scenic.core.simulators import Simulation
 from scenic.core.vectors import Vector
 
-from foldcar.car.body import body_json, full_speed_m_s
-from foldcar.car.car_file import firmware_parameters
+from foldcar.car.body import body_json, firmware_parameters, full_speed_m_s
 from foldcar.car.design import compose
 from foldcar.scenes.source import open_environment
 from foldcar.simulation.carsim_step import State, SteppedCarsim

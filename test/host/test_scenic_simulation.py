@@ -10,8 +10,7 @@ import pytest
 from scenic.core.errors import InvalidScenarioError
 from scenic.core.vectors import Orientation
 
-from foldcar.car.body import body_json, full_speed_m_s
-from foldcar.car.car_file import firmware_parameters
+from foldcar.car.body import body_json, firmware_parameters, full_speed_m_s
 from foldcar.car.design import compose
 from foldcar.errors import FoldcarError
 from foldcar.scenes.source import open_environment
@@ -85,9 +84,7 @@ def value(result: dict[str, Any], name: str) -> Any:
 
 
 @pytest.mark.parametrize("program", ["step_pyramids", "two_bumps_mutated", "ten_random_bumps"])
-def test_scenic_and_the_batch_agree_to_the_last_bit(
-    program: str, stepped: SteppedCarsim, carsim_binary: Path
-) -> None:
+def test_scenic_and_the_batch_agree_to_the_last_bit(program: str, stepped: SteppedCarsim, carsim_binary: Path) -> None:
     source = open_environment(SCENARIOS / f"{program}.scenic", {}, 42)
     assert not source.dynamic
     carsim = Carsim(carsim_binary)

@@ -175,9 +175,7 @@ def swept(
     return Sweep(study, store, carsim, "foldcar sweep …", until=rules).run(jobs, stop, said.append), said
 
 
-def test_a_sweep_in_mujoco_makes_the_runs_of_the_schedule(
-    listing: Path, carsim_binary: Path, tmp_path: Path
-) -> None:
+def test_a_sweep_in_mujoco_makes_the_runs_of_the_schedule(listing: Path, carsim_binary: Path, tmp_path: Path) -> None:
     mujoco = Carsim(engine=MUJOCO)
     stores = [tmp_path / name for name in ("one.db", "stopped.db")]
     for store in stores:

@@ -9,8 +9,7 @@ from typing import Any
 
 import pytest
 
-from foldcar.car.body import body_json
-from foldcar.car.car_file import car_json
+from foldcar.car.body import body_json, car_json
 from foldcar.car.design import compose
 from foldcar.link.car import greet
 from foldcar.link.simulated_car import simulated_car

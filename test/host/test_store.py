@@ -188,9 +188,7 @@ def test_failed_runs_and_recorded_values_come_back_as_they_went_in(tmp_path: Pat
         failed, _, bare, full = store.results()
         types = store.recorded_types()
     connection = sqlite3.connect(tmp_path / "s.db")
-    query = (
-        "SELECT json_extract(recorded, '$.top.value') FROM result WHERE outcome = 'passed' ORDER BY sample"
-    )
+    query = "SELECT json_extract(recorded, '$.top.value') FROM result WHERE outcome = 'passed' ORDER BY sample"
     shown = connection.execute(query).fetchall()
     connection.close()
 

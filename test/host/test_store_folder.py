@@ -145,9 +145,7 @@ def test_an_export_replaces_an_export_and_nothing_else(tmp_path: Path, store: Pa
     assert files(tmp_path / "out") == before
 
 
-def test_an_export_that_fails_leaves_the_old_folder(
-    tmp_path: Path, store: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_export_that_fails_leaves_the_old_folder(tmp_path: Path, store: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     before = files(exported(store, tmp_path / "out"))
     real = Store.rows
 

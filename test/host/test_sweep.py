@@ -21,9 +21,7 @@ def test_every_design_meets_every_environment(
     counts = swept(write_listing(listing_data), tmp_path / "s.db", carsim_binary)
 
     results = rows(tmp_path / "s.db")
-    assert [(r.design["width_mm"], r.sample) for r in results] == [
-        (w, k) for w in (95, 245) for k in range(3)
-    ]
+    assert [(r.design["width_mm"], r.sample) for r in results] == [(w, k) for w in (95, 245) for k in range(3)]
     assert (counts.new, counts.there, counts.total) == (6, 0, 6)
     assert counts.passed == sum(r.outcome == "passed" for r in results)
 
@@ -95,9 +93,7 @@ def test_nearby_cars_are_other_runs_and_the_same_for_every_design(
     assert run() == (6, 0)
     assert len({tuple(r.metrics["elapsed_time_s"] for r in some) for some in (nominal, varied, rows(store))}) == 3
     connection = sqlite3.connect(store)
-    (pairs,) = connection.execute(
-        "SELECT count(DISTINCT sample || ' ' || variation_id) FROM result"
-    ).fetchone()
+    (pairs,) = connection.execute("SELECT count(DISTINCT sample || ' ' || variation_id) FROM result").fetchone()
     connection.close()
     assert pairs == 3
     del params["variation"], params["variation_seed"]

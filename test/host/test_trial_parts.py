@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 
-from foldcar.car.car_file import car_json, design_hash, design_name
+from foldcar.car.body import car_json, design_hash, design_name
 from foldcar.car.design import compose
 from foldcar.errors import FoldcarError
 from foldcar.link.car import REASONS

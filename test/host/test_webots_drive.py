@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from foldcar.car.car_file import firmware_parameters
+from foldcar.car.body import firmware_parameters
 from foldcar.car.design import compose
 from foldcar.models.exported_car import servo_limits
 from foldcar.models.webots_world import CONTROLLER, controller_drive, controller_program

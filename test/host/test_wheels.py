@@ -11,10 +11,9 @@ import pytest
 import scipy.linalg
 import shapely
 
-from foldcar.car.components.assemble import assemble
-from foldcar.car.components.component import build
+from foldcar.car.components.assemble import assemble, build
+from foldcar.car.components.hooked_strip import WheelSize
 from foldcar.car.components.wheel import Wheel
-from foldcar.car.components.wheel_size import WheelSize
 from foldcar.car.design import DesignError, compose
 from foldcar.car.folded.model import Axle, FoldedCar
 from foldcar.car.folded.placed import PlacedFace, place
@@ -22,11 +21,9 @@ from foldcar.car.folded.pose import compose as chain
 from foldcar.car.folded.pose import rotation, translation
 from foldcar.car.folded.weight import body_properties
 from foldcar.car.folded_car import folded_car
-from foldcar.car.parts.catalogue import chosen
-from foldcar.car.parts.choices import PartChoices
-from foldcar.car.proof.check_crossings import check_crossings
-from foldcar.car.proof.check_flat import check_flat
-from foldcar.car.proof.check_wheels import check_wheels, roundness_mm
+from foldcar.car.parts.catalogue import PartChoices, chosen
+from foldcar.car.proof.check_film import check_crossings, check_flat
+from foldcar.car.proof.check_parts import check_wheels, roundness_mm
 from foldcar.car.proof.prove import assembly_steps
 from foldcar.car.verify import check_design
 from foldcar.fabrication.assembly.operations import turned as discs_turned
@@ -199,15 +196,17 @@ def test_a_hubs_walls_do_not_overlap_it_in_the_flat() -> None:
 
 def alone(radius: float, width: float, choices: PartChoices) -> FoldedCar:
     """A left wheel by itself at the origin."""
-    component = Wheel(body="wheel0", parts=chosen(choices))
-    component.solve({"radius": radius, "tire_thickness": width})
-    made = assemble(build(component))
+    values = {"radius": radius, "tire_thickness": width}
+    made = assemble(build(Wheel(values, body="wheel0", parts=chosen(choices))))
     axle = Axle("wheel0", "segment0", "servo", 0, "left", 1, (0.0, 0.0, 0.0), radius, width)
     return FoldedCar(made.pieces, made.placed, made.joins, made.mounts, (axle,), (), (), chosen(choices))
 
 
-@pytest.mark.parametrize("horn", ["one_sided", "two_sided", "cross", "disc"])
-@pytest.mark.parametrize(("film", "tyre"), [("0.127", "none"), ("0.25", "silicone_band")])
+@pytest.mark.parametrize(
+    ("horn", "film", "tyre"),
+    [("one_sided", "0.127", "none"), ("two_sided", "0.25", "silicone_band"), ("cross", "0.127", "silicone_band"),
+     ("disc", "0.25", "none")],
+)  # fmt: skip
 def test_wheels_are_made_with_every_horn_from_the_least_radius_on(horn: str, film: str, tyre: str) -> None:
     choices = PartChoices(film=film, horn=horn, tyre=tyre)
     with pytest.raises(DesignError, match="a hub") as caught:

@@ -11,9 +11,8 @@ from typing import Any
 
 from foldcar.analysis.words import count
 from foldcar.car.body import body_json
-from foldcar.car.design import compose
+from foldcar.car.design import compose, parameters
 from foldcar.car.folded_car import folded_car
-from foldcar.car.modules import parameters
 from foldcar.car.variation import vary_body
 from foldcar.errors import FoldcarError
 from foldcar.simulation.carsim import Carsim

@@ -28,9 +28,8 @@ from foldcar.analysis.selection import (
     trials_needed,
 )
 from foldcar.analysis.words import count, listed, percent, points, rate_text
-from foldcar.car.design import compose
+from foldcar.car.design import compose, parameters
 from foldcar.car.folded_car import folded_car
-from foldcar.car.modules import parameters
 from foldcar.errors import FoldcarError
 from foldcar.fabrication.patterns.options import options
 from foldcar.fabrication.patterns.sheets import pattern

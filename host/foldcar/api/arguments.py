@@ -4,7 +4,7 @@ import contextlib
 import operator
 from collections.abc import Iterable, Mapping
 
-from foldcar.car.modules import parameters
+from foldcar.car.design import parameters
 from foldcar.did_you_mean import did_you_mean
 from foldcar.errors import FoldcarError
 

@@ -10,11 +10,9 @@ from pydantic import ValidationError
 
 from foldcar.api.arguments import columns_named, whole
 from foldcar.api.environment import simulator
-from foldcar.car.body import body_json
-from foldcar.car.car_file import TableRow
-from foldcar.car.design import Design, compose, modules_of
+from foldcar.car.body import TableRow, body_json
+from foldcar.car.design import Design, compose, modules_of, parameters
 from foldcar.car.folded_car import folded_car
-from foldcar.car.modules import parameters
 from foldcar.car.variation import draw, spread_named, vary_body
 from foldcar.errors import FoldcarError
 from foldcar.store.writer import canonical_json

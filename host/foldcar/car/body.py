@@ -1,18 +1,25 @@
-"""The simulator's body of a design: exactly the ``body`` object of docs/carsim.md, without its id.
+"""What simulator and firmware are told of a design: its body, car.json (docs/firmware.md), firmware parameters.
 
-Input: a Design, compiled to its folded car (millimetres). Output: plain JSON in SI units, rounded to
-nine significant digits so that the same car has the same bytes on every machine.
+Input: a Design, compiled to its folded car (millimetres). Output: the ``body`` object of docs/carsim.md without its id,
+plain JSON in SI units, rounded to nine significant digits so that the same car has the same bytes on every machine; the
+content of car.json with a hash that identifies the design; values of rows of the parameter table that `carsim params`
+prints, which is declared in the firmware and is only checked against here.
 """
 
+import hashlib
+import json
 import math
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from foldcar.car.design import Design
 from foldcar.car.folded.model import Axle, FoldedCar, HingeJoint
-from foldcar.car.folded.weight import body_properties, wheel_mass_kg
+from foldcar.car.folded.weight import body_properties
 from foldcar.car.folded_car import folded_car
+from foldcar.car.parts.bought import Film
 from foldcar.car.parts.catalogue import Catalogue, catalogue
-from foldcar.car.parts.film import Film
+from foldcar.errors import FoldcarError
 
 MM = 1e-3
 
@@ -24,7 +31,7 @@ def body_json(design: Design) -> dict[str, Any]:
     """
     car = folded_car(design)
     # All wheels are alike.
-    wheel_kg = wheel_mass_kg(car, car.axles[0].wheel)
+    wheel_kg = body_properties(car, car.axles[0].wheel).mass_kg
     body = {
         "segments": [_segment(design, car, index) for index in range(len(design.segments))],
         "hinges": [_hinge(hinge, car.parts.film) for hinge in car.hinges],
@@ -32,15 +39,14 @@ def body_json(design: Design) -> dict[str, Any]:
         "wheels": [_wheel(axle, wheel_kg, car.parts) for axle in car.axles],
         "supply_v": car.parts.battery.supply_v.value,
     }
-    rounded: dict[str, Any] = _rounded(body)
+    rounded: dict[str, Any] = json.loads(json.dumps(body), parse_float=lambda digits: _rounded(float(digits)))
     return rounded
 
 
 def full_speed_m_s(design: Design) -> float:
     """The design's highest speed (m/s): no-load wheel speed at the supply voltage times the wheel radius."""
     line = design.parts.servo.at_voltage(design.parts.battery.supply_v.value)
-    speed: float = _rounded(line.no_load_speed_rad_s * design.values["radius"] * MM)
-    return speed
+    return _rounded(line.no_load_speed_rad_s * design.values["radius"] * MM)
 
 
 def _segment(design: Design, car: FoldedCar, index: int) -> dict[str, Any]:
@@ -65,13 +71,12 @@ def _segment(design: Design, car: FoldedCar, index: int) -> dict[str, Any]:
 
 
 def _hinge(hinge: HingeJoint, film: Film) -> dict[str, Any]:
-    stiffness = hinge.stiffness_n_m_rad
     # A loss factor is damping times angular frequency over stiffness, at the frequency of its measurement.
-    damping = film.loss_factor.value * stiffness / (2 * math.pi * film.loss_frequency_hz.value)
+    damping = film.loss_factor.value * hinge.stiffness_n_m_rad / (2 * math.pi * film.loss_frequency_hz.value)
     return {
         "x_m": hinge.center_mm[0] * MM,
         "z_m": hinge.center_mm[2] * MM,
-        "stiffness_n_m_rad": stiffness,
+        "stiffness_n_m_rad": hinge.stiffness_n_m_rad,
         "damping_n_m_s_rad": damping,
         "min_rad": hinge.min_rad,
         "max_rad": hinge.max_rad,
@@ -107,12 +112,112 @@ def _wheel(axle: Axle, mass_kg: float, parts: Catalogue) -> dict[str, Any]:
     }
 
 
-def _rounded(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _rounded(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [_rounded(item) for item in value]
-    if isinstance(value, float):
-        # Adding zero turns -0.0, which cancelling terms may leave, into 0.0.
-        return float(f"{value:.9g}") + 0.0
-    return value
+def _rounded(value: float) -> float:
+    """To nine significant digits; adding zero turns -0.0, which cancelling terms may leave, into 0.0."""
+    return float(f"{value:.9g}") + 0.0
+
+
+FORMAT = 1
+HASH_DIGITS = 16
+MOST_NAME_BYTES = 32
+# The firmware derives these from wheels, wheel_radius_m and track_m of the file.
+FIXED = ("WHEEL_RADIUS_M", "TRACK_M")
+FIXED_ENDINGS = ("_SIDE", "_DIRECTION")
+
+
+def car_json(design: Design) -> dict[str, Any]:
+    """The content of car.json: lengths in m, masses in kg, servo channels counted from 1."""
+    body = body_json(design)
+    weights = [part["mass_kg"] for part in (*body["segments"], *body["wheels"])]
+    return {
+        "format": FORMAT,
+        "name": design_name(design),
+        "hash": _hash(design, body),
+        **_geometry(body),
+        "length_m": design.length_mm / 1000,
+        "width_m": design.values["width"] / 1000,
+        "mass_kg": round(sum(weights), 4),
+        "parameters": {
+            name: value
+            for name, value in firmware_parameters(design, body).items()
+            if name not in FIXED and not name.endswith(FIXED_ENDINGS)
+        },
+    }
+
+
+def design_name(design: Design) -> str:
+    """A readable name: modules, width × length and wheel radius in mm, at most 32 bytes of UTF-8."""
+    values = design.values
+    text = f"{design.composition} {values['width']:g}x{design.length_mm:g} r{values['radius']:g}"
+    return text.encode()[:MOST_NAME_BYTES].decode(errors="ignore")
+
+
+def design_hash(design: Design) -> str:
+    """The first 16 hexadecimal digits of the SHA-256 of type, parameters and wiring; they identify the design."""
+    return _hash(design, body_json(design))
+
+
+def _hash(design: Design, body: Mapping[str, Any]) -> str:
+    content = [design.type, dict(sorted(design.values.items())), _geometry(body)]
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:HASH_DIGITS]
+
+
+def _geometry(body: Mapping[str, Any]) -> dict[str, Any]:
+    wheels = [
+        {"channel": one["channel"] + 1, "side": one["side"], "direction": one["servo"]["direction"], "x_m": one["x_m"]}
+        for one in body["wheels"]
+    ]
+    return {"wheel_radius_m": body["wheels"][0]["radius_m"], "track_m": body["track_m"], "wheels": wheels}
+
+
+# Values of CHn_SIDE.
+SIDES = {"unused": 0, "left": 1, "right": 2}
+CHANNELS = 8
+
+
+@dataclass(frozen=True, slots=True)
+class TableRow:
+    """One row of the firmware's parameter table; limits and default are in ``unit``."""
+
+    name: str
+    unit: str
+    minimum: float
+    maximum: float
+    default: float
+
+
+def firmware_parameters(design: Design, body: Mapping[str, Any] | None = None) -> dict[str, float]:
+    """The firmware's parameter values for this car; ``body`` is its body_json, if known already.
+
+    Channels count from 1 in parameter names and from 0 in the body.
+    """
+    body = body_json(design) if body is None else body
+    wheels = {wheel["channel"]: wheel for wheel in body["wheels"]}
+    first = body["wheels"][0]
+    values: dict[str, float] = {
+        "WHEEL_RADIUS_M": first["radius_m"],
+        "TRACK_M": body["track_m"],
+        "WHEEL_MAX_RAD_S": first["servo"]["no_load_speed_rad_s"],
+    }
+    for channel in range(CHANNELS):
+        prefix, wheel = f"CH{channel + 1}", wheels.get(channel)
+        if wheel is None:
+            values[f"{prefix}_SIDE"] = SIDES["unused"]
+            continue
+        servo = wheel["servo"]
+        span_us = servo["saturation_us"] - servo["deadband_us"]
+        values[f"{prefix}_SIDE"] = SIDES[wheel["side"]]
+        values |= {f"{prefix}_{key.upper()}": servo[key] for key in ("direction", "neutral_us", "deadband_us")}
+        values[f"{prefix}_GAIN_US"] = _rounded(span_us / servo["no_load_speed_rad_s"])
+    return values
+
+
+def check_parameters(values: Mapping[str, float], table: Mapping[str, TableRow]) -> None:
+    """FoldcarError if the table lacks a parameter or its limits exclude the value."""
+    for name, value in values.items():
+        row = table.get(name)
+        if row is None:
+            raise FoldcarError(f"firmware parameter {name}: the firmware of this carsim has no such parameter")
+        if not row.minimum <= value <= row.maximum:
+            limits = f"{row.minimum:g} to {row.maximum:g} {row.unit}".rstrip()
+            raise FoldcarError(f"firmware parameter {name}: {value:g} is outside the firmware's limits {limits}")

@@ -3,18 +3,149 @@
 Input: a type string (``W_B_W``) and parameter values in millimetres and degrees by key (``width``,
 ``W.length``). Output: an immutable Design; its geometry in millimetres, x forward from the middle of the
 car's length, hinges flat.
+
+A shared parameter has one value for the whole car; the other ones belong to a module and hold for every module of that
+letter. In listings a parameter is found under its module (``{"W": {"length": 60}}``) or, if shared, under ``common``.
+A user's own modules come from ``--components FILE``: an error in it is a message of one line that names file and line.
 """
 
+import cmath
+import importlib.util
+import inspect
 import itertools
 import math
-from collections.abc import Mapping
+import operator
+import sys
+import traceback
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
 
-from foldcar.car.components.parameter import ROUNDING, at_least
-from foldcar.car.modules import REQUIRED_MODULES, modules, parameters
-from foldcar.car.parts.catalogue import Catalogue, chosen
-from foldcar.car.parts.choices import DEFAULT_CHOICES, PartChoices, PartError, split_type
+from foldcar.car.components.component import ROUNDING, Component, Parameter, at_least
+from foldcar.car.components.hinge_module import HingeModule
+from foldcar.car.components.module import BrainModule, ElectronicsModule, Module, WheelModule
+from foldcar.car.parts.catalogue import DEFAULT_CHOICES, Catalogue, PartChoices, PartError, chosen, split_type
 from foldcar.errors import FoldcarError
+
+HINGE = HingeModule.letter
+# Every car has these.
+REQUIREDMODULES = (WheelModule.letter, BrainModule.letter)
+# Every known module by its letter or name.
+MODULES: dict[str, type[Module] | type[HingeModule]] = {
+    kind.letter: kind for kind in (WheelModule, BrainModule, HingeModule)
+}
+
+
+@dataclass(frozen=True, slots=True)
+class DesignParameter:
+    """A parameter of the car: its key in designs, the modules that have it, its declaration."""
+
+    key: str
+    modules: frozenset[str]
+    declared: Parameter
+
+    @property
+    def column(self) -> str:
+        """Its column name in results, which ends in its unit."""
+        return f"{self.key.replace('.', '_')}_{self.declared.unit}"
+
+
+@cache
+def parameters() -> dict[str, DesignParameter]:
+    """Every parameter by key, in the order of the results' columns: shared ones first."""
+    having: dict[str, tuple[Parameter, set[str]]] = {}
+    for shared in (True, False):
+        for letter, kind in MODULES.items():
+            for parameter in declared(kind):
+                if parameter.shared == shared:
+                    key = parameter.name if shared else f"{letter}.{parameter.name}"
+                    having.setdefault(key, (parameter, set()))[1].add(letter)
+    return {key: DesignParameter(key, frozenset(letters), one) for key, (one, letters) in having.items()}
+
+
+def declared(kind: type[Component]) -> list[Parameter]:
+    """The parameters that a design may set."""
+    return [parameter for parameter in kind.parameters if not parameter.internal]
+
+
+def find_parameter(group: str, name: str) -> DesignParameter | None:
+    """The parameter that ``{group: {name: …}}`` of a listing sets, or None; ``group`` is ``common`` or a letter."""
+    shared = parameters().get(name)
+    if shared is not None and (group == "common" or group in shared.modules):
+        return shared
+    return parameters().get(f"{group}.{name}")
+
+
+def names_in(group: str) -> list[str]:
+    """The parameter names that ``group`` (``common`` or a module letter) may set."""
+    names = {parameter.declared.name for parameter in parameters().values()}
+    return sorted(name for name in names if find_parameter(group, name) is not None)
+
+
+_loaded: dict[Path, list[str]] = {}
+
+
+def load_components(file: Path) -> list[str]:
+    """Register the modules that the file defines and return their letters; FoldcarError if it fails or has none."""
+    path = file.resolve()
+    if path in _loaded:
+        return _loaded[path]
+    spec = importlib.util.spec_from_file_location(f"foldcar_components_{path.stem}", path)
+    if spec is None or spec.loader is None or not path.is_file():
+        raise FoldcarError(f"--components {file}: is no Python file")
+    module = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except SyntaxError as error:
+        raise FoldcarError(f"{file}:{error.lineno}: {error.msg}") from error
+    except Exception as error:
+        lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if Path(frame.filename) == path]
+        raise FoldcarError(f"{file}:{(lines or [1])[-1] or 1}: {type(error).__name__}: {error}") from error
+    classes = (kind for kind in vars(module).values() if inspect.isclass(kind) and kind.__module__ == module.__name__)
+    kinds = [kind for kind in classes if issubclass(kind, Module)]
+    if not kinds:
+        raise FoldcarError(f"{file}:1: defines no subclass of foldcar.car.components.module.Module")
+    sys.modules[module.__name__] = module
+    for kind in kinds:
+        for told in _refusals(kind):
+            raise FoldcarError(f"{file}:{inspect.getsourcelines(kind)[1]}: {kind.__name__}{told}")
+        MODULES[kind.letter] = kind
+        parameters.cache_clear()
+    _loaded[path] = [kind.letter for kind in kinds]
+    return _loaded[path]
+
+
+def _refusals(kind: type[Module]) -> Iterator[str]:
+    """Why a user's module is not taken."""
+    for attribute in ("letter", "title"):
+        if not isinstance(getattr(kind, attribute, None), str):
+            yield f' has no text "{attribute}"'
+    letter = kind.letter
+    if not letter.isalnum() or letter == "common":
+        yield f': letter "{letter}" is not made of letters and digits'
+    if letter in MODULES:
+        yield f': letter "{letter}" is that of {MODULES[letter].__name__} already'
+    if issubclass(kind, WheelModule | ElectronicsModule):
+        yield ": carries wheels or electronics, which W and B do; derive it from Module"
+    known = {key: parameter.declared for key, parameter in parameters().items()}
+    for parameter in kind.parameters:
+        if known.get(parameter.name, parameter) != parameter:
+            yield f': its parameter "{parameter.name}" is declared otherwise than that of the whole car'
+
+
+def loaded_files() -> list[Path]:
+    """The files that were loaded."""
+    return list(_loaded)
+
+
+def place_of(error: BaseException) -> str | None:
+    """File and line of the user's component that raised the exception, or None if none did."""
+    for frame in reversed(traceback.extract_tb(error.__traceback__)):
+        if Path(frame.filename) in _loaded:
+            return f"{frame.filename}:{frame.lineno}"
+    return None
+
 
 # Each wheel has a servo of its own, and the servo driver has eight outputs.
 MAX_AXLES = 4
@@ -77,21 +208,25 @@ class Design:
         """Length of the body (mm), hinges flat."""
         return sum(self.values[f"{letter}.length"] for letter in self.modules)
 
+    def length_of(self, module: int) -> float:
+        """Length of the module with that index (mm)."""
+        return self.values[f"{self.modules[module]}.length"]
+
     @property
     def module_centers_mm(self) -> tuple[float, ...]:
         """x of each module's centre (mm), front to back."""
-        centers = []
-        front = self.length_mm / 2
-        for letter in self.modules:
-            length = self.values[f"{letter}.length"]
-            centers.append(front - length / 2)
-            front -= length
-        return tuple(centers)
+        lengths = [self.length_of(i) for i in range(len(self.modules))]
+        fronts = itertools.accumulate(lengths, operator.sub, initial=self.length_mm / 2)
+        return tuple(front - length / 2 for front, length in zip(fronts, lengths, strict=False))
+
+    def centers_of(self, letter: str) -> tuple[float, ...]:
+        """x of the centre of each module of a letter (mm), front to back."""
+        return tuple(x for one, x in zip(self.modules, self.module_centers_mm, strict=True) if one == letter)
 
     @property
     def axles_mm(self) -> tuple[float, ...]:
         """x of each axle (mm), front to back."""
-        return self._centers_mm("W")
+        return self.centers_of("W")
 
     @property
     def segments(self) -> tuple[Segment, ...]:
@@ -100,34 +235,30 @@ class Design:
         for hinge, group in itertools.groupby(range(len(self.modules)), lambda i: self.modules[i] == "H"):
             if not hinge:
                 indices = tuple(group)
-                lengths = [self.values[f"{self.modules[i]}.length"] for i in indices]
+                lengths = [self.length_of(i) for i in indices]
                 front = self.module_centers_mm[indices[0]] + lengths[0] / 2
                 found.append(Segment(indices, front - sum(lengths) / 2, sum(lengths)))
         return tuple(found)
 
-    @property
-    def hinges_mm(self) -> tuple[float, ...]:
-        """x of the middle of each hinge's strip (mm), front to back."""
-        return self._centers_mm("H")
-
-    def _centers_mm(self, letter: str) -> tuple[float, ...]:
-        return tuple(x for one, x in zip(self.modules, self.module_centers_mm, strict=True) if one == letter)
-
     def segment_at(self, module: int) -> int:
         """The index of the segment to which the module with index ``module`` belongs."""
         return self.modules[:module].count("H")
+
+    def segment_of(self, module: int) -> Segment:
+        """The segment to which the module with index ``module`` belongs."""
+        return self.segments[self.segment_at(module)]
 
 
 def modules_of(type_string: str) -> tuple[str, ...]:
     """The module letters of a type string; DesignError for unknown, missing or wrongly placed modules."""
     letters = tuple(type_string.partition("+")[0].split("_"))
     for letter in letters:
-        if letter not in modules():
-            known = ", ".join(f"{known} ({kind.title})" for known, kind in modules().items())
+        if letter not in MODULES:
+            known = ", ".join(f"{known} ({kind.title})" for known, kind in MODULES.items())
             raise DesignError(None, f'"{type_string}" has unknown module "{letter}"; known: {known}')
-    for letter in REQUIRED_MODULES:
+    for letter in REQUIREDMODULES:
         if letter not in letters:
-            raise DesignError(None, f'"{type_string}" has no module {letter} ({modules()[letter].title})')
+            raise DesignError(None, f'"{type_string}" has no module {letter} ({MODULES[letter].title})')
     if letters.count("W") > MAX_AXLES:
         raise DesignError(None, f'"{type_string}" has {letters.count("W")} axles, the servo driver serves {MAX_AXLES}')
     # Every hinge joins two segments, and the simulator takes so many.
@@ -180,8 +311,8 @@ def design_errors(
     letters, errors = modules_of(type_string), {}
     for key, value in values.items():
         declared = parameters()[key].declared
-        complaint = None if parameters()[key].modules.isdisjoint(letters) else declared.complaint(value, parts)
-        if complaint:
+        complaint = declared.complaint(value, parts)
+        if complaint and not parameters()[key].modules.isdisjoint(letters):
             limit = declared.maximum if value > declared.maximum else declared.least_with(parts)
             errors[key] = (DesignError(key, complaint), limit)
     return errors
@@ -210,19 +341,12 @@ def _folded_distance_mm(design: Design, front_mm: float, rear_mm: float) -> floa
 
     Hinges are at the floor, half the body's height below the axles.
     """
-    between = [x for x in design.hinges_mm if rear_mm < x < front_mm]
+    between = [x for x in design.centers_of("H") if rear_mm < x < front_mm]
     if not between:
         return front_mm - rear_mm
-    drop = design.values["height"] / 2
-    distances = []
-    for fold_deg in (0.0, -design.values["H.fold_down"], design.values["H.fold_up"]):
-        # Position and pitch along the chain from the rear axle forwards; nose down is negative.
-        x, z, pitch = 0.0, 0.0, 0.0
-        places = [rear_mm, *reversed(between), front_mm]
-        for i, (behind, ahead) in enumerate(itertools.pairwise(places)):
-            pitch += math.radians(fold_deg) if i else 0.0
-            along, up = ahead - behind, drop * ((i == len(places) - 2) - (i == 0))
-            x += along * math.cos(pitch) - up * math.sin(pitch)
-            z += along * math.sin(pitch) + up * math.cos(pitch)
-        distances.append(math.hypot(x, z))
-    return min(distances)
+    drop, places = design.values["height"] / 2, [rear_mm, *reversed(between), front_mm]
+    # From the rear axle forwards, along and up; each stretch is pitched once more than the one before it.
+    rises = [-drop, *[0.0] * (len(between) - 1), drop]
+    steps = [complex(ahead - behind, up) for behind, ahead, up in zip(places, places[1:], rises, strict=False)]
+    folds = (math.radians(fold) for fold in (0.0, -design.values["H.fold_down"], design.values["H.fold_up"]))
+    return min(abs(sum(step * cmath.rect(1.0, i * fold) for i, step in enumerate(steps))) for fold in folds)

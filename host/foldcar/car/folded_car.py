@@ -9,24 +9,20 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 
-from foldcar.car.components.assemble import Assembly, assemble
-from foldcar.car.components.box_beam import PANELS, EndCap, flap_end_mm, latch_mm, wall_mm
-from foldcar.car.components.brain_module import BrainModule, ElectronicsModule
+from foldcar.car.components.assemble import Assembly, assemble, build
+from foldcar.car.components.box_beam import PANELS, flap_end_mm, latch_mm, put_cap, wall_mm
 from foldcar.car.components.bridge import plug_room_mm, usb_height_mm
-from foldcar.car.components.component import Component, Sub, build
+from foldcar.car.components.component import ROUNDING, Component, ComponentError, Sub, at_least
 from foldcar.car.components.hinge_module import HingeModule, stiffness_n_m_rad
-from foldcar.car.components.module import WheelModule
-from foldcar.car.components.mounts import SwitchMount, depth_mm, inside_mm
-from foldcar.car.components.parameter import ROUNDING, ComponentError, at_least
+from foldcar.car.components.module import BrainModule, ElectronicsModule, WheelModule
+from foldcar.car.components.mounts import depth_mm, inside_mm, put_switch
 from foldcar.car.components.shape import Graph, Shape
 from foldcar.car.components.wheel import Wheel
-from foldcar.car.design import Design, DesignError
+from foldcar.car.design import HINGE, MODULES, Design, DesignError, declared, parameters, place_of
 from foldcar.car.folded.model import FoldedCar, HingeJoint, PlacedPiece, Wire
 from foldcar.car.folded.pose import apply, compose, edge, folded, rotation, translation
 from foldcar.car.leads import with_leads
-from foldcar.car.modules import HINGE, declared, modules, place_of
-from foldcar.car.parts.catalogue import Catalogue, chosen
-from foldcar.car.parts.choices import PartChoices
+from foldcar.car.parts.catalogue import Catalogue, PartChoices, chosen
 
 
 class Car(Component):
@@ -35,25 +31,18 @@ class Car(Component):
     def __init__(self, design: Design) -> None:
         self.design = design
         self.names = [f"{letter}{i}" for i, letter in enumerate(design.modules)]
-        super().__init__(parts=design.parts)
+        self.parameters = tuple(replace(parameters()[key].declared, name=key) for key in design.values)
+        super().__init__(design.values, parts=design.parts)
 
     def subcomponents(self) -> Sequence[Sub]:
-        """Modules from front to back, then two caps for each segment."""
+        """Modules from front to back."""
         subs = []
         for i, letter in enumerate(self.design.modules):
-            kind: type[Component] = ElectronicsModule if i == electronics(self.design) else modules()[letter]
+            kind: type[Component] = ElectronicsModule if i == electronics(self.design) else MODULES[letter]
             shared = tuple(parameter.name for parameter in declared(kind) if parameter.shared)
-            body = f"segment{self.design.segment_at(i)}"
             settings = {} if letter == HINGE else around(self.design, i)
+            body = f"segment{self.design.segment_at(i)}"
             subs.append(Sub(self.names[i], kind, shared, letter, i == 0, settings, body))
-        for index, segment in enumerate(self.design.segments):
-            for end, module in (("front", segment.modules[0]), ("rear", segment.modules[-1])):
-                outer = module == (0 if end == "front" else len(self.names) - 1)
-                settings = {"slit": 0.0 if outer else self.parts.assembly.cable_slit_length_mm.value}
-                name = f"{end} cap {index + 1}"
-                subs.append(Sub(name, EndCap, ("width", "height"), settings=settings, body=f"segment{index}"))
-        number = int(switch_cap(self.design).rpartition(" ")[2])
-        subs.append(Sub("switch", SwitchMount, body=f"segment{number - 1}"))
         return subs
 
     def build(self, shape: Shape) -> None:
@@ -63,22 +52,24 @@ class Car(Component):
             if HINGE not in letters[i : i + 2]:
                 for panel in PANELS:
                     shape.connect(f"{one}.beam.{panel}.rear", f"{following}.beam.{panel}.front", "rigid")
-        for index, segment in enumerate(self.design.segments):
+        outer_mm = self["width"], self["height"]
+        for number, segment in enumerate(self.design.segments, 1):
             for end, module in (("front", segment.modules[0]), ("rear", segment.modules[-1])):
-                EndCap.close(shape, f"{end} cap {index + 1}", end, self.names[module])
+                outer = module == (0 if end == "front" else len(self.names) - 1)
+                slit = 0.0 if outer else self.parts.assembly.cable_slit_length_mm.value
+                put_cap(shape, f"{end} cap {number}", end, self.names[module], outer_mm, slit)
         cap = f"{switch_cap(self.design)}.cap"
         width, height = shape.face_size_mm(cap)
-        SwitchMount.cut(shape, "switch", cap, (width / 2, height / 2))
+        put_switch(shape, cap, (width / 2, height / 2))
         for i, name in enumerate(self.names):
             hinge = self.children[name]
             if isinstance(hinge, HingeModule):
                 before = self.design.segment_at(i)
                 caps = (f"rear cap {before + 1}", f"front cap {before + 2}")
                 hinge.join(shape, name, (self.names[i - 1], self.names[i + 1]), caps)
-        rear_of_first = self.design.length_mm / 2 - shape.face_size_mm(f"{self.names[0]}.beam.floor")[0]
-        across, up = wall_mm(self["width"], self.parts), wall_mm(self["height"], self.parts)
-        corner = translation(rear_of_first, -across / 2, -up / 2)
-        shape.begin_at(f"{self.names[0]}.beam.floor", corner)
+        across, up = (wall_mm(outer, self.parts) for outer in outer_mm)
+        rear_of_first = self.design.length_mm / 2 - self.design.length_of(0)
+        shape.begin_at(f"{self.names[0]}.beam.floor", translation(rear_of_first, -across / 2, -up / 2))
 
 
 def folded_car(design: Design) -> FoldedCar:
@@ -95,55 +86,44 @@ def _folded_car(letters: tuple[str, ...], values: tuple[tuple[str, float], ...],
         end = f"axle {channel // 2 + 1} "
         if count <= 4:
             end = "" if count <= 2 else ("front ", "rear ")[channel // 2]
-        title = f"{end}{axle.side} servo"
-        axles.append(replace(axle, wheel=f"wheel{channel}", servo=title, channel=channel))
+        axles.append(replace(axle, wheel=f"wheel{channel}", servo=f"{end}{axle.side} servo", channel=channel))
     titles = {mine.servo: axle.servo for mine, axle in zip(frame.axles, axles, strict=True)}
     mounts = []
     for mount in frame.mounts:
         # Servos and their screws are named by their place in the car.
         servo = next((servo for servo in titles if mount.name.startswith(servo)), "")
         mounts.append(replace(mount, name=titles.get(servo, "") + mount.name.removeprefix(servo)))
-    pieces, placed, joins = list(frame.pieces), list(frame.placed), list(frame.joins)
     wheel = _wheel(design.values["radius"], design.values["W.tire_thickness"], choices)
-    pieces += (replace(piece, count=piece.count * count) for piece in wheel.pieces)
+    pieces = [*frame.pieces, *(replace(piece, count=piece.count * count) for piece in wheel.pieces)]
     first = max(join.number for join in frame.joins)
-    joins += (replace(join, number=first + join.number) for join in wheel.joins)
-    counts = {piece.name: piece.count for piece in wheel.pieces}
+    joins = [*frame.joins, *(replace(join, number=first + join.number) for join in wheel.joins)]
+    placed, counts = list(frame.placed), {piece.name: piece.count for piece in wheel.pieces}
     for n, axle in enumerate(axles):
         # The wheel is turned by half a turn about z on the right side.
-        pose = translation(*axle.center_mm)
-        if axle.side == "right":
-            pose = compose(pose, rotation("z", math.pi))
+        pose = compose(translation(*axle.center_mm), rotation("z", 0.0 if axle.side == "left" else math.pi))
         for one in wheel.placed:
             copy = n * counts[one.piece] + one.copy
             placed.append(PlacedPiece(one.piece, copy, axle.wheel, compose(pose, one.pose)))
         for m in wheel.mounts:
             name = f"{m.name} of {axle.wheel}"
             mounts.append(replace(m, name=name, body=axle.wheel, pose=compose(pose, m.pose)))
-    hinges = tuple(_hinges(frame, design.parts))
     wires = list(graph.wires)
     for axle in axles:
         turns = "turns forward above neutral" if axle.direction > 0 else "mirrored: turns forward below neutral"
         wires.append(Wire(f"{design.parts.featherwing.name} channel {axle.channel}", axle.servo, "signal", turns))
     solid = tuple(pieces), tuple(placed), tuple(joins), tuple(mounts)
+    hinges = tuple(_hinges(frame, design.parts))
     return with_leads(FoldedCar(*solid, tuple(axles), hinges, tuple(wires), design.parts))
 
 
 def _frame(design: Design) -> tuple[Graph, Assembly]:
     """The car without its wheels; the error of a user's component names its file and line."""
-    car = None
     try:
-        car = Car(design)
-        car.solve(design.values)
-        graph = build(car)
+        graph = build(Car(design))
         return graph, assemble(graph)
     except ComponentError as error:
-        key, place = None, place_of(error)
-        if car is not None and error.slot is not None:
-            # The design's key of the parameter that shares its value with the slot.
-            key = next((key for key, mine in car.slots.items() if mine.head is error.slot.head), None)
-        message = error.message if key else str(error)
-        raise DesignError(key, f"{message} [{place}]" if place else message) from error
+        place, message = place_of(error), error.message if error.key else str(error)
+        raise DesignError(error.key, f"{message} [{place}]" if place else message) from error
     except Exception as error:
         place = place_of(error)
         if place is None:
@@ -153,9 +133,8 @@ def _frame(design: Design) -> tuple[Graph, Assembly]:
 
 @lru_cache(maxsize=8)
 def _wheel(radius_mm: float, tyre_width_mm: float, choices: PartChoices) -> Assembly:
-    wheel = Wheel(body="wheel", parts=chosen(choices))
-    wheel.solve({"radius": radius_mm, "tire_thickness": tyre_width_mm})
-    return assemble(build(wheel))
+    values = {"radius": radius_mm, "tire_thickness": tyre_width_mm}
+    return assemble(build(Wheel(values, body="wheel", parts=chosen(choices))))
 
 
 def _hinges(frame: Assembly, parts: Catalogue) -> list[HingeJoint]:
@@ -173,10 +152,10 @@ def _hinges(frame: Assembly, parts: Catalogue) -> list[HingeJoint]:
             x, y, z = ((p + q) / 2 for p, q in zip(a, b, strict=True))
             number = int(placed.body.removeprefix("segment"))
             length = 2 * (max(p[0] for p in faces[crease.parent.face].outline_mm) - parts.assembly.hinge_glue_mm.value)
-            width = abs(a[1] - b[1]) + parts.film.thickness_mm.value
+            width = abs(a[1] - b[1]) + parts.film_mm
             stiffness = stiffness_n_m_rad(width, piece.thickness_mm, length, parts.film)
-            limits = (crease.min_rad or 0.0, crease.max_rad or 0.0)
-            hinges.append(HingeJoint(f"segment{number}", f"segment{number + 1}", (x, y, z), stiffness, *limits))
+            bodies, limits = (f"segment{number}", f"segment{number + 1}"), (crease.min_rad, crease.max_rad)
+            hinges.append(HingeJoint(*bodies, (x, y, z), stiffness, *limits))
     return sorted(hinges, key=lambda hinge: -hinge.center_mm[0])
 
 
@@ -203,7 +182,7 @@ def around(design: Design, module: int) -> dict[str, float]:
     known = _flap(design, module)
     if design.modules[module] == WheelModule.letter:
         # No cap is at the inner end of a module that is not a segment of its own.
-        alone = len(design.segments[design.segment_at(module)].modules) == 1
+        alone = len(design.segment_of(module).modules) == 1
         tab = design.parts.assembly.cap_tab_mm.value if alone else 0.0
         known |= {"towards_middle": _towards_middle(design, module), "tab_there": tab}
     if module == electronics(design):
@@ -213,47 +192,41 @@ def around(design: Design, module: int) -> dict[str, float]:
 
 
 def _towards_middle(design: Design, module: int) -> float:
-    middle = design.segments[design.segment_at(module)].center_mm
-    return -1.0 if design.module_centers_mm[module] > middle else 1.0
-
-
-def _length(design: Design, module: int) -> float:
-    return design.values[f"{design.modules[module]}.length"]
+    return -1.0 if design.module_centers_mm[module] > design.segment_of(module).center_mm else 1.0
 
 
 def _flap(design: Design, module: int) -> dict[str, float]:
     """Where the lid's flap ends on a module; the latches, one at each end of a long segment, and at one the pull tab."""
-    segment = design.segments[design.segment_at(module)]
+    segment, length = design.segment_of(module), design.length_of(module)
     end, (notch, _) = flap_end_mm(design.parts), latch_mm(design.parts)
     ends = {"front": segment.modules[0], "rear": segment.modules[-1]}
     long = segment.length_mm - 2 * end > design.parts.assembly.lock_distance_mm.value
-    known = {f"flap_{at}": end if module == outer else 0.0 for at, outer in ends.items()}
-    latched = list(ends) if long else [max(ends, key=lambda at: _length(design, ends[at]))]
-    for at in (at for at in latched if module == ends[at]):
-        both = known["flap_front"] and known["flap_rear"]
-        least = notch + LEAST_FOLD_MM + end * (2 if both else 1)
-        if _length(design, module) < least - ROUNDING:
-            key, value = f"{design.modules[module]}.length", _length(design, module)
-            raise DesignError(key, f"{value:g} is below the minimum {at_least(least)} (the latch of a segment's lid)")
-        known |= {f"latch_{at}": 1.0, f"pull_{at}": float(at == latched[0])}
-    return dict.fromkeys((f"{what}_{at}" for what in ("latch", "pull") for at in ends), 0.0) | known
+    latched = list(ends) if long else [max(ends, key=lambda at: design.length_of(ends[at]))]
+    known: dict[str, float] = {}
+    for at, outer in ends.items():
+        latch = module == outer and at in latched
+        known |= {f"flap_{at}": end * (module == outer), f"latch_{at}": float(latch)}
+        known |= {f"pull_{at}": float(latch and at == latched[0])}
+    least = notch + LEAST_FOLD_MM + end * [*ends.values()].count(module)
+    if (known["latch_front"] or known["latch_rear"]) and length < least - ROUNDING:
+        key = f"{design.modules[module]}.length"
+        raise DesignError(key, f"{length:g} is below the minimum {at_least(least)} (the latch of a segment's lid)")
+    return known
 
 
 def _floor(design: Design, module: int, step: int) -> float:
     """Free floor (mm) before (``step`` -1) or behind (1) a module, up to a servo's layer, a cap's tab or the switch."""
-    modules = design.segments[design.segment_at(module)].modules
     free, i = 0.0, module + step
-    while i in modules:
+    while i in design.segment_of(module).modules:
         if design.modules[i] == WheelModule.letter:
             long, short = inside_mm(design.parts)
             # The long side points forward if ``towards_middle`` is 1.
-            return free + _length(design, i) / 2 - (long if _towards_middle(design, i) == step else short)
+            return free + design.length_of(i) / 2 - (long if _towards_middle(design, i) == step else short)
         if design.modules[i] != BrainModule.letter:
             return free
-        free += _length(design, i)
+        free += design.length_of(i)
         i += step
-    end = "front" if step < 0 else "rear"
-    cap = f"{end} cap {design.segment_at(module) + 1}"
+    cap = f"{'front' if step < 0 else 'rear'} cap {design.segment_at(module) + 1}"
     gap = design.parts.assembly.part_gap_mm.value
     depth = depth_mm(design.parts) + gap if cap == switch_cap(design) else 0.0
     return free - max(design.parts.assembly.cap_tab_mm.value, depth)
@@ -261,7 +234,7 @@ def _floor(design: Design, module: int, step: int) -> float:
 
 def _between_tyres(design: Design, module: int) -> tuple[float, float]:
     """Where a USB plug passes the tyres next to the module (mm from its rear)."""
-    rear = design.module_centers_mm[module] - _length(design, module) / 2
+    rear = design.module_centers_mm[module] - design.length_of(module) / 2
     gap = design.parts.assembly.part_gap_mm.value
     reach = design.values["radius"] + plug_room_mm(design.parts.plugs.usb) / 2 + gap
     off = usb_height_mm(design.parts) - wall_mm(design.values["height"], design.parts) / 2

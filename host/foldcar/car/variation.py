@@ -5,6 +5,7 @@ docs/carsim.md and the simulator's limits. Output: differences as JSON values, t
 channel; the body with them. The firmware keeps the parameters of the design: it has no knowledge of the differences.
 """
 
+import json
 import math
 import random
 from collections.abc import Mapping
@@ -12,7 +13,9 @@ from functools import cache
 from importlib.resources import files
 from typing import Any, Literal
 
-from foldcar.car.car_file import CHANNELS
+from pydantic import TypeAdapter
+
+from foldcar.car.body import CHANNELS
 from foldcar.car.parts.quantity import Data
 from foldcar.errors import FoldcarError
 
@@ -32,16 +35,11 @@ class Spread(Data):
     source: str
 
 
-class _Workshop(Data):
-    name: str
-    spreads: dict[str, Spread]
-
-
 @cache
 def workshop() -> dict[str, Spread]:
     """Every spread by name, with its default standard deviation."""
     text = files("foldcar.car").joinpath("workshop.json").read_text(encoding="utf-8")
-    return _Workshop.model_validate_json(text).spreads
+    return TypeAdapter(dict[str, Spread]).validate_python(json.loads(text)["spreads"])
 
 
 def spread_named(name_or_object: Any, place: str) -> Mapping[str, float]:
@@ -93,62 +91,52 @@ def phase_name(name: str) -> str:
 
 # The least and the largest value of a body's numbers by their path, as `carsim limits` prints them.
 NumberLimits = Mapping[str, tuple[float, float]]
+# Numbers that are multiplied by 1 + a difference, with its name, and those to which that of their own name is added.
+FACTORS = {
+    "body": {},
+    "body.segments": {
+        "grip": "belly_grip",
+        **dict.fromkeys(("mass_kg", "roll_inertia_kg_m2", "pitch_inertia_kg_m2", "yaw_inertia_kg_m2"), "mass"),
+    },
+    "body.wheels": {"radius_m": "wheel_radius", "grip": "tyre_grip"},
+    "body.wheels.servo": {"no_load_speed_rad_s": "servo_speed", "stall_torque_n_m": "servo_torque"},
+}
+SHIFTS = {
+    "body": ("track_m", "supply_v"),
+    "body.segments": ("com_x_m", "com_y_m", "com_z_m"),
+    "body.wheels": (),
+    "body.wheels.servo": ("neutral_us", "deadband_us"),
+}
+# No mass or speed becomes less than this share of itself.
+LEAST_FACTOR = 0.05
 # An axle does not come closer to its tyre than this share of the radius.
 LARGEST_ECCENTRICITY = 0.4
 
 
 def vary_body(body: Mapping[str, Any], variation: Mapping[str, Any], limits: NumberLimits) -> dict[str, Any]:
     """The body with the differences; values outside the limits are clamped to them."""
-    return {
-        **body,
-        "segments": [_segment(segment, variation, limits) for segment in body["segments"]],
-        "wheels": [_wheel(wheel, variation, limits) for wheel in body["wheels"]],
-        "track_m": _within(limits["body.track_m"], body["track_m"] + variation.get("track_m", 0.0)),
-        "supply_v": _within(limits["body.supply_v"], body["supply_v"] + variation.get("supply_v", 0.0)),
-    }
+    segments = [_varied("body.segments", segment, variation, limits) for segment in body["segments"]]
+    wheels = [_wheel(wheel, variation, limits) for wheel in body["wheels"]]
+    return {**_varied("body", body, variation, limits), "segments": segments, "wheels": wheels}
 
 
-def _segment(segment: Mapping[str, Any], variation: Mapping[str, Any], limits: NumberLimits) -> dict[str, Any]:
-    mass = _factor(variation.get("mass", 0.0))
-    values = {
-        "grip": segment["grip"] * _factor(variation.get("belly_grip", 0.0)),
-        "mass_kg": segment["mass_kg"] * mass,
-        **{key: segment[key] * mass for key in ("roll_inertia_kg_m2", "pitch_inertia_kg_m2", "yaw_inertia_kg_m2")},
-        **{key: segment[key] + variation.get(key, 0.0) for key in ("com_x_m", "com_y_m", "com_z_m")},
-    }
-    return {**segment, **{key: _within(limits[f"body.segments.{key}"], value) for key, value in values.items()}}
+def _varied(place: str, values: Mapping[str, Any], variation: Mapping[str, Any], limits: NumberLimits) -> dict[str, Any]:
+    """The numbers at a place of the body with the differences of this place."""
+    changed = {key: values[key] * max(LEAST_FACTOR, 1 + variation.get(name, 0.0)) for key, name in FACTORS[place].items()}
+    changed |= {key: values[key] + variation.get(key, 0.0) for key in SHIFTS[place]}
+    return {**values, **{key: _within(limits[f"{place}.{key}"], value) for key, value in changed.items()}}
 
 
 def _wheel(wheel: Mapping[str, Any], variation: Mapping[str, Any], limits: NumberLimits) -> dict[str, Any]:
-    channel = wheel["channel"]
-
-    def of_wheel(name: str) -> float:
-        value: float = variation[name][channel] if name in variation else 0.0
-        return value
-
-    servo = dict(wheel["servo"])
-    values = {
-        "no_load_speed_rad_s": servo["no_load_speed_rad_s"] * _factor(of_wheel("servo_speed")),
-        "stall_torque_n_m": servo["stall_torque_n_m"] * _factor(of_wheel("servo_torque")),
-        "neutral_us": servo["neutral_us"] + of_wheel("neutral_us"),
-        "deadband_us": servo["deadband_us"] + of_wheel("deadband_us"),
-    }
-    servo.update({key: _within(limits[f"body.wheels.servo.{key}"], value) for key, value in values.items()})
+    mine = {name: of[wheel["channel"]] for name, of in variation.items() if isinstance(of, list)}
+    varied = _varied("body.wheels", wheel, mine, limits)
+    servo = varied["servo"] = _varied("body.wheels.servo", wheel["servo"], mine, limits)
     servo["saturation_us"] = max(servo["saturation_us"], servo["deadband_us"] + 1)
-    varied = {**wheel, "servo": servo}
-    varied["radius_m"] = _within(limits["body.wheels.radius_m"], wheel["radius_m"] * _factor(of_wheel("wheel_radius")))
-    varied["grip"] = _within(limits["body.wheels.grip"], wheel["grip"] * _factor(of_wheel("tyre_grip")))
-    if of_wheel("eccentricity_m") > 0:
-        largest = LARGEST_ECCENTRICITY * varied["radius_m"]
-        varied["eccentricity_m"] = _within((0, largest), of_wheel("eccentricity_m"))
-        phase = of_wheel(phase_name("eccentricity_m"))
-        varied["eccentricity_phase_rad"] = _within(limits["body.wheels.eccentricity_phase_rad"], phase)
+    if mine.get("eccentricity_m", 0.0) > 0:
+        varied["eccentricity_m"] = _within((0, LARGEST_ECCENTRICITY * varied["radius_m"]), mine["eccentricity_m"])
+        phase = phase_name("eccentricity_m")
+        varied[phase] = _within(limits[f"body.wheels.{phase}"], mine[phase])
     return varied
-
-
-def _factor(relative: float) -> float:
-    """1 + ``relative``, at least 0.05, so that no mass or speed becomes zero or negative."""
-    return max(0.05, 1 + relative)
 
 
 def _within(limits: tuple[float, float], value: float) -> float:

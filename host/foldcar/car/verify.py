@@ -13,11 +13,9 @@ from foldcar.car.folded.model import FoldedCar
 from foldcar.car.folded.placed import Finding, place
 from foldcar.car.folded_car import folded_car
 from foldcar.car.leads import check_leads
-from foldcar.car.proof.check_crossings import check_crossings, check_hinges
-from foldcar.car.proof.check_flat import check_flat
+from foldcar.car.proof.check_film import check_crossings, check_flat, check_hinges
 from foldcar.car.proof.check_joins import CLOSURE_MM, check_joins, check_skin, skin_of, volume_mm3, worst_gap_mm
-from foldcar.car.proof.check_parts import check_parts, check_turning
-from foldcar.car.proof.check_wheels import ROUND_MM, check_wheels, roundness_mm
+from foldcar.car.proof.check_parts import ROUND_MM, check_holes, check_turning, check_wheels, roundness_mm
 from foldcar.car.proof.prove import prove
 
 
@@ -25,7 +23,7 @@ from foldcar.car.proof.prove import prove
 class Verification:
     """Findings and measures: counts of faces, folds and joins, the widest gap (mm), enclosed volumes by segment (mm³).
 
-    ``roundness_mm`` is the largest deviation of a wheel's circle from its radius; ``checked`` names what was checked.
+    ``roundness_mm`` is the largest deviation of a wheel's circle from its radius.
     """
 
     findings: tuple[Finding, ...]
@@ -35,22 +33,15 @@ class Verification:
     worst_gap_mm: float
     volumes_mm3: Mapping[str, float]
     roundness_mm: float
-    checked: tuple[str, ...] = ("flat", "folded", "parts", "wheels")
-
-    @property
-    def passed(self) -> bool:
-        """Whether there are no findings."""
-        return not self.findings
 
     def lines(self) -> list[str]:
         """A short report: the measures, then the findings."""
         volumes = ", ".join(f"{body} {volume / 1000:.1f} cm³" for body, volume in self.volumes_mm3.items())
-        found = [str(finding) for finding in self.findings] or [f"{', '.join(self.checked)}: nothing found"]
         return [
             f"{self.faces} faces, {self.folds} folds, {self.joins} joins; edges meet within {self.worst_gap_mm:.3f} mm "
             f"(limit {CLOSURE_MM:g})",
             f"enclosed: {volumes}; wheels are round within {self.roundness_mm:.2f} mm (limit {ROUND_MM:g})",
-            *found,
+            *(list(map(str, self.findings)) or ["flat, folded, parts, wheels, fits, leads, assembly: nothing found"]),
         ]
 
 
@@ -65,7 +56,7 @@ def check_design(car: FoldedCar, volumes_mm3: Mapping[str, float] | None = None)
         findings += check_crossings(faces)
     findings += check_hinges(car, bodies, assembly.wheel_distance_mm.value)
     findings += check_wheels(car, bodies)
-    findings += check_parts(car, bodies)
+    findings += check_holes(car, bodies)
     findings += check_turning(car, bodies, assembly.wheel_distance_mm.value)
     return Verification(
         tuple(findings),
@@ -87,5 +78,4 @@ def verify(design: Design) -> Verification:
     across = wall_mm(design.values["width"], design.parts) * wall_mm(design.values["height"], design.parts)
     volumes = {f"segment{i}": segment.length_mm * across for i, segment in enumerate(design.segments)}
     folded = check_design(car, volumes)
-    findings = (*folded.findings, *check_fits(car), *check_leads(car), *prove(car).findings)
-    return replace(folded, findings=findings, checked=(*folded.checked, "fits", "leads", "assembly"))
+    return replace(folded, findings=(*folded.findings, *check_fits(car), *check_leads(car), *prove(car).findings))

@@ -23,9 +23,7 @@ def flash(
     listing: Annotated[Path, typer.Argument(metavar="LISTING", help="Experiment listing (JSON).")],
     experiment: Annotated[str, typer.Option(metavar="ID", help="Experiment of the listing.")],
     settings: Settings = None,
-    port: Annotated[
-        str | None, typer.Option(metavar="PORT", help="Serial port; default: detected.")
-    ] = None,
+    port: Annotated[str | None, typer.Option(metavar="PORT", help="Serial port; default: detected.")] = None,
     design_only: Annotated[bool, typer.Option("--design-only", help="Do not load the firmware.")] = False,
     file: Annotated[
         Path | None,
@@ -43,7 +41,7 @@ def flash(
         _project()
     board = _board(port) if file is None else ""
     from foldcar.atomic_file import atomic_file
-    from foldcar.car.car_file import car_json
+    from foldcar.car.body import car_json
     from foldcar.study.experiments import read_study
 
     (chosen,) = read_study(listing, experiment).experiments

@@ -41,7 +41,7 @@ def link(
     import sys
 
     from foldcar.calibration.environment import read_reality, real_run
-    from foldcar.car.car_file import car_json
+    from foldcar.car.body import car_json
     from foldcar.interrupts import said
     from foldcar.link.simulated_car import simulated_car
     from foldcar.scenes.fingerprint import scene_name

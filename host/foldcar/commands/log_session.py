@@ -13,8 +13,7 @@ from typing import Any
 
 import typer
 
-from foldcar.car.body import body_json
-from foldcar.car.car_file import design_name
+from foldcar.car.body import body_json, design_name
 from foldcar.car.design import Design
 from foldcar.commands.log_options import LogOptions
 from foldcar.commands.log_outcome import log_hash, record_outcome
@@ -100,19 +99,13 @@ class LogSession:
     def _welcome(self) -> tuple[CarIdentity, Design, int | None]:
         """The car's identity, its design, and a simulated car's sample; FoldcarError if it cannot drive the trials."""
         assert self._car is not None
-        identity, design = welcome(
-            self._car, self._experiment, self._family, self._carsim, self.options, self._answers
-        )
+        identity, design = welcome(self._car, self._experiment, self._family, self._carsim, self.options, self._answers)
         said = None
         if identity.scene is not None:
-            said = simulated_sample(
-                identity.scene, self.options.sample, lambda k: self._scene(k)[0], self._experiment
-            )
+            said = simulated_sample(identity.scene, self.options.sample, lambda k: self._scene(k)[0], self._experiment)
         return identity, design, said
 
-    def _trial(
-        self, writer: TrialWriter, identity: CarIdentity, design: Design, said: int | None
-    ) -> DriveEnd | None:
+    def _trial(self, writer: TrialWriter, identity: CarIdentity, design: Design, said: int | None) -> DriveEnd | None:
         """Drive one trial, in the sample ``said`` by a simulated car; None if the person ends the session."""
         options = self.options
         trial_design = TrialDesign(design.type, design.columns)

@@ -10,7 +10,7 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
-from foldcar.car.car_file import CHANNELS
+from foldcar.car.body import CHANNELS
 from foldcar.link.car import Car
 from foldcar.shown_console import shown_console
 

@@ -112,8 +112,7 @@ def _drive(
 
     They are those of the listing's first experiment with vehicle and environment, else full speed straight on.
     """
-    from foldcar.car.body import body_json, full_speed_m_s
-    from foldcar.car.car_file import firmware_parameters
+    from foldcar.car.body import body_json, firmware_parameters, full_speed_m_s
     from foldcar.simulation.carsim import Carsim, ask_pulses
     from foldcar.study.experiments import read_study
 

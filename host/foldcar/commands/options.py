@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from foldcar.car.parts.choices import OPTIONS
+from foldcar.car.parts.catalogue import OPTIONS
 from foldcar.did_you_mean import did_you_mean
 from foldcar.errors import FoldcarError
 from foldcar.output_folder import check_output_file, check_output_folder, check_replaceable
@@ -71,7 +71,7 @@ Engine = Annotated[
 def _load(context: typer.Context, files: Sequence[Path] | None) -> Sequence[Path] | None:
     """Register the modules before the command reads its listing."""
     if files and not context.resilient_parsing:
-        from foldcar.car.modules import load_components
+        from foldcar.car.design import load_components
 
         for file in files:
             load_components(file)

@@ -19,16 +19,12 @@ Port = Annotated[
 ]
 ParameterFile = Annotated[Path, typer.Argument(metavar="FILE", help="Lines of NAME VALUE, comments after #.")]
 
-params = typer.Typer(
-    name="params", help="Read and set a car's parameters.", no_args_is_help=True, rich_markup_mode=None
-)
+params = typer.Typer(name="params", help="Read and set a car's parameters.", no_args_is_help=True, rich_markup_mode=None)
 
 
 @params.command()
 def get(
-    names: Annotated[
-        list[str] | None, typer.Argument(metavar="NAME", help="Parameters to show; default: all.")
-    ] = None,
+    names: Annotated[list[str] | None, typer.Argument(metavar="NAME", help="Parameters to show; default: all.")] = None,
     port: Port = None,
     as_json: Json = False,
 ) -> None:
@@ -170,7 +166,7 @@ def confirm(port: Port = None, as_json: Json = False) -> None:
     \b
     Example: foldcar params confirm
     """
-    from foldcar.car.car_file import CHANNELS
+    from foldcar.car.body import CHANNELS
     from foldcar.link.parameters import read_parameters, value_text
 
     with _car(port) as car:

@@ -8,8 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 
 from foldcar import __version__
-from foldcar.car.body import body_json
-from foldcar.car.car_file import car_json
+from foldcar.car.body import body_json, car_json
 from foldcar.car.design import Design
 from foldcar.car.folded_car import folded_car
 from foldcar.car.verify import verify

@@ -8,7 +8,7 @@ import contextlib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from foldcar.car.car_file import TableRow
+from foldcar.car.body import TableRow
 from foldcar.interrupts import delayed
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.results import has_passed

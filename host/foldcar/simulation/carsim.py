@@ -14,7 +14,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from foldcar.car.car_file import TableRow
+from foldcar.car.body import TableRow
 from foldcar.simulation.engines import ENGINES, MULTIBODY, engine_title, find_carsim
 from foldcar.simulation.kept import KeptRunner, RunProcess
 from foldcar.simulation.results import METRICS, NATIVE_OUTCOMES

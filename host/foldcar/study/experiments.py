@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from foldcar.car.body import full_speed_m_s
-from foldcar.car.car_file import TableRow, check_parameters, firmware_parameters
+from foldcar.car.body import TableRow, check_parameters, firmware_parameters, full_speed_m_s
 from foldcar.car.design import Design
 from foldcar.car.variation import spread_named
 from foldcar.did_you_mean import did_you_mean

@@ -10,11 +10,18 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from foldcar.car.design import Design, DesignError, compose, design_errors, modules_of
+from foldcar.car.design import (
+    Design,
+    DesignError,
+    compose,
+    design_errors,
+    find_parameter,
+    modules_of,
+    names_in,
+    parameters,
+)
 from foldcar.car.folded_car import folded_car
-from foldcar.car.modules import find_parameter, names_in, parameters
-from foldcar.car.parts.catalogue import chosen
-from foldcar.car.parts.choices import DEFAULT_CHOICES, OPTIONS, PartChoices, PartError, split_type
+from foldcar.car.parts.catalogue import DEFAULT_CHOICES, OPTIONS, PartChoices, PartError, chosen, split_type
 from foldcar.did_you_mean import did_you_mean
 from foldcar.study.listing import ListedVehicle, ListingError
 

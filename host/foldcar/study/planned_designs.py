@@ -12,10 +12,8 @@ from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 
-from foldcar.car.body import body_json
-from foldcar.car.car_file import TableRow
-from foldcar.car.design import Design
-from foldcar.car.modules import loaded_files
+from foldcar.car.body import TableRow, body_json
+from foldcar.car.design import Design, loaded_files
 from foldcar.scenes.fingerprint import folders_digest
 from foldcar.store.designs import StoredDesigns, stored_designs
 from foldcar.store.writer import PlannedDesign

@@ -15,8 +15,7 @@ from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
 
-from foldcar.car.design import Design, DesignError, compose
-from foldcar.car.modules import parameters
+from foldcar.car.design import Design, DesignError, compose, parameters
 from foldcar.did_you_mean import did_you_mean
 from foldcar.errors import FoldcarError
 from foldcar.store.info import ExperimentInfo
@@ -236,7 +235,7 @@ def _unknown_cars(store: Path, info: ExperimentInfo, trials: Sequence[Mapping[st
         elif frozenset(design.items()) not in known:
             told = (f"{name} {value:g}" for name, value in design.items() if info.fixed.get(name) != value)
             counts[f"a car of {', '.join(told)}"] += 1
-    more = [f"and {len(counts) - SHOWN} other cars that experiment \"{info.id}\" has not"] if len(counts) > SHOWN else []
+    more = [f'and {len(counts) - SHOWN} other cars that experiment "{info.id}" has not'] if len(counts) > SHOWN else []
     return [
         f'experiment "{info.id}" was swept without {car}; it has {number} trial{"" if number == 1 else "s"}'
         for car, number in list(counts.items())[:SHOWN]

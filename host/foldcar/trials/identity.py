@@ -7,7 +7,7 @@ the sample of a simulated car, or a FoldcarError with a remedy.
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from foldcar.car.car_file import design_hash
+from foldcar.car.body import design_hash
 from foldcar.car.design import Design
 from foldcar.errors import FoldcarError
 from foldcar.link.car import CarIdentity

@@ -1,34 +1,40 @@
-"""Assemble the faces and links of a component graph to pieces, and pose each piece in the car.
+"""From a component to pieces: fuse its rigidly linked faces, join faces over folds to pieces, pose each in the car.
 
-Input: a graph that components have built. Output: pieces (trees of faces), each distinct one with its count, the poses of
-their copies, joins, mounts and axles. A loop of folds, or a face without any join, is a ComponentError.
+Input: a solved component. Output: pieces (trees of faces), each distinct one with its count, the poses of their copies,
+joins, mounts and axles. A loop of folds, or a face without any join, is a ComponentError.
 """
 
+import math
 import re
-from collections import Counter, defaultdict, deque
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from typing import NamedTuple, TypeVar
 
-from foldcar.car.components.fuse import Edge, Fused, fuse, seams
-from foldcar.car.components.parameter import ComponentError
-from foldcar.car.components.shape import Graph, Link
+from foldcar.car.components.component import Component, ComponentError
+from foldcar.car.components.shape import Atom, Edge, Graph, Link, Shape
 from foldcar.car.folded.model import (
     IDENTITY,
+    Access,
     Axle,
     Crease,
     EdgeRef,
     Face,
+    Hole,
     Join,
     JoinKind,
+    Mark,
     Mount,
     Piece,
     PlacedPiece,
+    Point,
     Pose,
 )
-from foldcar.car.folded.pose import across_crease, apply, compose, edge, folded, inverse, translation
+from foldcar.car.folded.pose import across_crease, apply, compose, inverse, side, translation
 
-Seam = tuple[Link, Edge, Edge, float]
-# A join with the indices of its two pieces.
-Bound = tuple[Join, int, int]
+Key = TypeVar("Key")
+# Directions count as parallel below this sine; points closer than 100 times this, in mm, are the same.
+GRID_MM = 1e-6
 # Links that make creases of one piece.
 FOLDED = ("fold", "bend", "hinge")
 
@@ -44,6 +50,47 @@ class Assembly:
     axles: tuple[Axle, ...]
 
 
+class Fused(NamedTuple):
+    """A face made of atoms: ``poses`` of the atoms in its frame, ``edges`` from an atom's edge to an outline edge.
+
+    Its frame is that of the atom ``first``.
+    """
+
+    face: Face
+    first: Atom
+    poses: dict[str, Pose]
+    edges: dict[Edge, int]
+
+
+class Seam(NamedTuple):
+    """Edges of two fused faces (first atom's path, index) that meet, the one of ``b`` so long; one of their links."""
+
+    link: Link
+    a: Edge
+    b: Edge
+    length_mm: float
+
+
+class Bound(NamedTuple):
+    """A join of two pieces by their indices; joins of one ``seam`` have the same number."""
+
+    seam: object
+    kind: JoinKind
+    a: tuple[int, EdgeRef]
+    b: tuple[int, EdgeRef]
+    length_mm: float
+    slot: str | None = None
+
+
+def build(component: Component, graph: Graph | None = None) -> Graph:
+    """The graph of faces and links that a solved component and all its subcomponents build."""
+    graph = graph if graph is not None else Graph()
+    for child in component.children.values():
+        build(child, graph)
+    component.build(Shape(component.path, component.body, graph, component.parts))
+    return graph
+
+
 def assemble(graph: Graph) -> Assembly:
     """The graph's assembly, posed from the face that ``graph.origin`` names, or else from the first face.
 
@@ -56,8 +103,8 @@ def assemble(graph: Graph) -> Assembly:
         for first, one in made.fused.items()
         for path, pose in one.poses.items()
     }
-    places = [(made.fused[sheet[0]].first.body, root) for sheet, root in zip(made.sheets, roots, strict=True)]
-    kept, placed, joins = _counted(made.pieces, places, [*made.joins(), *made.contacts()])
+    bodies = [made.fused[next(iter(sheet))].first.body for sheet in made.sheets]
+    kept, placed, joins = _counted(made.pieces(), list(zip(bodies, roots, strict=True)), list(made.joins()))
     mounts = []
     for mount in graph.mounts:
         on = str(mount.face)
@@ -66,82 +113,191 @@ def assemble(graph: Graph) -> Assembly:
     return Assembly(tuple(kept), tuple(placed), tuple(joins), tuple(mounts), tuple(axles))
 
 
-@dataclass
-class _Tab:
-    """The tab that grows from edge ``b`` of a seam and is glued to the face of edge ``a``, in the plane of that."""
+def fuse(graph: Graph) -> dict[str, Fused]:
+    """The fused faces by the path of their first atom; ComponentError if an outline is not one closed polygon."""
+    steps: dict[str, list[tuple[str, Pose]]] = defaultdict(list)
+    inner: set[Edge] = set()
+    for link in (link for link in graph.links if link.kind == "rigid"):
+        inner.update((link.a, link.b))
+        for one, other in ((link.a, link.b), (link.b, link.a)):
+            steps[one[0]].append((other[0], across_crease(graph.ends_mm(one), graph.ends_mm(other), 0.0)))
+    groups: dict[str, dict[str, Pose]] = {}
+    owner: dict[str, str] = {}
+    for path in graph.atoms:
+        if path not in owner:
+            groups[path] = _spread(path, IDENTITY, steps)
+            owner |= dict.fromkeys(groups[path], path)
+    tags: dict[Edge, object] = {}
+    for link in (link for link in graph.links if link.kind != "rigid"):
+        how = (link.kind, link.angle_rad, link.depth_mm)
+        tags[link.a] = (*how, "a", owner[link.b[0]])
+        tags[link.b] = (*how, "b", owner[link.a[0]])
+    return {first: _fused(graph, poses, tags, inner) for first, poses in groups.items()}
 
-    face: Face
-    a: Edge
-    b: Edge
-    length: float
-    angle_rad: float
+
+def _spread(start: Key, pose: Pose, steps: Mapping[Key, list[tuple[Key, Pose]]]) -> dict[Key, Pose]:
+    """The poses of all that steps lead to, breadth first; a step is a neighbour and its pose in the frame here."""
+    poses, queue = {start: pose}, [start]
+    for here in queue:
+        for other, step in steps.get(here, ()):
+            if other not in poses:
+                poses[other] = compose(poses[here], step)
+                queue.append(other)
+    return poses
+
+
+def _fused(graph: Graph, poses: dict[str, Pose], tags: dict[Edge, object], inner: set[Edge]) -> Fused:
+    """One face; neighbouring collinear edges that are linked to the same face in the same way become one edge."""
+    first = graph.atoms[next(iter(poses))]
+    ring = _ring(graph, poses, inner)
+    corners = [i for i in range(len(ring)) if not _goes_on(ring, tags, i)]
+    # Edges before the first corner go on the last one.
+    edges = {edge: (sum(corner <= i for corner in corners) - 1) % len(corners) for i, (edge, _) in enumerate(ring)}
+    holes, marks, accesses = list[Hole](), list[Mark](), list[Access]()
+    for path, pose in poses.items():
+        atom = graph.atoms[path]
+        holes += atom.holes if pose is IDENTITY else (_moved(hole, pose) for hole in atom.holes)
+        marks += (Mark(mark.name, tuple(_flat(pose, at) for at in mark.outline_mm)) for mark in atom.marks)
+        accesses += (replace(one, pose=compose(pose, one.pose)) for one in atom.accesses)
+    outline = tuple(ring[i][1] for i in corners)
+    face = Face(first.path, outline, tuple(holes), first.role, tuple(marks), tuple(accesses))
+    return Fused(face, first, poses, edges)
+
+
+def _ring(graph: Graph, poses: dict[str, Pose], inner: set[Edge]) -> list[tuple[Edge, Point]]:
+    """The atoms' outer edges in the order of the fused outline, each with its start point (mm)."""
+    first = next(iter(poses))
+    if len(poses) == 1:
+        return [((first, i), point) for i, point in enumerate(graph.atoms[first].outline_mm)]
+    starts: dict[tuple[int, int], tuple[Edge, Point, Point]] = {}
+    for path, pose in poses.items():
+        for edge in ((path, index) for index in range(len(graph.atoms[path].outline_mm))):
+            if edge not in inner:
+                a, b = (_flat(pose, point) for point in graph.ends_mm(edge))
+                starts[_key(a)] = edge, a, b
+    edge, begin, b = next(iter(starts.values()))
+    ring = [(edge, begin)]
+    while _key(b) != _key(begin):
+        if _key(b) not in starts or len(ring) > len(starts):
+            raise ComponentError(edge[0], "is fused with its neighbours into something without a closed outline")
+        edge, a, b = starts[_key(b)]
+        ring.append((edge, a))
+    if len(ring) != len(starts):
+        raise ComponentError(edge[0], "is fused with its neighbours into more than one outline")
+    return ring
+
+
+def _goes_on(ring: list[tuple[Edge, Point]], tags: dict[Edge, object], i: int) -> bool:
+    """Whether the edges before and after point i are collinear and have equal tags."""
+    if tags.get(ring[i - 1][0]) != tags.get(ring[i][0]):
+        return False
+    a, b, c = ring[i - 1][1], ring[i][1], ring[(i + 1) % len(ring)][1]
+    ux, uy, vx, vy = b[0] - a[0], b[1] - a[1], c[0] - b[0], c[1] - b[1]
+    return abs(ux * vy - uy * vx) <= GRID_MM * math.hypot(ux, uy) * math.hypot(vx, vy) and ux * vx + uy * vy > 0
+
+
+def _moved(hole: Hole, pose: Pose) -> Hole:
+    center = None if hole.center_mm is None else _flat(pose, hole.center_mm)
+    return replace(hole, outline_mm=tuple(_flat(pose, point) for point in hole.outline_mm), center_mm=center)
+
+
+def _flat(pose: Pose, point: Point) -> Point:
+    return apply(pose, *point)[:2]
+
+
+def _key(point: Point) -> tuple[int, int]:
+    return (round(point[0] / GRID_MM / 100), round(point[1] / GRID_MM / 100))
+
+
+def _seams(graph: Graph, fused: dict[str, Fused], owner: dict[str, str]) -> Iterator[Seam]:
+    """Each connection of two fused faces once; ComponentError if the two edges differ in length after fusing."""
+    found = set()
+    for link in (link for link in graph.links if link.kind != "rigid"):
+        a, b = ((owner[path], fused[owner[path]].edges[path, index]) for path, index in (link.a, link.b))
+        if (a, b) not in found:
+            first, second = (math.dist(*side(fused[path].face.outline_mm, index)) for path, index in (a, b))
+            if abs(first - second - 2 * link.inset_mm) > 1e-4:
+                told = f"meets {link.b[0]} in edges of {first:g} and {second:g} mm once they are fused"
+                raise ComponentError(link.a[0], told)
+            found.add((a, b))
+            yield Seam(link, a, b, second)
 
 
 class _Pieces:
-    """The pieces of a graph. ``sheets`` are the fused faces of each, ``home`` the index of a fused face's piece."""
+    """The pieces of a graph.
+
+    ``sheets`` are the fused faces of each, parents before children, with their poses in the frame of its first one;
+    ``home`` is the index of a fused face's piece. ``tabs`` grow from edge b of a seam and are glued to the face of edge
+    a, in the plane of that.
+    """
 
     def __init__(self, graph: Graph) -> None:
         self.graph, self.fused = graph, fuse(graph)
-        self.seams = seams(graph.links, self.fused)
         self.owner = {path: first for first, one in self.fused.items() for path in one.poses}
-        folds = [seam for seam in self.seams if seam[0].kind in FOLDED]
-        self.sheets = _sheets(self.fused, folds)
-        self.home = {first: index for index, sheet in enumerate(self.sheets) for first in sheet}
-        count = Counter(self.home[seam[1][0]] for seam in folds)
-        for index, sheet in enumerate(self.sheets):
-            if count[index] >= len(sheet):
-                told = f"is in a loop of {count[index]} folds, which no flat sheet has; make one of them a tab"
-                raise ComponentError(sheet[0], told)
-        self.names = _names(self.sheets)
-        self.tabs = [self._tab(seam) for seam in self.seams if seam[0].kind == "tab"]
+        self.seams = list(_seams(graph, self.fused, self.owner))
+        self.folds = [seam for seam in self.seams if seam.link.kind in FOLDED]
+        steps: dict[str, list[tuple[str, Pose]]] = defaultdict(list)
+        for seam in self.folds:
+            for one, other in ((seam.a, seam.b), (seam.b, seam.a)):
+                step = across_crease(self._ends(one), self._ends(other), seam.link.angle_rad)
+                steps[one[0]].append((other[0], step))
+        self.sheets: list[dict[str, Pose]] = []
+        self.home: dict[str, int] = {}
+        for first in (first for first in self.fused if first not in self.home):
+            self.sheets.append(_spread(first, IDENTITY, steps))
+            self.home |= dict.fromkeys(self.sheets[-1], len(self.sheets) - 1)
+            count = sum(seam.a[0] in self.sheets[-1] for seam in self.folds)
+            if count >= len(self.sheets[-1]):
+                told = f"is in a loop of {count} folds, which no flat sheet has; make one of them a tab"
+                raise ComponentError(first, told)
+        self.names: dict[str, str] = {}
+        for sheet in self.sheets:
+            # The last part of the path if it is unique within the piece, else the whole path.
+            short = {first: first.rpartition(".")[2] for first in sheet}
+            used = Counter(short.values())
+            self.names |= {first: first if used[name] > 1 else name for first, name in short.items()}
+        self.tabs: list[tuple[Face, Seam]] = []
         for index in range(len(self.sheets)):
+            mine = [seam for seam in self.seams if seam.link.kind == "tab" and self.home[seam.b[0]] == index]
             # Tabs of one piece that join the same two faces are numbered.
-            mine = [tab for tab in self.tabs if self.home[tab.b[0]] == index]
-            for tab, title in zip(mine, _titles([tab.face.name for tab in mine]), strict=True):
-                tab.face = replace(tab.face, name=title)
-        self.pieces = [self._piece(sheet) for sheet in self.sheets]
-        self.shapes = [folded(piece) for piece in self.pieces]
+            titles = _titles([f"{self.names[seam.b[0]]} tab to {self.names[seam.a[0]]}" for seam in mine])
+            self.tabs += [(_tab(title, seam), seam) for title, seam in zip(titles, mine, strict=True)]
+        self.tabs.sort(key=lambda tab: self.seams.index(tab[1]))
 
     def local(self, first: str) -> Pose:
         """The pose of a fused face in its piece."""
-        return self.shapes[self.home[first]][self.names[first]]
+        return self.sheets[self.home[first]][first]
 
-    def _ref(self, edge_of: Edge) -> EdgeRef:
-        return EdgeRef(self.names[edge_of[0]], edge_of[1])
+    def _ends(self, edge: Edge) -> tuple[Point, Point]:
+        return side(self.fused[edge[0]].face.outline_mm, edge[1])
 
-    def _tab(self, seam: Seam) -> _Tab:
-        link, a, b, length = seam
-        depth = link.depth_mm
-        inset = min(depth, length / 4)
-        outline = ((0.0, 0.0), (length, 0.0), (length - inset, depth), (inset, depth))
-        face = Face(f"{self.names[b[0]]} tab to {self.names[a[0]]}", outline, (), "tab")
-        return _Tab(face, a, b, length, link.angle_rad)
+    def _ref(self, edge: Edge) -> EdgeRef:
+        return EdgeRef(self.names[edge[0]], edge[1])
 
-    def _piece(self, sheet: list[str]) -> Piece:
+    def pieces(self) -> list[Piece]:
+        """The pieces with their faces, creases and tabs."""
+        return [self._piece(index, sheet) for index, sheet in enumerate(self.sheets)]
+
+    def _piece(self, index: int, sheet: dict[str, Pose]) -> Piece:
         order = {first: i for i, first in enumerate(sheet)}
         creases = []
-        for link, a, b, _ in self.seams:
-            if link.kind in FOLDED and a[0] in order:
-                parent, child = (a, b) if order[a[0]] < order[b[0]] else (b, a)
-                bends, name = link.kind == "hinge", f"{self.names[parent[0]]} to {self.names[child[0]]}"
-                least, most = (link.min_rad, link.max_rad) if bends else (None, None)
-                ends = self._ref(parent), self._ref(child)
-                found = Crease(name, *ends, link.angle_rad, bends, least, most, link.kind == "bend")
-                creases.append((order[child[0]], found))
+        for link, a, b, _ in (seam for seam in self.folds if seam.a[0] in order):
+            parent, child = (a, b) if order[a[0]] < order[b[0]] else (b, a)
+            name = f"{self.names[parent[0]]} to {self.names[child[0]]}"
+            ends, limits = (self._ref(parent), self._ref(child)), (link.min_rad, link.max_rad)
+            found = Crease(name, *ends, link.angle_rad, link.kind == "hinge", *limits, link.kind == "bend")
+            creases.append((order[child[0]], found))
         creases.sort(key=lambda pair: pair[0])
-        mine = [tab for tab in self.tabs if tab.b[0] in order]
-        folds = [
-            *(crease for _, crease in creases),
-            *(Crease(tab.face.name, self._ref(tab.b), EdgeRef(tab.face.name, 0), tab.angle_rad) for tab in mine),
-        ]
-        faces = [replace(self.fused[first].face, name=self.names[first]) for first in sheet] + [tab.face for tab in mine]
-        root = self.fused[sheet[0]].first
-        label = root.piece or self.names[sheet[0]]
-        return Piece(label, label, tuple(faces), tuple(folds), root.thickness_mm)
+        mine = [(face, seam) for face, seam in self.tabs if self.home[seam.b[0]] == index]
+        grown = (Crease(face.name, self._ref(s.b), EdgeRef(face.name, 0), s.link.angle_rad) for face, s in mine)
+        faces = [replace(self.fused[first].face, name=self.names[first]) for first in sheet]
+        folds = (*(crease for _, crease in creases), *grown)
+        root = self.fused[next(iter(sheet))].first
+        label = root.piece or self.names[root.path]
+        return Piece(label, label, (*faces, *(face for face, _ in mine)), folds, root.thickness_mm)
 
     def root_poses(self) -> list[Pose]:
         """The pose of each piece's first face in the car."""
-        # From piece to neighbouring piece: the pose of the second one's first face in the frame of the first one's.
         steps: dict[int, list[tuple[int, Pose]]] = defaultdict(list)
 
         def add(a: str, b: str, relative: Pose) -> None:
@@ -155,93 +311,49 @@ class _Pieces:
             add(a, b, compose(self.fused[a].poses[one.on], one.pose, inverse(self.fused[b].poses[one.face])))
         for link, edge_a, edge_b, _ in self.seams:
             if link.kind == "tab" and self.home[edge_a[0]] != self.home[edge_b[0]]:
-                ends = [edge({e[0]: self.fused[e[0]].face}, EdgeRef(*e)) for e in (edge_a, edge_b)]
-                over = translation(0, 0, link.inset_mm)
-                add(edge_a[0], edge_b[0], compose(over, across_crease(ends[0], ends[1], link.angle_rad)))
+                across = across_crease(self._ends(edge_a), self._ends(edge_b), link.angle_rad)
+                add(edge_a[0], edge_b[0], compose(translation(0, 0, link.inset_mm), across))
         path, pose = self.graph.origin or (next(iter(self.graph.atoms)), IDENTITY)
         first = self.owner[path]
-        poses = {self.home[first]: compose(pose, inverse(self.fused[first].poses[path]), inverse(self.local(first)))}
-        queue = deque(poses)
-        while queue:
-            here = queue.popleft()
-            for other, step in steps[here]:
-                if other not in poses:
-                    poses[other] = compose(poses[here], step)
-                    queue.append(other)
-        for first, sheet in self.home.items():
-            if sheet not in poses:
-                raise ComponentError(first, "is joined to nothing")
+        begin = compose(pose, inverse(self.fused[first].poses[path]), inverse(self.local(first)))
+        poses = _spread(self.home[first], begin, steps)
+        for face, index in self.home.items():
+            if index not in poses:
+                raise ComponentError(face, "is joined to nothing")
         return [poses[i] for i in range(len(self.sheets))]
 
-    def _join(self, number: int, kind: JoinKind, ends: tuple[str, str], refs: tuple[EdgeRef, EdgeRef], length_mm: float,
-              slot: str | None = None) -> Bound:  # fmt: skip
-        """A join of two fused faces."""
-        a, b = (self.home[first] for first in ends)
-        return Join(number, kind, self.pieces[a].name, refs[0], self.pieces[b].name, refs[1], length_mm, slot), a, b
+    def joins(self) -> Iterator[Bound]:
+        """The joins of tabs, of placed layers, and of faces that are in their places already.
 
-    def joins(self) -> list[Bound]:
-        """The joins of tabs and of placed layers, numbered from 1."""
-        joins: list[Bound] = []
-        for tab in self.tabs:
-            kind: JoinKind = "lap" if self.home[tab.a[0]] == self.home[tab.b[0]] else "tab"
-            refs = EdgeRef(tab.face.name, 0), self._ref(tab.a)
-            joins.append(self._join(len(joins) + 1, kind, (tab.b[0], tab.a[0]), refs, tab.length))
-        for one in self.graph.placements:
-            if one.laminated:
-                first, on = self.owner[one.face], self.owner[one.on]
-                refs = EdgeRef(self.names[first], 0), EdgeRef(self.names[on], 0)
-                joins.append(self._join(len(joins) + 1, "laminate", (first, on), refs, 0.0))
-        return joins
-
-    def contacts(self) -> list[Bound]:
-        """Joins of faces that are in their places already, numbered among themselves.
-
-        Edges that tuck into the same one share a number, as do all hooks of one strip in one disc.
+        Edges that tuck into the same one are one seam, as are all hooks of one strip in one disc.
         """
-        joins: dict[tuple[object, ...], Bound] = {}
-        numbers: dict[object, int] = {}
+        for i, (face, (_, a, b, length)) in enumerate(self.tabs):
+            kind: JoinKind = "lap" if self.home[a[0]] == self.home[b[0]] else "tab"
+            ends = (self.home[b[0]], EdgeRef(face.name, 0)), (self.home[a[0]], self._ref(a))
+            yield Bound(i, kind, *ends, length)
+        for one in (one for one in self.graph.placements if one.laminated):
+            layer, on = ((self.home[face], self._ref((face, 0))) for face in (self.owner[one.face], self.owner[one.on]))
+            yield Bound(None, "laminate", layer, on, 0.0)
+        found: dict[tuple[object, ...], Bound] = {}
         for contact in self.graph.contacts:
             first, second = (self.owner[path] for path, _ in (contact.a, contact.b))
-            a = first, self.fused[first].edges.get(contact.a, 0)
-            b = second, self.fused[second].edges.get(contact.b, 0)
+            a, b = (
+                (first, self.fused[first].edges.get(contact.a, 0)),
+                (second, self.fused[second].edges.get(contact.b, 0)),
+            )
             seam: object = ("tuck", first, b) if contact.kind == "tuck" else contact
             if self.fused[first].face.role == "rim":
-                seam = (contact.kind, self.home[first], self.home[second])
-            number = numbers.setdefault(seam, -1 - len(numbers))
-            length = 0.0 if contact.kind == "laminate" else self.graph.edge_length_mm(contact.a)
-            refs = self._ref(a), self._ref(b)
-            join = self._join(number, contact.kind, (first, second), refs, length, contact.slot)
-            joins.setdefault((contact.kind, a, b, contact.slot), join)
-        return list(joins.values())
+                seam = (self.home[first], self.home[second])
+            length = 0.0 if contact.kind == "laminate" else math.dist(*self.graph.ends_mm(contact.a))
+            ends = (self.home[first], self._ref(a)), (self.home[second], self._ref(b))
+            found.setdefault((contact.kind, a, b, contact.slot), Bound(seam, contact.kind, *ends, length, contact.slot))
+        yield from found.values()
 
 
-def _sheets(fused: dict[str, Fused], folds: list[Seam]) -> list[list[str]]:
-    """The fused faces of each piece in breadth-first order: the root first, parents before children."""
-    neighbours: dict[str, list[str]] = defaultdict(list)
-    for _, a, b, _ in folds:
-        neighbours[a[0]].append(b[0])
-        neighbours[b[0]].append(a[0])
-    sheets, done = [], set[str]()
-    for first in fused:
-        if first not in done:
-            done.add(first)
-            sheet = [first]
-            for here in sheet:
-                new = [other for other in dict.fromkeys(neighbours[here]) if other not in done]
-                done.update(new)
-                sheet += new
-            sheets.append(sheet)
-    return sheets
-
-
-def _names(sheets: list[list[str]]) -> dict[str, str]:
-    """Face names: the last part of the path if it is unique within the piece, else the whole path."""
-    names: dict[str, str] = {}
-    for sheet in sheets:
-        short = {first: first.rpartition(".")[2] for first in sheet}
-        count = Counter(short.values())
-        names |= {first: first if count[name] > 1 else name for first, name in short.items()}
-    return names
+def _tab(name: str, seam: Seam) -> Face:
+    length, depth = seam.length_mm, seam.link.depth_mm
+    inset = min(depth, length / 4)
+    return Face(name, ((0.0, 0.0), (length, 0.0), (length - inset, depth), (inset, depth)), (), "tab")
 
 
 def _titles(labels: list[str]) -> list[str]:
@@ -255,47 +367,46 @@ def _titles(labels: list[str]) -> list[str]:
 
 
 def _counted(
-    pieces: list[Piece], places: list[tuple[str, Pose]], joins: list[Bound]
+    pieces: list[Piece], places: list[tuple[str, Pose]], bound: list[Bound]
 ) -> tuple[list[Piece], list[PlacedPiece], list[Join]]:
     """Distinct pieces with counts, their placed copies, and the joins with the names of pieces, numbered from 1.
 
     Only pieces that are laminated onto others and nothing else are merged; every other piece has its own name.
     """
-    bound = {index for join, *pair in joins for index in pair if join.kind != "laminate"}
-    bound |= {pair[1] for join, *pair in joins}
+    single = {join.b[0] for join in bound} | {join.a[0] for join in bound if join.kind != "laminate"}
     kept: list[Piece] = []
     index_of: list[int] = []
     same: dict[Piece, int] = {}
     for i, piece in enumerate(pieces):
         anonymous = replace(piece, faces=tuple(_without_names(face) for face in piece.faces))
-        if i not in bound and anonymous in same:
-            index_of.append(same[anonymous])
-            kept[same[anonymous]] = replace(kept[same[anonymous]], count=kept[same[anonymous]].count + 1)
-            continue
-        if i not in bound:
-            same[anonymous] = len(kept)
-        index_of.append(len(kept))
-        kept.append(piece)
+        index = len(kept) if i in single else same.setdefault(anonymous, len(kept))
+        if index < len(kept):
+            kept[index] = replace(kept[index], count=kept[index].count + 1)
+        else:
+            kept.append(piece)
+        index_of.append(index)
     names = _titles([piece.label for piece in kept])
     kept = [replace(piece, name=title, label=title) for piece, title in zip(kept, names, strict=True)]
     placed, copies = [], Counter[int]()
     for index, (body, pose) in zip(index_of, places, strict=True):
         placed.append(PlacedPiece(kept[index].name, copies[index], body, pose))
         copies[index] += 1
-    numbered: list[Join] = []
-    numbers: dict[tuple[object, ...], int] = {}
-    for join, *pair in joins:
-        ends = []
-        for i, ref in zip(pair, (join.a, join.b), strict=True):
-            # A merged piece has the names of the one that is kept.
-            face = next(place for place, face in enumerate(pieces[i].faces) if face.name == ref.face)
-            ends.append((kept[index_of[i]].name, EdgeRef(kept[index_of[i]].faces[face].name, ref.index)))
-        (name_a, a), (name_b, b) = ends
+
+    def end(index: int, ref: EdgeRef) -> tuple[str, EdgeRef]:
+        """The name of a piece, and an edge of it with the face's name: a merged piece has those of the one kept."""
+        face = [face.name for face in pieces[index].faces].index(ref.face)
+        piece = kept[index_of[index]]
+        return piece.name, EdgeRef(piece.faces[face].name, ref.index)
+
+    joins: list[Join] = []
+    numbers: dict[object, int] = {}
+    for join in bound:
+        a, b = end(*join.a), end(*join.b)
         # Laminations of all copies of a piece share a number.
-        key = ("laminate", name_a) if join.kind == "laminate" else (join.kind, join.number)
-        number = numbers.setdefault(key, len(numbers) + 1)
-        numbered.append(replace(join, number=number, piece_a=name_a, a=a, piece_b=name_b, b=b))
-    return kept, placed, numbered
+        seam = a[0] if join.kind == "laminate" else join.seam
+        number = numbers.setdefault((join.kind, seam), len(numbers) + 1)
+        joins.append(Join(number, join.kind, *a, *b, join.length_mm, join.slot))
+    return kept, placed, joins
 
 
 def _without_names(face: Face) -> Face:

@@ -13,9 +13,8 @@ import math
 from collections.abc import Mapping
 
 from foldcar.car.components.bridge import mouth_mm, span_mm, stack_height_mm
-from foldcar.car.components.component import Component
+from foldcar.car.components.component import Component, Parameter
 from foldcar.car.components.mounts import least_doubler_mm
-from foldcar.car.components.parameter import Parameter
 from foldcar.car.components.shape import Shape
 from foldcar.car.folded.model import Access, Point
 from foldcar.car.folded.pose import compose, rotation, translation
@@ -23,7 +22,7 @@ from foldcar.car.parts.catalogue import Catalogue
 
 
 def _least_height(parts: Catalogue) -> float:
-    film, assembly = parts.film.thickness_mm.value, parts.assembly
+    film, assembly = parts.film_mm, parts.assembly
     boards = stack_height_mm(parts) + film / 2
     # A servo's layer in the middle of the right wall ends below the lid's flap.
     beside_flap = least_doubler_mm(parts) + 2 * (assembly.flap_mm.value + film + assembly.slot_clearance_mm.value)
@@ -31,7 +30,7 @@ def _least_height(parts: Catalogue) -> float:
 
 
 def _least_width(parts: Catalogue) -> float:
-    assembly, film = parts.assembly, parts.film.thickness_mm.value
+    assembly, film = parts.assembly, parts.film_mm
     _, right = span_mm(parts)
     # The lid's flap goes down between the boards and the right wall.
     beside = max(assembly.bridge_gap_mm.value, assembly.flap_gap_mm.value + film)
@@ -62,7 +61,7 @@ LEVER_OVER_MM = 1.0
 
 def wall_mm(outer_mm: float, parts: Catalogue) -> float:
     """Distance between the middle surfaces of two opposite walls (mm): the outer dimension less one film thickness."""
-    return outer_mm - parts.film.thickness_mm.value
+    return outer_mm - parts.film_mm
 
 
 def flap_end_mm(parts: Catalogue) -> float:
@@ -97,14 +96,14 @@ class BoxBeam(Component):
             shape.connect(f"{one}.far", f"{following}.near", "fold", 90)
         for edge in ("far", "far front", "far rear"):
             if edge in shape.edges("lid"):
-                shape.tuck(f"lid.{edge}", "right.near")
+                shape.touch("tuck", f"lid.{edge}", "right.near")
         for end in ("front", "rear"):
             if self[f"latch_{end}"]:
                 self._latch(shape, end)
 
     def _lid(self, shape: Shape, starts: Mapping[str, float]) -> None:
         """The lid, narrower than the floor by the film of wall and flap and their clearance, with a latch's notches."""
-        assembly, film = self.parts.assembly, self.parts.film.thickness_mm.value
+        assembly, film = self.parts.assembly, self.parts.film_mm
         length, (along, depth) = self["length"], latch_mm(self.parts)
         width, gap = wall_mm(self["width"], self.parts) - film - assembly.flap_gap_mm.value, assembly.grip_gap_mm.value
         points: dict[str, Point] = {"near": (0.0, 0.0), "front": (length, 0.0)}
@@ -124,7 +123,7 @@ class BoxBeam(Component):
         if self["flap_rear"]:
             points["far rear"] = (self["flap_rear"], width)
         points["rear"] = (0.0, width)
-        shape.face("lid", tuple(points.values()), tuple(points))
+        shape.face("lid", points)
 
     def _flap(self, shape: Shape, starts: Mapping[str, float]) -> None:
         """The flap, x from the rear end of its fold; levers above it, the edges of tongues below."""
@@ -146,20 +145,19 @@ class BoxBeam(Component):
             rear |= {"lock rear": (middle + half, depth), "behind rear": (middle - half, depth), "rear": (far, depth),
                      "rear lever": (far, 0.0), "rear lever 2": (far + 1, -grip), "rear lever 3": (near - 1, -grip),
                      "rear lever 4": (near, 0.0)}  # fmt: skip
-        edges = {"near": (0.0, 0.0), **front, **rear}
-        shape.face("flap", tuple(edges.values()), tuple(edges))
+        shape.face("flap", {"near": (0.0, 0.0), **front, **rear})
 
     def _latch(self, shape: Shape, end: str) -> None:
         """A tongue at the flap's lower edge, folded outwards through a slot of the right wall; perhaps the pull tab."""
-        assembly, film = self.parts.assembly, self.parts.film.thickness_mm.value
+        assembly, film = self.parts.assembly, self.parts.film_mm
         width, play, (notch, _) = assembly.lock_mm.value, assembly.slot_clearance_mm.value, latch_mm(self.parts)
         reach = 1.5 * film + assembly.flap_gap_mm.value + assembly.lock_reach_mm.value
         x = self[f"flap_{end}"] + notch / 2
         at = (self["length"] - x if end == "front" else x, assembly.flap_mm.value)
-        shape.face(f"{end} tongue", _tongue(width, reach), ("near", "1", "tip", "3"), role="tab")
+        shape.face(f"{end} tongue", _tongue(width, reach), role="tab")
         shape.connect(f"flap.lock {end}", f"{end} tongue.near", "fold", -90)
         shape.rectangular_hole("right", f"{end} lock slot", "slot", at, width + 2 * play, film + play)
-        shape.lock(f"{end} tongue.tip", "right", f"{end} lock slot")
+        shape.touch("lock", f"{end} tongue.tip", "right", f"{end} lock slot")
         # A finger pushes its lever outwards until the tip is within the wall; the lever, as high, goes out as far.
         (finger, long), stroke, on_lid = self.parts.tools.finger_mm, assembly.lock_reach_mm.value + film, at[1] + film
         pushed = compose(translation(width / 2, stroke - finger / 2, -on_lid), rotation("x", math.pi))
@@ -171,19 +169,18 @@ class BoxBeam(Component):
 
     def _pull_tab(self, shape: Shape, end: str, width_mm: float) -> None:
         """The lid's pull tab across a notch, with room for two fingers."""
-        film, (finger, long) = self.parts.film.thickness_mm.value, self.parts.tools.finger_mm
-        outline = _tongue(width_mm, self.parts.assembly.grip_mm.value)
-        shape.face(f"{end} pull tab", outline, ("near", "1", "tip", "3"), role="tab")
+        film, (finger, long) = self.parts.film_mm, self.parts.tools.finger_mm
+        shape.face(f"{end} pull tab", _tongue(width_mm, self.parts.assembly.grip_mm.value), role="tab")
         shape.connect(f"lid.{end} grip", f"{end} pull tab.near", "fold", -90)
         for side in (-1, 1):
             at = translation(width_mm / 2, film, side * (finger / 2 + film))
             shape.reach(f"{end} pull tab", Access("finger", compose(at, rotation("x", -math.pi / 2)), finger, long))
 
 
-def _tongue(width_mm: float, reach_mm: float) -> tuple[Point, ...]:
+def _tongue(width_mm: float, reach_mm: float) -> dict[str, Point]:
     """A tongue with its corners cut off, folded along its first edge."""
     corner = min(1.0, reach_mm / 2)
-    return ((0.0, 0.0), (width_mm, 0.0), (width_mm - corner, reach_mm), (corner, reach_mm))
+    return {"near": (0.0, 0.0), "1": (width_mm, 0.0), "tip": (width_mm - corner, reach_mm), "3": (corner, reach_mm)}
 
 
 # Edge of a front cap, seen from inside, at each wall; on a rear cap left and right are exchanged.
@@ -193,35 +190,28 @@ OPPOSITE = {"left": "right", "right": "left", "floor": "floor", "lid": "lid"}
 
 def cap_inset_mm(parts: Catalogue) -> float:
     """Distance of a cap's edges from the middle surfaces of the walls (mm): one film, so that its tabs fit inside."""
-    return parts.film.thickness_mm.value + parts.assembly.cap_clearance_mm.value
+    return parts.film_mm + parts.assembly.cap_clearance_mm.value
 
 
-class EndCap(Component):
-    """Faces ``cap``, with edges near (floor), front, far (lid) and rear, and ``flange``, under the lid."""
+def put_cap(shape: Shape, cap: str, end: str, module: str, outer_mm: Point, slit_mm: float) -> None:
+    """Tape a cap into the ``end`` (front or rear) of the beam of ``module``, with a way for cables ``slit_mm`` long.
 
-    parameters = (WIDTH, HEIGHT, Parameter("slit", 0, 0, 100, "length of a way for cables", "none", internal=True))
-
-    def build(self, shape: Shape) -> None:
-        """The cap, seen from inside: x points right on a front cap and left on a rear cap."""
-        assembly, inset = self.parts.assembly, 2 * cap_inset_mm(self.parts)
-        width, height = (wall_mm(self[name], self.parts) - inset for name in ("width", "height"))
-        # "front cap 1" is the one of segment 1.
-        shape.rectangle("cap", width, height, piece=shape.name.rpartition(" ")[0] or "end cap")
-        depth = assembly.cap_tab_mm.value
-        shape.face("flange", ((0.0, 0.0), (width, 0.0), (width - depth, depth), (depth, depth)))
-        shape.connect("cap.far", "flange.0", "fold", 90)
-        if self["slit"] > 0:
-            slit = assembly.cable_slit_mm.value
-            shape.rectangular_hole("cap", "slit", "slit", (width / 2, height / 2), self["slit"], slit)
-
-    @staticmethod
-    def close(shape: Shape, cap: str, end: str, module: str) -> None:
-        """Tape the cap of the subcomponent ``cap`` into the ``end`` (front or rear) of the beam of ``module``."""
-        parts = shape.parts
-        depth, inset = parts.assembly.cap_tab_mm.value, cap_inset_mm(parts)
-        for panel, edge in CAP_EDGES.items():
-            wall = f"{module}.beam.{panel if end == 'front' else OPPOSITE[panel]}.{end}"
-            if panel == "lid":
-                shape.tuck(f"{cap}.cap.{edge}", wall)
-            else:
-                shape.connect(wall, f"{cap}.cap.{edge}", "tab", 90, depth_mm=depth, inset_mm=inset)
+    Faces ``CAP.cap``, seen from inside, with edges near (floor), front, far (lid) and rear, and ``CAP.flange``, under the
+    lid. x points right on a front cap and left on a rear cap. ``outer_mm`` is the body's width and height.
+    """
+    parts, assembly, inset = shape.parts, shape.parts.assembly, cap_inset_mm(shape.parts)
+    width, height = (wall_mm(size, parts) - 2 * inset for size in outer_mm)
+    body, depth = shape.body_of(f"{module}.beam.floor"), assembly.cap_tab_mm.value
+    # "front cap 1" is the one of segment 1.
+    shape.rectangle(f"{cap}.cap", width, height, piece=cap.rpartition(" ")[0], body=body)
+    shape.face(f"{cap}.flange", ((0.0, 0.0), (width, 0.0), (width - depth, depth), (depth, depth)), body=body)
+    shape.connect(f"{cap}.cap.far", f"{cap}.flange.0", "fold", 90)
+    if slit_mm > 0:
+        at = (width / 2, height / 2)
+        shape.rectangular_hole(f"{cap}.cap", f"{cap}.slit", "slit", at, slit_mm, assembly.cable_slit_mm.value)
+    for panel, edge in CAP_EDGES.items():
+        wall = f"{module}.beam.{panel if end == 'front' else OPPOSITE[panel]}.{end}"
+        if panel == "lid":
+            shape.touch("tuck", f"{cap}.cap.{edge}", wall)
+        else:
+            shape.connect(wall, f"{cap}.cap.{edge}", "tab", 90, depth_mm=depth, inset_mm=inset)

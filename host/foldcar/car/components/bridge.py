@@ -7,15 +7,13 @@ under which legs alone would fold over. It drops in from above with the boards s
 import math
 from collections.abc import Sequence
 
-from foldcar.car.components.component import Component
 from foldcar.car.components.mounts import cylinder, screw_in
-from foldcar.car.components.parameter import Parameter
 from foldcar.car.components.shape import Shape
 from foldcar.car.folded.model import Access, Pose, Solid
 from foldcar.car.folded.pose import compose, rotation, translation
+from foldcar.car.parts.bought import Feather, FeatherWing
 from foldcar.car.parts.catalogue import Catalogue
-from foldcar.car.parts.electronics import Feather, FeatherWing, Plug
-from foldcar.car.parts.quantity import Box
+from foldcar.car.parts.quantity import Box, PartData
 
 # How far a flange's ends stay off the legs' feet.
 FOOT_CLEARANCE_MM = 0.5
@@ -31,12 +29,12 @@ def half_width_mm(parts: Catalogue) -> float:
 
 def shelf_height_mm(parts: Catalogue) -> float:
     """Height of the shelf's middle surface over that of the floor (mm): the LiPo and the screws' heads below it."""
-    return parts.film.thickness_mm.value + parts.lipo.height_mm.value + parts.assembly.shelf_clearance_mm.value
+    return parts.film_mm + parts.lipo.height_mm.value + parts.assembly.shelf_clearance_mm.value
 
 
 def usb_height_mm(parts: Catalogue) -> float:
     """Height of the USB socket's middle over the floor's middle surface (mm)."""
-    on_shelf = parts.film.thickness_mm.value / 2 + parts.spacer.length_mm.value
+    on_shelf = parts.film_mm / 2 + parts.spacer.length_mm.value
     return shelf_height_mm(parts) + on_shelf + parts.feather.usb.at_mm[2]
 
 
@@ -44,7 +42,7 @@ def stack_height_mm(parts: Catalogue) -> float:
     """Height from the floor's middle surface to the bends of the leads over the servos' plugs (mm)."""
     feather, wing = parts.feather, parts.featherwing
     boards = feather.board_mm.value + wing.gap_mm.value + wing.plug_top_mm.value + wing.plug_bend_mm.value
-    return shelf_height_mm(parts) + parts.film.thickness_mm.value / 2 + parts.spacer.length_mm.value + boards
+    return shelf_height_mm(parts) + parts.film_mm / 2 + parts.spacer.length_mm.value + boards
 
 
 def span_mm(parts: Catalogue) -> tuple[float, float]:
@@ -54,79 +52,68 @@ def span_mm(parts: Catalogue) -> tuple[float, float]:
     return at_wall, parts.feather.length_mm.value / 2 + assembly.bridge_gap_mm.value
 
 
-class Bridge(Component):
-    """Faces ``shelf``, x forward and its origin at its right rear corner, legs, feet and ``flange``."""
+def middle_mm(parts: Catalogue, y_mm: float) -> float:
+    """y of the bridge's middle, if that of its boards is ``y_mm``."""
+    left, right = span_mm(parts)
+    return y_mm + (left - right) / 2
 
-    parameters = (
-        Parameter("side", -1, -1, 1, "the flange's edge: 1 is the front one, -1 the rear one", "rear", "", internal=True),
-    )
 
-    def build(self, shape: Shape) -> None:
-        """The shelf and what is folded down from it."""
-        parts, assembly = self.parts, self.parts.assembly
-        film = parts.film.thickness_mm.value
-        along, across = 2 * half_width_mm(parts), sum(span_mm(parts))
+def put_bridge(shape: Shape, floor: str, x_mm: float, y_mm: float, side: int) -> None:
+    """Put it onto the face ``floor``, the middle of its boards at (x, y), USB towards +y, and the boards onto it.
+
+    Faces ``bridge.shelf``, x forward and its origin at its right rear corner, legs, feet and ``bridge.flange`` at the
+    front edge (``side`` 1) or the rear one (-1).
+    """
+    parts, assembly, film = shape.parts, shape.parts.assembly, shape.parts.film_mm
+    half, (_, right), up = half_width_mm(parts), span_mm(parts), shelf_height_mm(parts)
+    along, across = 2 * half, sum(span_mm(parts))
+    shape.rectangle("bridge.shelf", along, across, piece="bridge")
+    for leg, edge in (("right", "near"), ("left", "far")):
         # The feet lie on the floor, the flange ends above it.
-        leg = shelf_height_mm(parts) - film
-        flange = shelf_height_mm(parts) - film / 2 - assembly.cap_clearance_mm.value
-        shape.rectangle("shelf", along, across, piece="bridge")
-        for side, edge in (("right", "near"), ("left", "far")):
-            shape.rectangle(f"{side} leg", along, leg)
-            shape.rectangle(f"{side} foot", along, assembly.bridge_foot_mm.value)
-            shape.connect(f"shelf.{edge}", f"{side} leg.near", "fold", -90)
-            shape.connect(f"{side} leg.far", f"{side} foot.near", "fold", -90)
-        inset, half = assembly.bridge_foot_mm.value + FOOT_CLEARANCE_MM, assembly.tongue_mm.value / 2
-        tip = shelf_height_mm(parts) + film / 2 + assembly.floor_tongue_reach_mm.value
-        points = {
-            "near": (0.0, 0.0), "1": (across, 0.0), "2": (across - inset, flange), "3": (across / 2 + half, flange),
-            "tip": (across / 2 + half, tip), "5": (across / 2 - half, tip), "6": (across / 2 - half, flange),
-            "7": (inset, flange),
-        }  # fmt: skip
-        shape.face("flange", tuple(points.values()), tuple(points))
-        shape.connect("shelf.front" if self["side"] > 0 else "shelf.rear", "flange.near", "fold", -90)
+        shape.rectangle(f"bridge.{leg} leg", along, up - film)
+        shape.rectangle(f"bridge.{leg} foot", along, assembly.bridge_foot_mm.value)
+        shape.connect(f"bridge.shelf.{edge}", f"bridge.{leg} leg.near", "fold", -90)
+        shape.connect(f"bridge.{leg} leg.far", f"bridge.{leg} foot.near", "fold", -90)
+    inset, tongue = assembly.bridge_foot_mm.value + FOOT_CLEARANCE_MM, assembly.tongue_mm.value / 2
+    flange, tip = up - film / 2 - assembly.cap_clearance_mm.value, up + film / 2 + assembly.floor_tongue_reach_mm.value
+    points = {
+        "near": (0.0, 0.0), "1": (across, 0.0), "2": (across - inset, flange), "3": (across / 2 + tongue, flange),
+        "tip": (across / 2 + tongue, tip), "5": (across / 2 - tongue, tip), "6": (across / 2 - tongue, flange),
+        "7": (inset, flange),
+    }  # fmt: skip
+    shape.face("bridge.flange", points)
+    shape.connect("bridge.shelf.front" if side > 0 else "bridge.shelf.rear", "bridge.flange.near", "fold", -90)
+    shape.place("bridge.shelf", floor, translation(x_mm - half, y_mm - right, up))
+    for leg in ("right", "left"):
+        shape.touch("laminate", f"bridge.{leg} foot", floor)
+    at, play = (x_mm + side * half, middle_mm(parts, y_mm)), assembly.slot_clearance_mm.value
+    shape.rectangular_hole(floor, "bridge slot", "slot", at, film + play, assembly.tongue_mm.value + 2 * play)
+    shape.touch("tab_slot", "bridge.flange.tip", floor, "bridge slot")
+    _fasten(shape, "bridge.shelf", (half, right))
 
-    def insert(self, shape: Shape, bridge: str, floor: str, x_mm: float, y_mm: float) -> None:
-        """Put it onto the face ``floor``, the middle of its boards at (x, y), USB towards +y, and the boards onto it."""
-        parts, assembly, film = self.parts, self.parts.assembly, self.parts.film.thickness_mm.value
-        half, (_, right) = half_width_mm(parts), span_mm(parts)
-        shape.place(f"{bridge}.shelf", floor, translation(x_mm - half, y_mm - right, shelf_height_mm(parts)))
-        for side in ("right", "left"):
-            shape.stick(f"{bridge}.{side} foot", floor)
-        at = (x_mm + self["side"] * half, self.middle_mm(y_mm))
-        play = assembly.slot_clearance_mm.value
-        shape.rectangular_hole(floor, "bridge slot", "slot", at, film + play, assembly.tongue_mm.value + 2 * play)
-        shape.lock(f"{bridge}.flange.tip", floor, "bridge slot", "tab_slot")
-        self._boards(shape, f"{bridge}.shelf", (half, right))
 
-    def middle_mm(self, y_mm: float) -> float:
-        """y of the bridge's middle, if that of its boards is ``y_mm``."""
-        left, right = span_mm(self.parts)
-        return y_mm + (left - right) / 2
+def _fasten(shape: Shape, shelf: str, middle: tuple[float, float]) -> None:
+    """Spacers and screws at the Feather's free holes, a foam pad under its other end; on them Feather and wing.
 
-    def _boards(self, shape: Shape, shelf: str, middle: tuple[float, float]) -> None:
-        """Spacers and screws at the Feather's free holes, a foam pad under its other end; on them Feather and wing.
-
-        The module covers a part of the holes at the antenna. The pad is pressed to the spacers' height.
-        """
-        parts, film = self.parts, self.parts.film.thickness_mm.value
-        feather, spacer = parts.feather, parts.spacer
-        holes, tall = [], spacer.length_mm.value
-        size = (spacer.diameter_mm.value, spacer.diameter_mm.value, tall)
-        for i, (x, y) in enumerate(((y, -x) for x, y in feather.free_holes(parts.board_screw)), 1):
-            at = (middle[0] + x, middle[1] + y)
-            holes.append(shape.round_hole(shelf, f"board screw {i}", "screw", at, parts.assembly.screw_hole_mm.value))
-            pose = translation(*at, (film + tall) / 2)
-            round_one = (cylinder(spacer.diameter_mm.value, -tall / 2, tall / 2, bore_mm=spacer.hole_mm.value),)
-            shape.box(spacer.name, f"spacer {i}", shelf, pose, size, spacer.mass_kg.value, (), round_one)
-            below = compose(translation(*at, -film / 2), rotation("x", math.pi))
-            screw_in(shape, parts.board_screw, f"board screw {i}", shelf, below, film + tall + feather.board_mm.value)
-        pad = parts.board_pad
-        size = (pad.width_mm.value, pad.length_mm.value, tall)
-        pose = translation(middle[0], middle[1] - (feather.length_mm.value - pad.length_mm.value) / 2, (film + tall) / 2)
-        shape.box(pad.name, pad.name, shelf, pose, size, pad.mass_kg.value)
-        up = film / 2 + tall
-        for board in (put_feather, put_wing):
-            board(shape, shelf, compose(translation(*middle, up), rotation("z", -math.pi / 2)), holes)
+    The module covers a part of the holes at the antenna. The pad is pressed to the spacers' height.
+    """
+    parts, film = shape.parts, shape.parts.film_mm
+    feather, spacer = parts.feather, parts.spacer
+    holes, tall = [], spacer.length_mm.value
+    size = (spacer.diameter_mm.value, spacer.diameter_mm.value, tall)
+    for i, (x, y) in enumerate(((y, -x) for x, y in feather.free_holes(parts.board_screw)), 1):
+        at = (middle[0] + x, middle[1] + y)
+        holes.append(shape.round_hole(shelf, f"board screw {i}", "screw", at, parts.assembly.screw_hole_mm.value))
+        pose = translation(*at, (film + tall) / 2)
+        round_one = (cylinder(spacer.diameter_mm.value, -tall / 2, tall / 2, bore_mm=spacer.hole_mm.value),)
+        shape.box(spacer.name, f"spacer {i}", shelf, pose, size, spacer.mass_kg.value, (), round_one)
+        below = compose(translation(*at, -film / 2), rotation("x", math.pi))
+        screw_in(shape, parts.board_screw, f"board screw {i}", shelf, below, film + tall + feather.board_mm.value)
+    pad = parts.board_pad
+    size = (pad.width_mm.value, pad.length_mm.value, tall)
+    pose = translation(middle[0], middle[1] - (feather.length_mm.value - pad.length_mm.value) / 2, (film + tall) / 2)
+    shape.box(pad.name, pad.name, shelf, pose, size, pad.mass_kg.value)
+    _put_boards(shape, shelf, compose(translation(*middle, film / 2 + tall), rotation("z", -math.pi / 2)), holes)
 
 
 def mouth_mm(parts: Catalogue) -> float:
@@ -135,47 +122,35 @@ def mouth_mm(parts: Catalogue) -> float:
     return usb.size_mm[0] / 2 - usb.at_mm[0]
 
 
-def plug_room_mm(plug: Plug) -> float:
+def plug_room_mm(plug: PartData) -> float:
     """Diameter of the cylinder (mm) that the largest of such plugs passes."""
     return math.hypot(plug.width_mm.most, plug.thickness_mm.most)
 
 
-def _plug(plug: Plug, pose: Pose) -> Access:
-    """The room that the largest of such plugs takes."""
-    return Access("plug", pose, plug_room_mm(plug), plug.length_mm.most)
+def _put_boards(shape: Shape, on: str, under: Pose, holes: Sequence[str]) -> None:
+    """Add the Feather, ``under`` its board's frame in that of the face ``on``, and the wing with servos' plugs in it."""
+    parts, feather, wing = shape.parts, shape.parts.feather, shape.parts.featherwing
 
+    def plug(name: str, pose: Pose) -> Access:
+        one: PartData = getattr(parts.plugs, name)
+        return Access("plug", pose, plug_room_mm(one), one.length_mm.most)
 
-def put_feather(shape: Shape, on: str, under: Pose, holes: Sequence[str]) -> None:
-    """Add the Feather, ``under`` its board's frame in that of the face ``on``."""
-    feather, plugs = shape.parts.feather, shape.parts.plugs
-    _, y, z = feather.usb.at_mm
-    usb = compose(translation(-mouth_mm(shape.parts), y, z), rotation("y", -math.pi / 2))
-    socket = feather.battery_socket
+    (_, y, z), socket = feather.usb.at_mm, feather.battery_socket
+    usb = compose(translation(-mouth_mm(parts), y, z), rotation("y", -math.pi / 2))
     (along, across, up), (_, reach, _) = socket.at_mm, socket.size_mm
     battery = compose(translation(along, across + reach / 2, up), rotation("x", -math.pi / 2))
-    ways = [_plug(plugs.usb, usb), _plug(plugs.battery, battery)]
-    standing = (*feather.headers, *feather.joints, *feather.small, feather.usb, socket, feather.antenna, feather.reset)
-    _put(shape, feather, on, under, standing, ways, holes)
-
-
-def put_wing(shape: Shape, on: str, under: Pose, holes: Sequence[str]) -> None:
-    """Add the wing with the servos' plugs upright in it; ``under`` is the frame of the Feather below it.
-
-    Its reset button stands between plugs, so that a screwdriver's tip presses it, not a finger.
-    """
-    parts, wing = shape.parts, shape.parts.featherwing
-    here = compose(under, translation(0, 0, parts.feather.board_mm.value + wing.gap_mm.value))
-    top = wing.plug_top_mm.value + wing.plug_bend_mm.value
+    _put(shape, feather, on, under, feather.standing, [plug("usb", usb), plug("battery", battery)], holes)
+    # The servos' plugs stand upright, their leads bend over them.
+    top, low = wing.plug_top_mm.value + wing.plug_bend_mm.value, wing.board_mm.value
     solids, ways = [*wing.headers, wing.terminal_block, wing.reset], []
     for header in wing.servo_headers:
-        (x, y, _), low = header.at_mm, wing.board_mm.value
-        size = (*header.size_mm[:2], top - low)
+        (x, y, _), size = header.at_mm, (*header.size_mm[:2], top - low)
         solids.append(header.model_copy(update={"at_mm": (x, y, (top + low) / 2), "size_mm": size}))
-        ways.append(_plug(parts.plugs.servo, translation(x, y, top)))
+        ways.append(plug("servo", translation(x, y, top)))
+    # The reset button stands between plugs, so that a screwdriver's tip presses it, not a finger.
     x, y, z = wing.reset.at_mm
-    above = translation(x, y, z + wing.reset.size_mm[2] / 2)
-    ways.append(Access("driver", above, *parts.tools.driver_mm))
-    _put(shape, wing, on, here, solids, ways, ())
+    ways.append(Access("driver", translation(x, y, z + wing.reset.size_mm[2] / 2), *parts.tools.driver_mm))
+    _put(shape, wing, on, compose(under, translation(0, 0, feather.board_mm.value + wing.gap_mm.value)), solids, ways, ())
 
 
 def _put(

@@ -1,19 +1,87 @@
-"""Components: their parameters and subcomponents, solved from the top down.
+"""Components: their parameters and subcomponents, from the top down.
 
 A component declares its parameters and its subcomponents; ``build`` then makes its faces and connects them (shape.py). A
 parameter of a subcomponent is the parent's parameter of the same name (``inherit``), a parameter of the parent named
 ``prefix.name`` (``prefix``), or set to a number or an expression of the parent's parameters (``settings``).
 """
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import ClassVar
+from typing import TYPE_CHECKING
 
-from foldcar.car.components.parameter import ComponentError, Parameter, Slot
-from foldcar.car.components.shape import Graph, Shape
 from foldcar.car.parts.catalogue import Catalogue, catalogue
+from foldcar.errors import FoldcarError
 
-Expression = Callable[["Component"], float]
+if TYPE_CHECKING:
+    from foldcar.car.components.shape import Shape
+
+# Computed values and limits carry errors of rounding.
+ROUNDING = 1e-9
+
+# A number, or a function that computes it from the parts catalogue.
+Number = float | Callable[[Catalogue], float]
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """A parameter of a component, in millimetres or degrees (``unit``).
+
+    A shared one has one value for the whole car. An internal one is set by the parent component, never by a design.
+    ``sold`` are the only values that there are, if any: what can be bought.
+    """
+
+    name: str
+    default: Number
+    minimum: Number
+    maximum: float
+    help: str
+    reason: str
+    unit: str = "mm"
+    shared: bool = False
+    internal: bool = False
+    sold: Callable[[Catalogue], Sequence[float]] | None = None
+
+    def default_with(self, parts: Catalogue) -> float:
+        """The default with these parts."""
+        return float(self.default(parts) if callable(self.default) else self.default)
+
+    def least_with(self, parts: Catalogue) -> float:
+        """The minimum with these parts."""
+        return float(self.minimum(parts) if callable(self.minimum) else self.minimum)
+
+    def complaint(self, value: float, parts: Catalogue) -> str | None:
+        """The error message for a value outside the limits with these parts, or None."""
+        least = self.least_with(parts)
+        if not value >= least - ROUNDING:
+            return f"{value:g} is below the minimum {at_least(least)} ({self.reason})"
+        if not value <= self.maximum + ROUNDING:
+            return f"{value:g} is above the maximum {at_most(self.maximum)}"
+        sold = self.sold(parts) if self.sold else [value]
+        nearest = min(sold, key=lambda one: abs(one - value))
+        if abs(nearest - value) > ROUNDING:
+            side = "above" if value > nearest else "below"
+            known = ", ".join(f"{one:g}" for one in sold)
+            return f"{value:g} is {side} the {nearest:g} of the nearest that is sold ({known})"
+        return None
+
+
+def at_least(limit: float) -> str:
+    """A lower limit as text, rounded so that a value like it is not below."""
+    return f"{math.ceil(limit * 1000 - 1e-6) / 1000:.10g}"
+
+
+def at_most(limit: float) -> str:
+    """An upper limit as text, rounded so that a value like it is not above."""
+    return f"{math.floor(limit * 1000 + 1e-6) / 1000:.10g}"
+
+
+class ComponentError(FoldcarError):
+    """A component that cannot be made. ``key`` is the outermost parameter that sets the value at fault, or None."""
+
+    def __init__(self, path: str, message: str, key: str | None = None) -> None:
+        super().__init__(f"{path}: {message}" if path else message)
+        self.message, self.key = message, key
 
 
 @dataclass(frozen=True)
@@ -28,7 +96,7 @@ class Sub:
     inherit: tuple[str, ...] = ()
     prefix: str | None = None
     root: bool = False
-    settings: Mapping[str, float | Expression] = field(default_factory=dict)
+    settings: Mapping[str, float | Callable[["Component"], float]] = field(default_factory=dict)
     body: str | None = None
 
 
@@ -38,79 +106,55 @@ class Component:
     ``parts`` are the chosen parts, those of the whole car.
     """
 
-    parameters: ClassVar[tuple[Parameter, ...]] = ()
+    parameters: tuple[Parameter, ...] = ()
 
-    def __init__(self, path: str = "", body: str = "", parts: Catalogue | None = None) -> None:
+    def __init__(
+        self, values: Mapping[str, float] | None = None, path: str = "", body: str = "", parts: Catalogue | None = None,
+        keys: Mapping[str, str] | None = None,
+    ) -> None:  # fmt: skip
+        """``keys`` are the outermost parameters that set values. ComponentError for a value outside its limits."""
         self.path, self.body, self.parts = path, body, parts or catalogue()
-        self.slots = {one.name: Slot(one, self._under(one.name), self.parts) for one in self.parameters}
-        self._subs = sorted(self.subcomponents(), key=lambda sub: not sub.root)
+        given = dict(values or {})
+        self.keys = {name: name for name in given} if keys is None else keys
+        self.values = {one.name: given.get(one.name, one.default_with(self.parts)) for one in self.parameters}
+        for name in given:
+            self[name]
+        for one in self.parameters:
+            complaint = one.complaint(self[one.name], self.parts)
+            if complaint:
+                raise self.misfit(one.name, complaint)
         self.children: dict[str, Component] = {}
-        for sub in self._subs:
+        for sub in sorted(self.subcomponents(), key=lambda sub: not sub.root):
             if sub.name in self.children:
                 raise ComponentError(path, f'two subcomponents are called "{sub.name}"')
-            self.children[sub.name] = sub.kind(self._under(sub.name), sub.body or body, self.parts)
-            self._bind(sub, self.children[sub.name])
+            self.children[sub.name] = self._made(sub)
 
     def subcomponents(self) -> Sequence[Sub]:
         """The subcomponents; none by default."""
         return ()
 
-    def build(self, shape: Shape) -> None:
-        """Make the component's faces and connect them; its parameters are final and its subcomponents built."""
+    def build(self, shape: "Shape") -> None:
+        """Make the component's faces and connect them; its subcomponents are built."""
 
     def __getitem__(self, name: str) -> float:
-        """A parameter's value in its unit; ComponentError outside its limits."""
-        return self.slot(name).read()
-
-    def slot(self, path: str) -> Slot:
-        """The slot of a parameter by its path below this component (``length``, ``beam.length``); else ComponentError."""
-        if path in self.slots:
-            return self.slots[path]
-        child, dot, rest = path.partition(".")
-        if dot and child in self.children:
-            return self.children[child].slot(rest)
-        raise ComponentError(self.path, f'has no parameter "{path}"; it has {", ".join(self.slots) or "none"}')
-
-    def solve(self, values: Mapping[str, float]) -> None:
-        """Assign the values, then derive every other parameter; ComponentError if two values disagree."""
-        for name, value in values.items():
-            self.slot(name).assign(value)
-        self._settle()
+        """A parameter's value in its unit."""
+        if name not in self.values:
+            raise ComponentError(self.path, f'has no parameter "{name}"; it has {", ".join(self.values) or "none"}')
+        return self.values[name]
 
     def misfit(self, name: str, message: str) -> ComponentError:
         """A ComponentError whose cause is the parameter ``name``."""
-        return ComponentError(self._under(name), message, self.slot(name))
+        return ComponentError(self._under(name), message, self.keys.get(name))
 
-    def _settle(self) -> None:
-        for name in self.slots:
-            self.slots[name].read()
-        for sub in self._subs:
-            child = self.children[sub.name]
-            for name, setting in sub.settings.items():
-                value = setting(self) if callable(setting) else setting
-                child.slot(name).assign(float(value), f" (set by {self.path or type(self).__name__})")
-            child._settle()
-
-    def _bind(self, sub: Sub, child: "Component") -> None:
-        for name in (*sub.inherit, *sub.settings):
-            child.slot(name)
-        for name, slot in child.slots.items():
-            if name in sub.settings or not (name in sub.inherit or sub.prefix is not None):
-                continue
-            mine = name if name in sub.inherit else f"{sub.prefix}.{name}"
-            if mine in self.slots:
-                self.slots[mine].unite(slot)
-            else:
-                self.slots[mine] = slot
+    def _made(self, sub: Sub) -> "Component":
+        mine = {name: name for name in sub.inherit}
+        if sub.prefix is not None:
+            own = (one.name for one in sub.kind.parameters if one.name not in (*mine, *sub.settings))
+            mine |= {name: f"{sub.prefix}.{name}" for name in own if f"{sub.prefix}.{name}" in self.values}
+        settings = {name: one(self) if callable(one) else one for name, one in sub.settings.items()}
+        values = {name: self[above] for name, above in mine.items()} | settings
+        keys = {name: key for name, above in mine.items() if (key := self.keys.get(above)) is not None}
+        return sub.kind(values, self._under(sub.name), sub.body or self.body, self.parts, keys)
 
     def _under(self, name: str) -> str:
         return f"{self.path}.{name}" if self.path else name
-
-
-def build(component: Component, graph: Graph | None = None) -> Graph:
-    """The graph of faces and links that a solved component and all its subcomponents build."""
-    graph = graph if graph is not None else Graph()
-    for child in component.children.values():
-        build(child, graph)
-    component.build(Shape(component.path, component.body, graph, component.parts))
-    return graph

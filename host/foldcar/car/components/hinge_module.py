@@ -8,24 +8,17 @@ import math
 from itertools import pairwise
 
 from foldcar.car.components.box_beam import HEIGHT, WIDTH, cap_inset_mm, wall_mm
-from foldcar.car.components.component import Component
-from foldcar.car.components.parameter import ROUNDING, Parameter, at_least, at_most
+from foldcar.car.components.component import ROUNDING, Component, Parameter, at_least, at_most
 from foldcar.car.components.shape import Shape
 from foldcar.car.folded.pose import compose, rotation, translation
+from foldcar.car.parts.bought import Film
 from foldcar.car.parts.catalogue import Catalogue, film_of, films
-from foldcar.car.parts.film import Film
 
 
 def _thicknesses_mm(parts: Catalogue) -> list[float]:
     """The films that a hinge's strip may be of: those of the car's material."""
     return [film.thickness_mm.value for film in films(parts.film.name)]
 
-
-THICKNESS = Parameter(
-    "thickness", lambda parts: parts.film.thickness_mm.value, lambda parts: min(_thicknesses_mm(parts)), 1,
-    "thickness of a hinge's strip, as wide as the body: of a film of the car's material", "the thinnest film there is",
-    sold=_thicknesses_mm,
-)  # fmt: skip
 
 FOLD_DOWN_DEG = 60
 
@@ -60,7 +53,11 @@ class HingeModule(Component):
             "length", _length_mm, 1, 60, "length of a hinge's strip, the gap between two segments",
             "a strip that bends evenly",
         ),
-        THICKNESS,
+        Parameter(
+            "thickness", lambda parts: parts.film_mm, lambda parts: min(_thicknesses_mm(parts)), 1,
+            "thickness of a hinge's strip, as wide as the body: of a film of the car's material",
+            "the thinnest film there is", sold=_thicknesses_mm,
+        ),
         Parameter("fold_down", FOLD_DOWN_DEG, 0, 90, "how far the front segment may pitch nose down against the rear one",
                   "flat", "deg"),
         Parameter("fold_up", 0, 0, 90, "how far it may pitch nose up, which lets the car sag", "flat", "deg"),
@@ -82,19 +79,18 @@ class HingeModule(Component):
         if self["length"] < least - ROUNDING:
             bent = f"{film.title} bent by {math.degrees(bend):g}° on {film.least_bend_radius_mm.value:g} mm"
             raise self.misfit("length", f"{self['length']:g} is below the minimum {at_least(least)} ({bent})")
-        half = self["length"] / 2 + self.parts.assembly.hinge_glue_mm.value
-        width = wall_mm(self["width"], self.parts)
+        half, width = self["length"] / 2 + self.parts.assembly.hinge_glue_mm.value, wall_mm(self["width"], self.parts)
         for name in ("front half", "rear half"):
             shape.rectangle(name, half, width, piece="hinge strip", thickness_mm=self["thickness"])
         limits = (-math.radians(self["fold_down"]), math.radians(self["fold_up"]))
         shape.connect("front half.rear", "rear half.front", "hinge", 0, limits_rad=limits)
         if self._stop_mm() >= LEAST_STOP_MM:
             # The stop's tube: two flaps glued to the cap, two sides, and the face that the other cap meets.
-            width, web, reach = wall_mm(self["width"], self.parts) * STOP_SHARE, self._web_mm(), self._stop_mm()
+            web, reach = self._web_mm(), self._stop_mm()
             flap = web * GLUE_SHARE
             sizes = {"glue 1": flap, "side 1": reach, "stop": web, "side 2": reach, "glue 2": flap}
             for name, size in sizes.items():
-                shape.rectangle(name, width, size, piece="hinge stop")
+                shape.rectangle(name, width * STOP_SHARE, size, piece="hinge stop")
             for one, following in pairwise(sizes):
                 shape.connect(f"{one}.far", f"{following}.near", "fold", 90)
 
@@ -104,11 +100,9 @@ class HingeModule(Component):
         ``hinge`` is this component's path, ``modules`` and ``caps`` are those in front of and behind the gap. The
         strip determines the pose of everything behind it.
         """
-        glue, gap = self.parts.assembly.hinge_glue_mm.value, self["length"] / 2
-        front, rear = modules
-        film = self.parts.film.thickness_mm.value
-        under = -(film + self["thickness"]) / 2
-        shape.laminate(f"{hinge}.front half", f"{front}.beam.floor", translation(-gap, 0, under))
+        film, (front, rear) = self.parts.film_mm, modules
+        under, glue = -(film + self["thickness"]) / 2, self.parts.assembly.hinge_glue_mm.value
+        shape.laminate(f"{hinge}.front half", f"{front}.beam.floor", translation(-self["length"] / 2, 0, under))
         length = shape.face_size_mm(f"{rear}.beam.floor")[0]
         shape.laminate(f"{hinge}.rear half", f"{rear}.beam.floor", translation(length - glue, 0, under))
         if self._stop_mm() >= LEAST_STOP_MM:
@@ -124,7 +118,7 @@ class HingeModule(Component):
         half, up = self["length"] / 2, math.radians(self["fold_up"])
         gap = half + half / math.cos(up) - (wall_mm(self["height"], self.parts) - STOP_FROM_LID_MM) * math.tan(up)
         # Less the film: half a thickness each of cap and stop at the contact, and of cap and flap at the glued end.
-        return gap - 2 * self.parts.film.thickness_mm.value
+        return gap - 2 * self.parts.film_mm
 
     def _web_mm(self) -> float:
         """Height of the stop (mm), which ends above the slit for cables."""

@@ -1,4 +1,7 @@
-"""Strips of film between a wheel's two discs, with hooks on their edges that hold the discs: the rim, the hub's walls.
+"""Sizes of a wheel, and its strips of film between two discs, with hooks on their edges that hold the discs: rim, hub.
+
+A strip is a polygon of facets in the model and a smooth curve when built: its facets are together as long as the circle
+that its middle surface bends to.
 
 The rim is equal strips around the discs, each hooked to the next one. A strip's hooks drop from outside into notches in
 the discs' edges, where its necks lie flush with the running circle. Its first facet has a tongue whose head passes the
@@ -8,24 +11,114 @@ the film's thickness, so that the circle stays even.
 The hub is a layer glued onto the inner disc over the horn, with three walls folded up from its edges. A hook on each
 drops through a slot of the outer disc, which is then turned until the hooks lie behind film; the rim holds it there.
 
-A facet's frame: x along the strip, y across it from the inner disc to the outer one, z towards the axle. In mm.
+A facet's frame: x along the strip, y across it from the inner disc to the outer one, z towards the axle. Lengths in mm.
 """
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
-from foldcar.car.components.shape import Shape
-from foldcar.car.components.wheel_size import PLAY_MM, WALL_RAD, WALLS, WheelSize
+from foldcar.car.components.shape import Shape, on_circle
 from foldcar.car.folded.model import Point, Pose
 from foldcar.car.folded.pose import compose, rotation, translation
+from foldcar.car.parts.bought import Horn
+from foldcar.car.parts.catalogue import Catalogue
+
+# A rim strip is no longer than this, so that it fits on a sheet of A4.
+LONGEST_STRIP_MM = 250.0
+# The rim is tied to the discs at least so often; spans shorter than this do not make a disc of thin film stiffer.
+LEAST_TIES = 4
+LEAST_SPAN_MM = 65.0
+# A tyre pulls with this force around the discs: a band of 12 x 1 mm² of natural rubber (1.5 MPa), stretched by a tenth.
+TYRE_PULL_N = 1.8
+# A disc that is clamped at its hub, held inwards by the rim and outwards at the ties stays even up to an edge load of so
+# many times D / span², D its bending stiffness (Ritz solution: 22 to 33 for 4 to 6 ties and radii of 30 to 150 mm).
+CRITICAL = 25.0
+POISSON = 0.38
+# Least length of a facet of the rim: its last one has the slot for the next strip's tongue.
+RIM_FACET_MM = 7.8
+# The hub's walls, each an eighth of a turn wide, as seen from the axle.
+WALLS = 3
+WALL_RAD = math.pi / 4
+# Film between a slot and another edge, and between the notches of the rim and the hub's walls.
+BRIDGE_MM = 1.5
+LEAST_WEB_MM = 4.0
+# Neck and hooks of the rim.
+NECK_MM = 3.0
+HOOK_MM = 1.5
+# Play of the hub's necks towards the axle, which lets the outer disc run out of true: as little as machines repeat.
+PLAY_MM = 0.1
+
+
+class WheelSize:
+    """A wheel of rolling ``radius_mm``, tyre included, ``width_mm`` from outside to outside of its discs."""
+
+    def __init__(self, radius_mm: float, width_mm: float, parts: Catalogue) -> None:
+        self.radius_mm, self.width_mm, self.film_mm = radius_mm, width_mm, parts.film_mm
+        # Play of a neck in its slot or notch on each side.
+        self.clearance_mm = parts.assembly.slot_clearance_mm.value / 2
+        # Radius of the discs and of the rim's outer face, on which the tyre lies.
+        self.disc_radius_mm = radius_mm - parts.tyre.thickness_mm.value
+        # Width of the strips between the discs, with some play.
+        self.between_mm = width_mm - 2 * (self.film_mm + self.clearance_mm)
+        # The rim, along the film's middle, is so many equal strips.
+        length_mm = 2 * math.pi * (self.disc_radius_mm - self.film_mm / 2)
+        self.strips = math.ceil(length_mm / LONGEST_STRIP_MM)
+        # Each strip is tied to the discs, on each edge, so often that the tyre's pull T makes no disc of 0.25 mm wavy: it
+        # loads the edge of each disc with N = T / 2 R; that stays even up to N = CRITICAL D / span².
+        radius_m, modulus = self.disc_radius_mm * 1e-3, parts.film.youngs_modulus_pa.value
+        stiffness_n_m = modulus * (self.film_mm * 1e-3) ** 3 / 12 / (1 - POISSON**2)
+        span_mm = max(LEAST_SPAN_MM, 1e3 * math.sqrt(CRITICAL * stiffness_n_m * 2 * radius_m / TYRE_PULL_N))
+        spans = math.ceil(2 * math.pi * self.disc_radius_mm / self.strips / span_mm)
+        self.ties = max(spans, math.ceil(LEAST_TIES / self.strips))
+        # Directions of the ties around the axle, from x towards z of the wheel's frame; strip after strip.
+        count = self.strips * self.ties
+        self.tie_angles_rad = [2 * math.pi * i / count for i in range(count)]
+        # Facets of the rim from tie to tie; each one's length, its angle to the next, its distance from the axle.
+        self.facets_per_tie = max(1, math.floor(length_mm / (count * RIM_FACET_MM)))
+        self.facet_mm = length_mm / (count * self.facets_per_tie)
+        self.turn_rad = 2 * math.pi / (count * self.facets_per_tie)
+        self.apothem_mm = self.facet_mm / 2 / math.tan(self.turn_rad / 2)
+        # A strip's last facet dips until its end lies a film within the next strip's first one, at this slope to it.
+        self.slope_rad = math.asin(math.sin(self.turn_rad) - self.film_mm / self.facet_mm)
+        # Half the width of a notch in a disc, and the distance of its bottom from the axle.
+        self.notch_mm = NECK_MM / 2 + self.clearance_mm, self.apothem_mm - self.film_mm / 2 - self.clearance_mm
+        # Distance of the hub's walls from the axle: a driver reaches every screw between them.
+        self.hub_mm = hub_mm(parts)
+        # Height of the hub's walls, from the middle of its layer on the inner disc to the outer disc, with some play.
+        self.wall_mm = width_mm - 2.5 * self.film_mm - self.clearance_mm
+
+
+def wheel_screws_mm(horn: Horn) -> tuple[Point, Point]:
+    """The two holes of the horn, farthest from each other, that hold the wheel: points of the horn's frame."""
+    holes = horn.wheel_screws.at_mm
+    return max(((a, b) for a in holes for b in holes), key=lambda pair: (math.dist(*pair), pair[0]))
+
+
+def access_radius_mm(parts: Catalogue) -> float:
+    """Radius of a hole through which a driver reaches all screws of the horn."""
+    reach = max(math.hypot(*at) for at in wheel_screws_mm(parts.horn))
+    play = max(0.5, parts.horn.wheel_screws.tolerance)
+    return reach + max(parts.tools.driver_diameter_mm.value, parts.horn_screw.head_diameter_mm.value) / 2 + play
+
+
+def hub_mm(parts: Catalogue) -> float:
+    """Distance of the hub's walls from the axle (mm): film is left between their slots and the hole for the driver."""
+    return access_radius_mm(parts) + BRIDGE_MM + PLAY_MM + parts.film_mm / 2
+
+
+def least_radius_mm(parts: Catalogue) -> float:
+    """Least rolling radius of a wheel: hub, film to the rim's notches, tyre; in tenths of a millimetre."""
+    corner = hub_mm(parts) / math.cos(WALL_RAD / 2)
+    least = corner + LEAST_WEB_MM + 2 * parts.film_mm + parts.tyre.thickness_mm.value
+    return math.ceil(10 * least - 1e-9) / 10
+
 
 DEPTH_MM = 2.5
 # The tip of a hook is shorter than its head by this on each hooking side, so that it finds its slot.
 TAPER_MM = 1.0
 
 
-@dataclass(frozen=True)
-class Hook:
+class Hook(NamedTuple):
     """A neck that passes a disc over ``reach_mm``, and a head that reaches beyond it to the left, the right or both."""
 
     neck_mm: float
@@ -33,60 +126,43 @@ class Hook:
     right_mm: float
     reach_mm: float
 
-    def path(self, x: float, y: float, out: float) -> tuple[list[Point], int]:
-        """Its points for a neck at ``x`` on an edge at ``y``, counter-clockwise around the facet, and the tip's index.
+    def path(self, side: str, x: float, y: float) -> dict[str, Point]:
+        """Its part of an outline, counter-clockwise, for a neck at ``x`` on the edge ``inner`` or ``outer`` at ``y``.
 
-        ``out`` is -1 on the inner edge, 1 on the outer one.
+        The edge at its tip is ``inner tip`` or ``outer tip``.
         """
+        out = -1 if side == "inner" else 1
         near, far = y + out * self.reach_mm, y + out * (self.reach_mm + DEPTH_MM)
         a, b = x - self.neck_mm / 2, x + self.neck_mm / 2
         left, right = a - self.left_mm, b + self.right_mm
         tip = [(left + TAPER_MM * (self.left_mm > 0), far), (right - TAPER_MM * (self.right_mm > 0), far)]
         before = [(a, y), (a, near), (left, near)] if self.left_mm else [(a, y)]
         after = [(right, near), (b, near), (b, y)] if self.right_mm else [(b, y)]
-        points = [*before, *tip, *after]
-        return (points, len(before)) if out < 0 else (points[::-1], len(after))
+        points = [*before, *tip, *after][::-out]
+        at_tip = len(before) if out < 0 else len(after)
+        return {f"{side} {'tip' if i == at_tip else i}": point for i, point in enumerate(points)}
 
 
 def facet(
-    length_mm: float,
-    width_mm: float,
-    hooks: tuple[Hook | None, Hook | None] = (None, None),
-    at_mm: float = 0.0,
-    base_mm: float = 0.0,
-) -> tuple[list[Point], list[str]]:
-    """The outline of a facet and the names of its edges, counter-clockwise from the origin.
+    length_mm: float, width_mm: float, hooks: tuple[Hook | None, Hook | None] = (None, None), base_mm: float = 0.0
+) -> dict[str, Point]:
+    """The outline of a facet with the names of its edges, counter-clockwise from the origin.
 
-    Edges ``next`` and ``last`` lie at x = length and 0. ``hooks`` for the inner and outer disc stand at x = ``at_mm``,
-    their tips are ``inner tip`` and ``outer tip``; without an inner one that edge is ``inner``. With ``base_mm`` the
-    middle of ``last`` is an edge ``base``, so long.
+    Edges ``next`` and ``last`` lie at x = length and 0, ``inner`` and ``outer`` between; ``hooks`` for the inner and the
+    outer disc stand in their middles. With ``base_mm`` the middle of ``last`` is an edge ``base``, so long.
     """
-    points: list[Point] = [(0.0, 0.0)]
-    names: dict[int, str] = {}
-    inner, outer = hooks
-    if inner is not None:
-        path, tip = inner.path(at_mm, 0.0, -1.0)
-        names[len(points) + tip] = "inner tip"
-        points += path
-    else:
-        names[0] = "inner"
-    names[len(points)] = "next"
-    points += [(length_mm, 0.0), (length_mm, width_mm)]
-    if outer is not None:
-        path, tip = outer.path(at_mm, width_mm, 1.0)
-        names[len(points) + tip] = "outer tip"
-        points += path
-    points.append((0.0, width_mm))
+    outline = {"inner": (0.0, 0.0)}
+    if hooks[0] is not None:
+        outline |= hooks[0].path("inner", length_mm / 2, 0.0)
+    outline |= {"next": (length_mm, 0.0), "outer": (length_mm, width_mm)}
+    if hooks[1] is not None:
+        outline |= hooks[1].path("outer", length_mm / 2, width_mm)
+    outline["last"] = (0.0, width_mm)
     if base_mm:
-        names[len(points)] = "base"
-        points += [(0.0, (width_mm + base_mm) / 2), (0.0, (width_mm - base_mm) / 2)]
-    else:
-        names[len(points) - 1] = "last"
-    return points, [names.get(i, str(i)) for i in range(len(points))]
+        outline |= {"base": (0.0, (width_mm + base_mm) / 2), "behind": (0.0, (width_mm - base_mm) / 2)}
+    return outline
 
 
-NECK_MM = 3.0
-HOOK_MM = 1.5
 # The tongue: the lengths of its part outside, of the part through the slot (at least, and per thickness) and of the head.
 OUTSIDE_MM = 1.9
 THROUGH_MM = 1.4
@@ -97,17 +173,6 @@ OVER_MM = 0.7
 WIDE_MM = 1.2
 
 
-def notch_mm(size: WheelSize) -> tuple[float, float]:
-    """Half the width of a notch in a disc, and the distance of its bottom from the axle."""
-    return NECK_MM / 2 + size.clearance_mm, size.rim.apothem_mm - size.film_mm / 2 - size.clearance_mm
-
-
-def tie_angles_rad(size: WheelSize) -> list[float]:
-    """Directions of the ties around the axle, from x towards z of the wheel's frame; strip after strip."""
-    count = size.strips * size.ties
-    return [2 * math.pi * i / count for i in range(count)]
-
-
 def build_rim(shape: Shape, size: WheelSize) -> None:
     """Faces ``rim 0 0`` … (strip, facet) and the tongues; hooks in the edges ``notch i`` of the discs."""
     per_strip = size.ties * size.facets_per_tie
@@ -115,29 +180,29 @@ def build_rim(shape: Shape, size: WheelSize) -> None:
         _strip(shape, size, strip, per_strip)
     for strip in range(size.strips):
         before = (strip - 1) % size.strips
-        shape.lock(f"rim {strip} tongue head.tip", f"rim {before} {per_strip - 1}", f"rim {before} slot")
+        shape.touch("lock", f"rim {strip} tongue head.tip", f"rim {before} {per_strip - 1}", f"rim {before} slot")
         for tie in range(size.ties):
             name, notch = f"rim {strip} {tie * size.facets_per_tie}", strip * size.ties + tie
-            shape.hook(f"{name}.inner tip", f"inner.notch {notch}")
-            shape.hook(f"{name}.outer tip", f"outer.notch {notch}")
+            shape.touch("rim", f"{name}.inner tip", f"inner.notch {notch}")
+            shape.touch("rim", f"{name}.outer tip", f"outer.notch {notch}")
 
 
-def facet_pose(size: WheelSize, apothem_mm: float, length_mm: float, angle_rad: float) -> Pose:
-    """The pose in the wheel's frame of a facet whose middle lies in that direction from the axle."""
+def first_facet_pose(size: WheelSize, strip: int) -> Pose:
+    """The pose in the wheel's frame of the first facet of a strip, whose middle lies at the strip's first tie."""
     # x along the circle, y along the axle, z towards it.
     axes: Pose = ((0.0, 0.0, -1.0, 0.0), (0.0, 1.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
-    turn = compose(rotation("y", -angle_rad), axes)
-    return compose(turn, translation(-length_mm / 2, -size.between_mm / 2, -apothem_mm))
+    turn = compose(rotation("y", -size.tie_angles_rad[strip * size.ties]), axes)
+    return compose(turn, translation(-size.facet_mm / 2, -size.between_mm / 2, -size.apothem_mm))
 
 
 def _strip(shape: Shape, size: WheelSize, strip: int, count: int) -> None:
-    length, width, turn = size.rim.facet_mm, size.between_mm, math.degrees(size.rim.turn_rad)
-    dip = math.degrees(size.rim.dip_rad(size.film_mm))
+    length, width, turn = size.facet_mm, size.between_mm, math.degrees(size.turn_rad)
+    dip = math.degrees(size.turn_rad - size.slope_rad)
     hook = Hook(NECK_MM, HOOK_MM, HOOK_MM, 2 * size.clearance_mm + size.film_mm)
     for i in range(count):
         hooks = (None, None) if i % size.facets_per_tie else (hook, hook)
-        points, names = facet(length, width, hooks, length / 2, 0.0 if i else _tongue_mm(size)[0])
-        shape.face(f"rim {strip} {i}", points, names, role="rim", piece="wheel rim")
+        outline = facet(length, width, hooks, 0.0 if i else _tongue_mm(size)[0])
+        shape.face(f"rim {strip} {i}", outline, role="rim", piece="wheel rim")
     for i in range(count - 1):
         extra = dip if i == count - 2 else 0.0
         shape.connect(f"rim {strip} {i}.next", f"rim {strip} {i + 1}.last", "bend", turn + extra)
@@ -154,7 +219,7 @@ def _slot(size: WheelSize) -> list[Point]:
     """The slot in the last facet's frame: narrow where the tongue passes, wide beyond, where its head is put in."""
     short, apart = _start_mm(size)
     along = math.sqrt(_through_mm(size) ** 2 - (2 * apart) ** 2)
-    start = size.rim.facet_mm - short - OUTSIDE_MM
+    start = size.facet_mm - short - OUTSIDE_MM
     right = start + size.film_mm / 2 + size.clearance_mm
     middle, left = start - along - OVER_MM, start - along - OVER_MM - WIDE_MM
     width, spread = _tongue_mm(size)
@@ -170,14 +235,10 @@ def _through_mm(size: WheelSize) -> float:
     return max(THROUGH_MM, THROUGH_FILMS * size.film_mm)
 
 
-def _slope_rad(size: WheelSize) -> float:
-    """Angle between a strip's last facet and the first one of the next strip."""
-    return size.rim.turn_rad - size.rim.dip_rad(size.film_mm)
-
-
 def _start_mm(size: WheelSize) -> Point:
     """How far the next strip starts before that facet ends, along it, and the distance of its tongue from it (mm)."""
-    slope, shift, film = _slope_rad(size), size.rim.shift_mm(size.film_mm), size.film_mm
+    slope, film = size.slope_rad, size.film_mm
+    shift = size.facet_mm * (math.cos(slope) - math.cos(size.turn_rad))
     return shift * math.cos(slope) - film * math.sin(slope), shift * math.sin(slope) + film * math.cos(slope)
 
 
@@ -185,12 +246,12 @@ def _tongue(shape: Shape, size: WheelSize, strip: int) -> None:
     """The tongue: a part parallel to the facet under it, a part through its slot, a head behind it."""
     w, spread = _tongue_mm(size)
     for name, length in (("out", OUTSIDE_MM), ("through", _through_mm(size))):
-        corners = ((0.0, 0.0), (w, 0.0), (w, length), (0.0, length))
-        shape.face(f"rim {strip} tongue {name}", corners, ("root", "b", "end", "a"), role="rim")
-    head = ((0.0, 0.0), (w, 0.0), (w + spread, 0.3), (w + spread, 1.3), (w - 0.5, HEAD_MM), (0.5, HEAD_MM),
-            (-spread, 1.3), (-spread, 0.3))  # fmt: skip
-    shape.face(f"rim {strip} tongue head", head, ("root", "b", "c", "d", "tip", "e", "f", "g"), role="rim")
-    parallel = math.degrees(_slope_rad(size))
+        corners = {"root": (0.0, 0.0), "b": (w, 0.0), "end": (w, length), "a": (0.0, length)}
+        shape.face(f"rim {strip} tongue {name}", corners, role="rim")
+    head = {"root": (0.0, 0.0), "b": (w, 0.0), "c": (w + spread, 0.3), "d": (w + spread, 1.3), "tip": (w - 0.5, HEAD_MM),
+            "e": (0.5, HEAD_MM), "f": (-spread, 1.3), "g": (-spread, 0.3)}  # fmt: skip
+    shape.face(f"rim {strip} tongue head", head, role="rim")
+    parallel = math.degrees(size.slope_rad)
     down = math.degrees(math.asin(2 * _start_mm(size)[1] / _through_mm(size)))
     tongue = f"rim {strip} tongue"
     shape.connect(f"rim {strip} 0.base", f"{tongue} out.root", "bend", parallel)
@@ -210,19 +271,17 @@ EVEN_MM = 0.02
 
 def build_hub(shape: Shape, size: WheelSize) -> None:
     """Faces ``hub`` and ``wall 1`` …; slots in the face ``outer``."""
-    points, names = _layer(size)
-    shape.face("hub", points, names, piece="wheel hub")
+    shape.face("hub", _layer(size), piece="wheel hub")
     shape.laminate("hub", "inner", translation(0, 0, size.film_mm))
     length = 2 * size.hub_mm * math.tan(WALL_RAD / 2)
     hook = Hook(WALL_NECK_MM, WALL_HOOK_MM, 0.0, 2 * size.clearance_mm + size.film_mm)
     for i, direction in enumerate(DIRECTIONS_RAD, 1):
-        points, names = facet(length, size.wall_mm, (None, hook), length / 2)
-        shape.face(f"wall {i}", points, names, role="rim")
+        shape.face(f"wall {i}", facet(length, size.wall_mm, (None, hook)), role="rim")
         shape.connect(f"hub.wall {i}", f"wall {i}.inner", "fold", 90)
         # Directions around the axle run the other way in the outer disc's frame; its hooks point backwards.
         slot = f"wall slot {i}"
         shape.polygon_hole("outer", slot, "slot", _wall_slot(size, -direction))
-        shape.lock(f"wall {i}.outer tip", "outer", slot)
+        shape.touch("lock", f"wall {i}.outer tip", "outer", slot)
 
 
 def turn_rad(size: WheelSize) -> float:
@@ -231,16 +290,16 @@ def turn_rad(size: WheelSize) -> float:
     return math.atan((WALL_NECK_MM / 2 + WALL_HOOK_MM) / inside) - math.atan(WALL_NECK_MM / 2 / inside)
 
 
-def _layer(size: WheelSize) -> tuple[list[Point], list[str]]:
+def _layer(size: WheelSize) -> dict[str, Point]:
     """A circle with a straight edge ``wall 1`` … for each wall."""
     radius, half = size.hub_mm / math.cos(WALL_RAD / 2), WALL_RAD / 2
     arc = 2 * math.pi / WALLS - WALL_RAD
     steps = math.ceil(arc / 2 / math.acos(1 - EVEN_MM / radius))
-    angles, names = [], []
+    angles = {}
     for i, direction in enumerate(DIRECTIONS_RAD, 1):
-        angles += [direction - half, *(direction + half + arc * k / steps for k in range(steps))]
-        names += [f"wall {i}", *(f"arc {i} {k}" for k in range(steps))]
-    return [(radius * math.cos(at), radius * math.sin(at)) for at in angles], names
+        angles[f"wall {i}"] = direction - half
+        angles |= {f"arc {i} {k}": direction + half + arc * k / steps for k in range(steps)}
+    return dict(zip(angles, on_circle(radius, angles.values()), strict=True))
 
 
 def _wall_slot(size: WheelSize, angle_rad: float) -> list[Point]:
@@ -250,7 +309,4 @@ def _wall_slot(size: WheelSize, angle_rad: float) -> list[Point]:
     half = math.atan(WALL_NECK_MM / 2 / (size.hub_mm - size.film_mm / 2)) + size.clearance_mm / size.hub_mm
     start, end = angle_rad - half, angle_rad + half + turn_rad(size)
     steps = [start + (end - start) * i / ARC_STEPS for i in range(ARC_STEPS + 1)]
-    return [
-        *((high * math.cos(at), high * math.sin(at)) for at in steps),
-        *((low * math.cos(at), low * math.sin(at)) for at in reversed(steps)),
-    ]
+    return [*on_circle(high, steps), *on_circle(low, reversed(steps))]

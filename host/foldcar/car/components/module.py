@@ -1,19 +1,22 @@
-"""The base class of modules, the units of a type string: a length of box beam with parts in or on it.
+"""Modules, the units of a type string: a length of box beam with parts in or on it; W with an axle, B with electronics.
 
 A user module is a subclass with a ``letter`` (or a name, without underscores) and a ``title``; see docs/compiler.md.
-The hinge is a Component of its own (hinge_module.py).
+The hinge is a Component of its own (hinge_module.py). In the first B of a car the boards stand on a bridge over the
+LiPo, USB behind a hole of the left wall. The servos' battery stands on the floor behind or before them, or on the roof;
+both may reach into the free floor of the neighbouring modules.
 """
 
 import math
-from collections.abc import Sequence
-from typing import ClassVar
+from collections.abc import Iterator, Sequence
+from typing import ClassVar, NamedTuple
 
-from foldcar.car.components.box_beam import HEIGHT, SET_BY_CAR, WIDTH, BoxBeam, wall_mm
-from foldcar.car.components.component import Component, Sub
-from foldcar.car.components.mounts import ServoMount, inside_mm, least_doubler_mm, screw_end_mm
-from foldcar.car.components.parameter import Parameter
+from foldcar.car.components.box_beam import HEIGHT, SET_BY_CAR, WIDTH, BoxBeam, latch_mm, wall_mm
+from foldcar.car.components.bridge import half_width_mm, middle_mm, mouth_mm, plug_room_mm, put_bridge, usb_height_mm
+from foldcar.car.components.component import ROUNDING, Component, Parameter, Sub
+from foldcar.car.components.mounts import inside_mm, least_doubler_mm, put_servo, screw_end_mm
 from foldcar.car.components.shape import Shape
 from foldcar.car.components.wheel import RADIUS, TYRE_WIDTH
+from foldcar.car.folded.model import Wire
 from foldcar.car.parts.catalogue import Catalogue
 
 # Set by the car: 1 if the middle of the segment lies in front of the module's, else -1.
@@ -27,10 +30,11 @@ class Module(Component):
 
     letter: ClassVar[str]
     title: ClassVar[str]
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    parameters: tuple[Parameter, ...] = (
         WIDTH,
         HEIGHT,
         Parameter("length", 80, 10, 400, "length of the module", "a strip that can be folded"),
+        *SET_BY_CAR,
     )
 
     def subcomponents(self) -> Sequence[Sub]:
@@ -60,14 +64,10 @@ class WheelModule(Module):
             "the opening and screws of one servo",
         ),
         TYRE_WIDTH,
+        *SET_BY_CAR,
         TOWARDS_MIDDLE,
         TAB_THERE,
     )  # fmt: skip
-
-    def subcomponents(self) -> Sequence[Sub]:
-        """The beam, and a servo mount in each side."""
-        mounts = [Sub(f"{side} servo", ServoMount, settings={"height": _doubler_height}) for side in ("left", "right")]
-        return (*super().subcomponents(), *mounts)
 
     def build(self, shape: Shape) -> None:
         """Put a servo into each side wall, its long side towards the middle of the segment, and a wheel onto it."""
@@ -81,17 +81,174 @@ class WheelModule(Module):
         # From the side wall's outer surface to the wheel: the inner disc lies on the horn's outer face.
         face = servo.spline_top_mm.value - horn.spline_depth_mm.value + horn.height_mm.value
         gap = face - servo.ear_underside_mm.value
-        out = -(parts.film.thickness_mm.value / 2 + gap + self["tire_thickness"] / 2)
+        out = -(parts.film_mm / 2 + gap + self["tire_thickness"] / 2)
         running = self.parts.tyre.running_width_mm(self["tire_thickness"])
+        # The layer behind a servo is at most twice as high as it, and clear of the lid's flap and its locks.
+        flap = parts.assembly.flap_mm.value + parts.film_mm + parts.assembly.slot_clearance_mm.value
+        clear = min(wall_mm(self["height"], parts) - 2 * flap, 2 * servo.width_mm.value)
+        height = max(least_doubler_mm(parts), clear)
         for side in ("left", "right"):
             wall = f"beam.{side}"
-            name = ServoMount.cut(shape, f"{side} servo", wall, axis, self["towards_middle"])
+            name = put_servo(shape, f"{side} servo", wall, axis, self["towards_middle"], height)
             shape.axle(wall, name, side, (*axis, out), self["radius"], running)
 
 
-def _doubler_height(module: Component) -> float:
-    """Height of the layer behind a servo (mm): at most twice the servo's, and clear of the lid's flap and its locks."""
-    parts, assembly = module.parts, module.parts.assembly
-    wall = wall_mm(module["height"], parts)
-    flap = assembly.flap_mm.value + parts.film.thickness_mm.value + assembly.slot_clearance_mm.value
-    return max(least_doubler_mm(parts), min(wall - 2 * flap, 2 * parts.servo.width_mm.value))
+class Layout(NamedTuple):
+    """Boards with LiPo and battery beside each other on the floor, or the battery on the roof.
+
+    The boards' middle may be anywhere from ``low`` to ``high`` along x (mm), if that is not empty; it is ``boards_mm``.
+    ``lipo_mm`` and ``battery_mm`` are the middles of these. ``side`` is the bridge's edge with the flange, at the
+    battery: 1 the front one, -1 the rear one; ``turned`` tells that the battery's length lies across the car.
+    """
+
+    low: float
+    high: float
+    side: int
+    turned: bool
+    boards_mm: float
+    lipo_mm: float
+    battery_mm: float
+
+    @property
+    def missing_mm(self) -> float:
+        """How much longer the module must be for it, not above 0 if it fits."""
+        return self.low - self.high
+
+
+LENGTH = Parameter("length", 80, 10, 400, "length of a body module", "a strip that can be folded")
+# Set by the car: the free floor of the neighbours, less than 0 if an end cap's tab lies there, and where USB may be.
+FLOOR_FRONT = Parameter("floor_front", 0, -1000, 2000, "free floor before the module", "none", internal=True)
+FLOOR_REAR = Parameter("floor_rear", 0, -1000, 2000, "free floor behind the module", "none", internal=True)
+USB_LOW = Parameter("usb_low", -1000, -4000, 4000, "the tyres behind USB, from the rear", "none", internal=True)
+USB_HIGH = Parameter("usb_high", 1000, -4000, 4000, "the tyres before USB, from the rear", "none", internal=True)
+
+
+class BrainModule(Module):
+    """A beam; :class:`ElectronicsModule` is the one with boards and batteries in it."""
+
+    letter = "B"
+    title = "body module: electronics and batteries"
+    parameters = (WIDTH, HEIGHT, LENGTH, *SET_BY_CAR)
+
+
+class ElectronicsModule(BrainModule):
+    """The body module that carries boards and batteries."""
+
+    parameters = (*BrainModule.parameters, FLOOR_FRONT, FLOOR_REAR, USB_LOW, USB_HIGH)
+
+    def build(self, shape: Shape) -> None:
+        """Place the parts in the floor's frame: x from the rear, y from the right wall, z from the middle surface."""
+        parts, assembly, layout = self.parts, self.parts.assembly, self.layout
+        x = layout.boards_mm
+        film, across = parts.film_mm, wall_mm(self["width"], parts)
+        y = across - film / 2 - assembly.usb_inside_mm.value - mouth_mm(parts)
+        put_bridge(shape, "beam.floor", x, y, layout.side)
+        lipo = (layout.lipo_mm, middle_mm(parts, y), film / 2 + parts.lipo.height_mm.value / 2)
+        shape.part(parts.lipo, "beam.floor", lipo, turned=True, marked=True)
+        hole = plug_room_mm(parts.plugs.usb) + 2 * (parts.feather.usb.tolerance + assembly.slot_clearance_mm.value)
+        shape.round_hole("beam.left", "USB", "opening", (x, usb_height_mm(parts)), hole)
+        self._battery(shape, layout, y)
+        wires = (self["length"] / 2, across / 2, wall_mm(self["height"], parts) / 2)
+        shape.part(parts.wiring, "beam.floor", wires)
+        shape.graph.wires += _power_wires(parts)
+
+    def _battery(self, shape: Shape, layout: Layout, boards_y: float) -> None:
+        """Stand the battery on its pad onto the floor or the roof, across the car where it balances the boards."""
+        parts, film, across = self.parts, self.parts.film_mm, wall_mm(self["width"], self.parts)
+        battery, pad, roof = parts.battery, parts.pad, parts.battery_place == "roof"
+        light = sum(part.mass_kg.value for part in (parts.feather, parts.featherwing, parts.lipo))
+        reach = (across - film - (battery.length_mm if layout.turned else battery.width_mm).value) / 2
+        off = (boards_y - across / 2) * light / battery.mass_kg.value
+        y = across / 2 - min(max(off, -reach), reach)
+        x = layout.battery_mm
+        up = film / 2
+        for part in (pad, battery):
+            height = part.height_mm.value
+            # The lid's printed side faces down, its y runs from the left wall.
+            at = (x, across - y, -up - height / 2) if roof else (x, y, up + height / 2)
+            shape.part(part, "beam.lid" if roof else "beam.floor", at, turned=layout.turned, marked=True)
+            up += height
+        if roof:
+            self._lead(shape, x + battery.width_mm.value / 2)
+
+    def _lead(self, shape: Shape, end_mm: float) -> None:
+        """Cut a hole for the battery's lead into the lid, before the battery on the roof and near the left wall.
+
+        ComponentError if the battery would lie on a latch of the lid, or where fingers hold its tab, or without a lead.
+        """
+        battery, laid = self.parts.battery, self.parts.assembly.placement_mm.value
+        reach = battery.width_mm.most / 2 + laid
+        (notch, _), (finger, _) = latch_mm(self.parts), self.parts.tools.finger_mm
+        latch = notch / 2 + max(notch, finger) / 2
+        taken = max(self[f"latch_{end}"] * (self[f"flap_{end}"] + latch) for end in ("front", "rear"))
+        if taken and self["length"] < 2 * (reach + taken) - ROUNDING:
+            what = f"the {battery.name} on the roof beside the lid's latch"
+            raise self.misfit("length", _too_small(self["length"], 2 * (reach + taken), what))
+        hole, edge = self.parts.assembly.lead_hole_mm.value, self.parts.assembly.fold_distance_mm.value
+        x, least = end_mm + edge + hole / 2, 2 * (end_mm + 2 * edge + hole) - self["length"]
+        if least - ROUNDING > self["length"]:
+            what = f"the {battery.name} on the roof and its lead"
+            raise self.misfit("length", _too_small(self["length"], least, what))
+        shape.round_hole("beam.lid", "lead", "slit", (x, edge + hole), hole)
+
+    def _layouts(self) -> Iterator[Layout]:
+        """All layouts, possible or not; none if the battery is too wide for the floor in the worst case."""
+        parts, assembly, length = self.parts, self.parts.assembly, self["length"]
+        sizes = (parts.battery.width_mm, parts.battery.length_mm)
+        several = [
+            (along.value, side, across is sizes[1])
+            for along, across in (sizes, sizes[::-1])
+            for side in (-1, 1)
+            if across.most + 2 * assembly.cut_mm.value <= self["width"] - 2 * parts.film_mm + ROUNDING
+        ]
+        for along_mm, side, turned in [(0.0, -1, True)] if parts.battery_place == "roof" else several:
+            # From the boards' middle to the battery's end of the layout; the LiPo's lead leaves the Feather at the front.
+            near = half_width_mm(parts) + parts.film_mm
+            if along_mm:
+                gap = assembly.part_gap_mm.value if side < 0 else parts.plugs.battery.length_mm.value
+                near += gap + along_mm
+            # To the LiPo's far side: the flange comes down beside it, wherever in its outline it lies.
+            lipo = parts.lipo.width_mm
+            beside = assembly.placement_mm.value + lipo.tolerance / 2 + assembly.slot_clearance_mm.value
+            far = parts.film_mm / 2 + beside + lipo.value - half_width_mm(parts)
+            rear, front = (near, far) if side < 0 else (far, near)
+            low = max(rear - self["floor_rear"], self["usb_low"])
+            high = min(length + self["floor_front"] - front, self["usb_high"])
+            x = min(max(length / 2, low), high)
+            battery = x + side * near - side * along_mm / 2 if along_mm else length / 2
+            yield Layout(low, high, side, turned, x, x - side * (far - lipo.value / 2), battery)
+
+    @property
+    def layout(self) -> Layout:
+        """How boards and battery lie; ComponentError if there is no place for them."""
+        battery, length, found = self.parts.battery, self["length"], list(self._layouts())
+        if not found:
+            most = min(size.most for size in (battery.length_mm, battery.width_mm))
+            least = most + 2 * (self.parts.assembly.cut_mm.value + self.parts.film_mm)
+            raise self.misfit("width", _too_small(self["width"], least, battery.name))
+        possible = [layout for layout in found if layout.missing_mm <= ROUNDING]
+        if possible:
+            return min(possible, key=lambda layout: abs(layout.boards_mm - length / 2))
+        best = min(found, key=lambda layout: layout.missing_mm)
+        what = "the boards" if self.parts.battery_place == "roof" else f"the boards and the {battery.name}"
+        if all(not layout.turned for layout in found):
+            what += f" lengthwise at width {self['width']:g}"
+        if best.low == self["usb_low"] or best.high == self["usb_high"]:
+            what += ", with a USB plug clear of the tyres"
+        raise self.misfit("length", _too_small(length, length + best.missing_mm, what))
+
+
+def _power_wires(parts: Catalogue) -> list[Wire]:
+    feather, wing, switch = parts.feather.name, parts.featherwing.name, parts.switch.name
+    return [
+        Wire(f"{feather} headers", f"{wing} headers", "stack", "the wing sits on the Feather: I2C on SDA 23 and SCL 22"),
+        Wire(f"{parts.lipo.name}", f"{feather} JST", "supply", "3.7 V for the processor"),
+        Wire(f"{parts.battery.name} +", f"{switch} 1", "supply", f"{parts.battery.supply_v.value:g} V for the servos"),
+        Wire(f"{switch} 2", f"{wing} terminal +", "supply", "switched"),
+        Wire(f"{parts.battery.name} -", f"{wing} terminal -", "supply", "ground"),
+        Wire(f"{feather} USB", "computer", "usb", "to flash, and for trials by cable"),
+    ]
+
+
+def _too_small(value: float, needed: float, what: str) -> str:
+    return f"{value:g} is below the minimum {math.ceil((needed - ROUNDING) * 10) / 10:g} ({what})"

@@ -6,11 +6,11 @@ side, which faces inwards. Lengths in millimetres, angles in radians. A wrong pa
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
-from foldcar.car.components.parameter import ComponentError
+from foldcar.car.components.component import ComponentError
 from foldcar.car.folded.model import Access, Axle, Hole, HoleKind, JoinKind, Mark, Mount, Point, Pose, Solid, Wire
 from foldcar.car.folded.pose import side as ends_of
 from foldcar.car.folded.pose import translation
@@ -19,6 +19,8 @@ from foldcar.car.parts.catalogue import Catalogue
 from foldcar.car.parts.quantity import BoxPart
 
 LinkKind = Literal["fold", "bend", "rigid", "hinge", "tab"]
+# The path of a face, and the index of its edge.
+Edge = tuple[str, int]
 
 
 @dataclass
@@ -45,8 +47,8 @@ class Link:
     """
 
     kind: LinkKind
-    a: tuple[str, int]
-    b: tuple[str, int]
+    a: Edge
+    b: Edge
     angle_rad: float
     depth_mm: float = 0.0
     min_rad: float = 0.0
@@ -72,8 +74,8 @@ class Contact:
     """
 
     kind: JoinKind
-    a: tuple[str, int]
-    b: tuple[str, int]
+    a: Edge
+    b: Edge
     slot: str | None = None
 
 
@@ -92,7 +94,7 @@ class Graph:
     axles: list[tuple[str, Axle]] = field(default_factory=list)
     wires: list[Wire] = field(default_factory=list)
     origin: tuple[str, Pose] | None = None
-    _linked: dict[tuple[str, int], str] = field(default_factory=dict)
+    _linked: dict[Edge, str] = field(default_factory=dict)
 
     def add(self, link: Link) -> None:
         """Add a link; ComponentError if one of its edges is linked already."""
@@ -103,20 +105,16 @@ class Graph:
             self._linked[edge] = self.edge_path(other)
         self.links.append(link)
 
-    def edge_path(self, edge: tuple[str, int]) -> str:
+    def edge_path(self, edge: Edge) -> str:
         """The readable path of an edge: face path and edge name."""
         return f"{edge[0]}.{self.atoms[edge[0]].edges[edge[1]]}"
 
-    def edge_length_mm(self, edge: tuple[str, int]) -> float:
-        """Length of an edge (mm)."""
-        return math.dist(*ends_of(self.atoms[edge[0]].outline_mm, edge[1]))
+    def ends_mm(self, edge: Edge) -> tuple[Point, Point]:
+        """The ends of an edge in its face's frame (mm)."""
+        return ends_of(self.atoms[edge[0]].outline_mm, edge[1])
 
 
-RECTANGLE_EDGES = ("near", "front", "far", "rear")
 CIRCLE_POINTS = 48
-_CIRCLE = [
-    (math.cos(2 * math.pi * i / CIRCLE_POINTS), math.sin(2 * math.pi * i / CIRCLE_POINTS)) for i in range(CIRCLE_POINTS)
-]
 # Tolerance on the equality of the lengths of two joined edges.
 LENGTH_TOLERANCE_MM = 1e-6
 
@@ -131,35 +129,37 @@ class Shape:
     def face(
         self,
         name: str,
-        outline_mm: Sequence[Point],
-        edges: Sequence[str] | None = None,
+        outline_mm: Sequence[Point] | Mapping[str, Point],
         *,
         piece: str = "",
         role: Literal["panel", "tab", "rim"] = "panel",
         thickness_mm: float | None = None,
+        body: str = "",
     ) -> None:
-        """Add a polygon, counter-clockwise; ``edges`` names its edges, by default "0", "1", …
+        """Add a polygon, counter-clockwise; keys of ``outline_mm`` name the edges that begin there, "0", "1", … without.
 
-        ``piece`` names the piece whose root this face becomes. ComponentError for a second face of that name, a wrong
-        count of edge names or an outline that runs clockwise.
+        ``piece`` names the piece whose root this face becomes, ``body`` its rigid body, by default the component's.
+        ComponentError for a second face of that name or an outline that runs clockwise.
         """
         path = self.path(name)
         if path in self.graph.atoms:
             raise ComponentError(path, "there is a face of that name already")
-        names = tuple(edges) if edges is not None else tuple(str(i) for i in range(len(outline_mm)))
-        if len(names) != len(outline_mm):
-            raise ComponentError(path, f"has {len(outline_mm)} edges and {len(names)} names for them")
-        if area_mm2(outline_mm) <= 0:
+        if not isinstance(outline_mm, Mapping):
+            outline_mm = {str(i): point for i, point in enumerate(outline_mm)}
+        points = tuple(outline_mm.values())
+        if area_mm2(points) <= 0:
             raise ComponentError(path, "its outline does not run counter-clockwise around an area")
-        thickness = self.parts.film.thickness_mm.value if thickness_mm is None else thickness_mm
-        self.graph.atoms[path] = Atom(path, tuple(outline_mm), names, role, piece, thickness, self._body)
+        thickness = self.parts.film_mm if thickness_mm is None else thickness_mm
+        self.graph.atoms[path] = Atom(path, points, tuple(outline_mm), role, piece, thickness, body or self._body)
 
     def rectangle(
-        self, name: str, length_mm: float, width_mm: float, *, piece: str = "", thickness_mm: float | None = None
-    ) -> None:
+        self, name: str, length_mm: float, width_mm: float, *, piece: str = "", thickness_mm: float | None = None,
+        body: str = "",
+    ) -> None:  # fmt: skip
         """Add a face, x from 0 to length, y from 0 to width; edges near (y = 0), front (x = length), far and rear."""
-        outline = ((0.0, 0.0), (length_mm, 0.0), (length_mm, width_mm), (0.0, width_mm))
-        self.face(name, outline, RECTANGLE_EDGES, piece=piece, thickness_mm=thickness_mm)
+        corners = ((0.0, 0.0), (length_mm, 0.0), (length_mm, width_mm), (0.0, width_mm))
+        outline = dict(zip(("near", "front", "far", "rear"), corners, strict=True))
+        self.face(name, outline, piece=piece, thickness_mm=thickness_mm, body=body)
 
     def rectangular_hole(
         self, face: str, name: str, kind: HoleKind, center_mm: Point, length_mm: float, width_mm: float
@@ -170,21 +170,20 @@ class Shape:
 
     def round_hole(self, face: str, name: str, kind: HoleKind, center_mm: Point, diameter_mm: float) -> str:
         """Cut a circle; returns its full name."""
-        x, y = center_mm
-        r = diameter_mm / 2
-        outline = tuple((x + r * c, y + r * s) for c, s in _CIRCLE)
+        turns = [2 * math.pi * i / CIRCLE_POINTS for i in range(CIRCLE_POINTS)]
+        outline = tuple(on_circle(diameter_mm / 2, turns, center_mm))
         return self._hole(face, Hole(self.path(name), kind, outline, diameter_mm, center_mm))
 
     def slotted_hole(self, face: str, name: str, kind: HoleKind, start_mm: Point, end_mm: Point, width_mm: float) -> str:
         """Cut a slot with round ends about two points, a circle if they are one; returns its full name."""
-        (x0, y0), (x1, y1), r = start_mm, end_mm, width_mm / 2
+        (x0, y0), (x1, y1) = start_mm, end_mm
         if start_mm == end_mm:
             return self.round_hole(face, name, kind, start_mm, width_mm)
-        along, half = math.atan2(y1 - y0, x1 - x0), CIRCLE_POINTS // 2
-        turns = [(i if i <= half else i - 1, i <= half) for i in range(CIRCLE_POINTS + 2)]
-        at = [(along - math.pi / 2 + 2 * math.pi * i / CIRCLE_POINTS, far) for i, far in turns]
-        outline = [((x1 if far else x0) + r * math.cos(a), (y1 if far else y0) + r * math.sin(a)) for a, far in at]
-        return self._hole(face, Hole(self.path(name), kind, tuple(outline), None, ((x0 + x1) / 2, (y0 + y1) / 2)))
+        begin, half = math.atan2(y1 - y0, x1 - x0) - math.pi / 2, CIRCLE_POINTS // 2
+        turns = [begin + 2 * math.pi * i / CIRCLE_POINTS for i in range(CIRCLE_POINTS + 1)]
+        ends = on_circle(width_mm / 2, turns[: half + 1], end_mm), on_circle(width_mm / 2, turns[half:], start_mm)
+        middle = ((x0 + x1) / 2, (y0 + y1) / 2)
+        return self._hole(face, Hole(self.path(name), kind, (*ends[0], *ends[1]), None, middle))
 
     def polygon_hole(self, face: str, name: str, kind: HoleKind, outline_mm: Sequence[Point]) -> str:
         """Cut a polygon, counter-clockwise; returns its full name."""
@@ -207,7 +206,7 @@ class Shape:
         to, its edge may be shorter by twice as much. ComponentError if lengths differ or an edge is joined already.
         """
         first, second = self._edge(a), self._edge(b)
-        lengths = [self.graph.edge_length_mm(edge) for edge in (first, second)]
+        lengths = [math.dist(*self.graph.ends_mm(edge)) for edge in (first, second)]
         if abs(lengths[0] - lengths[1] - 2 * inset_mm) > LENGTH_TOLERANCE_MM:
             here, there = self.graph.edge_path(first), self.graph.edge_path(second)
             told = f"is {lengths[0]:g} mm long, {there} is {lengths[1]:g} mm: a {kind} joins edges of equal length"
@@ -218,33 +217,32 @@ class Shape:
         """Glue the face flat onto the face ``on``, at that pose in the frame of ``on``."""
         self.graph.placements.append(Placement(self._face(face), self._face(on), pose, True))
 
+    def layer(self, name: str, on: str, outline_mm: Sequence[Point], at_mm: Point, piece: str, level: int = 1) -> None:
+        """Glue a layer of film, a new face, onto the face ``on``, its origin at a point of that; levels count from 1."""
+        self.face(name, outline_mm, piece=piece, body=self.body_of(on))
+        self.laminate(name, on, translation(*at_mm, level * self.parts.film_mm))
+
     def place(self, face: str, on: str, pose: Pose) -> None:
         """Set a face's pose in the frame of the face ``on``, without a join."""
         self.graph.placements.append(Placement(self._face(face), self._face(on), pose))
 
-    def lock(self, tongue: str, face: str, slot: str, kind: Literal["lock", "tab_slot"] = "lock") -> None:
-        """Let the tongue whose tip is the edge ``tongue`` go through a hole of ``face``; a lock can be opened again."""
-        self.graph.contacts.append(Contact(kind, self._edge(tongue), (self._face(face), 0), self.path(slot)))
+    def touch(self, kind: JoinKind, a: str, b: str, slot: str | None = None) -> None:
+        """Join edges or faces that folds and placements have put in their places.
+
+        tuck: edge ``a`` lies loosely inside edge ``b``. rim: the neck behind edge ``a`` lies in a notch, whose bottom is
+        edge ``b``. laminate: face ``a`` is glued onto face ``b``. lock, tab_slot: the tongue whose tip is edge ``a``
+        goes through the hole ``slot`` of face ``b``; a lock can be opened again.
+        """
+        first = (self._face(a), 0) if kind == "laminate" else self._edge(a)
+        second = self._edge(b) if kind in ("tuck", "rim") else (self._face(b), 0)
+        self.graph.contacts.append(Contact(kind, first, second, self.path(slot) if slot else None))
 
     def reach(self, face: str, access: Access) -> None:
         """Ask for room at a face, in its frame, where it is gripped or pressed."""
         self.graph.atoms[self._face(face)].accesses.append(access)
 
-    def hook(self, tip: str, notch: str) -> None:
-        """Let the neck behind the edge ``tip`` lie in a notch, whose bottom is the edge ``notch``."""
-        self.graph.contacts.append(Contact("rim", self._edge(tip), self._edge(notch)))
-
-    def tuck(self, edge: str, inside: str) -> None:
-        """Let an edge lie loosely inside another one."""
-        self.graph.contacts.append(Contact("tuck", self._edge(edge), self._edge(inside)))
-
-    def stick(self, face: str, on: str) -> None:
-        """Glue a face onto the face ``on``, on which folds have put it."""
-        self.graph.contacts.append(Contact("laminate", (self._face(face), 0), (self._face(on), 0)))
-
-    def part(self, part: BoxPart, name: str, on: str, center_mm: tuple[float, float, float], *,
-             turned: bool = False, marked: bool = False, holes: Sequence[str] = (), solids: Sequence[Solid] = (),
-             accesses: Sequence[Access] = ()) -> None:  # fmt: skip
+    def part(self, part: BoxPart, on: str, center_mm: tuple[float, float, float], *, turned: bool = False,
+             marked: bool = False) -> None:  # fmt: skip
         """Add a bought part of the catalogue, its height along the face's z; ``turned`` puts its length along y.
 
         If it is ``marked`` the face has its outline, which it is laid into.
@@ -253,8 +251,8 @@ class Shape:
         size = (width, length, height) if turned else part.size_mm
         if marked:
             outline = rectangle_around(center_mm[:2], size[0], size[1])
-            self.graph.atoms[self._face(on)].marks.append(Mark(name, outline))
-        self.box(part.name, name, on, translation(*center_mm), size, part.mass_kg.value, holes, solids, accesses)
+            self.graph.atoms[self._face(on)].marks.append(Mark(part.name, outline))
+        self.box(part.name, part.name, on, translation(*center_mm), size, part.mass_kg.value)
 
     def box(self, part: str, name: str, on: str, pose: Pose, size_mm: tuple[float, float, float],
             mass_kg: float, holes: Sequence[str] = (), solids: Sequence[Solid] = (),
@@ -280,6 +278,10 @@ class Shape:
         """Set the pose of one face in the car; those of all other faces follow from the joins."""
         self.graph.origin = (self._face(face), pose)
 
+    def body_of(self, face: str) -> str:
+        """The rigid body of a face."""
+        return self.graph.atoms[self._face(face)].body
+
     def face_size_mm(self, face: str) -> Point:
         """The extent of a face's outline along x and y (mm)."""
         outline = self.graph.atoms[self._face(face)].outline_mm
@@ -304,7 +306,7 @@ class Shape:
             raise ComponentError(self.name, f'has no face "{name}"')
         return path
 
-    def _edge(self, name: str) -> tuple[str, int]:
+    def _edge(self, name: str) -> Edge:
         face, _, edge = name.rpartition(".")
         path = self._face(face)
         edges = self.graph.atoms[path].edges
@@ -317,3 +319,8 @@ def rectangle_around(center_mm: Point, length_mm: float, width_mm: float) -> tup
     """The corners of a rectangle around a point, its length along x, counter-clockwise."""
     (x, y), a, b = center_mm, length_mm / 2, width_mm / 2
     return ((x - a, y - b), (x + a, y - b), (x + a, y + b), (x - a, y + b))
+
+
+def on_circle(radius_mm: float, angles_rad: Iterable[float], center_mm: Point = (0.0, 0.0)) -> list[Point]:
+    """Points of a circle in these directions."""
+    return [(center_mm[0] + radius_mm * math.cos(at), center_mm[1] + radius_mm * math.sin(at)) for at in angles_rad]

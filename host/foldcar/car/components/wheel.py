@@ -6,13 +6,21 @@ from the car outwards along the axle.
 """
 
 import math
+from itertools import pairwise
 
-from foldcar.car.components.component import Component
-from foldcar.car.components.hooked_strip import EVEN_MM, build_hub, build_rim, facet_pose, notch_mm, tie_angles_rad
+from foldcar.car.components.component import Component, Parameter
+from foldcar.car.components.hooked_strip import (
+    EVEN_MM,
+    WheelSize,
+    access_radius_mm,
+    build_hub,
+    build_rim,
+    first_facet_pose,
+    least_radius_mm,
+    wheel_screws_mm,
+)
 from foldcar.car.components.mounts import cylinder, screw_in
-from foldcar.car.components.parameter import Parameter
-from foldcar.car.components.shape import Shape
-from foldcar.car.components.wheel_size import WheelSize, access_radius_mm, least_radius_mm, wheel_screws_mm
+from foldcar.car.components.shape import Shape, on_circle
 from foldcar.car.folded.model import Point, Solid
 from foldcar.car.folded.pose import apply, compose, inverse, rotation, translation
 from foldcar.car.parts.catalogue import Catalogue
@@ -36,8 +44,7 @@ class Wheel(Component):
         size = WheelSize(self["radius"], self["tire_thickness"], self.parts)
         # The discs are drawn as seen from inside the wheel.
         for name, mirror in (("inner", -1), ("outer", 1)):
-            points, names = _disc(size, mirror)
-            shape.face(name, points, names, piece=f"wheel {name} disc")
+            shape.face(name, _disc(size, mirror), piece=f"wheel {name} disc")
         out = (size.width_mm - size.film_mm) / 2
         poses = {
             "inner": compose(translation(0, -out, 0), rotation("x", -math.pi / 2)),
@@ -47,9 +54,7 @@ class Wheel(Component):
         self._holes(shape, size)
         build_rim(shape, size)
         for strip in range(size.strips):
-            angle = tie_angles_rad(size)[strip * size.ties]
-            at = facet_pose(size, size.rim.apothem_mm, size.rim.facet_mm, angle)
-            shape.place(f"rim {strip} 0", "inner", compose(inverse(poses["inner"]), at))
+            shape.place(f"rim {strip} 0", "inner", compose(inverse(poses["inner"]), first_facet_pose(size, strip)))
         shape.place("outer", "inner", compose(inverse(poses["inner"]), poses["outer"]))
         add_wheel_parts(shape, size)
         shape.begin_at("inner", poses["inner"])
@@ -68,30 +73,25 @@ class Wheel(Component):
         shape.round_hole("outer", "outer.access", "opening", (0, 0), 2 * access_radius_mm(self.parts))
 
 
-def _disc(size: WheelSize, mirror: int) -> tuple[list[Point], list[str]]:
+def _disc(size: WheelSize, mirror: int) -> dict[str, Point]:
     """The outline of a disc with a notch for each tie: the bottom of notch i is the edge ``notch i``.
 
     ``mirror`` is -1 if directions in the wheel's frame run clockwise in the disc's.
     """
-    radius, (half, bottom) = size.disc_radius_mm, notch_mm(size)
-    ties = tie_angles_rad(size)
-    order = sorted(range(len(ties)), key=lambda i: mirror * ties[i])
+    radius, (half, bottom) = size.disc_radius_mm, size.notch_mm
     opening = math.asin(half / radius)
-    points: list[Point] = []
-    names: list[str] = []
-    for place, tie in enumerate(order):
-        angle = mirror * ties[tie]
-        following = mirror * ties[order[(place + 1) % len(order)]] + (0.0 if place + 1 < len(order) else 2 * math.pi)
+    directions = sorted((mirror * angle, tie) for tie, angle in enumerate(size.tie_angles_rad))
+    outline: dict[str, Point] = {}
+    for (angle, tie), (following, _) in pairwise([*directions, (directions[0][0] + 2 * math.pi, 0)]):
         c, s = math.cos(angle), math.sin(angle)
-        points += [(c * x - s * y, s * x + c * y) for x, y in ((bottom, -half), (bottom, half))]
-        names += [f"notch {tie}", f"wall a {tie}"]
+        outline[f"notch {tie}"] = (c * bottom + s * half, s * bottom - c * half)
+        outline[f"wall a {tie}"] = (c * bottom - s * half, s * bottom + c * half)
         start, end = angle + opening, following - opening
         steps = math.ceil((end - start) / 2 / math.acos(1 - EVEN_MM / radius))
-        for i in range(steps + 1):
-            at = start + (end - start) * i / steps
-            points.append((radius * math.cos(at), radius * math.sin(at)))
-            names.append(f"arc {tie} {i}" if i < steps else f"wall b {tie}")
-    return points, names
+        points = on_circle(radius, (start + (end - start) * i / steps for i in range(steps + 1)))
+        names = [*(f"arc {tie} {i}" for i in range(steps)), f"wall b {tie}"]
+        outline |= dict(zip(names, points, strict=True))
+    return outline
 
 
 # The tyre's ring is modelled as so many boxes.

@@ -50,7 +50,6 @@ class Face:
     outline_mm: tuple[Point, ...]
     holes: tuple[Hole, ...] = ()
     role: Literal["panel", "tab", "rim"] = "panel"
-    label: str = ""
     marks: tuple[Mark, ...] = ()
     accesses: tuple["Access", ...] = ()
 
@@ -76,8 +75,8 @@ class Crease:
     child: EdgeRef
     angle_rad: float
     flexure: bool = False
-    min_rad: float | None = None
-    max_rad: float | None = None
+    min_rad: float = 0.0
+    max_rad: float = 0.0
     bend: bool = False
 
 

@@ -3,7 +3,7 @@
 Input: a FoldedCar. Output: placed faces by body; wheels are equal, so only the first one is placed.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -48,6 +48,10 @@ class PlacedFace:
         """The outline's points in the car's frame, (n, 3), in mm."""
         return self.in_car(self.face.outline_mm)
 
+    def edge_mm(self, index: int) -> NDArray[np.float64]:
+        """The ends of an edge of the outline in the car's frame, (2, 3), in mm."""
+        return self.corners_mm[[index, (index + 1) % len(self.corners_mm)]]
+
     @property
     def normal(self) -> NDArray[np.float64]:
         """The unit normal of the printed side in the car's frame, (3,)."""
@@ -88,22 +92,30 @@ def polygon(face: Face) -> shapely.Polygon:
     return shape if shape.is_valid else shape.buffer(0)
 
 
-def place(car: FoldedCar) -> dict[str, list[PlacedFace]]:
-    """All faces of every segment and of the first wheel, by the body's name."""
+def place(car: FoldedCar, only: Collection[str] = ()) -> dict[str, list[PlacedFace]]:
+    """The faces of ``only`` these bodies, or else of every segment and of the first wheel, by the body's name.
+
+    Beyond a flexure a face belongs to the segment behind.
+    """
     pieces = {piece.name: piece for piece in car.pieces}
-    wheels = {placed.body for placed in car.placed if placed.body.startswith("wheel")}
+    behind = {hinge.front: hinge.rear for hinge in car.hinges}
+    wheels = {one.body for one in car.placed if one.body.startswith("wheel")}
     others = wheels - {min(wheels, default="")}
     shapes: dict[str, dict[str, Pose]] = {}
-    bodies: dict[str, list[PlacedFace]] = {}
-    for placed in car.placed:
-        if placed.body in others:
-            continue
-        piece, faces = pieces[placed.piece], bodies.setdefault(placed.body, [])
-        poses = shapes.setdefault(piece.name, folded(piece))
-        for face in piece.faces:
-            pose = compose(placed.pose, poses[face.name])
-            faces.append(PlacedFace(piece, placed.copy, placed.body, face, pose))
-    return bodies
+    placed: dict[str, list[PlacedFace]] = {}
+    for one in car.placed:
+        piece = pieces[one.piece]
+        owner = {piece.faces[0].name: one.body}
+        for crease in piece.creases:
+            here = owner[crease.parent.face]
+            owner[crease.child.face] = behind.get(here, here) if crease.flexure else here
+        wanted = [f for f in piece.faces if (owner[f.name] in only if only else one.body not in others)]
+        if wanted and piece.name not in shapes:
+            shapes[piece.name] = folded(piece)
+        for face in wanted:
+            body, pose = owner[face.name], compose(one.pose, shapes[piece.name][face.name])
+            placed.setdefault(body, []).append(PlacedFace(piece, one.copy, body, face, pose))
+    return placed
 
 
 @dataclass(frozen=True, slots=True)

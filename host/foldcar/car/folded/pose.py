@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 
-from foldcar.car.folded.model import IDENTITY, EdgeRef, Face, Piece, Point, Pose
+from foldcar.car.folded.model import IDENTITY, EdgeRef, Face, HingeJoint, Piece, Point, Pose
 
 
 def translation(x_mm: float, y_mm: float, z_mm: float) -> Pose:
@@ -106,3 +106,9 @@ def edge(faces: Mapping[str, Face], reference: EdgeRef) -> tuple[Point, Point]:
 def side(outline_mm: Sequence[Point], index: int) -> tuple[Point, Point]:
     """The ends of edge ``index`` of an outline (mm)."""
     return outline_mm[index], outline_mm[(index + 1) % len(outline_mm)]
+
+
+def folded_back(hinge: HingeJoint, angle_rad: float) -> Pose:
+    """The rear segment's motion in the front one's frame (mm); a positive angle is the front segment nose up."""
+    x, y, z = hinge.center_mm
+    return compose(translation(x, y, z), rotation("y", angle_rad), translation(-x, -y, -z))

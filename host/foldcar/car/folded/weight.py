@@ -4,15 +4,16 @@ Input: a FoldedCar (millimetres). Output: mass, centre of mass and inertia of on
 """
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from foldcar.car.folded.model import Face, FoldedCar, Mount, Piece, Point, Pose
-from foldcar.car.folded.pose import compose, folded
-from foldcar.car.parts.film import Film
+from foldcar.car.folded.model import FoldedCar, Mount, Point, Pose
+from foldcar.car.folded.placed import PlacedFace, place
+from foldcar.car.folded.pose import compose
+from foldcar.car.parts.bought import Film
 
 MM = 1e-3
 
@@ -43,8 +44,7 @@ def assemble(bodies: Iterable[MassProperties]) -> MassProperties:
 
 def body_properties(car: FoldedCar, body: str) -> MassProperties:
     """Film and parts of ``segment0`` … or ``wheel0`` … as one rigid body, hinges flat (SI units, car's frame)."""
-    data = car.parts.film
-    film = (plate_properties(face, piece.thickness_mm, pose, data) for face, piece, pose in faces_of(car, body))
+    film = (plate_properties(one, car.parts.film) for one in place(car, (body,))[body])
     return assemble([*film, *(mount_properties(mount) for mount in car.mounts if mount.body == body)])
 
 
@@ -66,17 +66,6 @@ def mount_properties(mount: Mount) -> MassProperties:
     return assemble(found)
 
 
-def wheel_mass_kg(car: FoldedCar, wheel: str) -> float:
-    """The mass of a wheel (kg), for which no poses are computed."""
-    pieces = {piece.name: piece for piece in car.pieces}
-    film_kg = 0.0
-    for piece in (pieces[one.piece] for one in car.placed if one.body == wheel):
-        for face in piece.faces:
-            net_mm2 = area_mm2(face.outline_mm) - sum(area_mm2(hole.outline_mm) for hole in face.holes)
-            film_kg += net_mm2 * piece.thickness_mm * MM**3 * car.parts.film.density_kg_m3.value
-    return film_kg + sum(mount.mass_kg for mount in car.mounts if mount.body == wheel)
-
-
 def placing_mm(car: FoldedCar) -> float:
     """How far the centre of mass is off along the floor at most, if parts are laid into their outlines by eye (mm)."""
     marked = {mark.name for piece in car.pieces for face in piece.faces for mark in face.marks}
@@ -95,8 +84,9 @@ def area_mm2(outline: Sequence[Point]) -> float:
     return doubled / 2
 
 
-def plate_properties(face: Face, thickness_mm: float, pose: Pose, film: Film) -> MassProperties:
-    """A face as a plate of uniform thickness, in SI units, in the frame in which ``pose`` (mm) is given."""
+def plate_properties(one: PlacedFace, film: Film) -> MassProperties:
+    """A face as a plate of uniform thickness (SI units, car's frame)."""
+    face, thickness_mm = one.face, one.piece.thickness_mm
     moments = _moments(face.outline_mm) - sum((_moments(hole.outline_mm) for hole in face.holes), np.zeros(6))
     area, first_x, first_y, xx, yy, xy = moments
     x, y = first_x / area, first_y / area
@@ -106,7 +96,7 @@ def plate_properties(face: Face, thickness_mm: float, pose: Pose, film: Film) ->
     inertia = np.array([[yy + through, -xy, 0.0], [-xy, xx + through, 0.0], [0.0, 0.0, xx + yy]])
     inertia *= density_kg_mm2 * MM**2
     center = np.array([x * MM, y * MM, 0.0])
-    return _turned(MassProperties(area * density_kg_mm2, center, inertia), pose)
+    return _turned(MassProperties(area * density_kg_mm2, center, inertia), one.pose)
 
 
 def _moments(outline: Sequence[Point]) -> NDArray[np.float64]:
@@ -130,21 +120,3 @@ def _turned(properties: MassProperties, pose: Pose) -> MassProperties:
     turn, shift = matrix[:3, :3], matrix[:3, 3] * MM
     center = turn @ properties.center_m + shift
     return MassProperties(properties.mass_kg, center, turn @ properties.inertia_kg_m2 @ turn.T)
-
-
-def faces_of(car: FoldedCar, body: str) -> Iterator[tuple[Face, Piece, Pose]]:
-    """Every face of a body with its piece and its pose in the car; beyond a flexure it belongs to the segment behind."""
-    pieces = {piece.name: piece for piece in car.pieces}
-    behind = {hinge.front: hinge.rear for hinge in car.hinges}
-    for one in car.placed:
-        piece = pieces[one.piece]
-        bends = any(crease.flexure for crease in piece.creases)
-        if one.body != body and not (bends and behind.get(one.body) == body):
-            continue
-        bodies, poses = {piece.faces[0].name: one.body}, folded(piece)
-        for crease in piece.creases:
-            here = bodies[crease.parent.face]
-            bodies[crease.child.face] = behind[here] if crease.flexure else here
-        for face in piece.faces:
-            if bodies[face.name] == body:
-                yield face, piece, compose(one.pose, poses[face.name])

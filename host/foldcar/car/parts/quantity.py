@@ -3,6 +3,8 @@
 Lengths are in millimetres, as on data sheets, everything else in SI units unless its name says otherwise.
 """
 
+from typing import TYPE_CHECKING
+
 from pydantic import BaseModel, ConfigDict
 
 
@@ -53,10 +55,17 @@ class Holes(Places):
     diameter_mm: float
 
 
-class PartData(Data):
-    """The base of all data files."""
+class PartData(BaseModel):
+    """The base of all parts: its class declares what is no Quantity, its data file the quantities, by their names."""
+
+    model_config = ConfigDict(extra="allow", frozen=True)
+    __pydantic_extra__: dict[str, Quantity]
 
     name: str
+
+    if TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Quantity: ...
 
 
 class Bought(PartData):

@@ -9,10 +9,9 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from foldcar.car.folded.model import EdgeRef, FoldedCar, Join, Piece
+from foldcar.car.folded.model import FoldedCar, Join, Piece
 from foldcar.car.folded.placed import Bodies, Finding, PlacedFace
 from foldcar.car.folded.pose import side
 
@@ -34,10 +33,16 @@ def check_joins(car: FoldedCar, bodies: Bodies) -> Iterator[Finding]:
             yield Finding("join", f"join {join.number}", f"{join.a.face} or {join.b.face} is nowhere in the car")
         elif join.kind in checks:
             for a, b in _pairs(join, index):
-                # Hooks of wheels turn behind the film: check_wheels.py.
+                # Hooks of wheels turn behind the film: check_wheels.
                 if join.kind not in ("tab_slot", "lock") or not a.body.startswith("wheel"):
                     yield from checks[join.kind](join, a, b)
-    yield from _laminates(car, index)
+    layers: dict[tuple[str, str], list[PlacedFace]] = defaultdict(list)
+    for join in (join for join in car.joins if join.kind == "laminate"):
+        layers[join.piece_a, join.a.face] += index[join.piece_b, join.b.face]
+    for key, onto in layers.items():
+        others = ", ".join(sorted({b.title for b in onto}))
+        for a in (a for a in index[key] if not any(_lies_on(a, b) for b in onto)):
+            yield Finding("laminate", a.title, f"does not lie flat, holes on holes, on {others}")
 
 
 def worst_gap_mm(car: FoldedCar, bodies: Bodies) -> float:
@@ -60,22 +65,16 @@ def _pairs(join: Join, index: Index) -> list[tuple[PlacedFace, PlacedFace]]:
     return [(a, b) for a in first for b in second if a.body == b.body]
 
 
-def _edge(face: PlacedFace, ref: EdgeRef) -> NDArray[np.float64]:
-    corners = face.corners_mm
-    return corners[[ref.index, (ref.index + 1) % len(corners)]]
-
-
 def _gap_mm(join: Join, a: PlacedFace, b: PlacedFace) -> float:
     """The larger distance between the ends of two edges (mm), in the better of the two directions.
 
     A tab lies on the inside of a wall and may be narrower: its edge must lie along the wall's, seen across the wall.
     """
-    first, second = _edge(a, join.a), _edge(b, join.b)
+    first, second = a.edge_mm(join.a.index), b.edge_mm(join.b.index)
     if join.kind == "tab":
         line = shapely.LineString(b.in_face(second)[:, :2])
-        return max(float(line.distance(shapely.Point(point))) for point in b.in_face(first)[:, :2])
-    ends = [np.max(np.linalg.norm(first - other, axis=1)) for other in (second, second[::-1])]
-    return float(min(ends))
+        return float(line.distance(shapely.points(b.in_face(first)[:, :2])).max())
+    return float(min(np.max(np.linalg.norm(first - other, axis=1)) for other in (second, second[::-1])))
 
 
 def _tab(join: Join, a: PlacedFace, b: PlacedFace) -> Iterator[Finding]:
@@ -100,7 +99,7 @@ def _tab(join: Join, a: PlacedFace, b: PlacedFace) -> Iterator[Finding]:
 
 def _tucked(join: Join, a: PlacedFace, b: PlacedFace) -> Iterator[Finding]:
     """A finding if the edge of a is farther from the edge of b than the film between them and a clearance."""
-    ends, (start, end) = _edge(a, join.a), _edge(b, join.b)
+    ends, (start, end) = a.edge_mm(join.a.index), b.edge_mm(join.b.index)
     length = float(np.linalg.norm(end - start))
     along = (end - start) / length
     share = np.clip((ends - start) @ along, 0.0, length)
@@ -114,50 +113,34 @@ def _tucked(join: Join, a: PlacedFace, b: PlacedFace) -> Iterator[Finding]:
 def _tongue(join: Join, a: PlacedFace, b: PlacedFace) -> Iterator[Finding]:
     place = f"join {join.number}: {a.title} through {b.title}"
     slot = next((hole for hole in b.face.holes if hole.name == join.slot), None)
+    local = b.in_face(a.edge_mm(join.a.index))
+    end_mm = float(np.max(local[:, 2]))
     if slot is None:
         yield Finding("slot", place, f'there is no slot "{join.slot}"')
-        return
-    tip = _edge(a, join.a)
-    local = b.in_face(tip)
-    end_mm = float(np.max(local[:, 2]))
-    if end_mm > -b.piece.thickness_mm / 2:
+    elif end_mm > -b.piece.thickness_mm / 2:
         yield Finding("slot", place, f"the tongue ends {end_mm:.2f} mm inside the slot")
-        return
-    half = a.piece.thickness_mm / 2
-    section = shapely.LineString(local[:, :2]).buffer(half, cap_style="flat")
-    outside = section.difference(shapely.Polygon(slot.outline_mm))
-    if outside.area > 1e-6:
-        yield Finding("slot", place, f"{outside.area:.3f} mm² of the tongue's section do not go through {slot.name}")
-
-
-def _laminates(car: FoldedCar, index: Index) -> Iterator[Finding]:
-    """Findings for copies of laminated pieces that do not lie on a face they are joined to with their holes aligned."""
-    joins: dict[tuple[str, str], list[Join]] = defaultdict(list)
-    for join in (join for join in car.joins if join.kind == "laminate"):
-        joins[join.piece_a, join.a.face].append(join)
-    for key, several in joins.items():
-        onto = [face for join in several for face in index[join.piece_b, join.b.face]]
-        for a in index[key]:
-            if not any(_lies_on(a, b) for b in onto):
-                others = ", ".join(sorted({b.title for b in onto}))
-                yield Finding("laminate", a.title, f"does not lie flat, holes on holes, on {others}")
+    else:
+        section = shapely.LineString(local[:, :2]).buffer(a.piece.thickness_mm / 2, cap_style="flat")
+        over = section.difference(shapely.Polygon(slot.outline_mm)).area
+        if over > 1e-6:
+            yield Finding("slot", place, f"{over:.3f} mm² of the tongue's section do not go through {slot.name}")
 
 
 def _lies_on(a: PlacedFace, b: PlacedFace) -> bool:
-    local = b.in_face(a.corners_mm)
-    heights = np.abs(local[:, 2])
-    layers = heights.mean() / ((a.piece.thickness_mm + b.piece.thickness_mm) / 2)
-    if np.ptp(local[:, 2]) > CLOSURE_MM or not 0.8 < layers < 10:
+    """Whether a face lies on another one, or on layers on that, with their holes aligned."""
+    heights = b.in_face(a.corners_mm)[:, 2]
+    layers = np.abs(heights).mean() / ((a.piece.thickness_mm + b.piece.thickness_mm) / 2)
+    if np.ptp(heights) > CLOSURE_MM or not 0.8 < layers < 10:
         return False
-    outline = shapely.Polygon(local[:, :2])
-    holes = [shapely.Polygon(b.in_face(a.in_car(hole.outline_mm))[:, :2]) for hole in a.face.holes]
+    outline, *holes = (
+        shapely.Polygon(b.in_face(a.in_car(one))[:, :2])
+        for one in (a.face.outline_mm, *(hole.outline_mm for hole in a.face.holes))
+    )
     mine = outline.difference(shapely.union_all(holes))
     shared = outline.intersection(shapely.Polygon(b.face.outline_mm))
-    if shared.area < 1:
-        return False
     # Within the shared area the holes of both must agree.
     pairs = ((mine, b.polygon), (b.polygon, mine))
-    return all(bool(one.intersection(shared).difference(other).area < 1) for one, other in pairs)
+    return shared.area >= 1 and all(one.intersection(shared).difference(other).area < 1 for one, other in pairs)
 
 
 VOLUME_TOLERANCE = 1e-3
@@ -201,9 +184,7 @@ def skin_of(car: FoldedCar, faces: Sequence[PlacedFace]) -> list[PlacedFace]:
 
 def volume_mm3(skin: Sequence[PlacedFace]) -> float:
     """The volume (mm³) of the convex hull of the faces: what a body, which is convex, encloses; 0 without faces."""
-    if not skin:
-        return 0.0
-    return float(ConvexHull(np.concatenate([face.corners_mm for face in skin])).volume)
+    return float(ConvexHull(np.concatenate([face.corners_mm for face in skin])).volume) if skin else 0.0
 
 
 def _joined_edges(car: FoldedCar) -> Iterator[tuple[str, str, int]]:
@@ -220,24 +201,14 @@ def _loose_edges(car: FoldedCar, skin: Sequence[PlacedFace], faces: Sequence[Pla
 
     Edges off the convex hull of their face are those of a notch, which is open like a hole.
     """
-    held = set(_joined_edges(car))
-    owners = [(face, i) for face in skin for i in range(len(face.face.outline_mm))]
-    forward, backward = np.hstack(_ends(skin)), np.hstack(_ends(faces)[::-1])
-    loose = []
-    hulls = {id(face): shapely.Polygon(face.face.outline_mm).convex_hull.exterior for face in skin}
-    for (face, index), ends in zip(owners, forward, strict=True):
-        if (face.piece.name, face.face.name, index) in held:
-            continue
-        middle = shapely.LineString(side(face.face.outline_mm, index)).centroid
-        if hulls[id(face)].distance(middle) > CLOSURE_MM:
-            continue
-        if not (np.abs(backward - ends).max(axis=1) <= CLOSURE_MM).any():
-            loose.append((face, index))
+    held, loose = set(_joined_edges(car)), []
+    backward = np.array([one.edge_mm(i)[::-1] for one in faces for i in range(len(one.corners_mm))])
+    for face in skin:
+        hull = shapely.Polygon(face.face.outline_mm).convex_hull.exterior
+        for index in range(len(face.corners_mm)):
+            middle = shapely.LineString(side(face.face.outline_mm, index)).centroid
+            if hull.distance(middle) > CLOSURE_MM or (face.piece.name, face.face.name, index) in held:
+                continue
+            if not (np.abs(backward - face.edge_mm(index)).max(axis=(1, 2)) <= CLOSURE_MM).any():
+                loose.append((face, index))
     return loose
-
-
-def _ends(faces: Sequence[PlacedFace]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Starts and ends of all edges, each (n, 3) in mm."""
-    starts = np.concatenate([face.corners_mm for face in faces])
-    ends = np.concatenate([np.roll(face.corners_mm, -1, axis=0) for face in faces])
-    return starts, ends

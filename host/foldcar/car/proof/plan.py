@@ -15,6 +15,8 @@ from foldcar.car.proof.step import Added, AssemblyStep, Reach
 
 # The unit of every wheel; other units are named after their piece.
 WHEEL = "wheel"
+# The disc on the horn and the layer glued to it (components/wheel.py).
+INNER = ("wheel inner disc", "wheel hub")
 OPEN = "Push the levers outwards and lift the lid by its pull tab"
 USES = {"plug": "Plug a cable into", "finger": "Press", "driver": "Press, with a screwdriver,"}
 
@@ -154,11 +156,10 @@ def _inside(roles: Roles, building: Building) -> None:
     carriers = [one for one in roles.others() if roles.is_carrier(one)]
     carried = [m for one in carriers for m in roles.carried(one) if not roles.is_fastener(m)]
     parts = [m for m in car.mounts if m.body not in wheels and not roles.is_fastener(m) and m.name not in building.parts]
-    soft = [m for m in parts if m.part == car.parts.wiring.name]
-    sold = {extension.name for extension in car.parts.extensions.sold}
-    extensions = [m for m in parts if m.part in sold]
-    parts = [m for m in parts if m not in (*soft, *extensions, *carried) and not roles.is_on_lid(m)]
-    under = [m for m in parts if any(_under(m, board) for board in carried)]
+    wires = [extension.name for extension in car.parts.extensions.sold] + [car.parts.wiring.name]
+    plugged = sorted((m for m in parts if m.part in wires), key=lambda m: m.part == wires[-1])
+    parts = [m for m in parts if m not in (*plugged, *carried) and not roles.is_on_lid(m)]
+    under = [m for m in parts if m.part == car.parts.lipo.name and carriers]
     for one in carriers:
         boards = sorted((m for m in roles.carried(one) if not roles.is_fastener(m)), key=lambda m: m.pose[2][3])
         name, parts_on, whole = _unit(roles, one), building.with_screws(boards), roles.whole(one.piece)
@@ -169,20 +170,11 @@ def _inside(roles: Roles, building: Building) -> None:
     for one in carriers:
         units = [Added("unit", _unit(roles, one), 0, one.body)]
         building.step(f"Put the {one.piece} with the boards in", units=units)
-    for mount in parts:
-        if mount not in under:
-            building.step(f"Put the {mount.name} in", mounts=building.with_screws([mount]))
+    for mount in (mount for mount in parts if mount not in under):
+        building.step(f"Put the {mount.name} in", mounts=building.with_screws([mount]))
     screws = [m for m in car.mounts if roles.is_fastener(m) and m.name not in building.parts and m.body not in wheels]
     building.step("Drive the other screws", mounts=screws)
-    building.step("Plug all wires in", mounts=[*extensions, *soft])
-
-
-def _under(mount: Mount, board: Mount) -> bool:
-    """Whether a mount lies below a board that is above it."""
-    if mount.body != board.body or mount.pose[2][3] >= board.pose[2][3]:
-        return False
-    reach = (mount.half_mm(axis) + board.half_mm(axis) for axis in (0, 1))
-    return all(abs(mount.pose[axis][3] - board.pose[axis][3]) < far for axis, far in enumerate(reach))
+    building.step("Plug all wires in", mounts=plugged)
 
 
 def _wheels(roles: Roles, building: Building) -> None:
@@ -192,20 +184,16 @@ def _wheels(roles: Roles, building: Building) -> None:
     mounts = [m for m in car.mounts if m.body in wheels]
     horns = [m for m in mounts if m.part == car.parts.horn.name]
     screws = [m for m in mounts if roles.is_fastener(m)]
-    central = [m for m in screws if roles.on_axis(m)]
+    central = [m for m in screws if m.part == car.parts.centre_screw.name]
     strips = [one for one in placed if roles.is_wound(one.piece)]
-    # The disc on the horn and the layers glued to it.
-    faces, on_wheels = {horn.face for horn in horns}, {one.piece for one in placed}
-    first = {name for name in on_wheels if any(face.name in faces for face in roles.pieces[name].faces)}
-    for join in (join for join in car.joins if join.kind == "laminate"):
-        ends = {join.piece_a, join.piece_b}
-        first |= ends if ends & first and ends <= on_wheels else set()
-    inner = [one for one in placed if one.piece in first]
+    inner = [one for one in placed if one.piece in INNER]
     building.step("Tape the hubs onto the inner discs", inner, unit=WHEEL)
     others = [one for one in placed if one not in strips and one not in inner]
     building.step("Put the outer discs on", others, unit=WHEEL)
     building.step("Wind the rims around the discs", strips, unit=WHEEL)
-    building.step("Stretch the tyres over the rims", mounts=[m for m in mounts if roles.is_tyre(m)], unit=WHEEL)
+    building.step(
+        "Stretch the tyres over the rims", mounts=[m for m in mounts if m.part == car.parts.tyre.name], unit=WHEEL
+    )
     building.step("Screw the horns onto the servos", mounts=[*horns, *central])
     units = [Added("unit", WHEEL, n, wheel) for n, wheel in enumerate(wheels)]
     building.step("Screw the wheels onto the horns", units=units, mounts=[m for m in screws if m not in central])

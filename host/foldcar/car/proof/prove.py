@@ -13,8 +13,7 @@ import numpy as np
 from foldcar.car.folded.model import FoldedCar, Mount
 from foldcar.car.folded.placed import Finding
 from foldcar.car.folded.pose import compose, translation
-from foldcar.car.proof.blocks import Blocks, together
-from foldcar.car.proof.collide import Way, hit, swept, vector, way_out
+from foldcar.car.proof.blocks import Blocks, Way, hit, swept, together, vector, way_out
 from foldcar.car.proof.plan import WHEEL, planned, service
 from foldcar.car.proof.roles import Lid, roles_of
 from foldcar.car.proof.scene import Scene, Stage, title
@@ -59,7 +58,6 @@ class _Prover:
         self.joined = self.scene.ignored()
         self.folds: dict[str, Mapping[str, float]] = {}
         self.stage = Stage(self.roles, self.folds)
-        self.mounts = {mount.name: mount for mount in car.mounts}
         # What stands in the car (no unit), and in units by name and body.
         self.standing: dict[tuple[str, str], dict[Thing, Blocks]] = {CAR: {}}
         self.findings: list[Finding] = []
@@ -107,8 +105,7 @@ class _Prover:
 
     def _turned(self, move: Vector, first: str, other: str) -> Vector:
         a, b = (np.array(self.roles.placed(body)[0].pose)[:3, :3] for body in (first, other))
-        x, y, z = (float(c) for c in b @ a.T @ np.array(move))
-        return (x, y, z)
+        return vector(b @ a.T @ np.array(move))
 
     def _fold(self, place: str, step: AssemblyStep) -> None:
         """Close folds; what swings meets nothing of its own piece or of what stands there."""
@@ -147,14 +144,13 @@ class _Prover:
             return added.name in self.roles.bases or self.roles.is_wound(added.name)
         if added.kind == "unit":
             return False
-        mount = self.mounts[added.name]
-        return mount.part == self.car.parts.wiring.name or self.roles.is_tyre(mount)
+        return self.roles.mounts[added.name].part in (self.car.parts.wiring.name, self.car.parts.tyre.name)
 
     def _way(self, place: str, added: Added, there: Mapping[Thing, Blocks]) -> Added:
         """With the way in, found as a way out; a finding if there is none."""
         moving, standing = together(self._solid(key) for key in self._keys(added)), together(there.values())
         own: list[Vector] = []
-        mount = self.mounts[added.name] if added.kind == "mount" else None
+        mount = self.roles.mounts[added.name] if added.kind == "mount" else None
         if mount is not None:
             axes = np.array(mount.pose)[:3, :3].T
             own = [vector(sign * axis) for axis in axes for sign in (1.0, -1.0)]
@@ -181,16 +177,13 @@ class _Prover:
         """Whether a mount is plugged onto one that is there, header on header."""
         stacks = [wire for wire in self.car.wires if wire.carries == "stack"]
         pairs = [{wire.a.removesuffix(HEADERS), wire.b.removesuffix(HEADERS)} for wire in stacks]
-        names = {self.mounts[name].part for kind, name, _ in there if kind == "mount"}
+        names = {self.roles.mounts[name].part for kind, name, _ in there if kind == "mount"}
         return any(mount.part in pair and names & (pair - {mount.part}) for pair in pairs)
 
     def _screw_ways(self, screw: Mount, standing: Blocks, own: Sequence[Vector]) -> tuple[Way, Way | None]:
         """The ways out of head and shank, along the driver, and of the nut: off the shank with what holds it, then on."""
         head, *nuts = self.scene.screw(screw, self.stage)
-        driver = next((access for access in screw.accesses if access.tool == "driver"), None)
-        if driver is None:
-            return way_out(together([head, *nuts]), standing, own), None
-        axis = np.array(compose(self.stage.mount(screw), driver.pose))[:3, 2]
+        axis = np.array(compose(self.stage.mount(screw), screw.accesses[0].pose))[:3, 2]
         way = way_out(head, standing, [vector(axis)], only_own=True)
         if not nuts:
             return way, None
@@ -211,7 +204,7 @@ class _Prover:
         standing = together(self.standing[group].values()) if reaches else together(())
         for reach in reaches:
             access, room = self.scene.access(reach, self.stage)
-            name = room.blocks[0].title
+            name = room.titles[0]
             # What is pressed or gripped gives way with the face that it hangs on: a tongue with flap and lever.
             own = {name}
             if reach.piece:
@@ -226,12 +219,12 @@ class _Prover:
         stages = [Stage(self.roles, {**self.folds, name: {**self.folds.get(name, {}), **one}}) for one in path]
         first, last = stages[0], stages[-1]
         for standing in self.standing.values():
-            keys = [key for key in standing if self.scene.poses(key, first) != self.scene.poses(key, last)]
+            keys = [key for key in standing if first.poses(key) != last.poses(key)]
             mine = [key for key in keys if key[:2] == ("piece", name)]
             faces: set[str] = set()
             for key in mine:
-                ends = self.scene.poses(key, last)
-                faces |= {title(name, face) for face, pose in self.scene.poses(key, first).items() if pose != ends[face]}
+                ends = last.poses(key)
+                faces |= {title(name, face) for face, pose in first.poses(key).items() if pose != ends[face]}
             still = [standing[key].where(faces, among=False) for key in mine]
             rest = together([*still, *(one for key, one in standing.items() if key not in keys)])
             start: Blocks | None = None

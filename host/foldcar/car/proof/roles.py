@@ -4,24 +4,23 @@ Input: a FoldedCar. Output: its beams, what opens of them without harm, the laye
 fasteners. All follows from joins, creases and mounts.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache, lru_cache
 
 import numpy as np
 import shapely
 
-from foldcar.car.folded.model import Access, Face, FoldedCar, Join, Mount, Piece, PlacedPiece
+from foldcar.car.folded.model import Access, Face, FoldedCar, Join, Mount, Piece, PlacedPiece, Pose
 from foldcar.car.folded.placed import polygon
 from foldcar.car.folded.pose import apply, compose, folded, inverse
-from foldcar.car.parts.mechanics import Screw
+from foldcar.car.parts.bought import Screw
 from foldcar.car.proof.check_parts import stands_in
 from foldcar.car.proof.step import Thing
 
 PARALLEL = 0.999
 # Layers lie closer than this to the face they are glued to.
 LAYER_MM = 1.5
-ON_AXIS_MM = 0.5
 # A piece, and a face of it that something is fixed to.
 Host = tuple[PlacedPiece, str] | None
 
@@ -38,6 +37,9 @@ class Roles:
     def __init__(self, car: FoldedCar) -> None:
         self.car = car
         self.pieces = {piece.name: piece for piece in car.pieces}
+        self.faces = {piece.name: {face.name: face for face in piece.faces} for piece in car.pieces}
+        self.copies = {(one.piece, one.copy): one for one in car.placed}
+        self.mounts = {mount.name: mount for mount in car.mounts}
         self.bodies = sorted({one.body for one in car.placed if one.body.startswith("segment")})
         self.wheels = [axle.wheel for axle in car.axles]
         area = {piece.name: sum(polygon(face).area for face in piece.faces) for piece in car.pieces}
@@ -65,44 +67,42 @@ class Roles:
         if base is None or one is base:
             return None
         layer = self.is_layer(one)
-        for other in [base, *(p for p in self.placed(one.body) if p is not base and p is not one)]:
-            fixed = [j for j in self.joined(one.piece) if j.kind in GLUED and other.piece in (j.piece_a, j.piece_b)]
-            faces = [j.a.face if j.piece_a == other.piece else j.b.face for j in fixed]
-            face = self._lies_on(one, other, faces) if layer else next(iter(faces), None)
-            if face is not None and not (self.is_layer(other) and not layer):
-                return other, face
+        glued = [j for j in self.joined(one.piece) if j.kind in GLUED]
+        for other in (base, *(p for p in self.placed(one.body) if p not in (base, one))):
+            ends = ((j.piece_b, j.b.face) if j.piece_a == one.piece else (j.piece_a, j.a.face) for j in glued)
+            for face in (face for piece, face in ends if piece == other.piece):
+                if self._lies_on(one, other, face) if layer else not self.is_layer(other):
+                    return other, face
         return None
 
     def mount_host(self, mount: Mount) -> Host:
         """The piece and its face that a mount is fixed to."""
-        if mount.face is None:
-            return None
-        base = self.base.get(mount.body)
-        pieces = [*([base] if base else []), *self.placed(mount.body)]
-        return next(((one, mount.face) for one in pieces if mount.face in self.finished[one.piece]), None)
+        several = (*([self.base[mount.body]] if mount.body in self.base else []), *self.placed(mount.body))
+        return next(((one, mount.face) for one in several if mount.face in self.finished[one.piece]), None)
 
     def is_on_lid(self, mount: Mount) -> bool:
         """Whether a mount lies on the outer side of a lid."""
-        base, host = self.base.get(mount.body), self.mount_host(mount)
-        if base is None or host is None:
+        host = self.mount_host(mount)
+        on = self._on_beam(host, mount.body)
+        if host is None or on is None or on[1] not in self.lids[on[0].piece].faces or self.is_fastener(mount):
             return False
-        on = self._on_beam(host, base)
-        if on is None or on[1] not in self.lids[base.piece].faces:
-            return False
-        onto = inverse(compose(host[0].pose, self.finished[host[0].piece][host[1]]))
         # Printed sides, along +z of their frames, look inwards.
-        return compose(onto, mount.pose)[2][3] < 0 and not self.is_fastener(mount)
+        return compose(inverse(self.pose_of(*host)), mount.pose)[2][3] < 0
 
     def face_under(self, one: PlacedPiece) -> str | None:
         """The face of its beam that a piece moves with; None for a beam and for what is fixed to none."""
-        on = self._on_beam(self.host(one), self.base.get(one.body))
+        on = self._on_beam(self.host(one), one.body)
         return None if on is None else on[1]
 
-    def _on_beam(self, host: Host, base: PlacedPiece | None) -> Host:
+    def _on_beam(self, host: Host, body: str) -> Host:
         """What a host is fixed to in the end, its beam; None if that is none."""
-        while host is not None and host[0] is not base:
+        while host is not None and host[0] is not self.base.get(body):
             host = self.host(host[0])
         return host
+
+    def pose_of(self, one: PlacedPiece, face: str) -> Pose:
+        """The pose of a face in the finished car."""
+        return compose(one.pose, self.finished[one.piece][face])
 
     def whole(self, piece: str) -> dict[str, float]:
         """The fractions of a piece's folds when it is folded: 1 for each crease."""
@@ -148,11 +148,8 @@ class Roles:
 
     def passed_by(self, screw: Mount) -> tuple[Thing, ...]:
         """What the shank of a screw, the second of its solids, passes, from the head on: parts with bores, and film."""
-        if len(screw.solids) < 2:
-            return ()
         shank = screw.solids[1]
         onto = inverse(compose(screw.pose, shank.pose))
-        half = shank.size_mm[2] / 2
         found: list[tuple[float, Thing]] = []
         for mount in self.held_by(screw):
             held = [solid for solid in mount.solids if stands_in(screw, shank, mount, solid)]
@@ -160,50 +157,33 @@ class Roles:
             found += [(max(heights), ("mount", mount.name, 0))] if heights else []
         for one in self.placed(screw.body):
             for face in self.pieces[one.piece].faces:
-                pose = np.array(compose(onto, one.pose, self.finished[one.piece][face.name]))
-                x, y, _ = -pose[:3, :3].T @ pose[:3, 3]
-                flat = abs(pose[2, 2]) > PARALLEL and abs(pose[2, 3]) < half
+                pose = compose(onto, self.pose_of(one, face.name))
+                height, (x, y, _) = pose[2][3], apply(inverse(pose), 0.0, 0.0)
+                flat = abs(pose[2][2]) > PARALLEL and abs(height) < shank.size_mm[2] / 2
                 if flat and shapely.Polygon(face.outline_mm).contains(shapely.Point(x, y)):
-                    found.append((pose[2, 3], ("piece", one.piece, one.copy)))
+                    found.append((height, ("piece", one.piece, one.copy)))
         return tuple(thing for _, thing in sorted(found, key=lambda one: -one[0]))
 
     def from_outside(self, mount: Mount, access: Access) -> bool:
         """Whether an access leads out of a segment, or starts outside it, other than through the lid above."""
-        if mount.body not in self.base:
+        base = self.base.get(mount.body)
+        if base is None:
             return True
-        base = self.base[mount.body]
         panels = [face for face in self.pieces[base.piece].faces if face.role == "panel"]
-        poses = {face.name: compose(base.pose, self.finished[base.piece][face.name]) for face in panels}
-        corners = np.array([apply(poses[face.name], *point) for face in panels for point in face.outline_mm])
+        corners = [apply(self.pose_of(base, face.name), *point) for face in panels for point in face.outline_mm]
+        low, high = np.min(corners, axis=0), np.max(corners, axis=0)
         pose = compose(mount.pose, access.pose)
         start, end = (np.array(apply(pose, 0.0, 0.0, z)) for z in (0.0, access.length_mm))
-        low, high = corners.min(axis=0), corners.max(axis=0)
-        if not ((start > low) & (start < high)).all():
-            return True
-        return bool((end < low).any() or (end > high)[:2].any())
+        inside = ((start > low) & (start < high)).all()
+        return bool(not inside or (end < low).any() or (end > high)[:2].any())
 
-    def is_tyre(self, mount: Mount) -> bool:
-        """Whether a mount is stretched over a wheel."""
-        return mount.body in self.wheels and mount.part != self.car.parts.horn.name and not self.is_fastener(mount)
-
-    def on_axis(self, mount: Mount) -> bool:
-        """Whether a mount of a wheel lies on the wheel's axis: the horn's centre screw."""
-        axle = next(axle for axle in self.car.axles if axle.wheel == mount.body)
-        x, z = (mount.pose[i][3] - axle.center_mm[i] for i in (0, 2))
-        return bool(np.hypot(x, z) < ON_AXIS_MM)
-
-    def _lies_on(self, one: PlacedPiece, other: PlacedPiece, faces: Sequence[str]) -> str | None:
-        """The one of some faces of a piece that another piece lies on; None if it lies on none."""
-        root = self.pieces[one.piece].faces[0]
-        middle = np.array([*polygon(root).representative_point().coords[0], 0.0, 1.0])
-        here = np.array(one.pose)
-        for face in (face for face in self.pieces[other.piece].faces if face.name in faces):
-            there = np.array(compose(other.pose, self.finished[other.piece][face.name]))
-            x, y, z, _ = np.linalg.inv(there) @ here @ middle
-            near = abs(float(here[:3, 2] @ there[:3, 2])) > PARALLEL and abs(z) < LAYER_MM
-            if near and shapely.Polygon(face.outline_mm).contains(shapely.Point(x, y)):
-                return face.name
-        return None
+    def _lies_on(self, one: PlacedPiece, other: PlacedPiece, name: str) -> bool:
+        """Whether a piece lies on a face of another one."""
+        onto = compose(inverse(self.pose_of(other, name)), one.pose)
+        middle = polygon(self.pieces[one.piece].faces[0]).representative_point()
+        x, y, z = apply(onto, middle.x, middle.y)
+        on = shapely.Polygon(self.faces[other.piece][name].outline_mm).contains(shapely.Point(x, y))
+        return bool(on and abs(onto[2][2]) > PARALLEL and abs(z) < LAYER_MM)
 
 
 # Joins that hold for good; locks and tucks open again.
@@ -231,16 +211,14 @@ def lid_of(car: FoldedCar, base: Piece) -> Lid:
     """
     faces = {face.name: face for face in base.faces}
     parents = {crease.child.face: crease for crease in base.creases}
-    locks = [j for j in car.joins if j.kind == "lock" and j.piece_a == j.piece_b == base.name]
     moving: set[str] = set()
-    opening: list[str] = []
-    for lock in locks:
-        face = lock.b.face
-        still = {face}
-        while face in parents:
-            face = parents[face].parent.face
-            still.add(face)
-        at, folds = lock.a.face, []
+    opening: set[str] = set()
+    for lock in (j for j in car.joins if j.kind == "lock" and j.piece_a == j.piece_b == base.name):
+        still = {lock.b.face}
+        for crease in reversed(base.creases):
+            if crease.child.face in still:
+                still.add(crease.parent.face)
+        at = lock.a.face
         while at in parents and at not in still:
             # The face and all that hang on it.
             below = {at}
@@ -251,18 +229,16 @@ def lid_of(car: FoldedCar, base: Piece) -> Lid:
                 break
             moving |= below
             if faces[at].role == "panel":
-                folds.append(parents[at].name)
+                opening.add(parents[at].name)
             at = parents[at].parent.face
-        opening += [name for name in reversed(folds) if name not in opening]
-    order = [crease.name for crease in base.creases if crease.name in opening]
-    ends = {(base.name, face) for face in moving}
-    shutting = {
-        j.number
-        for j in car.joins
-        if j.kind in ("lock", "tuck") and len(ends & {(j.piece_a, j.a.face), (j.piece_b, j.b.face)}) == 1
-    }
+    order = tuple(crease.name for crease in base.creases if crease.name in opening)
+    shutting = set()
+    for join in (join for join in car.joins if join.kind in ("lock", "tuck")):
+        ends = {(join.piece_a, join.a.face), (join.piece_b, join.b.face)}
+        if sum(piece == base.name and face in moving for piece, face in ends) == 1:
+            shutting.add(join.number)
     gripped = tuple(face for face in base.faces if face.name in moving and face.accesses)
-    return Lid(frozenset(moving), tuple(order), tuple(sorted(shutting)), gripped)
+    return Lid(frozenset(moving), order, tuple(sorted(shutting)), gripped)
 
 
 def _glued_elsewhere(car: FoldedCar, base: Piece, faces: set[str]) -> bool:
@@ -271,11 +247,9 @@ def _glued_elsewhere(car: FoldedCar, base: Piece, faces: set[str]) -> bool:
     A flat piece laminated to the faces alone moves with them.
     """
     layers = {piece.name for piece in car.pieces if not piece.creases}
-    for join in car.joins:
+    for join in (join for join in car.joins if join.kind in GLUED):
         ends = ((join.piece_a, join.a.face), (join.piece_b, join.b.face))
-        inside = [piece == base.name and face in faces for piece, face in ends]
-        if join.kind not in GLUED or not any(inside) or all(inside):
-            continue
-        if join.kind != "laminate" or ends[inside.index(False)][0] not in layers:
+        outside = [piece for piece, face in ends if piece != base.name or face not in faces]
+        if len(outside) == 1 and (join.kind != "laminate" or outside[0] not in layers):
             return True
     return False

@@ -13,11 +13,10 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from foldcar.car.folded.model import IDENTITY, Access, Face, Join, Mount, Piece, PlacedPiece, Pose
+from foldcar.car.folded.model import IDENTITY, Access, Join, Mount, PlacedPiece, Pose
 from foldcar.car.folded.placed import polygon
 from foldcar.car.folded.pose import apply, compose, edge, folded, inverse, side
-from foldcar.car.proof.blocks import Blocks, access_blocks, mount_blocks, plate, solid_blocks, together
-from foldcar.car.proof.collide import Ignored
+from foldcar.car.proof.blocks import Blocks, Ignored, access_blocks, plate, solid_blocks, together
 from foldcar.car.proof.roles import Host, Roles
 from foldcar.car.proof.step import Reach, Thing
 
@@ -43,6 +42,13 @@ class Stage:
         """The pose of a mount."""
         return compose(self._shift(self.roles.mount_host(mount)), mount.pose)
 
+    def poses(self, thing: Thing) -> dict[str, Pose]:
+        """The poses of a piece's faces by name, or that of a mount by its own."""
+        kind, name, copy = thing
+        return (
+            self.faces(self.roles.copies[name, copy]) if kind == "piece" else {name: self.mount(self.roles.mounts[name])}
+        )
+
     def _shift(self, host: Host) -> Pose:
         """The motion of a face from its place in the finished car."""
         if host is None:
@@ -50,9 +56,7 @@ class Stage:
         one, face = host
         above = self._shift(self.roles.host(one))
         now, then = self._folded(one.piece)[face], self.roles.finished[one.piece][face]
-        if now == then:
-            return above
-        return compose(above, one.pose, now, inverse(then), inverse(one.pose))
+        return above if now == then else compose(above, one.pose, now, inverse(then), inverse(one.pose))
 
 
 TONGUES = frozenset({"lock", "tab_slot", "rim"})
@@ -73,72 +77,60 @@ class Scene:
 
     def __init__(self, roles: Roles) -> None:
         self.roles = roles
-        self._placed: dict[Thing, PlacedPiece] = {("piece", one.piece, one.copy): one for one in roles.car.placed}
-        self._named = {mount.name: mount for mount in roles.car.mounts}
         # The solids of pieces and mounts at the poses where they were last.
         self._last: dict[Thing, tuple[dict[str, Pose], Blocks]] = {}
         self._tongues: dict[tuple[str, str], list[shapely.Geometry]] = defaultdict(list)
         # A tongue's piece is cut whole where it meets a face of another one.
         cuts = {(j.piece_a, j.piece_b, j.b.face, j.a.face if j.piece_a == j.piece_b else ""): j for j in roles.car.joins}
-        for join in cuts.values():
-            if join.kind in TONGUES:
-                for face, tongue in self._through(join):
-                    self._tongues[join.piece_a, face].append(tongue)
+        for join in (join for join in cuts.values() if join.kind in TONGUES):
+            for face, tongue in self._through(join):
+                self._tongues[join.piece_a, face].append(tongue)
         self._face = cache(self._made_face)
-        self._mount = cache(mount_blocks)
-
-    def poses(self, thing: Thing, stage: Stage) -> dict[str, Pose]:
-        """The poses of a piece's faces by name, or that of a mount by its own."""
-        if thing[0] == "piece":
-            return stage.faces(self._placed[thing])
-        return {thing[1]: stage.mount(self._named[thing[1]])}
+        self._mount = cache(lambda mount: together(solid_blocks(solid, mount.name) for solid in mount.shape))
 
     def solid(self, thing: Thing, stage: Stage) -> Blocks:
         """A copy of a piece, or a mount; nothing for loose wires."""
-        poses = self.poses(thing, stage)
+        poses, (kind, name, _) = stage.poses(thing), thing
         if thing not in self._last or self._last[thing][0] != poses:
-            kind, name, _ = thing
             if kind == "piece":
                 parts = [self._face(name, face).moved(pose) for face, pose in poses.items()]
-            elif self._named[name].part == self.roles.car.parts.wiring.name:
-                parts = []
             else:
-                parts = [self._mount(self._named[name]).moved(poses[name])]
+                mount = self.roles.mounts[name]
+                loose = mount.part == self.roles.car.parts.wiring.name
+                parts = [] if loose else [self._mount(mount).moved(poses[name])]
             self._last[thing] = poses, together(parts)
         return self._last[thing][1]
 
     def screw(self, mount: Mount, stage: Stage) -> list[Blocks]:
-        """Head with shank, then the nut: the solids from the third on; the box of a screw without solids."""
+        """Head with shank, then the nut: the solids from the third on."""
         several = [solid_blocks(solid, mount.name).moved(stage.mount(mount)) for solid in mount.shape]
         return [together(several[:2]), *several[2:]]
 
     def access(self, reach: Reach, stage: Stage) -> tuple[Access, Blocks]:
         """An access and its cylinder, which is named as what is reached."""
         if not reach.piece:
-            mount = self._named[reach.name]
+            mount = self.roles.mounts[reach.name]
             access, name, pose = mount.accesses[reach.index], mount.name, stage.mount(mount)
         else:
-            one = next(one for one in self.roles.car.placed if one.piece == reach.piece)
-            face = next(face for face in self.roles.pieces[reach.piece].faces if face.name == reach.name)
+            face = self.roles.faces[reach.piece][reach.name]
             access, name = face.accesses[reach.index], title(reach.piece, reach.name)
-            pose = stage.faces(one)[reach.name]
+            pose = stage.faces(self.roles.copies[reach.piece, 0])[reach.name]
         return access, access_blocks(access, name).moved(pose)
 
     def ignored(self) -> Ignored:
         """The pairs of faces that tabs join: a tab is modelled in the plane it is glued to, or on it."""
-        pairs = set()
-        for join in self.roles.car.joins:
-            if join.kind in ("tab", "lap", "rim"):
-                ends = title(join.piece_a, join.a.face), title(join.piece_b, join.b.face)
-                pairs |= {ends, ends[::-1]}
-        return frozenset(pairs)
+        glued = (join for join in self.roles.car.joins if join.kind in ("tab", "lap", "rim"))
+        ends = [(title(join.piece_a, join.a.face), title(join.piece_b, join.b.face)) for join in glued]
+        return frozenset(ends) | {(b, a) for a, b in ends}
 
     def _made_face(self, name: str, face_name: str) -> Blocks:
         """A face in its own frame, without its tongues and what bends at its folds."""
-        piece = self.roles.pieces[name]
-        face = next(face for face in piece.faces if face.name == face_name)
+        piece, face = self.roles.pieces[name], self.roles.faces[name][face_name]
+        folds = (ref for c in piece.creases if not c.bend for ref in (c.parent, c.child) if ref.face == face_name)
+        lines = (shapely.LineString(side(face.outline_mm, ref.index)) for ref in folds)
+        bends = (line.buffer(piece.thickness_mm / 2, cap_style="flat") for line in lines)
         shape: shapely.Geometry = polygon(face)
-        for one in (*self._tongues[name, face_name], *_bends(piece, face)):
+        for one in (*self._tongues[name, face_name], *bends):
             shape = shape.difference(one)
         return plate(shape, piece.thickness_mm, title(name, face_name))
 
@@ -147,31 +139,26 @@ class Scene:
 
         All faces of the tongue's piece are cut there, unless it locks into itself: tongues may share a slot.
         """
-        roles = self.roles
-        piece = roles.pieces[join.piece_a]
-        ends = edge({face.name: face for face in piece.faces}, join.a)
-        tip = [sum(values) / 2 for values in zip(*ends, strict=True)]
-        nearest: tuple[float, PlacedPiece | None, Pose] = (FAR_MM, None, IDENTITY)
+        roles, piece = self.roles, self.roles.pieces[join.piece_a]
+        tip = np.mean(edge(roles.faces[join.piece_a], join.a), axis=0)
         copies = [[one for one in roles.car.placed if one.piece == name] for name in (join.piece_a, join.piece_b)]
+        found = []
         for one, other in itertools.product(*copies):
-            if one.body != other.body:
-                continue
-            onto = inverse(compose(other.pose, roles.finished[other.piece][join.b.face]))
-            height = apply(compose(onto, one.pose, roles.finished[one.piece][join.a.face]), *tip)[2]
-            if abs(height) < abs(nearest[0]):
-                nearest = height, one, onto
-        height, tongue, onto = nearest
-        if tongue is None:
+            if one.body == other.body:
+                onto = inverse(roles.pose_of(other, join.b.face))
+                height = apply(compose(onto, roles.pose_of(one, join.a.face)), *tip)[2]
+                found.append((abs(height), height, one, onto))
+        if not found:
             return
-        side = 1.0 if height > 0 else -1.0
+        reach, height, tongue, onto = min(found, key=lambda one: one[0])
         half = roles.pieces[join.piece_b].thickness_mm / 2
         for face in (face for face in piece.faces if join.piece_a != join.piece_b or face.name == join.a.face):
-            relative = np.array(compose(onto, tongue.pose, roles.finished[piece.name][face.name])) * side
+            relative = np.array(compose(onto, roles.pose_of(tongue, face.name))) * (1.0 if height > 0 else -1.0)
             # Height of (x, y) of the face over the film: slope @ (x, y) + offset.
             slope, offset = relative[2, :2], relative[2, 3]
             heights = np.array(face.outline_mm) @ slope + offset
             if np.linalg.norm(slope) > UPRIGHT and heights.max() > -half:
-                yield face.name, _band(slope, offset, -half, abs(height) + BEHIND_MM)
+                yield face.name, _band(slope, offset, -half, reach + BEHIND_MM)
 
 
 def _band(slope: NDArray[np.float64], offset: float, low: float, high: float) -> shapely.Geometry:
@@ -181,14 +168,3 @@ def _band(slope: NDArray[np.float64], offset: float, low: float, high: float) ->
     along = np.array((-out[1], out[0])) * FAR_MM
     first, last = out * (low - offset) / steep, out * (high - offset) / steep
     return shapely.Polygon([first - along, first + along, last + along, last - along])
-
-
-def _bends(piece: Piece, face: Face) -> list[shapely.Geometry]:
-    """Strips along the folds of a face, half a film wide."""
-    strips = []
-    for crease in piece.creases:
-        for ref in (crease.parent, crease.child):
-            if ref.face == face.name and not crease.bend:
-                line = shapely.LineString(side(face.outline_mm, ref.index))
-                strips.append(line.buffer(piece.thickness_mm / 2, cap_style="flat"))
-    return strips

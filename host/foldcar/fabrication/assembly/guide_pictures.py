@@ -14,7 +14,7 @@ from shapely.geometry import Point, Polygon
 
 from foldcar.car.folded.model import FoldedCar, Join, Mount, Piece, PlacedPiece
 from foldcar.car.folded.pose import edge
-from foldcar.car.parts.mechanics import Screw, Spacer
+from foldcar.car.parts.bought import Screw, Spacer
 from foldcar.car.proof.prove import assembly_steps, service_steps
 from foldcar.car.proof.roles import roles_of
 from foldcar.car.proof.step import Added, AssemblyStep

@@ -10,8 +10,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
-from foldcar.car.components.hooked_strip import turn_rad
-from foldcar.car.components.wheel_size import WheelSize
+from foldcar.car.components.hooked_strip import WheelSize, turn_rad
 from foldcar.car.folded.model import FoldedCar, Join, Mount
 from foldcar.car.leads import leads
 from foldcar.car.proof.step import Added, AssemblyStep, Vector

@@ -9,11 +9,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
-from foldcar.car.design import Design, DesignError, compose
+from foldcar.car.design import Design, DesignError, compose, parameters
 from foldcar.car.folded.model import FoldedCar
 from foldcar.car.folded_car import folded_car
-from foldcar.car.modules import parameters
-from foldcar.car.parts.choices import OPTIONS
+from foldcar.car.parts.catalogue import OPTIONS
 from foldcar.car.proof.plan import planned
 from foldcar.car.verify import verify
 from foldcar.errors import FoldcarError

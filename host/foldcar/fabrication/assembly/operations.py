@@ -13,8 +13,8 @@ from importlib.resources import files
 from pydantic import TypeAdapter
 
 from foldcar.car.folded.model import Crease, FoldedCar, Join, Mount, Piece, Wire
+from foldcar.car.parts.bought import Screw
 from foldcar.car.parts.catalogue import Catalogue
-from foldcar.car.parts.mechanics import Screw
 from foldcar.car.parts.quantity import Quantity
 from foldcar.car.proof.prove import assembly_steps
 from foldcar.car.proof.step import AssemblyStep

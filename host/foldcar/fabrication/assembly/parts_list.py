@@ -17,8 +17,8 @@ from foldcar.car.fits import fits
 from foldcar.car.folded.model import FoldedCar, Piece
 from foldcar.car.folded.weight import assemble, body_properties, placing_mm
 from foldcar.car.leads import leads, more_wire_m, wire_mm
+from foldcar.car.parts.bought import Tyre
 from foldcar.car.parts.catalogue import film_of
-from foldcar.car.parts.mechanics import Tyre
 from foldcar.car.parts.quantity import Bought, Quantity
 from foldcar.car.proof.plan import planned
 from foldcar.fabrication.assembly.operations import is_wound

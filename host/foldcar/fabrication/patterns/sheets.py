@@ -14,8 +14,8 @@ import segno
 from shapely.geometry import Polygon
 
 from foldcar.car.folded.model import FoldedCar
+from foldcar.car.parts.bought import Film as SoldFilm
 from foldcar.car.parts.catalogue import film_of
-from foldcar.car.parts.film import Film as SoldFilm
 from foldcar.fabrication.patterns.drawing import LAYERS, Motion, Path, Point, Shape, Sheet
 from foldcar.fabrication.patterns.film import Film, narrowest_film
 from foldcar.fabrication.patterns.flat_piece import FlatPiece, flat_piece

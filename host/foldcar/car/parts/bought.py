@@ -1,19 +1,46 @@
-"""Screws, spacers, tools, the ball caster; servos, and what makes a wheel of folded discs: horns, tyres."""
+"""The film, screws, servos, wheels' parts, boards, batteries, switch and plugs, as their data files describe them.
+
+A board's frame: the middle of its outline on its underside; x away from the Feather's USB socket, y towards its shorter
+row of pins, z up.
+"""
 
 import math
 from typing import Literal
 
-from foldcar.car.parts.quantity import Bought, BoxPart, Data, Holes, PartData, Quantity
+from foldcar.car.parts.quantity import Bought, Box, BoxPart, Data, Holes, PartData, Places, Quantity
+
+
+class Cutting(Data):
+    """How each machine cuts a film, and who says so; None for a machine that does not."""
+
+    silhouette: str | None
+    cricut: str | None
+    laser: str | None
+    scissors: str | None
+
+
+class Film(PartData):
+    """A film of one thickness; films of one material have the same ``name``.
+
+    Bent below ``least_bend_radius_mm`` it keeps a crease or cracks. ``friction`` is that of bare film on the ground.
+    ``tape`` is what holds it, ``folding`` how its folds are made, ``hinge`` how it stands being bent in use.
+    """
+
+    sold_as: str
+    cutting: Cutting
+    folding: str
+    tape: str
+    hinge: str
+
+    @property
+    def title(self) -> str:
+        """Material and thickness."""
+        return f"{self.name} {self.thickness_mm.value:g} mm"
 
 
 class Screw(Bought):
     """A screw, ``length_mm`` below the head, with its nut, if it has one."""
 
-    mass_kg: Quantity
-    diameter_mm: Quantity
-    length_mm: Quantity
-    head_diameter_mm: Quantity
-    head_height_mm: Quantity
     nut_width_mm: Quantity | None
     nut_height_mm: Quantity | None
 
@@ -21,20 +48,9 @@ class Screw(Bought):
 class Spacer(Bought):
     """A round spacer around a screw."""
 
-    mass_kg: Quantity
-    length_mm: Quantity
-    diameter_mm: Quantity
-    hole_mm: Quantity
-
 
 class Tools(PartData):
     """The room that a screwdriver, a finger, and a nut before its screw need."""
-
-    driver_diameter_mm: Quantity
-    driver_length_mm: Quantity
-    finger_diameter_mm: Quantity
-    finger_length_mm: Quantity
-    nut_room_mm: Quantity
 
     @property
     def finger_mm(self) -> tuple[float, float]:
@@ -45,12 +61,6 @@ class Tools(PartData):
     def driver_mm(self) -> tuple[float, float]:
         """Diameter and length of the largest screwdriver's shaft (mm)."""
         return self.driver_diameter_mm.most, self.driver_length_mm.most
-
-
-class Caster(BoxPart):
-    """A ball caster: a ball under a flange with two screws."""
-
-    hole_spacing_mm: Quantity
 
 
 STANDARD_GRAVITY_M_S2 = 9.80665
@@ -82,30 +92,7 @@ class Servo(Bought):
     of its depth that lies inside the car. The turret is the round around the axis, the idler the smaller one beside it.
     """
 
-    mass_kg: Quantity
-    length_mm: Quantity
-    width_mm: Quantity
-    depth_mm: Quantity
-    axis_from_end_mm: Quantity
-    ear_underside_mm: Quantity
-    ear_span_mm: Quantity
-    ear_thickness_mm: Quantity
-    screw_spacing_mm: Quantity
-    screw_hole_mm: Quantity
-    turret_diameter_mm: Quantity
-    turret_top_mm: Quantity
-    idler_diameter_mm: Quantity
-    idler_from_axis_mm: Quantity
-    spline_diameter_mm: Quantity
-    spline_top_mm: Quantity
-    spline_teeth: Quantity
-    lead_length_mm: Quantity
-    lead_height_mm: Quantity
     operating_points: tuple[OperatingPoint, OperatingPoint]
-    rotor_inertia_kg_m2: Quantity
-    neutral_us: Quantity
-    deadband_us: Quantity
-    saturation_us: Quantity
 
     def at_voltage(self, voltage_v: float) -> ServoLine:
         """Linear interpolation (or extrapolation) of the two data-sheet points at ``voltage_v``, in SI units."""
@@ -141,16 +128,8 @@ class Horn(Bought):
     outer face. ``holes`` are all, ``wheel_screws`` those of them that hold a wheel. Its cost says whence it comes.
     """
 
-    mass_kg: Quantity
     arms: Arms | None
     disc_diameter_mm: Quantity | None
-    hub_diameter_mm: Quantity
-    height_mm: Quantity
-    thickness_mm: Quantity
-    spline_depth_mm: Quantity
-    centre_hole_mm: Quantity
-    recess_diameter_mm: Quantity
-    recess_depth_mm: Quantity
     holes: Holes
     wheel_screws: Holes
 
@@ -173,9 +152,7 @@ class Tyre(Bought):
     """
 
     form: Literal["strip", "tube"]
-    thickness_mm: Quantity
     width_mm: Quantity | None
-    density_kg_m3: Quantity
     friction: Quantity | None
     note: str
 
@@ -194,7 +171,70 @@ class Tyre(Bought):
 
     def mass_kg(self, radius_mm: float, rim_width_mm: float) -> float:
         """The mass of a ring of that outer radius (kg)."""
-        thickness = self.thickness_mm.value
-        area_mm2 = math.pi * (radius_mm**2 - (radius_mm - thickness) ** 2)
+        area_mm2 = math.pi * (radius_mm**2 - (radius_mm - self.thickness_mm.value) ** 2)
         width_mm = rim_width_mm if self.width_mm is None else self.width_mm.value
         return area_mm2 * width_mm * 1e-9 * self.density_kg_m3.value
+
+
+class Feather(BoxPart):
+    """The processor's board with female headers on it; ``joints`` are their pins below it, ``small`` parts at holes."""
+
+    joints: tuple[Box, Box]
+    small: tuple[Box, ...]
+    headers: tuple[Box, Box]
+    holes: tuple[Holes, Holes]
+    usb: Box
+    battery_socket: Box
+    reset: Box
+    antenna: Box
+
+    @property
+    def standing(self) -> tuple[Box, ...]:
+        """What stands on the board, with the pins below it."""
+        socket = self.battery_socket
+        return (*self.headers, *self.joints, *self.small, self.usb, socket, self.antenna, self.reset)
+
+    def free_holes(self, screw: Screw) -> list[tuple[float, float]]:
+        """The holes beside which a screw's nut can be turned: nothing stands on the board there."""
+        nut = screw.nut_width_mm.value / math.sqrt(3) if screw.nut_width_mm else screw.diameter_mm.value / 2
+
+        def apart(box: Box, at: tuple[float, float]) -> float:
+            return math.hypot(*(max(0.0, abs(at[i] - box.at_mm[i]) - box.size_mm[i] / 2) for i in (0, 1)))
+
+        holes = [at for several in self.holes for at in several.at_mm]
+        return [at for at in holes if all(apart(box, at) > nut for box in self.standing)]
+
+
+class FeatherWing(BoxPart):
+    """The servo driver, plugged onto the Feather: ``gap_mm`` is between the two boards, ``headers`` are below it.
+
+    ``plug_top_mm`` is the height of an upright servo plug's top over this board's underside, ``plug_bend_mm`` what its
+    leads need above it. ``outputs`` are the middles of the outputs' pins, from output 0 on.
+    """
+
+    headers: tuple[Box, Box]
+    holes: tuple[Holes]
+    servo_headers: tuple[Box, Box]
+    outputs: Places
+    terminal_block: Box
+    reset: Box
+
+
+class Plugs(PartData):
+    """The plugs that must pass, with their housings: the computer's, the servos' and the LiPo's.
+
+    ``inserted_mm`` of a plug's way is in its socket.
+    """
+
+    usb: PartData
+    servo: PartData
+    battery: PartData
+
+
+class Extensions(PartData):
+    """Servo extensions as they are sold, the shortest first; ``joint`` is a plug in an extension's socket.
+
+    One is a lead with a socket at one end and a plug at the other, ``length_mm`` long.
+    """
+
+    sold: tuple[Bought, ...]

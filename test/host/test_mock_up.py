@@ -85,7 +85,7 @@ def test_a_prototype_says_what_it_is_on_every_page_and_in_its_text(tmp_path: Pat
     text = (out / "how_to_fold.md").read_text()
     assert text.startswith("# PAPER PROTOTYPE scale 1:2, not for driving") and "1 page: sheets.pdf" in text
     # The same command with the machine that it names gives the same sheets, also on paper of another size.
-    more = ["--machine", "scissors", "--mockup", "0.5", "--paper", "letter", "-o", str(tmp_path / "letter")]
+    more = ["--machine", "scissors", "--mockup", "0.5", "--sheet", "letter", "-o", str(tmp_path / "letter")]
     letter = CliRunner().invoke(app, ["pattern", str(listing), "--vehicle", "w95", *more])
     assert letter.exit_code == 0 and "pages     1 of 215.9 x 279.4 mm" in letter.output
 

@@ -68,8 +68,8 @@ class _Written:
 
     def pdf(self, name: str, sheets: Sequence[Sheet], title: str) -> None:
         """One file for several sheets, read back."""
-        self.files[name] = pdf(sheets, self.chosen.paper, title)
-        self._found(name, check_pdf(sheets, self.files[name], self.chosen))
+        self.files[name] = pdf(sheets, title)
+        self._found(name, check_pdf(sheets, self.files[name]))
 
     def _found(self, name: str, findings: Sequence[str]) -> None:
         self.findings += [f"{name}: {found}" for found in findings]

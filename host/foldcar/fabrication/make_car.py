@@ -23,8 +23,7 @@ from foldcar.fabrication.assembly.parts_list import (
     total_cost_usd,
     total_mass_kg,
 )
-from foldcar.fabrication.assembly.shape_files import fold_text, obj_files, stl_bytes
-from foldcar.fabrication.assembly.solids import film_mesh, film_solids, mount_solids
+from foldcar.fabrication.assembly.solids import film_solids, mount_solid, obj_files, stl_bytes
 from foldcar.fabrication.assembly.view_page import view_page
 from foldcar.fabrication.assembly.wiring import wiring_drawing, wiring_text
 from foldcar.fabrication.patterns.cutting import coupon, how_to_cut
@@ -126,11 +125,11 @@ def make_car(design: Design, chosen: Options, command: str = "") -> MadeCar:
         "wiring.svg": wiring_drawing(folded, title),
         "parts.md": parts_list_text(folded, title, cut.sheets) + "\n" + work_table(done),
         "parts.csv": parts_list_csv(folded, cut.sheets),
-        **{f"fold/{piece.name}.fold": fold_text(piece, title) for piece in folded.pieces},
     }
     files |= {name: text.encode() for name, text in texts.items()}
-    files |= {"sheets.png": preview(cut.sheets, title), "car.stl": stl_bytes(film_mesh(folded))}
-    files |= obj_files([*film_solids(folded), *mount_solids(folded)], "car")
+    film = film_solids(folded)
+    files |= {"sheets.png": preview(cut.sheets, title), "car.stl": stl_bytes(film)}
+    files |= obj_files([*film, *map(mount_solid, folded.mounts)], "car")
     lines = sum(len(sheet.shapes) for sheet in cut.sheets)
     held = " but for their holding tabs" if chosen.holding_tabs_mm else ""
     checks = (

@@ -10,8 +10,8 @@ from typing import Literal
 import numpy as np
 
 from foldcar.car.folded.model import IDENTITY, Hole, Mount, Piece, Solid
+from foldcar.fabrication.assembly.faces import Fraction, Matrix, face_poses, glued_offset_mm, mount_material, moved
 from foldcar.fabrication.assembly.hidden_surfaces import Facet, Vector
-from foldcar.fabrication.assembly.solids import Fraction, Matrix, face_poses, glued_offset_mm, mount_material, moved
 
 SMALL_HOLE_MM = 4.0
 CYLINDER_ENDS = 2

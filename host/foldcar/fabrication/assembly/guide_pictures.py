@@ -19,12 +19,12 @@ from foldcar.car.proof.prove import assembly_steps, service_steps
 from foldcar.car.proof.roles import roles_of
 from foldcar.car.proof.step import Added, AssemblyStep
 from foldcar.fabrication.assembly.drawing import Arrow, Drawing, Mark
+from foldcar.fabrication.assembly.faces import Fraction, Matrix, face_poses, glued_offset_mm, moved
 from foldcar.fabrication.assembly.facets import Shape, shank_and_nut, together
 from foldcar.fabrication.assembly.guide_state import Part, State, key
 from foldcar.fabrication.assembly.guide_words import reached_word
 from foldcar.fabrication.assembly.hidden_surfaces import Camera, Vector, camera
 from foldcar.fabrication.assembly.operations import KINDS, NOTHING, Operations, is_screw, is_wound, minutes
-from foldcar.fabrication.assembly.solids import Fraction, Matrix, face_poses, glued_offset_mm, moved
 
 # Open lids stand on the left, so that most is seen from the right.
 FROM_RIGHT, FROM_LEFT, FROM_REAR = camera(-55, 34), camera(125, 34), camera(-125, 34)

@@ -21,8 +21,8 @@ from foldcar.car.parts.catalogue import film_of
 from foldcar.car.parts.mechanics import Tyre
 from foldcar.car.parts.quantity import Bought, Quantity
 from foldcar.car.proof.plan import planned
+from foldcar.fabrication.assembly.faces import piece_area_mm2
 from foldcar.fabrication.assembly.operations import is_wound
-from foldcar.fabrication.assembly.solids import piece_area_mm2
 from foldcar.fabrication.patterns.drawing import Sheet
 
 

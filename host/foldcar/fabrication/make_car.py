@@ -15,7 +15,7 @@ from foldcar.car.folded_car import folded_car
 from foldcar.car.verify import verify
 from foldcar.errors import FoldcarError
 from foldcar.fabrication.assembly.guide import guide_page
-from foldcar.fabrication.assembly.operations import Operations, operations, work_table
+from foldcar.fabrication.assembly.operations import Operations, operations
 from foldcar.fabrication.assembly.parts_list import (
     parts_list,
     parts_list_csv,
@@ -123,7 +123,7 @@ def make_car(design: Design, chosen: Options, command: str = "") -> MadeCar:
         GUIDE: guide_page(folded, pieces, chosen.machine, title, cut.sheets),
         "wiring.md": wiring_text(folded, title),
         "wiring.svg": wiring_drawing(folded, title),
-        "parts.md": parts_list_text(folded, title, cut.sheets) + "\n" + work_table(done),
+        "parts.md": parts_list_text(folded, title, cut.sheets, done),
         "parts.csv": parts_list_csv(folded, cut.sheets),
     }
     files |= {name: text.encode() for name, text in texts.items()}

@@ -205,24 +205,6 @@ def assembly_times() -> dict[str, Quantity]:
 NOTHING = Operations()
 
 
-def work_table(done: Operations) -> str:
-    """A section of Markdown: all operations by kind, weeding apart, and the minutes."""
-    low, high = done.minutes_between
-    hands = {kind: count for kind, count in done.counts.items() if count and kind != "weed"}
-    return "\n".join([
-        "## Work by hand",
-        f"{done.total} operations, and {done.weed} openings weeded: about {minutes(done.minutes)} (an estimate: between "
-        f"{low:.0f} and {high:.0f} min; assembly.html has its basis).",
-        "",
-        "| operation | count |",
-        "|---|---:|",
-        *(f"| {KINDS[kind][count != 1]} | {count} |" for kind, count in hands.items()),
-        f"| **together** | **{done.total}** |",
-        f"| {KINDS['weed'][1]}, not counted above | {done.weed} |",
-        "",
-    ])  # fmt: skip
-
-
 def minutes(value: float) -> str:
     """Minutes as text."""
     return f"{value:.0f} min" if value >= 1 else "1 min"

@@ -1,8 +1,9 @@
 """A folded car as closed solids, film with its thickness and bought parts as boxes: STL of the film, OBJ of all parts.
 
-Input: a FoldedCar. Output: meshes and files in millimetres, in the car's frame (x forward, y left, z up). Faces that share
-a crease share its vertices, which are half a thickness off the middle planes of both, on each side: folds are mitred, and
-a piece is one shell without gaps. At a crease folded by almost 180° there is no mitre: the faces remain separate shells.
+Input: a FoldedCar. Output: meshes and files in millimetres, in the car's frame (x forward, y left, z up). Faces that
+share a crease share its vertices, which are half a thickness off the middle planes of both, on each side: folds are
+mitred, and a piece is one shell without gaps. At a crease folded by almost 180° there is no mitre: the faces remain
+separate shells.
 """
 
 import math

@@ -24,7 +24,7 @@ from foldcar.fabrication.assembly.facets import Shape, shank_and_nut, together
 from foldcar.fabrication.assembly.guide_state import Part, State, key
 from foldcar.fabrication.assembly.guide_words import reached_word
 from foldcar.fabrication.assembly.hidden_surfaces import Camera, Vector, camera
-from foldcar.fabrication.assembly.operations import KINDS, NOTHING, Operations, is_screw, is_wound, minutes
+from foldcar.fabrication.assembly.operations import Operations, is_screw, is_wound, minutes
 
 # Open lids stand on the left, so that most is seen from the right.
 FROM_RIGHT, FROM_LEFT, FROM_REAR = camera(-55, 34), camera(125, 34), camera(-125, 34)
@@ -69,12 +69,12 @@ class Step:
     title: str
     lines: tuple[str, ...]
     pictures: tuple[Picture, ...] = ()
-    done: Operations = NOTHING
+    done: Operations = Operations()
 
     @property
     def effort(self) -> str:
         """What is done in it and how long that takes, as text; "" for nothing to do."""
-        counts = [f"{count} {KINDS[kind][count > 1]}" for kind, count in self.done.counts.items() if count]
+        counts = [f"{count} {name}" for name, count in self.done.named]
         return f"{', '.join(counts)}: about {minutes(self.done.minutes)}" if counts else ""
 
 

@@ -23,7 +23,7 @@ from foldcar.car.parts.mechanics import Tyre
 from foldcar.car.parts.quantity import Bought, Quantity
 from foldcar.car.proof.plan import planned
 from foldcar.fabrication.assembly.faces import piece_area_mm2
-from foldcar.fabrication.assembly.operations import KINDS, Operations, is_wound, minutes
+from foldcar.fabrication.assembly.operations import Operations, is_wound, kinds, minutes
 from foldcar.fabrication.patterns.drawing import Sheet
 from foldcar.page_template import page_template
 
@@ -83,7 +83,7 @@ def parts_list_text(
         pieces=[(piece, piece_area_mm2(piece), _folds(piece)) for piece in folded.pieces],
         fits=fits(folded),
         done=done,
-        kinds=KINDS,
+        weeding=kinds()["weed"].many,
         minutes=minutes,
     )
 

@@ -5,7 +5,7 @@ apart in a row, in the order of the step; a nut stands on its own side.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import permutations
 
 import numpy as np
@@ -69,12 +69,12 @@ class Step:
     title: str
     lines: tuple[str, ...]
     pictures: tuple[Picture, ...] = ()
-    done: Operations = Operations()
+    done: Operations = field(default_factory=Operations)
 
     @property
     def effort(self) -> str:
         """What is done in it and how long that takes, as text; "" for nothing to do."""
-        counts = [f"{count} {name}" for name, count in self.done.named]
+        counts = [f"{count} {name}" for name, count in self.done.named()]
         return f"{', '.join(counts)}: about {minutes(self.done.minutes)}" if counts else ""
 
 

@@ -32,10 +32,6 @@ class Kind(Quantity):
     one: str = ""
     many: str = ""
 
-    def counted(self, count: int) -> str:
-        """The name for so many."""
-        return self.one if count == 1 else self.many
-
 
 @cache
 def kinds() -> dict[str, Kind]:
@@ -73,10 +69,10 @@ class Operations:
     def __add__(self, other: "Operations") -> "Operations":
         return Operations(**{kind: count + other.counts[kind] for kind, count in self.counts.items()})
 
-    @property
-    def named(self) -> list[tuple[str, int]]:
-        """Name and number of each kind that there is."""
-        return [(kinds()[kind].counted(count), count) for kind, count in self.counts.items() if count]
+    def named(self, *but: str) -> list[tuple[str, int]]:
+        """Name and number of each kind that there is, ``but`` some."""
+        there = {kind: count for kind, count in self.counts.items() if count and kind not in but}
+        return [(kinds()[kind].one if count == 1 else kinds()[kind].many, count) for kind, count in there.items()]
 
     @property
     def _seconds(self) -> float:

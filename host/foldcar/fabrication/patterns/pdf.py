@@ -71,7 +71,8 @@ def read_pdf(binary: bytes) -> list[Sheet]:
 def _sheet(page: Any) -> Sheet:
     """Interprets the operators of one page."""
     content = re.sub(r"\bBT\b.*?\bET\b", "", page.get_contents().get_data().decode("latin-1"), flags=re.DOTALL)
-    matrix, colour = Transformation().scale(1 / mm), (0, 0, 0)
+    matrix = Transformation().scale(1 / mm)
+    colour: tuple[int, ...] = (0, 0, 0)
     stack: list[tuple[Transformation, tuple[int, ...]]] = []
     shapes: list[Shape] = []
     # Subpaths of the current path, each with its operators and their points.

@@ -20,7 +20,7 @@ from foldcar.cli import app
 from foldcar.errors import FoldcarError
 from foldcar.fabrication.make_car import make_mock_up
 from foldcar.fabrication.patterns.mock_up import mocked
-from foldcar.fabrication.patterns.options import OptionError, options
+from foldcar.fabrication.patterns.options import options
 from foldcar.fabrication.patterns.sheets import pattern
 
 HINGED = {"width": 95.0, "height": 50.0, "radius": 40.0, "W.length": 90.0, "B.length": 80.0}
@@ -30,14 +30,14 @@ def w95() -> Design:
     return compose("W_B_W", {"width": 95})
 
 
-def test_the_95_mm_car_folds_on_one_page_of_paper_instead_of_five() -> None:
+def test_the_95_mm_car_folds_on_one_page_of_paper_instead_of_six() -> None:
     chosen = options("scissors")
     car = pattern(folded_car(w95()), chosen, "a car")
 
     pages = {scale: len(PdfReader(io.BytesIO(make_mock_up(w95(), chosen, scale).files["sheets.pdf"])).pages)
              for scale in (0.5, 1.0)}  # fmt: skip
 
-    assert len(car.sheets) == 5 and pages == {0.5: 1, 1.0: 3}
+    assert len(car.sheets) == 6 and pages == {0.5: 1, 1.0: 3}
 
 
 @pytest.mark.parametrize("scale", [0.5, 0.8])
@@ -107,8 +107,3 @@ def test_prototypes_that_cannot_be_are_refused(tmp_path: Path, words: list[str],
 
     assert isinstance(done.exception, FoldcarError) and message in str(done.exception)
     assert not (tmp_path / "car").exists()
-
-
-def test_a_scale_is_checked_in_python_too() -> None:
-    with pytest.raises(OptionError, match="scale of a paper prototype"):
-        make_mock_up(w95(), options("scissors"), 2.0)

@@ -261,25 +261,6 @@ def test_a_lightburn_project_has_named_layers_in_the_order_of_cutting_and_all_li
     assert reference_bars(read_lbrn(text)) == [pytest.approx(100.0, abs=1e-3)]
 
 
-@pytest.mark.parametrize(
-    ("pattern", "other", "finding"),
-    [
-        (r"<VertList>V", "<VertList>V1", "is missing"),
-        (r'<name Value="CUT_INNER" />', '<name Value="CUT_OUTER" />', "not cut in their order"),
-        (r"LineClosed", "LineOpen", "is not closed|is missing"),
-        (r'Rx="[0-9.]+"', 'Rx="0.1"', "has a Ellipse"),
-        (r'<XForm>1 0 0 1 150 100', "<XForm>1 0 0 1 151 100", "the sheet's corner is at 1, 0"),
-        (r"</LightBurnProject>", "", "not a LightBurn project"),
-    ],
-)  # fmt: skip
-def test_a_damaged_lightburn_project_is_found(made: Made, pattern: str, other: str, finding: str) -> None:
-    text = lbrn(made.sheet)
-    damaged = re.sub(pattern, other, text, count=1)
-
-    assert damaged != text
-    assert any(re.search(finding, found) for found in check_text(read_lbrn, made.sheet, damaged, CHOSEN))
-
-
 @pytest.mark.parametrize("width", [0.3, 2.0])
 def test_holding_tabs_keep_each_piece_in_the_sheet_by_bridges_of_their_width(width: float) -> None:
     chosen = options("laser", sheet="300x200", holding_tabs_mm=width)

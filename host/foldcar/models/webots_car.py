@@ -39,11 +39,8 @@ class Node:
     fields: dict[str, Any] = field(default_factory=dict)
 
 
-@dataclass(frozen=True)
-class Is:
-    """A reference to a field of the PROTO."""
-
-    name: str
+class Is(str):
+    """The name of a field of the PROTO that a value refers to."""
 
 
 class Vector(tuple[float, ...]):
@@ -57,42 +54,32 @@ def vector(*values: float) -> Vector:
 
 def node_text(node: Node, depth: int = 0) -> str:
     """The node as text, indented by two spaces per level."""
-    inner = "  " * (depth + 1)
-    lines = [f"{inner}{name} {_value(value, depth + 1)}" for name, value in node.fields.items()]
-    return "\n".join([f"{node.name} {{", *lines, "  " * depth + "}"])
+    lines = [f"{name} {_value(value, depth + 1)}" for name, value in node.fields.items()]
+    return _block(f"{node.name} {{", lines, "}", depth)
+
+
+def _block(start: str, lines: Sequence[str], end: str, depth: int) -> str:
+    return "\n".join([start, *("  " * (depth + 1) + line for line in lines), "  " * depth + end])
 
 
 def _value(value: Any, depth: int) -> str:
-    if isinstance(value, Node):
-        return node_text(value, depth)
-    if isinstance(value, Is):
-        return f"IS {value.name}"
-    if isinstance(value, Vector):
-        return " ".join(_number(number) for number in value)
-    if value is None:
-        return "NULL"
-    if isinstance(value, bool):
-        return "TRUE" if value else "FALSE"
-    if isinstance(value, int | float):
-        return _number(value)
-    if isinstance(value, str):
-        return json.dumps(value, ensure_ascii=False)
-    return _list(value, depth)
-
-
-def _list(values: Sequence[Any], depth: int) -> str:
-    if not values:
-        return "[ ]"
-    if not isinstance(values[0], Node):
-        separator = ", " if isinstance(values[0], Vector) else " "
-        return f"[ {separator.join(_value(value, depth) for value in values)} ]"
-    inner = "  " * (depth + 1)
-    lines = [inner + _value(value, depth + 1) for value in values]
-    return "\n".join(["[", *lines, "  " * depth + "]"])
-
-
-def _number(number: float) -> str:
-    return f"{number + 0.0:.9g}"
+    match value:
+        case Node():
+            return node_text(value, depth)
+        case Is():
+            return f"IS {value}"
+        case Vector():
+            return " ".join(f"{number + 0.0:.9g}" for number in value)
+        case bool():
+            return str(value).upper()
+        case int() | float():
+            return f"{value + 0.0:.9g}"
+        case str():
+            return json.dumps(value, ensure_ascii=False)
+        case [Node(), *_]:
+            return _block("[", [_value(one, depth + 1) for one in value], "]", depth)
+    separator = ", " if value and isinstance(value[0], Vector) else " "
+    return f"[ {separator.join(_value(one, depth) for one in value)} ]" if value else "[ ]"
 
 
 BODY_COLOUR, TYRE_COLOUR = vector(0.1, 0.45, 0.7), vector(0.15, 0.15, 0.15)

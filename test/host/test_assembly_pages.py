@@ -22,7 +22,7 @@ from foldcar.car.design import Design, compose
 from foldcar.car.folded.model import FoldedCar
 from foldcar.car.folded_car import folded_car
 from foldcar.car.proof.prove import assembly_steps
-from foldcar.fabrication.assembly.facets import mount_shape, together
+from foldcar.fabrication.assembly.facets import together
 from foldcar.fabrication.assembly.guide import steps, whole_car
 from foldcar.fabrication.assembly.guide_pictures import Step, service_picture, tiny
 from foldcar.fabrication.assembly.guide_state import State
@@ -223,7 +223,7 @@ def test_pieces_in_the_guide_have_the_numbers_of_their_joins_none_on_another(num
         # A layer lies on its number.
         sides = [(join, join.piece_a) for join in folded.joins]
         sides += [(join, join.piece_b) for join in folded.joins if join.kind not in ("laminate", "tuck")]
-        drawn = [text.text for text in ET.fromstring(picture.drawing.svg).iterfind("{*}text")]
+        drawn = [text.text for text in ET.fromstring(picture.svg).iterfind("{*}text")]
         assert set(drawn) >= {str(join.number) for join, name in sides if name == piece.name}, piece.name
         # A number at the slot that a tongue goes through, beside the one on the tongue.
         slotted = [join for join in folded.joins if join.slot and join.piece_b == piece.name == join.piece_a]
@@ -232,7 +232,7 @@ def test_pieces_in_the_guide_have_the_numbers_of_their_joins_none_on_another(num
     assert slots
     for step in found:
         for picture in step.pictures:
-            circles = list(ET.fromstring(picture.drawing.svg).iterfind("{*}circle"))
+            circles = list(ET.fromstring(picture.svg).iterfind("{*}circle"))
             shapes = [(float(c.attrib["cx"]), float(c.attrib["cy"]), float(c.attrib["r"])) for c in circles]
             for a, b in combinations(shapes, 2):
                 assert np.hypot(a[0] - b[0], a[1] - b[1]) > a[2] + b[2], step.title
@@ -249,7 +249,7 @@ def test_guide_tells_the_steps_that_are_proved_and_shows_what_goes_in() -> None:
     ]
     for step, shown in zip(proved, told[-len(proved) :], strict=True):
         first = step.adds[0].body if step.adds else ""
-        seen = {one.facet.key for picture in shown.pictures for one in picture.drawing.seen}
+        seen = {one.facet.key for picture in shown.pictures for one in picture.seen}
         for added in step.adds:
             hidden_in_others = step.unit and added.body != first
             if added.kind == "unit" or hidden_in_others or added.name == folded.parts.wiring.name:
@@ -284,21 +284,6 @@ def test_whole_car_is_drawn_without_what_is_inside() -> None:
 
     assert any(key.startswith("beam") for key in keys) and any(key.startswith("wheel rim") for key in keys)
     assert not any("deck" in key or "LiPo" in key for key in keys)
-
-
-def test_box_of_a_mount_has_three_visible_sides() -> None:
-    (servo,) = placed_box().mounts
-
-    seen = seen_facets(mount_shape(servo).facets, camera(30, 30))
-
-    assert len(seen) == 3
-    width, depth, height = servo.size_mm
-    assert sum(one.region.area for one in seen) == pytest.approx(
-        depth * height * np.cos(np.pi / 6) ** 2
-        + width * height * np.sin(np.pi / 6) * np.cos(np.pi / 6)
-        + width * depth * np.sin(np.pi / 6),
-        rel=1e-3,
-    )
 
 
 def test_view_page_is_one_file() -> None:

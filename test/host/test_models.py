@@ -244,13 +244,7 @@ def test_a_webots_ramp_is_closed_and_its_faces_look_outwards() -> None:
     file = Reader(webots_world(car_body(), "FoldcarTest", scene, None)).read()
     wedge = next(n for n in file.nodes if n.fields.get("name") == "ramp 0").all("IndexedFaceSet")[0]
     points = numpy.array(wedge.fields["coord"].fields["point"])
-    faces, face = [], []
-    for index in wedge.fields["coordIndex"]:
-        if index >= 0:
-            face.append(index)
-        else:
-            faces.append(face)
-            face = []
+    faces = [list(map(int, face.split())) for face in " ".join(map(str, wedge.fields["coordIndex"])).split("-1")[:-1]]
 
     edges = [(a, b) for f in faces for a, b in zip(f, [*f[1:], f[0]], strict=True)]
     assert len(set(edges)) == len(edges) == len({(b, a) for a, b in edges} & set(edges))

@@ -51,8 +51,7 @@ def test_written_files_have_no_findings(made: Made) -> None:
 
 
 def test_the_same_sheet_gives_the_same_bytes(made: Made) -> None:
-    assert (svg(made.sheet), dxf(made.sheet)) == (made.svg, made.dxf)
-    assert pdf([made.sheet, made.sheet], "sample") == made.pdf
+    assert written_sample() == made
 
 
 def test_every_process_lays_out_the_same_bytes() -> None:
@@ -104,15 +103,21 @@ def test_the_reference_bar_is_100_mm_in_every_format(made: Made) -> None:
     assert [reference_bars(page) for page in read_pdf(made.pdf)] == 2 * [[pytest.approx(100.0, abs=1e-3)]]
 
 
-def test_dxf_has_named_layers_with_their_colours_and_passes_the_audit(made: Made) -> None:
+def test_layers_have_their_names_colours_and_widths_in_every_file(made: Made) -> None:
     document = ezdxf.read(io.StringIO(made.dxf))
 
     assert (document.dxfversion, document.header["$INSUNITS"]) == ("AC1024", 4)
     assert document.audit().errors == []
     for layer in LAYERS.values():
-        assert document.layers.get(layer.name).color == layer.aci
-        assert document.layers.get(layer.name).rgb == (None if layer.name == "CUT_OUTER" else layer.rgb)
-        assert document.layers.get(layer.name).dxf.lineweight == round(100 * layer.width_mm)
+        drawn = document.layers.get(layer.name)
+        rgb = None if layer.name == "CUT_OUTER" else layer.rgb
+        assert (drawn.color, drawn.rgb, drawn.dxf.lineweight) == (layer.aci, rgb, round(100 * layer.width_mm))
+        group = re.search(rf'<g id="{layer.name}" inkscape:groupmode="layer"[^>]*>', made.svg)
+        assert group and f'stroke="{layer.hex}" stroke-width="{layer.width_mm:g}"' in group[0]
+        assert ('stroke-linecap="butt"' in group[0]) == (layer.name == "QR_CODE")
+    # The lines of the code are as wide as its modules.
+    codes = document.modelspace().query("LWPOLYLINE[layer=='QR_CODE']")
+    assert {line.dxf.const_width for line in codes} == {LAYERS["QR_CODE"].width_mm}
 
 
 def test_colours_are_layers_of_lightburn() -> None:
@@ -138,15 +143,6 @@ def test_the_code_says_the_command(made: Made, form: str) -> None:
     quiet = box(left, low, right, top).buffer(4 * module - module / 2 - 0.01, join_style="mitre")
     others = [LineString(s.points_mm) for s in shapes if isinstance(s, Path) and s.layer != "QR_CODE"]
     assert not any(quiet.intersects(line) for line in others)
-
-
-def test_the_codes_lines_are_as_wide_as_its_modules_in_every_file(made: Made) -> None:
-    document = ezdxf.read(io.StringIO(made.dxf))
-    width = LAYERS["QR_CODE"].width_mm
-
-    assert {line.dxf.const_width for line in document.modelspace().query("LWPOLYLINE[layer=='QR_CODE']")} == {width}
-    group = re.search(r'<g id="QR_CODE"[^>]*>', made.svg)
-    assert group and f'stroke-width="{width:g}"' in group[0] and 'stroke-linecap="butt"' in group[0]
 
 
 def test_folds_that_no_machine_cuts_are_dashed_lines() -> None:
@@ -191,14 +187,6 @@ def contrast(one: str, other: str) -> float:
         r, g, b = (part / 12.92 if part <= 0.03928 else ((part + 0.055) / 1.055) ** 2.4 for part in parts)
         luminances.append(0.2126 * r + 0.7152 * g + 0.0722 * b)
     return (max(luminances) + 0.05) / (min(luminances) + 0.05)
-
-
-def test_svg_layers_are_inkscape_layers_with_their_colours(made: Made) -> None:
-    for layer in LAYERS.values():
-        group = re.search(rf'<g id="{layer.name}"[^>]*>', made.svg)
-        assert group is not None
-        assert 'inkscape:groupmode="layer"' in group[0]
-        assert f'stroke="{layer.hex}"' in group[0]
 
 
 def test_pages_of_a_pdf_are_as_large_as_their_sheets(made: Made) -> None:

@@ -22,13 +22,6 @@ from foldcar.models.exported_car import (
 
 # The oldest version with these nodes; later ones read its files, older ones refuse them.
 HEADER = "#VRML_SIM R2023b utf8"
-INTERFACE = (
-    ("SFVec3f", "translation"),
-    ("SFRotation", "rotation"),
-    ("SFString", "name"),
-    ("SFString", "controller"),
-    ("MFString", "controllerArgs"),
-)
 
 
 @dataclass(frozen=True)
@@ -87,12 +80,15 @@ BODY_COLOUR, TYRE_COLOUR = vector(0.1, 0.45, 0.7), vector(0.15, 0.15, 0.15)
 
 def webots_proto(body: Mapping[str, Any], name: str, comment: str) -> str:
     """The PROTO ``name``, which its file must be named after; ``comment`` is one line that describes it."""
-    height_m = max(wheel["radius_m"] for wheel in body["wheels"])
-    defaults = (f"0 0 {height_m:.9g}", "0 0 1 0", '"car"', '"<generic>"', "[ ]")
-    interface = [
-        f"  field {kind:<10} {field:<14} {default}" for (kind, field), default in zip(INTERFACE, defaults, strict=True)
-    ]
-    robot = Node("Robot", {field: Is(field) for _, field in INTERFACE} | _segment_fields(body, 0))
+    fields = (
+        ("SFVec3f", "translation", f"0 0 {max(wheel['radius_m'] for wheel in body['wheels']):.9g}"),
+        ("SFRotation", "rotation", "0 0 1 0"),
+        ("SFString", "name", '"car"'),
+        ("SFString", "controller", '"<generic>"'),
+        ("MFString", "controllerArgs", "[ ]"),
+    )
+    interface = [f"  field {kind:<10} {field:<14} {default}" for kind, field, default in fields]
+    robot = Node("Robot", {field: Is(field) for _, field, _ in fields} | _segment_fields(body, 0))
     head = [HEADER, f"# {comment}", "# Origin: middle of the car's length, at axle height; x forward, z up."]
     return "\n".join([*head, "", f"PROTO {name} [", *interface, "]", "{", "  " + node_text(robot, 1), "}", ""])
 
@@ -174,10 +170,5 @@ def _wheel(body: Mapping[str, Any], wheel: Mapping[str, Any]) -> Node:
 
 
 def _physics(mass: float, com: tuple[float, ...], inertias: list[float]) -> Node:
-    fields = {
-        "density": -1,
-        "mass": mass,
-        "centerOfMass": [vector(*com)],
-        "inertiaMatrix": [vector(*inertias), vector(0, 0, 0)],
-    }
-    return Node("Physics", fields)
+    places = {"centerOfMass": [vector(*com)], "inertiaMatrix": [vector(*inertias), vector(0, 0, 0)]}
+    return Node("Physics", {"density": -1, "mass": mass, **places})

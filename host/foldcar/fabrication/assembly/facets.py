@@ -3,7 +3,8 @@
 Input: pieces with their poses and fold fractions, mounts. Output: Facets and the lines along their edges.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+import itertools
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -35,21 +36,16 @@ class EdgeLine:
 
 @dataclass(frozen=True)
 class Shape:
-    """The content of one picture: facets, their lines, and each facet's material by its key."""
+    """The content of one picture: facets and their lines."""
 
     facets: tuple[Facet, ...]
     lines: tuple[EdgeLine, ...]
-    materials: Mapping[str, str]
 
 
 def together(shapes: Iterable[Shape]) -> Shape:
     """Several shapes as one; their keys must differ."""
-    several = list(shapes)
-    return Shape(
-        tuple(facet for shape in several for facet in shape.facets),
-        tuple(line for shape in several for line in shape.lines),
-        {key: material for shape in several for key, material in shape.materials.items()},
-    )
+    facets, lines = zip(*((shape.facets, shape.lines) for shape in shapes), strict=True)
+    return Shape(tuple(itertools.chain(*facets)), tuple(itertools.chain(*lines)))
 
 
 def film_shape(
@@ -82,7 +78,7 @@ def film_shape(
                 if kind is not None:
                     keys = (key, *(prefix + other for other in others))
                     lines.append(EdgeLine(keys, ends, kind if creases else "cut"))
-    return Shape(tuple(facets), tuple(lines), {f.key: "film" for f in facets})
+    return Shape(tuple(facets), tuple(lines))
 
 
 def mount_shape(mount: Mount, pose: Matrix | None = None) -> Shape:
@@ -96,11 +92,11 @@ def mount_shape(mount: Mount, pose: Matrix | None = None) -> Shape:
         drawn = [(solid.kind, _sides(solid, pose @ np.array(solid.pose))) for solid in solids]
     for number, (kind, sides) in enumerate(drawn):
         for side, (rings, normal) in enumerate(sides):
-            facets.append(Facet(f"{mount.name} {number}.{side}", rings, normal, closed=True))
+            facets.append(Facet(f"{mount.name} {number}.{side}", rings, normal, mount_material(mount), closed=True))
             # The sides of a cylinder meet smoothly.
             if kind == "box" or side < CYLINDER_ENDS:
                 lines += [EdgeLine((facets[-1].key,), ends, "cut") for ring in rings for ends in _edges(ring)]
-    return Shape(tuple(facets), tuple(lines), {facet.key: mount_material(mount) for facet in facets})
+    return Shape(tuple(facets), tuple(lines))
 
 
 def _edges(ring: Vector) -> Vector:
@@ -152,11 +148,11 @@ def _sides(solid: Solid, pose: Matrix) -> Iterator[tuple[tuple[Vector], Vector]]
                 yield (moved(pose, corners),), sign * pose[:3, axis]
         return
     sides = CYLINDER_SIDES if half[0] > SMALL_HOLE_MM / 2 else SMALL_CYLINDER_SIDES
-    ends = [moved(pose, np.column_stack([half[0] * _circle(sides), np.full(sides, z)])) for z in (-half[2], half[2])]
-    yield from (((end,), sign * pose[:3, 2]) for end, sign in zip(ends, (-1.0, 1.0), strict=True))
+    low, high = (moved(pose, np.column_stack([half[0] * _circle(sides), np.full(sides, z)])) for z in (-half[2], half[2]))
+    yield from (((end,), sign * pose[:3, 2]) for end, sign in ((low, -1.0), (high, 1.0)))
     middles = np.linspace(0, 2 * np.pi, sides, endpoint=False) + np.pi / sides
     for i, middle in enumerate(middles):
-        yield (_side(*ends, i),), pose[:3, 0] * np.cos(middle) + pose[:3, 1] * np.sin(middle)
+        yield (_side(low, high, i),), pose[:3, 0] * np.cos(middle) + pose[:3, 1] * np.sin(middle)
 
 
 def _hole_ring(hole: Hole) -> Vector:

@@ -12,11 +12,20 @@ from foldcar.car.folded.model import FoldedCar
 from foldcar.car.proof.prove import service_steps
 from foldcar.fabrication.assembly.drawing import Drawing
 from foldcar.fabrication.assembly.facets import Shape, film_shape, mount_shape, together
-from foldcar.fabrication.assembly.guide_pictures import Picture, Step, join_marks, service_picture, step_pictures
+from foldcar.fabrication.assembly.guide_pictures import Step, join_marks, service_picture, step_pictures
 from foldcar.fabrication.assembly.guide_state import State, key
-from foldcar.fabrication.assembly.guide_words import listed, numbers, service_lines, step_lines, tools
+from foldcar.fabrication.assembly.guide_words import DRIVER, listed, numbers, service_lines, step_lines
 from foldcar.fabrication.assembly.hidden_surfaces import Camera, camera
-from foldcar.fabrication.assembly.operations import by_step, is_wound, kinds, minutes, of_parting, of_sheets, operations
+from foldcar.fabrication.assembly.operations import (
+    by_step,
+    is_screw,
+    is_wound,
+    kinds,
+    minutes,
+    of_parting,
+    of_sheets,
+    operations,
+)
 from foldcar.fabrication.assembly.parts_list import parts_list
 from foldcar.fabrication.assembly.view_page import facts
 from foldcar.fabrication.assembly.wiring import wiring_drawing
@@ -33,19 +42,20 @@ FROM_FRONT = camera(38, 30)
 
 def guide_page(folded: FoldedCar, cut: CutCar, machine: str, title: str, sheets: Sequence[Sheet] = ()) -> str:
     """The page of a car that is cut from these sheets on a machine of that name."""
-    car = Drawing(whole_car(folded, FROM_FRONT), FROM_FRONT, "The finished car")
     lines = service_lines(folded, service_steps(folded))
     return page_template("foldcar.fabrication.assembly", "guide.html").render(
         title=title,
         facts=facts(folded, sheets),
         rows=parts_list(folded, sheets),
-        finished=Picture(car, "the finished car"),
+        finished=Drawing(whole_car(folded, FROM_FRONT), FROM_FRONT, "The finished car", caption="the finished car"),
         steps=steps(folded, cut, machine),
         upkeep=Step("Open, charge, connect, reset", lines, service_picture(folded)),
         done=operations(folded, cut),
         kinds=kinds(),
         minutes=minutes,
-        tools=tools(folded),
+        parts=folded.parts,
+        driver=DRIVER,
+        screws=listed(sorted({mount.part for mount in folded.mounts if is_screw(folded.parts, mount)})),
         wiring=Markup(wiring_drawing(folded, title)),
     )
 
@@ -71,9 +81,9 @@ def out_of_sheets(cut: CutCar, machine: str) -> Step:
         points = np.concatenate([facet.rings_mm[0] for facet in shape.facets])
         across, along, _ = np.ptp(points, axis=0)
         view = camera(180, 90) if along > UPRIGHT * across else ABOVE
-        drawing = Drawing(shape, view, piece.label, join_marks(cut.car, piece, np.eye(4), 0.0), enlarged=2.0)
-        times = f", {piece.count} times" if piece.count > 1 else ""
-        pictures.append(Picture(drawing, f"{piece.label}{times}"))
+        marks = join_marks(cut.car, piece, np.eye(4), 0.0)
+        caption = piece.label + (f", {piece.count} times" if piece.count > 1 else "")
+        pictures.append(Drawing(shape, view, piece.label, marks, enlarged=2.0, caption=caption))
     wound = [piece.label for piece in cut.car.pieces if is_wound(piece)]
     program, files = MACHINES[machine].program, MACHINES[machine].files
     lines = (
@@ -112,7 +122,7 @@ def whole_car(folded: FoldedCar, view: Camera) -> Shape:
         film = film_shape(pieces[placed.piece], np.array(placed.pose), 1.0, key(placed), tabs=False, creases=False)
         # Printed sides are inside.
         facets = tuple(facet for facet in film.facets if facet.normal @ view.toward < 0)
-        shapes.append(Shape(facets, film.lines, film.materials))
+        shapes.append(Shape(facets, film.lines))
     driving = {axle.servo for axle in folded.axles}
     outer = {folded.parts.tyre.name, folded.parts.switch.name}
     shapes += [mount_shape(mount) for mount in folded.mounts if mount.name in driving or mount.part in outer]

@@ -9,7 +9,6 @@ from dataclasses import dataclass, field, replace
 from itertools import permutations
 
 import numpy as np
-from markupsafe import Markup
 from shapely.geometry import Point, Polygon
 
 from foldcar.car.folded.model import FoldedCar, Join, Mount, Piece, PlacedPiece
@@ -50,25 +49,12 @@ BESIDE_EDGE_MM = 7.0
 
 
 @dataclass(frozen=True, slots=True)
-class Picture:
-    """A drawing and its caption."""
-
-    drawing: Drawing
-    caption: str
-
-    @property
-    def svg(self) -> Markup:
-        """The drawing's SVG element, which a template does not escape."""
-        return Markup(self.drawing.svg)
-
-
-@dataclass(frozen=True, slots=True)
 class Step:
     """One step: a title, instructions line by line, pictures, and what is done in it."""
 
     title: str
     lines: tuple[str, ...]
-    pictures: tuple[Picture, ...] = ()
+    pictures: tuple[Drawing, ...] = ()
     done: Operations = field(default_factory=Operations)
 
     @property
@@ -78,16 +64,16 @@ class Step:
         return f"{', '.join(counts)}: about {minutes(self.done.minutes)}" if counts else ""
 
 
-def step_pictures(step: AssemblyStep, state: State, title: str) -> tuple[Picture, ...]:
+def step_pictures(step: AssemblyStep, state: State, title: str) -> tuple[Drawing, ...]:
     """The pictures of one step, one from each side that something comes from."""
     scene = Scene(step, state)
     return tuple(
-        Picture(Drawing(scene.shape, view, title, scene.marks, 1.0, scene.faded, scene.arrows_in(view)), caption)
+        Drawing(scene.shape, view, title, scene.marks, 1.0, scene.faded, scene.arrows_in(view), caption)
         for view, caption in _views(scene)
     )
 
 
-def service_picture(car: FoldedCar) -> tuple[Picture, ...]:
+def service_picture(car: FoldedCar) -> tuple[Drawing, ...]:
     """The finished car: how its lids open; with them open, what is reached by plug and finger."""
     state = State(car)
     for step in assembly_steps(car):
@@ -95,11 +81,12 @@ def service_picture(car: FoldedCar) -> tuple[Picture, ...]:
     wheels = {axle.wheel for axle in car.axles}
     shown = [part for part in state.there if part.body not in wheels and not tiny(state, part)]
     lids = [step.folds for step in service_steps(car) if step.folds]
-    pictures: list[Picture] = []
+    pictures: list[Drawing] = []
     if lids:
         off = [part for part in shown if not (isinstance(part, Mount) and roles_of(car).is_on_lid(part))]
-        drawn = Drawing(together(map(state.shape, off)), FROM_RIGHT, "Open", arrows=_opening(car, state))
-        pictures.append(Picture(drawn, "the lid shut, without wheels: push each lever outwards, lift by the pull tab"))
+        caption = "the lid shut, without wheels: push each lever outwards, lift by the pull tab"
+        shut = together(map(state.shape, off))
+        pictures.append(Drawing(shut, FROM_RIGHT, "Open", arrows=_opening(car, state), caption=caption))
     for folds in lids:
         for piece, creases in folds.items():
             state.closed.setdefault(piece, {}).update(creases)
@@ -114,14 +101,14 @@ def service_picture(car: FoldedCar) -> tuple[Picture, ...]:
         word = reached_word(car, mount, reach.index)
         arrows.append(Arrow(ends, "tool", "" if any(one.text == word for one in arrows) else word))
     caption = "the lid open, without wheels" if lids else "without wheels"
-    pictures.append(Picture(Drawing(together(map(state.shape, shown)), FROM_RIGHT, "Service", arrows=arrows), caption))
-    return tuple(pictures)
+    opened = Drawing(together(map(state.shape, shown)), FROM_RIGHT, "Service", arrows=arrows, caption=caption)
+    return (*pictures, opened)
 
 
 def _opening(car: FoldedCar, state: State) -> list[Arrow]:
     """Where fingers push the levers of the lids, outwards, and where they lift."""
     arrows: list[Arrow] = []
-    for name, lid in roles_of(car).lids.items():
+    for name, lid in sorted(roles_of(car).lids.items()):
         one = next(one for one in car.placed if one.piece == name)
         poses = face_poses(state.pieces[name], state.closed.get(name, {}))
         for face in lid.gripped:

@@ -58,27 +58,21 @@ class _Cut:
 def split_to_fit(flat: FlatPiece, chosen: Options, numbers: Iterator[int]) -> tuple[FlatPiece, ...]:
     """The piece itself if it fits or cannot be parted, else its parts; each cut takes one of the joins' ``numbers``."""
     waiting, done = [moved_to_origin(flat)], list[FlatPiece]()
-    cuts = 0
     while waiting:
         part = waiting.pop(0)
         if _needed(part.outline.bounds, chosen) == 1:
             done.append(part)
             continue
-        halves = _halves(part, chosen)
+        halves = _halves(part, chosen, numbers)
         if halves is None:
             return (moved_to_origin(flat),)
-        number, cuts = next(numbers), cuts + 1
-        waiting[:0] = [replace(half, seams=_numbered(half.seams, number)) for half in halves]
-    if not cuts:
+        waiting[:0] = halves
+    if len(done) == 1:
         return tuple(done)
     return tuple(
         replace(moved_to_origin(part), name=f"{flat.name}, part {i}", label=f"{flat.label}, {i} of {len(done)}")
         for i, part in enumerate(done, 1)
     )
-
-
-def _numbered(seams: Sequence[tuple[int, tuple[Edge, ...]]], number: int) -> tuple[tuple[int, tuple[Edge, ...]], ...]:
-    return tuple((number if old < 0 else old, edges) for old, edges in seams)
 
 
 def _needed(bounds: Sequence[float], chosen: Options) -> int:
@@ -94,8 +88,8 @@ def _needed(bounds: Sequence[float], chosen: Options) -> int:
     return max(2, min(counts))
 
 
-def _halves(flat: FlatPiece, chosen: Options) -> tuple[FlatPiece, FlatPiece] | None:
-    """The two parts of the best cut along either axis; None if there is none."""
+def _halves(flat: FlatPiece, chosen: Options, numbers: Iterator[int]) -> tuple[FlatPiece, FlatPiece] | None:
+    """The two parts of the best cut along either axis, their seam with the next number; None if there is none."""
     found = []
     for turns in (0, 1):
         turned = moved_to_origin(moved(flat, Motion(turns)))
@@ -108,7 +102,7 @@ def _halves(flat: FlatPiece, chosen: Options) -> tuple[FlatPiece, FlatPiece] | N
     for key, turned, turns, cut in sorted(found, key=lambda one: one[0]):
         if key[0] > 2 * _needed(flat.outline.bounds, chosen) + 2:
             break
-        halves = _parts(turned, cut)
+        halves = _parts(turned, cut, numbers)
         if halves is not None:
             return moved(halves[0], Motion(-turns)), moved(halves[1], Motion(-turns))
     return None
@@ -199,7 +193,7 @@ def _windows(flat: FlatPiece, cut: _Cut) -> list[tuple[float, float, float, floa
     return [(0.0, low, cut.x + cut.deep, high), (cut.x, low, right, high)]
 
 
-def _parts(flat: FlatPiece, cut: _Cut) -> tuple[FlatPiece, FlatPiece] | None:
+def _parts(flat: FlatPiece, cut: _Cut, numbers: Iterator[int]) -> tuple[FlatPiece, FlatPiece] | None:
     """The parts before and behind the cut; None if one is not in one piece."""
     low, high = flat.outline.bounds[1] - 1, flat.outline.bounds[3] + 1
     seams = tuple(((cut.x, a), (cut.x, b)) for a, b in sorted(cut.laps, key=lambda lap: lap[0] - lap[1]))
@@ -208,13 +202,14 @@ def _parts(flat: FlatPiece, cut: _Cut) -> tuple[FlatPiece, FlatPiece] | None:
     outline = shapely.union_all([first.outline, *(_lap(cut, lap) for lap in cut.laps)], grid_size=GRID_MM)
     if not isinstance(outline, Polygon) or not isinstance(second.outline, Polygon):
         return None
+    number = next(numbers)
     first = replace(
         first,
         outline=shapely.geometry.polygon.orient(outline),
         marks=(*first.marks, *seams),
-        seams=(*first.seams, (-1, seams)),
+        seams=(*first.seams, (number, seams)),
     )
-    return first, replace(second, seams=(*second.seams, (-1, tuple((b, a) for a, b in seams))))
+    return first, replace(second, seams=(*second.seams, (number, tuple((b, a) for a, b in seams))))
 
 
 def _clipped(flat: FlatPiece, window: Polygon) -> FlatPiece:

@@ -1,22 +1,19 @@
-"""Meshes of folded cars against trimesh and closed forms; STL, OBJ and FOLD files read back."""
+"""Meshes of folded cars against trimesh and closed forms; STL and OBJ files read back."""
 
-import json
 import math
 import struct
 from collections import Counter
-from typing import Any
 
 import numpy as np
 import pytest
-import trimesh
 from numpy.typing import NDArray
 
 from cut_samples import FLAP, HEIGHT, LENGTH, THICKNESS, WIDTH, beam, cap, placed_box
 from foldcar.car.design import compose
 from foldcar.car.folded.model import FoldedCar, Piece
 from foldcar.car.folded_car import folded_car
-from foldcar.fabrication.assembly.shape_files import fold_text, obj_files, stl_bytes, without_small_holes
-from foldcar.fabrication.assembly.solids import film_mesh, film_solid, film_solids, mount_solids, piece_area_mm2
+from foldcar.fabrication.assembly.faces import piece_area_mm2
+from foldcar.fabrication.assembly.solids import film_solid, film_solids, mount_solid, obj_files, stl_bytes
 
 
 def cars() -> list[FoldedCar]:
@@ -24,14 +21,10 @@ def cars() -> list[FoldedCar]:
     return [folded_car(compose("W_B_W", {})), folded_car(compose("W_B_H_W_H_W", hinged))]
 
 
-def as_trimesh(mesh: Any) -> trimesh.Trimesh:
-    return trimesh.Trimesh(mesh.vertices_mm, mesh.triangles, process=False)
-
-
 @pytest.mark.parametrize("fraction", [0.0, 0.4, 1.0])
 @pytest.mark.parametrize("piece", [beam(), cap()], ids=["beam", "cap"])
 def test_piece_is_one_closed_shell_that_holds_its_film(piece: Piece, fraction: float) -> None:
-    mesh = as_trimesh(film_solid(piece, fraction))
+    mesh = film_solid(piece, fraction).mesh
 
     assert mesh.is_watertight
     assert mesh.is_winding_consistent
@@ -48,9 +41,9 @@ def test_area_of_film_is_that_of_rectangles_and_trapezoids() -> None:
 
 
 def test_folded_box_has_the_outer_measures_of_its_walls() -> None:
-    mesh = as_trimesh(film_mesh(placed_box()))
+    corners = np.concatenate([solid.vertices_mm for solid in film_solids(placed_box())])
 
-    assert mesh.extents == pytest.approx(np.array([LENGTH, WIDTH, HEIGHT]) + THICKNESS, abs=1e-3)
+    assert np.ptp(corners, axis=0) == pytest.approx(np.array([LENGTH, WIDTH, HEIGHT]) + THICKNESS, abs=1e-3)
 
 
 def read_stl(content: bytes) -> NDArray[np.float64]:
@@ -73,7 +66,8 @@ def volume_mm3(corners: NDArray[np.float64]) -> float:
 @pytest.mark.parametrize("folded", cars(), ids=["W_B_W", "hinged"])
 def test_stl_of_a_car_is_watertight_and_holds_its_film(folded: FoldedCar) -> None:
     film_mm3 = sum(piece.count * piece_area_mm2(piece) * piece.thickness_mm for piece in folded.pieces)
-    film = film_mesh(folded)
+    film = film_solids(folded)
+    vertices = np.concatenate([solid.vertices_mm for solid in film])
 
     corners = read_stl(stl_bytes(film))
 
@@ -82,15 +76,15 @@ def test_stl_of_a_car_is_watertight_and_holds_its_film(folded: FoldedCar) -> Non
     runs = Counter((a, b) for face in points.tolist() for a, b in zip(face, face[1:] + face[:1], strict=True) if a != b)
     assert all(runs[b, a] == count for (a, b), count in runs.items())
     assert volume_mm3(corners) == pytest.approx(film_mm3, rel=0.02)
-    assert corners.min(axis=(0, 1)) == pytest.approx(film.vertices_mm.min(axis=0), abs=1e-4)
-    assert corners.max(axis=(0, 1)) == pytest.approx(film.vertices_mm.max(axis=0), abs=1e-4)
+    assert corners.min(axis=(0, 1)) == pytest.approx(vertices.min(axis=0), abs=1e-4)
+    assert corners.max(axis=(0, 1)) == pytest.approx(vertices.max(axis=0), abs=1e-4)
     # A car in millimetres: its axle is some hundred wide.
     assert 60 < np.ptp(corners[..., 1]) < 300
 
 
 def test_obj_has_every_part_with_its_material_and_size() -> None:
     folded = cars()[0]
-    solids = [*film_solids(folded), *mount_solids(folded)]
+    solids = [*film_solids(folded), *map(mount_solid, folded.mounts)]
 
     files = obj_files(solids, "car")
 
@@ -110,72 +104,9 @@ def test_obj_has_every_part_with_its_material_and_size() -> None:
     assert list(objects) == [solid.name.replace(" ", "_") for solid in solids]
     for solid, (materials, triangles) in zip(solids, objects.values(), strict=True):
         assert materials == [solid.material]
-        assert volume_mm3(vertices[np.array(triangles)]) == pytest.approx(solid.mesh.volume_mm3, rel=1e-3)
+        assert volume_mm3(vertices[np.array(triangles)]) == pytest.approx(solid.mesh.volume, rel=1e-3)
     for mount in folded.mounts:
         box = vertices[np.array(objects[mount.name.replace(" ", "_")][1])]
         assert volume_mm3(box) == pytest.approx(math.prod(mount.size_mm), rel=1e-4)
     known = {line.split()[1] for line in files["car.mtl"].decode().splitlines() if line.startswith("newmtl")}
     assert {material for materials, _ in objects.values() for material in materials} <= known
-
-
-@pytest.mark.parametrize("piece", [beam(), cap(), *cars()[0].pieces], ids=lambda piece: piece.name)
-def test_fold_file_keeps_the_rules_of_the_format(piece: Piece) -> None:
-    fold = json.loads(fold_text(piece, "test"))
-    flat = np.array(fold["vertices_coords"])
-    faces = np.array(fold["faces_vertices"])
-    sides: dict[frozenset[int], int] = {}
-    for face in faces.tolist():
-        for i in range(3):
-            edge = frozenset((face[i], face[(i + 1) % 3]))
-            sides[edge] = sides.get(edge, 0) + 1
-
-    assert fold["file_spec"] == 1.1 and fold["frame_unit"] == "mm"
-    assert flat.shape[1] == 2
-    assert set(faces.ravel().tolist()) == set(range(len(flat)))
-    a, b, c = (flat[faces[:, i]] for i in range(3))
-    doubled = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
-    assert (doubled > 0).all()
-    assert doubled.sum() / 2 == pytest.approx(piece_area_mm2(without_small_holes(piece)), rel=1e-6)
-    edges = [frozenset(edge) for edge in fold["edges_vertices"]]
-    assert len(set(edges)) == len(edges) and set(edges) == set(sides)
-    for edge, kind, angle in zip(edges, fold["edges_assignment"], fold["edges_foldAngle"], strict=True):
-        assert sides[edge] == (1 if kind == "B" else 2)
-        assert np.sign(angle) == {"B": 0, "F": 0, "M": -1, "V": 1}[kind]
-
-
-@pytest.mark.parametrize("piece", [beam(), cap(), *cars()[0].pieces], ids=lambda piece: piece.name)
-def test_folded_frame_of_a_fold_file_has_its_angles_and_lengths(piece: Piece) -> None:
-    fold = json.loads(fold_text(piece, "test"))
-    flat = np.column_stack([np.array(fold["vertices_coords"]), np.zeros(len(fold["vertices_coords"]))])
-    (frame,) = fold["file_frames"]
-    folded = np.array(frame["vertices_coords"])
-    ends = np.array(fold["edges_vertices"])
-
-    assert frame["frame_inherit"] and frame["frame_parent"] == 0
-    assert np.allclose(lengths(folded, ends), lengths(flat, ends), atol=1e-4)
-    by_edge: dict[frozenset[int], list[list[int]]] = {}
-    for face in fold["faces_vertices"]:
-        for i in range(3):
-            by_edge.setdefault(frozenset((face[i], face[(i + 1) % 3])), []).append(face)
-    for edge, angle in zip(fold["edges_vertices"], fold["edges_foldAngle"], strict=True):
-        two = by_edge[frozenset(edge)]
-        if len(two) == 2:
-            assert fold_angle_deg(folded, two, edge) == pytest.approx(angle, abs=0.05)
-
-
-def lengths(points: NDArray[np.float64], ends: NDArray[np.int64]) -> NDArray[np.float64]:
-    found: NDArray[np.float64] = np.linalg.norm(points[ends[:, 0]] - points[ends[:, 1]], axis=1)
-    return found
-
-
-def fold_angle_deg(points: NDArray[np.float64], faces: list[list[int]], edge: list[int]) -> float:
-    """The angle between two triangles' normals, positive if the normals point towards each other."""
-    normals = []
-    for face in faces:
-        a, b, c = points[face]
-        normal = np.cross(b - a, c - a)
-        normals.append(normal / np.linalg.norm(normal))
-    (tip,) = set(faces[1]) - set(edge)
-    towards = np.sign(normals[0] @ (points[tip] - points[edge[0]]))
-    angle = math.degrees(math.atan2(float(np.linalg.norm(np.cross(*normals))), float(normals[0] @ normals[1])))
-    return float(towards) * angle

@@ -17,9 +17,9 @@ from foldcar.car.folded_car import folded_car
 from foldcar.car.parts.catalogue import OPTIONS, PartChoices, chosen
 from foldcar.car.verify import verify
 from foldcar.cli import app
+from foldcar.fabrication.assembly.faces import piece_area_mm2
 from foldcar.fabrication.assembly.guide import steps
 from foldcar.fabrication.assembly.parts_list import parts_list, parts_list_csv, parts_list_text
-from foldcar.fabrication.assembly.solids import piece_area_mm2
 from foldcar.fabrication.patterns.cutting import how_to_cut
 from foldcar.fabrication.patterns.options import MACHINES, OptionError, options
 from foldcar.fabrication.patterns.sheets import cut_car, pattern

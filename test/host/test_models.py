@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
@@ -12,6 +13,7 @@ import mujoco
 import numpy
 import pytest
 
+from foldcar.models.exported_car import car_name, scene_name
 from foldcar.models.ground import height_grid
 from foldcar.models.mjcf import mjcf
 from foldcar.models.urdf import urdf
@@ -242,13 +244,7 @@ def test_a_webots_ramp_is_closed_and_its_faces_look_outwards() -> None:
     file = Reader(webots_world(car_body(), "FoldcarTest", scene, None)).read()
     wedge = next(n for n in file.nodes if n.fields.get("name") == "ramp 0").all("IndexedFaceSet")[0]
     points = numpy.array(wedge.fields["coord"].fields["point"])
-    faces, face = [], []
-    for index in wedge.fields["coordIndex"]:
-        if index >= 0:
-            face.append(index)
-        else:
-            faces.append(face)
-            face = []
+    faces = [list(map(int, face.split())) for face in " ".join(map(str, wedge.fields["coordIndex"])).split("-1")[:-1]]
 
     edges = [(a, b) for f in faces for a, b in zip(f, [*f[1:], f[0]], strict=True)]
     assert len(set(edges)) == len(edges) == len({(b, a) for a, b in edges} & set(edges))
@@ -301,24 +297,17 @@ def test_without_mujoco_a_line_says_what_builds_it(native: Carsim, monkeypatch: 
         Carsim(engine=MUJOCO)
 
 
-@pytest.mark.parametrize("to", ["mjcf", "urdf", "webots"])
-def test_cars_and_samples_have_files_of_their_own(
-    to: str, foldcar: Callable[..., "subprocess.CompletedProcess[str]"], write_listing: Any, listing_data: Any
-) -> None:
-    vehicle = listing_data["vehicles"].pop("1")
-    # Their letters and digits are the same.
-    listing_data["vehicles"] |= {"1": vehicle, "a b": vehicle, "a_b": vehicle}
-    file = write_listing(listing_data)
-    written: list[str] = []
-    cars = [("1", "65", "0"), ("1", "95", "0"), ("1", "95.5", "0"), ("a b", "65", "0"), ("a_b", "65", "0")]
-    for name, width, sample in cars if to == "urdf" else [*cars, ("1", "95", "1")]:
-        more = [] if to == "urdf" else ["--environment", "1", "--sample", sample]
-        done = foldcar("model", file, "--vehicle", name, "--set", f"width={width}", "--to", to, "-o", "m", *more)
-        assert done.returncode == 0, done.stderr
-        written += [line for line in done.stdout.split() if line.endswith((".xml", ".urdf", ".wbt", ".json"))]
+def test_cars_and_samples_have_names_of_their_own() -> None:
+    # Letters and digits of "a b" and "a_b" are the same.
+    cars: list[tuple[str, dict[str, float | str]]] = [
+        ("1", {"width": 65}), ("1", {"width": 95}), ("1", {"width": 95.5}), ("1", {"width": 95, "film": "0.19"}),
+        ("a b", {"width": 65}), ("a_b", {"width": 65}),
+    ]  # fmt: skip
+    names = [car_name(*car) for car in cars]
+    names += [scene_name(environment, sample) for environment, sample in (("1", 0), ("1", 1), ("1 a", 0), ("1_a", 0))]
 
-    files = {"mjcf": 6, "urdf": 5, "webots": 12}[to]
-    assert len(set(written)) == len({name.lower() for name in written}) == files
+    assert len({name.lower() for name in names}) == len(names)
+    assert all(re.fullmatch("[A-Za-z][A-Za-z0-9_]*", name) for name in names)
 
 
 @pytest.mark.parametrize(

@@ -16,9 +16,9 @@ from foldcar.car.proof.prove import assembly_steps
 from foldcar.commands.listed_design import listed_family
 from foldcar.fabrication.assembly.operations import (
     Operations,
-    assembly_times,
     by_step,
     is_screw,
+    kinds,
     of_sheets,
     operations,
 )
@@ -151,13 +151,13 @@ def test_another_hook_and_another_hole_are_more_to_do() -> None:
 
 
 def test_minutes_are_seconds_of_each_kind_at_the_pace_of_a_first_build() -> None:
-    times = assembly_times()
+    times = kinds()
     done = Operations(fold=10, screw=4)
 
     low, high = done.minutes_between
 
-    seconds = 10 * times["fold_s"].value + 4 * times["screw_s"].value
-    of_kinds = math.hypot(10 * times["fold_s"].tolerance, 4 * times["screw_s"].tolerance) / seconds
+    seconds = 10 * times["fold"].value + 4 * times["screw"].value
+    of_kinds = math.hypot(10 * times["fold"].tolerance, 4 * times["screw"].tolerance) / seconds
     share = math.hypot(times["pace"].tolerance / times["pace"].value, of_kinds)
     assert done.minutes == pytest.approx(seconds * times["pace"].value / 60)
     assert (low, high) == pytest.approx((done.minutes * (1 - share), done.minutes * (1 + share)))
@@ -173,6 +173,6 @@ def test_the_published_car_of_95_mm_is_built_in_an_hour() -> None:
     assert found.total <= 220
     assert found.minutes <= 60
     # Weeding is told apart, its minutes are not.
-    seconds = found.weed * assembly_times()["weed_s"].value * assembly_times()["pace"].value
+    seconds = found.weed * kinds()["weed"].value * kinds()["pace"].value
     assert found.total == sum(found.counts.values()) - found.weed
     assert replace(found, weed=0).minutes == pytest.approx(found.minutes - seconds / 60)

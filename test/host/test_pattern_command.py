@@ -107,7 +107,6 @@ def test_a_folder_of_files_is_made_anew_alike_but_never_over_other_files(
         (("--set", "width=95", "--kerf", "3"), "--kerf 3: not within 0 to 1 mm"),
         (("--set", "width=95", "--dash-cut", "0"), "--dash-cut 0: not within 0.3 to 50 mm"),
         (("--set", "width=95", "--fold", "bite"), "--fold bite: not one of dash, score"),
-        (("--set", "width=95", "--paper", "a5"), "--paper a5: not one of a4, letter"),
         (("--set", "width=95", "--margin", "40", "--sheet", "60x60"), "--margin 40: leaves nothing"),
         (("--set", "width=95", "--vehicle", "7"), 'vehicles: has no "7"; known: 1'),
         (("--set", "width=20"), "--set width: 20 is below the minimum"),
@@ -137,7 +136,5 @@ def test_a_file_in_the_folders_place_is_refused(foldcar: Command, listing: Path,
     assert (tmp_path / "car").read_text() == "a file"
 
 
-def test_names_of_sheets_paper_and_machines_are_of_any_case() -> None:
-    assert options("Laser", sheet="A4", paper="Letter", fold="Score") == options(
-        "laser", sheet="a4", paper="letter", fold="score"
-    )
+def test_names_of_sheets_and_machines_are_of_any_case() -> None:
+    assert options("Laser", sheet="A4", fold="Score") == options("laser", sheet="a4", fold="score")

@@ -1,4 +1,4 @@
-"""Damage of written SVG, DXF and PDF files, which the checks must find."""
+"""Damage of written SVG, DXF, LightBurn and PDF files, which the checks must find."""
 
 import io
 import re
@@ -8,8 +8,7 @@ import ezdxf
 import pytest
 from pypdf import PdfWriter, Transformation
 
-from foldcar.fabrication.patterns.dxf import read_dxf
-from foldcar.fabrication.patterns.svg import read_svg
+from foldcar.fabrication.make_car import TEXTS
 from foldcar.fabrication.patterns.verify import check_pdf, check_text
 from written_sheet import CHOSEN, Made, written_sample
 
@@ -62,27 +61,19 @@ def off_the_sheet(text: str) -> str:
     return text.replace('id="LABEL"', 'id="LABEL" transform="translate(-20 0)"')
 
 
-@pytest.mark.parametrize(
-    ("damage", "said"),
-    [
-        (without_outline, "a line on CUT_OUTER .* is missing"),
-        (outline_twice, "lines on each other"),
-        (outline_open, "is not closed"),
-        (outline_moved, "a line on CUT_OUTER .* is missing"),
-        (folds_swapped, "a line on FOLD_.* is missing"),
-        (in_pixels, "not given in mm"),
-        (at_96_dpi, "is missing"),
-        (off_the_sheet, "has a transform"),
-        (lambda text: text.replace("LABEL", "Layer 1"), 'has a layer "Layer 1"'),
-        (lambda text: text[: len(text) // 2], "not SVG"),
-        (lambda text: text.replace('<circle cx="', '<circle cx="1', 1), "CUT_INNER"),
-    ],
-)
-def test_a_damaged_svg_is_found(made: Made, damage: Callable[[str], str], said: str) -> None:
-    damaged = damage(made.svg)
-
-    assert damaged != made.svg
-    assert re.search(said, "\n".join(check_text(read_svg, made.sheet, damaged, CHOSEN)))
+SVG = [
+    (without_outline, "a line on CUT_OUTER .* is missing"),
+    (outline_twice, "lines on each other"),
+    (outline_open, "is not closed"),
+    (outline_moved, "a line on CUT_OUTER .* is missing"),
+    (folds_swapped, "a line on FOLD_.* is missing"),
+    (in_pixels, "not given in mm"),
+    (at_96_dpi, "is missing"),
+    (off_the_sheet, "has a transform"),
+    (lambda text: text.replace("LABEL", "Layer 1"), 'has a layer "Layer 1"'),
+    (lambda text: text[: len(text) // 2], "not SVG"),
+    (lambda text: text.replace('<circle cx="', '<circle cx="1', 1), "CUT_INNER"),
+]
 
 
 def edited(change: Callable[[ezdxf.document.Drawing], None]) -> Callable[[str], str]:
@@ -124,20 +115,41 @@ def copy_fold(document: ezdxf.document.Drawing) -> None:
     space.add_entity(space.query("LWPOLYLINE[layer=='FOLD_VALLEY']")[0].copy())
 
 
+DXF = [
+    (edited(drop_circle), "a line on CUT_INNER .* is missing"),
+    (edited(move_polyline), "a line on CUT_OUTER .* is missing"),
+    (edited(open_polyline), "is not closed"),
+    (edited(in_inches), r"\$INSUNITS is 1"),
+    (edited(bulge), "has a LWPOLYLINE on CUT_OUTER"),
+    (edited(copy_fold), "lines on each other"),
+    (lambda text: text[: len(text) // 2], "not DXF|audit"),
+]
+
+
+def replaced(pattern: str, other: str) -> Callable[[str], str]:
+    return lambda text: re.sub(pattern, other, text, count=1)
+
+
+LIGHTBURN = [
+    (replaced(r"<VertList>V", "<VertList>V1"), "is missing"),
+    (replaced(r'<name Value="CUT_INNER" />', '<name Value="CUT_OUTER" />'), "not cut in their order"),
+    (replaced(r"LineClosed", "LineOpen"), "is not closed|is missing"),
+    (replaced(r'Rx="[0-9.]+"', 'Rx="0.1"'), "has a Ellipse"),
+    (replaced(r"<XForm>1 0 0 1 150 100", "<XForm>1 0 0 1 151 100"), "the sheet's corner is at 1, 0"),
+    (replaced(r"</LightBurnProject>", ""), "not a LightBurn project"),
+]
+
+
 @pytest.mark.parametrize(
-    ("damage", "said"),
-    [
-        (edited(drop_circle), "a line on CUT_INNER .* is missing"),
-        (edited(move_polyline), "a line on CUT_OUTER .* is missing"),
-        (edited(open_polyline), "is not closed"),
-        (edited(in_inches), r"\$INSUNITS is 1"),
-        (edited(bulge), "has a LWPOLYLINE on CUT_OUTER"),
-        (edited(copy_fold), "lines on each other"),
-        (lambda text: text[: len(text) // 2], "not DXF|audit"),
-    ],
+    ("ending", "damage", "said"),
+    [(ending, *one) for ending, several in (("svg", SVG), ("dxf", DXF), ("lbrn2", LIGHTBURN)) for one in several],
 )
-def test_a_damaged_dxf_is_found(made: Made, damage: Callable[[str], str], said: str) -> None:
-    assert re.search(said, "\n".join(check_text(read_dxf, made.sheet, damage(made.dxf), CHOSEN)))
+def test_a_damaged_file_is_found(made: Made, ending: str, damage: Callable[[str], str], said: str) -> None:
+    write, read = TEXTS[ending]
+    damaged = damage(write(made.sheet))
+
+    assert damaged != write(made.sheet)
+    assert re.search(said, "\n".join(check_text(read, made.sheet, damaged, CHOSEN)))
 
 
 def rewritten(change: Callable[[PdfWriter], None]) -> Callable[[bytes], bytes]:
@@ -177,12 +189,12 @@ def recolour(writer: PdfWriter) -> None:
 @pytest.mark.parametrize(
     ("damage", "said"),
     [
-        (rewritten(fit_to_page), "page 1: "),
-        (rewritten(shift_page), "page 2: "),
+        (rewritten(fit_to_page), "page 1: a line"),
+        (rewritten(shift_page), "page 2: a line"),
         (rewritten(drop_page), "has 1 pages, should have 2"),
         (rewritten(recolour), "page 1: a line on CUT_OUTER .* is missing"),
         (lambda binary: binary[:200], "not PDF"),
     ],
 )
 def test_a_damaged_pdf_is_found(made: Made, damage: Callable[[bytes], bytes], said: str) -> None:
-    assert re.search(said, "\n".join(check_pdf([made.sheet], damage(made.pdf), CHOSEN)))
+    assert re.search(said, "\n".join(check_pdf([made.sheet, made.sheet], damage(made.pdf))))

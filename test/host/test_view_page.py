@@ -11,8 +11,8 @@ from foldcar.car.body import body_json
 from foldcar.car.design import compose
 from foldcar.car.folded.model import FoldedCar
 from foldcar.car.folded_car import folded_car
+from foldcar.fabrication.assembly.faces import face_poses, moved
 from foldcar.fabrication.assembly.recorded_run import recorded_run, rolled_rad
-from foldcar.fabrication.assembly.solids import face_poses, moved
 from foldcar.fabrication.assembly.view_page import view_page
 from view_probe import probed
 

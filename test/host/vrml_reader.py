@@ -8,58 +8,38 @@ import re
 from dataclasses import dataclass, field
 from typing import Any
 
-POSE = {"translation": "SFVec3f", "rotation": "SFRotation", "children": "MFNode"}
-SOLID = POSE | {"name": "SFString", "contactMaterial": "SFString", "boundingObject": "SFNode", "physics": "SFNode"}
-NODES: dict[str, dict[str, str]] = {
-    "WorldInfo": {"basicTimeStep": "SFFloat", "contactProperties": "MFNode"},
-    "Viewpoint": {"orientation": "SFRotation", "position": "SFVec3f"},
-    "Background": {"skyColor": "MFColor"},
-    "DirectionalLight": {"direction": "SFVec3f", "intensity": "SFFloat", "castShadows": "SFBool"},
-    "ContactProperties": {
-        "material1": "SFString",
-        "material2": "SFString",
-        "coulombFriction": "MFFloat",
-        "bounce": "SFFloat",
-    },
-    "Pose": POSE,
-    "Solid": SOLID,
-    "Robot": SOLID | {"controller": "SFString", "controllerArgs": "MFString"},
-    "Physics": {
-        "density": "SFFloat",
-        "mass": "SFFloat",
-        "centerOfMass": "MFVec3f",
-        "inertiaMatrix": "MFVec3f",
-        "damping": "SFNode",
-    },
-    "HingeJoint": {"jointParameters": "SFNode", "device": "MFNode", "endPoint": "SFNode"},
-    "HingeJointParameters": {
-        "axis": "SFVec3f",
-        "anchor": "SFVec3f",
-        "minStop": "SFFloat",
-        "maxStop": "SFFloat",
-        "springConstant": "SFFloat",
-        "dampingConstant": "SFFloat",
-    },
-    "RotationalMotor": {"name": "SFString", "maxVelocity": "SFFloat", "maxTorque": "SFFloat", "sound": "SFString"},
-    "PositionSensor": {"name": "SFString"},
-    "Shape": {"appearance": "SFNode", "geometry": "SFNode"},
-    "PBRAppearance": {"baseColor": "SFColor", "roughness": "SFFloat", "metalness": "SFFloat"},
-    "Box": {"size": "SFVec3f"},
-    "Cylinder": {"height": "SFFloat", "radius": "SFFloat"},
-    "Plane": {"size": "SFVec2f"},
-    "ElevationGrid": {
-        "height": "MFFloat",
-        "xDimension": "SFInt32",
-        "xSpacing": "SFFloat",
-        "yDimension": "SFInt32",
-        "ySpacing": "SFFloat",
-        "thickness": "SFFloat",
-    },
-    "IndexedFaceSet": {"coord": "SFNode", "coordIndex": "MFInt32"},
-    "Coordinate": {"point": "MFVec3f"},
+POSE = "translation=SFVec3f rotation=SFRotation children=MFNode"
+SOLID = f"{POSE} name=SFString contactMaterial=SFString boundingObject=SFNode physics=SFNode"
+DEFINITIONS = f"""\
+Pose: {POSE}
+Solid: {SOLID}
+Robot: {SOLID} controller=SFString controllerArgs=MFString
+WorldInfo: basicTimeStep=SFFloat contactProperties=MFNode
+Viewpoint: orientation=SFRotation position=SFVec3f
+Background: skyColor=MFColor
+DirectionalLight: direction=SFVec3f intensity=SFFloat castShadows=SFBool
+ContactProperties: material1=SFString material2=SFString coulombFriction=MFFloat bounce=SFFloat
+Physics: density=SFFloat mass=SFFloat centerOfMass=MFVec3f inertiaMatrix=MFVec3f damping=SFNode
+HingeJoint: jointParameters=SFNode device=MFNode endPoint=SFNode
+HingeJointParameters: axis=SFVec3f anchor=SFVec3f minStop=SFFloat maxStop=SFFloat springConstant=SFFloat \
+dampingConstant=SFFloat
+RotationalMotor: name=SFString maxVelocity=SFFloat maxTorque=SFFloat sound=SFString
+PositionSensor: name=SFString
+Shape: appearance=SFNode geometry=SFNode
+PBRAppearance: baseColor=SFColor roughness=SFFloat metalness=SFFloat
+Box: size=SFVec3f
+Cylinder: height=SFFloat radius=SFFloat
+Plane: size=SFVec2f
+ElevationGrid: height=MFFloat xDimension=SFInt32 xSpacing=SFFloat yDimension=SFInt32 ySpacing=SFFloat thickness=SFFloat
+IndexedFaceSet: coord=SFNode coordIndex=MFInt32
+Coordinate: point=MFVec3f
+"""
+NODES = {
+    name: dict(pair.split("=") for pair in fields.split())
+    for name, fields in (line.split(":") for line in DEFINITIONS.splitlines())
 }
 # The fields of a car's PROTO.
-CAR = POSE | {"name": "SFString", "controller": "SFString", "controllerArgs": "MFString"}
+CAR = NODES["Pose"] | {"name": "SFString", "controller": "SFString", "controllerArgs": "MFString"}
 NUMBERS_A_VALUE = {"Float": 1, "Int32": 1, "Vec2f": 2, "Vec3f": 3, "Color": 3, "Rotation": 4}
 TOKEN = re.compile(r'#[^\n]*|"(?:\\.|[^"\\])*"|[\[\]{}]|[^\s\[\]{},"#]+|,|\s+')
 

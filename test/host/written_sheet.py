@@ -16,7 +16,7 @@ COMMAND = "foldcar pattern cars.json --vehicle w95 --set W.length=80 --machine l
 
 @dataclass(frozen=True)
 class Made:
-    """One sheet of the sample, intended and as written."""
+    """One sheet of the sample, intended and as written; the PDF has it twice."""
 
     sheet: Sheet
     svg: str
@@ -26,4 +26,4 @@ class Made:
 
 def written_sample() -> Made:
     sheet = pattern(folded_box(40.0), CHOSEN, "sample", COMMAND).sheets[0]
-    return Made(sheet, svg(sheet), dxf(sheet), pdf([sheet], "a4", "sample"))
+    return Made(sheet, svg(sheet), dxf(sheet), pdf([sheet, sheet], "sample"))

@@ -37,7 +37,6 @@ def pattern(
     sheet: Annotated[
         str | None, typer.Option(metavar="SIZE", help="a4, letter, a3, 12in, 12x24in or WIDTHxHEIGHT in mm.")
     ] = None,
-    paper: Annotated[str | None, typer.Option(metavar="SIZE", help="Of PDF pages: a4 or letter.")] = None,
     fold: Annotated[str | None, typer.Option(metavar="STYLE", help="How folds are cut: dash or score.")] = None,
     kerf: Annotated[float | None, typer.Option(metavar="MM", help="Width that the cut removes.")] = None,
     tab_clearance: Annotated[float | None, typer.Option(metavar="MM", help="Distance by which tabs are smaller.")] = None,
@@ -62,7 +61,7 @@ def pattern(
 ) -> None:
     """Write all files that a car is built from.
 
-    Sheets (SVG, DXF, PDF), FOLD, STL, OBJ, guide, wiring and parts list, checked as written; all files or none.
+    Sheets (SVG, DXF, PDF), STL, OBJ, guide, wiring and parts list, checked as written; all files or none.
 
     \b
     Example: foldcar pattern patterns/published_cars.json --vehicle w95 -o car
@@ -81,9 +80,9 @@ def pattern(
         if machine not in ("silhouette", "scissors") or every:
             much = "--all" if every else f"--machine {machine}"
             raise FoldcarError(f"--mockup: makes one car's prototype for scissors, without {much}")
-        machine, sheet = "scissors", sheet or paper
+        machine = "scissors"
     chosen = options(
-        machine, sheet=sheet, paper=paper, fold=fold, kerf_mm=kerf, tab_clearance_mm=tab_clearance, dash_cut_mm=dash_cut,
+        machine, sheet=sheet, fold=fold, kerf_mm=kerf, tab_clearance_mm=tab_clearance, dash_cut_mm=dash_cut,
         dash_bridge_mm=dash_bridge, bend_radius_mm=bend_radius, k_factor=k_factor, margin_mm=margin,
         gap_mm=gap, holding_tabs_mm=holding_tabs,
     )  # fmt: skip

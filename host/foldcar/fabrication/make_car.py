@@ -3,9 +3,10 @@
 Input: a Design and Options. Output: a MadeCar. Findings of the checks are a CheckError: a car that fails has no files.
 """
 
+import itertools
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass
 
 from foldcar import __version__
 from foldcar.car.body import body_json, car_json
@@ -14,7 +15,7 @@ from foldcar.car.folded_car import folded_car
 from foldcar.car.verify import verify
 from foldcar.errors import FoldcarError
 from foldcar.fabrication.assembly.guide import guide_page
-from foldcar.fabrication.assembly.operations import Operations, operations, work_table
+from foldcar.fabrication.assembly.operations import Operations, operations
 from foldcar.fabrication.assembly.parts_list import (
     parts_list,
     parts_list_csv,
@@ -22,8 +23,7 @@ from foldcar.fabrication.assembly.parts_list import (
     total_cost_usd,
     total_mass_kg,
 )
-from foldcar.fabrication.assembly.shape_files import fold_text, obj_files, stl_bytes
-from foldcar.fabrication.assembly.solids import film_mesh, film_solids, mount_solids
+from foldcar.fabrication.assembly.solids import film_solids, mount_solid, obj_files, stl_bytes
 from foldcar.fabrication.assembly.view_page import view_page
 from foldcar.fabrication.assembly.wiring import wiring_drawing, wiring_text
 from foldcar.fabrication.patterns.cutting import coupon, how_to_cut
@@ -42,36 +42,39 @@ from foldcar.fabrication.patterns.verify import TOLERANCE_MM, check_pdf, check_s
 GUIDE = "assembly.html"
 # Names every file in the folder of a car.
 MANIFEST = "pattern.json"
+SHEETS = "sheets.pdf"
 
 
 class CheckError(FoldcarError):
     """A car or a file that failed its checks; the message names the first findings."""
 
 
-class _Written:
-    """The sheets' ``files`` by name, and the ``findings`` about sheets and files, each beginning with a name."""
+# Writer and reader of a sheet's file, by its ending.
+TEXTS: dict[str, tuple[Callable[[Sheet], str], Callable[[str], Sheet]]] = {
+    "svg": (svg, read_svg), "dxf": (dxf, read_dxf), "lbrn2": (lbrn, read_lbrn),
+}  # fmt: skip
 
-    def __init__(self, chosen: Options, sheets: Sequence[Sheet]) -> None:
-        self.chosen, self.sheets = chosen, sheets
-        self.files: dict[str, bytes] = {}
-        self.findings: list[str] = []
-        for sheet in sheets:
-            self._found(sheet.name, check_sheet(sheet, chosen.margin_mm))
 
-    def texts(self, ending: str, write: Callable[[Sheet], str], read: Callable[[str], Sheet]) -> None:
-        """A file for each sheet, read back."""
-        for sheet in self.sheets:
-            name, text = f"{sheet.name}.{ending}", write(sheet)
-            self.files[name] = text.encode()
-            self._found(name, check_text(read, sheet, text, self.chosen))
+def _written(
+    pages: Mapping[str, Sequence[Sheet]], title: str, endings: Sequence[str], chosen: Options
+) -> tuple[dict[str, bytes], list[str]]:
+    """The files by name, and findings about sheets and files, each beginning with a name.
 
-    def pdf(self, name: str, sheets: Sequence[Sheet], title: str) -> None:
-        """One file for several sheets, read back."""
-        self.files[name] = pdf(sheets, self.chosen.paper, title)
-        self._found(name, check_pdf(sheets, self.files[name], self.chosen))
-
-    def _found(self, name: str, findings: Sequence[str]) -> None:
-        self.findings += [f"{name}: {found}" for found in findings]
+    ``pages`` are the sheets of each PDF; every sheet has a file of each of the ``endings``. All are read back.
+    """
+    files: dict[str, bytes] = {}
+    found: dict[str, list[str]] = {}
+    for sheet in itertools.chain.from_iterable(pages.values()):
+        found[sheet.name] = check_sheet(sheet, chosen.margin_mm)
+        for ending in endings:
+            write, read = TEXTS[ending]
+            text = write(sheet)
+            files[f"{sheet.name}.{ending}"] = text.encode()
+            found[f"{sheet.name}.{ending}"] = check_text(read, sheet, text, chosen)
+    for name, sheets in pages.items():
+        files[name] = pdf(sheets, title if name == SHEETS else name.removesuffix(".pdf"))
+        found[name] = check_pdf(sheets, files[name])
+    return files, [f"{name}: {finding}" for name, findings in found.items() for finding in findings]
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,19 +101,11 @@ def make_car(design: Design, chosen: Options, command: str = "") -> MadeCar:
         cut = pattern_of(pieces, chosen, title, command)
     except NestingError as error:
         raise NestingError(f"{error} ({title})") from error
-    sheets = (*cut.sheets, coupon(chosen, folded.parts))
+    pages = {SHEETS: cut.sheets, "coupon.pdf": [coupon(chosen, folded.parts)]}
+    endings = ["svg", "dxf", *(["lbrn2"] if MACHINES[chosen.machine].files == "lbrn2" else [])]
+    files, findings = _written(pages, title, endings, chosen)
     verified = verify(design)
-    written = _Written(chosen, sheets)
-    written.pdf("sheets.pdf", cut.sheets, title)
-    written.pdf("coupon.pdf", sheets[-1:], "coupon")
-    written.texts("svg", svg, read_svg)
-    written.texts("dxf", dxf, read_dxf)
-    formats = "SVG, PDF and DXF"
-    if MACHINES[chosen.machine].files == "lbrn2":
-        written.texts("lbrn2", lbrn, read_lbrn)
-        formats = "SVG, PDF, DXF and LightBurn projects"
-    _refuse(title, [*map(str, verified.findings), *cut.torn, *written.findings])
-    files = written.files
+    _refuse(title, [*map(str, verified.findings), *cut.torn, *findings])
     # matplotlib is slow to import, and other commands import this module.
     from foldcar.fabrication.patterns.preview import preview
 
@@ -123,14 +118,15 @@ def make_car(design: Design, chosen: Options, command: str = "") -> MadeCar:
         GUIDE: guide_page(folded, pieces, chosen.machine, title, cut.sheets),
         "wiring.md": wiring_text(folded, title),
         "wiring.svg": wiring_drawing(folded, title),
-        "parts.md": parts_list_text(folded, title, cut.sheets) + "\n" + work_table(done),
+        "parts.md": parts_list_text(folded, title, cut.sheets, done),
         "parts.csv": parts_list_csv(folded, cut.sheets),
-        **{f"fold/{piece.name}.fold": fold_text(piece, title) for piece in folded.pieces},
     }
     files |= {name: text.encode() for name, text in texts.items()}
-    files |= {"sheets.png": preview(cut.sheets, title), "car.stl": stl_bytes(film_mesh(folded))}
-    files |= obj_files([*film_solids(folded), *mount_solids(folded)], "car")
+    film = film_solids(folded)
+    files |= {"sheets.png": preview(cut.sheets, title), "car.stl": stl_bytes(film)}
+    files |= obj_files([*film, *map(mount_solid, folded.mounts)], "car")
     lines = sum(len(sheet.shapes) for sheet in cut.sheets)
+    formats = "SVG, PDF, DXF and LightBurn projects" if "lbrn2" in endings else "SVG, PDF and DXF"
     held = " but for their holding tabs" if chosen.holding_tabs_mm else ""
     checks = (
         *verified.lines(),
@@ -140,7 +136,21 @@ def make_car(design: Design, chosen: Options, command: str = "") -> MadeCar:
     )
     rows = parts_list(folded, cut.sheets)
     made = MadeCar(title, cut, total_mass_kg(rows), total_cost_usd(rows), done, files, checks)
-    files[MANIFEST] = _manifest(design, made, command).encode()
+    files[MANIFEST] = _manifest(
+        cut,
+        command,
+        files,
+        type=design.type,
+        parameters=dict(design.values),
+        options=asdict(chosen),
+        least_film_mm=round(cut.least_film_mm, 2),
+        cut_length_mm=round(cut.cut_length_mm, 1),
+        mass_kg=round(made.mass_kg, 6),
+        cost_usd=round(made.cost_usd, 2),
+        operations={**done.counts, "total": done.total},
+        assembly_min=round(done.minutes),
+        assembly_min_between=[round(end) for end in done.minutes_between],
+    )
     return made
 
 
@@ -155,19 +165,10 @@ class MadeMockUp:
 def make_mock_up(design: Design, chosen: Options, scale: float, command: str = "") -> MadeMockUp:
     """A car's paper prototype; CheckError if something is wrong with a file, FoldcarError if it cannot be made."""
     cut = mock_up(design, chosen, scale, command)
-    written = _Written(chosen, cut.sheets)
-    written.pdf("sheets.pdf", cut.sheets, cut.title)
-    _refuse(cut.title, written.findings)
-    files = {**written.files, "how_to_fold.md": how_to_fold(cut, scale).encode()}
-    manifest = {
-        "foldcar": __version__,
-        "command": command,
-        "mockup": scale,
-        "sheets": len(cut.sheets),
-        "warnings": list(cut.warnings),
-        "files": sorted([*files, MANIFEST]),
-    }
-    files[MANIFEST] = (json.dumps(manifest, indent=2) + "\n").encode()
+    files, findings = _written({SHEETS: cut.sheets}, cut.title, [], chosen)
+    _refuse(cut.title, findings)
+    files["how_to_fold.md"] = how_to_fold(cut, scale).encode()
+    files[MANIFEST] = _manifest(cut, command, files, mockup=scale)
     return MadeMockUp(cut, files)
 
 
@@ -177,29 +178,14 @@ def _refuse(title: str, findings: Sequence[str]) -> None:
         raise CheckError(f"{title}: {findings[0]}{more}")
 
 
-def _manifest(design: Design, made: MadeCar, command: str) -> str:
+def _manifest(cut: Pattern, command: str, files: Mapping[str, bytes], **facts: object) -> bytes:
     """What was made, and of what: to make it again, and to know which files may be replaced."""
-    chosen = made.pattern.options
-    return (
-        json.dumps(
-            {
-                "foldcar": __version__,
-                "command": command,
-                "type": design.type,
-                "parameters": dict(design.values),
-                "options": {field.name: getattr(chosen, field.name) for field in fields(chosen)},
-                "sheets": len(made.pattern.sheets),
-                "least_film_mm": round(made.pattern.least_film_mm, 2),
-                "cut_length_mm": round(made.pattern.cut_length_mm, 1),
-                "mass_kg": round(made.mass_kg, 6),
-                "cost_usd": round(made.cost_usd, 2),
-                "operations": {**made.operations.counts, "total": made.operations.total},
-                "assembly_min": round(made.operations.minutes),
-                "assembly_min_between": [round(end) for end in made.operations.minutes_between],
-                "warnings": list(made.pattern.warnings),
-                "files": sorted([*made.files, MANIFEST]),
-            },
-            indent=2,
-        )
-        + "\n"
-    )
+    document = {
+        "foldcar": __version__,
+        "command": command,
+        **facts,
+        "sheets": len(cut.sheets),
+        "warnings": list(cut.warnings),
+        "files": sorted([*files, MANIFEST]),
+    }
+    return (json.dumps(document, indent=2) + "\n").encode()

@@ -170,12 +170,8 @@ def _over_block(part: _Part, start: Mapping[str, float], block: Mapping[str, Any
     half_length, half_width, height = block["length_m"] / 2, block["width_m"] / 2, block["height_m"]
     corners = [(sx * half_length, sy * half_width) for sx, sy in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
     outline = shapely.Polygon([(x0 + a * cos - b * sin, y0 + a * sin + b * cos) for a, b in corners])
-    rectangle = shapely.box(
-        part.x_m - part.half_length_m,
-        part.y_m - part.half_width_m,
-        part.x_m + part.half_length_m,
-        part.y_m + part.half_width_m,
-    )
+    low, high = ((part.x_m + sign * part.half_length_m, part.y_m + sign * part.half_width_m) for sign in (-1, 1))
+    rectangle = shapely.box(*low, *high)
     common = outline.intersection(rectangle)
     if common.area < 1e-12:
         return -math.inf

@@ -12,7 +12,8 @@ also takes the inertia of the rotors. Other programs pass over them. All coeffic
 import math
 from collections.abc import Mapping
 from typing import Any
-from xml.etree.ElementTree import Element, SubElement, indent, tostring
+from xml.etree.ElementTree import Element, indent, tostring
+from xml.etree.ElementTree import SubElement as add  # noqa: N813
 
 from foldcar.models.exported_car import (
     axle_m,
@@ -26,11 +27,6 @@ from foldcar.models.exported_car import (
 ROOT = "base_link"
 # URDF requires a limit of speed, and some programs stop a joint at it: no flexure turns this fast.
 FREE_RAD_S = 1000.0
-
-
-def add(parent: Element, tag: str, **attributes: str) -> Element:
-    """Append a new element to ``parent`` and return it."""
-    return SubElement(parent, tag, attributes)
 
 
 def numbers(*values: float) -> str:

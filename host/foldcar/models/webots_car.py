@@ -22,13 +22,6 @@ from foldcar.models.exported_car import (
 
 # The oldest version with these nodes; later ones read its files, older ones refuse them.
 HEADER = "#VRML_SIM R2023b utf8"
-INTERFACE = (
-    ("SFVec3f", "translation"),
-    ("SFRotation", "rotation"),
-    ("SFString", "name"),
-    ("SFString", "controller"),
-    ("MFString", "controllerArgs"),
-)
 
 
 @dataclass(frozen=True)
@@ -39,11 +32,8 @@ class Node:
     fields: dict[str, Any] = field(default_factory=dict)
 
 
-@dataclass(frozen=True)
-class Is:
-    """A reference to a field of the PROTO."""
-
-    name: str
+class Is(str):
+    """The name of a field of the PROTO that a value refers to."""
 
 
 class Vector(tuple[float, ...]):
@@ -57,42 +47,32 @@ def vector(*values: float) -> Vector:
 
 def node_text(node: Node, depth: int = 0) -> str:
     """The node as text, indented by two spaces per level."""
-    inner = "  " * (depth + 1)
-    lines = [f"{inner}{name} {_value(value, depth + 1)}" for name, value in node.fields.items()]
-    return "\n".join([f"{node.name} {{", *lines, "  " * depth + "}"])
+    lines = [f"{name} {_value(value, depth + 1)}" for name, value in node.fields.items()]
+    return _block(f"{node.name} {{", lines, "}", depth)
+
+
+def _block(start: str, lines: Sequence[str], end: str, depth: int) -> str:
+    return "\n".join([start, *("  " * (depth + 1) + line for line in lines), "  " * depth + end])
 
 
 def _value(value: Any, depth: int) -> str:
-    if isinstance(value, Node):
-        return node_text(value, depth)
-    if isinstance(value, Is):
-        return f"IS {value.name}"
-    if isinstance(value, Vector):
-        return " ".join(_number(number) for number in value)
-    if value is None:
-        return "NULL"
-    if isinstance(value, bool):
-        return "TRUE" if value else "FALSE"
-    if isinstance(value, int | float):
-        return _number(value)
-    if isinstance(value, str):
-        return json.dumps(value, ensure_ascii=False)
-    return _list(value, depth)
-
-
-def _list(values: Sequence[Any], depth: int) -> str:
-    if not values:
-        return "[ ]"
-    if not isinstance(values[0], Node):
-        separator = ", " if isinstance(values[0], Vector) else " "
-        return f"[ {separator.join(_value(value, depth) for value in values)} ]"
-    inner = "  " * (depth + 1)
-    lines = [inner + _value(value, depth + 1) for value in values]
-    return "\n".join(["[", *lines, "  " * depth + "]"])
-
-
-def _number(number: float) -> str:
-    return f"{number + 0.0:.9g}"
+    match value:
+        case Node():
+            return node_text(value, depth)
+        case Is():
+            return f"IS {value}"
+        case Vector():
+            return " ".join(f"{number + 0.0:.9g}" for number in value)
+        case bool():
+            return str(value).upper()
+        case int() | float():
+            return f"{value + 0.0:.9g}"
+        case str():
+            return json.dumps(value, ensure_ascii=False)
+        case [Node(), *_]:
+            return _block("[", [_value(one, depth + 1) for one in value], "]", depth)
+    separator = ", " if value and isinstance(value[0], Vector) else " "
+    return f"[ {separator.join(_value(one, depth) for one in value)} ]" if value else "[ ]"
 
 
 BODY_COLOUR, TYRE_COLOUR = vector(0.1, 0.45, 0.7), vector(0.15, 0.15, 0.15)
@@ -100,12 +80,15 @@ BODY_COLOUR, TYRE_COLOUR = vector(0.1, 0.45, 0.7), vector(0.15, 0.15, 0.15)
 
 def webots_proto(body: Mapping[str, Any], name: str, comment: str) -> str:
     """The PROTO ``name``, which its file must be named after; ``comment`` is one line that describes it."""
-    height_m = max(wheel["radius_m"] for wheel in body["wheels"])
-    defaults = (f"0 0 {height_m:.9g}", "0 0 1 0", '"car"', '"<generic>"', "[ ]")
-    interface = [
-        f"  field {kind:<10} {field:<14} {default}" for (kind, field), default in zip(INTERFACE, defaults, strict=True)
-    ]
-    robot = Node("Robot", {field: Is(field) for _, field in INTERFACE} | _segment_fields(body, 0))
+    fields = (
+        ("SFVec3f", "translation", f"0 0 {max(wheel['radius_m'] for wheel in body['wheels']):.9g}"),
+        ("SFRotation", "rotation", "0 0 1 0"),
+        ("SFString", "name", '"car"'),
+        ("SFString", "controller", '"<generic>"'),
+        ("MFString", "controllerArgs", "[ ]"),
+    )
+    interface = [f"  field {kind:<10} {field:<14} {default}" for kind, field, default in fields]
+    robot = Node("Robot", {field: Is(field) for _, field, _ in fields} | _segment_fields(body, 0))
     head = [HEADER, f"# {comment}", "# Origin: middle of the car's length, at axle height; x forward, z up."]
     return "\n".join([*head, "", f"PROTO {name} [", *interface, "]", "{", "  " + node_text(robot, 1), "}", ""])
 
@@ -187,10 +170,5 @@ def _wheel(body: Mapping[str, Any], wheel: Mapping[str, Any]) -> Node:
 
 
 def _physics(mass: float, com: tuple[float, ...], inertias: list[float]) -> Node:
-    fields = {
-        "density": -1,
-        "mass": mass,
-        "centerOfMass": [vector(*com)],
-        "inertiaMatrix": [vector(*inertias), vector(0, 0, 0)],
-    }
-    return Node("Physics", fields)
+    places = {"centerOfMass": [vector(*com)], "inertiaMatrix": [vector(*inertias), vector(0, 0, 0)]}
+    return Node("Physics", {"density": -1, "mass": mass, **places})

@@ -42,13 +42,7 @@ def webots_world(
     ``drive`` names the controller's file of the car's drive.
     """
     friction = scene["friction"] if scene else 1.0
-    contacts = [
-        Node(
-            "ContactProperties",
-            {"material1": GROUND, "material2": name, "coulombFriction": [friction * grip], "bounce": 0},
-        )
-        for name, grip in contact_materials(body).items()
-    ]
+    contacts = [_contact(name, friction * grip) for name, grip in contact_materials(body).items()]
     start = scene["start"] if scene else {"x_m": 0.0, "y_m": 0.0, "heading_rad": 0.0}
     height_m = start_height_m(body, scene, grid)
     nodes = [
@@ -58,18 +52,19 @@ def webots_world(
         Node("DirectionalLight", {"direction": vector(0.4, 0.3, -1), "intensity": 2, "castShadows": True}),
         *_floor(grid),
         *(_block(piece, f"{piece['kind']} {index}") for index, piece in enumerate(_blocks(scene))),
-        Node(
-            proto,
-            {
-                "translation": vector(start["x_m"], start["y_m"], height_m),
-                "rotation": vector(0, 0, 1, start["heading_rad"]),
-                "controller": CONTROLLER,
-                "controllerArgs": [drive],
-            },
-        ),
+        Node(proto, {**_place(start, height_m), "controller": CONTROLLER, "controllerArgs": [drive]}),
     ]
     head = [HEADER, "", f'EXTERNPROTO "../protos/{proto}.proto"', ""]
     return "\n".join([*head, *(node_text(node) for node in nodes), ""])
+
+
+def _contact(name: str, friction: float) -> Node:
+    fields = {"material1": GROUND, "material2": name, "coulombFriction": [friction], "bounce": 0}
+    return Node("ContactProperties", fields)
+
+
+def _place(at: Mapping[str, float], z_m: float = 0) -> dict[str, Any]:
+    return {"translation": vector(at["x_m"], at["y_m"], z_m), "rotation": vector(0, 0, 1, at["heading_rad"])}
 
 
 def _blocks(scene: Mapping[str, Any] | None) -> list[Mapping[str, Any]]:
@@ -82,17 +77,11 @@ def _floor(grid: HeightGrid | None) -> list[Node]:
         plane = Node("Plane", {"size": vector(FLOOR_M, FLOOR_M)})
         return [_solid("floor", shape(plane, FLOOR_COLOUR), plane)]
     rows, columns = grid.z_m.shape
-    surface = Node(
-        "ElevationGrid",
-        {
-            "xDimension": columns,
-            "yDimension": rows,
-            "xSpacing": (grid.x_max_m - grid.x_min_m) / (columns - 1),
-            "ySpacing": (grid.y_max_m - grid.y_min_m) / (rows - 1),
-            # A resolution of 1 µm suffices for wheels and keeps the file small.
-            "height": [round(float(z), 6) for z in grid.z_m.ravel()],
-        },
-    )
+    spacings = (grid.x_max_m - grid.x_min_m) / (columns - 1), (grid.y_max_m - grid.y_min_m) / (rows - 1)
+    # A resolution of 1 µm suffices for wheels and keeps the file small.
+    heights = [round(float(z), 6) for z in grid.z_m.ravel()]
+    fields = {"xDimension": columns, "yDimension": rows, "xSpacing": spacings[0], "ySpacing": spacings[1]}
+    surface = Node("ElevationGrid", {**fields, "height": heights})
     place = {"translation": vector(grid.x_min_m, grid.y_min_m, 0)}
     solids = [_solid("uneven ground", shape(surface, FLOOR_COLOUR), surface, **place)]
     far = FLOOR_M / 2
@@ -110,10 +99,7 @@ def _floor(grid: HeightGrid | None) -> list[Node]:
 
 def _block(piece: Mapping[str, Any], name: str) -> Node:
     length, width, height = piece["length_m"], piece["width_m"], piece["height_m"]
-    place = {
-        "translation": vector(piece["x_m"], piece["y_m"], 0),
-        "rotation": vector(0, 0, 1, piece["heading_rad"]),
-    }
+    place = _place(piece)
     if piece["kind"] == "ramp":
         wedge = _wedge(length, width, height)
         return _solid(name, shape(wedge, PIECE_COLOUR), wedge, **place)

@@ -12,6 +12,7 @@ from typing import Literal
 
 import numpy as np
 import shapely
+from markupsafe import Markup
 from shapely.geometry.base import BaseGeometry
 
 from foldcar.fabrication.assembly.facets import Shape
@@ -81,6 +82,7 @@ class Drawing:
     enlarged: float = 1.0
     faded: Collection[str] = ()
     arrows: Sequence[Arrow] = ()
+    caption: str = ""
 
     @cached_property
     def seen(self) -> list[Seen]:
@@ -88,8 +90,8 @@ class Drawing:
         return seen_facets(self.shape.facets, self.view)
 
     @cached_property
-    def svg(self) -> str:
-        """The SVG element; its viewBox fits the shape and the arrows."""
+    def svg(self) -> Markup:
+        """The SVG element, which a template does not escape; its viewBox fits the shape and the arrows."""
         seen, view = self.seen, self.view
         drawn = [one.region for one in seen] + [shapely.linestrings(view.flat(arrow.points_mm)) for arrow in self.arrows]
         left, low, right, high = shapely.total_bounds(drawn)
@@ -98,20 +100,17 @@ class Drawing:
         right = max([right, *(view.flat(a.points_mm)[0][0] + wide for a, wide in zip(self.arrows, texts, strict=True))])
         edge = MARGIN * size
         box = f"{left - edge:.2f} {-high - edge:.2f} {right - left + 2 * edge:.2f} {high - low + 2 * edge:.2f}"
-        materials = self.shape.materials
-        body = [_face(one, materials[one.facet.key], size, one.facet.key in self.faded) for one in seen]
+        body = [_face(one, size, one.facet.key in self.faded) for one in seen]
         body += _lines(self.shape, seen, view, size)
         body += [_arrow(arrow, view, size) for arrow in self.arrows]
         body += _marks(self.marks, seen, view, size * self.enlarged)
-        return (
-            f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="{box}" role="img"><title>{html.escape(self.title)}</title>'
-            + "".join(body)
-            + "</svg>"
-        )
+        title = f"<title>{html.escape(self.title)}</title>"
+        head = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="{box}" role="img">{title}'
+        return Markup("".join([head, *body, "</svg>"]))
 
 
-def _face(seen: Seen, material: str, size: float, faded: bool) -> str:
-    base = np.array(COLOURS[material][0 if seen.front else 1])
+def _face(seen: Seen, size: float, faded: bool) -> str:
+    base = np.array(COLOURS[seen.facet.material][0 if seen.front else 1])
     if faded:
         base = base + (PALE - base) * FADED
     red, green, blue = (base * (0.72 + 0.28 * seen.lit)).astype(int)

@@ -3,15 +3,16 @@
 Input: pieces with their poses and fold fractions, mounts. Output: Facets and the lines along their edges.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+import itertools
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
 from foldcar.car.folded.model import IDENTITY, Hole, Mount, Piece, Solid
+from foldcar.fabrication.assembly.faces import Fraction, Matrix, face_poses, glued_offset_mm, mount_material, moved
 from foldcar.fabrication.assembly.hidden_surfaces import Facet, Vector
-from foldcar.fabrication.assembly.solids import Fraction, Matrix, face_poses, glued_offset_mm, mount_material, moved
 
 SMALL_HOLE_MM = 4.0
 CYLINDER_ENDS = 2
@@ -35,21 +36,16 @@ class EdgeLine:
 
 @dataclass(frozen=True)
 class Shape:
-    """The content of one picture: facets, their lines, and each facet's material by its key."""
+    """The content of one picture: facets and their lines."""
 
     facets: tuple[Facet, ...]
     lines: tuple[EdgeLine, ...]
-    materials: Mapping[str, str]
 
 
 def together(shapes: Iterable[Shape]) -> Shape:
     """Several shapes as one; their keys must differ."""
-    several = list(shapes)
-    return Shape(
-        tuple(facet for shape in several for facet in shape.facets),
-        tuple(line for shape in several for line in shape.lines),
-        {key: material for shape in several for key, material in shape.materials.items()},
-    )
+    facets, lines = zip(*((shape.facets, shape.lines) for shape in shapes), strict=True)
+    return Shape(tuple(itertools.chain(*facets)), tuple(itertools.chain(*lines)))
 
 
 def film_shape(
@@ -77,28 +73,35 @@ def film_shape(
         rings = tuple(moved(at, ring) for ring in (np.array(face.outline_mm), *map(_hole_ring, face.holes)))
         facets.append(Facet(key, rings, at[:3, 2]))
         for number, ring in enumerate(rings):
-            for i, ends in enumerate(np.stack([ring, np.roll(ring, -1, 0)], axis=1)):
+            for i, ends in enumerate(_edges(ring)):
                 kind, others = ("cut", ()) if number else folds.get((face.name, i), ("cut", ()))
                 if kind is not None:
                     keys = (key, *(prefix + other for other in others))
                     lines.append(EdgeLine(keys, ends, kind if creases else "cut"))
-    return Shape(tuple(facets), tuple(lines), {f.key: "film" for f in facets})
+    return Shape(tuple(facets), tuple(lines))
 
 
-def mount_shape(mount: Mount, pose: Matrix | None = None, prefix: str = "") -> Shape:
+def mount_shape(mount: Mount, pose: Matrix | None = None) -> Shape:
     """A bought part's solids, or its box without any, at its pose in the car or at ``pose``."""
     pose = np.array(mount.pose) if pose is None else pose
-    if len(mount.solids) >= RING_SOLIDS:
-        return _ring(mount, pose, prefix)
     facets, lines = [], []
-    for number, (solid, at) in enumerate(_solids(mount)):
-        for side, (ring, normal) in enumerate(_sides(solid, pose @ at)):
-            key = f"{prefix}{mount.name} {number}.{side}"
-            facets.append(Facet(key, (ring,), normal, closed=True))
+    if len(mount.solids) >= RING_SOLIDS:
+        drawn = [("round", _ring(mount, pose))]
+    else:
+        solids = mount.solids or (Solid("box", mount.size_mm, IDENTITY),)
+        drawn = [(solid.kind, _sides(solid, pose @ np.array(solid.pose))) for solid in solids]
+    for number, (kind, sides) in enumerate(drawn):
+        for side, (rings, normal) in enumerate(sides):
+            facets.append(Facet(f"{mount.name} {number}.{side}", rings, normal, mount_material(mount), closed=True))
             # The sides of a cylinder meet smoothly.
-            if solid.kind == "box" or side < CYLINDER_ENDS:
-                lines += [EdgeLine((key,), ends, "cut") for ends in np.stack([ring, np.roll(ring, -1, 0)], axis=1)]
-    return Shape(tuple(facets), tuple(lines), {facet.key: mount_material(mount) for facet in facets})
+            if kind == "box" or side < CYLINDER_ENDS:
+                lines += [EdgeLine((facets[-1].key,), ends, "cut") for ring in rings for ends in _edges(ring)]
+    return Shape(tuple(facets), tuple(lines))
+
+
+def _edges(ring: Vector) -> Vector:
+    """Both ends of each edge, (n, 2, 3)."""
+    return np.stack([ring, np.roll(ring, -1, 0)], axis=1)
 
 
 def shank_and_nut(screw: Mount) -> tuple[Mount, Mount]:
@@ -106,36 +109,33 @@ def shank_and_nut(screw: Mount) -> tuple[Mount, Mount]:
     return replace(screw, solids=screw.solids[:2]), replace(screw, name=f"{NUT_OF}{screw.name}", solids=screw.solids[2:])
 
 
-def _ring(mount: Mount, pose: Matrix, prefix: str) -> Shape:
+def _ring(mount: Mount, pose: Matrix) -> Iterator[tuple[tuple[Vector, ...], Vector]]:
     """Both faces and the outer side of the ring in a mount's box; it is as thick as the first of its solids."""
-    turns = np.linspace(0, 2 * np.pi, RING_SIDES, endpoint=False)
-    circle = np.column_stack([np.cos(turns), np.sin(turns)])
+    circle = _circle(RING_SIDES)
     outer_mm, half = mount.size_mm[0] / 2, mount.size_mm[2] / 2
     inner_mm = outer_mm - min(mount.solids[0].size_mm)
-    facets, lines = [], []
-    for side, z in enumerate((-half, half)):
-        rings = tuple(moved(pose, np.column_stack([r * circle, np.full(RING_SIDES, z)])) for r in (outer_mm, inner_mm))
-        facets.append(Facet(f"{prefix}{mount.name} 0.{side}", rings, np.sign(z) * pose[:3, 2], closed=True))
-        for ring in rings:
-            lines += [EdgeLine((facets[-1].key,), e, "cut") for e in np.stack([ring, np.roll(ring, -1, 0)], axis=1)]
-    low, high = facets[0].rings_mm[0], facets[1].rings_mm[0]
+    faces = [
+        tuple(moved(pose, np.column_stack([r * circle, np.full(RING_SIDES, z)])) for r in (outer_mm, inner_mm))
+        for z in (-half, half)
+    ]
+    yield from ((face, sign * pose[:3, 2]) for face, sign in zip(faces, (-1.0, 1.0), strict=True))
     for i in range(RING_SIDES):
-        j = (i + 1) % RING_SIDES
-        normal = pose[:3, :2] @ (circle[i] + circle[j])
-        side_ring = np.stack([low[i], low[j], high[j], high[i]])
-        key = f"{prefix}{mount.name} 0.{i + 2}"
-        facets.append(Facet(key, (side_ring,), normal / np.linalg.norm(normal), closed=True))
-    return Shape(tuple(facets), tuple(lines), {facet.key: mount_material(mount) for facet in facets})
+        normal = pose[:3, :2] @ (circle[i] + circle[(i + 1) % RING_SIDES])
+        yield (_side(faces[0][0], faces[1][0], i),), normal / np.linalg.norm(normal)
 
 
-def _solids(mount: Mount) -> Iterator[tuple[Solid, Matrix]]:
-    if not mount.solids:
-        yield Solid("box", mount.size_mm, IDENTITY), np.eye(4)
-    for solid in mount.solids:
-        yield solid, np.array(solid.pose)
+def _circle(sides: int) -> Vector:
+    turns = np.linspace(0, 2 * np.pi, sides, endpoint=False)
+    return np.column_stack([np.cos(turns), np.sin(turns)])
 
 
-def _sides(solid: Solid, pose: Matrix) -> Iterator[tuple[Vector, Vector]]:
+def _side(low: Vector, high: Vector, i: int) -> Vector:
+    """Corners of the side between two round ends that begins at their corner i."""
+    j = (i + 1) % len(low)
+    return np.stack([low[i], low[j], high[j], high[i]])
+
+
+def _sides(solid: Solid, pose: Matrix) -> Iterator[tuple[tuple[Vector], Vector]]:
     """The sides of a solid, each with its normal; both ends of a cylinder come first."""
     half = np.array(solid.size_mm) / 2
     if solid.kind == "box":
@@ -145,27 +145,22 @@ def _sides(solid: Solid, pose: Matrix) -> Iterator[tuple[Vector, Vector]]:
                 corners[:, axis] = sign * half[axis]
                 corners[:, (axis + 1) % 3] = np.array([-1, 1, 1, -1]) * half[(axis + 1) % 3]
                 corners[:, (axis + 2) % 3] = np.array([-1, -1, 1, 1]) * half[(axis + 2) % 3]
-                yield moved(pose, corners), sign * pose[:3, axis]
+                yield (moved(pose, corners),), sign * pose[:3, axis]
         return
     sides = CYLINDER_SIDES if half[0] > SMALL_HOLE_MM / 2 else SMALL_CYLINDER_SIDES
-    turns = np.linspace(0, 2 * np.pi, sides, endpoint=False)
-    round_mm = half[0] * np.column_stack([np.cos(turns), np.sin(turns)])
-    low, high = (np.column_stack([round_mm, np.full(sides, z)]) for z in (-half[2], half[2]))
-    yield moved(pose, low), -pose[:3, 2]
-    yield moved(pose, high), pose[:3, 2]
-    middles = turns + np.pi / sides
-    for i in range(sides):
-        j = (i + 1) % sides
-        normal = pose[:3, 0] * np.cos(middles[i]) + pose[:3, 1] * np.sin(middles[i])
-        yield moved(pose, np.stack([low[i], low[j], high[j], high[i]])), normal
+    low, high = (moved(pose, np.column_stack([half[0] * _circle(sides), np.full(sides, z)])) for z in (-half[2], half[2]))
+    yield from (((end,), sign * pose[:3, 2]) for end, sign in ((low, -1.0), (high, 1.0)))
+    middles = np.linspace(0, 2 * np.pi, sides, endpoint=False) + np.pi / sides
+    for i, middle in enumerate(middles):
+        yield (_side(low, high, i),), pose[:3, 0] * np.cos(middle) + pose[:3, 1] * np.sin(middle)
 
 
 def _hole_ring(hole: Hole) -> Vector:
     """The hole's outline; a circle has as many corners as are visible in a picture."""
     if hole.diameter_mm is None or hole.center_mm is None:
         return np.array(hole.outline_mm)
-    turns = np.linspace(0, 2 * np.pi, 16 if hole.diameter_mm > SMALL_HOLE_MM else 10, endpoint=False)
-    return np.array(hole.center_mm) + hole.diameter_mm / 2 * np.column_stack([np.cos(turns), np.sin(turns)])
+    sides = 16 if hole.diameter_mm > SMALL_HOLE_MM else 10
+    return np.array(hole.center_mm) + hole.diameter_mm / 2 * _circle(sides)
 
 
 def _folded_edges(piece: Piece, shown: set[str]) -> dict[tuple[str, int], tuple[LineKind | None, tuple[str, ...]]]:

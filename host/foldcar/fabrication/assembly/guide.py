@@ -12,15 +12,15 @@ from foldcar.car.folded.model import FoldedCar
 from foldcar.car.proof.prove import service_steps
 from foldcar.fabrication.assembly.drawing import Drawing
 from foldcar.fabrication.assembly.facets import Shape, film_shape, mount_shape, together
-from foldcar.fabrication.assembly.guide_pictures import Picture, Step, join_marks, service_picture, step_pictures
+from foldcar.fabrication.assembly.guide_pictures import Step, join_marks, service_picture, step_pictures
 from foldcar.fabrication.assembly.guide_state import State, key
-from foldcar.fabrication.assembly.guide_words import listed, numbers, service_lines, step_lines, tools
+from foldcar.fabrication.assembly.guide_words import DRIVER, listed, numbers, service_lines, step_lines
 from foldcar.fabrication.assembly.hidden_surfaces import Camera, camera
 from foldcar.fabrication.assembly.operations import (
-    KINDS,
-    assembly_times,
     by_step,
+    is_screw,
     is_wound,
+    kinds,
     minutes,
     of_parting,
     of_sheets,
@@ -35,7 +35,6 @@ from foldcar.fabrication.patterns.sheets import CutCar
 from foldcar.page_template import page_template
 
 ABOVE = camera(-90, 90)
-ASLANT = camera(-55, 32)
 # Long pieces are turned along the picture's wider side.
 UPRIGHT = 1.3
 FROM_FRONT = camera(38, 30)
@@ -43,33 +42,27 @@ FROM_FRONT = camera(38, 30)
 
 def guide_page(folded: FoldedCar, cut: CutCar, machine: str, title: str, sheets: Sequence[Sheet] = ()) -> str:
     """The page of a car that is cut from these sheets on a machine of that name."""
-    done = operations(folded, cut)
-    low, high = done.minutes_between
+    lines = service_lines(folded, service_steps(folded))
     return page_template("foldcar.fabrication.assembly", "guide.html").render(
         title=title,
         facts=facts(folded, sheets),
         rows=parts_list(folded, sheets),
-        finished=Picture(Drawing(whole_car(folded, FROM_FRONT), FROM_FRONT, "The finished car"), "the finished car"),
+        finished=Drawing(whole_car(folded, FROM_FRONT), FROM_FRONT, "The finished car", caption="the finished car"),
         steps=steps(folded, cut, machine),
-        upkeep=Step(
-            "Open, charge, connect, reset", service_lines(folded, service_steps(folded)), service_picture(folded)
-        ),
-        total=done.total,
-        counts=[(KINDS[kind][count != 1], count) for kind, count in done.counts.items() if count and kind != "weed"],
-        weeded=done.weed,
-        seconds=[(KINDS[kind][0], f"{assembly_times()[f'{kind}_s'].value:g}") for kind in done.counts],
-        minutes=minutes(done.minutes),
-        low=f"{low:.0f}",
-        high=f"{high:.0f}",
-        times=assembly_times(),
-        tools=tools(folded),
+        upkeep=Step("Open, charge, connect, reset", lines, service_picture(folded)),
+        done=operations(folded, cut),
+        kinds=kinds(),
+        minutes=minutes,
+        parts=folded.parts,
+        driver=DRIVER,
+        screws=listed(sorted({mount.part for mount in folded.mounts if is_screw(folded.parts, mount)})),
         wiring=Markup(wiring_drawing(folded, title)),
     )
 
 
 def steps(folded: FoldedCar, cut: CutCar, machine: str) -> list[Step]:
     """All steps, from cutting on a machine of that name to the finished car."""
-    found = [out_of_sheets(cut, machine), *parted(folded, cut)]
+    found = [out_of_sheets(cut, machine), *parted(cut)]
     state = State(folded)
     for step, done in by_step(folded):
         lines = step_lines(step, state)
@@ -88,9 +81,9 @@ def out_of_sheets(cut: CutCar, machine: str) -> Step:
         points = np.concatenate([facet.rings_mm[0] for facet in shape.facets])
         across, along, _ = np.ptp(points, axis=0)
         view = camera(180, 90) if along > UPRIGHT * across else ABOVE
-        drawing = Drawing(shape, view, piece.label, join_marks(cut.car, piece, np.eye(4), 0.0), enlarged=2.0)
-        times = f", {piece.count} times" if piece.count > 1 else ""
-        pictures.append(Picture(drawing, f"{piece.label}{times}"))
+        marks = join_marks(cut.car, piece, np.eye(4), 0.0)
+        caption = piece.label + (f", {piece.count} times" if piece.count > 1 else "")
+        pictures.append(Drawing(shape, view, piece.label, marks, enlarged=2.0, caption=caption))
     wound = [piece.label for piece in cut.car.pieces if is_wound(piece)]
     program, files = MACHINES[machine].program, MACHINES[machine].files
     lines = (
@@ -106,40 +99,19 @@ def out_of_sheets(cut: CutCar, machine: str) -> Step:
     return Step("Cut the pieces", lines, tuple(pictures), of_sheets(cut))
 
 
-def parted(folded: FoldedCar, cut: CutCar) -> Iterator[Step]:
-    """The step that joins pieces split to fit the sheets, along folds and across."""
-    known = {join.number for join in folded.joins}
-    cut_names = {piece.name for piece in cut.car.pieces}
-    lines, pictures = [], []
-    for piece in (piece for piece in folded.pieces if piece.name not in cut_names):
-        parts = [part for part in cut.car.pieces if part.name.startswith(f"{piece.name}, part ")]
-        names = {part.name for part in parts}
-        new = {join.number for join in cut.car.joins if join.piece_a in names and join.number not in known}
-        times = f", {piece.count} times" if piece.count > 1 else ""
-        lines.append(
-            f"The {piece.label} is cut as {listed([part.label for part in parts])}{times}: fold each tab and tape it to "
-            f"the printed side of the panel with the same number, join {numbers(new)}. From now on it is one piece."
-        )
-        pictures += [
-            Picture(
-                Drawing(
-                    film_shape(part, np.eye(4), 0.5), ASLANT, f"{part.label}, half folded",
-                    [mark for mark in join_marks(cut.car, part, np.eye(4), 0.5) if int(mark.text) in new],
-                ),
-                f"{part.label}, half folded",
-            )
-            for part in parts
-        ]  # fmt: skip
+def parted(cut: CutCar) -> Iterator[Step]:
+    """The step that joins the parts of pieces, if there are any."""
+    lines = []
     for name, count in cut.strips.items():
-        parts_across = [flat for flat in cut.pieces if flat.origin == name]
-        seams = {number for flat in parts_across for number, _ in flat.seams}
-        copies = parts_across[0].count
+        parts = [flat for flat in cut.pieces if flat.origin == name]
+        times = f", {parts[0].count} times" if parts[0].count > 1 else ""
         lines.append(
-            f"The {name} is cut across, in {count} parts{f', {copies} times' if copies > 1 else ''}: lay the edge of one "
-            f"onto the line of the part with the same number, printed side up, and tape it there: join {numbers(seams)}."
+            f"The {name} is cut across, in {count} parts{times}: lay the edge of one onto the line of the part with the "
+            "same number, printed side up, and tape it there: join "
+            f"{numbers({number for flat in parts for number, _ in flat.seams})}."
         )
     if lines:
-        yield Step("Join the parts of pieces", tuple(lines), tuple(pictures), of_parting(folded, cut))
+        yield Step("Join the parts of pieces", tuple(lines), done=of_parting(cut))
 
 
 def whole_car(folded: FoldedCar, view: Camera) -> Shape:
@@ -150,7 +122,7 @@ def whole_car(folded: FoldedCar, view: Camera) -> Shape:
         film = film_shape(pieces[placed.piece], np.array(placed.pose), 1.0, key(placed), tabs=False, creases=False)
         # Printed sides are inside.
         facets = tuple(facet for facet in film.facets if facet.normal @ view.toward < 0)
-        shapes.append(Shape(facets, film.lines, film.materials))
+        shapes.append(Shape(facets, film.lines))
     driving = {axle.servo for axle in folded.axles}
     outer = {folded.parts.tyre.name, folded.parts.switch.name}
     shapes += [mount_shape(mount) for mount in folded.mounts if mount.name in driving or mount.part in outer]

@@ -5,11 +5,10 @@ apart in a row, in the order of the step; a nut stands on its own side.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import permutations
 
 import numpy as np
-from markupsafe import Markup
 from shapely.geometry import Point, Polygon
 
 from foldcar.car.folded.model import FoldedCar, Join, Mount, Piece, PlacedPiece
@@ -19,12 +18,12 @@ from foldcar.car.proof.prove import assembly_steps, service_steps
 from foldcar.car.proof.roles import roles_of
 from foldcar.car.proof.step import Added, AssemblyStep
 from foldcar.fabrication.assembly.drawing import Arrow, Drawing, Mark
+from foldcar.fabrication.assembly.faces import Fraction, Matrix, face_poses, glued_offset_mm, moved
 from foldcar.fabrication.assembly.facets import Shape, shank_and_nut, together
 from foldcar.fabrication.assembly.guide_state import Part, State, key
 from foldcar.fabrication.assembly.guide_words import reached_word
 from foldcar.fabrication.assembly.hidden_surfaces import Camera, Vector, camera
-from foldcar.fabrication.assembly.operations import KINDS, NOTHING, Operations, is_screw, is_wound, minutes
-from foldcar.fabrication.assembly.solids import Fraction, Matrix, face_poses, glued_offset_mm, moved
+from foldcar.fabrication.assembly.operations import Operations, is_screw, is_wound, minutes
 
 # Open lids stand on the left, so that most is seen from the right.
 FROM_RIGHT, FROM_LEFT, FROM_REAR = camera(-55, 34), camera(125, 34), camera(-125, 34)
@@ -50,44 +49,31 @@ BESIDE_EDGE_MM = 7.0
 
 
 @dataclass(frozen=True, slots=True)
-class Picture:
-    """A drawing and its caption."""
-
-    drawing: Drawing
-    caption: str
-
-    @property
-    def svg(self) -> Markup:
-        """The drawing's SVG element, which a template does not escape."""
-        return Markup(self.drawing.svg)
-
-
-@dataclass(frozen=True, slots=True)
 class Step:
     """One step: a title, instructions line by line, pictures, and what is done in it."""
 
     title: str
     lines: tuple[str, ...]
-    pictures: tuple[Picture, ...] = ()
-    done: Operations = NOTHING
+    pictures: tuple[Drawing, ...] = ()
+    done: Operations = field(default_factory=Operations)
 
     @property
     def effort(self) -> str:
         """What is done in it and how long that takes, as text; "" for nothing to do."""
-        counts = [f"{count} {KINDS[kind][count > 1]}" for kind, count in self.done.counts.items() if count]
+        counts = [f"{count} {name}" for name, count in self.done.named()]
         return f"{', '.join(counts)}: about {minutes(self.done.minutes)}" if counts else ""
 
 
-def step_pictures(step: AssemblyStep, state: State, title: str) -> tuple[Picture, ...]:
+def step_pictures(step: AssemblyStep, state: State, title: str) -> tuple[Drawing, ...]:
     """The pictures of one step, one from each side that something comes from."""
     scene = Scene(step, state)
     return tuple(
-        Picture(Drawing(scene.shape, view, title, scene.marks, 1.0, scene.faded, scene.arrows_in(view)), caption)
+        Drawing(scene.shape, view, title, scene.marks, 1.0, scene.faded, scene.arrows_in(view), caption)
         for view, caption in _views(scene)
     )
 
 
-def service_picture(car: FoldedCar) -> tuple[Picture, ...]:
+def service_picture(car: FoldedCar) -> tuple[Drawing, ...]:
     """The finished car: how its lids open; with them open, what is reached by plug and finger."""
     state = State(car)
     for step in assembly_steps(car):
@@ -95,11 +81,12 @@ def service_picture(car: FoldedCar) -> tuple[Picture, ...]:
     wheels = {axle.wheel for axle in car.axles}
     shown = [part for part in state.there if part.body not in wheels and not tiny(state, part)]
     lids = [step.folds for step in service_steps(car) if step.folds]
-    pictures: list[Picture] = []
+    pictures: list[Drawing] = []
     if lids:
         off = [part for part in shown if not (isinstance(part, Mount) and roles_of(car).is_on_lid(part))]
-        drawn = Drawing(together(map(state.shape, off)), FROM_RIGHT, "Open", arrows=_opening(car, state))
-        pictures.append(Picture(drawn, "the lid shut, without wheels: push each lever outwards, lift by the pull tab"))
+        caption = "the lid shut, without wheels: push each lever outwards, lift by the pull tab"
+        shut = together(map(state.shape, off))
+        pictures.append(Drawing(shut, FROM_RIGHT, "Open", arrows=_opening(car, state), caption=caption))
     for folds in lids:
         for piece, creases in folds.items():
             state.closed.setdefault(piece, {}).update(creases)
@@ -114,14 +101,14 @@ def service_picture(car: FoldedCar) -> tuple[Picture, ...]:
         word = reached_word(car, mount, reach.index)
         arrows.append(Arrow(ends, "tool", "" if any(one.text == word for one in arrows) else word))
     caption = "the lid open, without wheels" if lids else "without wheels"
-    pictures.append(Picture(Drawing(together(map(state.shape, shown)), FROM_RIGHT, "Service", arrows=arrows), caption))
-    return tuple(pictures)
+    opened = Drawing(together(map(state.shape, shown)), FROM_RIGHT, "Service", arrows=arrows, caption=caption)
+    return (*pictures, opened)
 
 
 def _opening(car: FoldedCar, state: State) -> list[Arrow]:
     """Where fingers push the levers of the lids, outwards, and where they lift."""
     arrows: list[Arrow] = []
-    for name, lid in roles_of(car).lids.items():
+    for name, lid in sorted(roles_of(car).lids.items()):
         one = next(one for one in car.placed if one.piece == name)
         poses = face_poses(state.pieces[name], state.closed.get(name, {}))
         for face in lid.gripped:

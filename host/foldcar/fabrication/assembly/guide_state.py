@@ -11,9 +11,9 @@ import numpy as np
 from foldcar.car.folded.model import FoldedCar, Mount, PlacedPiece
 from foldcar.car.proof.roles import roles_of
 from foldcar.car.proof.step import Added, AssemblyStep
+from foldcar.fabrication.assembly.faces import Fraction, Matrix, face_poses, moved
 from foldcar.fabrication.assembly.facets import Shape, film_shape, mount_shape
 from foldcar.fabrication.assembly.hidden_surfaces import Vector
-from foldcar.fabrication.assembly.solids import Fraction, Matrix, face_poses, moved
 
 PARALLEL = 0.999
 

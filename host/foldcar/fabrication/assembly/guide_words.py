@@ -3,6 +3,7 @@
 Input: an AssemblyStep and the State before it. Output: lines of text. Numbers are those printed on the sheets.
 """
 
+import itertools
 import math
 import re
 from collections import Counter
@@ -27,27 +28,13 @@ NUMBER = re.compile(r" \d+$")
 SIDES = (("the front", "the rear"), ("the left", "the right"), ("above", "below"))
 
 
-def tools(car: FoldedCar) -> tuple[str, ...]:
-    """Tools and materials of all steps, beside the parts."""
-    screws = {mount.part for mount in car.mounts if is_screw(car.parts, mount)}
-    return (
-        "knife or cutting machine, ruler, blunt needle or bone folder; pin or tweezers for the waste of openings",
-        f"{DRIVER}, its shaft at most {car.parts.tools.driver_mm[0]:g} mm thick, for {listed(sorted(screws))}",
-        "small pliers for nuts",
-        car.parts.film.tape,
-        "felt pen to mark the servos' leads; hook-and-loop tape for the holder of cells",
-        "soldering iron, once: headers of the two boards, leads of the switch",
-        "computer with a USB cable that carries data",
-    )
-
-
 def step_lines(step: AssemblyStep, before: State) -> tuple[str, ...]:
     """The instructions."""
     car = before.car
     return (
         *_first(step, before),
         *_folds(step, before),
-        *(line for line, _ in put_in_lines(step, before)),
+        *_put_in(step, before),
         *_joins(car, step),
         *_plugs(car, step),
         *_care(car, step, before),
@@ -75,34 +62,20 @@ def _folds(step: AssemblyStep, before: State) -> Iterator[str]:
         yield f"Fold {listed(labels)}: {text}{', each' if len(labels) > 1 else ''}."
 
 
-def put_in_lines(step: AssemblyStep, before: State) -> Iterator[tuple[str, tuple[Added, ...]]]:
-    """What goes in, in the order of the step: a line and the things that it stands for.
+def _put_in(step: AssemblyStep, before: State) -> list[str]:
+    """What goes in, in the order of the step.
 
     Of wheels, the first one stands for all; loose wires have lines of their own. What repeats is told once.
     """
     shown = [a for a in step.adds if not step.unit or a.body == step.adds[0].body]
     wires = {mount.name for mount in before.car.mounts if mount.part == before.car.parts.wiring.name}
-    runs: list[tuple[str, str, list[Added]]] = []
-    for added in (one for one in shown if one.name not in wires):
-        label, how = _label(added, before), _how(added, before, bool(step.unit))
-        if runs and runs[-1][:2] == (label, how):
-            runs[-1][2].append(added)
-        else:
-            runs.append((label, how, [added]))
-    alike = [(label, how, len(several)) for label, how, several in runs]
-    period = next(p for p in range(1, len(runs) + 1) if alike == alike[:p] * (len(runs) // p)) if runs else 1
-    times = len(runs) // period
-    if times > 1 and period > 1:
-        text = "; then ".join(_counted(*one) for one in alike[:period])
-        yield f"{times} times: {text}.", tuple(added for _, _, several in runs for added in several)
-        return
-    for (label, how, count), (_, _, several) in zip(alike, runs, strict=True):
-        text = _counted(label, how, count)
-        yield f"{text[0].upper()}{text[1:]}.", tuple(several)
-
-
-def _counted(label: str, how: str, count: int) -> str:
-    return f"{f'{count} × ' if count > 1 else ''}{label}: {how}"
+    told = [f"{_label(one, before)}: {_how(one, before, bool(step.unit))}" for one in shown if one.name not in wires]
+    counted = [(text, len(list(alike))) for text, alike in itertools.groupby(told)]
+    texts = [f"{count} × {text}" if count > 1 else text for text, count in counted]
+    period = next((p for p in range(1, len(texts) + 1) if texts == texts[:p] * (len(texts) // p)), 1)
+    if 1 < period < len(texts):
+        return [f"{len(texts) // period} times: {'; then '.join(texts[:period])}."]
+    return [f"{text[0].upper()}{text[1:]}." for text in texts]
 
 
 def _label(added: Added, before: State) -> str:

@@ -36,6 +36,7 @@ class Facet:
     key: str
     rings_mm: tuple[Vector, ...]
     normal: Vector
+    material: str = "film"
     closed: bool = False
 
 

@@ -24,26 +24,25 @@ TAPED = ("lap", "tab", "laminate")
 PUSHED = ("tab_slot", "lock", "rim")
 # A servo's lead, a lead in a terminal, one board on another; the computer's cable belongs to driving.
 PLUGGED = ("signal", "supply", "stack")
-# Kind of operation: singular and plural.
-KINDS = {
-    "piece": ("piece out of the sheet", "pieces out of the sheets"),
-    "fold": ("fold", "folds"),
-    "wind": ("strip wound", "strips wound"),
-    "tape": ("join taped", "joins taped"),
-    "turn": ("disc turned onto its hooks", "discs turned onto their hooks"),
-    "tongue": ("tongue or hook pushed in", "tongues and hooks pushed in"),
-    "part": ("part put in", "parts put in"),
-    "screw": ("screw", "screws"),
-    "nut": ("nut", "nuts"),
-    "plug": ("plug or lead", "plugs and leads"),
-    "weed": ("opening weeded", "openings weeded"),
-}
+
+
+class Kind(Quantity):
+    """A kind of operation: seconds of practised work for one; its name in singular and plural."""
+
+    one: str = ""
+    many: str = ""
+
+
+@cache
+def kinds() -> dict[str, Kind]:
+    """The kinds by the fields of Operations, and ``pace``: the time of a first build over that of practised work."""
+    text = files("foldcar.fabrication.assembly").joinpath("operations.json").read_text(encoding="utf-8")
+    return TypeAdapter(dict[str, Kind]).validate_json(text)
 
 
 @dataclass(frozen=True, slots=True)
 class Operations:
-    """How many of each kind: pieces out of the sheet, folds, strips wound, joins taped, tongues and hooks pushed in,
-    discs turned onto hooks, parts and wheels put in, screws, their nuts, plugs and leads; openings weeded."""
+    """How many of each kind, as operations.json describes them."""
 
     piece: int = 0
     fold: int = 0
@@ -58,41 +57,44 @@ class Operations:
     weed: int = 0
 
     @property
-    def total(self) -> int:
-        """All of them but weeding, which is told apart: a laser's openings fall out."""
-        return sum(self.counts.values()) - self.weed
-
-    @property
     def counts(self) -> dict[str, int]:
         """The number of each kind, by its name."""
         return {kind: getattr(self, kind) for kind in self.__dataclass_fields__}
 
+    @property
+    def total(self) -> int:
+        """All of them but weeding, which is told apart: a laser's openings fall out."""
+        return sum(self.counts.values()) - self.weed
+
     def __add__(self, other: "Operations") -> "Operations":
         return Operations(**{kind: count + other.counts[kind] for kind, count in self.counts.items()})
+
+    def named(self, *but: str) -> list[tuple[str, int]]:
+        """Name and number of each kind that there is, ``but`` some."""
+        there = {kind: count for kind, count in self.counts.items() if count and kind not in but}
+        return [(kinds()[kind].one if count == 1 else kinds()[kind].many, count) for kind, count in there.items()]
+
+    @property
+    def _seconds(self) -> float:
+        return sum(count * kinds()[kind].value for kind, count in self.counts.items())
 
     @property
     def minutes(self) -> float:
         """The estimate."""
-        return self._seconds() * assembly_times()["pace"].value / 60
+        return self._seconds * kinds()["pace"].value / 60
 
     @property
     def minutes_between(self) -> tuple[float, float]:
         """The estimate's interval: the tolerances of pace and of every kind's seconds as independent errors."""
-        times = assembly_times()
-        errors = [count * times[f"{kind}_s"].tolerance for kind, count in self.counts.items()]
-        seconds = self._seconds()
-        share = (
-            math.hypot(times["pace"].tolerance / times["pace"].value, math.hypot(*errors) / seconds) if seconds else 0.0
-        )
+        pace, seconds = kinds()["pace"], self._seconds or math.inf
+        errors = math.hypot(*(count * kinds()[kind].tolerance for kind, count in self.counts.items()))
+        share = math.hypot(pace.tolerance / pace.value, errors / seconds)
         return self.minutes * (1 - share), self.minutes * (1 + share)
-
-    def _seconds(self) -> float:
-        return sum(count * assembly_times()[f"{kind}_s"].value for kind, count in self.counts.items())
 
 
 def operations(car: FoldedCar, cut: CutCar) -> Operations:
     """All operations of the car: pieces out of the sheets, parts of pieces joined, all steps of the assembly."""
-    return sum((done for _, done in by_step(car)), of_sheets(cut) + of_parting(car, cut))
+    return sum((done for _, done in by_step(car)), of_sheets(cut) + of_parting(cut))
 
 
 def of_sheets(cut: CutCar) -> Operations:
@@ -101,14 +103,10 @@ def of_sheets(cut: CutCar) -> Operations:
     return Operations(piece=sum(piece.count for piece in cut.pieces), weed=openings)
 
 
-def of_parting(car: FoldedCar, cut: CutCar) -> Operations:
-    """What joins pieces that the sheets have in parts: tabs along folds, with their folds; seams across."""
-    known = {join.number for join in car.joins}
-    new = [join for join in cut.car.joins if join.number not in known]
-    more = sum(p.count * len(_by_hand(p)) for p in cut.car.pieces) - sum(p.count * len(_by_hand(p)) for p in car.pieces)
+def of_parting(cut: CutCar) -> Operations:
+    """What joins the parts of pieces: each seam is taped."""
     seams = {(piece.origin, number): piece.count for piece in cut.pieces for number, _ in piece.seams}
-    tabs = sum(_times(cut.car, join) for join in new if join.kind in TAPED)
-    return Operations(fold=max(more, 0), tape=tabs + sum(seams.values()))
+    return Operations(tape=sum(seams.values()))
 
 
 def by_step(car: FoldedCar) -> list[tuple[AssemblyStep, Operations]]:
@@ -146,9 +144,9 @@ def closing(step: AssemblyStep, before: Mapping[str, Mapping[str, float]], piece
 
     A fold named with 0 is made, and left open.
     """
-    done = before.get(piece.name, {})
-    named = step.folds.get(piece.name, {})
-    return [c for c in _by_hand(piece) if c.name in named and named[c.name] != done.get(c.name)]
+    done, named = before.get(piece.name, {}), step.folds.get(piece.name, {})
+    by_hand = [c for c in piece.creases if c.angle_rad and not c.flexure and not c.bend]
+    return [c for c in by_hand if c.name in named and named[c.name] != done.get(c.name)]
 
 
 def plugs_in(car: FoldedCar, step: AssemblyStep) -> list[Wire]:
@@ -180,10 +178,6 @@ def is_screw(parts: Catalogue, mount: Mount) -> bool:
     return mount.part in {part.name for _, part in parts if isinstance(part, Screw)}
 
 
-def _by_hand(piece: Piece) -> list[Crease]:
-    return [c for c in piece.creases if c.angle_rad and not c.flexure and not c.bend]
-
-
 def _times(car: FoldedCar, join: Join) -> int:
     """How often a join is made: the joins of one wheel stand for all."""
     return len(car.axles) if join.piece_a in _on_wheels(car) else 1
@@ -193,34 +187,6 @@ def _on_wheels(car: FoldedCar) -> set[str]:
     """The pieces of wheels."""
     wheels = {axle.wheel for axle in car.axles}
     return {placed.piece for placed in car.placed if placed.body in wheels}
-
-
-@cache
-def assembly_times() -> dict[str, Quantity]:
-    """Seconds of practised work for an operation of each kind, as ``fold_s``; ``pace`` of a first build over it."""
-    text = files("foldcar.fabrication.assembly").joinpath("assembly_times.json").read_text(encoding="utf-8")
-    return TypeAdapter(dict[str, Quantity]).validate_json(text)
-
-
-NOTHING = Operations()
-
-
-def work_table(done: Operations) -> str:
-    """A section of Markdown: all operations by kind, weeding apart, and the minutes."""
-    low, high = done.minutes_between
-    hands = {kind: count for kind, count in done.counts.items() if count and kind != "weed"}
-    return "\n".join([
-        "## Work by hand",
-        f"{done.total} operations, and {done.weed} openings weeded: about {minutes(done.minutes)} (an estimate: between "
-        f"{low:.0f} and {high:.0f} min; assembly.html has its basis).",
-        "",
-        "| operation | count |",
-        "|---|---:|",
-        *(f"| {KINDS[kind][count != 1]} | {count} |" for kind, count in hands.items()),
-        f"| **together** | **{done.total}** |",
-        f"| {KINDS['weed'][1]}, not counted above | {done.weed} |",
-        "",
-    ])  # fmt: skip
 
 
 def minutes(value: float) -> str:

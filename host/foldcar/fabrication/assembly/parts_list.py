@@ -12,6 +12,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from importlib.resources import files
+from typing import Any
 
 from foldcar.car.fits import fits
 from foldcar.car.folded.model import FoldedCar, Piece
@@ -21,9 +22,10 @@ from foldcar.car.parts.bought import Tyre
 from foldcar.car.parts.catalogue import film_of
 from foldcar.car.parts.quantity import Bought, Quantity
 from foldcar.car.proof.plan import planned
-from foldcar.fabrication.assembly.operations import is_wound
-from foldcar.fabrication.assembly.solids import piece_area_mm2
+from foldcar.fabrication.assembly.faces import piece_area_mm2
+from foldcar.fabrication.assembly.operations import Operations, is_wound, kinds, minutes
 from foldcar.fabrication.patterns.drawing import Sheet
+from foldcar.page_template import page_template
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +38,11 @@ class Row:
     mass_kg: float
     cost_usd: float | None
     note: str = ""
+
+    @property
+    def dollars(self) -> str:
+        """The cost as text, "" if unknown."""
+        return "" if self.cost_usd is None else f"{self.cost_usd:.2f}"
 
 
 def parts_list(folded: FoldedCar, sheets: Sequence[Sheet] = ()) -> tuple[Row, ...]:
@@ -60,31 +67,25 @@ def eur_per_usd() -> Quantity:
     return Quantity.model_validate_json(text)
 
 
-def parts_list_text(folded: FoldedCar, title: str, sheets: Sequence[Sheet] = ()) -> str:
-    """The parts list as Markdown: parts to buy, pieces to cut."""
-    rows, film, euro = parts_list(folded, sheets), folded.parts.film, eur_per_usd()
-    lines = [f"# Parts of {title}", "", "| part | quantity | mass g | cost USD | |", "|---|---:|---:|---:|---|"]
-    lines += [f"| {row.name} | {_amount(row)} | {row.mass_kg * 1e3:.2f} | {_dollars(row)} | {row.note} |" for row in rows]
-    lines += [
-        f"| **together** | | **{total_mass_kg(rows) * 1e3:.1f}** | **{total_cost_usd(rows):.2f}** | |",
-        "",
-        f"That is about {total_cost_usd(rows) * euro.value:.0f} EUR at {euro.value:g} ± {euro.tolerance:g} EUR a dollar "
-        f"({euro.source}).",
-        "",
-        *_balance(folded),
-        "Prices are guides: see the tolerances and sources in the parts' data. Besides you need "
-        f"{film.tape}, and solder for the boards' headers and the switch's leads: soldering is not among the operations.",
-        "",
-        "## Pieces to cut",
-        "| piece | copies | area cm² each | film mm | folds |",
-        "|---|---:|---:|---:|---|",
-    ]
-    lines += [
-        f"| {piece.label or piece.name} | {piece.count} | {piece_area_mm2(piece) / 100:.1f} "
-        f"| {piece.thickness_mm:g} | {_folds(piece)} |"
-        for piece in folded.pieces
-    ]
-    return "\n".join([*lines, "", *_fits(folded), ""])
+def parts_list_text(
+    folded: FoldedCar, title: str, sheets: Sequence[Sheet] = (), done: Operations | None = None
+) -> str:
+    """The parts list as Markdown: parts to buy, pieces to cut, the worst case of every fit, the work by hand."""
+    rows = parts_list(folded, sheets)
+    return page_template("foldcar.fabrication.assembly", "parts.md").render(
+        title=title,
+        rows=rows,
+        mass_kg=total_mass_kg(rows),
+        cost_usd=total_cost_usd(rows),
+        euro=eur_per_usd(),
+        balance=_balance(folded),
+        parts=folded.parts,
+        pieces=[(piece, piece_area_mm2(piece), _folds(piece)) for piece in folded.pieces],
+        fits=fits(folded),
+        done=done,
+        weeding=kinds()["weed"].many,
+        minutes=minutes,
+    )
 
 
 def _folds(piece: Piece) -> str:
@@ -96,24 +97,6 @@ def _folds(piece: Piece) -> str:
     return f"{creased}{hinge}"
 
 
-def _fits(folded: FoldedCar) -> list[str]:
-    """The worst case of every fit."""
-    cut = folded.parts.assembly.cut_mm.value
-    return [
-        "## Fits",
-        "Room in mm at nominal sizes, what tolerances of the parts' data and of a cutter that is off by "
-        f"{cut:g} mm at every edge take of it at most, and what is left then. Where little is left, measure your parts.",
-        "",
-        "| fit | nominal | parts | cutter | left |",
-        "|---|---:|---:|---:|---:|",
-        *(
-            f"| {fit.name} | {fit.nominal_mm:.2f} | {fit.parts_mm:.2f} | {fit.cutter_mm:.2f} "
-            f"| {round(fit.worst_mm, 2) + 0.0:.2f} |"
-            for fit in fits(folded)
-        ),
-    ]
-
-
 def parts_list_csv(folded: FoldedCar, sheets: Sequence[Sheet] = ()) -> str:
     """The same rows for a spreadsheet; mass in grams, cost in US dollars."""
     text = io.StringIO()
@@ -121,7 +104,7 @@ def parts_list_csv(folded: FoldedCar, sheets: Sequence[Sheet] = ()) -> str:
     writer.writerow(["part", "quantity", "unit", "mass_g", "cost_usd", "note"])
     for row in parts_list(folded, sheets):
         mass = f"{row.mass_kg * 1e3:.3f}"
-        writer.writerow([row.name, f"{row.quantity:g}", row.unit, mass, _dollars(row), row.note])
+        writer.writerow([row.name, f"{row.quantity:g}", row.unit, mass, row.dollars, row.note])
     return text.getvalue()
 
 
@@ -184,28 +167,12 @@ def tyre_cut(folded: FoldedCar) -> str:
     return folded.parts.tyre.cut(axle.radius_mm, axle.tyre_width_mm)
 
 
-def _balance(folded: FoldedCar) -> list[str]:
-    """Where the centre of mass is, which the battery's place decides."""
+def _balance(folded: FoldedCar) -> dict[str, Any] | None:
+    """Where the centre of mass is, which the battery's place decides, and how far it moves at most (mm)."""
     if not folded.axles:
-        return []
+        return None
     bodies = sorted({placed.body for placed in folded.placed})
     x, _, z = assemble(body_properties(folded, body) for body in bodies).center_m * 1e3
     side = "in front of" if x > 0 else "behind"
     where = "at the middle" if abs(x) < 0.5 else f"{abs(x):.0f} mm {side} the middle"
-    high = f"{z + folded.axles[0].radius_mm:.0f} mm above the ground"
-    place = f"with the battery on the {folded.parts.battery_place}"
-    laid = folded.parts.assembly.placement_mm.value
-    return [
-        f"The centre of mass is {where} of the car's length, {high}, {place}.",
-        f"It moves by at most {placing_mm(folded):.1f} mm along and across the car if LiPo, pad and battery lie within "
-        f"{laid:g} mm of their outlines on the film.",
-        "",
-    ]
-
-
-def _amount(row: Row) -> str:
-    return f"{row.quantity:.4f} {row.unit}" if row.unit else f"{row.quantity:g}"
-
-
-def _dollars(row: Row) -> str:
-    return "" if row.cost_usd is None else f"{row.cost_usd:.2f}"
+    return {"where": where, "high_mm": z + folded.axles[0].radius_mm, "placing_mm": placing_mm(folded)}

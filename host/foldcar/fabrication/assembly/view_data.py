@@ -13,8 +13,8 @@ import numpy as np
 from foldcar.car.folded.model import IDENTITY, Crease, EdgeRef, Face, FoldedCar, Mount, Piece, PlacedPiece, Pose
 from foldcar.car.folded.pose import edge
 from foldcar.car.proof.step import AssemblyStep
+from foldcar.fabrication.assembly.faces import face_points, face_poses, face_triangles, mount_material, moved
 from foldcar.fabrication.assembly.facets import NUT_OF, shank_and_nut
-from foldcar.fabrication.assembly.solids import face_points, face_poses, face_triangles, mount_material, moved
 from foldcar.fabrication.assembly.view_steps import NUT, Part, ViewSteps, view_steps
 
 DECIMALS = 4

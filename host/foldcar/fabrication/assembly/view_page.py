@@ -12,8 +12,8 @@ from typing import Any
 from markupsafe import Markup
 
 from foldcar.car.folded.model import FoldedCar
+from foldcar.fabrication.assembly.faces import piece_area_mm2
 from foldcar.fabrication.assembly.parts_list import parts_list, total_cost_usd, total_mass_kg
-from foldcar.fabrication.assembly.solids import piece_area_mm2
 from foldcar.fabrication.assembly.view_data import view_data
 from foldcar.fabrication.patterns.drawing import Sheet
 from foldcar.fabrication.patterns.svg import svg

@@ -151,6 +151,11 @@ class Sheet:
         """Everything drawn on it."""
         return tuple(itertools.chain.from_iterable(self.groups))
 
+    @property
+    def layers(self) -> Iterator[tuple[Layer, list[tuple[Shape, ...]]]]:
+        """Every layer in the order of cutting, with its cuts in theirs."""
+        return ((layer, list(self.on(layer.name))) for layer in LAYERS.values())
+
     def on(self, layer: LayerName) -> Iterator[tuple[Shape, ...]]:
         """A layer's cuts in their order: a closed line or circle alone, a group's open lines together.
 

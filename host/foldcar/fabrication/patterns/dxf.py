@@ -41,16 +41,15 @@ def dxf(sheet: Sheet) -> str:
         space = document.modelspace()
         space.reset_extents((0, 0, 0), (sheet.width_mm, sheet.height_mm, 0))
         space.reset_limits((0, 0), (sheet.width_mm, sheet.height_mm))
-        for name in LAYERS:
-            for shape in itertools.chain.from_iterable(sheet.on(name)):
+        for layer, groups in sheet.layers:
+            attributes: dict[str, object] = {"layer": layer.name}
+            # Programs draw a line's weight at any width; that of a polyline is true to scale.
+            scaled = {"const_width": layer.width_mm} if layer.name == "QR_CODE" else {}
+            for shape in itertools.chain.from_iterable(groups):
                 if isinstance(shape, Circle):
-                    space.add_circle(shape.center_mm, shape.radius_mm, dxfattribs={"layer": name})
+                    space.add_circle(shape.center_mm, shape.radius_mm, dxfattribs=attributes)
                 else:
-                    attributes: dict[str, object] = {"layer": name}
-                    # Programs draw a line's weight at any width; that of a polyline is true to scale.
-                    if name == "QR_CODE":
-                        attributes["const_width"] = LAYERS[name].width_mm
-                    space.add_lwpolyline(shape.points_mm, close=shape.closed, dxfattribs=attributes)
+                    space.add_lwpolyline(shape.points_mm, close=shape.closed, dxfattribs=attributes | scaled)
         text = io.StringIO()
         document.write(text)
         return text.getvalue()

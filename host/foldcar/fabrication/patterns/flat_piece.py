@@ -6,15 +6,15 @@ compensated when the sheets are drawn.
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from functools import lru_cache, partial
 from typing import Any, Literal
 
 import shapely
 from shapely.geometry import LineString, MultiPoint, Polygon
 
-from foldcar.car.folded.model import Crease, Face, Piece
+from foldcar.car.folded.model import Crease, Face, Piece, Pose
 from foldcar.car.folded.pose import edge, folded
 from foldcar.fabrication.patterns.drawing import Motion, Point
 from foldcar.fabrication.patterns.options import Options
@@ -93,21 +93,6 @@ class FlatPiece:
         return float(self.outline.area) - sum(math.pi / 4 * d * d for _, d in self.circles)
 
 
-@dataclass(frozen=True, slots=True)
-class _Placing:
-    """A rigid motion in the plane: a rotation followed by a shift."""
-
-    cos: float
-    sin: float
-    shift: Point
-
-    def apply(self, p: Point) -> Point:
-        return (
-            self.cos * p[0] - self.sin * p[1] + self.shift[0],
-            self.sin * p[0] + self.cos * p[1] + self.shift[1],
-        )
-
-
 @lru_cache(maxsize=256)
 def flat_piece(piece: Piece, chosen: Options) -> FlatPiece:
     """The flat piece; ValueError if its faces are not one connected area."""
@@ -137,9 +122,9 @@ def flat_piece(piece: Piece, chosen: Options) -> FlatPiece:
         place = placings[face.name]
         for hole in face.holes:
             if hole.diameter_mm is not None and hole.center_mm is not None:
-                circles.append((place.apply(hole.center_mm), hole.diameter_mm))
+                circles.append((place(hole.center_mm), hole.diameter_mm))
             else:
-                openings.append([place.apply(p) for p in hole.outline_mm])
+                openings.append([place(p) for p in hole.outline_mm])
     outline = Polygon(outline.exterior, [*outline.interiors, *openings])
     return FlatPiece(
         piece.name,
@@ -184,7 +169,7 @@ def _free_edge_mm(face: Face, chosen: Options) -> float:
     return min(chosen.tab_clearance_mm, float(min(x1 - x0, y1 - y0)) / 4)
 
 
-def _placings(piece: Piece, thickness_mm: float, chosen: Options) -> dict[str, _Placing]:
+def _placings(piece: Piece, thickness_mm: float, chosen: Options) -> dict[str, Callable[[Point], Point]]:
     """Each face's motion into the flat; children are moved towards their parent by the bend deduction."""
     faces = {face.name: face for face in piece.faces}
     poses = folded(piece, 0.0)
@@ -200,24 +185,25 @@ def _placings(piece: Piece, thickness_mm: float, chosen: Options) -> dict[str, _
             before[0] + pose[0][0] * x + pose[0][1] * y,
             before[1] + pose[1][0] * x + pose[1][1] * y,
         )
-    return {
-        name: _Placing(pose[0][0], pose[1][0], (pose[0][3] + shifts[name][0], pose[1][3] + shifts[name][1]))
-        for name, pose in poses.items()
-    }
+    return {name: partial(_placed, pose=pose, shift=shifts[name]) for name, pose in poses.items()}
 
 
-def _flat_face(face: Face, corners: list[list[Point]], place: _Placing) -> FlatFace:
-    points = [[place.apply(p) for p in corner] for corner in corners]
+def _placed(p: Point, pose: Pose, shift: Point) -> Point:
+    (cos, _, _, x), (sin, _, _, y), *_ = pose
+    return cos * p[0] - sin * p[1] + (x + shift[0]), sin * p[0] + cos * p[1] + (y + shift[1])
+
+
+def _flat_face(face: Face, corners: list[list[Point]], place: Callable[[Point], Point]) -> FlatFace:
+    points = [[place(p) for p in corner] for corner in corners]
     edges = {i: (points[i][-1], points[(i + 1) % len(points)][0]) for i in range(len(points))}
     outline = Polygon([p for corner in points for p in corner])
-    holes = {}
-    for hole in face.holes:
-        corner_points = [place.apply(p) for p in reversed(hole.outline_mm)]
-        holes[hole.name] = tuple(zip(corner_points, [*corner_points[1:], corner_points[0]], strict=True))
-    laid = {}
-    for mark in face.marks:
-        at = [place.apply(p) for p in mark.outline_mm]
-        laid[mark.name] = tuple(zip(at, [*at[1:], at[0]], strict=True))
+
+    def ring(points: Iterable[Point]) -> tuple[Edge, ...]:
+        at = [place(p) for p in points]
+        return tuple(zip(at, [*at[1:], at[0]], strict=True))
+
+    holes = {hole.name: ring(reversed(hole.outline_mm)) for hole in face.holes}
+    laid = {mark.name: ring(mark.outline_mm) for mark in face.marks}
     return FlatFace(face.name, face.role, outline, edges, holes, laid)
 
 
@@ -264,34 +250,26 @@ def moved_to_origin(flat: FlatPiece) -> FlatPiece:
 
 def moved(flat: FlatPiece, motion: Motion) -> FlatPiece:
     """The piece after a motion."""
-    move = motion.apply
+    found: FlatPiece = _moved(flat, motion.apply)
+    return found
 
-    def ends(edge: Edge) -> Edge:
-        return move(edge[0]), move(edge[1])
 
-    def polygon(shape: Polygon) -> Polygon:
-        return Polygon([move(p) for p in shape.exterior.coords], [[move(p) for p in r.coords] for r in shape.interiors])
-
-    return replace(
-        flat,
-        outline=polygon(flat.outline),
-        circles=tuple((move(p), d) for p, d in flat.circles),
-        slits=tuple(tuple(move(p) for p in slit) for slit in flat.slits),
-        folds=tuple(Fold(f.kind, move(f.a), move(f.b)) for f in flat.folds),
-        faces=tuple(
-            replace(
-                face,
-                outline=polygon(face.outline),
-                edges={i: ends(edge) for i, edge in face.edges.items()},
-                holes={name: tuple(ends(edge) for edge in ring) for name, ring in face.holes.items()},
-                laid={name: tuple(ends(edge) for edge in ring) for name, ring in face.laid.items()},
+def _moved(value: Any, move: Callable[[Point], Point]) -> Any:
+    """The value with all points in it moved."""
+    match value:
+        case float(), float():
+            return move(value)
+        case tuple():
+            return tuple(_moved(one, move) for one in value)
+        case dict():
+            return {key: _moved(one, move) for key, one in value.items()}
+        case Polygon():
+            return Polygon(
+                [move(p) for p in value.exterior.coords], [[move(p) for p in r.coords] for r in value.interiors]
             )
-            for face in flat.faces
-        ),
-        marks=tuple(ends(mark) for mark in flat.marks),
-        bends=tuple(ends(bend) for bend in flat.bends),
-        seams=tuple((number, tuple(ends(edge) for edge in edges)) for number, edges in flat.seams),
-    )
+        case FlatPiece() | FlatFace() | Fold():
+            return replace(value, **{one.name: _moved(getattr(value, one.name), move) for one in fields(value)})
+    return value
 
 
 def offset_edges(outline_mm: Sequence[Point], inward_mm: Sequence[float]) -> list[list[Point]]:

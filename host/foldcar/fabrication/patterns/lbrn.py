@@ -5,6 +5,7 @@ itself. A CutSetting for each layer has its number in the palette and its priori
 each line is a Shape in millimetres, y up. The sheet's edge is on the tool layer T1, which is never cut.
 """
 
+import itertools
 import re
 from collections.abc import Iterator
 from xml.etree import ElementTree as ET
@@ -29,19 +30,18 @@ def lbrn(sheet: Sheet) -> str:
     frame = ET.SubElement(root, "Shape", Type="Rect", CutIndex=str(TOOL_LAYER), W=_number(sheet.width_mm),
                           H=_number(sheet.height_mm), Cr="0")  # fmt: skip
     _moved(frame, (sheet.width_mm / 2, sheet.height_mm / 2))
-    for layer in LAYERS.values():
+    for layer, groups in sheet.layers:
         index = str(int(layer.lightburn[1:]))
-        for group in sheet.on(layer.name):
-            for shape in group:
-                if isinstance(shape, Circle):
-                    radius = _number(shape.radius_mm)
-                    circle = ET.SubElement(root, "Shape", Type="Ellipse", CutIndex=index, Rx=radius, Ry=radius)
-                    _moved(circle, shape.center_mm)
-                    continue
-                made = _moved(ET.SubElement(root, "Shape", Type="Path", CutIndex=index), (0.0, 0.0))
-                vertices = (f"V{_number(x)} {_number(y)}c0x1c1x1" for x, y in shape.points_mm)
-                ET.SubElement(made, "VertList").text = "".join(vertices)
-                ET.SubElement(made, "PrimList").text = "LineClosed" if shape.closed else "LineOpen"
+        for shape in itertools.chain.from_iterable(groups):
+            if isinstance(shape, Circle):
+                radius = _number(shape.radius_mm)
+                circle = ET.SubElement(root, "Shape", Type="Ellipse", CutIndex=index, Rx=radius, Ry=radius)
+                _moved(circle, shape.center_mm)
+                continue
+            made = _moved(ET.SubElement(root, "Shape", Type="Path", CutIndex=index), (0.0, 0.0))
+            vertices = (f"V{_number(x)} {_number(y)}c0x1c1x1" for x, y in shape.points_mm)
+            ET.SubElement(made, "VertList").text = "".join(vertices)
+            ET.SubElement(made, "PrimList").text = "LineClosed" if shape.closed else "LineOpen"
     ET.indent(root, " ")
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{ET.tostring(root, encoding="unicode")}\n'
 

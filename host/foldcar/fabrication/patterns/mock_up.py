@@ -6,7 +6,7 @@ scale: at 1:2 it takes 0.05 mm more at each wall than the caps leave, which pape
 """
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -19,6 +19,7 @@ from foldcar.car.folded.pose import translation
 from foldcar.car.folded_car import folded_car
 from foldcar.fabrication.patterns.options import OptionError, Options
 from foldcar.fabrication.patterns.sheets import REFERENCE_MM, Pattern, pattern
+from foldcar.page_template import page_template
 
 FILM = "card_160"
 SCALES = (0.25, 1.0)
@@ -69,42 +70,14 @@ def mocked(car: FoldedCar, scale: float) -> FoldedCar:
 
 
 def how_to_fold(made: Pattern, scale: float) -> str:
-    """A page of text: what to print, cut, fold and join, and what the prototype does not show."""
-    return "\n".join(_lines(made, scale)) + "\n"
-
-
-def _lines(made: Pattern, scale: float) -> Iterator[str]:
+    """A page in Markdown: what to print, cut, fold and join, and what the prototype does not show."""
     names = [piece.origin for piece in made.pieces]
-    yield f"# {made.title}"
-    yield ""
-    pages = f"{len(made.sheets)} page{'s' if len(made.sheets) > 1 else ''}"
-    yield (
-        f"{pages}: sheets.pdf. Every length is {scale:g} of the car's, card's thickness and pins aside. "
-        f"Print at 100 %, without fitting to the page, on card of 160 to 200 g/m²; the bar is {REFERENCE_MM:.1f} mm long "
-        "at every scale."
-    )
-    yield ""
-    steps = [
-        "Press all folds along a ruler with a blunt needle: dashed and dash-dotted lines.",
-        "Cut slots (green) with a knife, and outlines (black) with scissors. Orange corners show where parts would be: "
-        "do not cut. Prick the pins' holes.",
-        "Blue folds (valley) go towards the print, red ones (mountain) away from it: the print is inside.",
-        "Fold the beam to a trough: walls up, lid open. Glue what carries the same number.",
-    ]
-    if "bridge" in names:
-        steps.append("Fold the bridge, push its tongue through the floor's slot, glue its feet to the floor.")
-    steps.append("Glue the caps' tabs inside floor and walls; the cap's flange stays free, the lid lies on it.")
-    if any("hinge strip" in name for name in names):
-        steps.append("Glue the hinge's strip under both floors; do not crease it.")
-    steps += [
-        "Shut the lid: its flap goes inside the right wall, its tongues out through the slots.",
-        "Put a tooth-pick or split pin through each wheel and wall, with a slice of straw as a washer.",
-    ]
-    yield from (f"{number}. {step}" for number, step in enumerate(steps, 1))
-    yield from (
-        "",
-        "It shows how the body folds, closes and opens. It does not show servos, boards, screws, the layers behind them "
-        "and the wheels' rims, nor strength or weight: those need film and the sheets without --mockup.",
+    return page_template("foldcar.fabrication.patterns", "how_to_fold.md").render(
+        made=made,
+        scale=scale,
+        bar_mm=REFERENCE_MM,
+        bridge="bridge" in names,
+        hinged=any("hinge strip" in name for name in names),
     )
 
 

@@ -29,7 +29,6 @@ SHEETS = {
     "a3": (297.0, 420.0),
     "12x24in": (12 * INCH_MM, 24 * INCH_MM),
 }
-PAPERS = ("a4", "letter")
 _DATA = json.loads(Path(__file__).with_name("machines.json").read_text(encoding="utf-8"))
 # Minimum and maximum of each number, and the quantity it limits.
 LIMITS = {
@@ -57,7 +56,7 @@ class Options:
     ``gap_mm`` the distance of two pieces. ``bend_radius_mm`` is a fold's inner radius, ``k_factor`` the position of its
     neutral layer from the inner side per thickness. ``fold``: dashes of ``dash_cut_mm`` with bridges of
     ``dash_bridge_mm``, or a scored line. ``holding_tabs_mm`` is the width of the bridges that hold a cut piece in its
-    sheet, 0 for none. ``paper`` is the size of PDF pages.
+    sheet, 0 for none.
     """
 
     machine: str
@@ -72,7 +71,6 @@ class Options:
     bend_radius_mm: float = 0.0
     k_factor: float = 0.5
     holding_tabs_mm: float = 0.0
-    paper: str = "a4"
 
     @property
     def sheet_size_mm(self) -> tuple[float, float]:
@@ -120,8 +118,6 @@ def options(machine: str, **changes: Any) -> Options:
             raise OptionError(f"{_flag(field.name)} {value:g}: not within {low:g} to {high:g} mm ({why})")
     if chosen.fold not in ("dash", "score"):
         raise OptionError(f"--fold {chosen.fold}: not one of dash, score")
-    if chosen.paper not in PAPERS:
-        raise OptionError(f"--paper {chosen.paper}: not one of {', '.join(PAPERS)}")
     width, height = chosen.sheet_size_mm
     if min(width, height) - 2 * chosen.margin_mm < 1:
         raise OptionError(f"--margin {chosen.margin_mm:g}: leaves nothing of a sheet of {width:g} x {height:g} mm")

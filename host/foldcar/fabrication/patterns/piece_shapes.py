@@ -8,7 +8,7 @@ import shapely
 from shapely.geometry import LineString, Polygon
 from shapely.ops import substring
 
-from foldcar.fabrication.patterns.drawing import Circle, LayerName, Path, Point, Shape
+from foldcar.fabrication.patterns.drawing import Circle, LayerName, Path, Shape
 from foldcar.fabrication.patterns.film import fold_cuts
 from foldcar.fabrication.patterns.flat_piece import FlatPiece
 from foldcar.fabrication.patterns.labels import EdgeMark, label_paths
@@ -43,12 +43,13 @@ def cut_shapes(flat: FlatPiece, kerf_mm: float, holding_tabs_mm: float = 0.0) ->
     for ring in flat.outline.interiors:
         hole = Polygon(ring).buffer(-half, join_style="mitre", mitre_limit=3) if half else Polygon(ring)
         # An opening narrower than the kerf vanishes; part of it may remain.
-        shapes += [_closed("CUT_INNER", part.exterior) for part in shapely.get_parts(hole) if not part.is_empty]
+        parts = [part for part in shapely.get_parts(hole) if not part.is_empty]
+        shapes += [_path("CUT_INNER", part.exterior.coords[:-1], True) for part in parts]
     outer = outer_cut(flat, kerf_mm).exterior
     if holding_tabs_mm:
         shapes += _held(outer, holding_tabs_mm + kerf_mm)
     else:
-        shapes.append(_closed("CUT_OUTER", outer))
+        shapes.append(_path("CUT_OUTER", outer.coords[:-1], True))
     return shapes
 
 
@@ -67,13 +68,9 @@ def _held(ring: shapely.LinearRing, gap_mm: float) -> Iterator[Path]:
         middle = float(low[longest] + high[longest]) / 2
         gaps.append((middle - gap_mm / 2, middle + gap_mm / 2))
     for (_, start), (end, _) in itertools.pairwise(gaps):
-        yield _open(substring(line, start, end).coords)
+        yield _path("CUT_OUTER", substring(line, start, end).coords, False)
     around = [*substring(line, gaps[-1][1], line.length).coords, *substring(line, 0.0, gaps[0][0]).coords[1:]]
-    yield _open(around)
-
-
-def _open(points: Iterable[tuple[float, ...]]) -> Path:
-    return Path("CUT_OUTER", tuple((float(x), float(y)) for x, y in points))
+    yield _path("CUT_OUTER", around, False)
 
 
 def outer_cut(flat: FlatPiece, kerf_mm: float) -> Polygon:
@@ -82,9 +79,8 @@ def outer_cut(flat: FlatPiece, kerf_mm: float) -> Polygon:
     return outer.buffer(kerf_mm / 2, join_style="mitre", mitre_limit=3) if kerf_mm else outer
 
 
-def _closed(layer: LayerName, ring: shapely.LinearRing) -> Path:
-    points: tuple[Point, ...] = tuple((float(x), float(y)) for x, y in ring.coords[:-1])
-    return Path(layer, points, closed=True)
+def _path(layer: LayerName, points: Iterable[tuple[float, ...]], closed: bool) -> Path:
+    return Path(layer, tuple((float(x), float(y)) for x, y in points), closed)
 
 
 def _folds(flat: FlatPiece, chosen: Options) -> Iterator[Shape]:

@@ -1,6 +1,7 @@
 """Draws all sheets of a car side by side as one picture (PNG), to look at before cutting; not to cut from."""
 
 import io
+import itertools
 import math
 from collections.abc import Sequence
 
@@ -43,15 +44,11 @@ def preview(sheets: Sequence[Sheet], title: str) -> bytes:
         )  # fmt: skip
         axes.set_title(f"{sheet.name}: {sheet.film}", fontsize=14, loc="left", parse_math=False)
         axes.add_patch(Rectangle((0, 0), sheet.width_mm, sheet.height_mm, fill=False, edgecolor="0.7", clip_on=False))
-        outlines = [
-            _points(shape)
-            for group in sheet.on("CUT_OUTER")
-            for shape in group
-            if isinstance(shape, Path) and shape.closed
-        ]
+        outer = itertools.chain.from_iterable(sheet.on("CUT_OUTER"))
+        outlines = [_points(shape) for shape in outer if isinstance(shape, Path) and shape.closed]
         axes.add_collection(PolyCollection(outlines, facecolors="#eef3f8"))
-        for layer in LAYERS.values():
-            lines = [_points(shape) for group in sheet.on(layer.name) for shape in group]
+        for layer, groups in sheet.layers:
+            lines = [_points(shape) for shape in itertools.chain.from_iterable(groups)]
             # Modules of the QR code are to be seen as squares: their lines are drawn at scale.
             points = layer.width_mm * scale * 72 / DPI if layer.name == "QR_CODE" else LINE_PT
             cap = "butt" if layer.name == "QR_CODE" else "round"

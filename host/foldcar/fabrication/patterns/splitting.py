@@ -1,12 +1,10 @@
-"""Parts pieces that are too large for a sheet: along folds first, then by straight cuts across with overlaps to glue.
+"""Parts pieces that are too large for a sheet by straight cuts across, with overlaps to glue.
 
-Input: a FoldedCar, a FlatPiece, Options. Output: the car with a tab in place of each fold that is cut, and new joins; the
-parts of a flat piece, labelled "1 of 3" and so on. A cut across runs along x or y through faces and across folds, clear
-of openings, of folds beside it and of short tabs; each face that it passes has an overlap of its own, so that folds stay
-free. A strip is cut between two facets of its bend and overlaps by whole facets.
+Input: a FlatPiece, Options. Output: its parts, labelled "1 of 3" and so on. A cut runs along x or y through faces and
+across folds, clear of openings, of folds beside it and of short tabs; each face that it passes has an overlap of its own,
+so that folds stay free. A strip is cut between two facets of its bend and overlaps by whole facets.
 """
 
-import itertools
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -15,8 +13,6 @@ import numpy as np
 import shapely
 from shapely.geometry import LineString, Polygon, box
 
-from foldcar.car.folded.model import Crease, EdgeRef, Face, FoldedCar, Join, Piece
-from foldcar.car.folded.pose import edge
 from foldcar.fabrication.patterns.drawing import Motion
 from foldcar.fabrication.patterns.flat_piece import (
     GRID_MM,
@@ -25,7 +21,6 @@ from foldcar.fabrication.patterns.flat_piece import (
     FlatFace,
     FlatPiece,
     Fold,
-    flat_piece,
     moved,
     moved_to_origin,
 )
@@ -50,116 +45,6 @@ RASTER_MM = 2.0
 Interval = tuple[float, float]
 
 
-def as_cut(car: FoldedCar, chosen: Options) -> FoldedCar:
-    """The car with too large pieces split; its ``placed`` still name the whole pieces."""
-    pieces: list[Piece] = []
-    joins = list(car.joins)
-    numbers = itertools.count(max((join.number for join in joins), default=0) + 1)
-    depth = car.parts.assembly.lap_flap_mm.value
-    for piece in car.pieces:
-        parts, new = _parts_along(piece, chosen, numbers, depth)
-        pieces += parts
-        if new:
-            home = {face.name: part.name for part in parts for face in part.faces}
-            joins = [
-                replace(
-                    join,
-                    piece_a=home[join.a.face] if join.piece_a == piece.name else join.piece_a,
-                    piece_b=home[join.b.face] if join.piece_b == piece.name else join.piece_b,
-                )
-                for join in (*joins, *new)
-            ]
-    return replace(car, pieces=tuple(pieces), joins=tuple(joins))
-
-
-def _parts_along(
-    piece: Piece, chosen: Options, numbers: "itertools.count[int]", depth_mm: float
-) -> tuple[list[Piece], list[Join]]:
-    """The numbered parts of a piece, tabs of that depth, and the whole piece's joins between them.
-
-    The whole piece and no joins if it fits or splitting does not help.
-    """
-    waiting, done, joins = [piece], list[Piece](), dict[str, Join]()
-    while waiting:
-        part = waiting.pop(0)
-        crease = None if _fits(part, chosen) else _best_crease(part, chosen, depth_mm)
-        if crease is None:
-            done.append(part)
-            continue
-        rest, taken = _cut_along(part, crease, depth_mm)
-        waiting += [rest, taken]
-        ends = EdgeRef(_tab_name(crease), 0), crease.child
-        length = _length_mm(part, crease)
-        joins[crease.child.face] = Join(next(numbers), "tab", piece.name, ends[0], piece.name, ends[1], length)
-    if len(done) == 1 or not all(_fits(part, chosen) for part in done):
-        return [piece], []
-    named = [
-        replace(part, name=f"{piece.name}, part {i}", label=f"{piece.label or piece.name}, {i} of {len(done)}")
-        for i, part in enumerate(done, 1)
-    ]
-    # The first face of a part that was taken off is the child of its fold.
-    return named, [joins[part.faces[0].name] for part in done if part.faces[0].name in joins]
-
-
-def _best_crease(piece: Piece, chosen: Options, depth_mm: float) -> Crease | None:
-    """The fold between two panels whose parts exceed the sheet least, then are most equal in size; None without folds."""
-    roles = {face.name: face.role for face in piece.faces}
-    best = None
-    for index, crease in enumerate(piece.creases):
-        if crease.flexure or {roles[crease.parent.face], roles[crease.child.face]} != {"panel"}:
-            continue
-        parts = _cut_along(piece, crease, depth_mm)
-        over = max(_excess_mm(part, chosen) for part in parts)
-        sizes = [sum(_extent_mm(part, chosen)) for part in parts]
-        key = (round(over, 3), round(max(sizes), 3), index)
-        if best is None or key < best[0]:
-            best = (key, crease)
-    return None if best is None else best[1]
-
-
-def _cut_along(piece: Piece, crease: Crease, depth: float) -> tuple[Piece, Piece]:
-    """The two parts: the first with a tab in place of the fold, the second with the fold's child and its descendants."""
-    members = {crease.child.face}
-    # Creases of parents precede those of their children.
-    for other in piece.creases:
-        if other.parent.face in members:
-            members.add(other.child.face)
-    length = _length_mm(piece, crease)
-    tab = Face(_tab_name(crease), ((0.0, 0.0), (length, 0.0), (length - depth / 4, depth), (depth / 4, depth)), (), "tab")
-    fold = replace(crease, name=tab.name, child=EdgeRef(tab.name, 0))
-
-    kept = (*(f for f in piece.faces if f.name not in members), tab)
-    rest = replace(piece, faces=kept, creases=(*(c for c in piece.creases if c.child.face not in members), fold))
-    off = sorted((f for f in piece.faces if f.name in members), key=lambda face: face.name != crease.child.face)
-    creases = tuple(c for c in piece.creases if c.parent.face in members)
-    return rest, replace(piece, faces=tuple(off), creases=creases)
-
-
-def _tab_name(crease: Crease) -> str:
-    return f"{crease.name} splice"
-
-
-def _length_mm(piece: Piece, crease: Crease) -> float:
-    return math.dist(*edge({face.name: face for face in piece.faces}, crease.parent))
-
-
-def _extent_mm(piece: Piece, chosen: Options) -> tuple[float, float]:
-    x0, y0, x1, y1 = flat_piece(piece, chosen).outline.bounds
-    return x1 - x0 + chosen.kerf_mm, y1 - y0 + chosen.kerf_mm
-
-
-def _fits(piece: Piece, chosen: Options) -> bool:
-    # Strips are cut across instead.
-    is_strip = any(face.role == "rim" for face in piece.faces)
-    return is_strip or fits(_extent_mm(piece, chosen), chosen.sheet_size_mm, chosen.margin_mm)
-
-
-def _excess_mm(piece: Piece, chosen: Options) -> float:
-    low, high = sorted(_extent_mm(piece, chosen))
-    least, greatest = sorted(side - 2 * chosen.margin_mm for side in chosen.sheet_size_mm)
-    return max(0.0, low - least, high - greatest)
-
-
 @dataclass(frozen=True, slots=True)
 class _Cut:
     """A cut at x, through a piece whose overlaps are ``laps`` (y intervals), ``deep`` mm deep towards +x."""
@@ -173,27 +58,21 @@ class _Cut:
 def split_to_fit(flat: FlatPiece, chosen: Options, numbers: Iterator[int]) -> tuple[FlatPiece, ...]:
     """The piece itself if it fits or cannot be parted, else its parts; each cut takes one of the joins' ``numbers``."""
     waiting, done = [moved_to_origin(flat)], list[FlatPiece]()
-    cuts = 0
     while waiting:
         part = waiting.pop(0)
         if _needed(part.outline.bounds, chosen) == 1:
             done.append(part)
             continue
-        halves = _halves(part, chosen)
+        halves = _halves(part, chosen, numbers)
         if halves is None:
             return (moved_to_origin(flat),)
-        number, cuts = next(numbers), cuts + 1
-        waiting[:0] = [replace(half, seams=_numbered(half.seams, number)) for half in halves]
-    if not cuts:
+        waiting[:0] = halves
+    if len(done) == 1:
         return tuple(done)
     return tuple(
         replace(moved_to_origin(part), name=f"{flat.name}, part {i}", label=f"{flat.label}, {i} of {len(done)}")
         for i, part in enumerate(done, 1)
     )
-
-
-def _numbered(seams: Sequence[tuple[int, tuple[Edge, ...]]], number: int) -> tuple[tuple[int, tuple[Edge, ...]], ...]:
-    return tuple((number if old < 0 else old, edges) for old, edges in seams)
 
 
 def _needed(bounds: Sequence[float], chosen: Options) -> int:
@@ -209,8 +88,8 @@ def _needed(bounds: Sequence[float], chosen: Options) -> int:
     return max(2, min(counts))
 
 
-def _halves(flat: FlatPiece, chosen: Options) -> tuple[FlatPiece, FlatPiece] | None:
-    """The two parts of the best cut along either axis; None if there is none."""
+def _halves(flat: FlatPiece, chosen: Options, numbers: Iterator[int]) -> tuple[FlatPiece, FlatPiece] | None:
+    """The two parts of the best cut along either axis, their seam with the next number; None if there is none."""
     found = []
     for turns in (0, 1):
         turned = moved_to_origin(moved(flat, Motion(turns)))
@@ -223,7 +102,7 @@ def _halves(flat: FlatPiece, chosen: Options) -> tuple[FlatPiece, FlatPiece] | N
     for key, turned, turns, cut in sorted(found, key=lambda one: one[0]):
         if key[0] > 2 * _needed(flat.outline.bounds, chosen) + 2:
             break
-        halves = _parts(turned, cut)
+        halves = _parts(turned, cut, numbers)
         if halves is not None:
             return moved(halves[0], Motion(-turns)), moved(halves[1], Motion(-turns))
     return None
@@ -314,7 +193,7 @@ def _windows(flat: FlatPiece, cut: _Cut) -> list[tuple[float, float, float, floa
     return [(0.0, low, cut.x + cut.deep, high), (cut.x, low, right, high)]
 
 
-def _parts(flat: FlatPiece, cut: _Cut) -> tuple[FlatPiece, FlatPiece] | None:
+def _parts(flat: FlatPiece, cut: _Cut, numbers: Iterator[int]) -> tuple[FlatPiece, FlatPiece] | None:
     """The parts before and behind the cut; None if one is not in one piece."""
     low, high = flat.outline.bounds[1] - 1, flat.outline.bounds[3] + 1
     seams = tuple(((cut.x, a), (cut.x, b)) for a, b in sorted(cut.laps, key=lambda lap: lap[0] - lap[1]))
@@ -323,13 +202,14 @@ def _parts(flat: FlatPiece, cut: _Cut) -> tuple[FlatPiece, FlatPiece] | None:
     outline = shapely.union_all([first.outline, *(_lap(cut, lap) for lap in cut.laps)], grid_size=GRID_MM)
     if not isinstance(outline, Polygon) or not isinstance(second.outline, Polygon):
         return None
+    number = next(numbers)
     first = replace(
         first,
         outline=shapely.geometry.polygon.orient(outline),
         marks=(*first.marks, *seams),
-        seams=(*first.seams, (-1, seams)),
+        seams=(*first.seams, (number, seams)),
     )
-    return first, replace(second, seams=(*second.seams, (-1, tuple((b, a) for a, b in seams))))
+    return first, replace(second, seams=(*second.seams, (number, tuple((b, a) for a, b in seams))))
 
 
 def _clipped(flat: FlatPiece, window: Polygon) -> FlatPiece:

@@ -26,7 +26,7 @@ def svg(sheet: Sheet) -> str:
         f'width="{width}mm" height="{height}mm" viewBox="0 0 {width} {height}">',
         f"<title>{sheet.name}</title>",
     ]
-    for layer in LAYERS.values():
+    for layer, groups in sheet.layers:
         cap = "butt" if layer.name == "QR_CODE" else "round"
         dashes = " ".join(f"{length:g}" for length in layer.dashes_mm) if sheet.dashed else ""
         lines.append(
@@ -34,7 +34,7 @@ def svg(sheet: Sheet) -> str:
             f'stroke="{layer.hex}" stroke-width="{layer.width_mm:g}" stroke-linecap="{cap}" stroke-linejoin="round"'
             + (f' stroke-dasharray="{dashes}">' if dashes else ">")
         )
-        for group in sheet.on(layer.name):
+        for group in groups:
             lines += _elements(group, sheet.height_mm)
         lines.append("</g>")
     return "\n".join([*lines, "</svg>", ""])

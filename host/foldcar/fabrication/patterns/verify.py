@@ -12,12 +12,11 @@ import shapely
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from foldcar.fabrication.patterns.drawing import LAYERS, Circle, Motion, Path, ReadingError, Shape, Sheet, bounds
+from foldcar.fabrication.patterns.drawing import LAYERS, Circle, Path, ReadingError, Shape, Sheet, bounds
 from foldcar.fabrication.patterns.options import Options
-from foldcar.fabrication.patterns.pdf import Page, read_pdf
-from foldcar.fabrication.patterns.tiles import MARK_MM, Tile, printed, tiles
+from foldcar.fabrication.patterns.pdf import read_pdf
 
-# Numbers have four decimals in files, six in PDF points; cutters repeat within 0.1 mm.
+# Numbers have four decimals in files, six in PDF; cutters repeat within 0.1 mm.
 TOLERANCE_MM = 0.01
 # Findings of a kind that are listed; the rest are counted.
 SHOWN = 3
@@ -81,56 +80,16 @@ def check_text(read: Callable[[str], Sheet], meant: Sheet, text: str, chosen: Op
     return [*check_same(meant, found), *check_sheet(found, chosen.margin_mm)]
 
 
-def check_pdf(meant: Sequence[Sheet], binary: bytes, chosen: Options) -> list[str]:
-    """Findings about a written PDF: each page must show its window at true scale, and all together the whole sheets."""
+def check_pdf(meant: Sequence[Sheet], binary: bytes) -> list[str]:
+    """Findings about a written PDF, by page."""
     try:
         pages = read_pdf(binary)
     except ReadingError as error:
         return [str(error)]
-    planned = [page for sheet in meant for page in printed(sheet, chosen.paper)]
-    if len(pages) != len(planned):
-        return [f"has {len(pages)} pages, should have {len(planned)}"]
-    findings = []
-    for number, (page, (tile, shown)) in enumerate(zip(pages, planned, strict=True), 1):
-        findings += [f"page {number}: {finding}" for finding in _check_page(page, shown, tile)]
-    for sheet in meant:
-        findings += _check_cover(sheet, tiles(sheet, chosen.paper))
-    return findings
-
-
-def _check_page(page: Page, shown: Sheet, tile: Tile) -> list[str]:
-    dx, dy = tile.offset_mm
-    window = (tile.low_mm[0] + dx, tile.low_mm[1] + dy, tile.high_mm[0] + dx, tile.high_mm[1] + dy)
-    findings = []
-    if math.dist((page.width_mm, page.height_mm), tile.page_mm) > TOLERANCE_MM:
-        findings.append(f"is {page.width_mm:.2f} x {page.height_mm:.2f} mm large")
-    if math.dist(page.clip_mm, window) > TOLERANCE_MM:
-        findings.append("shows another part of the sheet")
-    findings += _differences([shape.moved(Motion(0, (dx, dy))) for shape in shown.shapes], page.shapes)
-    half = MARK_MM / 2
-    marks = [((x - half + dx, y + dy), (x + half + dx, y + dy)) for x, y in tile.marks_mm]
-    marks += [((x + dx, y - half + dy), (x + dx, y + half + dy)) for x, y in tile.marks_mm]
-    findings += _differences(
-        [Path("LABEL", mark) for mark in marks], [Path("LABEL", mark) for mark in page.marks], "registration mark"
-    )
-    return findings
-
-
-def _check_cover(sheet: Sheet, windows: Sequence[Tile]) -> list[str]:
-    """Findings about strips of the sheet's lines that the grid of windows leaves uncovered."""
-    findings: list[str] = []
-    if not sheet.shapes:
-        return findings
-    box = bounds(sheet.shapes)
-    for axis in (0, 1):
-        reached, length = box[axis], box[axis + 2]
-        for low, high in sorted((t.low_mm[axis], t.high_mm[axis]) for t in windows):
-            if low > reached + 1e-6:
-                break
-            reached = max(reached, high)
-        if reached < length - 1e-6:
-            findings.append(f"{sheet.name}: the pages end at {reached:.1f} of {length:g} mm")
-    return findings
+    if len(pages) != len(meant):
+        return [f"has {len(pages)} pages, should have {len(meant)}"]
+    pairs = enumerate(zip(meant, pages, strict=True), 1)
+    return [f"page {number}: {found}" for number, (sheet, page) in pairs for found in check_same(sheet, page)]
 
 
 def _doubled(shapes: Iterable[Shape]) -> Iterator[str]:
@@ -160,13 +119,13 @@ def _vectors(shapes: Iterable[Shape]) -> NDArray[np.float64]:
     return np.array(rows, dtype=np.float64).reshape(-1, 5)
 
 
-def _differences(meant: Iterable[Shape], read: Iterable[Shape], what: str = "line") -> list[str]:
+def _differences(meant: Iterable[Shape], read: Iterable[Shape]) -> list[str]:
     """Findings about lines that only one of the two has, within the tolerance, and about differing counts."""
     wanted, found = _vectors(meant), _vectors(read)
-    findings = [_row(row, what, "is missing") for row in wanted[~_matched(wanted, found)]]
-    findings += [_row(row, what, "is too much") for row in found[~_matched(found, wanted)]]
+    findings = [_row(row, "is missing") for row in wanted[~_matched(wanted, found)]]
+    findings += [_row(row, "is too much") for row in found[~_matched(found, wanted)]]
     if not findings and len(wanted) != len(found):
-        findings.append(f"has {len(found)} {what}s, should have {len(wanted)}")
+        findings.append(f"has {len(found)} lines, should have {len(wanted)}")
     return _short(findings)
 
 
@@ -180,9 +139,9 @@ def _matched(have: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[n
     return found
 
 
-def _row(row: NDArray[np.float64], what: str, word: str) -> str:
+def _row(row: NDArray[np.float64], word: str) -> str:
     layer = list(LAYERS)[round(row[0] / 1000)]
-    return f"a {what} on {layer} at {row[1]:.2f}, {row[2]:.2f} {word}"
+    return f"a line on {layer} at {row[1]:.2f}, {row[2]:.2f} {word}"
 
 
 def _at(shape: Shape) -> str:

@@ -1,0 +1,86 @@
+"""Poses, points and triangles of a folded piece's faces, in millimetres; what a bought part is made of."""
+
+import itertools
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely import Polygon
+
+from foldcar.car.folded.model import Face, Mount, Piece
+from foldcar.car.folded.pose import folded
+from foldcar.car.folded.weight import area_mm2
+
+Matrix = NDArray[np.float64]
+# 0 is flat, 1 folded: one number for a piece, or one for each crease by its name (0 for those not named).
+Fraction = float | Mapping[str, float]
+Material = Literal["film", "tyre", "servo", "board", "battery", "other"]
+# By a word in a part's name in the catalogue, the first that is there.
+MATERIAL_OF: dict[str, Material] = {
+    "featherwing": "board", "servo": "servo", "aa": "battery", "lipo": "battery", "feather": "board", "tyre": "tyre",
+}  # fmt: skip
+
+
+def face_poses(piece: Piece, fraction: Fraction = 1.0) -> dict[str, Matrix]:
+    """The (4, 4) poses of all faces by name, in the root face's frame."""
+    if isinstance(fraction, Mapping):
+        creases = tuple(replace(c, angle_rad=c.angle_rad * fraction.get(c.name, 0.0)) for c in piece.creases)
+        piece, fraction = replace(piece, creases=creases), 1.0
+    return {name: np.array(pose) for name, pose in folded(piece, fraction).items()}
+
+
+def moved(pose: Matrix, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Points (n, 2) or (n, 3) transformed by the pose, (n, 3)."""
+    points = np.asarray(points, dtype=np.float64)
+    if points.shape[1] == 2:
+        points = np.column_stack([points, np.zeros(len(points))])
+    result: NDArray[np.float64] = points @ pose[:3, :3].T + pose[:3, 3]
+    return result
+
+
+def glued_offset_mm(piece: Piece, fraction: Fraction = 1.0) -> dict[str, float]:
+    """Offset of each tab from its middle plane (mm) when it is fixed to the inside of another face."""
+    tabs = {face.name for face in piece.faces if face.role == "tab"}
+    found = {}
+    for crease in (one for one in piece.creases if one.child.face in tabs):
+        share = fraction.get(crease.name, 0.0) if isinstance(fraction, Mapping) else fraction
+        found[crease.child.face] = piece.thickness_mm * (1 if crease.angle_rad > 0 else -1) * share
+    return found
+
+
+def face_points(face: Face) -> tuple[NDArray[np.float64], list[int]]:
+    """Points (n, 2) of outline and holes in sequence, and the end index of each of these rings."""
+    rings = [np.array(ring, dtype=np.float64) for ring in (face.outline_mm, *(hole.outline_mm for hole in face.holes))]
+    return np.concatenate(rings), list(np.cumsum([len(ring) for ring in rings]))
+
+
+def face_triangles(face: Face) -> NDArray[np.int64]:
+    """Indices (m, 3) into ``face_points``, counter-clockwise seen from the printed side.
+
+    Every point is a corner of a triangle, also one inside a straight edge, because neighbouring faces share it.
+    """
+    points, ends = face_points(face)
+    polygon = Polygon(points[: ends[0]], [points[a:b] for a, b in itertools.pairwise(ends)])
+    parts = shapely.get_parts(shapely.constrained_delaunay_triangles(polygon))
+    number = {(x, y): i for i, (x, y) in enumerate(points.tolist())}
+    corners = shapely.get_coordinates(parts).reshape(-1, 4, 2)[:, :3].tolist()
+    triangles = np.array([[number[x, y] for x, y in triangle] for triangle in corners], dtype=np.int64)
+    a, b, c = (points[triangles[:, i]] for i in range(3))
+    clockwise = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0] < 0
+    triangles[clockwise] = triangles[clockwise][:, ::-1]
+    return triangles
+
+
+def piece_area_mm2(piece: Piece) -> float:
+    """Area of film in one copy of the piece (mm²)."""
+    outlines = [(face.outline_mm, [hole.outline_mm for hole in face.holes]) for face in piece.faces]
+    return sum(abs(area_mm2(outer)) - sum(abs(area_mm2(hole)) for hole in holes) for outer, holes in outlines)
+
+
+def mount_material(mount: Mount) -> Material:
+    """The material of a bought part."""
+    name = mount.part.lower()
+    return next((material for word, material in MATERIAL_OF.items() if word in name), "other")

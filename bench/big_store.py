@@ -18,7 +18,7 @@ from typing import Any
 import numpy
 
 from foldcar.simulation.carsim import Carsim
-from foldcar.simulation.results import NATIVE_OUTCOMES
+from foldcar.simulation.results import NATIVE_OUTCOMES, NUMBERS
 from foldcar.store.trial_writer import write_trials
 from foldcar.store.writer import PlannedRun, StoreWriter, write_store
 from foldcar.study.environments import Environment
@@ -127,11 +127,8 @@ def drawn(
             at = run.design
             yield run, {
                 "outcome": "passed" if passes[at] else str(ends[at]),
+                **dict.fromkeys(NUMBERS, float(0.1 + 0.02 * times[at])),
                 "elapsed_time_s": float(times[at]),
-                "distance_to_target_m": 0.1 if passes[at] else 1.5,
-                "consumed_energy_j": 4.0 * float(times[at]),
-                "max_roll_rad": float(0.1 + 0.02 * times[at]),
-                "max_pitch_rad": 0.3,
             }
 
 

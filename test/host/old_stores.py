@@ -7,8 +7,11 @@ import sqlite3
 from pathlib import Path
 from typing import Any
 
+from foldcar.simulation.results import NUMBERS
+from foldcar.store.migrations import VERSION
 from foldcar.store.rows import checksum
 from foldcar.store.tables import Table
+from foldcar.store.writer import write_store
 
 STORES = Path(__file__).parent / "stores"
 VERSIONS = sorted(int(file.name[len("version_") : -len(".db.gz")]) for file in STORES.glob("version_*.db.gz"))
@@ -20,6 +23,12 @@ def old_store(version: int, path: Path) -> Path:
     logs = STORES / f"version_{version}-logs"
     if logs.exists():
         shutil.copytree(logs, path.parent / "s-logs", dirs_exist_ok=True)
+    with contextlib.closing(sqlite3.connect(path)) as connection:
+        columns = {row[1] for row in connection.execute("PRAGMA table_info(run)")}
+    if version == VERSION and not columns.issuperset(NUMBERS):
+        # Today's carsim has metrics that the one of then had not.
+        with write_store(path):
+            pass
     return path
 
 

@@ -17,15 +17,10 @@ from foldcar.simulation.carsim import CarsimLimits
 from study_car import car_body, empty_scene
 
 PLACE = {"x_m": 0.0, "y_m": 0.0, "heading_rad": 0.0}
-SIDES = {**PLACE, "length_m": 1.0, "width_m": 1.0}
 PIECES: dict[str, dict[str, Any]] = {
-    "box": {**SIDES, "height_m": 0.1},
-    "ramp": {**SIDES, "height_m": 0.1},
-    "half_round": {**SIDES, "height_m": 0.1},
-    "hill": {**PLACE, "sd_along_m": 0.1, "sd_across_m": 0.1, "height_m": 0.1},
-    "pothole": {"x_m": 0.0, "y_m": 0.0, "radius_m": 0.3, "depth_m": 0.1, "edge_m": 0.05},
-    "rough": {**SIDES, "height_sd_m": 0.01, "correlation_m": 0.1, "seed": 1},
-    "patch": {**SIDES, "friction": 0.5},
+    name: {key: value for key, value in PLACE.items() if kind.shape != "disc" or key != "heading_rad"}
+    | {key: min(1, 0.1 * largest) for key, (_, largest) in kind.sizes.items()}
+    for name, kind in KINDS.items()
 }
 # Bounds that follow from other numbers of the line stand before the table's.
 DEPENDENT = {

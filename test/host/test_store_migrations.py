@@ -4,6 +4,7 @@ There is no older version yet: the commands here are those of a foldcar of the v
 """
 
 import json
+import os
 import signal
 import sqlite3
 import subprocess
@@ -161,29 +162,31 @@ def test_a_damaged_old_store_is_left_as_it_is(tmp_path: Path, store: Path, state
     assert sorted(file.name for file in tmp_path.iterdir()) == ["s-logs", "s.db"]
 
 
-NEWER = """
-import foldcar.simulation.results as results
-results.METRICS += (results.Metric("slip_m", "m", "way slipped"),)
-results.NUMBERS += ("slip_m",)
-from foldcar.cli import main
-main()
-"""
+@pytest.fixture
+def slipping(tmp_path: Path, carsim_binary: Path) -> dict[str, str]:
+    """An environment with a carsim that has a metric more."""
+    told = json.loads(subprocess.run([carsim_binary, "metrics"], capture_output=True, check=True).stdout)
+    more = [*told, {"name": "slip_m", "unit": "m", "optional": False, "help": "way slipped"}]
+    program = tmp_path.with_name("slipping")
+    program.write_text(f"#!/bin/sh\n[ \"$1\" = metrics ] || exec {carsim_binary} \"$@\"\necho '{json.dumps(more)}'\n")
+    program.chmod(0o755)
+    return {**os.environ, "FOLDCAR_CARSIM": str(program)}
 
 
-def test_a_new_metric_comes_into_stores_by_itself(tmp_path: Path, store: Path, foldcar: Any) -> None:
+def test_a_new_metric_of_carsim_comes_into_stores_by_itself(
+    store: Path, slipping: dict[str, str], foldcar: Any, new_foldcar: Any
+) -> None:
     before = contents(store)
 
-    read = run(tmp_path, NEWER, "export", "s.db", "--csv", "-")
-    assert ",max_pitch_rad,slip_m,message," in read.stdout and contents(store) == before
-    assert run(tmp_path, NEWER, "check", "s.db").returncode == 0
-    assert run(tmp_path, NEWER, "migrate", "s.db").returncode == 0
-    assert run(tmp_path, NEWER, "export", "s.db", "--csv", "-").stdout == read.stdout
-    for words in (("check", "s.db"), ("repair", "s.db", "-o", "w.db")):
-        whole = run(tmp_path, NEWER, *words)
+    read = new_foldcar("export", "s.db", "--csv", "-", env=slipping)
+    assert ",slip_m,message," in read.stdout and contents(store) == before
+    for words in (("check",), ("migrate",), ("check",), ("repair", "-o", "w.db")):
+        whole = new_foldcar(words[0], "s.db", *words[1:], env=slipping)
         assert whole.returncode == 0, whole.stdout
+    assert new_foldcar("export", "s.db", "--csv", "-", env=slipping).stdout == read.stdout
 
     after = contents(store)
-    assert [{**row, "slip_m": None} for row in before["run"]] == after["run"] == contents(tmp_path / "w.db")["run"]
+    assert [{**row, "slip_m": None} for row in before["run"]] == after["run"] == contents(store.with_name("w.db"))["run"]
     old = foldcar("export", "s.db", "--csv", "-")
     assert (old.returncode, old.stdout) == (2, "")
     assert old.stderr.startswith('foldcar: error: s.db: has the metric "slip_m", which this foldcar does not know')

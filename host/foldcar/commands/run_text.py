@@ -4,16 +4,16 @@ import json
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from foldcar.simulation.results import NUMBERS, outcome_of
+from foldcar.simulation import results
 
 
 def answer_lines(answer: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     """Outcome, metrics and recorded values; for a failed run its error."""
-    yield "outcome", outcome_of(answer)
+    yield "outcome", results.outcome_of(answer)
     if "error" in answer:
         yield "message", answer["error"]
         return
-    for name in NUMBERS:
+    for name in results.NUMBERS:
         yield name, _value_text(answer[name])
     for name, recorded in answer.get("recorded", {}).items():
         yield f"recorded {name}", _recorded_text(recorded["kind"], recorded["value"])
@@ -22,9 +22,9 @@ def answer_lines(answer: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
 def answer_object(answer: Mapping[str, Any]) -> dict[str, Any]:
     """Outcome, message of a failed run, metrics by name, and recorded values; numbers of a failed run are None."""
     return {
-        "outcome": outcome_of(answer),
+        "outcome": results.outcome_of(answer),
         "message": answer.get("error"),
-        "metrics": {name: answer.get(name) for name in NUMBERS},
+        "metrics": {name: answer.get(name) for name in results.NUMBERS},
         "recorded": answer.get("recorded", {}),
     }
 

@@ -15,9 +15,9 @@ from pathlib import Path
 from typing import Any
 
 from foldcar.car.body import TableRow
+from foldcar.simulation import results
 from foldcar.simulation.engines import ENGINES, MULTIBODY, engine_title, find_carsim
 from foldcar.simulation.kept import KeptRunner, RunProcess
-from foldcar.simulation.results import METRICS, NATIVE_OUTCOMES
 from foldcar.simulation.runner import CarsimError, RunRequest, process_ending
 
 
@@ -174,9 +174,9 @@ class Carsim:
                 index = 0 if len(requests) == 1 else error["run"]
                 what = requests[int(index)].label if index is not None else f"line {error['line']}"
                 raise CarsimError(f"{self.binary} refuses {what}: {error['message']}")
-            sound = answer["outcome"] in NATIVE_OUTCOMES and all(
+            sound = answer["outcome"] in results.NATIVE_OUTCOMES and all(
                 math.isfinite(answer[metric.name])
-                for metric in METRICS
+                for metric in results.METRICS
                 if answer[metric.name] is not None or not metric.optional
             )
         except (ValueError, TypeError, KeyError, IndexError) as error:

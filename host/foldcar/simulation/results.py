@@ -1,8 +1,13 @@
 """The result of a run: the row that stores contain, exports write and reports read."""
 
+import json
+import subprocess
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
+
+from foldcar.simulation.engines import find_carsim
+from foldcar.simulation.runner import CarsimError
 
 # The outcomes that carsim reports, best first.
 NATIVE_OUTCOMES = ("passed", "tipped", "stuck", "off_course", "timeout", "fault")
@@ -18,24 +23,31 @@ OUTCOMES = (*NATIVE_OUTCOMES, "terminated", REJECTED, "failed")
 
 @dataclass(frozen=True, slots=True)
 class Metric:
-    """A number that a run results in. ``optional`` ones are None in some runs that did not fail."""
+    """A number that a run results in, as `carsim metrics` tells of it; ``optional``: some that did not fail have none."""
 
     name: str
     unit: str
-    meaning: str
-    optional: bool = False
+    optional: bool
+    help: str
 
 
-# The metrics of a run's answer (docs/carsim.md), whoever simulated it. The store has a column for each, and stores
-# written before a metric was entered here get one; a metric is taken out only with a new version of the store.
-METRICS = (
-    Metric("elapsed_time_s", "s", "time from the start of the run to its end"),
-    Metric("distance_to_target_m", "m", "distance in the ground plane from car to target at the end", optional=True),
-    Metric("consumed_energy_j", "J", "electrical energy drawn from the servo supply"),
-    Metric("max_roll_rad", "rad", "largest magnitude of roll"),
-    Metric("max_pitch_rad", "rad", "largest magnitude of pitch"),
-)
-NUMBERS = tuple(metric.name for metric in METRICS)
+# The metrics of a run's answer, whoever simulated it, and their names. The store has a column for each; a store of a
+# simulator without one of them gets that column. They are asked for when first read: who needs no store needs no carsim.
+METRICS: tuple[Metric, ...]
+NUMBERS: tuple[str, ...]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in ("METRICS", "NUMBERS"):
+        raise AttributeError(name)
+    program = find_carsim()
+    try:
+        told = subprocess.run([program, "metrics"], capture_output=True, check=True).stdout
+        found = tuple(Metric(**row) for row in json.loads(told))
+    except (OSError, subprocess.SubprocessError, ValueError, TypeError) as error:
+        raise CarsimError(f"{program}: `carsim metrics` printed no metrics") from error
+    globals().update(METRICS=found, NUMBERS=tuple(metric.name for metric in found))
+    return globals()[name]
 
 
 def outcome_of(answer: Mapping[str, Any]) -> str:

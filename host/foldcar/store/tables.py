@@ -129,7 +129,7 @@ RUN = Table(
     (
         *_RUN_KEY,
         Column("outcome", "TEXT", "how the run ended", choices=OUTCOMES),
-        *(Column(metric.name, "REAL", f"{metric.meaning}, in {metric.unit}", null=True) for metric in METRICS),
+        *(Column(metric.name, "REAL", f"{metric.help}, in {metric.unit}", null=True) for metric in METRICS),
         Column("message", "TEXT", "why a failed run failed", null=True),
     ),
     key=_RUN_KEY_NAMES,

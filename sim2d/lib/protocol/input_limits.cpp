@@ -6,6 +6,7 @@
 #include "hal.h"
 #include "scene_terrain.h"
 #include "supervisor.h"
+#include "terrain_input.h"
 
 namespace foldcar {
 namespace {
@@ -26,10 +27,6 @@ constexpr Limits kVoltage_v{0.1, 60};
 constexpr Limits kCurrent_a{0, 50};
 constexpr Limits kPulse_us{500, 2500};
 constexpr double kFold_rad = 3;  // a hinge folds less than half a turn
-constexpr Limits kSide_m{0.001, 100};
-constexpr Limits kHeight_m{0.0001, 10};
-constexpr Limits kSpread_m{0.005, 100};
-constexpr Limits kEdge_m{0.002, 100};
 constexpr Limits kTime_s{0, 3600};
 
 void add_body(Table& table) {
@@ -86,36 +83,12 @@ void add_scene(Table& table) {
 }
 
 void add_terrain(Table& table) {
-  for (const char* kind : {"box", "ramp", "half_round", "hill", "pothole", "rough", "patch"}) {
-    const std::string path = std::string("scene.terrain.") + kind;
-    table[path + ".x_m"] = table[path + ".y_m"] = kCoordinate_m;
-    table[path + ".heading_rad"] = kHeading_rad;
-  }
-  table.erase("scene.terrain.pothole.heading_rad");
-  for (const char* kind : {"box", "ramp", "half_round", "rough", "patch"}) {
-    const std::string path = std::string("scene.terrain.") + kind;
-    table[path + ".length_m"] = table[path + ".width_m"] = kSide_m;
-  }
-  for (const char* kind : {"box", "ramp", "half_round"}) {
-    table[std::string("scene.terrain.") + kind + ".height_m"] = kHeight_m;
-  }
   table.insert({{"scene.terrain.count", {0, 10000}},
                 // Of the smooth ground that a car stands over, found during a run.
                 {"scene.terrain.heights", {0, kMostHeights}},
                 // Likewise of the blocks.
-                {"scene.terrain.faces", {0, kMostFaces}},
-                {"scene.terrain.hill.sd_along_m", kSpread_m},
-                {"scene.terrain.hill.sd_across_m", kSpread_m},
-                {"scene.terrain.hill.height_m", {-kHeight_m.maximum, kHeight_m.maximum}},
-                {"scene.terrain.pothole.radius_m", kEdge_m},
-                {"scene.terrain.pothole.depth_m", kHeight_m},
-                {"scene.terrain.pothole.edge_m", kEdge_m},
-                {"scene.terrain.rough.height_sd_m", {0, 1}},
-                {"scene.terrain.rough.correlation_m", kSide_m},
-                {"scene.terrain.rough.seed", {0, 2147483647}},
-                // Of all grids of a scene's rough ground together; a node takes four bytes.
-                {"scene.terrain.rough.nodes", {0, 4e6}},
-                {"scene.terrain.patch.friction", kFriction}});
+                {"scene.terrain.faces", {0, kMostFaces}}});
+  for (const auto& [path, limits] : terrain_limits()) table["scene.terrain." + path] = limits;
 }
 
 void add_runs(Table& table) {

@@ -1,6 +1,8 @@
 #include "terrain_input.h"
 
 #include <algorithm>
+#include <utility>
+#include <vector>
 
 #include "rough.h"
 
@@ -77,32 +79,74 @@ void read_patch(JsonReader& reader, TerrainSpec& terrain) {
   terrain.patches.push_back(patch);
 }
 
-// Every kind of terrain: its name in a scene and what reads its keys, all but "kind", into the specification.
+constexpr Limits kCoordinate_m{-1000, 1000};
+constexpr Limits kHeading_rad{-100, 100};
+constexpr Limits kSide_m{0.001, 100};
+constexpr Limits kHeight_m{0.0001, 10};
+constexpr Limits kSpread_m{0.005, 100};
+constexpr Limits kEdge_m{0.002, 100};
+
+using Row = std::pair<const char*, Limits>;
+
+std::vector<Row> with_place(std::vector<Row> rows, bool turns = true) {
+  rows.insert(rows.end(), {{"x_m", kCoordinate_m}, {"y_m", kCoordinate_m}});
+  if (turns) rows.emplace_back("heading_rad", kHeading_rad);
+  return rows;
+}
+
+std::vector<Row> with_sides(std::vector<Row> rows) {
+  rows.insert(rows.end(), {{"length_m", kSide_m}, {"width_m", kSide_m}});
+  return with_place(std::move(rows));
+}
+
+// Every kind of terrain: its name in a scene, what reads its keys, all but "kind", into the specification, and the
+// limits of these.
 struct TerrainKind {
   const char* name;
   void (*read)(JsonReader& reader, TerrainSpec& terrain);
+  std::vector<Row> limits;
 };
 
-constexpr TerrainKind kKinds[] = {
-    {"box", read_block<BlockSpec::Kind::kBox>},
-    {"ramp", read_block<BlockSpec::Kind::kRamp>},
-    {"half_round", read_block<BlockSpec::Kind::kHalfRound>},
-    {"hill", read_hill},
-    {"pothole", read_pothole},
-    {"rough", read_rough},
-    {"patch", read_patch},
-};
+const std::vector<TerrainKind>& kinds() {
+  static const std::vector<TerrainKind> table = {
+      {"box", read_block<BlockSpec::Kind::kBox>, with_sides({{"height_m", kHeight_m}})},
+      {"ramp", read_block<BlockSpec::Kind::kRamp>, with_sides({{"height_m", kHeight_m}})},
+      {"half_round", read_block<BlockSpec::Kind::kHalfRound>, with_sides({{"height_m", kHeight_m}})},
+      {"hill", read_hill,
+       with_place({{"sd_along_m", kSpread_m},
+                   {"sd_across_m", kSpread_m},
+                   {"height_m", {-kHeight_m.maximum, kHeight_m.maximum}}})},
+      {"pothole", read_pothole,
+       with_place({{"radius_m", kEdge_m}, {"depth_m", kHeight_m}, {"edge_m", kEdge_m}}, false)},
+      {"rough", read_rough,
+       with_sides({{"height_sd_m", {0, 1}},
+                   {"correlation_m", kSide_m},
+                   {"seed", {0, 2147483647}},
+                   // Of all grids of a scene's rough ground together; a node takes four bytes.
+                   {"nodes", {0, 4e6}}})},
+      {"patch", read_patch, with_sides({{"friction", {0, 5}}})},
+  };
+  return table;
+}
 
 }  // namespace
 
+std::map<std::string, Limits> terrain_limits() {
+  std::map<std::string, Limits> found;
+  for (const TerrainKind& kind : kinds()) {
+    for (const auto& [key, limits] : kind.limits) found[std::string(kind.name) + "." + key] = limits;
+  }
+  return found;
+}
+
 TerrainSpec read_terrain(JsonReader& reader) {
   std::vector<std::string> names;
-  for (const TerrainKind& kind : kKinds) names.emplace_back(kind.name);
+  for (const TerrainKind& kind : kinds()) names.emplace_back(kind.name);
   TerrainSpec terrain;
   for (JsonReader& piece : reader.objects("terrain")) {
     const std::size_t kind = piece.choice("kind", names);
     piece.narrow(names[kind]);
-    kKinds[kind].read(piece, terrain);
+    kinds()[kind].read(piece, terrain);
     piece.finish();
   }
   return terrain;

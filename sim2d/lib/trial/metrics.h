@@ -35,9 +35,9 @@ struct MetricInfo {
 
 // In the order in which the protocol writes them.
 inline const std::array<MetricInfo, 5> kMetrics{{
-    {"elapsed_time_s", "s", &Metrics::elapsed_time_s, "time from the start of the trial to its end"},
+    {"elapsed_time_s", "s", &Metrics::elapsed_time_s, "time from the start of the run to its end"},
     {"distance_to_target_m", "m", &Metrics::distance_to_target_m,
-     "distance from the car's origin to the goal's point at the end; none without a goal"},
+     "distance in the ground plane from car to target at the end"},
     {"consumed_energy_j", "J", &Metrics::consumed_energy_j, "electrical energy drawn from the servo supply"},
     {"max_roll_rad", "rad", &Metrics::max_roll_rad, "largest magnitude of roll"},
     {"max_pitch_rad", "rad", &Metrics::max_pitch_rad, "largest magnitude of pitch"},

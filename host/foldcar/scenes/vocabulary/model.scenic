@@ -3,7 +3,7 @@
 A program begins with `model model`, places terrain, names one Robot `ego` and places one Goal. Lengths are
 metres, angles radians (or `90 deg`). Scenic's heading 0 points along +y: `facing -90 deg` travels along +x.
 Everything stands on the ground: positions need x and y only, and an object's height counts upwards from z = 0.
-docs/scenarios.md shows each class.
+docs/scenarios.md shows how to use it.
 """
 
 import sys

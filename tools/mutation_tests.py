@@ -4,6 +4,7 @@ The working tree is only read: Python started for the tests, and by them, import
 (tools/planted).
 """
 
+import hashlib
 import os
 import subprocess
 import threading
@@ -11,13 +12,18 @@ import time
 from pathlib import Path
 
 from mutants import Mutant
-from mutation_build import SLACK_S, BuildError, Processes, Verdict
+from mutation_build import BuildError, Processes, Verdict
 
 PLANTED = Path(__file__).resolve().parent / "planted"
+# Tests with a mutant may take three times their own time and this much longer: a machine may have become busy since.
+SLACK_S = 60.0
 
 
 class PythonWorkshop(Processes):
-    """Judges mutants of the host's modules by what ``python`` tests. ``times_s`` are those of test files without any."""
+    """Judges mutants of the host's modules by what ``python`` tests. ``times_s`` are those of test files without any.
+
+    What a test file says of a mutant is kept for as long as the host's sources and the file are the same.
+    """
 
     def __init__(self, root: Path, work: Path, python: Path) -> None:
         super().__init__()
@@ -25,32 +31,39 @@ class PythonWorkshop(Processes):
         self.work = work
         self.python = python
         self.times_s: dict[str, float] = {}
-        work.mkdir(parents=True, exist_ok=True)
+        self.kept = work / "host_verdicts"
+        self.kept.mkdir(parents=True, exist_ok=True)
+        sources = sorted((root / "host").rglob("*.py"))
+        self.sources = hashlib.sha256(b"\0".join(source.read_bytes() for source in sources)).hexdigest()
 
     def prepare(self, suite: str) -> None:
         """Measure a test file's time. BuildError if it fails without any mutant."""
         start = time.monotonic()
-        if not self._passes([suite], None, 600):
+        if not self._passes(suite, None, 600):
             raise BuildError(f"{suite} fails without a mutant: mend it first")
         self.times_s[suite] = time.monotonic() - start
 
     def judge(self, source: Path, mutant: Mutant, suites: list[str]) -> Verdict:
-        """Run the test files with a mutant of ``source``."""
+        """Run the test files with a mutant of ``source``, until one fails."""
         file = self.work / f"planted.{threading.get_ident()}.py"
         file.write_text(mutant.text, encoding="utf-8")
         module = ".".join(source.relative_to(self.root / "host").with_suffix("").parts)
-        limit_s = 3 * sum(self.times_s[suite] for suite in suites) + SLACK_S
-        passes = self._passes(suites, {"PLANTED_MODULE": module, "PLANTED_FILE": str(file)}, limit_s)
-        return Verdict("survived" if passes else "killed")
+        planted = {"PLANTED_MODULE": module, "PLANTED_FILE": str(file), "PYTHONPATH": str(PLANTED)}
+        for suite in suites:
+            parts = (self.sources, module, mutant.text, (self.root / "test" / "host" / suite).read_text(encoding="utf-8"))
+            kept = self.kept / hashlib.sha256("\0".join(parts).encode()).hexdigest()
+            if not kept.is_file():
+                passes = self._passes(suite, planted, 3 * self.times_s[suite] + SLACK_S)
+                kept.write_text("survived" if passes else "killed", encoding="utf-8")
+            if kept.read_text(encoding="utf-8") == "killed":
+                return Verdict("killed", suite)
+        return Verdict("survived")
 
-    def _passes(self, suites: list[str], planted: dict[str, str] | None, limit_s: float) -> bool:
-        files = [f"test/host/{suite}" for suite in suites]
-        command = [str(self.python), "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider"]
-        environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
-        if planted is not None:
-            environment |= {**planted, "PYTHONPATH": str(PLANTED)}
+    def _passes(self, suite: str, planted: dict[str, str] | None, limit_s: float) -> bool:
+        command = [str(self.python), "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", f"test/host/{suite}"]
+        environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", **(planted or {})}
         try:
-            code, _ = self.process([*command, *files], self.root, limit_s, environment)
+            code, _ = self.process(command, self.root, limit_s, environment)
         except subprocess.TimeoutExpired:
             return False
         return code == 0

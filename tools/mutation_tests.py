@@ -1,7 +1,7 @@
 """Runs the host's tests with a mutant in place of one module.
 
 The working tree is only read: Python started for the tests, and by them, imports the module from another file
-(tools/planted).
+(tools/planted). Of a test file the quick tests run first (tools/planted/quick_first.py): most mutants fail one of them.
 """
 
 import hashlib
@@ -37,33 +37,44 @@ class PythonWorkshop(Processes):
         self.sources = hashlib.sha256(b"\0".join(source.read_bytes() for source in sources)).hexdigest()
 
     def prepare(self, suite: str) -> None:
-        """Measure a test file's time. BuildError if it fails without any mutant."""
+        """Measure a test file's times. BuildError if it fails without any mutant."""
+        kept = self._kept(suite, "none", "")
         start = time.monotonic()
-        if not self._passes(suite, None, 600):
-            raise BuildError(f"{suite} fails without a mutant: mend it first")
-        self.times_s[suite] = time.monotonic() - start
+        if not kept.is_file():
+            if not self._passes(suite, {"TEST_TIMES": str(self._times(suite))}, 600):
+                raise BuildError(f"{suite} fails without a mutant: mend it first")
+            kept.write_text(f"{time.monotonic() - start:.1f}", encoding="utf-8")
+        self.times_s[suite] = float(kept.read_text(encoding="utf-8"))
 
     def judge(self, source: Path, mutant: Mutant, suites: list[str]) -> Verdict:
         """Run the test files with a mutant of ``source``, until one fails."""
         file = self.work / f"planted.{threading.get_ident()}.py"
         file.write_text(mutant.text, encoding="utf-8")
         module = ".".join(source.relative_to(self.root / "host").with_suffix("").parts)
-        planted = {"PLANTED_MODULE": module, "PLANTED_FILE": str(file), "PYTHONPATH": str(PLANTED)}
         for suite in suites:
-            parts = (self.sources, module, mutant.text, (self.root / "test" / "host" / suite).read_text(encoding="utf-8"))
-            kept = self.kept / hashlib.sha256("\0".join(parts).encode()).hexdigest()
+            kept = self._kept(suite, module, mutant.text)
             if not kept.is_file():
+                times = str(self._times(suite))
+                planted = {"PLANTED_MODULE": module, "PLANTED_FILE": str(file), "TEST_TIMES": times}
                 passes = self._passes(suite, planted, 3 * self.times_s[suite] + SLACK_S)
                 kept.write_text("survived" if passes else "killed", encoding="utf-8")
             if kept.read_text(encoding="utf-8") == "killed":
                 return Verdict("killed", suite)
         return Verdict("survived")
 
-    def _passes(self, suite: str, planted: dict[str, str] | None, limit_s: float) -> bool:
-        command = [str(self.python), "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", f"test/host/{suite}"]
-        environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", **(planted or {})}
+    def _kept(self, suite: str, module: str, text: str) -> Path:
+        """The file of what a test file says of a module with that text."""
+        parts = (self.sources, module, text, (self.root / "test" / "host" / suite).read_text(encoding="utf-8"))
+        return self.kept / hashlib.sha256("\0".join(parts).encode()).hexdigest()
+
+    def _times(self, suite: str) -> Path:
+        return self._kept(suite, "none", "").with_suffix(".json")
+
+    def _passes(self, suite: str, planted: dict[str, str], limit_s: float) -> bool:
+        command = [str(self.python), "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", "-p", "quick_first"]
+        environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "PYTHONPATH": str(PLANTED), **planted}
         try:
-            code, _ = self.process(command, self.root, limit_s, environment)
+            code, _ = self.process([*command, f"test/host/{suite}"], self.root, limit_s, environment)
         except subprocess.TimeoutExpired:
             return False
         return code == 0

@@ -20,11 +20,11 @@ from foldcar.car.design import compose
 from foldcar.errors import FoldcarError
 from foldcar.link.car import REASONS
 from foldcar.link.connection import Connection
+from foldcar.link.dialect import load_dialect
 from foldcar.link.parameters import differences, equal_float32, read_file, value_text, write_file
 from foldcar.link.ports import choose_port
 from foldcar.link.stream import open_stream, permission_text
 from foldcar.link.tlog import LogError, TlogWriter, read_tlog
-from foldcar.mavlink_dialect import load_dialect
 from foldcar.trials.identity import least_tried
 from foldcar.trials.placement import parse_deviation
 from foldcar.trials.servo_edges import find_edges

@@ -1,6 +1,6 @@
 """What the last message of a car's own log says of an untethered drive."""
 
-from foldcar.mavlink_dialect import load_dialect
+from foldcar.link.dialect import load_dialect
 from foldcar.trials.driving import drive_end
 
 

@@ -37,7 +37,7 @@ TARGETS = {
     "sim2d/lib/side_view": ["test_sim_side_view"],
     "firmware/lib/control": ["test_control"],
     "firmware/lib/supervisor": ["test_supervisor", "test_application"],
-    "host/foldcar/analysis/engine_bias.py": ["test_run_statistics.py", "test_schedule.py"],
+    "host/foldcar/analysis/engine_bias.py": ["test_run_statistics.py"],
     "host/foldcar/analysis/gap.py": ["test_run_statistics.py", "test_compare.py"],
     "host/foldcar/analysis/gaussian_process.py": ["test_gaussian_process.py", "test_success_maps.py"],
     "host/foldcar/analysis/pooled_bias.py": ["test_gaussian_process.py"],

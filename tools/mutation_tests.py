@@ -1,10 +1,13 @@
 """Runs the host's tests with a mutant in place of one module.
 
 The working tree is only read: Python started for the tests, and by them, imports the module from another file
-(tools/planted). Of a test file the quick tests run first (tools/planted/quick_first.py): most mutants fail one of them.
+(tools/planted). Libraries are imported once (test_server.py there), and of a test file the quick tests run first
+(quick_first.py): most mutants fail one of them.
 """
 
 import hashlib
+import json
+import math
 import os
 import subprocess
 import threading
@@ -12,7 +15,7 @@ import time
 from pathlib import Path
 
 from mutants import Mutant
-from mutation_build import BuildError, Processes, Verdict
+from mutation_build import BuildError, Processes, StoppedError, Verdict
 
 PLANTED = Path(__file__).resolve().parent / "planted"
 # Tests with a mutant may take three times their own time and this much longer: a machine may have become busy since.
@@ -31,6 +34,7 @@ class PythonWorkshop(Processes):
         self.work = work
         self.python = python
         self.times_s: dict[str, float] = {}
+        self._threads = threading.local()
         self.kept = work / "host_verdicts"
         self.kept.mkdir(parents=True, exist_ok=True)
         sources = sorted((root / "host").rglob("*.py"))
@@ -71,10 +75,31 @@ class PythonWorkshop(Processes):
         return self._kept(suite, "none", "").with_suffix(".json")
 
     def _passes(self, suite: str, planted: dict[str, str], limit_s: float) -> bool:
-        command = [str(self.python), "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", "-p", "quick_first"]
-        environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "PYTHONPATH": str(PLANTED), **planted}
-        try:
-            code, _ = self.process([*command, f"test/host/{suite}"], self.root, limit_s, environment)
-        except subprocess.TimeoutExpired:
-            return False
-        return code == 0
+        request = {
+            "words": ["-q", "-x", "-p", "no:cacheprovider", "-p", "quick_first", f"test/host/{suite}"],
+            "environment": planted,
+            "limit_s": math.ceil(limit_s),
+        }
+        server = self._server()
+        assert server.stdin is not None and server.stdout is not None
+        server.stdin.write(json.dumps(request).encode() + b"\n")
+        server.stdin.flush()
+        code = server.stdout.readline()
+        if not code:
+            raise StoppedError
+        return int(code) == 0
+
+    def _server(self) -> "subprocess.Popen[bytes]":
+        """This thread's tools/planted/test_server.py."""
+        if not hasattr(self._threads, "server"):
+            if self._stopping.is_set():
+                raise StoppedError
+            command = [str(self.python), str(PLANTED / "test_server.py")]
+            environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "PYTHONPATH": str(PLANTED)}
+            self._threads.server = subprocess.Popen(
+                command, cwd=self.root, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+                stderr=subprocess.DEVNULL, start_new_session=True,
+            )  # fmt: skip
+            self._running.add(self._threads.server)
+        server: subprocess.Popen[bytes] = self._threads.server
+        return server

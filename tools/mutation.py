@@ -50,6 +50,7 @@ TARGETS = {
     "host/foldcar/advice/resimulation.py": ["test_compare.py"],
     "host/foldcar/advice": ["test_advice.py", "test_select.py", "test_compare.py"],
     "host/foldcar/calibration/environment.py": ["test_reality.py", "test_calibration.py"],
+    "host/foldcar/calibration/parameters.py": ["test_reality.py", "test_inference.py", "test_calibration.py"],
     "host/foldcar/calibration": ["test_inference.py", "test_calibration.py"],
 }
 

@@ -20,7 +20,7 @@ UV_VERSION := 0.13.9
 CARSIM := .pio/build/carsim/program
 CARSIM_MUJOCO := .pio/build/carsim_mujoco/program
 # Folders are among the prerequisites so that a removed file counts as a change.
-CARSIM_SOURCES := $(shell find firmware/lib firmware/src sim2d platformio.ini host/foldcar/mavlink_dialect -not -name '*.pyc' \
+CARSIM_SOURCES := $(shell find firmware/lib firmware/src sim2d platformio.ini $(addprefix host/foldcar/link/,dialect.py foldcar.xml standard_messages.txt) -not -name '*.pyc' \
   -not -name __pycache__) tools/build_id.py tools/firmware_id.py tools/mavlink_headers.py tools/simulation_digest.py
 
 # What `make fresh` tries, and on which release of Debian.

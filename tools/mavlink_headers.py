@@ -7,6 +7,7 @@ required version of pymavlink, pip installs it there.
 import subprocess
 import sys
 from importlib.metadata import PackageNotFoundError, version
+from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 
 from SCons.Script import Import
@@ -14,27 +15,30 @@ from SCons.Script import Import
 Import("env")
 env = globals()["env"]
 
-sys.path.insert(0, str(Path(env.subst("$PROJECT_DIR")) / "host" / "foldcar" / "mavlink_dialect"))
-from generation import PYMAVLINK, DialectError, write_headers  # noqa: E402
+# By itself: this Python has none of what the package imports.
+spec = spec_from_file_location("dialect", Path(env.subst("$PROJECT_DIR")) / "host" / "foldcar" / "link" / "dialect.py")
+assert spec is not None and spec.loader is not None
+dialect = module_from_spec(spec)
+spec.loader.exec_module(dialect)
 
 
 def has_pymavlink() -> bool:
     """Whether this Python has the required version of pymavlink."""
     try:
-        return bool(version("pymavlink") == PYMAVLINK)
+        return bool(version("pymavlink") == dialect.PYMAVLINK)
     except PackageNotFoundError:
         return False
 
 
 if not has_pymavlink():
-    pip = [env.subst("$PYTHONEXE"), "-m", "pip", "install", "--quiet", f"pymavlink=={PYMAVLINK}"]
+    pip = [env.subst("$PYTHONEXE"), "-m", "pip", "install", "--quiet", f"pymavlink=={dialect.PYMAVLINK}"]
     if subprocess.run(pip, check=False).returncode != 0:
-        sys.exit(f"mavlink_headers: pymavlink {PYMAVLINK} is missing and cannot be installed")
+        sys.exit(f"mavlink_headers: pymavlink {dialect.PYMAVLINK} is missing and cannot be installed")
 
 folder = Path(env.subst("$PROJECT_WORKSPACE_DIR/mavlink"))
 try:
-    write_headers(folder)
-except (DialectError, OSError) as error:
+    dialect.write_headers(folder)
+except (dialect.DialectError, OSError) as error:
     sys.exit(f"mavlink_headers: {error}")
 # Not as system headers, which some boards' compilers treat as C.
 env.Append(CPPPATH=[str(folder)])

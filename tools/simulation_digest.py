@@ -41,8 +41,10 @@ def source_files(root: Path) -> list[Path]:
 def firmware_digest(root: Path) -> str:
     """The digest of a car's firmware, board code included, and the MAVLink dialect: 16 hexadecimal digits."""
     digest = hashlib.sha256()
-    folders = (root / "firmware" / "lib", root / "firmware" / "src", root / "host" / "foldcar" / "mavlink_dialect")
-    for name, content in _contents(root, sorted(file for folder in folders for file in _files(folder))):
+    folders = (root / "firmware" / "lib", root / "firmware" / "src")
+    files = [root / "host" / "foldcar" / "link" / name for name in ("dialect.py", "foldcar.xml", "standard_messages.txt")]
+    files += [file for folder in folders for file in _files(folder)]
+    for name, content in _contents(root, sorted(files)):
         _add(digest, name, content)
     return digest.hexdigest()[:16]
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from foldcar.car.body import car_json
 from foldcar.car.design import compose
-from foldcar.mavlink_dialect import load_dialect
+from foldcar.link.dialect import load_dialect
 
 GOLDEN = Path(__file__).resolve().parents[1] / "determinism" / "golden_input.jsonl"
 PARAMETERS = (

@@ -11,7 +11,7 @@ from typing import Any
 
 from foldcar.car.body import firmware_parameters
 from foldcar.car.design import compose
-from foldcar.mavlink_dialect import load_dialect
+from foldcar.link.dialect import load_dialect
 from study_car import car_body, empty_scene
 
 mavlink = load_dialect()

@@ -7,11 +7,16 @@ from typing import Any
 import numpy
 import pytest
 
+from foldcar.advice import outlook
 from foldcar.advice import selecting as costs
-from foldcar.advice.evidence import Evidence
-from foldcar.advice.reasons import Parting, next_reason, told_apart_text
+from foldcar.advice.comparison import _verdict
+from foldcar.advice.evidence import Evidence, _pair_remarks
+from foldcar.advice.reasons import Parting, first_reason, next_reason, told_apart_text
 from foldcar.advice.selecting import _Choice
-from foldcar.analysis.gap import rank_agreement
+from foldcar.analysis.gap import AGREES, TOO_FEW, Gap, rank_agreement
+from foldcar.analysis.gaussian_process import success_model
+from foldcar.analysis.rate import Rate
+from foldcar.analysis.selection import MIDDLE
 from foldcar.analysis.words import rank_text
 
 
@@ -57,6 +62,72 @@ def test_a_design_is_told_of_its_nearest_driven_one() -> None:
     assert "nearest driven" not in next_reason(wide, 1, 0.5, None)
     parted = Parting(-0.3, "MuJoCo and multibody")
     assert next_reason(wide, 1, 0.5, parted).endswith("MuJoCo and multibody part by 30 points")
+
+
+def test_a_first_design_is_told_of_its_share_in_simulation() -> None:
+    one: Any = SimpleNamespace(runs=40, runs_passed=30)
+
+    assert first_reason(MIDDLE, one, "simulation", None).endswith("where it is surest; simulation passes 75 %")
+
+
+def test_a_loss_as_large_as_the_precision_is_small_enough() -> None:
+    """Of two draws the first has the second design better by 0.25; each of both reaches the threshold surely."""
+    designs: Any = [SimpleNamespace(label=f"{w} mm", design={"width_mm": w}, trials=range(10)) for w in (65.0, 95.0)]
+    known = Rate(0.9, 0.8, 0.95, 0.95, "")
+    seen = outlook.Outlook(
+        tuple(designs), numpy.array([[65.0], [95.0]]), numpy.full((2, 2), 20), numpy.array([[9, 10]] * 2),
+        numpy.array([[0.5, 0.75], [0.75, 0.5]]), numpy.arange(4), numpy.ones((2, 4)), (known, known), 0,
+        numpy.array([[0.9, 0.8, 0.95]] * 2),
+    )  # fmt: skip
+    info = SimpleNamespace(simulation="simulation", until=None, searched=False)
+    evidence: Any = SimpleNamespace(info=info, parameters=["width_mm"], remarks=())
+
+    found = _Choice(evidence, [evidence], seen, 0.75, 0.125).selection(2, False)
+
+    assert found.loss == 0.125 and found.enough and not found.recommendations
+    assert not any("environments are left" in remark for remark in found.remarks)
+
+
+def test_many_designs_are_thinned_evenly_from_first_to_last(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(outlook, "MOST_CANDIDATES", 3)
+    family: Any = [SimpleNamespace(trials=(), number=number) for number in range(5)]
+
+    assert [one.number for one in outlook._thinned(family, set())] == [0, 2, 4]
+    assert [one.number for one in outlook._thinned(family[:3], set())] == [0, 1, 2]
+
+
+def test_simulations_rates_are_smooth_where_there_are_enough_designs() -> None:
+    x, passed = numpy.arange(65.0, 145, 10)[:, None], numpy.array([0, 2, 1, 5, 9, 7, 10, 10])
+    runs = numpy.column_stack([passed, numpy.full(8, 10)])
+    designs: Any = [SimpleNamespace(simulated=lambda k=k: Rate.counted(k, 10, "")) for k in passed.tolist()]
+    own = numpy.array([(rate.value, rate.low, rate.high) for rate in (one.simulated() for one in designs)])
+
+    assert outlook._smooth(designs, x, runs) == pytest.approx(
+        numpy.column_stack(success_model(x, passed, runs[:, 1]).rates(x))
+    )
+    for few, some in ((designs[:7], x[:7]), (designs, numpy.hstack([x, x, x])), (designs, numpy.hstack([x, 0 * x]))):
+        assert numpy.array_equal(outlook._smooth(few, some, runs[: len(few)]), own[: len(few)])
+
+
+@pytest.mark.parametrize(("labels", "mean_high", "verdict"), [
+    ((AGREES, AGREES), 0.1, AGREES), ((AGREES, TOO_FEW), 0.1, TOO_FEW), ((AGREES, AGREES), 0.2, TOO_FEW),
+])  # fmt: skip
+def test_simulation_agrees_if_all_designs_and_their_mean_do(labels: Any, mean_high: float, verdict: str) -> None:
+    compared: Any = [SimpleNamespace(verdict=one, label="65 mm") for one in labels]
+
+    found, sentence = _verdict(compared, Gap(0.02, -0.1, mean_high, 0.95), 0.15, "simulation")
+
+    assert found == verdict and sentence.startswith("Simulation and trials agree within 15 points at 65 ")
+
+
+@pytest.mark.parametrize(("number", "said"), [
+    (1, "1 trial placed otherwise than planned, or has no stored run: simulated again as placed."),
+    (2, "2 trials placed otherwise, or have no run: simulated again as placed."),
+])  # fmt: skip
+def test_trials_that_are_simulated_again_are_told(number: int, said: str) -> None:
+    one: Any = SimpleNamespace(trials=[SimpleNamespace(again=True, simulated=1, sample=None)] * number)
+
+    assert list(_pair_remarks([one])) == [said]
 
 
 def simulation(engine: str, calibration: Any, rates: dict[float, int], listed: str = "1") -> Any:
@@ -123,6 +194,11 @@ def test_designs_are_told_apart_on_both_sides() -> None:
     several = told_apart_text(rows, ["95 mm", "65 mm", "105 mm"], 0, [0, 1, 2]) or ""
     assert "95 mm passes more often than 65 mm; it is not told apart from 105 mm" in several
     assert told_apart_text(numpy.array([best[:9], worse[:9]]), ["best", "worse"], 0, [0, 1]) is None
+    # For one comparison 0.03 is enough.
+    assert "95 mm passes more often than 105 mm" in (told_apart_text(rows, ["95 mm", "", "105 mm"], 0, [0, 2]) or "")
+    # Two that pass alike in 200 environments differ by little.
+    alike = told_apart_text(numpy.ones((2, 200)), ["95 mm", "105 mm"], 0, [1]) or ""
+    assert alike.partition("105 mm, ")[2].startswith("which may pass up to 1 points less: choose between these by cost")
 
 
 def test_ranks_are_told_as_far_as_they_are_defined() -> None:

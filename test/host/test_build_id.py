@@ -67,14 +67,15 @@ def test_the_header_is_rewritten_only_when_the_id_changes(tmp_path: Path) -> Non
 
 def test_the_firmware_id_stands_for_the_firmware_with_its_board_and_the_dialect(tmp_path: Path) -> None:
     checkout = make_checkout(tmp_path)
-    files = ("firmware/src/main.cpp", "host/foldcar/mavlink_dialect/foldcar.xml")
+    dialect = (f"host/foldcar/link/{name}" for name in ("dialect.py", "foldcar.xml", "standard_messages.txt"))
+    files = ("firmware/src/main.cpp", *dialect)
     for name in files:
-        (checkout / name).parent.mkdir(parents=True)
+        (checkout / name).parent.mkdir(parents=True, exist_ok=True)
         (checkout / name).write_text("first", encoding="utf-8")
     seen = {simulation_digest.firmware_digest(checkout)}
     for name in ("firmware/lib/board/board.cpp", "firmware/lib/control/control.cpp", *files):
         (checkout / name).write_text("changed", encoding="utf-8")
         seen.add(simulation_digest.firmware_digest(checkout))
-    assert len(seen) == 5
+    assert len(seen) == 7
     (checkout / "sim2d/lib/car/car.cpp").write_text("changed", encoding="utf-8")
     assert simulation_digest.firmware_digest(checkout) in seen

@@ -13,7 +13,7 @@ from scipy.special import expit, logsumexp
 from scipy.stats import binom, halfnorm, lognorm, norm
 
 from foldcar.calibration.effects import calibrated_scene, calibrated_variation
-from foldcar.calibration.emulator import NETWORKS, features_of, prior_scores, simulate_bank
+from foldcar.calibration.emulator import NETWORKS, WIDER, features_of, prior_scores, simulate_bank
 from foldcar.calibration.experiment import CalibrationRun, Simulator, SweptDesign, SweptExperiment, read_experiment
 from foldcar.calibration.parameters import NAMES, NOMINAL, PARAMETERS, Parameter, values_of
 from foldcar.calibration.posterior import (
@@ -167,6 +167,10 @@ def test_the_likelihood_of_few_and_of_many_trials_is_the_integral_over_the_discr
     masses, logits = masses / masses.sum(), 1 + 0.7 * e
     mean, sd = masses @ logits, math.sqrt(masses @ (logits - masses @ logits) ** 2)
     assert (drawn.mean(), drawn.std()) == pytest.approx((mean, sd), abs=0.06 * sd)
+    # Few at a time are drawn from all nodes as well.
+    stream = np.random.default_rng(2)
+    single = [built_logits(np.full((1, 1), 1.0), np.full(1, 0.7), k, n, stream)[0, 0] for _ in range(800)]
+    assert (np.mean(single), np.std(single)) == pytest.approx((mean, sd), abs=0.15 * sd)
 
 
 def test_draws_of_many_sharp_parameters_are_told_apart() -> None:
@@ -330,6 +334,13 @@ def test_a_folder_keeps_calibrations(swept: Path) -> None:
     run(swept, "import", "out", "--store", "back.db")
 
     assert calibration(swept, store="back.db") == calibration(swept)
+
+
+def test_no_score_of_the_prior_lies_beyond_one_in_a_million() -> None:
+    """So many sets fill each parameter's range to a millionth from its ends."""
+    scores = prior_scores(2**20, 1)
+
+    assert (scores.min(), scores.max()) == pytest.approx((WIDER * norm.ppf(1e-6), WIDER * norm.isf(1e-6)))
 
 
 def test_draws_are_rounded_values_of_scores() -> None:

@@ -13,7 +13,7 @@ from foldcar.simulation.carsim import Carsim
 
 Command = Callable[..., "subprocess.CompletedProcess[str]"]
 PROJECT = Path(__file__).resolve().parents[2]
-SOURCES = ("firmware/lib", "firmware/src", "sim2d", "tools", "host/foldcar/mavlink_dialect")
+SOURCES = ("firmware/lib", "firmware/src", "sim2d", "tools", "host/foldcar/link")
 
 
 def test_the_machine_of_the_tests_is_sound(new_foldcar: Command, carsim_binary: Path, tmp_path: Path) -> None:

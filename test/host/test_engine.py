@@ -166,7 +166,7 @@ def test_an_unknown_engine_is_refused(foldcar: Command, listing: Path) -> None:
 
 
 def test_a_simulated_car_in_three_dimensions_answers(native: Carsim) -> None:
-    from foldcar.mavlink_dialect import load_dialect
+    from foldcar.link.dialect import load_dialect
 
     load_dialect()
     from pymavlink import mavutil

@@ -135,7 +135,8 @@ def test_pooling_leaves_lone_designs_to_jeffreys_and_many_trials_alone() -> None
     many = pooled_bias([[65.0], [95.0], [95.0]], [[0, 100], [100, 100], [100, 100]], trials).rates()
     assert [rate.value for rate in many] == pytest.approx([0.2, 0.7, 0.0], abs=0.01)
     assert pooled_bias(numpy.zeros((0, 1)), numpy.zeros((0, 2)), numpy.zeros((0, 2))).rates() == []
-    for runs, counts in (([[1, 2]], [[1, 2], [1, 2]]), ([[1, 2], [0, 0]], [[1, 2]] * 2), ([[1, 2]] * 2, [[3, 2]] * 2)):
+    good = [[1, 2]] * 2
+    for runs, counts in (([[1, 2]], good), ([[1, 2], [0, 0]], good), (good, [[3, 2]] * 2), (good, [[-0.5, 2]] * 2)):
         with pytest.raises(FoldcarError, match="pooled rates need"):
             pooled_bias([[65.0], [95.0]], runs, counts)
 

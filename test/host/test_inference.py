@@ -64,6 +64,8 @@ def test_every_set_of_parameters_is_simulated_in_a_scatter_of_its_own(monkeypatc
 
     found = infer(simulator, counts, 1000, told.append)
 
+    for runs in (1000, 24_000):
+        assert plan(runs, 2).runs == pytest.approx(runs, rel=0.1)
     planned = plan(1000, 2)
     sets = planned.first + planned.second
     learned, check = simulator.asked[: (2 + OTHERS) * sets], simulator.asked[(2 + OTHERS) * sets :]

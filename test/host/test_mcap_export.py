@@ -9,9 +9,9 @@ import numpy
 import pytest
 from mcap.reader import make_reader
 
+from foldcar.link.dialect import load_dialect
 from foldcar.link.mcap_export import export_mcap
 from foldcar.link.tlog import TlogWriter
-from foldcar.mavlink_dialect import load_dialect
 from foldcar.models.foxglove_scene import foxglove_scene
 from foldcar.models.ground import height_grid
 from study_car import car_body, empty_scene

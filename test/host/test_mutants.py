@@ -79,3 +79,17 @@ def test_a_mutant_of_the_host_stands_in_place_of_its_module_and_the_module_stays
 
     assert verdicts == ["survived", "killed"]
     assert source.read_bytes() == before
+
+
+def test_a_verdict_is_kept_until_its_test_changes(workshop: PythonWorkshop) -> None:
+    source, test = workshop.root / "host" / "a" / "b.py", workshop.root / "test" / "host" / "test_b.py"
+    mutant = Mutant(2, "return x / 2", "return x / 3", "def half(x):\n    return x / 3\n")
+    workshop.prepare("test_b.py")
+    first = workshop.judge(source, mutant, ["test_b.py"])
+    test.write_text(test.read_text().replace("half(0) == 0", "half(6) == 3"))
+    second = workshop.judge(source, mutant, ["test_b.py"])
+    workshop.stop()
+
+    assert (first.result, second.result) == ("survived", "killed")
+    # Nothing can be run any more.
+    assert workshop.judge(source, mutant, ["test_b.py"]) == second

@@ -70,6 +70,8 @@ def test_first_designs_mark_the_region() -> None:
     places = {place: width for width, place in found}
     assert (places[LOWER_EDGE], places[UPPER_EDGE]) == (95, 140)
     assert 115 <= places[MIDDLE] <= 120 and places[BELOW] < 95 and places[ABOVE] > 140
+    # A rate at the threshold reaches it.
+    assert [(WIDTHS[one.index], one.place) for one in first_designs(WIDTHS[:, None], rates, doubt, 0.9)] == found
     (best,) = first_designs(WIDTHS[:, None], rates, doubt, 0.95)
     assert best.place == BEST
     assert [one.place for one in first_designs(WIDTHS[:, None], rates, doubt, 0.05)] == [MIDDLE, END, END]
@@ -193,6 +195,7 @@ def test_advice_before_trials_and_after_each_round(tmp_path: Path) -> None:
     (printed,) = select(store, "--build", 1, "--csv", tmp_path / "build.csv")["experiments"]
 
     assert before.threshold == 0.75 and not before.enough and before.loss is None
+    assert "no trials yet, so these mark the region that reaches 75 % in simulation." in before.sentence
     first = [float(one.design["width_mm"]) for one in before.recommendations]
     assert len(first) == 4 and before.recommendations[0].place == MIDDLE and 100 <= first[0] <= 130
     assert min(first) < 90 and max(first) > 140
@@ -202,6 +205,7 @@ def test_advice_before_trials_and_after_each_round(tmp_path: Path) -> None:
     with (tmp_path / "build.csv").open() as text:
         rows = list(csv.DictReader(text))
     assert [(row["rank"], float(row["width_mm"])) for row in rows] == [("1", first[0])]
+    assert list(rows[0])[:3] == ["experiment", "rank", "width_mm"]
     ends = [float(rows[0][f"simulated{end}"]) for end in ("", "_low", "_high")]
     assert ends == [1.0, *wilson_interval(40, 40)]
     assert (int(rows[0]["sheets"]), int(rows[0]["minutes"])) == (middle["cost"]["sheets"], middle["cost"]["minutes"])

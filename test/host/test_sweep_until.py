@@ -130,6 +130,8 @@ def test_a_rule_is_one_of_width_or_of_sides() -> None:
     sides = StoppingRule(None, (0.5, 0.75))
     assert sides.decided([20, 10, 62, 0], [20, 20, 100, 0]).tolist() == [True, False, False, False]
     narrow = StoppingRule(0.05, ())
+    assert narrow.text == "its 95 % interval is at most 5 percentage points to each side"
+    assert sides.text == "its 95 % interval lies on one side of 50 % and of 75 %"
     low, high = anytime_interval(350, 700)
     assert narrow.decided([350, 0], [700, 100]).tolist() == [bool((high - low) / 2 <= 0.05), True]
 

@@ -20,18 +20,20 @@ from foldcar.car.design import compose
 from foldcar.errors import FoldcarError
 from foldcar.link.car import REASONS
 from foldcar.link.connection import Connection
+from foldcar.link.dialect import load_dialect
 from foldcar.link.parameters import differences, equal_float32, read_file, value_text, write_file
 from foldcar.link.ports import choose_port
 from foldcar.link.stream import open_stream, permission_text
 from foldcar.link.tlog import LogError, TlogWriter, read_tlog
-from foldcar.mavlink_dialect import load_dialect
+from foldcar.trials.driving import drive_end
 from foldcar.trials.identity import least_tried
 from foldcar.trials.placement import parse_deviation
 from foldcar.trials.servo_edges import find_edges
 
 
 @pytest.mark.parametrize(
-    "text", ["", "C 1 2", "A", "A 1", "A x 2", "A 1 2 3 4", "A nan 1", "A 2000 1", "A 1 1 200", "A inf 1"]
+    "text",
+    ["", "C 1 2", "A", "A 1", "A x 2", "A 1 2 3 4", "A nan 1", "A 2000 1", "A 1 1 200", "A inf 1", "A 1_0 5", "A ٥ 5"],
 )
 def test_a_bad_deviation_says_what_is_wrong(text: str) -> None:
     with pytest.raises(FoldcarError, match=r'^deviation "'):
@@ -84,6 +86,9 @@ def test_a_parameter_file_reads_back_to_the_same_32_bit_numbers(tmp_path: Path) 
         ("A 1\nB\n", "line 2: not NAME VALUE: B"),
         ("A x\n", "line 1: not NAME VALUE: A x"),
         ("A nan\n", "line 1: not NAME VALUE"),
+        ("A 1_510\n", "line 1: not NAME VALUE"),
+        ("A ١٥١٠\n", "line 1: not NAME VALUE"),
+        ("A 1e39\n", r"line 1: A: 1e39 is beyond ±3\.4e\+38"),
         ("A 1 2\n", "line 1: not NAME VALUE"),
         ("A 1\n# c\nA 2 # again\n", "line 3: A occurs twice"),
     ],
@@ -177,6 +182,9 @@ def test_every_design_has_a_hash_and_a_short_name_of_its_own() -> None:
         ("tcp:localhost", "tcp:localhost: not tcp:HOST:PORT"),
         ("tcp:localhost:99999", "tcp:localhost:99999: not tcp:HOST:PORT"),
         ("tcp:localhost:1", "tcp:localhost:1: cannot be reached: Connection refused"),
+        ("tcp:a..b:5760", 'tcp:a..b:5760: "a..b" is no name of a host'),
+        (f"tcp:{'a' * 300}:80", f'tcp:{"a" * 300}:80: "{"a" * 300}" is no name of a host'),
+        ("/dev/null", "/dev/null: not a serial port"),
     ],
 )
 def test_a_port_that_cannot_be_opened_is_reported(name: str, message: str) -> None:
@@ -259,3 +267,21 @@ def test_every_reason_of_a_refusal_has_words() -> None:
     assert listed is not None
     names = re.findall(r"\bk[A-Z]\w*", re.sub(r"//.*", "", listed[1]))
     assert len(REASONS) == len(names) and len(set(REASONS)) == len(REASONS)
+
+
+def test_a_log_that_breaks_off_or_lacks_bytes_is_told() -> None:
+    dialect = load_dialect()
+
+    def end(how: str, log_lost: int, lost_bytes: int) -> tuple[str, str | None]:
+        message = dialect.MAVLink_foldcar_trial_message(
+            20_000, 7, 3_000, 3_000, 0.2, 0.0, dialect.FOLDCAR_STATE_FINISHED, getattr(dialect, f"FOLDCAR_END_{how}"),
+            dialect.FOLDCAR_FAULT_NONE, 1, log_lost, dialect.FOLDCAR_LOG_OPEN,
+        )  # fmt: skip
+        told = drive_end(dialect, message, lost_bytes)
+        assert told.elapsed_time_s == 3.0
+        return told.ending, told.outcome
+
+    assert end("TIME_LIMIT", 0, 0) == ("time limit, untethered", "timeout")
+    assert end("TIME_LIMIT", 12, 40) == ("time limit, untethered, 40 bytes of its log lost", "timeout")
+    assert end("STOPPED", 12, 0) == ("stopped, untethered, 12 bytes of its log lost", None)
+    assert end("NONE", 0, 0) == ("its log breaks off, untethered", "aborted")

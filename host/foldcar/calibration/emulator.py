@@ -12,7 +12,7 @@ parameters the same effort, are 9 points off.
 
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from scipy.special import expit, logit, ndtri
@@ -98,11 +98,7 @@ class Bank:
 
     def joined(self, other: "Bank") -> "Bank":
         """The runs of both."""
-        return Bank(
-            np.vstack([self.scores, other.scores]),
-            np.concatenate([self.designs, other.designs]),
-            np.concatenate([self.passed, other.passed]),
-        )
+        return Bank(*(np.concatenate([getattr(one, field.name) for one in (self, other)]) for field in fields(self)))
 
     def emulator(self, features: FloatArray, seed: int) -> Emulator:
         """The emulator of these runs; ``features`` (designs, features) are of all designs. FoldcarError."""

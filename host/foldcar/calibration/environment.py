@@ -11,13 +11,12 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 from typing import Any
 
 from foldcar.calibration import effects
 from foldcar.calibration.effects import calibrated_scene, calibrated_variation
-from foldcar.calibration.parameters import NOMINAL, check_values, parameter_named
+from foldcar.calibration.parameters import NAMES, NOMINAL, parameter_named
 from foldcar.car.variation import NumberLimits, vary_body
 from foldcar.errors import FoldcarError
 from foldcar.scenes.fingerprint import variation_code
@@ -38,7 +37,7 @@ class CalibratedEnvironment(Environment):
 
     def __init__(self, experiment: Experiment, calibration: Calibration, listed_id: str) -> None:
         super().__init__(experiment)
-        if not all(check_values(draw) for draw in calibration.draws):
+        if not all(set(draw) == set(NAMES) and all(map(math.isfinite, draw.values())) for draw in calibration.draws):
             raise FoldcarError(
                 f'calibration "{calibration.name}": its parameters are not those of this foldcar: calibrate again'
             )
@@ -51,9 +50,10 @@ class CalibratedEnvironment(Environment):
         self._listed_id = listed_id
         self._seed = experiment.variation_seed
         self.listed_fingerprint = self.fingerprint
-        self.fingerprint = _hashed(self.fingerprint, calibration.fingerprint, self._seed, _effects_code())
-        listed = dict(experiment.variation)
-        self.spread_fingerprint = _hashed(listed, calibration.fingerprint, self._seed, _effects_code(), variation_code())
+        effects_code = hashlib.sha256(Path(effects.__file__).read_bytes()).hexdigest()
+        under = (calibration.fingerprint, self._seed, effects_code)
+        self.fingerprint = _hashed(self.fingerprint, *under)
+        self.spread_fingerprint = _hashed(dict(experiment.variation), *under, variation_code())
 
     @property
     def calibration(self) -> dict[str, str] | None:
@@ -95,11 +95,6 @@ def calibrated_environment(experiment: Experiment, calibration: Calibration) -> 
 
 def _hashed(*parts: Any) -> str:
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
-
-
-@cache
-def _effects_code() -> str:
-    return hashlib.sha256(Path(effects.__file__).read_bytes()).hexdigest()
 
 
 def read_reality(file: Path) -> dict[str, float]:

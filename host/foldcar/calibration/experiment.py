@@ -156,19 +156,17 @@ class Simulator:
 
     def _inputs(self, chunk: list[CalibrationRun]) -> tuple[dict[str, str], dict[str, str], list[RunRequest]]:
         bodies, scenes, requests = {}, {}, []
-        for index, run in enumerate(chunk):
-            design = self.experiment.designs[run.design]
+        for name, run in zip(map(str, range(len(chunk))), chunk, strict=True):
+            design, scene = self.experiment.designs[run.design], self.experiment.scenes[run.scene]
             variation = calibrated_variation(run.values, self.experiment.info.variation, self.seed, run.number)
-            scene = calibrated_scene(self.experiment.scenes[run.scene], run.values, self.seed, run.number)
-            name = str(index)
             bodies[name] = canonical_json(vary_body(design.body, variation, self._limits))
-            scenes[name] = canonical_json(scene)
+            scenes[name] = canonical_json(calibrated_scene(scene, run.values, self.seed, run.number))
             label = f"design {run.design + 1}, sample {run.scene}"
             requests.append(RunRequest(name, name, design.settings, label, run.scene))
         return bodies, scenes, requests
 
     def _run(self, bodies: dict[str, str], scenes: dict[str, str], requests: list[RunRequest]) -> list[bool | None]:
-        outcomes = [outcome_of(answer) for answer in self._carsim.run(bodies, scenes, requests)]
+        outcomes = map(outcome_of, self._carsim.run(bodies, scenes, requests))
         return [None if outcome == "failed" else outcome == "passed" for outcome in outcomes]
 
 

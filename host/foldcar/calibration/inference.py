@@ -4,7 +4,7 @@ Input: trials counted, a simulator of their experiment. Output: an Inference. Th
 the same numbers, on any number of processes.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
@@ -92,8 +92,15 @@ def infer(
     emulator = bank.emulator(features, seed)
     posterior = posterior_of(emulator, features, counts, seed, known)
     chosen = np.random.default_rng(seed).choice(len(posterior.scores), DRAWS, replace=False)
-    values, number = values_of(posterior.scores[chosen]), planned.first + planned.second
-    results = simulator.passed(_check(values, counts.designs, planned.scenes, number, simulator), done)
+    # Each of the published draws in scenes of its own.
+    drawn = [values for values in values_of(posterior.scores[chosen]) for _ in range(planned.scenes)]
+    scenes, sets = len(simulator.experiment.scenes), planned.first + planned.second
+    check = (
+        CalibrationRun(design, values, number % scenes, sets + number)
+        for number, values in enumerate(drawn)
+        for design in counts.designs
+    )
+    results = simulator.passed(check, done)
     table = np.array([np.nan if one is None else float(one) for one in results])
     checked = np.nanmean(table.reshape(DRAWS, planned.scenes, len(counts.designs)), axis=(0, 1))
     logits = emulator.logits(posterior.scores, features[list(counts.designs)])
@@ -117,15 +124,3 @@ def posterior_of(
         lambda scores: emulator.logits(pinned(scores), wanted), len(PARAMETERS), passed, counted, seed
     )
     return replace(found, scores=pinned(found.scores))
-
-
-def _check(
-    values: list[dict[str, float]], designs: tuple[int, ...], scenes: int, first: int, simulator: Simulator
-) -> Iterator[CalibrationRun]:
-    """Runs of the published draws, each in scenes of its own."""
-    number = 0
-    for one in values:
-        for _ in range(scenes):
-            for design in designs:
-                yield CalibrationRun(design, one, number % len(simulator.experiment.scenes), first + number)
-            number += 1

@@ -107,11 +107,8 @@ NOMINAL: Mapping[str, float] = {parameter.name: parameter.nominal for parameter 
 
 def values_of(scores: FloatArray) -> list[dict[str, float]]:
     """The parameters by name for each row of ``scores`` (n, parameters), rounded to six significant digits."""
-    columns = [np.asarray(parameter.value(scores[:, i])) for i, parameter in enumerate(PARAMETERS)]
-    return [
-        {name: float(f"{value:.6g}") for name, value in zip(NAMES, row, strict=True)}
-        for row in zip(*columns, strict=True)
-    ]
+    columns = np.column_stack([parameter.value(scores[:, i]) for i, parameter in enumerate(PARAMETERS)])
+    return [{name: float(f"{value:.6g}") for name, value in zip(NAMES, row, strict=True)} for row in columns]
 
 
 def parameter_named(name: str, value: float, place: str, largest_score: float, with_nominal: bool) -> Parameter:
@@ -136,8 +133,3 @@ def known_scores(known: Mapping[str, float]) -> dict[int, float]:
         one = parameter_named(name, value, f"--known {name}", LARGEST_SCORE, with_nominal=False)
         scores[NAMES.index(name)] = max(-LARGEST_SCORE, one.score(value))
     return scores
-
-
-def check_values(values: Mapping[str, float]) -> bool:
-    """Whether ``values`` has a finite number for each parameter, and none besides."""
-    return set(values) == set(NAMES) and all(np.isfinite(value) for value in values.values())

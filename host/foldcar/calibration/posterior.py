@@ -11,6 +11,7 @@ moves, which leave the normal prior of the scores as it is.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.special import expit, gammaln, log_expit, logsumexp
@@ -75,8 +76,13 @@ def sample_posterior(
 
 def log_likelihood(logit: FloatArray, tau: FloatArray, passed: FloatArray, counted: FloatArray) -> FloatArray:
     """Log probability (n, designs) of the counts, given simulated logits (n, designs) and discrepancies' sd τ (n)."""
-    ways = gammaln(counted + 1) - gammaln(passed + 1) - gammaln(counted - passed + 1)
-    return np.asarray(ways + logsumexp(binomial_normal(logit, tau[:, None], passed, counted)[1], axis=-1))
+    shares = binomial_normal(logit, tau[:, None], passed, counted)[1]
+    return np.asarray(log_ways(passed, counted) + logsumexp(shares, axis=-1))
+
+
+def log_ways(passed: Any, counted: Any) -> Any:
+    """Logarithm of the binomial coefficient: in how many orders ``passed`` of ``counted`` trials pass."""
+    return gammaln(counted + 1) - gammaln(passed + 1) - gammaln(counted - passed + 1)
 
 
 def built_logits(

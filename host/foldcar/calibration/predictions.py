@@ -7,13 +7,13 @@ log scores (natural logarithms) and expected information in bits.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import expit, gammaln, logsumexp
+from scipy.special import expit, logsumexp
 
 from foldcar.calibration.effects import HEIGHT_KEYS
 from foldcar.calibration.experiment import SweptExperiment
 from foldcar.calibration.inference import Inference
 from foldcar.calibration.parameters import NAMES, PARAMETERS, FloatArray
-from foldcar.calibration.posterior import built_logits, log_likelihood
+from foldcar.calibration.posterior import built_logits, log_likelihood, log_ways
 
 TRIALS = 10
 # Heights relative to the environment's. Higher ones would ask the emulator for what it has seen little of.
@@ -77,7 +77,7 @@ def interval(values: FloatArray, confidence: float) -> tuple[float, float]:
 
 def log_score(logit: FloatArray, tau: FloatArray, passed: int, counted: int) -> float:
     """The log probability of ``passed`` of ``counted`` trials of a design, averaged over draws (n,)."""
-    found = log_likelihood(logit[:, None], tau, np.array([float(passed)]), np.array([float(counted)]))
+    found = log_likelihood(logit[:, None], tau, np.full(1, float(passed)), np.full(1, float(counted)))
     return float(logsumexp(found) - np.log(len(found)))
 
 
@@ -96,22 +96,13 @@ def expected_bits(
 
 def _counts_to_come(logit: FloatArray, tau: FloatArray, done: tuple[int, int], more: int) -> FloatArray:
     """Log probabilities (n, more + 1) of each count, given the trials done: joint over conditional."""
-    passed, counted = (float(one) for one in done)
-    before = log_likelihood(logit[:, None], tau, np.array([passed]), np.array([counted]))[:, 0]
+    passed, counted = (np.array([float(one)]) for one in done)
+    counts = np.arange(more + 1.0)
+    before = log_likelihood(logit[:, None], tau, passed, counted)
+    together = log_likelihood(np.repeat(logit[:, None], more + 1, 1), tau, passed + counts, counted + more)
     # Ways to order the trials: those of the joint count, taken apart into before and after.
-    columns = [
-        log_likelihood(logit[:, None], tau, np.array([passed + count]), np.array([counted + more]))[:, 0]
-        - before
-        + _log_ways(passed, counted)
-        + _log_ways(count, more)
-        - _log_ways(passed + count, counted + more)
-        for count in range(more + 1)
-    ]
-    return np.stack(columns, axis=1)
-
-
-def _log_ways(passed: float, counted: float) -> float:
-    return float(gammaln(counted + 1) - gammaln(passed + 1) - gammaln(counted - passed + 1))
+    ways = log_ways(passed, counted) + log_ways(counts, more) - log_ways(passed + counts, counted + more)
+    return np.asarray(together - before + ways)
 
 
 def _information(probabilities: FloatArray) -> float:

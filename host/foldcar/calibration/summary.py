@@ -47,19 +47,13 @@ def summarise(
         "log_likelihood": _log_likelihood(inference, nominal),
         "check_runs": inference.check_runs,
         "notes": list(counts.notes),
+        "next_trials": [],
     }
     if leave_one_out:
         summary["leave_one_out"] = left_out(inference, experiment, nominal, seed)
-    summary["next_trials"] = [
-        {
-            "design": varied(experiment, one.design),
-            "obstacle_height": one.height,
-            "trials": TRIALS,
-            "bits": round(one.bits, 3),
-            "parameter": one.parameter,
-        }
-        for one in rank_next_trials(inference, experiment)[:SHOWN_TRIALS]
-    ]
+    for one in rank_next_trials(inference, experiment)[:SHOWN_TRIALS]:
+        told = {"design": varied(experiment, one.design), "obstacle_height": one.height, "trials": TRIALS}
+        summary["next_trials"].append({**told, "bits": round(one.bits, 3), "parameter": one.parameter})
     summary["findings"] = findings(summary)
     return summary
 
@@ -104,31 +98,23 @@ def nominal_log_score(runs: tuple[int, int] | None, passed: int, counted: int) -
 
 
 def _parameters(inference: Inference) -> list[dict[str, Any]]:
-    columns: list[tuple[Parameter, FloatArray]] = list(zip(PARAMETERS, inference.posterior.scores.T, strict=True))
-    rows = [
-        _known(parameter, float(parameter.value(scores[0])))
-        if index in inference.known
-        else _parameter(parameter, np.asarray(parameter.value(scores)), scores)
-        for index, (parameter, scores) in enumerate(columns)
-    ]
+    rows = []
+    for index, (parameter, scores) in enumerate(zip(PARAMETERS, inference.posterior.scores.T, strict=True)):
+        values = np.asarray(parameter.value(scores))
+        if index in inference.known:
+            # It was measured: there is nothing to infer.
+            same = dict.fromkeys(("low", "median", "high"), float(values[0]))
+            measured = {"source": "measured (--known)", "prior": same, "posterior": same}
+            rows.append({**_parameter(parameter, values, None), **measured})
+        else:
+            rows.append(_parameter(parameter, values, scores))
     return [*rows, _parameter(DISCREPANCY, inference.posterior.discrepancy, None)]
-
-
-def _known(parameter: Parameter, value: float) -> dict[str, Any]:
-    """A parameter that was measured: there is nothing to infer."""
-    same = dict.fromkeys(("low", "median", "high"), value)
-    row = _parameter(parameter, np.full(1, value), None)
-    return {**row, "source": "measured (--known)", "prior": same, "posterior": same}
 
 
 def _parameter(parameter: Parameter, values: FloatArray, scores: FloatArray | None) -> dict[str, Any]:
     prior = [float(parameter.value(z)) for z in (-1.6448536, 0.0, 1.6448536)]
     return {
-        "name": parameter.name,
-        "unit": parameter.unit,
-        "meaning": parameter.meaning,
-        "source": parameter.source,
-        "nominal": parameter.nominal,
+        **{name: getattr(parameter, name) for name in ("name", "unit", "meaning", "source", "nominal")},
         "prior": dict(zip(("low", "median", "high"), prior, strict=True)),
         "posterior": {**_ends(values), "median": float(np.median(values))},
         # Share of the prior's variance that is gone; scores have variance 1 before.

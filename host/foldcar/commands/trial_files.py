@@ -114,7 +114,7 @@ def dialect(
     Example: foldcar trials dialect -o dialect
     """
     from foldcar.atomic_file import atomic_file
-    from foldcar.mavlink_dialect.generation import DialectError, dialect_xml
+    from foldcar.link.dialect import DialectError, dialect_xml
     from foldcar.output_folder import make_output_folder
 
     try:

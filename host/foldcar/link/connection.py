@@ -10,9 +10,9 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+from foldcar.link.dialect import load_dialect
 from foldcar.link.stream import Stream, open_stream
 from foldcar.link.tlog import TlogWriter
-from foldcar.mavlink_dialect import load_dialect
 
 HOST_SYSTEM, HOST_COMPONENT = 255, 190
 CAR_SYSTEM, CAR_COMPONENT = 1, 1

@@ -5,24 +5,27 @@ one topic for each sender (/car, /simulator, /host) and type of message with a s
 also as foxglove.Log on /log, the scene on /scene, the simulated car's pose as foxglove.FrameTransform on /tf (a real
 car's stays at its start), the facts as metadata. Fields that are not finite (NaN: not known) are left out.
 
-Times are the car's (:mod:`foldcar.link.car_times`), so that a simulation at another rate shows seconds of the car.
+Times are the car's, so that a simulation at another rate shows seconds of the car.
 """
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy
+
 from foldcar import __version__
 from foldcar.atomic_file import atomic_file
-from foldcar.link.car_times import car_times_us
 from foldcar.link.connection import CAR_SYSTEM, SIMULATOR_COMPONENT
 from foldcar.link.foxglove import FRAME_TRANSFORM, LOG, SCENE_UPDATE, frame_transform, time_stamp
 from foldcar.link.tlog import read_tlog
 
 # foxglove.Log levels by MAVLink severity, 0 (emergency) to 7 (debug).
 LEVELS = (5, 5, 5, 4, 3, 2, 2, 1)
+# Messages that come out of order by less do not mean that the car was reset.
+DISORDER_US = 1_000_000
 NO_START = {"x_m": 0.0, "y_m": 0.0, "heading_rad": 0.0}
 
 
@@ -93,17 +96,14 @@ def _sender(message: Any) -> str:
 
 
 def _content(message: Any) -> dict[str, Any]:
-    values = {name: _json_value(getattr(message, name)) for name in message.get_fieldnames()}
-    return {name: value for name, value in values.items() if _finite(value)}
-
-
-def _json_value(value: Any) -> Any:
-    return list(value) if isinstance(value, bytes | bytearray | tuple) else value
-
-
-def _finite(value: Any) -> bool:
-    values = value if isinstance(value, list) else [value]
-    return all(not isinstance(one, float) or math.isfinite(one) for one in values)
+    found = {}
+    for name in message.get_fieldnames():
+        value = getattr(message, name)
+        value = list(value) if isinstance(value, bytes | bytearray | tuple) else value
+        values = value if isinstance(value, list) else [value]
+        if all(not isinstance(one, float) or math.isfinite(one) for one in values):
+            found[name] = value
+    return found
 
 
 def _schema(message: Any) -> dict[str, Any]:
@@ -132,3 +132,51 @@ def _log(message: Any, time_us: int) -> dict[str, Any]:
         "file": "",
         "line": 0,
     }
+
+
+def car_times_us(messages: Sequence[tuple[int, Any]]) -> list[int]:
+    """A time (µs since 1970) for each message, in the log's order.
+
+    They begin at the host's and go on by the car's clock: at a simulation's other rate the host's would not be the car's
+    seconds, and from a real car they have the link's delays. What has no time of the car's lies between its neighbours
+    as it does by the host's clock.
+    """
+    anchors: list[tuple[int, int]] = []
+    own: dict[int, int] = {}
+    offset_us: int | None = None
+    last_boot_us = 0
+    for index, (host_us, message) in enumerate(messages):
+        boot_us = _since_boot_us(message)
+        if boot_us is None:
+            continue
+        if offset_us is None:
+            offset_us = host_us - boot_us
+        elif boot_us < last_boot_us - DISORDER_US:
+            # A reset set the clock back; the host's says how long it took.
+            before_host_us, before_us = anchors[-1]
+            offset_us = before_us + (host_us - before_host_us) - boot_us
+        last_boot_us = boot_us
+        own[index] = offset_us + boot_us
+        if not anchors or (host_us > anchors[-1][0] and own[index] >= anchors[-1][1]):
+            anchors.append((host_us, own[index]))
+    if not anchors:
+        return [host_us for host_us, _ in messages]
+    hosts, cars = (numpy.array(side, dtype=float) for side in zip(*anchors, strict=True))
+    origin = hosts[0]
+    between = numpy.interp([host_us - origin for host_us, _ in messages], hosts - origin, cars - origin)
+    # Before the first and after the last time of the car's the host's clock goes on.
+    times = []
+    for index, (host_us, _) in enumerate(messages):
+        beyond = min(0.0, host_us - hosts[0]) + max(0.0, host_us - hosts[-1])
+        times.append(own.get(index, round(between[index] + beyond + origin)))
+    return times
+
+
+def _since_boot_us(message: Any) -> int | None:
+    """The car's time in a message, if it is the car's or its simulator's."""
+    if message.get_srcSystem() != CAR_SYSTEM:
+        return None
+    if message.get_type() == "FOLDCAR_TRUTH":
+        return int(message.time_usec)
+    boot_ms = getattr(message, "time_boot_ms", None)
+    return None if boot_ms is None else 1000 * int(boot_ms)

@@ -8,8 +8,10 @@ import errno
 import os
 import select
 import socket
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-from typing import Protocol
+from typing import Any
 
 from foldcar.errors import FoldcarError
 
@@ -33,42 +35,24 @@ class LinkLostError(FoldcarError):
     """The other end has closed: the cable is unplugged, the board is off, or the simulator has ended."""
 
 
-class Stream(Protocol):
-    """Bytes to and from a car. ``name`` is the port's name as on the command line."""
+class Stream:
+    """Bytes to and from a car by a port that does not block. ``name`` is the port's name as on the command line.
 
-    name: str
+    ``take`` and ``give`` read and write some bytes, as os.read and os.write do: on Windows a socket is no file.
+    """
+
+    def __init__(self, name: str, port: Any, take: Callable[[int], bytes], give: Callable[[bytes], int]) -> None:
+        self.name = name
+        self._port, self._take, self._give = port, take, give
 
     def fileno(self) -> int:
         """The file descriptor for `select`."""
+        return int(self._port.fileno())
 
     def read(self) -> bytes:
         """The available bytes, at least one after `select` reports input; LinkLostError."""
-
-    def write(self, data: bytes) -> None:
-        """Write all of ``data``; LinkLostError."""
-
-    def close(self) -> None:
-        """Close the port."""
-
-
-def open_stream(name: str) -> Stream:
-    """Open the stream of the port of that name; FoldcarError if that fails."""
-    return _open_tcp(name) if name.startswith(TCP) else _open_serial(name)
-
-
-class _FileStream:
-    """A stream over a file descriptor that does not block."""
-
-    def __init__(self, name: str, descriptor: int) -> None:
-        self.name = name
-        self._descriptor = descriptor
-
-    def fileno(self) -> int:
-        return self._descriptor
-
-    def read(self) -> bytes:
         try:
-            data = self._take()
+            data = self._take(READ_BYTES)
         except BlockingIOError:
             return b""
         except OSError as error:
@@ -79,54 +63,27 @@ class _FileStream:
         return data
 
     def write(self, data: bytes) -> None:
+        """Write all of ``data``; LinkLostError."""
         while data:
             try:
                 data = data[self._give(data) :]
             except BlockingIOError:
-                if not select.select([], [self._descriptor], [], WRITE_S)[1]:
+                if not select.select([], [self], [], WRITE_S)[1]:
                     raise LinkLostError(f"{self.name}: the car has accepted no bytes for {WRITE_S:g} s") from None
             except OSError as error:
                 raise self._lost(error) from error
 
-    def _take(self) -> bytes:
-        return os.read(self._descriptor, READ_BYTES)
-
-    def _give(self, data: bytes) -> int:
-        return os.write(self._descriptor, data)
+    def close(self) -> None:
+        """Close the port."""
+        self._port.close()
 
     def _lost(self, error: OSError) -> LinkLostError:
         return LinkLostError(f"{self.name}: the connection is lost ({error.strerror})")
 
 
-class _SerialStream(_FileStream):
-    def __init__(self, name: str) -> None:
-        import serial
-
-        # Exclusive: two programs that read one port each get half of the packets.
-        self._port = serial.Serial(name, BAUD, timeout=0, exclusive=True)
-        super().__init__(name, self._port.fileno())
-        os.set_blocking(self._descriptor, False)
-
-    def close(self) -> None:
-        self._port.close()
-
-
-class _TcpStream(_FileStream):
-    def __init__(self, name: str, host: str, port: int) -> None:
-        self._socket = socket.create_connection((host, port), CONNECT_S)
-        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        super().__init__(name, self._socket.fileno())
-        self._socket.setblocking(False)
-
-    # On Windows a socket is no file.
-    def _take(self) -> bytes:
-        return self._socket.recv(READ_BYTES)
-
-    def _give(self, data: bytes) -> int:
-        return self._socket.send(data)
-
-    def close(self) -> None:
-        self._socket.close()
+def open_stream(name: str) -> Stream:
+    """Open the stream of the port of that name; FoldcarError if that fails."""
+    return _open_tcp(name) if name.startswith(TCP) else _open_serial(name)
 
 
 def _open_serial(name: str) -> Stream:
@@ -139,7 +96,8 @@ def _open_serial(name: str) -> Stream:
     if not Path(name).is_char_device():
         raise FoldcarError(f"{name}: not a serial port")
     try:
-        return _SerialStream(name)
+        # Exclusive: two programs that read one port each get half of the packets.
+        port = serial.Serial(name, BAUD, timeout=0, exclusive=True)
     except (OSError, serial.SerialException) as error:
         number = getattr(error, "errno", None)
         if number == errno.EACCES:
@@ -150,6 +108,8 @@ def _open_serial(name: str) -> Stream:
         if type(error.__context__).__module__ == "termios":
             raise FoldcarError(f"{name}: not a serial port") from error
         raise FoldcarError(f"{name}: cannot be opened: {os.strerror(number) if number else error}") from error
+    os.set_blocking(port.fileno(), False)
+    return Stream(name, port, partial(os.read, port.fileno()), partial(os.write, port.fileno()))
 
 
 def permission_text(name: str) -> str:
@@ -173,8 +133,11 @@ def _open_tcp(name: str) -> Stream:
     if not colon or not (port.isascii() and port.isdecimal()) or not 0 < int(port) < 65536:
         raise FoldcarError(f"{name}: not tcp:HOST:PORT")
     try:
-        return _TcpStream(name, host, int(port))
+        connected = socket.create_connection((host, int(port)), CONNECT_S)
     except OSError as error:
         raise FoldcarError(f"{name}: cannot be reached: {error.strerror or error}") from error
     except UnicodeError:
         raise FoldcarError(f'{name}: "{host}" is no name of a host') from None
+    connected.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    connected.setblocking(False)
+    return Stream(name, connected, connected.recv, connected.send)

@@ -13,7 +13,7 @@ from typing import Any
 
 from foldcar.atomic_file import atomic_file
 from foldcar.errors import FoldcarError
-from foldcar.mavlink_dialect import load_dialect
+from foldcar.link.dialect import load_dialect
 
 STAMP = struct.Struct(">Q")
 

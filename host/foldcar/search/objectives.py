@@ -32,17 +32,8 @@ class Objective:
     name: str
     unit: str
     largest: bool
-    meaning: str
     value: Callable[[Sequence[Row], float], float] | None
     interval: Callable[[Sequence[Row], float], Interval] | None
-
-
-def _success(rows: Sequence[Row], limit_s: float) -> float:
-    return sum(bool(row.passed) for row in rows) / len(rows)
-
-
-def _success_interval(rows: Sequence[Row], limit_s: float) -> Interval:
-    return wilson_interval(sum(bool(row.passed) for row in rows), len(rows))
 
 
 def _times_s(rows: Sequence[Row], limit_s: float) -> list[float]:
@@ -51,6 +42,7 @@ def _times_s(rows: Sequence[Row], limit_s: float) -> list[float]:
 
 
 def _time(rows: Sequence[Row], limit_s: float) -> float:
+    """The mean time to pass, the limit where a run does not."""
     times = _times_s(rows, limit_s)
     return math.fsum([*times, *[limit_s] * (len(rows) - len(times))]) / len(rows)
 
@@ -61,6 +53,7 @@ def _time_interval(rows: Sequence[Row], limit_s: float) -> Interval:
 
 
 def _energy(rows: Sequence[Row], limit_s: float) -> float:
+    """The energy drawn in all runs, per run that passed."""
     table = _energies(rows)
     passed = table[:, 1].sum()
     return float(table[:, 0].sum() / passed) if passed else math.inf
@@ -92,9 +85,13 @@ def film_area_cm2(design: Design) -> float:
 OBJECTIVES = {
     one.name: one
     for one in (
-        Objective("success", "", True, "share of runs that pass", _success, _success_interval),
-        Objective("time", "s", False, "mean time to pass, the limit where a run does not", _time, _time_interval),
-        Objective("energy", "J", False, "energy drawn in all runs, per run that passed", _energy, _energy_interval),
-        Objective("sheet-area", "cm²", False, "area of the car's flat pieces of film", None, None),
+        Objective(
+            "success", "", True,
+            lambda rows, limit_s: sum(bool(row.passed) for row in rows) / len(rows),
+            lambda rows, limit_s: wilson_interval(sum(bool(row.passed) for row in rows), len(rows)),
+        ),
+        Objective("time", "s", False, _time, _time_interval),
+        Objective("energy", "J", False, _energy, _energy_interval),
+        Objective("sheet-area", "cm²", False, None, None),
     )
-}
+}  # fmt: skip

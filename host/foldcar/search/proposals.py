@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 import optuna
 from optuna.trial import Trial, TrialState
 
@@ -126,8 +127,8 @@ class Proposals:
         self._trial.set_constraint(BUILDABLE, 1.0)
         self._study.tell(self._trial, state=TrialState.PRUNED)
 
-    def tell(self, objectives: Sequence[float], environments: int, pruned: bool, mean_time_s: float) -> Tried:
-        """What the design under trial is worth."""
+    def tell(self, objectives: Sequence[float], environments: int, pruned: bool, mean_time_s: float) -> None:
+        """What the design under trial is worth, as Tried has it."""
         assert self._trial is not None
         self._trial.set_constraint(BUILDABLE, 0.0)
         self._study.tell(self._trial, list(objectives))
@@ -135,23 +136,17 @@ class Proposals:
         if not pruned and (self._best is None or loss < self._best[0]):
             self._best = loss, self._batches
         self.tried.append(Tried(self._suggested, tuple(objectives), environments, pruned, mean_time_s))
-        return self.tried[-1]
 
     def best(self, count: int) -> list[Tried]:
         """The best ``count`` of those tried in all environments; with several objectives, those none beats in all."""
-        whole = [one for one in self.tried if not one.pruned]
-        signs = [-1 if one.largest else 1 for one in self._objectives]
+        signs = np.array([-1 if one.largest else 1 for one in self._objectives])
+        found = [(tuple(signs * one.objectives), one) for one in self.tried if not one.pruned]
 
-        def losses(one: Tried) -> list[float]:
-            return [sign * value for sign, value in zip(signs, one.objectives, strict=True)]
+        def beaten(mine: tuple[float, ...]) -> bool:
+            return any(other != mine and all(np.less_equal(other, mine)) for other, _ in found)
 
-        def beaten(one: Tried) -> bool:
-            mine = losses(one)
-            others = (losses(other) for other in whole)
-            return any(other != mine and all(a <= b for a, b in zip(other, mine, strict=True)) for other in others)
-
-        front = whole if len(signs) == 1 else [one for one in whole if not beaten(one)]
-        return sorted(front, key=lambda one: (losses(one), one.mean_time_s))[:count]
+        front = [(losses, one) for losses, one in found if len(signs) == 1 or not beaten(losses)]
+        return [one for _, one in sorted(front, key=lambda pair: (pair[0], pair[1].mean_time_s))[:count]]
 
     def _values(self, places: dict[str, int]) -> Values:
         return tuple(levels[places.get(key, 0)] for key, levels in self._levels.items())

@@ -137,7 +137,9 @@ def search(
                 rows = _counted(simulator.rows(one.values, range(plan.fresh)))
                 found.best.append(_judged(experiment, plan, one, rows))
                 report(found)
-    found.unbuildable = {_named(experiment, values): reason for values, reason in proposals.unbuildable.items()}
+    for values, reason in proposals.unbuildable.items():
+        columns = dict(zip(experiment.family.columns(), values, strict=True))
+        found.unbuildable[design_text({name: columns[name] for name in experiment.family.varied})] = reason
 
 
 def _try_designs(
@@ -148,23 +150,20 @@ def _try_designs(
     found: Found,
     report: Callable[[Found], None],
 ) -> None:
+    first = plan.objectives[0]
     while found.designs < plan.designs and (plan.runs is None or found.runs + experiment.environments <= plan.runs):
         values = proposals.next()
         if values is None:
             found.exhausted = True
             return
         rows: list[Row] = []
-        made = 0
-        pruned = False
+        made, pruned = 0, False
         for number, batch in enumerate(batches(experiment.environments)):
-            new = simulator.rows(values, batch)
-            made += len(new)
-            new = _counted(new)
+            new = _counted(simulator.rows(values, batch))
+            made += len(batch)
             rows += new
-            if plan.prune and new:
-                value = plan.objectives[0].value
-                assert value is not None
-                pruned = made < experiment.environments and proposals.worse(number, value(new, experiment.timeout_s))
+            if plan.prune and new and made < experiment.environments:
+                pruned = proposals.worse(number, _value(first, experiment, values, new))
                 if pruned:
                     break
         if not rows:
@@ -173,17 +172,14 @@ def _try_designs(
             continue
         mean_time_s = _value(OBJECTIVES["time"], experiment, values, rows)
         worth = [_value(one, experiment, values, rows) for one in plan.objectives]
-        _count(found, proposals.tell(worth, made, pruned, mean_time_s), plan)
+        proposals.tell(worth, made, pruned, mean_time_s)
+        found.designs += 1
+        found.pruned += pruned
+        found.runs += made
+        if not pruned:
+            better = max if first.largest else min
+            found.best_so_far = worth[0] if found.best_so_far is None else better(found.best_so_far, worth[0])
         report(found)
-
-
-def _count(found: Found, tried: Tried, plan: Plan) -> None:
-    found.designs += 1
-    found.pruned += tried.pruned
-    found.runs += tried.environments
-    if not tried.pruned:
-        first, better = tried.objectives[0], max if plan.objectives[0].largest else min
-        found.best_so_far = first if found.best_so_far is None else better(found.best_so_far, first)
 
 
 def _value(objective: Objective, experiment: Experiment, values: Values, rows: Sequence[Row]) -> float:
@@ -193,16 +189,12 @@ def _value(objective: Objective, experiment: Experiment, values: Values, rows: S
 
 
 def _judged(experiment: Experiment, plan: Plan, tried: Tried, rows: Sequence[Row]) -> Judged:
+    told = [one if rows or one.value is None else None for one in plan.objectives]
     return Judged(
         experiment.family.design(tried.values).columns,
         tried.objectives,
-        tuple(
-            _value(one, experiment, tried.values, rows) if rows or one.value is None else None for one in plan.objectives
-        ),
-        tuple(
-            None if one.interval is None or not rows else one.interval(rows, experiment.timeout_s)
-            for one in plan.objectives
-        ),
+        tuple(None if one is None else _value(one, experiment, tried.values, rows) for one in told),
+        tuple(None if one is None or one.interval is None else one.interval(rows, experiment.timeout_s) for one in told),
     )
 
 
@@ -229,8 +221,3 @@ def _check(experiment: Experiment, environment: Environment, plan: Plan) -> None
         )
     if not environment.success.defined:
         raise FoldcarError(f"{experiment.place}: {environment.success.text}")
-
-
-def _named(experiment: Experiment, values: Values) -> str:
-    columns = dict(zip(experiment.family.columns(), values, strict=True))
-    return design_text({name: columns[name] for name in experiment.family.varied})

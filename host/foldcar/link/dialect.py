@@ -1,19 +1,23 @@
-"""Generates foldcar's MAVLink dialect as C headers or as a Python module.
+"""foldcar's MAVLink dialect: C headers for the firmware, a module of messages and enums for Python.
 
 Input: foldcar.xml (foldcar's messages), standard_messages.txt (names of the standard messages in use) and pymavlink's
 definitions of these. Output: one dialect without includes, that is without copies of standard messages in this project.
+The module is generated once for each user. The package imports pymavlink through ``load_dialect()`` only: MAVLink 2 and
+the dialect must be selected before pymavlink is first imported.
 
-This file does not import foldcar, because PlatformIO runs it with another Python.
+The top of this file does not import foldcar, because PlatformIO runs it with another Python.
 """
 
 import contextlib
 import hashlib
+import importlib.util
 import io
 import os
+import sys
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
-from types import SimpleNamespace
+from types import ModuleType, SimpleNamespace
 from xml.etree import ElementTree
 
 HERE = Path(__file__).resolve().parent
@@ -24,10 +28,39 @@ NAME = "foldcar"
 DEFINITIONS = ("minimal.xml", "standard.xml", "common.xml")
 PYMAVLINK = "2.4.50"
 STAMP = "inputs.sha256"
+MODULE = f"pymavlink.dialects.v20.{NAME}"
 
 
 class DialectError(Exception):
     """standard_messages.txt is invalid, or pymavlink is missing or of another version."""
+
+
+def load_dialect() -> ModuleType:
+    """The module with the classes of messages and enums; it also becomes mavutil's current dialect. FoldcarError."""
+    from foldcar.errors import FoldcarError
+    from foldcar.interrupts import raised
+
+    if MODULE in sys.modules:
+        return sys.modules[MODULE]
+    os.environ |= {"MAVLINK20": "1", "MAVLINK_DIALECT": NAME}
+    try:
+        caches = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+        file = caches / "foldcar" / f"mavlink-{digest()[:16]}" / f"{NAME}.py"
+        if not file.is_file():
+            with raised():
+                write_module(file)
+    except (DialectError, OSError) as error:
+        raise FoldcarError(f"the MAVLink dialect cannot be generated: {error}") from None
+    import pymavlink.dialects.v20 as dialects
+
+    spec = importlib.util.spec_from_file_location(MODULE, file)
+    if spec is None or spec.loader is None:
+        raise FoldcarError(f"the MAVLink dialect cannot be loaded: {file}")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[MODULE] = module
+    spec.loader.exec_module(module)
+    setattr(dialects, NAME, module)
+    return module
 
 
 def write_headers(folder: Path) -> None:

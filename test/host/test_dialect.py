@@ -5,14 +5,14 @@ from pathlib import Path
 
 import pytest
 
-from foldcar.mavlink_dialect import generation, load_dialect
+from foldcar.link import dialect
 
-mavlink = load_dialect()
+mavlink = dialect.load_dialect()
 
 
 def listed(kind: str) -> list[str]:
     """The names of that kind in standard_messages.txt."""
-    lines = generation.LIST.read_text(encoding="utf-8").splitlines()
+    lines = dialect.LIST.read_text(encoding="utf-8").splitlines()
     return [line.split()[1] for line in lines if line.startswith(f"{kind} ")]
 
 
@@ -39,7 +39,7 @@ def test_our_messages_and_commands_collide_with_nobodys() -> None:
 
 
 def test_the_c_headers_agree_with_the_python_module(tmp_path: Path) -> None:
-    generation.write_headers(tmp_path)
+    dialect.write_headers(tmp_path)
     header = (tmp_path / "foldcar" / "foldcar.h").read_text()
     table = re.search(r"#define MAVLINK_MESSAGE_CRCS \{(.*)\}", header)
     assert table is not None
@@ -48,13 +48,13 @@ def test_the_c_headers_agree_with_the_python_module(tmp_path: Path) -> None:
 
 
 def test_headers_are_made_again_only_when_something_changes(tmp_path: Path) -> None:
-    generation.write_headers(tmp_path)
+    dialect.write_headers(tmp_path)
     header = tmp_path / "foldcar" / "foldcar.h"
     first = header.stat().st_mtime_ns
-    generation.write_headers(tmp_path)
+    dialect.write_headers(tmp_path)
     assert header.stat().st_mtime_ns == first
-    (tmp_path / generation.STAMP).write_text("of other inputs")
-    generation.write_headers(tmp_path)
+    (tmp_path / dialect.STAMP).write_text("of other inputs")
+    dialect.write_headers(tmp_path)
     assert header.stat().st_mtime_ns > first
 
 
@@ -73,11 +73,11 @@ def test_a_list_that_asks_for_what_is_not_there_is_refused(
 ) -> None:
     wrong = tmp_path / "standard_messages.txt"
     wrong.write_text(line + "\n")
-    monkeypatch.setattr(generation, "LIST", wrong)
-    with pytest.raises(generation.DialectError, match=re.escape(problem)):
-        generation.dialect_xml()
+    monkeypatch.setattr(dialect, "LIST", wrong)
+    with pytest.raises(dialect.DialectError, match=re.escape(problem)):
+        dialect.dialect_xml()
 
 
 def test_the_pinned_version_is_the_one_that_is_required() -> None:
     requirements = (Path(__file__).resolve().parents[2] / "pyproject.toml").read_text(encoding="utf-8")
-    assert f'"pymavlink=={generation.PYMAVLINK}"' in requirements
+    assert f'"pymavlink=={dialect.PYMAVLINK}"' in requirements

@@ -46,10 +46,10 @@ from foldcar.commands.sweep import sweep
 from foldcar.commands.trials import trials
 from foldcar.commands.view import view
 from foldcar.errors import FoldcarError
-from foldcar.extras import missing_extra
+from foldcar.installation import missing_extra
 from foldcar.interrupts import listen
 from foldcar.shown_text import show_text
-from foldcar.typed_numbers import decimal_number, whole_number
+from foldcar.typed import decimal_number, whole_number
 
 VARIABLE = "_FOLDCAR_COMPLETE"
 

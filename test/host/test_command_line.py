@@ -260,7 +260,7 @@ def test_a_folder_without_permission_is_refused_before_the_work(foldcar: Any, tm
 
 
 def test_a_failed_write_takes_the_folder_that_it_made_with_it(tmp_path: Path) -> None:
-    from foldcar.atomic_file import atomic_file
+    from foldcar.outputs import atomic_file
 
     with pytest.raises(ValueError), atomic_file(tmp_path / "new" / "file") as binary:
         binary.write(b"half")

@@ -10,7 +10,7 @@ import pytest
 from packaging.requirements import Requirement
 
 import foldcar
-from foldcar.extras import MODULES
+from foldcar.installation import MODULES
 
 # Scenic brings these, so they are there without the extra.
 OF_SCENIC = ("fcl", "trimesh")

@@ -98,7 +98,7 @@ def test_a_long_list_has_the_same_lines_and_reads_corrections_once(
     monkeypatch.setattr(Store, "corrections", lambda *words: read.append(words) or corrections(*words))
     listed = []
     for most in (500, 1):
-        monkeypatch.setattr("foldcar.result_table.MOST_FRAMED", most)
+        monkeypatch.setattr("foldcar.shown_console.MOST_FRAMED", most)
         answer = CliRunner().invoke(app, ["trials", "list", str(tmp_path / "s.db")])
         assert answer.exit_code == 0, answer.output
         listed.append([line.rstrip() for line in answer.stdout.splitlines()])

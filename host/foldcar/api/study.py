@@ -179,7 +179,7 @@ def sweep(
     ``environments`` takes the place of the listing's number; ``jobs`` simulators run side by side (None: one per
     processor). It may be interrupted: the same call resumes. FoldcarError if the listing or an argument is invalid.
     """
-    from foldcar.processors import usable_processors
+    from foldcar.installation import usable_processors
     from foldcar.simulation.carsim import Carsim
     from foldcar.study.experiments import read_study
     from foldcar.study.sweep import Sweep

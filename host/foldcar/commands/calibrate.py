@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from foldcar.commands.options import Jobs, Json, SimulatedTrialsInstead, output_store, print_json
-from foldcar.processors import usable_processors
+from foldcar.installation import usable_processors
 from foldcar.study.limits import GREATEST_SEED
 
 # What a name may be, so that it can be typed and stand in the names of experiments.
@@ -110,7 +110,7 @@ def calibrate(
 
 def _value(text: str) -> tuple[str, float]:
     from foldcar.errors import FoldcarError
-    from foldcar.typed_numbers import decimal_number
+    from foldcar.typed import decimal_number
 
     name, _, value = text.partition("=")
     try:

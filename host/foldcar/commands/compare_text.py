@@ -9,8 +9,7 @@ from foldcar.analysis.gap import Gap
 from foldcar.analysis.rate import Rate
 from foldcar.analysis.words import percent, points, rank_text
 from foldcar.figures.style import OUTCOME_LABELS
-from foldcar.result_table import ResultTable
-from foldcar.shown_console import shown_console
+from foldcar.shown_console import ResultTable, shown_console
 
 PLAIN_WIDTH = 180
 TRIAL_LABELS = {**OUTCOME_LABELS, "not_passed": "not passed"}

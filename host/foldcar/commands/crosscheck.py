@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from foldcar.commands.options import Components, Json, output_folder, print_json
-from foldcar.processors import usable_processors
+from foldcar.installation import usable_processors
 from foldcar.study.limits import MOST_ENVIRONMENTS, MOST_JOBS
 
 if TYPE_CHECKING:
@@ -62,7 +62,7 @@ def crosscheck(
     from foldcar.crosscheck.page import PAGE, comparison_numbers, write_page
     from foldcar.crosscheck.sweeps import check_success, simulators, sweep_all
     from foldcar.interrupts import said
-    from foldcar.output_folder import make_output_folder
+    from foldcar.outputs import make_output_folder
     from foldcar.store.reader import Store
     from foldcar.study.experiments import read_study
 
@@ -93,8 +93,7 @@ def _bar(progress: "Progress", engine: str) -> "ProgressBar":
 
 def _print(comparisons: "list[tuple[str, Agreement]]") -> None:
     from foldcar.crosscheck.page import COMPARISON_HEAD, comparison_row
-    from foldcar.result_table import ResultTable
-    from foldcar.shown_console import shown_console
+    from foldcar.shown_console import ResultTable, shown_console
 
     table = ResultTable()
     for index, head in enumerate(COMPARISON_HEAD):

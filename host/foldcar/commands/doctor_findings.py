@@ -21,8 +21,7 @@ from foldcar.commands.doctor_programs import (
     simulator_with_mujoco,
     toolchain,
 )
-from foldcar.extras import MODULES
-from foldcar.source_tree import source_tree
+from foldcar.installation import MODULES, source_tree
 
 
 def findings() -> Iterator[Finding]:

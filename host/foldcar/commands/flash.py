@@ -13,8 +13,8 @@ import typer
 
 from foldcar.commands.options import Components, Settings, check_distinct, design_settings, output_file
 from foldcar.errors import FoldcarError
+from foldcar.installation import source_tree
 from foldcar.interrupts import held
-from foldcar.source_tree import source_tree
 
 CAR_FILE = "car.json"
 
@@ -42,8 +42,8 @@ def flash(
     if file is None:
         _project()
     board = _board(port) if file is None else ""
-    from foldcar.atomic_file import atomic_file
     from foldcar.car.car_file import car_json
+    from foldcar.outputs import atomic_file
     from foldcar.study.experiments import read_study
 
     (chosen,) = read_study(listing, experiment).experiments

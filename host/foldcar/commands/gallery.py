@@ -29,7 +29,7 @@ def gallery(
     """
     from foldcar.figures.gallery import SAMPLES, draw_gallery
     from foldcar.figures.ground import carsim_heights
-    from foldcar.output_folder import make_output_folder
+    from foldcar.outputs import make_output_folder
     from foldcar.scenes.source import open_environment
     from foldcar.simulation.carsim import Carsim
 

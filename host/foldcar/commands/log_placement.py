@@ -12,7 +12,7 @@ from rich.table import Table
 from foldcar.car.design import Design
 from foldcar.commands.typed_answers import TypedAnswers
 from foldcar.errors import FoldcarError
-from foldcar.output_folder import make_output_folder
+from foldcar.outputs import make_output_folder
 from foldcar.scenes.obstacles import Obstacle
 from foldcar.shown_console import shown_console
 from foldcar.simulation.carsim import Carsim

@@ -30,7 +30,7 @@ from foldcar.link.parameters import read_parameters
 from foldcar.link.ports import SERIAL_PATHS, choose_port
 from foldcar.link.stream import LinkLostError
 from foldcar.link.tlog import TlogWriter
-from foldcar.output_folder import make_output_folder
+from foldcar.outputs import make_output_folder
 from foldcar.scenes.obstacles import Obstacle
 from foldcar.simulation.carsim import Carsim
 from foldcar.store.kept_work import kept_trial, take_in_trial

@@ -6,7 +6,6 @@ from foldcar.car.body import body_json
 from foldcar.car.design import Design
 from foldcar.commands.log_options import LogOptions
 from foldcar.commands.typed_answers import TypedAnswers
-from foldcar.did_you_mean import did_you_mean
 from foldcar.errors import FoldcarError
 from foldcar.link.car import Car, CarIdentity
 from foldcar.link.parameters import read_file, read_parameters, set_parameter
@@ -14,6 +13,7 @@ from foldcar.simulation.carsim import Carsim
 from foldcar.study.experiments import TRIAL_LIMIT, Experiment
 from foldcar.study.family import Family
 from foldcar.trials.identity import check_build, design_of, is_calibrated, parameter_deviations
+from foldcar.typed import did_you_mean
 
 SIMULATED_TEXT = "SIMULATED CAR"
 

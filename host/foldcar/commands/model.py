@@ -44,11 +44,10 @@ def model(
     \b
     Example: foldcar model scenarios/width_study.json --vehicle 1 --set width=95 --to mjcf -o models
     """
-    from foldcar.atomic_file import atomic_file
     from foldcar.car.body import body_json
     from foldcar.commands.listed_design import listed_family
     from foldcar.models.exported_car import car_name, scene_name
-    from foldcar.output_folder import make_output_folder
+    from foldcar.outputs import atomic_file, make_output_folder
 
     if to not in FORMATS:
         raise FoldcarError(f"--to {to}: not one of {', '.join(FORMATS)}")

@@ -10,9 +10,9 @@ import typer
 
 from foldcar.commands.options import Json, print_json
 from foldcar.errors import FoldcarError
+from foldcar.installation import PACKAGE, source_tree
 from foldcar.interrupts import held
-from foldcar.output_folder import make_output_folder
-from foldcar.source_tree import PACKAGE, source_tree
+from foldcar.outputs import make_output_folder
 
 FILES = ("README.md", "study.json", "yard.scenic")
 FIRST = ("foldcar sweep study.json --store yard.db", "foldcar report yard.db -o report")

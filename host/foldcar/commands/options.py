@@ -12,12 +12,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from foldcar.car.parts.choices import OPTIONS
-from foldcar.did_you_mean import did_you_mean
 from foldcar.errors import FoldcarError
-from foldcar.output_folder import check_output_file, check_output_folder, check_replaceable
-from foldcar.processors import usable_processors
+from foldcar.installation import usable_processors
+from foldcar.outputs import check_output_file, check_output_folder, check_replaceable
 from foldcar.study.limits import MOST_JOBS
-from foldcar.typed_numbers import decimal_number
+from foldcar.typed import decimal_number, did_you_mean
 
 if TYPE_CHECKING:
     from foldcar.simulation.carsim import Carsim

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from foldcar.commands.options import Json, output_file, print_json
-from foldcar.did_you_mean import did_you_mean
 from foldcar.errors import FoldcarError
+from foldcar.typed import did_you_mean
 
 if TYPE_CHECKING:
     from foldcar.link.car import Car

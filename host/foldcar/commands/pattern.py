@@ -12,7 +12,7 @@ import typer
 
 from foldcar.commands.options import Components, Json, Settings, output_folder, print_json
 from foldcar.errors import FoldcarError
-from foldcar.extras import require
+from foldcar.installation import require
 
 if TYPE_CHECKING:
     from foldcar.car.design import Design
@@ -70,11 +70,11 @@ def pattern(
              foldcar pattern patterns/published_cars.json --vehicle w95 --mockup 0.5 -o paper
     """
     require("fabricate")
-    from foldcar.atomic_folder import atomic_folder
     from foldcar.commands.listed_design import listed_families, listed_family
     from foldcar.commands.pattern_text import car_command, car_line, car_lines, car_object, mock_up_lines, total_line
     from foldcar.fabrication.make_car import MANIFEST, make_car, make_mock_up
     from foldcar.fabrication.patterns.options import options
+    from foldcar.outputs import atomic_folder
 
     if mockup is not None:
         # The silhouette is the default machine.

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from foldcar.commands.options import Json, SimulatedTrials, output_folder, print_json
-from foldcar.processors import usable_processors
+from foldcar.installation import usable_processors
 
 if TYPE_CHECKING:
     from foldcar.simulation.carsim import Carsim

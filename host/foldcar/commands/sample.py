@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from foldcar.atomic_file import atomic_file
 from foldcar.commands.options import STANDARD_OUTPUT, Json, check_distinct, output_file, print_json
 from foldcar.errors import FoldcarError
+from foldcar.outputs import atomic_file
 from foldcar.study.limits import GREATEST_SEED, MOST_ENVIRONMENTS
 
 if TYPE_CHECKING:

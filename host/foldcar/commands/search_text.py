@@ -6,10 +6,9 @@ from pathlib import Path
 
 import typer
 
-from foldcar.result_table import ResultTable
 from foldcar.search.objectives import Interval, Objective
 from foldcar.search.search import Found, Plan
-from foldcar.shown_console import shown_console
+from foldcar.shown_console import ResultTable, shown_console
 
 SHOWN_UNBUILDABLE = 5
 PLAIN_WIDTH = 400

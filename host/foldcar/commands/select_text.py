@@ -7,8 +7,7 @@ from rich.console import Console
 from foldcar.advice.selecting import BASIS, Selection
 from foldcar.analysis.rate import Rate
 from foldcar.analysis.words import points
-from foldcar.result_table import ResultTable
-from foldcar.shown_console import shown_console
+from foldcar.shown_console import ResultTable, shown_console
 
 PLAIN_WIDTH = 200
 

@@ -113,9 +113,8 @@ def dialect(
     \b
     Example: foldcar trials dialect -o dialect
     """
-    from foldcar.atomic_file import atomic_file
     from foldcar.mavlink_dialect.generation import DialectError, dialect_xml
-    from foldcar.output_folder import make_output_folder
+    from foldcar.outputs import atomic_file, make_output_folder
 
     try:
         text = dialect_xml()

@@ -2,8 +2,7 @@
 
 from collections.abc import Sequence
 
-from foldcar.result_table import ResultTable
-from foldcar.shown_console import shown_console
+from foldcar.shown_console import ResultTable, shown_console
 from foldcar.store.trial_records import BUILT, SIMULATED, UNKNOWN, WITHDRAWN, Correction, Trial
 
 STANDING_TEXTS = {

@@ -11,7 +11,7 @@ from foldcar.commands.listed_run import ListedRun, listed_run, simulated_run
 from foldcar.commands.options import Components, Json, Settings, check_distinct, output_file, print_json
 from foldcar.commands.run_text import variation_text
 from foldcar.errors import FoldcarError
-from foldcar.extras import require
+from foldcar.installation import require
 from foldcar.study.limits import MOST_ENVIRONMENTS
 
 if TYPE_CHECKING:
@@ -69,11 +69,11 @@ def view(
 
 
 def _write(design: "Design", output: Path, run: dict[str, Any] | None, machine: str, sheet: str | None) -> None:
-    from foldcar.atomic_file import atomic_file
     from foldcar.fabrication.assembly.live_car import checked_car
     from foldcar.fabrication.assembly.view_page import view_page
     from foldcar.fabrication.patterns.options import options
     from foldcar.fabrication.patterns.sheets import pattern
+    from foldcar.outputs import atomic_file
 
     folded, title = checked_car(design), design.title
     cut = pattern(folded, options(machine, sheet=sheet), title).sheets

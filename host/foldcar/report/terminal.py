@@ -10,8 +10,7 @@ from foldcar.report.sections import Section
 from foldcar.report.series import Tally
 from foldcar.report.trial_sections import TrialSection
 from foldcar.report.trial_series import TrialGroup, TrialTally
-from foldcar.result_table import ResultTable
-from foldcar.shown_console import shown_console
+from foldcar.shown_console import ResultTable, shown_console
 
 PIPED_WIDTH = 160
 

@@ -18,7 +18,7 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
-from foldcar.atomic_folder import atomic_folder
+from foldcar.outputs import atomic_folder
 from foldcar.store.connection import transaction
 from foldcar.store.errors import StoreError
 from foldcar.store.log_files import log_file, log_inside, sha256_of
@@ -27,7 +27,7 @@ from foldcar.store.opening import check_new, new_store
 from foldcar.store.reader import Store
 from foldcar.store.rows import Row, check_json, insert_sql, stored
 from foldcar.store.tables import CHECKSUM, STUDY, TABLES, TRIAL, Column, Table
-from foldcar.typed_numbers import decimal_number, whole_number
+from foldcar.typed import decimal_number, whole_number
 
 MANIFEST, README, LISTING, LOGS = "manifest.json", "README.txt", "listing.json", "logs"
 KIND = "foldcar store"

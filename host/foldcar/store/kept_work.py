@@ -11,8 +11,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from foldcar.atomic_file import atomic_file
 from foldcar.errors import FoldcarError
+from foldcar.outputs import atomic_file
 from foldcar.store.calibrations import Calibration, write_calibrations
 from foldcar.store.opening import require_store
 from foldcar.store.trial_records import Ending

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from foldcar.interrupts import held, raised
-from foldcar.output_folder import make_output_folder
+from foldcar.outputs import make_output_folder
 from foldcar.store.connection import BUSY_S, leads_to, patiently, transaction, writer_lock
 from foldcar.store.errors import SQLITE_ERRORS, StoreError, check_name, store_errors
 from foldcar.store.log_files import give_name, logs_beside

@@ -15,8 +15,8 @@ from foldcar.car.folded_car import folded_car
 from foldcar.car.modules import find_parameter, names_in, parameters
 from foldcar.car.parts.catalogue import chosen
 from foldcar.car.parts.choices import DEFAULT_CHOICES, OPTIONS, PartChoices, PartError, split_type
-from foldcar.did_you_mean import did_you_mean
 from foldcar.study.listing import ListedVehicle, ListingError
+from foldcar.typed import did_you_mean
 
 
 @dataclass(frozen=True)

@@ -17,12 +17,11 @@ from typing import Any
 
 from foldcar.car.design import Design, DesignError, compose
 from foldcar.car.modules import parameters
-from foldcar.did_you_mean import did_you_mean
 from foldcar.errors import FoldcarError
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
 from foldcar.store.trial_records import BUILT, CARS, LONGEST_S, MOST_ID, TRIAL_OUTCOMES
-from foldcar.typed_numbers import decimal_number, whole_number
+from foldcar.typed import decimal_number, did_you_mean, whole_number
 
 NEEDED = ("vehicle_type", "outcome", "source")
 OPTIONAL = ("experiment", "count", "car", "sample", "elapsed_time_s", "note", "operator", "started_utc")

@@ -14,7 +14,7 @@ from typing import Any
 from foldcar.errors import FoldcarError
 from foldcar.scenes.obstacles import Obstacle
 from foldcar.scenes.terrain_kinds import description
-from foldcar.typed_numbers import decimal_number
+from foldcar.typed import decimal_number
 
 CAR = "car"
 MOST_DEVIATION_MM = 1000.0

@@ -7,8 +7,8 @@ that are not the default ones, so that it says what a car is: ``W_B_W+tyre=none`
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 
-from foldcar.did_you_mean import did_you_mean
 from foldcar.errors import FoldcarError
+from foldcar.typed import did_you_mean
 
 # Kind of part → its names; the data of a part are in KIND_NAME.json. Where the battery sits has none.
 OPTIONS: dict[str, tuple[str, ...]] = {

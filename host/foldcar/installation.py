@@ -1,6 +1,7 @@
 """What this package finds around itself: programs, the checkout, processors, Python, the packages of its extras."""
 
 import os
+import shutil
 import sys
 from pathlib import Path
 
@@ -17,6 +18,12 @@ def source_tree() -> Path | None:
     """The checkout, with firmware, simulator and PlatformIO's project file; None where the package is installed."""
     root = PACKAGE.parents[1]
     return root if (root / "platformio.ini").is_file() and PACKAGE.parent == root / "host" else None
+
+
+def pio_program() -> str | None:
+    """PlatformIO's command `pio` beside this Python, or else on the PATH."""
+    beside = Path(sys.executable).with_name("pio")
+    return str(beside) if beside.is_file() else shutil.which("pio")
 
 
 def usable_processors() -> int:

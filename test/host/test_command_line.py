@@ -143,7 +143,7 @@ def test_each_summary_is_one_json_object(foldcar: Any, study: Path, tmp_path: Pa
         done = foldcar(*words, "--json")
         assert done.returncode == 0, done.stderr
         # A sweep says its rule of success there, an import which of its cars were not swept.
-        known = ("experiment 1: a run has passed if", 'note: experiment "1" was swept without a car of width_mm ')
+        known = ("experiment 1: a run has passed if", 'note: experiment "1" was swept without a car of ')
         assert all(line.startswith(known) for line in done.stderr.splitlines()), done.stderr
 
         def refuse(constant: str) -> None:

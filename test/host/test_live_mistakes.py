@@ -10,8 +10,6 @@ from typing import Any
 
 import pytest
 
-from foldcar.commands.log_placement import ask_deviations
-from foldcar.commands.typed_answers import TypedAnswers
 from foldcar.errors import FoldcarError
 from foldcar.link.parameters import read_file
 from foldcar.link.stream import open_stream
@@ -19,6 +17,7 @@ from foldcar.store.reader import Store
 from foldcar.store.trial_records import Ending
 from foldcar.store.trial_writer import write_trials
 from foldcar.trials.csv_import import read_trials
+from foldcar.trials.placement import ask_deviations
 from forked_foldcar import original
 from live_car import LOG, car_at_port, trials_in
 from test_trial_store import begin
@@ -158,17 +157,13 @@ def test_a_port_that_is_none_is_named(name: str, message: str) -> None:
 
 @pytest.mark.parametrize("number", ["1_0", "٥"])
 def test_a_deviation_has_typed_numbers(number: str) -> None:
-    answers = TypedAnswers(lambda: None)
-
     with pytest.raises(FoldcarError, match="not NAME X_MM Y_MM"):
-        ask_deviations(answers, {}, [f"car {number} 5"], True)
+        ask_deviations(None, {}, [f"car {number} 5"])
 
 
 def test_a_second_deviation_of_one_thing_is_refused() -> None:
-    answers = TypedAnswers(lambda: None)
-
     with pytest.raises(FoldcarError, match='--deviation "car 5 5": car is given twice'):
-        ask_deviations(answers, {}, ["car 1 1", "car 5 5"], True)
+        ask_deviations(None, {}, ["car 1 1", "car 5 5"])
 
 
 @pytest.mark.parametrize(

@@ -77,7 +77,7 @@ def test_the_export_leaves_them_out_too(mixed: Path, foldcar: Any) -> None:
 def test_the_list_marks_them(mixed: Path, foldcar: Any) -> None:
     listed = foldcar("trials", "list", "s.db").stdout
 
-    cars = [line.split()[4] for line in listed.splitlines()[1:6]]
+    cars = [re.split(r"  +", line.strip())[4] for line in listed.splitlines()[1:6]]
     assert cars == ["built", "built", "simulated", "simulated", "unknown"]
     assert "5 trials\nof built cars: 1 of 2 passed, 0 aborted\n" in listed
     assert "of a simulated car: 2 of 2 passed, 0 aborted; they do not count\n" in listed

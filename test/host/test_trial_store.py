@@ -237,7 +237,7 @@ def test_a_car_that_the_file_does_not_tell_is_the_experiments_or_refused(tmp_pat
     refused = foldcar("trials", "import", "s.db", "bad.csv", "--experiment", "1")
     alone = foldcar("trials", "import", "new.db", "new.csv", "--experiment", "1")
 
-    assert 'note: experiment "1" was swept without a car of width_mm 99' in said.stderr
+    assert 'note: experiment "1" was swept without a car of width 99 mm' in said.stderr
     assert "it has 2 trials" in said.stderr
     assert refused.returncode == 2 and refused.stderr.count("\n") == 1
     assert 'bad.csv: line 2: width_mm: is not given; experiment "1" has several values' in refused.stderr

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from foldcar.commands.options import Port
 from foldcar.errors import FoldcarError
 
 if TYPE_CHECKING:
@@ -17,10 +18,7 @@ RENEW_S = 0.7
 
 
 def calibrate_servos(
-    port: Annotated[
-        str | None,
-        typer.Option(metavar="PORT", help="Serial port, pseudo-terminal or tcp:HOST:PORT; default: detected."),
-    ] = None,
+    port: Port = None,
     output: Annotated[
         list[int] | None,
         typer.Option(metavar="N", min=1, max=8, help="Only this output; may be repeated; default: all with a wheel."),
@@ -33,11 +31,11 @@ def calibrate_servos(
     \b
     Example: foldcar calibrate-servos --output 1
     """
-    from foldcar.commands.typed_answers import TypedAnswers
     from foldcar.interrupts import raised, said
     from foldcar.link.car import greet
     from foldcar.link.parameters import read_parameters, set_parameter
     from foldcar.link.ports import choose_port
+    from foldcar.trials.person import Answers
     from foldcar.trials.servo_edges import find_edges
 
     def stopped() -> str:
@@ -63,7 +61,7 @@ def calibrate_servos(
             car.test_output(number, pulse_us, PULSE_S)
             shown[:] = [(number, pulse_us, time.monotonic() + RENEW_S)]
 
-        answers = TypedAnswers(renew)
+        answers = Answers(renew)
         typer.echo("Lift the car so that its wheels turn freely. For each pulse type the direction in which the wheel")
         typer.echo("would drive the car: (f)orward, (b)ackward, (n)ot at all. Ctrl-C stops the wheel.")
         for number in output or wheels:

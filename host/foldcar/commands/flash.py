@@ -2,26 +2,32 @@
 
 import json
 import os
-import shutil
 import signal
 import subprocess
-import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from foldcar.commands.options import Components, Settings, check_distinct, design_settings, output_file
+from foldcar.commands.options import (
+    Components,
+    ExperimentId,
+    Listing,
+    Settings,
+    check_distinct,
+    design_settings,
+    output_file,
+)
 from foldcar.errors import FoldcarError
-from foldcar.installation import source_tree
+from foldcar.installation import pio_program, source_tree
 from foldcar.interrupts import held
 
 CAR_FILE = "car.json"
 
 
 def flash(
-    listing: Annotated[Path, typer.Argument(metavar="LISTING", help="Experiment listing (JSON).")],
-    experiment: Annotated[str, typer.Option(metavar="ID", help="Experiment of the listing.")],
+    listing: Listing,
+    experiment: ExperimentId,
     settings: Settings = None,
     port: Annotated[
         str | None, typer.Option(metavar="PORT", help="Serial port; default: detected.")
@@ -47,7 +53,7 @@ def flash(
     from foldcar.study.experiments import read_study
 
     (chosen,) = read_study(listing, experiment).experiments
-    content = car_json(chosen.family.narrowed(design_settings(settings or [])).single())
+    content = car_json(chosen.family.narrowed(design_settings(settings)).single())
     text = json.dumps(content, indent=2) + "\n"
     if file is not None:
         check_distinct([listing], [file])
@@ -86,8 +92,7 @@ def _project() -> Path:
 
 
 def _pio(project: Path, target: str, port: str, data_folder: Path) -> None:
-    beside = Path(sys.executable).with_name("pio")
-    program = str(beside) if beside.is_file() else shutil.which("pio")
+    program = pio_program()
     if program is None:
         raise FoldcarError("flash: PlatformIO's `pio` is missing: run `make setup`")
     command = [program, "run", "-d", str(project), "-e", "featheresp32", "-t", target, "--upload-port", port]

@@ -161,7 +161,7 @@ def test_each_summary_is_one_json_object(foldcar: Any, study: Path, tmp_path: Pa
     run = told("run", study, "--experiment", "1", "--set", "width=95", "--sample", "1")
     assert run["design"]["width_mm"] == 95
     assert run["metrics"]["elapsed_time_s"] > 0
-    report = told("report", "s.db", "-o", "report")
+    report = told("report", "s.db", "-o", "report", "--no-replay")
     (one,) = report["experiments"]
     widths = one["by"]["width_mm"]
     assert [entry["value"] for entry in widths] == [95, 245]

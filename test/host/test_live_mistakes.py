@@ -261,13 +261,13 @@ def test_the_report_tells_trials_of_another_environment(
 ) -> None:
     assert foldcar("sweep", "l.json", "--store", "s.db", "--jobs", "1").returncode == 0
     assert foldcar(*LOG, "--port", port, "--yes", "--countdown", "0").returncode == 0
-    same: Any = json.loads(foldcar("report", "s.db", "-o", "r", "--simulated-trials", "--json").stdout)
+    same: Any = json.loads(foldcar("report", "s.db", "-o", "r", "--no-replay", "--simulated-trials", "--json").stdout)
     text = (tmp_path / "free.scenic").read_text()
     (tmp_path / "other.scenic").write_text(text.replace("(1.0, 0)", "(0.7, 0)"))
     (tmp_path / "m.json").write_text(free_course.read_text().replace("free.scenic", "other.scenic"))
 
     assert foldcar("sweep", "m.json", "--store", "s.db", "--jobs", "1").returncode == 0
-    other: Any = json.loads(foldcar("report", "s.db", "-o", "r", "--simulated-trials", "--json").stdout)
+    other: Any = json.loads(foldcar("report", "s.db", "-o", "r", "--no-replay", "--simulated-trials", "--json").stdout)
 
     told = "1 of the trials were driven in free.scenic, not in the environment of the runs (that is other.scenic)."
     assert told in other["experiments"][0]["remarks"]

@@ -241,7 +241,7 @@ def test_a_car_that_the_file_does_not_tell_is_the_experiments_or_refused(tmp_pat
     assert "it has 2 trials" in said.stderr
     assert refused.returncode == 2 and refused.stderr.count("\n") == 1
     assert 'bad.csv: line 2: width_mm: is not given; experiment "1" has several values' in refused.stderr
-    assert "note: new.csv: does not tell all of its cars; taken by default: height_mm 50, radius_mm 60" in alone.stderr
+    assert "note: new.csv: does not tell all of its cars; taken by default: height 50 mm, radius 60 mm" in alone.stderr
     with Store.open(tmp_path / "s.db") as store:
         assert [trial.design["width_mm"] for trial in store.trials()] == [95, 99, 99]
 
@@ -259,7 +259,7 @@ def test_the_report_shows_trials_beside_runs(tmp_path: Path, foldcar: Any) -> No
         unknown_car = {"design": {"width_mm": 95.0, "height_mm": 60.0}, "source": "me", "car": "built"}
         writer.import_trials([{"experiment": "1", "vehicle_type": "W_B_W", "outcome": "passed", **unknown_car}])
 
-    answer = foldcar("report", "s.db", "-o", "out")
+    answer = foldcar("report", "s.db", "-o", "out", "--no-replay")
 
     assert answer.returncode == 0, answer.stderr
     with Store.open(tmp_path / "s.db") as store:
@@ -282,7 +282,7 @@ def test_trials_alone_make_a_page(tmp_path: Path, foldcar: Any) -> None:
     with write_trials(tmp_path / "s.db") as writer:
         writer.complete(begin(writer, car="simulated"), Ending("passed", "goal", 2.5, "<b>", None))
 
-    answer = foldcar("report", "s.db", "-o", "out")
+    answer = foldcar("report", "s.db", "-o", "out", "--no-replay")
 
     assert answer.returncode == 0, answer.stderr
     page = (tmp_path / "out" / "index.html").read_text()
@@ -300,6 +300,6 @@ def test_a_store_without_runs_and_trials_has_no_report(tmp_path: Path, foldcar: 
     with write_trials(tmp_path / "s.db"):
         pass
 
-    answer = foldcar("report", "s.db", "-o", "out")
+    answer = foldcar("report", "s.db", "-o", "out", "--no-replay")
 
     assert (answer.returncode, answer.stderr.count("\n")) == (2, 1) and "holds no study yet" in answer.stderr

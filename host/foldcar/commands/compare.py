@@ -34,16 +34,15 @@ def compare(
     \b
     Example: foldcar compare study.db
     """
-    from foldcar.advice.comparison import compare as compare_store
     from foldcar.advice.tables import comparison_object, write_comparison
+    from foldcar.api.study import Study
     from foldcar.commands.progress_bar import working
     from foldcar.commands.tables import print_comparison
-    from foldcar.store.reader import Store
 
     check_distinct([store], [csv])
     share = parse_points("--margin", margin)
-    with Store.open(store) as opened, working("comparing; what the sweep lacks is simulated"):
-        found = compare_store(opened, experiment, share, simulated_trials=simulated_trials)
+    with working("comparing; what the sweep lacks is simulated"):
+        found = Study(store).compare(experiment=experiment, margin=share, simulated_trials=simulated_trials)
     if csv is not None:
         write_comparison(found, csv)
     if as_json:

@@ -94,7 +94,7 @@ def optimize(
     \b
     Example: foldcar optimize examples/design_space.json --store space.db --designs 60 --environments 50
     """
-    from foldcar.commands.options import under_calibration
+    from foldcar.api.sweeping import under_calibration
     from foldcar.commands.progress_bar import SearchBar
     from foldcar.commands.tables import print_search
     from foldcar.interrupts import said

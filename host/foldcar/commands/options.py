@@ -7,7 +7,6 @@ import re
 import shlex
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -23,8 +22,6 @@ from foldcar.typed import decimal_number, did_you_mean
 if TYPE_CHECKING:
     from foldcar.simulation.carsim import Carsim
     from foldcar.study.chunks import Simulators
-    from foldcar.study.environments import Environment
-    from foldcar.study.experiments import Experiment, Study
 
 STANDARD_OUTPUT = Path("-")
 
@@ -271,25 +268,3 @@ def parse_points(option: str, text: str, least: float = 1.0, most: float = 50.0)
     if not least <= value <= most:
         raise FoldcarError(f"{option}: {text.strip()} is not within {least:g}pp to {most:g}pp")
     return value / 100
-
-
-def under_calibration(
-    study: "Study", store: Path, name: str | None, reality: Path | None = None
-) -> "tuple[Study, Callable[[Experiment], Environment]]":
-    """The study and what makes its environments: changed ones if a calibration or a file is given. FoldcarError."""
-    from foldcar.study.environments import Environment
-
-    if name is None and reality is None:
-        return study, Environment
-    if name is not None and reality is not None:
-        raise FoldcarError("--calibration and --reality: both say what to simulate with; give one of them")
-    from foldcar.calibration.environment import as_calibration, calibrated_environment, calibrated_study, read_reality
-    from foldcar.store.calibrations import calibration_named
-    from foldcar.store.reader import Store
-
-    if reality is not None:
-        calibration = as_calibration(reality, read_reality(reality))
-    else:
-        with Store.open(store) as opened:
-            calibration = calibration_named(opened, str(name))
-    return calibrated_study(study, calibration), partial(calibrated_environment, calibration=calibration)

@@ -44,18 +44,18 @@ def select(
     \b
     Example: foldcar select study.db --build 4
     """
-    from foldcar.advice.selecting import select as select_designs
     from foldcar.advice.tables import selection_object, write_selection
+    from foldcar.api.study import Study
     from foldcar.commands.progress_bar import working
     from foldcar.commands.tables import print_selections
-    from foldcar.store.reader import Store
 
     check_distinct([store], [csv])
     half_width = parse_points("--precision", precision, least=1, most=45)
-    with Store.open(store) as opened, working("weighing designs"):
-        found = select_designs(
-            opened, build, threshold, half_width, experiment, simulated_trials=simulated_trials
-        )
+    with working("weighing designs"):
+        found = Study(store).select(
+            build=build, threshold=threshold, precision=half_width, experiment=experiment, with_cost=True,
+            simulated_trials=simulated_trials,
+        )  # fmt: skip
     if csv is not None:
         write_selection(found, csv)
     if as_json:

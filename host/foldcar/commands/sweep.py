@@ -71,20 +71,16 @@ def sweep(
     foldcar sweep scenarios/width_study.json --store study.db --until decided
     """
     check_scheduler_option(scheduler, jobs)
-    from foldcar.commands.options import under_calibration
+    from foldcar.api.sweeping import planned_sweep
     from foldcar.commands.progress_bar import ProgressBar
     from foldcar.interrupts import said
-    from foldcar.simulation.carsim import Carsim
     from foldcar.study.environments import mutation_notes
-    from foldcar.study.experiments import engine_study, read_study
-    from foldcar.study.stopping import stopping_rules
-    from foldcar.study.sweep import Sweep
 
-    study = read_study(listing, experiment, environments)
-    carsim = Carsim(engine=engine)
-    study, environment_of = under_calibration(engine_study(study, carsim), store, calibration, reality)
-    rules = stopping_rules(until, study) if until is not None else {}
-    asked = Sweep(study, store, carsim, command_line(), environment_of, rules)
+    asked = planned_sweep(
+        listing, store, command_line(), experiment=experiment, environments=environments, until=until,
+        calibration=calibration, reality=reality, engine=engine,
+    )  # fmt: skip
+    rules = asked.until
     for one in mutation_notes(asked.environments):
         note(one)
     progress, most = asked.progress, asked.progress.total
@@ -97,7 +93,7 @@ def sweep(
     with (
         said(stopped),
         ProgressBar(progress, to_decide) as bar,
-        simulators(scheduler, jobs, carsim, bar.say) as places,
+        simulators(scheduler, jobs, asked.carsim, bar.say) as places,
     ):
         asked.run(places, bar.update, bar.say)
     names = ("new", "there", "judged", "rejected", "failed")
@@ -110,11 +106,11 @@ def sweep(
         **({"most_runs": most, "designs": [asdict(state) for state in progress.states]} if rules else {}),
     }
     lines = [f"{_counts(progress, with_success=not rules)}; store: {store}"]
-    for chosen in study.experiments if rules else ():
+    for chosen in asked.study.experiments if rules else ():
         lines += stopping_lines(chosen, rules[chosen.id], progress.states)
     tell(as_json, result, *lines)
     if progress.failed:
-        _say_failed(store, [chosen.id for chosen in study.experiments], progress.failed, progress.total)
+        _say_failed(store, [chosen.id for chosen in asked.study.experiments], progress.failed, progress.total)
         raise typer.Exit(1)
 
 

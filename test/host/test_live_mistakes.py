@@ -16,7 +16,6 @@ from foldcar.link.stream import open_stream
 from foldcar.store.reader import Store
 from foldcar.store.trial_records import Ending
 from foldcar.store.trial_writer import write_trials
-from foldcar.trials.csv_import import read_trials
 from foldcar.trials.placement import ask_deviations
 from forked_foldcar import original
 from live_car import LOG, car_at_port, trials_in
@@ -164,65 +163,6 @@ def test_a_deviation_has_typed_numbers(number: str) -> None:
 def test_a_second_deviation_of_one_thing_is_refused() -> None:
     with pytest.raises(FoldcarError, match='--deviation "car 5 5": car is given twice'):
         ask_deviations(None, {}, ["car 1 1", "car 5 5"])
-
-
-@pytest.mark.parametrize(
-    ("column", "cell", "message"),
-    [
-        ("count", "0", "count: 0 is below the minimum 1"),
-        ("count", "1_0", 'count: "1_0" is not a whole number'),
-        ("elapsed_time_s", "1e300", "elapsed_time_s: 1e300 is above the maximum 86400"),
-        ("width_mm", "９５", 'width_mm: "９５" is not a number'),
-        ("width_mm", "9_5", 'width_mm: "9_5" is not a number'),
-        ("started_utc", "0001-01-01T00:00:00+02:00", "started_utc: .* is not a date"),
-    ],
-)
-def test_a_cell_of_imported_trials_that_cannot_be_is_named(tmp_path: Path, column: str, cell: str, message: str) -> None:
-    file = tmp_path / "t.csv"
-    # The other row alone would be imported.
-    rows = ("vehicle_type,height_mm,outcome,source,experiment", "W_B_W,50,passed,p,1", "W_B_W,50,passed,p,1")
-    file.write_text("\n".join(",".join(pair) for pair in zip(rows, (column, "", cell), strict=True)) + "\n")
-
-    with pytest.raises(FoldcarError, match=f"t.csv: line 3: {message}"):
-        read_trials(file, None)
-
-
-def test_outcomes_are_read_as_a_spreadsheet_capitalises_them(tmp_path: Path) -> None:
-    file = tmp_path / "t.csv"
-    header = "vehicle_type,width_mm,outcome,source,experiment,car"
-    file.write_text(f"{header}\nW_B_W,95,Passed,p,1,Built\nW_B_W,95,NOT_PASSED,p,1,\n")
-
-    found = read_trials(file, None)
-
-    assert [(trial["outcome"], trial["car"]) for trial in found] == [("passed", "built"), ("not_passed", "built")]
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("vehicle_type;outcome;source\nW_B_W;passed;p\n", r't\.csv: its columns are separated by ";"; separate them by'),
-        ("vehicle_type\toutcome\tsource\n", r"t\.csv: its columns are separated by tabs; separate them by commas"),
-        ("Vehicle_type,outcome,source\n", 'unknown column "Vehicle_type"; .*; did you mean "vehicle_type"'),
-        ("vehicle_type,outcome,source\nW_B_W,pased,p\n", r'line 2: outcome: "pased" is not .*; did you mean "passed"'),
-    ],
-)
-def test_a_table_that_is_written_otherwise_says_how(tmp_path: Path, text: str, message: str) -> None:
-    file = tmp_path / "t.csv"
-    file.write_text(text)
-
-    with pytest.raises(FoldcarError, match=message):
-        read_trials(file, "1")
-
-
-def test_a_start_in_another_zone_is_stored_in_utc(tmp_path: Path) -> None:
-    file = tmp_path / "t.csv"
-    head = "vehicle_type,width_mm,outcome,source,experiment,started_utc\n"
-    times = ("2026-05-01T09:30:00+02:00", "2026-05-01T09:30:00Z", "2026-05-01")
-    file.write_text(head + "".join(f"W_B_W,95,passed,p,1,{time}\n" for time in times))
-
-    found = [trial["started_utc"] for trial in read_trials(file, None)]
-
-    assert found == ["2026-05-01T07:30:00+00:00", *times[1:]]
 
 
 @pytest.fixture

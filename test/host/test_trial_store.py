@@ -155,34 +155,6 @@ def test_the_published_table_is_imported_once(tmp_path: Path, foldcar: Any) -> N
     assert answer.returncode == 2 and "trial 1 was imported without a scene" in answer.stderr
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("", "contains no trials"),
-        (HEADER, "contains no trials"),
-        ("vehicle_type,outcome\nW_B_W,passed\n", 'has no column "source"'),
-        ("vehicle_type,outcome,source,colour\n", 'unknown column "colour"; known: vehicle_type'),
-        (HEADER + "W_B_W,95,passed,1\n", "line 2: has 4 cells, the header 5"),
-        (HEADER + "# a comment\nW_B_W,95,flew,1,me\n", 'line 3: outcome: "flew" is not one of passed, '),
-        (HEADER + "W_B_W,95,passed,x,me\n", 'line 2: count: "x" is not a whole number'),
-        (HEADER + "W_B_W,95,passed,200000,me\n", "line 2: count: 200000 is above the maximum 100000"),
-        (HEADER + "W_B_W,95,passed,-1,me\n", "line 2: count: -1 is below the minimum 0"),
-        (HEADER + "W_B_W,20,passed,1,me\n", "line 2: width: 20 is below the minimum 53.65"),
-        (HEADER + "W_X,95,passed,1,me\n", 'line 2: "W_X" has unknown module "X"'),
-        (HEADER + "W_B_W,95,passed,1,\n", "line 2: source: is empty"),
-        (HEADER + "W_B_W,,passed,1,me\n", "line 2: does not tell the car: give its parameters, as width_mm, "),
-    ],
-)
-def test_bad_csv_is_refused_whole(tmp_path: Path, foldcar: Any, text: str, message: str) -> None:
-    (tmp_path / "t.csv").write_text(text)
-
-    answer = foldcar("trials", "import", "s.db", "t.csv", "--experiment", "1")
-
-    assert answer.returncode == 2
-    assert answer.stderr.startswith(f"foldcar: error: t.csv: {message}"), answer.stderr
-    assert not (tmp_path / "s.db").exists()
-
-
 def test_export_has_a_row_for_each_trial(tmp_path: Path, foldcar: Any) -> None:
     with write_trials(tmp_path / "s.db") as writer:
         writer.complete(begin(writer), Ending("passed", "goal", 2.5, 'a "note"', "ff"))

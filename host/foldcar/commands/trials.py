@@ -272,9 +272,9 @@ def export(
 
 @trials.command()
 def dialect(output: OutputFolder, as_json: Json = False) -> None:
-    """Write the MAVLink dialect as XML, v1.0/foldcar.xml in the folder.
+    """Write the MAVLink dialect as XML.
 
-    With it, other programs name foldcar's own messages too.
+    With DIR/v1.0/foldcar.xml, other programs name foldcar's own messages too.
 
     \b
     Example: foldcar trials dialect -o dialect

@@ -20,7 +20,7 @@ from random_designs import draws, tried  # noqa: E402
 
 from foldcar.car.design import Design  # noqa: E402
 from foldcar.car.folded_car import folded_car  # noqa: E402
-from foldcar.commands.listed_design import listed_family  # noqa: E402
+from foldcar.commands.listed_run import listed_family  # noqa: E402
 from foldcar.fabrication.patterns.drawing import bounds  # noqa: E402
 from foldcar.fabrication.patterns.options import Options, options  # noqa: E402
 from foldcar.fabrication.patterns.sheets import Pattern, pattern  # noqa: E402

@@ -19,13 +19,13 @@ from typing import Any
 import numpy as np
 from scipy.special import expit, logit, logsumexp
 
-from foldcar.atomic_file import atomic_file
 from foldcar.calibration.emulator import LARGEST_LOGIT, Emulator
 from foldcar.calibration.experiment import CalibrationRun, Simulator, SweptExperiment, count_trials, read_experiment
 from foldcar.calibration.inference import Inference, infer
 from foldcar.calibration.parameters import PARAMETERS, FloatArray, values_of
 from foldcar.calibration.posterior import DISCREPANCY, log_likelihood
 from foldcar.calibration.summary import summarise
+from foldcar.outputs import atomic_file
 from foldcar.simulation.carsim import Carsim
 from foldcar.store.reader import Store
 

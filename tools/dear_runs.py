@@ -22,7 +22,7 @@ from page_block import replaced
 
 from foldcar.analysis.rate import wilson_interval
 from foldcar.analysis.stopping import StoppingRule
-from foldcar.atomic_file import atomic_file
+from foldcar.outputs import atomic_file
 from foldcar.simulation.engines import MUJOCO, MULTIBODY
 from foldcar.store.reader import Store
 from foldcar.study.stopping import Schedule

@@ -9,8 +9,8 @@ import shutil
 from pathlib import Path
 
 from foldcar.car.folded_car import folded_car
-from foldcar.commands.listed_design import listed_family
-from foldcar.commands.pattern_text import car_command
+from foldcar.commands.listed_run import listed_family
+from foldcar.commands.pattern import car_command
 from foldcar.fabrication.patterns.drawing import Sheet
 from foldcar.fabrication.patterns.options import options
 from foldcar.fabrication.patterns.sheets import pattern

@@ -35,9 +35,9 @@ from foldcar.analysis.rate import (
     limited_mean,
     wilson_interval,
 )
-from foldcar.atomic_file import atomic_file
 from foldcar.figures.output import save_figure
 from foldcar.figures.style import ACCENT, FAILURE, INK, RC
+from foldcar.outputs import atomic_file
 
 MARKS = {
     "coverage": ("<!-- coverage of tools/interval_coverage.py -->", "<!-- end of coverage -->"),

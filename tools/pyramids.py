@@ -32,10 +32,10 @@ from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import RBF, ConstantKernel
 
 from foldcar.analysis.rate import Rate
-from foldcar.atomic_file import atomic_file
 from foldcar.calibration.parameters import FloatArray
 from foldcar.car.body import body_json
 from foldcar.errors import FoldcarError
+from foldcar.outputs import atomic_file
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.engines import MUJOCO, MULTIBODY
 from foldcar.simulation.results import outcome_of

@@ -20,36 +20,32 @@ from typer.core import TyperCommand
 from foldcar import __version__
 from foldcar.commands.calibrate import calibrate
 from foldcar.commands.calibrate_servos import calibrate_servos
-from foldcar.commands.check import check
 from foldcar.commands.compare import compare
 from foldcar.commands.crosscheck import crosscheck
 from foldcar.commands.doctor import doctor
 from foldcar.commands.export import export
 from foldcar.commands.flash import flash
 from foldcar.commands.gallery import gallery
-from foldcar.commands.import_store import import_store
 from foldcar.commands.link import link
 from foldcar.commands.log import log
-from foldcar.commands.merge import merge
-from foldcar.commands.migrate import migrate
 from foldcar.commands.model import model
 from foldcar.commands.new import new
 from foldcar.commands.optimize import optimize
 from foldcar.commands.params import params
 from foldcar.commands.pattern import pattern
-from foldcar.commands.repair import repair
 from foldcar.commands.report import report
 from foldcar.commands.run import run
 from foldcar.commands.sample import sample
 from foldcar.commands.select import select
+from foldcar.commands.stores import check, import_store, merge, migrate, repair
 from foldcar.commands.sweep import sweep
 from foldcar.commands.trials import trials
 from foldcar.commands.view import view
 from foldcar.errors import FoldcarError
-from foldcar.extras import missing_extra
+from foldcar.installation import missing_extra
 from foldcar.interrupts import listen
 from foldcar.shown_text import show_text
-from foldcar.typed_numbers import decimal_number, whole_number
+from foldcar.typed import decimal_number, whole_number
 
 VARIABLE = "_FOLDCAR_COMPLETE"
 

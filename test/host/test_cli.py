@@ -99,7 +99,7 @@ def test_run_tells_the_outcome_and_draws(
     assert answer.returncode == 0, answer.stderr
     told = dict(line.split(maxsplit=1) for line in answer.stdout.splitlines())
     assert told["outcome"] in {"passed", "tipped", "stuck", "off_course", "timeout", "fault"}
-    assert "width=120" in told["design"]
+    assert "width 120 mm" in told["design"]
     assert 0 < float(told["elapsed_time_s"]) <= 120
     assert (tmp_path / "run.svg").read_text().startswith("<?xml")
 

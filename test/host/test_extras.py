@@ -10,7 +10,7 @@ import pytest
 from packaging.requirements import Requirement
 
 import foldcar
-from foldcar.extras import MODULES
+from foldcar.installation import MODULES
 
 # Scenic brings these, so they are there without the extra.
 OF_SCENIC = ("fcl", "trimesh")
@@ -36,7 +36,6 @@ def test_the_core_sweeps_and_reports_and_other_commands_name_their_extra(tmp_pat
         ("sweep", "yard/study.json", "--store", "s.db", "--environments", "2"),
         ("report", "s.db", "-o", "report", "--no-replay"),
         ("select", "s.db"),
-        ("export", "s.db", "--csv", "runs.csv"),
     ):
         done = bare(tmp_path, *words)
         assert done.returncode == 0, (words, done.stderr)

@@ -28,13 +28,11 @@ MOMENTS_S = (0.0, 0.2, 0.5, 1.2)
 COMMANDS = {
     "run": ["run", "flat.json", *RUN],
     "sweep": ["sweep", "beside.json", "--store", "s.db", "--jobs", "2"],
-    "sample": ["sample", "beside.scenic", "-n", "100000", "-o", "s.jsonl"],
     "report": ["report", "full.db", "-o", "page"],
     "pattern": ["pattern", "flat.json", "--set", "width=95", "-o", "sheets"],
     "link": ["link", "flat.json", *RUN],
     "log": ["log", "flat.json", "--experiment", "1", "--port", "nowhere"],
     "crosscheck": ["crosscheck", "flat.json", "-o", "check", "--jobs", "2"],
-    "export": ["export", "full.db", "--folder", "all"],
 }
 
 

@@ -12,8 +12,6 @@ from typing import Any
 
 import pytest
 
-from foldcar.commands.log_options import LogOptions
-from foldcar.commands.log_outcome import record_outcome
 from foldcar.store.calibrations import Calibration, calibration_named
 from foldcar.store.errors import StoreError
 from foldcar.store.kept_work import keep_calibration, keep_trial
@@ -21,6 +19,7 @@ from foldcar.store.reader import Store
 from foldcar.store.trial_records import RUNNING, Ending, Trial
 from foldcar.store.trial_writer import TrialWriter, write_trials
 from foldcar.trials.driving import DriveEnd
+from foldcar.trials.outcome import record_outcome
 from live_car import LOG, car_at_port, moving, trials_in
 from test_store_lock import held
 from test_trial_store import begin
@@ -71,14 +70,13 @@ def full(*arguments: Any) -> None:
 def test_what_a_person_entered_is_kept_when_the_disk_is_full(
     begun: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], foldcar: Any
 ) -> None:
-    options = LogOptions(begun, [], None, None, None, None, "tipped", "on the second step", "", 0, False, False, True)
     log = begun.parent / "logs" / "t.tlog"
     log.parent.mkdir()
     log.write_bytes(b"log")
     with write_trials(begun) as writer, monkeypatch.context() as broken:
         broken.setattr(TrialWriter, "complete", full)
         with pytest.raises(StoreError) as caught:
-            record_outcome(writer, 1, DriveEnd("goal", "passed", 12.5), log, options, None)  # type: ignore[arg-type]
+            record_outcome(writer, 1, DriveEnd("goal", "passed", 12.5), log, "tipped", "on the second step", None)
 
     kept = begun.with_name("s.db.trial-1.json")
     assert f"trial 1 is kept in {kept}: `foldcar import {kept} --store {begun}` takes it in" in str(caught.value)

@@ -97,9 +97,8 @@ def test_cars_that_cannot_be_built_are_skipped_and_named(
     ]
 
     swept = foldcar("sweep", listing, "--store", "s.db", "--jobs", "1")
-    report = foldcar("report", "s.db", "-o", "report")
+    report = foldcar("report", "s.db", "-o", "report", "--no-replay")
     rows = list(csv.DictReader(foldcar("export", "s.db", "--csv", "-").stdout.splitlines()))
-    made = foldcar("pattern", listing, "--all", "--machine", "laser", "-o", "cars")
 
     assert swept.returncode == 0, swept.stderr
     said = ["experiment 1: 2 of 3 cars cannot be built and are skipped:", *(f"  {one}" for one in why)]
@@ -108,11 +107,6 @@ def test_cars_that_cannot_be_built_are_skipped_and_named(
     remark = f"2 cars of the family cannot be built and were skipped: {'; '.join(why)}."
     assert remark in (tmp_path / "report" / "index.html").read_text()
     assert remark.replace(" ", "") in "".join(report.stdout.split())
-    assert made.returncode == 0, made.stderr
-    assert [line for line in made.stdout.splitlines() if line.startswith("skipped")] == [
-        f"skipped, as it cannot be built: {one}" for one in why
-    ]
-    assert (tmp_path / "cars" / "width_95" / "sheet_1.svg").is_file()
     single = foldcar("run", listing, "--experiment", "1", "--set", "width=20")
     assert single.returncode == 2
     assert single.stderr.startswith("foldcar: error: --set width: 20 is below the minimum 53.65")

@@ -10,14 +10,12 @@ from typing import Any
 
 import pytest
 
-from foldcar.commands.log_placement import ask_deviations
-from foldcar.commands.typed_answers import TypedAnswers
 from foldcar.errors import FoldcarError
 from foldcar.link.stream import open_stream
 from foldcar.store.reader import Store
 from foldcar.store.trial_records import Ending
 from foldcar.store.trial_writer import write_trials
-from foldcar.trials.csv_import import read_trials
+from foldcar.trials.placement import ask_deviations
 from forked_foldcar import original
 from live_car import LOG, car_at_port, trials_in
 from test_trial_store import begin
@@ -122,70 +120,28 @@ def test_a_second_program_at_a_tcp_port_is_told_why(tmp_path: Path, carsim_binar
     assert refused(answer) == f"{car.port}: it closed the connection at once; another program may be using the car"
 
 
-def test_a_second_deviation_of_one_thing_is_refused() -> None:
-    answers = TypedAnswers(lambda: None)
-
-    with pytest.raises(FoldcarError, match='--deviation "car 5 5": car is given twice'):
-        ask_deviations(answers, {}, ["car 1 1", "car 5 5"], True)
-
-
 @pytest.mark.parametrize(
-    ("column", "cell", "message"),
+    ("name", "message"),
     [
-        ("count", "0", "count: 0 is below the minimum 1"),
-        ("count", "1_0", 'count: "1_0" is not a whole number'),
-        ("elapsed_time_s", "1e300", "elapsed_time_s: 1e300 is above the maximum 86400"),
-        ("width_mm", "９５", 'width_mm: "９５" is not a number'),
-        ("width_mm", "9_5", 'width_mm: "9_5" is not a number'),
-        ("started_utc", "0001-01-01T00:00:00+02:00", "started_utc: .* is not a date"),
+        ("tcp:a..b:5760", 'tcp:a..b:5760: "a..b" is no name of a host'),
+        (f"tcp:{'a' * 300}:80", "is no name of a host"),
+        ("/dev/null", "^/dev/null: not a serial port$"),
     ],
 )
-def test_a_cell_of_imported_trials_that_cannot_be_is_named(tmp_path: Path, column: str, cell: str, message: str) -> None:
-    file = tmp_path / "t.csv"
-    # The other row alone would be imported.
-    rows = ("vehicle_type,height_mm,outcome,source,experiment", "W_B_W,50,passed,p,1", "W_B_W,50,passed,p,1")
-    file.write_text("\n".join(",".join(pair) for pair in zip(rows, (column, "", cell), strict=True)) + "\n")
-
-    with pytest.raises(FoldcarError, match=f"t.csv: line 3: {message}"):
-        read_trials(file, None)
-
-
-def test_outcomes_are_read_as_a_spreadsheet_capitalises_them(tmp_path: Path) -> None:
-    file = tmp_path / "t.csv"
-    header = "vehicle_type,width_mm,outcome,source,experiment,car"
-    file.write_text(f"{header}\nW_B_W,95,Passed,p,1,Built\nW_B_W,95,NOT_PASSED,p,1,\n")
-
-    found = read_trials(file, None)
-
-    assert [(trial["outcome"], trial["car"]) for trial in found] == [("passed", "built"), ("not_passed", "built")]
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("vehicle_type;outcome;source\nW_B_W;passed;p\n", r't\.csv: its columns are separated by ";"; separate them by'),
-        ("vehicle_type\toutcome\tsource\n", r"t\.csv: its columns are separated by tabs; separate them by commas"),
-        ("Vehicle_type,outcome,source\n", 'unknown column "Vehicle_type"; .*; did you mean "vehicle_type"'),
-        ("vehicle_type,outcome,source\nW_B_W,pased,p\n", r'line 2: outcome: "pased" is not .*; did you mean "passed"'),
-    ],
-)
-def test_a_table_that_is_written_otherwise_says_how(tmp_path: Path, text: str, message: str) -> None:
-    file = tmp_path / "t.csv"
-    file.write_text(text)
-
+def test_a_port_that_is_none_is_named(name: str, message: str) -> None:
     with pytest.raises(FoldcarError, match=message):
-        read_trials(file, "1")
+        open_stream(name)
 
 
-def test_a_start_in_another_zone_is_stored_in_utc(tmp_path: Path) -> None:
-    file = tmp_path / "t.csv"
-    head = "vehicle_type,width_mm,outcome,source,experiment,started_utc\n"
-    times = ("2026-05-01T09:30:00+02:00", "2026-05-01T09:30:00Z", "2026-05-01")
-    file.write_text(head + "".join(f"W_B_W,95,passed,p,1,{time}\n" for time in times))
+@pytest.mark.parametrize("number", ["1_0", "٥"])
+def test_a_deviation_has_typed_numbers(number: str) -> None:
+    with pytest.raises(FoldcarError, match="not NAME X_MM Y_MM"):
+        ask_deviations(None, {}, [f"car {number} 5"])
 
-    found = [trial["started_utc"] for trial in read_trials(file, None)]
 
-    assert found == ["2026-05-01T07:30:00+00:00", *times[1:]]
+def test_a_second_deviation_of_one_thing_is_refused() -> None:
+    with pytest.raises(FoldcarError, match='--deviation "car 5 5": car is given twice'):
+        ask_deviations(None, {}, ["car 1 1", "car 5 5"])
 
 
 @pytest.fixture
@@ -224,13 +180,13 @@ def test_the_report_tells_trials_of_another_environment(
 ) -> None:
     assert foldcar("sweep", "l.json", "--store", "s.db", "--jobs", "1").returncode == 0
     assert foldcar(*LOG, "--port", port, "--yes", "--countdown", "0").returncode == 0
-    same: Any = json.loads(foldcar("report", "s.db", "-o", "r", "--simulated-trials", "--json").stdout)
+    same: Any = json.loads(foldcar("report", "s.db", "-o", "r", "--no-replay", "--simulated-trials", "--json").stdout)
     text = (tmp_path / "free.scenic").read_text()
     (tmp_path / "other.scenic").write_text(text.replace("(1.0, 0)", "(0.7, 0)"))
     (tmp_path / "m.json").write_text(free_course.read_text().replace("free.scenic", "other.scenic"))
 
     assert foldcar("sweep", "m.json", "--store", "s.db", "--jobs", "1").returncode == 0
-    other: Any = json.loads(foldcar("report", "s.db", "-o", "r", "--simulated-trials", "--json").stdout)
+    other: Any = json.loads(foldcar("report", "s.db", "-o", "r", "--no-replay", "--simulated-trials", "--json").stdout)
 
     told = "1 of the trials were driven in free.scenic, not in the environment of the runs (that is other.scenic)."
     assert told in other["experiments"][0]["remarks"]

@@ -13,7 +13,7 @@ from foldcar.car.folded.model import FoldedCar
 from foldcar.car.folded_car import folded_car
 from foldcar.car.proof.plan import planned
 from foldcar.car.proof.prove import assembly_steps
-from foldcar.commands.listed_design import listed_family
+from foldcar.commands.listed_run import listed_family
 from foldcar.fabrication.assembly.operations import (
     Operations,
     by_step,

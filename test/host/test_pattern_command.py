@@ -12,7 +12,7 @@ from typing import Any
 import ezdxf
 import pytest
 
-from foldcar.commands.listed_design import listed_families
+from foldcar.commands.listed_run import listed_families
 from foldcar.commands.pattern import _places
 from foldcar.fabrication.patterns.options import options
 from foldcar.fabrication.patterns.svg import read_svg
@@ -26,12 +26,12 @@ def listing(write_listing: Callable[[Any], Path], listing_data: dict[str, Any]) 
     return write_listing(listing_data)
 
 
-def test_all_means_every_vehicle_of_the_file(
+def test_all_means_every_car_of_every_vehicle_that_can_be_built(
     foldcar: Command, write_listing: Callable[[Any], Path], listing_data: dict[str, Any], tmp_path: Path
 ) -> None:
     listing_data["vehicles"] = {
         name: {"type": "W_B_W", "params": [{"common": {"width": width}}]}
-        for name, width in (("two axles", 95), ("two_axles", 130))
+        for name, width in (("two axles", [20, 95]), ("two_axles", 130))
     }
     listing_data["experiments"]["1"]["veh_id"] = "two axles"
     listing = write_listing(listing_data)
@@ -40,8 +40,10 @@ def test_all_means_every_vehicle_of_the_file(
 
     assert (done.returncode, done.stderr) == (0, "")
     lines = done.stdout.splitlines()
-    folders = {"two_axles": 95, "two_axles-2": 130}
-    assert [line.partition(":")[0] for line in lines[:-1]] == list(folders)
+    folders = {"two_axles/width_95": 95, "two_axles-2": 130}
+    assert [line.partition(":")[0] for line in lines[:-2]] == list(folders)
+    why = "width=20: width: 20 is below the minimum 53.65 (the boards across it)"
+    assert lines[-2] == f"skipped, as it cannot be built: {why}"
     made = {}
     for folder, width in folders.items():
         manifest = json.loads((tmp_path / "cars" / folder / "pattern.json").read_text())
@@ -54,8 +56,8 @@ def test_all_means_every_vehicle_of_the_file(
     refused = foldcar("pattern", listing, "--all", "--sheet", "110x110", "-o", "cars")
     assert (refused.returncode, refused.stdout) == (2, "")
     assert "width=95" in refused.stderr and "110 x 110 mm" in refused.stderr
-    assert (tmp_path / "cars" / "two_axles" / "sheet_1.svg").is_file()
-    (only,) = _places(listed_families(listing, "two_axles", []))
+    assert (tmp_path / "cars" / "two_axles-2" / "sheet_1.svg").is_file()
+    (only,) = _places(listed_families(listing, "two_axles", [])[1])
     assert (only.vehicle, only.folder) == ("two_axles", "car")
 
 

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import pytest
 
 from foldcar.analysis.rate import wilson_interval
-from foldcar.inline_svg import inline_svg
+from foldcar.figures.page import inline_svg
 from foldcar.report.axis import ParameterAxis, extent_text, parameter_label, value_text
 from foldcar.report.headline import headline
 from foldcar.report.series import Extent, Tally, summarise

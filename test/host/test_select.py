@@ -32,7 +32,7 @@ from foldcar.analysis.selection import (
     value_of_trials,
 )
 from foldcar.cli import app
-from foldcar.commands.select_text import print_selections
+from foldcar.commands.tables import print_selections
 from foldcar.store.reader import Store
 from written_study import add_trials, import_trials, write_study
 

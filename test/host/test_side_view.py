@@ -79,7 +79,8 @@ def test_what_differs_from_side_to_side_is_named_by_the_sweep_and_wherever_its_r
     page = foldcar("report", "s.db", "-o", "page", "--no-replay")
     assert warning in " ".join(page.stdout.split())
     assert named in (tmp_path / "page" / "index.html").read_text()
-    assert warning in json.loads(foldcar("report", "s.db", "--json", "-o", "page").stdout)["experiments"][0]["remarks"]
+    told = foldcar("report", "s.db", "--no-replay", "--json", "-o", "page")
+    assert warning in json.loads(told.stdout)["experiments"][0]["remarks"]
     assert named in " ".join(foldcar("select", "s.db").stdout.split())
     run = foldcar("run", listing, "--experiment", "1", "--set", "width=95", "--engine", "side-view")
     assert named in run.stderr

@@ -207,7 +207,6 @@ def not_text(folder: Path) -> None:
         (replace("manifest.json", '"kind"', '"kin"'), "manifest.json: is no manifest"),
         (replace("manifest.json", f'"version": {VERSION}', '"version": 99'), "manifest.json: version: is 99, this"),
         (replace("manifest.json", '"run.csv"', '"../s.db"'), 'manifest.json: files: "../s.db" leads out of the folder'),
-        (replace("listing.json", "W_B_W", "W_B_X"), "listing.json: is not the listing of the study"),
         (replace("run.csv", "max_roll_rad", "roll_rad"), 'run.csv: unknown column "roll_rad"; known: build_id'),
         (replace("run.csv", "max_roll_rad,", ""), 'run.csv: has no column "max_roll_rad"'),
         (replace("run.csv", '"passed"', '"flew"'), "run.csv: row 1: outcome: 'flew' is none of passed, tipped"),
@@ -257,7 +256,7 @@ def test_a_log_that_leads_out_is_refused_though_its_checksum_fits(tmp_path: Path
         import_folder(folder, tmp_path / "new" / "s.db")
 
 
-@pytest.mark.parametrize("place", range(0, 100, 9))
+@pytest.mark.parametrize("place", range(0, 100, 20))
 def test_damaged_parquet_is_refused(tmp_path: Path, store: Path, place: int) -> None:
     folder = exported(store, tmp_path / "out", "parquet")
     content = bytearray((folder / "trial.parquet").read_bytes())

@@ -120,7 +120,7 @@ def test_no_share_is_given_where_success_is_undefined(listing: Path, program: Pa
     program.write_text(HEAD + MONITOR)
 
     said = foldcar("sweep", listing, "--store", "s.db", "--jobs", "1")
-    report = foldcar("report", "s.db", "-o", "report")
+    report = foldcar("report", "s.db", "-o", "report", "--no-replay")
     export = foldcar("export", "s.db", "--csv", "runs.csv")
 
     assert (said.returncode, report.returncode, export.returncode) == (0, 0, 0), (said, report, export)

@@ -198,7 +198,7 @@ def test_a_sweep_that_stopped_is_complete_and_weighs_its_designs_alike(
     first, _, named, left = stopping_lines(study.experiments[0], stopping_rules("decided", study)["1"], counts.states)
     assert first.startswith("experiment 1: 2 of 3 designs decided, 1 undecided; ")
     assert first.endswith(f"{counts.new} of at most {3 * MOST} runs")
-    assert named == "  undecided: width_mm 145; --environments N allows more runs"
+    assert named == "  undecided: 145 mm; --environments N allows more runs"
     assert left == "  1 of these were left early: 30 environments would decide them with a chance below 2 %"
     rates = [tally.passed / tally.runs for tally in summary.series[0].tallies.values()]
     assert summary.total.success == pytest.approx(sum(rates) / 3)

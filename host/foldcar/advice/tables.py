@@ -11,7 +11,7 @@ from foldcar.advice.comparison import Comparison, DesignComparison, ExperimentCo
 from foldcar.advice.selecting import Recommendation, Selection
 from foldcar.analysis.gap import Gap
 from foldcar.analysis.rate import Rate
-from foldcar.atomic_file import atomic_file
+from foldcar.outputs import atomic_file
 
 RATES = ("simulated", "driven", "rectified", "pooled")
 ENDS = {"": "value", "_low": "low", "_high": "high"}

@@ -5,8 +5,8 @@ import operator
 from collections.abc import Iterable, Mapping
 
 from foldcar.car.design import parameters
-from foldcar.did_you_mean import did_you_mean
 from foldcar.errors import FoldcarError
+from foldcar.typed import did_you_mean
 
 
 def whole(name: str, value: object, least: int, most: int) -> int:

@@ -16,7 +16,7 @@ from foldcar.api.designs import built_cars, design_of, prepared
 from foldcar.api.environment import Environment, Scene, environment, simulator
 from foldcar.car.design import Design
 from foldcar.errors import FoldcarError
-from foldcar.processors import usable_processors
+from foldcar.installation import usable_processors
 from foldcar.simulation.results import NUMBERS, has_passed, no_rate_text, outcome_of
 from foldcar.simulation.runner import Runner, RunRequest, side_by_side
 from foldcar.store.writer import canonical_json

@@ -13,6 +13,7 @@ from foldcar.api.arguments import column_named, columns_named, whole
 from foldcar.errors import FoldcarError
 from foldcar.simulation.results import no_rate_text
 from foldcar.store.frames import runs_frame, trials_frame
+from foldcar.store.opening import require_store
 from foldcar.store.reader import ExperimentInfo, Store
 from foldcar.study.limits import MOST_ENVIRONMENTS, MOST_JOBS
 
@@ -31,7 +32,7 @@ class Study:
 
     def __init__(self, store: str | Path) -> None:
         self.path = Path(store)
-        self._read(lambda opened: None)
+        require_store(self.path)
 
     def __repr__(self) -> str:
         return f"Study({str(self.path)!r})"
@@ -91,19 +92,23 @@ class Study:
         precision: float = PRECISION,
         experiment: str | None = None,
         with_cost: bool = False,
+        simulated_trials: bool = False,
     ) -> list[Selection]:
         """Which designs to build and try next, for each experiment: :func:`foldcar.advice.selecting.select`.
 
         Sheets are nested, and costs known, only ``with_cost``: a second a car. FoldcarError.
         """
-        number = whole("build", build, 1, MOST_BUILT)
+        number, runs = whole("build", build, 1, MOST_BUILT), self.__dict__.get("runs")
         return self._read(
-            lambda store: select(store, number, threshold, precision, experiment, self.runs, with_cost=with_cost)
+            lambda store: select(store, number, threshold, precision, experiment, runs, with_cost, simulated_trials)
         )
 
-    def compare(self, *, experiment: str | None = None, margin: float = MARGIN) -> Comparison:
+    def compare(
+        self, *, experiment: str | None = None, margin: float = MARGIN, simulated_trials: bool = False
+    ) -> Comparison:
         """Simulation against trials of built cars: :func:`foldcar.advice.comparison.compare`. FoldcarError."""
-        return self._read(lambda store: compare(store, experiment, margin, self.runs))
+        runs = self.__dict__.get("runs")
+        return self._read(lambda store: compare(store, experiment, margin, runs, simulated_trials))
 
     def success_model(self, *parameters: str, experiment: str | None = None) -> SuccessModel:
         """Success as a smooth function of one or two design parameters, with credible bands, from the simulated runs.
@@ -179,13 +184,11 @@ def sweep(
     ``environments`` takes the place of the listing's number; ``jobs`` simulators run side by side (None: one per
     processor). It may be interrupted: the same call resumes. FoldcarError if the listing or an argument is invalid.
     """
-    from foldcar.processors import usable_processors
-    from foldcar.simulation.carsim import Carsim
-    from foldcar.study.experiments import read_study
-    from foldcar.study.sweep import Sweep
+    from foldcar.api.sweeping import planned_sweep
+    from foldcar.installation import usable_processors
 
     count = None if environments is None else whole("environments", environments, 1, MOST_ENVIRONMENTS)
     workers = usable_processors() if jobs is None else whole("jobs", jobs, 1, MOST_JOBS)
-    study = read_study(Path(listing), experiment, count)
-    Sweep(study, Path(store), Carsim(), f"foldcar.sweep({str(listing)!r}, {str(store)!r})").run(workers)
+    command = f"foldcar.sweep({str(listing)!r}, {str(store)!r})"
+    planned_sweep(Path(listing), Path(store), command, experiment=experiment, environments=count).run(workers)
     return Study(store)

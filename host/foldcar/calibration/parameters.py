@@ -11,8 +11,8 @@ from typing import Any, Literal
 import numpy as np
 from scipy.special import ndtr, ndtri
 
-from foldcar.did_you_mean import did_you_mean
 from foldcar.errors import FoldcarError
+from foldcar.typed import did_you_mean
 
 FloatArray = np.ndarray[Any, np.dtype[np.float64]]
 

@@ -14,7 +14,7 @@ from foldcar.cluster.local_cluster import local_cluster
 from foldcar.cluster.places import Places
 from foldcar.cluster.workers import ClusterSimulators
 from foldcar.errors import FoldcarError
-from foldcar.processors import usable_processors
+from foldcar.installation import usable_processors
 from foldcar.simulation.carsim import Carsim
 from foldcar.study.limits import MOST_JOBS
 

@@ -17,7 +17,7 @@ from collections.abc import Iterator
 from typing import NoReturn
 
 from foldcar.errors import FoldcarError
-from foldcar.python_command import python_command
+from foldcar.installation import python_command
 from foldcar.simulation.runner import process_ending
 from foldcar.simulation.worker import wait_for_no_reader
 

@@ -6,9 +6,10 @@ from typing import Annotated
 
 import typer
 
-from foldcar.commands.options import Jobs, Json, SimulatedTrialsInstead, output_store, print_json
-from foldcar.processors import usable_processors
-from foldcar.study.limits import GREATEST_SEED
+from foldcar.commands.options import Jobs, Json, Seed, SimulatedTrialsInstead, output_store, tell
+from foldcar.errors import FoldcarError
+from foldcar.installation import usable_processors
+from foldcar.typed import decimal_number
 
 # What a name may be, so that it can be typed and stand in the names of experiments.
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,39}")
@@ -30,7 +31,7 @@ def calibrate(
     runs: Annotated[
         int, typer.Option(metavar="N", min=LEAST_RUNS, max=MOST_RUNS, help="Runs to simulate, roughly.")
     ] = DEFAULT_RUNS,
-    seed: Annotated[int, typer.Option(metavar="N", min=0, max=GREATEST_SEED, help="Seed of all that is random.")] = 1,
+    seed: Seed = 1,
     jobs: Jobs = None,
     leave_one_out: Annotated[
         bool, typer.Option("--leave-one-out", help="Also predict each design from the trials of the others.")
@@ -56,17 +57,11 @@ def calibrate(
     from foldcar.calibration.inference import infer, plan
     from foldcar.calibration.parameters import known_scores
     from foldcar.calibration.summary import summarise
-    from foldcar.commands.calibration_text import print_calibration
     from foldcar.commands.progress_bar import TerminalBar
-    from foldcar.errors import FoldcarError
+    from foldcar.commands.tables import print_calibration
     from foldcar.interrupts import said
     from foldcar.simulation.carsim import Carsim
-    from foldcar.store.calibrations import (
-        calibrations,
-        check_replaceable_calibration,
-        new_calibration,
-        write_calibrations,
-    )
+    from foldcar.store.calibrations import check_calibration_name, new_calibration, write_calibrations
     from foldcar.store.kept_work import keep_calibration
     from foldcar.store.reader import Store, StoreError
 
@@ -74,8 +69,7 @@ def calibrate(
         raise FoldcarError(f'--name "{name}": a name is at most 40 letters, digits, _ . or -, a letter or digit first')
     measured = known_scores(dict(_value(text) for text in known or []))
     with Store.open(store) as opened:
-        if any(one.name == name for one in calibrations(opened)):
-            check_replaceable_calibration(opened, name, replace)
+        check_calibration_name(opened, name, replace)
         chosen = read_experiment(opened, experiment_with_trials(opened, experiment))
         counts = count_trials(opened, chosen, simulated_trials)
         nominal: dict[int, tuple[int, int]] = {}
@@ -102,16 +96,13 @@ def calibrate(
         except StoreError as error:
             raise StoreError(f"{error}; {keep()}") from error
     if as_json:
-        print_json({"store": store, "name": name, "draws": [dict(draw) for draw in made.draws], **summary})
+        tell(True, {"store": store, "name": name, "draws": [dict(draw) for draw in made.draws], **summary})
     else:
         print_calibration(made)
         typer.echo(f'calibration "{name}": {len(made.draws)} draws; store: {store}')
 
 
 def _value(text: str) -> tuple[str, float]:
-    from foldcar.errors import FoldcarError
-    from foldcar.typed_numbers import decimal_number
-
     name, _, value = text.partition("=")
     try:
         return name.strip(), decimal_number(value)

@@ -1,22 +1,28 @@
 """`foldcar compare`: simulation against trials of built cars, design by design."""
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from foldcar.commands.options import Json, SimulatedTrialsInstead, check_distinct, output_file, print_json
+from foldcar.commands.options import (
+    CsvFile,
+    Json,
+    OneExperiment,
+    SimulatedTrialsInstead,
+    StudyStore,
+    check_distinct,
+    parse_points,
+    tell,
+)
 
 
 def compare(
-    store: Annotated[Path, typer.Argument(metavar="STORE", help="The store of a sweep and its trials.")],
-    experiment: Annotated[str | None, typer.Option(metavar="ID", help="Only this experiment.")] = None,
+    store: StudyStore,
+    experiment: OneExperiment = None,
     margin: Annotated[
         str, typer.Option(metavar="POINTS", help="Rates that differ by no more agree, in percentage points.")
     ] = "15pp",
-    csv: Annotated[
-        Path | None, typer.Option(metavar="FILE", callback=output_file, help="CSV file to write: a row a design.")
-    ] = None,
+    csv: CsvFile = None,
     simulated_trials: SimulatedTrialsInstead = False,
     as_json: Json = False,
 ) -> None:
@@ -28,21 +34,19 @@ def compare(
     \b
     Example: foldcar compare study.db
     """
-    from foldcar.advice.comparison import compare as compare_store
     from foldcar.advice.tables import comparison_object, write_comparison
-    from foldcar.commands.compare_text import print_comparison
-    from foldcar.commands.options import parse_points
+    from foldcar.api.study import Study
     from foldcar.commands.progress_bar import working
-    from foldcar.store.reader import Store
+    from foldcar.commands.tables import print_comparison
 
     check_distinct([store], [csv])
     share = parse_points("--margin", margin)
-    with Store.open(store) as opened, working("comparing; what the sweep lacks is simulated"):
-        found = compare_store(opened, experiment, share, simulated_trials=simulated_trials)
+    with working("comparing; what the sweep lacks is simulated"):
+        found = Study(store).compare(experiment=experiment, margin=share, simulated_trials=simulated_trials)
     if csv is not None:
         write_comparison(found, csv)
     if as_json:
-        print_json({"store": store, **comparison_object(found)})
+        tell(as_json, {"store": store, **comparison_object(found)})
         return
     print_comparison(found)
     if csv is not None:

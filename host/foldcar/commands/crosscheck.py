@@ -1,15 +1,22 @@
 """`foldcar crosscheck`: sweeps a listing in all engines and compares the results."""
 
-import shlex
-import sys
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from foldcar.commands.options import Components, Json, output_folder, print_json
-from foldcar.processors import usable_processors
-from foldcar.study.limits import MOST_ENVIRONMENTS, MOST_JOBS
+from foldcar.commands.options import (
+    Components,
+    Environments,
+    Jobs,
+    Json,
+    Listing,
+    OneExperiment,
+    OutputFolder,
+    command_line,
+    tell,
+)
+from foldcar.installation import usable_processors
+from foldcar.study.limits import MOST_ENVIRONMENTS
 
 if TYPE_CHECKING:
     from foldcar.commands.progress_bar import ProgressBar
@@ -20,20 +27,10 @@ STORE = "study.db"
 
 
 def crosscheck(
-    listing: Annotated[Path, typer.Argument(metavar="LISTING", help="Experiment listing (JSON).")],
-    output: Annotated[
-        Path, typer.Option("-o", "--output", metavar="DIR", callback=output_folder, help="Folder for the results.")
-    ],
-    experiment: Annotated[str | None, typer.Option(metavar="ID", help="Only this experiment.")] = None,
-    environments: Annotated[
-        int | None,
-        typer.Option(
-            metavar="N",
-            min=1,
-            max=MOST_ENVIRONMENTS,
-            help="Sampled environments, instead of the listing's number.",
-        ),
-    ] = None,
+    listing: Listing,
+    output: OutputFolder,
+    experiment: OneExperiment = None,
+    environments: Environments = None,
     baseline: Annotated[
         int,
         typer.Option(
@@ -43,9 +40,7 @@ def crosscheck(
             help="Samples that MuJoCo also runs at half step and with other tyres.",
         ),
     ] = 10,
-    jobs: Annotated[
-        int | None, typer.Option(metavar="N", min=1, max=MOST_JOBS, help="Processes; default: one per processor.")
-    ] = None,
+    jobs: Jobs = None,
     components: Components = None,
     as_json: Json = False,
 ) -> None:
@@ -62,7 +57,7 @@ def crosscheck(
     from foldcar.crosscheck.page import PAGE, comparison_numbers, write_page
     from foldcar.crosscheck.sweeps import check_success, simulators, sweep_all
     from foldcar.interrupts import said
-    from foldcar.output_folder import make_output_folder
+    from foldcar.outputs import make_output_folder
     from foldcar.store.reader import Store
     from foldcar.study.experiments import read_study
 
@@ -70,15 +65,15 @@ def crosscheck(
     study = read_study(listing, experiment, environments)
     check_success(study)
     workers = jobs or usable_processors()
-    command = shlex.join(["foldcar", *sys.argv[1:]])
     with said(lambda: f"stopped: finished runs are in {output / STORE}; the same command resumes"):
         make_output_folder(output)
-        sweep_all(study, output / STORE, carsims, baseline, workers, command, _bar)
+        sweep_all(study, output / STORE, carsims, baseline, workers, command_line(), _bar)
         names = [one.id for one in study.experiments]
         with Store.open(output / STORE) as store, TerminalBar("pictures", len(names)) as bar:
             comparisons = write_page(output, listing.name, store, names, baseline, carsims, workers, bar.done)
     if as_json:
-        print_json({"page": output / PAGE, "comparisons": {name: comparison_numbers(one) for name, one in comparisons}})
+        numbers = {name: comparison_numbers(one) for name, one in comparisons}
+        tell(as_json, {"page": output / PAGE, "comparisons": numbers})
         return
     _print(comparisons)
     typer.echo(f"page: {output / PAGE}")
@@ -93,16 +88,9 @@ def _bar(progress: "Progress", engine: str) -> "ProgressBar":
 
 def _print(comparisons: "list[tuple[str, Agreement]]") -> None:
     from foldcar.crosscheck.page import COMPARISON_HEAD, comparison_row
-    from foldcar.result_table import ResultTable
-    from foldcar.shown_console import shown_console
+    from foldcar.shown_console import ResultTable, shown_console
 
-    table = ResultTable()
-    for index, head in enumerate(COMPARISON_HEAD):
-        # On a narrow terminal names wrap, so that numbers are not truncated.
-        if index:
-            table.add_column(head, right=True, no_wrap=True, min_width=len(head))
-        else:
-            table.add_column(head, min_width=12)
+    table = ResultTable(*COMPARISON_HEAD, left=COMPARISON_HEAD[:1])
     for name, one in comparisons:
         table.add_row(*comparison_row(name, one))
     table.print_on(shown_console(160))

@@ -2,35 +2,20 @@
 
 import json
 import os
-import shutil
 import subprocess
 import sys
-import threading
-import urllib.error
-import urllib.request
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from foldcar.commands.doctor import Finding
 from foldcar.errors import FoldcarError
+from foldcar.installation import pio_program
 from foldcar.link.ports import usb_ports
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.engines import BINARY_VARIABLE, ENGINES, MUJOCO, MULTIBODY
 
 ANSWER_S = 30
-
-
-@dataclass(frozen=True, slots=True)
-class Finding:
-    """``state``: ``ok``; ``missing``, without which studies do not run; ``absent``, which only ``text`` needs.
-
-    ``text`` says what was found, ``advice`` what to do about it; "" where nothing is to do.
-    """
-
-    name: str
-    state: Literal["ok", "missing", "absent"]
-    text: str
-    advice: str = ""
 
 
 @dataclass(frozen=True)
@@ -39,12 +24,6 @@ class PlatformioProject:
 
     flags: list[str]
     core: Path
-
-
-def pio_program() -> str | None:
-    """The command `pio` beside this Python, or else on the PATH."""
-    beside = Path(sys.executable).with_name("pio")
-    return str(beside) if beside.is_file() else shutil.which("pio")
 
 
 def read_project(checkout: Path) -> PlatformioProject | None:
@@ -65,7 +44,6 @@ def read_project(checkout: Path) -> PlatformioProject | None:
 
 BOARD_PLATFORM = "espressif32"
 TOOLCHAIN = "toolchain-xtensa-esp32"
-REACH_S = 3.0
 
 
 def platformio(checkout: Path | None, project: PlatformioProject | None) -> Finding:
@@ -81,16 +59,13 @@ def platformio(checkout: Path | None, project: PlatformioProject | None) -> Find
 
 
 def toolchain(project: PlatformioProject) -> Finding:
-    """The board's compiler, which PlatformIO fetches; where it is not there, whether it could be."""
+    """The board's compiler, which PlatformIO fetches."""
     parts = (Path("platforms") / BOARD_PLATFORM, Path("packages") / TOOLCHAIN)
     missing = [part for part in parts if not (project.core / part).is_dir()]
     if not missing:
         return Finding("toolchain", "ok", f"{TOOLCHAIN} in {project.core}")
     text = f"no {missing[0]} in {project.core}: only `foldcar flash` needs it"
-    if any(_reaches(host) for host in _registry_hosts()):
-        return Finding("toolchain", "absent", text, "the first `pio run` fetches it")
-    advice = "PlatformIO's registry cannot be reached: flash from a machine that reaches it"
-    return Finding("toolchain", "absent", text, advice)
+    return Finding("toolchain", "absent", text, "the first `pio run` fetches it from PlatformIO's registry")
 
 
 def serial_ports() -> Finding:
@@ -108,35 +83,6 @@ def serial_ports() -> Finding:
     if not any(port.is_feather for port in ports):
         return Finding("car on USB", "absent", f"{shown}: none is a Feather's bridge", "name the car's port with --port")
     return Finding("car on USB", "ok", shown)
-
-
-def _registry_hosts() -> list[str]:
-    """The first host of PlatformIO's registry, if PlatformIO is in this environment."""
-    try:
-        import platformio
-    except ImportError:
-        return []
-    return [f"api.{host}" for host in platformio.__registry_mirror_hosts__[:1]]
-
-
-def _reaches(host: str) -> bool:
-    """Whether the host answers, also through a proxy, within REACH_S."""
-    reached = threading.Event()
-
-    def ask() -> None:
-        try:
-            urllib.request.urlopen(f"https://{host}/", timeout=REACH_S).close()
-            reached.set()
-        except urllib.error.HTTPError:
-            reached.set()
-        except OSError:
-            pass
-
-    # A name server that does not answer holds a look-up longer than any time-out.
-    thread = threading.Thread(target=ask, daemon=True)
-    thread.start()
-    thread.join(REACH_S)
-    return reached.is_set()
 
 
 # The names by which SCons may call the compiler; the one that it does call is part of the build id.
@@ -159,7 +105,8 @@ def simulator(checkout: Path | None, project: PlatformioProject | None) -> Findi
         carsim = Carsim()
     except FoldcarError as error:
         named = os.environ.get(BINARY_VARIABLE)
-        advice = f"let {BINARY_VARIABLE} name a carsim, or leave it out" if named else _again(checkout, "make setup")
+        advice = "make setup" if checkout is not None else "pip install --force-reinstall foldcar-….whl"
+        advice = f"let {BINARY_VARIABLE} name a carsim, or leave it out" if named else advice
         return Finding("carsim", "missing", str(error), advice)
     return _compared("carsim", "missing", carsim, MULTIBODY, checkout, project)
 
@@ -177,13 +124,9 @@ def simulator_with_mujoco(checkout: Path | None, project: PlatformioProject | No
 
 
 def _compared(
-    name: str,
-    fault: Literal["missing", "absent"],
-    carsim: Carsim,
-    engine: str,
-    checkout: Path | None,
+    name: str, fault: Literal["missing", "absent"], carsim: Carsim, engine: str, checkout: Path | None,
     project: PlatformioProject | None,
-) -> Finding:
+) -> Finding:  # fmt: skip
     text = f"build {carsim.build}, firmware {carsim.firmware}, {carsim.binary}"
     if checkout is None or project is None:
         return Finding(name, "ok", f"{text}; not compared with sources")
@@ -198,10 +141,6 @@ def _compared(
         told = f"{text}: not of the sources here, which give build {build}, firmware {firmware}"
         return Finding(name, fault, told, f"make {ENGINES[engine].target}, which builds it again")
     return Finding(name, "ok", f"{text}; fits the sources")
-
-
-def _again(checkout: Path | None, target: str) -> str:
-    return target if checkout is not None else "pip install --force-reinstall foldcar-….whl"
 
 
 def _digests(checkout: Path, project: PlatformioProject, compiler: str, libraries: list[Path]) -> list[str]:

@@ -9,16 +9,18 @@ from foldcar.commands.options import (
     STANDARD_OUTPUT,
     Json,
     SimulatedTrials,
+    StudyStore,
     check_distinct,
+    counts_text,
     output_file,
     output_folder,
-    print_json,
+    tell,
 )
 from foldcar.errors import FoldcarError
 
 
 def export(
-    store: Annotated[Path, typer.Argument(metavar="STORE", help="The store that a sweep wrote.")],
+    store: StudyStore,
     csv: Annotated[
         Path | None,
         typer.Option(metavar="FILE", callback=output_file, help="CSV file to write; - for standard output."),
@@ -65,18 +67,18 @@ def export(
     from foldcar.store.folder import export_folder
     from foldcar.store.reader import Store
 
-    if csv is None and parquet is None and trials is None and folder is None and not digest:
+    if not (csv or parquet or trials or folder or digest):
         what = "--csv FILE, --parquet FILE, --trials FILE, --folder DIR or --digest"
         raise FoldcarError(f"export: say what to write: {what}")
     check_distinct([store], [csv, parquet, trials, folder])
-    if as_json and csv == STANDARD_OUTPUT:
-        raise FoldcarError("export: --csv - and --json both print on standard output; choose one")
-    if digest and csv == STANDARD_OUTPUT:
-        raise FoldcarError("export: --csv - and --digest both print on standard output; choose one")
+    for option, given in (("--json", as_json), ("--digest", digest)):
+        if given and csv == STANDARD_OUTPUT:
+            raise FoldcarError(f"export: --csv - and {option} both print on standard output; choose one")
     if failed and csv is None and parquet is None:
         raise FoldcarError("export: --failed: says nothing without --csv FILE or --parquet FILE")
     told: dict[str, Any] = {}
     written: list[dict[str, Any]] = []
+    messages = []
     with Store.open(store) as opened:
         if csv == STANDARD_OUTPUT:
             write_csv(opened, data_output(), failed)
@@ -87,22 +89,22 @@ def export(
         if trials is not None:
             count, left_out = export_trials(opened, trials, simulated_trials)
             written.append({"path": trials, "trials": count, "left_out": left_out})
+            messages += [f"{trials}: {left_out}"] if left_out else []
         if folder is not None:
             manifest = export_folder(opened, folder, table_format)
             gone = [log for log, digest in manifest["logs"].items() if digest is None]
-            for log in gone:
-                typer.echo(f"{store}: log {log} is gone", err=True)
+            messages += [f"{store}: log {log} is gone" for log in gone]
             rows, logs = manifest["rows"], len(manifest["logs"]) - len(gone)
             written.append({"path": folder, "runs": rows["run"], "trials": rows["trial"], "logs": logs})
         if digest:
             told = dict(zip(("digest", "runs"), store_digest(opened), strict=True))
-    if as_json:
-        print_json({"store": store, "written": written, **told})
-        return
-    if digest:
-        typer.echo(f"{told['digest']}  {told['runs']} runs")
-    for one in written:
-        counts = ", ".join(f"{count} {what}" for what, count in one.items() if what not in ("path", "left_out"))
-        typer.echo(f"{one['path']}: {counts}", err=True)
-        if one.get("left_out"):
-            typer.echo(f"{one['path']}: {one['left_out']}", err=True)
+    tell(
+        as_json,
+        {"store": store, "written": written, **told},
+        *([f"{told['digest']}  {told['runs']} runs"] if digest else []),
+    )
+    for one in () if as_json else written:
+        counts = {what: count for what, count in one.items() if what not in ("path", "left_out")}
+        typer.echo(f"{one['path']}: {counts_text(counts)}", err=True)
+    for message in messages:
+        typer.echo(message, err=True)

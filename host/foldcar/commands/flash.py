@@ -2,26 +2,32 @@
 
 import json
 import os
-import shutil
 import signal
 import subprocess
-import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from foldcar.commands.options import Components, Settings, check_distinct, design_settings, output_file
+from foldcar.commands.options import (
+    Components,
+    ExperimentId,
+    Listing,
+    Settings,
+    check_distinct,
+    design_settings,
+    output_file,
+)
 from foldcar.errors import FoldcarError
+from foldcar.installation import pio_program, source_tree
 from foldcar.interrupts import held
-from foldcar.source_tree import source_tree
 
 CAR_FILE = "car.json"
 
 
 def flash(
-    listing: Annotated[Path, typer.Argument(metavar="LISTING", help="Experiment listing (JSON).")],
-    experiment: Annotated[str, typer.Option(metavar="ID", help="Experiment of the listing.")],
+    listing: Listing,
+    experiment: ExperimentId,
     settings: Settings = None,
     port: Annotated[str | None, typer.Option(metavar="PORT", help="Serial port; default: detected.")] = None,
     design_only: Annotated[bool, typer.Option("--design-only", help="Do not load the firmware.")] = False,
@@ -40,12 +46,12 @@ def flash(
     if file is None:
         _project()
     board = _board(port) if file is None else ""
-    from foldcar.atomic_file import atomic_file
     from foldcar.car.body import car_json
+    from foldcar.outputs import atomic_file
     from foldcar.study.experiments import read_study
 
     (chosen,) = read_study(listing, experiment).experiments
-    content = car_json(chosen.family.narrowed(design_settings(settings or [])).single())
+    content = car_json(chosen.family.narrowed(design_settings(settings)).single())
     text = json.dumps(content, indent=2) + "\n"
     if file is not None:
         check_distinct([listing], [file])
@@ -84,8 +90,7 @@ def _project() -> Path:
 
 
 def _pio(project: Path, target: str, port: str, data_folder: Path) -> None:
-    beside = Path(sys.executable).with_name("pio")
-    program = str(beside) if beside.is_file() else shutil.which("pio")
+    program = pio_program()
     if program is None:
         raise FoldcarError("flash: PlatformIO's `pio` is missing: run `make setup`")
     command = [program, "run", "-d", str(project), "-e", "featheresp32", "-t", target, "--upload-port", port]

@@ -5,19 +5,14 @@ from typing import Annotated
 
 import typer
 
-from foldcar.commands.options import Json, output_folder, print_json
+from foldcar.commands.options import Json, OutputFolder, Seed, tell
 from foldcar.errors import FoldcarError
-from foldcar.study.limits import GREATEST_SEED
 
 
 def gallery(
     scenarios: Annotated[list[Path], typer.Argument(metavar="SCENARIO", help="Scenic programs.")],
-    output: Annotated[
-        Path, typer.Option("-o", "--output", metavar="DIR", callback=output_folder, help="Folder for the pictures.")
-    ],
-    seed: Annotated[
-        int, typer.Option(metavar="S", min=0, max=GREATEST_SEED, help="The same seed gives the same pictures.")
-    ] = 42,
+    output: OutputFolder,
+    seed: Seed = 42,
     as_json: Json = False,
 ) -> None:
     """Draw environments, NAME.png for each NAME.scenic.
@@ -29,7 +24,7 @@ def gallery(
     """
     from foldcar.figures.gallery import SAMPLES, draw_gallery
     from foldcar.figures.ground import carsim_heights
-    from foldcar.output_folder import make_output_folder
+    from foldcar.outputs import make_output_folder
     from foldcar.scenes.source import open_environment
     from foldcar.simulation.carsim import Carsim
 
@@ -46,7 +41,4 @@ def gallery(
         file = output / f"{program.stem}.png"
         draw_gallery(scenes, file, heights, program.stem)
         files.append(file)
-        if not as_json:
-            typer.echo(file)
-    if as_json:
-        print_json({"files": files})
+    tell(as_json, {"files": files}, *files)

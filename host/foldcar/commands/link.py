@@ -5,8 +5,8 @@ from typing import Annotated
 
 import typer
 
-from foldcar.commands.listed_run import ExperimentId, Listing, Sample, listed_run
-from foldcar.commands.options import Components, Engine, Settings
+from foldcar.commands.listed_run import listed_run
+from foldcar.commands.options import Components, Engine, ExperimentId, Listing, Sample, Settings
 
 
 def link(
@@ -48,7 +48,7 @@ def link(
     from foldcar.simulation.runner import CarsimError
 
     one = listed_run(listing, experiment, settings, sample, engine)
-    binary, scene, body = one.carsim.binary, one.scene, one.body
+    scene, body = one.scene, one.body
     if reality is not None:
         values, limits = read_reality(reality), one.carsim.limits().numbers
         body, scene = real_run(one.experiment, one.nominal, one.scene, values, sample, limits)
@@ -70,4 +70,4 @@ def link(
         messages = car.process.stderr.read().strip().splitlines()
         code = car.process.wait()
     if code != 0:
-        raise CarsimError(f"{binary} link: {messages[-1] if messages else f'exit code {code}'}")
+        raise CarsimError(f"{one.carsim.binary} link: {messages[-1] if messages else f'exit code {code}'}")

@@ -1,15 +1,12 @@
-"""One run of a listing: a design of an experiment in a sample of its environment, as `run` and `link` take it."""
+"""What commands name of a listing: designs of a vehicle, or one run of an experiment in a sample of its environment."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
+from typing import TYPE_CHECKING, Any
 
 from foldcar.commands.options import design_settings
 from foldcar.errors import FoldcarError
-from foldcar.study.limits import MOST_ENVIRONMENTS
 
 if TYPE_CHECKING:
     from foldcar.car.design import Design
@@ -17,14 +14,8 @@ if TYPE_CHECKING:
     from foldcar.simulation.runner import Runner
     from foldcar.study.environments import Environment
     from foldcar.study.experiments import Experiment
-
-Listing = Annotated[Path, typer.Argument(metavar="LISTING", help="Experiment listing (JSON).")]
-ExperimentId = Annotated[str, typer.Option(metavar="ID", help="Experiment of the listing.")]
-Sample = Annotated[
-    int,
-    typer.Option(metavar="K", min=0, max=MOST_ENVIRONMENTS - 1, help="Number of the sampled environment and built car."),
-]
-
+    from foldcar.study.family import Family
+    from foldcar.study.listing import Listing
 
 @dataclass(frozen=True)
 class ListedRun:
@@ -38,6 +29,12 @@ class ListedRun:
     variation: dict[str, Any]
     body: dict[str, Any]
     scene: dict[str, Any]
+    sample: int
+
+    @property
+    def name(self) -> str:
+        """What messages call it."""
+        return f"experiment {self.experiment.id}, sample {self.sample}"
 
     @property
     def side_view_note(self) -> str:
@@ -70,10 +67,11 @@ def listed_run(
     from foldcar.study.experiments import read_study
 
     (chosen,) = read_study(listing, experiment).experiments
-    design = chosen.family.narrowed(design_settings(settings or [])).single()
+    design = chosen.family.narrowed(design_settings(settings)).single()
     environment = Environment(chosen)
     variation, scene = environment.variation(sample), environment.sample(sample)
-    return ListedRun(Carsim(engine=engine), chosen, design, environment, {}, variation, {}, scene).with_design(design)
+    carsim = Carsim(engine=engine)
+    return ListedRun(carsim, chosen, design, environment, {}, variation, {}, scene, sample).with_design(design)
 
 
 @dataclass(frozen=True)
@@ -112,15 +110,36 @@ class SimulatedRun:
         return [row for row in native["path"] if row[0] <= answer["elapsed_time_s"]]
 
 
-def simulated_run(listed: ListedRun, sample: int) -> tuple[SimulatedRun, dict[str, Any]]:
+def simulated_run(listed: ListedRun) -> tuple[SimulatedRun, dict[str, Any]]:
     """The run, and its answer by the runner of its environment. FoldcarError."""
-    chosen = listed.experiment
-    one = SimulatedRun(
-        label=f"experiment {chosen.id}, sample {sample}",
-        body=listed.body,
-        scene=listed.scene,
-        settings=chosen.settings(listed.design, listed.nominal, listed.carsim.parameter_table()),
-        sample=sample,
-    )
+    settings = listed.experiment.settings(listed.design, listed.nominal, listed.carsim.parameter_table())
+    one = SimulatedRun(listed.name, listed.body, listed.scene, settings, listed.sample)
     with listed.environment.runner(listed.carsim, listed.environment.dynamic) as runner:
         return one, one.by(runner)
+
+
+def listed_families(
+    listing: Path, vehicle: str | None, settings: Sequence[str] | None, every: bool = True
+) -> "tuple[Listing, list[Family]]":
+    """The listing, and those designs of the vehicle that have the settings (NAME=MM).
+
+    Without ``vehicle`` those of ``every`` one, or of the only one. FoldcarError if there is no such vehicle or value.
+    """
+    from foldcar.study.family import read_family
+    from foldcar.study.listing_file import read_listing
+
+    listed, _ = read_listing(listing)
+    known = ", ".join(listed.vehicles)
+    if vehicle is None and not every and len(listed.vehicles) != 1:
+        raise FoldcarError(f"{listing}: vehicles: has several; choose one with --vehicle: {known}")
+    if vehicle is not None and vehicle not in listed.vehicles:
+        raise FoldcarError(f'{listing}: vehicles: has no "{vehicle}"; known: {known}')
+    chosen = design_settings(settings)
+    names = list(listed.vehicles) if vehicle is None else [vehicle]
+    return listed, [read_family(listing, name, listed.vehicles[name]).narrowed(chosen) for name in names]
+
+
+def listed_family(listing: Path, vehicle: str | None, settings: Sequence[str] | None) -> "tuple[Listing, Family]":
+    """The same of one vehicle, which may be None if the listing has only one."""
+    listed, (family,) = listed_families(listing, vehicle, settings, every=False)
+    return listed, family

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from foldcar.commands.options import Components, output_store
+from foldcar.commands.options import Components, ExperimentId, Listing, Port, Settings, design_settings, output_store
 from foldcar.errors import FoldcarError
 from foldcar.study.limits import MOST_ENVIRONMENTS
 
@@ -13,20 +13,14 @@ MOST_COUNTDOWN_S = 60
 
 
 def log(
-    listing: Annotated[Path, typer.Argument(metavar="LISTING", help="Experiment listing (JSON).")],
-    experiment: Annotated[str, typer.Option(metavar="ID", help="Experiment of the listing.")],
-    port: Annotated[
-        str | None,
-        typer.Option(metavar="PORT", help="Serial port, pseudo-terminal or tcp:HOST:PORT; default: detected."),
-    ] = None,
+    listing: Listing,
+    experiment: ExperimentId,
+    port: Port = None,
     store: Annotated[
         Path | None,
         typer.Option(metavar="FILE", callback=output_store, help="Store for the trials; default: as LISTING, but .db."),
     ] = None,
-    settings: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="NAME=MM", help="Require a design; default: the one that the car reports."),
-    ] = None,
+    settings: Settings = None,
     sample: Annotated[
         int | None,
         typer.Option(
@@ -68,35 +62,34 @@ def log(
     \b
     Example: foldcar log scenarios/width_study.json --experiment 1 --store study.db
     """
-    from foldcar.commands.log_options import LogOptions
-    from foldcar.commands.log_session import LogSession
     from foldcar.interrupts import raised, said
     from foldcar.link.parameters import read_file
     from foldcar.store.trial_records import TRIAL_OUTCOMES
+    from foldcar.trials.session import Session, SessionOptions
 
     if outcome is not None and outcome not in TRIAL_OUTCOMES:
         raise FoldcarError(f"--outcome {outcome}: not one of {', '.join(TRIAL_OUTCOMES)}")
     if parameters is not None:
         read_file(parameters)
-    session = LogSession(
-        listing,
-        experiment,
-        LogOptions(
-            store=store or Path(f"{listing.stem}.db"),
-            settings=settings or [],
-            sample=sample,
-            trials=trials,
-            parameters=parameters,
-            deviations=deviation,
-            outcome=outcome,
-            note=note,
-            operator=operator,
-            countdown_s=countdown,
-            untethered=untethered,
-            any_build=any_build,
-            yes=yes,
-        ),
+    store = store or Path(f"{listing.stem}.db")
+    options = SessionOptions(
+        listing=listing,
+        experiment=experiment,
+        store=store,
+        settings=design_settings(settings),
+        sample=sample,
+        trials=trials,
+        parameters=parameters,
+        deviations=deviation,
+        outcome=outcome,
+        note=note,
+        operator=operator,
+        countdown_s=countdown,
+        untethered=untethered,
+        any_build=any_build,
+        yes=yes,
     )
-    with said(lambda: f"stopped: the driven trials are in {session.options.store}"), raised():
+    session = Session(options)
+    with said(lambda: f"stopped: the driven trials are in {store}"), raised():
         driven = session.run(port)
-    typer.echo(f"{driven} trials; store: {session.options.store}")
+    typer.echo(f"{driven} trials; store: {store}")

@@ -5,14 +5,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from foldcar.commands.options import Components, Json, Settings, design_settings, output_folder, print_json
+from foldcar.commands.options import Components, Json, Listing, OutputFolder, Sample, Settings, design_settings, tell
 from foldcar.errors import FoldcarError
-from foldcar.study.limits import MOST_ENVIRONMENTS
 
 if TYPE_CHECKING:
     from foldcar.car.design import Design
     from foldcar.simulation.carsim import PulseTrain
-    from foldcar.study.listing import Listing
+    from foldcar.study import listing as listings
 
 FORMATS = ("mjcf", "urdf", "webots")
 # Of a car that no experiment of the listing drives.
@@ -20,20 +19,15 @@ TIME_LIMIT_S = 120.0
 
 
 def model(
-    listing: Annotated[Path, typer.Argument(metavar="LISTING", help="Experiment listing (JSON).")],
+    listing: Listing,
     vehicle: Annotated[str, typer.Option(metavar="ID", help="Vehicle of the listing.")],
     to: Annotated[str, typer.Option(metavar="FORMAT", help=f"One of {', '.join(FORMATS)}.")],
-    output: Annotated[
-        Path, typer.Option("-o", "--output", metavar="DIR", callback=output_folder, help="Folder for the files.")
-    ],
+    output: OutputFolder,
     settings: Settings = None,
     environment: Annotated[
         str | None, typer.Option(metavar="ID", help="Environment of the listing for the car's surroundings.")
     ] = None,
-    sample: Annotated[
-        int,
-        typer.Option(metavar="K", min=0, max=MOST_ENVIRONMENTS - 1, help="Number of the environment's sample."),
-    ] = 0,
+    sample: Sample = 0,
     components: Components = None,
     as_json: Json = False,
 ) -> None:
@@ -44,18 +38,18 @@ def model(
     \b
     Example: foldcar model scenarios/width_study.json --vehicle 1 --set width=95 --to mjcf -o models
     """
-    from foldcar.atomic_file import atomic_file
+    from foldcar.analysis.words import design_text
     from foldcar.car.body import body_json
-    from foldcar.commands.listed_design import listed_family
+    from foldcar.commands.listed_run import listed_family
     from foldcar.models.exported_car import car_name, scene_name
-    from foldcar.output_folder import make_output_folder
+    from foldcar.outputs import atomic_file, make_output_folder
 
     if to not in FORMATS:
         raise FoldcarError(f"--to {to}: not one of {', '.join(FORMATS)}")
     if to == "urdf" and environment is not None:
         raise FoldcarError("--environment: URDF describes robots only; leave it out or choose mjcf or webots")
     listed, family = listed_family(listing, vehicle, [])
-    chosen = design_settings(settings or [])
+    chosen = design_settings(settings)
     varied = [key for key, values in family.choices.items() if len(values) > 1]
     design = family.narrowed(chosen).single()
     body = body_json(design)
@@ -85,9 +79,8 @@ def model(
         prefix = f"{Path(file).stem}_" if file else ""
         controller = f"controllers/{CONTROLLER}"
         drive = f"{car}{surroundings}"
-        values = " ".join(f"{key}={value:g}" for key, value in design.values.items())
         files = {
-            f"protos/{car}.proto": webots_proto(body, car, f"{design.type} {values}"),
+            f"protos/{car}.proto": webots_proto(body, car, f"{design.type}, {design_text(design.columns)}"),
             f"worlds/{prefix}{drive}.wbt": webots_world(body, car, scene, grid, drive),
             f"{controller}/{CONTROLLER}.py": controller_program(),
             f"{controller}/{drive}.json": controller_drive(body, *_drive(listing, listed, vehicle, environment, design)),
@@ -99,14 +92,11 @@ def model(
         with atomic_file(target) as binary:
             binary.write(text.encode())
     written = [output / name for name in files]
-    if as_json:
-        print_json({"files": written})
-    else:
-        typer.echo("\n".join(map(str, written)))
+    tell(as_json, {"files": written}, *written)
 
 
 def _drive(
-    file: Path, listed: "Listing", vehicle: str, environment: str | None, design: "Design"
+    file: Path, listed: "listings.Listing", vehicle: str, environment: str | None, design: "Design"
 ) -> "tuple[PulseTrain, float]":
     """The firmware's pulses, and how long the car stands before them (s).
 
@@ -131,7 +121,7 @@ def _drive(
     return pulses, carsim.limits().trial.settling_s
 
 
-def _scene(file: Path, listed: "Listing", environment: str | None, sample: int) -> dict[str, Any] | None:
+def _scene(file: Path, listed: "listings.Listing", environment: str | None, sample: int) -> dict[str, Any] | None:
     """The environment's sample."""
     if environment is None:
         return None

@@ -8,11 +8,11 @@ from typing import Annotated
 
 import typer
 
-from foldcar.commands.options import Json, print_json
+from foldcar.commands.options import Json, tell
 from foldcar.errors import FoldcarError
+from foldcar.installation import PACKAGE, source_tree
 from foldcar.interrupts import held
-from foldcar.output_folder import make_output_folder
-from foldcar.source_tree import PACKAGE, source_tree
+from foldcar.outputs import make_output_folder
 
 FILES = ("README.md", "study.json", "yard.scenic")
 FIRST = ("foldcar sweep study.json --store yard.db", "foldcar report yard.db -o report")
@@ -80,12 +80,9 @@ def new(
     except OSError as error:
         _remove(folder, made)
         raise FoldcarError(f"{folder}: cannot be written: {error.strerror or error}") from error
-    if as_json:
-        print_json({"folder": folder, "files": [folder / name for name in names]})
-        return
-    typer.echo(f"{folder}: {', '.join(names)}; now type:")
-    for command in (f"cd {shlex.quote(str(folder))}", *commands):
-        typer.echo(f"  {command}")
+    lines = [f"{folder}: {', '.join(names)}; now type:", f"  cd {shlex.quote(str(folder))}"]
+    lines += [f"  {command}" for command in commands]
+    tell(as_json, {"folder": folder, "files": [folder / name for name in names]}, *lines)
 
 
 def _remove(folder: Path, made: bool) -> None:

@@ -1,25 +1,30 @@
 """`foldcar optimize`: searches the best designs of a family, simulating those that are worth a look."""
 
-import shlex
-import sys
 from enum import Enum
-from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from foldcar.commands.options import (
     Components,
+    Environments,
     Jobs,
     Json,
+    Listing,
+    OneExperiment,
+    OutputStore,
     Scheduler,
+    UnderCalibration,
     check_scheduler_option,
-    output_store,
-    print_json,
+    command_line,
     simulators,
+    tell,
 )
 from foldcar.errors import FoldcarError
 from foldcar.study.limits import MOST_ENVIRONMENTS
+
+if TYPE_CHECKING:
+    from foldcar.search.search import Found
 
 MOST_DESIGNS = 100_000
 
@@ -43,10 +48,8 @@ class SamplerName(str, Enum):
 
 
 def optimize(
-    listing: Annotated[Path, typer.Argument(metavar="LISTING", help="Experiment listing (JSON).")],
-    store: Annotated[
-        Path, typer.Option(metavar="FILE", callback=output_store, help="Store to write; made if it is missing.")
-    ],
+    listing: Listing,
+    store: OutputStore,
     objective: Annotated[
         list[ObjectiveName] | None,
         typer.Option(
@@ -61,15 +64,7 @@ def optimize(
     runs: Annotated[
         int | None, typer.Option(metavar="N", min=1, help="Runs of tried designs at most; default: no limit.")
     ] = None,
-    environments: Annotated[
-        int | None,
-        typer.Option(
-            metavar="N",
-            min=1,
-            max=MOST_ENVIRONMENTS,
-            help="Sampled environments of each design, instead of the listing's number.",
-        ),
-    ] = None,
+    environments: Environments = None,
     best: Annotated[
         int, typer.Option(metavar="N", min=1, max=100, help="How many of the best to judge in fresh environments.")
     ] = 3,
@@ -86,11 +81,8 @@ def optimize(
     seed: Annotated[int, typer.Option(metavar="S", min=0, max=2**31, help="Of the sampler.")] = 0,
     jobs: Jobs = None,
     scheduler: Scheduler = None,
-    experiment: Annotated[str | None, typer.Option(metavar="ID", help="This experiment of the listing.")] = None,
-    calibration: Annotated[
-        str | None,
-        typer.Option(metavar="NAME", help="Simulate under this calibration of the store (see `foldcar calibrate`)."),
-    ] = None,
+    experiment: OneExperiment = None,
+    calibration: UnderCalibration = None,
     components: Components = None,
     as_json: Json = False,
 ) -> None:
@@ -102,9 +94,9 @@ def optimize(
     \b
     Example: foldcar optimize examples/design_space.json --store space.db --designs 60 --environments 50
     """
-    from foldcar.commands.options import under_calibration
+    from foldcar.api.sweeping import under_calibration
     from foldcar.commands.progress_bar import SearchBar
-    from foldcar.commands.search_text import print_search, search_object
+    from foldcar.commands.tables import print_search
     from foldcar.interrupts import said
     from foldcar.search.objectives import OBJECTIVES
     from foldcar.search.search import Found, Plan, search, searched_study
@@ -128,15 +120,31 @@ def optimize(
         prune=prune and len(names) == 1,
     )
     found = Found(planned=designs)
-    command = shlex.join(["foldcar", *sys.argv[1:]])
-
     def stopped() -> str:
         return f"stopped: {found.designs} of {designs} designs are tried, their runs in {store}; the same command resumes"
 
     carsim = Carsim()
-    with said(stopped), SearchBar(found) as bar, simulators(scheduler, jobs, carsim, bar.say) as places:
-        search(study, plan, store, carsim, places, command, found, bar.update, environment_of)
+    with said(stopped), SearchBar("designs", designs) as bar, simulators(scheduler, jobs, carsim, bar.say) as places:
+        search(study, plan, store, carsim, places, command_line(), found, bar.update, environment_of)
+    chosen = study.experiments[0]
     if as_json:
-        print_json(search_object(plan, found, store, study.experiments[0].id))
+        tell(as_json, {"store": store, "experiment": chosen.id, "objectives": names, **_search_object(names, found)})
     else:
-        print_search(plan, found, store, list(study.experiments[0].family.varied))
+        print_search(plan, found, store, list(chosen.family.varied))
+
+
+def _search_object(names: list[str], found: "Found") -> dict[str, Any]:
+    """What was found, by the objectives' names."""
+    counts = ("designs", "pruned", "unbuildable", "runs", "new", "exhausted")
+    best = [
+        {
+            "design": one.design,
+            "chosen_by": dict(zip(names, one.chosen_by, strict=True)),
+            "fresh": {
+                name: {"value": value, "interval": interval}
+                for name, value, interval in zip(names, one.fresh, one.intervals, strict=True)
+            },
+        }
+        for one in found.best
+    ]
+    return {**{name: getattr(found, name) for name in counts}, "seconds": round(found.seconds, 3), "best": best}

@@ -1,36 +1,55 @@
-"""The options and arguments that commands share, and what their values mean."""
+"""The options and arguments that commands share, what their values mean, and how results are printed."""
 
 import contextlib
 import json
 import math
 import re
+import shlex
+import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from foldcar.car.parts.catalogue import OPTIONS
-from foldcar.did_you_mean import did_you_mean
 from foldcar.errors import FoldcarError
-from foldcar.output_folder import check_output_file, check_output_folder, check_replaceable
-from foldcar.processors import usable_processors
-from foldcar.study.limits import MOST_JOBS
-from foldcar.typed_numbers import decimal_number
+from foldcar.installation import usable_processors
+from foldcar.outputs import check_output_file, check_output_folder, check_replaceable
+from foldcar.study.limits import GREATEST_SEED, MOST_ENVIRONMENTS, MOST_JOBS
+from foldcar.typed import decimal_number, did_you_mean
 
 if TYPE_CHECKING:
     from foldcar.simulation.carsim import Carsim
     from foldcar.study.chunks import Simulators
-    from foldcar.study.environments import Environment
-    from foldcar.study.experiments import Experiment, Study
+
+STANDARD_OUTPUT = Path("-")
 
 Json = Annotated[bool, typer.Option("--json", help="Print the result as one JSON object, and nothing else.")]
 
 
-def print_json(result: Mapping[str, Any]) -> None:
-    """Print the object in ASCII; paths become texts, and a number that is none (NaN, infinite) null."""
-    typer.echo(json.dumps(_plain(result), indent=2, allow_nan=False))
+def tell(as_json: bool, result: Mapping[str, Any], *lines: object) -> None:
+    """Print the object in ASCII, or else the lines; paths become texts, a number that is none (NaN, infinite) null."""
+    if as_json:
+        typer.echo(json.dumps(_plain(result), indent=2, allow_nan=False))
+    else:
+        for line in lines:
+            typer.echo(line)
+
+
+def note(text: str) -> None:
+    """Print a note on standard error."""
+    typer.echo(f"note: {text}", err=True)
+
+
+def counts_text(counts: Mapping[str, int]) -> str:
+    """``12 runs, 3 trials``."""
+    return ", ".join(f"{count} {what}" for what, count in counts.items())
+
+
+def command_line() -> str:
+    """The command as it was typed."""
+    return shlex.join(["foldcar", *sys.argv[1:]])
 
 
 def _plain(value: Any) -> Any:
@@ -43,55 +62,146 @@ def _plain(value: Any) -> Any:
     return str(value) if isinstance(value, Path) else value
 
 
-Jobs = Annotated[
-    int | None,
-    typer.Option(metavar="N", min=1, max=MOST_JOBS, help="Simulators in parallel; default: one per processor."),
-]
+def _checked(check: Callable[[Any], object]) -> Callable[[typer.Context, Any], Any]:
+    """A callback of an option that calls ``check`` with a value, but neither without one nor for completions."""
+
+    def callback(context: typer.Context, value: Any) -> Any:
+        if value is not None and not context.resilient_parsing:
+            check(value)
+        return value
+
+    return callback
 
 
-def _known(engine: str) -> str:
+def _check_file(file: Path) -> None:
+    if file != STANDARD_OUTPUT:
+        check_output_file(file)
+        check_replaceable(file)
+
+
+def _check_picture(file: Path) -> None:
+    from foldcar.figures.output import check_format
+
+    _check_file(file)
+    check_format(file)
+
+
+def _check_store(store: Path) -> None:
+    from foldcar.store.errors import check_name
+
+    check_name(store)
+    check_output_file(store)
+
+
+def _check_engine(engine: str) -> None:
     from foldcar.simulation.engines import ENGINES, TOLD
 
     if engine not in ENGINES:
         raise typer.BadParameter(f'"{engine}" is none of {", ".join(TOLD)}{did_you_mean(engine, TOLD)}')
-    return engine
 
 
-Engine = Annotated[
-    str,
-    typer.Option(
-        metavar="NAME",
-        callback=_known,
-        help="side-view (Box2D: quick, the same ground under both tracks), multibody (six degrees of freedom), or mujoco "
-        "(slow, `make mujoco` builds it).",
-    ),
-]
-
-
-def _load(context: typer.Context, files: Sequence[Path] | None) -> Sequence[Path] | None:
+def _load(files: Sequence[Path]) -> None:
     """Register the modules before the command reads its listing."""
-    if files and not context.resilient_parsing:
+    if files:
         from foldcar.car.design import load_components
 
         for file in files:
             load_components(file)
-    return files
 
 
+# FoldcarError if the value, a file or ``-``, a store, or a folder, cannot be written.
+output_file, output_store, output_folder = _checked(_check_file), _checked(_check_store), _checked(check_output_folder)
+
+Listing = Annotated[Path, typer.Argument(metavar="LISTING", help="Experiment listing or design (JSON).")]
+StudyStore = Annotated[Path, typer.Argument(metavar="STORE", help="Store of a sweep, and of trials if there are any.")]
+TrialStore = Annotated[Path, typer.Argument(metavar="STORE", help="The store that holds the trials.")]
+TrialNumber = Annotated[int, typer.Argument(metavar="TRIAL", min=1, help="Number of a trial, as `trials list` shows it.")]
+OutputStore = Annotated[
+    Path, typer.Option("--store", metavar="FILE", callback=output_store, help="Store to write; made if it is missing.")
+]
+NewStore = Annotated[
+    Path,
+    typer.Option("-o", "--output", metavar="FILE", callback=output_store, help="Store to make; there must be none."),
+]
+OutputFolder = Annotated[
+    Path, typer.Option("-o", "--output", metavar="DIR", callback=output_folder, help="Folder for the files.")
+]
+Picture = Annotated[
+    Path | None,
+    typer.Option("--plot", metavar="FILE", callback=_checked(_check_picture), help="Picture (.png, .svg, .pdf)."),
+]
+CsvFile = Annotated[
+    Path | None, typer.Option("--csv", metavar="FILE", callback=output_file, help="CSV file to write: a row a design.")
+]
+ExperimentId = Annotated[str, typer.Option("--experiment", metavar="ID", help="Experiment of the listing.")]
+OneExperiment = Annotated[str | None, typer.Option("--experiment", metavar="ID", help="Only this experiment.")]
+Vehicle = Annotated[
+    str | None, typer.Option("--vehicle", metavar="ID", help="Vehicle of the listing, if it has several.")
+]
+Sample = Annotated[
+    int,
+    typer.Option(metavar="K", min=0, max=MOST_ENVIRONMENTS - 1, help="Number of the sampled environment and built car."),
+]
+Environments = Annotated[
+    int | None,
+    typer.Option(
+        metavar="N", min=1, max=MOST_ENVIRONMENTS, help="Sampled environments, instead of the listing's number."
+    ),
+]
+Seed = Annotated[int, typer.Option(metavar="S", min=0, max=GREATEST_SEED, help="Of all that is random.")]
+Jobs = Annotated[
+    int | None,
+    typer.Option(metavar="N", min=1, max=MOST_JOBS, help="Simulators in parallel; default: one per processor."),
+]
+Engine = Annotated[
+    str,
+    typer.Option(
+        metavar="NAME",
+        callback=_checked(_check_engine),
+        help="side-view (Box2D: quick, the same ground under both tracks), multibody (six degrees of freedom), or mujoco "
+        "(slow, `make mujoco` builds it).",
+    ),
+]
 Components = Annotated[
     list[Path] | None,
     typer.Option(
-        "--components", metavar="FILE", callback=_load, help="Python file with modules of your own for type strings."
+        "--components",
+        metavar="FILE",
+        callback=_checked(_load),
+        help="Python file with modules of your own for type strings.",
     ),
 ]
-
-
 Scheduler = Annotated[
     str | None,
     typer.Option(
         metavar="ADDRESS",
         help="Simulate at the workers of a Dask scheduler, as tcp://10.0.0.1:8786; local:4 starts 4 workers here.",
     ),
+]
+UnderCalibration = Annotated[
+    str | None,
+    typer.Option(
+        "--calibration", metavar="NAME", help="Simulate under this calibration of the store (see `foldcar calibrate`)."
+    ),
+]
+Settings = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="NAME=MM", help="Choose a parameter or a part, e.g. width=95, W.length=60, tyre=none."),
+]
+Machine = Annotated[
+    str, typer.Option(metavar="NAME", help="silhouette, cricut, laser or scissors: presets for the sheets.")
+]
+Sheet = Annotated[
+    str | None, typer.Option(metavar="SIZE", help="a4, letter, a3, 12in, 12x24in or WIDTHxHEIGHT in mm.")
+]
+Port = Annotated[
+    str | None, typer.Option(metavar="PORT", help="Serial port, pseudo-terminal or tcp:HOST:PORT; default: detected.")
+]
+SimulatedTrials = Annotated[
+    bool, typer.Option("--simulated-trials", help="Also trials of simulated cars, marked as such and counted apart.")
+]
+SimulatedTrialsInstead = Annotated[
+    bool, typer.Option("--simulated-trials", help="Go by the trials of simulated cars instead of built ones.")
 ]
 
 
@@ -117,34 +227,6 @@ def simulators(
         yield cluster
 
 
-STANDARD_OUTPUT = Path("-")
-
-
-def output_file(context: typer.Context, file: Path | None) -> Path | None:
-    """The option's value, a file or ``-``; FoldcarError if it cannot be written, or is a store."""
-    if file is not None and file != STANDARD_OUTPUT and not context.resilient_parsing:
-        check_output_file(file)
-        check_replaceable(file)
-    return file
-
-
-def output_store(context: typer.Context, store: Path | None) -> Path | None:
-    """The option's value, a store that is written or made; FoldcarError if it cannot be."""
-    if store is not None and not context.resilient_parsing:
-        from foldcar.store.errors import check_name
-
-        check_name(store)
-        check_output_file(store)
-    return store
-
-
-def output_folder(context: typer.Context, folder: Path | None) -> Path | None:
-    """The option's value, a folder; FoldcarError if it cannot be written."""
-    if folder is not None and not context.resilient_parsing:
-        check_output_folder(folder)
-    return folder
-
-
 def check_distinct(inputs: Sequence[Path], outputs: Sequence[Path | None]) -> None:
     """FoldcarError if an output would replace a file that the command reads, or another of its outputs."""
     taken = {file.resolve(): "is read by this command" for file in inputs}
@@ -156,16 +238,10 @@ def check_distinct(inputs: Sequence[Path], outputs: Sequence[Path | None]) -> No
         taken[output.resolve()] = "is named twice"
 
 
-Settings = Annotated[
-    list[str] | None,
-    typer.Option("--set", metavar="NAME=MM", help="Choose a parameter or a part, e.g. width=95, W.length=60, tyre=none."),
-]
-
-
-def design_settings(words: Sequence[str]) -> dict[str, float | str]:
+def design_settings(words: Sequence[str] | None) -> dict[str, float | str]:
     """Parse NAME=MM words to values (mm or degrees) by parameter or names of parts by kind; FoldcarError."""
     settings: dict[str, float | str] = {}
-    for word in words:
+    for word in words or ():
         key, equals, text = word.partition("=")
         if key in settings:
             first = settings[key]
@@ -192,38 +268,3 @@ def parse_points(option: str, text: str, least: float = 1.0, most: float = 50.0)
     if not least <= value <= most:
         raise FoldcarError(f"{option}: {text.strip()} is not within {least:g}pp to {most:g}pp")
     return value / 100
-
-
-def under_calibration(
-    study: "Study", store: Path, name: str | None, reality: Path | None = None
-) -> "tuple[Study, Callable[[Experiment], Environment]]":
-    """The study and what makes its environments: changed ones if a calibration or a file is given. FoldcarError."""
-    from foldcar.study.environments import Environment
-
-    if name is None and reality is None:
-        return study, Environment
-    if name is not None and reality is not None:
-        raise FoldcarError("--calibration and --reality: both say what to simulate with; give one of them")
-    from foldcar.calibration.environment import as_calibration, calibrated_environment, calibrated_study, read_reality
-    from foldcar.store.calibrations import calibration_named
-    from foldcar.store.reader import Store
-
-    if name is None:
-        assert reality is not None
-        calibration = as_calibration(reality, read_reality(reality))
-    else:
-        with Store.open(store) as opened:
-            calibration = calibration_named(opened, name)
-    return calibrated_study(study, calibration), partial(calibrated_environment, calibration=calibration)
-
-
-SimulatedTrials = Annotated[
-    bool, typer.Option("--simulated-trials", help="Also trials of simulated cars, marked as such and counted apart.")
-]
-SimulatedTrialsInstead = Annotated[
-    bool, typer.Option("--simulated-trials", help="Go by the trials of simulated cars instead of built ones.")
-]
-
-
-StoreFile = Annotated[Path, typer.Argument(metavar="STORE", help="The store that holds the trials.")]
-Number = Annotated[int, typer.Argument(metavar="TRIAL", min=1, help="The trial's number, as `trials list` shows it.")]

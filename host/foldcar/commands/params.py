@@ -3,20 +3,17 @@
 import contextlib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from foldcar.commands.options import Json, output_file, print_json
-from foldcar.did_you_mean import did_you_mean
+from foldcar.commands.options import Json, Port, output_file, tell
 from foldcar.errors import FoldcarError
+from foldcar.typed import did_you_mean
 
 if TYPE_CHECKING:
     from foldcar.link.car import Car
 
-Port = Annotated[
-    str | None, typer.Option(metavar="PORT", help="Serial port, pseudo-terminal or tcp:HOST:PORT; default: detected.")
-]
 ParameterFile = Annotated[Path, typer.Argument(metavar="FILE", help="Lines of NAME VALUE, comments after #.")]
 
 params = typer.Typer(name="params", help="Read and set a car's parameters.", no_args_is_help=True, rich_markup_mode=None)
@@ -33,19 +30,14 @@ def get(
     \b
     Example: foldcar params get CH1_NEUTRAL_US CH1_DEADBAND_US
     """
-    from foldcar.link.parameters import read_parameters, value_text
+    from foldcar.link.parameters import read_parameters
 
     with _car(port) as car:
         values = read_parameters(car)
     for name in names or values:
         if name not in values:
             raise FoldcarError(f"{name}: the car has no such parameter{did_you_mean(name.upper(), values)}")
-    shown = {name: values[name] for name in names or values}
-    if as_json:
-        print_json({"parameters": _numbers(shown)})
-        return
-    for name, value in shown.items():
-        typer.echo(f"{name:<16} {value_text(value)}")
+    _show(as_json, {name: values[name] for name in names or values})
 
 
 @params.command("set")
@@ -60,14 +52,11 @@ def set_one(
     \b
     Example: foldcar params set CH1_NEUTRAL_US 1512
     """
-    from foldcar.link.parameters import set_parameter, value_text
+    from foldcar.link.parameters import set_parameter
 
     with _car(port) as car:
         set_parameter(car, name, value)
-    if as_json:
-        print_json({"parameters": {name: value}})
-    else:
-        typer.echo(f"{name:<16} {value_text(value)}")
+    _show(as_json, {name: value})
 
 
 @params.command()
@@ -90,10 +79,7 @@ def save(
         values = read_parameters(car)
     name = identity.name or "a car without a design"
     write_file(file, values, f"parameters of {name} ({identity.hash or 'no car.json'}), firmware {identity.build}")
-    if as_json:
-        print_json({"file": file, "parameters": _numbers(values)})
-    else:
-        typer.echo(f"{file}: {len(values)} parameters")
+    tell(as_json, {"file": file, "parameters": _numbers(values)}, f"{file}: {len(values)} parameters")
 
 
 @params.command()
@@ -124,10 +110,9 @@ def load(file: ParameterFile, port: Port = None, as_json: Json = False) -> None:
             except FoldcarError as error:
                 refused.append(str(error))
                 typer.echo(f"{error}", err=True)
-    if as_json:
-        print_json({"set": done, "unchanged": len(wanted) - len(rows), "refused": refused})
-    else:
-        typer.echo(f"{len(done)} parameters set, {len(wanted) - len(rows)} unchanged")
+    unchanged = len(wanted) - len(rows)
+    result = {"set": done, "unchanged": unchanged, "refused": refused}
+    tell(as_json, result, f"{len(done)} parameters set, {unchanged} unchanged")
     if refused:
         raise FoldcarError(f"{file}: {len(refused)} of {len(wanted)} parameters were refused, the first is {refused[0]}")
 
@@ -144,17 +129,16 @@ def diff(file: ParameterFile, port: Port = None, as_json: Json = False) -> None:
     wanted = read_file(file)
     with _car(port) as car:
         rows = differences(read_parameters(car), wanted)
-    if as_json:
-        differing = {name: _numbers({"car": has, "file": value}) for name, has, value in rows}
-        print_json({"compared": len(wanted), "differing": differing})
-        return
-    if rows:
-        typer.echo(f"{'':<16} {'car':>12} {'file':>12}")
-    for name, has, value in rows:
-        typer.echo(f"{name:<16} {_text(has):>12} {_text(value):>12}")
+    differing = {name: _numbers({"car": has, "file": value}) for name, has, value in rows}
+    lines = [f"{name:<16} {_text(has):>12} {_text(value):>12}" for name, has, value in rows]
     alone = sum(has is None or value is None for _, has, value in rows)
     only = f"; {alone} are only on one side" if alone else ""
-    typer.echo(f"{len(rows) - alone} of {len(wanted)} parameters differ{only}")
+    tell(
+        as_json,
+        {"compared": len(wanted), "differing": differing},
+        *([f"{'':<16} {'car':>12} {'file':>12}", *lines] if rows else []),
+        f"{len(rows) - alone} of {len(wanted)} parameters differ{only}",
+    )
 
 
 @params.command()
@@ -167,7 +151,7 @@ def confirm(port: Port = None, as_json: Json = False) -> None:
     Example: foldcar params confirm
     """
     from foldcar.car.body import CHANNELS
-    from foldcar.link.parameters import read_parameters, value_text
+    from foldcar.link.parameters import read_parameters
 
     with _car(port) as car:
         design, dialect = car.request("FOLDCAR_DESIGN"), car.dialect
@@ -180,14 +164,15 @@ def confirm(port: Port = None, as_json: Json = False) -> None:
             car.acknowledge_fault(without_design=True)
         values = read_parameters(car)
     names = ("WHEEL_RADIUS_M", "TRACK_M", *(f"CH{n}_SIDE" for n in range(1, CHANNELS + 1)))
-    if as_json:
-        print_json({"acknowledged": fault, "parameters": _numbers({name: values[name] for name in names})})
-        return
-    if fault is not None:
-        typer.echo(f"acknowledged: {fault}")
-    typer.echo("until it restarts, the car drives by these parameters:")
-    for name in names:
-        typer.echo(f"{name:<16} {value_text(values[name])}")
+    lines = [f"acknowledged: {fault}"] if fault is not None else []
+    lines.append("until it restarts, the car drives by these parameters:")
+    _show(as_json, {name: values[name] for name in names}, *lines, acknowledged=fault)
+
+
+def _show(as_json: bool, values: Mapping[str, float], *lines: str, **more: Any) -> None:
+    """Print parameters, a line each."""
+    rows = (f"{name:<16} {_text(value)}" for name, value in values.items())
+    tell(as_json, {**more, "parameters": _numbers(values)}, *lines, *rows)
 
 
 @contextlib.contextmanager
@@ -202,11 +187,9 @@ def _car(port: str | None) -> Iterator["Car"]:
         car.connection.close()
 
 
-def _numbers(values: Mapping[str, float | None]) -> dict[str, float | None]:
+def _numbers(values: "Mapping[str, float] | Mapping[str, float | None]") -> dict[str, float | None]:
     """The values as the shortest decimals of the car's 32-bit numbers."""
-    from foldcar.link.parameters import value_text
-
-    return {name: None if value is None else float(value_text(value)) for name, value in values.items()}
+    return {name: None if value is None else float(_text(value)) for name, value in values.items()}
 
 
 def _text(value: float | None) -> str:

@@ -1,26 +1,20 @@
 """`foldcar report`: writes a page with figures of a store's study, and prints a summary."""
 
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from foldcar.commands.options import Json, SimulatedTrials, output_folder, print_json
-from foldcar.processors import usable_processors
+from foldcar.commands.options import Json, OutputFolder, SimulatedTrials, StudyStore, tell
+from foldcar.installation import usable_processors
 
 if TYPE_CHECKING:
     from foldcar.simulation.carsim import Carsim
 
 
 def report(
-    store: Annotated[Path, typer.Argument(metavar="STORE", help="The store that a sweep wrote.")],
-    output: Annotated[
-        Path,
-        typer.Option(
-            "-o", "--output", metavar="DIR", callback=output_folder, help="Folder for the page and its figures."
-        ),
-    ],
+    store: StudyStore,
+    output: OutputFolder,
     simulated_trials: SimulatedTrials = False,
     threshold: Annotated[
         list[float] | None,
@@ -47,7 +41,7 @@ def report(
     \b
     Example: foldcar report study.db -o report --threshold 0.6 --threshold 0.8
     """
-    from foldcar.commands.progress_bar import ReplayBar
+    from foldcar.commands.progress_bar import TerminalBar
     from foldcar.report.figure_options import figure_options
     from foldcar.report.replayer import Replayer
     from foldcar.report.summary_object import summary_object, trials_object
@@ -63,12 +57,12 @@ def report(
     command += ["--sample", str(sample)] if sample else []
     if not replay:
         command.append("--no-replay")
-    with Store.open(store) as opened, ReplayBar() as bar:
+    with Store.open(store) as opened, TerminalBar("replay", 0) as bar:
         replayer = Replayer(partial(_carsim, replay), usable_processors(), bar.plan, bar.done)
         sections, driven = write_report(opened, output, command, simulated_trials, replayer, options)
     if as_json:
         experiments, only_trials = [summary_object(one) for one in sections], [trials_object(one) for one in driven]
-        print_json({"store": store, "page": output / PAGE, "experiments": experiments, "trials": only_trials})
+        tell(True, {"store": store, "page": output / PAGE, "experiments": experiments, "trials": only_trials})
         return
     print_summary(sections, driven)
     typer.echo(f"report: {output / PAGE}")

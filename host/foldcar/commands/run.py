@@ -1,12 +1,13 @@
 """`foldcar run`: simulates one design in one sampled environment, prints the result and optionally draws it."""
 
-from pathlib import Path
-from typing import Annotated
+import json
+from collections.abc import Iterator, Mapping
+from typing import Any
 
 import typer
 
-from foldcar.commands.listed_run import ExperimentId, Listing, Sample, listed_run, simulated_run
-from foldcar.commands.options import Components, Engine, Json, Settings, output_file, print_json
+from foldcar.commands.listed_run import listed_run, simulated_run
+from foldcar.commands.options import Components, Engine, ExperimentId, Json, Listing, Picture, Sample, Settings, tell
 
 LEAST_NAME_WIDTH = 22
 
@@ -16,9 +17,7 @@ def run(
     experiment: ExperimentId,
     settings: Settings = None,
     sample: Sample = 0,
-    plot: Annotated[
-        Path | None, typer.Option(metavar="FILE", callback=output_file, help="Picture to draw (.png, .svg, .pdf).")
-    ] = None,
+    plot: Picture = None,
     engine: Engine = "multibody",
     components: Components = None,
     as_json: Json = False,
@@ -30,56 +29,87 @@ def run(
     \b
     Example: foldcar run scenarios/width_study.json --experiment 1 --set width=115 --sample 3 --plot run.png
     """
-    from foldcar.commands.run_text import answer_lines, answer_object, variation_text
-    from foldcar.figures.output import check_format
+    from foldcar.analysis.words import design_text
+    from foldcar.simulation.results import NUMBERS, outcome_of
 
-    if plot is not None:
-        check_format(plot)
     listed = listed_run(listing, experiment, settings, sample, engine)
-    carsim, chosen, design, variation = listed.carsim, listed.experiment, listed.design, listed.variation
-    one, answer = simulated_run(listed, sample)
+    chosen, design, variation = listed.experiment, listed.design, listed.variation
+    one, answer = simulated_run(listed)
     if listed.side_view_note:
         typer.echo(listed.side_view_note, err=True)
     lines = [
         ("experiment", f"{experiment}: vehicle {chosen.family.vehicle} in environment {chosen.environment}"),
-        ("design", f"{design.type} " + " ".join(f"{key}={value:g}" for key, value in design.values.items())),
+        ("design", f"{design.type}, {design_text(design.columns)}"),
         ("sample", f"{sample} (seed {chosen.seed})"),
-        *(
-            [("variation", f"{variation_text(variation)} (seed {chosen.variation_seed})")]
-            if variation
-            else []
-        ),
+        *([("variation", f"{variation_text(variation)} (seed {chosen.variation_seed})")] if variation else []),
         ("success", listed.environment.success.text),
-        *answer_lines(answer),
+        *_answer_lines(answer),
     ]
-    width = max(LEAST_NAME_WIDTH, *(len(name) + 1 for name, _ in lines))
-    if not as_json:
-        for name, text in lines:
-            typer.echo(f"{name:<{width}}{text}")
     if plot is not None:
         from foldcar.figures.ground import carsim_heights
         from foldcar.figures.run import draw_run
 
-        path = one.path(carsim, answer, plot)
-        draw_run(one.body, one.scene, answer, path, carsim_heights(carsim), plot)
-        if not as_json:
-            typer.echo(f"{'picture':<{width}}{plot}")
-    if as_json:
-        print_json(
-            {
-                "experiment": experiment,
-                "vehicle": chosen.family.vehicle,
-                "environment": chosen.environment,
-                "vehicle_type": design.type,
-                "design": design.columns,
-                "sample": sample,
-                "seed": chosen.seed,
-                "variation": variation,
-                "variation_seed": chosen.variation_seed,
-                **answer_object(answer),
-                "picture": plot,
-            }
-        )
+        path = one.path(listed.carsim, answer, plot)
+        draw_run(one.body, one.scene, answer, path, carsim_heights(listed.carsim), plot)
+        lines.append(("picture", str(plot)))
+    result = {
+        "experiment": experiment,
+        "vehicle": chosen.family.vehicle,
+        "environment": chosen.environment,
+        "vehicle_type": design.type,
+        "design": design.columns,
+        "sample": sample,
+        "seed": chosen.seed,
+        "variation": variation,
+        "variation_seed": chosen.variation_seed,
+        "outcome": outcome_of(answer),
+        "message": answer.get("error"),
+        "metrics": {name: answer.get(name) for name in NUMBERS},
+        "recorded": answer.get("recorded", {}),
+        "picture": plot,
+    }
+    width = max(LEAST_NAME_WIDTH, *(len(name) + 1 for name, _ in lines))
+    tell(as_json, result, *(f"{name:<{width}}{text}" for name, text in lines))
     if "error" in answer:
         raise typer.Exit(1)
 
+
+def _answer_lines(answer: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Outcome, metrics and recorded values; for a failed run its error."""
+    from foldcar.simulation.results import NUMBERS, outcome_of
+
+    yield "outcome", outcome_of(answer)
+    if "error" in answer:
+        yield "message", answer["error"]
+        return
+    for name in NUMBERS:
+        yield name, _value_text(answer[name])
+    for name, recorded in answer.get("recorded", {}).items():
+        yield f"recorded {name}", _recorded_text(recorded["kind"], recorded["value"])
+
+
+def variation_text(variation: Mapping[str, Any]) -> str:
+    """The variation with three digits of each number: ``supply_v=-0.0931 servo_speed=0.0214,-0.0113,…``."""
+    lists = {name: value if isinstance(value, list) else [value] for name, value in variation.items()}
+    return " ".join(f"{name}={','.join(f'{one:.3g}' for one in values)}" for name, values in lists.items())
+
+
+def _recorded_text(kind: str, value: Any) -> str:
+    """The value; for a series its length and its last value."""
+    if kind != "series":
+        return f"{_value_text(value)}{' at the start' if kind == 'initial' else ''}"
+    if not value:
+        return "series of 0"
+    t_s, last = value[-1]
+    return f"series of {len(value)}, {_value_text(last)} at {t_s:.3f} s"
+
+
+def _value_text(value: Any) -> str:
+    """A number with three decimals, a list of values, "-" for null; texts and booleans as JSON."""
+    if value is None:
+        return "-"
+    if isinstance(value, float):
+        return f"{value:.3f}"
+    if isinstance(value, list):
+        return f"[{', '.join(map(_value_text, value))}]"
+    return json.dumps(value)

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from foldcar.atomic_file import atomic_file
-from foldcar.commands.options import STANDARD_OUTPUT, Json, check_distinct, output_file, print_json
+from foldcar.commands.options import STANDARD_OUTPUT, Json, Picture, Seed, check_distinct, note, output_file, tell
 from foldcar.errors import FoldcarError
-from foldcar.study.limits import GREATEST_SEED, MOST_ENVIRONMENTS
+from foldcar.outputs import atomic_file
+from foldcar.study.limits import MOST_ENVIRONMENTS
 
 if TYPE_CHECKING:
     from foldcar.scenes.source import SceneSource
@@ -22,9 +22,7 @@ def sample(
     count: Annotated[
         int, typer.Option("-n", "--count", metavar="N", min=1, max=MOST_ENVIRONMENTS, help="Number of scenes.")
     ] = 1,
-    seed: Annotated[
-        int, typer.Option(metavar="S", min=0, max=GREATEST_SEED, help="The same seed gives the same scenes.")
-    ] = 0,
+    seed: Seed = 0,
     param: Annotated[
         list[str] | None,
         typer.Option(metavar="NAME=VALUE", help="A parameter of the program (SI units); may be repeated."),
@@ -35,29 +33,23 @@ def sample(
             "-o", "--output", metavar="FILE", callback=output_file, help="JSON Lines file; -: standard output."
         ),
     ] = STANDARD_OUTPUT,
-    plot: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", callback=output_file, help="Picture of the first nine (.png, .svg, .pdf)."),
-    ] = None,
+    plot: Picture = None,
     as_json: Json = False,
 ) -> None:
     """Sample scenes of an environment.
 
     Scene K of seed S has the id S/K, whatever the count. The lines are input of `carsim batch` (docs/carsim.md);
-    with --json and without a file they are in the object, under "scenes".
+    with --json and without a file they are in the object, under "scenes". The picture shows the first nine.
 
     \b
     Example: foldcar sample scenarios/step_pyramids.scenic -n 9 --seed 42 --plot scenes.png
     """
-    from foldcar.figures.output import check_format
     from foldcar.scenes.source import open_environment
 
     check_distinct([scenario], [output, plot])
-    if plot is not None:
-        check_format(plot)
     source = open_environment(scenario, _parse_params(param or []), seed)
-    for note in source.mutation_notes():
-        typer.echo(f"note: {note}", err=True)
+    for one in source.mutation_notes():
+        note(one)
     shown: list[dict[str, Any]] = []
     result: dict[str, Any] = {"scenario": scenario, "seed": seed, "count": count}
     if output == STANDARD_OUTPUT and as_json:
@@ -77,8 +69,7 @@ def sample(
 
         draw_scenes(shown, plot, carsim_heights(Carsim()), title=f"{scenario.name}, seed {seed}")
         result["picture"] = plot
-    if as_json:
-        print_json(result)
+    tell(as_json, result)
 
 
 def _scenes(source: "SceneSource", count: int, shown: list[dict[str, Any]]) -> Iterator[dict[str, Any]]:
@@ -95,28 +86,21 @@ def _line(scene: dict[str, Any]) -> str:
 
 
 def _parse_params(words: Sequence[str]) -> dict[str, Any]:
-    """Parse NAME=VALUE words; FoldcarError if one is invalid or a name stands twice."""
-    params: dict[str, Any] = {}
-    for word in words:
-        name, value = _parse_param(word)
-        if name in params:
-            raise FoldcarError(f"--param {word}: {name} is given twice")
-        params[name] = value
-    return params
-
-
-def _parse_param(text: str) -> tuple[str, Any]:
-    """Parse NAME=VALUE; the value is JSON (0.03, true, [1, 2]), or else text. FoldcarError."""
-    name, equals, value = text.partition("=")
-    if not equals or not name:
-        raise FoldcarError(f"--param {text}: not NAME=VALUE")
+    """Parse NAME=VALUE words; values are JSON (0.03, true, [1, 2]), or else text. FoldcarError."""
     from foldcar.study.limits import check_numbers
 
-    try:
-        parsed = json.loads(value)
-        check_numbers(parsed, name)
-    except json.JSONDecodeError:
-        return name, value
-    except (ValueError, RecursionError) as error:
-        raise FoldcarError(f"--param {error}") from None
-    return name, parsed
+    params: dict[str, Any] = {}
+    for word in words:
+        name, equals, value = word.partition("=")
+        if not equals or not name:
+            raise FoldcarError(f"--param {word}: not NAME=VALUE")
+        if name in params:
+            raise FoldcarError(f"--param {word}: {name} is given twice")
+        try:
+            params[name] = json.loads(value)
+            check_numbers(params[name], name)
+        except json.JSONDecodeError:
+            params[name] = value
+        except (ValueError, RecursionError) as error:
+            raise FoldcarError(f"--param {error}") from None
+    return params

@@ -1,17 +1,25 @@
 """`foldcar select`: which designs to build next, and why."""
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from foldcar.commands.options import Json, SimulatedTrialsInstead, check_distinct, output_file, print_json
+from foldcar.commands.options import (
+    CsvFile,
+    Json,
+    OneExperiment,
+    SimulatedTrialsInstead,
+    StudyStore,
+    check_distinct,
+    parse_points,
+    tell,
+)
 
 MOST_BUILD = 50
 
 
 def select(
-    store: Annotated[Path, typer.Argument(metavar="STORE", help="The store of a sweep, and of trials if there are any.")],
+    store: StudyStore,
     build: Annotated[int, typer.Option(metavar="N", min=1, max=MOST_BUILD, help="How many designs to name.")] = 4,
     threshold: Annotated[
         float | None,
@@ -22,10 +30,8 @@ def select(
     precision: Annotated[
         str, typer.Option(metavar="POINTS", help="Half-width that trials are to bring a rate's interval to.")
     ] = "15pp",
-    experiment: Annotated[str | None, typer.Option(metavar="ID", help="Only this experiment.")] = None,
-    csv: Annotated[
-        Path | None, typer.Option(metavar="FILE", callback=output_file, help="CSV file to write: a row a design.")
-    ] = None,
+    experiment: OneExperiment = None,
+    csv: CsvFile = None,
     simulated_trials: SimulatedTrialsInstead = False,
     as_json: Json = False,
 ) -> None:
@@ -38,23 +44,22 @@ def select(
     \b
     Example: foldcar select study.db --build 4
     """
-    from foldcar.advice.selecting import select as select_designs
     from foldcar.advice.tables import selection_object, write_selection
-    from foldcar.commands.options import parse_points
+    from foldcar.api.study import Study
     from foldcar.commands.progress_bar import working
-    from foldcar.commands.select_text import print_selections
-    from foldcar.store.reader import Store
+    from foldcar.commands.tables import print_selections
 
     check_distinct([store], [csv])
     half_width = parse_points("--precision", precision, least=1, most=45)
-    with Store.open(store) as opened, working("weighing designs"):
-        found = select_designs(
-            opened, build, threshold, half_width, experiment, simulated_trials=simulated_trials
-        )
+    with working("weighing designs"):
+        found = Study(store).select(
+            build=build, threshold=threshold, precision=half_width, experiment=experiment, with_cost=True,
+            simulated_trials=simulated_trials,
+        )  # fmt: skip
     if csv is not None:
         write_selection(found, csv)
     if as_json:
-        print_json({"store": store, "experiments": [selection_object(one) for one in found]})
+        tell(as_json, {"store": store, "experiments": [selection_object(one) for one in found]})
         return
     print_selections(found)
     if csv is not None:

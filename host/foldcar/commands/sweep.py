@@ -1,7 +1,6 @@
 """`foldcar sweep`: simulates every design of a listing in every environment into a store."""
 
 import shlex
-import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -9,19 +8,23 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from foldcar.commands.failed_runs import say_failed
 from foldcar.commands.options import (
     Components,
     Engine,
+    Environments,
     Jobs,
     Json,
+    Listing,
+    OneExperiment,
+    OutputStore,
     Scheduler,
+    UnderCalibration,
     check_scheduler_option,
-    output_store,
-    print_json,
+    command_line,
+    note,
     simulators,
+    tell,
 )
-from foldcar.study.limits import MOST_ENVIRONMENTS
 
 if TYPE_CHECKING:
     from foldcar.analysis.stopping import StoppingRule
@@ -29,36 +32,27 @@ if TYPE_CHECKING:
     from foldcar.study.experiments import Experiment
     from foldcar.study.stopping import DesignState
 
+# Undecided designs that are named, and different messages of failed runs that are shown.
+SHOWN_UNDECIDED = 12
+SHOWN_MESSAGES = 3
+
 
 def sweep(
-    listing: Annotated[Path, typer.Argument(metavar="LISTING", help="Experiment listing (JSON).")],
-    store: Annotated[
-        Path, typer.Option(metavar="FILE", callback=output_store, help="Store to write; made if it is missing.")
-    ],
-    environments: Annotated[
-        int | None,
-        typer.Option(
-            metavar="N",
-            min=1,
-            max=MOST_ENVIRONMENTS,
-            help="Sampled environments, instead of the listing's number; with --until the most of them.",
-        ),
-    ] = None,
+    listing: Listing,
+    store: OutputStore,
+    environments: Environments = None,
     until: Annotated[
         str | None,
         typer.Option(
             metavar="RULE",
-            help="Simulate each design only until its 95 % interval reaches 5 percentage points to each side (5pp), or "
-            "lies on one side of the listing's thresholds (decided).",
+            help="Simulate each design, in at most --environments, only until its 95 % interval reaches 5 percentage "
+            "points to each side (5pp), or lies on one side of the listing's thresholds (decided).",
         ),
     ] = None,
     jobs: Jobs = None,
     scheduler: Scheduler = None,
-    experiment: Annotated[str | None, typer.Option(metavar="ID", help="Only this experiment.")] = None,
-    calibration: Annotated[
-        str | None,
-        typer.Option(metavar="NAME", help="Simulate under this calibration of the store (see `foldcar calibrate`)."),
-    ] = None,
+    experiment: OneExperiment = None,
+    calibration: UnderCalibration = None,
     reality: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="Simulate with the parameters of this JSON file, as `foldcar link` does."),
@@ -77,64 +71,56 @@ def sweep(
     foldcar sweep scenarios/width_study.json --store study.db --until decided
     """
     check_scheduler_option(scheduler, jobs)
-    from foldcar.commands.options import under_calibration
+    from foldcar.api.sweeping import planned_sweep
     from foldcar.commands.progress_bar import ProgressBar
     from foldcar.interrupts import said
-    from foldcar.simulation.carsim import Carsim
     from foldcar.study.environments import mutation_notes
-    from foldcar.study.experiments import engine_study, read_study
-    from foldcar.study.stopping import stopping_rules
-    from foldcar.study.sweep import Sweep
 
-    study = read_study(listing, experiment, environments)
-    carsim = Carsim(engine=engine)
-    study, environment_of = under_calibration(engine_study(study, carsim), store, calibration, reality)
-    rules = stopping_rules(until, study) if until is not None else {}
-    asked = Sweep(study, store, carsim, shlex.join(["foldcar", *sys.argv[1:]]), environment_of, rules)
-    designs = sum(map(len, asked.designs.values()))
-    for note in mutation_notes(asked.environments):
-        typer.echo(f"note: {note}", err=True)
+    asked = planned_sweep(
+        listing, store, command_line(), experiment=experiment, environments=environments, until=until,
+        calibration=calibration, reality=reality, engine=engine,
+    )  # fmt: skip
+    rules = asked.until
+    for one in mutation_notes(asked.environments):
+        note(one)
     progress, most = asked.progress, asked.progress.total
 
     def stopped() -> str:
         total = f"at most {progress.total}" if rules else f"{progress.total}"
         return f"stopped: {progress.done} of {total} runs are stored in {store}; the same command resumes"
 
+    to_decide = sum(map(len, asked.designs.values())) if rules else None
     with (
         said(stopped),
-        ProgressBar(progress, designs if rules else None) as bar,
-        simulators(scheduler, jobs, carsim, bar.say) as places,
+        ProgressBar(progress, to_decide) as bar,
+        simulators(scheduler, jobs, asked.carsim, bar.say) as places,
     ):
         asked.run(places, bar.update, bar.say)
-    if as_json:
-        print_json(
-            {
-                "store": store,
-                "runs": progress.total,
-                "new": progress.new,
-                "there": progress.there,
-                "judged": progress.judged,
-                "passed": progress.passed if progress.judged else None,
-                "rejected": progress.rejected,
-                "failed": progress.failed,
-                "seconds": round(progress.seconds, 3),
-                **({"most_runs": most, "designs": [asdict(state) for state in progress.states]} if rules else {}),
-            }
-        )
-    else:
-        # A share over designs of which some have more runs than others would say nothing.
-        success = "" if rules else f", {_success(progress)}"
-        told = {"rejected": progress.rejected, "failed": progress.failed}
-        left_out = "".join(f", {count} {what}" for what, count in told.items() if count)
-        rate = f", {progress.new / progress.seconds:.0f} runs/s" if progress.new else ""
-        made = f"{progress.new} runs new, {progress.there} there already, {progress.seconds:.1f} s{rate}"
-        typer.echo(f"{made}{success}{left_out}; store: {store}")
-        for chosen in study.experiments if rules else ():
-            for line in stopping_lines(chosen, rules[chosen.id], progress.states):
-                typer.echo(line)
+    names = ("new", "there", "judged", "rejected", "failed")
+    result = {
+        "store": store,
+        "runs": progress.total,
+        **{name: getattr(progress, name) for name in names},
+        "passed": progress.passed if progress.judged else None,
+        "seconds": round(progress.seconds, 3),
+        **({"most_runs": most, "designs": [asdict(state) for state in progress.states]} if rules else {}),
+    }
+    lines = [f"{_counts(progress, with_success=not rules)}; store: {store}"]
+    for chosen in asked.study.experiments if rules else ():
+        lines += stopping_lines(chosen, rules[chosen.id], progress.states)
+    tell(as_json, result, *lines)
     if progress.failed:
-        say_failed(store, [chosen.id for chosen in study.experiments], progress.failed, progress.total)
+        _say_failed(store, [chosen.id for chosen in asked.study.experiments], progress.failed, progress.total)
         raise typer.Exit(1)
+
+
+def _counts(progress: "Progress", with_success: bool) -> str:
+    made = f"{progress.new} runs new, {progress.there} there already, {progress.seconds:.1f} s"
+    rate = f", {progress.new / progress.seconds:.0f} runs/s" if progress.new else ""
+    # A share over designs of which some have more runs than others would say nothing.
+    success = f", {_success(progress)}" if with_success else ""
+    told = {"rejected": progress.rejected, "failed": progress.failed}
+    return f"{made}{rate}{success}{''.join(f', {count} {what}' for what, count in told.items() if count)}"
 
 
 def _success(progress: "Progress") -> str:
@@ -147,36 +133,40 @@ def _success(progress: "Progress") -> str:
     return f"{share} of {progress.judged} passed{f', success undefined in {undefined}' if undefined else ''}"
 
 
-# Undecided designs that are named.
-SHOWN = 12
-
-
 def stopping_lines(experiment: "Experiment", rule: "StoppingRule", states: "Sequence[DesignState]") -> Iterator[str]:
     """How many designs of the experiment are decided, what that means, and which are not."""
     # Here, because it imports numpy, which other commands do without.
     from foldcar.analysis.stopping import LEAST_CHANCE
+    from foldcar.analysis.words import design_text, listed
 
     mine = [state for state in states if state.experiment == experiment.id]
     undecided = [state for state in mine if not state.decided]
     rest = f", {len(undecided)} undecided" if undecided else ""
     made, most = sum(state.runs for state in mine), len(mine) * experiment.environments
-    head = f"experiment {experiment.id}: {len(mine) - len(undecided)} of {len(mine)} designs decided"
     rejected = sum(state.rejected for state in mine)
-    yield f"{head}{rest}; {made} of at most {most} runs{f', {rejected} rejected' if rejected else ''}"
+    head = f"experiment {experiment.id}: {len(mine) - len(undecided)} of {len(mine)} designs decided{rest}"
+    yield f"{head}; {made} of at most {most} runs{f', {rejected} rejected' if rejected else ''}"
     yield f"  decided: {rule.text}; that holds for each design by itself, whenever its runs stop"
     if undecided:
-        varied = experiment.family.varied
-        names = [_name(state, list(varied)) for state in undecided[:SHOWN]]
-        head = f"{next(iter(varied))} " if len(varied) == 1 else ""
-        more = f" and {len(undecided) - SHOWN} more" if len(undecided) > SHOWN else ""
-        yield f"  undecided: {head}{', '.join(names)}{more}; --environments N allows more runs"
+        shown = undecided[:SHOWN_UNDECIDED]
+        names = listed(design_text({name: state.design[name] for name in experiment.family.varied}) for state in shown)
+        more = f" and {len(undecided) - len(shown)} more" if len(undecided) > len(shown) else ""
+        yield f"  undecided: {names}{more}; --environments N allows more runs"
         left = sum(state.runs < experiment.environments for state in undecided)
         if left:
             chance = f"with a chance below {100 * LEAST_CHANCE:g} %"
             yield f"  {left} of these were left early: {experiment.environments} environments would decide them {chance}"
 
 
-def _name(state: "DesignState", varied: Sequence[str]) -> str:
-    if len(varied) == 1:
-        return f"{state.design[varied[0]]:g}"
-    return " ".join(f"{name}={state.design[name]:g}" for name in varied) or "the only design"
+def _say_failed(store: Path, experiments: Sequence[str], failed: int, total: int) -> None:
+    """Print on stderr what went wrong in the first ones of the failed runs, and the command that lists them all."""
+    from foldcar.store.reader import Store
+
+    with Store.open(store) as opened:
+        messages = opened.failures(experiments)
+    lines = [f"{failed} of {total} runs failed and count as not passed:"]
+    lines += [f"  {count} x {message}" for message, count in messages[:SHOWN_MESSAGES]]
+    if len(messages) > SHOWN_MESSAGES:
+        lines.append(f"  and {len(messages) - SHOWN_MESSAGES} other messages")
+    lines.append(f"list them: {shlex.join(['foldcar', 'export', str(store), '--failed', '--csv', '-'])}")
+    typer.echo("\n".join(lines), err=True)

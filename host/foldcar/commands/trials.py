@@ -1,15 +1,36 @@
 """`foldcar trials`: a store's trials - listed, simulated again as pairs, changed, imported, exported."""
 
+import json
+from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from foldcar.commands.options import Json, Number, SimulatedTrials, StoreFile, output_file, print_json
-from foldcar.commands.trial_changes import correct, restore, withdraw
-from foldcar.commands.trial_files import dialect, export, import_file
+from foldcar.commands.options import (
+    Json,
+    OneExperiment,
+    OutputFolder,
+    Picture,
+    SimulatedTrials,
+    TrialNumber,
+    TrialStore,
+    note,
+    output_file,
+    tell,
+)
 from foldcar.errors import FoldcarError
+
+if TYPE_CHECKING:
+    from foldcar.store.trial_records import Correction
+    from foldcar.store.trial_writer import TrialWriter
+
+TrialNumbers = Annotated[
+    list[int], typer.Argument(metavar="TRIAL...", min=1, help="Numbers of trials, as `trials list` shows them.")
+]
+Reason = Annotated[str, typer.Option(metavar="TEXT", help="Why; it is kept with the change.")]
+Operator = Annotated[str, typer.Option(metavar="NAME", help="Who changes it; kept with the change.")]
 
 trials = typer.Typer(
     name="trials", help="List, correct and replay trials of cars.", no_args_is_help=True, rich_markup_mode=None
@@ -17,17 +38,13 @@ trials = typer.Typer(
 
 
 @trials.command("list")
-def list_trials(
-    store: StoreFile,
-    experiment: Annotated[str | None, typer.Option(metavar="ID", help="Only this experiment.")] = None,
-    as_json: Json = False,
-) -> None:
+def list_trials(store: TrialStore, experiment: OneExperiment = None, as_json: Json = False) -> None:
     """Show trials, one a line, and their corrections.
 
     \b
     Example: foldcar trials list study.db --experiment 1
     """
-    from foldcar.commands.trial_table import correction_text, print_trials
+    from foldcar.commands.tables import correction_text, print_trials
     from foldcar.store.reader import Store
 
     with Store.open(store) as opened:
@@ -37,22 +54,17 @@ def list_trials(
             raise FoldcarError(f'{store}: has no trials of experiment "{experiment}"; experiments with trials: {known}')
         corrected = {trial.id for trial in found if trial.corrections}
         trail = [one for one in opened.corrections() if one.trial in corrected]
-    if as_json:
-        print_json({"trials": [asdict(one) for one in found], "corrections": [asdict(one) for one in trail]})
-        return
-    print_trials(found)
-    for one in trail:
-        typer.echo(correction_text(one))
+    if not as_json:
+        print_trials(found)
+    result = {"trials": [asdict(one) for one in found], "corrections": [asdict(one) for one in trail]}
+    tell(as_json, result, *map(correction_text, trail))
 
 
 @trials.command()
 def replay(
-    store: StoreFile,
-    number: Number,
-    plot: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", callback=output_file, help="Picture of the scene as it stood (.png, .svg, .pdf)."),
-    ] = None,
+    store: TrialStore,
+    number: TrialNumber,
+    plot: Picture = None,
     simulated_trials: SimulatedTrials = False,
     as_json: Json = False,
 ) -> None:
@@ -63,50 +75,219 @@ def replay(
     \b
     Example: foldcar trials replay study.db 7 --plot pair.png
     """
-    from foldcar.commands.trial_table import STANDING_TEXTS, seconds_text
-    from foldcar.figures.output import check_format
+    from foldcar.commands.tables import STANDING_TEXTS, seconds_text
     from foldcar.simulation.carsim import Carsim
     from foldcar.simulation.results import outcome_of
     from foldcar.store.reader import Store
     from foldcar.store.trial_records import BUILT, SIMULATED
-    from foldcar.trials.replay import agree, simulate_pair
+    from foldcar.trials.replay import simulate_pair
 
-    if plot is not None:
-        check_format(plot)
     carsim = Carsim()
     with Store.open(store) as opened:
         trial = opened.trial(number)
         pair = simulate_pair(opened, number, carsim)
-    answer = pair.answer
-    outcome = outcome_of(answer)
-    simulated_s = answer.get("elapsed_time_s")
-    compared = trial.completed and (trial.standing == BUILT or (simulated_trials and trial.standing == SIMULATED))
-    agrees = agree(trial.outcome, outcome) if compared else None
-    if not as_json:
-        mark = "" if trial.standing == BUILT else f"  ({STANDING_TEXTS[trial.standing]})"
-        typer.echo(f"{'':<10}{'outcome':<12}{'time (s)':>9}")
-        typer.echo(f"{'trial':<10}{trial.outcome:<12}{seconds_text(trial.elapsed_time_s):>9}{mark}")
-        typer.echo(f"{'simulated':<10}{outcome:<12}{seconds_text(simulated_s):>9}")
-        if agrees is not None:
-            typer.echo("both agree" if agrees else "they disagree")
-        elif not trial.completed:
-            typer.echo("the trial was aborted: nothing to compare")
-        else:
-            typer.echo(f"not compared: {STANDING_TEXTS[trial.standing]}")
+    outcome, simulated_s = outcome_of(pair.answer), pair.answer.get("elapsed_time_s")
+    agrees = None
+    if not trial.completed:
+        verdict = "the trial was aborted: nothing to compare"
+    elif trial.standing == BUILT or (simulated_trials and trial.standing == SIMULATED):
+        agrees = (trial.outcome == "passed") == (outcome == "passed")
+        verdict = "both agree" if agrees else "they disagree"
+    else:
+        verdict = f"not compared: {STANDING_TEXTS[trial.standing]}"
+    mark = "" if trial.standing == BUILT else f"  ({STANDING_TEXTS[trial.standing]})"
+    lines = [
+        f"{'':<10}{'outcome':<12}{'time (s)':>9}",
+        f"{'trial':<10}{trial.outcome:<12}{seconds_text(trial.elapsed_time_s):>9}{mark}",
+        f"{'simulated':<10}{outcome:<12}{seconds_text(simulated_s):>9}",
+        verdict,
+    ]
     if plot is not None:
         from foldcar.figures.ground import carsim_heights
         from foldcar.figures.run import draw_run
 
-        if "path" not in answer:
+        if "path" not in pair.answer:
             raise FoldcarError(f"{plot}: a failed run has no picture")
-        draw_run(pair.body, pair.scene, answer, answer["path"], carsim_heights(carsim), plot)
-        if not as_json:
-            typer.echo(f"picture: {plot}")
-    if as_json:
-        simulated = {"outcome": outcome, "elapsed_time_s": simulated_s, "message": answer.get("error")}
-        print_json({"trial": asdict(trial), "simulated": simulated, "agrees": agrees, "picture": plot})
+        draw_run(pair.body, pair.scene, pair.answer, pair.answer["path"], carsim_heights(carsim), plot)
+        lines.append(f"picture: {plot}")
+    simulated = {"outcome": outcome, "elapsed_time_s": simulated_s, "message": pair.answer.get("error")}
+    tell(as_json, {"trial": asdict(trial), "simulated": simulated, "agrees": agrees, "picture": plot}, *lines)
 
 
-for command in (correct, withdraw, restore, export, dialect):
-    trials.command()(command)
-trials.command("import")(import_file)
+@trials.command()
+def correct(
+    store: TrialStore,
+    number: TrialNumber,
+    reason: Reason,
+    outcome: Annotated[str | None, typer.Option(metavar="OUTCOME", help="The outcome it should have.")] = None,
+    note: Annotated[str | None, typer.Option(metavar="TEXT", help="The note it should have.")] = None,
+    elapsed_time: Annotated[float | None, typer.Option(metavar="S", min=0, help="How long it drove, in seconds.")] = None,
+    car: Annotated[
+        str | None, typer.Option(metavar="CAR", help="What drove, built or simulated, if no car has said it itself.")
+    ] = None,
+    operator: Operator = "",
+    as_json: Json = False,
+) -> None:
+    """Change what a trial says.
+
+    What stood there is kept, with the reason.
+
+    \b
+    Example: foldcar trials correct study.db 7 --outcome tipped --reason "seen on the film"
+    """
+    outcome, car = (None if word is None else word.lower() for word in (outcome, car))
+    given = {"outcome": outcome, "note": note, "elapsed_time_s": elapsed_time, "car": car}
+    changes = {name: value for name, value in given.items() if value is not None}
+    if not changes:
+        raise FoldcarError("trials correct: say what to change: --outcome, --note, --elapsed-time or --car")
+    _change("correct", store, reason, as_json, lambda writer: writer.correct(number, changes, reason, operator))
+
+
+@trials.command()
+def withdraw(
+    store: TrialStore, numbers: TrialNumbers, reason: Reason, operator: Operator = "", as_json: Json = False
+) -> None:
+    """Withdraw trials, such as practice.
+
+    They stay in the store with their logs, but count nowhere.
+
+    \b
+    Example: foldcar trials withdraw study.db 7 8 --reason practice
+    """
+    chosen = dict.fromkeys(numbers)
+    _change("withdraw", store, reason, as_json, lambda writer: writer.withdraw(chosen, True, reason, operator))
+
+
+@trials.command()
+def restore(
+    store: TrialStore, numbers: TrialNumbers, reason: Reason, operator: Operator = "", as_json: Json = False
+) -> None:
+    """Let withdrawn trials count again.
+
+    Both changes are kept, with their reasons.
+
+    \b
+    Example: foldcar trials restore study.db 8 --reason "was no practice"
+    """
+    chosen = dict.fromkeys(numbers)
+    _change("restore", store, reason, as_json, lambda writer: writer.withdraw(chosen, False, reason, operator))
+
+
+def _change(
+    command: str, store: Path, reason: str, as_json: bool, change: "Callable[[TrialWriter], list[Correction]]"
+) -> None:
+    """Change trials of an existing store, and print the corrections that this made. FoldcarError."""
+    from foldcar.commands.tables import correction_text
+    from foldcar.store.opening import require_store
+    from foldcar.store.trial_writer import write_trials
+
+    if not reason.strip():
+        raise FoldcarError(f"trials {command}: --reason: is empty")
+    require_store(store)
+    with write_trials(store) as writer:
+        made = change(writer)
+    tell(as_json, {"corrections": [asdict(one) for one in made]}, *map(correction_text, made))
+
+
+@trials.command("import")
+def import_file(
+    store: TrialStore,
+    file: Annotated[Path, typer.Argument(metavar="CSV", help="Trials as docs/trials.md describes them.")],
+    experiment: Annotated[str | None, typer.Option(metavar="ID", help="The experiment of rows that name none.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Take over trials from a CSV file.
+
+    All of them or none; docs/trials.md has the columns.
+
+    \b
+    Example: foldcar trials import study.db scenarios/published_trials.csv
+    """
+    from foldcar.store.trial_writer import write_trials
+    from foldcar.trials.csv_import import import_notes, read_trials, swept_experiments
+
+    found = read_trials(file, experiment, swept_experiments(store), note)
+    with write_trials(store) as writer:
+        for source in dict.fromkeys(trial["source"] for trial in found):
+            if writer.source_is_there(source):
+                raise FoldcarError(f'{file}: source: trials of "{source}" are in {store} already')
+        numbers = writer.import_trials(found)
+    for one in import_notes(store, found):
+        note(one)
+    line = f"{len(numbers)} trials imported, {numbers[0]} to {numbers[-1]}; store: {store}"
+    tell(as_json, {"store": store, "imported": numbers}, line)
+
+
+@trials.command()
+def export(
+    store: TrialStore,
+    number: TrialNumber,
+    mcap: Annotated[
+        Path,
+        typer.Option(metavar="FILE", callback=output_file, help="MCAP file to write, for Foxglove and PlotJuggler."),
+    ],
+    as_json: Json = False,
+) -> None:
+    """Convert a trial's log to MCAP.
+
+    The log itself, a .tlog, opens in MAVLink's own tools.
+
+    \b
+    Example: foldcar trials export study.db 7 --mcap trial7.mcap
+    """
+    from foldcar.analysis.words import design_text
+    from foldcar.link.mcap_export import NO_START, export_mcap
+    from foldcar.models.foxglove_scene import foxglove_scene
+    from foldcar.models.ground import smooth_ground, start_height_m
+    from foldcar.simulation.carsim import Carsim
+    from foldcar.store.log_files import log_file, sha256_of
+    from foldcar.store.reader import Store
+
+    with Store.open(store) as opened:
+        trial, drive = opened.trial(number), opened.trial_drive(number)
+    if trial.log is None:
+        raise FoldcarError(f"{store}: trial {number} was imported: it has no log")
+    facts = {
+        "trial": str(trial.id),
+        "experiment": trial.experiment,
+        "design": design_text(trial.design),
+        "sample": str(trial.sample),
+        "outcome": trial.outcome,
+        "note": trial.note,
+        "car": trial.car or "unknown",
+        "withdrawn": str(trial.withdrawn).lower(),
+    }
+    log = log_file(store, trial.log)
+    if trial.log_sha256 is not None and sha256_of(log) not in (None, trial.log_sha256):
+        raise FoldcarError(f"{log}: is not the log that trial {number} of {store} wrote: its SHA-256 is another")
+    scene_update, start = None, NO_START
+    if drive is not None and log.is_file():
+        body, scene = json.loads(drive[0]), json.loads(drive[2])
+        grid = smooth_ground(scene, Carsim())
+        scene_update = foxglove_scene(body, scene, grid)
+        start = {**scene["start"], "z_m": start_height_m(body, scene, grid)}
+    count = export_mcap(log, mcap, facts, scene_update, start)
+    tell(as_json, {"files": [mcap], "messages": count}, f"{mcap}: {count} messages")
+
+
+@trials.command()
+def dialect(output: OutputFolder, as_json: Json = False) -> None:
+    """Write the MAVLink dialect as XML.
+
+    With DIR/v1.0/foldcar.xml, other programs name foldcar's own messages too.
+
+    \b
+    Example: foldcar trials dialect -o dialect
+    """
+    from foldcar.link.dialect import DialectError, dialect_xml
+    from foldcar.outputs import atomic_file, make_output_folder
+
+    try:
+        text = dialect_xml()
+    except DialectError as error:
+        raise FoldcarError(str(error)) from None
+    make_output_folder(output)
+    file = output / "v1.0" / "foldcar.xml"
+    with atomic_file(file) as binary:
+        binary.write(text.encode())
+    tell(as_json, {"files": [file]}, file)

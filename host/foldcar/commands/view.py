@@ -1,30 +1,43 @@
 """`foldcar view`: a page with a car that is put together step by step, drives a run, or is changed by sliders."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from foldcar.commands.listed_run import ListedRun, listed_run, simulated_run
-from foldcar.commands.options import Components, Json, Settings, check_distinct, output_file, print_json
-from foldcar.commands.run_text import variation_text
+from foldcar.commands.listed_run import ListedRun, listed_family, listed_run, simulated_run
+from foldcar.commands.options import (
+    Components,
+    Json,
+    Listing,
+    Machine,
+    Settings,
+    Sheet,
+    Vehicle,
+    check_distinct,
+    design_settings,
+    output_file,
+    tell,
+)
+from foldcar.commands.run import variation_text
 from foldcar.errors import FoldcarError
-from foldcar.extras import require
+from foldcar.installation import require
 from foldcar.study.limits import MOST_ENVIRONMENTS
 
 if TYPE_CHECKING:
     from foldcar.car.design import Design
+    from foldcar.fabrication.assembly.live_car import LiveCar
 
 
 def view(
-    listing: Annotated[Path, typer.Argument(metavar="LISTING", help="Experiment listing or design (JSON).")],
+    listing: Listing,
     output: Annotated[
         Path | None,
         typer.Option("-o", "--output", metavar="FILE", callback=output_file, help="The page to write (HTML)."),
     ] = None,
-    vehicle: Annotated[str | None, typer.Option(metavar="ID", help="Vehicle of the listing, if it has several.")] = None,
+    vehicle: Vehicle = None,
     settings: Settings = None,
     live: Annotated[
         bool, typer.Option("--live", help="Serve the page to this machine's browser, with sliders; until Ctrl-C.")
@@ -33,12 +46,8 @@ def view(
         str | None,
         typer.Option(metavar="ID[/K]", help="Show the car driving: an experiment and its sampled environment, e.g. 1/3."),
     ] = None,
-    machine: Annotated[
-        str, typer.Option(metavar="NAME", help="silhouette, cricut, laser or scissors: presets for the sheets.")
-    ] = "silhouette",
-    sheet: Annotated[
-        str | None, typer.Option(metavar="SIZE", help="a4, letter, a3, 12in, 12x24in or WIDTHxHEIGHT in mm.")
-    ] = None,
+    machine: Machine = "silhouette",
+    sheet: Sheet = None,
     components: Components = None,
     as_json: Json = False,
 ) -> None:
@@ -51,29 +60,29 @@ def view(
              foldcar view scenarios/width_study.json --set width=95 --run 1/3 --live
     """
     require("fabricate")
-    from foldcar.commands.listed_design import listed_family
+    from foldcar.fabrication.assembly.live_car import LiveCar
 
     if live == (output is not None):
         raise FoldcarError("-o: --live serves the page and writes none" if live else "-o FILE is missing (or --live)")
     check_distinct([listing], [output])
-    shown = viewed_run(listing, run, vehicle, settings or []) if run is not None else None
-    design = shown.design if shown else listed_family(listing, vehicle, settings or [])[1].single()
+    shown = viewed_run(listing, run, vehicle, settings) if run is not None else None
+    design = shown.design if shown else listed_family(listing, vehicle, settings)[1].single()
+    replayed = partial(_replayed, shown) if shown else None
     if output is None:
-        _serve(design, listing, shown.vehicle if shown else vehicle, settings or [], shown, as_json)
+        vehicle = shown.experiment.family.vehicle if shown else vehicle
+        words = ["foldcar", "pattern", str(listing), *(["--vehicle", vehicle] if vehicle else [])]
+        _serve(LiveCar(design, words, list(design_settings(settings)), replayed), as_json)
         return
-    _write(design, output, shown.of(design) if shown else None, machine, sheet)
-    if as_json:
-        print_json({"files": [output]})
-    else:
-        typer.echo(str(output))
+    _write(design, output, replayed(design) if replayed else None, machine, sheet)
+    tell(as_json, {"files": [output]}, output)
 
 
 def _write(design: "Design", output: Path, run: dict[str, Any] | None, machine: str, sheet: str | None) -> None:
-    from foldcar.atomic_file import atomic_file
     from foldcar.fabrication.assembly.live_car import checked_car
     from foldcar.fabrication.assembly.view_page import view_page
     from foldcar.fabrication.patterns.options import options
     from foldcar.fabrication.patterns.sheets import pattern
+    from foldcar.outputs import atomic_file
 
     folded, title = checked_car(design), design.title
     cut = pattern(folded, options(machine, sheet=sheet), title).sheets
@@ -82,61 +91,35 @@ def _write(design: "Design", output: Path, run: dict[str, Any] | None, machine: 
         binary.write(page.encode())
 
 
-def _serve(
-    design: "Design", listing: Path, vehicle: str | None, settings: list[str], run: "ViewedRun | None", as_json: bool
-) -> None:
-    from foldcar.commands.options import design_settings
-    from foldcar.fabrication.assembly.live_car import LiveCar
+def _serve(car: "LiveCar", as_json: bool) -> None:
     from foldcar.fabrication.assembly.page_server import PageServer
     from foldcar.interrupts import said
 
-    words = ["foldcar", "pattern", str(listing), *(["--vehicle", vehicle] if vehicle else [])]
-    car = LiveCar(design, words, list(design_settings(settings)), run.of if run else None)
     with (
         PageServer(car.page(), {"/car": car.answer, "/draft": car.draft}) as server,
         said(lambda: f"foldcar: {server.url} is closed"),
     ):
-        if as_json:
-            print_json({"url": server.url})
-        else:
-            typer.echo(f"{server.url} (until Ctrl-C)")
+        tell(as_json, {"url": server.url}, f"{server.url} (until Ctrl-C)")
         server.serve_forever()
 
 
-@dataclass(frozen=True)
-class ViewedRun:
-    """The run, and the number of its sample."""
+def _replayed(run: ListedRun, design: "Design") -> dict[str, Any]:
+    """What run.js replays of that design's run in this environment. FoldcarError if the run fails."""
+    from foldcar.fabrication.assembly.recorded_run import recorded_run
+    from foldcar.figures.ground import carsim_heights
+    from foldcar.simulation.results import outcome_of
 
-    listed: ListedRun
-    sample: int
-
-    @property
-    def design(self) -> "Design":
-        """The design that the listing and the settings name."""
-        return self.listed.design
-
-    @property
-    def vehicle(self) -> str:
-        """The listing's vehicle."""
-        return self.listed.experiment.family.vehicle
-
-    def of(self, design: "Design") -> dict[str, Any]:
-        """What run.js replays of that design's run in this environment. FoldcarError if the run fails."""
-        from foldcar.fabrication.assembly.recorded_run import recorded_run
-        from foldcar.figures.ground import carsim_heights
-        from foldcar.simulation.results import outcome_of
-
-        listed = self.listed.with_design(design)
-        name = f"experiment {listed.experiment.id}, sample {self.sample}"
-        one, answer = simulated_run(listed, self.sample)
-        path = one.path(listed.carsim, answer, f"--run {listed.experiment.id}/{self.sample}")
-        told = f"{name.capitalize()}: {outcome_of(answer).replace('_', ' ')} after {answer['elapsed_time_s']:.2f} s."
-        if listed.variation:
-            told += f" The car that drives differs from the design that is drawn: {variation_text(listed.variation)}."
-        return recorded_run(listed.body, listed.scene, path, carsim_heights(listed.carsim), told)
+    listed = run.with_design(design)
+    one, answer = simulated_run(listed)
+    path = one.path(listed.carsim, answer, f"--run {listed.experiment.id}/{listed.sample}")
+    ended = f"{outcome_of(answer).replace('_', ' ')} after {answer['elapsed_time_s']:.2f} s."
+    told = f"{listed.name.capitalize()}: {ended}"
+    if listed.variation:
+        told += f" The car that drives differs from the design that is drawn: {variation_text(listed.variation)}."
+    return recorded_run(listed.body, listed.scene, path, carsim_heights(listed.carsim), told)
 
 
-def viewed_run(listing: Path, run: str, vehicle: str | None, settings: Sequence[str]) -> ViewedRun:
+def viewed_run(listing: Path, run: str, vehicle: str | None, settings: Sequence[str] | None) -> ListedRun:
     """The run that the option names; FoldcarError unless it names one, of that vehicle if one is given."""
     experiment, slash, number = run.partition("/")
     sample = int(number) if number.isascii() and number.isdigit() and len(number) < 9 else None
@@ -149,4 +132,4 @@ def viewed_run(listing: Path, run: str, vehicle: str | None, settings: Sequence[
     its = listed.experiment.family.vehicle
     if vehicle is not None and vehicle != its:
         raise FoldcarError(f"--run {run}: experiment {experiment} is of vehicle {its}, not of {vehicle}")
-    return ViewedRun(listed, sample)
+    return listed

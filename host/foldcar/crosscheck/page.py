@@ -13,7 +13,6 @@ from typing import Any
 
 import matplotlib
 
-from foldcar.atomic_file import atomic_file
 from foldcar.crosscheck.agreement import Agreement, Pair, agreement
 from foldcar.crosscheck.charts import success_figure, worst_figure
 from foldcar.crosscheck.parted import CANDIDATES, Parted, parted
@@ -21,8 +20,9 @@ from foldcar.crosscheck.stored import Case, Results, read_cases
 from foldcar.crosscheck.sweeps import BASELINE
 from foldcar.figures.ground import carsim_heights
 from foldcar.figures.output import save_figure
+from foldcar.figures.page import page_template
 from foldcar.figures.style import OUTCOME_LABELS, RC
-from foldcar.page_template import page_template
+from foldcar.outputs import atomic_file
 from foldcar.shown_text import decoded
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.engines import ELLIPSOID, HALF_STEP, MUJOCO, MULTIBODY, SIDE_VIEW

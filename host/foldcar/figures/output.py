@@ -6,9 +6,9 @@ from typing import Any
 
 from PIL import Image
 
-from foldcar.atomic_file import atomic_file
 from foldcar.errors import FoldcarError
 from foldcar.figures.style import RC
+from foldcar.outputs import atomic_file
 
 # Metadata to leave out, because they would make two drawings of the same data differ.
 UNDATED: dict[str, dict[str, Any]] = {

@@ -14,8 +14,7 @@ from foldcar.figures.height_colours import height_scale
 from foldcar.figures.output import check_format, save_figure
 from foldcar.figures.style import ACCENT, INK, RC
 from foldcar.figures.top_view import draw_top_view, view_of
-from foldcar.scenes.obstacles import Obstacle
-from foldcar.trials.placement import CAR
+from foldcar.scenes.obstacles import CAR, Obstacle
 
 WIDTH_IN = 10.0
 CELLS = 600

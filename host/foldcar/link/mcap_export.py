@@ -17,10 +17,10 @@ from typing import Any
 import numpy
 
 from foldcar import __version__
-from foldcar.atomic_file import atomic_file
 from foldcar.link.connection import CAR_SYSTEM, SIMULATOR_COMPONENT
 from foldcar.link.foxglove import FRAME_TRANSFORM, LOG, SCENE_UPDATE, frame_transform, time_stamp
 from foldcar.link.tlog import read_tlog
+from foldcar.outputs import atomic_file
 
 # foxglove.Log levels by MAVLink severity, 0 (emergency) to 7 (debug).
 LEVELS = (5, 5, 5, 4, 3, 2, 2, 1)

@@ -10,11 +10,11 @@ import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from foldcar.atomic_file import atomic_file
 from foldcar.errors import FoldcarError
 from foldcar.link.car import ANSWER_S, TRIES, Car
 from foldcar.link.connection import CAR_COMPONENT, CAR_SYSTEM
-from foldcar.typed_numbers import decimal_number
+from foldcar.outputs import atomic_file
+from foldcar.typed import decimal_number
 
 LIST_S = 20.0
 QUIET_S = 0.4

@@ -11,9 +11,9 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
-from foldcar.atomic_file import atomic_file
 from foldcar.errors import FoldcarError
 from foldcar.link.dialect import load_dialect
+from foldcar.outputs import atomic_file
 
 STAMP = struct.Struct(">Q")
 

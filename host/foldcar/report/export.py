@@ -15,7 +15,7 @@ from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from typing import Any, TextIO
 
-from foldcar.atomic_file import atomic_file
+from foldcar.outputs import atomic_file
 from foldcar.report.parquet import field, list_cell, list_type
 from foldcar.simulation.results import NUMBERS, Result, has_passed
 from foldcar.store.reader import Store

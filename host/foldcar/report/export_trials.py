@@ -8,7 +8,7 @@ import io
 import json
 from pathlib import Path
 
-from foldcar.atomic_file import atomic_file
+from foldcar.outputs import atomic_file
 from foldcar.report.parquet import write_trials
 from foldcar.store.reader import Store
 from foldcar.store.trial_records import left_out_text, select_trials

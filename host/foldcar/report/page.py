@@ -9,9 +9,8 @@ from typing import Any
 
 from markupsafe import Markup
 
+from foldcar.figures.page import inline_svg, page_template
 from foldcar.figures.style import OUTCOME_COLOURS, OUTCOME_LABELS
-from foldcar.inline_svg import inline_svg
-from foldcar.page_template import page_template
 from foldcar.report.advice_slots import Part
 from foldcar.report.axis import extent_text, interval_text, parameter_label, success_text, value_text
 from foldcar.report.sections import Section

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from foldcar.atomic_file import atomic_file
+from foldcar.outputs import atomic_file
 from foldcar.simulation.results import METRICS, Recorded
 from foldcar.store.trial_records import Trial
 

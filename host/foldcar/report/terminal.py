@@ -10,8 +10,7 @@ from foldcar.report.sections import Section
 from foldcar.report.series import Tally
 from foldcar.report.trial_sections import TrialSection
 from foldcar.report.trial_series import TrialGroup, TrialTally
-from foldcar.result_table import ResultTable
-from foldcar.shown_console import shown_console
+from foldcar.shown_console import ResultTable, shown_console
 
 PIPED_WIDTH = 160
 
@@ -57,9 +56,7 @@ def _print_trials(console: Console, built: TrialGroup, simulated: TrialGroup) ->
 
 
 def _trial_table(first: str, head: str, rows: Sequence[tuple[str, TrialTally]]) -> ResultTable:
-    table = ResultTable()
-    for column in (first, head, "passed %", "95 % interval", "aborted"):
-        table.add_column(column, right=True, no_wrap=True)
+    table = ResultTable(first, head, "passed %", "95 % interval", "aborted")
     for name, tally in rows:
         shares = ("-", "-")
         if tally.counted:
@@ -70,19 +67,15 @@ def _trial_table(first: str, head: str, rows: Sequence[tuple[str, TrialTally]]) 
 
 
 def _recorded_table(first: str, rows: Sequence[tuple[str, Tally]], names: Sequence[str]) -> ResultTable:
-    table = ResultTable()
-    for column in [first, *(f"recorded {name}" for name in names)]:
-        table.add_column(column, right=True, no_wrap=True)
+    table = ResultTable(first, *(f"recorded {name}" for name in names))
     for name, tally in rows:
         table.add_row(name, *(extent_text(tally.recorded.get(recorded)) for recorded in names))
     return table
 
 
 def _table(first: str, rows: Sequence[tuple[str, Tally]], outcomes: Sequence[str]) -> ResultTable:
-    table = ResultTable()
-    columns = [first, "runs", "passed %", "95 % interval", "mean time (s)"]
-    for column in [*columns, *(OUTCOME_LABELS[outcome] for outcome in outcomes)]:
-        table.add_column(column, right=True, no_wrap=True)
+    heads = (first, "runs", "passed %", "95 % interval", "mean time (s)")
+    table = ResultTable(*heads, *(OUTCOME_LABELS[outcome] for outcome in outcomes))
     for name, tally in rows:
         if not tally.runs:
             continue

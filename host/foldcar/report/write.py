@@ -12,7 +12,7 @@ from foldcar.errors import FoldcarError
 from foldcar.figures.output import save_figure, svg_text
 from foldcar.figures.style import RC
 from foldcar.interrupts import held
-from foldcar.output_folder import check_output_folder
+from foldcar.outputs import check_output_folder
 from foldcar.report.advice import read_advice
 from foldcar.report.advice_slots import Drawing
 from foldcar.report.environment_plot import environment_parts

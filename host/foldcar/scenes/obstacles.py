@@ -12,6 +12,9 @@ from typing import Any
 from foldcar.scenes.reading import rounded
 from foldcar.scenes.terrain_kinds import kind_of, reach_m
 
+# What stands beside obstacles under the letters that they get.
+CAR = "car"
+
 
 @dataclass(frozen=True, slots=True)
 class Obstacle:

@@ -17,10 +17,10 @@ from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from foldcar.did_you_mean import did_you_mean
 from foldcar.errors import FoldcarError
 from foldcar.scenes.contained import contained
 from foldcar.scenes.program_files import ProgramFiles
+from foldcar.typed import did_you_mean
 
 if TYPE_CHECKING:
     from foldcar.scenes.mutation import Mutations

@@ -20,8 +20,8 @@ from pathlib import Path
 from typing import Any
 
 from foldcar.errors import FoldcarError
+from foldcar.installation import python_command
 from foldcar.interrupts import at_once
-from foldcar.python_command import python_command
 from foldcar.scenes.contained import contained
 from foldcar.scenes.obstacles import Obstacle
 from foldcar.scenes.program import compile_program, is_dynamic, may_end_itself, one_line, overlap_hint

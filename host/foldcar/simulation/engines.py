@@ -4,8 +4,8 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
+from foldcar.installation import packaged_program, source_tree
 from foldcar.simulation.runner import CarsimError
-from foldcar.source_tree import packaged_program, source_tree
 
 BINARY_VARIABLE = "FOLDCAR_CARSIM"
 

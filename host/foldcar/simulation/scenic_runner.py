@@ -12,7 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from foldcar.python_command import python_command
+from foldcar.installation import python_command
 from foldcar.scenes.program_files import Files
 from foldcar.simulation.kept import KeptRunner, RunProcess
 from foldcar.simulation.runner import CarsimError, RunRequest

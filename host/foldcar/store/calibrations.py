@@ -78,14 +78,16 @@ class CalibrationWriter(StoreConnection):
                 "summary": json.dumps(calibration.summary, allow_nan=False),
             }
             if not replace and self._rows(CALIBRATION, "WHERE name = ?", calibration.name):
-                raise StoreError(_name_is_taken(self.path, calibration.name))
+                raise _taken(self.path, calibration.name)
             self._insert(CALIBRATION, [row], "OR REPLACE")
 
 
-def check_replaceable_calibration(store: Store, name: str, replace: bool) -> None:
-    """StoreError if the calibration of that name is not to be replaced, or experiments were swept under it."""
+def check_calibration_name(store: Store, name: str, replace: bool) -> None:
+    """StoreError if there is a calibration of that name that is not to be replaced, or that was swept under."""
+    if all(one.name != name for one in calibrations(store)):
+        return
     if not replace:
-        raise StoreError(_name_is_taken(store.path, name))
+        raise _taken(store.path, name)
     for info in store.info().experiments.values():
         if info.under == f"{CALIBRATION_KIND} {name}":
             raise StoreError(
@@ -93,8 +95,8 @@ def check_replaceable_calibration(store: Store, name: str, replace: bool) -> Non
             )
 
 
-def _name_is_taken(store: Path, name: str) -> str:
-    return f'{store}: has a calibration "{name}" already: choose another --name, or --replace it'
+def _taken(store: Path, name: str) -> StoreError:
+    return StoreError(f'{store}: has a calibration "{name}" already: choose another --name, or --replace it')
 
 
 @contextlib.contextmanager

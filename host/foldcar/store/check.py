@@ -8,22 +8,20 @@ in an index or in SQLite's own bookkeeping by PRAGMA integrity_check.
 
 import contextlib
 import hashlib
-import itertools
 import json
 import sqlite3
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from foldcar.simulation.results import NUMBERS
 from foldcar.store.errors import SQLITE_ERRORS, StoreError
-from foldcar.store.log_files import log_file, sha256_of
+from foldcar.store.log_files import log_file, logs_folder, sha256_of
 from foldcar.store.migrations import VERSION
 from foldcar.store.opening import beside, connect_reading, require_version
 from foldcar.store.reader import Store
-from foldcar.store.rows import Row, columns_sql, is_intact, key_text
+from foldcar.store.rows import columns_sql, is_intact, key_text
 from foldcar.store.salvage import log_damage
 from foldcar.store.tables import BY_NAME, CHECKSUM, RECORDED, RUN, TABLES, VIEWS, Table
 
@@ -129,9 +127,8 @@ def _check_logs(path: Path, connection: sqlite3.Connection, done: StoreCheck) ->
     except SQLITE_ERRORS:
         # Named with its table.
         return
-    folder = path.with_name(f"{path.stem}-logs")
     named = {str(log) for _, log, _ in trials}
-    for there in sorted(folder.glob("trial-*.tlog")):
+    for there in sorted(logs_folder(path).glob("trial-*.tlog")):
         # A trial is stored before its log is begun.
         if str(there.relative_to(path.parent)) not in named:
             done.findings.append(f"log {there}: its trial is missing")
@@ -163,25 +160,13 @@ def store_digest(store: Store) -> tuple[str, int]:
         for column, name in zip(RUN.key, ("name", "hash", "hash", "hash", "hash"), strict=True)
     }
     total = runs = 0
-    for row, recorded in _with_recorded(store):
+    with_recorded = store.holds_recorded()
+    for row in store.rows(RUN, f"ORDER BY {', '.join(RUN.order)}"):
         key = [names[column].get(row[column], row[column]) for column in RUN.key]
+        rows = store.recorded_rows(row) if with_recorded else ()
+        recorded = [[one["name"], one["kind"], one["value"]] for one in rows]
         result = [row["outcome"], {name: row[name] for name in NUMBERS}, row["message"], recorded]
         text = json.dumps([key, result], sort_keys=True, separators=(",", ":"))
         total += int.from_bytes(hashlib.sha256(text.encode()).digest(), "big")
         runs += 1
     return f"{total % 2**256:064x}", runs
-
-
-def _with_recorded(store: Store) -> Iterator[tuple[Row, list[Any]]]:
-    """Every run with what was recorded in it, as [name, kind, JSON text] in the order of names."""
-    order = f"ORDER BY {', '.join(RUN.order)}"
-    groups = itertools.groupby(
-        store.rows(RECORDED, f"{order}, name"), lambda row: tuple(row[column] for column in RUN.key)
-    )
-    key, group = next(groups, (None, iter(())))
-    for row in store.rows(RUN, order):
-        if key == tuple(row[column] for column in RUN.key):
-            yield row, [[one["name"], one["kind"], one["value"]] for one in group]
-            key, group = next(groups, (None, iter(())))
-        else:
-            yield row, []

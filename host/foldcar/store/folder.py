@@ -18,7 +18,7 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
-from foldcar.atomic_folder import atomic_folder
+from foldcar.outputs import atomic_folder
 from foldcar.store.connection import transaction
 from foldcar.store.errors import StoreError
 from foldcar.store.log_files import log_file, log_inside, sha256_of
@@ -27,7 +27,7 @@ from foldcar.store.opening import check_new, new_store
 from foldcar.store.reader import Store
 from foldcar.store.rows import Row, check_json, insert_sql, stored
 from foldcar.store.tables import CHECKSUM, STUDY, TABLES, TRIAL, Column, Table
-from foldcar.typed_numbers import decimal_number, whole_number
+from foldcar.typed import decimal_number, whole_number
 
 MANIFEST, README, LISTING, LOGS = "manifest.json", "README.txt", "listing.json", "logs"
 KIND = "foldcar store"
@@ -48,6 +48,10 @@ after of the table correction hold texts or numbers, as JSON; the checksum is of
 An experiment shows the runs whose build is its own, whose body and settings are those of one of its designs, whose
 scene is that of one of its environment's samples below its number of environments, and whose variation is that of the
 same sample of its spread.
+"""
+_TAIL = """listing.json: the listing as it was last swept (also in study.{kind}); absent if nothing was swept
+logs/: logs of trials (MAVLink .tlog: 8 bytes of time in us since 1970, big endian, then a packet)
+manifest.json: version, format, number of rows of each table, SHA-256 of each log, all files
 """
 _NOTATION = {
     "csv": "Tables are CSV files in UTF-8 with a header line. Texts stand in double quotes, numbers without; an empty\n"
@@ -111,10 +115,7 @@ def _readme(kind: str) -> str:
             json = "; JSON" if column.type in ("JSON", "VALUE") else ""
             lines.append(f"    {column.name}: {column.meaning}{choices}{refers}{json}")
         lines.append("")
-    lines.append(f"{LISTING}: the listing as it was last swept (also in study.{kind}); absent if nothing was swept")
-    lines.append(f"{LOGS}/: logs of trials (MAVLink .tlog: 8 bytes of time in us since 1970, big endian, then a packet)")
-    lines.append(f"{MANIFEST}: version, format, number of rows of each table, SHA-256 of each log, all files")
-    return "\n".join(lines) + "\n"
+    return "\n".join([*lines, _TAIL.format(kind=kind)])
 
 
 def import_folder(folder: Path, store: Path) -> dict[str, Any]:
@@ -179,8 +180,6 @@ def _import_table(connection: sqlite3.Connection, table: Table, folder: Path, ma
                 log_inside(folder / LOGS, row["log"], f"{file}: row {count}: log")
                 if row["log"] not in manifest["logs"]:
                     raise StoreError(f"{file}: row {count}: log: {MANIFEST} does not know it")
-            if table is STUDY and row["key"] == "listing_text":
-                _check_listing(folder / LISTING, row["value"])
             yield tuple(row.values())
 
     try:
@@ -189,15 +188,6 @@ def _import_table(connection: sqlite3.Connection, table: Table, folder: Path, ma
         raise StoreError(f"{file}: row {count}: {', '.join(table.key)}: is there twice") from None
     if count != manifest["rows"][table.name]:
         raise StoreError(f"{file}: has {count} rows, {MANIFEST} says {manifest['rows'][table.name]}")
-
-
-def _check_listing(file: Path, text: str) -> None:
-    try:
-        same = file.read_bytes().decode() == text
-    except (OSError, UnicodeDecodeError):
-        same = False
-    if not same:
-        raise StoreError(f"{file}: is not the listing of the study")
 
 
 def _read_table(table: Table, file: Path, kind: str) -> Iterator[Row]:
@@ -226,11 +216,12 @@ def _read_table(table: Table, file: Path, kind: str) -> Iterator[Row]:
 def _check_columns(table: Table, file: Path, found: list[str]) -> None:
     expected = [*table.names, CHECKSUM]
     for name in found:
-        if name not in expected:
-            raise StoreError(f'{file}: unknown column "{name[:80]}"; known: {", ".join(expected)}')
+        if name not in expected or found.count(name) > 1:
+            what = "twice the" if name in expected else "unknown"
+            raise StoreError(f'{file}: {what} column "{name[:80]}"; known: {", ".join(expected)}')
     for name in expected:
-        if found.count(name) != 1:
-            raise StoreError(f'{file}: has {"no column" if name not in found else "twice the column"} "{name}"')
+        if name not in found:
+            raise StoreError(f'{file}: has no column "{name}"')
 
 
 def _mixed(table: Table) -> list[str]:

@@ -5,32 +5,50 @@ if neither takes it, its text on standard error. Nothing here needs the store.
 """
 
 import json
-import math
 import tempfile
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
-from foldcar.atomic_file import atomic_file
+from pydantic import TypeAdapter, ValidationError
+
 from foldcar.errors import FoldcarError
+from foldcar.outputs import atomic_file
 from foldcar.store.calibrations import Calibration, write_calibrations
 from foldcar.store.opening import require_store
 from foldcar.store.trial_records import Ending
 from foldcar.store.trial_writer import TrialWriter, now_utc, write_trials
 
-TRIAL, CALIBRATION = "foldcar_kept_trial", "foldcar_kept_calibration"
+
+@dataclass(frozen=True)
+class KeptTrial:
+    """The end of a begun trial: its number, log, and when it ended."""
+
+    foldcar_kept_trial: int
+    log: str
+    ended_utc: str
+    ending: Ending
+
+
+@dataclass(frozen=True)
+class KeptCalibration:
+    """A calibration, and whether it replaces the one of its name."""
+
+    foldcar_kept_calibration: Calibration
+    replace: bool
+
+
+_KEPT: "TypeAdapter[KeptTrial | KeptCalibration]" = TypeAdapter(KeptTrial | KeptCalibration)
 
 
 def keep_trial(store: Path, number: int, log: str, ending: Ending) -> str:
     """Keep the end of a begun trial; gives the sentence that says where it is, and which command takes it in."""
-    content = {TRIAL: number, "log": log, "ended_utc": now_utc(), "ending": asdict(ending)}
-    return _keep(store, kept_trial(store, number).name, f"trial {number}", content)
+    return _keep(store, kept_trial(store, number).name, f"trial {number}", KeptTrial(number, log, now_utc(), ending))
 
 
 def keep_calibration(store: Path, calibration: Calibration, replace: bool) -> str:
     """Keep a calibration; gives the sentence of :func:`keep_trial`."""
-    content = {CALIBRATION: asdict(calibration), "replace": replace}
-    return _keep(store, f"{store.name}.calibration-{calibration.name}.json", "the calibration", content)
+    name = f"{store.name}.calibration-{calibration.name}.json"
+    return _keep(store, name, "the calibration", KeptCalibration(calibration, replace))
 
 
 def kept_trial(store: Path, number: int) -> Path:
@@ -40,30 +58,29 @@ def kept_trial(store: Path, number: int) -> Path:
 
 def take_in(file: Path, store: Path) -> str:
     """Write what is kept in ``file`` to its store and delete the file; gives what it was. FoldcarError."""
-    content = _read(file)
+    kept = _read(file)
     require_store(store)
-    if TRIAL in content:
+    if isinstance(kept, KeptTrial):
         with write_trials(store) as writer:
-            done = take_in_trial(writer, file)
-    else:
-        calibration, replace = _calibration(file, content)
-        with write_calibrations(store) as calibrations:
-            calibrations.put(calibration, replace)
-        done = f'calibration "{calibration.name}"'
-        file.unlink(missing_ok=True)
-    return done
+            return take_in_trial(writer, file)
+    with write_calibrations(store) as calibrations:
+        calibrations.put(kept.foldcar_kept_calibration, kept.replace)
+    file.unlink(missing_ok=True)
+    return f'calibration "{kept.foldcar_kept_calibration.name}"'
 
 
 def take_in_trial(writer: TrialWriter, file: Path) -> str:
     """:func:`take_in` of a trial's end, for a store that is being written."""
-    number, log, ended_utc, ending = _trial(file, _read(file))
-    writer.complete_later(number, log, ending, ended_utc)
+    kept = _read(file)
+    if not isinstance(kept, KeptTrial):
+        raise FoldcarError(f"{file}: is not the end of a trial")
+    writer.complete_later(kept.foldcar_kept_trial, kept.log, kept.ending, kept.ended_utc)
     file.unlink(missing_ok=True)
-    return f"trial {number}: {ending.outcome}"
+    return f"trial {kept.foldcar_kept_trial}: {kept.ending.outcome}"
 
 
-def _keep(store: Path, name: str, what: str, content: dict[str, Any]) -> str:
-    text = json.dumps(content, indent=1)
+def _keep(store: Path, name: str, what: str, content: KeptTrial | KeptCalibration) -> str:
+    text = json.dumps(asdict(content), indent=1)
     for folder in (store.parent, Path(tempfile.gettempdir())):
         file = folder / name
         try:
@@ -78,52 +95,10 @@ def _keep(store: Path, name: str, what: str, content: dict[str, Any]) -> str:
     )
 
 
-def _read(file: Path) -> dict[str, Any]:
+def _read(file: Path) -> KeptTrial | KeptCalibration:
     try:
-        content = json.loads(file.read_text(encoding="utf-8"), parse_constant=_no_number)
+        return _KEPT.validate_json(file.read_bytes())
     except OSError as error:
         raise FoldcarError(f"{file}: cannot be read: {error.strerror or error}") from error
-    except (ValueError, RecursionError):
-        content = None
-    if not isinstance(content, dict) or (TRIAL in content) == (CALIBRATION in content):
-        raise FoldcarError(f"{file}: is neither an exported folder nor work that foldcar kept beside a store")
-    return content
-
-
-def _no_number(text: str) -> None:
-    raise ValueError(f"{text} is no number")
-
-
-def _trial(file: Path, content: dict[str, Any]) -> tuple[int, str, str, Ending]:
-    match content:
-        case {
-            "foldcar_kept_trial": int(number),
-            "log": str(log),
-            "ended_utc": str(ended_utc),
-            "ending": {
-                "outcome": str(outcome),
-                "ending": str(ending),
-                "elapsed_time_s": (None | float() | int()) as elapsed_s,
-                "note": str(note),
-                "log_sha256": (None | str()) as digest,
-            },
-        } if elapsed_s is None or math.isfinite(elapsed_s):
-            return number, log, ended_utc, Ending(outcome, ending, elapsed_s, note, digest)
-    raise FoldcarError(f"{file}: is damaged: it is not the end of a trial that foldcar kept")
-
-
-def _calibration(file: Path, content: dict[str, Any]) -> tuple[Calibration, bool]:
-    match content:
-        case {
-            "foldcar_kept_calibration": {
-                "name": str(name),
-                "experiment": str(experiment),
-                "build": str(build),
-                "created_utc": str(created_utc),
-                "draws": [dict(), *_] as draws,
-                "summary": dict(summary),
-            },
-            "replace": bool(replace),
-        } if all(isinstance(draw, dict) for draw in draws):
-            return Calibration(name, experiment, build, created_utc, tuple(draws), summary), replace
-    raise FoldcarError(f"{file}: is damaged: it is not a calibration that foldcar kept")
+    except ValidationError:
+        raise FoldcarError(f"{file}: is neither an exported folder nor work that foldcar kept beside a store") from None

@@ -10,6 +10,11 @@ from pathlib import Path
 from foldcar.store.errors import StoreError
 
 
+def logs_folder(store: Path) -> Path:
+    """The folder beside a store that `foldcar log` writes logs to."""
+    return store.with_name(f"{store.stem}-logs")
+
+
 def log_file(store: Path, log: str) -> Path:
     """The file of a log that a trial in ``store`` names; StoreError if the name leads out of the store's folder."""
     return store.parent / log_inside(store.parent, log, f"{store}: log")

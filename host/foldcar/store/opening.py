@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from foldcar.interrupts import held, raised
-from foldcar.output_folder import make_output_folder
+from foldcar.outputs import make_output_folder
 from foldcar.store.connection import BUSY_S, leads_to, patiently, transaction, writer_lock
 from foldcar.store.errors import SQLITE_ERRORS, StoreError, check_name, store_errors
 from foldcar.store.log_files import give_name, logs_beside
@@ -30,35 +30,28 @@ MOST_COPIED_BYTES = 2**30
 
 def open_reading(path: Path) -> sqlite3.Connection:
     """A connection that sees one moment of an existing store and never writes; StoreError if it is none."""
-    connection = connect_reading(path)
-    try:
+    with contextlib.ExitStack() as stack:
+        connection = stack.enter_context(contextlib.closing(connect_reading(path)))
         refuse_damaged_log(path)
         require_version(path, connection)
         # Without room for a copy a store is read where it is, too.
         with contextlib.suppress(StoreError):
             if path.stat().st_size <= MOST_COPIED_BYTES:
-                copy = _copied(path, connection)
-                connection.close()
-                return copy
+                return _copied(path, connection)
         # A reader of so large a store keeps writers waiting, unless one was there before it.
         with store_errors(path):
             connection.execute("BEGIN")
-    except BaseException:
-        connection.close()
-        raise
-    return connection
+        stack.pop_all()
+        return connection
 
 
 def _copied(path: Path, connection: sqlite3.Connection) -> sqlite3.Connection:
-    with store_errors(path):
-        copy = sqlite3.connect("", isolation_level=None)
-        try:
-            # With a function to call, signals are heard while SQLite waits for another program.
-            connection.backup(copy, progress=lambda status, remaining, total: None)
-            copy.execute("PRAGMA query_only = ON")
-        except BaseException:
-            copy.close()
-            raise
+    with store_errors(path), contextlib.ExitStack() as stack:
+        copy = stack.enter_context(contextlib.closing(sqlite3.connect("", isolation_level=None)))
+        # With a function to call, signals are heard while SQLite waits for another program.
+        connection.backup(copy, progress=lambda status, remaining, total: None)
+        copy.execute("PRAGMA query_only = ON")
+        stack.pop_all()
     return copy
 
 
@@ -155,7 +148,7 @@ def writing(path: Path, synchronous: str = "NORMAL") -> Iterator[sqlite3.Connect
         raise StoreError(f"{path}: is a folder, not a store")
     make_output_folder(path.parent)
     with _connected(path, _blank_or_current) as connection:
-        if _is_blank(path, connection):
+        if _blank_or_current(path, connection):
             fill_blank(path, connection)
         add_metrics(path, connection)
         with store_errors(path):
@@ -175,19 +168,17 @@ def migrate_store(path: Path) -> None:
         add_metrics(path, connection)
 
 
-def _blank_or_current(path: Path, connection: sqlite3.Connection) -> None:
-    if not _is_blank(path, connection):
-        require_version(path, connection)
-
-
-def _is_blank(path: Path, connection: sqlite3.Connection) -> bool:
-    """Whether the file is new, or as a creation that was cut short leaves it."""
+def _blank_or_current(path: Path, connection: sqlite3.Connection) -> bool:
+    """Whether the file is new, or as a creation that was cut short leaves it; StoreError if it is another's."""
     try:
         (tables,) = patiently(path, lambda: connection.execute("SELECT count(*) FROM sqlite_master").fetchone())
         (application_id,) = connection.execute("PRAGMA application_id").fetchone()
     except SQLITE_ERRORS as error:
         raise StoreError(f"{path}: is no foldcar store ({error})") from error
-    return bool(tables == 0 and application_id == 0)
+    if tables == 0 and application_id == 0:
+        return True
+    require_version(path, connection)
+    return False
 
 
 def fill_blank(path: Path, connection: sqlite3.Connection) -> None:

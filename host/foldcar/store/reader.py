@@ -6,7 +6,6 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from sqlite3 import Connection
-from types import TracebackType
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from foldcar.simulation.results import NUMBERS, Recorded, Result
@@ -61,15 +60,13 @@ class Store:
 
     @classmethod
     def open(cls, path: Path) -> "Store":
-        """Open an existing store, one of an older version through a migrated copy; StoreError if there is none."""
+        """Open an existing store; StoreError if there is none of this version."""
         return cls(path, open_reading(path))
 
     def __enter__(self) -> "Store":
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._connection.close()
 
     def once(self, key: Any, read: Callable[[], T]) -> T:
@@ -293,11 +290,15 @@ class Store:
             raise StoreError(f"{self.path}: experiment (id={name}) is missing")
         return experiment
 
-    def _recorded(self, run: Row) -> dict[str, Recorded]:
+    def recorded_rows(self, run: Row) -> Iterator[Row]:
+        """What was recorded in a run, by name."""
         where = " AND ".join(f"{column} = ?" for column in RUN.key)
-        rows = self.rows(RECORDED, f"WHERE {where} ORDER BY name", *(run[column] for column in RUN.key))
+        return self.rows(RECORDED, f"WHERE {where} ORDER BY name", *(run[column] for column in RUN.key))
+
+    def _recorded(self, run: Row) -> dict[str, Recorded]:
         return {
-            row["name"]: Recorded(row["kind"], parsed(self.path, RECORDED, row, "value", object)) for row in rows
+            row["name"]: Recorded(row["kind"], parsed(self.path, RECORDED, row, "value", object))
+            for row in self.recorded_rows(run)
         }
 
     def _experiments(self) -> Iterator[ExperimentInfo]:
@@ -326,9 +327,8 @@ class Store:
                 **facts,
             )
 
-    def _facts(self, experiment: Row) -> dict[str, Any]:
-        facts: dict[str, Any] = parsed(self.path, EXPERIMENT, experiment, "facts")
-        return facts
+    def _facts(self, experiment: Row) -> Any:
+        return parsed(self.path, EXPERIMENT, experiment, "facts")
 
     def _rows(self, query: str, *values: Any) -> Iterator[Any]:
         with store_errors(self.path):

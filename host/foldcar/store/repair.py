@@ -19,7 +19,7 @@ from typing import Any
 from foldcar.store.check import findings_of
 from foldcar.store.connection import transaction
 from foldcar.store.errors import SQLITE_ERRORS, StoreError
-from foldcar.store.log_files import log_file, sha256_of
+from foldcar.store.log_files import log_file, logs_folder, sha256_of
 from foldcar.store.opening import beside, fill_blank, new_store
 from foldcar.store.rows import Row, insert_sql, stored
 from foldcar.store.salvage import Rows, log_damage, salvage
@@ -178,9 +178,8 @@ def _drop_behind_gaps(rows: dict[tuple[Any, ...], Row]) -> int:
 
 def _unnamed_logs(damaged: Path, trials: Mapping[tuple[Any, ...], Row]) -> list[str]:
     """Logs beside the damaged store that no saved trial names: of trials that are lost."""
-    folder = damaged.parent / f"{damaged.stem}-logs"
     named = {row["log"] for row in trials.values()}
-    logs = (str(file.relative_to(damaged.parent)) for file in folder.glob("trial-*.tlog"))
+    logs = (str(file.relative_to(damaged.parent)) for file in logs_folder(damaged).glob("trial-*.tlog"))
     return sorted(log for log in logs if log not in named)
 
 

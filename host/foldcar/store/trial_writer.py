@@ -29,6 +29,7 @@ from foldcar.store.trial_records import (
     MOST_ID,
     RUNNING,
     TRIAL_OUTCOMES,
+    Correction,
     Ending,
     TrialDesign,
     not_entered,
@@ -152,8 +153,11 @@ class TrialWriter(StoreConnection):
         )
         return dict(Counter(row["sample"] for row in rows))
 
-    def correct(self, trial: int, changes: Mapping[str, str | float], reason: str, operator: str) -> None:
+    def correct(
+        self, trial: int, changes: Mapping[str, str | float], reason: str, operator: str
+    ) -> list[Correction]:
         """Change fields of a trial and record their old values; StoreError if there is no such trial or field."""
+        made = []
         with self._transaction():
             for field, after in changes.items():
                 if field not in CORRECTABLE:
@@ -170,17 +174,20 @@ class TrialWriter(StoreConnection):
                     self._check_car(found, after)
                 if found[field] == after:
                     raise StoreError(f"{self.path}: trial {trial}: {field} is {after!r} already")
-                self._change(found, field, after, reason, operator)
+                made.append(self._change(found, field, after, reason, operator))
+        return made
 
-    def withdraw(self, trials: Iterable[int], withdrawn: bool, reason: str, operator: str) -> None:
+    def withdraw(self, trials: Iterable[int], withdrawn: bool, reason: str, operator: str) -> list[Correction]:
         """Withdraw trials, or restore them, all or none. Rows and logs stay. StoreError if one is so already."""
+        made = []
         with self._transaction():
             for trial in trials:
                 found = self._trial(trial)
                 if bool(found["withdrawn"]) == withdrawn:
                     state = "is withdrawn already" if withdrawn else "is not withdrawn"
                     raise StoreError(f"{self.path}: trial {trial} {state}")
-                self._change(found, "withdrawn", int(withdrawn), reason, operator)
+                made.append(self._change(found, "withdrawn", int(withdrawn), reason, operator))
+        return made
 
     def _trial(self, number: int) -> Row:
         found = self._rows(TRIAL, "WHERE id = ?", number) if number <= MOST_ID else []
@@ -188,18 +195,12 @@ class TrialWriter(StoreConnection):
             raise StoreError(f"{self.path}: has no trial {number}")
         return found[0]
 
-    def _change(self, trial: Row, field: str, after: str | float, reason: str, operator: str) -> None:
-        correction = {
-            "trial_id": trial["id"],
-            "corrected_utc": now_utc(),
-            "field": field,
-            "before": trial[field],
-            "after": after,
-            "reason": reason,
-            "operator": operator,
-        }
-        self._add(CORRECTION, correction)
+    def _change(self, trial: Row, field: str, after: str | float, reason: str, operator: str) -> Correction:
+        made = Correction(trial["id"], now_utc(), field, trial[field], after, reason, operator)
+        row = asdict(made)
+        self._add(CORRECTION, {**row, "trial_id": row.pop("trial")})
         self._update(TRIAL, {**trial, field: after})
+        return made
 
     def _check_car(self, trial: Row, after: str | float) -> None:
         """A person may say what drove where no car has said it."""

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any
 from foldcar.car.body import TableRow, check_parameters, firmware_parameters, full_speed_m_s
 from foldcar.car.design import Design
 from foldcar.car.variation import spread_named
-from foldcar.did_you_mean import did_you_mean
 from foldcar.store.info import engine_id
 from foldcar.study.family import Family, read_family
 from foldcar.study.listing import ExperimentParams, ListingError
 from foldcar.study.listing_file import read_listing
+from foldcar.typed import did_you_mean
 
 if TYPE_CHECKING:
     from foldcar.simulation.carsim import Carsim

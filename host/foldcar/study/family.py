@@ -22,8 +22,8 @@ from foldcar.car.design import (
 )
 from foldcar.car.folded_car import folded_car
 from foldcar.car.parts.catalogue import DEFAULT_CHOICES, OPTIONS, PartChoices, PartError, chosen, split_type
-from foldcar.did_you_mean import did_you_mean
 from foldcar.study.listing import ListedVehicle, ListingError
+from foldcar.typed import did_you_mean
 
 
 @dataclass(frozen=True)

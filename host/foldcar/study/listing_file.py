@@ -12,8 +12,7 @@ from typing import Any
 import json5
 from pydantic import ValidationError
 
-from foldcar.did_you_mean import did_you_mean
-from foldcar.output_folder import SQLITE_MAGIC
+from foldcar.outputs import SQLITE_MAGIC
 from foldcar.study.family import read_family
 from foldcar.study.limits import check_numbers
 from foldcar.study.listing import (
@@ -26,6 +25,7 @@ from foldcar.study.listing import (
     ListingError,
     Strict,
 )
+from foldcar.typed import did_you_mean
 
 MODELS: dict[str, type[Strict]] = {
     "experiments": ListedExperiment,

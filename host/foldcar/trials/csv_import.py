@@ -15,13 +15,13 @@ from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
 
+from foldcar.analysis.words import design_text
 from foldcar.car.design import Design, DesignError, compose, parameters
-from foldcar.did_you_mean import did_you_mean
 from foldcar.errors import FoldcarError
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
 from foldcar.store.trial_records import BUILT, CARS, LONGEST_S, MOST_ID, TRIAL_OUTCOMES
-from foldcar.typed_numbers import decimal_number, whole_number
+from foldcar.typed import decimal_number, did_you_mean, whole_number
 
 NEEDED = ("vehicle_type", "outcome", "source")
 OPTIONAL = ("experiment", "count", "car", "sample", "elapsed_time_s", "note", "operator", "started_utc")
@@ -62,8 +62,7 @@ def read_trials(
     if not trials:
         raise FoldcarError(f"{file}: contains no trials")
     if defaults:
-        shown = ", ".join(f"{name} {value:g}" for name, value in defaults.items())
-        announce(f"{file}: does not tell all of its cars; taken by default: {shown}")
+        announce(f"{file}: does not tell all of its cars; taken by default: {design_text(defaults)}")
     return trials
 
 
@@ -233,9 +232,9 @@ def _unknown_cars(store: Path, info: ExperimentInfo, trials: Sequence[Mapping[st
         if trial["vehicle_type"] != info.vehicle_type:
             counts[f"a {trial['vehicle_type']}"] += 1
         elif frozenset(design.items()) not in known:
-            told = (f"{name} {value:g}" for name, value in design.items() if info.fixed.get(name) != value)
-            counts[f"a car of {', '.join(told)}"] += 1
-    more = [f'and {len(counts) - SHOWN} other cars that experiment "{info.id}" has not'] if len(counts) > SHOWN else []
+            told = {name: value for name, value in design.items() if info.fixed.get(name) != value}
+            counts[f"a car of {design_text(told)}"] += 1
+    more = [f"and {len(counts) - SHOWN} other cars that experiment \"{info.id}\" has not"] if len(counts) > SHOWN else []
     return [
         f'experiment "{info.id}" was swept without {car}; it has {number} trial{"" if number == 1 else "s"}'
         for car, number in list(counts.items())[:SHOWN]

@@ -1,23 +1,104 @@
-"""Checks a connected car's identity: its design, its firmware build, its parameters, a simulated car's scene.
+"""Shows and checks the connected car before a trial: design, firmware, faults, parameters, a simulated car's scene.
 
-Input: the identity and the parameters that a car reports. Output: the design of the experiment, differing parameters,
-the sample of a simulated car, or a FoldcarError with a remedy.
+Input: the identity and the parameters that a car reports. Output: the design of the experiment, the sample of a simulated
+car, or a FoldcarError with a remedy.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
-from foldcar.car.body import design_hash
+from foldcar.car.body import body_json, design_hash
 from foldcar.car.design import Design
 from foldcar.errors import FoldcarError
-from foldcar.link.car import CarIdentity
-from foldcar.link.parameters import equal_float32
+from foldcar.link.car import Car, CarIdentity
+from foldcar.link.parameters import equal_float32, read_file, read_parameters, set_parameter
 from foldcar.scenes.fingerprint import sample_in, scene_name
-from foldcar.study.experiments import Experiment
+from foldcar.simulation.carsim import Carsim
+from foldcar.study.experiments import TRIAL_LIMIT, Experiment
 from foldcar.study.family import Family
+from foldcar.trials.person import Answers, say
+from foldcar.typed import did_you_mean
+
+SIMULATED_TEXT = "SIMULATED CAR"
 
 # Endings of the names of parameters which may differ from the design's because they depend on servos and board.
 CALIBRATED = ("_NEUTRAL_US", "_DEADBAND_US", "_GAIN_US", "PWM_OSC_HZ", "OE_WIRED")
+
+
+def welcome(
+    car: Car, experiment: Experiment, family: Family, carsim: Carsim, answers: Answers | None,
+    parameters: Path | None, any_build: bool,
+) -> tuple[CarIdentity, Design]:  # fmt: skip
+    """Print the car's identity and state, and compare its parameters with the design's, or those of a file.
+
+    Without ``answers`` nothing is asked. FoldcarError with a remedy if it cannot drive the experiment's trials.
+    """
+    identity = car.identity()
+    battery = car.battery_v()
+    say(f"car       {identity.name or 'without a design'} ({identity.hash or 'no car.json'}) at {car.port}")
+    say(f"firmware  {identity.build}")
+    if identity.simulated:
+        say(f"{SIMULATED_TEXT}: its trials are stored as simulated and do not count as trials of built cars")
+    elif identity.simulated is None:
+        say("its firmware does not say whether it is simulated: its trials do not count until someone does")
+    say(f"battery   {'unreadable' if battery is None else f'{battery:.2f} V'}")
+    design = design_of(identity, experiment, family)
+    if not any_build:
+        check_build(identity, carsim.firmware)
+    _end_earlier_trial(car)
+    _clear_fault(car, answers)
+    values, table = read_parameters(car), carsim.parameter_table()
+    settings = experiment.settings(design, body_json(design), table)
+    expected = {name: row.default for name, row in table.items()} | settings["parameters"]
+    limit_s = settings["time_limit_s"]
+    if values.get(TRIAL_LIMIT, limit_s) < limit_s:
+        set_parameter(car, TRIAL_LIMIT, limit_s)
+        say(f"{TRIAL_LIMIT} set from {values[TRIAL_LIMIT]:g} to {limit_s:g} s for this experiment")
+    if parameters is not None:
+        expected = read_file(parameters)
+        for name in expected:
+            if name not in values:
+                close = did_you_mean(name.upper(), values)
+                raise FoldcarError(f"{parameters}: {name}: the car has no such parameter{close}")
+        missing = len(values) - len(expected)
+        if missing:
+            say(f"{parameters} lacks {missing} of the car's parameters; these are not compared")
+    against = parameters or "the design"
+    # Each parameter of both that differs.
+    differing = {
+        name: wanted
+        for name, wanted in expected.items()
+        if name in values and not equal_float32(values[name], wanted) and name != TRIAL_LIMIT
+    }
+    say(f"parameters that differ from {against}:" if differing else f"parameters as in {against}")
+    for name, wanted in differing.items():
+        calibrated = "  (calibrated)" if name.endswith(CALIBRATED) else ""
+        say(f"  {name:<16} {values[name]:g} instead of {wanted:g}{calibrated}")
+    return identity, design
+
+
+def _end_earlier_trial(car: Car) -> None:
+    """Stop a car that drives on because the program before was ended, and learn its state as it is now.
+
+    Left alone, it would latch the fault of a silent host at our next long pause, after faults were asked for.
+    """
+    car.connection.catch_up()
+    if car.request("FOLDCAR_TRIAL").state == car.dialect.FOLDCAR_STATE_RUNNING:
+        car.stop_trial()
+        say("driving   an earlier trial, which is stopped now")
+        car.connection.catch_up()
+        car.request("FOLDCAR_TRIAL")
+
+
+def _clear_fault(car: Car, answers: Answers | None) -> None:
+    fault = car.fault_text()
+    if fault is None:
+        return
+    say(f"fault     {fault}")
+    if answers is not None and answers.line("Acknowledge it? [Y/n] ").lower() not in ("", "y", "yes"):
+        raise FoldcarError(f"the car has a fault that is not acknowledged: {fault}")
+    car.acknowledge_fault()
 
 
 def design_of(identity: CarIdentity, experiment: Experiment, family: Family) -> Design:
@@ -72,21 +153,6 @@ def simulated_sample(
     return sample
 
 
-def parameter_deviations(car: Mapping[str, float], expected: Mapping[str, float]) -> list[tuple[str, float, float]]:
-    """Name, the car's and the expected value of each parameter that differs; those that one side lacks are left out."""
-    return [
-        (name, car[name], value)
-        for name, value in expected.items()
-        if name in car and not equal_float32(car[name], value)
-    ]
-
-
-def is_calibrated(name: str) -> bool:
-    """Whether calibration sets this parameter for each car."""
-    return name.endswith(CALIBRATED)
-
-
 def least_tried(samples: int, counts: Mapping[int, int]) -> int:
     """The sample (0 to ``samples`` - 1) with the fewest trials, the first of several; ``counts`` is by sample."""
-    candidates: Sequence[int] = range(samples)
-    return min(candidates, key=lambda sample: (counts.get(sample, 0), sample))
+    return min(range(samples), key=lambda sample: (counts.get(sample, 0), sample))

@@ -1,4 +1,4 @@
-"""Placement of obstacles and car on the floor for a trial: instructions, and deviations from them.
+"""Placement of obstacles and car on the floor for a trial: instructions, a picture, and deviations from them.
 
 Input: a scene of docs/carsim.md, its obstacles, measured deviations. Output: lettered obstacles, rows of instructions
 (mm and degrees), the scene with the deviations applied. Positions are measured in the scene's frame, which is marked
@@ -8,15 +8,20 @@ on the floor by a point at its origin and a line along x; y is to the left of x,
 import copy
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
 from string import ascii_uppercase
 from typing import Any
 
+from foldcar.car.design import Design
 from foldcar.errors import FoldcarError
-from foldcar.scenes.obstacles import Obstacle
+from foldcar.outputs import make_output_folder
+from foldcar.scenes.obstacles import CAR, Obstacle
 from foldcar.scenes.terrain_kinds import description
-from foldcar.typed_numbers import decimal_number
+from foldcar.shown_console import ResultTable, shown_console
+from foldcar.simulation.carsim import Carsim
+from foldcar.trials.person import Answers, say
+from foldcar.typed import decimal_number
 
-CAR = "car"
 MOST_DEVIATION_MM = 1000.0
 
 Deviations = Mapping[str, tuple[float, float, float]]
@@ -44,6 +49,49 @@ def instructions(
         what = "a line across, to be crossed" if line else f"a disc of radius {1000 * goal['radius_m']:.0f} mm"
         yield "goal", *_place(goal["x_m"], goal["y_m"], goal.get("heading_rad", 0.0)), what
     yield "floor", "", "", "", f"friction {scene['friction']:g} in the simulation"
+
+
+def show_placement(scene: Mapping[str, Any], things: Mapping[str, Obstacle]) -> None:
+    """Print the :func:`instructions` as a table."""
+    table = ResultTable("place", "x (mm)", "y (mm)", "turned (°)", "", left=("place", ""))
+    for row in instructions(scene, things):
+        table.add_row(*row)
+    table.print_on(shown_console(120))
+
+
+def draw_placement(
+    scene: Mapping[str, Any], things: Mapping[str, Obstacle], design: Design, carsim: Carsim, picture: Path, title: str
+) -> None:
+    """Draw the scene with the car into a picture, whose folder is made if need be. FoldcarError."""
+    from foldcar.figures.ground import carsim_heights
+    from foldcar.figures.placement import draw_placement
+
+    make_output_folder(picture.parent)
+    length_m, width_m = design.length_mm / 1000, design.values["width"] / 1000
+    draw_placement(scene, things, length_m, width_m, carsim_heights(carsim), picture, title)
+
+
+def ask_deviations(
+    answers: Answers | None, things: Mapping[str, Obstacle], given: list[str] | None
+) -> dict[str, tuple[float, float, float]]:
+    """Measured deviations (m, m, rad) by name: those of the options, else those typed; none without ``answers``."""
+    names = [CAR, *things]
+    found: dict[str, tuple[float, float, float]] = {}
+    if given is not None:
+        for text in given:
+            name, by = parse_deviation(text, names)
+            if name in found:
+                raise FoldcarError(f'--deviation "{text}": {name} is given twice')
+            found[name] = by
+    elif answers is not None:
+        say("Measured deviations, one per line: NAME X_MM Y_MM [HEADING_DEG]; Enter to finish.")
+        while typed := answers.line("deviation: "):
+            try:
+                name, by = parse_deviation(typed, names)
+                found[name] = by
+            except FoldcarError as error:
+                say(f"  {error}")
+    return found
 
 
 def parse_deviation(text: str, names: Sequence[str]) -> tuple[str, tuple[float, float, float]]:

@@ -35,8 +35,3 @@ def simulate_pair(store: Store, number: int, carsim: Carsim) -> Pair:
     request = RunRequest("car", "scene", with_path, f"trial {number}", 0)
     (answer,) = carsim.run({"car": body}, {"scene": scene}, [request])
     return Pair(json.loads(body), json.loads(scene), answer)
-
-
-def agree(trial_outcome: str, simulated_outcome: str) -> bool:
-    """Whether both outcomes are "passed" or neither is."""
-    return (trial_outcome == "passed") == (simulated_outcome == "passed")

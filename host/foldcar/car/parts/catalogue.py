@@ -25,8 +25,8 @@ from foldcar.car.parts.bought import (
     Tyre,
 )
 from foldcar.car.parts.quantity import Bought, BoxPart, Data, PartData, Quantity
-from foldcar.did_you_mean import did_you_mean
 from foldcar.errors import FoldcarError
+from foldcar.typed import did_you_mean
 
 # Kind of part → its names; the data of a part are in KIND_NAME.json. Where the battery sits has none.
 OPTIONS: dict[str, tuple[str, ...]] = {

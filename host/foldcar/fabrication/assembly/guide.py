@@ -32,7 +32,7 @@ from foldcar.fabrication.assembly.wiring import wiring_drawing
 from foldcar.fabrication.patterns.drawing import Sheet
 from foldcar.fabrication.patterns.options import MACHINES
 from foldcar.fabrication.patterns.sheets import CutCar
-from foldcar.page_template import page_template
+from foldcar.figures.page import page_template
 
 ABOVE = camera(-90, 90)
 # Long pieces are turned along the picture's wider side.

@@ -25,7 +25,7 @@ from foldcar.car.proof.plan import planned
 from foldcar.fabrication.assembly.faces import piece_area_mm2
 from foldcar.fabrication.assembly.operations import Operations, is_wound, kinds, minutes
 from foldcar.fabrication.patterns.drawing import Sheet
-from foldcar.page_template import page_template
+from foldcar.figures.page import page_template
 
 
 @dataclass(frozen=True, slots=True)

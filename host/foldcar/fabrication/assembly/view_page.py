@@ -17,8 +17,7 @@ from foldcar.fabrication.assembly.parts_list import parts_list, total_cost_usd, 
 from foldcar.fabrication.assembly.view_data import view_data
 from foldcar.fabrication.patterns.drawing import Sheet
 from foldcar.fabrication.patterns.svg import svg
-from foldcar.inline_svg import inline_svg
-from foldcar.page_template import page_template
+from foldcar.figures.page import inline_svg, page_template
 
 THREE_PACKAGE = "jupyter_threejs_sage"
 THREE_FILE = "static/r130/three.min.js"

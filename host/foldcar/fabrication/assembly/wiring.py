@@ -8,7 +8,7 @@ import math
 
 from foldcar.car.folded.model import FoldedCar
 from foldcar.car.leads import Lead, leads
-from foldcar.page_template import page_template
+from foldcar.figures.page import page_template
 
 # The option of a wire to the servo driver's output enable: the board's pin, as in the firmware's output_gate.h, and a
 # pull-up that holds the enable off while the pin floats, against the wing's 10 kΩ to ground. The chip needs 0.7 of its

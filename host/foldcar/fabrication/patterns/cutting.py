@@ -17,7 +17,7 @@ from foldcar.fabrication.patterns.nesting import NestingError, advice, all_fit, 
 from foldcar.fabrication.patterns.options import MACHINES, Options
 from foldcar.fabrication.patterns.piece_shapes import cut_shapes
 from foldcar.fabrication.patterns.sheets import REFERENCE_MM, Pattern, rounded, title_shapes, title_size_mm, wrapped
-from foldcar.page_template import page_template
+from foldcar.figures.page import page_template
 
 MEANINGS = {
     "LABEL": "names, numbers, reference bar",

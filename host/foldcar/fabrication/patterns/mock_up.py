@@ -19,7 +19,7 @@ from foldcar.car.folded.pose import translation
 from foldcar.car.folded_car import folded_car
 from foldcar.fabrication.patterns.options import OptionError, Options
 from foldcar.fabrication.patterns.sheets import REFERENCE_MM, Pattern, pattern
-from foldcar.page_template import page_template
+from foldcar.figures.page import page_template
 
 FILM = "card_160"
 SCALES = (0.25, 1.0)

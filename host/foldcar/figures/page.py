@@ -1,7 +1,24 @@
-"""Prepares an SVG for embedding in a page: without file header and Inkscape's attributes, ids unique on the page."""
+"""Templates of HTML pages, and SVG files made ready to stand in them."""
 
 import html
 import re
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined, Template
+
+
+def page_template(package: str, file: str, filters: Mapping[str, Callable[..., Any]] | None = None) -> Template:
+    """The template, with ``filters`` in addition to jinja's."""
+    environment = Environment(
+        loader=PackageLoader(package, "."),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= filters or {}
+    return environment.get_template(file)
 
 
 def inline_svg(svg: str, name: str, caption: str) -> str:

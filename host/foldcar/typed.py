@@ -1,7 +1,7 @@
-"""Numbers as people type them into options, answers and files: ASCII digits, point, exponent and sign.
+"""What people type: numbers of ASCII digits, and names that they misspell."""
 
-Python's own `int` and `float` also take digits of every other script and underscores: 9_5 would be 95.
-"""
+import difflib
+from collections.abc import Iterable
 
 
 def whole_number(text: str) -> int:
@@ -18,3 +18,9 @@ def _plain(text: str) -> str:
     if "_" in text or not text.isascii():
         raise ValueError(f"{text!r} is not a number: it has letters or signs other than 0 to 9, e, . + and -")
     return text
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """``; did you mean "width"?``, or nothing if no known name is close to ``word``."""
+    close = difflib.get_close_matches(word, list(known), 1)
+    return f'; did you mean "{close[0]}"?' if close else ""

@@ -1,0 +1,140 @@
+"""The files and folders that commands write: whether they can be, and each written as a whole or not at all.
+
+A missing folder is made, one level deep: a path with two missing folders is more often a mistake than a wish. A folder is
+replaced only if its manifest names every file in it, so that no file of a user is lost.
+"""
+
+import contextlib
+import json
+import os
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import BinaryIO
+
+from foldcar.errors import FoldcarError
+from foldcar.interrupts import delayed, held
+
+
+@contextlib.contextmanager
+def atomic_file(file: Path) -> Iterator[BinaryIO]:
+    """A binary file that replaces ``file`` at the end of the block, or is deleted if the block raises.
+
+    Its folder is made if it is missing. FoldcarError, naming the file, if it cannot be written, or is a store; an
+    existing file is unchanged then.
+    """
+    check_output_file(file)
+    check_replaceable(file)
+    made = make_output_folder(file.parent)
+    temporary = file.with_name(f".{file.name}.{os.getpid()}.part")
+    try:
+        with held(temporary.unlink):
+            with temporary.open("wb") as binary:
+                yield binary
+            temporary.replace(file)
+    except OSError as error:
+        raise FoldcarError(f"{file}: cannot be written: {error.strerror or error}") from error
+    finally:
+        with contextlib.suppress(OSError):
+            temporary.unlink(missing_ok=True)
+        if made and not file.exists():
+            with contextlib.suppress(OSError):
+                file.parent.rmdir()
+
+
+@contextlib.contextmanager
+def atomic_folder(folder: Path, manifest: str) -> Iterator[Path]:
+    """A new folder that replaces ``folder`` at the end of the block, or is deleted if the block raises.
+
+    The block writes a file named ``manifest`` into it, a JSON object whose ``files`` are relative paths. FoldcarError,
+    naming the folder, if it cannot be written or contains other files.
+    """
+    check_output_folder(folder)
+    folder = folder.absolute()
+    _check_replaceable(folder, manifest)
+    temporary = folder.with_name(f".{folder.name}.{os.getpid()}.part")
+    old = folder.with_name(f".{folder.name}.{os.getpid()}.old")
+    try:
+        temporary.mkdir()
+    except OSError as error:
+        raise FoldcarError(f"{folder}: cannot be written: {error.strerror or error}") from error
+    try:
+        with held(lambda: shutil.rmtree(temporary)):
+            yield temporary
+            with delayed():
+                if folder.exists():
+                    folder.rename(old)
+                temporary.rename(folder)
+    except OSError as error:
+        if old.exists() and not folder.exists():
+            old.rename(folder)
+        raise FoldcarError(f"{folder}: cannot be written: {error.strerror or error}") from error
+    finally:
+        for leftover in (temporary, old):
+            shutil.rmtree(leftover, ignore_errors=True)
+
+
+def _check_replaceable(folder: Path, manifest: str) -> None:
+    if not folder.exists():
+        return
+    try:
+        held = {str(file.relative_to(folder)) for file in folder.rglob("*") if not file.is_dir()}
+        listed = set(json.loads((folder / manifest).read_text(encoding="utf-8"))["files"]) if held else set()
+    except (OSError, ValueError, KeyError, TypeError):
+        raise FoldcarError(f"{folder}: contains other files; choose another folder") from None
+    foreign = sorted(held - listed - {manifest})
+    if foreign:
+        raise FoldcarError(f"{folder}: contains {foreign[0]}, which its manifest does not name; choose another folder")
+
+
+# What every SQLite database begins with (sqlite.org/fileformat.html).
+SQLITE_MAGIC = b"SQLite format 3\0"
+
+
+def make_output_folder(folder: Path) -> bool:
+    """Make ``folder`` if it is missing, and tell whether it was; FoldcarError as for `check_output_folder`."""
+    check_output_folder(folder)
+    if folder.is_dir():
+        return False
+    try:
+        folder.mkdir()
+    except OSError as error:
+        raise FoldcarError(f"{folder}: cannot be written: {error.strerror or error}") from error
+    return True
+
+
+def check_output_folder(folder: Path, output: Path | None = None) -> None:
+    """FoldcarError if ``folder`` is none, cannot be made, or cannot be written in; it names ``output``, or the folder."""
+    shown = folder if output is None else output
+    if folder.is_dir():
+        _check_access(folder, shown)
+    elif folder.exists() or folder.is_symlink():
+        reason = "not a folder" if output is None else f"cannot be written: {folder} is not a folder"
+        raise FoldcarError(f"{shown}: {reason}")
+    elif not folder.parent.is_dir():
+        raise FoldcarError(f"{shown}: cannot be written: there is no folder {folder.parent} to make {folder.name} in")
+    else:
+        _check_access(folder.parent, shown)
+
+
+def check_output_file(file: Path) -> None:
+    """FoldcarError if ``file`` cannot be a file: its place is taken, or its folder as for `check_output_folder`."""
+    if file.exists() and not file.is_file():
+        raise FoldcarError(f"{file}: not a regular file")
+    check_output_folder(file.parent, file)
+
+
+def check_replaceable(file: Path) -> None:
+    """FoldcarError if ``file`` is an SQLite database: most likely a store, and so the only place of what was measured."""
+    try:
+        with file.open("rb") as opened:
+            start = opened.read(len(SQLITE_MAGIC))
+    except OSError:
+        return
+    if start == SQLITE_MAGIC:
+        raise FoldcarError(f"{file}: is a store or another SQLite database, which is not replaced; name another file")
+
+
+def _check_access(folder: Path, shown: Path) -> None:
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise FoldcarError(f"{shown}: cannot be written: no permission to write in the folder {folder.absolute()}")

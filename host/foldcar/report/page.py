@@ -1,6 +1,5 @@
 """The report's page: one HTML file that needs neither other files nor a network. Its parts stand in the folder web/."""
 
-import json
 import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -11,7 +10,7 @@ from markupsafe import Markup
 
 from foldcar.figures.style import OUTCOME_COLOURS, OUTCOME_LABELS
 from foldcar.inline_svg import inline_svg
-from foldcar.page_template import page_template
+from foldcar.page_template import page_template, script_json
 from foldcar.report.advice_slots import Part
 from foldcar.report.axis import extent_text, interval_text, parameter_label, success_text, value_text
 from foldcar.report.sections import Section
@@ -59,7 +58,7 @@ def page_html(
         "extent_text": extent_text,
         "success_text": success_text,
         "interval_text": interval_text,
-        "script_json": _script_json,
+        "script_json": script_json,
     }
     drawings = [drawing for part in across for drawing in part.drawings]
     drawings += [drawing for section in sections for drawing in section.all_drawings]
@@ -93,11 +92,6 @@ def _inlined(name: str, picture: Picture, caption: str) -> Markup:
 
 def _web_file(name: str) -> str:
     return files("foldcar.report").joinpath(f"web/{name}").read_text(encoding="utf-8")
-
-
-def _script_json(value: Any) -> Markup:
-    """JSON that is safe inside a script element."""
-    return Markup(json.dumps(value, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c"))
 
 
 def _assignments(values: Mapping[str, object]) -> str:

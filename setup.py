@@ -1,7 +1,8 @@
 """Puts carsim, the pages' scripts and the examples into the package where a wheel is built, as in a checkout.
 
 A wheel fits every Python and one system. PlatformIO builds carsim, npm the scripts. FOLDCAR_BUILD_DIR names a folder of
-programs that are built already, such as .pio/build. The program with MuJoCo is left out where the build has no package `mujoco` (Python 3.10).
+programs that are built already, such as .pio/build. The program with MuJoCo is left out where the build has
+no package `mujoco` (Python 3.10).
 """
 
 import importlib.util

@@ -30,7 +30,7 @@ def page_template(package: str, file: str, filters: Mapping[str, Callable[..., A
 
 def bundle(name: str) -> Markup:
     """A page's script with the libraries that it needs, for a script element. FoldcarError if it was not bundled."""
-    file = files("foldcar").joinpath("bundles", name)
+    file = files("foldcar").joinpath(f"bundles/{name}")
     if not file.is_file():
         raise FoldcarError(f"{file}: the page's script is not there: run `make setup` in the checkout, which bundles it")
     return Markup(file.read_text(encoding="utf-8").replace("</script", "<\\/script"))

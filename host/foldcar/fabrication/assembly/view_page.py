@@ -40,7 +40,7 @@ def view_page(
         run=run,
         live=live,
         data=script_json({"car": view_data(folded), "run": run, "live": live}),
-        style=Markup(files(ROOM).joinpath("web", "view.css").read_text(encoding="utf-8")),
+        style=Markup(files(ROOM).joinpath("web/view.css").read_text(encoding="utf-8")),
         program=bundle("view.js"),
     )
 

@@ -128,3 +128,38 @@ def test_more_runs_than_the_page_holds_are_counted(store: Path, monkeypatch: pyt
     assert page["runs"] is None
     assert "12 runs of 4 designs" in page["runs_omitted"]
     assert sum(page["environment"]["runs"]) == 4 * SAMPLES
+
+
+def test_trials_that_refute_simulation_make_a_design_bad(store: Path, tmp_path: Path) -> None:
+    """Belief is what simulation and trials together say: 1 of 12 trials outweighs runs that all passed."""
+    again = tmp_path / "s.db"
+    again.write_bytes(store.read_bytes())
+    page = read(store)
+    designs = page["designs"]
+    assert designs["belief"][0] != designs["rate"][0]  # two trials tell something already
+    best = max(range(4), key=lambda index: designs["rate"][index])
+    width, length = (page["parameters"][k]["values"][at] for k, at in enumerate(designs["value"][best]))
+    rows = [f"W_B_W,{outcome},later,{width:g},{length:g}" for outcome in ["passed"] + 20 * ["tipped"]]
+    (tmp_path / "t.csv").write_text("\n".join(["vehicle_type,outcome,source,width_mm,B_length_mm", *rows, ""]))
+    foldcar("trials", "import", again, tmp_path / "t.csv", "--experiment", "1")
+
+    after = read(again)["designs"]
+
+    assert after["rate"][best] == designs["rate"][best]
+    assert after["belief_high"][best] < 0.5 <= designs["belief_high"][best]
+    assert after["verdict"][best] == "bad"
+    assert after["refuted"][best] == ("optimistic" if designs["low"][best] > 0.3 else None)
+
+
+def test_environment_values_and_effects_are_of_every_environment_and_parameter(store: Path) -> None:
+    page = read(store)
+    table = array(page["environment"]["values"]).reshape(SAMPLES, -1)
+
+    assert len(page["environment"]["columns"]) == table.shape[1] > 2
+    assert {one["parameter"] for one in page["effects"]} == {0, 1}
+    for one in page["effects"]:
+        assert len(one["grid"]) == len(one["mean"]) == 2
+        assert "same 2 combinations of the other parameters" in one["over"]
+    shares = [one["share"] for one in page["importance"]]
+    assert shares == sorted(shares, reverse=True)
+    assert page["causes"] == []  # three environments tell nothing

@@ -139,7 +139,7 @@ class Effects:
 
 
 def fit_effects(parameters: ArrayLike, design: ArrayLike, environment: ArrayLike, passed: ArrayLike) -> Effects:
-    """Fit to designs (d, k) and their runs (n,): index of the design, of the environment, and 1 if passed. FoldcarError."""
+    """Fit to designs (d, k) and runs (n,): index of the design, of the environment, 1 if passed. FoldcarError."""
     x = numpy.asarray(parameters, dtype=float)
     at, where = numpy.asarray(design), numpy.asarray(environment)
     ended = numpy.asarray(passed, dtype=float)

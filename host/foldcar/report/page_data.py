@@ -17,15 +17,24 @@
   of it; ``verdict``: "good", "bad" or "open" by the belief's interval and the last threshold; ``refuted``: "optimistic"
   or "pessimistic" where the design's own trials contradict simulation; ``measures``:
   ``{"key", "label", "unit", "better": "less" | "more" | null, "value": column}``.
-- ``environment``: ``{"columns": [{"name", "label", "unit"}], "values": float32 of environments × columns, NaN where the
-  environment has none, "runs", "passed": of all designs in each environment}``.
+- ``environment``: ``{"columns": [{"name": that of the export, "label", "unit"}], "values": float32 of environments ×
+  columns in these units, NaN where the environment has none, "runs", "passed": of all designs in each environment}``.
 - ``runs``: ``{"n", "design", "environment", "outcome", "time_s"}`` in the order of design and environment, arrays as
   below; null beyond MOST_RUNS, where ``runs_omitted`` says so and the columns of designs and environments tell the rest.
 - ``outcomes``, ``outcome_labels``: what the numbers of ``outcome`` stand for.
 - ``replays``: ``{"design", "environment", "outcome", "blob"}``, the caller's.
 - ``trials``: ``{"number", "design": index or null, "car": the design's name, "standing": "built" | "simulated",
   "environment": index or null, "passed": null if aborted, "outcome", "time_s", "when", "note", "replay": null}``.
-- ``front``: null or what a search found; ``effects``, ``importance``, ``causes``: lists.
+- ``effects``: for each numeric parameter ``{"parameter": its place, "grid": values, "mean", "low", "high": success in
+  simulation, a mean over the same combinations of the other parameters for each value, with a 95 % band, "curves": at
+  most 20 single combinations, "over": which combinations these are, in words}``. Raw averages are of unequal combinations
+  and stand nowhere. ``importance``: ``{"parameter", "share", "low", "high"}``, the share of the variance of success over
+  designs that would go if it were fixed (shares may add up to more than 1); empty with one parameter.
+- ``causes``: ``{"column": place in the environment's columns, "label", "unit", "separation": 0 to 1, "low", "high",
+  "rises": whether greater values pass, "bins": [{"from", "to", "runs", "passed"}]}``, the best first: how well the value
+  separates passed from failed runs of the same design. It tells something where ``low`` is above 0; all intervals of an
+  experiment hold together with 95 %.
+- ``front``: null or what a search found.
 - ``provenance``: [label, text]; ``files``: [label, relative address].
 
 Arrays are ``{"type": "uint8" | "uint16" | "uint32" | "float32", "data": base64 of little-endian numbers}``.
@@ -38,9 +47,11 @@ from typing import Any
 
 from foldcar.analysis.words import label_and_unit, value_text
 from foldcar.figures.style import OUTCOME_LABELS
+from foldcar.report.environment_values import environment_values
 from foldcar.report.figure_options import THRESHOLDS, FigureOptions
 from foldcar.report.page_designs import Designs, parameter_columns, read_designs
-from foldcar.report.page_runs import packed_runs
+from foldcar.report.page_effects import cause_rows, effect_rows, importance_rows, read_effects
+from foldcar.report.page_runs import packed, packed_runs
 from foldcar.report.page_trials import trial_rows
 from foldcar.simulation.results import OUTCOMES
 from foldcar.store.info import ExperimentInfo, StudyInfo
@@ -90,6 +101,8 @@ def _experiment(
     trials, left_out = select_trials(store.trials(info.listed_id), simulated_trials)
     designs = read_designs(store, info, trials)
     few = info.stored_runs <= MOST_RUNS
+    effects, places = read_effects(designs)
+    values = environment_values(store, info)
     left = left_out_text(left_out)
     return {
         "id": info.id,
@@ -107,10 +120,14 @@ def _experiment(
         "parameters": parameter_columns(designs),
         "fixed": _fixed(info),
         "designs": designs.columns(thresholds[-1]),
-        "effects": [],
-        "importance": [],
-        "environment": designs.environments(),
-        "causes": [],
+        "effects": [] if effects is None else effect_rows(designs, effects, places),
+        "importance": [] if effects is None else importance_rows(effects, places),
+        "environment": {
+            "columns": [{"name": one.name, "label": one.label, "unit": one.unit} for one in values.columns],
+            "values": packed(values.shown, "float32"),
+            **designs.environments(),
+        },
+        "causes": cause_rows(designs, values),
         "runs": packed_runs(designs) if few else None,
         "runs_omitted": "" if few else _omitted(info, designs),
         "outcomes": list(OUTCOMES),

@@ -10,15 +10,20 @@ from typing import Any
 
 import numpy
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
+from foldcar.advice.comparison import MARGIN
 from foldcar.analysis import rate
+from foldcar.analysis.gap import OPTIMISTIC, PESSIMISTIC, mean_gap
+from foldcar.analysis.pooled_bias import MOST_POOLED, pooled_bias
+from foldcar.analysis.rate import Rate
 from foldcar.analysis.words import design_text, label_and_unit
 from foldcar.report.page_measures import measures
 from foldcar.simulation.results import OUTCOMES, REJECTED
 from foldcar.store.frames import RunArrays, run_arrays
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
-from foldcar.store.trial_records import BUILT, Trial
+from foldcar.store.trial_records import Trial
 
 Design = Mapping[str, float | str]
 
@@ -56,12 +61,18 @@ class Designs:
         return numpy.column_stack([self.ends[:, OUTCOMES.index("passed")], all_runs])
 
     @cached_property
+    def elsewhere(self) -> dict[int, str]:
+        """Trials that do not count here: those driven in another program than the runs, by number."""
+        found = self.store.trials_elsewhere(self.info)
+        return {at: name or "an unknown program" for at, name in found.items() if name != self.info.scenic_program}
+
+    @cached_property
     def tried(self) -> NDArray[Any]:
         """The trials of built cars that count: passed and all of them (designs, 2)."""
         found = numpy.zeros((len(self.designs), 2), dtype=int)
         for trial in self.trials:
             index = self.index_of(trial)
-            if trial.standing == BUILT and trial.completed and index is not None:
+            if trial.counts and index is not None and trial.id not in self.elsewhere:
                 found[index] += trial.outcome == "passed", 1
         return found
 
@@ -86,7 +97,6 @@ class Designs:
 
     def columns(self, threshold: float) -> dict[str, Any]:
         """The page's columns; a design is good or bad if its belief's interval is on one side of ``threshold``."""
-        known = self.counted[:, 1] > 0
         simulated = self._rates(self.counted, self.info.until is not None)
         driven = self._rates(self.tried)
         believed = self.believed(simulated)
@@ -109,16 +119,53 @@ class Designs:
             "belief_low": [one and one[1] for one in believed],
             "belief_high": [one and one[2] for one in believed],
             "verdict": [_verdict(one, threshold) for one in believed],
-            "refuted": [None] * len(known),
+            "refuted": self.refuted(),
             "measures": measures(self.store, self.info, self.designs, self.swept, self.runs),
         }
 
     def believed(self, simulated: Sequence[tuple[float, float] | None]) -> list[tuple[float, float, float] | None]:
-        """What simulation and trials together say of each design: rate, low, high."""
-        return [
+        """What simulation and trials together say of each design: rate, low, high.
+
+        Without trials that is simulation's rate; of a design without runs its trials'.
+        """
+        found = [
             None if ends is None else (round(passed / runs, 6), *ends)
             for (passed, runs), ends in zip(self.counted.tolist(), simulated, strict=True)
         ]
+        for index, ((passed, number), ends) in enumerate(zip(self.tried.tolist(), self._rates(self.tried), strict=True)):
+            if found[index] is None and ends is not None:
+                found[index] = (round(passed / number, 6), *ends)
+        known = numpy.array([index for index, ends in enumerate(simulated) if ends is not None], dtype=int)
+        driven = known[self.tried[known, 1] > 0]
+        if len(driven):
+            # Of many driven designs those with most trials tell most.
+            told = set(driven[numpy.argsort(-self.tried[driven, 1], kind="stable")][:MOST_POOLED].tolist())
+            trials = numpy.where([[index in told] for index in known], self.tried[known], 0)
+            x = numpy.array([[float(self.designs[index][name]) for name in self.values] for index in known])
+            with threadpool_limits(1):
+                rates = pooled_bias(x.reshape(len(known), -1), self.counted[known], trials).rates(least=1)
+            for index, one in zip(known.tolist(), rates, strict=True):
+                found[index] = (round(one.value, 6), round(one.low, 6), round(one.high, 6))
+        return found
+
+    def refuted(self) -> list[str | None]:
+        """Where a design's own trials contradict simulation, and how; all these statements hold together with 95 %."""
+        both = [
+            index
+            for index, (runs, trials) in enumerate(zip(self.counted, self.tried, strict=True))
+            if runs[1] and trials[1]
+        ]
+        found: list[str | None] = [None] * len(self.designs)
+        if not self.info.success_defined:
+            return found
+        level = 1 - (1 - 0.95) / max(1, len(both))
+        for index in both:
+            (passed, runs), (crossed, trials) = self.counted[index].tolist(), self.tried[index].tolist()
+            simulated = Rate.counted(passed, runs, "", self.info.until is not None, level)
+            gap = mean_gap([simulated], [Rate.counted(crossed, trials, "", confidence=level)])
+            verdict = gap.verdict(MARGIN)
+            found[index] = verdict if verdict in (OPTIMISTIC, PESSIMISTIC) else None
+        return found
 
     def _rates(self, counts: NDArray[Any], stopped: bool = False) -> list[tuple[float, float] | None]:
         """The 95 % interval of each rate of (designs, 2) passed and all; None where success or the rate is undefined."""
@@ -130,13 +177,11 @@ class Designs:
             found.append(ends and (round(ends[0], 6), round(ends[1], 6)))
         return found
 
-    def environments(self) -> dict[str, Any]:
+    def environments(self) -> dict[str, list[int]]:
         """The environments: how many designs met each with a run that counts, and how many passed there."""
         runs, number = self.runs.counted, self.info.environments
         passed = runs.sample[runs.outcome == OUTCOMES.index("passed")]
         return {
-            "columns": [],
-            "values": None,
             "runs": numpy.bincount(runs.sample, minlength=number).tolist(),
             "passed": numpy.bincount(passed, minlength=number).tolist(),
         }

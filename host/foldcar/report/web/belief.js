@@ -31,9 +31,9 @@ const escaped = text => text.replace(/[&<>"]/g, letter => `&#${letter.charCodeAt
 
 // Pointing at and pressing a mark of a chart; of: the design of an event, or null.
 export function linked(model, chart, of) {
-  chart.chart.on("mouseover", event => { const design = of(event); if (design !== null) model.hover(design); });
-  chart.chart.on("mouseout", () => model.hover(null));
-  chart.chart.on("click", event => { const design = of(event); if (design !== null) model.open(design); });
+  chart.on("mouseover", event => { const design = of(event); if (design !== null) model.hover(design); });
+  chart.on("mouseout", () => model.hover(null));
+  chart.on("click", event => { const design = of(event); if (design !== null) model.open(design); });
 }
 
 export class Belief {
@@ -50,7 +50,6 @@ export class Belief {
     if (e.parameters.length > 1) this.add(place, "map", mapFigure(this.model));
     else this.add(place, "curve", curveFigure(this.model));
     byId("belief-note").textContent = note(this.model);
-    for (const chart of this.charts) chart.draw();
   }
 
   add(place, kind, { title, controls = [], of, ...options }) {
@@ -63,7 +62,6 @@ export class Belief {
     this.charts.push(chart);
   }
 
-  // Charts over other axes draw anew.
   mark() { for (const chart of this.charts) chart.draw(); }
 }
 

@@ -25,8 +25,22 @@ export function successColour(share) {
 
 const redraw = () => { for (const chart of all) chart.draw(); };
 window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
-window.addEventListener("beforeprint", () => { document.documentElement.classList.add("print"); redraw(); });
+window.addEventListener("beforeprint", () => {
+  document.documentElement.classList.add("print");
+  for (const chart of all) chart.near = true;
+  redraw();
+});
 window.addEventListener("afterprint", () => { document.documentElement.classList.remove("print"); redraw(); });
+// A chart is drawn when it comes near the window: the page answers at once, however many there are.
+const NEAR = "300px";
+const nearing = new IntersectionObserver(entries => {
+  for (const { target, isIntersecting } of entries) {
+    const chart = [...all].find(one => one.place === target);
+    if (!chart) continue;
+    chart.near = isIntersecting;
+    if (isIntersecting && chart.stale) chart.draw();
+  }
+}, { rootMargin: NEAR });
 
 export class Chart {
   // option(colours, width): of ECharts; table(): {head, rows} of the same numbers, for readers of tables and of screens.
@@ -36,9 +50,12 @@ export class Chart {
     this.place.className = "chart";
     this.place.setAttribute("role", "img");
     this.place.setAttribute("aria-label", `${label}. The numbers are in the table below.`);
-    figure.prepend(this.place);
+    const caption = figure.querySelector("figcaption");
+    if (caption) caption.after(this.place);
+    else figure.prepend(this.place);
     if (table) figure.append(tableBehind(table));
-    this.chart = echarts.init(this.place, null, { renderer });
+    this.renderer = renderer;
+    this.handlers = [];
     this.width = this.place.clientWidth;
     this.seen = new ResizeObserver(() => {
       if (this.place.clientWidth === this.width) return;
@@ -46,13 +63,22 @@ export class Chart {
       this.draw();
     });
     this.seen.observe(this.place);
+    nearing.observe(this.place);
     all.add(this);
   }
 
+  // What a mouse does to the chart's marks: of ECharts.
+  on(event, act) { this.handlers.push([event, act]); }
+
   draw() {
-    const theme = colours();
-    const { height, ...option } = this.option(theme, this.place.clientWidth);
+    const theme = colours(), { height, ...option } = this.option(theme, this.place.clientWidth);
     if (height) this.place.style.height = `${height}px`;
+    this.stale = !this.near;
+    if (this.stale) return;
+    if (!this.chart) {
+      this.chart = echarts.init(this.place, null, { renderer: this.renderer });
+      for (const one of this.handlers) this.chart.on(...one);
+    }
     this.chart.resize();
     this.chart.setOption({ animation: false, textStyle: { fontFamily: "inherit", color: theme.ink }, ...option }, { notMerge: true });
     this.drawn();
@@ -61,7 +87,8 @@ export class Chart {
   dispose() {
     all.delete(this);
     this.seen.disconnect();
-    this.chart.dispose();
+    nearing.unobserve(this.place);
+    if (this.chart) this.chart.dispose();
   }
 }
 
@@ -103,7 +130,7 @@ export function plainTable(head, rows) {
 export function axisStyle(theme, name, more = {}) {
   return {
     name, nameLocation: "middle", nameTextStyle: { color: theme.soft, fontSize: 12 }, nameGap: 26,
-    axisLine: { show: true, lineStyle: { color: theme.soft } }, axisTick: { lineStyle: { color: theme.soft } },
+    axisLine: { show: true, onZero: false, lineStyle: { color: theme.soft } }, axisTick: { lineStyle: { color: theme.soft } },
     axisLabel: { color: theme.soft, fontSize: 11, hideOverlap: true }, splitLine: { lineStyle: { color: theme.line } }, ...more,
   };
 }

@@ -28,19 +28,22 @@ export class Runs {
     if (this.grid) this.charts.push(this.grid.chart);
     byId("omitted").textContent = e.runs_omitted || "";
     byId("runs").hidden = !e.count;
-    for (const chart of this.charts) chart.draw();
-    this.mark();
+    for (const chart of this.charts) if (chart !== this.grid?.chart) chart.draw();
   }
 
+  // Pictures of those that tell something; the rest is in the table.
   causes(causes) {
-    const { e } = this.model, place = byId("causes"), pictures = make("div", { class: "multiples" });
-    place.append(make("h3", { text: "Why do they fail?" }), make("p", { class: "note", text: "What the environments drew at random, by how well it separates failed from passed runs: 0 % not at all, 100 % wholly. Bars: success at such values." }), pictures);
-    causes.slice(0, MOST_CAUSES).forEach((cause, rank) => {
-      const figure = make("figure", {}, make("figcaption", {}, make("b", { text: `${rank + 1}. ${cause.label}` }), ` separates ${percent(cause.separation)}${cause.low === null || cause.low === undefined ? "" : ` (${percent(cause.low)} to ${percent(cause.high)})`}`));
+    const place = byId("causes"), pictures = make("div", { class: "multiples" }), telling = causes.filter(one => one.low > 0).slice(0, MOST_CAUSES);
+    const [strongest] = causes, interval = ({ separation, low, high }) => `${percent(separation)} (${percent(low)} to ${percent(high)})`;
+    place.append(make("h3", { text: "Why do they fail?" }), make("p", { class: "note", text: telling.length
+      ? "What the environments drew at random, by how well it separates failed from passed runs of the same design: 0 % not at all, 100 % wholly. Bars: success at such values."
+      : `Of what the environments drew at random, nothing clearly separates failed from passed runs of the same design; most does ${strongest.label}: ${interval(strongest)}, where 0 % is not at all.` }), pictures);
+    telling.forEach((cause, rank) => {
+      const figure = make("figure", {}, make("figcaption", {}, make("b", { text: `${rank + 1}. ${cause.label}` }), ` separates ${interval(cause)}`));
       pictures.append(figure);
       this.charts.push(new Chart(figure, causeFigure(cause)));
     });
-    if (causes.length > MOST_CAUSES) place.append(tableBehind(() => ({ head: ["value", "separates", "95 %"], rows: causes.map(one => [one.label, percent(one.separation), one.low === null || one.low === undefined ? "–" : `${percent(one.low)} to ${percent(one.high)}`]) }), `all ${causes.length} values`));
+    if (causes.length > telling.length) place.append(tableBehind(() => ({ head: ["value", "separates (95 %)", "success"], rows: causes.map(one => [one.label, interval(one), one.rises ? "rises with it" : "falls with it"]) }), `all ${causes.length} values`));
   }
 
   mark() {
@@ -50,8 +53,6 @@ export class Runs {
     listed(model);
     this.replay.show(model.design, model.env, model.state.t ?? 0);
   }
-
-  hover() { if (this.grid) this.grid.hover(); }
 }
 
 function causeFigure({ label, unit, bins }) {
@@ -126,9 +127,9 @@ class Grid {
     this.chart.place.setAttribute("aria-label", "Outcomes: a column for each design, a row for each environment. Arrow keys move from run to run.");
     this.chart.place.addEventListener("keydown", event => this.key(event));
     const cell = ({ value }) => [this.columns[value[0]], this.rows[value[1]]];
-    this.chart.chart.on("click", event => { if (event.value) this.choose(...cell(event)); });
-    this.chart.chart.on("mouseover", event => { if (event.value) { model.hover(cell(event)[0]); this.tell(...cell(event)); } });
-    this.chart.chart.on("mouseout", () => { model.hover(null); this.tell(model.design, model.env); });
+    this.chart.on("click", event => { if (event.value) this.choose(...cell(event)); });
+    this.chart.on("mouseover", event => { if (event.value) { model.hover(cell(event)[0]); this.tell(...cell(event)); } });
+    this.chart.on("mouseout", () => { model.hover(null); this.tell(model.design, model.env); });
   }
 
   arrange() {
@@ -182,8 +183,6 @@ class Grid {
     this.chart.draw();
     this.tell(this.model.design, this.model.env);
   }
-
-  hover() {}
 
   tell(design, environment) {
     const { e } = this.model, run = e.run(design, environment);

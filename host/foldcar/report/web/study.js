@@ -13,9 +13,15 @@ function chooser(model) {
   const several = model.study.experiments.length > 1;
   byId("experiment").hidden = !several;
   const list = byId("experiment").querySelector("select");
-  list.replaceChildren(...model.study.experiments.map(one => new Option(`${one.id}: ${(one.provenance.find(([label]) => label === "environment") || ["", ""])[1]}`, one.id)));
+  list.replaceChildren(...model.study.experiments.map(one => new Option(`${one.id} ${scene(one)}`, one.id)));
   list.value = model.e.id;
   list.onchange = () => model.set({ e: list.value });
+}
+
+// The name of an experiment's program.
+function scene({ provenance }) {
+  const [, text] = provenance.find(([label]) => label === "environment") || ["", ""];
+  return (/([^/ ]+)\.scenic/.exec(text) || ["", ""])[1].replaceAll("_", " ");
 }
 
 // The address keeps the part of the page that is read.

@@ -34,6 +34,7 @@ class Effect:
     """Success over the values ``grid`` (v,): mean with its 95 % band, each (v,), and ``curves`` (c, v) of single ones.
 
     ``combinations`` of the others are averaged; ``run``: all of them were run at every value, none is the model's alone.
+    ``rises``: how probable it is that the mean at the first value, and at the last, is above that of its neighbour.
     """
 
     grid: NDArray[Any]
@@ -43,6 +44,7 @@ class Effect:
     curves: NDArray[Any]
     combinations: int
     run: bool
+    rises: tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -85,7 +87,8 @@ class Effects:
         low, high = numpy.quantile(means, (0.025, 0.975), axis=0)
         shown = numpy.unique(numpy.linspace(0, len(chosen) - 1, MOST_CURVES).round().astype(int))
         curves = numpy.median(drawn[:, shown], axis=0)
-        return Effect(grid, means.mean(axis=0), low, high, curves, len(chosen), run)
+        first, last = (float((means[:, end] > means[:, inner]).mean()) for end, inner in ((0, 1), (-1, -2)))
+        return Effect(grid, means.mean(axis=0), low, high, curves, len(chosen), run, (first, last))
 
     def _combinations(self, parameter: int, values: NDArray[Any]) -> tuple[NDArray[Any], bool]:
         """Combinations of the other parameters as designs, and whether each was run at every value."""

@@ -68,7 +68,7 @@ export class Belief {
 function note({ e }) {
   const parts = [];
   if (e.designs.trials.some(count => count)) parts.push("Belief pools simulation and trials.");
-  parts.push(`Intervals hold at 95 % for each design by itself. ${e.judged ? `Tint: belief above or below ${percent(e.threshold)}.` : ""}`);
+  parts.push(`Intervals hold at 95 % for each design by itself. ${e.judged && e.parameters.length < 2 ? `Tint: belief above or below ${percent(e.threshold)}.` : ""}`);
   return parts.join(" ");
 }
 

@@ -12,6 +12,8 @@ const MOST_LISTED = 200;
 const ROW = 4;
 const LEAST = 260;
 const MOST = 520;
+// Columns that are wider have names (px).
+const NAMED = 11;
 
 export class Runs {
   constructor(model, replay) { Object.assign(this, { model, replay, charts: [] }); }
@@ -158,13 +160,16 @@ class Grid {
       const outcome = e.runs.outcome[run];
       data.push({ value: [column, row, outcome], itemStyle: { color: OUTCOMES[e.outcomes[outcome]], opacity: kept.size && !kept.has(outcome) ? 0.1 : 1 } });
     }));
-    const height = Math.max(LEAST, Math.min(MOST, 90 + ROW * this.rows.length));
+    const several = e.parameters.length > 1, height = Math.max(LEAST, Math.min(MOST, (several ? 140 : 90) + ROW * this.rows.length));
     const at = [this.columns.indexOf(model.design), this.rows.indexOf(model.env)];
-    const [cellWidth, cellHeight] = [(width - 64) / Math.max(1, this.columns.length), (height - 84) / Math.max(1, this.rows.length)];
-    const names = this.columns.map(design => e.designs.name[design]);
+    const [cellWidth, cellHeight] = [(width - 64) / Math.max(1, this.columns.length), (height - (several ? 106 : 58)) / Math.max(1, this.rows.length)];
+    const named = e.parameters.length < 2 || cellWidth > NAMED;
     return {
-      height, grid: { left: 52, right: 12, top: 10, bottom: e.parameters.length > 1 ? 30 : 48 },
-      xAxis: axisStyle(theme, e.parameters.length === 1 ? withUnit(e.parameters[0]) : `${this.columns.length} designs`, { type: "category", data: e.parameters.length === 1 ? this.columns.map(design => valueOf(e, design)) : names, nameGap: e.parameters.length > 1 ? 10 : 26, axisTick: { show: false }, ...(e.parameters.length > 1 ? { axisLabel: { show: false } } : {}) }),
+      height, grid: { left: 52, right: 12, top: 10, bottom: !several ? 48 : named ? 96 : 30 },
+      xAxis: axisStyle(theme, several ? `${this.columns.length} designs${named ? `: ${e.parameters.map(withUnit).join(" · ")}` : ""}` : e.parameters.length ? withUnit(e.parameters[0]) : "", {
+        type: "category", data: this.columns.map(design => valuesOf(e, design)), nameGap: !several ? 26 : named ? 76 : 10, axisTick: { show: false },
+        axisLabel: { show: named, color: theme.soft, fontSize: 11, hideOverlap: true, rotate: several ? 90 : 0 },
+      }),
       yAxis: axisStyle(theme, state.order === "difficulty" ? "environments, hardest below" : "environment", { type: "category", data: this.rows.map(String), nameGap: 36, axisTick: { show: false }, splitLine: { show: false } }),
       series: [
         { type: "heatmap", data, progressive: 0, itemStyle: { borderWidth: cellWidth > 6 && cellHeight > 6 ? 0.5 : 0, borderColor: theme.paper }, emphasis: { itemStyle: { borderColor: theme.ink, borderWidth: 1.5 } } },
@@ -192,4 +197,4 @@ class Grid {
   }
 }
 
-const valueOf = (e, design) => { const axis = e.axes[0], value = axis.values[design]; return axis.categories ? axis.categories[value] : String(value); };
+const valuesOf = (e, design) => e.parameters.map((_, k) => e.axes[k]).map(axis => { const value = axis.values[design]; return value === null ? "–" : axis.categories ? axis.categories[value] : String(value); }).join(" · ");

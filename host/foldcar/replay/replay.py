@@ -10,14 +10,15 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from foldcar.replay.choice import choose_runs
-from foldcar.replay.compact_path import ANGLE_RAD, INTERVAL_S, PLACE_M
+from foldcar.replay.compact_path import ANGLE_RAD, PLACE_M
 from foldcar.replay.ground_maps import HEIGHT_M, ground_maps
 from foldcar.replay.outcome_grid import OutcomeGrid
 from foldcar.replay.page_blobs import blob
-from foldcar.replay.simulate import Key, simulate_paths
+from foldcar.replay.simulate import Key, Paths, kept_paths, simulate_paths
 from foldcar.replay.stored_drives import StoredDrives, read_drives
 from foldcar.replay.trial_paths import trial_path
 from foldcar.simulation.carsim import Carsim, ask_pulses
+from foldcar.simulation.runner import KEPT_INTERVAL_S as INTERVAL_S
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
 from foldcar.store.tables import TRIAL
@@ -97,12 +98,18 @@ def make_replay(
         replay.remarks.append(f"No replay: {reason}.")
         return replay
     assert not isinstance(carsim, str)
-    chosen = choose_runs(grid)
+    kept = kept_paths(drives)
+    chosen = choose_runs(grid, kept or None)
     if not chosen and grid.outcomes.any():
         replay.remarks.append("No replay: no run ended in the simulator's own way, so that none has a path.")
     plan(len(chosen) + len({sample for _, sample in chosen}))
     places = {design: place for place, design in enumerate(designs)}
-    _add_paths(replay, drives, grid, chosen, places, carsim, jobs, done)
+    if kept:
+        paths = Paths({key: kept[key] for key in chosen})
+        done(len(chosen))
+    else:
+        paths = simulate_paths(drives, grid, chosen, carsim, jobs, done)
+    _add_paths(replay, drives, grid, paths, len(chosen), places)
     _add_scenes(replay, drives, sorted({sample for _, sample in chosen}), carsim, jobs, done)
     replay.data["cars"] = _cars(drives, sorted({design for design, _ in chosen}), places, carsim)
     here = _trials_here(store, info, drives)
@@ -126,20 +133,17 @@ def _add_paths(
     replay: Replay,
     drives: StoredDrives,
     grid: OutcomeGrid,
-    chosen: Sequence[Key],
+    paths: Paths,
+    chosen: int,
     places: Mapping[int, int],
-    carsim: Carsim,
-    jobs: int,
-    done: Callable[[int], None],
 ) -> None:
-    paths = simulate_paths(drives, grid, chosen, carsim, jobs, done)
     by_design: dict[int, list[Key]] = {}
     for key in paths.paths:
         by_design.setdefault(key[0], []).append(key)
     for design, keys in by_design.items():
         hinges = len(drives.value("body", drives.bodies[design])["hinges"])
-        runs = [[sample, paths.rows[design, sample], float(grid.elapsed_s[design, sample])] for _, sample in keys]
-        content = b"".join(paths.paths[key] for key in keys)
+        runs = [[sample, paths.paths[design, sample].rows, float(grid.elapsed_s[design, sample])] for _, sample in keys]
+        content = b"".join(paths.paths[key].content for key in keys)
         replay.blobs[f"runs-{places[design]}"] = blob({"hinges": hinges, "runs": runs}, content)
     replay.runs = len(paths.paths)
     shown = int((grid.outcomes[list(places)][:, grid.shown_samples()] > 0).sum())
@@ -148,10 +152,10 @@ def _add_paths(
             f"{len(paths.differing)} runs end otherwise when they are simulated again, which must not be: they have no "
             "replay. Was the store made on another processor?"
         )
-    if len(chosen) < shown:
+    if chosen < shown:
         replay.remarks.append(
             f"{replay.runs} of the {shown} runs shown can be replayed: every design's first of each ending, then the "
-            "designs nearest to 75 % success, as many as fit into the page and half a minute of simulation."
+            "designs nearest to 75 % success, as many as fit into the page."
         )
 
 

@@ -14,8 +14,8 @@ from typer.testing import CliRunner
 
 from browser import browse
 from foldcar.cli import app
+from foldcar.figures.compact_path import ANGLE_RAD, PLACE_M, compact_path, twice_differenced, varints
 from foldcar.replay.choice import choose_runs
-from foldcar.replay.compact_path import ANGLE_RAD, PLACE_M, compact_path, twice_differenced, varints
 from foldcar.replay.outcome_grid import OutcomeGrid
 from foldcar.replay.simulate import kept_paths, simulate_paths
 from foldcar.replay.stored_drives import read_drives

@@ -7,7 +7,7 @@ from collections.abc import Container, Iterator
 
 import numpy
 
-from foldcar.replay.compact_path import ROW_BYTES
+from foldcar.figures.compact_path import ROW_BYTES
 from foldcar.replay.outcome_grid import NONE, OutcomeGrid
 from foldcar.simulation.results import OUTCOMES, REJECTED
 from foldcar.simulation.runner import KEPT_INTERVAL_S as INTERVAL_S

@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy
 
+from foldcar.figures.compact_path import varints
 from foldcar.figures.ground import Extent
 from foldcar.figures.top_view import view_of
-from foldcar.replay.compact_path import varints
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.runner import side_by_side
 

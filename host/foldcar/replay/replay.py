@@ -9,8 +9,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from foldcar.figures.compact_path import ANGLE_RAD, PLACE_M
 from foldcar.replay.choice import choose_runs
-from foldcar.replay.compact_path import ANGLE_RAD, PLACE_M
 from foldcar.replay.ground_maps import HEIGHT_M, ground_maps
 from foldcar.replay.outcome_grid import OutcomeGrid
 from foldcar.replay.page_blobs import blob

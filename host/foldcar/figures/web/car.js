@@ -37,7 +37,7 @@ export class DrivenCar {
     this.group = new THREE.Group();
     this.segments = body.segments.map(() => new THREE.Group());
     this.wheels = body.wheels.map(() => new THREE.Group());
-    const named = new Map([...this.segments.map((one, k) => [`segment${k}`, one]), ...this.wheels.map((one, k) => [`wheel${k}`, one])]);
+    const named = new Map([...this.segments.map((one, k) => [`segment${k}`, one]), ...this.wheels.map((one, k) => [`wheel${body.wheels[k].channel}`, one])]);
     for (const one of named.values()) {
       one.matrixAutoUpdate = false;
       this.group.add(one);
@@ -109,7 +109,7 @@ function coloured(geometry, material) {
   return plain.setAttribute("color", new THREE.BufferAttribute(colours, 3));
 }
 
-// Faces of film as they are folded, bought parts as boxes and cylinders.
+// Faces of film as they are folded, bought parts as boxes, cylinders and rings, of which the outside is seen.
 function shapeParts({ faces, solids }) {
   const parts = faces.map(({ body, rings }) => {
     const points = rings.map(ring => Array.from({ length: ring.length / 3 }, (_, k) => new THREE.Vector3().fromArray(ring, 3 * k).multiplyScalar(0.1 * MM)));
@@ -118,7 +118,7 @@ function shapeParts({ faces, solids }) {
   });
   return parts.concat(solids.map(({ body, material, kind, size, pose }) => {
     const [x, y, z] = size.map(side => side * MM);
-    const geometry = kind === "box" ? new THREE.BoxGeometry(x, y, z) : new THREE.CylinderGeometry(x / 2, x / 2, z, 24).rotateX(Math.PI / 2);
+    const geometry = kind === "box" ? new THREE.BoxGeometry(x, y, z) : new THREE.CylinderGeometry(x / 2, x / 2, z, 32, 1, kind === "ring").rotateX(Math.PI / 2);
     const [m00, m01, m02, px, m10, m11, m12, py, m20, m21, m22, pz] = pose;
     geometry.applyMatrix4(new THREE.Matrix4().set(m00, m01, m02, px * MM, m10, m11, m12, py * MM, m20, m21, m22, pz * MM, 0, 0, 0, 1));
     return { body, geometry: coloured(geometry, material) };
@@ -142,9 +142,9 @@ function bodyParts(body) {
     const geometry = new THREE.BoxGeometry(one.length_m, one.width_m, one.height_m).translate(one.x_m, 0, one.center_z_m);
     return { body: `segment${k}`, geometry: coloured(geometry, "film"), edges: edgesOf(geometry) };
   });
-  return parts.concat(body.wheels.map((wheel, k) => {
+  return parts.concat(body.wheels.map(wheel => {
     const geometry = new THREE.CylinderGeometry(wheel.radius_m, wheel.radius_m, wheel.width_m, 32).translate(...axleOf(body, wheel));
-    return { body: `wheel${k}`, geometry: coloured(geometry, "tyre"), edges: edgesOf(geometry) };
+    return { body: `wheel${wheel.channel}`, geometry: coloured(geometry, "tyre"), edges: edgesOf(geometry) };
   }));
 }
 

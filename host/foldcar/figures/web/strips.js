@@ -1,5 +1,6 @@
 // Roll and pitch over time as a canvas that is scrubbed, and the pulses that the servos get.
 
+const ANGLES = [5, 10, 15, 30, 45, 90, 180];
 const LEFT = 40, FOOT = 20, HEIGHT = 128, PULSE_ROW = 12;
 
 export class Strips {
@@ -77,7 +78,7 @@ export class Strips {
     const x = t => LEFT + t / this.end_s * (width - LEFT - 8), y = angle => middle - angle * 180 / Math.PI / reach * (middle - 4);
     context.fillStyle = ink;
     context.textBaseline = "middle";
-    const step = roundStep(reach / 2);
+    const step = ANGLES.filter(one => one <= reach).at(-1);
     for (let mark = -Math.floor(reach / step) * step; mark <= reach; mark += step) {
       context.globalAlpha = mark === 0 ? 0.6 : 0.15;
       context.fillRect(LEFT, y(mark * Math.PI / 180) - 0.5, width - LEFT - 8, 1);

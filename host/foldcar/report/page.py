@@ -10,7 +10,7 @@ from markupsafe import Markup
 
 from foldcar.figures.style import OUTCOME_COLOURS, OUTCOME_LABELS
 from foldcar.inline_svg import inline_svg
-from foldcar.page_template import page_template, script_json
+from foldcar.page_template import bundle, page_template, script_json
 from foldcar.report.advice_slots import Part
 from foldcar.report.axis import extent_text, interval_text, parameter_label, success_text, value_text
 from foldcar.report.sections import Section
@@ -20,12 +20,7 @@ from foldcar.store.info import StudyInfo
 
 STYLES = ("page.css", "replay.css", "print.css")
 # In the order in which they name each other.
-PROGRAMS = (
-    "blobs.js", "path.js", "ground.js", "canvas.js", "top_view.js", "side_view.js", "rear_view.js", "strip_chart.js",
-    "pulses.js", "heat_grid.js", "player.js", "replay.js", "gallery.js", "start.js",
-)  # fmt: skip
-# Environments in the gallery.
-GALLERY = 6
+PROGRAMS = ("canvas.js", "heat_grid.js", "replay.js", "start.js")
 
 
 @dataclass(frozen=True)
@@ -76,10 +71,9 @@ def page_html(
         outcome_colours=OUTCOME_COLOURS,
         outcome_names=OUTCOMES,
         outcomes=outcomes,
-        gallery=GALLERY,
         report_command=shlex.join(report_command),
         style=Markup("\n".join(_web_file(name) for name in STYLES)),
-        program=Markup("\n".join(_web_file(name) for name in PROGRAMS).replace("</", "<\\/")),
+        program=bundle("place.js") + Markup("\n".join(_web_file(name) for name in PROGRAMS).replace("</", "<\\/")),
     )
 
 

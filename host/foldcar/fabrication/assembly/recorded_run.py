@@ -11,7 +11,7 @@ from typing import Any
 import numpy
 
 from foldcar.car.folded.model import FoldedCar
-from foldcar.fabrication.assembly.scene_shape import scene_shape
+from foldcar.fabrication.assembly.scene_shape import SceneShapes
 from foldcar.figures.scene_data import ground_data
 from foldcar.simulation.heights import Heights
 
@@ -27,12 +27,14 @@ def recorded_run(
 ) -> dict[str, Any]:
     """The object that run.js reads; ``told`` says which run it is and what is to be known of it."""
     head, content = ground_data(scene, heights)
+    shapes = SceneShapes()
+    parts = shapes.add(folded)
     return {
         "told": f"{told} The wheels turn as if they did not slip: a path has no angles of wheels. Orange: the goal"
         + ("; violet: a friction of its own." if any(one["kind"] == "patch" for one in scene["terrain"]) else "."),
         "outcome": answer["outcome"],
         "rows": numpy.round(numpy.asarray(path, dtype=float), 5).tolist(),
-        "car": {"body": drawn_body(body), "shape": scene_shape(folded)},
+        "car": {"body": drawn_body(body), "shape": {"pieces": shapes.pieces, "parts": parts}},
         "ground": {**head, "heights": base64.b64encode(content).decode()},
     }
 

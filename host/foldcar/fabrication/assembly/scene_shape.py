@@ -1,9 +1,11 @@
 """A car's real shape for pages on which it drives: the faces of its film as they are folded, bought parts as solids.
 
-Input: a FoldedCar. Output: JSON that ``car.js`` reads: outlines in tenths of a millimetre in the car's frame, solids in
+Input: FoldedCars. Output: JSON that ``car.js`` reads: outlines in tenths of a millimetre, solids and poses in
 millimetres. Small holes and parts, such as screws, are left out; hinges are flat.
 """
 
+import json
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -22,23 +24,59 @@ MOST_SOLIDS = 12
 DECIMALS = 3
 
 
-def scene_shape(folded: FoldedCar) -> dict[str, Any]:
-    """``{"faces": [{"body", "rings"}], "solids": [{"body", "material", "kind", "size", "pose"}]}``.
+class SceneShapes:
+    """Shapes of cars that share their ``pieces``: each is there once, ``{"faces"}`` or ``{"solids"}`` in its frame.
 
-    A ring is x, y, z of its points one after the other, the outline before its holes; a pose is the first three rows of
-    its matrix.
+    A face is a list of rings, the outline before its holes: x, y, z of its points one after the other. A solid is
+    ``{"kind", "size", "pose"}``, a pose the first three rows of its matrix.
     """
-    pieces = {piece.name: without_small_holes(piece) for piece in folded.pieces}
-    poses = {name: face_poses(piece) for name, piece in pieces.items()}
-    faces = []
-    for placed in folded.placed:
-        pose, beyond = np.array(placed.pose), _beyond_hinge(folded, placed, pieces[placed.piece])
-        for face in pieces[placed.piece].faces:
-            place = pose @ poses[placed.piece][face.name]
-            rings = [face.outline_mm, *(hole.outline_mm for hole in face.holes)]
-            points = [np.rint(moved(place, np.array(ring)) / UNIT_MM).astype(int).ravel().tolist() for ring in rings]
-            faces.append({"body": beyond.get(face.name, placed.body), "rings": points})
-    return {"faces": faces, "solids": [one for mount in folded.mounts for one in _solids(mount)]}
+
+    def __init__(self) -> None:
+        self.pieces: list[dict[str, Any]] = []
+        self._numbers: dict[str, int] = {}
+        self._film: dict[Piece, int] = {}
+
+    def add(self, folded: FoldedCar) -> list[dict[str, Any]]:
+        """The parts of a car: ``{"piece": its number, "body", "pose"}``, of a hinge's strip ``"beyond"``, too.
+
+        That is the body of each face by its number where it is another one.
+        """
+        pieces, parts = {piece.name: piece for piece in folded.pieces}, []
+        for placed in folded.placed:
+            piece = pieces[placed.piece]
+            part = {"piece": self._faces(piece), "body": placed.body, "pose": _rows(np.array(placed.pose))}
+            beyond = _beyond_hinge(folded, placed, piece)
+            if beyond:
+                part["beyond"] = {k: beyond[face.name] for k, face in enumerate(piece.faces) if face.name in beyond}
+            parts.append(part)
+        for mount in folded.mounts:
+            solids = _solids(mount)
+            if solids:
+                number = self._number({"material": mount_material(mount), "solids": solids})
+                parts.append({"piece": number, "body": mount.body, "pose": _rows(np.array(mount.pose))})
+        return parts
+
+    def _faces(self, piece: Piece) -> int:
+        if piece not in self._film:
+            plain, poses, faces = without_small_holes(piece), face_poses(piece), []
+            for face in plain.faces:
+                rings = [face.outline_mm, *(hole.outline_mm for hole in face.holes)]
+                points = [moved(poses[face.name], np.array(ring)) / UNIT_MM for ring in rings]
+                faces.append([np.rint(one).astype(int).ravel().tolist() for one in points])
+            self._film[piece] = self._number({"faces": faces})
+        return self._film[piece]
+
+    def _number(self, piece: dict[str, Any]) -> int:
+        text = json.dumps(piece)
+        if text not in self._numbers:
+            self._numbers[text] = len(self.pieces)
+            self.pieces.append(piece)
+        return self._numbers[text]
+
+
+def _rows(pose: Any) -> list[float]:
+    found: list[float] = np.round(pose[:3], DECIMALS).ravel().tolist()
+    return found
 
 
 def _beyond_hinge(folded: FoldedCar, placed: PlacedPiece, piece: Piece) -> dict[str, str]:
@@ -61,20 +99,15 @@ def _beyond_hinge(folded: FoldedCar, placed: PlacedPiece, piece: Piece) -> dict[
 def _solids(mount: Mount) -> list[dict[str, Any]]:
     if max(mount.size_mm) < LEAST_PART_MM:
         return []
-    own = np.array(mount.pose)
-    shapes: list[tuple[str, tuple[float, ...], Any]]
-    shapes = [(one.kind, one.size_mm, own @ np.array(one.pose)) for one in mount.solids]
+    shapes = [(one.kind, one.size_mm, np.array(one.pose)) for one in mount.solids]
     if not shapes or len(shapes) > MOST_SOLIDS:
-        shapes = [("ring" if shapes else "box", mount.size_mm, own)]
-    material = mount_material(mount)
+        return [{"kind": "ring" if shapes else "box", "size": _sides(mount.size_mm), "pose": _rows(np.eye(4))}]
     return [
-        {
-            "body": mount.body,
-            "material": material,
-            "kind": kind,
-            "size": [round(float(side), 2) for side in size],
-            "pose": np.round(pose[:3], DECIMALS).ravel().tolist(),
-        }
+        {"kind": kind, "size": _sides(size), "pose": _rows(pose)}
         for kind, size, pose in shapes
         if sorted(size)[1] >= LEAST_SOLID_MM
     ]
+
+
+def _sides(size_mm: Sequence[float]) -> list[float]:
+    return [round(float(side), 2) for side in size_mm]

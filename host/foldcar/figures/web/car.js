@@ -109,20 +109,28 @@ function coloured(geometry, material) {
   return plain.setAttribute("color", new THREE.BufferAttribute(colours, 3));
 }
 
-// Faces of film as they are folded, bought parts as boxes, cylinders and rings, of which the outside is seen.
-function shapeParts({ faces, solids }) {
-  const parts = faces.map(({ body, rings }) => {
-    const points = rings.map(ring => Array.from({ length: ring.length / 3 }, (_, k) => new THREE.Vector3().fromArray(ring, 3 * k).multiplyScalar(0.1 * MM)));
-    const edges = points.flatMap(ring => ring.flatMap((point, k) => [...point.toArray(), ...ring[(k + 1) % ring.length].toArray()]));
-    return { body, edges, geometry: coloured(flatFace(points), "film") };
+// Pieces of film as they are folded, bought parts as boxes, cylinders and rings, of which the outside is seen.
+function shapeParts({ pieces, parts }) {
+  return parts.flatMap(({ piece: number, body, pose, beyond = {} }) => {
+    const piece = pieces[number], place = matrixOf(pose);
+    if (piece.solids) return piece.solids.map(solid => ({ body, geometry: coloured(solidOf(solid).applyMatrix4(place), piece.material) }));
+    return piece.faces.map((rings, face) => {
+      const points = rings.map(ring => Array.from({ length: ring.length / 3 }, (_, k) => new THREE.Vector3().fromArray(ring, 3 * k).multiplyScalar(0.1 * MM).applyMatrix4(place)));
+      const edges = points.flatMap(ring => ring.flatMap((point, k) => [...point.toArray(), ...ring[(k + 1) % ring.length].toArray()]));
+      return { body: beyond[face] ?? body, edges, geometry: coloured(flatFace(points), "film") };
+    });
   });
-  return parts.concat(solids.map(({ body, material, kind, size, pose }) => {
-    const [x, y, z] = size.map(side => side * MM);
-    const geometry = kind === "box" ? new THREE.BoxGeometry(x, y, z) : new THREE.CylinderGeometry(x / 2, x / 2, z, 32, 1, kind === "ring").rotateX(Math.PI / 2);
-    const [m00, m01, m02, px, m10, m11, m12, py, m20, m21, m22, pz] = pose;
-    geometry.applyMatrix4(new THREE.Matrix4().set(m00, m01, m02, px * MM, m10, m11, m12, py * MM, m20, m21, m22, pz * MM, 0, 0, 0, 1));
-    return { body, geometry: coloured(geometry, material) };
-  }));
+}
+
+function solidOf({ kind, size, pose }) {
+  const [x, y, z] = size.map(side => side * MM);
+  const geometry = kind === "box" ? new THREE.BoxGeometry(x, y, z) : new THREE.CylinderGeometry(x / 2, x / 2, z, 32, 1, kind === "ring").rotateX(Math.PI / 2);
+  return geometry.applyMatrix4(matrixOf(pose));
+}
+
+// Of the first three rows of a matrix in millimetres.
+function matrixOf([m00, m01, m02, x, m10, m11, m12, y, m20, m21, m22, z]) {
+  return new THREE.Matrix4().set(m00, m01, m02, x * MM, m10, m11, m12, y * MM, m20, m21, m22, z * MM, 0, 0, 0, 1);
 }
 
 // Triangles of a flat face in space: its outline, then its holes.

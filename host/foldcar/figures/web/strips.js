@@ -86,6 +86,8 @@ export class Strips {
       context.textAlign = "right";
       context.fillText(`${mark}°`, LEFT - 4, y(mark * Math.PI / 180));
     }
+    context.textAlign = "left";
+    context.fillText("roll —   pitch - -", LEFT + 2, 8);
     context.textAlign = "center";
     const every = roundStep(this.end_s * 60 / (width - LEFT));
     for (let mark = 0; mark <= this.end_s; mark += every) context.fillText(`${Number(mark.toFixed(3))} s`, Math.min(width - 14, x(mark)), HEIGHT - FOOT / 2 + 2);

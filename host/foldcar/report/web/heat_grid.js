@@ -8,8 +8,8 @@ class HeatGrid {
     this.chosen = [0, 0];
     this.trials = new Map();
     for (const trial of data.trials ?? []) {
-      const row = data.samples.indexOf(trial.sample);
-      if (trial.design !== null && row >= 0) this.trials.set(`${trial.design} ${row}`, trial);
+      const row = data.samples.indexOf(trial.environment);
+      if (trial.design !== null && row >= 0) this.trials.set(`${data.places.indexOf(trial.design)} ${row}`, trial);
     }
     canvas.addEventListener("keydown", (event) => this.key(event));
     canvas.addEventListener("click", (event) => {
@@ -32,7 +32,7 @@ class HeatGrid {
     const code = this.code(design, row);
     const ended = (code ? this.outcomes[code - 1].label : "no run") + (end_s === null ? "" : ` after ${end_s.toFixed(2)} s`);
     const trial = this.trials.get(`${design} ${row}`);
-    return `${this.labels[design]}, environment ${this.data.samples[row]}: ${ended}${trial ? `; trial ${trial.id}: ${trial.outcome.replace("_", " ")}` : ""}`;
+    return `${this.labels[design]}, environment ${this.data.samples[row]}: ${ended}${trial ? `; trial ${trial.number}: ${trial.outcome.replace("_", " ")}` : ""}`;
   }
 
   // Hardest environments first, or as they were sampled.

@@ -13,8 +13,6 @@ async function showFirst() {
     const named = wanted.has("run") && index === number;
     const cell = named ? [design, row] : replay.grid.chosen;
     await replay.choose(...cell, false, named ? Number(wanted.get("t") ?? 0) : 0);
-    for (const canvas of replay.section.parentElement.querySelectorAll("canvas[data-scene]")) await drawSample(canvas, canvas.dataset.scene, replay.data);
-    for (const canvas of replay.section.parentElement.querySelectorAll("canvas[data-way]")) await drawWay(canvas, canvas.dataset.way, replay.data);
   }
   document.documentElement.dataset.state = "ready";
 }

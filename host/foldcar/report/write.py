@@ -15,6 +15,7 @@ from foldcar.figures.output import save_figure, svg_text
 from foldcar.figures.style import RC
 from foldcar.interrupts import held
 from foldcar.output_folder import check_output_folder
+from foldcar.replay.replay import UNITS
 from foldcar.report.advice import read_advice
 from foldcar.report.advice_slots import Drawing, Part
 from foldcar.report.environment_plot import environment_parts
@@ -98,7 +99,8 @@ def _add_files_and_replays(
         one["files"] = [_file(drawing) for drawing in (*section.all_drawings, *shared)]
         one["remarks"] += [remark for remark in section.replay.remarks if remark not in one["remarks"]]
         if section.replay.runs:
-            one["replay"] = {"key": section.key, **section.replay.data}
+            one["replays"] = section.replay.runs
+            one["replay"] = {"key": section.key, "units": UNITS, "trials": section.replay.trials}
             blobs |= {f"{section.key}-{name}": text for name, text in section.replay.blobs.items()}
     return blobs
 

@@ -28,6 +28,7 @@ export class Runs {
     byId("grid").replaceChildren();
     this.grid = e.runs && e.count ? new Grid(model, byId("grid")) : null;
     if (this.grid) this.charts.push(this.grid.chart);
+    byId("replay").hidden = !e.replayed;
     byId("omitted").textContent = e.runs_omitted || "";
     byId("runs").hidden = !e.count;
     for (const chart of this.charts) if (chart !== this.grid?.chart) chart.draw();
@@ -53,7 +54,7 @@ export class Runs {
     endings(model);
     if (this.grid) this.grid.mark();
     listed(model);
-    this.replay.show(model.design, model.env, model.state.t ?? 0);
+    if (model.e.replayed) this.replay.show(model.design, model.env, model.state.t ?? 0, model.state.t === null && document.body.dataset.state === "ready");
   }
 }
 

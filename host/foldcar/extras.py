@@ -4,7 +4,7 @@
 MODULES = {
     "calibrate": ("sklearn",),
     "cluster": ("dask", "distributed"),
-    "fabricate": ("ezdxf", "fcl", "jupyter_threejs_sage", "pypdf", "reportlab", "trimesh"),
+    "fabricate": ("ezdxf", "fcl", "pypdf", "reportlab", "trimesh"),
     "link": ("mcap", "pymavlink", "serial"),
     "mujoco": ("mujoco",),
     "optimize": ("optuna",),

@@ -36,14 +36,6 @@ class Replay:
     remarks: list[str] = field(default_factory=list)
     runs: int = 0
 
-    def gallery(self, most: int) -> list[int]:
-        """The first samples, at most so many, whose scenes can be drawn and differ."""
-        scenes: dict[str, int] = {}
-        for sample in self.data["samples"]:
-            if f"scene-{sample}" in self.blobs:
-                scenes.setdefault(self.blobs[f"scene-{sample}"], sample)
-        return list(scenes.values())[:most]
-
 
 def no_replay_because(info: ExperimentInfo, drives: StoredDrives, carsim: Carsim | str) -> str | None:
     """Why the runs of an experiment cannot be simulated again; None if they can. ``carsim`` may be the reason itself."""
@@ -78,13 +70,8 @@ def make_replay(
     designs, samples = grid.shown_designs(), grid.shown_samples()
     replay = Replay(
         {
-            "experiment": info.id,
-            "designs": [dict(grid.designs[design]) for design in designs],
-            "varied": list(info.varied),
-            "samples": samples,
-            "cells": ["".join(chr(48 + code) for code in grid.outcomes[design, samples]) for design in designs],
+            "places": {design: place for place, design in enumerate(designs)},
             "units": {"place_m": PLACE_M, "angle_rad": ANGLE_RAD, "height_m": HEIGHT_M, "interval_s": INTERVAL_S},
-            "time_limit_s": info.timeout_s,
         }
     )
     if len(designs) < len(grid.designs) or len(samples) < grid.samples:

@@ -3,7 +3,7 @@
 const decoded = new Map();
 
 // {head, bytes} of a blob; null if the page has none of that name.
-function readBlob(name) {
+export function readBlob(name) {
   if (!decoded.has(name)) {
     const element = document.getElementById(name);
     decoded.set(name, element ? inflate(element.textContent.trim()) : Promise.resolve(null));
@@ -20,7 +20,7 @@ async function inflate(base64) {
 }
 
 // Reads the zigzag LEB128 integers of compact_path.py one after the other.
-function integerReader(bytes) {
+export function integerReader(bytes) {
   let at = 0;
   return () => {
     let value = 0;

@@ -1,11 +1,11 @@
 // Canvases that stay sharp: sized in CSS pixels, drawn in the screen's own.
 
-const INK = "#222222";
-const RUN_COLOUR = "#0072b2";
-const GHOST_COLOUR = "#d55e00";
+export const INK = "#222222";
+export const RUN_COLOUR = "#0072b2";
+export const GHOST_COLOUR = "#d55e00";
 
 // The 2d context of a canvas as wide as its place and so many CSS pixels high, cleared.
-function freshContext(canvas, height) {
+export function freshContext(canvas, height) {
   const width = canvas.clientWidth || 320;
   const ratio = window.devicePixelRatio || 1;
   if (canvas.style.height !== `${height}px`) canvas.style.height = `${height}px`;
@@ -21,7 +21,7 @@ function freshContext(canvas, height) {
   return context;
 }
 
-function polygon(context, points, fill, stroke) {
+export function polygon(context, points, fill, stroke) {
   context.beginPath();
   points.forEach(([x, y], index) => (index ? context.lineTo(x, y) : context.moveTo(x, y)));
   context.closePath();
@@ -35,7 +35,7 @@ function polygon(context, points, fill, stroke) {
   }
 }
 
-function polyline(context, points, stroke, width = 1.5, dash = []) {
+export function polyline(context, points, stroke, width = 1.5, dash = []) {
   context.beginPath();
   points.forEach(([x, y], index) => (index ? context.lineTo(x, y) : context.moveTo(x, y)));
   context.strokeStyle = stroke;
@@ -46,7 +46,7 @@ function polyline(context, points, stroke, width = 1.5, dash = []) {
 }
 
 // Text on a white ground, so that it is readable on anything.
-function label(context, text, x, y, align = "left", colour = INK) {
+export function label(context, text, x, y, align = "left", colour = INK) {
   context.textAlign = align;
   context.textBaseline = "middle";
   const width = context.measureText(text).width;
@@ -58,7 +58,7 @@ function label(context, text, x, y, align = "left", colour = INK) {
 }
 
 // A round number of about so many: 1, 2 or 5 times a power of ten.
-function roundStep(about) {
+export function roundStep(about) {
   const power = 10 ** Math.floor(Math.log10(about));
   return [1, 2, 5, 10].map((factor) => factor * power).find((step) => step >= about * 0.999);
 }

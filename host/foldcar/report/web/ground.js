@@ -1,5 +1,7 @@
 // The height maps of ground_maps.py: heights, and their picture seen from above.
 
+import { integerReader, readBlob } from "./blobs.js";
+
 class Ground {
   // frame: the rectangle of cells; heights in metres, row by row from the lowest y, or null where all is level.
   constructor(frame, heights, scene) {
@@ -64,7 +66,7 @@ function groundColour(share) {
 }
 
 // The ground and the scene of a sample; null if the page has none.
-async function readGround(name, frame, units) {
+export async function readGround(name, frame, units) {
   const blob = await readBlob(name);
   if (!blob) return null;
   if (!blob.head.ground) {

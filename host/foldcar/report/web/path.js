@@ -1,5 +1,7 @@
 // The paths of compact_path.py: where a car was at any time of its run.
 
+import { integerReader, readBlob } from "./blobs.js";
+
 class Path {
   // columns: x, y, z, heading, pitch, roll, hinges; SI units. The last row is at end_s, the others at equal intervals.
   constructor(columns, interval_s, end_s) {
@@ -45,7 +47,7 @@ function travelledDistance(path) {
 }
 
 // All paths of a blob by their first number: a run's sample.
-async function readPaths(name, units) {
+export async function readPaths(name, units) {
   const blob = await readBlob(name);
   const paths = new Map();
   if (!blob) return paths;

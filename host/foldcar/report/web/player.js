@@ -1,6 +1,6 @@
 // Time on the player: play, stop, scrub, speed.
 
-class Player {
+export class Player {
   // controls: {play, scrub, speed, clock}; show(t) draws a moment.
   constructor(controls, show) {
     Object.assign(this, { controls, show, t: 0, end_s: 1, playing: false });

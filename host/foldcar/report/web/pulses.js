@@ -1,6 +1,8 @@
 // The pulses that the firmware sends to each wheel's servo at a time, as bars from standstill.
 
-function drawPulses(canvas, car, t) {
+import { INK, RUN_COLOUR, freshContext } from "./canvas.js";
+
+export function drawPulses(canvas, car, t) {
   const line = 17;
   const rows = [...car.wheels].sort((a, b) => b.x_m - a.x_m || (a.side > b.side ? 1 : -1));
   const context = freshContext(canvas, 22 + rows.length * line);

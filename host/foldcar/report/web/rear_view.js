@@ -1,6 +1,8 @@
 // The car from behind on the ground across its middle: its roll.
 
-function drawRear(canvas, ground, drives, t) {
+import { freshContext, polygon, label } from "./canvas.js";
+
+export function drawRear(canvas, ground, drives, t) {
   const height = 150;
   const width = canvas.clientWidth || 200;
   const context = freshContext(canvas, height);

@@ -1,9 +1,11 @@
 // A run from the right side, along the line that the car drove: the ground under both tracks and the car on it.
 
+import { INK, freshContext, polygon, polyline, roundStep } from "./canvas.js";
+
 const STEP_M = 0.004;
 
 // The ground under the left and the right wheels along the driven line; s in m from first to last.
-function groundProfile(path, car, ground) {
+export function groundProfile(path, car, ground) {
   const line = drivenLine(path);
   const reach = Math.max(...car.wheels.map((wheel) => Math.abs(wheel.x_m) + wheel.radius_m));
   const first = Math.min(0, ...path.travelled) - reach - 0.1;
@@ -49,7 +51,7 @@ function drivenLine(path) {
 }
 
 // Draws ground and cars; drives is [{path, car, colour, ghost}], the profile that of the first.
-function drawSide(canvas, profile, drives, t) {
+export function drawSide(canvas, profile, drives, t) {
   const width = canvas.clientWidth || 320;
   const [{ path }] = drives;
   const length = profile.last - profile.first;

@@ -1,10 +1,12 @@
 // Roll and pitch over the time of a run, with the moment that is shown. A press or a drag on it goes there.
 
+import { INK, freshContext, polyline, roundStep } from "./canvas.js";
+
 const STRIP_HEIGHT = 130;
 const STRIP_LEFT = 40;
 
 // angles: [{name, colour, dash, points: [[time (s), angle (rad)], ...]}]
-function drawStrip(canvas, angles, t, end_s) {
+export function drawStrip(canvas, angles, t, end_s) {
   const context = freshContext(canvas, STRIP_HEIGHT);
   const width = canvas.clientWidth || 320;
   const bottom = STRIP_HEIGHT - 20;
@@ -32,7 +34,7 @@ function drawStrip(canvas, angles, t, end_s) {
 }
 
 // The time at a place of the pointer on the chart.
-function stripTime(canvas, event, end_s) {
+export function stripTime(canvas, event, end_s) {
   const box = canvas.getBoundingClientRect();
   const share = (event.clientX - box.left - STRIP_LEFT) / (box.width - STRIP_LEFT - 8);
   return end_s * Math.min(1, Math.max(0, share));

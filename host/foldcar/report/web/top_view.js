@@ -1,7 +1,9 @@
 // A scene from above: ground, course, goal, a car with the tracks of its wheels.
 
+import { INK, freshContext, polygon, polyline, label } from "./canvas.js";
+
 // The window of the plane to show: the ground's map and the paths, in the course's proportions.
-function topWindow(ground, paths) {
+export function topWindow(ground, paths) {
   const view = { x_min: ground.x_min_m, x_max: ground.x_max_m, y_min: ground.y_min_m, y_max: ground.y_max_m };
   for (const path of paths) {
     const [x, y] = path.columns;
@@ -16,7 +18,7 @@ function topWindow(ground, paths) {
 }
 
 // Draws the ground into the canvas; returns how a point of the plane (m) becomes one of the canvas.
-function drawScene(canvas, ground, view, most_height, legend = true) {
+export function drawScene(canvas, ground, view, most_height, legend = true) {
   const width = canvas.clientWidth || 320;
   const scale = Math.min(width / (view.x_max - view.x_min), most_height / (view.y_max - view.y_min));
   const height = Math.round(scale * (view.y_max - view.y_min));
@@ -85,7 +87,7 @@ function drawGoal(context, scene, place, scale, legend) {
 }
 
 // The car at time t: the tracks of its wheels so far, its boxes and wheels.
-function drawCarFromAbove(view, path, car, t, colour, ghost) {
+export function drawCarFromAbove(view, path, car, t, colour, ghost) {
   const { context, place } = view;
   const at = path.at(t);
   const [x, y, , heading] = path.columns;

@@ -2,9 +2,13 @@
 //
 // In a step what is new is folded, then goes in along its way; then what was there already is folded further.
 
-const smooth = t => t * t * (3 - 2 * t);
+import * as THREE from "three";
+import { Bought } from "./bought.js";
+import { APART_MM, Film, matrix } from "./film.js";
 
-class Car {
+export const smooth = t => t * t * (3 - 2 * t);
+
+export class Car {
   constructor(data, scene) {
     this.data = data;
     this.steps = data.steps.length;

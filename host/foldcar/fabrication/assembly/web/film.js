@@ -1,9 +1,12 @@
 // A copy of a piece of film: its faces turned about their folds.
 
-// What lies on the inside of a wall stands off a little more than it does: lines must not show through the wall.
-const APART_MM = 1.0;
+import * as THREE from "three";
+import { INKS, LIT, PAINTS } from "./paints.js";
 
-function matrix(rows) { return new THREE.Matrix4().set(...rows); }
+// What lies on the inside of a wall stands off a little more than it does: lines must not show through the wall.
+export const APART_MM = 1.0;
+
+export function matrix(rows) { return new THREE.Matrix4().set(...rows); }
 
 // The child's frame in its parent's: its edge runs against the parent's, the middles of the two meet.
 function across(fold, angle) {
@@ -18,7 +21,7 @@ function across(fold, angle) {
   return m.multiply(new THREE.Matrix4().makeTranslation(-(cx + dx) / 2, -(cy + dy) / 2, 0));
 }
 
-class Film {
+export class Film {
   constructor(part, piece) {
     this.part = part;
     this.piece = piece;

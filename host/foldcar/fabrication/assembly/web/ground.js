@@ -1,11 +1,13 @@
 // The ground of a run: a height map as a surface, the course, the goal, patches of other friction.
 
+import * as THREE from "three";
+
 const ABOVE = [[0.93, 0.92, 0.88], [0.94, 0.87, 0.72], [0.81, 0.65, 0.36], [0.54, 0.35, 0.11]];
 const BELOW = [[0.93, 0.92, 0.88], [0.66, 0.79, 0.87], [0.23, 0.49, 0.66], [0.07, 0.25, 0.37]];
 const OVER_MM = 2;
 const LINE_STEP_MM = 10;
 
-class Ground {
+export class Ground {
   constructor(data) {
     Object.assign(this, data.ground);
     this.z = null;
@@ -77,5 +79,6 @@ class Ground {
 function groundColour(share) {
   const scale = share >= 0 ? ABOVE : BELOW, place = Math.min(0.999, Math.abs(share)) * (scale.length - 1);
   const low = scale[Math.floor(place)], high = scale[Math.floor(place) + 1];
-  return low.map((part, index) => part + (place % 1) * (high[index] - part));
+  const [red, green, blue] = low.map((part, index) => part + (place % 1) * (high[index] - part));
+  return new THREE.Color().setRGB(red, green, blue, THREE.SRGBColorSpace).toArray();
 }

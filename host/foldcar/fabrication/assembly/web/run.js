@@ -1,8 +1,11 @@
 // A run of the simulator: the car's bodies where they were at any time of it, over its ground.
 
+import * as THREE from "three";
+import { Ground } from "./ground.js";
+
 const SEEN_MM = 330;
 
-class Run {
+export class Run {
   // data: of recorded_run.py; car: the data of the car that drives.
   constructor(data, car) {
     Object.assign(this, { data, axles: car.axles, hinges: car.hinges });

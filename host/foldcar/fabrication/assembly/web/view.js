@@ -2,6 +2,13 @@
 // flat), explode=0.5, lid=1, time=2.0 of a run, part=NAME; with sliders also their values, width=95. For tests,
 // document.body.dataset tells what is shown: state, mode, step, named, error and the film's bounding box.
 
+import { Car, smooth } from "./car.js";
+import { Live } from "./live.js";
+import { Names } from "./names.js";
+import { seeThrough } from "./paints.js";
+import { Run } from "./run.js";
+import { Stage } from "./stage.js";
+
 const STEP_S = 2.5;
 const find = id => document.getElementById(id);
 

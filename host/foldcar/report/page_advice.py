@@ -74,15 +74,17 @@ class Advice:
     def headline(self) -> str:
         """The result in one or two sentences."""
         info, designs = self.designs.info, self.designs
+        passed, trials = designs.tried.sum(axis=0).tolist()
         if not info.stored_runs:
-            return "No run is stored yet."
+            if not trials:
+                return "No run is stored yet."
+            return f"{passed} of {count(trials, 'trial')} of built cars passed; nothing was simulated to compare with."
         if not info.success_defined:
             return (
                 "What counts as success is not defined here: the page shows how runs ended, not which designs are good."
             )
         if not len(self.known):
             return f"Nothing can be said: {no_rate_text(info.stored_runs)}."
-        trials = int(designs.tried[:, 1].sum())
         if designs.pooled is None:
             driven = " No built car was driven yet." if not trials else ""
             return f"In {info.simulation} {self._reaching()}.{driven}"

@@ -48,9 +48,11 @@ from collections.abc import Mapping, Sequence
 from datetime import datetime, timezone
 from typing import Any
 
+import numpy
+
 from foldcar.analysis.words import label_and_unit, value_text
 from foldcar.figures.style import OUTCOME_LABELS
-from foldcar.report.environment_values import environment_values
+from foldcar.report.environment_values import EnvironmentValues, environment_values
 from foldcar.report.figure_options import THRESHOLDS, FigureOptions
 from foldcar.report.page_advice import Advice
 from foldcar.report.page_designs import Designs, parameter_columns, read_designs
@@ -58,12 +60,12 @@ from foldcar.report.page_effects import cause_rows, effect_rows, importance_rows
 from foldcar.report.page_front import search_front
 from foldcar.report.page_remarks import remarks
 from foldcar.report.page_runs import packed, packed_runs
-from foldcar.report.page_trials import trial_rows
+from foldcar.report.page_trials import trial_rows, unswept_experiments
 from foldcar.search.design_simulator import fresh_id
 from foldcar.simulation.results import OUTCOMES
 from foldcar.store.info import ExperimentInfo, StudyInfo
 from foldcar.store.reader import Store
-from foldcar.store.trial_records import select_trials
+from foldcar.store.trial_records import Trial, select_trials
 
 # Runs that the page holds one by one.
 MOST_RUNS = 50_000
@@ -84,7 +86,11 @@ def page_data(
     """
     info = store.info() if store.holds_study() else None
     swept = list(info.experiments.values()) if info is not None else []
-    experiments = [_experiment(store, info, one, command, options, simulated_trials) for one in swept]
+    everything = {one.id: (one, list(store.trials(one.listed_id))) for one in swept} | unswept_experiments(store)
+    experiments = [
+        {**_experiment(store, info, one, some, command, options, simulated_trials), "id": name}
+        for name, (one, some) in everything.items()
+    ]
     for one in experiments:
         one["replays"] = list((replays or {}).get(one["id"], ()))
         one["files"] = [list(pair) for pair in (files or {}).get(one["id"], ())]
@@ -100,16 +106,17 @@ def _experiment(
     store: Store,
     study: StudyInfo | None,
     info: ExperimentInfo,
+    all_trials: Sequence[Trial],
     command: Sequence[str],
     options: FigureOptions,
     simulated_trials: bool,
 ) -> dict[str, Any]:
     thresholds = options.chosen or info.thresholds or THRESHOLDS
-    trials, left_out = select_trials(store.trials(info.listed_id), simulated_trials)
+    trials, left_out = select_trials(all_trials, simulated_trials)
     designs = read_designs(store, info, trials)
     few = info.stored_runs <= MOST_RUNS
     effects, places = read_effects(designs)
-    values = environment_values(store, info)
+    values = environment_values(store, info) if designs.swept else EnvironmentValues((), numpy.empty((0, 0)))
     advice = Advice(designs, effects, places, thresholds[-1])
     columns = designs.columns(thresholds[-1])
     again = study.experiments.get(fresh_id(info.id)) if study is not None else None
@@ -166,15 +173,18 @@ def _fixed(info: ExperimentInfo) -> list[list[str]]:
 def _provenance(study: StudyInfo | None, info: ExperimentInfo, command: Sequence[str]) -> list[list[str]]:
     speed = "each car's full speed" if info.speed_m_s is None else f"{info.speed_m_s:g} m/s"
     rows: list[tuple[str, str]] = [
-        ("vehicle", f"{info.vehicle}: {info.vehicle_type}"),
-        ("environment", f"{info.environment}: {info.scenic_program}{_with(info.scenic_params)}"),
+        ("vehicle", ": ".join(filter(None, (info.vehicle, info.vehicle_type)))),
+        (
+            "environment",
+            f"{info.environment + ': ' if info.environment else ''}{info.scenic_program}{_with(info.scenic_params)}",
+        ),
         ("frozen", _frozen(info)),
         ("built cars", f"seed {info.variation_seed}; spread: {_assigned(info.variation)}" if info.variation else ""),
-        ("sampled environments", f"{info.environments:,}, seed {info.seed}"),
-        ("time limit", f"{info.timeout_s:g} s"),
-        ("set-point", f"{speed}, turn rate {info.yaw_rate_rad_s:g} rad/s"),
+        ("sampled environments", f"{info.environments:,}, seed {info.seed}" if info.environments else ""),
+        ("time limit", f"{info.timeout_s:g} s" if info.environments else ""),
+        ("set-point", f"{speed}, turn rate {info.yaw_rate_rad_s:g} rad/s" if info.environments else ""),
         ("rule", info.success_rule),
-        ("runs", f"{info.stored_runs:,} stored of {info.planned_runs:,} planned"),
+        ("runs", f"{info.stored_runs:,} stored of {info.planned_runs:,} planned" if info.environments else ""),
         ("simulated under", info.under or ""),
         ("engine", info.engine),
         ("carsim build", info.carsim_build),

@@ -19,13 +19,16 @@ from foldcar.analysis.pooled_bias import MOST_POOLED, PooledBias, pooled_bias
 from foldcar.analysis.rate import Rate
 from foldcar.analysis.words import design_text, label_and_unit
 from foldcar.report.page_measures import measures
-from foldcar.simulation.results import OUTCOMES, REJECTED
+from foldcar.simulation.results import NUMBERS, OUTCOMES, REJECTED
 from foldcar.store.frames import RunArrays, run_arrays
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
 from foldcar.store.trial_records import Trial
 
 Design = Mapping[str, float | str]
+NO_RUNS = RunArrays(
+    numpy.empty(0, numpy.int64), numpy.empty(0, numpy.int64), numpy.empty(0, numpy.uint8), numpy.empty((0, len(NUMBERS)))
+)
 
 
 @dataclass(frozen=True)
@@ -63,7 +66,7 @@ class Designs:
     @cached_property
     def elsewhere(self) -> dict[int, str]:
         """Trials that do not count here: those driven in another program than the runs, by number."""
-        found = self.store.trials_elsewhere(self.info)
+        found = self.store.trials_elsewhere(self.info) if self.swept else {}
         return {at: name or "an unknown program" for at, name in found.items() if name != self.info.scenic_program}
 
     @cached_property
@@ -207,6 +210,8 @@ class Designs:
 
 def read_designs(store: Store, info: ExperimentInfo, trials: Sequence[Trial]) -> Designs:
     """The designs of an experiment and those of the same family that only ``trials`` have. StoreError."""
+    # An experiment that has trials only is not among the swept ones.
+    runs = run_arrays(store, info.id) if info.id in store.experiment_ids() else NO_RUNS
     family = list(store.designs(info.id).values())
     known = {_key(info.vehicle_type, one) for one in family}
     others: dict[Any, Design] = {}
@@ -217,7 +222,7 @@ def read_designs(store: Store, info: ExperimentInfo, trials: Sequence[Trial]) ->
             others.setdefault(key, trial.design)
     designs = [*family, *others.values()]
     names = [design_text({name: one[name] for name in info.varied if name in one}) for one in designs]
-    return Designs(store, info, designs, len(family), names, run_arrays(store, info.id), trials)
+    return Designs(store, info, designs, len(family), names, runs, trials)
 
 
 def parameter_columns(designs: Designs) -> list[dict[str, Any]]:

@@ -48,7 +48,7 @@ def remarks(designs: Designs, trials: Sequence[Trial], left_out: Counter[str]) -
 
 def _elsewhere(store: Store, info: ExperimentInfo, trials: Sequence[Trial]) -> list[str]:
     """What is said of trials that were not driven in the environment of the runs they are shown beside."""
-    elsewhere = store.trials_elsewhere(info)
+    elsewhere = store.trials_elsewhere(info) if info.environments else {}
     programs = Counter(elsewhere[trial.id] or "an unknown program" for trial in trials if trial.id in elsewhere)
     found = []
     for program, number in programs.items():

@@ -93,7 +93,8 @@ def _add_files_and_replays(
 ) -> dict[str, str]:
     """Puts the figures' addresses and the replays where the page looks for them; the replays' blobs by their ids."""
     shared = [drawing for part in across for drawing in part.drawings]
-    shared += [drawing for section in driven for drawing in section.all_drawings]
+    # The same store gives the same page.
+    del data["made"]
     blobs: dict[str, str] = {}
     for one, section in zip(data["experiments"], sections, strict=False):
         one["files"] = [_file(drawing) for drawing in (*section.all_drawings, *shared)]
@@ -102,6 +103,8 @@ def _add_files_and_replays(
             one["replays"] = section.replay.runs
             one["replay"] = {"key": section.key, "units": UNITS, "trials": section.replay.trials}
             blobs |= {f"{section.key}-{name}": text for name, text in section.replay.blobs.items()}
+    for one, alone in zip(data["experiments"][len(sections) :], driven, strict=False):
+        one["files"] = [_file(drawing) for drawing in alone.all_drawings]
     return blobs
 
 

@@ -8,6 +8,8 @@ import { byId, make } from "./dom.js";
 const OUTCOMES = { passed: "#009e73", tipped: "#d55e00", stuck: "#56b4e9", off_course: "#cc79a7", timeout: "#f0e442", fault: "#777", terminated: "#0072b2", rejected: "#e69f00", failed: "#999" };
 const MOST_CAUSES = 6;
 const MOST_LISTED = 200;
+// Cells that are elements of their own, which print sharply.
+const MOST_DRAWN = 5000;
 // Heights of a row and room for axes (px).
 const ROW = 4;
 const LEAST = 260;
@@ -124,7 +126,7 @@ class Grid {
     const figure = make("figure", { "data-chart": "grid" });
     place.append(make("div", { class: "controls" }, order, make("span", { class: "note", text: "Press a cell, or use the arrow keys: it is a run." })), figure, this.told);
     this.arrange();
-    this.chart = new Chart(figure, { label: "Outcome of every run: a column for each design, a row for each environment", renderer: "canvas", option: (theme, width) => this.option(theme, width) });
+    this.chart = new Chart(figure, { label: "Outcome of every run: a column for each design, a row for each environment", renderer: e.runs.n > MOST_DRAWN ? "canvas" : "svg", option: (theme, width) => this.option(theme, width) });
     this.chart.place.tabIndex = 0;
     this.chart.place.setAttribute("role", "application");
     this.chart.place.setAttribute("aria-label", "Outcomes: a column for each design, a row for each environment. Arrow keys move from run to run.");

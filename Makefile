@@ -19,6 +19,8 @@ UV_VERSION := 0.13.9
 
 CARSIM := .pio/build/carsim/program
 CARSIM_MUJOCO := .pio/build/carsim_mujoco/program
+# The pages' scripts with three.js and charts; the notice is written last.
+BUNDLES := host/foldcar/bundles/NOTICE.txt
 # Folders are among the prerequisites so that a removed file counts as a change.
 CARSIM_SOURCES := $(shell find firmware/lib firmware/src sim2d platformio.ini $(addprefix host/foldcar/link/,dialect.py foldcar.xml standard_messages.txt) -not -name '*.pyc' \
   -not -name __pycache__) tools/build_id.py tools/firmware_id.py tools/mavlink_headers.py tools/simulation_digest.py
@@ -97,7 +99,7 @@ help:
 	@echo 'make clean     remove everything that was built or installed here; results in out/ stay'
 	@echo 'PYTHON=...     the Python (3.10 or newer) that .venv is made with; now $(PYTHON)'
 
-setup: $(CARSIM)
+setup: $(CARSIM) $(BUNDLES)
 
 mujoco: $(CARSIM_MUJOCO)
 
@@ -246,7 +248,7 @@ $(addprefix .pio/fuzz/fuzz_,batch step design): $(SIMULATOR_SOURCES:%.cpp=.pio/f
 	$(CXX) $(FIRMWARE_FLAGS) -O2 $(filter %.cpp,$^) -o $@
 
 clean:
-	rm -rf .venv .pio .pio-core platformio.local.ini build dist .coverage* host/foldcar.egg-info .mypy_cache .ruff_cache .pytest_cache
+	rm -rf .venv .pio .pio-core web/node_modules host/foldcar/bundles platformio.local.ini build dist .coverage* host/foldcar.egg-info .mypy_cache .ruff_cache .pytest_cache
 	find host tools test -name __pycache__ -type d -prune -exec rm -rf {} +
 
 system-packages:
@@ -258,6 +260,11 @@ system-packages:
 	"$(PYTHON)" -m venv .venv
 	$(BIN)/pip install --quiet --no-deps --require-hashes -r $(LOCK)
 	$(BIN)/pip install --quiet --no-deps --no-build-isolation --editable .
+	@touch $@
+
+$(BUNDLES): tools/web_bundles.py web/package-lock.json web/package.json $(shell find host/foldcar -path '*/web*' -not -name '*.html') \
+  | .venv/installed
+	$(BIN)/python tools/web_bundles.py
 	@touch $@
 
 docs: .pio/release/installed

@@ -1,7 +1,8 @@
-"""Puts carsim and the examples into the package where a wheel is built: PlatformIO builds it, as in a checkout.
+"""Puts carsim, the pages' scripts and the examples into the package where a wheel is built, as in a checkout.
 
-A wheel fits every Python and one system. FOLDCAR_BUILD_DIR names a folder of programs that are built already, such as
-.pio/build. The program with MuJoCo is left out where the build has no package `mujoco` (Python 3.10).
+A wheel fits every Python and one system. PlatformIO builds carsim, npm the scripts. FOLDCAR_BUILD_DIR names a folder of
+programs that are built already, such as .pio/build. The program with MuJoCo is left out where the build has
+no package `mujoco` (Python 3.10).
 """
 
 import importlib.util
@@ -19,6 +20,7 @@ from setuptools.errors import SetupError
 ROOT = Path(__file__).resolve().parent
 # PlatformIO's environments; in the package the programs have these names.
 PROGRAMS = ("carsim", "carsim_mujoco")
+BUNDLES = ROOT / "host" / "foldcar" / "bundles"
 # What `foldcar new --example` writes.
 EXAMPLES = ("scenarios/*.*", "patterns/*.json", "examples/*.*")
 
@@ -28,6 +30,8 @@ class BuildWithPrograms(build_py):
 
     def run(self) -> None:
         """Copy all into the build folder."""
+        if not self.editable_mode and not BUNDLES.is_dir():
+            bundle()
         super().run()
         if self.editable_mode:
             return
@@ -72,6 +76,12 @@ def build(names: tuple[str, ...]) -> Path:
         if subprocess.run(command, cwd=ROOT, check=False).returncode != 0:
             raise SetupError(f"carsim was not built: see the message of {Path(command[1]).name} above")
     return Path(os.environ.get("PLATFORMIO_BUILD_DIR") or ROOT / ".pio" / "build")
+
+
+def bundle() -> None:
+    """Have npm and esbuild bundle the pages' scripts. SetupError if that fails."""
+    if subprocess.run([sys.executable, str(ROOT / "tools" / "web_bundles.py")], cwd=ROOT, check=False).returncode != 0:
+        raise SetupError("the pages' scripts were not bundled: see the message of npm above")
 
 
 setup(

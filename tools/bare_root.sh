@@ -4,7 +4,7 @@
 # Usage, as root, in a mount namespace of one's own: bare_root.sh SUITE ROOT [PACKAGE,...]
 #
 # For Ubuntu's suites name a mirror: MIRROR=http://... COMPONENTS=main,universe. This machine's proxies, certificates and
-# settings of apt and pip hold inside too; the variables among them are in ROOT.env, each ended by a zero byte.
+# settings of apt, pip and npm hold inside too; the variables among them are in ROOT.env, each ended by a zero byte.
 set -eu
 
 fail() {
@@ -25,7 +25,8 @@ debootstrap --variant=minbase --components="${COMPONENTS:-main}" --include="ca-c
   "$suite" "$root" "$mirror" >"$root.debootstrap.log" 2>&1 ||
   fail "debootstrap: $(tail -n 1 "$root.debootstrap.log") ($root.debootstrap.log)"
 
-for file in /etc/resolv.conf /etc/hosts /etc/pip.conf "$HOME/.config/pip/pip.conf" /etc/ssl/certs/ca-certificates.crt \
+for file in /etc/resolv.conf /etc/hosts /etc/pip.conf "$HOME/.config/pip/pip.conf" "$HOME/.npmrc" \
+  /etc/ssl/certs/ca-certificates.crt \
   "${PIP_CERT:-}" "${SSL_CERT_FILE:-}" "${REQUESTS_CA_BUNDLE:-}"; do
   [ -f "$file" ] || continue
   mkdir -p "$root$(dirname "$file")"
@@ -33,7 +34,7 @@ for file in /etc/resolv.conf /etc/hosts /etc/pip.conf "$HOME/.config/pip/pip.con
 done
 apt-config dump Acquire --format '%F "%v";%n' | grep -iE '^Acquire::(https?|Check-[a-z-]+|Retries)[: ]' \
   >"$root/etc/apt/apt.conf.d/90network" || true
-variables='https?_proxy|no_proxy|ssl_cert_file|requests_ca_bundle|pip_(cert|default_timeout|(extra_)?index_url|trusted_host)'
+variables='https?_proxy|no_proxy|ssl_cert_file|requests_ca_bundle|node_extra_ca_certs|pip_(cert|default_timeout|(extra_)?index_url|trusted_host)'
 env --null | grep -ziE "^($variables)=" >"$root.env" || true
 
 mount -t proc proc "$root/proc"

@@ -14,10 +14,16 @@ from typer.testing import CliRunner
 
 from browser import browse
 from foldcar.cli import app
+from foldcar.figures.compact_path import ANGLE_RAD, PLACE_M, compact_path, twice_differenced, varints
 from foldcar.replay.choice import choose_runs
-from foldcar.replay.compact_path import ANGLE_RAD, INTERVAL_S, PLACE_M, compact_path, twice_differenced, varints
 from foldcar.replay.outcome_grid import OutcomeGrid
+from foldcar.replay.simulate import kept_paths, simulate_paths
+from foldcar.replay.stored_drives import read_drives
 from foldcar.simulation.carsim import Carsim
+from foldcar.simulation.runner import KEPT_INTERVAL_S as INTERVAL_S
+from foldcar.store.frames import run_arrays
+from foldcar.store.reader import Store
+from foldcar.study.kept_paths import MOST_DESIGNS, KeptPaths
 from page_check import page_findings
 
 STEP_PYRAMIDS = Path(__file__).resolve().parents[2] / "scenarios" / "step_pyramids.scenic"
@@ -88,6 +94,68 @@ def test_a_path_comes_back_within_half_a_unit() -> None:
     assert numpy.abs(back[:3] - path[:, 1:4].T).max() <= PLACE_M / 2 + 1e-12
     assert numpy.abs(numpy.exp(1j * back[3]) - numpy.exp(1j * path[:, 4])).max() <= ANGLE_RAD / 2 + 1e-9
     assert numpy.abs(numpy.diff(back[3])).max() < 0.1
+
+
+def test_carsims_compact_path_is_that_of_its_rows(study: Path, carsim_binary: Path) -> None:
+    query = "SELECT b.json, s.json, t.json FROM design d JOIN body b ON b.id = d.body_id JOIN settings t JOIN scene s"
+    body, scene, settings = map(json.loads, sqlite3.connect(study / "s.db").execute(query).fetchone())
+    scene["start"]["heading_rad"] = 3.14159
+    run = {"body": "b", "scene": "s", **settings, "time_limit_s": 3.0, "path_interval_s": INTERVAL_S}
+    lines = [{"body": {**body, "id": "b"}}, {"scene": {**scene, "id": "s"}}]
+    lines += [{"run": {"id": "rows", **run}}, {"run": {"id": "few", **run, "path_form": "compact"}}]
+
+    rows, few = (one["path"] for one in Carsim(carsim_binary).answers([json.dumps(line) for line in lines]))
+
+    assert few["rows"] == len(rows) >= 20
+    assert b64decode(few["compact"]) == compact_path(rows)
+
+
+def test_kept_paths_are_those_that_a_simulation_gives(study: Path) -> None:
+    with Store.open(study / "s.db") as store:
+        drives = read_drives(store, "1")
+        kept = kept_paths(drives)
+        grid = OutcomeGrid(drives.parameters, SAMPLES)
+        grid.enter(run_arrays(store, "1"))
+        again = simulate_paths(drives, grid, sorted(kept), Carsim(), jobs=1)
+
+    assert len(kept) == len(WIDTHS) * SAMPLES
+    assert again.paths == kept and again.differing == []
+
+
+def test_a_report_of_kept_paths_simulates_nothing(study: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> None:
+        raise AssertionError("a run is simulated")
+
+    monkeypatch.setattr(Carsim, "run", refuse)
+    foldcar("report", study / "s.db", "-o", study / "again")
+
+    pages = [(study / name / "index.html").read_text() for name in ("report", "again")]
+    assert [blob_of(page, "e0-runs-1") for page in pages] == [blob_of(pages[0], "e0-runs-1")] * 2
+
+
+def test_paths_of_a_store_without_them_are_simulated(study: Path, tmp_path: Path) -> None:
+    (tmp_path / "s.db").write_bytes((study / "s.db").read_bytes())
+    with sqlite3.connect(tmp_path / "s.db") as connection:
+        connection.execute("DELETE FROM path")
+    foldcar("report", tmp_path / "s.db", "-o", tmp_path / "report")
+
+    pages = [(folder / "report" / "index.html").read_text() for folder in (study, tmp_path)]
+    assert blob_of(pages[0], "e0-runs-0") == blob_of(pages[1], "e0-runs-0")
+
+
+def test_kept_paths_are_bounded_but_for_the_first_of_each_ending() -> None:
+    keeper = KeptPaths(designs=2 * MOST_DESIGNS)
+    endings = ["passed", "tipped"] * 10_000 + ["stuck", "stuck", "rejected"]
+
+    shown = [design for design in range(2 * MOST_DESIGNS) if keeper.wants(design)]
+    kept = [keeper.keeps(shown[number % 7], outcome, 1000) for number, outcome in enumerate(endings)]
+
+    assert len(shown) == MOST_DESIGNS and shown[0] == 0 and shown[-1] == 2 * MOST_DESIGNS - 1
+    # 750 bytes each of 3 million.
+    assert kept[:4000] == [True] * 4000 and not any(kept[4000:20_000])
+    assert kept[20_000:] == [True, True, False]
+    # What the store has counts.
+    assert not KeptPaths(1, [(0, "passed", 4_000_000)]).keeps(0, "passed", 10)
 
 
 def test_the_page_holds_every_run_as_stored(study: Path) -> None:

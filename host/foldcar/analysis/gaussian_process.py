@@ -5,11 +5,12 @@ designs (Rasmussen and Williams 2006, section 8.3.1), and what a caller adds, as
 of designs, not with its cube. The factors' posterior is Laplace's approximation (section 3.4): exact in its mode and
 curvature, with the evidence by which candidates of lengths and strength are weighted.
 
-:func:`success_model` is success as a smooth function of one or two design parameters: a constant and such a process.
+:func:`success_model` is success as a smooth function of design parameters: a constant and such a process.
 """
 
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from itertools import product
 from typing import Any
 
@@ -23,8 +24,10 @@ from foldcar.errors import FoldcarError
 SPANNING = 80
 NEWTON_STEPS = 50
 TOLERANCE = 1e-9
-# Candidates: length as a part of the range, standard deviation of the log-odds.
+# Candidates: length as a part of the range, standard deviation of the log-odds. Of more than two parameters not every
+# combination of lengths is fitted, but those on the way to the best one; the longest says that a parameter has no effect.
 LENGTHS = {1: (0.1, 0.2, 0.4, 0.8), 2: (0.15, 0.35, 0.8)}
+MANY_LENGTHS = (0.15, 0.35, 0.8, 2.5)
 STRENGTHS = (1.5, 5.0)
 # Candidates of less weight are left out.
 LEAST_WEIGHT = 0.01
@@ -162,7 +165,7 @@ class SuccessModel:
             raise FoldcarError("a success model has rates only within the range of the designs that it was fitted to")
         first, second = numpy.zeros(len(x)), numpy.zeros(len(x))
         for one in self.candidates:
-            here = _functions(one.process, one.strength, scaled)
+            here = functions_of(one.process, one.strength, scaled)
             middle = here @ one.factors.mode
             # What the spanning designs leave open between them is added to the variance.
             left = numpy.maximum(one.strength**2 - (here[:, 1:] ** 2).sum(axis=1), 0)
@@ -174,10 +177,10 @@ class SuccessModel:
 
 
 def success_model(parameters: ArrayLike, passed: ArrayLike, counted: ArrayLike) -> SuccessModel:
-    """Fit to designs with parameters (d, k), k 1 or 2, of which ``passed`` of ``counted`` runs (d,) succeeded."""
+    """Fit to designs with parameters (d, k) of which ``passed`` of ``counted`` runs (d,) succeeded. FoldcarError."""
     x, k, n = (numpy.asarray(values, dtype=float) for values in (parameters, passed, counted))
-    if x.ndim != 2 or x.shape[1] not in LENGTHS or not numpy.all(numpy.isfinite(x)):
-        raise FoldcarError("a success model needs a table of designs with one or two parameters, all finite")
+    if x.ndim != 2 or not x.shape[1] or not numpy.all(numpy.isfinite(x)):
+        raise FoldcarError("a success model needs a table of designs with at least one parameter, all finite")
     if k.shape != (len(x),) or n.shape != (len(x),) or not numpy.all((k >= 0) & (k <= n)):
         raise FoldcarError(f"a success model needs 0 ≤ passed ≤ counted for each of the {len(x)} designs")
     x, k, n = x[n > 0], k[n > 0], n[n > 0]
@@ -187,19 +190,46 @@ def success_model(parameters: ArrayLike, passed: ArrayLike, counted: ArrayLike) 
         )
     low, span = x.min(axis=0), numpy.ptp(x, axis=0)
     scaled = (x - low) / span
-    spanning, prior = spread_designs(scaled), numpy.zeros(len(n))
-    fitted = []
-    for lengths in product(LENGTHS[x.shape[1]], repeat=x.shape[1]):
+    spanning = spread_designs(scaled)
+
+    @cache
+    def fitted(lengths: tuple[float, ...], strength: float) -> tuple[Matern, Factors]:
         process = Matern(spanning, lengths)
-        for strength in STRENGTHS:
-            fitted.append((process, strength, laplace(_functions(process, strength, scaled), prior, k, n)))
-    weights = shares_of([factors.evidence for _, _, factors in fitted])
+        return process, laplace(functions_of(process, strength, scaled), numpy.zeros(len(n)), k, n)
+
+    tried = list(_tried(x.shape[1], lambda lengths, strength: fitted(lengths, strength)[1].evidence))
+    weights = shares_of([fitted(*one)[1].evidence for one in tried])
     weights = numpy.where(weights >= LEAST_WEIGHT, weights, 0.0)
     weights /= weights.sum()
-    some = zip(fitted, weights.tolist(), strict=True)
-    return SuccessModel(tuple(Candidate(a, b, weight, c) for (a, b, c), weight in some if weight), low, span)
+    found = []
+    for (lengths, strength), weight in zip(tried, weights.tolist(), strict=True):
+        if weight:
+            process, factors = fitted(lengths, strength)
+            found.append(Candidate(process, strength, weight, factors))
+    return SuccessModel(tuple(found), low, span)
 
 
-def _functions(process: Matern, strength: float, scaled: NDArray[Any]) -> NDArray[Any]:
+def _tried(
+    parameters: int, evidence: Callable[[tuple[float, ...], float], float]
+) -> Collection[tuple[tuple[float, ...], float]]:
+    """Lengths and strengths to weight: all of one or two parameters, of more those tried on the way to the best."""
+    if parameters in LENGTHS:
+        return list(product(product(LENGTHS[parameters], repeat=parameters), STRENGTHS))
+    best: tuple[tuple[float, ...], float] = ((MANY_LENGTHS[2],) * parameters, STRENGTHS[0])
+    tried, before = {best: None}, None
+    while best != before:
+        before = best
+        for at in range(parameters):
+            lengths, strength = best
+            some = [((*lengths[:at], one, *lengths[at + 1 :]), strength) for one in MANY_LENGTHS]
+            tried.update(dict.fromkeys(some))
+            best = max(some, key=lambda one: evidence(*one))
+        some = [(best[0], one) for one in STRENGTHS]
+        tried.update(dict.fromkeys(some))
+        best = max(some, key=lambda one: evidence(*one))
+    return tried
+
+
+def functions_of(process: Matern, strength: float, scaled: NDArray[Any]) -> NDArray[Any]:
     """The constant and the process' functions (m, p + 1)."""
     return numpy.hstack([numpy.full((len(scaled), 1), CONSTANT), strength * process.functions(scaled)])

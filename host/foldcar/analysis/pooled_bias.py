@@ -50,14 +50,14 @@ class PooledBias:
     candidates: tuple[Candidate, ...]
     weights: NDArray[Any]
 
-    def rates(self, confidence: float = 0.95) -> list[Rate]:
+    def rates(self, confidence: float = 0.95, least: int = 2) -> list[Rate]:
         """The rate of each design; the ones without trials have theirs from their neighbours.
 
-        Intervals are without a normal approximation of a design's own trials. With trials of one design only there is
-        nothing to pool: that one gets Jeffreys' interval, the others 0 to 1.
+        Intervals are without a normal approximation of a design's own trials. With trials of fewer than ``least`` designs
+        nothing is pooled: those get Jeffreys' interval, the others 0 to 1.
         """
         check_confidence(confidence)
-        if numpy.count_nonzero(self.trials[:, 1]) < 2:
+        if numpy.count_nonzero(self.trials[:, 1]) < least:
             return [_unpooled(float(passed), float(counted), confidence) for passed, counted in self.trials]
         tail = (1 - confidence) / 2
         total, found = self.trials[:, 1].sum(), []

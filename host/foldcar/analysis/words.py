@@ -7,6 +7,11 @@ from foldcar.analysis.rate import Rate
 
 # The units in which designs are written.
 UNITS = {"mm": " mm", "deg": "°"}
+# Ends of columns' names, and how their units are written; longer ends first.
+COLUMN_UNITS = {
+    "rad_s": "rad/s", "m_s": "m/s", "mm": "mm", "cm2": "cm²", "m": "m", "deg": "°", "rad": "rad", "kg": "kg", "g": "g",
+    "s": "s", "v": "V", "j": "J", "us": "µs",
+}  # fmt: skip
 
 
 def design_text(design: Mapping[str, float | str]) -> str:
@@ -25,6 +30,13 @@ def value_text(name: str, value: float | str | None) -> str:
         return "unknown"
     unit = next((text for unit, text in UNITS.items() if name.endswith(f"_{unit}")), "")
     return value if isinstance(value, str) else f"{value:g}{unit}"
+
+
+def label_and_unit(name: str) -> tuple[str, str]:
+    """What a column is called, and its unit: ``wheel radius`` and ``mm`` of wheel_radius_mm; no unit is empty."""
+    stem = next((end for end in COLUMN_UNITS if name.endswith(f"_{end}")), "")
+    label = name.removesuffix(f"_{stem}") if stem else name
+    return label.replace("_", " "), COLUMN_UNITS.get(stem, "")
 
 
 def percent(share: float) -> str:

@@ -46,8 +46,8 @@ def run(
         *_answer_lines(answer),
     ]
     if plot is not None:
-        from foldcar.figures.ground import carsim_heights
         from foldcar.figures.run import draw_run
+        from foldcar.simulation.heights import carsim_heights
 
         path = one.path(listed.carsim, answer, plot)
         draw_run(one.body, one.scene, answer, path, carsim_heights(listed.carsim), plot)

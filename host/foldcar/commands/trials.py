@@ -77,6 +77,7 @@ def replay(
     """
     from foldcar.commands.tables import STANDING_TEXTS, seconds_text
     from foldcar.simulation.carsim import Carsim
+    from foldcar.simulation.heights import carsim_heights
     from foldcar.simulation.results import outcome_of
     from foldcar.store.reader import Store
     from foldcar.store.trial_records import BUILT, SIMULATED
@@ -103,8 +104,8 @@ def replay(
         verdict,
     ]
     if plot is not None:
-        from foldcar.figures.ground import carsim_heights
         from foldcar.figures.run import draw_run
+        from foldcar.simulation.heights import carsim_heights
 
         if "path" not in pair.answer:
             raise FoldcarError(f"{plot}: a failed run has no picture")
@@ -240,6 +241,7 @@ def export(
     from foldcar.models.foxglove_scene import foxglove_scene
     from foldcar.models.ground import smooth_ground, start_height_m
     from foldcar.simulation.carsim import Carsim
+    from foldcar.simulation.heights import carsim_heights
     from foldcar.store.log_files import log_file, sha256_of
     from foldcar.store.reader import Store
 
@@ -263,7 +265,7 @@ def export(
     scene_update, start = None, NO_START
     if drive is not None and log.is_file():
         body, scene = json.loads(drive[0]), json.loads(drive[2])
-        grid = smooth_ground(scene, Carsim())
+        grid = smooth_ground(scene, carsim_heights(Carsim()))
         scene_update = foxglove_scene(body, scene, grid)
         start = {**scene["start"], "z_m": start_height_m(body, scene, grid)}
     count = export_mcap(log, mcap, facts, scene_update, start)

@@ -1,11 +1,16 @@
-"""Templates of HTML pages, and SVG files made ready to stand in them."""
+"""Templates of HTML pages, and what stands in them: scripts, data, SVG files."""
 
 import html
+import json
 import re
 from collections.abc import Callable, Mapping
+from importlib.resources import files
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined, Template
+from markupsafe import Markup
+
+from foldcar.errors import FoldcarError
 
 
 def page_template(package: str, file: str, filters: Mapping[str, Callable[..., Any]] | None = None) -> Template:
@@ -19,6 +24,19 @@ def page_template(package: str, file: str, filters: Mapping[str, Callable[..., A
     )
     environment.filters |= filters or {}
     return environment.get_template(file)
+
+
+def bundle(name: str) -> Markup:
+    """A page's script with the libraries that it needs, for a script element. FoldcarError if it was not bundled."""
+    file = files("foldcar").joinpath(f"bundles/{name}")
+    if not file.is_file():
+        raise FoldcarError(f"{file}: the page's script is not there: run `make setup` in the checkout, which bundles it")
+    return Markup(file.read_text(encoding="utf-8").replace("</script", "<\\/script"))
+
+
+def script_json(value: Any) -> Markup:
+    """JSON that is safe inside a script element. ValueError if a number is NaN or infinite."""
+    return Markup(json.dumps(value, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c"))
 
 
 def inline_svg(svg: str, name: str, caption: str) -> str:

@@ -12,8 +12,8 @@ from foldcar.simulation.results import METRICS, Recorded
 from foldcar.store.trial_records import Trial
 
 UNITS = {**{metric.name: metric.unit for metric in METRICS}, "elapsed_time_s": "s"}
-# Units that names of design parameters end in.
-SUFFIXES = ("mm", "deg")
+# Units that names of parameters and sampled values end in.
+SUFFIXES = ("mm", "deg", "m", "rad", "v", "us")
 NUMBER = int | float
 
 

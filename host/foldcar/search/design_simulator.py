@@ -17,6 +17,7 @@ from foldcar.study.chunks import ChunkPool, FinishedRun, Simulators
 from foldcar.study.environments import Environment
 from foldcar.study.experiment_runs import StoredSamples
 from foldcar.study.experiments import Experiment
+from foldcar.study.kept_paths import KeptPaths
 from foldcar.study.planned_designs import PlannedDesigns, planned_design
 from foldcar.study.sweep import is_dynamic, plan_experiment
 
@@ -38,6 +39,11 @@ class Row:
         return has_passed(self.outcome)
 
 
+def fresh_id(experiment: str) -> str:
+    """The name, in stores, of a searched experiment in fresh environments."""
+    return f"{experiment} fresh"
+
+
 class DesignSimulator:
     """One experiment's environment with its simulators. Made by :func:`open_simulator`."""
 
@@ -50,7 +56,7 @@ class DesignSimulator:
         dynamic: bool,
         table: dict[str, TableRow],
         simulated: Callable[[int], None],
-        searched: bool,
+        searched: Sequence[str],
     ) -> None:
         self._experiment = experiment
         self._environment = environment
@@ -62,6 +68,8 @@ class DesignSimulator:
         self._samples = StoredSamples(environment, writer, dynamic)
         self._plan: PlannedExperiment | None = None
         self._positions: dict[Values, int] = {}
+        # Those of an earlier search are not looked for: the bound is on each.
+        self._paths = KeptPaths(None)
 
     def rows(self, values: Values, samples: Sequence[int]) -> list[Row]:
         """The results of a design that can be built in these samples, simulated if the store lacks them. FoldcarError."""
@@ -72,7 +80,7 @@ class DesignSimulator:
             (run,) = (one for one in self._writer.planned_runs(plan, sample) if one.design == position)
             runs.append(run)
             if run.outcome is None and not self._pool.joins(run):
-                for finished in self._pool.add(run, len(samples) - number):
+                for finished in self._pool.add(run, len(samples) - number, self._paths):
                     self._keep(finished)
         for finished in self._pool.finish():
             self._keep(finished)
@@ -128,11 +136,11 @@ def open_simulator(
     carsim: Carsim,
     simulators: Simulators | int,
     simulated: Callable[[int], None],
-    searched: bool,
+    searched: Sequence[str],
 ) -> Iterator[DesignSimulator]:
     """The simulator of an experiment in its ``environment``; ``simulated`` is told how many runs were simulated.
 
-    ``searched`` says whether designs are chosen by these runs, as ExperimentInfo keeps it.
+    ``searched`` names the objectives by which designs are chosen from these runs, as ExperimentInfo keeps them; none are.
     """
     dynamic = is_dynamic(writer.environment(environment.fingerprint), environment, writer)
     table = carsim.parameter_table()

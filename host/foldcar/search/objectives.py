@@ -4,7 +4,7 @@ Each is defined so that a car that fails at once gains nothing by it.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -32,6 +32,7 @@ class Objective:
     name: str
     unit: str
     largest: bool
+    meaning: str
     value: Callable[[Sequence[Row], float], float] | None
     interval: Callable[[Sequence[Row], float], Interval] | None
 
@@ -82,16 +83,23 @@ def film_area_cm2(design: Design) -> float:
     return CM2 * sum(piece.count * sum(area_mm2(face.outline_mm) for face in piece.faces) for piece in pieces)
 
 
+def beaten(losses: Sequence[float], others: Iterable[Sequence[float]]) -> bool:
+    """Whether one of the others is as good in all objectives and better in one; less is better in ``losses``."""
+    return any(
+        list(other) != list(losses) and all(a <= b for a, b in zip(other, losses, strict=True)) for other in others
+    )
+
+
 OBJECTIVES = {
     one.name: one
     for one in (
         Objective(
-            "success", "", True,
+            "success", "", True, "share of runs that pass",
             lambda rows, limit_s: sum(bool(row.passed) for row in rows) / len(rows),
             lambda rows, limit_s: wilson_interval(sum(bool(row.passed) for row in rows), len(rows)),
         ),
-        Objective("time", "s", False, _time, _time_interval),
-        Objective("energy", "J", False, _energy, _energy_interval),
-        Objective("sheet-area", "cm²", False, None, None),
+        Objective("time", "s", False, "mean time to pass, the limit where a run does not", _time, _time_interval),
+        Objective("energy", "J", False, "energy drawn in all runs, per run that passed", _energy, _energy_interval),
+        Objective("sheet-area", "cm²", False, "area of the car's flat pieces of film", None, None),
     )
 }  # fmt: skip

@@ -19,7 +19,7 @@ from optuna.trial import Trial, TrialState
 
 from foldcar.errors import FoldcarError
 from foldcar.search.design_simulator import Values
-from foldcar.search.objectives import Objective
+from foldcar.search.objectives import Objective, beaten
 from foldcar.study.family import Family
 
 # Generations of NSGA-II: of Optuna's default of 50, a search of some hundred designs would see two.
@@ -141,11 +141,8 @@ class Proposals:
         """The best ``count`` of those tried in all environments; with several objectives, those none beats in all."""
         signs = np.array([-1 if one.largest else 1 for one in self._objectives])
         found = [(tuple(signs * one.objectives), one) for one in self.tried if not one.pruned]
-
-        def beaten(mine: tuple[float, ...]) -> bool:
-            return any(other != mine and all(np.less_equal(other, mine)) for other, _ in found)
-
-        front = [(losses, one) for losses, one in found if len(signs) == 1 or not beaten(losses)]
+        every = [losses for losses, _ in found]
+        front = [(losses, one) for losses, one in found if len(signs) == 1 or not beaten(losses, every)]
         return [one for _, one in sorted(front, key=lambda pair: (pair[0], pair[1].mean_time_s))[:count]]
 
     def _values(self, places: dict[str, int]) -> Values:

@@ -104,7 +104,9 @@ class Sweep:
                     dynamic = is_dynamic(plan.environment_id, environment, writer)
                     rule, rejected = self.until.get(plan.id), counts.rejected
                     with environment.runner(carsim, dynamic) as runner, pool.using(runner):
-                        runs = ExperimentRuns(plan, environment, dynamic, writer, pool, counts, report)
+                        runs = ExperimentRuns(
+                            plan, len(self.designs[plan.id]), environment, dynamic, writer, pool, counts, report
+                        )
                         for finished in runs.all() if rule is None else runs.until(rule):
                             self._keep(finished, writer, report)
                         if rule is not None:
@@ -178,12 +180,12 @@ def plan_experiment(
     designs: PlannedDesigns,
     rule: StoppingRule | None = None,
     engine: str = "",
-    searched: bool = False,
+    searched: Sequence[str] = (),
     unlike: str = "",
 ) -> PlannedExperiment:
     """Record an experiment and its family's designs, replacing an earlier one of that id. FoldcarError.
 
-    ``rule``, ``engine``, ``searched`` and ``unlike`` are ExperimentInfo's ``until``, ``engine``, ``searched`` and
+    ``rule``, ``engine``, ``searched`` and ``unlike`` are ExperimentInfo's ``until``, ``engine``, ``objectives`` and
     ``unlike_sides``.
     """
     first = next(iter(experiment.family))
@@ -218,7 +220,7 @@ def plan_experiment(
             **({"listed_environment": environment.listed_fingerprint} if environment.calibration else {}),
             "thresholds": experiment.thresholds,
             **({} if rule is None else {"until": asdict(rule)}),
-            **({"searched": True} if searched else {}),
+            **({"searched": True, "objectives": list(searched)} if searched else {}),
             **({"engine": engine} if engine else {}),
             **({"unlike_sides": unlike} if unlike else {}),
             # Elsewhere the others lie elsewhere.

@@ -63,8 +63,8 @@ def draw_placement(
     scene: Mapping[str, Any], things: Mapping[str, Obstacle], design: Design, carsim: Carsim, picture: Path, title: str
 ) -> None:
     """Draw the scene with the car into a picture, whose folder is made if need be. FoldcarError."""
-    from foldcar.figures.ground import carsim_heights
     from foldcar.figures.placement import draw_placement
+    from foldcar.simulation.heights import carsim_heights
 
     make_output_folder(picture.parent)
     length_m, width_m = design.length_mm / 1000, design.values["width"] / 1000

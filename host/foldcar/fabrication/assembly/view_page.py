@@ -1,10 +1,9 @@
 """The view page: one HTML file with the flat sheets and a model of the car that is put together, without network access.
 
 Input: a FoldedCar, drawings of its flat sheets; for a car that drives or can be changed, what the page needs for it.
-Output: the page's text, which contains the 3D library three.js of the installed package jupyter_threejs_sage.
+Output: the page's text, which contains its script with three.js (tools/web_bundles.py).
 """
 
-import json
 from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from typing import Any
@@ -17,14 +16,9 @@ from foldcar.fabrication.assembly.parts_list import parts_list, total_cost_usd, 
 from foldcar.fabrication.assembly.view_data import view_data
 from foldcar.fabrication.patterns.drawing import Sheet
 from foldcar.fabrication.patterns.svg import svg
-from foldcar.figures.page import inline_svg, page_template
+from foldcar.figures.page import bundle, inline_svg, page_template, script_json
 
-THREE_PACKAGE = "jupyter_threejs_sage"
-THREE_FILE = "static/r130/three.min.js"
 ROOM = "foldcar.fabrication.assembly"
-SCRIPTS = (
-    "paints.js", "stage.js", "film.js", "bought.js", "car.js", "names.js", "ground.js", "run.js", "live.js", "view.js",
-)  # fmt: skip
 
 
 def view_page(
@@ -44,10 +38,9 @@ def view_page(
         ],
         run=run,
         live=live,
-        library=_script(files(THREE_PACKAGE).joinpath(THREE_FILE).read_text(encoding="utf-8")),
-        data=_script(json.dumps({"car": view_data(folded), "run": run, "live": live}, separators=(",", ":"))),
-        style=Markup(_text("view.css")),
-        program=_script("\n".join(['"use strict";', *map(_text, SCRIPTS)])),
+        data=script_json({"car": view_data(folded), "run": run, "live": live}),
+        style=Markup(files(ROOM).joinpath("web/view.css").read_text(encoding="utf-8")),
+        program=bundle("view.js"),
     )
 
 
@@ -62,11 +55,3 @@ def facts(folded: FoldedCar, sheets: Sequence[Sheet] = ()) -> str:
         f"{len(folded.axles)} driven wheels, about {total_cost_usd(rows):.0f} USD of parts{waste}"
     )
 
-
-def _text(name: str) -> str:
-    return files(ROOM).joinpath("web").joinpath(name).read_text(encoding="utf-8")
-
-
-def _script(text: str) -> Markup:
-    """Text that is safe inside a script element."""
-    return Markup(text.replace("</", "<\\/"))

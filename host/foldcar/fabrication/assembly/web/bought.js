@@ -1,8 +1,12 @@
 // A bought part: its boxes and cylinders.
 
+import * as THREE from "three";
+import { matrix } from "./film.js";
+import { INKS, LIT, PAINTS } from "./paints.js";
+
 const MOST_APART = 12;
 
-class Bought {
+export class Bought {
   constructor(part) {
     this.part = part;
     this.group = new THREE.Group();

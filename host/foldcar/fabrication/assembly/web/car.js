@@ -2,9 +2,13 @@
 //
 // In a step what is new is folded, then goes in along its way; then what was there already is folded further.
 
-const smooth = t => t * t * (3 - 2 * t);
+import * as THREE from "three";
+import { Bought } from "./bought.js";
+import { APART_MM, Film, matrix } from "./film.js";
 
-class Car {
+export const smooth = t => t * t * (3 - 2 * t);
+
+export class Car {
   constructor(data, scene) {
     this.data = data;
     this.steps = data.steps.length;
@@ -113,14 +117,6 @@ class Car {
       this.frames[step] = box;
     }
     return this.frames[step];
-  }
-
-  // Places the bodies of a car that drives: poses by body name; angles of its hinges.
-  drive(poses, hinges_rad) {
-    for (const [name, body] of this.bodies) body.matrix.copy(poses.get(name));
-    for (const one of this.parts) {
-      if (one.part.hinge) one.fold(one.piece.faces.map(face => (face.fold ? face.fold.closing[face.fold.closing.length - 1][1] : 0)), hinges_rad[one.part.hinge.hinge]);
-    }
   }
 
   light(part) {

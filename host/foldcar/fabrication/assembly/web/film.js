@@ -1,9 +1,12 @@
 // A copy of a piece of film: its faces turned about their folds.
 
-// What lies on the inside of a wall stands off a little more than it does: lines must not show through the wall.
-const APART_MM = 1.0;
+import * as THREE from "three";
+import { INKS, LIT, PAINTS } from "./paints.js";
 
-function matrix(rows) { return new THREE.Matrix4().set(...rows); }
+// What lies on the inside of a wall stands off a little more than it does: lines must not show through the wall.
+export const APART_MM = 1.0;
+
+export function matrix(rows) { return new THREE.Matrix4().set(...rows); }
 
 // The child's frame in its parent's: its edge runs against the parent's, the middles of the two meet.
 function across(fold, angle) {
@@ -18,7 +21,7 @@ function across(fold, angle) {
   return m.multiply(new THREE.Matrix4().makeTranslation(-(cx + dx) / 2, -(cy + dy) / 2, 0));
 }
 
-class Film {
+export class Film {
   constructor(part, piece) {
     this.part = part;
     this.piece = piece;
@@ -54,16 +57,15 @@ class Film {
     }
   }
 
-  // Shares of each face's fold, 0 flat to 1 folded; flexure_rad is the angle of the part's hinge.
-  fold(shares, flexure_rad = 0) {
-    const key = `${shares.join()} ${flexure_rad}`;
+  // Shares of each face's fold, 0 flat to 1 folded.
+  fold(shares) {
+    const key = shares.join();
     if (key === this.key) return;
     this.key = key;
-    const { faces } = this.piece, { hinge } = this.part, poses = [];
+    const { faces } = this.piece, poses = [];
     faces.forEach((face, f) => {
-      const bent = hinge && hinge.face === f ? hinge.sign * flexure_rad : 0;
       poses[f] = face.fold
-        ? new THREE.Matrix4().multiplyMatrices(poses[face.fold.parent], across(face.fold, shares[f] * face.fold.angle + bent))
+        ? new THREE.Matrix4().multiplyMatrices(poses[face.fold.parent], across(face.fold, shares[f] * face.fold.angle))
         : new THREE.Matrix4();
     });
     this.poses = poses;

@@ -1,7 +1,7 @@
 // Sliders for the design's parameters: each asks the server for the car anew, first for a draft, which takes a moment, then
 // for the checked car. One question is on its way at a time; meanwhile only the last values that were chosen wait.
 
-class Live {
+export class Live {
   // data: {parameters, values, command, drafts}; good: the answer that the page began with; show: called with an answer.
   constructor(data, form, good, show) {
     Object.assign(this, { data, show, good, drafted: false, values: { ...data.values }, asking: false, waiting: false });

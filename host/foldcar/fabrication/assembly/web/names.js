@@ -1,6 +1,8 @@
 // Names parts: under the pointer, by a tap, or chosen from a list by keyboard.
 
-class Names {
+import * as THREE from "three";
+
+export class Names {
   // controls: {canvas, tip, list}; lit: called when another part is named.
   constructor(stage, controls, lit) {
     Object.assign(this, { stage, controls, lit, car: null, named: null, sought: false });

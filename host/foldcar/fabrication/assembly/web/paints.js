@@ -1,5 +1,7 @@
 // What film, bought parts and lines look like.
 
+import * as THREE from "three";
+
 const COLOURS = {
   film: [0xfbf5e6, 0xc3d3e4], tyre: [0x54585f, 0x3d4046], servo: [0x3d77b8, 0x3d77b8], board: [0x2f7d4f, 0x2f7d4f],
   battery: [0xd2a04a, 0xd2a04a], other: [0x9a9a9a, 0x9a9a9a],
@@ -14,7 +16,7 @@ function paintOf(name, emissive = 0) {
   }));
 }
 
-const PAINTS = {}, LIT = {}, INKS = {};
+export const PAINTS = {}, LIT = {}, INKS = {};
 for (const name of Object.keys(COLOURS)) {
   PAINTS[name] = paintOf(name);
   LIT[name] = paintOf(name, POINTED_AT);
@@ -22,7 +24,7 @@ for (const name of Object.keys(COLOURS)) {
 for (const [name, color] of Object.entries(LINES)) INKS[name] = new THREE.LineBasicMaterial({ color });
 
 // Whether one sees through film.
-function seeThrough(wanted) {
+export function seeThrough(wanted) {
   for (const paint of [...PAINTS.film, ...PAINTS.tyre]) {
     paint.transparent = wanted;
     paint.opacity = wanted ? 0.35 : 1;

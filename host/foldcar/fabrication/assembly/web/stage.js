@@ -1,15 +1,20 @@
 // Canvas, camera, light and floor. Lengths in millimetres, z up.
 
+import * as THREE from "three";
+import { OrbitControls } from "three/addons/controls/OrbitControls.js";
+
 const THEMES = {
-  light: { back: 0xf3f2ee, shadow: 0.16, sky: 0.62 },
-  dark: { back: 0x22252a, shadow: 0.4, sky: 0.5 },
+  light: { back: 0xf3f2ee, shadow: 0.16, sky: 2.1 },
+  dark: { back: 0x22252a, shadow: 0.4, sky: 1.7 },
 };
 // From the front right: a lid that stands open on the left hides nothing.
 const DIRECTION = new THREE.Vector3(0.95, -0.8, 0.85).normalize();
+// What a surface square to the light reflects of its colour is a π-th of the light's intensity.
+const SUN = 1.7;
 const TURN_RAD = 0.12;
 const ZOOM = 1.12;
 
-class Stage {
+export class Stage {
   constructor(canvas) {
     this.canvas = canvas;
     // Whether somebody turned the camera, which then stays.
@@ -17,19 +22,19 @@ class Stage {
     this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true, preserveDrawingBuffer: true });
     this.renderer.setPixelRatio(window.devicePixelRatio);
     this.renderer.shadowMap.enabled = true;
-    this.renderer.shadowMap.type = THREE.PCFSoftShadowMap;
+    this.renderer.shadowMap.type = THREE.PCFShadowMap;
     this.scene = new THREE.Scene();
     this.camera = new THREE.PerspectiveCamera(32, 1, 10, 60000);
     this.camera.up.set(0, 0, 1);
-    this.sky = new THREE.HemisphereLight(0xffffff, 0xb8b2a4, 0.62);
-    this.sun = new THREE.DirectionalLight(0xffffff, 0.55);
+    this.sky = new THREE.HemisphereLight(0xffffff, 0xb8b2a4);
+    this.sun = new THREE.DirectionalLight(0xffffff, SUN);
     this.sun.castShadow = true;
     this.sun.shadow.mapSize.set(2048, 2048);
     this.sun.shadow.bias = -0.002;
     this.floor = new THREE.Mesh(new THREE.PlaneGeometry(20000, 20000), new THREE.ShadowMaterial());
     this.floor.receiveShadow = true;
     this.scene.add(this.sky, this.sun, this.sun.target, this.floor);
-    this.controls = new THREE.OrbitControls(this.camera, canvas);
+    this.controls = new OrbitControls(this.camera, canvas);
     this.controls.enableDamping = false;
     this.controls.addEventListener("start", () => { this.held = true; });
     this.controls.addEventListener("change", () => this.draw());
@@ -93,15 +98,6 @@ class Stage {
     this.camera.position.copy(target).addScaledVector(DIRECTION, away);
     this.controls.target.copy(target);
     this.controls.update();
-  }
-
-  // Keeps a moving point where it is in the picture.
-  follow(point) {
-    const moved = point.clone().sub(this.controls.target);
-    this.camera.position.add(moved);
-    this.controls.target.copy(point);
-    this.controls.update();
-    this.shine(point, 400);
   }
 
   shine(target, reach) {

@@ -1,0 +1,159 @@
+"""What was sampled for each run beside its design: the values of its scene and of its built car, as columns.
+
+Input: an open store, which keeps every sample's scene and every draw's differences as JSON. Output: a table of
+environments. Pieces of terrain are counted by kind in the order of the program: ``scene_box_2_height_m`` is that of the
+second box. Differences of a built car are those of :mod:`foldcar.car.variation`; of wheels the mean and left less right.
+Columns that are the same in all environments, or tell what one before them tells, are left out.
+"""
+
+import json
+import math
+from collections import Counter
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy
+from numpy.typing import NDArray
+
+from foldcar.analysis.words import label_and_unit
+from foldcar.car.variation import workshop
+from foldcar.store.info import ExperimentInfo
+from foldcar.store.reader import Store
+from foldcar.store.tables import BY_NAME, DESIGN, EXPERIMENT
+
+# Columns that are so nearly lines of one another tell the same.
+SAME = 0.9995
+# Keys of no meaning as numbers.
+LEFT_OUT = ("seed",)
+SIDES = ("left", "right")
+# Lengths and angles as readers take them.
+READ_AS = {"m": ("mm", 1000.0), "rad": ("°", 180 / math.pi)}
+NAMES = {"rough": "rough ground", "patch": "friction patch", "half_round": "round bump", "box": "block"}
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column: its name with its unit, and what readers call it, in their unit, which is ``scale`` times the value."""
+
+    name: str
+    label: str
+    unit: str
+    scale: float
+
+
+@dataclass(frozen=True)
+class EnvironmentValues:
+    """``values`` (environments, columns) in SI units, NaN where the environment lacks it or is not sampled yet."""
+
+    columns: tuple[Column, ...]
+    values: NDArray[Any]
+
+    @property
+    def shown(self) -> NDArray[Any]:
+        """The values in the units of the columns."""
+        found: NDArray[Any] = self.values * numpy.array([one.scale for one in self.columns])
+        return found
+
+
+def environment_values(store: Store, info: ExperimentInfo) -> EnvironmentValues:
+    """The values of an experiment's environments, read once from an open store. StoreError."""
+    return store.once(("environment values", info.id), lambda: _read(store, info))
+
+
+def _read(store: Store, info: ExperimentInfo) -> EnvironmentValues:
+    row = next(store.rows(EXPERIMENT, "WHERE id = ?", info.id))
+    scenes = _by_sample(store, row, "sample", "environment_id", "scene", _scene)
+    first = next(store.rows(DESIGN, "WHERE experiment = ? AND position = 0", info.id))
+    body = next(store.rows(BY_NAME["body"], "WHERE id = ?", first["body_id"]))
+    wheels = json.loads(body["json"]).get("wheels", ())
+    cars = _by_sample(store, row, "draw", "spread_id", "variation", lambda drawn: _car(drawn, wheels))
+    tables = [scenes, cars]
+    names = list(dict.fromkeys(name for table in tables for one in table.values() for name in one))
+    values = numpy.full((info.environments, len(names)), numpy.nan)
+    for table in tables:
+        for sample, one in table.items():
+            values[sample, [names.index(name) for name in one]] = list(one.values())
+    kept = _telling(values)
+    return EnvironmentValues(tuple(_column(names[at]) for at in kept), values[:, kept])
+
+
+def _by_sample(
+    store: Store, experiment: Any, table: str, key: str, what: str, numbers: Callable[[Any], dict[str, float]]
+) -> dict[int, dict[str, float]]:
+    """The numbers of each sample's scene or variation; equal ones are read once."""
+    rows = store.rows(BY_NAME[table], f"WHERE {key} = ?1 AND sample < ?2", experiment[key], experiment["environments"])
+    ids = {row["sample"]: row[f"{what}_id"] for row in rows}
+    wanted = f"WHERE id IN (SELECT {what}_id FROM {table} WHERE {key} = ?1 AND sample < ?2)"
+    texts = store.rows(BY_NAME[what], wanted, experiment[key], experiment["environments"])
+    found = {row["id"]: numbers(json.loads(row["json"])) for row in texts}
+    return {sample: found[one] for sample, one in ids.items() if one in found}
+
+
+def _scene(scene: Mapping[str, Any]) -> dict[str, float]:
+    found = _numbers("scene", {"friction": scene.get("friction")})
+    for what in ("start", "goal"):
+        found |= _numbers(f"scene_{what}", scene.get(what) or {})
+    seen, heights = Counter[str](), []
+    for piece in scene.get("terrain", ()):
+        seen[piece["kind"]] += 1
+        found |= _numbers(f"scene_{piece['kind']}_{seen[piece['kind']]}", piece)
+        heights.append(piece.get("height_m", 0.0))
+    return found | {"scene_pieces": len(heights), "scene_highest_m": max(heights, default=0.0)}
+
+
+def _numbers(start: str, some: Mapping[str, Any]) -> dict[str, float]:
+    return {
+        f"{start}_{key}": float(value)
+        for key, value in some.items()
+        if isinstance(value, int | float) and key not in LEFT_OUT
+    }
+
+
+def _car(drawn: Mapping[str, Any], wheels: Any) -> dict[str, float]:
+    found = {}
+    for name, value in drawn.items():
+        if name not in workshop():
+            continue
+        if not isinstance(value, list):
+            found[f"car_{name}"] = float(value)
+        elif wheels:
+            # A servo that is mounted the other way round turns the other way with the same pulse.
+            turned = [wheel["servo"]["direction"] if name == "neutral_us" else 1 for wheel in wheels]
+            each = [sign * value[wheel["channel"]] for sign, wheel in zip(turned, wheels, strict=True)]
+            sides = {
+                side: [one for one, wheel in zip(each, wheels, strict=True) if wheel["side"] == side] for side in SIDES
+            }
+            found[f"car_mean_{name}"] = sum(each) / len(each)
+            if all(sides.values()):
+                left, right = (sum(some) / len(some) for some in sides.values())
+                found[f"car_left_less_right_{name}"] = left - right
+    return found
+
+
+def _telling(values: NDArray[Any]) -> list[int]:
+    """The columns that vary and are no line of one before them."""
+    kept: list[int] = []
+    scaled: list[NDArray[Any]] = []
+    for at, column in enumerate(values.T):
+        there = ~numpy.isnan(column)
+        if there.sum() < 2 or numpy.ptp(column[there]) <= 1e-9 * abs(column[there]).max():
+            continue
+        centred = numpy.where(there, column - column[there].mean(), 0.0)
+        centred = numpy.where(there, centred / numpy.sqrt((centred**2).sum()), numpy.nan)
+        told = any(bool((numpy.isnan(one) == ~there).all()) and abs(numpy.nansum(one * centred)) > SAME for one in scaled)
+        if not told:
+            kept.append(at)
+            scaled.append(centred)
+    return kept
+
+
+def _column(name: str) -> Column:
+    label, unit = label_and_unit(name.removeprefix("scene_"))
+    for kind, text in NAMES.items():
+        start = kind.replace("_", " ") + " "
+        label = text + " " + label.removeprefix(start) if label.startswith(start) else label
+    label = {"highest": "highest obstacle", "pieces": "pieces of terrain"}.get(label, label)
+    label = label.replace("car mean", "car, mean").replace("car left less right", "car, left less right")
+    unit, scale = READ_AS.get(unit, (unit, 1.0))
+    return Column(name, label, unit, scale)

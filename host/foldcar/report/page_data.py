@@ -1,0 +1,216 @@
+"""What the study page shows: one object of plain JSON values, from an open store. This text is its one description.
+
+``{"title", "made": ISO time (UTC), "engine_notes": [text], "experiments": [experiment]}``; an experiment is
+
+- ``id``, ``headline`` (a sentence), ``remarks`` (what a reader must know besides), ``thresholds`` (0 to 1, ascending: a
+  design is good above the last), ``judged`` (whether success is defined), ``simulation`` (what sentences call its
+  engine), ``interval`` (what the intervals of simulated rates are called), ``environments`` (how many there are),
+  ``time_limit_s``.
+- ``likely`` (the designs most likely to work) and ``learn`` (those whose trials would tell most): ``{"text", "designs":
+  [index], "why": [text for each]}``; ``edge``: sentences on ends of ranges.
+- ``parameters``: those that vary, ``{"name", "label", "unit", "values": all that occur, ascending, "numeric"}``;
+  ``fixed``: [label, text] of the others.
+- ``designs``: columns, an entry per design, null for what is not known. ``value``: per design the indices into the
+  parameters' values (null where the design lacks the parameter); ``name``: the one way in which a design is written;
+  ``swept``; ``runs`` and ``passed`` (rejected runs are in neither), ``rate``, ``low``, ``high`` (simulation, 95 %);
+  ``outcomes``: a column per outcome; ``trials``, ``trials_passed`` (those that count), ``trials_low``, ``trials_high``;
+  ``belief``, ``belief_low``, ``belief_high``: what simulation and trials together say, simulation's where no trial tells
+  of it; ``verdict``: "good", "bad" or "open" by the belief's interval and the last threshold; ``refuted``: "optimistic"
+  or "pessimistic" where the design's own trials contradict simulation; ``measures``:
+  ``{"key", "label", "unit", "better": "less" | "more" | null, "value": column}``.
+- ``environment``: ``{"columns": [{"name": that of the export, "label", "unit"}], "values": float32 of environments ×
+  columns in these units, NaN where the environment has none, "runs", "passed": of all designs in each environment}``.
+- ``runs``: ``{"n", "design", "environment", "outcome", "time_s"}`` in the order of design and environment, arrays as
+  below; null beyond MOST_RUNS, where ``runs_omitted`` says so and the columns of designs and environments tell the rest.
+- ``outcomes``, ``outcome_labels``: what the numbers of ``outcome`` stand for.
+- ``replays``: ``{"design", "environment", "outcome", "blob"}``, the caller's.
+- ``trials``: ``{"number", "design": index or null, "car": the design's name, "standing": "built" | "simulated",
+  "environment": index or null, "passed": null if aborted, "outcome", "time_s", "when", "note", "replay": null}``.
+- ``effects``: for each numeric parameter ``{"parameter": its place, "grid": values, "mean", "low", "high": success in
+  simulation, a mean over the same combinations of the other parameters for each value, with a 95 % band, "curves": at
+  most 20 single combinations, "over": which combinations these are, in words}``. Raw averages are of unequal combinations
+  and stand nowhere. ``importance``: ``{"parameter", "share", "low", "high"}``, the share of the variance of success over
+  designs that would go if it were fixed (shares may add up to more than 1); empty with one parameter.
+- ``causes``: ``{"column": place in the environment's columns, "label", "unit", "separation": 0 to 1, "low", "high",
+  "rises": whether greater values pass, "bins": [{"from", "to", "runs", "passed"}]}``, the best first: how well the value
+  separates passed from failed runs of the same design. It tells something where ``low`` is above 0; all intervals of an
+  experiment hold together with 95 %.
+- ``front``: null, or of a search ``{"objectives": [{"label", "unit", "better"}], "points": [{"design", "values", "low",
+  "high", "fresh", "beaten"}]}``. Values of designs with ``fresh`` are of environments by which nothing was chosen; only
+  of these one that is not ``beaten`` (by another of them, in all objectives) may be called best. The others are too good.
+- ``provenance``: [label, text]; ``files``: [label, relative address].
+
+Arrays are ``{"type": "uint8" | "uint16" | "uint32" | "float32", "data": base64 of little-endian numbers}``.
+"""
+
+import shlex
+from collections.abc import Mapping, Sequence
+from datetime import datetime, timezone
+from typing import Any
+
+import numpy
+
+from foldcar.analysis.words import label_and_unit, value_text
+from foldcar.figures.style import OUTCOME_LABELS
+from foldcar.report.environment_values import EnvironmentValues, environment_values
+from foldcar.report.figure_options import THRESHOLDS, FigureOptions
+from foldcar.report.page_advice import Advice
+from foldcar.report.page_designs import Designs, parameter_columns, read_designs
+from foldcar.report.page_effects import cause_rows, effect_rows, importance_rows, read_effects
+from foldcar.report.page_front import search_front
+from foldcar.report.page_remarks import remarks
+from foldcar.report.page_runs import packed, packed_runs
+from foldcar.report.page_trials import trial_rows, unswept_experiments
+from foldcar.search.design_simulator import fresh_id
+from foldcar.simulation.results import OUTCOMES
+from foldcar.store.info import ExperimentInfo, StudyInfo
+from foldcar.store.reader import Store
+from foldcar.store.trial_records import Trial, select_trials
+
+# Runs that the page holds one by one.
+MOST_RUNS = 50_000
+NO_OPTIONS = FigureOptions()
+
+
+def page_data(
+    store: Store,
+    command: Sequence[str] = (),
+    options: FigureOptions = NO_OPTIONS,
+    simulated_trials: bool = False,
+    replays: Mapping[str, Sequence[Mapping[str, Any]]] | None = None,
+    files: Mapping[str, Sequence[Sequence[str]]] | None = None,
+) -> dict[str, Any]:
+    """The object described above; ``command`` is that of the report, ``replays`` and ``files`` are by experiment.
+
+    ``simulated_trials``: show trials of simulated cars too; they count in no rate. FoldcarError.
+    """
+    info = store.info() if store.holds_study() else None
+    swept = list(info.experiments.values()) if info is not None else []
+    everything = {one.id: (one, list(store.trials(one.listed_id))) for one in swept} | unswept_experiments(store)
+    experiments = [
+        {**_experiment(store, info, one, some, command, options, simulated_trials), "id": name}
+        for name, (one, some) in everything.items()
+    ]
+    for one in experiments:
+        one["replays"] = list((replays or {}).get(one["id"], ()))
+        one["files"] = [list(pair) for pair in (files or {}).get(one["id"], ())]
+    return {
+        "title": info.listing_name if info is not None else store.path.name,
+        "made": datetime.now(timezone.utc).isoformat(timespec="seconds"),
+        "engine_notes": list(dict.fromkeys(one.warning for one in swept if one.warning)),
+        "experiments": experiments,
+    }
+
+
+def _experiment(
+    store: Store,
+    study: StudyInfo | None,
+    info: ExperimentInfo,
+    all_trials: Sequence[Trial],
+    command: Sequence[str],
+    options: FigureOptions,
+    simulated_trials: bool,
+) -> dict[str, Any]:
+    thresholds = options.chosen or info.thresholds or THRESHOLDS
+    trials, left_out = select_trials(all_trials, simulated_trials)
+    designs = read_designs(store, info, trials)
+    few = info.stored_runs <= MOST_RUNS
+    effects, places = read_effects(designs)
+    values = environment_values(store, info) if designs.swept else EnvironmentValues((), numpy.empty((0, 0)))
+    advice = Advice(designs, effects, places, thresholds[-1])
+    columns = designs.columns(thresholds[-1])
+    again = study.experiments.get(fresh_id(info.id)) if study is not None else None
+    fresh = read_designs(store, again, ()) if again is not None else None
+    headline, likely = advice.headline(), advice.likely()
+    if fresh is not None and info.searched:
+        headline, likely = advice.judged(Advice(fresh, None, places, thresholds[-1]))
+    areas = next((one["value"] for one in columns["measures"] if one["key"] == "sheet_area"), [None] * len(designs.names))
+    return {
+        "id": info.id,
+        "headline": headline,
+        "remarks": remarks(designs, trials, left_out),
+        "thresholds": list(thresholds),
+        "judged": info.success_defined,
+        "simulation": info.simulation,
+        "interval": designs.interval_name,
+        "environments": info.environments,
+        "time_limit_s": info.timeout_s,
+        "likely": likely,
+        "learn": advice.learn(),
+        "edge": advice.edges(),
+        "parameters": parameter_columns(designs),
+        "fixed": _fixed(info),
+        "designs": columns,
+        "effects": [] if effects is None else effect_rows(designs, effects, places),
+        "importance": [] if effects is None else importance_rows(effects, places),
+        "environment": {
+            "columns": [{"name": one.name, "label": one.label, "unit": one.unit} for one in values.columns],
+            "values": packed(values.shown, "float32"),
+            **designs.environments(),
+        },
+        "causes": cause_rows(designs, values),
+        "runs": packed_runs(designs) if few else None,
+        "runs_omitted": "" if few else _omitted(info, designs),
+        "outcomes": list(OUTCOMES),
+        "outcome_labels": [OUTCOME_LABELS[name] for name in OUTCOMES],
+        "trials": trial_rows(store, info, designs, trials),
+        "front": search_front(designs, areas, fresh),
+        "provenance": _provenance(study, info, command),
+    }
+
+
+def _omitted(info: ExperimentInfo, designs: Designs) -> str:
+    return (
+        f"{info.stored_runs:,} runs of {designs.swept:,} designs are too many to list one by one: they are counted "
+        "by design and by environment. `foldcar export` has them all."
+    )
+
+
+def _fixed(info: ExperimentInfo) -> list[list[str]]:
+    return [[label_and_unit(name)[0], value_text(name, value)] for name, value in info.fixed.items()]
+
+
+def _provenance(study: StudyInfo | None, info: ExperimentInfo, command: Sequence[str]) -> list[list[str]]:
+    speed = "each car's full speed" if info.speed_m_s is None else f"{info.speed_m_s:g} m/s"
+    rows: list[tuple[str, str]] = [
+        ("vehicle", ": ".join(filter(None, (info.vehicle, info.vehicle_type)))),
+        (
+            "environment",
+            f"{info.environment + ': ' if info.environment else ''}{info.scenic_program}{_with(info.scenic_params)}",
+        ),
+        ("frozen", _frozen(info)),
+        ("built cars", f"seed {info.variation_seed}; spread: {_assigned(info.variation)}" if info.variation else ""),
+        ("sampled environments", f"{info.environments:,}, seed {info.seed}" if info.environments else ""),
+        ("time limit", f"{info.timeout_s:g} s" if info.environments else ""),
+        ("set-point", f"{speed}, turn rate {info.yaw_rate_rad_s:g} rad/s" if info.environments else ""),
+        ("rule", info.success_rule),
+        ("runs", f"{info.stored_runs:,} stored of {info.planned_runs:,} planned" if info.environments else ""),
+        ("simulated under", info.under or ""),
+        ("engine", info.engine),
+        ("carsim build", info.carsim_build),
+    ]
+    if study is not None:
+        rows += [
+            ("foldcar", study.foldcar_version),
+            ("Scenic", study.scenic_version),
+            ("swept (UTC)", study.created_utc),
+            ("command of the sweep", study.command),
+            ("command of the report", shlex.join(command)),
+            (f"listing {study.listing_name}", study.listing_text),
+        ]
+    return [[label, text] for label, text in rows if text]
+
+
+def _with(params: Mapping[str, Any]) -> str:
+    return f" with {_assigned(params)}" if params else ""
+
+
+def _assigned(values: Mapping[str, Any]) -> str:
+    return ", ".join(f"{name} {f'{one:g}' if isinstance(one, float) else one}" for name, one in values.items())
+
+
+def _frozen(info: ExperimentInfo) -> str:
+    if info.condition is None:
+        return ""
+    what = [*info.condition.get("objects", []), *info.condition.get("params", [])]
+    return f"as in sample {info.condition['sample']}: {', '.join(what) or 'everything'}"

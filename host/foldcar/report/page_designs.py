@@ -1,0 +1,251 @@
+"""The designs of an experiment as columns for the page: values, names, counts with intervals, belief, measures.
+
+Input: an open store. Output: Designs, lists and arrays in the order of the family; designs that only trials have follow.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from foldcar.advice.comparison import MARGIN
+from foldcar.analysis import rate
+from foldcar.analysis.gap import OPTIMISTIC, PESSIMISTIC, mean_gap
+from foldcar.analysis.pooled_bias import MOST_POOLED, PooledBias, pooled_bias
+from foldcar.analysis.rate import Rate
+from foldcar.analysis.words import design_text, label_and_unit
+from foldcar.report.page_measures import measures
+from foldcar.simulation.results import NUMBERS, OUTCOMES, REJECTED
+from foldcar.store.frames import RunArrays, run_arrays
+from foldcar.store.info import ExperimentInfo
+from foldcar.store.reader import Store
+from foldcar.store.trial_records import Trial
+
+Design = Mapping[str, float | str]
+NO_RUNS = RunArrays(
+    numpy.empty(0, numpy.int64), numpy.empty(0, numpy.int64), numpy.empty(0, numpy.uint8), numpy.empty((0, len(NUMBERS)))
+)
+
+
+@dataclass(frozen=True)
+class Designs:
+    """``designs`` are the first ``swept`` of the family, then those of ``trials`` only; ``names`` as readers see them."""
+
+    store: Store
+    info: ExperimentInfo
+    designs: Sequence[Design]
+    swept: int
+    names: Sequence[str]
+    runs: RunArrays
+    trials: Sequence[Trial]
+
+    @cached_property
+    def values(self) -> dict[str, list[float | str]]:
+        """The values that occur of each parameter that varies, numbers ascending, then texts."""
+        found = {name: {one[name] for one in self.designs if name in one} for name in self.info.varied}
+        return {name: sorted(some, key=_order) for name, some in found.items()}
+
+    @cached_property
+    def ends(self) -> NDArray[Any]:
+        """How many runs of each design ended in each way (designs, OUTCOMES)."""
+        kinds, number = len(OUTCOMES), len(self.designs)
+        counts = numpy.bincount(self.runs.design * kinds + self.runs.outcome, minlength=number * kinds)
+        found: NDArray[Any] = counts.reshape(number, kinds)
+        return found
+
+    @cached_property
+    def counted(self) -> NDArray[Any]:
+        """The runs that belong in a rate: passed and all of them (designs, 2)."""
+        all_runs = self.ends.sum(axis=1) - self.ends[:, OUTCOMES.index(REJECTED)]
+        return numpy.column_stack([self.ends[:, OUTCOMES.index("passed")], all_runs])
+
+    @cached_property
+    def elsewhere(self) -> dict[int, str]:
+        """Trials that do not count here: those driven in another program than the runs, by number."""
+        found = self.store.trials_elsewhere(self.info) if self.swept else {}
+        return {at: name or "an unknown program" for at, name in found.items() if name != self.info.scenic_program}
+
+    @cached_property
+    def tried(self) -> NDArray[Any]:
+        """The trials of built cars that count: passed and all of them (designs, 2)."""
+        found = numpy.zeros((len(self.designs), 2), dtype=int)
+        for trial in self.trials:
+            index = self.index_of(trial)
+            if trial.counts and index is not None and trial.id not in self.elsewhere:
+                found[index] += trial.outcome == "passed", 1
+        return found
+
+    @property
+    def interval_name(self) -> str:
+        """What the intervals of simulated rates are called."""
+        return rate.interval_name(self.info.until is not None)
+
+    def index_of(self, trial: Trial) -> int | None:
+        """The place of a trial's design; None if it is of another family."""
+        return self._places.get(_key(trial.vehicle_type, trial.design))
+
+    def name_of(self, trial: Trial) -> str:
+        """A design of another family for the reader."""
+        differing = {name: value for name, value in trial.design.items() if self.info.fixed.get(name) != value}
+        of = "" if trial.vehicle_type == self.info.vehicle_type else f"{trial.vehicle_type} of "
+        return of + design_text(differing)
+
+    @cached_property
+    def _places(self) -> dict[Any, int]:
+        return {_key(self.info.vehicle_type, one): index for index, one in enumerate(self.designs)}
+
+    def columns(self, threshold: float) -> dict[str, Any]:
+        """The page's columns; a design is good or bad if its belief's interval is on one side of ``threshold``."""
+        driven, believed = self._rates(self.tried), self.believed
+        places = {name: {value: at for at, value in enumerate(some)} for name, some in self.values.items()}
+        return {
+            "value": [[places[name][one[name]] if name in one else None for name in places] for one in self.designs],
+            "name": list(self.names),
+            "swept": [index < self.swept for index in range(len(self.designs))],
+            "runs": self.counted[:, 1].tolist(),
+            "passed": self.counted[:, 0].tolist(),
+            "rate": [round(p / n, 6) if n else None for p, n in self.counted.tolist()],
+            "low": [one and one[0] for one in self.simulated],
+            "high": [one and one[1] for one in self.simulated],
+            "outcomes": self.ends.T.tolist(),
+            "trials": self.tried[:, 1].tolist(),
+            "trials_passed": self.tried[:, 0].tolist(),
+            "trials_low": [one and one[0] for one in driven],
+            "trials_high": [one and one[1] for one in driven],
+            "belief": [one and one[0] for one in believed],
+            "belief_low": [one and one[1] for one in believed],
+            "belief_high": [one and one[2] for one in believed],
+            "verdict": [verdict(one, threshold) for one in believed],
+            "refuted": self.refuted,
+            "measures": measures(self.store, self.info, self.designs, self.swept, self.runs),
+        }
+
+    @cached_property
+    def simulated(self) -> list[tuple[float, float] | None]:
+        """The 95 % interval of each design's simulated rate."""
+        return self._rates(self.counted, self.info.until is not None)
+
+    @cached_property
+    def believed(self) -> list[tuple[float, float, float] | None]:
+        """What simulation and trials together say of each design: rate, low, high.
+
+        Without trials that is simulation's rate; of a design without runs its trials'.
+        """
+        found = [
+            None if ends is None else (round(passed / runs, 6), *ends)
+            for (passed, runs), ends in zip(self.counted.tolist(), self.simulated, strict=True)
+        ]
+        for index, ((passed, number), ends) in enumerate(zip(self.tried.tolist(), self._rates(self.tried), strict=True)):
+            if found[index] is None and ends is not None:
+                found[index] = (round(passed / number, 6), *ends)
+        if self.pooled is not None:
+            with threadpool_limits(1):
+                rates = self.pooled.rates(least=1)
+            for index, one in zip(numpy.flatnonzero(self.counted[:, 1]).tolist(), rates, strict=True):
+                found[index] = (round(one.value, 6), round(one.low, 6), round(one.high, 6))
+        return found
+
+    @property
+    def pooled(self) -> PooledBias | None:
+        """What trials and simulation say together of the designs with runs; None if no such design was driven."""
+        known = self.counted[:, 1] > 0
+        return self.bias if self.tried[known, 1].any() else None
+
+    @cached_property
+    def bias(self) -> PooledBias | None:
+        """The difference of trials and simulation at the designs with runs, before trials that it may have."""
+        known = numpy.flatnonzero(self.counted[:, 1])
+        if not len(known) or not self.info.success_defined:
+            return None
+        # Of many driven designs those with most trials tell most.
+        told = known[numpy.argsort(-self.tried[known, 1], kind="stable")][:MOST_POOLED]
+        trials = numpy.where(numpy.isin(known, told)[:, None], self.tried[known], 0)
+        x = numpy.array([[float(self.designs[index][name]) for name in self.values] for index in known.tolist()])
+        with threadpool_limits(1):
+            return pooled_bias(x.reshape(len(known), -1), self.counted[known], trials)
+
+    @cached_property
+    def refuted(self) -> list[str | None]:
+        """Where a design's own trials contradict simulation, and how; all these statements hold together with 95 %."""
+        both = [
+            index
+            for index, (runs, trials) in enumerate(zip(self.counted, self.tried, strict=True))
+            if runs[1] and trials[1]
+        ]
+        found: list[str | None] = [None] * len(self.designs)
+        if not self.info.success_defined:
+            return found
+        level = 1 - (1 - 0.95) / max(1, len(both))
+        for index in both:
+            (passed, runs), (crossed, trials) = self.counted[index].tolist(), self.tried[index].tolist()
+            simulated = Rate.counted(passed, runs, "", self.info.until is not None, level)
+            gap = mean_gap([simulated], [Rate.counted(crossed, trials, "", confidence=level)])
+            verdict = gap.verdict(MARGIN)
+            found[index] = verdict if verdict in (OPTIMISTIC, PESSIMISTIC) else None
+        return found
+
+    def _rates(self, counts: NDArray[Any], stopped: bool = False) -> list[tuple[float, float] | None]:
+        """The 95 % interval of each rate of (designs, 2) passed and all; None where success or the rate is undefined."""
+        if not self.info.success_defined:
+            return [None] * len(counts)
+        found: list[tuple[float, float] | None] = []
+        for passed, number in counts.tolist():
+            ends = rate.rate_interval(passed, number, stopped) if number else None
+            found.append(ends and (round(ends[0], 6), round(ends[1], 6)))
+        return found
+
+    def environments(self) -> dict[str, list[int]]:
+        """The environments: how many designs met each with a run that counts, and how many passed there."""
+        runs, number = self.runs.counted, self.info.environments
+        passed = runs.sample[runs.outcome == OUTCOMES.index("passed")]
+        return {
+            "runs": numpy.bincount(runs.sample, minlength=number).tolist(),
+            "passed": numpy.bincount(passed, minlength=number).tolist(),
+        }
+
+
+def read_designs(store: Store, info: ExperimentInfo, trials: Sequence[Trial]) -> Designs:
+    """The designs of an experiment and those of the same family that only ``trials`` have. StoreError."""
+    # An experiment that has trials only is not among the swept ones.
+    runs = run_arrays(store, info.id) if info.id in store.experiment_ids() else NO_RUNS
+    family = list(store.designs(info.id).values())
+    known = {_key(info.vehicle_type, one) for one in family}
+    others: dict[Any, Design] = {}
+    for trial in trials:
+        key = _key(trial.vehicle_type, trial.design)
+        same = all(trial.design.get(name) == value for name, value in info.fixed.items())
+        if key not in known and same and trial.vehicle_type == info.vehicle_type:
+            others.setdefault(key, trial.design)
+    designs = [*family, *others.values()]
+    names = [design_text({name: one[name] for name in info.varied if name in one}) for one in designs]
+    return Designs(store, info, designs, len(family), names, runs, trials)
+
+
+def parameter_columns(designs: Designs) -> list[dict[str, Any]]:
+    """The parameters that vary, with all values that occur."""
+    found = []
+    for name, values in designs.values.items():
+        label, unit = label_and_unit(name)
+        numeric = all(not isinstance(value, str) for value in values)
+        found.append({"name": name, "label": label, "unit": unit, "values": values, "numeric": numeric})
+    return found
+
+
+def verdict(believed: tuple[float, float, float] | None, threshold: float) -> str | None:
+    """Whether a design is good, bad or open, by the interval of what is believed of it."""
+    if believed is None:
+        return None
+    _, low, high = believed
+    return "good" if low > threshold else "bad" if high < threshold else "open"
+
+
+def _order(value: float | str) -> tuple[bool, float, str]:
+    return (True, 0.0, value) if isinstance(value, str) else (False, value, "")
+
+
+def _key(vehicle_type: str, design: Design) -> Any:
+    return vehicle_type, tuple(sorted(design.items()))

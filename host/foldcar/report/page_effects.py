@@ -1,0 +1,105 @@
+"""Why designs pass or fail, for the page: effects and importance of parameters, and what separates the environments."""
+
+from typing import Any
+
+import numpy
+from threadpoolctl import threadpool_limits
+
+from foldcar.analysis.effects import Effect, Effects, fit_effects
+from foldcar.analysis.separation import binned, separations
+from foldcar.errors import FoldcarError
+from foldcar.report.environment_values import EnvironmentValues
+from foldcar.report.page_designs import Designs
+from foldcar.simulation.results import OUTCOMES
+
+DIGITS = 4
+
+
+def read_effects(designs: Designs) -> tuple[Effects | None, list[int]]:
+    """The smooth model of the numeric parameters of which runs have several values, and their places; None: too few."""
+    known = designs.counted[:, 1] > 0
+    places = []
+    for place, name in enumerate(designs.values):
+        values = {one.get(name) for one, has in zip(designs.designs, known, strict=True) if has}
+        if len(values) > 1 and all(isinstance(value, int | float) for value in values):
+            places.append(place)
+    names = [list(designs.values)[place] for place in places]
+    # Fewer designs cannot tell so many parameters apart.
+    if not names or known.sum() < 2 ** len(names) or not designs.info.success_defined:
+        return None, places
+    runs = designs.runs.counted
+    x = [[one.get(name, numpy.nan) for name in names] for one in designs.designs[: designs.swept]]
+    try:
+        with threadpool_limits(1):
+            return fit_effects(x, runs.design, runs.sample, runs.outcome == OUTCOMES.index("passed")), places
+    except FoldcarError:
+        return None, places
+
+
+def effect_rows(designs: Designs, effects: Effects, places: list[int]) -> list[dict[str, Any]]:
+    """The effect of each parameter, over the same combinations of the others for each value."""
+    found = []
+    for at, place in enumerate(places):
+        with threadpool_limits(1):
+            one = effects.effect(at)
+        curves = one.curves.round(DIGITS).tolist() if len(places) > 1 else []
+        rows = {key: getattr(one, key).round(DIGITS).tolist() for key in ("mean", "low", "high")}
+        found.append(
+            {"parameter": place, "grid": one.grid.tolist(), **rows, "curves": curves, "over": _over(one, places)}
+        )
+    return found
+
+
+def _over(effect: Effect, places: list[int]) -> str:
+    if len(places) < 2:
+        return ""
+    number = f"{effect.combinations} combination{'' if effect.combinations == 1 else 's'} of the other parameters"
+    if effect.run:
+        return f"mean over the same {number}, each of which was run at every value"
+    return f"mean over the same {number} by the smooth model: hardly any was run at every value"
+
+
+def importance_rows(effects: Effects, places: list[int]) -> list[dict[str, Any]]:
+    """The importance of each parameter, the greatest first; none of a single parameter."""
+    if len(places) < 2:
+        return []
+    with threadpool_limits(1):
+        found = effects.importance()
+    rows = [
+        {"parameter": place, **{key: round(getattr(one, key), DIGITS) for key in ("share", "low", "high")}}
+        for place, one in zip(places, found, strict=False)
+    ]
+    return sorted(rows, key=lambda row: -row["share"])
+
+
+def cause_rows(designs: Designs, values: EnvironmentValues) -> list[dict[str, Any]]:
+    """What separates runs that passed from runs that failed, the best first, with success over it."""
+    if not designs.info.success_defined:
+        return []
+    runs = designs.runs.counted
+    passed = runs.outcome == OUTCOMES.index("passed")
+    shown, found = values.shown, []
+    for one in separations(values.values, runs.design, runs.sample, passed):
+        column = values.columns[one.column]
+        bins = binned(shown[:, one.column], runs.sample, passed)
+        found.append(
+            {
+                "column": one.column,
+                "label": column.label,
+                "unit": column.unit,
+                "separation": round(one.share, DIGITS),
+                "low": round(one.low, DIGITS),
+                "high": round(one.high, DIGITS),
+                "rises": one.difference > 0,
+                "bins": [
+                    {
+                        "from": float(f"{bin.first:.6g}"),
+                        "to": float(f"{bin.last:.6g}"),
+                        "runs": bin.runs,
+                        "passed": bin.passed,
+                    }
+                    for bin in bins
+                ],
+            }
+        )
+    return found

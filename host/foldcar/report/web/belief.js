@@ -1,0 +1,236 @@
+// What simulation and trials together say: a curve over one parameter, a map over two of several, a search's front.
+
+import { Chart, axisStyle, band, intervals, successAxis, successColour, tipStyle } from "./charts.js";
+import { BELIEF, percent, valueText, withUnit } from "./data.js";
+import { byId, make, select } from "./dom.js";
+
+// Values of a parameter that have cells of their own in the map.
+const MOST_CELLS = 40;
+const CURVE_HEIGHT = 400;
+
+const table = model => () => {
+  const { e } = model, { designs } = e, pair = (low, high) => (low === null ? "–" : `${percent(low)} to ${percent(high)}`);
+  return {
+    head: ["design", "belief", "95 %", "simulation", "95 %", "trials", "95 %"],
+    rows: designs.name.map((name, i) => [name, percent(designs.belief[i]), pair(designs.belief_low[i], designs.belief_high[i]),
+      designs.runs[i] ? `${designs.passed[i]} of ${designs.runs[i]}` : "–", pair(designs.low[i], designs.high[i]),
+      designs.trials[i] ? `${designs.trials_passed[i]} of ${designs.trials[i]}` : "–", pair(designs.trials_low[i], designs.trials_high[i])]),
+  };
+};
+
+export function tip(model, design) {
+  const { designs, axis } = model.e, lines = [`<b>${escaped(designs.name[design])}</b>`];
+  if (designs.belief[design] !== null) lines.push(`belief ${percent(designs.belief[design])} (${percent(designs.belief_low[design])} to ${percent(designs.belief_high[design])})`);
+  if (designs.runs[design]) lines.push(`simulation ${designs.passed[design] ?? "–"} of ${designs.runs[design]}`);
+  if (designs.trials[design]) lines.push(`trials ${designs.trials_passed[design]} of ${designs.trials[design]}`);
+  for (const key of [model.state.x, model.state.y]) if (axis[key] && axis[key].parameter === undefined && key !== BELIEF) lines.push(`${escaped(axis[key].label)} ${valueText(axis[key], axis[key].values[design])}`);
+  return lines.join("<br>");
+}
+
+const escaped = text => text.replace(/[&<>"]/g, letter => `&#${letter.charCodeAt(0)};`);
+
+// Pointing at and pressing a mark of a chart; of: the design of an event, or null.
+export function linked(model, chart, of) {
+  chart.on("mouseover", event => { const design = of(event); if (design !== null) model.hover(design); });
+  chart.on("mouseout", () => model.hover(null));
+  chart.on("click", event => { const design = of(event); if (design !== null) model.open(design); });
+}
+
+export class Belief {
+  constructor(model) { this.model = model; this.charts = []; }
+
+  use() {
+    for (const chart of this.charts) chart.dispose();
+    const { e } = this.model, place = byId("belief-charts");
+    this.charts = [];
+    place.replaceChildren();
+    byId("belief-note").textContent = "";
+    if (!e.count) return;
+    if (e.front) this.add(place, "front", frontFigure(this.model));
+    if (e.parameters.length > 1) this.add(place, "map", mapFigure(this.model));
+    else this.add(place, "curve", curveFigure(this.model));
+    byId("belief-note").textContent = note(this.model);
+  }
+
+  add(place, kind, { title, controls = [], of, ...options }) {
+    const figure = make("figure", { "data-chart": kind }), head = make("div", { class: "controls" }, ...controls);
+    if (title) place.append(make("h3", { text: title }));
+    if (controls.length) place.append(head);
+    place.append(figure);
+    const chart = new Chart(figure, options);
+    linked(this.model, chart, of);
+    this.charts.push(chart);
+  }
+
+  mark() { for (const chart of this.charts) chart.draw(); }
+}
+
+function note({ e }) {
+  const parts = [];
+  if (e.designs.trials.some(count => count)) parts.push("Belief pools simulation and trials.");
+  parts.push(`Intervals hold at 95 % for each design by itself. ${e.judged && e.parameters.length < 2 ? `Tint: belief above or below ${percent(e.threshold)}.` : ""}`);
+  return parts.join(" ");
+}
+
+// The cells' edges between neighbouring designs that have the same verdict.
+function tints(e, order, x, theme) {
+  const areas = [];
+  order.forEach((design, k) => {
+    const verdict = e.designs.verdict[design], colour = { good: theme.good, bad: theme.bad, open: theme.open }[verdict];
+    if (!colour) return;
+    const from = k ? (x[order[k - 1]] + x[design]) / 2 : x[design], to = k + 1 < order.length ? (x[design] + x[order[k + 1]]) / 2 : x[design];
+    const last = areas[areas.length - 1];
+    if (last && last.verdict === verdict && last.to === from) last.to = to;
+    else areas.push({ verdict, from, to, colour });
+  });
+  return areas.map(({ from, to, colour }) => [{ xAxis: from, itemStyle: { color: colour, opacity: 0.16 } }, { xAxis: to }]);
+}
+
+function curveFigure(model) {
+  const { e } = model, axis = e.axes[0].parameter === undefined ? null : e.axes[0];
+  const x = axis ? axis.values : e.designs.name.map((_, k) => k);
+  const order = [...x.keys()].filter(k => x[k] !== null).sort((a, b) => x[a] - x[b]);
+  const percents = values => values.map(value => (value === null ? null : 100 * value));
+  const { belief, belief_low, belief_high, rate, low, high, trials, trials_passed, trials_low, trials_high } = e.designs;
+  const [b, bl, bh, s, sl, sh, tl, th] = [belief, belief_low, belief_high, rate, low, high, trials_low, trials_high].map(percents);
+  const triple = (lows, highs) => order.filter(k => lows[k] !== null).map(k => [x[k], lows[k], highs[k]]);
+  const option = theme => {
+    const [least, most] = [x[order[0]], x[order[order.length - 1]]], margin = (most - least) * 0.02 || 1;
+    const driven = order.filter(k => trials[k]), at = model.design;
+    const lines = e.thresholds.map(limit => ({ yAxis: 100 * limit, lineStyle: { color: theme.soft, type: "dashed", width: 1 }, label: { formatter: percent(limit), position: "insideEndTop", color: theme.soft } }));
+    if (at !== null && x[at] !== null) lines.push({ xAxis: x[at], lineStyle: { color: theme.accent, width: 2, type: "solid" }, label: { formatter: e.designs.name[at], position: "end", color: theme.accent } });
+    const dim = k => (model.within[k] ? 1 : 0.2);
+    return {
+      height: CURVE_HEIGHT,
+      grid: { left: 58, right: 18, top: 24, bottom: 48 },
+      tooltip: { trigger: "item", formatter: ({ data }) => (data && data.design !== undefined ? tip(model, data.design) : ""), ...tipStyle(theme) },
+      xAxis: axisStyle(theme, axis ? withUnit(axis) : "", { type: "value", min: least - margin, max: most + margin,
+        axisLabel: { color: theme.soft, fontSize: 11, hideOverlap: true, ...(axis && axis.numeric ? { formatter: "{value}", showMinLabel: false, showMaxLabel: false } : { formatter: k => (axis ? axis.categories[k] : e.designs.name[k]) ?? "" }) },
+        ...(axis && axis.numeric ? {} : { minInterval: 1 }) }),
+      yAxis: successAxis(theme),
+      series: [
+        band(order.filter(k => bl[k] !== null).map(k => [x[k], bl[k], bh[k]]), theme.accent, 0.22),
+        { name: "belief", type: "line", data: order.map(k => ({ value: [x[k], b[k]], design: k, itemStyle: { opacity: dim(k) } })), symbol: "circle", symbolSize: 9, lineStyle: { color: theme.accent, width: 2.5 }, itemStyle: { color: theme.accent }, z: 5, cursor: "pointer",
+          markLine: { silent: true, symbol: "none", data: lines }, markArea: { silent: true, data: tints(e, order, x, theme) } },
+        intervals("simulation", triple(sl, sh), theme.soft, 1, 0.55),
+        { name: "simulation", type: "scatter", data: order.filter(k => s[k] !== null).map(k => ({ value: [x[k], s[k]], design: k, itemStyle: { color: theme.paper, borderColor: theme.soft, borderWidth: 1.2, opacity: dim(k) } })), symbol: "rect", symbolSize: 6, z: 4 },
+        intervals("trials", driven.map(k => [x[k], tl[k], th[k]]), theme.trial, 2.5, 0.8),
+        { name: "trials", type: "scatter", data: driven.map(k => ({ value: [x[k], 100 * trials_passed[k] / trials[k]], design: k })), symbol: "diamond", symbolSize: 13, itemStyle: { color: theme.trial, borderColor: theme.paper }, z: 6 },
+      ],
+    };
+  };
+  return {
+    label: `Success by ${axis ? axis.label : "design"}: belief with its 95 % band, simulation and trials`, table: table(model), option,
+    controls: [legend(e)], of: ({ data }) => data?.design ?? null,
+  };
+}
+
+function legend(e) {
+  const keys = [["belief", "belief, 95 % band"], ["simulation", "simulation"]];
+  if (e.designs.trials.some(count => count)) keys.push(["trials", "trials"]);
+  return make("span", { class: "legend" }, ...keys.map(([kind, text]) => make("span", {}, make("i", { class: `key ${kind}` }), text)));
+}
+
+// Where a design stands in the map: its cell, and in it a place of its own among those that differ in what is not drawn.
+function mapPlaces(e, kx, ky) {
+  const cells = new Map(), [x, y] = [e.axes[kx], e.axes[ky]];
+  for (let design = 0; design < e.count; design++) {
+    const key = `${x.values[design]} ${y.values[design]}`;
+    if (x.values[design] === null || y.values[design] === null) continue;
+    if (!cells.has(key)) cells.set(key, []);
+    cells.get(key).push(design);
+  }
+  const most = Math.max(1, ...[...cells.values()].map(cell => cell.length)), side = Math.ceil(Math.sqrt(most));
+  return { cells, side, rows: Math.ceil(most / side) };
+}
+
+function mapFigure(model) {
+  const { e } = model, count = e.parameters.length;
+  const byShare = [...e.importance].sort((a, b) => b.share - a.share).map(one => one.parameter);
+  const [first, second] = [...new Set([...byShare, ...Array(count).keys()])];
+  const place = (key, otherwise) => { const k = e.axes.findIndex(axis => axis.key === key && axis.parameter !== undefined); return k < 0 ? otherwise : k; };
+  const [kx, ky] = [place(model.state.mx, first), place(model.state.my, second)];
+  const axes = [e.axes[kx], e.axes[ky]];
+  const apart = axes.every(axis => new Set(axis.values).size <= MOST_CELLS);
+  const levels = axes.map(axis => [...new Set(axis.values)].filter(value => value !== null).sort((a, b) => a - b));
+  const { cells, side, rows } = apart ? mapPlaces(e, kx, ky) : { cells: null };
+  const points = [];
+  if (apart) {
+    for (const designs of cells.values()) designs.forEach((design, n) => {
+      const at = axes.map((axis, k) => levels[k].indexOf(axis.values[design]));
+      points.push({ value: [at[0] + ((n % side) + 0.5) / side - 0.5, at[1] - (Math.floor(n / side) + 0.5) / rows + 0.5], design });
+    });
+  } else {
+    for (let design = 0; design < e.count; design++) if (axes.every(axis => axis.values[design] !== null)) points.push({ value: axes.map(axis => axis.values[design]), design });
+  }
+  const option = (theme, width) => {
+    const height = Math.max(300, Math.min(560, apart ? 90 + levels[1].length * (width / Math.max(4, levels[0].length)) * 0.6 : 440));
+    const cell = apart ? [(width - 90) / levels[0].length / side, (height - 64) / levels[1].length / rows] : [13, 13];
+    const size = apart ? cell.map(one => Math.max(3, one * (side * rows > 1 ? 0.9 : 0.97) - (side > 1 ? 1 : 0))) : cell;
+    const named = apart && size[0] > 30 && size[1] > 14;
+    const axisOf = (k, more) => (apart
+      ? axisStyle(theme, withUnit(axes[k]), { type: "value", min: -0.5, max: levels[k].length - 0.5, interval: 1, axisLabel: { show: false }, axisTick: { show: false }, splitLine: { show: false }, ...more })
+      : axisStyle(theme, withUnit(axes[k]), { type: "value", scale: true, ...more }));
+    // Labels stand in the middle of the cells: an axis of categories beside the axis of places.
+    const labels = k => axisStyle(theme, withUnit(axes[k]), { type: "category", data: levels[k].map(value => (axes[k].categories ? axes[k].categories[value] : String(value))), position: k ? "left" : "bottom", nameGap: k ? 40 : 26, axisTick: { show: false }, splitLine: { show: false } });
+    return {
+      height,
+      grid: { left: 64, right: 14, top: 12, bottom: 50 },
+      tooltip: { trigger: "item", formatter: ({ data }) => (data?.design !== undefined ? tip(model, data.design) : ""), ...tipStyle(theme) },
+      xAxis: apart ? [labels(0), { ...axisOf(0), show: false }] : axisOf(0),
+      yAxis: apart ? [labels(1), { ...axisOf(1), show: false }] : axisOf(1, { nameGap: 44 }),
+      series: [{
+        type: "scatter", xAxisIndex: apart ? 1 : 0, yAxisIndex: apart ? 1 : 0, symbol: apart ? "rect" : "circle", symbolSize: size, cursor: "pointer",
+        data: points.map(one => ({
+          ...one, symbol: e.designs.trials[one.design] && !apart ? "diamond" : undefined,
+          itemStyle: { color: successColour(e.designs.belief[one.design]), opacity: model.within[one.design] ? 1 : 0.12,
+            borderColor: one.design === model.design ? theme.ink : e.designs.trials[one.design] ? theme.trial : apart ? theme.paper : theme.soft, borderWidth: one.design === model.design ? 3 : e.designs.trials[one.design] ? 2 : 0.5 },
+        })),
+        label: named ? { show: true, formatter: ({ data }) => percent(e.designs.belief[data.design]).replace(" %", ""), color: "#111", fontSize: 11 } : { show: false },
+        emphasis: { scale: false, itemStyle: { borderColor: theme.ink, borderWidth: 2 } },
+      }],
+    };
+  };
+  const rest = e.parameters.map((_, k) => k).filter(k => k !== kx && k !== ky).map(k => e.parameters[k].label);
+  const options = e.parameters.map((one, k) => [e.axes[k].key, one.label]);
+  const pick = key => value => { model.set({ mx: axes[0].key, my: axes[1].key, [key]: value }); model.tell("data"); };
+  return {
+    title: "Success in simulation and trials, by design", label: `Success over ${axes[0].label} and ${axes[1].label}`, table: table(model), option,
+    controls: [select("→", options, axes[0].key, pick("mx")), select("↑", options, axes[1].key, pick("my")), scale(),
+      make("span", { class: "note", text: rest.length && apart && side > 1 ? `In a cell: every ${rest.join(", ")}.` : "" })],
+    of: ({ data }) => data?.design ?? null,
+  };
+}
+
+export function scale() {
+  const stops = [0, 0.25, 0.5, 0.75, 1].map(successColour).join();
+  return make("span", { class: "scale", role: "img", "aria-label": "colours from 0 to 100 % success" }, "0 ", make("i", { style: `background:linear-gradient(90deg,${stops})` }), " 100 % success");
+}
+
+function frontFigure(model) {
+  const { e } = model, { objectives, points } = e.front, [first, second] = objectives;
+  const shown = points.filter(one => one.values[0] !== null && (!second || one.values[1] !== null));
+  // Only what was checked may be called best.
+  const best = one => one.fresh && !one.beaten;
+  const option = theme => ({
+    height: 380,
+    grid: { left: 64, right: 18, top: 16, bottom: 50 },
+    tooltip: { trigger: "item", formatter: ({ data }) => (data?.design !== undefined ? tip(model, data.design) : ""), ...tipStyle(theme) },
+    xAxis: axisStyle(theme, withUnit(first), { type: "value", scale: true }),
+    yAxis: axisStyle(theme, second ? withUnit(second) : "", { type: "value", scale: true, nameGap: 44 }),
+    series: [
+      ...[0, 1].map(k => intervals("fresh", shown.filter(one => one.fresh && second && one.low[k] !== null).map(one => [one.values[1 - k], one.low[k], one.high[k]]), theme.soft, 1.5, 1, k === 0)),
+      { type: "scatter", cursor: "pointer", data: shown.map(one => ({
+        value: [one.values[0], second ? one.values[1] : 0], design: one.design,
+        symbolSize: one.fresh ? 13 : 8,
+        itemStyle: { color: best(one) ? theme.accent : theme.soft, opacity: !model.within[one.design] ? 0.1 : best(one) ? 1 : 0.5, borderColor: one.design === model.design ? theme.ink : theme.paper, borderWidth: one.design === model.design ? 3 : 1 },
+      })) },
+    ],
+  });
+  return {
+    title: "What none beats", label: `The search's designs by ${objectives.map(one => one.label).join(" and ")}`, option,
+    table: () => ({ head: ["design", ...objectives.map(withUnit), "checked in fresh environments", "beaten"], rows: shown.map(one => [e.designs.name[one.design], ...one.values.map(String), one.fresh ? "yes" : "no", one.beaten ? "yes" : "no"]) }),
+    controls: [make("span", { class: "legend" }, make("span", {}, make("i", { class: "key belief" }), "none beats it in fresh environments"), "large: checked in them, with 95 % intervals; small: as the search saw them, too good as a rule")],
+    of: ({ data }) => data?.design ?? null,
+  };
+}

@@ -1,0 +1,163 @@
+// Charts by ECharts, of which only what the page uses is bundled: theme, size, print, and a table behind each chart.
+
+import { BarChart, CustomChart, HeatmapChart, LineChart, ParallelChart, ScatterChart } from "echarts/charts";
+import { GridComponent, MarkAreaComponent, MarkLineComponent, ParallelComponent, TooltipComponent } from "echarts/components";
+import * as echarts from "echarts/core";
+import { CanvasRenderer, SVGRenderer } from "echarts/renderers";
+
+echarts.use([BarChart, CustomChart, HeatmapChart, LineChart, ParallelChart, ScatterChart, GridComponent, MarkAreaComponent,
+  MarkLineComponent, ParallelComponent, TooltipComponent, CanvasRenderer, SVGRenderer]);
+
+const SCALE = [[0xb3, 0x40, 0x00], [0xe8, 0xa8, 0x6b], [0xe4, 0xe0, 0xd4], [0x6b, 0xb8, 0x9e], [0x00, 0x70, 0x52]];
+const all = new Set();
+
+export function colours() {
+  const style = getComputedStyle(document.documentElement), of = name => style.getPropertyValue(`--${name}`).trim();
+  return Object.fromEntries(["ink", "soft", "line", "ground", "paper", "accent", "good", "bad", "open", "trial"].map(name => [name, of(name)]));
+}
+
+// Success, 0 to 1, from brown over grey to green: told apart by colour-blind readers, too.
+export function successColour(share) {
+  if (share === null) return "#9a9a9a";
+  const place = Math.min(0.9999, Math.max(0, share)) * (SCALE.length - 1), low = SCALE[Math.floor(place)], high = SCALE[Math.floor(place) + 1];
+  return `rgb(${low.map((part, k) => Math.round(part + (place % 1) * (high[k] - part))).join()})`;
+}
+
+const redraw = () => { for (const chart of all) chart.draw(); };
+window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
+window.addEventListener("beforeprint", () => {
+  document.documentElement.classList.add("print");
+  for (const chart of all) chart.draw(true);
+  for (const { chart } of all) chart.getZr().flush();
+});
+window.addEventListener("afterprint", () => { document.documentElement.classList.remove("print"); redraw(); });
+// A chart is drawn when it comes near the window (px): the page answers at once, however many there are.
+const NEAR = 300;
+const isNear = ({ place }) => {
+  const { top, bottom } = place.getBoundingClientRect();
+  return top < window.innerHeight + NEAR && bottom > -NEAR;
+};
+const drawStale = () => { for (const chart of all) if (chart.stale && isNear(chart)) chart.draw(); };
+for (const event of ["scroll", "resize"]) window.addEventListener(event, drawStale, { passive: true });
+
+export class Chart {
+  // option(colours, width): of ECharts; table(): {head, rows} of the same numbers, for readers of tables and of screens.
+  constructor(figure, { label, option, table, renderer = "svg", drawn = () => {} }) {
+    Object.assign(this, { figure, option, table, drawn });
+    this.place = document.createElement("div");
+    this.place.className = "chart";
+    this.place.setAttribute("role", "img");
+    this.place.setAttribute("aria-label", `${label}. The numbers are in the table below.`);
+    const caption = figure.querySelector("figcaption");
+    if (caption) caption.after(this.place);
+    else figure.prepend(this.place);
+    if (table) figure.append(tableBehind(table));
+    this.renderer = renderer;
+    this.handlers = [];
+    this.width = this.place.clientWidth;
+    this.seen = new ResizeObserver(() => {
+      if (this.place.clientWidth === this.width) return;
+      this.width = this.place.clientWidth;
+      this.draw();
+    });
+    this.seen.observe(this.place);
+    all.add(this);
+  }
+
+  // What a mouse does to the chart's marks: of ECharts.
+  on(event, act) { this.handlers.push([event, act]); }
+
+  // always: although it is not in sight.
+  draw(always = false) {
+    const theme = colours(), { height, ...option } = this.option(theme, this.place.clientWidth);
+    if (height) this.place.style.height = `${height}px`;
+    this.stale = !always && !isNear(this);
+    if (this.stale) return;
+    if (!this.chart) {
+      this.chart = echarts.init(this.place, null, { renderer: this.renderer });
+      for (const one of this.handlers) this.chart.on(...one);
+    }
+    this.chart.resize();
+    this.chart.setOption({ animation: false, textStyle: { fontFamily: "inherit", color: theme.ink }, ...option }, { notMerge: true });
+    this.drawn();
+  }
+
+  dispose() {
+    all.delete(this);
+    this.seen.disconnect();
+    if (this.chart) this.chart.dispose();
+  }
+}
+
+// A table that is made when it is opened.
+export function tableBehind(table, title = "as a table") {
+  const details = document.createElement("details"), summary = document.createElement("summary");
+  details.className = "behind";
+  summary.textContent = title;
+  details.append(summary);
+  details.addEventListener("toggle", () => {
+    if (!details.open) return;
+    details.querySelector("div")?.remove();
+    const { head, rows } = table(), wide = document.createElement("div");
+    wide.className = "wide";
+    wide.append(plainTable(head, rows));
+    details.append(wide);
+  });
+  return details;
+}
+
+export function plainTable(head, rows) {
+  const table = document.createElement("table");
+  const first = table.createTHead().insertRow();
+  for (const text of head) first.append(Object.assign(document.createElement("th"), { textContent: text, scope: "col" }));
+  const body = table.createTBody();
+  for (const row of rows) {
+    const line = body.insertRow();
+    row.forEach((cell, k) => {
+      const place = document.createElement(k ? "td" : "th");
+      if (!k) place.scope = "row";
+      place.append(cell);
+      line.append(place);
+    });
+  }
+  return table;
+}
+
+// What the charts have in common.
+export function axisStyle(theme, name, more = {}) {
+  return {
+    name, nameLocation: "middle", nameTextStyle: { color: theme.soft, fontSize: 12 }, nameGap: 26,
+    axisLine: { show: true, onZero: false, lineStyle: { color: theme.soft } }, axisTick: { lineStyle: { color: theme.soft } },
+    axisLabel: { color: theme.soft, fontSize: 11, hideOverlap: true }, splitLine: { lineStyle: { color: theme.line } }, ...more,
+  };
+}
+
+export function successAxis(theme, name = "success", more = {}) {
+  return axisStyle(theme, name, { type: "value", min: 0, max: 100, nameGap: 36, ...more, axisLabel: { color: theme.soft, fontSize: 11, formatter: "{value} %" } });
+}
+
+export const tipStyle = theme => ({ backgroundColor: theme.paper, borderColor: theme.line, textStyle: { color: theme.ink, fontSize: 12 }, confine: true, transitionDuration: 0 });
+
+// Vertical intervals: data rows are [x, low, high]; lying ones are [y, low, high].
+export function intervals(name, data, colour, width = 1.5, opacity = 1, lying = false) {
+  return {
+    name, type: "custom", data, silent: true, z: 3, encode: lying ? { x: [1, 2], y: 0 } : { x: 0, y: [1, 2] },
+    renderItem(params, api) {
+      const [at, low, high] = [0, 1, 2].map(k => api.value(k));
+      const [[x1, y1], [x2, y2]] = [low, high].map(end => api.coord(lying ? [end, at] : [at, end]));
+      if (Number.isNaN(low)) return null;
+      return { type: "line", shape: { x1, y1, x2, y2 }, style: { stroke: colour, lineWidth: width, opacity } };
+    },
+  };
+}
+
+// A band between two lines: [x, low, high] rows, ascending in x.
+export function band(rows, colour, opacity) {
+  return {
+    type: "custom", data: [0], silent: true, z: 1, tooltip: { show: false },
+    renderItem(params, api) {
+      const up = rows.map(([x, , high]) => api.coord([x, high])), down = rows.map(([x, low]) => api.coord([x, low])).reverse();
+      return { type: "polygon", shape: { points: [...up, ...down] }, style: { fill: colour, opacity }, clip: true };
+    },
+  };
+}

@@ -1,0 +1,220 @@
+// What matters of the parameters, and the designs by all their numbers: parallel coordinates with brushes, a scatter.
+
+import { linked, scale, tip } from "./belief.js";
+import { Chart, axisStyle, band, successAxis, successColour, tipStyle } from "./charts.js";
+import { BELIEF, number, percent, valueText, withUnit } from "./data.js";
+import { byId, make, select } from "./dom.js";
+
+const NARROW = 640;
+// Rows of the table of designs.
+const MOST_ROWS = 500;
+
+export class Parameters {
+  constructor(model) { this.model = model; this.charts = []; }
+
+  use() {
+    for (const chart of this.charts) chart.dispose();
+    this.charts = [];
+    const { model } = this, { e } = model;
+    const several = e.parameters.length > 1;
+    byId("importance").replaceChildren(...(several && e.importance.length ? importance(e) : []));
+    byId("effects").replaceChildren();
+    if (several) for (const effect of e.effects) this.charts.push(new Chart(byId("effects").appendChild(make("figure")), effectFigure(e, effect)));
+    const place = byId("designs");
+    place.replaceChildren();
+    if (e.count > 1) {
+      this.parallel = new Parallel(model, place);
+      this.charts.push(this.parallel.chart);
+      this.scatter(place);
+    } else {
+      this.parallel = this.points = null;
+    }
+    byId("parameters").hidden = !e.count || (e.count < 2 && !several);
+    for (const chart of this.charts) if (chart !== this.points) chart.draw();
+  }
+
+  mark() {
+    if (this.points) this.points.draw();
+    if (this.parallel) this.parallel.mark();
+  }
+
+  hover() { if (this.parallel) this.parallel.hover(); }
+
+  scatter(place) {
+    const { model } = this, { e } = model, usable = e.axes.filter(axis => axis.values.some(value => value !== null));
+    const named = key => usable.find(axis => axis.key === key);
+    const [x, y] = [named(model.state.x) || usable.find(axis => axis.key === "time") || usable[0], named(model.state.y) || named(BELIEF) || usable[1]];
+    const options = usable.map(axis => [axis.key, axis.label]), pick = key => value => { model.set({ x: x.key, y: y.key, [key]: value }); this.use(); this.mark(); };
+    const figure = make("figure", { "data-chart": "scatter" });
+    place.append(make("div", { class: "controls" }, select("→", options, x.key, pick("x")), select("↑", options, y.key, pick("y")), scale()), figure);
+    const axisOf = (theme, axis, up) => (axis.key === BELIEF && up ? successAxis(theme) : axisStyle(theme, withUnit(axis), { type: axis.categories ? "category" : "value", data: axis.categories ?? undefined, scale: true, nameGap: up ? 46 : 26 }));
+    this.points = new Chart(figure, {
+      label: `${y.label} by ${x.label} of every design`, table: () => designTable(model),
+      option: theme => ({
+        height: 340, grid: { left: 64, right: 18, top: 14, bottom: 48 },
+        tooltip: { trigger: "item", formatter: ({ data }) => (data?.design !== undefined ? `${tip(model, data.design)}<br>${x.label} ${valueText(x, x.values[data.design])}<br>${y.label} ${valueText(y, y.values[data.design])}` : ""), ...tipStyle(theme) },
+        xAxis: axisOf(theme, x, false), yAxis: axisOf(theme, y, true),
+        series: [{ type: "scatter", cursor: "pointer", symbolSize: 11, data: [...Array(e.count).keys()].filter(k => x.values[k] !== null && y.values[k] !== null).map(k => ({
+          value: [x.values[k], y.values[k]], design: k, symbol: e.designs.trials[k] ? "diamond" : "circle",
+          itemStyle: { color: successColour(e.designs.belief[k]), opacity: model.within[k] ? 1 : 0.1, borderColor: k === model.design ? theme.ink : theme.soft, borderWidth: k === model.design ? 3 : 0.7 } })) }],
+      }),
+    });
+    linked(model, this.points, ({ data }) => data?.design ?? null);
+    this.charts.push(this.points);
+  }
+}
+
+function importance(e) {
+  const rows = [...e.importance].sort((a, b) => b.share - a.share).map(({ parameter, share, low, high }) => make("tr", {},
+    make("th", { scope: "row", text: e.parameters[parameter].label }),
+    make("td", { class: "bar" }, make("i", { style: `width:${100 * share}%` }), ...(low === null || low === undefined ? [] : [make("b", { style: `left:${100 * low}%;width:${100 * (high - low)}%` })])),
+    make("td", { text: low === null || low === undefined ? percent(share) : `${percent(share)} (${percent(low)} to ${percent(high)})` })));
+  return [make("h3", { text: "What success depends on" }), make("table", { class: "bars" }, make("tbody", {}, ...rows)),
+    make("p", { class: "note", text: "Share of the differences in success that a parameter accounts for, alone and with others, by a smooth model of all of them; 95 % intervals." })];
+}
+
+function effectFigure(e, { parameter, grid, mean, low, high, curves }) {
+  const axis = e.axes[parameter], x = axis.categories ? grid.map((_, k) => k) : grid, hundred = value => 100 * value;
+  return {
+    label: `Success by ${axis.label}, averaged over the same combinations of the other parameters`,
+    table: () => ({ head: [withUnit(axis), "success", "95 %"], rows: grid.map((value, k) => [String(value), percent(mean[k]), `${percent(low[k])} to ${percent(high[k])}`]) }),
+    option: theme => ({
+      height: 210, grid: { left: 52, right: 12, top: 12, bottom: 42 },
+      tooltip: { trigger: "axis", formatter: ([one]) => `${axis.label} ${number(one.value[0])} ${axis.unit}<br>${percent(mean[one.dataIndex])} (${percent(low[one.dataIndex])} to ${percent(high[one.dataIndex])})`, ...tipStyle(theme) },
+      xAxis: axisStyle(theme, withUnit(axis), { type: "value", min: x[0], max: x[x.length - 1], ...(axis.categories ? { interval: 1, axisLabel: { color: theme.soft, formatter: k => axis.categories[k] ?? "" } } : {}) }),
+      yAxis: successAxis(theme),
+      series: [
+        { type: "line", data: x.map((at, k) => [at, hundred(mean[k])]), symbol: "none", lineStyle: { color: theme.accent, width: 3 }, z: 4 },
+        band(x.map((at, k) => [at, hundred(low[k]), hundred(high[k])]), theme.accent, 0.22),
+        ...curves.map(curve => ({ type: "line", data: x.map((at, k) => [at, hundred(curve[k])]), symbol: "none", silent: true, lineStyle: { color: theme.soft, width: 1, opacity: 0.35 }, z: 2, tooltip: { show: false } })),
+      ],
+    }),
+  };
+}
+
+function designTable({ e, within }) {
+  const shown = [...Array(e.count).keys()].filter(k => within[k]).slice(0, MOST_ROWS);
+  return { head: ["design", "trials", ...e.axes.map(withUnit)], rows: shown.map(k => [e.designs.name[k], e.designs.trials[k] ? `${e.designs.trials_passed[k]} of ${e.designs.trials[k]}` : "–", ...e.axes.map(axis => (axis.values[k] === null ? "–" : axis.categories ? axis.categories[axis.values[k]] : number(axis.values[k])))]) };
+}
+
+// Axes of which something is known.
+const drawable = e => e.axes.filter(axis => axis.values.some(value => value !== null) && (axis.parameter !== undefined || axis.key === BELIEF || new Set(axis.values).size > 1));
+
+class Parallel {
+  constructor(model, place) {
+    this.model = model;
+    const { e } = model;
+    this.axes = drawable(e);
+    const figure = make("figure", { "data-chart": "parallel" });
+    place.append(make("h3", { text: "Designs by all their numbers" }), make("p", { class: "note", text: "Drag along an axis to keep a range of it. Less is better where the numbers fall." }), this.kept = make("p", { class: "kept", role: "status" }), figure, this.fields());
+    this.chart = new Chart(figure, { label: "Every design as a line over its parameters and results", renderer: e.count > 300 ? "canvas" : "svg", option: (theme, width) => this.option(theme, width), table: () => designTable(model), drawn: () => this.restore() });
+    this.chart.on("axisareaselected", event => {
+      const { parallelAxisId: key, intervals } = event;
+      if (this.restoring || !e.axis[key]) return;
+      const limits = this.limits(e.axis[key]);
+      const wanted = (intervals || []).map(([low, high]) => [Math.max(limits[0], round(low)), Math.min(limits[1], round(high))]);
+      if (JSON.stringify(wanted) !== JSON.stringify(model.state.brushes[key] || [])) model.brush(key, wanted);
+    });
+    linked(model, this.chart, event => (event.componentType === "series" && event.seriesIndex === 0 ? event.dataIndex : null));
+  }
+
+  option(theme, width) {
+    const { e } = this.model, upright = width < NARROW;
+    this.upright = upright;
+    const dims = this.axes.map((axis, dim) => {
+      const [least, most] = this.limits(axis);
+      return {
+        dim, id: axis.key, name: upright ? withUnit(axis) : `${axis.label}${axis.unit ? `\n${axis.unit}` : ""}`, realtime: false, type: axis.categories ? "category" : "value", data: axis.categories ?? undefined,
+        ...(axis.categories ? {} : { min: least, max: most }), inverse: turned(axis, upright), nameLocation: turned(axis, upright) || upright ? "start" : "end",
+      };
+    });
+    const data = [...Array(e.count).keys()].map(k => ({ value: this.axes.map(axis => (axis.values[k] === null ? "-" : axis.categories ? axis.categories[axis.values[k]] : axis.values[k])), lineStyle: { color: successColour(e.designs.belief[k]) } }));
+    const many = e.count > 300;
+    return {
+      height: upright ? 64 * this.axes.length + 40 : 330,
+      parallel: { left: upright ? 20 : 46, right: upright ? 24 : 46, top: upright ? 34 : 46, bottom: upright ? 30 : 24, layout: upright ? "vertical" : "horizontal",
+        parallelAxisDefault: {
+          nameGap: upright ? 4 : 14, nameTextStyle: { color: theme.ink, fontSize: 12, lineHeight: 14, ...(upright ? { align: "left", verticalAlign: "bottom", padding: [0, 0, 12, 0] } : {}) },
+          axisLine: { lineStyle: { color: theme.soft } }, axisTick: { lineStyle: { color: theme.soft } }, axisLabel: { color: theme.soft, fontSize: 11, hideOverlap: true },
+          areaSelectStyle: { width: upright ? 26 : 18, borderColor: theme.accent, borderWidth: 1.5, color: theme.accent, opacity: 0.25 },
+        } },
+      parallelAxis: dims,
+      series: [
+        { id: "all", type: "parallel", data, lineStyle: { width: many ? 1 : 1.8, opacity: many ? 0.35 : 0.75 }, inactiveOpacity: 0.06, activeOpacity: many ? 0.6 : 0.95, emphasis: { lineStyle: { width: 4, opacity: 1 } }, progressive: 0, smooth: false, z: 2 },
+        { id: "chosen", type: "parallel", data: this.line(), lineStyle: { width: 4, color: theme.ink, opacity: 1 }, inactiveOpacity: 0.9, activeOpacity: 1, silent: true, z: 4 },
+      ],
+    };
+  }
+
+  // Round numbers that hold all values.
+  limits(axis) {
+    if (axis.categories) return [0, axis.categories.length - 1];
+    if (axis.key === BELIEF) return [0, 100];
+    const known = axis.values.filter(value => value !== null), least = Math.min(...known), most = Math.max(...known);
+    if (axis.parameter !== undefined) return least < most ? [least, most] : [least - 1, most + 1];
+    const step = 10 ** Math.floor(Math.log10((most - least) / 4 || 1)), at = [1, 2, 5, 10].map(k => k * step).find(k => (most - least) / k <= 8);
+    return [round(Math.floor(least / at) * at), round(Math.ceil(most / at) * at)];
+  }
+
+  line() {
+    const k = this.model.design;
+    return k === null ? [] : [{ value: this.axes.map(axis => (axis.values[k] === null ? "-" : axis.categories ? axis.categories[axis.values[k]] : axis.values[k])) }];
+  }
+
+  chosen() { if (!this.chart.stale) this.chart.chart.setOption({ series: [{ id: "all" }, { id: "chosen", data: this.line() }] }); }
+
+  // Without setOption, which would end a brush that is being drawn.
+  hover() {
+    if (this.chart.stale) return;
+    const { chart } = this.chart, seriesId = "all";
+    chart.dispatchAction({ type: "downplay", seriesId });
+    if (this.model.hovered !== null) chart.dispatchAction({ type: "highlight", seriesId, dataIndex: this.model.hovered });
+  }
+
+  // The chart's brushes as the state has them.
+  restore() {
+    if (this.chart.stale) return;
+    this.restoring = true;
+    for (const axis of this.axes) {
+      const intervals = this.model.state.brushes[axis.key] || [];
+      if (intervals.length || this.brushed?.has(axis.key)) this.chart.chart.dispatchAction({ type: "axisAreaSelect", parallelAxisId: axis.key, intervals });
+    }
+    this.brushed = new Set(Object.keys(this.model.state.brushes));
+    this.restoring = false;
+  }
+
+  mark() {
+    const { model } = this, { e } = model, brushes = Object.entries(model.state.brushes).filter(([key]) => e.axis[key]);
+    this.restore();
+    this.chosen();
+    const kept = model.within.filter(Boolean).length;
+    this.kept.replaceChildren(...(brushes.length ? [`${kept} of ${e.count} designs: `, ...brushes.map(([key, intervals]) => make("button", { type: "button", class: "chip", title: "let go", text: `${e.axis[key].label} ${intervals.map(one => one.map(number).join(" to ")).join(", ")} ✕`, onclick: () => model.brush(key, []) }))] : []));
+    for (const input of this.inputs) {
+      const [interval] = model.state.brushes[input.dataset.key] || [], value = interval ? interval[Number(input.dataset.end)] : "";
+      if (document.activeElement !== input) input.value = value;
+    }
+  }
+
+  // The same ranges as numbers, for the keyboard.
+  fields() {
+    const { model } = this;
+    this.inputs = [];
+    const rows = this.axes.filter(axis => !axis.categories).map(axis => {
+      const limits = this.limits(axis), ends = [0, 1].map(end => {
+        const input = make("input", { type: "number", step: "any", "data-key": axis.key, "data-end": end, placeholder: number(limits[end]), "aria-label": `${axis.label} ${end ? "at most" : "at least"}` });
+        this.inputs.push(input);
+        return input;
+      });
+      for (const input of ends) input.addEventListener("change", () => {
+        const [low, high] = ends.map((one, end) => (one.value === "" ? limits[end] : Number(one.value)));
+        model.brush(axis.key, ends.every(one => one.value === "") || !(low <= high) ? [] : [[low, high]]);
+      });
+      return make("label", {}, `${withUnit(axis)} `, ends[0], " to ", ends[1]);
+    });
+    return make("details", { class: "behind" }, make("summary", { text: "ranges as numbers" }), make("div", { class: "fields" }, ...rows));
+  }
+}
+
+// Better is above.
+const turned = (axis, upright) => !upright && axis.better === "less";
+const round = value => Number(value.toPrecision(6));

@@ -1,0 +1,203 @@
+// Single runs: what separates failed from passed, how they ended, the grid of designs and environments, one run.
+
+import { Chart, axisStyle, successAxis, tableBehind, tipStyle } from "./charts.js";
+import { number, percent, withUnit } from "./data.js";
+import { byId, make } from "./dom.js";
+
+// Okabe and Ito's, as in figures/style.py.
+const OUTCOMES = { passed: "#009e73", tipped: "#d55e00", stuck: "#56b4e9", off_course: "#cc79a7", timeout: "#f0e442", fault: "#777", terminated: "#0072b2", rejected: "#e69f00", failed: "#999" };
+const MOST_CAUSES = 6;
+const MOST_LISTED = 200;
+// Cells that are elements of their own, which print sharply.
+const MOST_DRAWN = 5000;
+// Heights of a row and room for axes (px).
+const ROW = 4;
+const LEAST = 260;
+const MOST = 520;
+// Columns that are wider have names (px).
+const NAMED = 11;
+
+export class Runs {
+  constructor(model, replay) { Object.assign(this, { model, replay, charts: [] }); }
+
+  use() {
+    for (const chart of this.charts) chart.dispose();
+    this.charts = [];
+    const { model } = this, { e } = model;
+    byId("causes").replaceChildren();
+    const causes = [...e.causes].sort((a, b) => b.separation - a.separation);
+    if (causes.length) this.causes(causes);
+    byId("grid").replaceChildren();
+    this.grid = e.runs && e.count ? new Grid(model, byId("grid")) : null;
+    if (this.grid) this.charts.push(this.grid.chart);
+    byId("replay").hidden = !e.replayed;
+    byId("omitted").textContent = e.runs_omitted || "";
+    byId("runs").hidden = !e.count;
+    for (const chart of this.charts) if (chart !== this.grid?.chart) chart.draw();
+  }
+
+  // Pictures of those that tell something; the rest is in the table.
+  causes(causes) {
+    const place = byId("causes"), pictures = make("div", { class: "multiples" }), telling = causes.filter(one => one.low > 0).slice(0, MOST_CAUSES);
+    const [strongest] = causes, interval = ({ separation, low, high }) => `${percent(separation)} (${percent(low)} to ${percent(high)})`;
+    place.append(make("h3", { text: "Why do they fail?" }), make("p", { class: "note", text: telling.length
+      ? "What the environments drew at random, by how well it separates failed from passed runs of the same design: 0 % not at all, 100 % wholly. Bars: success at such values."
+      : `Of what the environments drew at random, nothing clearly separates failed from passed runs of the same design; most does ${strongest.label}: ${interval(strongest)}, where 0 % is not at all.` }), pictures);
+    telling.forEach((cause, rank) => {
+      const figure = make("figure", {}, make("figcaption", {}, make("b", { text: `${rank + 1}. ${cause.label}` }), ` separates ${interval(cause)}`));
+      pictures.append(figure);
+      this.charts.push(new Chart(figure, causeFigure(cause)));
+    });
+    if (causes.length > telling.length) place.append(tableBehind(() => ({ head: ["value", "separates (95 %)", "success"], rows: causes.map(one => [one.label, interval(one), one.rises ? "rises with it" : "falls with it"]) }), `all ${causes.length} values`));
+  }
+
+  mark() {
+    const { model } = this;
+    endings(model);
+    if (this.grid) this.grid.mark();
+    listed(model);
+    if (model.e.replayed) this.replay.show(model.design, model.env, model.state.t ?? 0, model.state.t === null && document.body.dataset.state === "ready");
+  }
+}
+
+function causeFigure({ label, unit, bins }) {
+  const share = bins.map(one => (one.runs ? 100 * one.passed / one.runs : null)), name = bin => (bin.from === bin.to ? number(bin.from) : `${number(bin.from)} to ${number(bin.to)}`);
+  return {
+    label: `Success by ${label}`, table: () => ({ head: [withUnit({ label, unit }), "runs", "passed", "success"], rows: bins.map((bin, k) => [name(bin), String(bin.runs), String(bin.passed), share[k] === null ? "–" : percent(share[k] / 100)]) }),
+    option: theme => ({
+      height: 170, grid: { left: 48, right: 10, top: 10, bottom: 42 },
+      tooltip: { trigger: "axis", formatter: ([one]) => `${label} ${name(bins[one.dataIndex])} ${unit || ""}<br>${bins[one.dataIndex].passed} of ${bins[one.dataIndex].runs} runs passed`, ...tipStyle(theme) },
+      xAxis: axisStyle(theme, withUnit({ label, unit }), { type: "category", data: bins.map(bin => number((bin.from + bin.to) / 2)), axisTick: { show: false } }),
+      yAxis: successAxis(theme, ""),
+      series: [{ type: "bar", data: share, barCategoryGap: "8%", itemStyle: { color: theme.accent }, showBackground: true, backgroundStyle: { color: theme.ground } }],
+    }),
+  };
+}
+
+// Buttons for the ways in which runs ended: those pressed are kept.
+function endings(model) {
+  const { e, state } = model, counts = e.outcomes.map(() => 0);
+  e.designs.outcomes.forEach((column, k) => column.forEach((count, design) => { if (model.within[design]) counts[k] += count ?? 0; }));
+  const shown = e.outcomes.map((name, k) => [name, k]).filter(([name, k]) => counts[k] || state.outcomes.includes(name));
+  byId("endings").replaceChildren(...shown.map(([name, k]) => make("button", {
+    type: "button", class: "chip", "aria-pressed": String(state.outcomes.includes(name)),
+    onclick: () => { model.set({ outcomes: state.outcomes.includes(name) ? state.outcomes.filter(one => one !== name) : [...state.outcomes, name] }); byId("endings").querySelector(`[data-outcome=${name}]`)?.focus(); },
+    "data-outcome": name,
+  }, make("i", { class: "key", style: `background:${OUTCOMES[name]}` }), `${e.outcome_labels[k]} ${counts[k].toLocaleString("en")}`)));
+}
+
+// Runs that the filters keep.
+function* keptRuns({ e, state, within, design }) {
+  const kept = new Set(state.outcomes.map(name => e.outcomes.indexOf(name))), { runs } = e;
+  for (let run = 0; run < runs.n; run++) {
+    if (within[runs.design[run]] && (!kept.size || kept.has(runs.outcome[run])) && (design === null || runs.design[run] === design)) yield run;
+  }
+}
+
+function listed(model) {
+  const { e } = model, place = byId("listed");
+  if (!e.runs) { place.replaceChildren(); return; }
+  const open = place.querySelector("details")?.open;
+  const table = () => {
+    const rows = [];
+    for (const run of keptRuns(model)) {
+      if (rows.length >= MOST_LISTED) break;
+      const design = e.runs.design[run], environment = e.runs.environment[run];
+      rows.push([make("button", { type: "button", class: "design", text: `${e.designs.name[design]}, environment ${environment}`, onclick: () => model.set({ design: e.designs.name[design], env: environment, t: null }) }),
+        e.outcome_labels[e.runs.outcome[run]], `${number(e.runs.time_s[run])} s`]);
+    }
+    return { head: ["run", "ended", "after"], rows };
+  };
+  let count = 0;
+  for (const _ of keptRuns(model)) count += 1;
+  const of = model.design === null ? "" : ` of ${e.designs.name[model.design]}`;
+  place.replaceChildren(tableBehind(table, `${count.toLocaleString("en")} runs${of} as a table${count > MOST_LISTED ? ` (the first ${MOST_LISTED})` : ""}`));
+  if (open) place.querySelector("details").open = true;
+}
+
+// Columns are designs, rows environments; each cell is a run.
+class Grid {
+  constructor(model, place) {
+    this.model = model;
+    const { e } = model;
+    const order = make("label", {}, make("input", { type: "checkbox", onchange: event => { model.set({ order: event.target.checked ? "difficulty" : "number" }); this.arrange(); this.chart.draw(); } }), " hardest first");
+    this.box = order.querySelector("input");
+    this.told = make("p", { class: "told", role: "status", "aria-live": "polite" });
+    const figure = make("figure", { "data-chart": "grid" });
+    place.append(make("div", { class: "controls" }, order, make("span", { class: "note", text: "Press a cell, or use the arrow keys: it is a run." })), figure, this.told);
+    this.arrange();
+    this.chart = new Chart(figure, { label: "Outcome of every run: a column for each design, a row for each environment", renderer: e.runs.n > MOST_DRAWN ? "canvas" : "svg", option: (theme, width) => this.option(theme, width) });
+    this.chart.place.tabIndex = 0;
+    this.chart.place.setAttribute("role", "application");
+    this.chart.place.setAttribute("aria-label", "Outcomes: a column for each design, a row for each environment. Arrow keys move from run to run.");
+    this.chart.place.addEventListener("keydown", event => this.key(event));
+    const cell = ({ value }) => [this.columns[value[0]], this.rows[value[1]]];
+    this.chart.on("click", event => { if (event.value) this.choose(...cell(event)); });
+    this.chart.on("mouseover", event => { if (event.value) { model.hover(cell(event)[0]); this.tell(...cell(event)); } });
+    this.chart.on("mouseout", () => { model.hover(null); this.tell(model.design, model.env); });
+  }
+
+  arrange() {
+    const { model } = this, { e } = model;
+    this.columns = [...Array(e.count).keys()].filter(design => e.designs.runs[design] && model.within[design]);
+    this.rows = e.environmentsIn(model.state.order);
+  }
+
+  choose(design, environment) { this.model.set({ design: this.model.e.designs.name[design], env: environment, t: null }); }
+
+  key(event) {
+    const steps = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }, step = steps[event.key];
+    if (!step || !this.columns.length) return;
+    event.preventDefault();
+    const { model } = this, column = this.columns.indexOf(model.design), row = this.rows.indexOf(model.env);
+    const clamp = (value, length) => Math.max(0, Math.min(length - 1, value));
+    this.choose(this.columns[column < 0 ? 0 : clamp(column + step[0], this.columns.length)], this.rows[row < 0 ? 0 : clamp(row + step[1], this.rows.length)]);
+  }
+
+  option(theme, width) {
+    const { model } = this, { e, state } = model, kept = new Set(state.outcomes.map(name => e.outcomes.indexOf(name)));
+    const data = [];
+    this.columns.forEach((design, column) => this.rows.forEach((environment, row) => {
+      const run = e.run(design, environment);
+      if (run < 0) return;
+      const outcome = e.runs.outcome[run];
+      data.push({ value: [column, row, outcome], itemStyle: { color: OUTCOMES[e.outcomes[outcome]], opacity: kept.size && !kept.has(outcome) ? 0.1 : 1 } });
+    }));
+    const several = e.parameters.length > 1, height = Math.max(LEAST, Math.min(MOST, (several ? 140 : 90) + ROW * this.rows.length));
+    const at = [this.columns.indexOf(model.design), this.rows.indexOf(model.env)];
+    const [cellWidth, cellHeight] = [(width - 64) / Math.max(1, this.columns.length), (height - (several ? 106 : 58)) / Math.max(1, this.rows.length)];
+    const named = e.parameters.length < 2 || cellWidth > NAMED;
+    return {
+      height, grid: { left: 52, right: 12, top: 10, bottom: !several ? 48 : named ? 96 : 30 },
+      xAxis: axisStyle(theme, several ? `${this.columns.length} designs${named ? `: ${e.parameters.map(withUnit).join(" · ")}` : ""}` : e.parameters.length ? withUnit(e.parameters[0]) : "", {
+        type: "category", data: this.columns.map(design => valuesOf(e, design)), nameGap: !several ? 26 : named ? 76 : 10, axisTick: { show: false },
+        axisLabel: { show: named, color: theme.soft, fontSize: 11, hideOverlap: true, rotate: several ? 90 : 0 },
+      }),
+      yAxis: axisStyle(theme, state.order === "difficulty" ? "environments, hardest below" : "environment", { type: "category", data: this.rows.map(String), nameGap: 36, axisTick: { show: false }, splitLine: { show: false } }),
+      series: [
+        { type: "heatmap", data, progressive: 0, itemStyle: { borderWidth: cellWidth > 6 && cellHeight > 6 ? 0.5 : 0, borderColor: theme.paper }, emphasis: { itemStyle: { borderColor: theme.ink, borderWidth: 1.5 } } },
+        { type: "scatter", silent: true, z: 5, symbol: "rect", symbolSize: [Math.max(8, cellWidth + 2), Math.max(8, cellHeight + 2)], data: at[0] >= 0 && at[1] >= 0 ? [at] : [], itemStyle: { color: "transparent", borderColor: theme.ink, borderWidth: 2.5 } },
+        { type: "custom", silent: true, z: 4, data: at[0] >= 0 ? [at[0]] : [], encode: { x: 0 }, renderItem: (params, api) => {
+          const [x] = api.coord([at[0], 0]), box = params.coordSys;
+          return { type: "rect", shape: { x: x - cellWidth / 2, y: box.y, width: cellWidth, height: box.height }, style: { fill: "none", stroke: theme.ink, lineWidth: 1.5 } };
+        } },
+      ],
+    };
+  }
+
+  mark() {
+    this.box.checked = this.model.state.order === "difficulty";
+    this.arrange();
+    this.chart.draw();
+    this.tell(this.model.design, this.model.env);
+  }
+
+  tell(design, environment) {
+    const { e } = this.model, run = e.run(design, environment);
+    this.told.textContent = design === null ? "" : run < 0
+      ? `${e.designs.name[design]}: ${e.designs.passed[design] ?? "–"} of ${e.designs.runs[design]} runs passed.`
+      : `${e.designs.name[design]}, environment ${environment}: ${e.outcome_labels[e.runs.outcome[run]]} after ${number(e.runs.time_s[run])} s. ${e.passedIn[environment]} of ${e.runsIn[environment]} designs pass there.`;
+  }
+}
+
+const valuesOf = (e, design) => e.parameters.map((_, k) => e.axes[k]).map(axis => { const value = axis.values[design]; return value === null ? "–" : axis.categories ? axis.categories[value] : String(value); }).join(" · ");

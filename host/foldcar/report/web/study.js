@@ -1,0 +1,75 @@
+// The study page: the data stand in the element #study, or come again and again from a server (window.study.use).
+
+import { Belief } from "./belief.js";
+import { byId, make } from "./dom.js";
+import { Model, SECTIONS } from "./model.js";
+import { Parameters } from "./parameters.js";
+import { ReplayPlace } from "./replay_place.js";
+import { Runs } from "./runs.js";
+import { showDesign, showSummary } from "./summary.js";
+import { showTrials } from "./trials.js";
+
+function chooser(model) {
+  const several = model.study.experiments.length > 1;
+  byId("experiment").hidden = !several;
+  const list = byId("experiment").querySelector("select");
+  list.replaceChildren(...model.study.experiments.map(one => new Option(`${one.id} ${scene(one)}`, one.id)));
+  list.value = model.e.id;
+  list.onchange = () => model.set({ e: list.value });
+}
+
+// The name of an experiment's program.
+function scene({ provenance }) {
+  const [, text] = provenance.find(([label]) => label === "environment") || ["", ""];
+  return (/([^/ ]+)\.scenic/.exec(text) || ["", ""])[1].replaceAll("_", " ");
+}
+
+// The address keeps the part of the page that is read.
+function follow(model) {
+  const seen = new Map(), watch = new IntersectionObserver(entries => {
+    for (const entry of entries) seen.set(entry.target.id, entry.intersectionRatio > 0 ? entry.intersectionRect.height : 0);
+    const [most] = [...seen].sort((a, b) => b[1] - a[1]);
+    if (!most || !most[1]) return;
+    for (const link of document.querySelectorAll("nav a")) link.toggleAttribute("aria-current", link.hash === `#${most[0]}`);
+    const at = most[0] === SECTIONS[0] ? null : most[0];
+    if (at === model.state.at) return;
+    model.state.at = at;
+    model.write();
+  }, { threshold: [0, 0.1, 0.25, 0.5, 0.75, 1] });
+  for (const id of SECTIONS) watch.observe(byId(id));
+  for (const link of document.querySelectorAll("nav a")) link.addEventListener("click", event => {
+    event.preventDefault();
+    byId(link.hash.slice(1)).scrollIntoView();
+  });
+}
+
+function start() {
+  const model = new Model(), belief = new Belief(model), parameters = new Parameters(model);
+  const runs = new Runs(model, new ReplayPlace(byId("replay"), model));
+  model.on("data", () => {
+    chooser(model);
+    showSummary(model);
+    belief.use();
+    parameters.use();
+    runs.use();
+    showTrials(model);
+  });
+  model.on("state", () => { belief.mark(); parameters.mark(); runs.mark(); showDesign(model); });
+  model.on("hover", () => { showDesign(model); parameters.hover(); });
+  byId("copy").addEventListener("click", async () => {
+    model.write();
+    let said = "copied";
+    try { await navigator.clipboard.writeText(window.location.href); } catch { window.prompt("The link:", window.location.href); said = "copy link"; }
+    byId("copy").textContent = said;
+    setTimeout(() => { byId("copy").textContent = "copy link"; }, 2000);
+  });
+  document.addEventListener("keydown", event => { if (event.key === "Escape" && model.state.design !== null) model.set({ design: null, env: null, t: null }); });
+  window.study = model;
+  model.use(JSON.parse(byId("study").textContent));
+  if (model.state.at) model.scroll();
+  follow(model);
+  document.body.dataset.state = "ready";
+  document.body.dataset.readyMs = performance.now().toFixed(0);
+}
+
+start();

@@ -1,0 +1,88 @@
+// The first screen: the headline, the two lines of advice, remarks, and the design that is chosen or pointed at.
+
+import { BELIEF, percent, valueText } from "./data.js";
+import { byId, make } from "./dom.js";
+
+const MOST_NAMED = 6;
+// Remarks that are longer are opened by who wants them (characters).
+const LONG = 180;
+
+export function showSummary(model) {
+  const { e, study } = model;
+  byId("title").textContent = study.title;
+  byId("headline").textContent = e.headline;
+  byId("advice").replaceChildren(...[["likely", "Most likely to work"], ["learn", "To learn most"]].map(([key, title]) => advice(model, title, e[key])).filter(Boolean));
+  byId("edge").replaceChildren(...e.edge.map(text => make("li", { text })));
+  byId("remarks").replaceChildren(...[...study.engine_notes, ...e.remarks].map(remark));
+  for (const id of ["edge", "remarks"]) byId(id).hidden = !byId(id).children.length;
+  byId("fixed").replaceChildren(...facts(e).map(([label, text]) => make("li", {}, make("span", { class: "of", text: `${label} ` }), text)));
+}
+
+function remark(text) {
+  const start = text.length > LONG ? text.slice(0, text.indexOf(": ", 10)) : text;
+  return make("li", {}, start === text || start.length > LONG || !start ? text : make("details", {}, make("summary", { text: `${start} …` }), text));
+}
+
+function facts({ count, environments, runs, designs, trials, fixed }) {
+  const all = designs.runs.reduce((sum, one) => sum + one, 0), passed = designs.passed.reduce((sum, one) => sum + (one ?? 0), 0);
+  const rows = [["designs", count.toLocaleString("en")], ["environments", environments.toLocaleString("en")],
+    ["runs", `${all.toLocaleString("en")}, ${passed.toLocaleString("en")} passed`]];
+  const counted = trials.filter(one => one.standing === "built" && one.passed !== null);
+  if (counted.length) rows.push(["trials", `${counted.length}, ${counted.filter(one => one.passed).length} passed`]);
+  return [...rows, ...fixed];
+}
+
+// Designs that the text names are pressed there; those that it does not name follow.
+function advice(model, title, { text, designs, why }) {
+  if (!text && !designs.length) return null;
+  const { e } = model, unnamed = [];
+  let parts = [text];
+  designs.slice(0, MOST_NAMED).forEach((design, k) => {
+    const name = e.designs.name[design], at = parts.findIndex(part => typeof part === "string" && part.includes(name));
+    if (at < 0) {
+      unnamed.push(make("li", {}, designButton(model, design), ` ${(why && why[k]) || chance(e, design)}`));
+      return;
+    }
+    const start = parts[at].indexOf(name);
+    parts = [...parts.slice(0, at), parts[at].slice(0, start), designButton(model, design), parts[at].slice(start + name.length), ...parts.slice(at + 1)];
+  });
+  return make("section", { class: "card" }, make("h2", { text: title }), make("p", {}, ...parts), ...(unnamed.length ? [make("ul", { class: "named" }, ...unnamed)] : []));
+}
+
+function chance({ designs }, design) {
+  const share = designs.belief[design];
+  return share === null ? "" : `${percent(share)} (${percent(designs.belief_low[design])} to ${percent(designs.belief_high[design])})`;
+}
+
+export function designButton(model, design, text = model.e.designs.name[design]) {
+  return make("button", {
+    type: "button", class: "design", text, title: "its runs", onclick: () => model.open(design),
+    onmouseenter: () => model.hover(design), onmouseleave: () => model.hover(null), onfocus: () => model.hover(design), onblur: () => model.hover(null),
+  });
+}
+
+// The panel beside the belief: of the design pointed at, else of the chosen one, else of the likeliest.
+export function showDesign(model) {
+  const { e } = model, design = model.hovered ?? model.design ?? e.likely.designs[0] ?? 0, panel = byId("design");
+  panel.hidden = !e.count;
+  if (!e.count) return;
+  const { designs } = e, rows = [];
+  const interval = (low, high) => (low[design] === null ? "" : ` (${percent(low[design])} to ${percent(high[design])})`);
+  if (designs.belief[design] !== null) rows.push(["belief", percent(designs.belief[design]) + interval(designs.belief_low, designs.belief_high)]);
+  if (designs.runs[design]) rows.push(["simulation", `${designs.passed[design] ?? "–"} of ${designs.runs[design]}${interval(designs.low, designs.high)}`]);
+  if (designs.trials[design]) rows.push(["trials", `${designs.trials_passed[design]} of ${designs.trials[design]}${interval(designs.trials_low, designs.trials_high)}`]);
+  for (const axis of e.axes) if (axis.key !== BELIEF && axis.values[design] !== null) rows.push([axis.label, valueText(axis, axis.values[design])]);
+  const endings = e.outcomes.map((name, k) => [e.outcome_labels[k], designs.outcomes[k][design]]).filter(([, count]) => count);
+  if (endings.length) rows.push(["runs ended", endings.map(([label, count]) => `${label} ${count}`).join(", ")]);
+  panel.replaceChildren(
+    make("h3", {}, designs.name[design], make("span", { class: `verdict ${designs.verdict[design]}`, text: verdict(e, design) })),
+    ...(designs.refuted[design] ? [make("p", { class: "refuted", text: `Its trials contradict simulation, which is too ${designs.refuted[design]}.` })] : []),
+    make("table", { class: "facts" }, make("tbody", {}, ...rows.map(([label, text]) => make("tr", {}, make("th", { scope: "row", text: label }), make("td", { text }))))),
+    make("p", { class: "note", text: "Point at a design for its numbers; press it for its runs." }),
+  );
+}
+
+export function verdict({ designs, threshold }, design) {
+  const limit = percent(threshold);
+  return { good: `above ${limit}`, bad: `below ${limit}`, open: `${limit} undecided` }[designs.verdict[design]] ?? "";
+}

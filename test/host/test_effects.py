@@ -1,0 +1,126 @@
+"""Effects and importance of parameters against truths in closed form: additive ones, and one that does nothing."""
+
+from itertools import product
+from typing import Any
+
+import numpy
+import pytest
+from scipy.stats import norm
+from threadpoolctl import threadpool_limits
+
+from foldcar.analysis.effects import Effects, fit_effects
+from foldcar.analysis.gaussian_process import success_model
+from foldcar.errors import FoldcarError
+
+ENVIRONMENTS = 60
+
+
+def score(x: Any) -> Any:
+    """How hard an environment a design passes: additive in radius and length; the width does nothing."""
+    radius, length, _ = numpy.asarray(x, dtype=float).T
+    return (radius - 50) / 8 - ((length - 80) / 25) ** 2 + 0.4
+
+
+def family(unequal: bool = False) -> Any:
+    """Designs of radius, length and width; with large radii only wide ones, if unequal."""
+    grid = product((40, 45, 50, 55, 60), (60, 80, 100, 120), (100, 120, 140))
+    return numpy.array([one for one in grid if not unequal or one[2] >= 2 * one[0] + 10], dtype=float)
+
+
+def fitted(x: Any, seed: int, environments: int = ENVIRONMENTS) -> Effects:
+    """Every design in the same environments, of normal difficulty: a design's true rate is the normal's distribution
+    at its score, and designs pass or fail together."""
+    difficulty = numpy.random.default_rng(seed).standard_normal(environments)
+    design, environment = (at.ravel() for at in numpy.indices((len(x), environments)))
+    with threadpool_limits(1):
+        return fit_effects(x, design, environment, score(x)[design] > difficulty[environment])
+
+
+def held(effects: Effects, x: Any, parameter: int) -> Any:
+    """Whether the band holds the true effect at each value: the mean over the combinations of the others."""
+    found = effects.effect(parameter)
+    points = numpy.unique(numpy.delete(x, parameter, axis=1), axis=0)
+    truth = [
+        norm.cdf(score(numpy.insert(points, parameter, value, axis=1))).mean() for value in found.grid
+    ]
+    return (found.low <= truth) & (numpy.array(truth) <= found.high)
+
+
+def test_bands_hold_an_additive_truth_although_designs_share_environments() -> None:
+    x = family()
+
+    share = numpy.mean([held(fitted(x, seed), x, parameter) for seed in range(25) for parameter in (0,)])
+
+    assert share > 0.88  # independent runs, as success_model takes them, would hold about half
+
+
+def test_a_parameter_without_effect_is_flat_over_unequal_combinations() -> None:
+    x = family(unequal=True)
+    effects = fitted(x, seed=3)
+    raw = [norm.cdf(score(x[x[:, 2] == width])).mean() for width in (100, 120, 140)]
+
+    found = effects.effect(2)
+
+    assert raw[2] - raw[0] > 0.15  # what the average over the designs of each width would show
+    assert found.run
+    assert found.combinations == 8  # two radii go with all widths
+    assert numpy.ptp(found.mean) < 0.03
+    assert found.low.max() < found.high.min()
+    assert effects.importance()[2].share < 0.02
+
+
+def test_success_over_some_parameters_is_a_mean_over_the_same_combinations_of_the_others() -> None:
+    x = family(unequal=True)
+    effects = fitted(x, seed=3)
+
+    rate, low, high = effects.standardised([2], [[100], [140]])
+    both, _, _ = effects.standardised([0, 2], [[40, 100], [40, 140]])
+
+    assert rate == pytest.approx(effects.effect(2).mean[[0, 2]])
+    assert abs(rate[1] - rate[0]) < 0.03
+    assert (low < rate).all()
+    assert (rate < high).all()
+    assert abs(both[1] - both[0]) < 0.05
+    with pytest.raises(FoldcarError, match="only within the range"):
+        effects.standardised([2], [[150]])
+
+
+def test_importance_is_sobols_total_index() -> None:
+    x = family()
+    rate = norm.cdf(score(x)).reshape(5, 4, 3)
+    truth = [rate.var(axis=axis).mean() / rate.var() for axis in range(3)]
+
+    found = fitted(x, seed=0, environments=400).importance()
+
+    assert [one.share for one in found] == pytest.approx(truth, abs=0.06)
+    assert [one.low - 0.02 <= true <= one.high + 0.02 for one, true in zip(found, truth, strict=True)] == [True] * 3
+
+
+def test_without_pairs_that_differ_in_one_parameter_the_model_makes_them() -> None:
+    """Scattered designs, as a search tries them: no two are alike in all but one parameter."""
+    random = numpy.random.default_rng(1)
+    x = random.uniform((40, 60, 100), (60, 120, 140), (60, 3))
+
+    effects = fitted(x, seed=1, environments=100)
+    found = effects.effect(0)
+
+    assert not found.run
+    assert found.combinations == 60
+    truth = [norm.cdf(score(numpy.insert(x[:, 1:], 0, value, axis=1))).mean() for value in found.grid]
+    assert found.mean == pytest.approx(truth, abs=0.1)
+    assert effects.importance()[2].share < 0.1 < effects.importance()[0].share
+
+
+def test_a_model_of_three_parameters_predicts_designs_it_has_not_seen() -> None:
+    x = family()
+    random = numpy.random.default_rng(0)
+    kept = random.permutation(len(x))[:45]
+    passed = random.binomial(200, norm.cdf(score(x)))
+
+    with threadpool_limits(1):
+        rate, low, high = success_model(x[kept], passed[kept], numpy.full(45, 200)).rates(x)
+
+    truth = norm.cdf(score(x))
+    unseen = numpy.setdiff1d(numpy.arange(len(x)), kept)
+    assert rate[unseen] == pytest.approx(truth[unseen], abs=0.12)
+    assert numpy.mean((low <= truth) & (truth <= high)) > 0.85

@@ -1,0 +1,147 @@
+"""Sampled values of scenes and cars as columns, and which of them separates passed from failed."""
+
+import csv
+import json
+from pathlib import Path
+
+import numpy
+import pytest
+from scipy.stats import mannwhitneyu
+from typer.testing import CliRunner
+
+from foldcar.analysis.separation import binned, separations
+from foldcar.car.variation import draw, spread_named
+from foldcar.cli import app
+from foldcar.report.environment_values import environment_values
+from foldcar.store.reader import Store
+
+PROGRAM = """
+model model
+param friction = Range(0.4, 0.8)
+for x in (0.4, 0.7):
+    new Bump at (Range(x, x + 0.1), 0), facing -90 deg, with height Range(0.01, 0.02)
+goal = new Goal at (1, 0), facing -90 deg
+ego = new Robot at (0, 0), facing goal
+"""
+ENVIRONMENTS = 6
+
+
+def foldcar(*words: str | Path) -> str:
+    done = CliRunner().invoke(app, [*map(str, words)])
+    assert done.exit_code == 0, done.output
+    return done.output
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory: pytest.TempPathFactory, carsim_binary: Path) -> Path:
+    """A sweep of one car over two bumps, as the workshop builds it."""
+    folder = tmp_path_factory.mktemp("values")
+    (folder / "bumps.scenic").write_text(PROGRAM)
+    params = {"timeout": 20, "environments": ENVIRONMENTS, "variation": "workshop", "variation_seed": 5}
+    listing = {
+        "experiments": {"1": {"veh_id": 1, "env_id": 1, "params": params}},
+        "vehicles": {"1": {"type": "W_B_W", "params": [{"common": {"width": 95}}]}},
+        "environments": {"1": {"scenic_filename": "bumps.scenic", "seed": 3}},
+    }
+    (folder / "l.json").write_text(json.dumps(listing))
+    foldcar("sweep", folder / "l.json", "--store", folder / "s.db")
+    return folder / "s.db"
+
+
+def test_values_are_those_that_scenic_samples_and_the_workshop_draws(store: Path) -> None:
+    scenes = store.parent / "scenes.jsonl"
+    foldcar("sample", store.parent / "bumps.scenic", "-n", ENVIRONMENTS, "--seed", 3, "-o", scenes)
+    sampled = [json.loads(line) for line in scenes.read_text().splitlines()]
+    sampled = [one.get("scene", one) for one in sampled]
+    drawn = [draw(spread_named("workshop", ""), 5, sample) for sample in range(ENVIRONMENTS)]
+
+    with Store.open(store) as opened:
+        found = environment_values(opened, opened.info().experiments["1"])
+    columns = {one.name: found.values[:, at] for at, one in enumerate(found.columns)}
+
+    assert columns["scene_friction"] == pytest.approx([one["friction"] for one in sampled])
+    heights = [[piece["height_m"] for piece in one["terrain"]] for one in sampled]
+    assert columns["scene_box_1_height_m"] == pytest.approx([one[0] for one in heights])
+    assert columns["scene_box_2_height_m"] == pytest.approx([one[1] for one in heights])
+    assert columns["scene_highest_m"] == pytest.approx([max(one) for one in heights])
+    assert columns["car_supply_v"] == pytest.approx([one["supply_v"] for one in drawn])
+    # Channels 0 and 2 are left wheels; a neutral's error turns right servos the other way.
+    speeds = [one["servo_speed"] for one in drawn]
+    assert columns["car_left_less_right_servo_speed"] == pytest.approx([(a + c - b - d) / 2 for a, b, c, d, *_ in speeds])
+    neutrals = [one["neutral_us"] for one in drawn]
+    assert columns["car_mean_neutral_us"] == pytest.approx([(a - b + c - d) / 4 for a, b, c, d, *_ in neutrals])
+    # What is the same everywhere tells nothing.
+    assert not {"scene_goal_x_m", "scene_start_x_m", "scene_box_1_length_m", "scene_pieces"} & set(columns)
+    friction = next(one for one in found.columns if one.name == "scene_friction")
+    height = next(one for one in found.columns if one.name == "scene_box_1_height_m")
+    assert (friction.label, friction.unit) == ("friction", "")
+    assert (height.label, height.unit, height.scale) == ("block 1 height", "mm", 1000)
+
+
+def test_the_export_has_them_beside_every_run(store: Path) -> None:
+    foldcar("export", store, "--csv", store.parent / "runs.csv")
+    with (store.parent / "runs.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+
+    with Store.open(store) as opened:
+        found = environment_values(opened, opened.info().experiments["1"])
+
+    for row in rows:
+        for at, one in enumerate(found.columns):
+            value = found.values[int(row["sample"]), at]
+            assert row[one.name] == "" if numpy.isnan(value) else float(row[one.name]) == value
+
+
+def test_of_one_design_the_separation_is_mann_whitneys_statistic() -> None:
+    random = numpy.random.default_rng(0)
+    values = numpy.column_stack([random.normal(size=40), random.integers(0, 5, 40), numpy.full(40, 3.0)])
+    passed = values[:, 0] + random.normal(size=40) > 0
+    design, environment = numpy.zeros(40, int), numpy.arange(40)
+
+    found = {one.column: one.difference for one in separations(values, design, environment, passed)}
+
+    assert set(found) == {0, 1}  # a constant column separates nothing
+    for column, difference in found.items():
+        u = mannwhitneyu(values[passed, column], values[~passed, column]).statistic
+        assert difference == pytest.approx(2 * u / (passed.sum() * (~passed).sum()) - 1)
+
+
+def test_designs_that_always_pass_do_not_hide_what_separates_the_others() -> None:
+    height = numpy.linspace(0, 1, 20)
+    design, environment = (at.ravel() for at in numpy.indices((10, 20)))
+    passed = (design > 0) | (height[environment] < 0.5)
+
+    (found,) = separations(height[:, None], design, environment, passed)
+
+    assert found.difference == -1
+
+
+def test_intervals_hold_the_separation_of_all_environments_together() -> None:
+    """Six columns, of which the first tells; the truth from a large sample; designs share environments."""
+    random = numpy.random.default_rng(2)
+    hard = numpy.array([-0.5, 0.3, 1.2])
+
+    def sample(number: int) -> tuple[numpy.ndarray, numpy.ndarray, numpy.ndarray, numpy.ndarray]:
+        values = random.normal(size=(number, 6))
+        design, environment = (at.ravel() for at in numpy.indices((3, number)))
+        noise = random.normal(size=number)
+        return values, design, environment, (values[:, 0] + noise)[environment] > hard[design]
+
+    truth = {one.column: one.difference for one in separations(*sample(2000))}
+    held, ranked = [], 0
+    for _ in range(60):
+        found = separations(*sample(40))
+        ranked += found[0].column == 0
+        held.append(all(one.low - 0.03 <= abs(truth[one.column]) <= one.high + 0.03 for one in found))
+
+    assert ranked == 60
+    assert numpy.mean(held) > 0.9
+
+
+def test_bins_count_every_run_once() -> None:
+    values = numpy.array([0.0, 1.0, 2.0, 3.0, numpy.nan])
+    environment, passed = numpy.array([0, 0, 1, 2, 3, 4]), numpy.array([1, 0, 1, 1, 0, 1])
+
+    found = binned(values, environment, passed, most=2)
+
+    assert [(one.first, one.last, one.runs, one.passed) for one in found] == [(0, 1, 3, 2), (2, 3, 2, 1)]

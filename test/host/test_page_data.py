@@ -1,0 +1,181 @@
+"""The study page's data against the export of the same store."""
+
+import json
+from base64 import b64decode
+from pathlib import Path
+from typing import Any
+
+import numpy
+import pandas
+import pytest
+from typer.testing import CliRunner
+
+from foldcar.analysis.rate import wilson_interval
+from foldcar.api.study import Study
+from foldcar.cli import app
+from foldcar.report import page_data as module
+from foldcar.report.page_data import page_data
+from foldcar.simulation.results import OUTCOMES
+from foldcar.store.reader import Store
+
+STEP_PYRAMIDS = Path(__file__).resolve().parents[2] / "scenarios" / "step_pyramids.scenic"
+SAMPLES = 3
+
+
+def foldcar(*words: str | Path) -> str:
+    done = CliRunner().invoke(app, [*map(str, words)])
+    assert done.exit_code == 0, done.output
+    return done.output
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory: pytest.TempPathFactory, carsim_binary: Path) -> Path:
+    """A swept store of two widths times two lengths with four trials, one of a width that was not swept."""
+    folder = tmp_path_factory.mktemp("data")
+    params = [{"common": {"width": [95, 245]}}, {"B": {"length": [80, 120]}}]
+    listing = {
+        "experiments": {"1": {"veh_id": 1, "env_id": 1, "params": {"timeout": 120, "environments": SAMPLES}}},
+        "vehicles": {"1": {"type": "W_B_W", "params": params}},
+        "environments": {"1": {"scenic_filename": str(STEP_PYRAMIDS), "seed": 42}},
+    }
+    (folder / "l.json").write_text(json.dumps(listing))
+    foldcar("sweep", folder / "l.json", "--store", folder / "s.db")
+    rows = ("vehicle_type,outcome,source,width_mm,B_length_mm", "W_B_W,passed,notes,95,80", "W_B_W,tipped,notes,95,80")
+    rows += ("W_B_W,aborted,notes,95,80", "W_B_W,passed,notes,150,80", "")
+    (folder / "t.csv").write_text("\n".join(rows))
+    foldcar("trials", "import", folder / "s.db", folder / "t.csv", "--experiment", "1")
+    return folder / "s.db"
+
+
+def read(store: Path) -> dict[str, Any]:
+    """The only experiment, as the page gets it."""
+    with Store.open(store) as opened:
+        (found,) = json.loads(json.dumps(page_data(opened), allow_nan=False))["experiments"]
+    return dict(found)
+
+
+def array(packed: dict[str, str]) -> Any:
+    return numpy.frombuffer(b64decode(packed["data"]), dtype=numpy.dtype(packed["type"]).newbyteorder("<"))
+
+
+def designs_of(table: pandas.DataFrame, page: dict[str, Any]) -> pandas.Series:
+    """The index of each row's design on the page."""
+    places = {}
+    for index, at in enumerate(page["designs"]["value"]):
+        values = [one["values"][place] for one, place in zip(page["parameters"], at, strict=True)]
+        places[tuple(values)] = index
+    names = [one["name"] for one in page["parameters"]]
+    return table[names].apply(lambda row: places[tuple(row)], axis=1)
+
+
+def test_counts_intervals_and_runs_are_those_of_the_export(store: Path) -> None:
+    page, runs = read(store), Study(store).runs
+    at = designs_of(runs, page)
+    designs = page["designs"]
+
+    for index in range(4):
+        mine = runs[at == index]
+        passed = int(mine["passed"].sum())
+        assert (designs["runs"][index], designs["passed"][index]) == (len(mine), passed)
+        low, high = wilson_interval(passed, len(mine))
+        assert (designs["low"][index], designs["high"][index]) == pytest.approx((low, high), abs=1e-6)
+        ends = mine["outcome"].value_counts()
+        assert [column[index] for column in designs["outcomes"]] == [ends.get(name, 0) for name in OUTCOMES]
+    assert page["runs"]["n"] == len(runs) == 4 * SAMPLES
+    assert array(page["runs"]["design"]).tolist() == at.tolist()
+    assert array(page["runs"]["environment"]).tolist() == runs["sample"].tolist()
+    assert [OUTCOMES[code] for code in array(page["runs"]["outcome"])] == runs["outcome"].tolist()
+    assert array(page["runs"]["time_s"]) == pytest.approx(runs["elapsed_time_s"], rel=1e-6)
+    by_environment = runs.groupby("sample")["passed"].sum()
+    assert page["environment"]["passed"] == by_environment.tolist()
+
+
+def test_time_counts_the_limit_and_energy_is_per_pass(store: Path) -> None:
+    page, runs = read(store), Study(store).runs
+    at = designs_of(runs, page)
+    measures = {one["key"]: one["value"] for one in page["designs"]["measures"]}
+
+    for index in range(4):
+        mine = runs[at == index]
+        passed = mine["passed"].astype(bool)
+        time_s = mine["elapsed_time_s"].where(passed, 120.0).mean()
+        assert measures["time"][index] == pytest.approx(time_s, rel=1e-4)
+        energy = mine["consumed_energy_j"].sum() / passed.sum() if passed.any() else None
+        assert measures["energy"][index] == (None if energy is None else pytest.approx(energy, rel=1e-4))
+    assert all(150 < mass < 500 for mass in measures["mass"][:4])
+    assert measures["sheet_area"][2] > measures["sheet_area"][0]  # wider
+
+
+def test_trials_stand_beside_their_designs_and_aborted_ones_do_not_count(store: Path) -> None:
+    page = read(store)
+    designs = page["designs"]
+    first = page["trials"][0]["design"]
+
+    assert [trial["passed"] for trial in page["trials"]] == [True, False, None, True]
+    assert (designs["trials"][first], designs["trials_passed"][first]) == (2, 1)
+    unswept = page["trials"][3]["design"]
+    assert designs["swept"] == [True] * 4 + [False]
+    assert unswept == 4
+    assert (designs["trials"][4], designs["runs"][4]) == (1, 0)
+    assert "150 mm" in designs["name"][4]
+
+
+def test_more_runs_than_the_page_holds_are_counted(store: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "MOST_RUNS", 4 * SAMPLES - 1)
+
+    page = read(store)
+
+    assert page["runs"] is None
+    assert "12 runs of 4 designs" in page["runs_omitted"]
+    assert sum(page["environment"]["runs"]) == 4 * SAMPLES
+
+
+def test_trials_that_refute_simulation_make_a_design_bad(store: Path, tmp_path: Path) -> None:
+    """Belief is what simulation and trials together say: 1 of 12 trials outweighs runs that all passed."""
+    again = tmp_path / "s.db"
+    again.write_bytes(store.read_bytes())
+    page = read(store)
+    designs = page["designs"]
+    assert designs["belief"][0] != designs["rate"][0]  # two trials tell something already
+    best = max(range(4), key=lambda index: designs["rate"][index])
+    width, length = (page["parameters"][k]["values"][at] for k, at in enumerate(designs["value"][best]))
+    rows = [f"W_B_W,{outcome},later,{width:g},{length:g}" for outcome in ["passed"] + 20 * ["tipped"]]
+    (tmp_path / "t.csv").write_text("\n".join(["vehicle_type,outcome,source,width_mm,B_length_mm", *rows, ""]))
+    foldcar("trials", "import", again, tmp_path / "t.csv", "--experiment", "1")
+
+    after = read(again)["designs"]
+
+    assert after["rate"][best] == designs["rate"][best]
+    assert after["belief_high"][best] < 0.5 <= designs["belief_high"][best]
+    assert after["verdict"][best] == "bad"
+    assert after["refuted"][best] == ("optimistic" if designs["low"][best] > 0.3 else None)
+
+
+def test_environment_values_and_effects_are_of_every_environment_and_parameter(store: Path) -> None:
+    page = read(store)
+    table = array(page["environment"]["values"]).reshape(SAMPLES, -1)
+
+    assert len(page["environment"]["columns"]) == table.shape[1] > 2
+    assert {one["parameter"] for one in page["effects"]} == {0, 1}
+    for one in page["effects"]:
+        assert len(one["grid"]) == len(one["mean"]) == 2
+        assert "same 2 combinations of the other parameters" in one["over"]
+    shares = [one["share"] for one in page["importance"]]
+    assert shares == sorted(shares, reverse=True)
+    assert page["causes"] == []  # three environments tell nothing
+
+
+def test_an_experiment_that_has_trials_only_is_shown_with_them(tmp_path: Path) -> None:
+    rows = ["vehicle_type,outcome,source,width_mm", "W_B_W,passed,notes,95", "W_B_W,tipped,notes,115", ""]
+    (tmp_path / "t.csv").write_text("\n".join(rows))
+    foldcar("trials", "import", tmp_path / "s.db", tmp_path / "t.csv", "--experiment", "garden")
+
+    page = read(tmp_path / "s.db")
+
+    assert page["id"] == "garden: W_B_W, trials only"
+    assert page["headline"] == "1 of 2 trials of built cars passed; nothing was simulated to compare with."
+    assert page["designs"]["name"] == ["95 mm", "115 mm"]
+    assert page["designs"]["belief"] == [1.0, 0.0]
+    assert page["designs"]["verdict"] == ["open", "open"]
+    assert [trial["design"] for trial in page["trials"]] == [0, 1]
+    assert page["runs"]["n"] == 0

@@ -21,7 +21,6 @@ PACKAGE = ROOT / "host" / "foldcar"
 BUNDLES = PACKAGE / "bundles"
 # The script of each page, which imports the others.
 ENTRIES = {
-    "place.js": PACKAGE / "report" / "web" / "place.js",
     "study.js": PACKAGE / "report" / "web" / "study.js",
     "view.js": PACKAGE / "fabrication" / "assembly" / "web" / "view.js",
 }

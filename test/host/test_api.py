@@ -139,7 +139,7 @@ MISTAKES = {
     "B_length_mm has several values (80, 100)": lambda s: s.rate(experiment="plain", width=95),
     "no simulation with width_mm 70; there are 65, 95": lambda s: s.rate(experiment="plain", width=70),
     "has no trials of built cars": lambda s: s.rate(source="trials", width=95),
-    "at least 4 designs": lambda s: s.success_model("width", experiment="plain"),
+    "success_model: name some of width_mm, B_length_mm": lambda s: s.success_model(experiment="plain"),
 }
 
 

@@ -10,6 +10,7 @@ from threadpoolctl import threadpool_limits
 
 from foldcar.analysis.effects import Effects, fit_effects
 from foldcar.analysis.gaussian_process import success_model
+from foldcar.errors import FoldcarError
 
 ENVIRONMENTS = 60
 
@@ -66,6 +67,22 @@ def test_a_parameter_without_effect_is_flat_over_unequal_combinations() -> None:
     assert numpy.ptp(found.mean) < 0.03
     assert found.low.max() < found.high.min()
     assert effects.importance()[2].share < 0.02
+
+
+def test_success_over_some_parameters_is_a_mean_over_the_same_combinations_of_the_others() -> None:
+    x = family(unequal=True)
+    effects = fitted(x, seed=3)
+
+    rate, low, high = effects.standardised([2], [[100], [140]])
+    both, _, _ = effects.standardised([0, 2], [[40, 100], [40, 140]])
+
+    assert rate == pytest.approx(effects.effect(2).mean[[0, 2]])
+    assert abs(rate[1] - rate[0]) < 0.03
+    assert (low < rate).all()
+    assert (rate < high).all()
+    assert abs(both[1] - both[0]) < 0.05
+    with pytest.raises(FoldcarError, match="only within the range"):
+        effects.standardised([2], [[150]])
 
 
 def test_importance_is_sobols_total_index() -> None:

@@ -163,3 +163,19 @@ def test_environment_values_and_effects_are_of_every_environment_and_parameter(s
     shares = [one["share"] for one in page["importance"]]
     assert shares == sorted(shares, reverse=True)
     assert page["causes"] == []  # three environments tell nothing
+
+
+def test_an_experiment_that_has_trials_only_is_shown_with_them(tmp_path: Path) -> None:
+    rows = ["vehicle_type,outcome,source,width_mm", "W_B_W,passed,notes,95", "W_B_W,tipped,notes,115", ""]
+    (tmp_path / "t.csv").write_text("\n".join(rows))
+    foldcar("trials", "import", tmp_path / "s.db", tmp_path / "t.csv", "--experiment", "garden")
+
+    page = read(tmp_path / "s.db")
+
+    assert page["id"] == "garden: W_B_W, trials only"
+    assert page["headline"] == "1 of 2 trials of built cars passed; nothing was simulated to compare with."
+    assert page["designs"]["name"] == ["95 mm", "115 mm"]
+    assert page["designs"]["belief"] == [1.0, 0.0]
+    assert page["designs"]["verdict"] == ["open", "open"]
+    assert [trial["design"] for trial in page["trials"]] == [0, 1]
+    assert page["runs"]["n"] == 0

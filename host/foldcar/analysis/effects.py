@@ -11,6 +11,7 @@ S (M + 1) S (Mueller 2013, doi:10.3982/ECTA9097), S the inverse curvature and M 
 product of the gradients of their log-likelihood: were all runs independent, it would be S on average.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -19,6 +20,8 @@ import numpy
 from numpy.typing import ArrayLike, NDArray
 
 from foldcar.analysis.gaussian_process import SuccessModel, functions_of, success_model
+from foldcar.analysis.rate import check_confidence
+from foldcar.errors import FoldcarError
 
 DRAWS = 400
 # Fewer environments than these do not tell how runs depend on each other.
@@ -34,6 +37,7 @@ class Effect:
     """Success over the values ``grid`` (v,): mean with its 95 % band, each (v,), and ``curves`` (c, v) of single ones.
 
     ``combinations`` of the others are averaged; ``run``: all of them were run at every value, none is the model's alone.
+    ``rises``: how probable it is that the mean at the first value, and at the last, is above that of its neighbour.
     """
 
     grid: NDArray[Any]
@@ -43,6 +47,7 @@ class Effect:
     curves: NDArray[Any]
     combinations: int
     run: bool
+    rises: tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -76,22 +81,46 @@ class Effects:
     def effect(self, parameter: int) -> Effect:
         """The effect of the parameter with that index."""
         values = numpy.unique(self.parameters[:, parameter])
-        chosen, run = self._combinations(parameter, values)
+        chosen, run = self._combinations([parameter])
         grid = values if len(values) <= MOST_VALUES else numpy.linspace(values[0], values[-1], MOST_VALUES)
-        points = numpy.repeat(chosen, len(grid), axis=0)
-        points[:, parameter] = numpy.tile(grid, len(chosen))
-        drawn = self.rates(points).reshape(-1, len(chosen), len(grid))
+        drawn = self._over(chosen, [parameter], grid[:, None])
         means = drawn.mean(axis=1)
         low, high = numpy.quantile(means, (0.025, 0.975), axis=0)
         shown = numpy.unique(numpy.linspace(0, len(chosen) - 1, MOST_CURVES).round().astype(int))
         curves = numpy.median(drawn[:, shown], axis=0)
-        return Effect(grid, means.mean(axis=0), low, high, curves, len(chosen), run)
+        first, last = (float((means[:, end] > means[:, inner]).mean()) for end, inner in ((0, 1), (-1, -2)))
+        return Effect(grid, means.mean(axis=0), low, high, curves, len(chosen), run, (first, last))
 
-    def _combinations(self, parameter: int, values: NDArray[Any]) -> tuple[NDArray[Any], bool]:
-        """Combinations of the other parameters as designs, and whether each was run at every value."""
-        others = numpy.delete(self.parameters, parameter, axis=1)
+    def standardised(
+        self, places: Sequence[int], values: ArrayLike, confidence: float = 0.95
+    ) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+        """The rate and its band (rate, low, high), each (m,), at values (m, k) of the parameters at ``places``.
+
+        Means over the same combinations of the others, as :class:`Effect`. FoldcarError outside the range of the designs.
+        """
+        check_confidence(confidence)
+        x = numpy.asarray(values, dtype=float)
+        if x.ndim != 2 or x.shape[1] != len(places):
+            raise FoldcarError(f"this success model has {len(places)} parameters of each design")
+        scaled = (x - self.model.low[places]) / self.model.span[places]
+        if not numpy.all((scaled > -1e-9) & (scaled < 1 + 1e-9)):
+            raise FoldcarError("a success model has rates only within the range of the designs that it was fitted to")
+        means = self._over(self._combinations(places)[0], places, x).mean(axis=1)
+        low, high = numpy.quantile(means, [(1 - confidence) / 2, (1 + confidence) / 2], axis=0)
+        return means.mean(axis=0), low, high
+
+    def _over(self, chosen: NDArray[Any], places: Sequence[int], values: NDArray[Any]) -> NDArray[Any]:
+        """Draws (draws, combinations, m) at values (m, k) of the parameters at ``places`` with each combination."""
+        points = numpy.repeat(chosen, len(values), axis=0)
+        points[:, list(places)] = numpy.tile(values, (len(chosen), 1))
+        return self.rates(points).reshape(-1, len(chosen), len(values))
+
+    def _combinations(self, places: Sequence[int]) -> tuple[NDArray[Any], bool]:
+        """Combinations of the other parameters as designs, and whether each was run at every value of those."""
+        others = numpy.delete(self.parameters, places, axis=1)
+        values = len(numpy.unique(self.parameters[:, list(places)], axis=0))
         kinds, index, counts = numpy.unique(others, axis=0, return_index=True, return_counts=True)
-        whole = index[counts == len(values)]
+        whole = index[counts == values]
         run = len(whole) >= min(LEAST_COMBINATIONS, len(kinds))
         chosen = numpy.sort(whole if run else index)
         if len(chosen) > MOST_COMBINATIONS:
@@ -136,6 +165,18 @@ class Effects:
         second = numpy.array([numpy.bincount(group, row) for row in drawn**2]) / number
         found: NDArray[Any] = ((second - first**2) * sizes).sum(axis=1) / sizes.sum()
         return found
+
+
+@dataclass(frozen=True)
+class Standardised:
+    """Success over some of the parameters of :class:`Effects`, those at ``places``."""
+
+    effects: Effects
+    places: tuple[int, ...]
+
+    def rates(self, parameters: ArrayLike, confidence: float = 0.95) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+        """The rate and its band (rate, low, high), each (m,) and 0 to 1, at parameters (m, k). FoldcarError."""
+        return self.effects.standardised(self.places, parameters, confidence)
 
 
 def fit_effects(parameters: ArrayLike, design: ArrayLike, environment: ArrayLike, passed: ArrayLike) -> Effects:

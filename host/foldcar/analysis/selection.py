@@ -140,19 +140,32 @@ def value_of_trials(draws: ArrayLike, threshold: float, trials: int) -> Value:
     return Value(choice.clip(0), right.clip(0))
 
 
-def choose(draws: ArrayLike, threshold: float, trials: int, number: int, chosen: Sequence[int] = ()) -> list[int]:
+def choose(
+    draws: ArrayLike,
+    threshold: float,
+    trials: int,
+    number: int,
+    chosen: Sequence[int] = (),
+    near: NDArray[Any] | None = None,
+) -> list[int]:
     """Up to ``number`` more designs, first those whose trials are worth most beside those of the ``chosen`` ones.
 
-    What two tell alike counts once: a design whose rate goes with a chosen one's counts by the rest of its variance.
+    What two tell alike counts once: a design whose rate goes with a chosen one's counts by the rest of its variance. With
+    ``near`` (designs, designs), which says what neighbours are, none is a neighbour of another, and only the threshold
+    counts, not which design is best.
     """
     p = numpy.asarray(draws, dtype=float)
     # Where nothing is worth a trial the least known designs come first.
     worth = value_of_trials(p, threshold, trials)
-    value = worth.choice + worth.threshold + 1e-9
+    value = worth.threshold + 1e-9 + (worth.choice if near is None else 0.0)
     found = list(chosen)
     while len(found) < min(len(chosen) + number, p.shape[1]):
         left = value * _unexplained(p, found)
         left[found] = -numpy.inf
+        if near is not None:
+            left[near[found].any(axis=0)] = -numpy.inf
+            if numpy.isinf(left).all():
+                break
         found.append(int(left.argmax()))
     return found[len(chosen) :]
 

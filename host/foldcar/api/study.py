@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 from foldcar.advice.comparison import MARGIN, Comparison, compare
 from foldcar.advice.selecting import BUILD, PRECISION, Selection, select
-from foldcar.analysis.gaussian_process import SuccessModel, success_model
+from foldcar.analysis.effects import Standardised, fit_effects
 from foldcar.analysis.rate import Rate
 from foldcar.api.arguments import column_named, columns_named, whole
 from foldcar.errors import FoldcarError
@@ -105,19 +105,23 @@ class Study:
         """Simulation against trials of built cars: :func:`foldcar.advice.comparison.compare`. FoldcarError."""
         return self._read(lambda store: compare(store, experiment, margin, self.runs))
 
-    def success_model(self, *parameters: str, experiment: str | None = None) -> SuccessModel:
-        """Success as a smooth function of one or two design parameters, with credible bands, from the simulated runs.
+    def success_model(self, *parameters: str, experiment: str | None = None) -> Standardised:
+        """Success as a smooth function of some design parameters, with credible bands, from the simulated runs.
 
-        Its ``rates([[95], [100]])`` are (rate, low, high) at those values. Other parameters are averaged over, as the
-        runs have them. FoldcarError if there are too few designs or success is undefined.
+        Its ``rates([[95], [100]])`` are (rate, low, high) at those values, by a model of all parameters that vary: means
+        over the same combinations of the others for each value. To average the runs as they are would show effects of
+        what goes with a value. FoldcarError if there are too few designs or success is undefined.
         """
         runs = self._judged(self._of_experiment(self.runs, experiment, "simulation"))
+        varied = [name for name in _parameters(runs) if runs[name].nunique() > 1]
         columns = [column_named(name, _parameters(runs), "success_model") for name in parameters]
         if not columns:
-            raise FoldcarError(f"success_model: name one or two of {', '.join(_parameters(runs))}")
-        counts = runs.groupby(columns)["passed"].agg(["sum", "count"])
-        values = counts.index.to_frame().to_numpy(dtype=float)
-        return success_model(values, counts["sum"].to_numpy(dtype=float), counts["count"].to_numpy(dtype=float))
+            raise FoldcarError(f"success_model: name some of {', '.join(varied)}")
+        groups = runs.groupby(list(dict.fromkeys([*columns, *varied])), sort=False)
+        values = groups.size().index.to_frame()
+        places = tuple(values.columns.get_loc(column) for column in columns)
+        effects = fit_effects(values.to_numpy(dtype=float), groups.ngroup(), runs["sample"], runs["passed"].astype(float))
+        return Standardised(effects, places)
 
     def _judged(self, table: "pandas.DataFrame") -> "pandas.DataFrame":
         """The rows that belong in a rate: those of runs that were not rejected."""

@@ -38,7 +38,7 @@ UNITS = {"place_m": PLACE_M, "angle_rad": ANGLE_RAD, "interval_s": KEPT_INTERVAL
 
 @dataclass
 class Replay:
-    """``data`` is the object of the page's grid; ``blobs`` are what it decodes when it is wanted, by name.
+    """``blobs`` are what the page decodes when it is wanted, by name.
 
     ``runs`` are the rows of page_data.py's ``replays``, ``trials`` the trials that can be laid over runs. A blob
     ``runs-DESIGN`` has the paths of a design, ``car-DESIGN`` what is drawn of it, made of ``pieces``,
@@ -46,7 +46,6 @@ class Replay:
     ``remarks`` say which runs cannot be replayed, and why.
     """
 
-    data: dict[str, Any]
     blobs: dict[str, str] = field(default_factory=dict)
     remarks: list[str] = field(default_factory=list)
     runs: list[dict[str, Any]] = field(default_factory=list)
@@ -89,17 +88,7 @@ def make_replay(
     """
     drives = read_drives(store, info.id)
     designs, samples = grid.shown_designs(), grid.shown_samples()
-    replay = Replay(
-        {
-            "experiment": info.id,
-            "designs": [dict(grid.designs[design]) for design in designs],
-            "varied": list(info.varied),
-            "samples": samples,
-            "cells": ["".join(chr(48 + code) for code in grid.outcomes[design, samples]) for design in designs],
-            "places": designs,
-            "units": UNITS,
-        }
-    )
+    replay = Replay()
     if len(designs) < len(grid.designs) or len(samples) < grid.samples:
         replay.remarks.append(
             f"{len(designs)} of {len(grid.designs)} designs and {len(samples)} of {grid.samples} environments are shown, "

@@ -6,7 +6,8 @@
   design is good above the last), ``judged`` (whether success is defined), ``simulation`` (what sentences call its
   engine), ``interval`` (what the intervals of simulated rates are called), ``environments`` (how many there are),
   ``time_limit_s``.
-- ``likely`` and ``learn``: ``{"text", "designs": [index], "why": [text for each]}``; ``edge``: sentences on ranges.
+- ``likely`` (the designs most likely to work) and ``learn`` (those whose trials would tell most): ``{"text", "designs":
+  [index], "why": [text for each]}``; ``edge``: sentences on ends of ranges.
 - ``parameters``: those that vary, ``{"name", "label", "unit", "values": all that occur, ascending, "numeric"}``;
   ``fixed``: [label, text] of the others.
 - ``designs``: columns, an entry per design, null for what is not known. ``value``: per design the indices into the
@@ -34,7 +35,9 @@
   "rises": whether greater values pass, "bins": [{"from", "to", "runs", "passed"}]}``, the best first: how well the value
   separates passed from failed runs of the same design. It tells something where ``low`` is above 0; all intervals of an
   experiment hold together with 95 %.
-- ``front``: null or what a search found.
+- ``front``: null, or of a search ``{"objectives": [{"label", "unit", "better"}], "points": [{"design", "values", "low",
+  "high", "fresh", "beaten"}]}``. Values of designs with ``fresh`` are of environments by which nothing was chosen; only
+  of these one that is not ``beaten`` (by another of them, in all objectives) may be called best. The others are too good.
 - ``provenance``: [label, text]; ``files``: [label, relative address].
 
 Arrays are ``{"type": "uint8" | "uint16" | "uint32" | "float32", "data": base64 of little-endian numbers}``.
@@ -45,18 +48,24 @@ from collections.abc import Mapping, Sequence
 from datetime import datetime, timezone
 from typing import Any
 
+import numpy
+
 from foldcar.analysis.words import label_and_unit, value_text
 from foldcar.figures.style import OUTCOME_LABELS
-from foldcar.report.environment_values import environment_values
+from foldcar.report.environment_values import EnvironmentValues, environment_values
 from foldcar.report.figure_options import THRESHOLDS, FigureOptions
+from foldcar.report.page_advice import Advice
 from foldcar.report.page_designs import Designs, parameter_columns, read_designs
 from foldcar.report.page_effects import cause_rows, effect_rows, importance_rows, read_effects
+from foldcar.report.page_front import search_front
+from foldcar.report.page_remarks import remarks
 from foldcar.report.page_runs import packed, packed_runs
-from foldcar.report.page_trials import trial_rows
+from foldcar.report.page_trials import trial_rows, unswept_experiments
+from foldcar.search.design_simulator import fresh_id
 from foldcar.simulation.results import OUTCOMES
 from foldcar.store.info import ExperimentInfo, StudyInfo
 from foldcar.store.reader import Store
-from foldcar.store.trial_records import left_out_text, select_trials
+from foldcar.store.trial_records import Trial, select_trials
 
 # Runs that the page holds one by one.
 MOST_RUNS = 50_000
@@ -77,7 +86,11 @@ def page_data(
     """
     info = store.info() if store.holds_study() else None
     swept = list(info.experiments.values()) if info is not None else []
-    experiments = [_experiment(store, info, one, command, options, simulated_trials) for one in swept]
+    everything = {one.id: (one, list(store.trials(one.listed_id))) for one in swept} | unswept_experiments(store)
+    experiments = [
+        {**_experiment(store, info, one, some, command, options, simulated_trials), "id": name}
+        for name, (one, some) in everything.items()
+    ]
     for one in experiments:
         one["replays"] = list((replays or {}).get(one["id"], ()))
         one["files"] = [list(pair) for pair in (files or {}).get(one["id"], ())]
@@ -93,33 +106,41 @@ def _experiment(
     store: Store,
     study: StudyInfo | None,
     info: ExperimentInfo,
+    all_trials: Sequence[Trial],
     command: Sequence[str],
     options: FigureOptions,
     simulated_trials: bool,
 ) -> dict[str, Any]:
     thresholds = options.chosen or info.thresholds or THRESHOLDS
-    trials, left_out = select_trials(store.trials(info.listed_id), simulated_trials)
+    trials, left_out = select_trials(all_trials, simulated_trials)
     designs = read_designs(store, info, trials)
     few = info.stored_runs <= MOST_RUNS
     effects, places = read_effects(designs)
-    values = environment_values(store, info)
-    left = left_out_text(left_out)
+    values = environment_values(store, info) if designs.swept else EnvironmentValues((), numpy.empty((0, 0)))
+    advice = Advice(designs, effects, places, thresholds[-1])
+    columns = designs.columns(thresholds[-1])
+    again = study.experiments.get(fresh_id(info.id)) if study is not None else None
+    fresh = read_designs(store, again, ()) if again is not None else None
+    headline, likely = advice.headline(), advice.likely()
+    if fresh is not None and info.searched:
+        headline, likely = advice.judged(Advice(fresh, None, places, thresholds[-1]))
+    areas = next((one["value"] for one in columns["measures"] if one["key"] == "sheet_area"), [None] * len(designs.names))
     return {
         "id": info.id,
-        "headline": "",
-        "remarks": [left] if left else [],
+        "headline": headline,
+        "remarks": remarks(designs, trials, left_out),
         "thresholds": list(thresholds),
         "judged": info.success_defined,
         "simulation": info.simulation,
         "interval": designs.interval_name,
         "environments": info.environments,
         "time_limit_s": info.timeout_s,
-        "likely": {"text": "", "designs": [], "why": []},
-        "learn": {"text": "", "designs": [], "why": []},
-        "edge": [],
+        "likely": likely,
+        "learn": advice.learn(),
+        "edge": advice.edges(),
         "parameters": parameter_columns(designs),
         "fixed": _fixed(info),
-        "designs": designs.columns(thresholds[-1]),
+        "designs": columns,
         "effects": [] if effects is None else effect_rows(designs, effects, places),
         "importance": [] if effects is None else importance_rows(effects, places),
         "environment": {
@@ -133,7 +154,7 @@ def _experiment(
         "outcomes": list(OUTCOMES),
         "outcome_labels": [OUTCOME_LABELS[name] for name in OUTCOMES],
         "trials": trial_rows(store, info, designs, trials),
-        "front": None,
+        "front": search_front(designs, areas, fresh),
         "provenance": _provenance(study, info, command),
     }
 
@@ -152,15 +173,18 @@ def _fixed(info: ExperimentInfo) -> list[list[str]]:
 def _provenance(study: StudyInfo | None, info: ExperimentInfo, command: Sequence[str]) -> list[list[str]]:
     speed = "each car's full speed" if info.speed_m_s is None else f"{info.speed_m_s:g} m/s"
     rows: list[tuple[str, str]] = [
-        ("vehicle", f"{info.vehicle}: {info.vehicle_type}"),
-        ("environment", f"{info.environment}: {info.scenic_program}{_with(info.scenic_params)}"),
+        ("vehicle", ": ".join(filter(None, (info.vehicle, info.vehicle_type)))),
+        (
+            "environment",
+            f"{info.environment + ': ' if info.environment else ''}{info.scenic_program}{_with(info.scenic_params)}",
+        ),
         ("frozen", _frozen(info)),
         ("built cars", f"seed {info.variation_seed}; spread: {_assigned(info.variation)}" if info.variation else ""),
-        ("sampled environments", f"{info.environments:,}, seed {info.seed}"),
-        ("time limit", f"{info.timeout_s:g} s"),
-        ("set-point", f"{speed}, turn rate {info.yaw_rate_rad_s:g} rad/s"),
+        ("sampled environments", f"{info.environments:,}, seed {info.seed}" if info.environments else ""),
+        ("time limit", f"{info.timeout_s:g} s" if info.environments else ""),
+        ("set-point", f"{speed}, turn rate {info.yaw_rate_rad_s:g} rad/s" if info.environments else ""),
         ("rule", info.success_rule),
-        ("runs", f"{info.stored_runs:,} stored of {info.planned_runs:,} planned"),
+        ("runs", f"{info.stored_runs:,} stored of {info.planned_runs:,} planned" if info.environments else ""),
         ("simulated under", info.under or ""),
         ("engine", info.engine),
         ("carsim build", info.carsim_build),

@@ -15,17 +15,20 @@ from threadpoolctl import threadpool_limits
 from foldcar.advice.comparison import MARGIN
 from foldcar.analysis import rate
 from foldcar.analysis.gap import OPTIMISTIC, PESSIMISTIC, mean_gap
-from foldcar.analysis.pooled_bias import MOST_POOLED, pooled_bias
+from foldcar.analysis.pooled_bias import MOST_POOLED, PooledBias, pooled_bias
 from foldcar.analysis.rate import Rate
 from foldcar.analysis.words import design_text, label_and_unit
 from foldcar.report.page_measures import measures
-from foldcar.simulation.results import OUTCOMES, REJECTED
+from foldcar.simulation.results import NUMBERS, OUTCOMES, REJECTED
 from foldcar.store.frames import RunArrays, run_arrays
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
 from foldcar.store.trial_records import Trial
 
 Design = Mapping[str, float | str]
+NO_RUNS = RunArrays(
+    numpy.empty(0, numpy.int64), numpy.empty(0, numpy.int64), numpy.empty(0, numpy.uint8), numpy.empty((0, len(NUMBERS)))
+)
 
 
 @dataclass(frozen=True)
@@ -63,7 +66,7 @@ class Designs:
     @cached_property
     def elsewhere(self) -> dict[int, str]:
         """Trials that do not count here: those driven in another program than the runs, by number."""
-        found = self.store.trials_elsewhere(self.info)
+        found = self.store.trials_elsewhere(self.info) if self.swept else {}
         return {at: name or "an unknown program" for at, name in found.items() if name != self.info.scenic_program}
 
     @cached_property
@@ -97,9 +100,7 @@ class Designs:
 
     def columns(self, threshold: float) -> dict[str, Any]:
         """The page's columns; a design is good or bad if its belief's interval is on one side of ``threshold``."""
-        simulated = self._rates(self.counted, self.info.until is not None)
-        driven = self._rates(self.tried)
-        believed = self.believed(simulated)
+        driven, believed = self._rates(self.tried), self.believed
         places = {name: {value: at for at, value in enumerate(some)} for name, some in self.values.items()}
         return {
             "value": [[places[name][one[name]] if name in one else None for name in places] for one in self.designs],
@@ -108,8 +109,8 @@ class Designs:
             "runs": self.counted[:, 1].tolist(),
             "passed": self.counted[:, 0].tolist(),
             "rate": [round(p / n, 6) if n else None for p, n in self.counted.tolist()],
-            "low": [one and one[0] for one in simulated],
-            "high": [one and one[1] for one in simulated],
+            "low": [one and one[0] for one in self.simulated],
+            "high": [one and one[1] for one in self.simulated],
             "outcomes": self.ends.T.tolist(),
             "trials": self.tried[:, 1].tolist(),
             "trials_passed": self.tried[:, 0].tolist(),
@@ -118,36 +119,56 @@ class Designs:
             "belief": [one and one[0] for one in believed],
             "belief_low": [one and one[1] for one in believed],
             "belief_high": [one and one[2] for one in believed],
-            "verdict": [_verdict(one, threshold) for one in believed],
-            "refuted": self.refuted(),
+            "verdict": [verdict(one, threshold) for one in believed],
+            "refuted": self.refuted,
             "measures": measures(self.store, self.info, self.designs, self.swept, self.runs),
         }
 
-    def believed(self, simulated: Sequence[tuple[float, float] | None]) -> list[tuple[float, float, float] | None]:
+    @cached_property
+    def simulated(self) -> list[tuple[float, float] | None]:
+        """The 95 % interval of each design's simulated rate."""
+        return self._rates(self.counted, self.info.until is not None)
+
+    @cached_property
+    def believed(self) -> list[tuple[float, float, float] | None]:
         """What simulation and trials together say of each design: rate, low, high.
 
         Without trials that is simulation's rate; of a design without runs its trials'.
         """
         found = [
             None if ends is None else (round(passed / runs, 6), *ends)
-            for (passed, runs), ends in zip(self.counted.tolist(), simulated, strict=True)
+            for (passed, runs), ends in zip(self.counted.tolist(), self.simulated, strict=True)
         ]
         for index, ((passed, number), ends) in enumerate(zip(self.tried.tolist(), self._rates(self.tried), strict=True)):
             if found[index] is None and ends is not None:
                 found[index] = (round(passed / number, 6), *ends)
-        known = numpy.array([index for index, ends in enumerate(simulated) if ends is not None], dtype=int)
-        driven = known[self.tried[known, 1] > 0]
-        if len(driven):
-            # Of many driven designs those with most trials tell most.
-            told = set(driven[numpy.argsort(-self.tried[driven, 1], kind="stable")][:MOST_POOLED].tolist())
-            trials = numpy.where([[index in told] for index in known], self.tried[known], 0)
-            x = numpy.array([[float(self.designs[index][name]) for name in self.values] for index in known])
+        if self.pooled is not None:
             with threadpool_limits(1):
-                rates = pooled_bias(x.reshape(len(known), -1), self.counted[known], trials).rates(least=1)
-            for index, one in zip(known.tolist(), rates, strict=True):
+                rates = self.pooled.rates(least=1)
+            for index, one in zip(numpy.flatnonzero(self.counted[:, 1]).tolist(), rates, strict=True):
                 found[index] = (round(one.value, 6), round(one.low, 6), round(one.high, 6))
         return found
 
+    @property
+    def pooled(self) -> PooledBias | None:
+        """What trials and simulation say together of the designs with runs; None if no such design was driven."""
+        known = self.counted[:, 1] > 0
+        return self.bias if self.tried[known, 1].any() else None
+
+    @cached_property
+    def bias(self) -> PooledBias | None:
+        """The difference of trials and simulation at the designs with runs, before trials that it may have."""
+        known = numpy.flatnonzero(self.counted[:, 1])
+        if not len(known) or not self.info.success_defined:
+            return None
+        # Of many driven designs those with most trials tell most.
+        told = known[numpy.argsort(-self.tried[known, 1], kind="stable")][:MOST_POOLED]
+        trials = numpy.where(numpy.isin(known, told)[:, None], self.tried[known], 0)
+        x = numpy.array([[float(self.designs[index][name]) for name in self.values] for index in known.tolist()])
+        with threadpool_limits(1):
+            return pooled_bias(x.reshape(len(known), -1), self.counted[known], trials)
+
+    @cached_property
     def refuted(self) -> list[str | None]:
         """Where a design's own trials contradict simulation, and how; all these statements hold together with 95 %."""
         both = [
@@ -189,6 +210,8 @@ class Designs:
 
 def read_designs(store: Store, info: ExperimentInfo, trials: Sequence[Trial]) -> Designs:
     """The designs of an experiment and those of the same family that only ``trials`` have. StoreError."""
+    # An experiment that has trials only is not among the swept ones.
+    runs = run_arrays(store, info.id) if info.id in store.experiment_ids() else NO_RUNS
     family = list(store.designs(info.id).values())
     known = {_key(info.vehicle_type, one) for one in family}
     others: dict[Any, Design] = {}
@@ -199,7 +222,7 @@ def read_designs(store: Store, info: ExperimentInfo, trials: Sequence[Trial]) ->
             others.setdefault(key, trial.design)
     designs = [*family, *others.values()]
     names = [design_text({name: one[name] for name in info.varied if name in one}) for one in designs]
-    return Designs(store, info, designs, len(family), names, run_arrays(store, info.id), trials)
+    return Designs(store, info, designs, len(family), names, runs, trials)
 
 
 def parameter_columns(designs: Designs) -> list[dict[str, Any]]:
@@ -212,7 +235,8 @@ def parameter_columns(designs: Designs) -> list[dict[str, Any]]:
     return found
 
 
-def _verdict(believed: tuple[float, float, float] | None, threshold: float) -> str | None:
+def verdict(believed: tuple[float, float, float] | None, threshold: float) -> str | None:
+    """Whether a design is good, bad or open, by the interval of what is believed of it."""
     if believed is None:
         return None
     _, low, high = believed

@@ -24,7 +24,8 @@ def read_effects(designs: Designs) -> tuple[Effects | None, list[int]]:
         if len(values) > 1 and all(isinstance(value, int | float) for value in values):
             places.append(place)
     names = [list(designs.values)[place] for place in places]
-    if not names or not designs.info.success_defined:
+    # Fewer designs cannot tell so many parameters apart.
+    if not names or known.sum() < 2 ** len(names) or not designs.info.success_defined:
         return None, places
     runs = designs.runs.counted
     x = [[one.get(name, numpy.nan) for name in names] for one in designs.designs[: designs.swept]]

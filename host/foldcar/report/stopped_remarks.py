@@ -7,10 +7,13 @@ from foldcar.store.info import ExperimentInfo
 def stopped_remarks(info: ExperimentInfo) -> list[str]:
     """How many designs are decided, and how to read their rates; nothing after a sweep of all runs."""
     if info.searched:
+        early = (
+            " It left designs early that did worse than the best, at a risk of 10 % at each of up to ten looks, not in "
+            "all: a good one may be among them."
+        )
         return [
-            "A search chose these designs, and left those early that did worse than the best. Rates of its best are too "
-            "good as a rule: `foldcar optimize` judged them in fresh environments. Rates over several designs tell "
-            "little of a parameter."
+            "A search chose these designs, so rates of its best are too good as a rule: believe those in fresh "
+            "environments." + (early if len(info.objectives) == 1 else "")
         ]
     if info.until is None:
         return []

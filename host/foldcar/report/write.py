@@ -1,10 +1,12 @@
 """Writes a report: all files are written to a temporary folder first and then moved to their places."""
 
+import re
 import shutil
 import tempfile
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import matplotlib
 
@@ -13,12 +15,14 @@ from foldcar.figures.output import save_figure, svg_text
 from foldcar.figures.style import RC
 from foldcar.interrupts import held
 from foldcar.output_folder import check_output_folder
+from foldcar.replay.replay import UNITS
 from foldcar.report.advice import read_advice
-from foldcar.report.advice_slots import Drawing
+from foldcar.report.advice_slots import Drawing, Part
 from foldcar.report.environment_plot import environment_parts
 from foldcar.report.figure_options import THRESHOLDS, FigureOptions
 from foldcar.report.map_part import map_parts
-from foldcar.report.page import Picture, page_html
+from foldcar.report.page import page_html
+from foldcar.report.page_data import page_data
 from foldcar.report.replayer import Replayer
 from foldcar.report.sections import NO_OPTIONS, NO_SLOTS, Section, read_section
 from foldcar.report.settling import settling_parts
@@ -60,6 +64,8 @@ def write_report(
         driven = read_trial_sections(store, list(swept), simulated_trials, options.chosen or THRESHOLDS)
         if not driven and not any(section.summary.total.runs for section in sections):
             raise FoldcarError(f"{store.path}: contains no runs yet; sweep the listing first")
+        data = page_data(store, report_command, options, simulated_trials)
+        blobs = _add_files_and_replays(data, across, sections, driven)
         try:
             with (
                 tempfile.TemporaryDirectory(dir=folder.parent, prefix=f".{folder.name}.") as temporary,
@@ -69,8 +75,8 @@ def write_report(
                 drawings = [drawing for part in across for drawing in part.drawings]
                 drawings += [drawing for section in sections for drawing in section.all_drawings]
                 drawings += [drawing for section in driven for drawing in section.all_drawings]
-                pictures = _save_figures(drawings, made)
-                page = page_html(store.path.name, info, across, sections, driven, pictures, report_command)
+                _save_figures(drawings, made)
+                page = page_html(data, blobs)
                 # Names of files may hold bytes that are no text.
                 (made / PAGE).write_text(page, encoding="utf-8", errors="backslashreplace")
                 folder.mkdir(exist_ok=True)
@@ -82,13 +88,33 @@ def write_report(
     return sections, driven
 
 
-def _save_figures(drawings: Sequence[Drawing], folder: Path) -> dict[str, Picture]:
-    """The drawings as files, and as the page shows them."""
-    pictures = {}
+def _add_files_and_replays(
+    data: dict[str, Any], across: Sequence[Part], sections: Sequence[Section], driven: Sequence[TrialSection]
+) -> dict[str, str]:
+    """Puts the figures' addresses and the replays where the page looks for them; the replays' blobs by their ids."""
+    shared = [drawing for part in across for drawing in part.drawings]
+    # The same store gives the same page.
+    del data["made"]
+    blobs: dict[str, str] = {}
+    for one, section in zip(data["experiments"], sections, strict=False):
+        one["files"] = [_file(drawing) for drawing in (*section.all_drawings, *shared)]
+        one["remarks"] += [remark for remark in section.replay.remarks if remark not in one["remarks"]]
+        if section.replay.runs:
+            one["replays"] = section.replay.runs
+            one["replay"] = {"key": section.key, "units": UNITS, "trials": section.replay.trials}
+            blobs |= {f"{section.key}-{name}": text for name, text in section.replay.blobs.items()}
+    for one, alone in zip(data["experiments"][len(sections) :], driven, strict=False):
+        one["files"] = [_file(drawing) for drawing in alone.all_drawings]
+    return blobs
+
+
+def _file(drawing: Drawing) -> list[str]:
+    return [re.split(r"[.;:]( |$)", drawing.caption)[0], f"{drawing.name}.svg"]
+
+
+def _save_figures(drawings: Sequence[Drawing], folder: Path) -> None:
     for drawing in drawings:
-        wide = drawing.draw(False)
+        figure = drawing.draw(False)
         for suffix in (".png", ".pdf"):
-            save_figure(wide, folder / f"{drawing.name}{suffix}")
-        pictures[drawing.name] = Picture(with_tips(svg_text(wide)), with_tips(svg_text(drawing.draw(True))))
-        (folder / f"{drawing.name}.svg").write_text(pictures[drawing.name].wide, encoding="utf-8")
-    return pictures
+            save_figure(figure, folder / f"{drawing.name}{suffix}")
+        (folder / f"{drawing.name}.svg").write_text(with_tips(svg_text(figure)), encoding="utf-8")

@@ -39,6 +39,11 @@ class Row:
         return has_passed(self.outcome)
 
 
+def fresh_id(experiment: str) -> str:
+    """The name, in stores, of a searched experiment in fresh environments."""
+    return f"{experiment} fresh"
+
+
 class DesignSimulator:
     """One experiment's environment with its simulators. Made by :func:`open_simulator`."""
 
@@ -51,7 +56,7 @@ class DesignSimulator:
         dynamic: bool,
         table: dict[str, TableRow],
         simulated: Callable[[int], None],
-        searched: bool,
+        searched: Sequence[str],
     ) -> None:
         self._experiment = experiment
         self._environment = environment
@@ -131,11 +136,11 @@ def open_simulator(
     carsim: Carsim,
     simulators: Simulators | int,
     simulated: Callable[[int], None],
-    searched: bool,
+    searched: Sequence[str],
 ) -> Iterator[DesignSimulator]:
     """The simulator of an experiment in its ``environment``; ``simulated`` is told how many runs were simulated.
 
-    ``searched`` says whether designs are chosen by these runs, as ExperimentInfo keeps it.
+    ``searched`` names the objectives by which designs are chosen from these runs, as ExperimentInfo keeps them; none are.
     """
     dynamic = is_dynamic(writer.environment(environment.fingerprint), environment, writer)
     table = carsim.parameter_table()

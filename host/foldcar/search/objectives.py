@@ -4,7 +4,7 @@ Each is defined so that a car that fails at once gains nothing by it.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -87,6 +87,13 @@ def film_area_cm2(design: Design) -> float:
     """The area of the car's flat pieces (cm²): the outlines of all faces, tabs included, holes not taken off."""
     pieces = folded_car(design).pieces
     return CM2 * sum(piece.count * sum(area_mm2(face.outline_mm) for face in piece.faces) for piece in pieces)
+
+
+def beaten(losses: Sequence[float], others: Iterable[Sequence[float]]) -> bool:
+    """Whether one of the others is as good in all objectives and better in one; less is better in ``losses``."""
+    return any(
+        list(other) != list(losses) and all(a <= b for a, b in zip(other, losses, strict=True)) for other in others
+    )
 
 
 OBJECTIVES = {

@@ -18,7 +18,7 @@ from optuna.trial import Trial, TrialState
 
 from foldcar.errors import FoldcarError
 from foldcar.search.design_simulator import Values
-from foldcar.search.objectives import Objective
+from foldcar.search.objectives import Objective, beaten
 from foldcar.study.family import Family
 
 # Generations of NSGA-II: of Optuna's default of 50, a search of some hundred designs would see two.
@@ -145,12 +145,7 @@ class Proposals:
         def losses(one: Tried) -> list[float]:
             return [sign * value for sign, value in zip(signs, one.objectives, strict=True)]
 
-        def beaten(one: Tried) -> bool:
-            mine = losses(one)
-            others = (losses(other) for other in whole)
-            return any(other != mine and all(a <= b for a, b in zip(other, mine, strict=True)) for other in others)
-
-        front = whole if len(signs) == 1 else [one for one in whole if not beaten(one)]
+        front = whole if len(signs) == 1 else [one for one in whole if not beaten(losses(one), map(losses, whole))]
         return sorted(front, key=lambda one: (losses(one), one.mean_time_s))[:count]
 
     def _values(self, places: dict[str, int]) -> Values:

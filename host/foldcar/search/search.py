@@ -13,7 +13,7 @@ from pathlib import Path
 
 from foldcar.analysis.words import design_text
 from foldcar.errors import FoldcarError
-from foldcar.search.design_simulator import DesignSimulator, Row, Values, open_simulator
+from foldcar.search.design_simulator import DesignSimulator, Row, Values, fresh_id, open_simulator
 from foldcar.search.objectives import OBJECTIVES, Objective, film_area_cm2
 from foldcar.search.proposals import Proposals, Tried
 from foldcar.simulation.carsim import Carsim
@@ -93,7 +93,7 @@ def searched_study(study: Study, fresh: int) -> Study:
     (chosen,) = study.experiments
     other = replace(
         chosen,
-        id=f"{chosen.id} fresh",
+        id=fresh_id(chosen.id),
         environments=fresh,
         seed=(chosen.seed ^ FRESH_BIT) & GREATEST_SEED,
         variation_seed=(chosen.variation_seed ^ FRESH_BIT) & GREATEST_SEED,
@@ -120,6 +120,7 @@ def search(
     experiment, fresh = study.experiments
     environment = environment_of(experiment)
     _check(experiment, environment, plan)
+    names = [one.name for one in plan.objectives]
 
     def simulated(runs: int) -> None:
         found.new += runs
@@ -128,11 +129,11 @@ def search(
     with write_store(store) as writer:
         writer.begin_study(study_facts(study, carsim, command), carsim.build)
         proposals = Proposals(experiment.family, plan.objectives, plan.sampler, plan.seed, plan.designs)
-        with open_simulator(experiment, environment, writer, carsim, simulators, simulated, True) as simulator:
+        with open_simulator(experiment, environment, writer, carsim, simulators, simulated, names) as simulator:
             _try_designs(experiment, plan, proposals, simulator, found, report)
             simulator.finish(list(proposals.unbuildable))
         best = proposals.best(plan.best)
-        with open_simulator(fresh, environment_of(fresh), writer, carsim, simulators, simulated, False) as simulator:
+        with open_simulator(fresh, environment_of(fresh), writer, carsim, simulators, simulated, ()) as simulator:
             for one in best:
                 rows = _counted(simulator.rows(one.values, range(plan.fresh)))
                 found.best.append(_judged(experiment, plan, one, rows))

@@ -45,7 +45,8 @@ class ExperimentInfo:
     cannot be built, and why. ``calibration`` is None for nominal simulations, else ``name``, ``fingerprint`` and
     ``experiment``: what it was simulated under, and the experiment of the listing; of a reality also its ``kind``. Then
     ``listed_environment`` is the fingerprint of the listing's environment.
-    ``searched`` says that a search chose the designs, and how many runs each has: no more are planned.
+    ``searched`` says that a search chose the designs, and how many runs each has: no more are planned; ``objectives`` are
+    the names of what it went by.
     ``thresholds`` are the shares of passed runs that tell good designs from bad ones. ``engine`` is the name and version
     of what moved the cars, "" in multibody. ``unlike_sides`` says what that engine cannot know here, "" if nothing.
     """
@@ -79,6 +80,7 @@ class ExperimentInfo:
     designs: int = 0
     decided: int = 0
     searched: bool = False
+    objectives: tuple[str, ...] = ()
     engine: str = ""
     unlike_sides: str = ""
 

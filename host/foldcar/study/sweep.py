@@ -180,12 +180,12 @@ def plan_experiment(
     designs: PlannedDesigns,
     rule: StoppingRule | None = None,
     engine: str = "",
-    searched: bool = False,
+    searched: Sequence[str] = (),
     unlike: str = "",
 ) -> PlannedExperiment:
     """Record an experiment and its family's designs, replacing an earlier one of that id. FoldcarError.
 
-    ``rule``, ``engine``, ``searched`` and ``unlike`` are ExperimentInfo's ``until``, ``engine``, ``searched`` and
+    ``rule``, ``engine``, ``searched`` and ``unlike`` are ExperimentInfo's ``until``, ``engine``, ``objectives`` and
     ``unlike_sides``.
     """
     first = next(iter(experiment.family))
@@ -220,7 +220,7 @@ def plan_experiment(
             **({"listed_environment": environment.listed_fingerprint} if environment.calibration else {}),
             "thresholds": experiment.thresholds,
             **({} if rule is None else {"until": asdict(rule)}),
-            **({"searched": True} if searched else {}),
+            **({"searched": True, "objectives": list(searched)} if searched else {}),
             **({"engine": engine} if engine else {}),
             **({"unlike_sides": unlike} if unlike else {}),
             # Elsewhere the others lie elsewhere.

@@ -25,8 +25,20 @@ export function successColour(share) {
 
 const redraw = () => { for (const chart of all) chart.draw(); };
 window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
-window.addEventListener("beforeprint", () => { document.documentElement.classList.add("print"); redraw(); });
+window.addEventListener("beforeprint", () => {
+  document.documentElement.classList.add("print");
+  for (const chart of all) chart.draw(true);
+  for (const { chart } of all) chart.getZr().flush();
+});
 window.addEventListener("afterprint", () => { document.documentElement.classList.remove("print"); redraw(); });
+// A chart is drawn when it comes near the window (px): the page answers at once, however many there are.
+const NEAR = 300;
+const isNear = ({ place }) => {
+  const { top, bottom } = place.getBoundingClientRect();
+  return top < window.innerHeight + NEAR && bottom > -NEAR;
+};
+const drawStale = () => { for (const chart of all) if (chart.stale && isNear(chart)) chart.draw(); };
+for (const event of ["scroll", "resize"]) window.addEventListener(event, drawStale, { passive: true });
 
 export class Chart {
   // option(colours, width): of ECharts; table(): {head, rows} of the same numbers, for readers of tables and of screens.
@@ -36,9 +48,12 @@ export class Chart {
     this.place.className = "chart";
     this.place.setAttribute("role", "img");
     this.place.setAttribute("aria-label", `${label}. The numbers are in the table below.`);
-    figure.prepend(this.place);
+    const caption = figure.querySelector("figcaption");
+    if (caption) caption.after(this.place);
+    else figure.prepend(this.place);
     if (table) figure.append(tableBehind(table));
-    this.chart = echarts.init(this.place, null, { renderer });
+    this.renderer = renderer;
+    this.handlers = [];
     this.width = this.place.clientWidth;
     this.seen = new ResizeObserver(() => {
       if (this.place.clientWidth === this.width) return;
@@ -49,10 +64,19 @@ export class Chart {
     all.add(this);
   }
 
-  draw() {
-    const theme = colours();
-    const { height, ...option } = this.option(theme, this.place.clientWidth);
+  // What a mouse does to the chart's marks: of ECharts.
+  on(event, act) { this.handlers.push([event, act]); }
+
+  // always: although it is not in sight.
+  draw(always = false) {
+    const theme = colours(), { height, ...option } = this.option(theme, this.place.clientWidth);
     if (height) this.place.style.height = `${height}px`;
+    this.stale = !always && !isNear(this);
+    if (this.stale) return;
+    if (!this.chart) {
+      this.chart = echarts.init(this.place, null, { renderer: this.renderer });
+      for (const one of this.handlers) this.chart.on(...one);
+    }
     this.chart.resize();
     this.chart.setOption({ animation: false, textStyle: { fontFamily: "inherit", color: theme.ink }, ...option }, { notMerge: true });
     this.drawn();
@@ -61,7 +85,7 @@ export class Chart {
   dispose() {
     all.delete(this);
     this.seen.disconnect();
-    this.chart.dispose();
+    if (this.chart) this.chart.dispose();
   }
 }
 
@@ -103,7 +127,7 @@ export function plainTable(head, rows) {
 export function axisStyle(theme, name, more = {}) {
   return {
     name, nameLocation: "middle", nameTextStyle: { color: theme.soft, fontSize: 12 }, nameGap: 26,
-    axisLine: { show: true, lineStyle: { color: theme.soft } }, axisTick: { lineStyle: { color: theme.soft } },
+    axisLine: { show: true, onZero: false, lineStyle: { color: theme.soft } }, axisTick: { lineStyle: { color: theme.soft } },
     axisLabel: { color: theme.soft, fontSize: 11, hideOverlap: true }, splitLine: { lineStyle: { color: theme.line } }, ...more,
   };
 }
@@ -114,14 +138,15 @@ export function successAxis(theme, name = "success", more = {}) {
 
 export const tipStyle = theme => ({ backgroundColor: theme.paper, borderColor: theme.line, textStyle: { color: theme.ink, fontSize: 12 }, confine: true, transitionDuration: 0 });
 
-// Vertical intervals: data rows are [x, low, high].
-export function intervals(name, data, colour, width = 1.5, opacity = 1) {
+// Vertical intervals: data rows are [x, low, high]; lying ones are [y, low, high].
+export function intervals(name, data, colour, width = 1.5, opacity = 1, lying = false) {
   return {
-    name, type: "custom", data, silent: true, z: 3, encode: { x: 0, y: [1, 2] },
+    name, type: "custom", data, silent: true, z: 3, encode: lying ? { x: [1, 2], y: 0 } : { x: 0, y: [1, 2] },
     renderItem(params, api) {
-      const [x, low] = api.coord([api.value(0), api.value(1)]), [, high] = api.coord([api.value(0), api.value(2)]);
+      const [at, low, high] = [0, 1, 2].map(k => api.value(k));
+      const [[x1, y1], [x2, y2]] = [low, high].map(end => api.coord(lying ? [end, at] : [at, end]));
       if (Number.isNaN(low)) return null;
-      return { type: "line", shape: { x1: x, y1: low, x2: x, y2: high }, style: { stroke: colour, lineWidth: width, opacity } };
+      return { type: "line", shape: { x1, y1, x2, y2 }, style: { stroke: colour, lineWidth: width, opacity } };
     },
   };
 }

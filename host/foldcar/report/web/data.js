@@ -20,8 +20,10 @@ export class Experiment {
     const { runs } = raw;
     this.runs = runs && { n: runs.n, design: decoded(runs.design), environment: decoded(runs.environment), outcome: decoded(runs.outcome), time_s: decoded(runs.time_s) };
     if (this.runs) this.indexRuns();
-    this.place = new Map(raw.designs.name.map((name, design) => [name, design]));
     this.replay = new Map(raw.replays.map(one => [`${one.design}/${one.environment}`, one]));
+    this.replayed = raw.replay;
+    this.place = new Map(raw.designs.name.map((name, design) => [name, design]));
+
   }
 
   // Runs by design and environment, -1 where there is none; environments in the order of their difficulty.

@@ -27,11 +27,10 @@ export class Parameters {
       this.charts.push(this.parallel.chart);
       this.scatter(place);
     } else {
-      this.parallel = null;
+      this.parallel = this.points = null;
     }
     byId("parameters").hidden = !e.count || (e.count < 2 && !several);
-    for (const chart of this.charts) chart.draw();
-    if (this.parallel) this.parallel.mark();
+    for (const chart of this.charts) if (chart !== this.points) chart.draw();
   }
 
   mark() {
@@ -39,13 +38,13 @@ export class Parameters {
     if (this.parallel) this.parallel.mark();
   }
 
-  hover() { if (this.parallel) this.parallel.chosen(); }
+  hover() { if (this.parallel) this.parallel.hover(); }
 
   scatter(place) {
     const { model } = this, { e } = model, usable = e.axes.filter(axis => axis.values.some(value => value !== null));
     const named = key => usable.find(axis => axis.key === key);
     const [x, y] = [named(model.state.x) || usable.find(axis => axis.key === "time") || usable[0], named(model.state.y) || named(BELIEF) || usable[1]];
-    const options = usable.map(axis => [axis.key, axis.label]), pick = key => value => { model.set({ x: x.key, y: y.key, [key]: value }); this.use(); };
+    const options = usable.map(axis => [axis.key, axis.label]), pick = key => value => { model.set({ x: x.key, y: y.key, [key]: value }); this.use(); this.mark(); };
     const figure = make("figure", { "data-chart": "scatter" });
     place.append(make("div", { class: "controls" }, select("→", options, x.key, pick("x")), select("↑", options, y.key, pick("y")), scale()), figure);
     const axisOf = (theme, axis, up) => (axis.key === BELIEF && up ? successAxis(theme) : axisStyle(theme, withUnit(axis), { type: axis.categories ? "category" : "value", data: axis.categories ?? undefined, scale: true, nameGap: up ? 46 : 26 }));
@@ -107,9 +106,9 @@ class Parallel {
     const { e } = model;
     this.axes = drawable(e);
     const figure = make("figure", { "data-chart": "parallel" });
-    place.append(make("h3", { text: "Designs by all their numbers" }), make("p", { class: "note", text: "Drag along an axis to keep a range of it; press the axis to let go." }), this.kept = make("p", { class: "kept", role: "status" }), figure, this.fields());
+    place.append(make("h3", { text: "Designs by all their numbers" }), make("p", { class: "note", text: "Drag along an axis to keep a range of it. Less is better where the numbers fall." }), this.kept = make("p", { class: "kept", role: "status" }), figure, this.fields());
     this.chart = new Chart(figure, { label: "Every design as a line over its parameters and results", renderer: e.count > 300 ? "canvas" : "svg", option: (theme, width) => this.option(theme, width), table: () => designTable(model), drawn: () => this.restore() });
-    this.chart.chart.on("axisareaselected", event => {
+    this.chart.on("axisareaselected", event => {
       const { parallelAxisId: key, intervals } = event;
       if (this.restoring || !e.axis[key]) return;
       const limits = this.limits(e.axis[key]);
@@ -126,7 +125,7 @@ class Parallel {
       const [least, most] = this.limits(axis);
       return {
         dim, id: axis.key, name: upright ? withUnit(axis) : `${axis.label}${axis.unit ? `\n${axis.unit}` : ""}`, realtime: false, type: axis.categories ? "category" : "value", data: axis.categories ?? undefined,
-        ...(axis.categories ? {} : { min: least, max: most }), inverse: !upright && axis.better === "less",
+        ...(axis.categories ? {} : { min: least, max: most }), inverse: turned(axis, upright), nameLocation: turned(axis, upright) || upright ? "start" : "end",
       };
     });
     const data = [...Array(e.count).keys()].map(k => ({ value: this.axes.map(axis => (axis.values[k] === null ? "-" : axis.categories ? axis.categories[axis.values[k]] : axis.values[k])), lineStyle: { color: successColour(e.designs.belief[k]) } }));
@@ -135,7 +134,7 @@ class Parallel {
       height: upright ? 64 * this.axes.length + 40 : 330,
       parallel: { left: upright ? 20 : 46, right: upright ? 24 : 46, top: upright ? 34 : 46, bottom: upright ? 30 : 24, layout: upright ? "vertical" : "horizontal",
         parallelAxisDefault: {
-          nameLocation: upright ? "start" : "end", nameGap: upright ? 4 : 14, nameTextStyle: { color: theme.ink, fontSize: 12, lineHeight: 14, ...(upright ? { align: "left", verticalAlign: "bottom", padding: [0, 0, 12, 0] } : {}) },
+          nameGap: upright ? 4 : 14, nameTextStyle: { color: theme.ink, fontSize: 12, lineHeight: 14, ...(upright ? { align: "left", verticalAlign: "bottom", padding: [0, 0, 12, 0] } : {}) },
           axisLine: { lineStyle: { color: theme.soft } }, axisTick: { lineStyle: { color: theme.soft } }, axisLabel: { color: theme.soft, fontSize: 11, hideOverlap: true },
           areaSelectStyle: { width: upright ? 26 : 18, borderColor: theme.accent, borderWidth: 1.5, color: theme.accent, opacity: 0.25 },
         } },
@@ -158,14 +157,23 @@ class Parallel {
   }
 
   line() {
-    const { model } = this, k = model.hovered ?? model.design;
+    const k = this.model.design;
     return k === null ? [] : [{ value: this.axes.map(axis => (axis.values[k] === null ? "-" : axis.categories ? axis.categories[axis.values[k]] : axis.values[k])) }];
   }
 
-  chosen() { this.chart.chart.setOption({ series: [{ id: "all" }, { id: "chosen", data: this.line() }] }); }
+  chosen() { if (!this.chart.stale) this.chart.chart.setOption({ series: [{ id: "all" }, { id: "chosen", data: this.line() }] }); }
+
+  // Without setOption, which would end a brush that is being drawn.
+  hover() {
+    if (this.chart.stale) return;
+    const { chart } = this.chart, seriesId = "all";
+    chart.dispatchAction({ type: "downplay", seriesId });
+    if (this.model.hovered !== null) chart.dispatchAction({ type: "highlight", seriesId, dataIndex: this.model.hovered });
+  }
 
   // The chart's brushes as the state has them.
   restore() {
+    if (this.chart.stale) return;
     this.restoring = true;
     for (const axis of this.axes) {
       const intervals = this.model.state.brushes[axis.key] || [];
@@ -207,4 +215,6 @@ class Parallel {
   }
 }
 
+// Better is above.
+const turned = (axis, upright) => !upright && axis.better === "less";
 const round = value => Number(value.toPrecision(6));

@@ -8,10 +8,14 @@ import { byId, make } from "./dom.js";
 const OUTCOMES = { passed: "#009e73", tipped: "#d55e00", stuck: "#56b4e9", off_course: "#cc79a7", timeout: "#f0e442", fault: "#777", terminated: "#0072b2", rejected: "#e69f00", failed: "#999" };
 const MOST_CAUSES = 6;
 const MOST_LISTED = 200;
+// Cells that are elements of their own, which print sharply.
+const MOST_DRAWN = 5000;
 // Heights of a row and room for axes (px).
 const ROW = 4;
 const LEAST = 260;
 const MOST = 520;
+// Columns that are wider have names (px).
+const NAMED = 11;
 
 export class Runs {
   constructor(model, replay) { Object.assign(this, { model, replay, charts: [] }); }
@@ -26,21 +30,25 @@ export class Runs {
     byId("grid").replaceChildren();
     this.grid = e.runs && e.count ? new Grid(model, byId("grid")) : null;
     if (this.grid) this.charts.push(this.grid.chart);
+    byId("replay").hidden = !e.replayed;
     byId("omitted").textContent = e.runs_omitted || "";
     byId("runs").hidden = !e.count;
-    for (const chart of this.charts) chart.draw();
-    this.mark();
+    for (const chart of this.charts) if (chart !== this.grid?.chart) chart.draw();
   }
 
+  // Pictures of those that tell something; the rest is in the table.
   causes(causes) {
-    const { e } = this.model, place = byId("causes"), pictures = make("div", { class: "multiples" });
-    place.append(make("h3", { text: "Why do they fail?" }), make("p", { class: "note", text: "What the environments drew at random, by how well it separates failed from passed runs: 0 % not at all, 100 % wholly. Bars: success at such values." }), pictures);
-    causes.slice(0, MOST_CAUSES).forEach((cause, rank) => {
-      const figure = make("figure", {}, make("figcaption", {}, make("b", { text: `${rank + 1}. ${cause.label}` }), ` separates ${percent(cause.separation)}${cause.low === null || cause.low === undefined ? "" : ` (${percent(cause.low)} to ${percent(cause.high)})`}`));
+    const place = byId("causes"), pictures = make("div", { class: "multiples" }), telling = causes.filter(one => one.low > 0).slice(0, MOST_CAUSES);
+    const [strongest] = causes, interval = ({ separation, low, high }) => `${percent(separation)} (${percent(low)} to ${percent(high)})`;
+    place.append(make("h3", { text: "Why do they fail?" }), make("p", { class: "note", text: telling.length
+      ? "What the environments drew at random, by how well it separates failed from passed runs of the same design: 0 % not at all, 100 % wholly. Bars: success at such values."
+      : `Of what the environments drew at random, nothing clearly separates failed from passed runs of the same design; most does ${strongest.label}: ${interval(strongest)}, where 0 % is not at all.` }), pictures);
+    telling.forEach((cause, rank) => {
+      const figure = make("figure", {}, make("figcaption", {}, make("b", { text: `${rank + 1}. ${cause.label}` }), ` separates ${interval(cause)}`));
       pictures.append(figure);
       this.charts.push(new Chart(figure, causeFigure(cause)));
     });
-    if (causes.length > MOST_CAUSES) place.append(tableBehind(() => ({ head: ["value", "separates", "95 %"], rows: causes.map(one => [one.label, percent(one.separation), one.low === null || one.low === undefined ? "–" : `${percent(one.low)} to ${percent(one.high)}`]) }), `all ${causes.length} values`));
+    if (causes.length > telling.length) place.append(tableBehind(() => ({ head: ["value", "separates (95 %)", "success"], rows: causes.map(one => [one.label, interval(one), one.rises ? "rises with it" : "falls with it"]) }), `all ${causes.length} values`));
   }
 
   mark() {
@@ -48,10 +56,8 @@ export class Runs {
     endings(model);
     if (this.grid) this.grid.mark();
     listed(model);
-    this.replay.show(model.design, model.env, model.state.t ?? 0);
+    if (model.e.replayed) this.replay.show(model.design, model.env, model.state.t ?? 0, model.state.t === null && document.body.dataset.state === "ready");
   }
-
-  hover() { if (this.grid) this.grid.hover(); }
 }
 
 function causeFigure({ label, unit, bins }) {
@@ -120,15 +126,15 @@ class Grid {
     const figure = make("figure", { "data-chart": "grid" });
     place.append(make("div", { class: "controls" }, order, make("span", { class: "note", text: "Press a cell, or use the arrow keys: it is a run." })), figure, this.told);
     this.arrange();
-    this.chart = new Chart(figure, { label: "Outcome of every run: a column for each design, a row for each environment", renderer: "canvas", option: (theme, width) => this.option(theme, width) });
+    this.chart = new Chart(figure, { label: "Outcome of every run: a column for each design, a row for each environment", renderer: e.runs.n > MOST_DRAWN ? "canvas" : "svg", option: (theme, width) => this.option(theme, width) });
     this.chart.place.tabIndex = 0;
     this.chart.place.setAttribute("role", "application");
     this.chart.place.setAttribute("aria-label", "Outcomes: a column for each design, a row for each environment. Arrow keys move from run to run.");
     this.chart.place.addEventListener("keydown", event => this.key(event));
     const cell = ({ value }) => [this.columns[value[0]], this.rows[value[1]]];
-    this.chart.chart.on("click", event => { if (event.value) this.choose(...cell(event)); });
-    this.chart.chart.on("mouseover", event => { if (event.value) { model.hover(cell(event)[0]); this.tell(...cell(event)); } });
-    this.chart.chart.on("mouseout", () => { model.hover(null); this.tell(model.design, model.env); });
+    this.chart.on("click", event => { if (event.value) this.choose(...cell(event)); });
+    this.chart.on("mouseover", event => { if (event.value) { model.hover(cell(event)[0]); this.tell(...cell(event)); } });
+    this.chart.on("mouseout", () => { model.hover(null); this.tell(model.design, model.env); });
   }
 
   arrange() {
@@ -157,13 +163,16 @@ class Grid {
       const outcome = e.runs.outcome[run];
       data.push({ value: [column, row, outcome], itemStyle: { color: OUTCOMES[e.outcomes[outcome]], opacity: kept.size && !kept.has(outcome) ? 0.1 : 1 } });
     }));
-    const height = Math.max(LEAST, Math.min(MOST, 90 + ROW * this.rows.length));
+    const several = e.parameters.length > 1, height = Math.max(LEAST, Math.min(MOST, (several ? 140 : 90) + ROW * this.rows.length));
     const at = [this.columns.indexOf(model.design), this.rows.indexOf(model.env)];
-    const [cellWidth, cellHeight] = [(width - 64) / Math.max(1, this.columns.length), (height - 84) / Math.max(1, this.rows.length)];
-    const names = this.columns.map(design => e.designs.name[design]);
+    const [cellWidth, cellHeight] = [(width - 64) / Math.max(1, this.columns.length), (height - (several ? 106 : 58)) / Math.max(1, this.rows.length)];
+    const named = e.parameters.length < 2 || cellWidth > NAMED;
     return {
-      height, grid: { left: 52, right: 12, top: 10, bottom: e.parameters.length > 1 ? 30 : 48 },
-      xAxis: axisStyle(theme, e.parameters.length === 1 ? withUnit(e.parameters[0]) : `${this.columns.length} designs`, { type: "category", data: e.parameters.length === 1 ? this.columns.map(design => valueOf(e, design)) : names, nameGap: e.parameters.length > 1 ? 10 : 26, axisTick: { show: false }, ...(e.parameters.length > 1 ? { axisLabel: { show: false } } : {}) }),
+      height, grid: { left: 52, right: 12, top: 10, bottom: !several ? 48 : named ? 96 : 30 },
+      xAxis: axisStyle(theme, several ? `${this.columns.length} designs${named ? `: ${e.parameters.map(withUnit).join(" · ")}` : ""}` : e.parameters.length ? withUnit(e.parameters[0]) : "", {
+        type: "category", data: this.columns.map(design => valuesOf(e, design)), nameGap: !several ? 26 : named ? 76 : 10, axisTick: { show: false },
+        axisLabel: { show: named, color: theme.soft, fontSize: 11, hideOverlap: true, rotate: several ? 90 : 0 },
+      }),
       yAxis: axisStyle(theme, state.order === "difficulty" ? "environments, hardest below" : "environment", { type: "category", data: this.rows.map(String), nameGap: 36, axisTick: { show: false }, splitLine: { show: false } }),
       series: [
         { type: "heatmap", data, progressive: 0, itemStyle: { borderWidth: cellWidth > 6 && cellHeight > 6 ? 0.5 : 0, borderColor: theme.paper }, emphasis: { itemStyle: { borderColor: theme.ink, borderWidth: 1.5 } } },
@@ -183,8 +192,6 @@ class Grid {
     this.tell(this.model.design, this.model.env);
   }
 
-  hover() {}
-
   tell(design, environment) {
     const { e } = this.model, run = e.run(design, environment);
     this.told.textContent = design === null ? "" : run < 0
@@ -193,4 +200,4 @@ class Grid {
   }
 }
 
-const valueOf = (e, design) => { const axis = e.axes[0], value = axis.values[design]; return axis.categories ? axis.categories[value] : String(value); };
+const valuesOf = (e, design) => e.parameters.map((_, k) => e.axes[k]).map(axis => { const value = axis.values[design]; return value === null ? "–" : axis.categories ? axis.categories[value] : String(value); }).join(" · ");

@@ -13,9 +13,15 @@ function chooser(model) {
   const several = model.study.experiments.length > 1;
   byId("experiment").hidden = !several;
   const list = byId("experiment").querySelector("select");
-  list.replaceChildren(...model.study.experiments.map(one => new Option(`${one.id}: ${(one.provenance.find(([label]) => label === "environment") || ["", ""])[1]}`, one.id)));
+  list.replaceChildren(...model.study.experiments.map(one => new Option(`${one.id} ${scene(one)}`, one.id)));
   list.value = model.e.id;
   list.onchange = () => model.set({ e: list.value });
+}
+
+// The name of an experiment's program.
+function scene({ provenance }) {
+  const [, text] = provenance.find(([label]) => label === "environment") || ["", ""];
+  return (/([^/ ]+)\.scenic/.exec(text) || ["", ""])[1].replaceAll("_", " ");
 }
 
 // The address keeps the part of the page that is read.
@@ -24,7 +30,7 @@ function follow(model) {
     for (const entry of entries) seen.set(entry.target.id, entry.intersectionRatio > 0 ? entry.intersectionRect.height : 0);
     const [most] = [...seen].sort((a, b) => b[1] - a[1]);
     if (!most || !most[1]) return;
-    for (const link of document.querySelectorAll("nav a")) link.toggleAttribute("aria-current", link.hash === `#at=${most[0]}`);
+    for (const link of document.querySelectorAll("nav a")) link.toggleAttribute("aria-current", link.hash === `#${most[0]}`);
     const at = most[0] === SECTIONS[0] ? null : most[0];
     if (at === model.state.at) return;
     model.state.at = at;
@@ -33,7 +39,7 @@ function follow(model) {
   for (const id of SECTIONS) watch.observe(byId(id));
   for (const link of document.querySelectorAll("nav a")) link.addEventListener("click", event => {
     event.preventDefault();
-    byId(link.hash.slice(4)).scrollIntoView();
+    byId(link.hash.slice(1)).scrollIntoView();
   });
 }
 
@@ -63,6 +69,7 @@ function start() {
   if (model.state.at) model.scroll();
   follow(model);
   document.body.dataset.state = "ready";
+  document.body.dataset.readyMs = performance.now().toFixed(0);
 }
 
 start();

@@ -1,0 +1,261 @@
+"""The page's words on an experiment: its headline, which designs are most likely to work, which would tell most, ranges.
+
+Input: designs with what is believed of them, a smooth model of simulation. Output: sentences that say no more than these.
+A design's chance is that its success reaches the last threshold.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from foldcar.analysis import selection
+from foldcar.analysis.effects import Effects
+from foldcar.analysis.gap import OPTIMISTIC, PESSIMISTIC
+from foldcar.analysis.gaussian_process import unit_range
+from foldcar.analysis.words import count, label_and_unit, listed, percent, span_text, value_text
+from foldcar.car.modules import parameters
+from foldcar.report.page_designs import Designs
+from foldcar.simulation.results import no_rate_text
+
+# Designs that a line names.
+NAMED = 3
+# Rates (0 to 1) that differ by no more are a tie.
+TIE = 0.005
+# More designs are thinned out before those that tell most are chosen: every pair of them is compared.
+MOST_COMPARED = 150
+DRAWS, ROUND_TRIALS = 1000, 10
+# A rate that rises by less than this at an end of the range (0 to 1) does not count.
+LEAST_RISE = 0.02
+
+
+@dataclass(frozen=True)
+class Advice:
+    """``effects`` is the smooth model, None if there is none, of the parameters at ``places``."""
+
+    designs: Designs
+    effects: Effects | None
+    places: Sequence[int]
+    threshold: float
+
+    @property
+    def limit(self) -> str:
+        """The threshold as it is written."""
+        return percent(self.threshold)
+
+    @cached_property
+    def known(self) -> NDArray[Any]:
+        """The designs with runs that count, by index."""
+        return numpy.flatnonzero(self.designs.counted[:, 1])
+
+    @cached_property
+    def rates(self) -> NDArray[Any]:
+        """What is believed of the known designs (known, 3): rate, low, high."""
+        return numpy.array([self.designs.believed[index] for index in self.known], dtype=float).reshape(-1, 3)
+
+    @cached_property
+    def draws(self) -> NDArray[Any]:
+        """Draws of the known designs' true rates (draws, known), as far as simulation can be trusted before trials."""
+        with threadpool_limits(1):
+            bias = self.designs.bias
+            return numpy.zeros((1, 0)) if bias is None else bias.draws(DRAWS)
+
+    @cached_property
+    def unit(self) -> NDArray[Any]:
+        """The known designs' numeric parameters (known, k), each scaled to 0 to 1."""
+        names = [list(self.designs.values)[place] for place in self.places]
+        some = [[float(self.designs.designs[index][name]) for name in names] for index in self.known]
+        return unit_range(numpy.array(some).reshape(len(self.known), len(names)))
+
+    def headline(self) -> str:
+        """The result in one or two sentences."""
+        info, designs = self.designs.info, self.designs
+        passed, trials = designs.tried.sum(axis=0).tolist()
+        if not info.stored_runs:
+            if not trials:
+                return "No run is stored yet."
+            return f"{passed} of {count(trials, 'trial')} of built cars passed; nothing was simulated to compare with."
+        if not info.success_defined:
+            return (
+                "What counts as success is not defined here: the page shows how runs ended, not which designs are good."
+            )
+        if not len(self.known):
+            return f"Nothing can be said: {no_rate_text(info.stored_runs)}."
+        if designs.pooled is None:
+            driven = " No built car was driven yet." if not trials else ""
+            return f"In {info.simulation} {self._reaching()}.{driven}"
+        said = []
+        for how in (OPTIMISTIC, PESSIMISTIC):
+            names = [designs.names[at] for at, one in enumerate(designs.refuted) if one == how]
+            said += [f"{how} at {joined(names)}"] if names else []
+        wrong = f"Trials contradict {info.simulation}: it is {' and '.join(said)}. " if said else ""
+        return f"{wrong}By {info.simulation} and {count(trials, 'trial')} together {self._reaching()}."
+
+    def judged(self, fresh: "Advice") -> tuple[str, dict[str, Any]]:
+        """Headline and likely designs of a search: of what its best are worth in ``fresh`` environments."""
+        found, number = fresh.likely(), count(len(self.known), "design")
+        if not found["designs"]:
+            return f"A search tried {number}; none passes in fresh environments.", found
+        best = found["designs"][0]
+        leads = f"{fresh.designs.names[best]} leads with {found['why'][0]}"
+        places = {fresh.designs.names[at]: at for at in found["designs"]}
+        indices = [self.designs.names.index(name) for name in places]
+        judged = f"{len(fresh.known)} were judged in {fresh.designs.info.environments:,} fresh environments"
+        said = {**found, "text": f"In fresh environments {found['text']}", "designs": indices}
+        return f"A search tried {number} and {judged}: {leads}.", said
+
+    def _reaching(self) -> str:
+        """Which designs pass more often than the threshold, and how sure that is."""
+        share = f"more than {self.limit} of the environments"
+        good = self.rates[:, 0] > self.threshold
+        if not good.any():
+            best = self.rates[:, 0].argmax()
+            if self.rates[best, 0] == 0:
+                return "no design passes a single environment"
+            return f"no design passes {share}; the best, {self._name(best)}, passes {percent(self.rates[best, 0])}"
+        sure = self.rates[:, 1] > self.threshold
+        if good.all():
+            which = "the design passes" if len(good) == 1 else f"every one of {count(len(good), 'design')} passes"
+        elif len(self.designs.info.varied) == 1:
+            which = f"{self._ranges(good)} pass" + ("es" if good.sum() == 1 else "")
+        else:
+            which = f"{good.sum():,} of {count(len(good), 'design')} pass" + ("es" if good.sum() == 1 else "")
+        if sure[good].all():
+            return f"{which} {share}, and so do the lower ends of the 95 % intervals"
+        if not sure.any():
+            return f"{which} {share}, but none of them surely (95 %)"
+        ranges = self._ranges(sure) if len(self.designs.info.varied) == 1 else f"{sure.sum():,} of them"
+        return f"{which} {share}, {ranges} surely (95 %)"
+
+    def _name(self, at: "int | numpy.integer[Any]") -> str:
+        return self.designs.names[int(self.known[at])]
+
+    def _ranges(self, chosen: NDArray[Any]) -> str:
+        """Values of the one parameter as ranges of neighbours: ``75 to 150 mm``."""
+        (name,) = self.designs.info.varied
+        values = [self.designs.designs[index][name] for index in self.known]
+        order = sorted(range(len(values)), key=lambda at: values[at])
+        runs: list[list[Any]] = []
+        for before, at in zip([None, *order], order, strict=False):
+            if chosen[at]:
+                if before is None or not chosen[before]:
+                    runs.append([])
+                runs[-1].append(values[at])
+        return listed([span_text(name, run[0], run[-1]) for run in runs])
+
+    def likely(self) -> dict[str, Any]:
+        """The designs most likely to work: the best by belief and some of its ties, varied."""
+        if not len(self.known) or not self.designs.info.success_defined or not self.rates[:, 0].any():
+            return {"text": "", "designs": [], "why": []}
+        rates = self.rates[:, 0]
+        ties = numpy.flatnonzero(rates >= rates.max() - TIE)
+        # First the one whose neighbours are good, too, then those farthest from it.
+        first = ties[int(self._smooth[ties].argmax())]
+        chosen = self._spread([first, *ties[ties != first]])
+        why = [self._rate_text(at) for at in chosen]
+        names = [self._name(at) for at in chosen]
+        together = "" if self.designs.pooled is None else " by simulation and trials together"
+        if len(ties) > 1:
+            each = f"{count(len(ties), 'design')} tie at {percent(rates.max())}{together}"
+            such = "" if len(chosen) == len(ties) else "such as "
+            text = (
+                f"{each} (at least {percent(self.rates[ties, 1].min())} with 95 % confidence each): {such}{joined(names)}"
+            )
+        else:
+            text = f"{names[0]}: {why[0]}{together}"
+        driven = self._best_driven(first)
+        return {"text": f"{text}.{driven}", "designs": [int(self.known[at]) for at in chosen], "why": why}
+
+    @property
+    def _smooth(self) -> NDArray[Any]:
+        """Rates of the known designs by what is known of their neighbours, too."""
+        if self.designs.pooled is not None or self.effects is None:
+            return self.rates[:, 0]
+        with threadpool_limits(1):
+            return self.effects.model.rates(self.effects.parameters)[0]
+
+    def _best_driven(self, best: int) -> str:
+        """Of driven designs, the best one, unless it is ``best``."""
+        tried = self.designs.tried[self.known]
+        driven = numpy.flatnonzero(tried[:, 1])
+        if not len(driven) or tried[best, 1]:
+            return ""
+        at = driven[int(self.rates[driven, 0].argmax())]
+        passed, number = tried[at].tolist()
+        return f" Of the driven designs {self._name(at)} leads: {passed} of {count(number, 'trial')} passed."
+
+    def _rate_text(self, at: int) -> str:
+        rate, low, high = self.rates[at].tolist()
+        return f"{percent(rate)} ({percent(low)} to {percent(high)})"
+
+    def _spread(self, ties: Sequence[int]) -> list[int]:
+        """The first and those farthest from it and from each other, at most NAMED."""
+        unit = self.unit[ties]
+        if not unit.size:
+            return [int(at) for at in ties[:NAMED]]
+        chosen = [0]
+        while len(chosen) < min(NAMED, len(ties)):
+            apart = numpy.sqrt(((unit[:, None] - unit[chosen]) ** 2).sum(axis=2)).min(axis=1)
+            chosen.append(int(apart.argmax()))
+        return [int(ties[at]) for at in chosen]
+
+    def learn(self) -> dict[str, Any]:
+        """The designs whose trials would tell most, each with its chance to reach the threshold and why."""
+        if len(self.known) < 2 or not self.designs.info.success_defined or not self.unit.size:
+            return {"text": "", "designs": [], "why": []}
+        candidates = numpy.arange(len(self.known))
+        if len(candidates) > MOST_COMPARED:
+            kept = numpy.linspace(0, len(candidates) - 1, MOST_COMPARED).round().astype(int)
+            candidates = numpy.union1d(candidates[kept], numpy.flatnonzero(self.designs.tried[self.known, 1]))
+        # Neighbours are at most one value apart in every parameter.
+        ranks = numpy.array([numpy.unique(column, return_inverse=True)[1] for column in self.unit[candidates].T]).T
+        near = numpy.abs(ranks[:, None] - ranks[None, :]).max(axis=2) <= 1
+        with threadpool_limits(1):
+            found = selection.choose(self.draws[:, candidates], self.threshold, ROUND_TRIALS, NAMED, near=near)
+        chosen = [int(candidates[at]) for at in found]
+        why = [self._why(at) for at in chosen]
+        named = joined([f"{self._name(at)} ({reason})" for at, reason in zip(chosen, why, strict=True)])
+        text = f"{named}." if chosen else ""
+        return {"text": text, "designs": [int(self.known[at]) for at in chosen], "why": why}
+
+    def _why(self, at: int) -> str:
+        chance = float((self.draws[:, at] > self.threshold).mean())
+        passed, number = self.designs.tried[self.known[at]].tolist()
+        done = f"{passed} of {count(number, 'trial')} passed, " if number else ""
+        return f"{done}{percent(chance)} chance to pass more than {self.limit}"
+
+    def edges(self) -> list[str]:
+        """Ends of ranges at which success still rises."""
+        if self.effects is None or self.designs.info.searched:
+            return []
+        said, names = [], list(self.designs.values)
+        for at, place in enumerate(self.places):
+            name = names[place]
+            with threadpool_limits(1):
+                one = self.effects.effect(at)
+            if len(one.grid) < 3:
+                continue
+            for end, inner, rises in ((0, 1, one.rises[0]), (-1, -2, one.rises[1])):
+                higher = one.mean[end] - one.mean[inner] >= LEAST_RISE and one.mean[end] == one.mean.max()
+                value = float(one.grid[end])
+                if higher and rises > 0.95 and self._extendable(name, value, end == -1):
+                    label = label_and_unit(name)[0]
+                    where = f"the range's {'upper' if end else 'lower'} end"
+                    said.append(f"Success still rises at {label} {value_text(name, value)}, {where}: extend it.")
+        return said
+
+    def _extendable(self, name: str, value: float, upwards: bool) -> bool:
+        """Whether cars with a value beyond may be asked for."""
+        found = next((one.declared for one in parameters().values() if one.column == name), None)
+        if found is None:
+            return True
+        return value < found.maximum if upwards else not isinstance(found.minimum, float | int) or value > found.minimum
+
+
+def joined(names: Sequence[str]) -> str:
+    """Designs in a row, set apart by semicolons where they have commas themselves."""
+    return "; ".join(names) if any("," in one for one in names) else listed(names)

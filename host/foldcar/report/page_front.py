@@ -1,0 +1,75 @@
+"""What a search found, for the page: designs that none beats in all objectives, with values from fresh environments.
+
+Values in the environments that a design was chosen by are too good as a rule: only designs that were judged in fresh
+ones are called best. The objectives are those of :mod:`foldcar.search.objectives`, by the same functions.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+from foldcar.report.page_designs import Designs
+from foldcar.search.design_simulator import Row
+from foldcar.search.objectives import OBJECTIVES, Objective, beaten
+from foldcar.simulation.results import NUMBERS, OUTCOMES
+
+
+def search_front(designs: Designs, areas: Sequence[float | None], fresh: Designs | None) -> dict[str, Any] | None:
+    """The designs that a search tried in all environments; None if no search made the experiment.
+
+    ``areas`` are the designs' sheet areas (cm²), ``fresh`` the same experiment in fresh environments.
+    """
+    info = designs.info
+    objectives = [OBJECTIVES[name] for name in info.objectives if name in OBJECTIVES]
+    if not objectives:
+        return None
+    places = {tuple(sorted(one.items())): at for at, one in enumerate(fresh.designs)} if fresh is not None else {}
+    tried, again = _rows(designs), _rows(fresh) if fresh is not None else []
+    points = []
+    for index, rows in enumerate(tried):
+        at = places.get(tuple(sorted(designs.designs[index].items())))
+        judged = again[at] if at is not None else []
+        # Designs that were left early were not tried in all environments.
+        if judged or len(rows) == max(map(len, tried)):
+            points.append(_point(index, objectives, judged or rows, info.timeout_s, areas[index], bool(judged)))
+    signs = [-1 if one.largest else 1 for one in objectives]
+    for fresh_too in (True, False):
+        some = [one for one in points if one["fresh"] == fresh_too]
+        losses = [_losses(one["values"], signs) for one in some]
+        for one, mine in zip(some, losses, strict=True):
+            one["beaten"] = beaten(mine, losses)
+    shown = [
+        {"label": one.meaning, "unit": one.unit or "%", "better": "more" if one.largest else "less"} for one in objectives
+    ]
+    return {"objectives": shown, "points": points}
+
+
+def _rows(designs: Designs) -> list[list[Row]]:
+    """The runs of each design that count."""
+    runs = designs.runs.counted
+    found: list[list[Row]] = [[] for _ in designs.designs]
+    numbers = (runs.metrics[:, NUMBERS.index(name)].tolist() for name in ("elapsed_time_s", "consumed_energy_j"))
+    for design, outcome, time_s, energy_j in zip(runs.design.tolist(), runs.outcome.tolist(), *numbers, strict=True):
+        known = (None if value != value else value for value in (time_s, energy_j))
+        found[design].append(Row(OUTCOMES[outcome], *known))
+    return found
+
+
+def _point(
+    index: int, objectives: Sequence[Objective], rows: list[Row], limit_s: float, area_cm2: float | None, fresh: bool
+) -> dict[str, Any]:
+    values, low, high = [], [], []
+    for one in objectives:
+        if one.value is None or one.interval is None:
+            values.append(area_cm2)
+            low.append(area_cm2)
+            high.append(area_cm2)
+            continue
+        ends = one.interval(rows, limit_s)
+        for column, value in ((values, one.value(rows, limit_s)), (low, ends[0]), (high, ends[1])):
+            shown = value if one.unit else 100 * value
+            column.append(float(f"{shown:.5g}") if abs(value) != float("inf") else None)
+    return {"design": index, "values": values, "low": low, "high": high, "fresh": fresh, "beaten": False}
+
+
+def _losses(values: Sequence[float | None], signs: Sequence[int]) -> list[float]:
+    return [float("inf") if value is None else sign * value for sign, value in zip(signs, values, strict=True)]

@@ -1,0 +1,71 @@
+"""What a reader must know of an experiment's numbers beside the numbers: what is missing, left out or of another kind."""
+
+import shlex
+from collections import Counter
+from collections.abc import Sequence
+
+from foldcar.advice.evidence import rejected_text
+from foldcar.analysis.words import count
+from foldcar.report.page_designs import Designs
+from foldcar.report.stopped_remarks import stopped_remarks
+from foldcar.simulation.results import OUTCOMES
+from foldcar.store.info import ExperimentInfo
+from foldcar.store.reader import Store
+from foldcar.store.trial_records import Trial, left_out_text
+
+# Different messages of failed runs, and skipped cars, that are shown.
+SHOWN = 5
+
+
+def remarks(designs: Designs, trials: Sequence[Trial], left_out: Counter[str]) -> list[str]:
+    """The remarks on an experiment, of which ``trials`` are shown and ``left_out`` are not, by standing. StoreError."""
+    store, info = designs.store, designs.info
+    ends = dict(zip(OUTCOMES, designs.ends.sum(axis=0).tolist(), strict=True))
+    found = [info.warning] if info.warning else []
+    if info.stored_runs < info.planned_runs:
+        found.append(
+            f"Unfinished: {info.stored_runs:,} of {info.planned_runs:,} runs are stored; the command that started the "
+            "sweep resumes it."
+        )
+    found += stopped_remarks(info)
+    rejected = rejected_text(store.design_counts(info.id))
+    found += [rejected] if rejected else []
+    if ends["terminated"] and info.success_defined:
+        found.append(
+            f"The program itself ended {ends['terminated']:,} of {info.stored_runs:,} runs; they count as not passed."
+        )
+    if info.skipped:
+        more = f"; and {len(info.skipped) - SHOWN} more" if len(info.skipped) > SHOWN else ""
+        shown = "; ".join(info.skipped[:SHOWN]) + more
+        found.append(f"{count(len(info.skipped), 'car')} of the family cannot be built: {shown}.")
+    strange = sum(designs.index_of(trial) is None for trial in trials)
+    if strange:
+        found.append(f"{count(strange, 'trial')} of cars that do not belong to this family count in no rate here.")
+    left = left_out_text(left_out)
+    found += [left] if left else []
+    return found + _elsewhere(store, info, trials) + _failures(store, info, ends["failed"])
+
+
+def _elsewhere(store: Store, info: ExperimentInfo, trials: Sequence[Trial]) -> list[str]:
+    """What is said of trials that were not driven in the environment of the runs they are shown beside."""
+    elsewhere = store.trials_elsewhere(info) if info.environments else {}
+    programs = Counter(elsewhere[trial.id] or "an unknown program" for trial in trials if trial.id in elsewhere)
+    found = []
+    for program, number in programs.items():
+        where = f"{count(number, 'trial')} in {program}, not in the environment of the runs"
+        if program == info.scenic_program:
+            found.append(f"{where}: other samples of it, as its text, parameters or seed, or foldcar, have changed.")
+        else:
+            found.append(f"{where}, {info.scenic_program}: they count in no rate here.")
+    return found
+
+
+def _failures(store: Store, info: ExperimentInfo, failed: int) -> list[str]:
+    if not failed:
+        return []
+    messages = store.failures([info.id])
+    shown = "; ".join(f"{number} × {message}" for message, number in messages[:SHOWN])
+    more = f"; and {len(messages) - SHOWN} other messages" if len(messages) > SHOWN else ""
+    command = shlex.join(["foldcar", "export", str(store.path), "--failed", "--csv", "-"])
+    counted = " and count as not passed" if info.success_defined else ""
+    return [f"{count(failed, 'run')} failed{counted}: {shown}{more}. List them: {command}"]

@@ -5,7 +5,7 @@ import pytest
 import shapely
 
 from foldcar.car.folded.pose import compose, rotation, translation
-from foldcar.car.proof.blocks import SKIN_MM, Blocks, blocks_of, box, convex_parts, hit, plate, prism, way_out
+from foldcar.car.proof.blocks import SKIN_MM, Blocks, blocks_of, box, hit, plate, prism, way_out
 
 FILM_MM = 0.25
 
@@ -91,18 +91,6 @@ def test_two_moves_lead_out_of_a_hook_and_none_out_of_a_closed_box() -> None:
 
     assert hook is not None and len(hook) == 2 and hook[0][0] > 0 and hook[1][2] > 0
     assert open_cup is not None and len(open_cup) == 1 and open_cup[0][2] > 0
-
-
-def test_convex_parts_cover_a_shape_exactly_once() -> None:
-    rng = np.random.default_rng(7)
-    shape = shapely.Point(0, 0).buffer(30)
-    for x, y in rng.uniform(-20, 20, (8, 2)):
-        shape = shape.difference(shapely.Point(x, y).buffer(rng.uniform(1, 4)))
-    parts = [shapely.Polygon(part) for part in convex_parts(shape)]
-
-    assert sum(part.area for part in parts) == pytest.approx(shape.area, rel=1e-9)
-    assert shapely.union_all(parts).symmetric_difference(shape).area < 1e-6
-    assert all(part.convex_hull.area == pytest.approx(part.area, rel=1e-9) for part in parts)
 
 
 def test_cylinders_and_boxes_have_their_sections_less_the_skin() -> None:

@@ -4,7 +4,6 @@ import json
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from importlib.resources import files
 from pathlib import Path
 from subprocess import CompletedProcess
 
@@ -27,15 +26,11 @@ from foldcar.fabrication.assembly.parts_list import parts_list
 from foldcar.fabrication.assembly.wiring import wiring_drawing, wiring_text
 from foldcar.fabrication.patterns.options import options
 from foldcar.fabrication.patterns.sheets import cut_car
+from part_data import number, part_data
 from test_assembly_proof import NAMES, car
 
-DATA = files("foldcar.car.parts").joinpath("data")
 # Half the thickness of a servo's flat lead.
 HALF_LEAD_MM = 0.6
-
-
-def number(file: str, key: str) -> float:
-    return float(json.loads(DATA.joinpath(file).read_text())[key]["value"])
 
 
 def shortest_mm(car: FoldedCar, body: str, start: tuple[float, ...], end: tuple[float, ...]) -> float:
@@ -144,7 +139,7 @@ def test_published_cars_have_the_leads_that_they_need(name: str) -> None:
 
 
 def test_an_extension_is_the_shortest_that_reaches_with_the_least_lengths_of_both() -> None:
-    sold = json.loads(DATA.joinpath("extensions.json").read_text())["sold"]
+    sold = part_data("extensions")["sold"]
     lengths = [(one["name"], 250 - 10 + one["length_mm"]["value"] - one["length_mm"]["tolerance"] - 6) for one in sold]
     for length in (80.0, 200.0, 320.0, 400.0):
         for lead in leads(folded_car(compose("W_B_W", {"width": 200, "B.length": length, "W.length": 100}))):
@@ -181,12 +176,12 @@ def test_wire_is_lengthened_by_solder_and_weighs_and_costs_what_it_is_long() -> 
     battery, switch = folded.parts.battery.name, folded.parts.switch.name
     cut_mm = max(0, found[f"{battery} +"].needed_mm - 130) + max(0, found[f"{battery} -"].needed_mm - 130)
     cut_mm += found[f"{switch} 2"].needed_mm
-    more_m = (cut_mm - number("wiring.json", "wire_mm")) / 1000
+    more_m = (cut_mm - number("wiring", "wire_mm")) / 1000
     row = next(row for row in parts_list(folded) if row.name == folded.parts.wiring.name)
 
     assert more_m > 0.2
-    assert row.mass_kg == pytest.approx(number("wiring.json", "mass_kg") + more_m * number("wiring.json", "wire_kg_m"))
-    assert row.cost_usd == pytest.approx(number("wiring.json", "cost_usd") + more_m * number("wiring.json", "wire_usd_m"))
+    assert row.mass_kg == pytest.approx(number("wiring", "mass_kg") + more_m * number("wiring", "wire_kg_m"))
+    assert row.cost_usd == pytest.approx(number("wiring", "cost_usd") + more_m * number("wiring", "wire_usd_m"))
     missing = math.ceil((found[f"{battery} +"].needed_mm - 130) / 5) * 5
     assert f"solder {missing} mm of wire to it" in wiring_text(folded, "a car")
 

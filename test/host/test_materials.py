@@ -4,9 +4,7 @@ import csv
 import io
 import json
 import math
-from importlib.resources import files
 from pathlib import Path
-from typing import Any
 
 import pytest
 from typer.testing import CliRunner
@@ -24,19 +22,14 @@ from foldcar.fabrication.patterns.cutting import how_to_cut
 from foldcar.fabrication.patterns.options import MACHINES, OptionError, options
 from foldcar.fabrication.patterns.sheets import cut_car, pattern
 from foldcar.simulation.results import NATIVE_OUTCOMES
+from part_data import part_data
 
 HINGED = {"width": 95.0, "height": 50.0, "radius": 40.0, "W.length": 90.0, "B.length": 80.0}
 
 
-def data(film: str) -> dict[str, Any]:
-    """The film's data file."""
-    found: dict[str, Any] = json.loads(files("foldcar.car.parts").joinpath("data", f"film_{film}.json").read_text())
-    return found
-
-
 @pytest.mark.parametrize("film", OPTIONS["film"])
 def test_cars_of_every_film_pass_all_checks_and_follow_its_numbers(film: str) -> None:
-    design, number = compose(f"W_B_H_W_H_W+film={film}", HINGED), data(film)
+    design, number = compose(f"W_B_H_W_H_W+film={film}", HINGED), part_data(f"film_{film}")
     thick, modulus = number["thickness_mm"]["value"], number["youngs_modulus_pa"]["value"]
     car, body = folded_car(design), body_json(design)
 
@@ -76,7 +69,7 @@ def test_cars_of_other_films_drive_in_the_simulator(film: str) -> None:
 def test_wheels_without_a_tyre_grip_as_their_film_does() -> None:
     for film in ("0.25", "card_160", "pp_0.5"):
         body = body_json(compose(f"W_B_W+film={film}+tyre=none", {}))
-        assert body["wheels"][0]["grip"] == pytest.approx(data(film)["friction"]["value"] / 0.6)
+        assert body["wheels"][0]["grip"] == pytest.approx(part_data(f"film_{film}")["friction"]["value"] / 0.6)
 
 
 @pytest.mark.parametrize(
@@ -102,7 +95,7 @@ def test_a_machine_that_does_not_cut_the_film_is_refused(tmp_path: Path) -> None
     assert cut_car(folded, options("laser")).pieces
     # How every other pair is done is said.
     for film in OPTIONS["film"]:
-        assert set(data(film)["cutting"]) == set(MACHINES)
+        assert set(part_data(f"film_{film}")["cutting"]) == set(MACHINES)
 
     done = CliRunner().invoke(app, ["pattern", "patterns/published_cars.json", "--vehicle", "w95", "--set", "film=pp_0.8",
                                     "-o", str(tmp_path / "car")])  # fmt: skip

@@ -1,8 +1,6 @@
 """Choices of parts: in a type string, in a listing, with --set; what follows from them; mistakes."""
 
-import itertools
 import json
-from importlib.resources import files
 from pathlib import Path
 
 import pytest
@@ -16,6 +14,7 @@ from foldcar.cli import app
 from foldcar.study.family import read_family
 from foldcar.study.listing import ListingError
 from foldcar.study.listing_file import read_listing
+from part_data import number
 
 
 def listing(folder: Path, vehicle: dict[str, object]) -> Path:
@@ -24,15 +23,9 @@ def listing(folder: Path, vehicle: dict[str, object]) -> Path:
     return file
 
 
-def data_number(file: str, key: str) -> float:
-    value: float = json.loads(files("foldcar.car.parts").joinpath("data", file).read_text())[key]["value"]
-    return value
-
-
 def test_every_choice_has_data_and_its_type_string_names_it_again() -> None:
-    for names in itertools.product(*OPTIONS.values()):
-        choices = PartChoices(*names)
-        assert chosen(choices).film.thickness_mm.value == data_number(f"film_{choices.film}.json", "thickness_mm")
+    for choices in (DEFAULT_CHOICES.changed({kind: name}) for kind, names in OPTIONS.items() for name in names):
+        assert chosen(choices).film.thickness_mm.value == number(f"film_{choices.film}", "thickness_mm")
         assert split_type(f"W_B_W{choices.suffix}") == ("W_B_W", choices)
     assert DEFAULT_CHOICES.suffix == ""
 

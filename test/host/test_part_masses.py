@@ -1,10 +1,8 @@
 """Masses and tracks of cars, recomputed from the parts' data files and the outlines of their film."""
 
-import json
 import math
 import re
 from collections import Counter
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -26,17 +24,9 @@ from foldcar.fabrication.patterns.labels import join_marks
 from foldcar.fabrication.patterns.options import options
 from foldcar.fabrication.patterns.piece_shapes import piece_shapes
 from foldcar.fabrication.patterns.sheets import cut_car
+from part_data import DATA, number, part_data
 
-DATA = files("foldcar.car.parts").joinpath("data")
 CARS = ["W_B_W", "W_B_H_W", "W_B_W+film=0.19+tyre=silicone_band", "W_B+film=0.127+tyre=none+horn=disc"]
-
-
-def data(name: str) -> dict[str, Any]:
-    return json.loads(DATA.joinpath(name).read_text())
-
-
-def number(name: str, key: str) -> float:
-    return data(name)[key]["value"]
 
 
 def film_mm2(car: FoldedCar) -> float:
@@ -49,10 +39,10 @@ def film_mm2(car: FoldedCar) -> float:
 
 def leads_g(car: FoldedCar) -> float:
     """Servo extensions, and wire beyond that which the wiring's mass includes."""
-    sold = {one["name"]: one["mass_kg"]["value"] for one in data("extensions.json")["sold"]}
-    more_mm = max(0.0, wire_mm(leads(car)) - number("wiring.json", "wire_mm"))
+    sold = {one["name"]: one["mass_kg"]["value"] for one in part_data("extensions")["sold"]}
+    more_mm = max(0.0, wire_mm(leads(car)) - number("wiring", "wire_mm"))
     extensions = sum(sold[lead.extension] for lead in leads(car) if lead.extension)
-    return 1e3 * extensions + more_mm * number("wiring.json", "wire_kg_m")
+    return 1e3 * extensions + more_mm * number("wiring", "wire_kg_m")
 
 
 @pytest.mark.parametrize("type_string", CARS)
@@ -61,23 +51,23 @@ def test_cars_weigh_their_film_and_the_parts_of_the_data_files(type_string: str)
     car, body = folded_car(design), body_json(design)
     chosen = design.choices
     wheels, boards = 2 * type_string.count("W"), 2
-    film = f"film_{chosen.film}.json"
-    tyre, radius, width = f"tyre_{chosen.tyre}.json", design.values["radius"], design.values["W.tire_thickness"]
+    film = f"film_{chosen.film}"
+    tyre, radius, width = f"tyre_{chosen.tyre}", design.values["radius"], design.values["W.tire_thickness"]
     inner = radius - number(tyre, "thickness_mm")
 
     grams = {
         "film": film_mm2(car) * float(chosen.film) * number(film, "density_kg_m3") * 1e-6,
         "tyres": wheels * math.pi * (radius**2 - inner**2) * width * number(tyre, "density_kg_m3") * 1e-6,
         "servos": wheels * 9.0,
-        "screws": 1e3 * 2 * wheels * number("screw.json", "mass_kg"),
-        "horns": 1e3 * wheels * number(f"horn_{chosen.horn}.json", "mass_kg"),
-        "wheel screws": 1e3 * 2 * wheels * number("horn_screw.json", "mass_kg"),
-        "centre screws": 1e3 * wheels * number("centre_screw.json", "mass_kg"),
-        "board screws": 1e3 * boards * number("board_screw.json", "mass_kg"),
-        "spacers": 1e3 * boards * number("spacer.json", "mass_kg"),
-        "battery": 1e3 * number(f"battery_{chosen.battery}.json", "mass_kg"),
+        "screws": 1e3 * 2 * wheels * number("screw", "mass_kg"),
+        "horns": 1e3 * wheels * number(f"horn_{chosen.horn}", "mass_kg"),
+        "wheel screws": 1e3 * 2 * wheels * number("horn_screw", "mass_kg"),
+        "centre screws": 1e3 * wheels * number("centre_screw", "mass_kg"),
+        "board screws": 1e3 * boards * number("board_screw", "mass_kg"),
+        "spacers": 1e3 * boards * number("spacer", "mass_kg"),
+        "battery": 1e3 * number(f"battery_{chosen.battery}", "mass_kg"),
         "electronics": 1e3 * sum(
-            number(f"{key}.json", "mass_kg")
+            number(f"{key}", "mass_kg")
             for key in ("feather", "featherwing", "lipo", "pad", "board_pad", "switch", "wiring")
         ),
         "longer leads": leads_g(car),
@@ -92,13 +82,13 @@ def test_the_parts_list_counts_what_is_put_in() -> None:
     car = folded_car(compose("W_B_W", {}))
     rows = {row.name: row.quantity for row in parts_list(car)}
 
-    counted = Counter({data(name)["name"]: count for name, count in (
-        ("servo.json", 4), ("screw.json", 8), ("horn_screw.json", 8), ("centre_screw.json", 4),
-        ("board_screw.json", 2), ("spacer.json", 2), ("switch.json", 1), ("tyre_rubber_band.json", 4),
-        ("board_pad.json", 1), ("horn_two_sided.json", 4),
+    counted = Counter({part_data(name)["name"]: count for name, count in (
+        ("servo", 4), ("screw", 8), ("horn_screw", 8), ("centre_screw", 4),
+        ("board_screw", 2), ("spacer", 2), ("switch", 1), ("tyre_rubber_band", 4),
+        ("board_pad", 1), ("horn_two_sided", 4),
     )})  # fmt: skip
     assert {name: rows.get(name) for name in counted} == counted
-    assert data("tyre_none.json")["name"] not in {
+    assert part_data("tyre_none")["name"] not in {
         row.name for row in parts_list(folded_car(compose("W_B_W+tyre=none", {})))
     }
 
@@ -119,9 +109,9 @@ def test_the_parts_list_says_where_the_centre_of_mass_is() -> None:
 
 
 def test_every_data_file_is_used_and_every_number_has_a_source() -> None:
-    used = {f"{kind}_{name}.json" for kind, names in OPTIONS.items() for name in names if kind != "battery_place"}
-    used |= {f"{field}.json" for field in set(Catalogue.model_fields) - set(OPTIONS)}
-    kept = {entry.name for entry in DATA.iterdir() if entry.name.endswith(".json")}
+    used = {f"{kind}_{name}" for kind, names in OPTIONS.items() for name in names if kind != "battery_place"}
+    used |= set(Catalogue.model_fields) - set(OPTIONS)
+    kept = {entry.name.removesuffix(".json") for entry in DATA.iterdir() if entry.name.endswith(".json")}
 
     named: set[str] = set()
 
@@ -137,7 +127,7 @@ def test_every_data_file_is_used_and_every_number_has_a_source() -> None:
                 check(inner, place)
 
     for name in kept:
-        check(data(name), name)
+        check(part_data(name), name)
     assert kept == used
     # What no class declares is named where it is used; these tell only where the servo, the switch are from.
     code = "".join(file.read_text() for file in (Path(foldcar.__file__).parent).rglob("*.py"))
@@ -150,17 +140,17 @@ def test_every_data_file_is_used_and_every_number_has_a_source() -> None:
 def test_parts_laid_into_their_outlines_move_the_centre_as_said_and_as_cars_vary(width: float) -> None:
     car, body = folded_car(compose("W_B_W", {"width": width})), body_json(compose("W_B_W", {"width": width}))
     whole = sum(part["mass_kg"] for part in (*body["segments"], *body["wheels"]))
-    laid = sum(number(name, "mass_kg") for name in ("battery_4xaa_square.json", "pad.json", "lipo.json"))
-    placing = number("assembly.json", "placement_mm") * laid / whole
+    laid = sum(number(name, "mass_kg") for name in ("battery_4xaa_square", "pad", "lipo"))
+    placing = number("assembly", "placement_mm") * laid / whole
     # The battery's mass and the switch's, at their distances from the middle of all, are most of the others.
     middle = sum(m.mass_kg * np.array(m.pose)[:3, 3] for m in car.mounts) / sum(m.mass_kg for m in car.mounts)
     weighed = np.zeros(3)
-    for file in ("battery_4xaa_square.json", "switch.json", "feather.json", "featherwing.json"):
-        part = data(file)
+    for file in ("battery_4xaa_square", "switch", "feather", "featherwing"):
+        part = part_data(file)
         (at,) = (np.array(m.pose)[:3, 3] for m in car.mounts if m.part == part["name"])
         weighed += ((at - middle) * part["mass_kg"]["tolerance"] / whole) ** 2
-    heights = data("pad.json")["height_mm"]["tolerance"], data("battery_4xaa_square.json")["height_mm"]["tolerance"] / 2
-    high = math.hypot(*heights) * number("battery_4xaa_square.json", "mass_kg") / whole
+    heights = part_data("pad")["height_mm"]["tolerance"], part_data("battery_4xaa_square")["height_mm"]["tolerance"] / 2
+    high = math.hypot(*heights) * number("battery_4xaa_square", "mass_kg") / whole
 
     assert f"It moves by at most {placing:.1f} mm along and across the car" in parts_list_text(car, "a car")
     # Tolerances are two standard deviations; leads, which lie anywhere, add to them.
@@ -194,8 +184,8 @@ def test_sheets_have_the_corners_and_the_names_of_what_is_laid_on_the_film() -> 
     lines = [shapely.LineString(shape.points_mm) for shape in shapes if shape.layer == "SCORE"]
     corners = [part for part in shapely.get_parts(shapely.line_merge(shapely.union_all(lines))) if part.length > 0]
     sizes = {
-        name: (data(name)["length_mm"]["value"], data(name)["width_mm"]["value"])
-        for name in ("lipo.json", "pad.json", "battery_4xaa_square.json")
+        name: (part_data(name)["length_mm"]["value"], part_data(name)["width_mm"]["value"])
+        for name in ("lipo", "pad", "battery_4xaa_square")
     }
 
     assert missing == [] and len(corners) == 4 * len(sizes)

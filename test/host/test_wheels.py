@@ -1,9 +1,7 @@
 """Wheels: their place, their hooks, their circle, their weight and the work they make, from parts' drawings."""
 
-import json
 import math
 from dataclasses import replace
-from importlib.resources import files
 from typing import Any
 
 import numpy as np
@@ -29,14 +27,9 @@ from foldcar.car.verify import check_design
 from foldcar.fabrication.assembly.operations import turned as discs_turned
 from foldcar.fabrication.patterns.flat_piece import flat_piece
 from foldcar.fabrication.patterns.options import options
+from part_data import part_data
 
 TYRE_MM, FILM_MM = 1.0, 0.25
-
-
-def drawing(name: str) -> dict[str, Any]:
-    """A part's data file as it is."""
-    data: dict[str, Any] = json.loads((files("foldcar.car.parts") / "data" / name).read_text(encoding="utf-8"))
-    return data
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +46,7 @@ def wheel(car: FoldedCar) -> dict[str, PlacedFace]:
 
 @pytest.mark.parametrize(("width", "published"), [(65, 109), (95, 139), (115, 159), (180, 224)])
 def test_the_track_is_that_of_servo_horn_and_wheel(width: float, published: float) -> None:
-    servo, horn = drawing("servo.json"), drawing("horn_two_sided.json")
+    servo, horn = part_data("servo"), part_data("horn_two_sided")
     outer_face = servo["spline_top_mm"]["value"] - horn["spline_depth_mm"]["value"] + horn["height_mm"]["value"]
     beside = outer_face - servo["ear_underside_mm"]["value"]
 
@@ -168,9 +161,9 @@ def test_a_wheel_weighs_its_film_and_parts(car: FoldedCar) -> None:
     discs = 2 * math.pi * 59**2 - math.pi * 12.3**2 - 3 * 7.5 * 1.1
     strips = (2 * math.pi * 59 + 2 * 6.7) * 11.2 + 3 * wall_mm * 11.2
     film = (discs + strips + math.pi * 15.2**2) * FILM_MM * density
-    horn, screw = drawing("horn_two_sided.json")["mass_kg"]["value"], drawing("horn_screw.json")["mass_kg"]["value"]
+    horn, screw = part_data("horn_two_sided")["mass_kg"]["value"], part_data("horn_screw")["mass_kg"]["value"]
     tyre = math.pi * (60**2 - 59**2) * 12 * 950e-9
-    bought = horn + 2 * screw + drawing("centre_screw.json")["mass_kg"]["value"] + tyre
+    bought = horn + 2 * screw + part_data("centre_screw")["mass_kg"]["value"] + tyre
 
     found = body_properties(car, "wheel0")
 

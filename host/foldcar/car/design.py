@@ -22,7 +22,7 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from foldcar.car.components.component import ROUNDING, Component, Parameter, at_least
+from foldcar.car.components.component import ROUNDING, Parameter, at_least
 from foldcar.car.components.hinge_module import HingeModule
 from foldcar.car.components.module import BrainModule, ElectronicsModule, Module, WheelModule
 from foldcar.car.parts.catalogue import DEFAULT_CHOICES, Catalogue, PartChoices, PartError, chosen, split_type
@@ -57,16 +57,11 @@ def parameters() -> dict[str, DesignParameter]:
     having: dict[str, tuple[Parameter, set[str]]] = {}
     for shared in (True, False):
         for letter, kind in MODULES.items():
-            for parameter in declared(kind):
+            for parameter in kind.parameters:
                 if parameter.shared == shared:
                     key = parameter.name if shared else f"{letter}.{parameter.name}"
                     having.setdefault(key, (parameter, set()))[1].add(letter)
     return {key: DesignParameter(key, frozenset(letters), one) for key, (one, letters) in having.items()}
-
-
-def declared(kind: type[Component]) -> list[Parameter]:
-    """The parameters that a design may set."""
-    return [parameter for parameter in kind.parameters if not parameter.internal]
 
 
 def find_parameter(group: str, name: str) -> DesignParameter | None:

@@ -1,7 +1,7 @@
 """The folded car of a design: modules fused to segments, caps on their ends, hinges between them, wheels on servos.
 
-Input: a design. Output: the immutable FoldedCar that every exporter and the simulator's body read. A module's internal
-parameters tell it what it must know of the others: its segment's ends, the floor beside it, the tyres next to it.
+Input: a design. Output: the immutable FoldedCar that every exporter and the simulator's body read. The car tells a module
+what it must know of the others: its segment's ends, the floor beside it, the tyres next to it.
 """
 
 import math
@@ -18,7 +18,7 @@ from foldcar.car.components.module import BrainModule, ElectronicsModule, WheelM
 from foldcar.car.components.mounts import depth_mm, inside_mm, put_switch
 from foldcar.car.components.shape import Graph, Shape
 from foldcar.car.components.wheel import Wheel
-from foldcar.car.design import HINGE, MODULES, Design, DesignError, declared, parameters, place_of
+from foldcar.car.design import HINGE, MODULES, Design, DesignError, parameters, place_of
 from foldcar.car.folded.model import FoldedCar, HingeJoint, PlacedPiece, Wire
 from foldcar.car.folded.pose import apply, compose, edge, folded, rotation, translation
 from foldcar.car.leads import with_leads
@@ -39,7 +39,7 @@ class Car(Component):
         subs = []
         for i, letter in enumerate(self.design.modules):
             kind: type[Component] = ElectronicsModule if i == electronics(self.design) else MODULES[letter]
-            shared = tuple(parameter.name for parameter in declared(kind) if parameter.shared)
+            shared = tuple(parameter.name for parameter in kind.parameters if parameter.shared)
             settings = {} if letter == HINGE else around(self.design, i)
             body = f"segment{self.design.segment_at(i)}"
             subs.append(Sub(self.names[i], kind, shared, letter, i == 0, settings, body))
@@ -178,7 +178,7 @@ def switch_cap(design: Design) -> str:
 
 
 def around(design: Design, module: int) -> dict[str, float]:
-    """Values of the internal parameters of a module that is no hinge; those that it lacks are left out."""
+    """What the car sets of a module that is no hinge."""
     known = _flap(design, module)
     if design.modules[module] == WheelModule.letter:
         # No cap is at the inner end of a module that is not a segment of its own.

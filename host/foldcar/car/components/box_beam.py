@@ -48,13 +48,6 @@ HEIGHT = Parameter(
 )  # fmt: skip
 PANELS = ("floor", "right", "left", "lid", "flap")
 LENGTH = Parameter("length", 80, 1, 1000, "length of a box beam", "a strip that can be folded")
-# Set by the car for each end: where the flap, which ends before the tabs of an end cap, begins; whether a latch is there
-# and, beside it, the lid's pull tab.
-SET_BY_CAR = tuple(
-    Parameter(f"{what}_{end}", 0, 0, most, f"of the {end} end", "none", unit, internal=True)
-    for what, most, unit in (("flap", 100, "mm"), ("latch", 1, ""), ("pull", 1, ""))
-    for end in ("front", "rear")
-)
 # A lever is wider than its tongue by this (mm).
 LEVER_OVER_MM = 1.0
 
@@ -77,9 +70,13 @@ def latch_mm(parts: Catalogue) -> Point:
 
 
 class BoxBeam(Component):
-    """Three walls, a lid and its flap with up to two latches, at the ``front`` and at the ``rear``."""
+    """Three walls, a lid and its flap with up to two latches, at the ``front`` and at the ``rear``.
 
-    parameters = (LENGTH, WIDTH, HEIGHT, *SET_BY_CAR)
+    The car sets for each end: ``flap_END``, where the flap, which ends before the tabs of an end cap, begins (mm);
+    ``latch_END`` and ``pull_END``, 1 if a latch is there and, beside it, the lid's pull tab.
+    """
+
+    parameters = (LENGTH, WIDTH, HEIGHT)
 
     def build(self, shape: Shape) -> None:
         """The floor, the two walls folded up from it, the lid folded from the left one."""

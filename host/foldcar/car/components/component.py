@@ -27,8 +27,7 @@ Number = float | Callable[[Catalogue], float]
 class Parameter:
     """A parameter of a component, in millimetres or degrees (``unit``).
 
-    A shared one has one value for the whole car. An internal one is set by the parent component, never by a design.
-    ``sold`` are the only values that there are, if any: what can be bought.
+    A shared one has one value for the whole car. ``sold`` are the only values that there are, if any: what can be bought.
     """
 
     name: str
@@ -39,7 +38,6 @@ class Parameter:
     reason: str
     unit: str = "mm"
     shared: bool = False
-    internal: bool = False
     sold: Callable[[Catalogue], Sequence[float]] | None = None
 
     def default_with(self, parts: Catalogue) -> float:
@@ -103,7 +101,7 @@ class Sub:
 class Component:
     """The base class of all that is folded, cut or bought: subclasses declare parameters and override ``build``.
 
-    ``parts`` are the chosen parts, those of the whole car.
+    ``parts`` are the chosen parts, those of the whole car. ``settings`` of the parent may give values beside parameters.
     """
 
     parameters: tuple[Parameter, ...] = ()
@@ -116,9 +114,7 @@ class Component:
         self.path, self.body, self.parts = path, body, parts or catalogue()
         given = dict(values or {})
         self.keys = {name: name for name in given} if keys is None else keys
-        self.values = {one.name: given.get(one.name, one.default_with(self.parts)) for one in self.parameters}
-        for name in given:
-            self[name]
+        self.values = {one.name: one.default_with(self.parts) for one in self.parameters} | given
         for one in self.parameters:
             complaint = one.complaint(self[one.name], self.parts)
             if complaint:

@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import ClassVar, NamedTuple
 
-from foldcar.car.components.box_beam import HEIGHT, SET_BY_CAR, WIDTH, BoxBeam, latch_mm, wall_mm
+from foldcar.car.components.box_beam import HEIGHT, WIDTH, BoxBeam, latch_mm, wall_mm
 from foldcar.car.components.bridge import half_width_mm, middle_mm, mouth_mm, plug_room_mm, put_bridge, usb_height_mm
 from foldcar.car.components.component import ROUNDING, Component, Parameter, Sub
 from foldcar.car.components.mounts import inside_mm, least_doubler_mm, put_servo, screw_end_mm
@@ -18,11 +18,6 @@ from foldcar.car.components.shape import Shape
 from foldcar.car.components.wheel import RADIUS, TYRE_WIDTH
 from foldcar.car.folded.model import Wire
 from foldcar.car.parts.catalogue import Catalogue
-
-# Set by the car: 1 if the middle of the segment lies in front of the module's, else -1.
-TOWARDS_MIDDLE = Parameter("towards_middle", 1, -1, 1, "where the segment's middle is", "rear", "", internal=True)
-# Set by the car: the depth (mm) of the end cap's tab on the side walls at the module's end towards that middle.
-TAB_THERE = Parameter("tab_there", 0, 0, 100, "depth of an end cap's tab", "none", internal=True)
 
 
 class Module(Component):
@@ -34,13 +29,11 @@ class Module(Component):
         WIDTH,
         HEIGHT,
         Parameter("length", 80, 10, 400, "length of the module", "a strip that can be folded"),
-        *SET_BY_CAR,
     )
 
     def subcomponents(self) -> Sequence[Sub]:
         """The beam; a subclass adds to it with ``(*super().subcomponents(), Sub(…))``."""
-        inherited = ("length", "width", "height", *(one.name for one in SET_BY_CAR))
-        return (Sub("beam", BoxBeam, inherit=inherited, root=True),)
+        return (Sub("beam", BoxBeam, inherit=tuple(self.values), root=True),)
 
 
 def _least_wheel_module(parts: Catalogue) -> float:
@@ -51,7 +44,11 @@ def _least_wheel_module(parts: Catalogue) -> float:
 
 
 class WheelModule(Module):
-    """One axle in the middle of the module, at half its height."""
+    """One axle in the middle of the module, at half its height.
+
+    The car sets ``towards_middle``, 1 if the middle of the segment lies in front of the module's, else -1, and
+    ``tab_there``, the depth (mm) of the end cap's tab on the side walls at the module's end towards that middle.
+    """
 
     letter = "W"
     title = "wheel module: one axle, two servos and their wheels"
@@ -64,9 +61,6 @@ class WheelModule(Module):
             "the opening and screws of one servo",
         ),
         TYRE_WIDTH,
-        *SET_BY_CAR,
-        TOWARDS_MIDDLE,
-        TAB_THERE,
     )  # fmt: skip
 
     def build(self, shape: Shape) -> None:
@@ -116,11 +110,6 @@ class Layout(NamedTuple):
 
 
 LENGTH = Parameter("length", 80, 10, 400, "length of a body module", "a strip that can be folded")
-# Set by the car: the free floor of the neighbours, less than 0 if an end cap's tab lies there, and where USB may be.
-FLOOR_FRONT = Parameter("floor_front", 0, -1000, 2000, "free floor before the module", "none", internal=True)
-FLOOR_REAR = Parameter("floor_rear", 0, -1000, 2000, "free floor behind the module", "none", internal=True)
-USB_LOW = Parameter("usb_low", -1000, -4000, 4000, "the tyres behind USB, from the rear", "none", internal=True)
-USB_HIGH = Parameter("usb_high", 1000, -4000, 4000, "the tyres before USB, from the rear", "none", internal=True)
 
 
 class BrainModule(Module):
@@ -128,13 +117,15 @@ class BrainModule(Module):
 
     letter = "B"
     title = "body module: electronics and batteries"
-    parameters = (WIDTH, HEIGHT, LENGTH, *SET_BY_CAR)
+    parameters = (WIDTH, HEIGHT, LENGTH)
 
 
 class ElectronicsModule(BrainModule):
-    """The body module that carries boards and batteries."""
+    """The body module that carries boards and batteries.
 
-    parameters = (*BrainModule.parameters, FLOOR_FRONT, FLOOR_REAR, USB_LOW, USB_HIGH)
+    The car sets ``floor_front`` and ``floor_rear``, the free floor (mm) of the neighbours, below 0 if an end cap's tab is
+    there, and ``usb_low`` and ``usb_high``, between which USB is clear of the tyres (mm from the rear).
+    """
 
     def build(self, shape: Shape) -> None:
         """Place the parts in the floor's frame: x from the rear, y from the right wall, z from the middle surface."""

@@ -83,7 +83,8 @@ class Contact:
 class Graph:
     """Everything that the components of a tree have built; ``origin`` is a face and its pose in the car.
 
-    Mounts and axles are given in the frame of a face: that of their ``face``, or the one named with the axle.
+    Mounts and axles are given in the frame of a face: that of their ``face``, or the one named with the axle. ``linked``
+    has the path of the edge that an edge is linked to.
     """
 
     atoms: dict[str, Atom] = field(default_factory=dict)
@@ -94,16 +95,7 @@ class Graph:
     axles: list[tuple[str, Axle]] = field(default_factory=list)
     wires: list[Wire] = field(default_factory=list)
     origin: tuple[str, Pose] | None = None
-    _linked: dict[Edge, str] = field(default_factory=dict)
-
-    def add(self, link: Link) -> None:
-        """Add a link; ComponentError if one of its edges is linked already."""
-        for edge, other in ((link.a, link.b), (link.b, link.a)):
-            if edge in self._linked:
-                told = f"is connected to {self.edge_path(other)} and {self._linked[edge]}"
-                raise ComponentError(self.edge_path(edge), told)
-            self._linked[edge] = self.edge_path(other)
-        self.links.append(link)
+    linked: dict[Edge, str] = field(default_factory=dict)
 
     def edge_path(self, edge: Edge) -> str:
         """The readable path of an edge: face path and edge name."""
@@ -211,7 +203,13 @@ class Shape:
             here, there = self.graph.edge_path(first), self.graph.edge_path(second)
             told = f"is {lengths[0]:g} mm long, {there} is {lengths[1]:g} mm: a {kind} joins edges of equal length"
             raise ComponentError(here, told)
-        self.graph.add(Link(kind, first, second, math.radians(angle_deg), depth_mm, *limits_rad, inset_mm))
+        for edge, other in ((first, second), (second, first)):
+            path = self.graph.edge_path(other)
+            if edge in self.graph.linked:
+                told = f"is connected to {path} and {self.graph.linked[edge]}"
+                raise ComponentError(self.graph.edge_path(edge), told)
+            self.graph.linked[edge] = path
+        self.graph.links.append(Link(kind, first, second, math.radians(angle_deg), depth_mm, *limits_rad, inset_mm))
 
     def laminate(self, face: str, on: str, pose: Pose) -> None:
         """Glue the face flat onto the face ``on``, at that pose in the frame of ``on``."""

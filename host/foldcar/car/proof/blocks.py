@@ -28,7 +28,6 @@ SIDES = 16
 _NO_FACES = np.array([3, 0, 1, 2], dtype=np.int32)
 
 Points = NDArray[np.float64]
-Ring = list[tuple[float, float]]
 
 
 @dataclass(frozen=True, eq=False)

@@ -87,23 +87,23 @@ def check_turning(car: FoldedCar, bodies: Bodies, distance_mm: float) -> Iterato
     walls = [face for faces in bodies.values() for face in faces if face.body.startswith("segment")]
     still = [(face.title, face.corners_mm) for face in walls]
     still += [(mount.name, corners) for mount in firm for corners in corners_mm(mount)]
-    turning: set[Band] = set()
-    for axle in car.axles[:1]:
-        mounts = [m for m in car.mounts if m.body == axle.wheel]
-        points = [face.corners_mm for face in bodies.get(axle.wheel, ())]
-        # The centre screw sits in the spline.
-        points += [box for m in mounts if not _is_spline(np.vstack(list(corners_mm(m))), axle) for box in corners_mm(m)]
-        turning = {_band(some, axle) for some in points}
+    wheel = car.axles[0]
+    mounts = [list(corners_mm(mount)) for mount in car.mounts if mount.body == wheel.wheel]
+    points = [face.corners_mm for face in bodies.get(wheel.wheel, ())]
+    # The centre screw sits in the spline.
+    points += [box for boxes in mounts if not _is_spline(np.vstack(boxes), wheel) for box in boxes]
+    turning = np.array([_band(some, wheel) for some in points])
     for axle in car.axles:
         bands = [(title, _band(corners, axle)) for title, corners in still if not _is_spline(corners, axle)]
-        met = (title for title, band in bands if any(_meet(band, one) for one in turning))
-        yield from (Finding("wheels", axle.wheel, f"runs into {title}") for title in dict.fromkeys(met))
+        for title in dict.fromkeys(title for title, band in bands if _meets(band, turning)):
+            yield Finding("wheels", axle.wheel, f"runs into {title}")
 
 
-def _meet(one: Band, other: Band) -> bool:
-    """Whether two bands come closer than FREE_MM, across and along the axle."""
-    ends = ((0, 1), (2, 3))
-    return all(one[a] < other[b] + FREE_MM and other[a] < one[b] + FREE_MM for a, b in ends)
+def _meets(band: Band, others: Points) -> bool:
+    """Whether a band comes closer than FREE_MM to one of others, (n, 4), across and along the axle."""
+    near, far, inside, outside = others.T
+    across = (band[0] < far + FREE_MM) & (near < band[1] + FREE_MM)
+    return bool((across & (band[2] < outside + FREE_MM) & (inside < band[3] + FREE_MM)).any())
 
 
 def _band(corners: Points, axle: Axle) -> Band:

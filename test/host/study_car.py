@@ -1,9 +1,12 @@
 """The width study's car, a hinged one and an empty scene as inputs of the simulator."""
 
 import copy
+import json
 from typing import Any
 
-from foldcar.car.body import body_json
+from foldcar.car.car_file import firmware_parameters
+
+from foldcar.car.body import body_json, full_speed_m_s
 from foldcar.car.design import compose
 
 
@@ -17,6 +20,19 @@ def car_body(**changes: float) -> dict[str, Any]:
         for part in holders:
             part[key] = value
     return body
+
+
+def car_texts(width_mm: float = 120, timeout_s: float = 20) -> tuple[str, str]:
+    """The body and the settings of one of the width study's cars, as JSON."""
+    design = compose("W_B_W", {"width": width_mm})
+    body = body_json(design)
+    settings = {
+        "speed_m_s": full_speed_m_s(design),
+        "yaw_rate_rad_s": 0.0,
+        "time_limit_s": timeout_s,
+        "parameters": firmware_parameters(design, body),
+    }
+    return json.dumps(body), json.dumps(settings)
 
 
 def hinged_body() -> dict[str, Any]:

@@ -64,10 +64,14 @@ def accepted(folder: Path, text: str) -> dict[str, Any]:
         (f"model model\n{EGO}{GOAL}import sys\nrequire sys.exit(0)\n", "sample 0: line 5: SystemExit: 0"),
         (f"model model\n{EGO}{GOAL}{PIECES}        import os\n        os._exit(0)\nnew Own at (0, 0)\n", "line 7: Sys"),
         (f"model model\n{EGO}{GOAL}assert 1 > 2\n", "line 4: AssertionError: `assert 1 > 2`"),
+        (f"model model\n{EGO}{GOAL}require ego.position.x > 3\n", "requirement on line 4; relax the program"),
+        ("height = 0.01\nx = hight\n", "line 2: NameError: name 'hight' is not defined"),
     ],
 )
 def test_programs_that_fail(tmp_path: Path, text: str, part: str) -> None:
-    assert part in message(tmp_path, text)
+    said = message(tmp_path, text)
+    # What has nothing to do with the model is not said to come with it.
+    assert part in said and ("hight" not in text or said.endswith(part))
 
 
 @pytest.mark.parametrize(
@@ -215,7 +219,6 @@ def test_statements_that_an_import_would_lose(tmp_path: Path, imported: str, tex
         ("param outer_step_s = 0\n", "line 4: param outer_step_s: 0 is not within 0.004167 to 60 s"),
         ("param friction = 0.5, outer_step_s = 'soon'\n", "param outer_step_s: soon is no number"),
         ("param friction = -1\n", "line 4: param friction: -1.0 is not above 0"),
-        ("behavior B():\n    wait\n    take 3\n", "line 6: `take 3`: an action is an object of a class of actions"),
         ("behavior B():\n    wait\n    take [3]\n", "line 6: `take 3`: an action is an object of a class of actions"),
         (
             "record ego.position.x as a\nrecord final ego.position.y as a\n",
@@ -255,12 +258,6 @@ def test_what_an_import_takes_over_is_accepted(tmp_path: Path) -> None:
     program = tmp_path / "good.scenic"
     program.write_text("from other import ego, goal\nterminate when ego.position.x > 1\n")
     assert open_environment(program, {}, 1).dynamic
-
-
-def test_requirements_that_never_hold(tmp_path: Path) -> None:
-    said = message(tmp_path, f"model model\n{EGO}{GOAL}require ego.position.x > 3\n")
-    assert "rejected all 2000 tries" in said
-    assert "requirement on line 4" in said
 
 
 @pytest.mark.parametrize(
@@ -326,7 +323,6 @@ def test_requirements_that_never_hold(tmp_path: Path) -> None:
             "rough: correlation_m: 0.0015 makes a grid of 1.71e+07 heights, which is above the limit 4e+06",
         ),
         (EGO + GOAL + "new RoughGround at (0.5, 0), with seed 1.5\n", "rough: seed: 1.5 is not a whole number"),
-        (EGO + GOAL + "new FrictionPatch at (0.5, 0), with friction 9\n", "patch: friction: 9 is above the limit 5"),
         (EGO + GOAL + f"{PIECES}        return [3]\nnew Own at (0.5, 0)\n", "3 is not a piece of terrain"),
         (
             EGO + GOAL + f"{PIECES}        return [{{'kind': 'box', 'length_m': 1}}]\nnew Own at (0.5, 0)\n",
@@ -400,7 +396,3 @@ def test_a_copy_of_the_model_beside_the_program_is_used(tmp_path: Path) -> None:
     model = VOCABULARY_DIR / "model.scenic"
     (tmp_path / "model.scenic").write_text(model.read_text().replace("friction = 0.6", "friction = 0.3"))
     assert accepted(tmp_path, f"model model\n{EGO}{GOAL}")["friction"] == 0.3
-
-
-def test_a_misspelt_variable_is_not_said_to_come_with_the_model(tmp_path: Path) -> None:
-    assert message(tmp_path, "height = 0.01\nx = hight\n").endswith("line 2: NameError: name 'hight' is not defined")

@@ -13,12 +13,11 @@ from scenic.core.dynamics import GuardViolation, RejectSimulationException
 from scenic.core.simulators import Simulation
 from scenic.core.vectors import Vector
 
-from foldcar.car.body import body_json, firmware_parameters, full_speed_m_s
-from foldcar.car.design import compose
 from foldcar.scenes.source import open_environment
 from foldcar.simulation.carsim_step import State, SteppedCarsim
 from foldcar.simulation.scenic_simulator import CarSimulator
 from foldcar.simulation.scenic_statements import to_json
+from study_car import car_texts
 
 STEP_S = 1 / 240
 # Looks of Scenic, their interval (s) and number. At every step of the simulator nothing can lie between two looks.
@@ -229,18 +228,6 @@ def text_of(name: str) -> str:
     return f"{model}\n{body.replace('        @', chr(10).join('        ' + line for line in statements))}"
 
 
-def texts(scene: Any) -> tuple[str, str, str]:
-    design = compose("W_B_W", {"width": 120})
-    body = body_json(design)
-    settings = {
-        "speed_m_s": full_speed_m_s(design),
-        "yaw_rate_rad_s": 0.0,
-        "time_limit_s": 20.0,
-        "parameters": firmware_parameters(design, body),
-    }
-    return json.dumps(body), json.dumps(settings), json.dumps(scene)
-
-
 def outcome(make: Any) -> tuple[Any, dict[str, Any]]:
     """The simulation, and what it came to as plain data."""
     random.seed(5)
@@ -280,7 +267,7 @@ def test_programs_do_what_they_do_in_scenics_own_simulation(tmp_path: Path, step
         if "holds after" in name and step_s > STEP_S:
             continue
         scene = source.scenic_scene(0)
-        body, settings, described = texts(source.describe(scene, 0))
+        (body, settings), described = car_texts(), json.dumps(source.describe(scene, 0))
         path = [stepped.start(body, described, settings).state]
         path += [stepped.advance((k + 1) * step_s).state for k in range(most)]
         options: dict[str, Any] = {"maxSteps": most, "name": "run", "timestep": step_s}

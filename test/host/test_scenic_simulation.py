@@ -10,16 +10,15 @@ import pytest
 from scenic.core.errors import InvalidScenarioError
 from scenic.core.vectors import Orientation
 
-from foldcar.car.body import body_json, firmware_parameters, full_speed_m_s
-from foldcar.car.design import compose
 from foldcar.errors import FoldcarError
-from foldcar.scenes.source import open_environment
+from foldcar.scenes.source import SceneSource, open_environment
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.carsim_step import State, SteppedCarsim, TrialFailedError
 from foldcar.simulation.runner import RunRequest
-from foldcar.simulation.scenic_objects import ShownEgo, _orientation
+from foldcar.simulation.scenic_objects import ShownEgo
 from foldcar.simulation.scenic_simulator import CarSimulator
 from foldcar.simulation.scenic_statements import is_pure
+from study_car import car_texts
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
 STEP_S = 1 / 240
@@ -41,39 +40,36 @@ def stepped(carsim_binary: Path) -> Iterator[SteppedCarsim]:
         yield carsim
 
 
-def car(width_mm: float = 120, timeout_s: float = 20) -> tuple[str, str]:
-    """The body and the settings of one of the width study's cars."""
-    design = compose("W_B_W", {"width": width_mm})
-    body = body_json(design)
-    settings = {
-        "speed_m_s": full_speed_m_s(design),
-        "yaw_rate_rad_s": 0.0,
-        "time_limit_s": timeout_s,
-        "parameters": firmware_parameters(design, body),
-    }
-    return json.dumps(body), json.dumps(settings)
-
-
 def in_batch(carsim_binary: Path, scene: str, **settings: Any) -> dict[str, Any]:
-    body, own = car()
+    body, own = car_texts()
     request = RunRequest("b", "s", json.dumps({**json.loads(own), **settings}), "the run", 0)
     (result,) = Carsim(carsim_binary).run({"b": body}, {"s": scene}, [request])
     return result
+
+
+def opened(folder: Path, text: str) -> SceneSource:
+    program = folder / "program.scenic"
+    program.write_text(text)
+    return open_environment(program, {}, 1)
+
+
+def simulator(
+    stepped: SteppedCarsim, source: SceneSource, k: int = 0, **options: Any
+) -> tuple[CarSimulator, Any, str]:
+    """A simulator of sample ``k``, its Scenic scene and carsim's."""
+    scene = source.scenic_scene(k)
+    described = json.dumps(source.describe(scene, k))
+    return CarSimulator(stepped, *car_texts(**options), lambda _: described), scene, described
 
 
 @pytest.fixture
 def run(tmp_path: Path, stepped: SteppedCarsim) -> Run:
     """Runs a program given as text and returns the result, with ``scene`` as carsim was given it."""
 
-    def one(text: str, **options: Any) -> dict[str, Any]:
-        program = tmp_path / "program.scenic"
-        program.write_text(text)
-        source = open_environment(program, {}, 1)
-        scene = source.scenic_scene(0)
-        described = json.dumps(source.describe(scene, 0))
-        simulator = CarSimulator(stepped, *car(**options), lambda _: described)
-        result = simulator.run(scene)
-        assert simulator.run(scene) == result
+    def one(text: str, again: bool = False, **options: Any) -> dict[str, Any]:
+        own, scene, described = simulator(stepped, opened(tmp_path, text), **options)
+        result = own.run(scene)
+        assert not again or own.run(scene) == result
         return {**result, "scene": described}
 
     return one
@@ -90,11 +86,10 @@ def test_scenic_and_the_batch_agree_to_the_last_bit(program: str, stepped: Stepp
     carsim = Carsim(carsim_binary)
     outcomes = set()
     for k, width_mm in enumerate((65, 120, 245)):
-        scene = source.scenic_scene(k)
-        described = json.dumps(source.describe(scene, k))
-        body, settings = car(width_mm)
+        own, scene, described = simulator(stepped, source, k, width_mm=width_mm)
+        body, settings = car_texts(width_mm)
         (native,) = carsim.run({"b": body}, {"s": described}, [RunRequest("b", "s", settings, "", k)])
-        result = CarSimulator(stepped, body, settings, lambda _, text=described: text).run(scene)
+        result = own.run(scene)
         assert result.pop("recorded") == {}
         assert result == native
         outcomes.add(result["outcome"])
@@ -104,6 +99,7 @@ def test_scenic_and_the_batch_agree_to_the_last_bit(program: str, stepped: Stepp
 @pytest.mark.parametrize(
     "statement",
     [
+        "mutate goal\nrequire ego.position.x < 3",
         "terminate when ego.position.x > 1",
         "terminate simulation when ego.position.x > 1",
         "terminate after 10 seconds",
@@ -117,11 +113,8 @@ def test_scenic_and_the_batch_agree_to_the_last_bit(program: str, stepped: Stepp
     ],
 )
 def test_what_needs_a_running_simulation_is_told_from_what_does_not(tmp_path: Path, statement: str) -> None:
-    program = tmp_path / "program.scenic"
-    program.write_text(f"{HEAD}{GOAL}require ego.position.x < 3\nmutate goal\n")
-    assert not open_environment(program, {}, 1).dynamic
-    program.write_text(f"{HEAD}{GOAL}{statement}\n")
-    assert open_environment(program, {}, 1).dynamic
+    is_sampled = statement.startswith("mutate")
+    assert opened(tmp_path, f"{HEAD}{GOAL}{statement}\n").dynamic != is_sampled
 
 
 @pytest.mark.parametrize("outer_step_s", [STEP_S, 0.1, 0.25, 1])
@@ -186,10 +179,10 @@ def test_terminate_after_is_exact(run: Run, limit: str, elapsed_s: float) -> Non
 )
 def test_requirements_do_not_depend_on_when_scenic_looks(run: Run, statements: str, outcome: str) -> None:
     results = []
-    for outer_step_s in (STEP_S, 0.1, 0.25, 1):
+    for outer_step_s in (STEP_S, 0.25):
         text = f"{HEAD}param outer_step_s = {outer_step_s!r}\n{statements}record final ego.position.x as end\n"
-        results.append(run(text))
-    assert results == results[:1] * 4
+        results.append(run(text, again=True))
+    assert results == results[:1] * 2
     assert results[0]["outcome"] == outcome
 
 
@@ -226,53 +219,35 @@ COUNT = "seen = []\ndef count():\n    seen.append(1)\n    return len(seen)\n"
 def test_what_counts_its_evaluations_is_evaluated_once_a_look(
     tmp_path: Path, stepped: SteppedCarsim, statements: str, recorded: Any, elapsed_s: float
 ) -> None:
-    program = tmp_path / "program.scenic"
-    program.write_text(f"{HEAD}{COUNT}{statements}")
-    source = open_environment(program, {}, 1)
-    scene = source.scenic_scene(0)
-    described = json.dumps(source.describe(scene, 0))
-    result = CarSimulator(stepped, *car(), lambda _: described).run(scene)
+    own, scene, _ = simulator(stepped, opened(tmp_path, f"{HEAD}{COUNT}{statements}"))
+    result = own.run(scene)
     seen = value(result, "n")
     assert recorded == ([number for _, number in seen] if isinstance(seen, list) else seen)
     assert result["outcome"] == "terminated"
     assert result["elapsed_time_s"] == pytest.approx(elapsed_s, abs=0.01)
 
 
-@pytest.mark.parametrize(
-    ("condition", "pure"),
-    [
-        ("(distance from ego to goal) <= 0.05 and math.hypot(ego.position.x, 2) < 3", True),
-        ("ego in region or region.containsPoint(ego.position)", True),
-        ("ego.position.distanceTo(goal.position) < 1", True),
-        ("near(ego) or any(abs(v) > 3 for v in ego.position)", True),
-        ("numpy.linalg.norm([1, 2]) > ego.roll", True),
-        ("seen == [] or not seen", True),
-        ("simulation().currentRealTime > 3", True),
-        ("1 in numbers", False),
-        ("count() > 3", False),
-        ("through() > 3", False),
-        ("seen.append(1)", False),
-        ("(lambda f: f(1))(seen.append)", False),
-        ("random.random() > 0.9", False),
-        ("Range(0, 1) > 0.9", False),
-        ("numpy.random.rand() > 0.9", False),
-        ("post.note()", False),
-        ("bumped(post)", False),
-        ("print(ego)", False),
-        ("(lambda call: call())(post.pieces)", False),
-        ("counter.v > 3", False),
-        ("counter[0] > 3", False),
-        ("not counter", False),
-        ("any(one.v > 3 for one in [counter])", False),
-        ("len(f'{counter}') > 3", False),
-        ("pole.v > 3", False),
-        ("calls[0]() > 3", False),
-        ("getattr(seen, 'append')(1)", False),
-    ],
+PURE = (
+    "(distance from ego to goal) <= 0.05 and math.hypot(ego.position.x, 2) < 3",
+    "ego in region or region.containsPoint(ego.position)",
+    "ego.position.distanceTo(goal.position) < 1",
+    "near(ego) or any(abs(v) > 3 for v in ego.position)",
+    "numpy.linalg.norm([1, 2]) > ego.roll",
+    "seen == [] or not seen",
+    "simulation().currentRealTime > 3",
 )
-def test_conditions_that_are_certain_to_change_nothing(tmp_path: Path, condition: str, pure: bool) -> None:
-    program = tmp_path / "program.scenic"
-    program.write_text(
+IMPURE = (
+    *("1 in numbers", "count() > 3", "through() > 3", "seen.append(1)", "(lambda f: f(1))(seen.append)"),
+    *("random.random() > 0.9", "Range(0, 1) > 0.9", "numpy.random.rand() > 0.9", "post.note()", "bumped(post)"),
+    *("print(ego)", "(lambda call: call())(post.pieces)", "counter.v > 3", "counter[0] > 3", "not counter"),
+    *("any(one.v > 3 for one in [counter])", "len(f'{counter}') > 3", "pole.v > 3", "calls[0]() > 3"),
+    "getattr(seen, 'append')(1)",
+)
+
+
+def test_conditions_that_are_certain_to_change_nothing(tmp_path: Path) -> None:
+    source = opened(
+        tmp_path,
         f"{HEAD}{GOAL}{COUNT}import math, random, numpy\nregion = CircularRegion((1, 0), 0.2)\n"
         "numbers = iter([1, 2])\npost = new Marker at (1, 0.5)\n"
         "def near(thing):\n    return thing.position.x > goal.position.x - 1\n"
@@ -280,33 +255,24 @@ def test_conditions_that_are_certain_to_change_nothing(tmp_path: Path, condition
         "class Counter(object):\n    @property\n    def v(self):\n        return count()\ncounter = Counter()\n"
         "class Pole(Marker):\n    @property\n    def v(self):\n        return count()\n"
         "pole = new Pole at (1, -0.5)\ncalls = [count]\n"
-        f"terminate when {condition}\n"
+        + "".join(f"terminate when {condition}\n" for condition in (*PURE, *IMPURE)),
     )
-    (ending,) = open_environment(program, {}, 1).scenario.terminationConditions
-    assert is_pure(ending) == pure
+    found = [is_pure(ending) for ending in source.scenario.terminationConditions]
+    assert found == [True] * len(PURE) + [False] * len(IMPURE)
 
 
 def test_the_condition_that_held_first_is_the_reason(tmp_path: Path, stepped: SteppedCarsim) -> None:
-    program = tmp_path / "program.scenic"
-    program.write_text(f"{HEAD}terminate when ego.position.x > 0.42\nterminate when ego.position.x > 0.4\n")
-    source = open_environment(program, {}, 1)
-    scene = source.scenic_scene(0)
-    described = json.dumps(source.describe(scene, 0))
-    simulation = CarSimulator(stepped, *car(), lambda _: described).simulate(scene)
+    text = f"{HEAD}terminate when ego.position.x > 0.42\nterminate when ego.position.x > 0.4\n"
+    own, scene, _ = simulator(stepped, opened(tmp_path, text))
+    simulation = own.simulate(scene)
     assert simulation.result.terminationReason == "termination condition on line 4"
-
-
-def test_terminate_simulation_when(run: Run) -> None:
-    when = run(f"{HEAD}terminate when ego.position.x > 0.4\n")
-    simulation_when = run(f"{HEAD}terminate simulation when ego.position.x > 0.4\n")
-    assert when["elapsed_time_s"] == simulation_when["elapsed_time_s"]
-    assert simulation_when["outcome"] == "terminated"
 
 
 def test_records_are_what_the_car_did(run: Run, carsim_binary: Path) -> None:
     result = run(
         f"{HEAD}{GOAL}record ego.position as place\nrecord initial ego.position as begin\n"
-        "record final ego.speed as speed\nrecord final [ego.heading, 'text', None, True] as list\n"
+        "record final ego.speed as speed\nrecord final [ego.heading, 'text', None, True] as list\n",
+        again=True,
     )
     path = in_batch(carsim_binary, result["scene"], path_interval_s=0.25)["path"]
     assert result["outcome"] == "passed"
@@ -325,20 +291,6 @@ def test_records_are_what_the_car_did(run: Run, carsim_binary: Path) -> None:
     assert rest == ["text", None, True]
 
 
-def test_the_published_program(stepped: SteppedCarsim) -> None:
-    source = open_environment(SCENARIOS / "paper_bumps_mutated.scenic", {"simulationTimeLimit": 20}, 42)
-    assert source.dynamic
-    reached = set()
-    for k in range(3):
-        scene = source.scenic_scene(k)
-        described = json.dumps(source.describe(scene, k))
-        result = CarSimulator(stepped, *car(), lambda _, text=described: text).run(scene)
-        assert value(result, "elapsedTime") == result["elapsed_time_s"]
-        assert value(result, "consumedEnergy") == result["consumed_energy_j"]
-        reached.add(value(result, "distanceToTarget") <= 0.05)
-    assert True in reached
-
-
 def test_the_programs_verdict_counts_only_where_it_ended_the_run(run: Run) -> None:
     stop = f"{HEAD}terminate when ego.position.x > 0.3\n"
     assert run(f"{stop}record final ego.position.x > 0.2 as passed\n")["outcome"] == "passed"
@@ -355,10 +307,7 @@ MONITOR = "monitor Near(limit):\n    while True:\n        require ego.position.x
     [
         (f"{MONITOR}require monitor Near(0.5)\n", "rejected"),
         (f"{MONITOR}require monitor Near(2)\n", "passed"),
-        ("require always ego.position.x < 0.5\n", "rejected"),
-        ("require always ego.position.x < 2\n", "passed"),
         ("require eventually ego.position.x > 2\n", "rejected"),
-        ("require eventually ego.position.x > 0.5\n", "passed"),
     ],
 )
 def test_violated_requirements_are_results(run: Run, statement: str, outcome: str) -> None:
@@ -370,51 +319,51 @@ def test_violated_requirements_are_results(run: Run, statement: str, outcome: st
 
 def test_requirements_on_the_sample_are_none_on_the_run(tmp_path: Path, stepped: SteppedCarsim) -> None:
     """A soft requirement is drawn once per sample: samples that need not fulfil it run like the others."""
-    program = tmp_path / "program.scenic"
-    program.write_text(
+    source = opened(
+        tmp_path,
         "model model\nego = new Robot at (Range(0, 0.02), 0), facing -90 deg\nterminate after 0.5 seconds\n"
-        "require[0.5] ego.position.x > 0.01\nrequire ego.position.x < 0.019\n"
+        "require[0.5] ego.position.x > 0.01\nrequire ego.position.x < 0.019\n",
     )
-    source = open_environment(program, {}, 1)
     scenes = [source.scenic_scene(k) for k in range(40)]
     let_off = [scene for scene in scenes if scene.egoObject.position.x <= 0.01]
     # A quarter, within five standard deviations.
     assert 0 < len(let_off) < 40 * (0.25 + 5 * math.sqrt(0.25 * 0.75 / 40))
     assert all(scene.egoObject.position.x < 0.019 for scene in scenes)
     for k in (scenes.index(let_off[0]), scenes.index(let_off[-1])):
-        text = json.dumps(source.describe(scenes[k], k))
-        assert CarSimulator(stepped, *car(), lambda _, text=text: text).run(scenes[k])["outcome"] == "terminated"
+        own, scene, _ = simulator(stepped, source, k)
+        assert own.run(scene)["outcome"] == "terminated"
 
 
-def test_a_monitor_ends_the_run_at_its_time_step(run: Run) -> None:
-    monitor = "monitor Stop():\n    while ego.position.x < 0.4:\n        wait\n    terminate simulation\n"
-    result = run(f"{HEAD}{monitor}require monitor Stop()\nterminate after 9 seconds\n")
-    assert result["outcome"] == "terminated"
-    assert result["elapsed_time_s"] % 0.25 == 0
-
-
-LEG = (
-    "model model\n"
-    "scenario Leg(far):\n"
-    "    setup:\n"
-    "        here = new Marker at (far, 0)\n"
-    "{statement}"
-    "    compose:\n"
-    "        while ego.position.x < far:\n"
-    "            wait\n"
-    "scenario Main():\n"
-    "    setup:\n"
-    "        ego = new Robot at (0, 0), facing -90 deg\n"
-    "        record ego.position.x as x\n"
-    "    compose:\n"
-    "        do Leg(0.2)\n"
-    "        do Leg(0.5)\n"
-    "        do Leg(9) until ego.position.x > 0.8\n"
+@pytest.mark.parametrize(
+    "use",
+    ["monitor Stop():{}require monitor Stop()\n", "behavior Stop():{}new Marker at (0, 0.5), with behavior Stop()\n"],
 )
+def test_monitors_and_behaviors_end_the_run_at_a_look(run: Run, use: str) -> None:
+    body = "\n    while ego.position.x < 0.4:\n        wait\n    terminate simulation\n"
+    result = run(f"{HEAD}{GOAL}{use.format(body)}terminate after 9 seconds\n", again=True)
+    assert (result["outcome"], result["elapsed_time_s"] % 0.25) == ("terminated", 0)
+
+
+LEG = """model model
+scenario Leg(far):
+    setup:
+        here = new Marker at (far, 0)
+{statement}    compose:
+        while ego.position.x < far:
+            wait
+scenario Main():
+    setup:
+        ego = new Robot at (0, 0), facing -90 deg
+        record ego.position.x as x
+    compose:
+        do Leg(0.2)
+        do Leg(0.5)
+        do Leg(9) until ego.position.x > 0.8
+"""
 
 
 def test_sub_scenarios(run: Run) -> None:
-    result = run(LEG.format(statement=""))
+    result = run(LEG.format(statement=""), again=True)
     assert result["outcome"] == "terminated"
     assert result["elapsed_time_s"] % 0.25 == 0
     assert 0.8 < value(result, "x")[-1][1] < 0.8 + 0.69 * 0.25
@@ -436,15 +385,6 @@ def test_terrain_cannot_appear_while_the_car_drives(run: Run) -> None:
         run(text)
 
 
-def test_behaviors_of_things_that_do_not_drive_run_beside(run: Run) -> None:
-    text = (
-        f"{HEAD}{GOAL}behavior Watch():\n    while ego.position.x < 0.4:\n        wait\n    terminate simulation\n"
-        "new Marker at (0, 0.5), with behavior Watch()\n"
-    )
-    result = run(text)
-    assert (result["outcome"], result["elapsed_time_s"] % 0.25) == ("terminated", 0)
-
-
 def test_what_is_no_action_is_named(run: Run) -> None:
     text = (
         f"{HEAD}{GOAL}three = 3\nbehavior B():\n    do C()\n"
@@ -462,12 +402,6 @@ def test_a_temporal_requirement_of_an_imported_program_holds_in_the_run(run: Run
     assert run(f"{imported}terminate when ego.position.x > 0.6\n")["outcome"] == "rejected"
 
 
-@pytest.mark.parametrize("step", ["0", "0.001", "'soon'", "float('nan')", "61"])
-def test_impossible_outer_steps(run: Run, step: str) -> None:
-    with pytest.raises(FoldcarError, match="param outer_step_s: "):
-        run(f"{HEAD}param outer_step_s = {step}\nterminate after 1 seconds\n")
-
-
 def test_a_program_that_fails_leaves_the_simulator_usable(run: Run) -> None:
     with pytest.raises(ZeroDivisionError):
         run(f"{HEAD}terminate when 1 / (ego.position.x > 0.2) > 2\nrecord 1 / (ego.position.x < 0.2) as y\n")
@@ -481,17 +415,17 @@ def test_a_refused_trial_is_that_runs_failure(run: Run) -> None:
 
 
 def test_the_ego_is_shown_as_scenic_would(tmp_path: Path) -> None:
-    """Checks what replaces Scenic's updateObjects: orientation, derived properties, caches."""
-    program = tmp_path / "program.scenic"
-    program.write_text(
+    """What the comparison with Scenic's own simulation does not read: orientations, derived properties, caches."""
+    source = opened(
+        tmp_path,
         "model model\nbase = new Marker at (1, 1), facing 30 deg\n"
         "class Own(Robot):\n    double[dynamic, final]: 2 * self.position.x\n"
-        "ego = new Own ahead of base by 0.5, with yaw 20 deg\nnew Goal at (9, 9)\nparam course_x_max = 20\n"
-        "param course_y_max = 20\n"
+        "ego = new Own ahead of base by 0.5, with yaw 20 deg\nnew Goal at (9, 9)\n"
+        "param course_x_max = 20, course_y_max = 20\n",
     )
     from scenic.core.object_types import disableDynamicProxyFor, enableDynamicProxyFor
 
-    ego = open_environment(program, {}, 1).scenic_scene(0).egoObject
+    ego = source.scenic_scene(0).egoObject
     assert set(ego._cache_clearers) >= {"left", "visibleRegion"}
     enableDynamicProxyFor(ego)
     before = ego.left.position
@@ -499,21 +433,15 @@ def test_the_ego_is_shown_as_scenic_would(tmp_path: Path) -> None:
     shown = ShownEgo(ego, state._replace(z_m=0.06))
     shown.show(state._replace(heading_rad=1.0, x_m=0.5))
     assert ego.orientation.approxEq(Orientation.fromEuler(1.0 - math.pi / 2, 0.3, -0.4), tol=1e-9)
-    assert ego.left.position != before
     shown.show(state)
 
     expected = Orientation.fromEuler(2.5 - math.pi / 2, 0.3, -0.4)
-    assert expected.q == pytest.approx(_orientation(2.5 - math.pi / 2, 0.3, -0.4).q, abs=1e-15)
     assert ego.orientation.approxEq(expected, tol=1e-9)
     own = ego.parentOrientation * Orientation.fromEuler(ego.yaw, ego.pitch, ego.roll)
     assert own.approxEq(expected, tol=1e-9)
     assert ego.heading == pytest.approx(2.5 - math.pi / 2)
     assert tuple(ego.position) == pytest.approx((0.3, -0.2, 0.03))
     assert ego.double == 0.6
-    assert ego.left.position != before
-    assert ego.left.position == ego.relativePosition((-ego.width / 2, 0, 0))
-    # Towards where it faces, and turning clockwise.
-    assert tuple(ego.velocity) == pytest.approx((0.5 * math.cos(2.5), 0.5 * math.sin(2.5), 0))
-    assert (ego.angularVelocity.z, ego.angularSpeed, ego.consumedEnergy) == (-0.6, 0.6, 7.0)
+    assert before != ego.left.position == ego.relativePosition((-ego.width / 2, 0, 0))
     disableDynamicProxyFor(ego)
     assert ego.consumedEnergy == 0

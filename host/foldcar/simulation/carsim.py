@@ -8,17 +8,19 @@ import json
 import math
 import subprocess
 from bisect import bisect_right
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from foldcar.car.body import TableRow
 from foldcar.simulation import results
 from foldcar.simulation.engines import ENGINES, MULTIBODY, engine_title, find_carsim
 from foldcar.simulation.kept import KeptRunner, RunProcess
 from foldcar.simulation.runner import KEPT_INTERVAL_S, CarsimError, RunRequest, process_ending
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,12 +62,12 @@ class Carsim:
         self._running: set[subprocess.Popen[str]] = set()
         self._stops = 0
         self._limits: CarsimLimits | None = None
-        try:
-            told = self._told("--version")
-            # The id of all that results depend on, and that of the firmware in it, which a car has too.
-            self.build, self.firmware, self.engine = str(told["build"]), str(told["firmware"]), str(told["engine"])
-        except (ValueError, TypeError, KeyError) as error:
-            raise CarsimError(f"{self.binary}: is no carsim (`--version` does not print its build)") from error
+        # The id of all that results depend on, and that of the firmware in it, which a car has too.
+        self.build, self.firmware, self.engine = self._told(
+            "--version",
+            lambda told: (str(told["build"]), str(told["firmware"]), str(told["engine"])),
+            "is no carsim (`--version` does not print its build)",
+        )
         self.engine = "" if self.engine == MULTIBODY else self.engine
         if self.engine:
             self.build += f" {self.engine}"
@@ -80,24 +82,21 @@ class Carsim:
 
     def parameter_table(self) -> dict[str, TableRow]:
         """The firmware's parameters by name."""
-        try:
-            rows = [
-                TableRow(row["name"], row["unit"], row["minimum"], row["maximum"], row["default"])
-                for row in self._told("params")
-            ]
-        except (ValueError, TypeError, KeyError) as error:
-            raise CarsimError(f"{self.binary}: `carsim params` printed no parameter table") from error
-        return {row.name: row for row in rows}
+
+        def read(told: Any) -> dict[str, TableRow]:
+            keys = ("name", "unit", "minimum", "maximum", "default")
+            return {row["name"]: TableRow(*(row[key] for key in keys)) for row in told}
+
+        return self._told("params", read, "`carsim params` printed no parameter table")
 
     def limits(self) -> CarsimLimits:
         """The limits of what it takes, and the rules by which its trials run (`carsim limits`)."""
-        if self._limits is None:
-            try:
-                told = self._told("limits")
-                numbers = {path: (float(low), float(high)) for path, (low, high) in told["input"].items()}
-                self._limits = CarsimLimits(numbers, TrialRules(**told["trial"]))
-            except (ValueError, TypeError, KeyError, AttributeError) as error:
-                raise CarsimError(f"{self.binary}: `carsim limits` printed no limits") from error
+
+        def read(told: Any) -> CarsimLimits:
+            numbers = {path: (float(low), float(high)) for path, (low, high) in told["input"].items()}
+            return CarsimLimits(numbers, TrialRules(**told["trial"]))
+
+        self._limits = self._limits or self._told("limits", read, "`carsim limits` printed no limits")
         return self._limits
 
     def run(
@@ -136,11 +135,7 @@ class Carsim:
         return found
 
     def _batch(
-        self,
-        bodies: Mapping[str, str],
-        scenes: Mapping[str, str],
-        requests: Sequence[RunRequest],
-        stops: int,
+        self, bodies: Mapping[str, str], scenes: Mapping[str, str], requests: Sequence[RunRequest], stops: int
     ) -> tuple[list[dict[str, Any]], str]:
         """The answers of one process, and how it was killed by a signal, if that came before the last answer.
 
@@ -185,11 +180,14 @@ class Carsim:
             raise CarsimError(f"{self.binary}: answered an impossible result: {line[:200]}")
         return {key: value for key, value in answer.items() if key != "run"}
 
-    def _told(self, argument: str) -> Any:
+    def _told(self, argument: str, read: Callable[[Any], T], lacking: str) -> T:
         answer = self._output([argument], [], self._stops)
         if answer.returncode != 0:
             raise CarsimError(f"{self.binary} {argument}: {process_ending(answer.returncode, answer.stderr)}")
-        return json.loads(answer.stdout)
+        try:
+            return read(json.loads(answer.stdout))
+        except (ValueError, TypeError, KeyError, AttributeError) as error:
+            raise CarsimError(f"{self.binary}: {lacking}") from error
 
     def _output(self, arguments: Sequence[str], lines: Sequence[str], stops: int) -> subprocess.CompletedProcess[str]:
         """Run the program on that input to its end. CarsimError if it cannot be started or after more than ``stops``."""
@@ -197,14 +195,9 @@ class Carsim:
         try:
             # A session of its own keeps Ctrl-C from the simulator: the caller decides what is to end.
             process = subprocess.Popen(
-                command,
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                stderr=subprocess.PIPE,
-                encoding="utf-8",
-                errors="replace",
-                start_new_session=True,
-            )
+                command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                encoding="utf-8", errors="replace", start_new_session=True,
+            )  # fmt: skip
         except OSError as error:
             raise CarsimError(f"{self.binary}: cannot be started: {error.strerror}") from error
         self._running.add(process)
@@ -246,10 +239,7 @@ class _KeptProcess(RunProcess):
 
 
 class KeptCarsim(KeptRunner[_KeptProcess]):
-    """A Runner on ``carsim``'s program in processes that stay, for callers that want one run after another.
-
-    Sweeps send runs in chunks, whose processes are soon paid for.
-    """
+    """A Runner on ``carsim``'s program in processes that stay, for callers that want one run after another."""
 
     def __init__(self, carsim: Carsim) -> None:
         super().__init__(partial(_KeptProcess, carsim))
@@ -272,10 +262,7 @@ def run_line(name: str, request: RunRequest) -> str:
 
 @dataclass(frozen=True)
 class PulseTrain:
-    """Times from the start of the trial (s) and the eight widths (µs, 0: none) from each on.
-
-    The last change is the firmware's end of the trial.
-    """
+    """Times (s) of the trial and the eight widths (µs, 0: none) from each on; the last is the firmware's end of it."""
 
     times_s: tuple[float, ...]
     widths_us: tuple[tuple[float, ...], ...]

@@ -44,10 +44,7 @@ class LineProcess:
 
 
 class RunProcess(LineProcess):
-    """A process that simulates, for one thread, but for `kill`.
-
-    A session of its own keeps Ctrl-C from it: the caller decides what is to end.
-    """
+    """A process that simulates, for one thread, but for `kill`. A session of its own keeps Ctrl-C from it."""
 
     # What has happened to a run of which it dies.
     crash = "the simulation crashed"

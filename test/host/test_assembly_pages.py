@@ -207,10 +207,12 @@ def test_guide_shows_every_piece_and_tells_every_join(design: Design, machine: s
         told |= set(range(int(first), int(last or first) + 1))
     seams = {number for flat in cut.pieces for number, _ in flat.seams}
     assert told == {join.number for join in cut.car.joins} | seams
+    whole = {piece.name for piece in folded.pieces} & {piece.name for piece in cut.car.pieces}
+    assert len(re.findall(" is cut as ", text)) == len(folded.pieces) - len(whole)
     in_parts = re.findall(r"The ([\w ]+) is cut across, in (\d+) parts", text)
     assert {name: int(count) for name, count in in_parts} == cut.strips
-    assert bool(cut.strips) == (sheet == "a4")
-    assert len(found[0].pictures) == len(folded.pieces)
+    assert bool(cut.strips or len(whole) < len(folded.pieces)) == (sheet == "a4")
+    assert len(found[0].pictures) == len(cut.car.pieces)
     assert all(step.pictures for step in found if step.title != "Join the parts of pieces")
 
 

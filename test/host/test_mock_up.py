@@ -29,14 +29,14 @@ def w95() -> Design:
     return compose("W_B_W", {"width": 95})
 
 
-def test_the_95_mm_car_folds_on_one_page_of_paper_instead_of_six() -> None:
+def test_the_95_mm_car_folds_on_one_page_of_paper_instead_of_five() -> None:
     chosen = options("scissors")
     car = pattern(folded_car(w95()), chosen, "a car")
 
     pages = {scale: len(PdfReader(io.BytesIO(make_mock_up(w95(), chosen, scale).files["sheets.pdf"])).pages)
              for scale in (0.5, 1.0)}  # fmt: skip
 
-    assert len(car.sheets) == 6 and pages == {0.5: 1, 1.0: 3}
+    assert len(car.sheets) == 5 and pages == {0.5: 1, 1.0: 3}
 
 
 @pytest.mark.parametrize("scale", [0.5, 0.8])

@@ -180,7 +180,7 @@ def test_outlines_on_the_film_are_where_the_parts_lie(type_string: str) -> None:
 def test_sheets_have_the_corners_and_the_names_of_what_is_laid_on_the_film() -> None:
     car, chosen = folded_car(compose("W_B_W", {})), options("silhouette")
     (flat,) = (piece for piece in cut_car(car, chosen).pieces if piece.name == "beam")
-    shapes, missing = piece_shapes(flat, chosen, join_marks(flat, car))
+    shapes, missing = piece_shapes(flat, chosen, join_marks(flat, car, car))
     lines = [shapely.LineString(shape.points_mm) for shape in shapes if shape.layer == "SCORE"]
     corners = [part for part in shapely.get_parts(shapely.line_merge(shapely.union_all(lines))) if part.length > 0]
     sizes = {

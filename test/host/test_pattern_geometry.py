@@ -22,7 +22,7 @@ from foldcar.fabrication.patterns.nesting import NestingError, nest
 from foldcar.fabrication.patterns.options import Options, options, sheet_size_mm
 from foldcar.fabrication.patterns.piece_shapes import cut_shapes, piece_shapes
 from foldcar.fabrication.patterns.sheets import pattern
-from foldcar.fabrication.patterns.splitting import OVERLAP_MM, split_to_fit
+from foldcar.fabrication.patterns.splitting import OVERLAP_MM, as_cut, split_to_fit
 
 
 def plain(**changes: object) -> Options:
@@ -295,6 +295,32 @@ def test_narrow_film_of_a_part_is_measured_and_named() -> None:
     assert set(film.between) == {"opening", "screw"}
 
 
+def test_a_beam_too_large_for_the_sheet_is_parted_at_a_fold_and_joined_by_a_tab() -> None:
+    chosen = options("silhouette", sheet="150x150", margin_mm=5)
+    car = folded_box(40.0)
+
+    cut = as_cut(car, chosen)
+    pieces, joins = cut.pieces, cut.joins
+
+    parts = [piece for piece in pieces if piece.name.startswith("beam, part")]
+    assert len(parts) >= 2
+    names = sorted(face.name for piece in parts for face in piece.faces if "splice" not in face.name)
+    assert names == sorted(face.name for face in beam().faces)
+    for part in parts:
+        x0, y0, x1, y1 = flat_piece(part, chosen).outline.bounds
+        assert max(x1 - x0, y1 - y0) <= 140
+    new = [join for join in joins if join.number > 6]
+    assert len(new) == len(parts) - 1
+    by_name = {piece.name: {face.name for face in piece.faces} for piece in pieces}
+    assert all(join.a.face in by_name[join.piece_a] and join.b.face in by_name[join.piece_b] for join in joins)
+
+
+def test_a_fold_that_does_not_help_is_left_alone() -> None:
+    pieces = as_cut(folded_box(40.0), options("silhouette", sheet="110x110", margin_mm=5)).pieces
+
+    assert "beam" in [piece.name for piece in pieces]
+
+
 def test_nested_pieces_keep_their_gap_and_stay_on_their_sheets() -> None:
     discs = Polygon(disc(30.0).faces[0].outline_mm)
     pieces = [("slab", box(0, 0, 90, 40), 3), ("disc", discs, 9), ("strip", box(0, 0, 150, 7.3), 4)]
@@ -341,7 +367,7 @@ def test_labels_stay_clear_of_cuts_and_folds_and_are_upright(turn: int) -> None:
     car = folded_box()
     for piece in car.pieces:
         flat = flat_piece(piece, plain())
-        marks = list(join_marks(flat, car))
+        marks = list(join_marks(flat, car, car))
         paths, missing = label_paths(flat, flat.label, marks, turn)
         lines = [LineString([fold.a, fold.b]) for fold in flat.folds] + [flat.outline.boundary]
         lines += [shapely.Point(middle).buffer(diameter / 2) for middle, diameter in flat.circles]
@@ -354,7 +380,7 @@ def test_every_join_is_numbered_on_both_of_its_pieces() -> None:
     car = folded_box()
 
     marked = {
-        piece.name: [mark.text for mark in join_marks(flat_piece(piece, plain()), car)] for piece in car.pieces
+        piece.name: [mark.text for mark in join_marks(flat_piece(piece, plain()), car, car)] for piece in car.pieces
     }
 
     assert sorted(marked["beam"]) == ["1", "1", "2", "3", "4", "5"]

@@ -79,7 +79,7 @@ def test_numbers_of_layers_stand_where_the_layers_lie(machine: str) -> None:
     for flat in (flat for flat in cut.pieces if flat.origin.startswith("beam")):
         openings = [ring for face in flat.faces for name, ring in face.holes.items() if name.endswith("wall opening")]
         (floor,) = (face for face in flat.faces if face.name.endswith("floor")) if "2 of 2" not in flat.label else (None,)
-        for mark in join_marks(flat, cut.car):
+        for mark in join_marks(flat, cut.car, cut.whole):
             if mark.text == numbers["servo doubler"]:
                 assert any(set(mark.edges) <= set(ring) for ring in openings)
                 doublers += 1

@@ -57,7 +57,7 @@ def urdf(body: Mapping[str, Any], name: str) -> str:
             joint = _add_joint(robot, f"hinge{index - 1}", "revolute", *parents, place)
             # Flexures have no motor: no effort.
             bounds = {"lower": numbers(hinge["min_rad"]), "upper": numbers(hinge["max_rad"])}
-            add(joint, "limit", bounds, effort="0", velocity=numbers(FREE_RAD_S))
+            add(joint, "limit", {**bounds, "effort": "0", "velocity": numbers(FREE_RAD_S)})
             add(joint, "dynamics", damping=numbers(hinge["damping_n_m_s_rad"]))
     for wheel in body["wheels"]:
         _add_wheel(robot, body, wheel)

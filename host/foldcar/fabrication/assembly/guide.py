@@ -35,6 +35,7 @@ from foldcar.fabrication.patterns.sheets import CutCar
 from foldcar.figures.page import page_template
 
 ABOVE = camera(-90, 90)
+ASLANT = camera(-55, 32)
 # Long pieces are turned along the picture's wider side.
 UPRIGHT = 1.3
 FROM_FRONT = camera(38, 30)
@@ -62,7 +63,7 @@ def guide_page(folded: FoldedCar, cut: CutCar, machine: str, title: str, sheets:
 
 def steps(folded: FoldedCar, cut: CutCar, machine: str) -> list[Step]:
     """All steps, from cutting on a machine of that name to the finished car."""
-    found = [out_of_sheets(cut, machine), *parted(cut)]
+    found = [out_of_sheets(cut, machine), *parted(folded, cut)]
     state = State(folded)
     for step, done in by_step(folded):
         lines = step_lines(step, state)
@@ -99,19 +100,34 @@ def out_of_sheets(cut: CutCar, machine: str) -> Step:
     return Step("Cut the pieces", lines, tuple(pictures), of_sheets(cut))
 
 
-def parted(cut: CutCar) -> Iterator[Step]:
-    """The step that joins the parts of pieces, if there are any."""
-    lines = []
-    for name, count in cut.strips.items():
-        parts = [flat for flat in cut.pieces if flat.origin == name]
-        times = f", {parts[0].count} times" if parts[0].count > 1 else ""
+def parted(folded: FoldedCar, cut: CutCar) -> Iterator[Step]:
+    """The step that joins pieces split to fit the sheets, along folds and across."""
+    known = {join.number for join in folded.joins}
+    cut_names = {piece.name for piece in cut.car.pieces}
+    lines, pictures = [], []
+    for piece in (piece for piece in folded.pieces if piece.name not in cut_names):
+        parts = [part for part in cut.car.pieces if part.name.startswith(f"{piece.name}, part ")]
+        names = {part.name for part in parts}
+        new = {join.number for join in cut.car.joins if join.piece_a in names and join.number not in known}
+        times = f", {piece.count} times" if piece.count > 1 else ""
         lines.append(
-            f"The {name} is cut across, in {count} parts{times}: lay the edge of one onto the line of the part with the "
-            "same number, printed side up, and tape it there: join "
-            f"{numbers({number for flat in parts for number, _ in flat.seams})}."
+            f"The {piece.label} is cut as {listed([part.label for part in parts])}{times}: fold each tab and tape it to "
+            f"the printed side of the panel with the same number, join {numbers(new)}. From now on it is one piece."
+        )
+        for part in parts:
+            marks = [mark for mark in join_marks(cut.car, part, np.eye(4), 0.5) if int(mark.text) in new]
+            text = f"{part.label}, half folded"
+            pictures.append(Drawing(film_shape(part, np.eye(4), 0.5), ASLANT, text, marks, caption=text))
+    for name, count in cut.strips.items():
+        parts_across = [flat for flat in cut.pieces if flat.origin == name]
+        seams = {number for flat in parts_across for number, _ in flat.seams}
+        copies = parts_across[0].count
+        lines.append(
+            f"The {name} is cut across, in {count} parts{f', {copies} times' if copies > 1 else ''}: lay the edge of one "
+            f"onto the line of the part with the same number, printed side up, and tape it there: join {numbers(seams)}."
         )
     if lines:
-        yield Step("Join the parts of pieces", tuple(lines), done=of_parting(cut))
+        yield Step("Join the parts of pieces", tuple(lines), tuple(pictures), of_parting(folded, cut))
 
 
 def whole_car(folded: FoldedCar, view: Camera) -> Shape:

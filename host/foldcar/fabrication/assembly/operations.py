@@ -94,7 +94,7 @@ class Operations:
 
 def operations(car: FoldedCar, cut: CutCar) -> Operations:
     """All operations of the car: pieces out of the sheets, parts of pieces joined, all steps of the assembly."""
-    return sum((done for _, done in by_step(car)), of_sheets(cut) + of_parting(cut))
+    return sum((done for _, done in by_step(car)), of_sheets(cut) + of_parting(car, cut))
 
 
 def of_sheets(cut: CutCar) -> Operations:
@@ -103,10 +103,14 @@ def of_sheets(cut: CutCar) -> Operations:
     return Operations(piece=sum(piece.count for piece in cut.pieces), weed=openings)
 
 
-def of_parting(cut: CutCar) -> Operations:
-    """What joins the parts of pieces: each seam is taped."""
+def of_parting(car: FoldedCar, cut: CutCar) -> Operations:
+    """What joins pieces that the sheets have in parts: tabs along folds, with their folds; seams across."""
+    known = {join.number for join in car.joins}
+    new = [join for join in cut.car.joins if join.number not in known]
+    more = sum(p.count * len(_by_hand(p)) for p in cut.car.pieces) - sum(p.count * len(_by_hand(p)) for p in car.pieces)
     seams = {(piece.origin, number): piece.count for piece in cut.pieces for number, _ in piece.seams}
-    return Operations(tape=sum(seams.values()))
+    tabs = sum(_times(cut.car, join) for join in new if join.kind in TAPED)
+    return Operations(fold=max(more, 0), tape=tabs + sum(seams.values()))
 
 
 def by_step(car: FoldedCar) -> list[tuple[AssemblyStep, Operations]]:
@@ -145,8 +149,7 @@ def closing(step: AssemblyStep, before: Mapping[str, Mapping[str, float]], piece
     A fold named with 0 is made, and left open.
     """
     done, named = before.get(piece.name, {}), step.folds.get(piece.name, {})
-    by_hand = [c for c in piece.creases if c.angle_rad and not c.flexure and not c.bend]
-    return [c for c in by_hand if c.name in named and named[c.name] != done.get(c.name)]
+    return [c for c in _by_hand(piece) if c.name in named and named[c.name] != done.get(c.name)]
 
 
 def plugs_in(car: FoldedCar, step: AssemblyStep) -> list[Wire]:
@@ -176,6 +179,10 @@ def turned(car: FoldedCar, step: AssemblyStep) -> list[Join]:
 def is_screw(parts: Catalogue, mount: Mount) -> bool:
     """Whether the part is a screw, with or without a nut."""
     return mount.part in {part.name for _, part in parts if isinstance(part, Screw)}
+
+
+def _by_hand(piece: Piece) -> list[Crease]:
+    return [c for c in piece.creases if c.angle_rad and not c.flexure and not c.bend]
 
 
 def _times(car: FoldedCar, join: Join) -> int:

@@ -36,6 +36,8 @@ DESCENT = 0.35
 PLACES = 8
 # How far above or below a face layers of film and tape lie at most.
 LAYERS_MM = 3.0
+# What the name of a part of a piece has between the piece's and its number.
+PART = ", part "
 # In the font's units: height of a capital, and the y of its base line.
 CAP_UNITS = 21
 BASE_LINE = 9
@@ -158,8 +160,11 @@ def _in_faces(flat: FlatPiece, turn: float) -> list[_Place]:
     return places
 
 
-def join_marks(piece: FlatPiece, car: FoldedCar) -> Iterator[EdgeMark]:
-    """The numbers of all joins of the piece, those that it was parted at first; the names of parts laid onto it."""
+def join_marks(piece: FlatPiece, car: FoldedCar, whole: FoldedCar) -> Iterator[EdgeMark]:
+    """The numbers of all joins of the piece, those that it was parted at first; the names of parts laid onto it.
+
+    ``car`` has pieces parted to fit the sheets, ``whole`` has them whole, as they are placed in the car.
+    """
     yield from (EdgeMark(str(number), beside) for number, beside in piece.seams)
     faces = {face.name: face for face in piece.faces}
     seen: set[tuple[int, str]] = set()
@@ -170,7 +175,7 @@ def join_marks(piece: FlatPiece, car: FoldedCar) -> Iterator[EdgeMark]:
                 continue
             if join.kind == "laminate" and ref is join.b:
                 if (join.number, ref.face) not in seen:
-                    yield from (EdgeMark(str(join.number), edges) for edges in _under(faces[ref.face], join, car))
+                    yield from (EdgeMark(str(join.number), edges) for edges in _under(faces[ref.face], join, whole))
                 seen.add((join.number, ref.face))
                 continue
             edges = _edges(faces[ref.face], ref, join, slot)
@@ -190,9 +195,10 @@ def join_marks(piece: FlatPiece, car: FoldedCar) -> Iterator[EdgeMark]:
         yield EdgeMark(name, tuple(longest), shapely.MultiLineString(outline).convex_hull)
 
 
-def _under(face: FlatFace, join: Join, car: FoldedCar) -> Iterator[tuple[Edge, ...]]:
+def _under(face: FlatFace, join: Join, whole: FoldedCar) -> Iterator[tuple[Edge, ...]]:
     """For each layer that a join lays on a face: the edges of the opening that it surrounds, or of its own outline."""
-    piece = next(one for one in car.pieces if one.name == join.piece_b)
+    above, below = (name.partition(PART)[0] for name in (join.piece_a, join.piece_b))
+    piece = next(one for one in whole.pieces if one.name == below)
     outline = next(one for one in piece.faces if one.name == face.name).outline_mm
     pairs = [((outline[i], outline[(i + 1) % len(outline)]), edge) for i, edge in face.edges.items() if i < len(outline)]
     # From the face's frame to the flat one, by its longest edge that is whole; a bend shortens one by less than 1 mm.
@@ -205,7 +211,7 @@ def _under(face: FlatFace, join: Join, car: FoldedCar) -> Iterator[tuple[Edge, .
     )
     turn = (to_b - to_a) / (b - a)
     turn /= abs(turn)
-    for layer in _layers(car, join.piece_a, join.a.face, join.piece_b, face.name):
+    for layer in _layers(whole, above, join.a.face, below, face.name):
         flat = [(complex(*point) - (a + b) / 2) * turn + (to_a + to_b) / 2 for point in layer.exterior.coords]
         area = shapely.Polygon([(point.real, point.imag) for point in flat]).intersection(face.outline)
         if area.is_empty or area.geom_type != "Polygon":

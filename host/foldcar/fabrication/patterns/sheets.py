@@ -23,7 +23,7 @@ from foldcar.fabrication.patterns.labels import join_marks, text_strokes
 from foldcar.fabrication.patterns.nesting import NestingError, advice, all_fit, nest
 from foldcar.fabrication.patterns.options import TORN_FILM_MM, OptionError, Options
 from foldcar.fabrication.patterns.piece_shapes import outer_cut, piece_shapes
-from foldcar.fabrication.patterns.splitting import split_to_fit
+from foldcar.fabrication.patterns.splitting import as_cut, split_to_fit
 
 # Length of the bar by which the scale of a cut or printed sheet is checked.
 REFERENCE_MM = 100.0
@@ -141,10 +141,14 @@ class Pattern:
 
 @dataclass(frozen=True, slots=True)
 class CutCar:
-    """A car and its ``pieces``, flat and parted to fit the sheets."""
+    """A car split to fit the sheets: ``car`` has pieces split along folds, ``pieces`` are flat, some cut across.
+
+    ``whole`` is the car before.
+    """
 
     car: FoldedCar
     pieces: tuple[FlatPiece, ...]
+    whole: FoldedCar
 
     @property
     def strips(self) -> dict[str, int]:
@@ -161,12 +165,13 @@ def cut_car(folded: FoldedCar, chosen: Options) -> CutCar:
     if getattr(film.cutting, chosen.machine) is None:
         others = " or ".join(name for name, how in film.cutting if how is not None)
         raise OptionError(f"--machine {chosen.machine}: does not cut {film.title}; only {others} would do")
-    numbers = itertools.count(max((join.number for join in folded.joins), default=0) + 1)
-    turning = {placed.piece for placed in folded.placed if placed.body.startswith("wheel")}
+    car = as_cut(folded, chosen)
+    numbers = itertools.count(max((join.number for join in car.joins), default=0) + 1)
+    turning = {placed.piece for placed in car.placed if placed.body.startswith("wheel")}
     pieces: list[FlatPiece] = []
-    for flat in (flat_piece(piece, chosen) for piece in folded.pieces):
+    for flat in (flat_piece(piece, chosen) for piece in car.pieces):
         pieces += [flat] if flat.name in turning and not flat.bends else split_to_fit(flat, chosen, numbers)
-    return CutCar(folded, tuple(pieces))
+    return CutCar(car, tuple(pieces), folded)
 
 
 def pattern(folded: FoldedCar, chosen: Options, title: str, command: str = "") -> Pattern:
@@ -225,7 +230,7 @@ def _lay_out(cut: CutCar, chosen: Options, title: str, command: str) -> tuple[tu
             for copy in copies:
                 turn = copy.motion.quarter_turns
                 if turn not in drawn:
-                    marks = join_marks(piece, cut.car)
+                    marks = join_marks(piece, cut.car, cut.whole)
                     drawn[turn], unlabelled = piece_shapes(piece, chosen, marks, turn)
                     missing |= dict.fromkeys(unlabelled)
                 on_sheets[first + copy.sheet].append([shape.moved(copy.motion) for shape in drawn[turn]])

@@ -1,10 +1,12 @@
-"""Parts pieces that are too large for a sheet by straight cuts across, with overlaps to glue.
+"""Parts pieces that are too large for a sheet: along folds first, then by straight cuts across with overlaps to glue.
 
-Input: a FlatPiece, Options. Output: its parts, labelled "1 of 3" and so on. A cut runs along x or y through faces and
-across folds, clear of openings, of folds beside it and of short tabs; each face that it passes has an overlap of its own,
-so that folds stay free. A strip is cut between two facets of its bend and overlaps by whole facets.
+Input: a FoldedCar, a FlatPiece, Options. Output: the car with a tab in place of each fold that is cut, and new joins; the
+parts of a flat piece, labelled "1 of 3" and so on. A cut across runs along x or y through faces and across folds, clear
+of openings, of folds beside it and of short tabs; each face that it passes has an overlap of its own, so that folds stay
+free. A strip is cut between two facets of its bend and overlaps by whole facets.
 """
 
+import itertools
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -13,6 +15,8 @@ import numpy as np
 import shapely
 from shapely.geometry import LineString, Polygon, box
 
+from foldcar.car.folded.model import Crease, EdgeRef, Face, FoldedCar, Join, Piece
+from foldcar.car.folded.pose import edge
 from foldcar.fabrication.patterns.drawing import Motion
 from foldcar.fabrication.patterns.flat_piece import (
     GRID_MM,
@@ -21,6 +25,7 @@ from foldcar.fabrication.patterns.flat_piece import (
     FlatFace,
     FlatPiece,
     Fold,
+    flat_piece,
     moved,
     moved_to_origin,
 )
@@ -43,6 +48,116 @@ SHORT_TAB_MM = 36.0
 BEVEL_MM = 2.0
 RASTER_MM = 2.0
 Interval = tuple[float, float]
+
+
+def as_cut(car: FoldedCar, chosen: Options) -> FoldedCar:
+    """The car with too large pieces split; its ``placed`` still name the whole pieces."""
+    pieces: list[Piece] = []
+    joins = list(car.joins)
+    numbers = itertools.count(max((join.number for join in joins), default=0) + 1)
+    depth = car.parts.assembly.lap_flap_mm.value
+    for piece in car.pieces:
+        parts, new = _parts_along(piece, chosen, numbers, depth)
+        pieces += parts
+        if new:
+            home = {face.name: part.name for part in parts for face in part.faces}
+            joins = [
+                replace(
+                    join,
+                    piece_a=home[join.a.face] if join.piece_a == piece.name else join.piece_a,
+                    piece_b=home[join.b.face] if join.piece_b == piece.name else join.piece_b,
+                )
+                for join in (*joins, *new)
+            ]
+    return replace(car, pieces=tuple(pieces), joins=tuple(joins))
+
+
+def _parts_along(
+    piece: Piece, chosen: Options, numbers: "itertools.count[int]", depth_mm: float
+) -> tuple[list[Piece], list[Join]]:
+    """The numbered parts of a piece, tabs of that depth, and the whole piece's joins between them.
+
+    The whole piece and no joins if it fits or splitting does not help.
+    """
+    waiting, done, joins = [piece], list[Piece](), dict[str, Join]()
+    while waiting:
+        part = waiting.pop(0)
+        crease = None if _fits(part, chosen) else _best_crease(part, chosen, depth_mm)
+        if crease is None:
+            done.append(part)
+            continue
+        rest, taken = _cut_along(part, crease, depth_mm)
+        waiting += [rest, taken]
+        ends = EdgeRef(_tab_name(crease), 0), crease.child
+        length = _length_mm(part, crease)
+        joins[crease.child.face] = Join(next(numbers), "tab", piece.name, ends[0], piece.name, ends[1], length)
+    if len(done) == 1 or not all(_fits(part, chosen) for part in done):
+        return [piece], []
+    named = [
+        replace(part, name=f"{piece.name}, part {i}", label=f"{piece.label or piece.name}, {i} of {len(done)}")
+        for i, part in enumerate(done, 1)
+    ]
+    # The first face of a part that was taken off is the child of its fold.
+    return named, [joins[part.faces[0].name] for part in done if part.faces[0].name in joins]
+
+
+def _best_crease(piece: Piece, chosen: Options, depth_mm: float) -> Crease | None:
+    """The fold between two panels whose parts exceed the sheet least, then are most equal in size; None without folds."""
+    roles = {face.name: face.role for face in piece.faces}
+    best = None
+    for index, crease in enumerate(piece.creases):
+        if crease.flexure or {roles[crease.parent.face], roles[crease.child.face]} != {"panel"}:
+            continue
+        parts = _cut_along(piece, crease, depth_mm)
+        over = max(_excess_mm(part, chosen) for part in parts)
+        sizes = [sum(_extent_mm(part, chosen)) for part in parts]
+        key = (round(over, 3), round(max(sizes), 3), index)
+        if best is None or key < best[0]:
+            best = (key, crease)
+    return None if best is None else best[1]
+
+
+def _cut_along(piece: Piece, crease: Crease, depth: float) -> tuple[Piece, Piece]:
+    """The two parts: the first with a tab in place of the fold, the second with the fold's child and its descendants."""
+    members = {crease.child.face}
+    # Creases of parents precede those of their children.
+    for other in piece.creases:
+        if other.parent.face in members:
+            members.add(other.child.face)
+    length = _length_mm(piece, crease)
+    tab = Face(_tab_name(crease), ((0.0, 0.0), (length, 0.0), (length - depth / 4, depth), (depth / 4, depth)), (), "tab")
+    fold = replace(crease, name=tab.name, child=EdgeRef(tab.name, 0))
+
+    kept = (*(f for f in piece.faces if f.name not in members), tab)
+    rest = replace(piece, faces=kept, creases=(*(c for c in piece.creases if c.child.face not in members), fold))
+    off = sorted((f for f in piece.faces if f.name in members), key=lambda face: face.name != crease.child.face)
+    creases = tuple(c for c in piece.creases if c.parent.face in members)
+    return rest, replace(piece, faces=tuple(off), creases=creases)
+
+
+def _tab_name(crease: Crease) -> str:
+    return f"{crease.name} splice"
+
+
+def _length_mm(piece: Piece, crease: Crease) -> float:
+    return math.dist(*edge({face.name: face for face in piece.faces}, crease.parent))
+
+
+def _extent_mm(piece: Piece, chosen: Options) -> tuple[float, float]:
+    x0, y0, x1, y1 = flat_piece(piece, chosen).outline.bounds
+    return x1 - x0 + chosen.kerf_mm, y1 - y0 + chosen.kerf_mm
+
+
+def _fits(piece: Piece, chosen: Options) -> bool:
+    # Strips are cut across instead.
+    is_strip = any(face.role == "rim" for face in piece.faces)
+    return is_strip or fits(_extent_mm(piece, chosen), chosen.sheet_size_mm, chosen.margin_mm)
+
+
+def _excess_mm(piece: Piece, chosen: Options) -> float:
+    low, high = sorted(_extent_mm(piece, chosen))
+    least, greatest = sorted(side - 2 * chosen.margin_mm for side in chosen.sheet_size_mm)
+    return max(0.0, low - least, high - greatest)
 
 
 @dataclass(frozen=True, slots=True)

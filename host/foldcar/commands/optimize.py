@@ -1,7 +1,7 @@
 """`foldcar optimize`: searches the best designs of a family, simulating those that are worth a look."""
 
 from enum import Enum
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -38,15 +38,6 @@ class ObjectiveName(str, Enum):
     sheet_area = "sheet-area"
 
 
-class SamplerName(str, Enum):
-    """What `--sampler` takes."""
-
-    tpe = "tpe"
-    nsga2 = "nsga2"
-    random = "random"
-    grid = "grid"
-
-
 def optimize(
     listing: Listing,
     store: OutputStore,
@@ -72,8 +63,9 @@ def optimize(
         int, typer.Option(metavar="N", min=1, max=MOST_ENVIRONMENTS, help="Fresh environments to judge them in.")
     ] = 200,
     sampler: Annotated[
-        SamplerName, typer.Option(metavar="NAME", help="How designs are chosen: tpe, nsga2, random or grid.")
-    ] = SamplerName.tpe,
+        Literal["tpe", "nsga2", "random", "grid"],
+        typer.Option(metavar="NAME", help="How designs are chosen: tpe, nsga2, random or grid."),
+    ] = "tpe",
     prune: Annotated[
         bool,
         typer.Option("--prune/--no-prune", help="With one objective, leave a design early that is worse than the best."),
@@ -111,7 +103,7 @@ def optimize(
     study, environment_of = under_calibration(study, store, calibration)
     plan = Plan(
         objectives=tuple(OBJECTIVES[name] for name in names),
-        sampler=sampler.value,
+        sampler=sampler,
         seed=seed,
         designs=designs,
         runs=runs,

@@ -204,21 +204,18 @@ class StoreWriter(StoreConnection):
         row = self._row(BY_NAME["sample"], environment_id=environment_id, sample=sample)
         return json.loads(self._row(BY_NAME["scene"], id=row["scene_id"])["json"])
 
-    def put_sample(
-        self, environment_id: int, sample: int, scene: Mapping[str, Any], identity: str = ""
-    ) -> None:
+    def put_sample(self, environment_id: int, sample: int, scene: Mapping[str, Any], identity: str = "") -> None:
         """Store the scene of a sample; equal scenes with different ``identity`` are stored as different."""
-        with self._transaction():
-            scene_id = self._put_text("scene", canonical_json(scene), identity)
-            row = {"environment_id": environment_id, "sample": sample, "scene_id": scene_id}
-            self._insert(BY_NAME["sample"], [row], "OR IGNORE")
+        self._put_drawn("sample", {"environment_id": environment_id, "sample": sample}, "scene", scene, identity)
 
     def put_draw(self, spread_id: int, sample: int, variation: Mapping[str, Any], identity: str = "") -> None:
         """Store the variation of a sample; ``identity`` as for :meth:`put_sample`."""
+        self._put_drawn("draw", {"spread_id": spread_id, "sample": sample}, "variation", variation, identity)
+
+    def _put_drawn(self, table: str, key: dict[str, int], what: str, value: Mapping[str, Any], identity: str) -> None:
         with self._transaction():
-            variation_id = self._put_text("variation", canonical_json(variation), identity)
-            row = {"spread_id": spread_id, "sample": sample, "variation_id": variation_id}
-            self._insert(BY_NAME["draw"], [row], "OR IGNORE")
+            row = {**key, f"{what}_id": self._put_text(what, canonical_json(value), identity)}
+            self._insert(BY_NAME[table], [row], "OR IGNORE")
 
     def design_counts(self, plan: PlannedExperiment) -> DesignCounts:
         """How many runs of each of the experiment's designs are stored, and how many of them passed."""

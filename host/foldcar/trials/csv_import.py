@@ -15,7 +15,7 @@ from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
 
-from foldcar.analysis.words import design_text
+from foldcar.analysis.words import count, design_text
 from foldcar.car.design import Design, DesignError, compose, parameters
 from foldcar.errors import FoldcarError
 from foldcar.store.info import ExperimentInfo
@@ -201,22 +201,23 @@ def import_notes(store: Path, trials: Sequence[Mapping[str, Any]]) -> list[str]:
     """A sentence for each experiment, sample and car that the store's study has not."""
     swept = swept_experiments(store)
     notes = []
-    for experiment in dict.fromkeys(trial["experiment"] for trial in trials):
-        if experiment not in swept:
+    for name in dict.fromkeys(trial["experiment"] for trial in trials):
+        mine = [trial for trial in trials if trial["experiment"] == name]
+        samples = {trial["sample"] for trial in mine if "sample" in trial}
+        if name not in swept:
             if swept:
                 known = ", ".join(swept)
-                notes.append(f'experiment "{experiment}" was not swept in {store}, only {known}; its trials stand alone')
-            if any(trial["experiment"] == experiment and "sample" in trial for trial in trials):
+                notes.append(f'experiment "{name}" was not swept in {store}, only {known}; its trials stand alone')
+            if samples:
                 notes.append(
-                    f'experiment "{experiment}" was not swept yet: of which environment its samples are is not known, so '
+                    f'experiment "{name}" was not swept yet: of which environment its samples are is not known, so '
                     "that no run is ever paired with them; to pair them, sweep first and import then"
                 )
             continue
-        notes += _unknown_cars(store, swept[experiment], trials)
-        most = swept[experiment].environments
-        samples = {trial["sample"] for trial in trials if trial["experiment"] == experiment and "sample" in trial}
+        notes += _unknown_cars(store, swept[name], mine)
+        most = swept[name].environments
         for sample in sorted(sample for sample in samples if sample >= most):
-            notes.append(f'experiment "{experiment}" was swept in samples 0 to {most - 1}; sample {sample} has no runs')
+            notes.append(f'experiment "{name}" was swept in samples 0 to {most - 1}; sample {sample} has no runs')
     return notes
 
 
@@ -227,8 +228,6 @@ def _unknown_cars(store: Path, info: ExperimentInfo, trials: Sequence[Mapping[st
     counts: Counter[str] = Counter()
     for trial in trials:
         design = trial["design"]
-        if trial["experiment"] not in (info.id, info.listed_id):
-            continue
         if trial["vehicle_type"] != info.vehicle_type:
             counts[f"a {trial['vehicle_type']}"] += 1
         elif frozenset(design.items()) not in known:
@@ -236,6 +235,6 @@ def _unknown_cars(store: Path, info: ExperimentInfo, trials: Sequence[Mapping[st
             counts[f"a car of {design_text(told)}"] += 1
     more = [f"and {len(counts) - SHOWN} other cars that experiment \"{info.id}\" has not"] if len(counts) > SHOWN else []
     return [
-        f'experiment "{info.id}" was swept without {car}; it has {number} trial{"" if number == 1 else "s"}'
+        f'experiment "{info.id}" was swept without {car}; it has {count(number, "trial")}'
         for car, number in list(counts.items())[:SHOWN]
     ] + more

@@ -46,7 +46,7 @@ TARGETS = {
     "host/foldcar/analysis/stopping.py": ["test_run_statistics.py", "test_sweep_until.py"],
     "host/foldcar/analysis/words.py": ["test_advice.py", "test_compare.py"],
     "host/foldcar/analysis": ["test_rate_statistics.py"],
-    "host/foldcar/advice/comparison.py": ["test_compare.py"],
+    "host/foldcar/advice/comparison.py": ["test_advice.py", "test_compare.py"],
     "host/foldcar/advice/resimulation.py": ["test_compare.py"],
     "host/foldcar/advice": ["test_advice.py", "test_select.py", "test_compare.py"],
     "host/foldcar/calibration/environment.py": ["test_reality.py", "test_calibration.py"],

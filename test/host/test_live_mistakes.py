@@ -38,13 +38,16 @@ def refused(answer: "subprocess.CompletedProcess[str]") -> str:
 
 
 def log_and(folder: Path, port: str, accident: Callable[[], object]) -> tuple[int, str, str]:
-    """Run `foldcar log`; the accident happens in its countdown, when its log is there."""
-    words = [*LOG, "--port", port, "--yes", "--countdown", "1"]
+    """Run `foldcar log`; the accident happens in its countdown."""
+    words = [*LOG, "--port", port, "--yes", "--countdown", "2"]
     process = original().start(words, folder, {**os.environ, "PYTHONUNBUFFERED": "1"})
     process.stdin.close()
-    while not list(folder.glob("s-logs/*.tlog")):
-        assert process.poll() is None, process.stderr.read()
-        time.sleep(0.02)
+    said = ""
+    while not said.startswith("Countdown"):
+        said = process.stdout.readline()
+        assert said, process.stderr.read()
+    # The log is made after the line is printed.
+    time.sleep(1.0)
     accident()
     output, errors = process.communicate()
     return process.wait(), output, errors

@@ -2,6 +2,7 @@
 
 import * as THREE from "three";
 import { mergeGeometries } from "three/addons/utils/BufferGeometryUtils.js";
+import { matt } from "./paint.js";
 
 const MM = 0.001;
 const COLOURS = { film: 0xede8d9, tyre: 0x33363a, servo: 0x29599e, board: 0x1a6b40, battery: 0xbf8c33, other: 0x8c8c8c };
@@ -43,7 +44,7 @@ export class DrivenCar {
       this.group.add(one);
     }
     const materials = ghost === null
-      ? [new THREE.MeshLambertMaterial({ vertexColors: true, side: THREE.DoubleSide }), new THREE.LineBasicMaterial({ color: EDGE })]
+      ? [matt(), new THREE.LineBasicMaterial({ color: EDGE })]
       : [new THREE.MeshBasicMaterial({ color: ghost, transparent: true, opacity: 0.22, depthWrite: false }), new THREE.LineBasicMaterial({ color: ghost, transparent: true, opacity: 0.7 })];
     this.materials = materials;
     const parts = shape ? shapeParts(shape) : bodyParts(body);

@@ -10,6 +10,7 @@ import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import { DrivenCar } from "./car.js";
 import { SideDrawing } from "./drawing.js";
 import { Strips } from "./strips.js";
+import { softwareOnly } from "./paint.js";
 import { groundGroup, lineOver } from "./surface.js";
 
 export { Ground, readGround } from "./ground.js";
@@ -123,6 +124,7 @@ class Mounted {
       if (!this.playing) return;
       const passed = Math.max(0, now - before) / 1000;
       before = now;
+      this.view.hurry?.(passed);
       this.seek(this.t + passed * Number(this.speed.value));
       if (this.t >= this.end_s) this.pause();
       else requestAnimationFrame(tick);
@@ -131,8 +133,13 @@ class Mounted {
   }
 
   pause() {
+    const played = this.playing;
     this.playing = false;
     this.say();
+    if (played && this.view.sharpness < 1) {
+      this.view.sharpness = 1;
+      this.view.draw(this.t);
+    }
   }
 
   say() {
@@ -160,15 +167,14 @@ class View {
     this.canvas.setAttribute("role", "img");
     this.canvas.setAttribute("aria-label", "The car in its environment, in three dimensions; drag or use the arrow keys to turn it");
     this.canvas.style.cssText = "display:block;width:100%;touch-action:none";
-    this.renderer = new THREE.WebGLRenderer({ canvas: this.canvas, antialias: true, preserveDrawingBuffer: true });
+    this.renderer = new THREE.WebGLRenderer({ canvas: this.canvas, antialias: !softwareOnly() });
     element.append(this.canvas);
     this.frames = 0;
+    // Below 1 while it plays on a machine that is too slow otherwise.
+    this.sharpness = 1;
     this.scene = new THREE.Scene();
     this.lens = new THREE.PerspectiveCamera(32, 1, 0.02, 60);
     this.lens.up.set(0, 0, 1);
-    const sun = new THREE.DirectionalLight(0xffffff, 1.9);
-    sun.position.set(-1, -1.6, 2.4);
-    this.scene.add(new THREE.HemisphereLight(0xffffff, 0xb8b2a4, 1.7), sun);
     this.orbit = new OrbitControls(this.lens, this.canvas);
     this.orbit.enableDamping = false;
     this.orbit.listenToKeyEvents(this.canvas);
@@ -261,7 +267,7 @@ class View {
       if (marks) marks.visible = t > run.path.end_s - 1;
     }
     const width = this.canvas.clientWidth || 320, height = Math.round(Math.min(520, Math.max(240, width * 0.56)));
-    const ratio = Math.min(2, window.devicePixelRatio || 1);
+    const ratio = Math.min(2, window.devicePixelRatio || 1) * this.sharpness;
     if (this.width !== width || this.height !== height || this.ratio !== ratio) {
       Object.assign(this, { width, height, ratio });
       this.renderer.setPixelRatio(ratio);
@@ -273,6 +279,12 @@ class View {
     const first = this.cars?.[0];
     if (first) this.follow(first.run.path.at(t));
     this.render();
+  }
+
+  // A picture that took longer than a 50th of a second is followed by coarser ones.
+  hurry(passed_s) {
+    this.late = passed_s > 0.02 ? (this.late ?? 0) + 1 : 0;
+    if (this.late >= 3 && this.sharpness > 0.5) [this.sharpness, this.late] = [this.sharpness - 0.125, 0];
   }
 
   follow({ x, y, z, heading }) {

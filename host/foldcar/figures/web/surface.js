@@ -2,6 +2,7 @@
 
 import * as THREE from "three";
 import { profileOf } from "./ground.js";
+import { matt } from "./paint.js";
 
 const FLOOR = 0xece8dd, BLOCK = 0xcfa65b;
 const ABOVE = [[0.93, 0.91, 0.87], [0.94, 0.87, 0.72], [0.81, 0.65, 0.36], [0.54, 0.35, 0.11]];
@@ -41,7 +42,7 @@ function floor({ scene: { course }, grid }) {
     const x1 = grid.x_min_m + (grid.columns - 1) * grid.x_step_m, y1 = grid.y_min_m + (grid.rows - 1) * grid.y_step_m;
     shape.holes.push(new THREE.Path([[grid.x_min_m, grid.y_min_m], [grid.x_min_m, y1], [x1, y1], [x1, grid.y_min_m]].map(([x, y]) => new THREE.Vector2(x, y))));
   }
-  return new THREE.Mesh(new THREE.ShapeGeometry(shape), new THREE.MeshLambertMaterial({ color: FLOOR }));
+  return new THREE.Mesh(new THREE.ShapeGeometry(shape), matt(FLOOR));
 }
 
 function smooth({ x_min_m, y_min_m, x_step_m, y_step_m, columns, rows, z_m }) {
@@ -58,7 +59,7 @@ function smooth({ x_min_m, y_min_m, x_step_m, y_step_m, columns, rows, z_m }) {
   geometry.setAttribute("color", new THREE.BufferAttribute(colours, 3));
   geometry.setIndex(cells);
   geometry.computeVertexNormals();
-  return new THREE.Mesh(geometry, new THREE.MeshLambertMaterial({ vertexColors: true }));
+  return new THREE.Mesh(geometry, matt());
 }
 
 // Brown above the floor, blue below it; share of the greatest height, -1 to 1.
@@ -74,7 +75,7 @@ function solid(block) {
   const geometry = new THREE.ExtrudeGeometry(side, { depth: block.width_m, bevelEnabled: false });
   // The extrusion goes along z: up is its y.
   geometry.translate(0, 0, -block.width_m / 2).rotateX(Math.PI / 2).rotateZ(block.heading_rad).translate(block.x_m, block.y_m, 0);
-  const mesh = new THREE.Mesh(geometry, new THREE.MeshLambertMaterial({ color: BLOCK, flatShading: true }));
+  const mesh = new THREE.Mesh(geometry, matt(BLOCK));
   mesh.add(new THREE.LineSegments(new THREE.EdgesGeometry(geometry, 20), new THREE.LineBasicMaterial({ color: 0x6b4a17 })));
   return mesh;
 }

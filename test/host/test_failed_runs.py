@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from foldcar.scenes.source import open_environment
+from page_check import study_of
 
 FAILS_FROM = (
     "model model\nego = new Robot at (Range(0, 0.02), 0), facing -90 deg\n"

@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 
 from browser import browse
 from foldcar.cli import app
-from page_check import page_findings
+from page_check import page_findings, study_of
 
 STEP_PYRAMIDS = Path(__file__).resolve().parents[2] / "scenarios" / "step_pyramids.scenic"
 WIDTHS, SAMPLES = (80, 95, 245), 4
@@ -54,17 +54,9 @@ def stored(study: Path) -> list[tuple[int, int, str]]:
     return sqlite3.connect(study / "s.db").execute(query).fetchall()
 
 
-def experiment_of(page: str) -> dict[str, Any]:
-    """The data of the page's only experiment."""
-    found = re.search(r'<script type="application/json" id="study">(.*?)</script>', page)
-    assert found is not None
-    (one,) = json.loads(found[1])["experiments"]
-    return one
-
-
 def test_the_page_is_one_small_file_with_every_run_as_stored(study: Path) -> None:
     page = (study / "report" / "index.html").read_text()
-    one = experiment_of(page)
+    (one,) = study_of(study / "report")["experiments"]
 
     packed = [one["runs"][name] for name in ("design", "environment", "outcome")]
     columns = [numpy.frombuffer(b64decode(column["data"]), column["type"]).tolist() for column in packed]

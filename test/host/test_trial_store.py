@@ -17,6 +17,7 @@ from foldcar.store.reader import Store
 from foldcar.store.trial_records import Ending, TrialDesign
 from foldcar.store.trial_writer import CarFacts, Drive, TrialWriter, now_utc, write_trials
 from foldcar.store.writer import write_store
+from page_check import study_of
 from test_report_command import FACTS, TOLD, width_outcome
 from written_study import add_experiment
 
@@ -243,9 +244,11 @@ def test_the_report_shows_trials_beside_runs(tmp_path: Path, foldcar: Any) -> No
     middle = (p + z * z / (2 * n)) / (1 + z * z / n)
     half = z / (1 + z * z / n) * (p * (1 - p) / n + z * z / (4 * n * n)) ** 0.5
     assert tally.interval == pytest.approx((middle - half, middle + half), abs=1e-6)
-    page = (tmp_path / "out" / "index.html").read_text()
-    assert f"{100 * (middle - half):.1f} – {100 * (middle + half):.1f}" in page
-    assert "1 trials are of cars that do not belong to this family" in page
+    (one,) = study_of(tmp_path / "out")["experiments"]
+    at = one["designs"]["name"].index("95 mm")
+    interval = [one["designs"][end][at] for end in ("trials_low", "trials_high")]
+    assert interval == pytest.approx([middle - half, middle + half], abs=1e-6)
+    assert "1 trial of cars that do not belong to this family" in " ".join(one["remarks"])
     assert re.search(r"trials\s+passed %", answer.stdout)
 
 
@@ -259,12 +262,16 @@ def test_trials_alone_make_a_page(tmp_path: Path, foldcar: Any) -> None:
     assert answer.returncode == 0, answer.stderr
     page = (tmp_path / "out" / "index.html").read_text()
     assert "<title>foldcar report: s.db</title>" in page
-    # 10 of 44 in the paper's Table 1; Wilson's interval as test_report_series computes it.
-    assert "10 of 44 trials of built cars passed: 22.7 %\n(95 % interval 12.8 to 37.0 %)" in page
+    (one,) = study_of(tmp_path / "out")["experiments"]
+    designs = one["designs"]
+    # 10 of 44 in the paper's Table 1.
+    assert (sum(designs["trials_passed"]), sum(designs["trials"]), sum(designs["runs"])) == (10, 44, 0)
     assert "1 of a simulated car (--simulated-trials shows them)" in page and "1 of a simulated" in answer.stdout
-    # "95 % interval" of the built car with 7 of 10, and no run to compare with.
-    assert "<td>95</td><td>10</td><td>7</td><td>70.0</td><td>39.7 – 89.2</td><td>0</td></tr>" in page
-    assert page.count("<svg") == 2 and page.count("<td>built</td>") == 44 and "<td>simulated</td>" not in page
+    # Wilson's interval of the built car with 7 of 10.
+    at = designs["name"].index("95 mm")
+    assert [round(100 * designs[end][at], 1) for end in ("trials_low", "trials_high")] == [39.7, 89.2]
+    assert [trial["standing"] for trial in one["trials"]] == ["built"] * 44
+    assert [address for _, address in one["files"]] == [file.name for file in (tmp_path / "out").glob("*.svg")]
     assert [len(list((tmp_path / "out").glob(f"trials_1_*.{suffix}"))) for suffix in ("svg", "png")] == [1, 1]
 
 

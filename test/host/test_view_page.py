@@ -16,6 +16,8 @@ from foldcar.fabrication.assembly.recorded_run import recorded_run
 from foldcar.fabrication.assembly.scene_shape import SceneShapes
 from foldcar.fabrication.assembly.view_page import view_page
 from foldcar.models.exported_car import main_segment
+from foldcar.simulation.carsim import Carsim
+from foldcar.simulation.heights import carsim_heights
 from view_probe import probed
 
 HINGED = {"width": 95.0, "height": 50.0, "radius": 40.0, "W.length": 90.0, "B.length": 80.0}
@@ -181,6 +183,31 @@ REPLAY = """
   return { bodies, ground_m: [[0.7, 0], [0, 0], [0.3, 0], [1.4, 0.55]].map(([x, y]) => ground.height(x, y)),
     seen: [point.x, point.y], told: document.getElementById("told").textContent };
 """
+
+
+def test_the_pages_ground_is_the_simulators(tmp_path: Path, carsim_binary: Path) -> None:
+    """Blocks exactly, smooth ground within its grid, where both meet the higher of them."""
+    at = {"heading_rad": 0.4, "length_m": 0.4, "width_m": 0.3, "height_m": 0.05}
+    hill = {"sd_along_m": 0.2, "sd_across_m": 0.1}
+    terrain = [
+        *({"kind": kind, "x_m": x, "y_m": 0.2, **at} for kind, x in (("box", -0.2), ("ramp", 0.3), ("half_round", 0.8))),
+        {"kind": "hill", "x_m": 0.4, "y_m": -0.2, "heading_rad": 0.2, "height_m": 0.04, **hill},
+        {"kind": "pothole", "x_m": 1.0, "y_m": -0.3, "radius_m": 0.2, "depth_m": 0.03, "edge_m": 0.1},
+    ]
+    design, heights = compose("W_B_W", {}), carsim_heights(Carsim(carsim_binary))
+    folded, body, where = folded_car(design), body_json(design), scene(terrain=terrain)
+    rows = [[0.0, 0.0, 0.0, 0.06, 0.0, 0.0, 0.0], [1.0, 0.5, 0.0, 0.06, 0.0, 0.0, 0.0]]
+    run = recorded_run(folded, body, where, {"outcome": "passed"}, rows, heights, "")
+    chance = np.random.default_rng(3)
+    x, y = chance.uniform(-0.4, 1.4, 400), chance.uniform(-0.5, 0.5, 400)
+
+    script = f"""const [{{ ground }}] = view.run.scene.cars();
+      return {x.tolist()}.map((x, k) => ground.height(x, {y.tolist()}[k]));"""
+    drawn, simulated = np.array(probed(view_page(folded, "", [], run), tmp_path, "time=0", script)), heights(where, x, y)
+
+    # The simulator's half-round has facets; points at a block's very edge may be on either side of it.
+    assert np.quantile(np.abs(drawn - simulated), 0.99) < 0.001
+    assert (np.ptp(drawn) > 0.06) and (drawn < -0.01).any()
 
 
 def test_every_face_of_film_is_where_the_car_is_folded(tmp_path: Path) -> None:

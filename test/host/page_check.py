@@ -1,6 +1,10 @@
 """What HTML asks of a page that a browser forgives: names of attributes, ids, one main part."""
 
+import json
+import re
 from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
 
 
 class _Reader(HTMLParser):
@@ -30,3 +34,12 @@ def page_findings(text: str) -> list[str]:
     twice = sorted({name for name in reader.ids if reader.ids.count(name) > 1})
     findings = reader.findings + [f"id {name} stands twice" for name in twice]
     return findings if reader.mains == 1 else [*findings, f"{reader.mains} main parts"]
+
+
+def study_of(folder: Path) -> dict[str, Any]:
+    """The data (page_data.py) of the report's page in that folder."""
+    page = (folder / "index.html").read_text(encoding="utf-8")
+    found = re.search(r'<script type="application/json" id="study">(.*?)</script>', page)
+    assert found is not None
+    study: dict[str, Any] = json.loads(found[1])
+    return study

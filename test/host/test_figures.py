@@ -9,13 +9,14 @@ import pytest
 
 from foldcar.errors import FoldcarError
 from foldcar.figures.gallery import draw_gallery
-from foldcar.figures.ground import Extent, HeightMap, Heights, carsim_heights, height_map
+from foldcar.figures.ground import Extent, HeightMap, height_map
 from foldcar.figures.height_colours import height_scale, shaded
 from foldcar.figures.profile import ACROSS, driven_line, strip_heights_m, travelled_m
 from foldcar.figures.run import draw_run, poses_to_draw, segment_places
 from foldcar.figures.scenes import draw_scenes
 from foldcar.figures.top_view import view_of
 from foldcar.simulation.carsim import Carsim
+from foldcar.simulation.heights import Heights, carsim_heights
 
 FIRST_BYTES = {".png": b"\x89PNG\r\n\x1a\n", ".svg": b"<?xml", ".pdf": b"%PDF"}
 

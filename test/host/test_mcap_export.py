@@ -13,7 +13,7 @@ from foldcar.link.mcap_export import export_mcap
 from foldcar.link.tlog import TlogWriter
 from foldcar.mavlink_dialect import load_dialect
 from foldcar.models.foxglove_scene import foxglove_scene
-from foldcar.models.ground import height_grid
+from foldcar.models.ground import smooth_ground
 from study_car import car_body, empty_scene
 
 START_US = 1_750_000_000_000_000
@@ -68,7 +68,8 @@ def test_every_message_conforms_to_its_schema(tmp_path: Path) -> None:
     log = write_log(tmp_path / "t.tlog", [(0.0, 1, 25, truth(1.0, 0.0)), (0.1, 1, 25, truth(1.1, 0.1, math.nan))])
     pieces = [{"kind": kind, **BLOCK} for kind in ("box", "ramp", "half_round")]
     scene = empty_scene(pieces)
-    grid = height_grid([{"kind": "rough", **BLOCK}], scene["course"], lambda x, y: 0.01 * numpy.sin(20 * x))
+    rough = {**scene, "terrain": [{"kind": "rough", **BLOCK}]}
+    grid = smooth_ground(rough, lambda _, x, y: 0.01 * numpy.sin(20 * x))
     count = export_mcap(log, tmp_path / "t.mcap", {}, foxglove_scene(car_body(), scene, grid), scene["start"])
 
     rows = read(tmp_path / "t.mcap")

@@ -12,7 +12,7 @@ import mujoco
 import numpy
 import pytest
 
-from foldcar.models.ground import height_grid
+from foldcar.models.ground import smooth_ground
 from foldcar.models.mjcf import mjcf
 from foldcar.models.urdf import urdf
 from foldcar.models.webots_car import webots_proto
@@ -214,9 +214,9 @@ def physics_places(node: ReadNode, frame: Any) -> Any:
 def test_a_webots_world_holds_the_car_and_the_scene() -> None:
     body = car_body()
     terrain = [{"kind": kind, **BLOCK} for kind in ("box", "ramp", "half_round")]
-    pieces = [{"kind": "rough", **BLOCK}]
+    rough = {"kind": "rough", **BLOCK}
     scene = empty_scene(terrain, friction=0.5)
-    grid = height_grid(pieces, scene["course"], lambda x, y: 0.01 * numpy.sin(20 * x) * numpy.cos(9 * y))
+    grid = smooth_ground({**scene, "terrain": [rough]}, lambda _, x, y: 0.01 * numpy.sin(20 * x) * numpy.cos(9 * y))
     file = Reader(webots_world(body, "FoldcarTest", scene, grid)).read()
 
     assert file.protos == ["../protos/FoldcarTest.proto"]

@@ -7,12 +7,12 @@ from typing import Any
 import numpy
 import pytest
 
-from foldcar.figures.ground import carsim_heights
 from foldcar.figures.placement import draw_placement
 from foldcar.scenes.obstacles import Obstacle, obstacles_of
 from foldcar.scenes.source import open_environment
 from foldcar.scenes.terrain_kinds import KINDS
 from foldcar.simulation.carsim import Carsim
+from foldcar.simulation.heights import carsim_heights
 from foldcar.trials.placement import CAR, instructions, lettered, parse_deviation, placed
 from study_car import empty_scene
 

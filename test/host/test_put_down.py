@@ -12,6 +12,7 @@ from foldcar.models.mjcf import mjcf
 from foldcar.models.webots_world import webots_world
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.engines import ELLIPSOID, MUJOCO
+from foldcar.simulation.heights import carsim_heights
 from study_car import car_body, empty_scene, hinged_body
 from vrml_reader import Reader
 
@@ -50,7 +51,7 @@ def random_scene(native: Carsim, seed: int) -> tuple[dict[str, Any], HeightGrid 
     rough = {"kind": "rough", "x_m": 0.0, "y_m": 0.0, "heading_rad": 0.0, "length_m": 1.0, "width_m": 1.0}
     rough |= {"height_sd_m": 0.005, "correlation_m": draw.uniform(0.03, 0.2), "seed": seed}
     scene["terrain"].append(rough)
-    return scene, smooth_ground(scene, native)
+    return scene, smooth_ground(scene, carsim_heights(native))
 
 
 def contacts(model: Any, height_m: float) -> int:

@@ -1,4 +1,4 @@
-"""The report's page in a browser, from a file without a network: a real study of two widths, replayed."""
+"""The paths, grounds and cars that the report's page replays: a real study of two widths."""
 
 import json
 import re
@@ -12,12 +12,17 @@ import numpy
 import pytest
 from typer.testing import CliRunner
 
-from browser import browse
 from foldcar.cli import app
+from foldcar.figures.compact_path import ANGLE_RAD, PLACE_M, compact_path, twice_differenced, varints
 from foldcar.replay.choice import choose_runs
-from foldcar.replay.compact_path import ANGLE_RAD, INTERVAL_S, PLACE_M, compact_path, twice_differenced, varints
 from foldcar.replay.outcome_grid import OutcomeGrid
+from foldcar.replay.simulate import kept_paths, simulate_paths
+from foldcar.replay.stored_drives import read_drives
 from foldcar.simulation.carsim import Carsim
+from foldcar.simulation.runner import KEPT_INTERVAL_S as INTERVAL_S
+from foldcar.store.frames import run_arrays
+from foldcar.store.reader import Store
+from foldcar.study.kept_paths import MOST_DESIGNS, KeptPaths
 from page_check import page_findings
 
 STEP_PYRAMIDS = Path(__file__).resolve().parents[2] / "scenarios" / "step_pyramids.scenic"
@@ -90,6 +95,68 @@ def test_a_path_comes_back_within_half_a_unit() -> None:
     assert numpy.abs(numpy.diff(back[3])).max() < 0.1
 
 
+def test_carsims_compact_path_is_that_of_its_rows(study: Path, carsim_binary: Path) -> None:
+    query = "SELECT b.json, s.json, t.json FROM design d JOIN body b ON b.id = d.body_id JOIN settings t JOIN scene s"
+    body, scene, settings = map(json.loads, sqlite3.connect(study / "s.db").execute(query).fetchone())
+    scene["start"]["heading_rad"] = 3.14159
+    run = {"body": "b", "scene": "s", **settings, "time_limit_s": 3.0, "path_interval_s": INTERVAL_S}
+    lines = [{"body": {**body, "id": "b"}}, {"scene": {**scene, "id": "s"}}]
+    lines += [{"run": {"id": "rows", **run}}, {"run": {"id": "few", **run, "path_form": "compact"}}]
+
+    rows, few = (one["path"] for one in Carsim(carsim_binary).answers([json.dumps(line) for line in lines]))
+
+    assert few["rows"] == len(rows) >= 20
+    assert b64decode(few["compact"]) == compact_path(rows)
+
+
+def test_kept_paths_are_those_that_a_simulation_gives(study: Path) -> None:
+    with Store.open(study / "s.db") as store:
+        drives = read_drives(store, "1")
+        kept = kept_paths(drives)
+        grid = OutcomeGrid(drives.parameters, SAMPLES)
+        grid.enter(run_arrays(store, "1"))
+        again = simulate_paths(drives, grid, sorted(kept), Carsim(), jobs=1)
+
+    assert len(kept) == len(WIDTHS) * SAMPLES
+    assert again.paths == kept and again.differing == []
+
+
+def test_a_report_of_kept_paths_simulates_nothing(study: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> None:
+        raise AssertionError("a run is simulated")
+
+    monkeypatch.setattr(Carsim, "run", refuse)
+    foldcar("report", study / "s.db", "-o", study / "again")
+
+    pages = [(study / name / "index.html").read_text() for name in ("report", "again")]
+    assert [blob_of(page, "e0-runs-1") for page in pages] == [blob_of(pages[0], "e0-runs-1")] * 2
+
+
+def test_paths_of_a_store_without_them_are_simulated(study: Path, tmp_path: Path) -> None:
+    (tmp_path / "s.db").write_bytes((study / "s.db").read_bytes())
+    with sqlite3.connect(tmp_path / "s.db") as connection:
+        connection.execute("DELETE FROM path")
+    foldcar("report", tmp_path / "s.db", "-o", tmp_path / "report")
+
+    pages = [(folder / "report" / "index.html").read_text() for folder in (study, tmp_path)]
+    assert blob_of(pages[0], "e0-runs-0") == blob_of(pages[1], "e0-runs-0")
+
+
+def test_kept_paths_are_bounded_but_for_the_first_of_each_ending() -> None:
+    keeper = KeptPaths(designs=2 * MOST_DESIGNS)
+    endings = ["passed", "tipped"] * 10_000 + ["stuck", "stuck", "rejected"]
+
+    shown = [design for design in range(2 * MOST_DESIGNS) if keeper.wants(design)]
+    kept = [keeper.keeps(shown[number % 7], outcome, 1000) for number, outcome in enumerate(endings)]
+
+    assert len(shown) == MOST_DESIGNS and shown[0] == 0 and shown[-1] == 2 * MOST_DESIGNS - 1
+    # 750 bytes each of 3 million.
+    assert kept[:4000] == [True] * 4000 and not any(kept[4000:20_000])
+    assert kept[20_000:] == [True, True, False]
+    # What the store has counts.
+    assert not KeptPaths(1, [(0, "passed", 4_000_000)]).keeps(0, "passed", 10)
+
+
 def test_the_page_holds_every_run_as_stored(study: Path) -> None:
     page = (study / "report" / "index.html").read_text()
     runs = sqlite3.connect(study / "s.db").execute(
@@ -109,93 +176,6 @@ def test_the_page_holds_every_run_as_stored(study: Path) -> None:
         x, y = (numpy.cumsum(numpy.cumsum(column))[-1] * PLACE_M for column in columns[:2])
         # The path ends where the stored distance to the goal says.
         assert numpy.hypot(x - scene["goal"]["x_m"], y - scene["goal"]["y_m"]) == pytest.approx(distance_m, abs=1e-3)
-
-
-def test_the_page_opens_at_a_moment_of_a_run_within_a_second(study: Path) -> None:
-    for _ in range(3):
-        dom = browse(study / "report" / "index.html", "run=0.0.2&t=1.0", "--dump-dom", "--virtual-time-budget=10000")
-        shown = dict(re.findall(r'data-(t|x|y|end|ready-ms|state)="([^"]*)"', dom))
-        # Other work of the machine may hold the browser up.
-        if "state" in shown and float(shown["ready-ms"]) < 1000:
-            break
-
-    (start_x,) = [json.loads(row[0])["start"]["x_m"] for row in scenes_of(study, 2)]
-    assert (shown["state"], float(shown["t"])) == ("ready", 1.0)
-    assert float(shown["ready-ms"]) < 1000
-    # The car of 95 mm drives at 0.6 m/s on level ground, slower over steps.
-    assert 0.2 < float(shown["x"]) - start_x < 0.7
-
-
-def scenes_of(study: Path, sample: int) -> list[tuple[str]]:
-    """The scene of a sample as JSON."""
-    query = "SELECT c.json FROM sample s JOIN scene c ON c.id = s.scene_id WHERE s.sample = ?"
-    return sqlite3.connect(study / "s.db").execute(query, (sample,)).fetchall()
-
-
-LISTENER = """<script>
-window.errors = [];
-addEventListener("error", (event) => errors.push("error: " + event.message));
-addEventListener("unhandledrejection", (event) => errors.push("rejected: " + event.reason));
-console.error = (...words) => errors.push("console: " + words.join(" "));
-</script>"""
-PROBE = """
-<script>
-const found = [];
-const text = %s;
-const look = (width) => new Promise((seen) => {
-const frame = document.createElement("iframe");
-frame.style.cssText = `width:${width}px;height:900px;border:0`;
-frame.srcdoc = text;
-frame.onload = async () => {
-  const view = frame.contentWindow, page = frame.contentDocument;
-  const pause = (time) => new Promise((go) => setTimeout(go, time));
-  for (let turn = 0; turn < 100 && page.documentElement.dataset.state !== "ready"; turn++) await pause(20);
-  if (page.documentElement.scrollWidth > width) found.push("overflows: " + page.documentElement.scrollWidth);
-  for (const text of page.querySelectorAll("svg text, h1, h2, h3, .headline p")) {
-    const box = text.getBoundingClientRect();
-    if (!box.width) continue;
-    const edge = (text.ownerSVGElement ?? page.documentElement).getBoundingClientRect();
-    if (box.left < edge.left - 1 || box.right > edge.right + 1) found.push("clipped: " + text.textContent);
-    if (text.ownerSVGElement && box.height < 9) found.push("small: " + box.height + " " + text.textContent);
-  }
-  const section = page.querySelector("section.replay"), grid = page.querySelector("[data-part=grid]");
-  const told = () => page.querySelector("[data-part=told]").textContent;
-  const scrub = page.querySelector("[data-part=scrub]"), top = page.querySelector("[data-part=top]");
-  const picture = () => top.toDataURL();
-  const press = (key) => grid.dispatchEvent(new view.KeyboardEvent("keydown", { key }));
-  press("Home"); await pause(60);
-  const before = told();
-  press("End"); await pause(60);
-  if (told() === before) found.push("the arrow keys do nothing");
-  page.querySelector("[data-part=play]").click();
-  scrub.value = 0.2; scrub.dispatchEvent(new view.Event("input")); await pause(60);
-  const early = [picture(), section.dataset.x];
-  scrub.value = 0.9; scrub.dispatchEvent(new view.Event("input")); await pause(60);
-  if (early[0] === picture() || early[1] === section.dataset.x) found.push("scrubbing does not move the car");
-  for (const control of page.querySelectorAll("button, select, input, canvas")) {
-    const named = control.ariaLabel || control.textContent.trim() || control.closest("label");
-    if (!named) found.push("no name: " + control.outerHTML.slice(0, 60));
-  }
-  found.push(...view.errors);
-  frame.remove();
-  seen();
-};
-document.body.append(frame);
-});
-look(1280).then(() => look(390)).then(() => (document.body.dataset.found = JSON.stringify(found)));
-</script>
-"""
-
-
-def test_the_page_fits_both_widths_and_answers_keys_and_scrubber(study: Path) -> None:
-    text = (study / "report" / "index.html").read_text()
-    inside = json.dumps(text.replace("<head>", f"<head>{LISTENER}")).replace("</", "<\\/")
-    (study / "probe.html").write_text(f"<body>{PROBE % inside}</body>", encoding="utf-8")
-
-    dom = browse(study / "probe.html", "", "--dump-dom", "--window-size=1400,1000", "--virtual-time-budget=10000")
-
-    found = re.search(r'data-found="([^"]*)"', dom)
-    assert found is not None and found[1] == "[]"
 
 
 def grid_of(codes: "numpy.ndarray[Any, Any]") -> OutcomeGrid:

@@ -42,6 +42,7 @@ CHANGES = {
     "design": "position = position + 50",
     "run": "max_roll_rad = coalesce(max_roll_rad, 0) + 1e-12",
     "recorded": "value = '0'",
+    "path": "row_count = row_count + 1",
     "trial": "outcome = 'stuck'",
     "correction": "before = 1",
     "calibration": "created_utc = 'x'",

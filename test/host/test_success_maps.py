@@ -1,6 +1,5 @@
 """Figures for papers beside the page, from stores written as a sweep writes them."""
 
-import json
 import re
 from pathlib import Path
 from typing import Any
@@ -16,12 +15,12 @@ from foldcar.inline_svg import inline_svg
 from foldcar.report.across_plot import across_rates
 from foldcar.report.effect_plots import draw_effects, draw_map, edges
 from foldcar.report.environment_groups import environment_groups
-from foldcar.report.page_data import Experiment, read_experiments
+from foldcar.report.page_data import Experiment, page_data, read_experiments
 from foldcar.report.paper_figures import drawings
 from foldcar.report.parameter_plots import BLUE, GREEN, NAVY, axis_label, draw_feasibility, error_percent, success_colour
 from foldcar.store.reader import Store
 from foldcar.store.writer import write_store
-from written_study import BUILD, FACTS, add_experiment, write_study
+from written_study import BUILD, FACTS, add_experiment, add_trials, write_study
 
 WIDTHS, RADII, SAMPLES = tuple(float(w) for w in range(60, 160, 20)), (40.0, 50.0, 60.0, 70.0), 20
 HEIGHTS = (0.006, 0.018, 0.03)
@@ -85,17 +84,15 @@ def test_the_map_has_the_rates_of_the_designs_and_the_effects_their_means(experi
 def test_the_region_is_tinted_where_simulation_and_trials_together_say_so(tmp_path: Path) -> None:
     store = tmp_path / "s.db"
     write_study(store, {"width_mm": WIDTHS}, 100, lambda design, sample: "passed")
-    rows = ["vehicle_type,outcome,source,width_mm,height_mm", *["W_B_W,tipped,notes,100,50"] * 20, ""]
-    fixed = json.loads(CliRunner().invoke(app, ["report", str(store), "-o", str(tmp_path / "r"), "--json"]).stdout)
-    (tmp_path / "t.csv").write_text("\n".join(rows))
-    done = CliRunner().invoke(app, ["trials", "import", str(store), str(tmp_path / "t.csv"), "--experiment", "1"])
-    assert done.exit_code == 0, done.output
+    with Store.open(store) as opened:
+        (before,) = page_data(opened)["experiments"]
+    add_trials(store, [({"width_mm": 100.0}, sample, "tipped") for sample in range(20)])
 
     with Store.open(store) as opened:
         (one,) = read_experiments(opened)
         axes = draw_feasibility(one.designs, (0.75,)).axes[0]
 
-    assert fixed["experiments"][0]["designs"]["verdict"] == ["good"] * len(WIDTHS)
+    assert before["designs"]["verdict"] == ["good"] * len(WIDTHS)
     assert one.designs.believed[2] is not None and one.designs.believed[2][0] < 0.3
     tinted = [patch.get_x() + patch.get_width() / 2 for patch in axes.patches]
     assert 100.0 not in tinted

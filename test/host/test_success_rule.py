@@ -10,6 +10,7 @@ import pytest
 
 from conftest import PROJECT
 from foldcar.scenes.source import open_environment
+from page_check import study_of
 
 WriteListing = Callable[[Any], Path]
 HEAD = "model model\nego = new Robot at (0, 0), facing -90 deg\n"
@@ -128,8 +129,9 @@ def test_no_share_is_given_where_success_is_undefined(listing: Path, program: Pa
     assert f"experiment 1: {UNDEFINED}" in said.stderr
     assert UNDEFINED in " ".join(report.stdout.split())
     assert not re.search(r"\b0\.0\b", report.stdout) and report.stdout.count("undefined") == 4
-    page = (tmp_path / "report" / "index.html").read_text()
-    assert UNDEFINED in page and "runs passed:" not in page and "<td>0.0</td>" not in page
+    (one,) = study_of(tmp_path / "report")["experiments"]
+    assert ["rule", UNDEFINED] in one["provenance"] and not one["judged"]
+    assert all(set(one["designs"][name]) == {None} for name in ("low", "high", "belief"))
     assert [file.name for file in (tmp_path / "report").glob("*.svg")] == ["experiment_1_outcomes_by_width_mm.svg"]
     with (tmp_path / "runs.csv").open(newline="") as file:
         assert {(row["outcome"], row["passed"]) for row in csv.DictReader(file)} == {("terminated", "")}

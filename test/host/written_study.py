@@ -70,7 +70,8 @@ def add_experiment(
     }
     plan = PlannedExperiment(name, "car", "pyramids", environment, spread, samples, told)
     designs = [{**dict(zip(varied, values, strict=True)), **FIXED} for values in product(*varied.values())]
-    writer.put_experiment(plan, [PlannedDesign(one, {"id": name, **one}, {"time_limit_s": 120}) for one in designs])
+    bodies = [{"id": name, **one, "segments": [{"mass_kg": 0.2}], "wheels": []} for one in designs]
+    writer.put_experiment(plan, [PlannedDesign(*one, {"time_limit_s": 120}) for one in zip(designs, bodies, strict=True)])
     for sample in range(samples):
         writer.put_sample(environment, sample, {"of": name, "sample": sample})
         writer.put_draw(spread, sample, {})

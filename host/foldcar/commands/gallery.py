@@ -28,10 +28,10 @@ def gallery(
     Example: foldcar gallery scenarios/two_bumps.scenic scenarios/gaussian_hills.scenic -o pictures
     """
     from foldcar.figures.gallery import SAMPLES, draw_gallery
-    from foldcar.figures.ground import carsim_heights
     from foldcar.output_folder import make_output_folder
     from foldcar.scenes.source import open_environment
     from foldcar.simulation.carsim import Carsim
+    from foldcar.simulation.heights import carsim_heights
 
     names = [program.stem for program in scenarios]
     twice = next((name for name in names if names.count(name) > 1), None)

@@ -47,8 +47,8 @@ class Placement:
             typer.echo(f"picture: {self.picture}")
 
     def _draw(self) -> None:
-        from foldcar.figures.ground import carsim_heights
         from foldcar.figures.placement import draw_placement
+        from foldcar.simulation.heights import carsim_heights
 
         make_output_folder(self.picture.parent)
         length_m, width_m = self.design.length_mm / 1000, self.design.values["width"] / 1000

@@ -79,8 +79,9 @@ def model(
         from foldcar.models.webots_car import webots_proto
         from foldcar.models.webots_world import CONTROLLER, controller_drive, controller_program, webots_world
         from foldcar.simulation.carsim import Carsim
+        from foldcar.simulation.heights import carsim_heights
 
-        grid = smooth_ground(scene, Carsim()) if scene is not None else None
+        grid = smooth_ground(scene, carsim_heights(Carsim())) if scene is not None else None
         file = listed.environments[environment].wbt_filename if environment is not None else None
         prefix = f"{Path(file).stem}_" if file else ""
         controller = f"controllers/{CONTROLLER}"

@@ -57,8 +57,8 @@ def run(
         for name, text in lines:
             typer.echo(f"{name:<{width}}{text}")
     if plot is not None:
-        from foldcar.figures.ground import carsim_heights
         from foldcar.figures.run import draw_run
+        from foldcar.simulation.heights import carsim_heights
 
         path = one.path(carsim, answer, plot)
         draw_run(one.body, one.scene, answer, path, carsim_heights(carsim), plot)

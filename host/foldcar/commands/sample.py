@@ -71,9 +71,9 @@ def sample(
                 file.write(_line(scene).encode())
         result["file"] = output
     if plot is not None:
-        from foldcar.figures.ground import carsim_heights
         from foldcar.figures.scenes import draw_scenes
         from foldcar.simulation.carsim import Carsim
+        from foldcar.simulation.heights import carsim_heights
 
         draw_scenes(shown, plot, carsim_heights(Carsim()), title=f"{scenario.name}, seed {seed}")
         result["picture"] = plot

@@ -64,6 +64,7 @@ def export(
     from foldcar.models.foxglove_scene import foxglove_scene
     from foldcar.models.ground import smooth_ground, start_height_m
     from foldcar.simulation.carsim import Carsim
+    from foldcar.simulation.heights import carsim_heights
     from foldcar.store.log_files import log_file, sha256_of
     from foldcar.store.reader import Store
 
@@ -87,7 +88,7 @@ def export(
         raise FoldcarError(f"{log}: is not the log that trial {number} of {store} wrote: its SHA-256 is another")
     if drive is not None and log.is_file():
         body, scene = json.loads(drive[0]), json.loads(drive[2])
-        grid = smooth_ground(scene, Carsim())
+        grid = smooth_ground(scene, carsim_heights(Carsim()))
         scene_update = foxglove_scene(body, scene, grid)
         start = {**scene["start"], "z_m": start_height_m(body, scene, grid)}
     count = export_mcap(log, mcap, facts, scene_update, start)

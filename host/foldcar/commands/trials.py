@@ -94,8 +94,8 @@ def replay(
         else:
             typer.echo(f"not compared: {STANDING_TEXTS[trial.standing]}")
     if plot is not None:
-        from foldcar.figures.ground import carsim_heights
         from foldcar.figures.run import draw_run
+        from foldcar.simulation.heights import carsim_heights
 
         if "path" not in answer:
             raise FoldcarError(f"{plot}: a failed run has no picture")

@@ -122,8 +122,9 @@ class ViewedRun:
 
     def of(self, design: "Design") -> dict[str, Any]:
         """What run.js replays of that design's run in this environment. FoldcarError if the run fails."""
+        from foldcar.car.folded_car import folded_car
         from foldcar.fabrication.assembly.recorded_run import recorded_run
-        from foldcar.figures.ground import carsim_heights
+        from foldcar.simulation.heights import carsim_heights
         from foldcar.simulation.results import outcome_of
 
         listed = self.listed.with_design(design)
@@ -133,7 +134,8 @@ class ViewedRun:
         told = f"{name.capitalize()}: {outcome_of(answer).replace('_', ' ')} after {answer['elapsed_time_s']:.2f} s."
         if listed.variation:
             told += f" The car that drives differs from the design that is drawn: {variation_text(listed.variation)}."
-        return recorded_run(listed.body, listed.scene, path, carsim_heights(listed.carsim), told)
+        heights = carsim_heights(listed.carsim)
+        return recorded_run(folded_car(design), listed.body, listed.scene, answer, path, heights, told)
 
 
 def viewed_run(listing: Path, run: str, vehicle: str | None, settings: Sequence[str]) -> ViewedRun:

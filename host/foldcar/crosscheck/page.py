@@ -19,13 +19,13 @@ from foldcar.crosscheck.charts import success_figure, worst_figure
 from foldcar.crosscheck.parted import CANDIDATES, Parted, parted
 from foldcar.crosscheck.stored import Case, Results, read_cases
 from foldcar.crosscheck.sweeps import BASELINE
-from foldcar.figures.ground import carsim_heights
 from foldcar.figures.output import save_figure
 from foldcar.figures.style import OUTCOME_LABELS, RC
 from foldcar.page_template import page_template
 from foldcar.shown_text import decoded
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.engines import ELLIPSOID, HALF_STEP, MUJOCO, MULTIBODY, SIDE_VIEW
+from foldcar.simulation.heights import carsim_heights
 from foldcar.simulation.results import NUMBERS as METRICS
 from foldcar.simulation.results import OUTCOMES
 from foldcar.store.reader import Store

@@ -12,12 +12,13 @@ import matplotlib
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from foldcar.figures.ground import Extent, Heights, height_map
+from foldcar.figures.ground import Extent, height_map
 from foldcar.figures.height_colours import height_scale
 from foldcar.figures.output import check_format, save_figure
 from foldcar.figures.profile import straight_line, strip_heights_m
 from foldcar.figures.style import ACCENT, FAILURE, RC
 from foldcar.figures.top_view import VIEW_MARGIN_M, draw_top_view, view_of
+from foldcar.simulation.heights import Heights
 
 SAMPLES = 3
 CELLS = 600

@@ -1,21 +1,12 @@
-"""The height of a scene's ground as the simulator computes it.
+"""The height of a scene's ground over a rectangle of the plane, as pictures show it from above."""
 
-Input: scenes of docs/carsim.md and points of the plane. Output: heights in metres.
-"""
-
-import json
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy
-from numpy.typing import NDArray
 
-from foldcar.simulation.carsim import Carsim
-
-Floats = NDArray[numpy.float64]
-# Function (scene, x_m, y_m) -> z_m of arrays of equal shape.
-Heights = Callable[[Mapping[str, Any], Floats, Floats], Floats]
+from foldcar.simulation.heights import Floats, Heights
 
 
 @dataclass(frozen=True)
@@ -40,18 +31,6 @@ class HeightMap:
     extent: Extent
     cell_m: float
     z_m: Floats
-
-
-def carsim_heights(carsim: Carsim) -> Heights:
-    """A Heights function that asks ``carsim``; it raises CarsimError if carsim refuses the scene."""
-
-    def heights(scene: Mapping[str, Any], x_m: Floats, y_m: Floats) -> Floats:
-        question = {"id": "h", "scene": "s", "x_m": x_m.ravel().tolist(), "y_m": y_m.ravel().tolist()}
-        lines = [json.dumps({"scene": {**scene, "id": "s"}}), json.dumps({"heights": question})]
-        (answer,) = carsim.answers(lines)
-        return numpy.asarray(answer["z_m"], dtype=float).reshape(x_m.shape)
-
-    return heights
 
 
 def height_map(heights: Heights, scene: Mapping[str, Any], extent: Extent, cells: int) -> HeightMap:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy
 
-from foldcar.figures.ground import Floats, Heights
+from foldcar.simulation.heights import Floats, Heights
 
 # Points across a tyre's strip: a corner that enters it by less than a sixth of its width may be missed.
 ACROSS = 7

@@ -11,12 +11,13 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon
 
 from foldcar.errors import FoldcarError
-from foldcar.figures.ground import Heights, height_map
+from foldcar.figures.ground import height_map
 from foldcar.figures.height_colours import height_scale
 from foldcar.figures.output import check_format, save_figure
 from foldcar.figures.profile import driven_line, strip_heights_m, travelled_m
 from foldcar.figures.style import ACCENT, FAILURE, INK, OUTCOME_LABELS, RC
 from foldcar.figures.top_view import draw_top_view, view_of
+from foldcar.simulation.heights import Heights
 
 WIDTH_IN = 10.0
 FAR_COLOUR = "#e6d3a8"

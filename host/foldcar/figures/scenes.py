@@ -9,11 +9,12 @@ import matplotlib
 from matplotlib.figure import Figure
 
 from foldcar.errors import FoldcarError
-from foldcar.figures.ground import Heights, height_map
+from foldcar.figures.ground import height_map
 from foldcar.figures.height_colours import height_scale
 from foldcar.figures.output import check_format, save_figure
 from foldcar.figures.style import RC
 from foldcar.figures.top_view import draw_top_view, view_of
+from foldcar.simulation.heights import Heights
 
 MOST_SCENES = 9
 PANEL_WIDTH_IN = 3.4

@@ -1,15 +1,14 @@
 """The smooth part of a scene's ground as a grid of heights, and how high a level car stands at its start.
 
-Input: body and scene of docs/carsim.md; carsim, which computes the heights, so that shapes of smooth ground are defined
+Input: body and scene of docs/carsim.md; heights as carsim computes them, so that shapes of smooth ground are defined
 once. Output: a HeightGrid, or None if nothing is smooth; the height of the car's frame with which it all but touches the
 ground. Tyres are cylinders and bellies boxes, as in the exported models. Against boxes, ramps and half-rounds the height
 is exact across the car, and along it in slices of a 200th of a part; of a height field both ways to split a cell into
 triangles count, because engines differ in them.
 """
 
-import json
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,11 +19,9 @@ from numpy.typing import NDArray
 from foldcar.errors import FoldcarError
 from foldcar.models.exported_car import axle_m, tyre_center_m
 from foldcar.scenes.terrain_kinds import bounds_m, kind_of
-from foldcar.simulation.carsim import Carsim
+from foldcar.simulation.heights import Heights
 
 Floats = NDArray[numpy.float64]
-# Function from x and y of points, (n,) each, to their heights, (n,); all in m.
-Heights = Callable[[Floats, Floats], Floats]
 
 # The grid ends a car's length beyond the course, which no car leaves.
 MARGIN_M = 0.3
@@ -52,33 +49,34 @@ class HeightGrid:
     z_m: Floats
 
 
-def smooth_ground(scene: Mapping[str, Any], carsim: Carsim) -> HeightGrid | None:
-    """The grid of the scene's smooth ground; None without any. FoldcarError if it is too large."""
-    pieces = [piece for piece in scene["terrain"] if kind_of(piece).form == "smooth"]
-    if not pieces:
+def smooth_bounds_m(scene: Mapping[str, Any]) -> tuple[float, float, float, float] | None:
+    """Least and largest x, then y, of the scene's smooth ground as far as cars get; None without any."""
+    bounds = [bounds_m(piece) for piece in scene["terrain"] if kind_of(piece).form == "smooth"]
+    if not bounds:
         return None
-    smooth_scene = json.dumps({**scene, "id": "smooth", "terrain": pieces})
-
-    def heights(x_m: Floats, y_m: Floats) -> Floats:
-        question = {"id": "grid", "scene": "smooth", "x_m": x_m.tolist(), "y_m": y_m.tolist()}
-        (answer,) = carsim.answers([f'{{"scene": {smooth_scene}}}', json.dumps({"heights": question})])
-        return numpy.asarray(answer["z_m"])
-
-    return height_grid(pieces, scene["course"], heights)
-
-
-def height_grid(pieces: Sequence[Mapping[str, Any]], course: Mapping[str, float], heights: Heights) -> HeightGrid:
-    """The coarsest grid of SPACINGS_M whose error at the cells' centres is within ERROR_M, else the finest.
-
-    FoldcarError if even the coarsest has more than MOST_POINTS points.
-    """
-    bounds = [bounds_m(piece) for piece in pieces]
+    course = scene["course"]
     x_min = max(min(b[0] for b in bounds), course["x_min_m"] - MARGIN_M)
     x_max = min(max(b[1] for b in bounds), course["x_max_m"] + MARGIN_M)
     y_min = max(min(b[2] for b in bounds), course["y_min_m"] - MARGIN_M)
     y_max = min(max(b[3] for b in bounds), course["y_max_m"] + MARGIN_M)
+    return x_min, x_max, y_min, y_max
+
+
+def smooth_ground(
+    scene: Mapping[str, Any], heights: Heights, spacings_m: Sequence[float] = SPACINGS_M
+) -> HeightGrid | None:
+    """The grid of the scene's smooth ground; None without any.
+
+    It is the coarsest of ``spacings_m`` whose error at the cells' centres is within ERROR_M, else the finest.
+    FoldcarError if even the coarsest has more than MOST_POINTS points.
+    """
+    found = smooth_bounds_m(scene)
+    if found is None:
+        return None
+    x_min, x_max, y_min, y_max = found
+    smooth = {**scene, "terrain": [piece for piece in scene["terrain"] if kind_of(piece).form == "smooth"]}
     grid = None
-    for spacing_m in SPACINGS_M:
+    for spacing_m in spacings_m:
         columns = max(2, math.ceil((x_max - x_min) / spacing_m) + 1)
         rows = max(2, math.ceil((y_max - y_min) / spacing_m) + 1)
         if rows * columns > MOST_POINTS:
@@ -87,19 +85,16 @@ def height_grid(pieces: Sequence[Mapping[str, Any]], course: Mapping[str, float]
             break
         x = numpy.linspace(x_min, x_max, columns, dtype=float)
         y = numpy.linspace(y_min, y_max, rows, dtype=float)
-        z = _sample(x, y, heights)
+        z = heights(smooth, *numpy.meshgrid(x, y))
         grid = HeightGrid(x_min, x_max, y_min, y_max, z)
-        between = _sample((x[1:] + x[:-1]) / 2, (y[1:] + y[:-1]) / 2, heights)
+        if spacing_m == spacings_m[-1]:
+            break
+        between = heights(smooth, *numpy.meshgrid((x[1:] + x[:-1]) / 2, (y[1:] + y[:-1]) / 2))
         means = (z[1:, 1:] + z[1:, :-1] + z[:-1, 1:] + z[:-1, :-1]) / 4
         if numpy.abs(between - means).max() <= ERROR_M:
             break
     assert grid is not None
     return grid
-
-
-def _sample(x: Floats, y: Floats, heights: Heights) -> Floats:
-    xs, ys = numpy.meshgrid(x, y)
-    return heights(xs.ravel(), ys.ravel()).reshape(xs.shape)
 
 
 @dataclass(frozen=True)

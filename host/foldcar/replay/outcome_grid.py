@@ -10,9 +10,9 @@ import numpy
 
 from foldcar.simulation.results import NUMBERS, OUTCOMES
 from foldcar.store.frames import RunArrays
+from foldcar.study.kept_paths import shown_designs
 
-# More columns and rows than these cannot be told apart on a screen.
-MOST_DESIGNS = 400
+# More columns than these cannot be told apart on a screen.
 MOST_SAMPLES = 200
 NONE = 0
 
@@ -41,10 +41,7 @@ class OutcomeGrid:
 
     def shown_designs(self) -> list[int]:
         """The places of the designs that a page shows: all, or as many as fit, evenly spread over the family."""
-        count = len(self.designs)
-        if count <= MOST_DESIGNS:
-            return list(range(count))
-        return [int(place) for place in numpy.linspace(0, count - 1, MOST_DESIGNS).round()]
+        return shown_designs(len(self.designs))
 
     def shown_samples(self) -> list[int]:
         """The samples that a page shows: all, or each design's first of each outcome and the first."""

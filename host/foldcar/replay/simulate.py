@@ -1,16 +1,16 @@
-"""Simulates stored runs again for their paths, in several processes, and sees whether each ends as the stored one did.
+"""The paths of stored runs: those that the sweep kept, else simulated again, in several processes.
 
 Input: ids of the store, a carsim of the build that simulated the runs. Output: compact paths. A run that ends otherwise
 than the stored one is left out and counted: a page must never show another run than the one that counts.
 """
 
+import base64
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 from foldcar.car.variation import vary_body
-from foldcar.replay.compact_path import INTERVAL_S, compact_path
 from foldcar.replay.outcome_grid import OutcomeGrid
 from foldcar.replay.stored_drives import StoredDrives
 from foldcar.simulation.carsim import Carsim
@@ -21,13 +21,32 @@ CHUNK_RUNS = 64
 Key = tuple[int, int]
 
 
+@dataclass(frozen=True)
+class KeptPath:
+    """A compact path (docs/carsim.md) of so many rows, in base64."""
+
+    rows: int
+    text: str
+
+    @property
+    def content(self) -> bytes:
+        """Its bytes."""
+        return base64.b64decode(self.text)
+
+
 @dataclass
 class Paths:
-    """Compact paths by (design, sample), their numbers of rows and hinges; ``differing`` runs did not end as stored."""
+    """Paths by (design, sample); ``differing`` runs did not end as stored."""
 
-    paths: dict[Key, bytes] = field(default_factory=dict)
-    rows: dict[Key, int] = field(default_factory=dict)
+    paths: dict[Key, KeptPath] = field(default_factory=dict)
     differing: list[Key] = field(default_factory=list)
+
+
+def kept_paths(drives: StoredDrives) -> dict[Key, KeptPath]:
+    """The paths that the sweep kept. StoreError."""
+    places = {position: place for place, position in enumerate(drives.positions)}
+    found = drives.store.kept_paths(drives.experiment)
+    return {(places[position], sample): KeptPath(rows, text) for position, sample, rows, text in found}
 
 
 def simulate_paths(
@@ -41,19 +60,27 @@ def simulate_paths(
     """The paths of the ``chosen`` (design, sample) pairs; ``done`` is told how many runs each chunk had. FoldcarError."""
     found = Paths()
     chunks = [chosen[start : start + CHUNK_RUNS] for start in range(0, len(chosen), CHUNK_RUNS)]
-    calls = (run_call(drives, chunk, carsim, INTERVAL_S) for chunk in chunks)
+    calls = (run_call(drives, chunk, carsim) for chunk in chunks)
     for chunk, answers in zip(chunks, side_by_side(calls, jobs, carsim.stop), strict=True):
         for key, answer in zip(chunk, answers, strict=True):
-            _keep(found, grid, key, answer)
+            if answer.get("outcome") == grid.outcome(*key) and answer.get("elapsed_time_s") == grid.elapsed_s[key]:
+                found.paths[key] = KeptPath(answer["path"]["rows"], answer["path"]["compact"])
+            else:
+                found.differing.append(key)
         done(len(chunk))
     return found
 
 
 def run_call(
-    drives: StoredDrives, chunk: Sequence[Key], carsim: Carsim, interval_s: float
+    drives: StoredDrives, chunk: Sequence[Key], carsim: Carsim, interval_s: float | None = None
 ) -> Callable[[], list[dict[str, Any]]]:
-    """A function, for any thread, that simulates these (design, sample) pairs with paths and returns carsim's answers."""
-    bodies, scenes, settings = {}, {}, {}
+    """A function, for any thread, that simulates these (design, sample) pairs with paths and returns carsim's answers.
+
+    Paths are compact, or have rows each ``interval_s``.
+    """
+    bodies: dict[str, str] = {}
+    scenes: dict[str, str] = {}
+    settings: dict[int, str] = {}
     requests = []
     for design, sample in chunk:
         variation, scene = drives.variations[sample], drives.scenes[sample]
@@ -64,21 +91,18 @@ def run_call(
             scenes[f"s{scene}"] = drives.text("scene", scene)
         number = drives.settings[design]
         if number not in settings:
-            settings[number] = json.dumps({**drives.value("settings", number), "path_interval_s": interval_s})
-        requests.append(RunRequest(body, f"s{scene}", settings[number], f"design {design + 1}, sample {sample}", sample))
+            text = drives.text("settings", number)
+            settings[number] = text if interval_s is None else _with_path(json.loads(text), interval_s)
+        label = f"design {design + 1}, sample {sample}"
+        requests.append(RunRequest(body, f"s{scene}", settings[number], label, sample, interval_s is None))
     return lambda: carsim.run(bodies, scenes, requests)
+
+
+def _with_path(settings: Mapping[str, Any], interval_s: float) -> str:
+    return json.dumps({**settings, "path_interval_s": interval_s})
 
 
 def _body(drives: StoredDrives, body: int, variation: int, carsim: Carsim) -> str:
     if not drives.varied or not (differences := drives.value("variation", variation)):
         return drives.text("body", body)
     return json.dumps(vary_body(drives.value("body", body), differences, carsim.limits().numbers))
-
-
-def _keep(found: Paths, grid: OutcomeGrid, key: Key, answer: dict[str, Any]) -> None:
-    same = answer.get("outcome") == grid.outcome(*key) and answer.get("elapsed_time_s") == grid.elapsed_s[key]
-    if not same:
-        found.differing.append(key)
-        return
-    found.paths[key] = compact_path(answer["path"])
-    found.rows[key] = len(answer["path"])

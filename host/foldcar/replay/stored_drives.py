@@ -22,6 +22,7 @@ class StoredDrives:
     store: Store
     experiment: str
     parameters: list[dict[str, Any]]
+    positions: list[int]
     bodies: list[int]
     settings: list[int]
     scenes: dict[int, int]
@@ -60,6 +61,7 @@ def read_drives(store: Store, experiment: str) -> StoredDrives:
         store,
         experiment,
         [json.loads(one["parameters"]) for one in designs],
+        [one["position"] for one in designs],
         [one["body_id"] for one in designs],
         [one["settings_id"] for one in designs],
         by_sample("sample", "environment_id", "scene_id"),

@@ -10,9 +10,10 @@ from typing import Any
 import numpy
 
 from foldcar.errors import FoldcarError
+from foldcar.figures.compact_path import compact_path
 from foldcar.link.connection import CAR_SYSTEM
 from foldcar.link.tlog import read_tlog
-from foldcar.replay.compact_path import INTERVAL_S, compact_path
+from foldcar.simulation.runner import KEPT_INTERVAL_S as INTERVAL_S
 from foldcar.store.log_files import log_file, sha256_of
 from foldcar.store.reader import Store
 from foldcar.store.trial_records import Trial

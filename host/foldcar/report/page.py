@@ -12,7 +12,7 @@ from foldcar.page_template import bundle, page_template, script_json
 def page_html(data: Mapping[str, Any], blobs: Mapping[str, str]) -> str:
     """The page as HTML of ``data`` (page_data.py); ``blobs`` are texts that it decodes when they are wanted, by id.
 
-    An experiment's ``replay``, if it has one, is a Replay's data with the ``key`` that its blobs' names begin with.
+    An experiment's ``replay``, if it has one, has the ``key`` that its blobs' names begin with.
     """
     style = files("foldcar.report").joinpath("web/study.css").read_text(encoding="utf-8")
     return page_template("foldcar.report", "web/study.html", {"script_json": script_json}).render(

@@ -69,11 +69,11 @@ def _failures(store: Store, info: ExperimentInfo, failed: int) -> list[str]:
     if not failed:
         return []
     messages = store.failures([info.id])
-    shown = "; ".join(f"{number} × {message}" for message, number in messages[:SHOWN])
+    shown = "; ".join(f"{number} x {message}" for message, number in messages[:SHOWN])
     more = f"; and {len(messages) - SHOWN} other messages" if len(messages) > SHOWN else ""
     command = shlex.join(["foldcar", "export", str(store.path), "--failed", "--csv", "-"])
-    counted = " and count as not passed" if info.success_defined else ""
-    return [f"{count(failed, 'run')} failed{counted}: {shown}{more}. List them: {command}"]
+    counted = ", and count as not passed" if info.success_defined else ""
+    return [f"{failed:,} of {info.stored_runs:,} runs failed{counted}: {shown}{more}. List them: {command}"]
 
 
 def stopped_remarks(info: ExperimentInfo) -> list[str]:

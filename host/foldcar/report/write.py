@@ -14,6 +14,7 @@ from foldcar.figures.style import RC
 from foldcar.interrupts import held
 from foldcar.output_folder import check_output_folder
 from foldcar.replay.outcome_grid import OutcomeGrid
+from foldcar.replay.replay import UNITS
 from foldcar.report.across_plot import across_drawings
 from foldcar.report.figure_options import THRESHOLDS, FigureOptions
 from foldcar.report.page import page_html
@@ -86,7 +87,8 @@ def _add_replay(store: Store, one: Experiment, shown: dict[str, Any], key: str, 
     shown["remarks"] += replay.remarks
     if not replay.runs:
         return {}
-    shown["replay"] = {"key": key, **replay.data}
+    shown["replays"] = replay.runs
+    shown["replay"] = {"key": key, "units": UNITS, "trials": replay.trials}
     return {f"{key}-{name}": text for name, text in replay.blobs.items()}
 
 

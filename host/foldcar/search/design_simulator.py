@@ -17,6 +17,7 @@ from foldcar.study.chunks import ChunkPool, FinishedRun, Simulators
 from foldcar.study.environments import Environment
 from foldcar.study.experiment_runs import StoredSamples
 from foldcar.study.experiments import Experiment
+from foldcar.study.kept_paths import KeptPaths
 from foldcar.study.planned_designs import PlannedDesigns, planned_design
 from foldcar.study.sweep import is_dynamic, plan_experiment
 
@@ -67,6 +68,8 @@ class DesignSimulator:
         self._samples = StoredSamples(environment, writer, dynamic)
         self._plan: PlannedExperiment | None = None
         self._positions: dict[Values, int] = {}
+        # Those of an earlier search are not looked for: the bound is on each.
+        self._paths = KeptPaths(None)
 
     def rows(self, values: Values, samples: Sequence[int]) -> list[Row]:
         """The results of a design that can be built in these samples, simulated if the store lacks them. FoldcarError."""
@@ -77,7 +80,7 @@ class DesignSimulator:
             (run,) = (one for one in self._writer.planned_runs(plan, sample) if one.design == position)
             runs.append(run)
             if run.outcome is None and not self._pool.joins(run):
-                for finished in self._pool.add(run, len(samples) - number):
+                for finished in self._pool.add(run, len(samples) - number, self._paths):
                     self._keep(finished)
         for finished in self._pool.finish():
             self._keep(finished)

@@ -18,7 +18,7 @@ from foldcar.car.car_file import TableRow
 from foldcar.simulation.engines import ENGINES, MULTIBODY, engine_title, find_carsim
 from foldcar.simulation.kept import KeptRunner, RunProcess
 from foldcar.simulation.results import METRICS, NATIVE_OUTCOMES
-from foldcar.simulation.runner import CarsimError, RunRequest, process_ending
+from foldcar.simulation.runner import KEPT_INTERVAL_S, CarsimError, RunRequest, process_ending
 
 
 @dataclass(frozen=True, slots=True)
@@ -265,6 +265,8 @@ def input_line(kind: str, name: str, object_text: str) -> str:
 def run_line(name: str, request: RunRequest) -> str:
     """The line that asks for the run, by its id."""
     head = f'"body": {json.dumps(request.body)}, "scene": {json.dumps(request.scene)}'
+    if request.compact_path:
+        head += f', "path_interval_s": {KEPT_INTERVAL_S}, "path_form": "compact"'
     return input_line("run", name, f"{{{head}, {request.settings[1:]}")
 
 

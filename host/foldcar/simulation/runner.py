@@ -11,6 +11,8 @@ from foldcar.errors import FoldcarError
 
 # Between the rows of a path that is drawn.
 PATH_INTERVAL_S = 0.02
+# The same of a compact path (docs/carsim.md), of which many are kept.
+KEPT_INTERVAL_S = 0.05
 
 
 class CarsimError(FoldcarError):
@@ -21,7 +23,8 @@ class CarsimError(FoldcarError):
 class RunRequest:
     """One run: keys of the chunk's bodies and scenes, the settings as a JSON object, a name for errors.
 
-    ``sample`` is the sample of the environment that the scene is.
+    ``sample`` is the sample of the environment that the scene is. ``compact_path``: carsim answers with the path, too, in
+    its compact form; Scenic beside it does not.
     """
 
     body: str
@@ -29,6 +32,7 @@ class RunRequest:
     settings: str
     label: str
     sample: int
+    compact_path: bool = False
 
 
 class Runner(Protocol):

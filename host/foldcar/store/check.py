@@ -25,7 +25,7 @@ from foldcar.store.opening import beside, connect_reading, require_version
 from foldcar.store.reader import Store
 from foldcar.store.rows import Row, columns_sql, is_intact, key_text
 from foldcar.store.salvage import log_damage
-from foldcar.store.tables import BY_NAME, CHECKSUM, RECORDED, RUN, TABLES, VIEWS, Table
+from foldcar.store.tables import BY_NAME, CHECKSUM, PATH, RECORDED, RUN, TABLES, VIEWS, Table
 
 
 @dataclass(slots=True)
@@ -111,16 +111,15 @@ def references(connection: sqlite3.Connection) -> Iterator[str]:
     where = " AND ".join(f"r.{name} = v.{name}" for name in RUN.key)
     try:
         missing = Counter((row[0], row[2]) for row in connection.execute("PRAGMA foreign_key_check"))
-        (recorded,) = connection.execute(
-            f"SELECT count(*) FROM {RECORDED.name} v WHERE NOT EXISTS (SELECT 1 FROM {RUN.name} r WHERE {where})"
-        ).fetchone()
+        for table in (RECORDED, PATH):
+            (missing[table.name, RUN.name],) = connection.execute(
+                f"SELECT count(*) FROM {table.name} v WHERE NOT EXISTS (SELECT 1 FROM {RUN.name} r WHERE {where})"
+            ).fetchone()
     except SQLITE_ERRORS as error:
         yield f"references between tables: {error}"
         return
-    if recorded:
-        missing[RECORDED.name, RUN.name] = recorded
-    for (table, referred), count in sorted(missing.items()):
-        yield f"table {table}: {count} rows refer to rows of {referred} that are not there"
+    for (name, referred), count in sorted((+missing).items()):
+        yield f"table {name}: {count} rows refer to rows of {referred} that are not there"
 
 
 def _check_logs(path: Path, connection: sqlite3.Connection, done: StoreCheck) -> None:

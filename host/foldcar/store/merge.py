@@ -26,6 +26,7 @@ from foldcar.store.tables import (
     DESIGN,
     ENVIRONMENT,
     EXPERIMENT,
+    PATH,
     RECORDED,
     RUN,
     STUDY,
@@ -283,7 +284,7 @@ class _Merge:
             experiment = row["id"] if table is EXPERIMENT else row["experiment"]
             place = "" if table is EXPERIMENT else f"design {row['position'] + 1}: "
             raise StoreError(f'experiment "{experiment}": {place}{values}: give one of them another name and sweep it')
-        is_run = table in (RUN, RECORDED)
+        is_run = table in (RUN, RECORDED, PATH)
         keys = [key.removesuffix("_id") for key in (RUN if is_run else table).key]
         told = ", ".join(f"{key} {self._named(key, row.get(f'{key}_id', row.get(key)))}" for key in keys)
         why = ": the same build gave two results, so one of them is not that build" if is_run else ""

@@ -22,6 +22,8 @@ from foldcar.store.tables import (
     DESIGN,
     ENVIRONMENT,
     EXPERIMENT,
+    PATH,
+    PATH_JOIN,
     RECORDED,
     RESULT_JOIN,
     RUN,
@@ -136,6 +138,16 @@ class Store:
             cells = [row[2:] for row in batch]
             verify_cells(self.path, RUN, cells)
             yield [row[:2] for row in batch], cells
+
+    def kept_paths(self, name: str) -> Iterator[tuple[int, int, int, str]]:
+        """The paths kept of an experiment's runs: the design's position, the sample, how many rows, the compact path."""
+        names = (*sorted(PATH.names), CHECKSUM)
+        at = names.index("row_count"), names.index("compact")
+        columns = columns_sql(self._connection, PATH, "p", names[:-1])
+        rows = self._rows(f"SELECT d.position, s.sample, {columns} {PATH_JOIN} AND e.id = ?", name)
+        while batch := list(itertools.islice(rows, BATCH_ROWS)):
+            verify_cells(self.path, PATH, [row[2:] for row in batch])
+            yield from ((row[0], row[1], row[2 + at[0]], row[2 + at[1]]) for row in batch)
 
     def run_rows(self, name: str) -> Iterator[tuple[int, int, Row]]:
         """The runs that an experiment shows, by design and sample: the design's position, the sample, the row."""

@@ -23,7 +23,7 @@ from foldcar.store.log_files import log_file, sha256_of
 from foldcar.store.opening import beside, fill_blank, new_store
 from foldcar.store.rows import Row, insert_sql, stored
 from foldcar.store.salvage import Rows, log_damage, salvage
-from foldcar.store.tables import BY_NAME, CORRECTION, RECORDED, RUN, TABLES, TRIAL, Table
+from foldcar.store.tables import BY_NAME, CORRECTION, PATH, RECORDED, RUN, TABLES, TRIAL, Table
 from foldcar.store.trial_writer import now_utc
 
 BY = "foldcar repair"
@@ -121,7 +121,7 @@ def _restore_header(copy: Path) -> None:
 
 def _lost_references(table: Table, row: Row, kept: Mapping[str, Mapping[tuple[Any, ...], Row]]) -> list[str]:
     """The columns of a row that refer to rows that are not kept."""
-    if table is RECORDED and tuple(row[name] for name in RUN.key) not in kept[RUN.name]:
+    if table in (RECORDED, PATH) and tuple(row[name] for name in RUN.key) not in kept[RUN.name]:
         return list(RUN.key)
     return [
         column.name

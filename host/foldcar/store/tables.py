@@ -147,6 +147,17 @@ RECORDED = Table(
     key=(*_RUN_KEY_NAMES, "name"),
     order=(*_RUN_ORDER, "name"),
 )
+PATH = Table(
+    "path",
+    "where the car was in a run; of a bounded number of runs, for pictures",
+    (
+        *(Column(column.name, column.type, column.meaning) for column in _RUN_KEY),
+        Column("row_count", "INTEGER", "how many rows it has: one each 0.05 s, and the last"),
+        Column("compact", "TEXT", "the rows as carsim's compact path, in base64"),
+    ),
+    key=_RUN_KEY_NAMES,
+    order=_RUN_ORDER,
+)
 STUDY = Table(
     "study",
     "a fact of the latest sweep: versions, listing, command, time of creation",
@@ -290,6 +301,7 @@ TABLES = (
     DESIGN,
     RUN,
     RECORDED,
+    PATH,
     TRIAL,
     CORRECTION,
     CALIBRATION,
@@ -302,6 +314,12 @@ RESULT_JOIN = """FROM experiment e CROSS JOIN design d CROSS JOIN sample s CROSS
         AND w.spread_id = e.spread_id AND w.sample = s.sample
         AND r.build_id = e.build_id AND r.body_id = d.body_id AND r.scene_id = s.scene_id
         AND r.settings_id = d.settings_id AND r.variation_id = w.variation_id"""
+# The kept paths of these runs, which refer to them by all of their key; it is followed by a condition.
+PATH_JOIN = f"""FROM path p CROSS JOIN run r USING ({", ".join(_RUN_KEY_NAMES)})
+    JOIN experiment e JOIN design d JOIN sample s JOIN draw w
+    WHERE r.build_id = e.build_id AND d.experiment = e.id AND d.body_id = r.body_id AND d.settings_id = r.settings_id
+        AND s.environment_id = e.environment_id AND s.scene_id = r.scene_id AND s.sample < e.environments
+        AND w.spread_id = e.spread_id AND w.sample = s.sample AND w.variation_id = r.variation_id"""
 
 RESULT_VIEW = f"""CREATE VIEW result AS
     SELECT e.position AS experiment_position, e.id AS experiment, e.vehicle, e.environment,

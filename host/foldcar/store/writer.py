@@ -19,7 +19,18 @@ from foldcar.store.connection import StoreConnection
 from foldcar.store.designs import DesignCounts, design_counts, designs_of
 from foldcar.store.info import listed_id
 from foldcar.store.opening import writing
-from foldcar.store.tables import BY_NAME, DESIGN, ENVIRONMENT, EXPERIMENT, RECORDED, RESULT_JOIN, RUN, STUDY
+from foldcar.store.tables import (
+    BY_NAME,
+    DESIGN,
+    ENVIRONMENT,
+    EXPERIMENT,
+    PATH,
+    PATH_JOIN,
+    RECORDED,
+    RESULT_JOIN,
+    RUN,
+    STUDY,
+)
 
 PAGE_ROWS = 1000
 
@@ -275,6 +286,11 @@ class StoreWriter(StoreConnection):
                 return
             next_design = rows[-1][0] + 1
 
+    def kept_paths(self, plan: PlannedExperiment) -> list[tuple[int, str, int]]:
+        """Of the experiment's runs whose paths are kept: the design's position, the outcome, the path's characters."""
+        query = f"SELECT d.position, r.outcome, length(p.compact) {PATH_JOIN} AND e.id = ?"
+        return list(self._run(query, plan.id))
+
     def texts(self, table: str, row_ids: Iterable[int]) -> dict[int, str]:
         """The JSON texts of rows of ``body``, ``scene``, ``settings`` or ``variation``, at most some thousands."""
         wanted = set(row_ids)
@@ -295,7 +311,7 @@ class StoreWriter(StoreConnection):
 
     def add_results(self, results: Iterable[tuple[PlannedRun, Mapping[str, Any]]]) -> None:
         """Store a chunk: runs with their results as the simulator answered them (:mod:`foldcar.simulation.carsim`)."""
-        runs, recorded = [], []
+        runs, recorded, paths = [], [], []
         for run, result in results:
             key = self._key(run)
             if "error" in result:
@@ -305,9 +321,13 @@ class StoreWriter(StoreConnection):
             for name, one in result.get("recorded", {}).items():
                 value = json.dumps(one["value"], allow_nan=False)
                 recorded.append({**key, "name": name, "kind": one["kind"], "value": value})
+            if "path" in result:
+                path = result["path"]
+                paths.append({**key, "row_count": path["rows"], "compact": path["compact"]})
         with self._transaction():
             self._insert(RUN, runs, "OR IGNORE")
             self._insert(RECORDED, recorded, "OR IGNORE")
+            self._insert(PATH, paths, "OR IGNORE")
 
 
 @contextlib.contextmanager

@@ -16,6 +16,7 @@ from typing import Any, Protocol
 from foldcar.car.variation import NumberLimits, vary_body
 from foldcar.simulation.runner import Runner, RunRequest
 from foldcar.store.writer import PlannedRun, StoreWriter, canonical_json
+from foldcar.study.kept_paths import KeptPaths
 
 
 class Simulators(Protocol):
@@ -102,6 +103,8 @@ class ChunkPool:
         self._chunk_runs = FIRST_CHUNK_RUNS
         # Number of the study's runs that wait for each result.
         self._in_flight: Counter[Key] = Counter()
+        # Which of their paths are kept; None: none.
+        self._keepers: dict[Key, KeptPaths | None] = {}
 
     def __enter__(self) -> "ChunkPool":
         return self
@@ -132,13 +135,14 @@ class ChunkPool:
         self._in_flight[_key(run)] += 1
         return True
 
-    def add(self, run: PlannedRun, runs_left: int) -> Iterator[list[FinishedRun]]:
+    def add(self, run: PlannedRun, runs_left: int, paths: KeptPaths) -> Iterator[list[FinishedRun]]:
         """Add a run; yields the chunks that finished while it waited for a free place.
 
-        ``runs_left`` is the number of runs without result, those added already included.
+        ``runs_left`` is the number of runs without result, those added already included; ``paths`` are the experiment's.
         """
         not_submitted = runs_left - len(self._in_flight) + len(self._chunk)
         self._in_flight[_key(run)] = 1
+        self._keepers[_key(run)] = paths if paths.wants(run.design) else None
         self._chunk.append(run)
         if len(self._chunk) >= min(
             self._chunk_runs, max(LEAST_CHUNK_RUNS, not_submitted // (2 * self._simulators.count))
@@ -169,6 +173,7 @@ class ChunkPool:
                 settings[run.settings_id],
                 f"design {run.design + 1}, sample {run.sample}",
                 run.sample,
+                self._keepers[_key(run)] is not None,
             )
             for run in runs
         ]
@@ -203,11 +208,18 @@ class ChunkPool:
                 wanted = round(self._simulators.chunk_s / max(chunk.seconds, 1e-6) * len(chunk.runs))
                 self._chunk_runs = max(1, min(wanted, 4 * self._chunk_runs, MAX_CHUNK_RUNS))
             yield [
-                FinishedRun(run, answer, self._in_flight[_key(run)])
+                FinishedRun(run, self._trimmed(run, answer), self._in_flight[_key(run)])
                 for run, answer in zip(chunk.runs, chunk.answers, strict=True)
             ]
             for run in chunk.runs:
-                del self._in_flight[_key(run)]
+                del self._in_flight[_key(run)], self._keepers[_key(run)]
+
+    def _trimmed(self, run: PlannedRun, answer: dict[str, Any]) -> dict[str, Any]:
+        """The answer without a path that is not to be kept."""
+        keeper, path = self._keepers[_key(run)], answer.get("path")
+        if path and keeper and keeper.keeps(run.design, answer["outcome"], len(path["compact"])):
+            return answer
+        return {name: value for name, value in answer.items() if name != "path"}
 
     def _abandon(self) -> None:
         """Stop running chunks and discard waiting ones."""

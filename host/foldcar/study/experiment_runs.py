@@ -15,6 +15,7 @@ from foldcar.simulation.results import REJECTED
 from foldcar.store.writer import PlannedExperiment, StoreWriter, canonical_json
 from foldcar.study.chunks import ChunkPool, FinishedRun
 from foldcar.study.environments import Environment
+from foldcar.study.kept_paths import KeptPaths
 from foldcar.study.stopping import DesignState, Schedule
 
 
@@ -92,9 +93,13 @@ class StoredSamples:
 
 @dataclass(frozen=True)
 class ExperimentRuns:
-    """``report`` is called after every sample; ``dynamic`` says whether Scenic runs beside the simulation."""
+    """The runs of ``plan``, which has so many ``designs``.
+
+    ``report`` is called after every sample; ``dynamic`` says whether Scenic runs beside the simulation.
+    """
 
     plan: PlannedExperiment
+    designs: int
     environment: Environment
     dynamic: bool
     writer: StoreWriter
@@ -105,6 +110,10 @@ class ExperimentRuns:
     @cached_property
     def _samples(self) -> StoredSamples:
         return StoredSamples(self.environment, self.writer, self.dynamic)
+
+    @cached_property
+    def _paths(self) -> KeptPaths:
+        return KeptPaths(self.designs, self.writer.kept_paths(self.plan))
 
     def all(self) -> Iterator[list[FinishedRun]]:
         """Every design in every sample; the last chunks may still be in progress afterwards."""
@@ -141,5 +150,5 @@ class ExperimentRuns:
                     self.counts.there += 1
                     self.counts.count(run.outcome)
                 else:
-                    yield from self.pool.add(run, total - self.counts.done)
+                    yield from self.pool.add(run, total - self.counts.done, self._paths)
             self.report(self.counts)

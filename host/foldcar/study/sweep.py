@@ -104,7 +104,9 @@ class Sweep:
                     dynamic = is_dynamic(plan.environment_id, environment, writer)
                     rule, rejected = self.until.get(plan.id), counts.rejected
                     with environment.runner(carsim, dynamic) as runner, pool.using(runner):
-                        runs = ExperimentRuns(plan, environment, dynamic, writer, pool, counts, report)
+                        runs = ExperimentRuns(
+                            plan, len(self.designs[plan.id]), environment, dynamic, writer, pool, counts, report
+                        )
                         for finished in runs.all() if rule is None else runs.until(rule):
                             self._keep(finished, writer, report)
                         if rule is not None:

@@ -23,6 +23,7 @@ struct RunLine {
   std::string body;
   std::string scene;
   TrialSpec trial;
+  bool compact = false;  // the path's form in the answer
 };
 
 // Points of a scene at which the ground's height and friction are asked for.

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from foldcar.car.folded.model import IDENTITY, Crease, EdgeRef, Face, FoldedCar, Mount, Piece, PlacedPiece, Pose
+from foldcar.car.folded.model import IDENTITY, Crease, EdgeRef, Face, FoldedCar, Mount, Piece, Pose
 from foldcar.car.folded.pose import edge
 from foldcar.car.proof.step import AssemblyStep
 from foldcar.fabrication.assembly.facets import NUT_OF, shank_and_nut
@@ -42,7 +42,6 @@ def view_data(folded: FoldedCar, planned: Sequence[AssemblyStep] | None = None) 
             "piece": index[placed.piece],
             "name": (piece.label or piece.name) + (f" {placed.copy + 1}" if piece.count > 1 else ""),
             "layer": placed.piece in layers,
-            "hinge": _hinge(folded, placed),
             **_part(placed.body, placed.pose, steps, ("piece", placed.piece, placed.copy)),
         })  # fmt: skip
     for mount, kind in mounts:
@@ -64,8 +63,6 @@ def view_data(folded: FoldedCar, planned: Sequence[AssemblyStep] | None = None) 
         "steps": steps.titles,
         "lid": {index[name]: _children(folded.pieces[index[name]], found) for name, found in steps.lids.items() if found},
         "ground": _ground_mm(folded),
-        "axles": [{"wheel": axle.wheel, "body": axle.body, "center": axle.center_mm} for axle in folded.axles],
-        "hinges": [{"center": hinge.center_mm} for hinge in folded.hinges],
     }
 
 
@@ -160,23 +157,6 @@ def _ground_mm(folded: FoldedCar) -> float:
 
 def _numbers(pose: Pose) -> list[float]:
     return [round(value, 6) for row in pose for value in row]
-
-
-def _hinge(car: FoldedCar, placed: PlacedPiece) -> dict[str, int] | None:
-    """The flexure of a copy of a piece: the crease before that face has the sign times the hinge's angle; or None."""
-    piece = next(piece for piece in car.pieces if piece.name == placed.piece)
-    crease = next((crease for crease in piece.creases if crease.flexure), None)
-    if crease is None or not car.hinges:
-        return None
-    faces = {face.name: face for face in piece.faces}
-    pose = np.array(placed.pose) @ face_poses(piece)[crease.parent.face]
-    middle = moved(pose, np.array([np.mean(edge(faces, crease.parent), axis=0)]))[0]
-    distances = [float(np.linalg.norm(middle - hinge.center_mm)) for hinge in car.hinges]
-    # A positive angle of a crease lifts the child over the parent's printed side; one of a hinge lifts what is beyond it
-    # in the car: the front by its nose, the rear by its tail.
-    sign = 1 if pose[2, 2] > 0 else -1
-    number = [face.name for face in piece.faces].index(crease.child.face)
-    return {"face": number, "hinge": distances.index(min(distances)), "sign": sign}
 
 
 def laid_out(extents: list[tuple[float, float, float, float]]) -> list[list[float]]:

@@ -68,7 +68,7 @@ export class Belief {
 function note({ e }) {
   const parts = [];
   if (e.designs.trials.some(count => count)) parts.push("Belief pools simulation and trials.");
-  parts.push(`Intervals hold at 95 % for each design by itself. ${e.judged ? `Tint: belief above or below ${percent(e.threshold)}.` : ""}`);
+  parts.push(`Intervals hold at 95 % for each design by itself. ${e.judged && e.parameters.length < 2 ? `Tint: belief above or below ${percent(e.threshold)}.` : ""}`);
   return parts.join(" ");
 }
 
@@ -210,7 +210,8 @@ export function scale() {
 function frontFigure(model) {
   const { e } = model, { objectives, points } = e.front, [first, second] = objectives;
   const shown = points.filter(one => one.values[0] !== null && (!second || one.values[1] !== null));
-  const scaled = (objective, value) => (objective.unit === "%" && value !== null ? value : value);
+  // Only what was checked may be called best.
+  const best = one => one.fresh && !one.beaten;
   const option = theme => ({
     height: 380,
     grid: { left: 64, right: 18, top: 16, bottom: 50 },
@@ -218,18 +219,18 @@ function frontFigure(model) {
     xAxis: axisStyle(theme, withUnit(first), { type: "value", scale: true }),
     yAxis: axisStyle(theme, second ? withUnit(second) : "", { type: "value", scale: true, nameGap: 44 }),
     series: [
-      intervals("fresh", shown.filter(one => one.fresh && second && one.low[1] !== null).map(one => [one.values[0], one.low[1], one.high[1]]), theme.accent),
+      ...[0, 1].map(k => intervals("fresh", shown.filter(one => one.fresh && second && one.low[k] !== null).map(one => [one.values[1 - k], one.low[k], one.high[k]]), theme.soft, 1.5, 1, k === 0)),
       { type: "scatter", cursor: "pointer", data: shown.map(one => ({
-        value: [scaled(first, one.values[0]), second ? scaled(second, one.values[1]) : 0], design: one.design,
+        value: [one.values[0], second ? one.values[1] : 0], design: one.design,
         symbolSize: one.fresh ? 13 : 8,
-        itemStyle: { color: one.beaten ? theme.soft : theme.accent, opacity: !model.within[one.design] ? 0.1 : one.beaten ? 0.45 : 1, borderColor: one.design === model.design ? theme.ink : theme.paper, borderWidth: one.design === model.design ? 3 : 1 },
+        itemStyle: { color: best(one) ? theme.accent : theme.soft, opacity: !model.within[one.design] ? 0.1 : best(one) ? 1 : 0.5, borderColor: one.design === model.design ? theme.ink : theme.paper, borderWidth: one.design === model.design ? 3 : 1 },
       })) },
     ],
   });
   return {
     title: "What none beats", label: `The search's designs by ${objectives.map(one => one.label).join(" and ")}`, option,
     table: () => ({ head: ["design", ...objectives.map(withUnit), "checked in fresh environments", "beaten"], rows: shown.map(one => [e.designs.name[one.design], ...one.values.map(String), one.fresh ? "yes" : "no", one.beaten ? "yes" : "no"]) }),
-    controls: [make("span", { class: "legend" }, make("span", {}, make("i", { class: "key belief" }), "none beats it"), make("span", {}, make("i", { class: "key simulation" }), "beaten"), "large: checked in fresh environments")],
+    controls: [make("span", { class: "legend" }, make("span", {}, make("i", { class: "key belief" }), "none beats it in fresh environments"), "large: checked in them, with 95 % intervals; small: as the search saw them, too good as a rule")],
     of: ({ data }) => data?.design ?? null,
   };
 }

@@ -12,25 +12,9 @@ export function readBlob(name) {
 }
 
 async function inflate(base64) {
-  const packed = Uint8Array.from(atob(base64), (letter) => letter.charCodeAt(0));
+  const packed = Uint8Array.from(atob(base64), letter => letter.charCodeAt(0));
   const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate-raw"));
   const whole = new Uint8Array(await new Response(stream).arrayBuffer());
   const end = whole.indexOf(10);
   return { head: JSON.parse(new TextDecoder().decode(whole.subarray(0, end))), bytes: whole.subarray(end + 1) };
-}
-
-// Reads the zigzag LEB128 integers of compact_path.py one after the other.
-export function integerReader(bytes) {
-  let at = 0;
-  return () => {
-    let value = 0;
-    let scale = 1;
-    for (;;) {
-      const byte = bytes[at++];
-      value += (byte & 127) * scale;
-      if (byte < 128) break;
-      scale *= 128;
-    }
-    return value % 2 ? -(value + 1) / 2 : value / 2;
-  };
 }

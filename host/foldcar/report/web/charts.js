@@ -27,20 +27,18 @@ const redraw = () => { for (const chart of all) chart.draw(); };
 window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
 window.addEventListener("beforeprint", () => {
   document.documentElement.classList.add("print");
-  for (const chart of all) chart.near = true;
-  redraw();
+  for (const chart of all) chart.draw(true);
+  for (const { chart } of all) chart.getZr().flush();
 });
 window.addEventListener("afterprint", () => { document.documentElement.classList.remove("print"); redraw(); });
-// A chart is drawn when it comes near the window: the page answers at once, however many there are.
-const NEAR = "300px";
-const nearing = new IntersectionObserver(entries => {
-  for (const { target, isIntersecting } of entries) {
-    const chart = [...all].find(one => one.place === target);
-    if (!chart) continue;
-    chart.near = isIntersecting;
-    if (isIntersecting && chart.stale) chart.draw();
-  }
-}, { rootMargin: NEAR });
+// A chart is drawn when it comes near the window (px): the page answers at once, however many there are.
+const NEAR = 300;
+const isNear = ({ place }) => {
+  const { top, bottom } = place.getBoundingClientRect();
+  return top < window.innerHeight + NEAR && bottom > -NEAR;
+};
+const drawStale = () => { for (const chart of all) if (chart.stale && isNear(chart)) chart.draw(); };
+for (const event of ["scroll", "resize"]) window.addEventListener(event, drawStale, { passive: true });
 
 export class Chart {
   // option(colours, width): of ECharts; table(): {head, rows} of the same numbers, for readers of tables and of screens.
@@ -63,17 +61,17 @@ export class Chart {
       this.draw();
     });
     this.seen.observe(this.place);
-    nearing.observe(this.place);
     all.add(this);
   }
 
   // What a mouse does to the chart's marks: of ECharts.
   on(event, act) { this.handlers.push([event, act]); }
 
-  draw() {
+  // always: although it is not in sight.
+  draw(always = false) {
     const theme = colours(), { height, ...option } = this.option(theme, this.place.clientWidth);
     if (height) this.place.style.height = `${height}px`;
-    this.stale = !this.near;
+    this.stale = !always && !isNear(this);
     if (this.stale) return;
     if (!this.chart) {
       this.chart = echarts.init(this.place, null, { renderer: this.renderer });
@@ -87,7 +85,6 @@ export class Chart {
   dispose() {
     all.delete(this);
     this.seen.disconnect();
-    nearing.unobserve(this.place);
     if (this.chart) this.chart.dispose();
   }
 }
@@ -141,14 +138,15 @@ export function successAxis(theme, name = "success", more = {}) {
 
 export const tipStyle = theme => ({ backgroundColor: theme.paper, borderColor: theme.line, textStyle: { color: theme.ink, fontSize: 12 }, confine: true, transitionDuration: 0 });
 
-// Vertical intervals: data rows are [x, low, high].
-export function intervals(name, data, colour, width = 1.5, opacity = 1) {
+// Vertical intervals: data rows are [x, low, high]; lying ones are [y, low, high].
+export function intervals(name, data, colour, width = 1.5, opacity = 1, lying = false) {
   return {
-    name, type: "custom", data, silent: true, z: 3, encode: { x: 0, y: [1, 2] },
+    name, type: "custom", data, silent: true, z: 3, encode: lying ? { x: [1, 2], y: 0 } : { x: 0, y: [1, 2] },
     renderItem(params, api) {
-      const [x, low] = api.coord([api.value(0), api.value(1)]), [, high] = api.coord([api.value(0), api.value(2)]);
+      const [at, low, high] = [0, 1, 2].map(k => api.value(k));
+      const [[x1, y1], [x2, y2]] = [low, high].map(end => api.coord(lying ? [end, at] : [at, end]));
       if (Number.isNaN(low)) return null;
-      return { type: "line", shape: { x1: x, y1: low, x2: x, y2: high }, style: { stroke: colour, lineWidth: width, opacity } };
+      return { type: "line", shape: { x1, y1, x2, y2 }, style: { stroke: colour, lineWidth: width, opacity } };
     },
   };
 }

@@ -20,6 +20,8 @@ export class Experiment {
     const { runs } = raw;
     this.runs = runs && { n: runs.n, design: decoded(runs.design), environment: decoded(runs.environment), outcome: decoded(runs.outcome), time_s: decoded(runs.time_s) };
     if (this.runs) this.indexRuns();
+    this.replay = new Map(raw.replays.map(one => [`${one.design}/${one.environment}`, one]));
+    this.replayed = raw.replay;
     this.place = new Map(raw.designs.name.map((name, design) => [name, design]));
 
   }

@@ -97,7 +97,7 @@ export class Model {
 
   read() {
     const asked = new URLSearchParams(window.location.hash.slice(1)), { state } = this;
-    for (const [name, key] of Object.entries(PLAIN)) state[key] = asked.get(name);
+    for (const [name, key] of Object.entries(PLAIN)) state[key] = asked.get(name) || null;
     for (const key of ["env", "t"]) state[key] = state[key] !== null && Number.isFinite(Number(state[key])) ? Number(state[key]) : null;
     state.env = state.env === null ? null : Math.max(0, Math.round(state.env));
     state.order = state.order === "difficulty" ? "difficulty" : "number";

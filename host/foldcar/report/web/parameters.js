@@ -38,7 +38,7 @@ export class Parameters {
     if (this.parallel) this.parallel.mark();
   }
 
-  hover() { if (this.parallel) this.parallel.chosen(); }
+  hover() { if (this.parallel) this.parallel.hover(); }
 
   scatter(place) {
     const { model } = this, { e } = model, usable = e.axes.filter(axis => axis.values.some(value => value !== null));
@@ -157,11 +157,19 @@ class Parallel {
   }
 
   line() {
-    const { model } = this, k = model.hovered ?? model.design;
+    const k = this.model.design;
     return k === null ? [] : [{ value: this.axes.map(axis => (axis.values[k] === null ? "-" : axis.categories ? axis.categories[axis.values[k]] : axis.values[k])) }];
   }
 
   chosen() { if (!this.chart.stale) this.chart.chart.setOption({ series: [{ id: "all" }, { id: "chosen", data: this.line() }] }); }
+
+  // Without setOption, which would end a brush that is being drawn.
+  hover() {
+    if (this.chart.stale) return;
+    const { chart } = this.chart, seriesId = "all";
+    chart.dispatchAction({ type: "downplay", seriesId });
+    if (this.model.hovered !== null) chart.dispatchAction({ type: "highlight", seriesId, dataIndex: this.model.hovered });
+  }
 
   // The chart's brushes as the state has them.
   restore() {

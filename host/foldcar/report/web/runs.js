@@ -8,10 +8,14 @@ import { byId, make } from "./dom.js";
 const OUTCOMES = { passed: "#009e73", tipped: "#d55e00", stuck: "#56b4e9", off_course: "#cc79a7", timeout: "#f0e442", fault: "#777", terminated: "#0072b2", rejected: "#e69f00", failed: "#999" };
 const MOST_CAUSES = 6;
 const MOST_LISTED = 200;
+// Cells that are elements of their own, which print sharply.
+const MOST_DRAWN = 5000;
 // Heights of a row and room for axes (px).
 const ROW = 4;
 const LEAST = 260;
 const MOST = 520;
+// Columns that are wider have names (px).
+const NAMED = 11;
 
 export class Runs {
   constructor(model, replay) { Object.assign(this, { model, replay, charts: [] }); }
@@ -26,6 +30,7 @@ export class Runs {
     byId("grid").replaceChildren();
     this.grid = e.runs && e.count ? new Grid(model, byId("grid")) : null;
     if (this.grid) this.charts.push(this.grid.chart);
+    byId("replay").hidden = !e.replayed;
     byId("omitted").textContent = e.runs_omitted || "";
     byId("runs").hidden = !e.count;
     for (const chart of this.charts) if (chart !== this.grid?.chart) chart.draw();
@@ -51,7 +56,7 @@ export class Runs {
     endings(model);
     if (this.grid) this.grid.mark();
     listed(model);
-    this.replay.show(model.design, model.env, model.state.t ?? 0);
+    if (model.e.replayed) this.replay.show(model.design, model.env, model.state.t ?? 0, model.state.t === null && document.body.dataset.state === "ready");
   }
 }
 
@@ -121,7 +126,7 @@ class Grid {
     const figure = make("figure", { "data-chart": "grid" });
     place.append(make("div", { class: "controls" }, order, make("span", { class: "note", text: "Press a cell, or use the arrow keys: it is a run." })), figure, this.told);
     this.arrange();
-    this.chart = new Chart(figure, { label: "Outcome of every run: a column for each design, a row for each environment", renderer: "canvas", option: (theme, width) => this.option(theme, width) });
+    this.chart = new Chart(figure, { label: "Outcome of every run: a column for each design, a row for each environment", renderer: e.runs.n > MOST_DRAWN ? "canvas" : "svg", option: (theme, width) => this.option(theme, width) });
     this.chart.place.tabIndex = 0;
     this.chart.place.setAttribute("role", "application");
     this.chart.place.setAttribute("aria-label", "Outcomes: a column for each design, a row for each environment. Arrow keys move from run to run.");
@@ -158,13 +163,16 @@ class Grid {
       const outcome = e.runs.outcome[run];
       data.push({ value: [column, row, outcome], itemStyle: { color: OUTCOMES[e.outcomes[outcome]], opacity: kept.size && !kept.has(outcome) ? 0.1 : 1 } });
     }));
-    const height = Math.max(LEAST, Math.min(MOST, 90 + ROW * this.rows.length));
+    const several = e.parameters.length > 1, height = Math.max(LEAST, Math.min(MOST, (several ? 140 : 90) + ROW * this.rows.length));
     const at = [this.columns.indexOf(model.design), this.rows.indexOf(model.env)];
-    const [cellWidth, cellHeight] = [(width - 64) / Math.max(1, this.columns.length), (height - 84) / Math.max(1, this.rows.length)];
-    const names = this.columns.map(design => e.designs.name[design]);
+    const [cellWidth, cellHeight] = [(width - 64) / Math.max(1, this.columns.length), (height - (several ? 106 : 58)) / Math.max(1, this.rows.length)];
+    const named = e.parameters.length < 2 || cellWidth > NAMED;
     return {
-      height, grid: { left: 52, right: 12, top: 10, bottom: e.parameters.length > 1 ? 30 : 48 },
-      xAxis: axisStyle(theme, e.parameters.length === 1 ? withUnit(e.parameters[0]) : `${this.columns.length} designs`, { type: "category", data: e.parameters.length === 1 ? this.columns.map(design => valueOf(e, design)) : names, nameGap: e.parameters.length > 1 ? 10 : 26, axisTick: { show: false }, ...(e.parameters.length > 1 ? { axisLabel: { show: false } } : {}) }),
+      height, grid: { left: 52, right: 12, top: 10, bottom: !several ? 48 : named ? 96 : 30 },
+      xAxis: axisStyle(theme, several ? `${this.columns.length} designs${named ? `: ${e.parameters.map(withUnit).join(" · ")}` : ""}` : e.parameters.length ? withUnit(e.parameters[0]) : "", {
+        type: "category", data: this.columns.map(design => valuesOf(e, design)), nameGap: !several ? 26 : named ? 76 : 10, axisTick: { show: false },
+        axisLabel: { show: named, color: theme.soft, fontSize: 11, hideOverlap: true, rotate: several ? 90 : 0 },
+      }),
       yAxis: axisStyle(theme, state.order === "difficulty" ? "environments, hardest below" : "environment", { type: "category", data: this.rows.map(String), nameGap: 36, axisTick: { show: false }, splitLine: { show: false } }),
       series: [
         { type: "heatmap", data, progressive: 0, itemStyle: { borderWidth: cellWidth > 6 && cellHeight > 6 ? 0.5 : 0, borderColor: theme.paper }, emphasis: { itemStyle: { borderColor: theme.ink, borderWidth: 1.5 } } },
@@ -192,4 +200,4 @@ class Grid {
   }
 }
 
-const valueOf = (e, design) => { const axis = e.axes[0], value = axis.values[design]; return axis.categories ? axis.categories[value] : String(value); };
+const valuesOf = (e, design) => e.parameters.map((_, k) => e.axes[k]).map(axis => { const value = axis.values[design]; return value === null ? "–" : axis.categories ? axis.categories[value] : String(value); }).join(" · ");

@@ -30,7 +30,7 @@ function follow(model) {
     for (const entry of entries) seen.set(entry.target.id, entry.intersectionRatio > 0 ? entry.intersectionRect.height : 0);
     const [most] = [...seen].sort((a, b) => b[1] - a[1]);
     if (!most || !most[1]) return;
-    for (const link of document.querySelectorAll("nav a")) link.toggleAttribute("aria-current", link.hash === `#at=${most[0]}`);
+    for (const link of document.querySelectorAll("nav a")) link.toggleAttribute("aria-current", link.hash === `#${most[0]}`);
     const at = most[0] === SECTIONS[0] ? null : most[0];
     if (at === model.state.at) return;
     model.state.at = at;
@@ -39,7 +39,7 @@ function follow(model) {
   for (const id of SECTIONS) watch.observe(byId(id));
   for (const link of document.querySelectorAll("nav a")) link.addEventListener("click", event => {
     event.preventDefault();
-    byId(link.hash.slice(4)).scrollIntoView();
+    byId(link.hash.slice(1)).scrollIntoView();
   });
 }
 
@@ -69,6 +69,7 @@ function start() {
   if (model.state.at) model.scroll();
   follow(model);
   document.body.dataset.state = "ready";
+  document.body.dataset.readyMs = performance.now().toFixed(0);
 }
 
 start();

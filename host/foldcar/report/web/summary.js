@@ -4,6 +4,8 @@ import { BELIEF, percent, valueText } from "./data.js";
 import { byId, make } from "./dom.js";
 
 const MOST_NAMED = 6;
+// Remarks that are longer are opened by who wants them (characters).
+const LONG = 180;
 
 export function showSummary(model) {
   const { e, study } = model;
@@ -11,9 +13,14 @@ export function showSummary(model) {
   byId("headline").textContent = e.headline;
   byId("advice").replaceChildren(...[["likely", "Most likely to work"], ["learn", "To learn most"]].map(([key, title]) => advice(model, title, e[key])).filter(Boolean));
   byId("edge").replaceChildren(...e.edge.map(text => make("li", { text })));
-  byId("remarks").replaceChildren(...[...study.engine_notes, ...e.remarks].map(text => make("li", { text })));
+  byId("remarks").replaceChildren(...[...study.engine_notes, ...e.remarks].map(remark));
   for (const id of ["edge", "remarks"]) byId(id).hidden = !byId(id).children.length;
   byId("fixed").replaceChildren(...facts(e).map(([label, text]) => make("li", {}, make("span", { class: "of", text: `${label} ` }), text)));
+}
+
+function remark(text) {
+  const start = text.length > LONG ? text.slice(0, text.indexOf(": ", 10)) : text;
+  return make("li", {}, start === text || start.length > LONG || !start ? text : make("details", {}, make("summary", { text: `${start} …` }), text));
 }
 
 function facts({ count, environments, runs, designs, trials, fixed }) {
@@ -25,11 +32,21 @@ function facts({ count, environments, runs, designs, trials, fixed }) {
   return [...rows, ...fixed];
 }
 
+// Designs that the text names are pressed there; those that it does not name follow.
 function advice(model, title, { text, designs, why }) {
   if (!text && !designs.length) return null;
-  const { e } = model;
-  const named = designs.slice(0, MOST_NAMED).map((design, k) => make("li", {}, designButton(model, design), ` ${(why && why[k]) || chance(e, design)}`));
-  return make("section", { class: "card" }, make("h2", { text: title }), make("p", { text }), make("ul", { class: "named" }, ...named));
+  const { e } = model, unnamed = [];
+  let parts = [text];
+  designs.slice(0, MOST_NAMED).forEach((design, k) => {
+    const name = e.designs.name[design], at = parts.findIndex(part => typeof part === "string" && part.includes(name));
+    if (at < 0) {
+      unnamed.push(make("li", {}, designButton(model, design), ` ${(why && why[k]) || chance(e, design)}`));
+      return;
+    }
+    const start = parts[at].indexOf(name);
+    parts = [...parts.slice(0, at), parts[at].slice(0, start), designButton(model, design), parts[at].slice(start + name.length), ...parts.slice(at + 1)];
+  });
+  return make("section", { class: "card" }, make("h2", { text: title }), make("p", {}, ...parts), ...(unnamed.length ? [make("ul", { class: "named" }, ...unnamed)] : []));
 }
 
 function chance({ designs }, design) {
@@ -44,13 +61,11 @@ export function designButton(model, design, text = model.e.designs.name[design])
   });
 }
 
-// The panel beside the belief: of the design pointed at, else of the chosen one.
+// The panel beside the belief: of the design pointed at, else of the chosen one, else of the likeliest.
 export function showDesign(model) {
-  const { e } = model, design = model.hovered ?? model.design, panel = byId("design");
-  if (design === null) {
-    panel.replaceChildren(make("p", { class: "note", text: "Point at a design to read its numbers; press it to see its runs." }));
-    return;
-  }
+  const { e } = model, design = model.hovered ?? model.design ?? e.likely.designs[0] ?? 0, panel = byId("design");
+  panel.hidden = !e.count;
+  if (!e.count) return;
   const { designs } = e, rows = [];
   const interval = (low, high) => (low[design] === null ? "" : ` (${percent(low[design])} to ${percent(high[design])})`);
   if (designs.belief[design] !== null) rows.push(["belief", percent(designs.belief[design]) + interval(designs.belief_low, designs.belief_high)]);
@@ -63,7 +78,7 @@ export function showDesign(model) {
     make("h3", {}, designs.name[design], make("span", { class: `verdict ${designs.verdict[design]}`, text: verdict(e, design) })),
     ...(designs.refuted[design] ? [make("p", { class: "refuted", text: `Its trials contradict simulation, which is too ${designs.refuted[design]}.` })] : []),
     make("table", { class: "facts" }, make("tbody", {}, ...rows.map(([label, text]) => make("tr", {}, make("th", { scope: "row", text: label }), make("td", { text }))))),
-    ...(model.hovered === null ? [] : []),
+    make("p", { class: "note", text: "Point at a design for its numbers; press it for its runs." }),
   );
 }
 

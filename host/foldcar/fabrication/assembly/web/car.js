@@ -119,14 +119,6 @@ export class Car {
     return this.frames[step];
   }
 
-  // Places the bodies of a car that drives: poses by body name; angles of its hinges.
-  drive(poses, hinges_rad) {
-    for (const [name, body] of this.bodies) body.matrix.copy(poses.get(name));
-    for (const one of this.parts) {
-      if (one.part.hinge) one.fold(one.piece.faces.map(face => (face.fold ? face.fold.closing[face.fold.closing.length - 1][1] : 0)), hinges_rad[one.part.hinge.hinge]);
-    }
-  }
-
   light(part) {
     for (const one of this.parts) one.light(one === part);
   }

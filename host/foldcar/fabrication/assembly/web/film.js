@@ -57,16 +57,15 @@ export class Film {
     }
   }
 
-  // Shares of each face's fold, 0 flat to 1 folded; flexure_rad is the angle of the part's hinge.
-  fold(shares, flexure_rad = 0) {
-    const key = `${shares.join()} ${flexure_rad}`;
+  // Shares of each face's fold, 0 flat to 1 folded.
+  fold(shares) {
+    const key = shares.join();
     if (key === this.key) return;
     this.key = key;
-    const { faces } = this.piece, { hinge } = this.part, poses = [];
+    const { faces } = this.piece, poses = [];
     faces.forEach((face, f) => {
-      const bent = hinge && hinge.face === f ? hinge.sign * flexure_rad : 0;
       poses[f] = face.fold
-        ? new THREE.Matrix4().multiplyMatrices(poses[face.fold.parent], across(face.fold, shares[f] * face.fold.angle + bent))
+        ? new THREE.Matrix4().multiplyMatrices(poses[face.fold.parent], across(face.fold, shares[f] * face.fold.angle))
         : new THREE.Matrix4();
     });
     this.poses = poses;

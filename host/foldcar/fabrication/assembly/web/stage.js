@@ -100,15 +100,6 @@ export class Stage {
     this.controls.update();
   }
 
-  // Keeps a moving point where it is in the picture.
-  follow(point) {
-    const moved = point.clone().sub(this.controls.target);
-    this.camera.position.add(moved);
-    this.controls.target.copy(point);
-    this.controls.update();
-    this.shine(point, 400);
-  }
-
   shine(target, reach) {
     this.sun.target.position.copy(target);
     this.sun.position.copy(target).add(new THREE.Vector3(0.25 * reach, -0.45 * reach, 1.2 * reach));

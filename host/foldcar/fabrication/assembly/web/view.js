@@ -18,7 +18,6 @@ class View {
     this.names = new Names(this.stage, { canvas: find("model"), tip: find("tip"), list: find("find") }, () => this.tint());
     this.mode = "build";
     this.t = Infinity;
-    this.time_s = 0;
     this.playing = null;
     this.use(data);
     this.listen();
@@ -31,14 +30,10 @@ class View {
   // A car and its run, if there is one.
   use({ car, run }) {
     if (this.car) this.car.dispose();
-    if (this.run) {
-      this.stage.scene.remove(this.run.ground.group);
-      this.run.ground.dispose();
-    }
     this.car = new Car(car, this.stage.scene);
-    this.run = run ? new Run(run, car) : null;
-    if (this.run) {
-      this.stage.scene.add(this.run.ground.group);
+    if (run) {
+      this.run ??= new Run(find("scene"), t => { document.body.dataset.time = t.toFixed(3); });
+      this.run.use(run);
       find("told").textContent = run.told;
     }
     this.names.use(this.car);
@@ -60,7 +55,6 @@ class View {
     find("title").textContent = answer.title;
     find("facts").textContent = answer.facts;
     if (last) this.t = Infinity;
-    this.time_s = Math.min(this.time_s, this.run ? this.run.end_s : 0);
     this.show();
   }
 
@@ -73,8 +67,6 @@ class View {
     on("reset", "click", () => { this.stage.held = false; this.show(); });
     on("through", "change", () => this.tint());
     for (const id of ["explode", "lid", "parts"]) on(id, "input", () => this.show());
-    on("drive", "click", () => (this.playing ? this.stop() : this.drive()));
-    on("time", "input", () => { this.stop(); this.time_s = Number(find("time").value) * this.run.end_s; this.show(); });
     for (const radio of document.querySelectorAll("input[name=mode]")) {
       radio.addEventListener("change", () => { this.stop(); this.stage.held = false; this.turn(radio.value); });
     }
@@ -87,7 +79,7 @@ class View {
     const number = (name, otherwise) => (wanted.has(name) && Number.isFinite(Number(wanted.get(name))) ? Number(wanted.get(name)) : otherwise);
     find("explode").value = number("explode", 0);
     find("lid").value = number("lid", 0);
-    this.time_s = number("time", 0);
+    if (this.run) this.run.scene.time(number("time", 0));
     this.t = Math.max(0, number("step", Infinity));
     this.turn(this.run && !wanted.has("step") ? "run" : "build");
     if (wanted.has("part")) this.names.find(wanted.get("part"));
@@ -109,9 +101,11 @@ class View {
   }
 
   show() {
-    if (this.run) this.run.ground.group.visible = this.mode === "run";
-    if (this.mode === "run") this.showRun();
-    else this.showStep();
+    if (this.mode === "run") {
+      this.run.scene.time(this.run.scene.now());
+      return;
+    }
+    this.showStep();
     this.stage.draw();
   }
 
@@ -151,20 +145,6 @@ class View {
     document.body.dataset.box = [...film.min.toArray(), ...film.max.toArray()].map(v => v.toFixed(3)).join(" ");
   }
 
-  showRun() {
-    const { run, car } = this, t = Math.min(this.time_s, run.end_s);
-    car.show(car.steps, { bought: find("parts").checked });
-    const point = run.drive(car, t);
-    this.stage.floor.position.z = -1000;
-    if (this.stage.held) this.stage.follow(point);
-    else this.stage.look(run.box(point));
-    find("time").value = t / run.end_s;
-    find("time").setAttribute("aria-valuetext", `${t.toFixed(2)} s of ${run.end_s.toFixed(2)} s`);
-    find("clock").textContent = `${t.toFixed(2)} / ${run.end_s.toFixed(2)} s`;
-    document.body.dataset.time = t.toFixed(3);
-    document.body.dataset.at = point.toArray().map(v => v.toFixed(2)).join(" ");
-  }
-
   // Advances by shares of a second until step says that it is at its end.
   advance(step) {
     let before = performance.now();
@@ -177,24 +157,19 @@ class View {
       else this.stop();
     };
     this.playing = tick;
-    for (const id of ["play", "drive"]) if (find(id)) find(id).textContent = "❚❚ pause";
+    find("play").textContent = "❚❚ pause";
     requestAnimationFrame(tick);
   }
 
   stop() {
     this.playing = null;
-    for (const id of ["play", "drive"]) if (find(id)) find(id).textContent = "▶ play";
+    find("play").textContent = "▶ play";
   }
 
   play(until) {
     if (this.t >= this.car.steps) this.t = 0;
     const end = Math.min(until, this.car.steps);
     this.advance(passed => (this.t = Math.min(end, this.t + passed / STEP_S)) < end);
-  }
-
-  drive() {
-    if (this.time_s >= this.run.end_s) this.time_s = 0;
-    this.advance(passed => (this.time_s = Math.min(this.run.end_s, this.time_s + passed * Number(find("speed").value))) < this.run.end_s);
   }
 }
 

@@ -1,4 +1,4 @@
-"""The path of a run as a few hundred bytes: rounded, differences of differences, variable-length integers.
+"""The path of a run as a few hundred bytes, as carsim makes them of runs: rounded, differenced twice, variable length.
 
 Input: rows of a path of docs/carsim.md. Output: bytes that ``path.js`` of the report reads. Columns one after the other:
 x, y, z (PLACE_M), heading, pitch, roll and each hinge (ANGLE_RAD). A column is its values differenced twice, each with 0
@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 PLACE_M = 0.0005
 ANGLE_RAD = 0.002
-INTERVAL_S = 0.05
 # What one row takes at most in practice before compression, to foresee a page's size.
 ROW_BYTES = 8
 

@@ -1,0 +1,44 @@
+"""The ground of a scene as pages draw it: blocks as they are, hills and rough ground as a grid of heights.
+
+Input: a scene of docs/carsim.md. Output: what ``ground.js`` reads: a head and the integers of compact_path.py, row by row
+from the lowest y, each point's difference from the one before it.
+"""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy
+
+from foldcar.figures.compact_path import varints
+from foldcar.models.ground import SPACINGS_M, smooth_bounds_m, smooth_ground
+from foldcar.simulation.heights import Heights
+
+HEIGHT_M = 0.0005
+# What one scene of a page may take, and all of them: carsim computes these in some seconds, a browser draws them at once.
+MOST_POINTS_OF_A_SCENE = 40_000
+MOST_POINTS = 1_500_000
+
+
+def ground_data(scene: Mapping[str, Any], heights: Heights, scenes: int = 1) -> tuple[dict[str, Any], bytes]:
+    """The head ``{"scene", "grid"}`` and the bytes of one of so many scenes of a page; without smooth ground, no grid."""
+    bounds = smooth_bounds_m(scene)
+    if bounds is None:
+        return {"scene": dict(scene), "grid": None}, b""
+    x_min, x_max, y_min, y_max = bounds
+    most = min(MOST_POINTS_OF_A_SCENE, MOST_POINTS // scenes)
+    spacing = max(SPACINGS_M[-1], math.sqrt((x_max - x_min) * (y_max - y_min) / most))
+    grid = smooth_ground(scene, heights, (spacing,))
+    assert grid is not None
+    rows, columns = grid.z_m.shape
+    head = {
+        "x_min_m": grid.x_min_m,
+        "y_min_m": grid.y_min_m,
+        "x_step_m": (grid.x_max_m - grid.x_min_m) / (columns - 1),
+        "y_step_m": (grid.y_max_m - grid.y_min_m) / (rows - 1),
+        "columns": columns,
+        "rows": rows,
+        "height_m": HEIGHT_M,
+    }
+    whole = numpy.rint(grid.z_m.ravel() / HEIGHT_M).astype(numpy.int64)
+    return {"scene": dict(scene), "grid": head}, varints(numpy.diff(whole, prepend=0))

@@ -11,9 +11,13 @@ from foldcar.car.body import body_json
 from foldcar.car.design import compose
 from foldcar.car.folded.model import FoldedCar
 from foldcar.car.folded_car import folded_car
-from foldcar.fabrication.assembly.recorded_run import recorded_run, rolled_rad
+from foldcar.fabrication.assembly.recorded_run import recorded_run
+from foldcar.fabrication.assembly.scene_shape import SceneShapes
 from foldcar.fabrication.assembly.solids import face_poses, moved
 from foldcar.fabrication.assembly.view_page import view_page
+from foldcar.models.exported_car import main_segment
+from foldcar.simulation.carsim import Carsim
+from foldcar.simulation.heights import carsim_heights
 from view_probe import probed
 
 HINGED = {"width": 95.0, "height": 50.0, "radius": 40.0, "W.length": 90.0, "B.length": 80.0}
@@ -98,65 +102,170 @@ def scene(**more: Any) -> dict[str, Any]:
     return {"friction": 0.7, "terrain": [], "start": start, "goal": goal, "course": course, **more}
 
 
-def test_wheels_that_do_not_slip_turn_by_the_way_of_each() -> None:
-    body = {"track_m": 0.14, "wheels": [{"side": "left", "radius_m": 0.06}, {"side": "right", "radius_m": 0.05}]}
+def run_data(folded: FoldedCar, body: dict[str, Any], rows: Any, terrain: Any = (), outcome: str = "passed") -> Any:
+    answer, where = {"outcome": outcome}, scene(terrain=list(terrain))
+    return recorded_run(folded, body, where, answer, rows, lambda _, x, y: STEP_M * np.exp(-(x**2)), "Told.")
+
+
+def test_wheels_that_do_not_slip_turn_by_the_way_of_each(tmp_path: Path) -> None:
+    design = compose("W_B_W", {})
+    folded, body = folded_car(design), body_json(design)
     # Half a left turn of radius 1 m, then 0.5 m back.
-    turn = np.linspace(0, np.pi, 2001)
-    circle = np.column_stack([turn, np.sin(turn), 1 - np.cos(turn), np.zeros_like(turn), turn])
-    back = circle[-1] + np.outer(np.linspace(0, 1, 11)[1:], [1, 0.5, 0, 0, 0])
+    turn, still = np.linspace(0, np.pi, 2001), np.zeros(2001)
+    circle = np.column_stack([turn, np.sin(turn), 1 - np.cos(turn), still, turn, still, still])
+    back = circle[-1] + np.outer(np.linspace(0, 1, 11)[1:], [1, 0.5, 0, 0, 0, 0, 0])
+    run = run_data(folded, body, np.vstack([circle, back]))
 
-    left, right = rolled_rad(body, np.vstack([circle, back])).T
+    found = probed(view_page(folded, "a car", [], run), tmp_path, "time=0", WHEELS)
 
-    assert left[2000] == pytest.approx(np.pi * (1 - 0.07) / 0.06, rel=1e-6)
-    assert right[2000] == pytest.approx(np.pi * (1 + 0.07) / 0.05, rel=1e-6)
-    assert left[-1] - left[2000] == pytest.approx(-0.5 / 0.06, rel=1e-6)
+    track = body["track_m"]
+    for wheel, angles in zip(body["wheels"], found, strict=True):
+        side = -1 if wheel["side"] == "left" else 1
+        half = np.pi * (1 + side * track / 2) / wheel["radius_m"]
+        for angle, way in zip(angles, (half, half - 0.5 / wheel["radius_m"]), strict=True):
+            assert np.exp(1j * angle) == pytest.approx(np.exp(1j * way), abs=1e-3)
+
+
+# The turn of each wheel about +y in its segment, after the half turn and at the end.
+WHEELS = """
+  const driven = view.run.scene.cars()[0].car, turns = driven.wheels.map(() => []);
+  for (const t of [Math.PI, 10]) {
+    view.run.scene.time(t);
+    driven.body.wheels.forEach((wheel, k) => {
+      const own = driven.segments[wheel.segment].matrix.clone().invert().multiply(driven.wheels[k].matrix).elements;
+      turns[k].push(Math.atan2(own[8], own[0]));
+    });
+  }
+  return turns;
+"""
 
 
 def test_page_replays_a_run_of_a_hinged_car(tmp_path: Path) -> None:
-    """Poses against scipy's rotations; at each hinge two segments and the strip that joins them stay together."""
+    """Poses against scipy's rotations; at each hinge two segments stay together, and wheels on their axles."""
     design = compose("W_B_H_W_H_W", HINGED)
     folded, body = folded_car(design), body_json(design)
     rows = [[0.0, 0.0, 0.0, 0.04, 0.0, 0.0, 0.0, 0.0, 0.0], [1.0, 0.6, 0.1, 0.07, 0.5, 0.3, -0.2, -0.4, -0.25]]
-    run = recorded_run(body, scene(), rows, lambda _, x, y: np.where(x > 0.5, STEP_M, 0.0), "Told.")
+    block = {"kind": "box", "x_m": 0.7, "y_m": 0.0, "heading_rad": 0.3, "length_m": 0.2, "width_m": 0.2, "height_m": 0.03}
+    place = {"x_m": 0.0, "y_m": 0.0, "heading_rad": 0.0}
+    hill = {"kind": "hill", **place, "sd_along_m": 0.2, "sd_across_m": 0.2, "height_m": STEP_M}
+    run = run_data(folded, body, rows, [block, hill])
 
     found = probed(view_page(folded, "a car", [], run), tmp_path, "time=1", REPLAY)
 
     poses = {name: np.array(pose) for name, pose in found["bodies"].items()}
     # Intrinsic: about z, then nose up, then left side up.
     turn = Rotation.from_euler("ZYX", [0.5, -0.3, -0.2]).as_matrix()
-    main = poses[f"segment{run['main']}"]
+    main = poses[f"segment{main_segment(body)}"]
     assert main[:3, :3] == pytest.approx(turn, abs=1e-6)
-    assert main[:3, 3] == pytest.approx([600, 100, 70], abs=1e-6)
+    assert main[:3, 3] == pytest.approx([0.6, 0.1, 0.07], abs=1e-6)
     for hinge, fold in zip(folded.hinges, (-0.4, -0.25), strict=True):
-        front, rear, at = poses[hinge.front], poses[hinge.rear], np.array([*hinge.center_mm, 1.0])
+        front, rear, at = poses[hinge.front], poses[hinge.rear], np.array([*np.array(hinge.center_mm) / 1000, 1.0])
         assert front @ at == pytest.approx(rear @ at, abs=1e-6)
         # Positive with the front segment's nose up, which is a negative turn about +y.
         assert rear[:3, :3].T @ front[:3, :3] == pytest.approx(Rotation.from_rotvec([0, -fold, 0]).as_matrix(), abs=1e-6)
-    # Every strip lies flat on both floors: its corners are within film and glue of where each segment takes them.
-    assert len(found["strips"]) == len(folded.hinges)
-    for strip in found["strips"]:
-        own, bent = np.array(strip["corners"]), np.array(strip["flat"])
-        beyond = [np.linalg.norm((pose @ np.column_stack([bent, np.ones(len(bent))]).T).T[:, :3] - own, axis=1).max()
-                  for name, pose in poses.items() if name.startswith("segment")]  # fmt: skip
-        assert min(beyond) < 0.5
     for axle in folded.axles:
-        center = np.array([*axle.center_mm, 1.0])
+        center = np.array([*np.array(axle.center_mm) / 1000, 1.0])
         assert poses[axle.wheel] @ center == pytest.approx(poses[axle.body] @ center, abs=1e-6)
-    assert found["ground_mm"] == [0, 1000 * STEP_M]
+    # On the block, beside it on the hill's grid, beyond both.
+    assert found["ground_m"] == pytest.approx([0.03, STEP_M, STEP_M * np.exp(-0.09), 0.0], abs=6e-4)
     assert "did not slip" in found["told"]
+    # The camera has the first obstacle in its picture at the start.
+    assert np.abs(found["seen"]).max() < 1
 
 
 REPLAY = """
+  const { car, ground } = view.run.scene.cars()[0];
   const rows = m => [0, 1, 2, 3].map(row => [0, 1, 2, 3].map(column => m.elements[4 * column + row]));
-  const bodies = Object.fromEntries([...view.car.bodies].map(([name, body]) => [name, rows(body.matrix)]));
-  const corners = (one, face) => one.corners[face].map(corner => corner.clone());
-  const strips = view.car.parts.filter(one => one.part.hinge).map(one => {
-    const face = one.part.hinge.face, body = view.car.bodies.get(one.part.body).matrix;
-    const now = corners(one, face).map(corner => corner.applyMatrix4(one.group.matrix).applyMatrix4(body).toArray());
-    one.fold(one.piece.faces.map(() => 1), 0);
-    return { corners: now, flat: corners(one, face).map(corner => corner.applyMatrix4(one.group.matrix).toArray()) };
-  });
-  const ground = view.run.ground;
-  return { bodies, strips, ground_mm: [ground.height(300, 0), ground.height(700, 0)],
-    told: document.getElementById("told").textContent };
+  const bodies = Object.fromEntries([
+    ...car.segments.map((one, k) => [`segment${k}`, rows(one.matrix)]),
+    ...car.body.wheels.map((wheel, k) => [`wheel${wheel.channel}`, rows(car.wheels[k].matrix)])]);
+  const point = car.group.position.clone().set(0.7, 0, 0.03).project(view.run.scene.lens());
+  return { bodies, ground_m: [[0.7, 0], [0, 0], [0.3, 0], [1.4, 0.55]].map(([x, y]) => ground.height(x, y)),
+    seen: [point.x, point.y], told: document.getElementById("told").textContent };
 """
+
+
+def test_the_pages_ground_is_the_simulators(tmp_path: Path, carsim_binary: Path) -> None:
+    """Blocks exactly, smooth ground within its grid, where both meet the higher of them."""
+    at = {"heading_rad": 0.4, "length_m": 0.4, "width_m": 0.3, "height_m": 0.05}
+    hill = {"sd_along_m": 0.2, "sd_across_m": 0.1}
+    terrain = [
+        *({"kind": kind, "x_m": x, "y_m": 0.2, **at} for kind, x in (("box", -0.2), ("ramp", 0.3), ("half_round", 0.8))),
+        {"kind": "hill", "x_m": 0.4, "y_m": -0.2, "heading_rad": 0.2, "height_m": 0.04, **hill},
+        {"kind": "pothole", "x_m": 1.0, "y_m": -0.3, "radius_m": 0.2, "depth_m": 0.03, "edge_m": 0.1},
+    ]
+    design, heights = compose("W_B_W", {}), carsim_heights(Carsim(carsim_binary))
+    folded, body, where = folded_car(design), body_json(design), scene(terrain=terrain)
+    rows = [[0.0, 0.0, 0.0, 0.06, 0.0, 0.0, 0.0], [1.0, 0.5, 0.0, 0.06, 0.0, 0.0, 0.0]]
+    run = recorded_run(folded, body, where, {"outcome": "passed"}, rows, heights, "")
+    chance = np.random.default_rng(3)
+    x, y = chance.uniform(-0.4, 1.4, 400), chance.uniform(-0.5, 0.5, 400)
+
+    script = f"""const [{{ ground }}] = view.run.scene.cars();
+      return {x.tolist()}.map((x, k) => ground.height(x, {y.tolist()}[k]));"""
+    drawn, simulated = np.array(probed(view_page(folded, "", [], run), tmp_path, "time=0", script)), heights(where, x, y)
+
+    # The simulator's half-round has facets; points at a block's very edge may be on either side of it.
+    assert np.quantile(np.abs(drawn - simulated), 0.99) < 0.001
+    assert (np.ptp(drawn) > 0.06) and (drawn < -0.01).any()
+
+
+def test_every_face_of_film_is_where_the_car_is_folded(tmp_path: Path) -> None:
+    """What the page draws of a car, against its film; at hinges faces beyond go with the other segment."""
+    folded = folded_car(compose("W_B_H_W_H_W", HINGED))
+    shapes = SceneShapes()
+    parts = shapes.add(folded)
+
+    drawn, bodies = [], set()
+    for part in parts:
+        pose = np.vstack([np.reshape(part["pose"], (3, 4)), [0, 0, 0, 1]])
+        for number, rings in enumerate(shapes.pieces[part["piece"]].get("faces", ())):
+            drawn.append(moved(pose, np.reshape(rings[0], (-1, 3)) / 10))
+            bodies.add(part.get("beyond", {}).get(number, part["body"]))
+    every = np.concatenate(drawn)
+    layered = film_box(folded)
+
+    assert np.concatenate([every.min(axis=0), every.max(axis=0)]) == pytest.approx(layered, abs=1.1)
+    assert sum("beyond" in part for part in parts) == len(folded.hinges)
+    for part in parts:
+        assert set(part.get("beyond", {}).values()) <= {f"segment{k}" for k in range(3)} - {part["body"]}
+    # Wheels are equal: the page has their pieces once.
+    assert len(shapes.pieces) < len(parts) / 2
+    assert bodies == {part["body"] for part in parts if "faces" in shapes.pieces[part["piece"]]}
+
+
+def test_a_stuck_cars_belly_is_marked_where_it_hangs(tmp_path: Path) -> None:
+    design = compose("W_B_W", {})
+    folded, body = folded_car(design), body_json(design)
+    bottom = min(one["center_z_m"] - one["height_m"] / 2 for one in body["segments"])
+    rail = {"kind": "box", "x_m": 0.5, "y_m": 0.0, "heading_rad": 0.0, "length_m": 0.02, "width_m": 0.5, "height_m": 0.08}
+    z = 0.08 - bottom
+    rows = [[0.0, 0.5, 0.0, z, 0.0, 0.0, 0.0], [1.0, 0.5, 0.0, z, 0.0, 0.0, 0.0]]
+    page = view_page(folded, "a car", [], run_data(folded, body, rows, [rail], "stuck"))
+
+    found = probed(page, tmp_path, "time=1", """
+      const [{ marks }] = view.run.scene.cars();
+      return marks.visible ? marks.children.map(one => one.position.toArray()) : null;
+    """)  # fmt: skip
+
+    assert found and all(abs(x - 0.5) <= 0.011 and place == pytest.approx(0.08, abs=0.003) for x, _, place in found)
+
+
+def test_without_webgl_a_run_is_drawn_from_the_side(tmp_path: Path) -> None:
+    design = compose("W_B_W", {})
+    folded, body = folded_car(design), body_json(design)
+    rows = [[0.0, 0.0, 0.0, 0.06, 0.0, 0.0, 0.0], [1.0, 0.5, 0.0, 0.06, 0.0, 0.0, 0.0]]
+    page = view_page(folded, "a car", [], run_data(folded, body, rows))
+    # The assembly needs WebGL; here only the run is without.
+    no_webgl = """const own = HTMLCanvasElement.prototype, get = own.getContext;
+      own.getContext = function (kind, ...rest) {
+        return /webgl/.test(kind) && this.id !== "model" ? null : get.call(this, kind, ...rest);
+      };"""
+    found = probed(page.replace("<body>", f"<body><script>{no_webgl}</script>"), tmp_path, "time=0", """
+      const canvas = document.querySelector(".scene-picture canvas"), dark = () => canvas.toDataURL();
+      const before = dark();
+      view.run.scene.time(0.8);
+      return { drawn: view.run.scene.drawn, moves: dark() !== before, high: canvas.height };
+    """)  # fmt: skip
+
+    assert found["drawn"] == "drawing" and found["moves"] and found["high"] > 60

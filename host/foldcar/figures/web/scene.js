@@ -23,7 +23,7 @@ const MARK = 0xd55e00, MARK_M = 0.006;
 const SEEN_M = 0.62, SIDE_M = 1.15;
 
 // Builds the picture, its controls and strips inside element. camera: "orbit", "chase" or "side"; onTime(t_s, playing) is called
-// after every picture. Gives {setRuns, time, play, pause, camera, dispose, drawn, end_s}; drawn is "webgl" or "drawing".
+// after every picture. Gives {setRuns, setGround, time, play, pause, camera, dispose, now, end_s, drawn}; drawn is "webgl" or "drawing".
 export function mountScene(element, { car = null, ground, runs = [], camera = "orbit", onTime = () => {} }) {
   return new Mounted(element, car, ground, runs, camera, onTime).face();
 }
@@ -52,7 +52,7 @@ class Mounted {
     return {
       setRuns: runs => this.setRuns(runs), setGround: (ground, runs) => this.setGround(ground, runs), time: t => this.seek(t),
       play: () => this.play(), pause: () => this.pause(), camera: name => this.choose(name), dispose: () => this.dispose(),
-      drawn: this.drawn, now: () => this.t, end_s: () => this.end_s, frames: () => this.view.frames,
+      drawn: this.drawn, cars: () => this.view.cars, lens: () => this.view.lens, now: () => this.t, end_s: () => this.end_s, frames: () => this.view.frames,
     };
   }
 
@@ -189,7 +189,8 @@ class View {
   load(ground, runs) {
     this.drop(this.held);
     this.held = [];
-    if (ground !== this.ground) {
+    const elsewhere = ground !== this.ground;
+    if (elsewhere) {
       if (this.surface) this.drop([this.surface]);
       this.ground = ground;
       this.scene.add(this.surface = groundGroup(ground));
@@ -198,9 +199,9 @@ class View {
       const car = new DrivenCar(one.car, one.ghost ? one.colour : null), { columns: [x, y] } = one.path;
       const track = lineOver(ground, Array.from(x, (_, row) => [x[row], y[row]]), one.colour, 0.004);
       this.add(car.group, track);
-      return { run: one, car, marks: this.marks(car, one, ground) };
+      return { run: one, car, ground, marks: this.marks(car, one, ground) };
     });
-    if (this.name) this.camera(this.name);
+    if (this.name && elsewhere) this.camera(this.name);
   }
 
   add(...objects) {

@@ -2,7 +2,7 @@
 // for the checked car. One question is on its way at a time; meanwhile only the last values that were chosen wait.
 
 export class Live {
-  // data: {parameters, values, command, drafts}; good: the answer that the page began with; show: called with an answer.
+  // data: {parameters, values, command}; good: the answer that the page began with; show: called with an answer.
   constructor(data, form, good, show) {
     Object.assign(this, { data, show, good, drafted: false, values: { ...data.values }, asking: false, waiting: false });
     this.told = form.querySelector(".told");
@@ -62,12 +62,9 @@ export class Live {
     this.asking = true;
     do {
       this.waiting = false;
-      let answer = null;
-      if (this.data.drafts) {
-        answer = await this.question("draft");
-        this.tell(answer, true);
-      }
-      if (!this.waiting && !(answer && answer.error)) this.tell(await this.question("car"), false);
+      const answer = await this.question("draft");
+      this.tell(answer, true);
+      if (!this.waiting && !answer.error) this.tell(await this.question("car"), false);
     } while (this.waiting);
     this.asking = false;
   }

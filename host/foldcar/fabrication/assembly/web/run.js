@@ -9,10 +9,14 @@ export class Run {
 
   // data: of recorded_run.py.
   use({ ground, car, rows, outcome }) {
-    const bytes = Uint8Array.from(atob(ground.heights), letter => letter.charCodeAt(0));
-    const place = readGround(ground, integerReader(bytes));
+    // In the same environment the camera stays.
+    const text = JSON.stringify(ground);
+    if (text !== this.text) {
+      this.text = text;
+      this.place = readGround(ground, integerReader(Uint8Array.from(atob(ground.heights), letter => letter.charCodeAt(0))));
+    }
     const runs = [{ label: "", colour: COLOUR, path: pathOfRows(rows), car, outcome }];
-    if (this.scene) this.scene.setGround(place, runs);
-    else this.scene = mountScene(this.element, { ground: place, runs, onTime: this.show });
+    if (this.scene) this.scene.setGround(this.place, runs);
+    else this.scene = mountScene(this.element, { ground: this.place, runs, onTime: this.show });
   }
 }

@@ -100,7 +100,7 @@ class Designs:
 
     def columns(self, threshold: float) -> dict[str, Any]:
         """The page's columns; a design is good or bad if its belief's interval is on one side of ``threshold``."""
-        driven, believed = self._rates(self.tried), self.believed
+        driven, believed = self.driven, self.believed
         places = {name: {value: at for at, value in enumerate(some)} for name, some in self.values.items()}
         return {
             "value": [[places[name][one[name]] if name in one else None for name in places] for one in self.designs],
@@ -130,6 +130,11 @@ class Designs:
         return self._rates(self.counted, self.info.until is not None)
 
     @cached_property
+    def driven(self) -> list[tuple[float, float] | None]:
+        """The 95 % interval of the rate of each design's trials that count."""
+        return self._rates(self.tried)
+
+    @cached_property
     def believed(self) -> list[tuple[float, float, float] | None]:
         """What simulation and trials together say of each design: rate, low, high.
 
@@ -139,7 +144,7 @@ class Designs:
             None if ends is None else (round(passed / runs, 6), *ends)
             for (passed, runs), ends in zip(self.counted.tolist(), self.simulated, strict=True)
         ]
-        for index, ((passed, number), ends) in enumerate(zip(self.tried.tolist(), self._rates(self.tried), strict=True)):
+        for index, ((passed, number), ends) in enumerate(zip(self.tried.tolist(), self.driven, strict=True)):
             if found[index] is None and ends is not None:
                 found[index] = (round(passed / number, 6), *ends)
         if self.pooled is not None:

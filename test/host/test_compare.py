@@ -68,6 +68,10 @@ def test_a_gap_is_newcombes_hybrid_score_interval() -> None:
     }.items():
         found = mean_gap([rate(*simulated)], [rate(*driven)])
         assert (found.low, found.high) == pytest.approx((low, high), abs=5e-5)
+    # Two alike, which err independently: by the root of two less.
+    one, two = (mean_gap([rate(48, 80)] * n, [rate(56, 70)] * n) for n in (1, 2))
+    ends = one.value + (one.low - one.value) / math.sqrt(2), one.value + (one.high - one.value) / math.sqrt(2)
+    assert (two.value, two.low, two.high) == pytest.approx((one.value, *ends))
 
 
 def test_the_mean_of_gaps_covers() -> None:

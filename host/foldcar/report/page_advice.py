@@ -80,9 +80,7 @@ class Advice:
                 return "No run is stored yet."
             return f"{passed} of {count(trials, 'trial')} of built cars passed; nothing was simulated to compare with."
         if not info.success_defined:
-            return (
-                "What counts as success is not defined here: the page shows how runs ended, not which designs are good."
-            )
+            return f"No car is called good or bad: {info.success_rule}."
         if not len(self.known):
             return f"Nothing can be said: {no_rate_text(info.stored_runs)}."
         if designs.pooled is None:

@@ -43,6 +43,9 @@ def remarks(designs: Designs, trials: Sequence[Trial], left_out: Counter[str]) -
     strange = sum(designs.index_of(trial) is None for trial in trials)
     if strange:
         found.append(f"{count(strange, 'trial')} of cars that do not belong to this family count in no rate here.")
+    passed, number = designs.pretended.sum(axis=0).tolist()
+    if number:
+        found.append(f"SIMULATED trials, which count in no rate: {passed} of {number} of simulated cars passed.")
     left = left_out_text(left_out)
     found += [left] if left else []
     for one in calibrations(store):

@@ -133,10 +133,22 @@ def error_percent(rate: float, ends: tuple[float, float]) -> list[list[float]]:
 
 def _draw_trials(axes: Axes, axis: Axis, designs: Designs, beside: float = 0.0) -> None:
     _draw_counts(axes, axis, designs.tried, beside, "D", FAILURE, "white", "trials", designs.driven)
+    counts = designs.pretended
+    ends, left = designs.intervals(counts), -beside or -0.12
+    _draw_counts(axes, axis, counts, left, "D", FAILURE, FAILURE, "simulated trials", ends, "white")
 
 
 def _draw_counts(
-    axes: Axes, axis: Axis, counts: Any, beside: float, marker: str, colour: str, edge: str, label: str, ends: Any = None
+    axes: Axes,
+    axis: Axis,
+    counts: Any,
+    beside: float,
+    marker: str,
+    colour: str,
+    edge: str,
+    label: str,
+    ends: Any = None,
+    face: str | None = None,
 ) -> None:
     shown = [at for at, (_, number) in enumerate(counts.tolist()) if number]
     for first, at in enumerate(shown):
@@ -145,6 +157,7 @@ def _draw_counts(
         look: dict[str, Any] = {
             "color": colour,
             "markeredgecolor": edge,
+            "markerfacecolor": face or colour,
             "markersize": 5.5,
             "elinewidth": 1.4,
             "capsize": 3.0,

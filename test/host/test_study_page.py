@@ -196,6 +196,31 @@ def test_filters_keep_what_they_say_and_stand_in_the_address(study: Path) -> Non
     assert again["listed"] == found["passed"]
 
 
+DRAG = """
+  const chart = one("[data-chart=parallel] .chart");
+  chart.scrollIntoView({ block: "center" }); dispatchEvent(new Event("scroll")); await pause(100);
+  const name = [...chart.querySelectorAll("text")].find(text => text.textContent.startsWith("width"));
+  const axis = name.getBoundingClientRect();
+  const area = chart.getBoundingClientRect(), x = axis.left + axis.width / 2, target = one("svg", chart);
+  const send = (type, y, buttons) => target.dispatchEvent(new MouseEvent(type, {
+    bubbles: true, view: window, clientX: x, clientY: y, button: 0, buttons }));
+  send("mousemove", area.top + 60, 0); send("mousedown", area.top + 60, 1);
+  for (let y = 60; y <= 120; y += 10) { send("mousemove", area.top + y, 1); await pause(20); }
+  send("mouseup", area.top + 120, 0); await pause(100);
+  found.brush = study.state.brushes.width_mm;
+  found.kept = one(".kept").textContent;
+"""
+
+
+def test_a_brush_along_an_axis_keeps_its_designs(study: Path) -> None:
+    found = probed(study, DRAG)
+
+    ((low, high),) = found["brush"]
+    assert WIDTHS[0] < low < high <= WIDTHS[-1]
+    kept = sum(low <= width <= high for width in WIDTHS)
+    assert found["kept"].startswith(f"{kept} of 3 designs: width ")
+
+
 KEYS = """
   const grid = one("[data-chart=grid] .chart");
   grid.focus();

@@ -31,8 +31,6 @@ from foldcar.analysis.words import count, listed, percent, points, rate_text
 from foldcar.car.design import compose, parameters
 from foldcar.car.folded_car import folded_car
 from foldcar.errors import FoldcarError
-from foldcar.fabrication.patterns.options import options
-from foldcar.fabrication.patterns.sheets import pattern
 from foldcar.simulation.results import no_rate_text
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
@@ -293,6 +291,10 @@ def cost(
     driving_min = trials * (PLACING_MIN + (drive_s or 0.0) / 60)
     if built:
         return Cost(0, math.ceil(driving_min))
+    # Sheets take half a second to import, and a report has none.
+    from foldcar.fabrication.patterns.options import options
+    from foldcar.fabrication.patterns.sheets import pattern
+
     keys = {parameter.column: key for key, parameter in parameters().items()}
     try:
         composed = compose(vehicle_type, {keys[name]: float(value) for name, value in design.items()})

@@ -248,7 +248,7 @@ $(addprefix .pio/fuzz/fuzz_,batch step design): $(SIMULATOR_SOURCES:%.cpp=.pio/f
 	$(CXX) $(FIRMWARE_FLAGS) -O2 $(filter %.cpp,$^) -o $@
 
 clean:
-	rm -rf .venv .pio .pio-core web/node_modules host/foldcar/bundles platformio.local.ini build dist .coverage* host/foldcar.egg-info .mypy_cache .ruff_cache .pytest_cache
+	rm -rf .venv .pio .pio-core host/web/node_modules host/foldcar/bundles platformio.local.ini build dist .coverage* host/foldcar.egg-info .mypy_cache .ruff_cache .pytest_cache
 	find host tools test -name __pycache__ -type d -prune -exec rm -rf {} +
 
 system-packages:
@@ -262,7 +262,7 @@ system-packages:
 	$(BIN)/pip install --quiet --no-deps --no-build-isolation --editable .
 	@touch $@
 
-$(BUNDLES): tools/web_bundles.py web/package-lock.json web/package.json $(shell find host/foldcar -path '*/web*' -not -name '*.html') \
+$(BUNDLES): tools/web_bundles.py host/web/package-lock.json host/web/package.json $(shell find host/foldcar -path '*/web*' -not -name '*.html') \
   | .venv/installed
 	$(BIN)/python tools/web_bundles.py
 	@touch $@

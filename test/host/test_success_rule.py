@@ -128,7 +128,7 @@ def test_no_share_is_given_where_success_is_undefined(listing: Path, program: Pa
     assert "success undefined; store" in said.stdout and "%" not in said.stdout
     assert f"experiment 1: {UNDEFINED}" in said.stderr
     assert UNDEFINED in " ".join(report.stdout.split())
-    assert not re.search(r"\b0\.0\b", report.stdout) and report.stdout.count("undefined") == 4
+    assert not re.search(r"\b0\.0\b", report.stdout) and report.stdout.count("undefined") == 3
     (one,) = study_of(tmp_path / "report")["experiments"]
     assert any(UNDEFINED in text for label, text in one["provenance"] if label == "rule") and not one["judged"]
     assert all(set(one["designs"][name]) == {None} for name in ("low", "high", "belief"))

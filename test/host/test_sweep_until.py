@@ -22,11 +22,10 @@ from foldcar.api.study import Study
 from foldcar.cli import app
 from foldcar.commands.sweep import stopping_lines
 from foldcar.errors import FoldcarError
-from foldcar.report.series import summarise, summarise_runs
-from foldcar.report.stopped_remarks import stopped_remarks
+from foldcar.report.page_data import page_data
+from foldcar.report.page_remarks import stopped_remarks
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.results import Result
-from foldcar.store.frames import run_arrays
 from foldcar.store.reader import Store
 from foldcar.study.experiment_runs import Progress
 from foldcar.study.experiments import read_study
@@ -172,12 +171,13 @@ def test_a_store_that_has_everything_is_left_and_read_with_anytime_intervals(
     assert (object_["new"], object_["there"], object_["most_runs"]) == (0, 90, 90)
     with Store.open(store) as opened:
         info = opened.info().experiments["1"]
-        summary = summarise(opened.results(), info.varied, stopped=info.until is not None)
+        designs = page_data(opened)["experiments"][0]["designs"]
     assert info.until == StoppingRule(0.3, ())
     assert (info.planned_runs, info.stored_runs, info.designs, info.decided) == (90, 90, 3, 3)
     for state in object_["designs"]:
-        tally = summary.series[0].tallies[state["design"]["width_mm"]]
-        assert tally.interval == (state["low"], state["high"]) == anytime_interval(state["passed"], state["runs"])
+        at = designs["name"].index(f"{state['design']['width_mm']:g} mm")
+        assert (designs["low"][at], designs["high"][at]) == pytest.approx((state["low"], state["high"]), abs=1e-6)
+        assert (state["low"], state["high"]) == anytime_interval(state["passed"], state["runs"])
     assert any("anytime-valid" in remark for remark in stopped_remarks(info))
 
 
@@ -189,7 +189,6 @@ def test_a_sweep_that_stopped_is_complete_and_weighs_its_designs_alike(
 
     with Store.open(store) as opened:
         info = opened.info().experiments["1"]
-        summary = summarise(opened.results(), info.varied, stopped=True)
     assert info.stored_runs == info.planned_runs < 3 * MOST
     said = "2 of 3 designs are decided; 1 are undecided, simulated in all 30 environments, or left"
     assert said in stopped_remarks(info)[0]
@@ -198,9 +197,6 @@ def test_a_sweep_that_stopped_is_complete_and_weighs_its_designs_alike(
     assert first.endswith(f"{counts.new} of at most {3 * MOST} runs")
     assert named == "  undecided: width_mm 145; --environments N allows more runs"
     assert left == "  1 of these were left early: 30 environments would decide them with a chance below 2 %"
-    rates = [tally.passed / tally.runs for tally in summary.series[0].tallies.values()]
-    assert summary.total.success == pytest.approx(sum(rates) / 3)
-    assert summary.total.success != pytest.approx(summary.total.passed / summary.total.runs, abs=0.01)
 
 
 @pytest.mark.parametrize(
@@ -259,16 +255,3 @@ def test_advice_and_python_give_the_interval_that_a_sweep_that_stopped_may_give(
     assert [(one.simulated().low, one.simulated().high) for one in fixed] == [
         wilson_interval(one.runs_passed, one.runs) for one in fixed
     ]
-
-
-def test_runs_as_arrays_are_counted_like_results(decided: tuple[Path, Progress], full_store: Path) -> None:
-    for store, stopped in ((decided[0], True), (full_store, False)):
-        with Store.open(store) as opened:
-            info, designs = opened.info().experiments["1"], list(opened.designs("1").values())
-            one = summarise(opened.results("1"), info.varied, True, stopped, 2)
-            other = summarise_runs(run_arrays(opened, "1"), designs, info.varied, True, stopped, 2)
-        assert other.timed == one.timed and len(one.timed) == len(WIDTHS)
-        tallies = [[summary.total, *summary.series[0].tallies.values()] for summary in (one, other)]
-        for tally, counted in zip(*tallies, strict=True):
-            assert counted.outcomes == tally.outcomes and counted.mean_time_s == pytest.approx(tally.mean_time_s)
-            assert (counted.success, counted.interval) == (tally.success, tally.interval)

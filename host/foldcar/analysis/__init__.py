@@ -1,1 +1,1 @@
-"""Statistics of runs and trials on plain arrays: intervals of rates, comparisons, smooth success, times, convergence."""
+"""Statistics of runs and trials on plain arrays: intervals of rates, comparisons, smooth success, effects, times."""

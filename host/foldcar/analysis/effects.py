@@ -102,7 +102,8 @@ class Effects:
         x = numpy.asarray(values, dtype=float)
         if x.ndim != 2 or x.shape[1] != len(places):
             raise FoldcarError(f"this success model has {len(places)} parameters of each design")
-        scaled = (x - self.model.low[places]) / self.model.span[places]
+        at = list(places)
+        scaled = (x - self.model.low[at]) / self.model.span[at]
         if not numpy.all((scaled > -1e-9) & (scaled < 1 + 1e-9)):
             raise FoldcarError("a success model has rates only within the range of the designs that it was fitted to")
         means = self._over(self._combinations(places)[0], places, x).mean(axis=1)
@@ -117,7 +118,7 @@ class Effects:
 
     def _combinations(self, places: Sequence[int]) -> tuple[NDArray[Any], bool]:
         """Combinations of the other parameters as designs, and whether each was run at every value of those."""
-        others = numpy.delete(self.parameters, places, axis=1)
+        others = numpy.delete(self.parameters, list(places), axis=1)
         values = len(numpy.unique(self.parameters[:, list(places)], axis=0))
         kinds, index, counts = numpy.unique(others, axis=0, return_index=True, return_counts=True)
         whole = index[counts == values]

@@ -1,7 +1,4 @@
-"""When enough is known of a design's success rate: what `foldcar sweep --until` goes by, and what the report says.
-
-The rule stops sweeps; the advice is on sweeps of a number of environments that was fixed beforehand.
-"""
+"""When enough is known of a design's success rate: what `foldcar sweep --until` goes by."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -11,8 +8,7 @@ from typing import Any
 import numpy
 from numpy.typing import ArrayLike, NDArray
 
-from foldcar.analysis.rate import anytime_interval, check_confidence, check_counts, jeffreys_interval
-from foldcar.errors import FoldcarError
+from foldcar.analysis.rate import anytime_interval
 
 # A design is left undecided when the runs that it may still get would decide it with a lower chance.
 LEAST_CHANCE = 0.02
@@ -75,60 +71,6 @@ class StoppingRule:
             return f"{interval} is at most {100 * self.half_width:g} percentage points to each side"
         places = " and of ".join(f"{100 * threshold:g} %" for threshold in self.thresholds)
         return f"{interval} lies on one side of {places}"
-
-
-@dataclass(frozen=True)
-class Convergence:
-    """The rate and its Jeffreys interval, 0 to 1, after each number of environments; all arrays (n,)."""
-
-    environments: NDArray[Any]
-    rates: NDArray[Any]
-    low: NDArray[Any]
-    high: NDArray[Any]
-
-
-def convergence(passed: ArrayLike, confidence: float = 0.95) -> Convergence:
-    """Follow the results (n,), 0 or 1, in the order of their environments."""
-    from scipy.special import betaincinv
-
-    check_confidence(confidence)
-    results = numpy.asarray(passed, dtype=float)
-    if results.ndim != 1 or not len(results) or not numpy.all((results == 0) | (results == 1)):
-        raise FoldcarError("convergence needs a list of at least one result, each 0 or 1")
-    successes, runs = results.cumsum(), numpy.arange(1, len(results) + 1)
-    tail = (1 - confidence) / 2
-    low, high = (betaincinv(successes + 0.5, runs - successes + 0.5, p) for p in (tail, 1 - tail))
-    low, high = numpy.where(successes == 0, 0.0, low), numpy.where(successes == runs, 1.0, high)
-    return Convergence(runs, successes / runs, low, high)
-
-
-def chance_of_crossing(successes: int, runs: int, threshold: float, more: int) -> float:
-    """The probability, 0 to 1, that after ``more`` environments the rate is on the other side of ``threshold``.
-
-    The further successes are beta-binomial, given those so far and Jeffreys' prior.
-    """
-    from scipy.stats import betabinom
-
-    check_counts(successes, runs)
-    if not 0 < threshold < 1:
-        raise FoldcarError(f"threshold must be between 0 and 1, as 0.75; it is {threshold:g}")
-    # Fewer further successes than this leave the rate below the threshold.
-    needed = int(numpy.ceil(threshold * (runs + more) - successes - 1e-9))
-    below = float(betabinom(more, successes + 0.5, runs - successes + 0.5).cdf(needed - 1))
-    return below if successes >= threshold * runs else 1 - below
-
-
-def advice(successes: int, runs: int, threshold: float, confidence: float = 0.95) -> str:
-    """Whether more environments pay to decide a rate against ``threshold``, in one sentence."""
-    low, high = jeffreys_interval(successes, runs, confidence)
-    side = "above" if successes >= threshold * runs else "below"
-    if not low <= threshold <= high:
-        return f"{successes} of {runs} passed: {side} {100 * threshold:g} %, which more environments will hardly change."
-    chance = chance_of_crossing(successes, runs, threshold, runs)
-    return (
-        f"{successes} of {runs} passed: not decided against {100 * threshold:g} %; as many environments again would move "
-        f"the rate from {side} it with a probability of {100 * chance:.0f} %."
-    )
 
 
 @lru_cache(maxsize=256)

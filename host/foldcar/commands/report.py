@@ -50,8 +50,7 @@ def report(
     from foldcar.commands.progress_bar import ReplayBar
     from foldcar.report.figure_options import figure_options
     from foldcar.report.replayer import Replayer
-    from foldcar.report.summary_object import summary_object, trials_object
-    from foldcar.report.terminal import print_summary
+    from foldcar.report.terminal import print_summary, summary_object
     from foldcar.report.write import PAGE, write_report
     from foldcar.store.reader import Store
 
@@ -65,12 +64,11 @@ def report(
         command.append("--no-replay")
     with Store.open(store) as opened, ReplayBar() as bar:
         replayer = Replayer(partial(_carsim, replay), usable_processors(), bar.plan, bar.done)
-        sections, driven = write_report(opened, output, command, simulated_trials, replayer, options)
+        data = write_report(opened, output, command, simulated_trials, replayer, options)
     if as_json:
-        experiments, only_trials = [summary_object(one) for one in sections], [trials_object(one) for one in driven]
-        print_json({"store": store, "page": output / PAGE, "experiments": experiments, "trials": only_trials})
+        print_json({"store": store, "page": output / PAGE, "experiments": summary_object(data)})
         return
-    print_summary(sections, driven)
+    print_summary(data)
     typer.echo(f"report: {output / PAGE}")
 
 

@@ -15,7 +15,7 @@ from foldcar.figures.height_colours import height_scale
 from foldcar.figures.profile import travelled_m
 from foldcar.figures.style import ACCENT, INK, OUTCOME_LABELS
 from foldcar.figures.top_view import draw_top_view, view_of
-from foldcar.report.axis import parameter_label
+from foldcar.report.parameter_plots import axis_label
 from foldcar.simulation.heights import Heights
 
 FIRST, SECOND = "multibody", "MuJoCo"
@@ -72,7 +72,7 @@ def worst_figure(pairs: Sequence[Parted], heights: Heights) -> Figure:
         case, first, second = pair.case, pair.first, pair.second
         above, right = part.subfigures(1, 2, width_ratios=(1.25, 1))
         left, (height, roll) = above.subplots(), right.subplots(2, 1, sharex=True)
-        parameters = ", ".join(f"{parameter_label(key)} {value:g}" for key, value in _shown(case.columns, pairs))
+        parameters = ", ".join(f"{axis_label(key)} {value:g}" for key, value in _shown(case.columns, pairs))
         part.suptitle(
             f"{case.label}{': ' if parameters else ''}{parameters}",
             x=0.01,
@@ -109,7 +109,7 @@ def _places(designs: Sequence[DesignRates]) -> tuple[list[float], str]:
     """Where the designs stand on the axis, and its label: the one varied parameter, else their number."""
     varied = [key for key in designs[0].columns if len({rates.columns[key] for rates in designs}) > 1]
     if len(varied) == 1:
-        return [rates.columns[varied[0]] for rates in designs], parameter_label(varied[0])
+        return [rates.columns[varied[0]] for rates in designs], axis_label(varied[0])
     return [float(number + 1) for number in range(len(designs))], "design"
 
 

@@ -80,9 +80,7 @@ class Advice:
                 return "No run is stored yet."
             return f"{passed} of {count(trials, 'trial')} of built cars passed; nothing was simulated to compare with."
         if not info.success_defined:
-            return (
-                "What counts as success is not defined here: the page shows how runs ended, not which designs are good."
-            )
+            return f"No car is called good or bad: {info.success_rule}."
         if not len(self.known):
             return f"Nothing can be said: {no_rate_text(info.stored_runs)}."
         if designs.pooled is None:
@@ -105,7 +103,7 @@ class Advice:
         places = {fresh.designs.names[at]: at for at in found["designs"]}
         indices = [self.designs.names.index(name) for name in places]
         judged = f"{len(fresh.known)} were judged in {fresh.designs.info.environments:,} fresh environments"
-        said = {**found, "text": f"In fresh environments {found['text']}", "designs": indices}
+        said = {**found, "text": f"In fresh environments: {found['text']}", "designs": indices}
         return f"A search tried {number} and {judged}: {leads}.", said
 
     def _reaching(self) -> str:
@@ -160,11 +158,9 @@ class Advice:
         names = [self._name(at) for at in chosen]
         together = "" if self.designs.pooled is None else " by simulation and trials together"
         if len(ties) > 1:
-            each = f"{count(len(ties), 'design')} tie at {percent(rates.max())}{together}"
-            such = "" if len(chosen) == len(ties) else "such as "
-            text = (
-                f"{each} (at least {percent(self.rates[ties, 1].min())} with 95 % confidence each): {such}{joined(names)}"
-            )
+            least = f"at least {percent(self.rates[ties, 1].min())} by the 95 % interval of each"
+            text = f"{count(len(ties), 'design')} tie at {percent(rates.max())}{together} ({least})"
+            text += f"{':' if len(chosen) == len(ties) else ', such as'} {joined(names)}"
         else:
             text = f"{names[0]}: {why[0]}{together}"
         driven = self._best_driven(first)

@@ -1,6 +1,6 @@
 """What the study page shows: one object of plain JSON values, from an open store. This text is its one description.
 
-``{"title", "made": ISO time (UTC), "engine_notes": [text], "experiments": [experiment]}``; an experiment is
+``{"title", "made": when it was swept (UTC), "engine_notes": [text], "experiments": [experiment]}``; an experiment is
 
 - ``id``, ``headline`` (a sentence), ``remarks`` (what a reader must know besides), ``thresholds`` (0 to 1, ascending: a
   design is good above the last), ``judged`` (whether success is defined), ``simulation`` (what sentences call its
@@ -44,12 +44,14 @@ Arrays are ``{"type": "uint8" | "uint16" | "uint32" | "float32", "data": base64 
 """
 
 import shlex
+from collections import Counter
 from collections.abc import Mapping, Sequence
-from datetime import datetime, timezone
+from dataclasses import dataclass
 from typing import Any
 
 import numpy
 
+from foldcar.analysis.effects import Effects
 from foldcar.analysis.words import label_and_unit, value_text
 from foldcar.figures.style import OUTCOME_LABELS
 from foldcar.report.environment_values import EnvironmentValues, environment_values
@@ -72,64 +74,84 @@ MOST_RUNS = 50_000
 NO_OPTIONS = FigureOptions()
 
 
-def page_data(
-    store: Store,
-    command: Sequence[str] = (),
-    options: FigureOptions = NO_OPTIONS,
-    simulated_trials: bool = False,
-    replays: Mapping[str, Sequence[Mapping[str, Any]]] | None = None,
-    files: Mapping[str, Sequence[Sequence[str]]] | None = None,
-) -> dict[str, Any]:
-    """The object described above; ``command`` is that of the report, ``replays`` and ``files`` are by experiment.
+@dataclass(frozen=True)
+class Experiment:
+    """An experiment as page and figures take it; ``name`` is its own on the page, ``fresh`` that of a search's best.
 
-    ``simulated_trials``: show trials of simulated cars too; they count in no rate. FoldcarError.
+    ``trials`` are those that are shown, ``left_out`` counts the others by standing; ``effects`` is the smooth model of
+    the parameters at ``places``, None if there is none.
     """
-    info = store.info() if store.holds_study() else None
-    swept = list(info.experiments.values()) if info is not None else []
-    everything = {one.id: (one, list(store.trials(one.listed_id))) for one in swept} | unswept_experiments(store)
-    experiments = [
-        {**_experiment(store, info, one, some, command, options, simulated_trials), "id": name}
-        for name, (one, some) in everything.items()
-    ]
-    for one in experiments:
-        one["replays"] = list((replays or {}).get(one["id"], ()))
-        one["files"] = [list(pair) for pair in (files or {}).get(one["id"], ())]
+
+    name: str
+    designs: Designs
+    trials: Sequence[Trial]
+    left_out: Counter[str]
+    thresholds: tuple[float, ...]
+    effects: Effects | None
+    places: list[int]
+    fresh: Designs | None = None
+
+    @property
+    def info(self) -> ExperimentInfo:
+        """The experiment in the store."""
+        return self.designs.info
+
+
+def read_experiments(
+    store: Store, options: FigureOptions = NO_OPTIONS, simulated_trials: bool = False
+) -> list[Experiment]:
+    """The experiments of a store in their order, then those with trials only. FoldcarError.
+
+    ``simulated_trials``: show trials of simulated cars too; they count in no rate.
+    """
+    infos = store.info().experiments if store.holds_study() else {}
+    everything = {name: (one, list(store.trials(one.listed_id))) for name, one in infos.items()}
+    found = []
+    for name, (info, trials) in (everything | unswept_experiments(store)).items():
+        shown, left_out = select_trials(trials, simulated_trials)
+        designs = read_designs(store, info, shown)
+        effects, places = read_effects(designs)
+        again = infos.get(fresh_id(name)) if info.searched else None
+        fresh = None if again is None else read_designs(store, again, ())
+        thresholds = options.chosen or info.thresholds or THRESHOLDS
+        found.append(Experiment(name, designs, shown, left_out, tuple(thresholds), effects, places, fresh))
+    return found
+
+
+def page_data(
+    store: Store, command: Sequence[str] = (), experiments: Sequence[Experiment] | None = None
+) -> dict[str, Any]:
+    """The object described above, without replays and files; ``command`` is that of the report.
+
+    ``experiments`` are those of the store if the caller has them. FoldcarError.
+    """
+    study = store.info() if store.holds_study() else None
+    some = read_experiments(store) if experiments is None else experiments
     return {
-        "title": info.listing_name if info is not None else store.path.name,
-        "made": datetime.now(timezone.utc).isoformat(timespec="seconds"),
-        "engine_notes": list(dict.fromkeys(one.warning for one in swept if one.warning)),
-        "experiments": experiments,
+        "title": study.listing_name if study is not None else store.path.name,
+        "made": study.created_utc if study is not None else "",
+        "engine_notes": list(dict.fromkeys(one.info.warning for one in some if one.info.warning)),
+        "experiments": [_experiment(store, study, one, command) for one in some],
     }
 
 
-def _experiment(
-    store: Store,
-    study: StudyInfo | None,
-    info: ExperimentInfo,
-    all_trials: Sequence[Trial],
-    command: Sequence[str],
-    options: FigureOptions,
-    simulated_trials: bool,
-) -> dict[str, Any]:
-    thresholds = options.chosen or info.thresholds or THRESHOLDS
-    trials, left_out = select_trials(all_trials, simulated_trials)
-    designs = read_designs(store, info, trials)
-    few = info.stored_runs <= MOST_RUNS
-    effects, places = read_effects(designs)
+def _experiment(store: Store, study: StudyInfo | None, one: Experiment, command: Sequence[str]) -> dict[str, Any]:
+    info, designs, effects, places = one.info, one.designs, one.effects, one.places
+    threshold, few = one.thresholds[-1], info.stored_runs <= MOST_RUNS
     values = environment_values(store, info) if designs.swept else EnvironmentValues((), numpy.empty((0, 0)))
-    advice = Advice(designs, effects, places, thresholds[-1])
-    columns = designs.columns(thresholds[-1])
-    again = study.experiments.get(fresh_id(info.id)) if study is not None else None
-    fresh = read_designs(store, again, ()) if again is not None else None
+    advice = Advice(designs, effects, places, threshold)
+    columns = designs.columns(threshold)
     headline, likely = advice.headline(), advice.likely()
-    if fresh is not None and info.searched:
-        headline, likely = advice.judged(Advice(fresh, None, places, thresholds[-1]))
-    areas = next((one["value"] for one in columns["measures"] if one["key"] == "sheet_area"), [None] * len(designs.names))
+    if one.fresh is not None:
+        headline, likely = advice.judged(Advice(one.fresh, None, places, threshold))
+    areas = next(
+        (some["value"] for some in columns["measures"] if some["key"] == "sheet_area"), [None] * len(designs.names)
+    )
     return {
-        "id": info.id,
+        "id": one.name,
         "headline": headline,
-        "remarks": remarks(designs, trials, left_out),
-        "thresholds": list(thresholds),
+        "remarks": remarks(designs, one.trials, one.left_out),
+        "thresholds": list(one.thresholds),
         "judged": info.success_defined,
         "simulation": info.simulation,
         "interval": designs.interval_name,
@@ -144,7 +166,7 @@ def _experiment(
         "effects": [] if effects is None else effect_rows(designs, effects, places),
         "importance": [] if effects is None else importance_rows(effects, places),
         "environment": {
-            "columns": [{"name": one.name, "label": one.label, "unit": one.unit} for one in values.columns],
+            "columns": [{"name": some.name, "label": some.label, "unit": some.unit} for some in values.columns],
             "values": packed(values.shown, "float32"),
             **designs.environments(),
         },
@@ -153,9 +175,11 @@ def _experiment(
         "runs_omitted": "" if few else _omitted(info, designs),
         "outcomes": list(OUTCOMES),
         "outcome_labels": [OUTCOME_LABELS[name] for name in OUTCOMES],
-        "trials": trial_rows(store, info, designs, trials),
-        "front": search_front(designs, areas, fresh),
+        "replays": [],
+        "trials": trial_rows(store, info, designs, one.trials),
+        "front": search_front(designs, areas, one.fresh),
         "provenance": _provenance(study, info, command),
+        "files": [],
     }
 
 

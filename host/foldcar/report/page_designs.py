@@ -23,7 +23,7 @@ from foldcar.simulation.results import NUMBERS, OUTCOMES, REJECTED
 from foldcar.store.frames import RunArrays, run_arrays
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
-from foldcar.store.trial_records import Trial
+from foldcar.store.trial_records import BUILT, SIMULATED, Trial
 
 Design = Mapping[str, float | str]
 NO_RUNS = RunArrays(
@@ -72,10 +72,19 @@ class Designs:
     @cached_property
     def tried(self) -> NDArray[Any]:
         """The trials of built cars that count: passed and all of them (designs, 2)."""
+        return self._tried(BUILT)
+
+    @cached_property
+    def pretended(self) -> NDArray[Any]:
+        """The trials of simulated cars that are shown, which count in no rate: passed and all of them (designs, 2)."""
+        return self._tried(SIMULATED)
+
+    def _tried(self, standing: str) -> NDArray[Any]:
         found = numpy.zeros((len(self.designs), 2), dtype=int)
         for trial in self.trials:
             index = self.index_of(trial)
-            if trial.counts and index is not None and trial.id not in self.elsewhere:
+            here = trial.completed and trial.id not in self.elsewhere
+            if trial.standing == standing and here and index is not None:
                 found[index] += trial.outcome == "passed", 1
         return found
 
@@ -100,7 +109,7 @@ class Designs:
 
     def columns(self, threshold: float) -> dict[str, Any]:
         """The page's columns; a design is good or bad if its belief's interval is on one side of ``threshold``."""
-        driven, believed = self._rates(self.tried), self.believed
+        driven, believed = self.driven, self.believed
         places = {name: {value: at for at, value in enumerate(some)} for name, some in self.values.items()}
         return {
             "value": [[places[name][one[name]] if name in one else None for name in places] for one in self.designs],
@@ -127,7 +136,12 @@ class Designs:
     @cached_property
     def simulated(self) -> list[tuple[float, float] | None]:
         """The 95 % interval of each design's simulated rate."""
-        return self._rates(self.counted, self.info.until is not None)
+        return self.intervals(self.counted, self.info.until is not None)
+
+    @cached_property
+    def driven(self) -> list[tuple[float, float] | None]:
+        """The 95 % interval of the rate of each design's trials that count."""
+        return self.intervals(self.tried)
 
     @cached_property
     def believed(self) -> list[tuple[float, float, float] | None]:
@@ -139,7 +153,7 @@ class Designs:
             None if ends is None else (round(passed / runs, 6), *ends)
             for (passed, runs), ends in zip(self.counted.tolist(), self.simulated, strict=True)
         ]
-        for index, ((passed, number), ends) in enumerate(zip(self.tried.tolist(), self._rates(self.tried), strict=True)):
+        for index, ((passed, number), ends) in enumerate(zip(self.tried.tolist(), self.driven, strict=True)):
             if found[index] is None and ends is not None:
                 found[index] = (round(passed / number, 6), *ends)
         if self.pooled is not None:
@@ -188,7 +202,7 @@ class Designs:
             found[index] = verdict if verdict in (OPTIMISTIC, PESSIMISTIC) else None
         return found
 
-    def _rates(self, counts: NDArray[Any], stopped: bool = False) -> list[tuple[float, float] | None]:
+    def intervals(self, counts: NDArray[Any], stopped: bool = False) -> list[tuple[float, float] | None]:
         """The 95 % interval of each rate of (designs, 2) passed and all; None where success or the rate is undefined."""
         if not self.info.success_defined:
             return [None] * len(counts)

@@ -45,13 +45,14 @@ def effect_rows(designs: Designs, effects: Effects, places: list[int]) -> list[d
         curves = one.curves.round(DIGITS).tolist() if len(places) > 1 else []
         rows = {key: getattr(one, key).round(DIGITS).tolist() for key in ("mean", "low", "high")}
         found.append(
-            {"parameter": place, "grid": one.grid.tolist(), **rows, "curves": curves, "over": _over(one, places)}
+            {"parameter": place, "grid": one.grid.tolist(), **rows, "curves": curves, "over": over(one, len(places))}
         )
     return found
 
 
-def _over(effect: Effect, places: list[int]) -> str:
-    if len(places) < 2:
+def over(effect: Effect, parameters: int) -> str:
+    """Over what an effect is a mean, in words; "" with a single parameter."""
+    if parameters < 2:
         return ""
     number = f"{effect.combinations} combination{'' if effect.combinations == 1 else 's'} of the other parameters"
     if effect.run:

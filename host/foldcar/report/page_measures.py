@@ -45,10 +45,27 @@ def measures(
             _measure("time", "time to pass", "s", time),
             _measure("energy", "energy per pass", "J", _ratio(drawn * total, crossed)),
         ]
+    found += _recorded(store, info, number)
     found.append(_measure("mass", "mass", "g", _masses_g(store, info, number)))
     if number <= MOST_FOLDED:
         found.append(_measure("sheet_area", "sheet area", "cm²", numpy.array([_area_cm2(info, one) for one in designs])))
     return found
+
+
+def _recorded(store: Store, info: ExperimentInfo, number: int) -> list[dict[str, Any]]:
+    """The means of the numbers and truths that programs recorded, over the runs of each design."""
+    if not store.holds_recorded() or info.id not in store.experiment_ids():
+        return []
+    places = {tuple(sorted(one.items())): at for at, one in enumerate(store.designs(info.id).values())}
+    sums: dict[str, NDArray[Any]] = {}
+    for result in store.results(info.id):
+        at = places[tuple(sorted(result.design.items()))]
+        for name, recorded in result.recorded.items():
+            if isinstance(recorded.value, int | float) and recorded.kind != "series":
+                sums.setdefault(name, numpy.zeros((2, number)))[:, at] += float(recorded.value), 1
+    return [
+        {**_measure(f"recorded_{name}", name, "", _ratio(*one)), "better": None} for name, one in sorted(sums.items())
+    ]
 
 
 def _measure(key: str, label: str, unit: str, values: NDArray[Any]) -> dict[str, Any]:
@@ -69,7 +86,8 @@ def _masses_g(store: Store, info: ExperimentInfo, number: int) -> NDArray[Any]:
     for body in store.rows(BY_NAME["body"]):
         if body["id"] in wanted:
             parts = json.loads(body["json"])
-            known[body["id"]] = 1000 * sum(part["mass_kg"] for part in (*parts["segments"], *parts["wheels"]))
+            bodies = [*parts.get("segments", ()), *parts.get("wheels", ())]
+            known[body["id"]] = 1000 * sum(one["mass_kg"] for one in bodies) if bodies else numpy.nan
     for index, row in enumerate(rows):
         found[index] = known.get(row["body_id"], numpy.nan)
     return found

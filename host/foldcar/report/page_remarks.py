@@ -5,16 +5,18 @@ from collections import Counter
 from collections.abc import Sequence
 
 from foldcar.advice.evidence import rejected_text
+from foldcar.analysis.stopping import LEAST_CHANCE
 from foldcar.analysis.words import count
+from foldcar.calibration.summary import findings
 from foldcar.report.page_designs import Designs
-from foldcar.report.stopped_remarks import stopped_remarks
 from foldcar.simulation.results import OUTCOMES
+from foldcar.store.calibrations import calibrations
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
 from foldcar.store.trial_records import Trial, left_out_text
 
 # Different messages of failed runs, and skipped cars, that are shown.
-SHOWN = 5
+SHOWN = 3
 
 
 def remarks(designs: Designs, trials: Sequence[Trial], left_out: Counter[str]) -> list[str]:
@@ -41,8 +43,14 @@ def remarks(designs: Designs, trials: Sequence[Trial], left_out: Counter[str]) -
     strange = sum(designs.index_of(trial) is None for trial in trials)
     if strange:
         found.append(f"{count(strange, 'trial')} of cars that do not belong to this family count in no rate here.")
+    passed, number = designs.pretended.sum(axis=0).tolist()
+    if number:
+        found.append(f"SIMULATED trials, which count in no rate: {passed} of {number} of simulated cars passed.")
     left = left_out_text(left_out)
     found += [left] if left else []
+    for one in calibrations(store):
+        if one.experiment == info.id:
+            found.append(f"Calibration {one.name} ({one.created_utc}, UTC): {' '.join(findings(one.summary))}")
     return found + _elsewhere(store, info, trials) + _failures(store, info, ends["failed"])
 
 
@@ -64,8 +72,40 @@ def _failures(store: Store, info: ExperimentInfo, failed: int) -> list[str]:
     if not failed:
         return []
     messages = store.failures([info.id])
-    shown = "; ".join(f"{number} × {message}" for message, number in messages[:SHOWN])
+    shown = "; ".join(f"{number} x {message}" for message, number in messages[:SHOWN])
     more = f"; and {len(messages) - SHOWN} other messages" if len(messages) > SHOWN else ""
     command = shlex.join(["foldcar", "export", str(store.path), "--failed", "--csv", "-"])
-    counted = " and count as not passed" if info.success_defined else ""
-    return [f"{count(failed, 'run')} failed{counted}: {shown}{more}. List them: {command}"]
+    counted = ", and count as not passed" if info.success_defined else ""
+    return [f"{failed:,} of {info.stored_runs:,} runs failed{counted}: {shown}{more}. List them: {command}"]
+
+
+def stopped_remarks(info: ExperimentInfo) -> list[str]:
+    """How many designs are decided, and how to read their rates; nothing after a sweep of all runs."""
+    if info.searched:
+        early = (
+            " It left designs early that did worse than the best, at a risk of 10 % at each of up to ten looks, not in "
+            "all: a good one may be among them."
+        )
+        return [
+            "A search chose these designs, so rates of its best are too good as a rule: believe those in fresh "
+            "environments." + (early if len(info.objectives) == 1 else "")
+        ]
+    if info.until is None:
+        return []
+    undecided = info.designs - info.decided
+    rest = ""
+    if undecided:
+        left = f", or left before when those would decide with a chance below {100 * LEAST_CHANCE:g} %"
+        why = left if info.until.thresholds else ""
+        rest = f"; {undecided} are undecided, simulated in all {info.environments} environments{why}"
+    if info.stored_runs < info.planned_runs:
+        rest = f"; {undecided} are not yet" if undecided else ""
+    away = "the thresholds" if info.until.thresholds else "50 %"
+    most = info.designs * info.environments
+    return [
+        f"The sweep stopped simulating a design when {info.until.text}: {info.decided} of {info.designs} designs are "
+        f"decided{rest}. {info.stored_runs} of at most {most} runs were made.",
+        "Intervals are anytime-valid (Beta-binomial mixture): each holds for its design at whatever number of runs it "
+        "stopped, by itself and not for all designs together. Rates of designs that stopped early lie on average "
+        f"somewhat too far from {away}. Rates over several designs count each design alike.",
+    ]

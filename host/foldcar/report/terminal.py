@@ -1,97 +1,81 @@
-"""Prints the report's summary: a table for each experiment, as plain text if the output is not a terminal."""
+"""Prints the report's summary from the page's data: what it says, and its designs as a table."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping
+from typing import Any
 
-from rich.console import Console
-
-from foldcar.figures.style import OUTCOME_LABELS
-from foldcar.report.axis import extent_text, interval_text, parameter_label, success_text, value_text
-from foldcar.report.sections import Section
-from foldcar.report.series import Tally
-from foldcar.report.trial_sections import TrialSection
-from foldcar.report.trial_series import TrialGroup, TrialTally
+from foldcar.analysis.words import percent
 from foldcar.result_table import ResultTable
 from foldcar.shown_console import shown_console
 
 PIPED_WIDTH = 160
+# Designs that are listed; of more the export has all.
+MOST_DESIGNS = 60
+# What the summary as an object leaves to the page.
+PAGE_ONLY = ("runs", "runs_omitted", "replay", "replays", "files", "environment", "provenance", "outcome_labels")
 
 
-def print_summary(sections: Sequence[Section], driven: Sequence[TrialSection]) -> None:
-    """Print every experiment's remarks and tables; ``driven`` are experiments with trials only."""
+def print_summary(data: Mapping[str, Any]) -> None:
+    """Print every experiment's headline, advice, remarks and table of designs; plain text if not on a terminal."""
     console = shown_console(PIPED_WIDTH)
-    for section in sections:
-        info, total = section.info, section.summary.total
-        console.print(
-            f"Experiment {info.id}: {info.vehicle_type} in {info.scenic_program}", style="bold"
-        )
-        console.print(f"Rule: {info.success_rule}.")
-        for remark in section.remarks:
-            console.print(remark)
-        tables = [
-            (
-                parameter_label(series.parameter),
-                [(value_text(v), tally) for v, tally in series.tallies.items()],
-            )
-            for series in section.summary.series
+    for one in data["experiments"]:
+        console.print(f"Experiment {one['id']}", style="bold")
+        for line in _lines(one):
+            console.print(line)
+        if one["designs"]["name"]:
+            _table(one).print_on(console)
+
+
+def summary_object(data: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """The experiments without what only the page needs: what `foldcar report --json` prints. Shares are 0 to 1."""
+    return [{key: value for key, value in one.items() if key not in PAGE_ONLY} for one in data["experiments"]]
+
+
+def _lines(one: Mapping[str, Any]) -> Iterator[str]:
+    yield one["headline"]
+    for label, said in (("Most likely to work", one["likely"]["text"]), ("To learn most, drive", one["learn"]["text"])):
+        if said:
+            yield f"{label}: {said}"
+    yield from one["edge"]
+    if one["importance"]:
+        shares = [
+            f"{one['parameters'][row['parameter']]['label']} {percent(row['share'])} "
+            f"({percent(row['low'])} to {percent(row['high'])})"
+            for row in one["importance"]
         ]
-        for first, rows in tables or [("design", [])]:
-            rows.append(("all", total))
-            _table(first, rows, total.seen[1:]).print_on(console)
-            if total.recorded:
-                _recorded_table(first, rows, list(total.recorded)).print_on(console)
-        _print_trials(console, section.trials.built, section.trials.simulated)
-    for alone in driven:
-        console.print(f"Experiment {alone.experiment}: {alone.vehicle_type}, trials only", style="bold")
-        for remark in alone.remarks:
-            console.print(remark)
-        _print_trials(console, alone.built, alone.simulated)
+        yield f"Importance (share of the variance of success): {', '.join(shares)}."
+    told = [row for row in one["causes"] if row["low"] > 0][:3]
+    if told:
+        names = [f"{row['label']} ({row['separation']:.2f})" for row in told]
+        yield f"What separates passed from failed runs of a design (0 to 1): {', '.join(names)}."
+    yield from one["remarks"]
+    number = len(one["designs"]["name"])
+    if number > MOST_DESIGNS:
+        yield f"The first {MOST_DESIGNS} of {number:,} designs; `foldcar export` has all runs."
 
 
-def _print_trials(console: Console, built: TrialGroup, simulated: TrialGroup) -> None:
-    for group, head in ((built, "trials"), (simulated, "SIMULATED trials")):
-        if not group.total.counted and not group.total.aborted:
-            continue
-        for parameter, by_value in group.series.items() or {"": {}}.items():
-            rows = [(value_text(value), tally) for value, tally in by_value.items()]
-            _trial_table(parameter_label(parameter), head, [*rows, ("all", group.total)]).print_on(console)
-
-
-def _trial_table(first: str, head: str, rows: Sequence[tuple[str, TrialTally]]) -> ResultTable:
+def _table(one: Mapping[str, Any]) -> ResultTable:
+    designs = one["designs"]
+    driven = any(designs["trials"])
+    seen = [code for code, column in enumerate(designs["outcomes"]) if code and any(column)]
     table = ResultTable()
-    for column in (first, head, "passed %", "95 % interval", "aborted"):
-        table.add_column(column, right=True, no_wrap=True)
-    for name, tally in rows:
-        shares = ("-", "-")
-        if tally.counted:
-            low, high = tally.interval
-            shares = (f"{100 * tally.success:.1f}", f"{100 * low:.1f} - {100 * high:.1f}")
-        table.add_row(name, str(tally.counted), *shares, str(tally.aborted))
+    titles = ["runs", "passed %", "95 % interval", *["trials", "trials and simulation %"] * driven]
+    for title in ("design", *titles, *(one["outcome_labels"][code] for code in seen)):
+        table.add_column(title, right=True, no_wrap=True)
+    for at, name in enumerate(designs["name"][:MOST_DESIGNS]):
+        cells = [str(designs["runs"][at]), *_rate(one, at)]
+        if driven:
+            trials = designs["trials"][at]
+            believed = [designs[key][at] for key in ("belief", "belief_low", "belief_high")]
+            cells.append(f"{designs['trials_passed'][at]} of {trials}" if trials else "-")
+            cells.append("-" if believed[0] is None else "{:.0f} ({:.0f} - {:.0f})".format(*(100 * x for x in believed)))
+        table.add_row(name, *cells, *(str(designs["outcomes"][code][at]) for code in seen))
     return table
 
 
-def _recorded_table(first: str, rows: Sequence[tuple[str, Tally]], names: Sequence[str]) -> ResultTable:
-    table = ResultTable()
-    for column in [first, *(f"recorded {name}" for name in names)]:
-        table.add_column(column, right=True, no_wrap=True)
-    for name, tally in rows:
-        table.add_row(name, *(extent_text(tally.recorded.get(recorded)) for recorded in names))
-    return table
-
-
-def _table(first: str, rows: Sequence[tuple[str, Tally]], outcomes: Sequence[str]) -> ResultTable:
-    table = ResultTable()
-    columns = [first, "runs", "passed %", "95 % interval", "mean time (s)"]
-    for column in [*columns, *(OUTCOME_LABELS[outcome] for outcome in outcomes)]:
-        table.add_column(column, right=True, no_wrap=True)
-    for name, tally in rows:
-        if not tally.runs:
-            continue
-        table.add_row(
-            name,
-            str(tally.runs),
-            success_text(tally),
-            interval_text(tally.interval).replace("–", "-"),
-            "-" if tally.mean_time_s is None else f"{tally.mean_time_s:.2f}",
-            *(str(tally.outcomes[outcome]) for outcome in outcomes),
-        )
-    return table
+def _rate(one: Mapping[str, Any], at: int) -> tuple[str, str]:
+    designs = one["designs"]
+    if not one["judged"]:
+        return "undefined", "-"
+    if designs["low"][at] is None:
+        return "-", "-"
+    return f"{100 * designs['rate'][at]:.1f}", f"{100 * designs['low'][at]:.1f} - {100 * designs['high'][at]:.1f}"

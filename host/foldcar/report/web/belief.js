@@ -182,11 +182,11 @@ function mapFigure(model) {
       series: [{
         type: "scatter", xAxisIndex: apart ? 1 : 0, yAxisIndex: apart ? 1 : 0, symbol: apart ? "rect" : "circle", symbolSize: size, cursor: "pointer",
         data: points.map(one => ({
-          ...one, symbol: e.designs.trials[one.design] && !apart ? "diamond" : undefined,
+          ...one, label: { color: Math.abs(e.designs.belief[one.design] - 0.5) > 0.35 ? "#fff" : "#111" }, symbol: e.designs.trials[one.design] && !apart ? "diamond" : undefined,
           itemStyle: { color: successColour(e.designs.belief[one.design]), opacity: model.within[one.design] ? 1 : 0.12,
             borderColor: one.design === model.design ? theme.ink : e.designs.trials[one.design] ? theme.trial : apart ? theme.paper : theme.soft, borderWidth: one.design === model.design ? 3 : e.designs.trials[one.design] ? 2 : 0.5 },
         })),
-        label: named ? { show: true, formatter: ({ data }) => percent(e.designs.belief[data.design]).replace(" %", ""), color: "#111", fontSize: 11 } : { show: false },
+        label: named ? { show: true, formatter: ({ data }) => percent(e.designs.belief[data.design]).replace(" %", ""), fontSize: 11 } : { show: false },
         emphasis: { scale: false, itemStyle: { borderColor: theme.ink, borderWidth: 2 } },
       }],
     };

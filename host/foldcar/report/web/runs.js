@@ -16,6 +16,8 @@ const LEAST = 260;
 const MOST = 520;
 // Columns that are wider have names (px).
 const NAMED = 11;
+// The width of a letter of a name (px).
+const LETTER = 6;
 
 export class Runs {
   constructor(model, replay) { Object.assign(this, { model, replay, charts: [] }); }
@@ -163,14 +165,15 @@ class Grid {
       const outcome = e.runs.outcome[run];
       data.push({ value: [column, row, outcome], itemStyle: { color: OUTCOMES[e.outcomes[outcome]], opacity: kept.size && !kept.has(outcome) ? 0.1 : 1 } });
     }));
-    const several = e.parameters.length > 1, height = Math.max(LEAST, Math.min(MOST, (several ? 140 : 90) + ROW * this.rows.length));
+    const several = e.parameters.length > 1, height = Math.max(LEAST, Math.min(MOST, 90 + ROW * this.rows.length));
     const at = [this.columns.indexOf(model.design), this.rows.indexOf(model.env)];
-    const [cellWidth, cellHeight] = [(width - 64) / Math.max(1, this.columns.length), (height - (several ? 106 : 58)) / Math.max(1, this.rows.length)];
+    const [cellWidth, cellHeight] = [(width - 64) / Math.max(1, this.columns.length), (height - (several ? 32 : 58)) / Math.max(1, this.rows.length)];
     const named = e.parameters.length < 2 || cellWidth > NAMED;
+    const texts = this.columns.map(design => valuesOf(e, design)), gap = !several ? 26 : named ? 16 + LETTER * Math.max(...texts.map(text => text.length)) : 10;
     return {
-      height, grid: { left: 52, right: 12, top: 10, bottom: !several ? 48 : named ? 96 : 30 },
+      height: height + (several ? gap : 0), grid: { left: 52, right: 12, top: 10, bottom: gap + 22 },
       xAxis: axisStyle(theme, several ? `${this.columns.length} designs${named ? `: ${e.parameters.map(withUnit).join(" · ")}` : ""}` : e.parameters.length ? withUnit(e.parameters[0]) : "", {
-        type: "category", data: this.columns.map(design => valuesOf(e, design)), nameGap: !several ? 26 : named ? 76 : 10, axisTick: { show: false },
+        type: "category", data: texts, nameGap: gap, axisTick: { show: false },
         axisLabel: { show: named, color: theme.soft, fontSize: 11, hideOverlap: true, rotate: several ? 90 : 0 },
       }),
       yAxis: axisStyle(theme, state.order === "difficulty" ? "environments, hardest below" : "environment", { type: "category", data: this.rows.map(String), nameGap: 36, axisTick: { show: false }, splitLine: { show: false } }),

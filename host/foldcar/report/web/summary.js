@@ -44,7 +44,7 @@ function advice(model, title, { text, designs, why }) {
       return;
     }
     const start = parts[at].indexOf(name);
-    parts = [...parts.slice(0, at), parts[at].slice(0, start), designButton(model, design), parts[at].slice(start + name.length), ...parts.slice(at + 1)];
+    parts = [...parts.slice(0, at), parts[at].slice(0, start), designLink(model, design), parts[at].slice(start + name.length), ...parts.slice(at + 1)];
   });
   return make("section", { class: "card" }, make("h2", { text: title }), make("p", {}, ...parts), ...(unnamed.length ? [make("ul", { class: "named" }, ...unnamed)] : []));
 }
@@ -55,11 +55,18 @@ function chance({ designs }, design) {
 }
 
 export function designButton(model, design, text = model.e.designs.name[design]) {
-  return make("button", {
-    type: "button", class: "design", text, title: "its runs", onclick: () => model.open(design),
-    onmouseenter: () => model.hover(design), onmouseleave: () => model.hover(null), onfocus: () => model.hover(design), onblur: () => model.hover(null),
-  });
+  return make("button", { type: "button", class: "design", text, title: "its runs", onclick: () => model.open(design), ...pointed(model, design) });
 }
+
+// In a sentence, where it breaks over lines as words do.
+function designLink(model, design) {
+  const text = model.e.designs.name[design], onclick = event => { event.preventDefault(); model.open(design); };
+  return make("a", { href: `#${new URLSearchParams({ e: model.e.id, design: text, at: "runs" })}`, text, onclick, ...pointed(model, design) });
+}
+
+const pointed = (model, design) => ({
+  onmouseenter: () => model.hover(design), onmouseleave: () => model.hover(null), onfocus: () => model.hover(design), onblur: () => model.hover(null),
+});
 
 // The panel beside the belief: of the design pointed at, else of the chosen one, else of the likeliest.
 export function showDesign(model) {

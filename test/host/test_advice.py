@@ -18,12 +18,13 @@ from foldcar.analysis.gaussian_process import success_model
 from foldcar.analysis.rate import Rate
 from foldcar.analysis.selection import MIDDLE
 from foldcar.analysis.words import rank_text
+from foldcar.fabrication.patterns import sheets
 
 
 def test_a_car_costs_its_sheets_and_minutes_of_cutting_assembly_and_trials(monkeypatch: pytest.MonkeyPatch) -> None:
     """As BASIS says: 20 mm of cut a second, 90 min for the car; 3 min and the drive for each trial."""
     cut = SimpleNamespace(cut_length_mm=24_010.0, sheets=[1, 2])
-    monkeypatch.setattr(costs, "pattern", lambda *_: cut)
+    monkeypatch.setattr(sheets, "pattern", lambda *_: cut)
     design = {"width_mm": 95.0}
 
     assert costs.cost("W_B_W", design, 10, 30.0, False) == costs.Cost(2, math.ceil(24_010 / 20 / 60 + 90 + 10 * 3.5))

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 from scipy.special import expit
-from scipy.stats import binom
 
 from foldcar.analysis.words import design_text, listed, percent
 from foldcar.calibration.experiment import SweptExperiment, TrialCounts
@@ -94,7 +93,14 @@ def nominal_log_score(runs: tuple[int, int] | None, passed: int, counted: int) -
     """The log probability of the trials if a car passes as often as nominal ``runs`` (passed, all) did; None without."""
     if runs is None or not runs[1]:
         return None
-    return float(binom.logpmf(passed, counted, (runs[0] + 0.5) / (runs[1] + 1)))
+    return _log_binomial(passed, counted, (runs[0] + 0.5) / (runs[1] + 1))
+
+
+def _log_binomial(passed: int, counted: int, rate: float) -> float:
+    # It takes a second to import, and a report without calibrations needs none of it.
+    from scipy.stats import binom
+
+    return float(binom.logpmf(passed, counted, rate))
 
 
 def _parameters(inference: Inference) -> list[dict[str, Any]]:
@@ -168,7 +174,7 @@ def _log_likelihood(inference: Inference, nominal: Nominal) -> dict[str, float |
     return {
         "expected": float(inference.posterior.log_likelihood.mean()),
         "nominal": sum(told) if len(told) == len(scores) else None,
-        "best": float(sum(binom.logpmf(k, n, k / n) for _, k, n in trials)),
+        "best": sum(_log_binomial(k, n, k / n) for _, k, n in trials),
     }
 
 

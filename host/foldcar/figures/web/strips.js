@@ -90,7 +90,7 @@ export class Strips {
     context.fillText("roll —   pitch - -", LEFT + 2, 8);
     context.textAlign = "center";
     const every = roundStep(this.end_s * 60 / (width - LEFT));
-    for (let mark = 0; mark <= this.end_s; mark += every) context.fillText(`${Number(mark.toFixed(3))} s`, Math.min(width - 14, x(mark)), HEIGHT - FOOT / 2 + 2);
+    for (let mark = 0; mark <= this.end_s; mark += every) context.fillText(`${Number(mark.toFixed(3))} s`, Math.min(width - 18, x(mark)), HEIGHT - FOOT / 2 + 2);
     for (const { colour, dash, points } of this.series) {
       context.beginPath();
       points.forEach(([time, angle], index) => context[index ? "lineTo" : "moveTo"](x(time), y(angle)));

@@ -241,6 +241,7 @@ class View {
     const first = this.cars?.[0];
     if (!first || name !== "orbit") return;
     const { columns: [x, y, z, heading], rows } = first.run.path, from = new THREE.Vector3(x[0], y[0], z[0]);
+    this.last = from;
     const ahead = new THREE.Vector3(Math.cos(heading[0]), Math.sin(heading[0]), 0), right = new THREE.Vector3(ahead.y, -ahead.x, 0);
     const far = new THREE.Vector3(x[rows - 1], y[rows - 1], z[rows - 1]);
     // The car and the first obstacle on its way, at least a car's length ahead.

@@ -91,5 +91,5 @@ export function showDesign(model) {
 
 export function verdict({ designs, threshold }, design) {
   const limit = percent(threshold);
-  return { good: `above ${limit}`, bad: `below ${limit}`, open: `${limit} undecided` }[designs.verdict[design]] ?? "";
+  return { good: `above ${limit}`, bad: `below ${limit}`, open: `${limit}: undecided` }[designs.verdict[design]] ?? "";
 }

@@ -89,7 +89,7 @@ def judge(
     assert SUCCESS.value is not None
     with write_store(store) as writer:
         writer.begin_study(study_facts(study, carsim, "tools/optimize_comparison.py"), carsim.build)
-        with open_simulator(fresh, Environment(fresh), writer, carsim, jobs, lambda runs: None, False) as simulator:
+        with open_simulator(fresh, Environment(fresh), writer, carsim, jobs, lambda runs: None, []) as simulator:
             return {one: SUCCESS.value(simulator.rows(one, range(fresh.environments)), 0.0) for one in sorted(designs)}
 
 

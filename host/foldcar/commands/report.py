@@ -43,7 +43,7 @@ def report(
     """
     from foldcar.commands.progress_bar import TerminalBar
     from foldcar.report.figure_options import figure_options
-    from foldcar.report.replayer import Replayer
+    from foldcar.report.replay import Replayer
     from foldcar.report.terminal import print_summary, summary_object
     from foldcar.report.write import PAGE, write_report
     from foldcar.store.reader import Store

@@ -8,13 +8,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from foldcar.analysis.rate import wilson_interval
-from foldcar.crosscheck.agreement import Agreement, DesignRates
-from foldcar.crosscheck.parted import Parted
 from foldcar.figures.ground import height_map
 from foldcar.figures.height_colours import height_scale
 from foldcar.figures.profile import travelled_m
 from foldcar.figures.style import ACCENT, INK, OUTCOME_LABELS
 from foldcar.figures.top_view import draw_top_view, view_of
+from foldcar.report.crosscheck_agreement import Agreement, DesignRates
+from foldcar.report.crosscheck_parted import Parted
 from foldcar.report.parameter_plots import axis_label
 from foldcar.simulation.heights import Heights
 

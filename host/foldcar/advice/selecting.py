@@ -17,7 +17,7 @@ from foldcar.advice.evidence import Design, DesignEvidence, Evidence, read_evide
 from foldcar.advice.outlook import Outlook, outlook
 from foldcar.advice.reasons import Parting, between, first_reason, next_reason, region_text, told_apart_text
 from foldcar.analysis.pooled_bias import MOST_POOLED
-from foldcar.analysis.rate import Rate
+from foldcar.analysis.rate import Rate, rate_interval
 from foldcar.analysis.selection import (
     Placed,
     choose,
@@ -245,10 +245,10 @@ class _Choice:
         remarks = [region_text(seen, self.threshold, self.evidence.parameters, info.simulation)]
         best, passed, number = honest_best(seen.passed)
         if number and len(seen.designs) > 1:
-            rate = Rate.counted(passed, number, count(number, "run"), info.until is not None)
+            rate = rate_text(passed / number, *rate_interval(passed, number, info.until is not None))
             remarks.append(
-                f"Best in {info.simulation}: {seen.designs[best].label}, {rate_text(rate)}, chosen in one half of the "
-                "environments and counted in the other."
+                f"Best in {info.simulation}: {seen.designs[best].label}, {rate}, chosen in one half of the environments "
+                "and counted in the other."
             )
             # Trials say more; the test holds for a number of runs that was fixed before.
             if not (seen.driven or info.until or info.searched):
@@ -275,7 +275,8 @@ class _Choice:
         if loss is None:
             return f"Build {named}: no trials yet, so these mark the region that reaches {limit} in {simulation}."
         best, _ = expected_loss(seen.draws)
-        shown = "" if seen.pooled is None else f" with {rate_text(seen.pooled[best])}"
+        known = None if seen.pooled is None else seen.pooled[best]
+        shown = "" if known is None else f" with {rate_text(known.value, known.low, known.high)}"
         leads = f"by trials and {simulation} together {seen.designs[best].label} leads{shown}"
         loses = f"to settle for it loses {points(loss, sign=False)} points on average against the best there may be"
         if not enough:

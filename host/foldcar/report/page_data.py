@@ -6,8 +6,8 @@
   design is good above the last), ``judged`` (whether success is defined), ``simulation`` (what sentences call its
   engine), ``interval`` (what the intervals of simulated rates are called), ``environments`` (how many there are),
   ``time_limit_s``.
-- ``likely`` (the designs most likely to work) and ``learn`` (those whose trials would tell most): ``{"text", "designs":
-  [index], "why": [text for each]}``; ``edge``: sentences on ends of ranges.
+- ``likely`` (the designs most likely to work) and ``learn`` (those whose trials would tell most; a gap to sweep):
+  ``{"text", "designs": [index], "why": [text for each]}``; ``edge``: sentences on ends of ranges.
 - ``parameters``: those that vary, ``{"name", "label", "unit", "values": all that occur, ascending, "numeric"}``;
   ``fixed``: [label, text] of the others.
 - ``designs``: columns, an entry per design, null for what is not known. ``value``: per design the indices into the

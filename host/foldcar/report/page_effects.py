@@ -7,6 +7,7 @@ from threadpoolctl import threadpool_limits
 
 from foldcar.analysis.effects import Effect, Effects, fit_effects
 from foldcar.analysis.separation import binned, separations
+from foldcar.analysis.words import count
 from foldcar.errors import FoldcarError
 from foldcar.report.environment_values import EnvironmentValues
 from foldcar.report.page_designs import Designs
@@ -54,7 +55,7 @@ def over(effect: Effect, parameters: int) -> str:
     """Over what an effect is a mean, in words; "" with a single parameter."""
     if parameters < 2:
         return ""
-    number = f"{effect.combinations} combination{'' if effect.combinations == 1 else 's'} of the other parameters"
+    number = f"{count(effect.combinations, 'combination')} of the other parameters"
     if effect.run:
         return f"mean over the same {number}, each of which was run at every value"
     return f"mean over the same {number} by the smooth model: hardly any was run at every value"

@@ -61,9 +61,7 @@ def straight_line(start: Mapping[str, Any], first_m: float, last_m: float, spaci
     return Line(at, x, y, numpy.full(len(at), heading))
 
 
-def strip_heights_m(
-    heights: Heights, scene: Mapping[str, Any], line: Line, left_m: float, width_m: float
-) -> Floats:
+def strip_heights_m(heights: Heights, scene: Mapping[str, Any], line: Line, left_m: float, width_m: float) -> Floats:
     """The largest height, (n,) in m, across a strip ``width_m`` wide, ``left_m`` to the left of ``line``.
 
     At each point of the line the strip is a segment across the heading, sampled from edge to edge.

@@ -15,7 +15,7 @@ from threadpoolctl import threadpool_limits
 
 from foldcar.advice.evidence import Design, DesignEvidence, Evidence, read_evidence
 from foldcar.advice.outlook import Outlook, outlook
-from foldcar.advice.reasons import Parting, between, first_reason, next_reason, region_text, told_apart_text
+from foldcar.advice.reasons import Parting, between, first_reason, next_reason, region_text
 from foldcar.analysis.pooled_bias import MOST_POOLED
 from foldcar.analysis.rate import Rate, rate_interval
 from foldcar.analysis.selection import (
@@ -250,12 +250,6 @@ class _Choice:
                 f"Best in {info.simulation}: {seen.designs[best].label}, {rate}, chosen in one half of the environments "
                 "and counted in the other."
             )
-            # Trials say more; the test holds for a number of runs that was fixed before.
-            if not (seen.driven or info.until or info.searched):
-                labels = [design.label for design in seen.designs]
-                rows = sorted(labels.index(one.label) for one in recommended)
-                apart = told_apart_text(seen.passed[:, 1::2], labels, best, rows)
-                remarks += [apart] if apart else []
         if seen.thinned:
             left = f"{count(seen.thinned, 'design')} between these were left out of the choice, to save time"
             driven = sum(bool(one.trials) for one in seen.designs)

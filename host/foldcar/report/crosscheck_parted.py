@@ -11,11 +11,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from foldcar.report.crosscheck_agreement import Case, Pair, passes, stored_name
-from foldcar.report.replay_paths import StoredDrives, read_drives, run_call
+from foldcar.report.replay_paths import run_call
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.results import REJECTED
 from foldcar.simulation.runner import PATH_INTERVAL_S, side_by_side
 from foldcar.store.reader import Store
+from foldcar.store.stored_drives import StoredDrives, read_drives
 
 CANDIDATES = 24
 

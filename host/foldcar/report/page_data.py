@@ -78,7 +78,7 @@ THRESHOLDS = (0.5, 0.75)
 
 @dataclass(frozen=True)
 class FigureOptions:
-    """What the reader of a report may choose: thresholds of success, 0 to 1 ascending, and the environment drawn by itself.
+    """What the reader of a report may choose: thresholds of success, 0 to 1 ascending, and an environment.
 
     Without ``chosen`` thresholds each experiment has its listing's, or THRESHOLDS; ``sample`` is the environment whose
     times to cross are drawn.

@@ -1,85 +1,24 @@
 """The paths of stored runs: those that the sweep kept, else simulated again, in several processes.
 
-Input: a store, a carsim of the build that simulated the runs. Output: ids of the store's texts by design and by sample,
-compact paths. A run that ends otherwise than the stored one is left out and counted: a page must never show another run
-than the one that counts.
+Input: ids of the store, a carsim of the build that simulated the runs. Output: compact paths. A run that ends otherwise
+than the stored one is left out and counted: a page must never show another run than the one that counts.
 """
 
 import base64
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Any
 
 from foldcar.car.variation import vary_body
 from foldcar.report.replay_choice import OutcomeGrid
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.runner import RunRequest, side_by_side
-from foldcar.store.reader import Store, StoreError
-from foldcar.store.tables import BY_NAME, DESIGN, EXPERIMENT
+from foldcar.store.stored_drives import StoredDrives
 
 CHUNK_RUNS = 64
 
 Key = tuple[int, int]
-
-
-@dataclass(frozen=True)
-class StoredDrives:
-    """An experiment's bodies and settings by design, scenes and variations by sample, as ids of the store's texts.
-
-    ``dynamic``: its program runs beside the simulation (None: the store does not say).
-    """
-
-    store: Store
-    experiment: str
-    parameters: list[dict[str, Any]]
-    positions: list[int]
-    bodies: list[int]
-    settings: list[int]
-    scenes: dict[int, int]
-    variations: dict[int, int]
-    dynamic: bool | None
-
-    def text(self, table: str, row_id: int) -> str:
-        """The JSON text of a row of ``body``, ``scene``, ``settings`` or ``variation``; StoreError if it is missing."""
-        for row in self.store.rows(BY_NAME[table], "WHERE id = ?", row_id):
-            return str(row["json"])
-        raise StoreError(f"{self.store.path}: {table} (id={row_id}) is missing")
-
-    def value(self, table: str, row_id: int) -> dict[str, Any]:
-        """The object that a text stands for."""
-        found: dict[str, Any] = json.loads(self.text(table, row_id))
-        return found
-
-    @cached_property
-    def varied(self) -> bool:
-        """Whether any car differs from its design."""
-        return any(self.value("variation", one) for one in set(self.variations.values()))
-
-
-def read_drives(store: Store, experiment: str) -> StoredDrives:
-    """What the runs of ``experiment`` were simulated with. StoreError."""
-    row = next(store.rows(EXPERIMENT, "WHERE id = ?", experiment))
-    designs = list(store.rows(DESIGN, "WHERE experiment = ? ORDER BY position", experiment))
-    environment = next(store.rows(BY_NAME["environment"], "WHERE id = ?", row["environment_id"]), None)
-    dynamic = environment["dynamic"] if environment is not None else None
-
-    def by_sample(table: str, key: str, wanted: str) -> dict[int, int]:
-        found = store.rows(BY_NAME[table], f"WHERE {key} = ?1 AND sample < ?2", row[key], row["environments"])
-        return {one["sample"]: one[wanted] for one in found}
-
-    return StoredDrives(
-        store,
-        experiment,
-        [json.loads(one["parameters"]) for one in designs],
-        [one["position"] for one in designs],
-        [one["body_id"] for one in designs],
-        [one["settings_id"] for one in designs],
-        by_sample("sample", "environment_id", "scene_id"),
-        by_sample("draw", "spread_id", "variation_id"),
-        None if dynamic is None else bool(dynamic),
-    )
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,69 @@
+"""What an experiment's runs were simulated with, as the store has it: the ids of texts by design and by sample.
+
+Input: a store. Output: ids, and the texts of docs/carsim.md that they stand for.
+"""
+
+import json
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+from foldcar.store.errors import StoreError
+from foldcar.store.reader import Store
+from foldcar.store.tables import BY_NAME, DESIGN, EXPERIMENT
+
+
+@dataclass(frozen=True)
+class StoredDrives:
+    """An experiment's bodies and settings by design, scenes and variations by sample, as ids of the store's texts.
+
+    Samples ascend. ``dynamic``: its program runs beside the simulation (None: the store does not say).
+    """
+
+    store: Store
+    experiment: str
+    parameters: list[dict[str, Any]]
+    positions: list[int]
+    bodies: list[int]
+    settings: list[int]
+    scenes: dict[int, int]
+    variations: dict[int, int]
+    dynamic: bool | None
+
+    def text(self, table: str, row_id: int) -> str:
+        """The JSON text of a row of ``body``, ``scene``, ``settings`` or ``variation``; StoreError if it is missing."""
+        for row in self.store.rows(BY_NAME[table], "WHERE id = ?", row_id):
+            return str(row["json"])
+        raise StoreError(f"{self.store.path}: {table} (id={row_id}) is missing")
+
+    def value(self, table: str, row_id: int) -> dict[str, Any]:
+        """The object that a text stands for."""
+        found: dict[str, Any] = json.loads(self.text(table, row_id))
+        return found
+
+    @cached_property
+    def varied(self) -> bool:
+        """Whether any car differs from its design."""
+        return any(self.value("variation", one) for one in set(self.variations.values()))
+
+
+def read_drives(store: Store, experiment: str) -> StoredDrives:
+    """What the runs of ``experiment`` were simulated with. StoreError."""
+    row = next(store.rows(EXPERIMENT, "WHERE id = ?", experiment))
+    designs = list(store.rows(DESIGN, "WHERE experiment = ? ORDER BY position", experiment))
+    environment = next(store.rows(BY_NAME["environment"], "WHERE id = ?", row["environment_id"]), None)
+    dynamic = environment["dynamic"] if environment is not None else None
+    sampled = "WHERE environment_id = ? AND sample < ? ORDER BY sample"
+    samples = store.rows(BY_NAME["sample"], sampled, row["environment_id"], row["environments"])
+    draws = store.rows(BY_NAME["draw"], "WHERE spread_id = ?", row["spread_id"])
+    return StoredDrives(
+        store,
+        experiment,
+        [json.loads(one["parameters"]) for one in designs],
+        [one["position"] for one in designs],
+        [one["body_id"] for one in designs],
+        [one["settings_id"] for one in designs],
+        {one["sample"]: one["scene_id"] for one in samples},
+        {one["sample"]: one["variation_id"] for one in draws},
+        None if dynamic is None else bool(dynamic),
+    )

@@ -10,7 +10,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy
-import pandas
 from threadpoolctl import threadpool_limits
 
 from foldcar.advice.evidence import Design, DesignEvidence, Evidence, read_evidence
@@ -110,17 +109,16 @@ def select(
     threshold: float | None = None,
     precision: float = PRECISION,
     experiment: str | None = None,
-    runs: pandas.DataFrame | None = None,
     with_cost: bool = True,
     simulated_trials: bool = False,
 ) -> list[Selection]:
     """Advice for every swept experiment, or one: up to ``build`` designs each; none if nothing was swept.
 
     ``threshold`` (0 to 1) is the success that a good design reaches; None: the listing's highest, or THRESHOLD.
-    ``precision`` is the half-width (0 to 0.5) to which trials are to bring a rate. ``runs`` is the store's table of runs
-    if the caller has it. ``simulated_trials``: go by trials of simulated cars instead of built ones. FoldcarError.
+    ``precision`` is the half-width (0 to 0.5) to which trials are to bring a rate. ``simulated_trials``: go by trials of
+    simulated cars instead of built ones. FoldcarError.
     """
-    evidence = read_evidence(store, experiment, runs, simulated_trials)
+    evidence = read_evidence(store, experiment, simulated_trials)
     found = select_evidence(evidence, build, threshold, precision, with_cost)
     return [replace(one, sentence=f"SIMULATED trials. {one.sentence}") for one in found] if simulated_trials else found
 

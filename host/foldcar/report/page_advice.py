@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
 
 from foldcar.analysis import selection
 from foldcar.analysis.effects import Effects
@@ -63,9 +62,8 @@ class Advice:
     @cached_property
     def draws(self) -> NDArray[Any]:
         """Draws of the known designs' true rates (draws, known), as far as simulation can be trusted before trials."""
-        with threadpool_limits(1):
-            bias = self.designs.bias
-            return numpy.zeros((1, 0)) if bias is None else bias.draws(DRAWS)
+        bias = self.designs.bias
+        return numpy.zeros((1, 0)) if bias is None else bias.draws(DRAWS)
 
     @cached_property
     def unit(self) -> NDArray[Any]:
@@ -174,8 +172,7 @@ class Advice:
         """Rates of the known designs by what is known of their neighbours, too."""
         if self.designs.pooled is not None or self.effects is None:
             return self.rates[:, 0]
-        with threadpool_limits(1):
-            return self.effects.model.rates(self.effects.parameters)[0]
+        return self.effects.model.rates(self.effects.parameters)[0]
 
     def _best_driven(self, best: int) -> str:
         """Of driven designs, the best one, unless it is ``best``."""
@@ -209,8 +206,7 @@ class Advice:
         # Neighbours are at most one value apart in every parameter.
         ranks = numpy.array([numpy.unique(column, return_inverse=True)[1] for column in self.unit[candidates].T]).T
         near = numpy.abs(ranks[:, None] - ranks[None, :]).max(axis=2) <= 1
-        with threadpool_limits(1):
-            found = selection.choose(self.draws[:, candidates], self.threshold, ROUND_TRIALS, NAMED, near=near)
+        found = selection.choose(self.draws[:, candidates], self.threshold, ROUND_TRIALS, NAMED, near=near)
         chosen = [int(candidates[at]) for at in found]
         why = [self._why(at) for at in chosen]
         named = listed([f"{self._name(at)} ({reason})" for at, reason in zip(chosen, why, strict=True)])
@@ -238,8 +234,7 @@ class Advice:
                 gaps += [(name, low, high, one) for one in numpy.unique(beside, axis=0)]
         if not gaps:
             return ""
-        with threadpool_limits(1):
-            above = (self.effects.rates(numpy.vstack([x, *(one[-1] for one in gaps)])) > self.threshold).mean(axis=0)
+        above = (self.effects.rates(numpy.vstack([x, *(one[-1] for one in gaps)])) > self.threshold).mean(axis=0)
         doubt = numpy.minimum(above, 1 - above)
         most = int(doubt[len(x) :].argmax())
         if doubt[len(x) + most] < max(LEAST_DOUBT, doubt[: len(x)].max()):
@@ -258,8 +253,7 @@ class Advice:
         said, names = [], list(self.designs.values)
         for at, place in enumerate(self.places):
             name = names[place]
-            with threadpool_limits(1):
-                one = self.effects.effect(at)
+            one = self.effects.effect(at)
             if len(one.grid) < 3:
                 continue
             for end, inner, rises in ((0, 1, one.rises[0]), (-1, -2, one.rises[1])):

@@ -52,6 +52,7 @@ from typing import Any
 
 import numpy
 from numpy.typing import ArrayLike
+from threadpoolctl import threadpool_limits
 
 from foldcar.analysis.effects import Effects
 from foldcar.analysis.words import label_and_unit, value_text
@@ -151,11 +152,14 @@ def page_data(
     """
     study = store.info() if store.holds_study() else None
     some = read_experiments(store) if experiments is None else experiments
+    # Threads for matrices of some tens of rows only wait for each other.
+    with threadpool_limits(1):
+        shown = [_experiment(store, study, one, command) for one in some]
     return {
         "title": study.listing_name if study is not None else store.path.name,
         "made": study.created_utc if study is not None else "",
         "engine_notes": list(dict.fromkeys(one.info.warning for one in some if one.info.warning)),
-        "experiments": [_experiment(store, study, one, command) for one in some],
+        "experiments": shown,
     }
 
 

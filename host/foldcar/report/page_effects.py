@@ -41,8 +41,7 @@ def effect_rows(designs: Designs, effects: Effects, places: list[int]) -> list[d
     """The effect of each parameter, over the same combinations of the others for each value."""
     found = []
     for at, place in enumerate(places):
-        with threadpool_limits(1):
-            one = effects.effect(at)
+        one = effects.effect(at)
         curves = one.curves.round(DIGITS).tolist() if len(places) > 1 else []
         rows = {key: getattr(one, key).round(DIGITS).tolist() for key in ("mean", "low", "high")}
         found.append(
@@ -65,8 +64,7 @@ def importance_rows(effects: Effects, places: list[int]) -> list[dict[str, Any]]
     """The importance of each parameter, the greatest first; none of a single parameter."""
     if len(places) < 2:
         return []
-    with threadpool_limits(1):
-        found = effects.importance()
+    found = effects.importance()
     rows = [
         {"parameter": place, **{key: round(getattr(one, key), DIGITS) for key in ("share", "low", "high")}}
         for place, one in zip(places, found, strict=False)

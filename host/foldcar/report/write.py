@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib
+from threadpoolctl import threadpool_limits
 
 from foldcar.errors import FoldcarError
 from foldcar.figures.output import save_figure, svg_text
@@ -51,7 +52,8 @@ def write_report(
     blobs: dict[str, str] = {}
     planned = list(shared)
     for number, (one, shown) in enumerate(zip(experiments, data["experiments"], strict=True)):
-        own = list(drawings(one.designs, one.effects, one.places, one.thresholds, options.sample))
+        with threadpool_limits(1):
+            own = list(drawings(one.designs, one.effects, one.places, one.thresholds, options.sample))
         planned += own
         shown["files"] = [[drawing.caption, f"{drawing.name}.svg"] for drawing in (*own, *shared)]
         blobs |= _add_replay(store, one, shown, f"e{number}", replayer)
@@ -91,7 +93,7 @@ def _add_replay(store: Store, one: Experiment, shown: dict[str, Any], key: str, 
 
 
 def _save_figures(planned: Iterable[Drawing], folder: Path) -> None:
-    with matplotlib.rc_context(RC):
+    with matplotlib.rc_context(RC), threadpool_limits(1):
         for drawing in planned:
             figure = drawing.draw()
             for suffix in (".png", ".pdf"):

@@ -179,12 +179,7 @@ def _section(
     design = next(iter(one.designs.values()))
     keys = [key for key in design.columns if len({d.columns[key] for d in one.designs.values()}) > 1]
     rows = [
-        [
-            *(f"{d.columns[key]:g}" for key in keys),
-            str(d.runs),
-            f"{100 * d.first / d.runs:.1f}",
-            f"{100 * d.second / d.runs:.1f}",
-        ]
+        [*(f"{d.columns[key]:g}" for key in keys), str(d.runs), *(f"{100 * n / d.runs:.1f}" for n in (d.first, d.second))]
         for d in one.designs.values()
     ]
     if worst:
@@ -222,24 +217,12 @@ def column_name(engine: str) -> str:
 
 
 def comparison_numbers(one: Agreement) -> Mapping[str, Any]:
-    """A comparison as in numbers.json; shares are 0 to 1."""
+    """A comparison as in summary.json; shares are 0 to 1."""
     return {
-        "runs": one.runs,
-        "alike": one.alike,
-        "share": one.share,
-        "interval": one.interval,
-        "correlation": one.correlation,
-        "rmse": one.rmse,
-        "bias": one.bias,
+        **{key: getattr(one, key) for key in ("runs", "alike", "share", "interval", "correlation", "rmse", "bias")},
         "confusion": [[a, b, count] for (a, b), count in sorted(one.confusion.items())],
         "designs": [
-            {
-                "experiment": name,
-                "design": number + 1,
-                **d.columns,
-                "runs": d.runs,
-                "passed": [d.first, d.second],
-            }
+            {"experiment": name, "design": number + 1, **d.columns, "runs": d.runs, "passed": [d.first, d.second]}
             for (name, number), d in one.designs.items()
         ],
     }

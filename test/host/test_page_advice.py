@@ -152,7 +152,7 @@ def test_a_gap_that_hides_the_border_is_to_be_swept_first(study: Callable[..., A
     text = study(GAPPED).learn()["text"]
 
     found = re.search(
-        r"Nothing was simulated between width 75 mm and 120 mm; sweep there first: 97 mm has in simulation a (\d+) %",
+        r"Nothing was simulated between width 75 mm and 120 mm; sweep there first: 97 mm has a (\d+) %",
         text,
     )
     # Simulation is sure of each design, and knows nothing of the middle: even odds within what a smooth model sees.

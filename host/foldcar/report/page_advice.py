@@ -236,14 +236,13 @@ class Advice:
             return ""
         above = (self.effects.rates(numpy.vstack([x, *(one[-1] for one in gaps)])) > self.threshold).mean(axis=0)
         doubt = numpy.minimum(above, 1 - above)
-        most = int(doubt[len(x) :].argmax())
-        if doubt[len(x) + most] < max(LEAST_DOUBT, doubt[: len(x)].max()):
+        at = len(x) + int(doubt[len(x) :].argmax())
+        if doubt[at] < max(LEAST_DOUBT, doubt[: len(x)].max()):
             return ""
-        name, low, high, middle = gaps[most]
+        name, low, high, middle = gaps[at - len(x)]
         between = f"{label_and_unit(name)[0]} {value_text(name, low)} and {value_text(name, high)}"
         car = design_text(dict(zip(names, middle.tolist(), strict=True)))
-        share = percent(above[len(x) + most])
-        chance = f"in {self.designs.info.simulation} a {share} chance to pass more than {self.limit}"
+        chance = f"a {percent(above[at])} chance to pass more than {self.limit} in {self.designs.info.simulation}"
         return f"Nothing was simulated between {between}; sweep there first: {car} has {chance}."
 
     def edges(self) -> list[str]:

@@ -16,7 +16,6 @@ from foldcar.advice.resimulation import Resimulation
 from foldcar.analysis.rate import Rate
 from foldcar.analysis.words import count, design_text
 from foldcar.simulation.results import NUMBERS, OUTCOMES, REJECTED
-from foldcar.store.designs import DesignCounts
 from foldcar.store.frames import run_arrays
 from foldcar.store.info import REALITY_KIND, ExperimentInfo
 from foldcar.store.reader import Store
@@ -148,22 +147,28 @@ def swept_ids(store: Store) -> set[str]:
     return {*infos, *(info.listed_id for info in infos.values())}
 
 
-def rejected_text(counts: DesignCounts) -> str | None:
-    """How many runs of an experiment belong in no rate, and how many designs have no other; None if all count."""
+def run_remarks(store: Store, info: ExperimentInfo) -> list[str]:
+    """What is said of runs wherever they count: what their engine cannot know, how many are missing or rejected."""
+    found = [info.warning] if info.warning else []
+    if info.stored_runs < info.planned_runs:
+        stored = f"{info.stored_runs:,} of {info.planned_runs:,} runs are stored"
+        found.append(f"Unfinished: {stored}; the command that started the sweep resumes it.")
+    counts = store.design_counts(info.id)
     rejected = sum(counts.runs) - sum(counts.counted)
-    if not rejected:
-        return None
-    without = sum(runs > 0 and not counted for runs, counted in zip(counts.runs, counts.counted, strict=True))
-    have = "has" if without == 1 else "have"
-    rest = f" {count(without, 'design')} {have} no other run, and so no rate." if without else ""
-    return (
-        f"{rejected} of {sum(counts.runs)} runs were rejected: they violated a requirement of the program. Scenic "
-        f"discards such runs; they count neither as passed nor as not passed.{rest}"
-    )
+    if rejected:
+        without = sum(runs > 0 and not counted for runs, counted in zip(counts.runs, counts.counted, strict=True))
+        have = "has" if without == 1 else "have"
+        rest = f" {count(without, 'design')} {have} no other run, and so no rate." if without else ""
+        found.append(
+            f"{rejected} of {sum(counts.runs)} runs were rejected: they violated a requirement of the program. Scenic "
+            f"discards such runs; they count neither as passed nor as not passed.{rest}"
+        )
+    return found
 
 
 def _evidence(store: Store, info: ExperimentInfo, again: Resimulation, simulated_trials: bool) -> Evidence:
     trials, remarks = _trials(store, info, simulated_trials)
+    remarks = [*run_remarks(store, info), *remarks]
     designs = {_key(info.vehicle_type, one.design): one for one in _swept(store, info)}
     by_design: dict[Any, list[Trial]] = {}
     for trial in trials:
@@ -173,14 +178,6 @@ def _evidence(store: Store, info: ExperimentInfo, again: Resimulation, simulated
     made = {key: _unswept(info, by_design[key][0], again) for key in sorted(unswept, key=lambda k: -len(by_design[k]))}
     designs |= {key: made[key][0] for key in unswept}
     remarks += _unswept_remarks([made[key] for key in unswept])
-    rejected = rejected_text(store.design_counts(info.id))
-    if rejected is not None:
-        remarks.insert(0, rejected)
-    stored = info.stored_runs
-    if stored < info.planned_runs:
-        remarks.insert(0, f"Unfinished: {stored} of {info.planned_runs} runs are stored; the same sweep resumes.")
-    if info.warning:
-        remarks.insert(0, info.warning)
     here = store.trials_here(info)
     found = [_with_trials(info, one, by_design.get(key, []), here, again) for key, one in designs.items()]
     return Evidence(info, tuple(found), (*remarks, *_pair_remarks(found), *again.remarks(info.id)))

@@ -12,11 +12,10 @@ from pathlib import Path
 
 from page_block import replaced
 
-from foldcar.crosscheck.agreement import Agreement, Pair, agreement
-from foldcar.crosscheck.page import COMPARISON_HEAD, column_name, comparison_row
-from foldcar.crosscheck.stored import Case
 from foldcar.errors import FoldcarError
 from foldcar.outputs import atomic_file
+from foldcar.report.crosscheck_agreement import Agreement, Case, Pair, agreement
+from foldcar.report.crosscheck_page import COMPARISON_HEAD, column_name, comparison_row
 from foldcar.simulation.engines import ELLIPSOID, HALF_STEP, MUJOCO, MULTIBODY, SIDE_VIEW
 from foldcar.simulation.results import NUMBERS
 

@@ -24,7 +24,6 @@ from scipy.special import betainc, betaincinv, betaln, xlog1py, xlogy
 from scipy.stats import binom, norm
 from synthetic_trials import ENVIRONMENTS, binary_pairs, rows
 
-from foldcar.analysis.gap import paired_rates
 from foldcar.analysis.gaussian_process import success_model
 from foldcar.analysis.pooled_bias import pooled_bias
 from foldcar.analysis.prediction_powered import power_tuned_mean, rectified_rate
@@ -113,21 +112,6 @@ def pooled(rough: bool, correlation: float, n: int) -> Cell:
     return share(intervals())
 
 
-def compared(n: int) -> Cell:
-    """The difference of two designs that pass or fail in the same environments."""
-    random = numpy.random.default_rng(SEED)
-
-    def intervals() -> Iterator[tuple[float, float, float]]:
-        for pair in binary_pairs(random, n, 0.5, REPEATS):
-            # The other design passes where the first one and a coin of its own both do, or another coin.
-            keep, add = random.uniform(0.3, 1), random.uniform(0, 0.3)
-            second = numpy.where(pair.trials == 1, random.random(n) < keep, random.random(n) < add)
-            found = paired_rates(pair.trials, second)
-            yield pair.rate - (pair.rate * keep + (1 - pair.rate) * add), found.low, found.high
-
-    return share(intervals())
-
-
 def restricted(n: int) -> Cell:
     """The mean time up to the limit: log-normal times, up to half beyond it."""
     random = numpy.random.default_rng(SEED)
@@ -209,7 +193,6 @@ LINES: dict[str, Callable[[int], Cell]] = {
     "the same, normal interval of PPI++, ρ = 0.5": partial(normal_rectified, 0.5),
     "designs pooled, smooth bias, ρ = 0.4": partial(pooled, False, 0.4),
     "designs pooled, rough bias, ρ = 0.4": partial(pooled, True, 0.4),
-    "difference of two designs": compared,
     "restricted mean time": restricted,
     "smooth success model": smooth,
     "anytime-valid, at every look up to n": anytime,

@@ -1,4 +1,4 @@
-"""What advice says, from evidence written by hand: costs, reasons, other simulations, designs that are told apart."""
+"""What advice says, from evidence written by hand: costs, reasons, other simulations."""
 
 import math
 from types import SimpleNamespace
@@ -11,7 +11,7 @@ from foldcar.advice import outlook
 from foldcar.advice import selecting as costs
 from foldcar.advice.comparison import _verdict
 from foldcar.advice.evidence import Evidence, _pair_remarks
-from foldcar.advice.reasons import Parting, first_reason, next_reason, told_apart_text
+from foldcar.advice.reasons import Parting, first_reason, next_reason
 from foldcar.advice.selecting import _Choice
 from foldcar.analysis.gap import AGREES, TOO_FEW, Gap, rank_agreement
 from foldcar.analysis.gaussian_process import success_model
@@ -178,28 +178,6 @@ def test_a_design_of_the_family_differs_in_what_varies_only() -> None:
     assert not belongs({"width_mm": 65.0})
     assert not belongs({"height_mm": 50.0})
     assert not belongs({"width_mm": 65.0, "height_mm": 50.0, "depth_mm": 3.0})
-
-
-def test_designs_are_told_apart_on_both_sides() -> None:
-    """McNemar's exact p-value of 12 environments that differ, all one way, is 2 / 2^12."""
-    one = numpy.repeat([1.0, 0.0], [12, 12])
-    best, worse, better = one, numpy.zeros(24), numpy.ones(24)
-
-    text = told_apart_text(numpy.array([best, worse, better, one]), ["best", "worse", "better", "twin"], 0, [1, 2, 3])
-
-    assert text is not None and text.startswith("Over the same 24 environments, which did not choose it, best passes")
-    assert "passes more often than worse; it passes less often than better; it is not told apart from twin" in text
-    # Nine failures alone have p = 0.004, six have 0.03, which is too much for two comparisons.
-    rows = numpy.ones((3, 50))
-    rows[1, :9], rows[2, :6] = 0, 0
-    several = told_apart_text(rows, ["95 mm", "65 mm", "105 mm"], 0, [0, 1, 2]) or ""
-    assert "95 mm passes more often than 65 mm; it is not told apart from 105 mm" in several
-    assert told_apart_text(numpy.array([best[:9], worse[:9]]), ["best", "worse"], 0, [0, 1]) is None
-    # For one comparison 0.03 is enough.
-    assert "95 mm passes more often than 105 mm" in (told_apart_text(rows, ["95 mm", "", "105 mm"], 0, [0, 2]) or "")
-    # Two that pass alike in 200 environments differ by little.
-    alike = told_apart_text(numpy.ones((2, 200)), ["95 mm", "105 mm"], 0, [1]) or ""
-    assert alike.partition("105 mm, ")[2].startswith("which may pass up to 1 points less: choose between these by cost")
 
 
 def test_ranks_are_told_as_far_as_they_are_defined() -> None:

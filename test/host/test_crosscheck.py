@@ -14,10 +14,9 @@ from typing import Any
 import pytest
 
 from foldcar.analysis.rate import wilson_interval
-from foldcar.crosscheck.agreement import agreement
-from foldcar.crosscheck.parted import parted
-from foldcar.crosscheck.stored import Case, read_cases
 from foldcar.errors import FoldcarError
+from foldcar.report.crosscheck_agreement import Case, agreement, read_cases
+from foldcar.report.crosscheck_parted import parted
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.engines import MUJOCO, MULTIBODY
 from foldcar.store.reader import Store

@@ -13,7 +13,7 @@ from pypdf import PdfReader
 
 import written_study
 from foldcar.cli import main
-from foldcar.report.file_names import file_name_part
+from foldcar.report.paper_figures import file_name_part
 from foldcar.store.writer import write_store
 from written_study import add_experiment
 

@@ -15,15 +15,14 @@ from typer.testing import CliRunner
 from foldcar.cli import app
 from foldcar.figures.compact_path import ANGLE_RAD, PLACE_M, compact_path, twice_differenced, varints
 from foldcar.figures.scene_data import HEIGHT_M, ground_data
-from foldcar.replay.choice import choose_runs
-from foldcar.replay.outcome_grid import OutcomeGrid
-from foldcar.replay.simulate import kept_paths, simulate_paths
-from foldcar.replay.stored_drives import read_drives
+from foldcar.report.replay_choice import OutcomeGrid, choose_runs
+from foldcar.report.replay_paths import kept_paths, simulate_paths
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.heights import carsim_heights
 from foldcar.simulation.runner import KEPT_INTERVAL_S as INTERVAL_S
 from foldcar.store.frames import run_arrays
 from foldcar.store.reader import Store
+from foldcar.store.stored_drives import read_drives
 from foldcar.study.kept_paths import MOST_DESIGNS, KeptPaths
 
 STEP_PYRAMIDS = Path(__file__).resolve().parents[2] / "scenarios" / "step_pyramids.scenic"

@@ -1,34 +1,10 @@
 """Comparisons of designs and of simulations."""
 
-import math
-
 import numpy
 import pytest
 from scipy import stats
 
 from foldcar.analysis.engine_bias import pooled_difference
-from foldcar.analysis.gap import paired_rates
-from foldcar.errors import FoldcarError
-
-
-def test_paired_rates_are_those_of_the_textbook() -> None:
-    # Agresti, Categorical Data Analysis (2002), section 10.1.1: approval by 1600 people, asked twice.
-    first, second = (numpy.repeat(column, [794, 150, 86, 570]) for column in ([1, 1, 0, 0], [1, 0, 1, 0]))
-
-    found = paired_rates(first, second)
-
-    assert found.difference == pytest.approx((150 - 86) / 1600)
-    assert (found.low, found.high) == pytest.approx((0.02, 0.06), abs=0.005)
-    assert found.p_value == pytest.approx(2 * sum(math.comb(236, i) for i in range(87)) / 2**236)
-
-
-def test_designs_that_never_differ_are_not_proven_alike() -> None:
-    found = paired_rates([1, 0, 1, 1], [1, 0, 1, 1])
-
-    assert found.difference == 0 and found.p_value == 1 and found.low < -0.2 and found.high > 0.2
-    for bad in (([], []), ([1], [1, 0]), ([2], [0])):
-        with pytest.raises(FoldcarError):
-            paired_rates(*bad)
 
 
 def test_the_difference_of_two_simulations_is_that_of_plain_quadrature() -> None:

@@ -12,9 +12,8 @@ from typer.testing import CliRunner
 
 from foldcar.cli import app
 from foldcar.figures.page import inline_svg
-from foldcar.report.across_plot import across_rates
+from foldcar.report.across_plot import across_rates, environment_groups
 from foldcar.report.effect_plots import draw_effects, draw_map, edges
-from foldcar.report.environment_groups import environment_groups
 from foldcar.report.page_data import Experiment, page_data, read_experiments
 from foldcar.report.paper_figures import drawings
 from foldcar.report.parameter_plots import BLUE, GREEN, NAVY, axis_label, draw_feasibility, error_percent, success_colour

@@ -9,7 +9,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy
-import pandas
 
 from foldcar.advice.evidence import Design, DesignEvidence, Evidence, read_evidence, swept_ids, unswept_trials
 from foldcar.analysis.gap import (
@@ -109,16 +108,14 @@ def compare(
     store: Store,
     experiment: str | None = None,
     margin: float = MARGIN,
-    runs: pandas.DataFrame | None = None,
     simulated_trials: bool = False,
 ) -> Comparison:
     """Compare a store's trials with its runs; rates that differ by at most ``margin`` (0 to 1) agree.
 
-    ``runs`` is the store's table of runs if the caller has it. ``simulated_trials``: trials of simulated cars instead of
-    those of built ones. FoldcarError.
+    ``simulated_trials``: trials of simulated cars instead of those of built ones. FoldcarError.
     """
     known = {trial.experiment for trial in store.trials()} - swept_ids(store)
-    evidence = [] if experiment in known else read_evidence(store, experiment, runs, simulated_trials)
+    evidence = [] if experiment in known else read_evidence(store, experiment, simulated_trials)
     alone = unswept_trials(store, experiment if experiment in known else None, simulated_trials)
     found = compare_evidence(evidence, alone if experiment is None or experiment in known else [], margin)
     return replace(found, sentence=f"SIMULATED trials. {found.sentence}") if simulated_trials else found

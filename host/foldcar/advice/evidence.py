@@ -10,15 +10,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy
-import pandas
 from numpy.typing import NDArray
 
 from foldcar.advice.resimulation import Resimulation
 from foldcar.analysis.rate import Rate
 from foldcar.analysis.words import count, design_text
-from foldcar.simulation.results import REJECTED
-from foldcar.store.designs import DesignCounts
-from foldcar.store.frames import runs_frame
+from foldcar.simulation.results import NUMBERS, OUTCOMES, REJECTED
+from foldcar.store.frames import run_arrays
 from foldcar.store.info import REALITY_KIND, ExperimentInfo
 from foldcar.store.reader import Store
 from foldcar.store.trial_records import SIMULATED, Trial, left_out_text, select_trials
@@ -124,21 +122,16 @@ class Evidence:
         return [one for one in self.designs if one.trials]
 
 
-def read_evidence(
-    store: Store, experiment: str | None = None, runs: pandas.DataFrame | None = None, simulated_trials: bool = False
-) -> list[Evidence]:
+def read_evidence(store: Store, experiment: str | None = None, simulated_trials: bool = False) -> list[Evidence]:
     """The evidence of every swept experiment, or of one; none if no sweep has begun.
 
-    ``runs`` is the store's :func:`runs_frame` if the caller has it. ``simulated_trials``: trials of simulated cars
-    instead of those of built ones; a remark says so. FoldcarError.
+    ``simulated_trials``: trials of simulated cars instead of those of built ones; a remark says so. FoldcarError.
     """
     if not store.holds_study():
         return []
     infos = store.info().experiments
-    names = store.experiment_ids(experiment)
-    table = runs_frame(store, experiment) if runs is None else runs
     again = Resimulation(store)
-    return [_evidence(store, infos[name], table[table["experiment"] == name], again, simulated_trials) for name in names]
+    return [_evidence(store, infos[name], again, simulated_trials) for name in store.experiment_ids(experiment)]
 
 
 def unswept_trials(store: Store, experiment: str | None = None, simulated_trials: bool = False) -> list[Trial]:
@@ -154,25 +147,29 @@ def swept_ids(store: Store) -> set[str]:
     return {*infos, *(info.listed_id for info in infos.values())}
 
 
-def rejected_text(counts: DesignCounts) -> str | None:
-    """How many runs of an experiment belong in no rate, and how many designs have no other; None if all count."""
+def run_remarks(store: Store, info: ExperimentInfo) -> list[str]:
+    """What is said of runs wherever they count: what their engine cannot know, how many are missing or rejected."""
+    found = [info.warning] if info.warning else []
+    if info.stored_runs < info.planned_runs:
+        stored = f"{info.stored_runs:,} of {info.planned_runs:,} runs are stored"
+        found.append(f"Unfinished: {stored}; the command that started the sweep resumes it.")
+    counts = store.design_counts(info.id)
     rejected = sum(counts.runs) - sum(counts.counted)
-    if not rejected:
-        return None
-    without = sum(runs > 0 and not counted for runs, counted in zip(counts.runs, counts.counted, strict=True))
-    have = "has" if without == 1 else "have"
-    rest = f" {count(without, 'design')} {have} no other run, and so no rate." if without else ""
-    return (
-        f"{rejected} of {sum(counts.runs)} runs were rejected: they violated a requirement of the program. Scenic "
-        f"discards such runs; they count neither as passed nor as not passed.{rest}"
-    )
+    if rejected:
+        without = sum(runs > 0 and not counted for runs, counted in zip(counts.runs, counts.counted, strict=True))
+        have = "has" if without == 1 else "have"
+        rest = f" {count(without, 'design')} {have} no other run, and so no rate." if without else ""
+        found.append(
+            f"{rejected} of {sum(counts.runs)} runs were rejected: they violated a requirement of the program. Scenic "
+            f"discards such runs; they count neither as passed nor as not passed.{rest}"
+        )
+    return found
 
 
-def _evidence(
-    store: Store, info: ExperimentInfo, runs: pandas.DataFrame, again: Resimulation, simulated_trials: bool
-) -> Evidence:
+def _evidence(store: Store, info: ExperimentInfo, again: Resimulation, simulated_trials: bool) -> Evidence:
     trials, remarks = _trials(store, info, simulated_trials)
-    designs = {_key(info.vehicle_type, one.design): one for one in _swept(store, info, runs)}
+    remarks = [*run_remarks(store, info), *remarks]
+    designs = {_key(info.vehicle_type, one.design): one for one in _swept(store, info)}
     by_design: dict[Any, list[Trial]] = {}
     for trial in trials:
         by_design.setdefault(_key(trial.vehicle_type, trial.design), []).append(trial)
@@ -181,40 +178,33 @@ def _evidence(
     made = {key: _unswept(info, by_design[key][0], again) for key in sorted(unswept, key=lambda k: -len(by_design[k]))}
     designs |= {key: made[key][0] for key in unswept}
     remarks += _unswept_remarks([made[key] for key in unswept])
-    rejected = rejected_text(store.design_counts(info.id))
-    if rejected is not None:
-        remarks.insert(0, rejected)
-    stored = info.stored_runs
-    if stored < info.planned_runs:
-        remarks.insert(0, f"Unfinished: {stored} of {info.planned_runs} runs are stored; the same sweep resumes.")
-    if info.warning:
-        remarks.insert(0, info.warning)
     here = store.trials_here(info)
     found = [_with_trials(info, one, by_design.get(key, []), here, again) for key, one in designs.items()]
     return Evidence(info, tuple(found), (*remarks, *_pair_remarks(found), *again.remarks(info.id)))
 
 
-def _swept(store: Store, info: ExperimentInfo, runs: pandas.DataFrame) -> Iterator[DesignEvidence]:
+def _swept(store: Store, info: ExperimentInfo) -> Iterator[DesignEvidence]:
     """The designs of the family with their runs."""
-    groups = runs.groupby([*info.varied], sort=False, dropna=False).indices if info.varied else {(): range(len(runs))}
-    keyed = {key if isinstance(key, tuple) else (key,): rows for key, rows in groups.items()}
-    samples, elapsed_s, outcomes = (runs[name].to_numpy() for name in ("sample", "elapsed_time_s", "outcome"))
-    for design in store.designs(info.id).values():
-        rows = numpy.asarray(keyed.get(tuple(design[name] for name in info.varied), []), dtype=int)
-        counts, discarded = Counter(outcomes[rows].tolist()), outcomes[rows] == REJECTED
-        rejected, rows = frozenset(samples[rows[discarded]].tolist()), rows[~discarded]
+    runs, designs = run_arrays(store, info.id), list(store.designs(info.id).values())
+    order = numpy.argsort(runs.design, kind="stable")
+    each = numpy.split(order, numpy.searchsorted(runs.design[order], numpy.arange(1, len(designs))))
+    elapsed_s = runs.metrics[:, NUMBERS.index("elapsed_time_s")]
+    # Of no design split makes one part.
+    for design, all_rows in zip(designs, each, strict=False):
+        discarded = runs.outcome[all_rows] == OUTCOMES.index(REJECTED)
+        rows = all_rows[~discarded]
         times = elapsed_s[rows][~numpy.isnan(elapsed_s[rows])]
         yield DesignEvidence(
             info.vehicle_type,
             dict(design),
             design_text({name: design[name] for name in info.varied}),
             True,
-            samples[rows],
-            outcomes[rows] == "passed",
-            counts,
+            runs.sample[rows],
+            runs.outcome[rows] == OUTCOMES.index("passed"),
+            Counter(OUTCOMES[code] for code in runs.outcome[all_rows].tolist()),
             float(times.mean()) if len(times) else None,
             stopped=info.until is not None,
-            rejected=rejected,
+            rejected=frozenset(runs.sample[all_rows[discarded]].tolist()),
         )
 
 

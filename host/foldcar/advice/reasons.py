@@ -1,15 +1,13 @@
-"""Why a design is worth building, in words, and which designs simulation tells apart."""
+"""Why a design is worth building, in words."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy
-from numpy.typing import ArrayLike
 
 from foldcar.advice.evidence import DesignEvidence
 from foldcar.advice.outlook import Outlook
 from foldcar.analysis import selection
-from foldcar.analysis.gap import paired_rates
 from foldcar.analysis.gaussian_process import unit_range
 from foldcar.analysis.words import count, listed, percent, points, span_text
 from foldcar.simulation.engines import engine_title
@@ -17,12 +15,6 @@ from foldcar.store.info import ExperimentInfo
 
 # Differences of rates that are worth a word.
 WORTH = 0.15
-# Of the tests together: each is at this share of their number (Bonferroni).
-LEVEL = 0.05
-# Fewer environments tell hardly any designs apart.
-LEAST = 10
-# Designs that differ by less, 0 to 1, are as good as each other.
-ALIKE = 0.1
 
 _FIRST = {
     selection.MIDDLE: "the middle of the feasible region: if it fails, simulation is wrong where it is surest",
@@ -120,45 +112,3 @@ def _parted_text(parted: Parting | None) -> list[str]:
     if parted is None or abs(parted.difference) <= WORTH:
         return []
     return [f"{parted.between} part by {points(parted.difference, sign=False)} points"]
-
-
-def told_apart_text(passed: ArrayLike, labels: Sequence[str], best: int, others: Sequence[int]) -> str | None:
-    """How the ``others`` compare with the ``best``; None if there is nothing to compare.
-
-    ``passed`` (designs, environments) has NaN where there is no run. The best must have been chosen in other
-    environments: in those that chose it, it looks better than it is.
-    """
-    table = numpy.asarray(passed, dtype=float)
-    level = LEVEL / max(1, len([one for one in others if one != best]))
-    behind: list[str] = []
-    ahead: list[str] = []
-    close: list[str] = []
-    reach, environments = 0.0, 0
-    for other in others:
-        both = ~numpy.isnan(table[best]) & ~numpy.isnan(table[other])
-        if other == best or both.sum() < LEAST:
-            continue
-        pair = paired_rates(table[best][both], table[other][both], 1 - level)
-        environments = max(environments, pair.environments)
-        if pair.p_value <= level:
-            (behind if pair.difference > 0 else ahead).append(labels[other])
-        else:
-            close.append(labels[other])
-            reach = max(reach, pair.high)
-    said = []
-    if behind:
-        said.append(f"passes more often than {listed(behind)}")
-    if ahead:
-        said.append(f"passes less often than {listed(ahead)}")
-    if close:
-        advised = "choose between these by cost" if reach <= ALIKE else "more environments would tell"
-        said.append(
-            f"is not told apart from {listed(close)}, which may pass up to "
-            f"{points(reach, sign=False)} points less: {advised}"
-        )
-    if not said:
-        return None
-    return (
-        f"Over the same {environments} environments, which did not choose it, {labels[best]} {'; it '.join(said)}. "
-        f"(McNemar's exact test over runs, {100 * LEVEL:g} % for all comparisons together.)"
-    )

@@ -21,7 +21,7 @@ from foldcar.simulation.results import outcome_of
 from foldcar.simulation.runner import RunRequest
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
-from foldcar.store.tables import BY_NAME, EXPERIMENT
+from foldcar.store.stored_drives import StoredDrives, read_drives
 from foldcar.store.trial_records import Trial
 from foldcar.store.writer import canonical_json
 from foldcar.study.experiments import run_settings
@@ -56,8 +56,8 @@ class Resimulation:
             return None
         self._trials += 1
         body, settings, scene = drive
-        variation = self._variations(info).get(trial.sample if trial.sample is not None else -1, {})
-        ((outcome, _),) = self._run(self._simulator(info), body, [(variation, scene)], settings)
+        case = self._variation(info, trial.sample), scene
+        ((outcome, _),) = self._run(self._simulator(info), body, [case], settings)
         return outcome
 
     def design(self, info: ExperimentInfo, trial: Trial) -> tuple[list[Ended], str | None]:
@@ -81,8 +81,7 @@ class Resimulation:
             return [], f"no module has the parameter {error.args[0]}"
         except FoldcarError as error:
             return [], str(error).rstrip(".")
-        variations = self._variations(info)
-        cases = [(variations.get(sample, {}), text) for sample, text in scenes.items()]
+        cases = [(self._variation(info, sample), text) for sample, text in scenes.items()]
         return self._run(carsim, canonical_json(body), cases, canonical_json(settings)), None
 
     def remarks(self, experiment: str) -> list[str]:
@@ -99,8 +98,7 @@ class Resimulation:
     def _why_not(self, info: ExperimentInfo) -> str | None:
         if info.under is not None:
             return f"the runs are those of {info.under}"
-        (environment,) = self._rows("environment", "WHERE id = ?", self._experiment(info)["environment_id"])
-        if environment["dynamic"]:
+        if self._drives(info).dynamic:
             return f"{info.scenic_program} runs beside the simulation"
         try:
             build = self._simulator(info).build
@@ -126,30 +124,17 @@ class Resimulation:
         answers = carsim.run(cars, scenes, requests)
         return [(outcome_of(answer), answer.get("elapsed_time_s")) for answer in answers]
 
+    def _drives(self, info: ExperimentInfo) -> StoredDrives:
+        return self._store.once(("drives", info.id), lambda: read_drives(self._store, info.id))
+
     def _scenes(self, info: ExperimentInfo) -> dict[int, str]:
         """The texts of the scenes that the sweep has stored, by sample."""
-
-        def read() -> dict[int, str]:
-            where = "WHERE environment_id = ? AND sample < ? ORDER BY sample"
-            rows = self._rows("sample", where, self._experiment(info)["environment_id"], info.environments)
-            return {row["sample"]: self._text("scene", row["scene_id"]) for row in rows}
-
+        drives = self._drives(info)
+        read = lambda: {sample: drives.text("scene", one) for sample, one in drives.scenes.items()}  # noqa: E731
         return self._store.once(("scenes", info.id), read)
 
-    def _variations(self, info: ExperimentInfo) -> dict[int, Mapping[str, Any]]:
-        def read() -> dict[int, Mapping[str, Any]]:
-            rows = self._rows("draw", "WHERE spread_id = ?", self._experiment(info)["spread_id"])
-            return {row["sample"]: json.loads(self._text("variation", row["variation_id"])) for row in rows}
-
-        return self._store.once(("variations", info.id), read) if info.variation else {}
-
-    def _rows(self, table: str, where: str, *values: Any) -> list[dict[str, Any]]:
-        return list(self._store.rows(BY_NAME[table], where, *values))
-
-    def _text(self, table: str, number: int) -> str:
-        (row,) = self._rows(table, "WHERE id = ?", number)
-        return str(row["json"])
-
-    def _experiment(self, info: ExperimentInfo) -> dict[str, Any]:
-        (row,) = self._store.rows(EXPERIMENT, "WHERE id = ?", info.id)
-        return row
+    def _variation(self, info: ExperimentInfo, sample: int | None) -> Mapping[str, Any]:
+        """How the car of that sample differs from its design."""
+        drives = self._drives(info)
+        known = info.variation and sample in drives.variations
+        return drives.value("variation", drives.variations[sample]) if known and sample is not None else {}

@@ -10,14 +10,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy
-import pandas
 from threadpoolctl import threadpool_limits
 
 from foldcar.advice.evidence import Design, DesignEvidence, Evidence, read_evidence
 from foldcar.advice.outlook import Outlook, outlook
-from foldcar.advice.reasons import Parting, between, first_reason, next_reason, region_text, told_apart_text
+from foldcar.advice.reasons import Parting, between, first_reason, next_reason, region_text
 from foldcar.analysis.pooled_bias import MOST_POOLED
-from foldcar.analysis.rate import Rate
+from foldcar.analysis.rate import Rate, rate_interval
 from foldcar.analysis.selection import (
     Placed,
     choose,
@@ -108,17 +107,16 @@ def select(
     threshold: float | None = None,
     precision: float = PRECISION,
     experiment: str | None = None,
-    runs: pandas.DataFrame | None = None,
     with_cost: bool = True,
     simulated_trials: bool = False,
 ) -> list[Selection]:
     """Advice for every swept experiment, or one: up to ``build`` designs each; none if nothing was swept.
 
     ``threshold`` (0 to 1) is the success that a good design reaches; None: the listing's highest, or THRESHOLD.
-    ``precision`` is the half-width (0 to 0.5) to which trials are to bring a rate. ``runs`` is the store's table of runs
-    if the caller has it. ``simulated_trials``: go by trials of simulated cars instead of built ones. FoldcarError.
+    ``precision`` is the half-width (0 to 0.5) to which trials are to bring a rate. ``simulated_trials``: go by trials of
+    simulated cars instead of built ones. FoldcarError.
     """
-    evidence = read_evidence(store, experiment, runs, simulated_trials)
+    evidence = read_evidence(store, experiment, simulated_trials)
     found = select_evidence(evidence, build, threshold, precision, with_cost)
     return [replace(one, sentence=f"SIMULATED trials. {one.sentence}") for one in found] if simulated_trials else found
 
@@ -243,17 +241,11 @@ class _Choice:
         remarks = [region_text(seen, self.threshold, self.evidence.parameters, info.simulation)]
         best, passed, number = honest_best(seen.passed)
         if number and len(seen.designs) > 1:
-            rate = Rate.counted(passed, number, count(number, "run"), info.until is not None)
+            rate = rate_text(passed / number, *rate_interval(passed, number, info.until is not None))
             remarks.append(
-                f"Best in {info.simulation}: {seen.designs[best].label}, {rate_text(rate)}, chosen in one half of the "
-                "environments and counted in the other."
+                f"Best in {info.simulation}: {seen.designs[best].label}, {rate}, chosen in one half of the environments "
+                "and counted in the other."
             )
-            # Trials say more; the test holds for a number of runs that was fixed before.
-            if not (seen.driven or info.until or info.searched):
-                labels = [design.label for design in seen.designs]
-                rows = sorted(labels.index(one.label) for one in recommended)
-                apart = told_apart_text(seen.passed[:, 1::2], labels, best, rows)
-                remarks += [apart] if apart else []
         if seen.thinned:
             left = f"{count(seen.thinned, 'design')} between these were left out of the choice, to save time"
             driven = sum(bool(one.trials) for one in seen.designs)
@@ -273,7 +265,8 @@ class _Choice:
         if loss is None:
             return f"Build {named}: no trials yet, so these mark the region that reaches {limit} in {simulation}."
         best, _ = expected_loss(seen.draws)
-        shown = "" if seen.pooled is None else f" with {rate_text(seen.pooled[best])}"
+        known = None if seen.pooled is None else seen.pooled[best]
+        shown = "" if known is None else f" with {rate_text(known.value, known.low, known.high)}"
         leads = f"by trials and {simulation} together {seen.designs[best].label} leads{shown}"
         loses = f"to settle for it loses {points(loss, sign=False)} points on average against the best there may be"
         if not enough:

@@ -1,4 +1,4 @@
-"""How far two things are apart: simulated and driven success rates, ranks of designs, two designs over the same places.
+"""How far simulated and driven success rates, and ranks of designs by them, are apart.
 
 A gap is trials minus simulation: below 0 simulation is optimistic.
 """
@@ -8,16 +8,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy
-from numpy.typing import ArrayLike
 
-from foldcar.analysis.rate import Rate, check_confidence
-from foldcar.errors import FoldcarError
+from foldcar.analysis.rate import Rate
 
 AGREES, OPTIMISTIC, PESSIMISTIC, TOO_FEW = "agrees", "optimistic", "pessimistic", "too few trials"
 # Draws of the rates' posterior; the ends of an interval vary by about 0.01 with the draw.
 DRAWS = 4000
-# Midpoints of equal parts of a distribution.
-PARTS = (numpy.arange(200) + 0.5) / 200
 
 
 @dataclass(frozen=True)
@@ -75,16 +71,13 @@ class RankAgreement:
     mmrv: float | None = None
 
 
-def rank_agreement(
-    simulated: Sequence[tuple[int, int]], driven: Sequence[tuple[int, int]], confidence: float = 0.95
-) -> RankAgreement:
+def rank_agreement(simulated: Sequence[tuple[int, int]], driven: Sequence[tuple[int, int]]) -> RankAgreement:
     """The agreement of designs' ranks from how many passed of how many, (passed, all) of runs and of trials.
 
-    Intervals hold the correlation of the true rates with probability ``confidence``, given Jeffreys' priors.
+    Intervals hold the correlation of the true rates with probability 0.95, given Jeffreys' priors.
     """
     from scipy.stats import rankdata
 
-    check_confidence(confidence)
     counts = [numpy.array(one, dtype=float) for one in (simulated, driven)]
     if len(simulated) < 2:
         return RankAgreement(len(simulated))
@@ -101,43 +94,6 @@ def rank_agreement(
     for first, second in (values, [rankdata(one, axis=1) for one in values]):
         a, b = (one - one.mean(axis=1, keepdims=True) for one in (first, second))
         each = (a * b).sum(axis=1) / numpy.sqrt((a**2).sum(axis=1) * (b**2).sum(axis=1))
-        low, high = numpy.quantile(each[1:], [(1 - confidence) / 2, (1 + confidence) / 2])
+        low, high = numpy.quantile(each[1:], [0.025, 0.975])
         found += [float(each[0]), (float(low), float(high))]
     return RankAgreement(len(f), found[0], found[1], found[2], found[3], mmrv)
-
-
-@dataclass(frozen=True)
-class PairedRates:
-    """The rate of the first design less the second's, -1 to 1, with its interval and McNemar's p-value."""
-
-    difference: float
-    low: float
-    high: float
-    environments: int
-    p_value: float
-
-
-def paired_rates(first: ArrayLike, second: ArrayLike, confidence: float = 0.95) -> PairedRates:
-    """Compare two designs that passed (1) or failed (0) in the same environments (n,).
-
-    The test is McNemar's exact one (1947): the binomial test of the discordant environments. The interval is Bayesian:
-    of the environments a share is discordant, with a flat prior, and of these a share goes to the first, with Jeffreys'.
-    It covers as stated from 10 environments on, and is narrower than Bonett and Price's (doi:10.3102/1076998611411915).
-    """
-    from scipy.stats import beta, binomtest
-
-    check_confidence(confidence)
-    a, b = (numpy.asarray(one, dtype=float) for one in (first, second))
-    if a.ndim != 1 or a.shape != b.shape or not len(a):
-        raise FoldcarError(f"results to compare must be of the same environments; there are {a.size} and {b.size}")
-    if not numpy.all(numpy.isin([a, b], (0, 1))):
-        raise FoldcarError("results to compare must be 0 (failed) or 1 (passed)")
-    n, only_first, only_second = len(a), int((a > b).sum()), int((a < b).sum())
-    discordant = only_first + only_second
-    p_value = float(binomtest(only_first, discordant).pvalue) if discordant else 1.0
-    shares = beta.ppf(PARTS, discordant + 1, n - discordant + 1)
-    sides = 2 * beta.ppf(PARTS, only_first + 0.5, only_second + 0.5) - 1
-    low, high = numpy.quantile(numpy.outer(shares, sides), [(1 - confidence) / 2, (1 + confidence) / 2])
-    difference = (only_first - only_second) / n
-    low, high = min(float(low), difference), max(float(high), difference)
-    return PairedRates(difference, low, high, n, p_value)

@@ -92,9 +92,16 @@ def wilson_interval(successes: int, runs: int, confidence: float = 0.95) -> tupl
     return 0.0 if successes == 0 else middle - reach, 1.0 if successes == runs else middle + reach
 
 
+# Thousands of designs have the same few counts, and an interval takes half a millisecond.
+@lru_cache(100_000)
 def clopper_pearson_interval(successes: int, runs: int, confidence: float = 0.95) -> tuple[float, float]:
     """The interval (low, high), each 0 to 1, that covers at least ``confidence`` at every rate (1934)."""
-    return _exact_interval(successes, runs, confidence)
+    from scipy.stats import binomtest
+
+    check_counts(successes, runs)
+    check_confidence(confidence)
+    interval = binomtest(successes, runs).proportion_ci(confidence_level=confidence, method="exact")
+    return float(interval.low), float(interval.high)
 
 
 def jeffreys_interval(successes: float, runs: float, confidence: float = 0.95) -> tuple[float, float]:
@@ -133,9 +140,9 @@ def anytime_interval(
 
 
 def limited_mean(
-    crossed: int, runs: int, sum_s: float, sum_squares_s2: float, limit_s: float, confidence: float = 0.95
+    crossed: int, runs: int, sum_s: float, sum_squares_s2: float, limit_s: float
 ) -> tuple[float, float, float]:
-    """The restricted mean time and its interval (mean, low, high), in seconds, of runs whose other ones never cross.
+    """The restricted mean time and its 95 % interval (mean, low, high), in seconds, of runs whose other ones never cross.
 
     Those count with the limit, whenever they ended. From sums over the runs that crossed, of their times and of the
     squares. The interval is a Bayesian bootstrap (Rubin 1981, doi:10.1214/aos/1176345338) with half a run that crosses at
@@ -145,7 +152,6 @@ def limited_mean(
     """
     from scipy.special import betaincinv
 
-    check_confidence(confidence)
     check_counts(crossed, runs)
     if not (limit_s > 0 and 0 <= sum_s <= crossed * limit_s * (1 + 1e-9) and sum_squares_s2 >= 0):
         raise FoldcarError(f"times to cross must be 0 to {limit_s:g} s, the limit")
@@ -159,7 +165,7 @@ def limited_mean(
         strength = centre * (1 - centre) / variance - 1
         crossing = betaincinv(centre * strength, (1 - centre) * strength, PARTS)
     means = limit_s * (1 - numpy.outer(shares, 1 - crossing))
-    low, high = numpy.quantile(means, [(1 - confidence) / 2, (1 + confidence) / 2], method="hazen")
+    low, high = numpy.quantile(means, [0.025, 0.975], method="hazen")
     return mean, min(float(low), mean), max(float(high), mean)
 
 
@@ -175,17 +181,6 @@ def check_confidence(confidence: float) -> None:
     """Refuse a confidence that is not between 0 and 1."""
     if not 0 < confidence < 1:
         raise FoldcarError(f"confidence must be between 0 and 1, as 0.95; it is {confidence:g}")
-
-
-# Thousands of designs have the same few counts, and an interval takes half a millisecond.
-@lru_cache(100_000)
-def _exact_interval(successes: int, runs: int, confidence: float) -> tuple[float, float]:
-    from scipy.stats import binomtest
-
-    check_counts(successes, runs)
-    check_confidence(confidence)
-    interval = binomtest(successes, runs).proportion_ci(confidence_level=confidence, method="exact")
-    return float(interval.low), float(interval.high)
 
 
 def _lowest_rate(passed: NDArray[Any], total: NDArray[Any], threshold: float) -> NDArray[Any]:

@@ -19,6 +19,8 @@ MIDDLE, LOWER_EDGE, UPPER_EDGE, EDGE, BELOW, ABOVE, OUTSIDE, BEST, END = (
     "middle", "lower edge", "upper edge", "edge", "below", "above", "outside", "best", "end of the range",
 )  # fmt: skip
 MOST_TRIALS = 10_000
+# The normal quantile of 0.975.
+Z = 1.959963984540054
 
 
 @dataclass(frozen=True)
@@ -182,8 +184,8 @@ def _unexplained(draws: NDArray[Any], chosen: Sequence[int]) -> NDArray[Any]:
     return found
 
 
-def trials_needed(rates: ArrayLike, half_width: float, confidence: float = 0.95) -> int:
-    """How many trials make Wilson's interval as narrow as ``half_width`` (0 to 0.5), on average over possible ``rates``.
+def trials_needed(rates: ArrayLike, half_width: float) -> int:
+    """How many trials make Wilson's 95 % interval as narrow as ``half_width`` (0 to 0.5), on average over ``rates``.
 
     At most MOST_TRIALS.
     """
@@ -193,19 +195,16 @@ def trials_needed(rates: ArrayLike, half_width: float, confidence: float = 0.95)
     low, high = 1, MOST_TRIALS
     while low < high:
         middle = (low + high) // 2
-        if _mean_half_width(p, middle, confidence) <= half_width:
+        if _mean_half_width(p, middle) <= half_width:
             high = middle
         else:
             low = middle + 1
     return low
 
 
-def _mean_half_width(rates: NDArray[Any], number: int, confidence: float) -> float:
+def _mean_half_width(rates: NDArray[Any], number: int) -> float:
     """The mean over rates of the half-width of Wilson's interval when a share of the rate has passed."""
-    from scipy.stats import norm
-
-    z = norm.ppf((1 + confidence) / 2)
-    widths = numpy.sqrt(rates * (1 - rates) / number + (z / (2 * number)) ** 2) * z / (1 + z**2 / number)
+    widths = numpy.sqrt(rates * (1 - rates) / number + (Z / (2 * number)) ** 2) * Z / (1 + Z**2 / number)
     return float(widths.mean())
 
 

@@ -36,9 +36,7 @@ class Separation:
         return abs(self.difference)
 
 
-def separations(
-    values: ArrayLike, design: ArrayLike, environment: ArrayLike, passed: ArrayLike, confidence: float = 0.95
-) -> list[Separation]:
+def separations(values: ArrayLike, design: ArrayLike, environment: ArrayLike, passed: ArrayLike) -> list[Separation]:
     """How well each column of ``values`` (environments, columns; NaN where there is none) separates, the best first.
 
     Runs (n,): index of the design, of the environment, 1 if passed. A column is left out where fewer than
@@ -63,7 +61,7 @@ def separations(
     pairs = good.T @ bad
     found = []
     # Bonferroni: the intervals hold together.
-    tail = (1 - confidence) / 2 / table.shape[1]
+    tail = 0.025 / table.shape[1]
     for column, some in enumerate(table.T):
         there = numpy.flatnonzero(~numpy.isnan(some))
         if len(there) < LEAST_ENVIRONMENTS or numpy.ptp(some[there]) == 0:
@@ -78,7 +76,9 @@ def separations(
         number = len(there)
         deviation = numpy.sqrt((weight**2).sum() * number / (number - 1)) / total
         reach = float(stdtrit(number - 1, 1 - tail)) * deviation
-        found.append(_separation(column, difference, difference - reach, difference + reach))
+        # The interval of the magnitude, from that of the difference.
+        low, high = max(0.0, abs(difference) - reach), min(1.0, abs(difference) + reach)
+        found.append(Separation(column, difference, low, high))
     return sorted(found, key=lambda one: -one.share)
 
 
@@ -86,13 +86,6 @@ def _margins(table: NDArray[Any]) -> NDArray[Any]:
     """What each environment has part in: its row and its column."""
     found: NDArray[Any] = table.sum(axis=0, dtype=float) + table.sum(axis=1, dtype=float)
     return found
-
-
-def _separation(column: int, difference: float, low: float, high: float) -> Separation:
-    """With the interval of the magnitude, from that of the difference."""
-    ends = sorted((abs(low), abs(high)))
-    least = 0.0 if low <= 0 <= high else ends[0]
-    return Separation(column, difference, min(least, 1.0), min(ends[1], 1.0))
 
 
 @dataclass(frozen=True)

@@ -3,10 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 
 from foldcar.analysis.gap import RankAgreement
-from foldcar.analysis.rate import Rate
 
-# The units in which designs are written.
-UNITS = {"mm": " mm", "deg": "°"}
 # Ends of columns' names, and how their units are written; longer ends first.
 COLUMN_UNITS = {
     "rad_s": "rad/s", "m_s": "m/s", "mm": "mm", "cm2": "cm²", "m": "m", "deg": "°", "rad": "rad", "kg": "kg", "g": "g",
@@ -19,17 +16,18 @@ def design_text(design: Mapping[str, float | str]) -> str:
     if not design:
         return "the design"
     parts = {name: value_text(name, value) for name, value in design.items()}
-    if len(parts) == 1 and any(name.endswith(f"_{unit}") for name in parts for unit in UNITS):
+    labels = [label_and_unit(name) for name in parts]
+    if len(parts) == 1 and labels[0][1]:
         return next(iter(parts.values()))
-    return ", ".join(f"{_words(name)} {text}" for name, text in parts.items())
+    return ", ".join(f"{label} {text}" for (label, _), text in zip(labels, parts.values(), strict=True))
 
 
 def value_text(name: str, value: float | str | None) -> str:
     """The value of the parameter ``name`` with its unit."""
     if value is None:
         return "unknown"
-    unit = next((text for unit, text in UNITS.items() if name.endswith(f"_{unit}")), "")
-    return value if isinstance(value, str) else f"{value:g}{unit}"
+    unit = label_and_unit(name)[1]
+    return value if isinstance(value, str) else f"{value:g}{' ' if unit not in ('', '°') else ''}{unit}"
 
 
 def label_and_unit(name: str) -> tuple[str, str]:
@@ -48,9 +46,9 @@ def percent(share: float) -> str:
     return f"{100 * share:.0f} %"
 
 
-def rate_text(rate: Rate) -> str:
-    """A rate with its interval: ``70 % (40 % to 89 %)``."""
-    return f"{percent(rate.value)} ({percent(rate.low)} to {percent(rate.high)})"
+def rate_text(rate: float, low: float, high: float) -> str:
+    """A rate of 0 to 1 with its interval: ``70 % (40 % to 89 %)``."""
+    return f"{percent(rate)} ({percent(low)} to {percent(high)})"
 
 
 def points(difference: float, sign: bool = True) -> str:
@@ -85,11 +83,6 @@ def _sharing_unit(texts: Sequence[str]) -> list[str]:
     if len(texts) > 1 and all(head and " " not in head and unit == parts[0][2] for head, _, unit in parts):
         return [*(head for head, _, _ in parts[:-1]), texts[-1]]
     return list(texts)
-
-
-def _words(name: str) -> str:
-    stem = next((name.removesuffix(f"_{unit}") for unit in UNITS if name.endswith(f"_{unit}")), name)
-    return stem.replace("_", " ")
 
 
 def rank_text(ranks: RankAgreement | None) -> str | None:

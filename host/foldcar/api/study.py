@@ -98,17 +98,16 @@ class Study:
 
         Sheets are nested, and costs known, only ``with_cost``: a second a car. FoldcarError.
         """
-        number, runs = whole("build", build, 1, MOST_BUILT), self.__dict__.get("runs")
+        number = whole("build", build, 1, MOST_BUILT)
         return self._read(
-            lambda store: select(store, number, threshold, precision, experiment, runs, with_cost, simulated_trials)
+            lambda store: select(store, number, threshold, precision, experiment, with_cost, simulated_trials)
         )
 
     def compare(
         self, *, experiment: str | None = None, margin: float = MARGIN, simulated_trials: bool = False
     ) -> Comparison:
         """Simulation against trials of built cars: :func:`foldcar.advice.comparison.compare`. FoldcarError."""
-        runs = self.__dict__.get("runs")
-        return self._read(lambda store: compare(store, experiment, margin, runs, simulated_trials))
+        return self._read(lambda store: compare(store, experiment, margin, simulated_trials))
 
     def success_model(self, *parameters: str, experiment: str | None = None) -> Standardised:
         """Success as a smooth function of some design parameters, with credible bands, from the simulated runs.

@@ -20,7 +20,7 @@ from foldcar.study.limits import MOST_ENVIRONMENTS
 
 if TYPE_CHECKING:
     from foldcar.commands.progress_bar import ProgressBar
-    from foldcar.crosscheck.agreement import Agreement
+    from foldcar.report.crosscheck_agreement import Agreement
     from foldcar.study.experiment_runs import Progress
 
 STORE = "study.db"
@@ -54,10 +54,10 @@ def crosscheck(
     Example: foldcar crosscheck scenarios/step_pyramids.json -o check
     """
     from foldcar.commands.progress_bar import TerminalBar
-    from foldcar.crosscheck.page import PAGE, comparison_numbers, write_page
-    from foldcar.crosscheck.sweeps import check_success, simulators, sweep_all
     from foldcar.interrupts import said
     from foldcar.outputs import make_output_folder
+    from foldcar.report.crosscheck_page import PAGE, comparison_numbers, write_page
+    from foldcar.report.crosscheck_sweeps import check_success, simulators, sweep_all
     from foldcar.store.reader import Store
     from foldcar.study.experiments import read_study
 
@@ -81,13 +81,13 @@ def crosscheck(
 
 def _bar(progress: "Progress", engine: str) -> "ProgressBar":
     from foldcar.commands.progress_bar import ProgressBar
-    from foldcar.crosscheck.page import NAMES
+    from foldcar.report.crosscheck_page import NAMES
 
     return ProgressBar(progress, label=NAMES[engine])
 
 
 def _print(comparisons: "list[tuple[str, Agreement]]") -> None:
-    from foldcar.crosscheck.page import COMPARISON_HEAD, comparison_row
+    from foldcar.report.crosscheck_page import COMPARISON_HEAD, comparison_row
     from foldcar.shown_console import ResultTable, shown_console
 
     table = ResultTable(*COMPARISON_HEAD, left=COMPARISON_HEAD[:1])

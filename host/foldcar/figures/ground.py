@@ -39,7 +39,5 @@ def height_map(heights: Heights, scene: Mapping[str, Any], extent: Extent, cells
     columns, rows = (max(2, round(size / cell)) for size in extent.size_m)
     x = extent.x_min_m + cell * (numpy.arange(columns) + 0.5)
     y = extent.y_min_m + cell * (numpy.arange(rows) + 0.5)
-    covered = Extent(
-        extent.x_min_m, extent.x_min_m + columns * cell, extent.y_min_m, extent.y_min_m + rows * cell
-    )
+    covered = Extent(extent.x_min_m, extent.x_min_m + columns * cell, extent.y_min_m, extent.y_min_m + rows * cell)
     return HeightMap(covered, cell, heights(scene, *numpy.meshgrid(x, y)))

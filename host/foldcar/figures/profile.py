@@ -53,17 +53,15 @@ def driven_line(path: Sequence[Sequence[float]], margin_m: float, spacing_m: flo
     )
 
 
-def straight_line(start: Mapping[str, Any], first_m: float, last_m: float, spacing_m: float = 1e-3) -> Line:
-    """The straight line along a pose's heading, between two distances from it, with a point every ``spacing_m``."""
-    at = numpy.arange(first_m, last_m + spacing_m / 2, spacing_m, dtype=float)
+def straight_line(start: Mapping[str, Any], first_m: float, last_m: float) -> Line:
+    """The straight line along a pose's heading, between two distances from it, with a point every millimetre."""
+    at = numpy.arange(first_m, last_m + 5e-4, 1e-3, dtype=float)
     heading = start["heading_rad"]
     x, y = start["x_m"] + at * numpy.cos(heading), start["y_m"] + at * numpy.sin(heading)
     return Line(at, x, y, numpy.full(len(at), heading))
 
 
-def strip_heights_m(
-    heights: Heights, scene: Mapping[str, Any], line: Line, left_m: float, width_m: float
-) -> Floats:
+def strip_heights_m(heights: Heights, scene: Mapping[str, Any], line: Line, left_m: float, width_m: float) -> Floats:
     """The largest height, (n,) in m, across a strip ``width_m`` wide, ``left_m`` to the left of ``line``.
 
     At each point of the line the strip is a segment across the heading, sampled from edge to edge.

@@ -157,9 +157,7 @@ def _draw_side(
         final = index == chosen[-1]
         colour = FAILURE if final and result["outcome"] != "passed" else ACCENT
         top = _draw_car(axes, body, travelled[index], rows[index], colour)
-        axes.annotate(
-            f"{rows[index, 0]:.2f} s", (travelled[index], top + 0.012), ha="center", fontsize=8, color=INK
-        )
+        axes.annotate(f"{rows[index, 0]:.2f} s", (travelled[index], top + 0.012), ha="center", fontsize=8, color=INK)
     axes.set_aspect("equal")
     axes.grid(False)
     axes.set_xlim(line.distance_m[0], line.distance_m[-1])
@@ -175,9 +173,7 @@ def _draw_car(axes: Axes, body: Mapping[str, Any], distance_m: float, row: Any, 
     z, roll = float(row[3]), float(row[6])
     places = segment_places(body, row)
     top = z
-    for wheel in sorted(
-        body["wheels"], key=lambda w: str(w["side"])
-    ):  # left wheels first: they are behind
+    for wheel in sorted(body["wheels"], key=lambda w: str(w["side"])):  # left wheels first: they are behind
         near = wheel["side"] == "right"
         lift = body["track_m"] / 2 * numpy.sin(roll) * (-1.0 if near else 1.0)
         turn, origin = places[wheel["segment"]]

@@ -53,9 +53,7 @@ def view_of(scenes: Sequence[Mapping[str, Any]], path: Any = ()) -> Extent:
     )
 
 
-def draw_top_view(
-    axes: Axes, scene: Mapping[str, Any], ground: HeightMap, scale: ScalarMappable, path: Any = ()
-) -> None:
+def draw_top_view(axes: Axes, scene: Mapping[str, Any], ground: HeightMap, scale: ScalarMappable, path: Any = ()) -> None:
     """Draw ``scene`` (docs/carsim.md) over the extent of ``ground``; ``path`` rows begin with time, x, y."""
     axes.set_aspect("equal")
     axes.grid(False)
@@ -160,9 +158,7 @@ def _draw_goal(axes: Axes, scene: Mapping[str, Any]) -> None:
     goal = scene["goal"]
     x, y = goal["x_m"], goal["y_m"]
     if goal["kind"] == "disc":
-        disc = Circle(
-            (x, y), goal["radius_m"], fill=False, edgecolor=FAILURE, linestyle="--", zorder=4, label="goal"
-        )
+        disc = Circle((x, y), goal["radius_m"], fill=False, edgecolor=FAILURE, linestyle="--", zorder=4, label="goal")
         axes.add_patch(disc)
         axes.plot([x], [y], "+", color=FAILURE, zorder=4)
         return

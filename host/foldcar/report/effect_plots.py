@@ -9,7 +9,6 @@ from typing import Any
 import numpy
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
-from threadpoolctl import threadpool_limits
 
 from foldcar.analysis.effects import Effects
 from foldcar.analysis.words import label_and_unit
@@ -32,8 +31,7 @@ def draw_effects(designs: Designs, effects: Effects, places: Sequence[int], thre
     figure = Figure(figsize=(WIDE_IN, 2.7 * rows + 0.4), layout="constrained")
     grid = figure.subplots(rows, COLUMNS, squeeze=False, sharey=True)
     for at, (name, axes) in enumerate(zip(names, grid.flat, strict=False)):
-        with threadpool_limits(1):
-            one = effects.effect(at)
+        one = effects.effect(at)
         axes.plot(one.grid, 100 * one.curves.T, color=INK, linewidth=0.5, alpha=0.3)
         axes.fill_between(one.grid, 100 * one.low, 100 * one.high, color=ACCENT, alpha=0.25, linewidth=0)
         axes.plot(one.grid, 100 * one.mean, "o-", color=ACCENT, linewidth=1.6, markersize=3.5)
@@ -52,8 +50,7 @@ def draw_effects(designs: Designs, effects: Effects, places: Sequence[int], thre
 
 def effects_caption(effects: Effects, number: int) -> str:
     """What the figure of effects shows."""
-    with threadpool_limits(1):
-        said = over(effects.effect(0), number)
+    said = over(effects.effect(0), number)
     return f"Success over each parameter, with 95 % bands: {said}, for the first. Thin: single combinations."
 
 
@@ -81,8 +78,7 @@ def draw_map(
     x_at, y_at = (list(places).index(place) for place in two)
     run = numpy.unique(effects.parameters[:, [x_at, y_at]], axis=0)
     xs, ys = (numpy.unique(column) for column in run.T)
-    with threadpool_limits(1):
-        rates, _, _ = effects.standardised((x_at, y_at), run)
+    rates, _, _ = effects.standardised((x_at, y_at), run)
     cells = numpy.full((len(ys), len(xs)), numpy.nan)
     cells[numpy.searchsorted(ys, run[:, 1]), numpy.searchsorted(xs, run[:, 0])] = 100 * rates
     figure = Figure(figsize=(WIDE_IN, 4.4), layout="constrained")

@@ -11,13 +11,12 @@ from typing import Any
 
 import numpy
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
 
 from foldcar.analysis import selection
 from foldcar.analysis.effects import Effects
 from foldcar.analysis.gap import OPTIMISTIC, PESSIMISTIC
 from foldcar.analysis.gaussian_process import unit_range
-from foldcar.analysis.words import count, label_and_unit, listed, percent, span_text, value_text
+from foldcar.analysis.words import count, design_text, label_and_unit, listed, percent, rate_text, span_text, value_text
 from foldcar.car.design import parameters
 from foldcar.report.page_designs import Designs
 from foldcar.simulation.results import no_rate_text
@@ -31,6 +30,9 @@ MOST_COMPARED = 150
 DRAWS, ROUND_TRIALS = 1000, 10
 # A rate that rises by less than this at an end of the range (0 to 1) does not count.
 LEAST_RISE = 0.02
+# Neighbouring values are a gap if they are further apart than the median step by this factor, and worth a word if the
+# model puts a design between them on the wrong side of the threshold with at least this probability.
+WIDE, LEAST_DOUBT = 1.5, 0.05
 
 
 @dataclass(frozen=True)
@@ -60,9 +62,8 @@ class Advice:
     @cached_property
     def draws(self) -> NDArray[Any]:
         """Draws of the known designs' true rates (draws, known), as far as simulation can be trusted before trials."""
-        with threadpool_limits(1):
-            bias = self.designs.bias
-            return numpy.zeros((1, 0)) if bias is None else bias.draws(DRAWS)
+        bias = self.designs.bias
+        return numpy.zeros((1, 0)) if bias is None else bias.draws(DRAWS)
 
     @cached_property
     def unit(self) -> NDArray[Any]:
@@ -89,7 +90,7 @@ class Advice:
         said = []
         for how in (OPTIMISTIC, PESSIMISTIC):
             names = [designs.names[at] for at, one in enumerate(designs.refuted) if one == how]
-            said += [f"{how} at {joined(names)}"] if names else []
+            said += [f"{how} at {listed(names)}"] if names else []
         wrong = f"Trials contradict {info.simulation}: it is {' and '.join(said)}. " if said else ""
         return f"{wrong}By {info.simulation} and {count(trials, 'trial')} together {self._reaching()}."
 
@@ -154,13 +155,13 @@ class Advice:
         # First the one whose neighbours are good, too, then those farthest from it.
         first = ties[int(self._smooth[ties].argmax())]
         chosen = self._spread([first, *ties[ties != first]])
-        why = [self._rate_text(at) for at in chosen]
+        why = [rate_text(*self.rates[at].tolist()) for at in chosen]
         names = [self._name(at) for at in chosen]
         together = "" if self.designs.pooled is None else " by simulation and trials together"
         if len(ties) > 1:
             least = f"at least {percent(self.rates[ties, 1].min())} by the 95 % interval of each"
             text = f"{count(len(ties), 'design')} tie at {percent(rates.max())}{together} ({least})"
-            text += f"{':' if len(chosen) == len(ties) else ', such as'} {joined(names)}"
+            text += f"{':' if len(chosen) == len(ties) else ', such as'} {listed(names)}"
         else:
             text = f"{names[0]}: {why[0]}{together}"
         driven = self._best_driven(first)
@@ -171,8 +172,7 @@ class Advice:
         """Rates of the known designs by what is known of their neighbours, too."""
         if self.designs.pooled is not None or self.effects is None:
             return self.rates[:, 0]
-        with threadpool_limits(1):
-            return self.effects.model.rates(self.effects.parameters)[0]
+        return self.effects.model.rates(self.effects.parameters)[0]
 
     def _best_driven(self, best: int) -> str:
         """Of driven designs, the best one, unless it is ``best``."""
@@ -183,10 +183,6 @@ class Advice:
         at = driven[int(self.rates[driven, 0].argmax())]
         passed, number = tried[at].tolist()
         return f" Of the driven designs {self._name(at)} leads: {passed} of {count(number, 'trial')} passed."
-
-    def _rate_text(self, at: int) -> str:
-        rate, low, high = self.rates[at].tolist()
-        return f"{percent(rate)} ({percent(low)} to {percent(high)})"
 
     def _spread(self, ties: Sequence[int]) -> list[int]:
         """The first and those farthest from it and from each other, at most NAMED."""
@@ -210,12 +206,11 @@ class Advice:
         # Neighbours are at most one value apart in every parameter.
         ranks = numpy.array([numpy.unique(column, return_inverse=True)[1] for column in self.unit[candidates].T]).T
         near = numpy.abs(ranks[:, None] - ranks[None, :]).max(axis=2) <= 1
-        with threadpool_limits(1):
-            found = selection.choose(self.draws[:, candidates], self.threshold, ROUND_TRIALS, NAMED, near=near)
+        found = selection.choose(self.draws[:, candidates], self.threshold, ROUND_TRIALS, NAMED, near=near)
         chosen = [int(candidates[at]) for at in found]
         why = [self._why(at) for at in chosen]
-        named = joined([f"{self._name(at)} ({reason})" for at, reason in zip(chosen, why, strict=True)])
-        text = f"{named}." if chosen else ""
+        named = listed([f"{self._name(at)} ({reason})" for at, reason in zip(chosen, why, strict=True)])
+        text = " ".join(filter(None, (f"{named}." if chosen else "", self._gap())))
         return {"text": text, "designs": [int(self.known[at]) for at in chosen], "why": why}
 
     def _why(self, at: int) -> str:
@@ -224,6 +219,32 @@ class Advice:
         done = f"{passed} of {count(number, 'trial')} passed, " if number else ""
         return f"{done}{percent(chance)} chance to pass more than {self.limit}"
 
+    def _gap(self) -> str:
+        """The gap in a parameter's values in which simulation's side of the threshold is less sure than at any design."""
+        if self.effects is None or self.designs.info.searched:
+            return ""
+        x, names = self.effects.parameters, [list(self.designs.values)[place] for place in self.places]
+        gaps = []
+        for at, name in enumerate(names):
+            values = numpy.unique(x[:, at])
+            steps = numpy.diff(values)
+            for low, high in numpy.column_stack([values[:-1], values[1:]])[steps > WIDE * numpy.median(steps)]:
+                beside = x[(x[:, at] == low) | (x[:, at] == high)].copy()
+                beside[:, at] = (low + high) // 2 if (values % 1 == 0).all() else (low + high) / 2
+                gaps += [(name, low, high, one) for one in numpy.unique(beside, axis=0)]
+        if not gaps:
+            return ""
+        above = (self.effects.rates(numpy.vstack([x, *(one[-1] for one in gaps)])) > self.threshold).mean(axis=0)
+        doubt = numpy.minimum(above, 1 - above)
+        at = len(x) + int(doubt[len(x) :].argmax())
+        if doubt[at] < max(LEAST_DOUBT, doubt[: len(x)].max()):
+            return ""
+        name, low, high, middle = gaps[at - len(x)]
+        between = f"{label_and_unit(name)[0]} {value_text(name, low)} and {value_text(name, high)}"
+        car = design_text(dict(zip(names, middle.tolist(), strict=True)))
+        chance = f"a {percent(above[at])} chance to pass more than {self.limit} in {self.designs.info.simulation}"
+        return f"Nothing was simulated between {between}; sweep there first: {car} has {chance}."
+
     def edges(self) -> list[str]:
         """Ends of ranges at which success still rises."""
         if self.effects is None or self.designs.info.searched:
@@ -231,8 +252,7 @@ class Advice:
         said, names = [], list(self.designs.values)
         for at, place in enumerate(self.places):
             name = names[place]
-            with threadpool_limits(1):
-                one = self.effects.effect(at)
+            one = self.effects.effect(at)
             if len(one.grid) < 3:
                 continue
             for end, inner, rises in ((0, 1, one.rises[0]), (-1, -2, one.rises[1])):
@@ -250,8 +270,3 @@ class Advice:
         if found is None:
             return True
         return value < found.maximum if upwards else not isinstance(found.minimum, float | int) or value > found.minimum
-
-
-def joined(names: Sequence[str]) -> str:
-    """Designs in a row, set apart by semicolons where they have commas themselves."""
-    return "; ".join(names) if any("," in one for one in names) else listed(names)

@@ -6,8 +6,8 @@
   design is good above the last), ``judged`` (whether success is defined), ``simulation`` (what sentences call its
   engine), ``interval`` (what the intervals of simulated rates are called), ``environments`` (how many there are),
   ``time_limit_s``.
-- ``likely`` (the designs most likely to work) and ``learn`` (those whose trials would tell most): ``{"text", "designs":
-  [index], "why": [text for each]}``; ``edge``: sentences on ends of ranges.
+- ``likely`` (the designs most likely to work) and ``learn`` (those whose trials would tell most; a gap to sweep):
+  ``{"text", "designs": [index], "why": [text for each]}``; ``edge``: sentences on ends of ranges.
 - ``parameters``: those that vary, ``{"name", "label", "unit", "values": all that occur, ascending, "numeric"}``;
   ``fixed``: [label, text] of the others.
 - ``designs``: columns, an entry per design, null for what is not known. ``value``: per design the indices into the
@@ -43,34 +43,59 @@
 Arrays are ``{"type": "uint8" | "uint16" | "uint32" | "float32", "data": base64 of little-endian numbers}``.
 """
 
+import base64
 import shlex
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy
+from numpy.typing import ArrayLike
+from threadpoolctl import threadpool_limits
 
 from foldcar.analysis.effects import Effects
 from foldcar.analysis.words import label_and_unit, value_text
+from foldcar.errors import FoldcarError
 from foldcar.figures.style import OUTCOME_LABELS
 from foldcar.report.environment_values import EnvironmentValues, environment_values
-from foldcar.report.figure_options import THRESHOLDS, FigureOptions
 from foldcar.report.page_advice import Advice
 from foldcar.report.page_designs import Designs, parameter_columns, read_designs
 from foldcar.report.page_effects import cause_rows, effect_rows, importance_rows, read_effects
 from foldcar.report.page_front import search_front
 from foldcar.report.page_remarks import remarks
-from foldcar.report.page_runs import packed, packed_runs
 from foldcar.report.page_trials import trial_rows, unswept_experiments
 from foldcar.search.design_simulator import fresh_id
-from foldcar.simulation.results import OUTCOMES
+from foldcar.simulation.results import NUMBERS, OUTCOMES
 from foldcar.store.info import ExperimentInfo, StudyInfo
 from foldcar.store.reader import Store
 from foldcar.store.trial_records import Trial, select_trials
 
 # Runs that the page holds one by one.
 MOST_RUNS = 50_000
+# Of the publication's figure 6.
+THRESHOLDS = (0.5, 0.75)
+
+
+@dataclass(frozen=True)
+class FigureOptions:
+    """What the reader of a report may choose: thresholds of success, 0 to 1 ascending, and an environment.
+
+    Without ``chosen`` thresholds each experiment has its listing's, or THRESHOLDS; ``sample`` is the environment whose
+    times to cross are drawn.
+    """
+
+    chosen: tuple[float, ...] = ()
+    sample: int = 0
+
+    def check(self, infos: Iterable[ExperimentInfo]) -> None:
+        """Raise FoldcarError if no experiment has the sample."""
+        counts = {info.id: info.environments for info in infos}
+        if counts and self.sample >= max(counts.values()):
+            named = ", ".join(f"{count} of experiment {name}" for name, count in counts.items())
+            raise FoldcarError(f"--sample: {self.sample} is not among the sampled environments, counted from 0: {named}")
+
+
 NO_OPTIONS = FigureOptions()
 
 
@@ -127,11 +152,14 @@ def page_data(
     """
     study = store.info() if store.holds_study() else None
     some = read_experiments(store) if experiments is None else experiments
+    # Threads for matrices of some tens of rows only wait for each other.
+    with threadpool_limits(1):
+        shown = [_experiment(store, study, one, command) for one in some]
     return {
         "title": study.listing_name if study is not None else store.path.name,
         "made": study.created_utc if study is not None else "",
         "engine_notes": list(dict.fromkeys(one.info.warning for one in some if one.info.warning)),
-        "experiments": [_experiment(store, study, one, command) for one in some],
+        "experiments": shown,
     }
 
 
@@ -238,3 +266,26 @@ def _frozen(info: ExperimentInfo) -> str:
         return ""
     what = [*info.condition.get("objects", []), *info.condition.get("params", [])]
     return f"as in sample {info.condition['sample']}: {', '.join(what) or 'everything'}"
+
+
+def packed(values: ArrayLike, kind: str) -> dict[str, str]:
+    """An array of numpy's type ``kind`` as the page reads it."""
+    found = numpy.ascontiguousarray(values, dtype=numpy.dtype(kind).newbyteorder("<"))
+    return {"type": kind, "data": base64.b64encode(found.tobytes()).decode("ascii")}
+
+
+def least_kind(values: numpy.typing.NDArray[Any]) -> str:
+    """The smallest of the page's unsigned types, of two bytes at least, that holds whole numbers from 0."""
+    return "uint16" if not len(values) or values.max() < 1 << 16 else "uint32"
+
+
+def packed_runs(designs: Designs) -> dict[str, Any]:
+    """The runs in the order of design and environment, with their outcomes and times (s)."""
+    runs = designs.runs
+    return {
+        "n": len(runs.design),
+        "design": packed(runs.design, least_kind(runs.design)),
+        "environment": packed(runs.sample, least_kind(runs.sample)),
+        "outcome": packed(runs.outcome, "uint8"),
+        "time_s": packed(runs.metrics[:, NUMBERS.index("elapsed_time_s")], "float32"),
+    }

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
 
 from foldcar.advice.comparison import MARGIN
 from foldcar.analysis import rate
@@ -157,8 +156,7 @@ class Designs:
             if found[index] is None and ends is not None:
                 found[index] = (round(passed / number, 6), *ends)
         if self.pooled is not None:
-            with threadpool_limits(1):
-                rates = self.pooled.rates(least=1)
+            rates = self.pooled.rates(least=1)
             for index, one in zip(numpy.flatnonzero(self.counted[:, 1]).tolist(), rates, strict=True):
                 found[index] = (round(one.value, 6), round(one.low, 6), round(one.high, 6))
         return found
@@ -179,8 +177,7 @@ class Designs:
         told = known[numpy.argsort(-self.tried[known, 1], kind="stable")][:MOST_POOLED]
         trials = numpy.where(numpy.isin(known, told)[:, None], self.tried[known], 0)
         x = numpy.array([[float(self.designs[index][name]) for name in self.values] for index in known.tolist()])
-        with threadpool_limits(1):
-            return pooled_bias(x.reshape(len(known), -1), self.counted[known], trials)
+        return pooled_bias(x.reshape(len(known), -1), self.counted[known], trials)
 
     @cached_property
     def refuted(self) -> list[str | None]:

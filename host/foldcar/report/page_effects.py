@@ -7,6 +7,7 @@ from threadpoolctl import threadpool_limits
 
 from foldcar.analysis.effects import Effect, Effects, fit_effects
 from foldcar.analysis.separation import binned, separations
+from foldcar.analysis.words import count
 from foldcar.errors import FoldcarError
 from foldcar.report.environment_values import EnvironmentValues
 from foldcar.report.page_designs import Designs
@@ -40,8 +41,7 @@ def effect_rows(designs: Designs, effects: Effects, places: list[int]) -> list[d
     """The effect of each parameter, over the same combinations of the others for each value."""
     found = []
     for at, place in enumerate(places):
-        with threadpool_limits(1):
-            one = effects.effect(at)
+        one = effects.effect(at)
         curves = one.curves.round(DIGITS).tolist() if len(places) > 1 else []
         rows = {key: getattr(one, key).round(DIGITS).tolist() for key in ("mean", "low", "high")}
         found.append(
@@ -54,7 +54,7 @@ def over(effect: Effect, parameters: int) -> str:
     """Over what an effect is a mean, in words; "" with a single parameter."""
     if parameters < 2:
         return ""
-    number = f"{effect.combinations} combination{'' if effect.combinations == 1 else 's'} of the other parameters"
+    number = f"{count(effect.combinations, 'combination')} of the other parameters"
     if effect.run:
         return f"mean over the same {number}, each of which was run at every value"
     return f"mean over the same {number} by the smooth model: hardly any was run at every value"
@@ -64,8 +64,7 @@ def importance_rows(effects: Effects, places: list[int]) -> list[dict[str, Any]]
     """The importance of each parameter, the greatest first; none of a single parameter."""
     if len(places) < 2:
         return []
-    with threadpool_limits(1):
-        found = effects.importance()
+    found = effects.importance()
     rows = [
         {"parameter": place, **{key: round(getattr(one, key), DIGITS) for key in ("share", "low", "high")}}
         for place, one in zip(places, found, strict=False)

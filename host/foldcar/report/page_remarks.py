@@ -4,7 +4,7 @@ import shlex
 from collections import Counter
 from collections.abc import Sequence
 
-from foldcar.advice.evidence import rejected_text
+from foldcar.advice.evidence import run_remarks
 from foldcar.analysis.stopping import LEAST_CHANCE
 from foldcar.analysis.words import count
 from foldcar.calibration.summary import findings
@@ -23,15 +23,7 @@ def remarks(designs: Designs, trials: Sequence[Trial], left_out: Counter[str]) -
     """The remarks on an experiment, of which ``trials`` are shown and ``left_out`` are not, by standing. StoreError."""
     store, info = designs.store, designs.info
     ends = dict(zip(OUTCOMES, designs.ends.sum(axis=0).tolist(), strict=True))
-    found = [info.warning] if info.warning else []
-    if info.stored_runs < info.planned_runs:
-        found.append(
-            f"Unfinished: {info.stored_runs:,} of {info.planned_runs:,} runs are stored; the command that started the "
-            "sweep resumes it."
-        )
-    found += stopped_remarks(info)
-    rejected = rejected_text(store.design_counts(info.id))
-    found += [rejected] if rejected else []
+    found = run_remarks(store, info) + stopped_remarks(info)
     if ends["terminated"] and info.success_defined:
         found.append(
             f"The program itself ended {ends['terminated']:,} of {info.stored_runs:,} runs; they count as not passed."

@@ -3,6 +3,8 @@
 Input: what the page's data is made of. Output: drawings in the order in which the page lists them.
 """
 
+import hashlib
+import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -12,10 +14,14 @@ from matplotlib.figure import Figure
 from foldcar.analysis.effects import Effects
 from foldcar.analysis.words import label_and_unit
 from foldcar.report.effect_plots import draw_effects, draw_importance, draw_map, effects_caption
-from foldcar.report.file_names import file_name_part
 from foldcar.report.page_designs import Designs
 from foldcar.report.page_effects import importance_rows
 from foldcar.report.parameter_plots import draw_feasibility, draw_outcomes, draw_success, draw_times
+
+# What any file system keeps as it is; capitals are not, as some ignore case.
+PLAIN = re.compile(r"[a-z0-9-]+(_[a-z0-9-]+)*")
+HASHED = re.compile(r"(.*_)?[0-9a-f]{8}")
+LONGEST = 40
 
 
 @dataclass(frozen=True)
@@ -79,3 +85,12 @@ def drawings(
             "the same combinations of the others",
             partial(draw_map, designs, effects, places, two, thresholds),
         )
+
+
+def file_name_part(name: str) -> str:
+    """``name`` itself if it is short and plain, else what is plain of it and eight digits of its SHA-256."""
+    if len(name) <= LONGEST and PLAIN.fullmatch(name) and not HASHED.fullmatch(name):
+        return name
+    plain = re.sub("[^a-z0-9-]+", "_", name.lower())[:LONGEST].strip("_")
+    digest = hashlib.sha256(name.encode("utf-8", "surrogatepass")).hexdigest()[:8]
+    return f"{plain}_{digest}" if plain else digest

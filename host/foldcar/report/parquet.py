@@ -1,15 +1,12 @@
 """Types and units of Parquet columns: recorded lists as lists, units as the metadata ``unit`` of a column.
 
-Input: names of columns, values of the store. Output: pyarrow's fields and tables.
+Input: names of columns, values of the store. Output: pyarrow's fields.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
-from pathlib import Path
+from collections.abc import Iterable, Sequence
 from typing import Any
 
-from foldcar.outputs import atomic_file
 from foldcar.simulation.results import METRICS, Recorded
-from foldcar.store.trial_records import Trial
 
 UNITS = {**{metric.name: metric.unit for metric in METRICS}, "elapsed_time_s": "s"}
 # Units that names of parameters and sampled values end in.
@@ -64,29 +61,3 @@ def _type_of(values: Sequence[Any]) -> Any:
         inner = _type_of([one for value in known for one in value])
         return inner and pa.list_(inner)
     return None
-
-
-def write_trials(trials: Sequence[Trial], design: Sequence[str], names: Sequence[str], file: Path) -> None:
-    """Write trials as Parquet atomically: their attributes ``names`` and their designs' parameters. FoldcarError.
-
-    Deviations are a list of what lies otherwise than planned: name, x_m, y_m, heading_rad.
-    """
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    of_name = {"id": pa.int64(), "sample": pa.int64(), "corrections": pa.int64(), "elapsed_time_s": pa.float64()}
-    places = [pa.field(f"{axis}_m", pa.float64(), metadata={"unit": "m"}) for axis in "xy"]
-    heading = pa.field("heading_rad", pa.float64(), metadata={"unit": "rad"})
-    deviations = pa.list_(pa.struct([("name", pa.string()), *places, heading]))
-    fields = [field("trial" if name == "id" else name, of_name.get(name, pa.string())) for name in names]
-    fields += [field(name, pa.float64()) for name in design]
-    rows = [[getattr(trial, name) for name in names] + [trial.design.get(name) for name in design] for trial in trials]
-    columns = [list(column) for column in zip(*rows, strict=True)] or [[] for _ in fields]
-    columns.append([_deviations(trial.deviations) for trial in trials])
-    schema = pa.schema([*fields, ("deviations", deviations)])
-    with atomic_file(file) as binary:
-        pq.write_table(pa.table(columns, schema=schema), binary)
-
-
-def _deviations(places: Mapping[str, tuple[float, float, float]]) -> list[dict[str, Any]]:
-    return [{"name": name, "x_m": x, "y_m": y, "heading_rad": turn} for name, (x, y, turn) in places.items()]

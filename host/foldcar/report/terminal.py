@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from foldcar.analysis.words import percent
+from foldcar.analysis.words import rate_text
 from foldcar.shown_console import ResultTable, shown_console
 
 PIPED_WIDTH = 160
@@ -37,8 +37,7 @@ def _lines(one: Mapping[str, Any]) -> Iterator[str]:
     yield from one["edge"]
     if one["importance"]:
         shares = [
-            f"{one['parameters'][row['parameter']]['label']} {percent(row['share'])} "
-            f"({percent(row['low'])} to {percent(row['high'])})"
+            f"{one['parameters'][row['parameter']]['label']} {rate_text(row['share'], row['low'], row['high'])}"
             for row in one["importance"]
         ]
         yield f"Importance (share of the variance of success): {', '.join(shares)}."

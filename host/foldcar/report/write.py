@@ -7,20 +7,19 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib
+from threadpoolctl import threadpool_limits
 
 from foldcar.errors import FoldcarError
 from foldcar.figures.output import save_figure, svg_text
 from foldcar.figures.style import RC
 from foldcar.interrupts import held
 from foldcar.outputs import check_output_folder
-from foldcar.replay.outcome_grid import OutcomeGrid
-from foldcar.replay.replay import UNITS
 from foldcar.report.across_plot import across_drawings
-from foldcar.report.figure_options import THRESHOLDS, FigureOptions
 from foldcar.report.page import page_html
-from foldcar.report.page_data import NO_OPTIONS, Experiment, page_data, read_experiments
+from foldcar.report.page_data import NO_OPTIONS, THRESHOLDS, Experiment, FigureOptions, page_data, read_experiments
 from foldcar.report.paper_figures import Drawing, drawings
-from foldcar.report.replayer import Replayer
+from foldcar.report.replay import UNITS, Replayer
+from foldcar.report.replay_choice import OutcomeGrid
 from foldcar.store.reader import Store
 
 PAGE = "index.html"
@@ -53,7 +52,8 @@ def write_report(
     blobs: dict[str, str] = {}
     planned = list(shared)
     for number, (one, shown) in enumerate(zip(experiments, data["experiments"], strict=True)):
-        own = list(drawings(one.designs, one.effects, one.places, one.thresholds, options.sample))
+        with threadpool_limits(1):
+            own = list(drawings(one.designs, one.effects, one.places, one.thresholds, options.sample))
         planned += own
         shown["files"] = [[drawing.caption, f"{drawing.name}.svg"] for drawing in (*own, *shared)]
         blobs |= _add_replay(store, one, shown, f"e{number}", replayer)
@@ -93,7 +93,7 @@ def _add_replay(store: Store, one: Experiment, shown: dict[str, Any], key: str, 
 
 
 def _save_figures(planned: Iterable[Drawing], folder: Path) -> None:
-    with matplotlib.rc_context(RC):
+    with matplotlib.rc_context(RC), threadpool_limits(1):
         for drawing in planned:
             figure = drawing.draw()
             for suffix in (".png", ".pdf"):

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-from foldcar.store.reader import Store, StoreError
+from foldcar.store.errors import StoreError
+from foldcar.store.reader import Store
 from foldcar.store.tables import BY_NAME, DESIGN, EXPERIMENT
 
 
@@ -16,7 +17,7 @@ from foldcar.store.tables import BY_NAME, DESIGN, EXPERIMENT
 class StoredDrives:
     """An experiment's bodies and settings by design, scenes and variations by sample, as ids of the store's texts.
 
-    ``dynamic``: its program runs beside the simulation (None: the store does not say).
+    Samples ascend. ``dynamic``: its program runs beside the simulation (None: the store does not say).
     """
 
     store: Store
@@ -52,11 +53,9 @@ def read_drives(store: Store, experiment: str) -> StoredDrives:
     designs = list(store.rows(DESIGN, "WHERE experiment = ? ORDER BY position", experiment))
     environment = next(store.rows(BY_NAME["environment"], "WHERE id = ?", row["environment_id"]), None)
     dynamic = environment["dynamic"] if environment is not None else None
-
-    def by_sample(table: str, key: str, wanted: str) -> dict[int, int]:
-        found = store.rows(BY_NAME[table], f"WHERE {key} = ?1 AND sample < ?2", row[key], row["environments"])
-        return {one["sample"]: one[wanted] for one in found}
-
+    sampled = "WHERE environment_id = ? AND sample < ? ORDER BY sample"
+    samples = store.rows(BY_NAME["sample"], sampled, row["environment_id"], row["environments"])
+    draws = store.rows(BY_NAME["draw"], "WHERE spread_id = ?", row["spread_id"])
     return StoredDrives(
         store,
         experiment,
@@ -64,7 +63,7 @@ def read_drives(store: Store, experiment: str) -> StoredDrives:
         [one["position"] for one in designs],
         [one["body_id"] for one in designs],
         [one["settings_id"] for one in designs],
-        by_sample("sample", "environment_id", "scene_id"),
-        by_sample("draw", "spread_id", "variation_id"),
+        {one["sample"]: one["scene_id"] for one in samples},
+        {one["sample"]: one["variation_id"] for one in draws},
         None if dynamic is None else bool(dynamic),
     )

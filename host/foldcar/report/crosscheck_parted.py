@@ -10,14 +10,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from foldcar.crosscheck.agreement import Pair, passes
-from foldcar.crosscheck.stored import Case, stored_name
-from foldcar.replay.simulate import run_call
-from foldcar.replay.stored_drives import StoredDrives, read_drives
+from foldcar.report.crosscheck_agreement import Case, Pair, passes, stored_name
+from foldcar.report.replay_paths import run_call
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.results import REJECTED
 from foldcar.simulation.runner import PATH_INTERVAL_S, side_by_side
 from foldcar.store.reader import Store
+from foldcar.store.stored_drives import StoredDrives, read_drives
 
 CANDIDATES = 24
 
@@ -37,9 +36,7 @@ class Parted:
         return math.dist(self.first["path"][-1][1:3], self.second["path"][-1][1:3])
 
 
-def parted(
-    store: Store, pairs: Sequence[Pair], engines: Mapping[str, Carsim], jobs: int, count: int
-) -> list[Parted]:
+def parted(store: Store, pairs: Sequence[Pair], engines: Mapping[str, Carsim], jobs: int, count: int) -> list[Parted]:
     """At most ``count`` of one experiment's disagreements; ``engines`` are the first's and the second's. FoldcarError."""
     if not pairs:
         return []
@@ -61,11 +58,7 @@ def parted(
 def _candidates(pairs: Sequence[Pair], scenes: Mapping[int, int]) -> list[Pair]:
     """The disagreements that differ most in the distance to the target, one a scene."""
     without_path = {"failed", REJECTED}
-    apart = [
-        p
-        for p in pairs
-        if passes(p[1]) != passes(p[2]) and not without_path & {p[1]["outcome"], p[2]["outcome"]}
-    ]
+    apart = [p for p in pairs if passes(p[1]) != passes(p[2]) and not without_path & {p[1]["outcome"], p[2]["outcome"]}]
     apart.sort(key=lambda p: -abs((p[1]["distance_to_target_m"] or 0) - (p[2]["distance_to_target_m"] or 0)))
     by_scene: dict[int, Pair] = {}
     for pair in apart:
@@ -84,9 +77,7 @@ def _paths(
     return [_with_path(one, answer, bool(drives.dynamic)) for one, answer in zip(stored, answers, strict=True)]
 
 
-def _with_path(
-    stored: Mapping[str, Any], answer: Mapping[str, Any], beside: bool
-) -> Mapping[str, Any] | None:
+def _with_path(stored: Mapping[str, Any], answer: Mapping[str, Any], beside: bool) -> Mapping[str, Any] | None:
     end_s = stored["elapsed_time_s"]
     path = [row for row in answer.get("path", ()) if row[0] <= end_s + 1e-6]
     same = all(answer.get(key) == stored[key] for key in ("outcome", "elapsed_time_s"))

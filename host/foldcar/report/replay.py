@@ -5,6 +5,9 @@ that it decodes when they are wanted. A dynamic program drives beside the simula
 from the store, and neither can those of another build.
 """
 
+import base64
+import json
+import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -17,17 +20,15 @@ from foldcar.fabrication.assembly.recorded_run import drawn_body
 from foldcar.fabrication.assembly.scene_shape import SceneShapes
 from foldcar.figures.compact_path import ANGLE_RAD, PLACE_M
 from foldcar.figures.scene_data import ground_data
-from foldcar.replay.choice import choose_runs
-from foldcar.replay.outcome_grid import OutcomeGrid
-from foldcar.replay.page_blobs import blob
-from foldcar.replay.simulate import Key, Paths, kept_paths, simulate_paths
-from foldcar.replay.stored_drives import StoredDrives, read_drives
-from foldcar.replay.trial_paths import trial_path
+from foldcar.report.replay_choice import OutcomeGrid, choose_runs
+from foldcar.report.replay_paths import Key, Paths, kept_paths, simulate_paths
+from foldcar.report.trial_paths import trial_path
 from foldcar.simulation.carsim import Carsim, ask_pulses
 from foldcar.simulation.heights import carsim_heights
 from foldcar.simulation.runner import KEPT_INTERVAL_S, side_by_side
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
+from foldcar.store.stored_drives import StoredDrives, read_drives
 from foldcar.store.tables import TRIAL
 from foldcar.store.trial_records import Trial
 
@@ -71,54 +72,52 @@ def no_replay_because(info: ExperimentInfo, drives: StoredDrives, carsim: Carsim
     return None
 
 
-def make_replay(
-    store: Store,
-    info: ExperimentInfo,
-    grid: OutcomeGrid,
-    trials: Sequence[Trial],
-    carsim: Carsim | str,
-    jobs: int,
-    done: Callable[[int], None] = lambda steps: None,
-    plan: Callable[[int], None] = lambda steps: None,
-) -> Replay:
-    """The replay of ``info``'s runs; ``plan`` is told how many steps there are, ``done`` how many are done. FoldcarError.
+@dataclass(frozen=True)
+class Replayer:
+    """``carsim`` gives the simulator with an engine, or why there is none; ``plan`` and ``done`` hear of steps."""
 
-    ``carsim``: the simulator, or the reason why there is none.
-    """
-    drives = read_drives(store, info.id)
-    designs, samples = grid.shown_designs(), grid.shown_samples()
-    replay = Replay()
-    if len(designs) < len(grid.designs) or len(samples) < grid.samples:
-        replay.remarks.append(
-            f"{len(designs)} of {len(grid.designs)} designs and {len(samples)} of {grid.samples} environments are shown, "
-            "among them the first of each design that ended in each way."
-        )
-    kept = kept_paths(drives)
-    reason = no_replay_because(info, drives, carsim, bool(kept))
-    if reason is not None:
-        replay.remarks.append(f"No replay: {reason}.")
+    carsim: Callable[[str], Carsim | str]
+    jobs: int = 1
+    plan: Callable[[int], None] = lambda steps: None
+    done: Callable[[int], None] = lambda steps: None
+
+    def replay(self, store: Store, info: ExperimentInfo, grid: OutcomeGrid, trials: Sequence[Trial]) -> Replay:
+        """The replay of an experiment's runs. FoldcarError if the simulator breaks down."""
+        carsim, jobs, done = self.carsim(info.engine), self.jobs, self.done
+        drives = read_drives(store, info.id)
+        designs, samples = grid.shown_designs(), grid.shown_samples()
+        replay = Replay()
+        if len(designs) < len(grid.designs) or len(samples) < grid.samples:
+            replay.remarks.append(
+                f"{len(designs)} of {len(grid.designs)} designs and {len(samples)} of {grid.samples} environments are "
+                "shown, among them the first of each design that ended in each way."
+            )
+        kept = kept_paths(drives)
+        reason = no_replay_because(info, drives, carsim, bool(kept))
+        if reason is not None:
+            replay.remarks.append(f"No replay: {reason}.")
+            return replay
+        assert not isinstance(carsim, str)
+        chosen = choose_runs(grid, kept or None)
+        if not chosen and grid.outcomes.any():
+            replay.remarks.append("No replay: no run ended in the simulator's own way, so that none has a path.")
+        self.plan(len(chosen) + len({sample for _, sample in chosen}))
+        if kept:
+            paths = Paths({key: kept[key] for key in chosen})
+            done(len(chosen))
+        else:
+            paths = simulate_paths(drives, grid, chosen, carsim, jobs, done)
+        _add_paths(replay, drives, grid, paths, len(chosen))
+        _add_scenes(replay, drives, sorted({sample for _, sample in chosen}), carsim, jobs, done)
+        _add_cars(replay, info, drives, sorted({design for design, _ in chosen}), carsim)
+        here = _trials_here(store, info, drives)
+        loose = sum(trial.sample is None or trial.id not in here for trial in trials)
+        if loose:
+            replay.remarks.append(
+                f"{loose} of {len(trials)} trials name no environment of these runs: they are laid over none of them."
+            )
+        replay.trials = [_trial(store, replay, grid, trial, trial.id in here) for trial in trials]
         return replay
-    assert not isinstance(carsim, str)
-    chosen = choose_runs(grid, kept or None)
-    if not chosen and grid.outcomes.any():
-        replay.remarks.append("No replay: no run ended in the simulator's own way, so that none has a path.")
-    plan(len(chosen) + len({sample for _, sample in chosen}))
-    if kept:
-        paths = Paths({key: kept[key] for key in chosen})
-        done(len(chosen))
-    else:
-        paths = simulate_paths(drives, grid, chosen, carsim, jobs, done)
-    _add_paths(replay, drives, grid, paths, len(chosen))
-    _add_scenes(replay, drives, sorted({sample for _, sample in chosen}), carsim, jobs, done)
-    _add_cars(replay, info, drives, sorted({design for design, _ in chosen}), carsim)
-    here = _trials_here(store, info, drives)
-    loose = sum(trial.sample is None or trial.id not in here for trial in trials)
-    if loose:
-        replay.remarks.append(
-            f"{loose} of {len(trials)} trials name no environment of these runs: they are laid over none of them."
-        )
-    replay.trials = [_trial(store, replay, grid, trial, trial.id in here) for trial in trials]
-    return replay
 
 
 def _trials_here(store: Store, info: ExperimentInfo, drives: StoredDrives) -> set[int]:
@@ -172,9 +171,7 @@ def _add_scenes(
         done(1)
 
 
-def _add_cars(
-    replay: Replay, info: ExperimentInfo, drives: StoredDrives, designs: Sequence[int], carsim: Carsim
-) -> None:
+def _add_cars(replay: Replay, info: ExperimentInfo, drives: StoredDrives, designs: Sequence[int], carsim: Carsim) -> None:
     """What is drawn of each design, and the firmware's pulses, which follow from the settings."""
     settings = {drives.settings[design]: drives.value("settings", drives.settings[design]) for design in designs}
     same = carsim.build == info.carsim_build
@@ -220,3 +217,10 @@ def _trial(store: Store, replay: Replay, grid: OutcomeGrid, trial: Trial, here: 
         "attitude": found.attitude,
         "missing": found.missing,
     }
+
+
+def blob(head: Any, content: bytes = b"") -> str:
+    """``head`` as JSON, a line feed and ``content``, as text that is safe inside any element."""
+    deflater = zlib.compressobj(9, wbits=-15)
+    whole = json.dumps(head, separators=(",", ":"), allow_nan=False).encode() + b"\n" + content
+    return base64.b64encode(deflater.compress(whole) + deflater.flush()).decode()

@@ -8,22 +8,18 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from foldcar.analysis.rate import wilson_interval
-from foldcar.crosscheck.agreement import Agreement, DesignRates
-from foldcar.crosscheck.parted import Parted
 from foldcar.figures.ground import height_map
 from foldcar.figures.height_colours import height_scale
 from foldcar.figures.profile import travelled_m
 from foldcar.figures.style import ACCENT, INK, OUTCOME_LABELS
 from foldcar.figures.top_view import draw_top_view, view_of
-from foldcar.report.parameter_plots import axis_label
+from foldcar.report.crosscheck_agreement import Agreement, DesignRates
+from foldcar.report.crosscheck_parted import Parted
+from foldcar.report.parameter_plots import axis_label, error_percent
 from foldcar.simulation.heights import Heights
 
 FIRST, SECOND = "multibody", "MuJoCo"
-SECOND_COLOUR = "#d55e00"
-LOOKS: Sequence[tuple[str, str, str, str]] = (
-    (FIRST, ACCENT, "o", "-"),
-    (SECOND, SECOND_COLOUR, "s", "--"),
-)
+LOOKS = ((FIRST, ACCENT, "o", "-"), (SECOND, "#d55e00", "s", "--"))
 CELLS = 300
 # Designs of a family with several parameters are numbered; beyond these no number is legible.
 MOST_TICKS = 20
@@ -37,23 +33,11 @@ def success_figure(result: Agreement, experiment: str) -> Figure:
     places, label = _places(designs)
     nudge = 0.12 * float(numpy.min(numpy.diff(places))) if len(places) > 1 else 0.05
     for side, (name, colour, marker, line) in zip((-1, 1), LOOKS, strict=True):
-        passed = [rates.first if name == FIRST else rates.second for rates in designs]
-        success = numpy.array([100 * n / rates.runs for n, rates in zip(passed, designs, strict=True)])
-        ends = numpy.array([wilson_interval(n, rates.runs) for n, rates in zip(passed, designs, strict=True)])
-        bars = numpy.abs(100 * ends.T - success)
-        axes.errorbar(
-            numpy.array(places) + side * nudge,
-            success,
-            yerr=bars,
-            color=colour,
-            marker=marker,
-            markersize=4,
-            linestyle=line,
-            linewidth=1.3,
-            elinewidth=0.9,
-            capsize=2,
-            label=name,
-        )
+        counts = [(rates.first if name == FIRST else rates.second, rates.runs) for rates in designs]
+        bars = numpy.hstack([error_percent(n / runs, wilson_interval(n, runs)) for n, runs in counts])
+        look: dict[str, Any] = {"color": colour, "marker": marker, "linestyle": line, "markersize": 4, "linewidth": 1.3}
+        x, y = numpy.array(places) + side * nudge, [100 * n / runs for n, runs in counts]
+        axes.errorbar(x, y, yerr=bars, elinewidth=0.9, capsize=2, label=name, **look)
     axes.set_ylim(-3, 103)
     axes.set_ylabel("runs passed (%)")
     axes.set_xlabel(label)
@@ -73,13 +57,8 @@ def worst_figure(pairs: Sequence[Parted], heights: Heights) -> Figure:
         above, right = part.subfigures(1, 2, width_ratios=(1.25, 1))
         left, (height, roll) = above.subplots(), right.subplots(2, 1, sharex=True)
         parameters = ", ".join(f"{axis_label(key)} {value:g}" for key, value in _shown(case.columns, pairs))
-        part.suptitle(
-            f"{case.label}{': ' if parameters else ''}{parameters}",
-            x=0.01,
-            ha="left",
-            fontsize=9,
-            weight="bold",
-        )
+        title = f"{case.label}{': ' if parameters else ''}{parameters}"
+        part.suptitle(title, x=0.01, ha="left", fontsize=9, weight="bold")
         paths = [numpy.asarray(result["path"], dtype=float) for result in (first, second)]
         ground = height_map(heights, pair.scene, view_of([pair.scene], numpy.concatenate(paths)), CELLS)
         draw_top_view(left, pair.scene, ground, height_scale([ground]))

@@ -11,10 +11,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from foldcar.car.variation import vary_body
-from foldcar.replay.outcome_grid import OutcomeGrid
-from foldcar.replay.stored_drives import StoredDrives
+from foldcar.report.replay_choice import OutcomeGrid
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.runner import RunRequest, side_by_side
+from foldcar.store.stored_drives import StoredDrives
 
 CHUNK_RUNS = 64
 

@@ -13,15 +13,14 @@ from typing import Any
 
 import matplotlib
 
-from foldcar.crosscheck.agreement import Agreement, Pair, agreement
-from foldcar.crosscheck.charts import success_figure, worst_figure
-from foldcar.crosscheck.parted import CANDIDATES, Parted, parted
-from foldcar.crosscheck.stored import Case, Results, read_cases
-from foldcar.crosscheck.sweeps import BASELINE
 from foldcar.figures.output import save_figure
 from foldcar.figures.page import page_template
 from foldcar.figures.style import OUTCOME_LABELS, RC
 from foldcar.outputs import atomic_file
+from foldcar.report.crosscheck_agreement import Agreement, Case, Pair, Results, agreement, read_cases
+from foldcar.report.crosscheck_charts import success_figure, worst_figure
+from foldcar.report.crosscheck_parted import CANDIDATES, Parted, parted
+from foldcar.report.crosscheck_sweeps import BASELINE
 from foldcar.shown_text import decoded
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.engines import ELLIPSOID, HALF_STEP, MUJOCO, MULTIBODY, SIDE_VIEW
@@ -95,7 +94,7 @@ def write_page(
         with matplotlib.rc_context(RC):
             sections.append(_section(folder, number, name, one, worst, carsims[MULTIBODY]))
         done(1)
-    page = page_template("foldcar.crosscheck", "page.html").render(
+    page = page_template("foldcar.report", "crosscheck.html").render(
         title=title,
         comparisons=[COMPARISON_HEAD, *(comparison_row(name, one) for name, one in comparisons)],
         by_experiment=experiment_table(by_experiment, side_view) if len(experiments) > 1 else [],
@@ -180,12 +179,7 @@ def _section(
     design = next(iter(one.designs.values()))
     keys = [key for key in design.columns if len({d.columns[key] for d in one.designs.values()}) > 1]
     rows = [
-        [
-            *(f"{d.columns[key]:g}" for key in keys),
-            str(d.runs),
-            f"{100 * d.first / d.runs:.1f}",
-            f"{100 * d.second / d.runs:.1f}",
-        ]
+        [*(f"{d.columns[key]:g}" for key in keys), str(d.runs), *(f"{100 * n / d.runs:.1f}" for n in (d.first, d.second))]
         for d in one.designs.values()
     ]
     if worst:
@@ -223,24 +217,12 @@ def column_name(engine: str) -> str:
 
 
 def comparison_numbers(one: Agreement) -> Mapping[str, Any]:
-    """A comparison as in numbers.json; shares are 0 to 1."""
+    """A comparison as in summary.json; shares are 0 to 1."""
     return {
-        "runs": one.runs,
-        "alike": one.alike,
-        "share": one.share,
-        "interval": one.interval,
-        "correlation": one.correlation,
-        "rmse": one.rmse,
-        "bias": one.bias,
+        **{key: getattr(one, key) for key in ("runs", "alike", "share", "interval", "correlation", "rmse", "bias")},
         "confusion": [[a, b, count] for (a, b), count in sorted(one.confusion.items())],
         "designs": [
-            {
-                "experiment": name,
-                "design": number + 1,
-                **d.columns,
-                "runs": d.runs,
-                "passed": [d.first, d.second],
-            }
+            {"experiment": name, "design": number + 1, **d.columns, "runs": d.runs, "passed": [d.first, d.second]}
             for (name, number), d in one.designs.items()
         ],
     }

@@ -1,1 +1,0 @@
-"""Runs and trials to be watched on a page: simulated again as stored, their paths and grounds as compact bytes."""

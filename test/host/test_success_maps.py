@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy
 import pytest
-from foldcar.inline_svg import inline_svg
 from matplotlib.collections import QuadMesh
 from threadpoolctl import threadpool_limits
 from typer.testing import CliRunner
 
 from foldcar.cli import app
+from foldcar.figures.page import inline_svg
 from foldcar.report.across_plot import across_rates
 from foldcar.report.effect_plots import draw_effects, draw_map, edges
 from foldcar.report.environment_groups import environment_groups

@@ -190,22 +190,20 @@ def simulator_of(worker: int, other_than: int = 0) -> int:
     pytest.fail("the worker has started no carsim")
 
 
-@pytest.mark.parametrize("whose", ["worker", "simulator"])
-def test_beside_scenic_too_a_process_killed_once_costs_nothing(
-    beside: tuple[ScenicRunner, dict[str, Any]], whose: str
-) -> None:
+def test_beside_scenic_too_a_process_killed_once_costs_nothing(beside: tuple[ScenicRunner, dict[str, Any]]) -> None:
     runner, chunk = beside
     (whole,) = runner.run(**chunk)
-    runner.close()
 
-    with under_way(lambda: runner.run(**chunk)) as (answers, next_process):
-        worker = next_process()
-        simulator = simulator_of(worker)
-        time.sleep(0.3)
-        os.kill(worker if whose == "worker" else simulator, signal.SIGKILL)
-        (disturbed,) = answers.result(WAIT_S)
+    for killed in ("worker", "simulator"):
+        runner.close()
+        with under_way(lambda: runner.run(**chunk)) as (answers, next_process):
+            worker = next_process()
+            simulator = simulator_of(worker)
+            time.sleep(0.3)
+            os.kill(worker if killed == "worker" else simulator, signal.SIGKILL)
+            (disturbed,) = answers.result(WAIT_S)
+        assert disturbed == whole, killed
 
-    assert disturbed == whole
     assert len(whole["recorded"]["x"]["value"]) > 40
 
 

@@ -42,7 +42,7 @@ def report(
     Example: foldcar report study.db -o report --threshold 0.6 --threshold 0.8
     """
     from foldcar.commands.progress_bar import TerminalBar
-    from foldcar.report.page_data import FigureOptions
+    from foldcar.report.figure_options import figure_options
     from foldcar.report.replay import Replayer
     from foldcar.report.terminal import print_summary, summary_object
     from foldcar.report.write import PAGE, write_report
@@ -51,7 +51,7 @@ def report(
     command = ["foldcar", "report", str(store), "-o", str(output)]
     if simulated_trials:
         command.append("--simulated-trials")
-    options = FigureOptions(tuple(sorted(set(threshold or []))), sample)
+    options = figure_options(threshold or [], sample)
     command += [word for share in options.chosen for word in ("--threshold", f"{share:g}")]
     command += ["--sample", str(sample)] if sample else []
     if not replay:

@@ -46,7 +46,7 @@ Arrays are ``{"type": "uint8" | "uint16" | "uint32" | "float32", "data": base64 
 import base64
 import shlex
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -56,9 +56,9 @@ from threadpoolctl import threadpool_limits
 
 from foldcar.analysis.effects import Effects
 from foldcar.analysis.words import label_and_unit, value_text
-from foldcar.errors import FoldcarError
 from foldcar.figures.style import OUTCOME_LABELS
 from foldcar.report.environment_values import EnvironmentValues, environment_values
+from foldcar.report.figure_options import THRESHOLDS, FigureOptions
 from foldcar.report.page_advice import Advice
 from foldcar.report.page_designs import Designs, parameter_columns, read_designs
 from foldcar.report.page_effects import cause_rows, effect_rows, importance_rows, read_effects
@@ -73,29 +73,6 @@ from foldcar.store.trial_records import Trial, select_trials
 
 # Runs that the page holds one by one.
 MOST_RUNS = 50_000
-# Of the publication's figure 6.
-THRESHOLDS = (0.5, 0.75)
-
-
-@dataclass(frozen=True)
-class FigureOptions:
-    """What the reader of a report may choose: thresholds of success, 0 to 1 ascending, and an environment.
-
-    Without ``chosen`` thresholds each experiment has its listing's, or THRESHOLDS; ``sample`` is the environment whose
-    times to cross are drawn.
-    """
-
-    chosen: tuple[float, ...] = ()
-    sample: int = 0
-
-    def check(self, infos: Iterable[ExperimentInfo]) -> None:
-        """Raise FoldcarError if no experiment has the sample."""
-        counts = {info.id: info.environments for info in infos}
-        if counts and self.sample >= max(counts.values()):
-            named = ", ".join(f"{count} of experiment {name}" for name, count in counts.items())
-            raise FoldcarError(f"--sample: {self.sample} is not among the sampled environments, counted from 0: {named}")
-
-
 NO_OPTIONS = FigureOptions()
 
 

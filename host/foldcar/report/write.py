@@ -15,8 +15,9 @@ from foldcar.figures.style import RC
 from foldcar.interrupts import held
 from foldcar.outputs import check_output_folder
 from foldcar.report.across_plot import across_drawings
+from foldcar.report.figure_options import THRESHOLDS, FigureOptions
 from foldcar.report.page import page_html
-from foldcar.report.page_data import NO_OPTIONS, THRESHOLDS, Experiment, FigureOptions, page_data, read_experiments
+from foldcar.report.page_data import NO_OPTIONS, Experiment, page_data, read_experiments
 from foldcar.report.paper_figures import Drawing, drawings
 from foldcar.report.replay import UNITS, Replayer
 from foldcar.report.replay_choice import OutcomeGrid

@@ -22,7 +22,7 @@ from foldcar.fabrication.assembly.view_steps import view_steps
 from foldcar.fabrication.patterns.options import options
 from foldcar.fabrication.patterns.sheets import cut_car
 from page_check import page_findings
-from test_assembly_proof import NAMES, car
+from test_assembly_proof import car
 
 # Those between differ from these in their width.
 PAGES = ("w65", "six", "hinged")
@@ -92,7 +92,7 @@ def test_the_guide_says_from_where_screws_come_what_they_pass_and_where_nuts_go(
     assert sorted(order, key=text.index) == order
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", PAGES)
 def test_nuts_are_drawn_apart_on_the_side_from_which_they_are_proved_to_come(name: str) -> None:
     folded = car(name)
     mounts, state, drawn = {mount.name: mount for mount in folded.mounts}, State(folded), 0

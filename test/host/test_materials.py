@@ -104,15 +104,15 @@ def test_a_machine_that_does_not_cut_the_film_is_refused(tmp_path: Path) -> None
 
 def test_a_hinge_of_another_film_has_its_own_sheet_and_is_bought() -> None:
     folded = folded_car(compose("W_B_H_W", {"W.length": 100, "H.thickness": 0.127}))
-    made = pattern(folded, options("silhouette"), "a car")
+    made = pattern(folded, options("laser"), "a car")
     *others, last = made.sheets
     strips = sum(piece.count for piece in folded.pieces if piece.thickness_mm == 0.127)
 
     assert {sheet.film for sheet in others} == {"PET film 0.25 mm"} and last.film == "PET film 0.127 mm"
     assert sum(shape.layer == "CUT_OUTER" for shape in last.shapes) == strips == 1
     rows = {row["part"]: row for row in csv.DictReader(io.StringIO(parts_list_csv(folded, made.sheets)))}
-    # Whole sheets of 12 inches, at 15 and 8 USD/m².
-    sheet_m2 = 0.3048**2
+    # Whole sheets, at 15 and 8 USD/m².
+    sheet_m2 = 0.6 * 0.4
     assert float(rows["PET film 0.25 mm"]["cost_usd"]) == pytest.approx(len(others) * sheet_m2 * 15, abs=0.01)
     assert float(rows["PET film 0.127 mm"]["cost_usd"]) == pytest.approx(sheet_m2 * 8, abs=0.01)
     assert "Film: PET film 0.25 mm, PET film 0.127 mm" in how_to_cut(made, "")

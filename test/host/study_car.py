@@ -4,9 +4,7 @@ import copy
 import json
 from typing import Any
 
-from foldcar.car.car_file import firmware_parameters
-
-from foldcar.car.body import body_json, full_speed_m_s
+from foldcar.car.body import body_json, firmware_parameters, full_speed_m_s
 from foldcar.car.design import compose
 
 

@@ -26,7 +26,7 @@ Command = Callable[..., "subprocess.CompletedProcess[str]"]
 FOLDCAR = [sys.executable, "-c", "from foldcar.cli import main; main()"]
 STATE = "document.getElementById('live')?.dataset.state"
 # The page's own count of runs.
-SHOWN = "window.study?.e ? study.e.designs.runs.reduce((sum, one) => sum + one, 0) : 0"
+SHOWN = "(window.study?.e ? study.e.designs.runs.reduce((sum, one) => sum + one, 0) : 0)"
 
 
 @contextlib.contextmanager
@@ -65,11 +65,11 @@ def test_page_follows_a_sweep_that_is_killed_and_resumed(
             tab.ask("window.mark = 'not loaded again'; study.set({design: study.e.designs.name[1], env: 1, order: 'difficulty'})")
             tab.ask("for (const one of document.querySelectorAll('#belief .behind')) one.open = true; scrollTo(0, 700)")
             scrolled, first = tab.ask("scrollY"), tab.ask(SHOWN)
-            selected = tab.ask("[study.state.design, location.hash, document.querySelector('#design h3').firstChild.data]")
+            selected = tab.ask("[study.state.design, study.state.env, document.querySelector('#design h3').firstChild.data]")
             assert scrolled > 0
             tab.wait(f"{SHOWN} > {first}")
 
-            assert tab.ask("[study.state.design, location.hash, document.querySelector('#design h3').firstChild.data]") == selected
+            assert tab.ask("[study.state.design, study.state.env, document.querySelector('#design h3').firstChild.data]") == selected
             assert tab.ask("scrollY") == scrolled
             assert tab.ask("document.querySelector('#belief .behind').open")
             tab.wait("/ of 40,000 runs · about \\S+ (s|min|h) left · changed/.test(document.querySelector('#live .told').textContent)")
@@ -88,7 +88,9 @@ def test_page_follows_a_sweep_that_is_killed_and_resumed(
                 assert tab.ask("window.mark") == "not loaded again"
                 assert tab.ask("study.state.design") == selected[0]
                 resumed.send_signal(signal.SIGINT)
-                _, errors = resumed.communicate(timeout=60)
+                resumed.wait(60)
+                assert resumed.stderr is not None
+                errors = resumed.stderr.read()
                 assert resumed.returncode == 130 and "\nstopped: " in f"\n{errors}", errors
                 tab.wait(f"{STATE} === 'gone'")
                 said = tab.ask("document.querySelector('#live .state').textContent")

@@ -1,6 +1,6 @@
 """A store's page while runs and trials come: what the page polls, made anew as the store changes.
 
-One thread of the server's answers polls, the main thread makes the data (:meth:`LiveStudy.follow`). It takes at most
+Threads of the server answer polls, the main thread makes the data (:meth:`LiveStudy.follow`). It takes at most
 SHARE of the machine's time, and none while nobody polls.
 """
 

@@ -1,4 +1,4 @@
-"""`foldcar report --live` and `foldcar sweep --live`: the page in a browser follows a sweep that is killed and resumed."""
+"""`report --live` and `sweep --live`: the page in a browser follows a sweep that is killed and resumed."""
 
 import contextlib
 import http.client
@@ -27,6 +27,8 @@ FOLDCAR = [sys.executable, "-c", "from foldcar.cli import main; main()"]
 STATE = "document.getElementById('live')?.dataset.state"
 # The page's own count of runs.
 SHOWN = "(window.study?.e ? study.e.designs.runs.reduce((sum, one) => sum + one, 0) : 0)"
+SELECTED = "[study.state.design, study.state.env, document.querySelector('#design h3').firstChild.data]"
+SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
 
 
 @contextlib.contextmanager
@@ -62,17 +64,18 @@ def test_page_follows_a_sweep_that_is_killed_and_resumed(
         url = note_of(sweep)
         with Tab(url) as tab:
             tab.wait(f"{SHOWN} > 0 && {STATE} === 'running'")
-            tab.ask("window.mark = 'not loaded again'; study.set({design: study.e.designs.name[1], env: 1, order: 'difficulty'})")
+            tab.ask("window.mark = 'not loaded again'; study.set({design: study.e.designs.name[1], env: 1})")
             tab.ask("for (const one of document.querySelectorAll('#belief .behind')) one.open = true; scrollTo(0, 700)")
             scrolled, first = tab.ask("scrollY"), tab.ask(SHOWN)
-            selected = tab.ask("[study.state.design, study.state.env, document.querySelector('#design h3').firstChild.data]")
+            selected = tab.ask(SELECTED)
             assert scrolled > 0
             tab.wait(f"{SHOWN} > {first}")
 
-            assert tab.ask("[study.state.design, study.state.env, document.querySelector('#design h3').firstChild.data]") == selected
+            assert tab.ask(SELECTED) == selected
             assert tab.ask("scrollY") == scrolled
             assert tab.ask("document.querySelector('#belief .behind').open")
-            tab.wait("/ of 40,000 runs · about \\S+ (s|min|h) left · changed/.test(document.querySelector('#live .told').textContent)")
+            told = "document.querySelector('#live .told').textContent"
+            tab.wait(rf"/ of 40,000 runs · about \S+ (s|min|h) left · changed/.test({told})")
 
             sweep.kill()
             assert tab.wait(f"['killed', 'gone'].includes({STATE}) && {STATE}")
@@ -106,7 +109,7 @@ def store(tmp_path_factory: pytest.TempPathFactory, carsim_binary: Path) -> Path
     listing = {
         "experiments": {"1": {"veh_id": 1, "env_id": 1, "params": {"timeout": 60, "environments": 40}}},
         "vehicles": {"1": {"type": "W_B_W", "params": [{"common": {"width": [80, 95, 245]}}]}},
-        "environments": {"1": {"scenic_filename": str(Path(__file__).parents[2] / "scenarios/two_bumps.scenic"), "seed": 1}},
+        "environments": {"1": {"scenic_filename": str(SCENARIOS / "two_bumps.scenic"), "seed": 1}},
     }
     (folder / "l.json").write_text(json.dumps(listing))
     words = ["sweep", folder / "l.json", "--store", folder / "s.db", "--until", "20pp"]

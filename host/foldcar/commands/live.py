@@ -47,19 +47,21 @@ def serve(store: Path, port: int, make: "Callable[[], LiveStudy]", beside: bool,
         return lives[0].poll(query)
 
     page = page_html({"title": store.name, "experiments": []}, {})
-    with _server(page, poll, port, PATIENCE_S if beside else 0.0) as server:
-        with said(lambda: f"foldcar: {server.url} is closed"):
-            tell(as_json, {"url": server.url}, f"{server.url} (until Ctrl-C)")
-            sys.stdout.flush()
-            if hasattr(os, "nice"):
-                os.nice(NICENESS)
-            threading.Thread(target=server.serve_forever, daemon=True).start()
-            if beside:
-                threading.Thread(target=_wait_for_end, args=(ended,), daemon=True).start()
-            lives.append(make())
-            made.set()
-            lives[0].follow(ended.is_set)
-            server.shutdown()
+    with (
+        _server(page, poll, port, PATIENCE_S if beside else 0.0) as server,
+        said(lambda: f"foldcar: {server.url} is closed"),
+    ):
+        tell(as_json, {"url": server.url}, f"{server.url} (until Ctrl-C)")
+        sys.stdout.flush()
+        if hasattr(os, "nice"):
+            os.nice(NICENESS)
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        if beside:
+            threading.Thread(target=_wait_for_end, args=(ended,), daemon=True).start()
+        lives.append(make())
+        made.set()
+        lives[0].follow(ended.is_set)
+        server.shutdown()
 
 
 def _server(page: str, poll: Callable[[str], bytes], port: int, patience_s: float) -> "PageServer":

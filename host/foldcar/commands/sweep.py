@@ -64,7 +64,7 @@ def sweep(
     engine: Engine = "multibody",
     components: Components = None,
     live: Annotated[
-        bool, typer.Option("--live", help="Serve the report's page meanwhile, which follows the sweep (this machine only).")
+        bool, typer.Option("--live", help="Serve the report's page to this machine's browser; it follows the sweep.")
     ] = False,
     port: LivePort = None,
     as_json: Json = False,

@@ -54,7 +54,8 @@ class PageServer(ThreadingHTTPServer):
         try:
             super().__init__((ADDRESS, port), _Handler)
         except OSError as error:
-            raise FoldcarError(f"--port {port}: {error.strerror or error}; name another one, or 0 for a free one") from None
+            what = error.strerror or error
+            raise FoldcarError(f"--port {port}: {what}; name another one, or 0 for a free one") from None
         self.token = secrets.token_urlsafe(24)
         self.page = page.replace("<head>", TOKEN_META.format(self.token), 1).encode()
         self.port = int(self.server_address[1])

@@ -5,7 +5,6 @@ SHARE of the machine's time, and none while nobody polls.
 """
 
 import json
-import os
 import secrets
 import threading
 import time
@@ -159,7 +158,7 @@ def _stamp(path: Path) -> tuple[Any, ...]:
     found = []
     for file in (path, beside(path, "-wal")):
         try:
-            status = os.stat(file)
+            status = file.stat()
         except OSError:
             continue
         # Readers leave an empty log beside the store of a killed sweep.

@@ -67,9 +67,8 @@ def is_written(path: Path) -> bool | None:
     file = Path(f"{os.path.realpath(path)}-lock")
     # Windows leaves an empty file of every writer.
     left = None if os.name == "posix" else False
-    with contextlib.suppress(OSError):
-        if not file.exists():
-            return False
+    if not file.exists():
+        return False
     try:
         with contextlib.closing(sqlite3.connect(f"{file.as_uri()}?mode=ro", 0, uri=True)) as lock:
             lock.execute("SELECT count(*) FROM sqlite_master").fetchone()

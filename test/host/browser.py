@@ -4,10 +4,16 @@
 and where that is missing too the tests of pages are left out.
 """
 
+import json
+import os
+import select
 import shutil
 import subprocess
 import tempfile
+import time
+from base64 import b64decode
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -46,3 +52,77 @@ def browser() -> str:
     if "\nID=ubuntu\n" in Path("/etc/os-release").read_text(encoding="utf-8"):
         pytest.skip("Ubuntu has no package of Chromium, and there is no Google Chrome")
     pytest.fail("there is no Chromium: tools/install_system_packages.sh tests")
+
+
+class Tab:
+    """A page in a browser that runs in real time and is asked by the DevTools protocol, over pipes: no port, no library.
+
+    ``with Tab(url) as tab``: ``tab.ask("document.title")``.
+    """
+
+    def __init__(self, address: str, width: int = 1280, height: int = 900) -> None:
+        self._address, self._size = address, (width, height)
+        self._number, self._session, self._left = 0, "", b""
+
+    def __enter__(self) -> "Tab":
+        self._profile = tempfile.TemporaryDirectory(prefix="foldcar-browser-", ignore_cleanup_errors=True)
+        (its_in, self._to), (self._from, its_out) = os.pipe(), os.pipe()
+        flags = [flag for flag in FLAGS if not flag.startswith("--virtual-time")]
+        words = [browser(), *flags, "--remote-debugging-pipe", f"--user-data-dir={self._profile.name}", "about:blank"]
+        # The browser reads commands from descriptor 3 and answers on 4.
+        shell = ["bash", "-c", f'exec "$@" 3<&{its_in} 4>&{its_out}', "browser", *words]
+        self._process = subprocess.Popen(
+            shell, pass_fds=(its_in, its_out), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+        )
+        for end in (its_in, its_out):
+            os.close(end)
+        target = self.send("Target.createTarget", url="about:blank")["targetId"]
+        self._session = self.send("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
+        width, height = self._size
+        metrics = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
+        self.send("Emulation.setDeviceMetricsOverride", **metrics)
+        self.send("Page.navigate", url=self._address)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._process.kill()
+        self._process.wait()
+        for end in (self._to, self._from):
+            os.close(end)
+        self._profile.cleanup()
+
+    def send(self, method: str, **parameters: Any) -> dict[str, Any]:
+        """The result of a method of the protocol."""
+        self._number += 1
+        said = {"id": self._number, "method": method, "params": parameters}
+        os.write(self._to, json.dumps(said | ({"sessionId": self._session} if self._session else {})).encode() + b"\0")
+        while True:
+            while b"\0" not in self._left:
+                assert select.select([self._from], [], [], HANGS_S)[0], f"{method}: the browser does not answer"
+                more = os.read(self._from, 1 << 20)
+                assert more, "the browser has ended"
+                self._left += more
+            message, _, self._left = self._left.partition(b"\0")
+            answer = json.loads(message)
+            if answer.get("id") == self._number:
+                assert "error" not in answer, answer
+                found: dict[str, Any] = answer["result"]
+                return found
+
+    def ask(self, script: str) -> Any:
+        """The value of a JavaScript expression on the page."""
+        answer = self.send("Runtime.evaluate", expression=script, returnByValue=True, awaitPromise=True)
+        assert "exceptionDetails" not in answer, answer
+        return answer["result"].get("value")
+
+    def wait(self, script: str, seconds: float = 60) -> Any:
+        """The expression's value once it is true; fails after so many seconds."""
+        until = time.monotonic() + seconds
+        while not (found := self.ask(script)):
+            assert time.monotonic() < until, f"{script} is {found!r}; {self.ask('document.body.innerText.slice(0, 600)')}"
+            time.sleep(0.1)
+        return found
+
+    def picture(self, file: Path) -> None:
+        """Write what is in sight as PNG."""
+        file.write_bytes(b64decode(self.send("Page.captureScreenshot", format="png")["data"]))

@@ -17,8 +17,8 @@ from browser import browse
 from foldcar.car.design import Design, compose
 from foldcar.car.folded_car import folded_car
 from foldcar.fabrication.assembly.live_car import LiveCar
-from foldcar.fabrication.assembly.page_server import MOST_BYTES, PageServer
 from foldcar.fabrication.assembly.view_data import view_data
+from foldcar.figures.page_server import MOST_BYTES, PageServer
 from page_check import page_findings
 
 Command = Callable[..., "subprocess.CompletedProcess[str]"]
@@ -40,7 +40,7 @@ def server() -> Iterator[PageServer]:
 def asked(server: PageServer, method: str, path: str, body: str = "", **headers: str | None) -> tuple[int, str]:
     """Status and content; ``headers`` replace those of the page itself, None leaves one out."""
     own = f"127.0.0.1:{server.port}"
-    sent: dict[str, str | None] = {"Host": own, "Content-Length": str(len(body))}
+    sent: dict[str, str | None] = {"Host": own, "Content-Length": str(len(body)), "X-Foldcar-Token": server.token}
     if method == "POST":
         sent |= {"Origin": f"http://{own}", "Content-Type": "application/json"}
     sent |= {name.replace("_", "-"): value for name, value in headers.items()}
@@ -72,6 +72,8 @@ def test_server_listens_on_loopback_alone(server: PageServer) -> None:
         (403, "POST", "/car", "{}", {"Origin": None}),
         (403, "POST", "/car", "{}", {"Origin": "null"}),
         (403, "POST", "/car", "{}", {"Origin": "https://evil.example"}),
+        (403, "POST", "/car", "{}", {"X_Foldcar_Token": None}),
+        (403, "POST", "/car", "{}", {"X_Foldcar_Token": "\xe9"}),
         (415, "POST", "/car", "{}", {"Content_Type": "text/plain"}),
         (411, "POST", "/car", "", {"Content_Length": None}),
         (411, "POST", "/car", "{}", {"Content_Length": "-1"}),

@@ -2,12 +2,14 @@
 
 import shlex
 from collections.abc import Iterator, Sequence
+from contextlib import nullcontext
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from foldcar.commands.live import PORT, LivePort, served_beside
 from foldcar.commands.options import (
     Components,
     Engine,
@@ -25,12 +27,14 @@ from foldcar.commands.options import (
     simulators,
     tell,
 )
+from foldcar.errors import FoldcarError
 
 if TYPE_CHECKING:
     from foldcar.analysis.stopping import StoppingRule
     from foldcar.study.experiment_runs import Progress
     from foldcar.study.experiments import Experiment
     from foldcar.study.stopping import DesignState
+    from foldcar.study.sweep import Sweep
 
 # Undecided designs that are named, and different messages of failed runs that are shown.
 SHOWN_UNDECIDED = 12
@@ -59,6 +63,10 @@ def sweep(
     ] = None,
     engine: Engine = "multibody",
     components: Components = None,
+    live: Annotated[
+        bool, typer.Option("--live", help="Serve the report's page to this machine's browser; it follows the sweep.")
+    ] = False,
+    port: LivePort = None,
     as_json: Json = False,
 ) -> None:
     """Simulate all runs that the store lacks.
@@ -70,19 +78,28 @@ def sweep(
     Example: foldcar sweep scenarios/width_study.json --store study.db
     foldcar sweep scenarios/width_study.json --store study.db --until decided
     """
+    if port is not None and not live:
+        raise FoldcarError("--port: only --live serves the page")
     check_scheduler_option(scheduler, jobs)
     from foldcar.api.sweeping import planned_sweep
-    from foldcar.commands.progress_bar import ProgressBar
-    from foldcar.interrupts import said
     from foldcar.study.environments import mutation_notes
 
     asked = planned_sweep(
         listing, store, command_line(), experiment=experiment, environments=environments, until=until,
         calibration=calibration, reality=reality, engine=engine,
     )  # fmt: skip
-    rules = asked.until
     for one in mutation_notes(asked.environments):
         note(one)
+    with served_beside(store, PORT if port is None else port) if live else nullcontext():
+        _sweep(asked, scheduler, jobs, as_json)
+
+
+def _sweep(asked: "Sweep", scheduler: str | None, jobs: int | None, as_json: bool) -> None:
+    """Simulate, print the result. Exit code 1 if runs have failed."""
+    from foldcar.commands.progress_bar import ProgressBar
+    from foldcar.interrupts import said
+
+    store, rules = asked.store, asked.until
     progress, most = asked.progress, asked.progress.total
 
     def stopped() -> str:

@@ -92,7 +92,7 @@ def _write(design: "Design", output: Path, run: dict[str, Any] | None, machine: 
 
 
 def _serve(car: "LiveCar", as_json: bool) -> None:
-    from foldcar.fabrication.assembly.page_server import PageServer
+    from foldcar.figures.page_server import PageServer
     from foldcar.interrupts import said
 
     with (

@@ -35,7 +35,8 @@ def writer_lock(path: Path) -> Iterator[None]:
     try:
         file.touch()
         before = file.stat()
-        lock = sqlite3.connect(file, timeout=0, isolation_level=None)
+        # Longer than `is_written` looks at it.
+        lock = sqlite3.connect(file, timeout=0.2, isolation_level=None)
     except OSError as error:
         raise StoreError(f"{path}: cannot be written: {error.strerror or error}") from error
     with contextlib.closing(lock):
@@ -59,6 +60,21 @@ def writer_lock(path: Path) -> Iterator[None]:
                 yield
             finally:
                 delete()
+
+
+def is_written(path: Path) -> bool | None:
+    """Whether a process holds the right to write the store; None if one that held it was killed. Keeps nobody out."""
+    file = Path(f"{os.path.realpath(path)}-lock")
+    # Windows leaves an empty file of every writer.
+    left = None if os.name == "posix" else False
+    if not file.exists():
+        return False
+    try:
+        with contextlib.closing(sqlite3.connect(f"{file.as_uri()}?mode=ro", 0, uri=True)) as lock:
+            lock.execute("SELECT count(*) FROM sqlite_master").fetchone()
+    except sqlite3.OperationalError as error:
+        return "locked" in str(error)
+    return left
 
 
 def leads_to(path: Path, status: os.stat_result) -> bool:

@@ -15,6 +15,7 @@ export class Model {
     window.addEventListener("hashchange", () => {
       const before = this.state.e;
       this.read();
+      if (!this.study) return;
       this.choose();
       this.tell(before === this.state.e ? "state" : "data");
       this.scroll();

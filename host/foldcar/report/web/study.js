@@ -1,7 +1,8 @@
-// The study page: the data stand in the element #study, or come again and again from a server (window.study.use).
+// The study page: the data stand in the element #study, or come again and again from a server (live.js).
 
 import { Belief } from "./belief.js";
 import { byId, make } from "./dom.js";
+import { follow as followStore, isLive } from "./live.js";
 import { Model, SECTIONS } from "./model.js";
 import { Parameters } from "./parameters.js";
 import { ReplayPlace } from "./replay_place.js";
@@ -65,11 +66,20 @@ function start() {
   });
   document.addEventListener("keydown", event => { if (event.key === "Escape" && model.state.design !== null) model.set({ design: null, env: null, t: null }); });
   window.study = model;
-  model.use(JSON.parse(byId("study").textContent));
-  if (model.state.at) model.scroll();
-  follow(model);
-  document.body.dataset.state = "ready";
-  document.body.dataset.readyMs = performance.now().toFixed(0);
+  const first = study => {
+    document.body.classList.remove("empty");
+    model.use(study);
+    if (model.state.at) model.scroll();
+    follow(model);
+    document.body.dataset.state = "ready";
+    document.body.dataset.readyMs = performance.now().toFixed(0);
+  };
+  if (!isLive()) {
+    first(JSON.parse(byId("study").textContent));
+    return;
+  }
+  document.body.classList.add("empty");
+  followStore(study => (model.study ? model.use(study) : first(study)));
 }
 
 start();

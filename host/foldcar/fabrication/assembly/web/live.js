@@ -71,7 +71,7 @@ export class Live {
 
   async question(path) {
     this.told.textContent = "Being computed and checked …";
-    const sent = { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(this.values) };
+    const sent = { method: "POST", headers: { "Content-Type": "application/json", "X-Foldcar-Token": document.querySelector("meta[name=foldcar-token]").content }, body: JSON.stringify(this.values) };
     try {
       return await (await fetch(path, sent)).json();
     } catch (error) {

@@ -1,11 +1,14 @@
-"""A page and its questions on this machine's loopback: GET / is the page, a POST answers a question.
+"""A page on this machine's loopback: GET / is the page, a POST answers a question, another GET is what it polls.
 
-Input: functions for both. It listens on 127.0.0.1 only. A page of another site, or another name for this address, must
-not reach it: requests are refused whose Host or Origin is not its own, whose type is not JSON, and all that is larger
-than a question can be.
+Input: functions for these. It listens on 127.0.0.1 only. A page of another site, or another name for this address, must
+not reach it: requests are refused whose Host or Origin is not its own, whose type is not JSON, all that is larger than a
+question can be, and all but GET / without the token, which stands in the page and is another one at each start.
 """
 
+import hmac
 import json
+import os
+import secrets
 import sys
 import threading
 from collections.abc import Callable, Mapping
@@ -13,8 +16,12 @@ from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 
+from foldcar.errors import FoldcarError
+
 ADDRESS = "127.0.0.1"
 MOST_BYTES = 16_384
+# The header of questions, and what holds its value in the page.
+TOKEN_HEADER, TOKEN_META = "X-Foldcar-Token", '<head>\n<meta name="foldcar-token" content="{}">'
 # A client that says nothing for so long is left.
 SILENCE_S = 10.0
 HEADERS = {
@@ -27,18 +34,33 @@ HEADERS = {
 }
 
 Answer = Callable[[Any], Any]
+Poll = Callable[[str], bytes]
 
 
 class PageServer(ThreadingHTTPServer):
-    """Serves ``page`` (HTML) and the ``answers`` by path to JSON values, one at a time, on a free port."""
+    """Serves ``page`` (HTML), the ``answers`` by path to JSON values, one at a time, and JSON that is ``polled``.
+
+    ``polled`` maps a path to what makes its bytes from the address's query, in any thread. ``port`` 0 is a free one;
+    FoldcarError if it cannot be had.
+    """
 
     daemon_threads = True
+    # On Windows the option would let two programs have one port.
+    allow_reuse_address = os.name == "posix"
 
-    def __init__(self, page: str, answers: Mapping[str, Answer]) -> None:
-        super().__init__((ADDRESS, 0), _Handler)
-        self.page = page.encode()
+    def __init__(
+        self, page: str, answers: Mapping[str, Answer], polled: Mapping[str, Poll] | None = None, port: int = 0
+    ) -> None:
+        try:
+            super().__init__((ADDRESS, port), _Handler)
+        except OSError as error:
+            what = error.strerror or error
+            raise FoldcarError(f"--port {port}: {what}; name another one, or 0 for a free one") from None
+        self.token = secrets.token_urlsafe(24)
+        self.page = page.replace("<head>", TOKEN_META.format(self.token), 1).encode()
         self.port = int(self.server_address[1])
         self.answers = answers
+        self.polled = polled or {}
         self._busy = threading.Lock()
 
     @property
@@ -70,13 +92,16 @@ class _Handler(BaseHTTPRequestHandler):
     def do_GET(self) -> None:
         if not self._is_own():
             return
-        if self.path != "/":
-            self._send(HTTPStatus.NOT_FOUND, b"only / is here\n", "text/plain")
-            return
-        self._send(HTTPStatus.OK, self.server.page, "text/html; charset=utf-8")
+        path, _, query = self.path.partition("?")
+        if path == "/":
+            self._send(HTTPStatus.OK, self.server.page, "text/html; charset=utf-8")
+        elif path not in self.server.polled:
+            self._send(HTTPStatus.NOT_FOUND, b"nothing is here\n", "text/plain")
+        elif self._has_token():
+            self._send(HTTPStatus.OK, self.server.polled[path](query), "application/json")
 
     def do_POST(self) -> None:
-        if not self._is_own(posted=True):
+        if not self._is_own(posted=True) or not self._has_token():
             return
         length = self.headers.get("Content-Length", "")
         if self.path not in self.server.answers:
@@ -112,6 +137,13 @@ class _Handler(BaseHTTPRequestHandler):
         if not own:
             self._send(HTTPStatus.FORBIDDEN, b"not of this page\n", "text/plain")
         return own
+
+    def _has_token(self) -> bool:
+        given = self.headers.get_all(TOKEN_HEADER, [])
+        has = len(given) == 1 and hmac.compare_digest(given[0].encode(), self.server.token.encode())
+        if not has:
+            self._send(HTTPStatus.FORBIDDEN, b"not of this page\n", "text/plain")
+        return has
 
     def _send(self, status: HTTPStatus, content: bytes, kind: str) -> None:
         self.send_response(status)

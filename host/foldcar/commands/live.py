@@ -1,0 +1,110 @@
+"""The page that is served while a store is written: of `report --live`, and beside a sweep, in a process of its own."""
+
+import os
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from foldcar.commands.options import note, tell
+from foldcar.errors import FoldcarError
+from foldcar.installation import python_command
+
+if TYPE_CHECKING:
+    from foldcar.figures.page_server import PageServer
+    from foldcar.report.live import LiveStudy
+
+# The same at each start, so that an open page goes on when a sweep is resumed.
+PORT = 8377
+LivePort = Annotated[
+    int | None,
+    typer.Option(
+        "--port", metavar="N", min=0, max=65535, help=f"Port of --live on 127.0.0.1; default {PORT}, 0: a free one."
+    ),
+]
+# So long a sweep waits for a port that the page of the one before may still have (s), and for its page's end.
+PATIENCE_S = 5.0
+# Simulators go first.
+NICENESS = 10
+
+
+def serve(store: Path, port: int, make: "Callable[[], LiveStudy]", beside: bool, as_json: bool) -> None:
+    """Serve the page of what ``make`` makes, until a signal, or until standard input ends, as ``beside`` a sweep."""
+    from foldcar.interrupts import said
+    from foldcar.report.page import page_html
+
+    made, ended = threading.Event(), threading.Event()
+    lives: list[LiveStudy] = []
+
+    def poll(query: str) -> bytes:
+        made.wait()
+        return lives[0].poll(query)
+
+    page = page_html({"title": store.name, "experiments": []}, {})
+    with (
+        _server(page, poll, port, PATIENCE_S if beside else 0.0) as server,
+        said(lambda: f"foldcar: {server.url} is closed"),
+    ):
+        tell(as_json, {"url": server.url}, f"{server.url} (until Ctrl-C)")
+        sys.stdout.flush()
+        if hasattr(os, "nice"):
+            os.nice(NICENESS)
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        if beside:
+            threading.Thread(target=_wait_for_end, args=(ended,), daemon=True).start()
+        lives.append(make())
+        made.set()
+        lives[0].follow(ended.is_set)
+        server.shutdown()
+
+
+def _server(page: str, poll: Callable[[str], bytes], port: int, patience_s: float) -> "PageServer":
+    from foldcar.figures.page_server import PageServer
+
+    until = time.monotonic() + patience_s
+    while True:
+        try:
+            return PageServer(page, {}, {"/study.json": poll}, port)
+        except FoldcarError:
+            if time.monotonic() >= until:
+                raise
+        time.sleep(0.1)
+
+
+def _wait_for_end(ended: threading.Event) -> None:
+    """Standard input ends when the sweep does, however it ends."""
+    while os.read(0, 1024):
+        pass
+    ended.set()
+
+
+@contextmanager
+def served_beside(store: Path, port: int) -> Iterator[None]:
+    """Within ``with``, another process serves the store's page; after it, until an open page has the last of it.
+
+    Exit code 2 if it cannot, which it has said itself then.
+    """
+    words = ("report", "--live", "--beside", "--port", str(port), "--", str(store))
+    # In a session of its own: Ctrl-C is the sweep's.
+    with subprocess.Popen(
+        python_command("foldcar.cli", *words), stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True
+    ) as process:
+        assert process.stdin is not None and process.stdout is not None
+        url = process.stdout.readline().decode().partition(" ")[0].strip()
+        if not url:
+            raise typer.Exit(2)
+        note(f"live page: {url}")
+        try:
+            yield
+        finally:
+            process.stdin.close()
+            try:
+                process.wait(2 * PATIENCE_S)
+            except subprocess.TimeoutExpired:
+                process.kill()

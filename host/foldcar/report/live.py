@@ -1,0 +1,167 @@
+"""A store's page while runs and trials come: what the page polls, made anew as the store changes.
+
+Threads of the server answer polls, the main thread makes the data (:meth:`LiveStudy.follow`). It takes at most
+SHARE of the machine's time, and none while nobody polls.
+"""
+
+import json
+import secrets
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from foldcar.errors import FoldcarError
+from foldcar.installation import usable_processors
+from foldcar.report.figure_options import FigureOptions
+from foldcar.report.page_data import page_data, read_experiments
+from foldcar.store.connection import is_written
+from foldcar.store.info import ExperimentInfo
+from foldcar.store.opening import beside
+from foldcar.store.reader import Store
+
+# Time from one making of the data to the next (s), at least; their share of what all processors do meanwhile.
+LEAST_S = 2.0
+SHARE = 0.03
+# A page that has polled so long ago (s) is open; what has ended is served so long for its last poll.
+OPEN_S = 5.0
+LAST_POLL_S = 3.0
+# The estimated end goes by the runs of so many seconds.
+PACE_S = 120.0
+
+
+class LiveStudy:
+    """The page's data of a store that is written. ``command`` is that of the report; ``options`` those of `report`."""
+
+    def __init__(self, path: Path, command: Sequence[str], options: FigureOptions, simulated_trials: bool) -> None:
+        self._path, self._command, self._options, self._simulated = path, command, options, simulated_trials
+        self._study = b"null"
+        # Another server's page has none of its versions.
+        self._name, self._number = secrets.token_hex(4), 0
+        self._counts: dict[str, Any] = {"done": 0, "planned": None, "left_s": None, "designs": None, "decided": None}
+        self._error = ""
+        self._seen: tuple[Any, ...] | None = None
+        self._pace: deque[tuple[float, int]] = deque()
+        self._next_s = 0.0
+        self._polled_s = -OPEN_S
+        self._told = ""
+        self._wanted = threading.Event()
+        self._lock = threading.Lock()
+
+    def poll(self, query: str) -> bytes:
+        """What a page that has the version ``query`` is sent, as JSON; any thread may ask.
+
+        ``version``; ``study``: the data of page_data.py, null if the page has them; ``state``: "waiting" (nothing is
+        stored yet), "running", "killed", "stopped" or "done"; ``done`` and ``planned`` runs, ``left_s`` to the estimated
+        end (null: unknown), ``designs`` and how many of them are ``decided`` (null but for sweeps that stop when they
+        know), ``changed_s`` since the store was last written, ``error``: why it cannot be read.
+        """
+        self._polled_s = time.monotonic()
+        self._wanted.set()
+        changed, state = self._changed_s(), self._state()
+        with self._lock:
+            version = f"{self._name}-{self._number}"
+            told = {"version": version, "state": state, "changed_s": changed, "error": self._error, **self._counts}
+            study = b"null" if query == version else self._study
+            self._told = f"{version} {state}"
+        return json.dumps(told, separators=(",", ":")).encode()[:-1] + b',"study":' + study + b"}"
+
+    def follow(self, ended: Callable[[], bool] = lambda: False) -> None:
+        """Make the data whenever the store has changed and a page polls, until ``ended`` and a page has the last ones."""
+        while not ended():
+            self._wanted.wait(0.5)
+            if self._wanted.is_set() and time.monotonic() >= self._next_s:
+                self._wanted.clear()
+                self.refresh()
+            elif self._wanted.is_set():
+                time.sleep(0.1)
+        until = time.monotonic() + LAST_POLL_S
+        if time.monotonic() - self._polled_s < OPEN_S:
+            self.refresh()
+            last = f"{self._name}-{self._number} {self._state()}"
+            while self._told != last and time.monotonic() < until:
+                time.sleep(0.05)
+
+    def refresh(self) -> None:
+        """Make the data, unless the store is as it was then."""
+        begun_s, seen = time.process_time(), _stamp(self._path)
+        if seen == self._seen:
+            return
+        infos: list[ExperimentInfo] = []
+        study, error = b"null", ""
+        try:
+            if self._path.exists():
+                study, infos = self._made()
+        except FoldcarError as problem:
+            error = str(problem)
+        with self._lock:
+            self._error = error
+            if not error:
+                self._seen = seen
+                self._study = study
+                self._number += 1
+                self._counts = self._counted(infos)
+        self._next_s = time.monotonic() + max(LEAST_S, (time.process_time() - begun_s) / (SHARE * usable_processors()))
+
+    def _made(self) -> tuple[bytes, list[ExperimentInfo]]:
+        with Store.open(self._path) as store:
+            infos = list(store.info().experiments.values()) if store.holds_study() else []
+            if not any(info.stored_runs for info in infos) and next(store.trials(), None) is None:
+                return b"null", infos
+            experiments = read_experiments(store, self._options, self._simulated)
+            some = [one for one in experiments if one.trials or one.info.stored_runs]
+            data = page_data(store, self._command, some)
+        return json.dumps(data, separators=(",", ":"), allow_nan=False).encode(), infos
+
+    def _counted(self, infos: Sequence[ExperimentInfo]) -> dict[str, Any]:
+        done, planned = sum(info.stored_runs for info in infos), sum(info.planned_runs for info in infos)
+        until = [info for info in infos if info.until is not None]
+        # A search plans nothing.
+        open_end = not infos or any(info.searched for info in infos)
+        now_s = time.monotonic()
+        if not is_written(self._path):
+            self._pace.clear()
+        self._pace.append((now_s, done))
+        while self._pace[0][0] < now_s - PACE_S:
+            self._pace.popleft()
+        left_s = None
+        if len(self._pace) > 1 and not open_end:
+            (first_s, first), (last_s, last) = self._pace[0], self._pace[-1]
+            left_s = (planned - done) * (last_s - first_s) / (last - first) if last > first else None
+        return {
+            "done": done,
+            "planned": None if open_end else planned,
+            "left_s": left_s,
+            "designs": sum(info.designs for info in until) if until else None,
+            "decided": sum(info.decided for info in until) if until else None,
+        }
+
+    def _state(self) -> str:
+        written, counts = is_written(self._path), self._counts
+        if written:
+            return "running" if counts["done"] or self._study != b"null" else "waiting"
+        if not self._path.exists():
+            return "waiting"
+        if counts["planned"] is None or counts["done"] >= counts["planned"]:
+            return "done"
+        return "killed" if written is None else "stopped"
+
+    def _changed_s(self) -> float | None:
+        seen = _stamp(self._path)
+        return None if not seen else round(max(0.0, time.time() - max(one[0] for one in seen) / 1e9), 1)
+
+
+def _stamp(path: Path) -> tuple[Any, ...]:
+    """What changes when the store does: time (ns), size and number of its file and of its log."""
+    found = []
+    for file in (path, beside(path, "-wal")):
+        try:
+            status = file.stat()
+        except OSError:
+            continue
+        # Readers leave an empty log beside the store of a killed sweep.
+        if file == path or status.st_size:
+            found.append((status.st_mtime_ns, status.st_size, status.st_ino))
+    return tuple(found)

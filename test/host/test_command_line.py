@@ -163,9 +163,8 @@ def test_each_summary_is_one_json_object(foldcar: Any, study: Path, tmp_path: Pa
     assert run["metrics"]["elapsed_time_s"] > 0
     report = told("report", "s.db", "-o", "report", "--no-replay")
     (one,) = report["experiments"]
-    widths = one["by"]["width_mm"]
-    assert [entry["value"] for entry in widths] == [95, 245]
-    assert sum(entry["passed"] for entry in widths) == one["all"]["passed"] == again["passed"]
+    assert one["parameters"][0]["values"] == [95, 245]
+    assert sum(one["designs"]["passed"]) == again["passed"]
     assert told("check", "s.db")["findings"] == []
     assert told("migrate", "s.db")["version"] == 1
     assert told("export", "s.db", "--csv", "runs.csv", "--folder", "all")["written"][0] == {"path": "runs.csv", "runs": 6}

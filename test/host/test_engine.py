@@ -19,10 +19,11 @@ from foldcar.link.simulated_car import simulated_car
 from foldcar.models.mjcf import mjcf
 from foldcar.models.webots_world import drive_fraction
 from foldcar.simulation.carsim import Carsim, ask_pulses
-from foldcar.simulation.engines import MUJOCO, engine_of, engine_title
+from foldcar.simulation.engines import MUJOCO, engine_of, engine_title, find_carsim
 from foldcar.simulation.runner import RunRequest
 from foldcar.store.reader import Store
 from live_car import free_course_scene
+from page_check import study_of
 from study_car import car_body, empty_scene, hinged_body
 
 Command = Callable[..., "subprocess.CompletedProcess[str]"]
@@ -129,9 +130,10 @@ def test_a_sweep_gives_the_same_numbers_over_jobs_and_stands_beside_the_multibod
         assert (parted in recommended.reason and "MuJoCo" in recommended.reason) is (first != second)
     page = foldcar("report", "2.db", "-o", "page", "--no-replay")
     assert page.returncode == 0, page.stderr
-    text = (tmp_path / "page" / "index.html").read_text()
-    assert '<th scope="row">engine</th><td>MuJoCo ' in text
-    assert "In MuJoCo, " in text and "In simulation, " in text
+    first, second = study_of(tmp_path / "page")["experiments"]
+    assert dict(first["provenance"])["engine"].startswith("MuJoCo ")
+    assert "engine" not in dict(second["provenance"])
+    assert first["headline"].startswith("In MuJoCo ") and second["headline"].startswith("In simulation ")
     alone = foldcar("select", "1.db").stdout
     assert " in MuJoCo" in alone and "in simulation" not in alone
 
@@ -141,7 +143,7 @@ def test_without_its_program_one_line_says_how_to_build_it(tmp_path: Path, foldc
     shutil.copytree(Path(__file__).resolve().parents[2] / "host" / "foldcar", bare / "foldcar")
     # What makes it a checkout.
     (bare.parent / "platformio.ini").touch()
-    env = {**os.environ, "PYTHONPATH": str(bare), "FOLDCAR_CARSIM_MUJOCO": ""}
+    env = {**os.environ, "PYTHONPATH": str(bare), "FOLDCAR_CARSIM_MUJOCO": "", "FOLDCAR_CARSIM": str(find_carsim())}
     code = f"import sys; sys.path.insert(0, {str(bare)!r}); from foldcar.cli import main; main()"
     words = [sys.executable, "-c", code, "sweep", str(listing), "--store", "s.db", "--engine", "mujoco"]
     done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, env=env, check=False)

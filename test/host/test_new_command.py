@@ -56,7 +56,12 @@ def test_the_projects_environment_tells_its_designs_apart(foldcar: Command, tmp_
     assert done.returncode == 0, done.stderr
     told = json.loads(foldcar("report", "yard.db", "-o", "report", "--no-replay", "--json").stdout)
 
-    shares = {one["value"]: one["success"] for one in told["experiments"][0]["by"]["radius_mm"]}
+    (one,) = told["experiments"]
+    k = [parameter["name"] for parameter in one["parameters"]].index("radius_mm")
+    passed: dict[float, list[float]] = {}
+    for values, rate in zip(one["designs"]["value"], one["designs"]["rate"], strict=True):
+        passed.setdefault(one["parameters"][k]["values"][values[k]], []).append(rate)
+    shares = {radius_mm: sum(rates) / len(rates) for radius_mm, rates in passed.items()}
     # A kerb of 30 mm is most of what the smallest wheels, of 44 mm, can climb; the largest have room.
     assert shares[44.0] < 0.8 < shares[60.0]
 

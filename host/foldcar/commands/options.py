@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from foldcar.car.parts.catalogue import OPTIONS
 from foldcar.errors import FoldcarError
 from foldcar.installation import usable_processors
 from foldcar.outputs import check_output_file, check_output_folder, check_replaceable
@@ -240,6 +239,8 @@ def check_distinct(inputs: Sequence[Path], outputs: Sequence[Path | None]) -> No
 
 def design_settings(words: Sequence[str] | None) -> dict[str, float | str]:
     """Parse NAME=MM words to values (mm or degrees) by parameter or names of parts by kind; FoldcarError."""
+    from foldcar.car.parts.catalogue import OPTIONS
+
     settings: dict[str, float | str] = {}
     for word in words or ():
         key, equals, text = word.partition("=")

@@ -246,17 +246,20 @@ def _csv_cell(value: Any) -> str:
 
 
 def _read_csv(table: Table, file: Path) -> Iterator[Row]:
-    # Texts may be long.
-    csv.field_size_limit(2**31 - 1)
     columns = {column.name: column for column in (*table.columns, Column(CHECKSUM, "INTEGER", ""))}
-    with file.open(encoding="utf-8", newline="") as text:
-        reader = csv.reader(text, strict=True)
-        names = next(reader, [])
-        _check_columns(table, file, names)
-        for cells in reader:
-            if len(cells) != len(names):
-                raise ValueError(f"has {len(cells)} cells, the header {len(names)}")
-            yield {name: _value(columns[name], cell) for name, cell in zip(names, cells, strict=True)}
+    # Texts may be long.
+    shorter = csv.field_size_limit(2**31 - 1)
+    try:
+        with file.open(encoding="utf-8", newline="") as text:
+            reader = csv.reader(text, strict=True)
+            names = next(reader, [])
+            _check_columns(table, file, names)
+            for cells in reader:
+                if len(cells) != len(names):
+                    raise ValueError(f"has {len(cells)} cells, the header {len(names)}")
+                yield {name: _value(columns[name], cell) for name, cell in zip(names, cells, strict=True)}
+    finally:
+        csv.field_size_limit(shorter)
 
 
 def _value(column: Column, cell: str) -> Any:

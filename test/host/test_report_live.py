@@ -55,6 +55,8 @@ def note_of(process: "subprocess.Popen[str]") -> str:
     return url_of(next(line for line in process.stderr if "live page" in line))
 
 
+# A minute of real time, as a browser and a sweep have it.
+@pytest.mark.slow
 def test_page_follows_a_sweep_that_is_killed_and_resumed(
     tmp_path: Path, write_listing: WriteListing, listing_data: Any, carsim_binary: Path
 ) -> None:

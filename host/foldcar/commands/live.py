@@ -28,8 +28,8 @@ LivePort = Annotated[
         "--port", metavar="N", min=0, max=65535, help=f"Port of --live on 127.0.0.1; default {PORT}, 0: a free one."
     ),
 ]
-# So long a sweep waits for a port that the page of the one before may still have (s), and for its page's end.
-PATIENCE_S = 5.0
+# So long a sweep waits for a port that the page of the one before may still have, and for its page's end (s).
+PATIENCE_S, END_S = 10.0, 20.0
 # Simulators go first.
 NICENESS = 10
 
@@ -105,6 +105,6 @@ def served_beside(store: Path, port: int) -> Iterator[None]:
         finally:
             process.stdin.close()
             try:
-                process.wait(2 * PATIENCE_S)
+                process.wait(END_S)
             except subprocess.TimeoutExpired:
                 process.kill()

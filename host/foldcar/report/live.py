@@ -26,8 +26,8 @@ from foldcar.store.reader import Store
 LEAST_S = 2.0
 SHARE = 0.03
 # A page that has polled so long ago (s) is open; what has ended is served so long for its last poll.
-OPEN_S = 5.0
-LAST_POLL_S = 3.0
+OPEN_S = 10.0
+LAST_POLL_S = 8.0
 # The estimated end goes by the runs of so many seconds.
 PACE_S = 120.0
 
@@ -77,9 +77,9 @@ class LiveStudy:
                 self.refresh()
             elif self._wanted.is_set():
                 time.sleep(0.1)
-        until = time.monotonic() + LAST_POLL_S
         if time.monotonic() - self._polled_s < OPEN_S:
             self.refresh()
+            until = time.monotonic() + LAST_POLL_S
             last = f"{self._name}-{self._number} {self._state()}"
             while self._told != last and time.monotonic() < until:
                 time.sleep(0.05)

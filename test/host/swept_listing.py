@@ -1,9 +1,13 @@
-"""Sweeps a listing as the command does, into a store, for tests of what is in it afterwards."""
+"""Sweeps a listing as the command does, into a store, for tests of what is in it and in its report afterwards."""
 
-from collections.abc import Callable
+import json
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from typer.testing import CliRunner
+
+from foldcar.cli import app
 from foldcar.errors import FoldcarError
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.results import Result
@@ -13,6 +17,30 @@ from foldcar.study.experiments import read_study
 from foldcar.study.sweep import Sweep
 
 WriteListing = Callable[[Any], Path]
+STEP_PYRAMIDS = Path(__file__).resolve().parents[2] / "scenarios" / "step_pyramids.scenic"
+
+
+def foldcar(*words: str | Path) -> str:
+    """The output of a command in this process, which must succeed."""
+    done = CliRunner().invoke(app, [*map(str, words)])
+    assert done.exit_code == 0, done.output
+    return done.output
+
+
+def reported(folder: Path, widths: Sequence[int], environments: int) -> Path:
+    """The folder with a swept store, s.db, with two trials, and its report."""
+    listing = {
+        "experiments": {"1": {"veh_id": 1, "env_id": 1, "params": {"timeout": 120, "environments": environments}}},
+        "vehicles": {"1": {"type": "W_B_W", "params": [{"common": {"width": list(widths)}}]}},
+        "environments": {"1": {"scenic_filename": str(STEP_PYRAMIDS), "seed": 42}},
+    }
+    (folder / "l.json").write_text(json.dumps(listing))
+    foldcar("sweep", folder / "l.json", "--store", folder / "s.db")
+    rows = ("vehicle_type,outcome,source,width_mm", "W_B_W,passed,notes,95", "W_B_W,tipped,notes,95", "")
+    (folder / "t.csv").write_text("\n".join(rows))
+    foldcar("trials", "import", folder / "s.db", folder / "t.csv", "--experiment", "1")
+    foldcar("report", folder / "s.db", "-o", folder / "report")
+    return folder
 
 
 def swept(listing: Path, store: Path, carsim: Path, jobs: int = 2, environments: int | None = None) -> Progress:

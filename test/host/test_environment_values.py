@@ -7,13 +7,12 @@ from pathlib import Path
 import numpy
 import pytest
 from scipy.stats import mannwhitneyu
-from typer.testing import CliRunner
 
 from foldcar.analysis.separation import binned, separations
 from foldcar.car.variation import draw, spread_named
-from foldcar.cli import app
 from foldcar.report.environment_values import environment_values
 from foldcar.store.reader import Store
+from swept_listing import foldcar
 
 PROGRAM = """
 model model
@@ -24,12 +23,6 @@ goal = new Goal at (1, 0), facing -90 deg
 ego = new Robot at (0, 0), facing goal
 """
 ENVIRONMENTS = 6
-
-
-def foldcar(*words: str | Path) -> str:
-    done = CliRunner().invoke(app, [*map(str, words)])
-    assert done.exit_code == 0, done.output
-    return done.output
 
 
 @pytest.fixture(scope="module")

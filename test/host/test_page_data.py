@@ -8,24 +8,16 @@ from typing import Any
 import numpy
 import pandas
 import pytest
-from typer.testing import CliRunner
 
 from foldcar.analysis.rate import wilson_interval
 from foldcar.api.study import Study
-from foldcar.cli import app
 from foldcar.report import page_data as module
 from foldcar.report.page_data import page_data
 from foldcar.simulation.results import OUTCOMES
 from foldcar.store.reader import Store
+from swept_listing import STEP_PYRAMIDS, foldcar
 
-STEP_PYRAMIDS = Path(__file__).resolve().parents[2] / "scenarios" / "step_pyramids.scenic"
 SAMPLES = 3
-
-
-def foldcar(*words: str | Path) -> str:
-    done = CliRunner().invoke(app, [*map(str, words)])
-    assert done.exit_code == 0, done.output
-    return done.output
 
 
 @pytest.fixture(scope="module")

@@ -10,9 +10,7 @@ from typing import Any
 
 import numpy
 import pytest
-from typer.testing import CliRunner
 
-from foldcar.cli import app
 from foldcar.figures.compact_path import ANGLE_RAD, PLACE_M, compact_path, twice_differenced, varints
 from foldcar.figures.scene_data import HEIGHT_M, ground_data
 from foldcar.report.replay_choice import OutcomeGrid, choose_runs
@@ -24,34 +22,15 @@ from foldcar.store.frames import run_arrays
 from foldcar.store.reader import Store
 from foldcar.store.stored_drives import read_drives
 from foldcar.study.kept_paths import MOST_DESIGNS, KeptPaths
+from swept_listing import foldcar, reported
 
-STEP_PYRAMIDS = Path(__file__).resolve().parents[2] / "scenarios" / "step_pyramids.scenic"
 WIDTHS, SAMPLES = (95, 245), 3
-
-
-def foldcar(*words: str | Path) -> str:
-    """The output of a command in this process, which must succeed."""
-    done = CliRunner().invoke(app, [*map(str, words)])
-    assert done.exit_code == 0, done.output
-    return done.output
 
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory: pytest.TempPathFactory, carsim_binary: Path) -> Path:
     """The folder of a swept store, s.db, with two trials, and of its report."""
-    folder = tmp_path_factory.mktemp("page")
-    listing = {
-        "experiments": {"1": {"veh_id": 1, "env_id": 1, "params": {"timeout": 120, "environments": SAMPLES}}},
-        "vehicles": {"1": {"type": "W_B_W", "params": [{"common": {"width": list(WIDTHS)}}]}},
-        "environments": {"1": {"scenic_filename": str(STEP_PYRAMIDS), "seed": 42}},
-    }
-    (folder / "l.json").write_text(json.dumps(listing))
-    foldcar("sweep", folder / "l.json", "--store", folder / "s.db")
-    rows = ("vehicle_type,outcome,source,width_mm", "W_B_W,passed,notes,95", "W_B_W,tipped,notes,95", "")
-    (folder / "t.csv").write_text("\n".join(rows))
-    foldcar("trials", "import", folder / "s.db", folder / "t.csv", "--experiment", "1")
-    foldcar("report", folder / "s.db", "-o", folder / "report")
-    return folder
+    return reported(tmp_path_factory.mktemp("page"), WIDTHS, SAMPLES)
 
 
 def blob_of(page: str, name: str) -> tuple[Any, bytes]:

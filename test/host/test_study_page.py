@@ -13,39 +13,18 @@ from typing import Any
 
 import numpy
 import pytest
-from typer.testing import CliRunner
 
 from browser import browse
-from foldcar.cli import app
 from page_check import page_findings, study_of
+from swept_listing import foldcar, reported
 
-STEP_PYRAMIDS = Path(__file__).resolve().parents[2] / "scenarios" / "step_pyramids.scenic"
 WIDTHS, SAMPLES = (80, 95, 245), 4
-
-
-def foldcar(*words: str | Path) -> str:
-    """The output of a command in this process, which must succeed."""
-    done = CliRunner().invoke(app, [*map(str, words)])
-    assert done.exit_code == 0, done.output
-    return done.output
 
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory: pytest.TempPathFactory, carsim_binary: Path) -> Path:
     """The folder of a swept store, s.db, with two trials, and of its report."""
-    folder = tmp_path_factory.mktemp("page")
-    listing = {
-        "experiments": {"1": {"veh_id": 1, "env_id": 1, "params": {"timeout": 120, "environments": SAMPLES}}},
-        "vehicles": {"1": {"type": "W_B_W", "params": [{"common": {"width": list(WIDTHS)}}]}},
-        "environments": {"1": {"scenic_filename": str(STEP_PYRAMIDS), "seed": 42}},
-    }
-    (folder / "l.json").write_text(json.dumps(listing))
-    foldcar("sweep", folder / "l.json", "--store", folder / "s.db")
-    rows = ("vehicle_type,outcome,source,width_mm", "W_B_W,passed,notes,95", "W_B_W,tipped,notes,95", "")
-    (folder / "t.csv").write_text("\n".join(rows))
-    foldcar("trials", "import", folder / "s.db", folder / "t.csv", "--experiment", "1")
-    foldcar("report", folder / "s.db", "-o", folder / "report")
-    return folder
+    return reported(tmp_path_factory.mktemp("page"), WIDTHS, SAMPLES)
 
 
 def stored(study: Path) -> list[tuple[int, int, str]]:

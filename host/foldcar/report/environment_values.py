@@ -70,10 +70,11 @@ def _read(store: Store, info: ExperimentInfo) -> EnvironmentValues:
     cars = _by_sample(store, row, "draw", "spread_id", "variation", lambda drawn: _car(drawn, wheels))
     tables = [scenes, cars]
     names = list(dict.fromkeys(name for table in tables for one in table.values() for name in one))
+    places = {name: place for place, name in enumerate(names)}
     values = numpy.full((info.environments, len(names)), numpy.nan)
     for table in tables:
         for sample, one in table.items():
-            values[sample, [names.index(name) for name in one]] = list(one.values())
+            values[sample, [places[name] for name in one]] = list(one.values())
     kept = _telling(values)
     return EnvironmentValues(tuple(_column(names[at]) for at in kept), values[:, kept])
 

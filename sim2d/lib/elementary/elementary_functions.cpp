@@ -11,6 +11,8 @@ constexpr double kRounder = 0x1.8p52;
 constexpr double kHalfPi = 0x1.921fb54442d18p+0, kHalfPiRest = 0x1.1a62633145c07p-54;
 constexpr double kEighthPi = 0x1.921fb54442d18p-2, kTanEighthPi = 0x1.a827999fcef32p-2;
 
+// The first two parts of pi/2 have 33 bits, so that their multiples are exact.
+constexpr double kPart1 = 0x1.921fb544p+0, kPart2 = 0x1.0b4611a6p-34;
 constexpr double kSmallAngle_rad = 1e-8;  // below it an angle is its own sine, with the sign of zero
 
 // A quarter turn's multiple and what is left of the angle as an unrounded sum of two doubles (Cody and Waite).
@@ -20,8 +22,7 @@ struct Reduced {
 };
 
 Reduced reduced(double angle_rad) {
-  // The first two parts of pi/2 have 33 bits, so that their multiples are exact.
-  constexpr double kPart1 = 0x1.921fb544p+0, kPart2 = 0x1.0b4611a6p-34, kPart3 = 0x1.3198a2e037073p-69;
+  constexpr double kPart3 = 0x1.3198a2e037073p-69;
   if (std::abs(angle_rad) > kExactReduction_rad) angle_rad = std::remainder(angle_rad, 4 * kHalfPi);
   const double quarters = (angle_rad * 0x1.45f306dc9c883p-1 + kRounder) - kRounder;
   const double rest = angle_rad - quarters * kPart1;
@@ -61,6 +62,14 @@ double turned(const Reduced& angle, int quarters) {
   return turn < 2 ? value : -value;
 }
 
+// Puts sine and cosine of the first octant's angle, s and c, where the angle is by so many quarters.
+template <typename Real>
+void turn(int quarters, double s, double c, Real& sine, Real& cosine) {
+  const bool swapped = quarters % 2 != 0;
+  sine = static_cast<Real>((quarters & 2) != 0 ? -(swapped ? c : s) : (swapped ? c : s));
+  cosine = static_cast<Real>(((quarters + 1) & 2) != 0 ? -(swapped ? s : c) : (swapped ? s : c));
+}
+
 // Sine and cosine for one reduction; the same bits as each alone.
 void sine_and_cosine(double angle_rad, double& sine, double& cosine) {
   if (!(std::abs(angle_rad) <= kExactReduction_rad && std::abs(angle_rad) >= kSmallAngle_rad)) {
@@ -69,10 +78,24 @@ void sine_and_cosine(double angle_rad, double& sine, double& cosine) {
     return;
   }
   const Reduced angle = reduced(angle_rad);
-  const double s = sine_of(angle), c = cosine_of(angle);
-  const bool swapped = angle.quarters % 2 != 0;
-  sine = (angle.quarters & 2) != 0 ? -(swapped ? c : s) : (swapped ? c : s);
-  cosine = ((angle.quarters + 1) & 2) != 0 ? -(swapped ? s : c) : (swapped ? s : c);
+  turn(angle.quarters, sine_of(angle), cosine_of(angle), sine, cosine);
+}
+
+// The same for Box2D, which takes them of every body many times a step: in double precision and shorter, to 1e-11.
+void sine_and_cosine(float angle_rad, float& sine, float& cosine) {
+  if (!(std::abs(angle_rad) <= kExactReduction_rad && std::abs(angle_rad) >= kSmallAngle_rad)) {
+    sine = sinf(angle_rad);
+    cosine = cosf(angle_rad);
+    return;
+  }
+  const double quarters = (angle_rad * 0x1.45f306dc9c883p-1 + kRounder) - kRounder;
+  const double r = (angle_rad - quarters * kPart1) - quarters * kPart2, z = r * r;
+  const double s =
+      r + r * z * (-1 / 6.0 + z * (1 / 120.0 + z * (-1 / 5040.0 + z * (1 / 362880.0 - z * (1 / 39916800.0)))));
+  const double series =
+      1 / 24.0 + z * (-1 / 720.0 + z * (1 / 40320.0 + z * (-1 / 3628800.0 + z * (1 / 479001600.0))));
+  const double c = 1 - 0.5 * z + z * z * series;
+  turn(static_cast<int>(quarters), s, c, sine, cosine);
 }
 
 // Arc tangent of 0 to 1, by its series around the nearest of 0, pi/8 and pi/4: there to 0.199.
@@ -95,6 +118,7 @@ double sine(double angle_rad) {
 
 double cosine(double angle_rad) {
   if (!std::isfinite(angle_rad)) return angle_rad - angle_rad;
+  if (std::abs(angle_rad) < kSmallAngle_rad) return 1;
   return turned(reduced(angle_rad), 1);
 }
 
@@ -153,12 +177,7 @@ double hypot(double x, double y) noexcept { return foldcar::hypotenuse(x, y); }
 
 float sinf(float x) noexcept { return static_cast<float>(foldcar::sine(x)); }
 float cosf(float x) noexcept { return static_cast<float>(foldcar::cosine(x)); }
-void sincosf(float x, float* sine, float* cosine) noexcept {
-  double s = 0, c = 0;
-  foldcar::sine_and_cosine(x, s, c);
-  *sine = static_cast<float>(s);
-  *cosine = static_cast<float>(c);
-}
+void sincosf(float x, float* sine, float* cosine) noexcept { foldcar::sine_and_cosine(x, *sine, *cosine); }
 float expf(float x) noexcept { return static_cast<float>(foldcar::exponential(x)); }
 float atan2f(float y, float x) noexcept { return static_cast<float>(foldcar::arc_tangent(y, x)); }
 float asinf(float x) noexcept { return static_cast<float>(asin(static_cast<double>(x))); }

@@ -7,7 +7,7 @@ namespace foldcar {
 
 // Wall time in seconds. Filled only where a caller hands one over.
 struct Stopwatch {
-  double physics_s = 0;   // equations of motion and contact impulses
+  double physics_s = 0;   // equations of motion and contact impulses; in the side view contacts, too
   double terrain_s = 0;   // finding contacts with the ground
   double firmware_s = 0;  // the application's ticks
 };

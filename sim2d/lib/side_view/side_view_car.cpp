@@ -1,6 +1,7 @@
 #include "side_view_car.h"
 
 #include <box2d/b2_distance.h>
+#include <sys/time.h>
 
 #include <algorithm>
 #include <cmath>
@@ -9,6 +10,12 @@
 
 #include "box2d_units.h"
 #include "car_constants.h"
+
+// The linker puts it in gettimeofday's place (platformio.ini): Box2D times itself, nine readings a step, an eighth of a run.
+extern "C" int __wrap_gettimeofday(timeval* now, void* /*zone*/) {
+  *now = {};
+  return 0;
+}
 
 namespace foldcar {
 namespace {
@@ -74,12 +81,10 @@ SideViewCar::SideViewCar(const BodySpec& body, const SceneSpec& scene, const Ter
   world_.SetContactListener(this);
   add_segments();
   pairs_.reserve(body.wheels.size());
-  for (std::size_t i = 0; i < body.wheels.size(); ++i) {
-    const WheelSpec& left = body.wheels[i];
+  for (const WheelSpec& left : body.wheels) {
     if (left.side != CarSide::kLeft) continue;
-    for (std::size_t j = 0; j < body.wheels.size(); ++j) {
-      const WheelSpec& right = body.wheels[j];
-      if (right.side == CarSide::kRight && right.segment == left.segment && right.x_m == left.x_m) add_pair({i, j});
+    for (const WheelSpec& right : body.wheels) {
+      if (right.side == CarSide::kRight && right.segment == left.segment && right.x_m == left.x_m) add_pair(left, right);
     }
   }
   check_masses();
@@ -135,25 +140,23 @@ void SideViewCar::add_segments() {
 
 // Both wheels in one: radius, eccentricity and grip are the means. The servos' rotors are part of the disc, but for what
 // turn_rotors adds.
-void SideViewCar::add_pair(std::vector<std::size_t> wheels) {
+void SideViewCar::add_pair(const WheelSpec& left, const WheelSpec& right) {
   Pair& pair = pairs_.emplace_back();
-  pair.wheels = std::move(wheels);
-  const WheelSpec& first = body_.wheels[pair.wheels.front()];
-  const double share = 1 / static_cast<double>(pair.wheels.size());
+  pair.wheels[0].wheel = &left;
+  pair.wheels[1].wheel = &right;
   double radius_m = 0, off_x_m = 0, off_z_m = 0, mass_kg = 0, inertia_kg_m2 = 0;
-  for (const std::size_t i : pair.wheels) {
-    const WheelSpec& wheel = body_.wheels[i];
-    radius_m += share * wheel.radius_m;
-    off_x_m += share * wheel.eccentricity_m * std::cos(wheel.eccentricity_phase_rad);
-    off_z_m += share * wheel.eccentricity_m * std::sin(wheel.eccentricity_phase_rad);
-    mass_kg += wheel.mass_kg;
-    inertia_kg_m2 += 0.5 * wheel.mass_kg * wheel.radius_m * wheel.radius_m;
-    pair.rotors_kg_m2 += wheel.servo.rotor_inertia_kg_m2;
-    pair.grip += share * wheel.grip;
+  for (const WheelSpec* wheel : {&left, &right}) {
+    radius_m += 0.5 * wheel->radius_m;
+    off_x_m += 0.5 * wheel->eccentricity_m * std::cos(wheel->eccentricity_phase_rad);
+    off_z_m += 0.5 * wheel->eccentricity_m * std::sin(wheel->eccentricity_phase_rad);
+    mass_kg += wheel->mass_kg;
+    inertia_kg_m2 += 0.5 * wheel->mass_kg * wheel->radius_m * wheel->radius_m;
+    pair.rotors_kg_m2 += wheel->servo.rotor_inertia_kg_m2;
+    pair.grip += 0.5 * wheel->grip;
   }
   b2BodyDef moving;
   moving.type = b2_dynamicBody;
-  moving.position = to_units(first.x_m, 0);
+  moving.position = to_units(left.x_m, 0);
   pair.disc = world_.CreateBody(&moving);
   b2CircleShape circle;
   circle.m_p = to_units(off_x_m, off_z_m);
@@ -170,7 +173,7 @@ void SideViewCar::add_pair(std::vector<std::size_t> wheels) {
   mass.I = to_inertia(inertia_kg_m2 + pair.rotors_kg_m2);
   pair.disc->SetMassData(&mass);
   b2RevoluteJointDef joint;
-  joint.Initialize(segments_[static_cast<std::size_t>(first.segment)], pair.disc, moving.position);
+  joint.Initialize(segments_[static_cast<std::size_t>(left.segment)], pair.disc, moving.position);
   pair.joint = static_cast<b2RevoluteJoint*>(world_.CreateJoint(&joint));
 }
 
@@ -228,26 +231,22 @@ void SideViewCar::step(const PulsesUs& pulses_us) {
       world_.Step(static_cast<float>(step_s_), options_.velocity_iterations, options_.position_iterations);
     });
   }
-  if (timed) {
-    const double collide_s = 1e-3 * kTimedStepInterval * static_cast<double>(world_.GetProfile().collide);
-    stopwatch_->physics_s -= collide_s;
-    stopwatch_->terrain_s += collide_s;
-  }
-  count_energy(pulses_us);
+  count_energy();
   update_state();
 }
 
 // Both servos' torques at this speed; together they would end at the mean of their speeds, weighed by their lines' slopes.
 void SideViewCar::drive_wheels(const PulsesUs& pulses_us) {
-  for (const Pair& pair : pairs_) {
+  for (Pair& pair : pairs_) {
     double torque_n_m = 0, drive_n_m = 0, slope = 0;
-    for (const std::size_t i : pair.wheels) {
-      const WheelSpec& wheel = body_.wheels[i];
-      const ServoDrive servo = servo_drive(wheel.servo, pulses_us[static_cast<std::size_t>(wheel.channel)]);
-      if (!servo.powered) continue;
-      torque_n_m += servo_torque_n_m(wheel.servo, servo, pair.start_rad_s, body_.supply_v);
-      drive_n_m += servo.fraction * wheel.servo.stall_torque_n_m * body_.supply_v / wheel.servo.rated_v;
-      slope += wheel.servo.stall_torque_n_m / wheel.servo.no_load_speed_rad_s;
+    for (Pair::Driven& one : pair.wheels) {
+      const ServoSpec& spec = one.wheel->servo;
+      one.servo = servo_drive(spec, pulses_us[static_cast<std::size_t>(one.wheel->channel)]);
+      one.torque_n_m = servo_torque_n_m(spec, one.servo, pair.start_rad_s, body_.supply_v);
+      if (!one.servo.powered) continue;
+      torque_n_m += one.torque_n_m;
+      drive_n_m += one.servo.fraction * spec.stall_torque_n_m * body_.supply_v / spec.rated_v;
+      slope += spec.stall_torque_n_m / spec.no_load_speed_rad_s;
     }
     if (slope == 0) {
       pair.joint->EnableMotor(false);
@@ -294,26 +293,17 @@ void SideViewCar::bend_hinges() {
 }
 
 // Of the pair's torque every servo gives what its line does at the speed in the middle of the step.
-void SideViewCar::count_energy(const PulsesUs& pulses_us) {
+void SideViewCar::count_energy() {
   for (const Pair& pair : pairs_) {
     const double middle_rad_s = 0.5 * (pair.start_rad_s - static_cast<double>(pair.joint->GetJointSpeed()));
     const double given_n_m = -pair.joint->GetMotorTorque(static_cast<float>(options_.rate_hz)) / kUnits2;
     state_.motor_work_j += given_n_m * middle_rad_s * step_s_;
     double sum_n_m = 0;
-    const auto torque_n_m = [&](const ServoSpec& spec, const ServoDrive& servo) {
-      return servo_torque_n_m(spec, servo, pair.start_rad_s, body_.supply_v);
-    };
-    const auto servo_of = [&](std::size_t i) {
-      const WheelSpec& wheel = body_.wheels[i];
-      return servo_drive(wheel.servo, pulses_us[static_cast<std::size_t>(wheel.channel)]);
-    };
-    for (const std::size_t i : pair.wheels) sum_n_m += torque_n_m(body_.wheels[i].servo, servo_of(i));
+    for (const Pair::Driven& one : pair.wheels) sum_n_m += one.torque_n_m;
     const double share = sum_n_m == 0 ? 0 : given_n_m / sum_n_m;
-    for (const std::size_t i : pair.wheels) {
-      const ServoSpec& spec = body_.wheels[i].servo;
-      const ServoDrive servo = servo_of(i);
+    for (const Pair::Driven& one : pair.wheels) {
       state_.consumed_energy_j +=
-          body_.supply_v * servo_current_a(spec, servo, share * torque_n_m(spec, servo)) * step_s_;
+          body_.supply_v * servo_current_a(one.wheel->servo, one.servo, share * one.torque_n_m) * step_s_;
     }
   }
 }
@@ -354,24 +344,20 @@ double SideViewCar::friction_at(double x_m) const {
 
 double SideViewCar::hinge_rad(std::size_t hinge) const { return hinges_[hinge]->GetJointAngle(); }
 
-double SideViewCar::wheel_speed_rad_s(std::size_t wheel) const {
-  for (const Pair& pair : pairs_) {
-    for (const std::size_t i : pair.wheels) {
-      if (i == wheel) return -pair.joint->GetJointSpeed();
-    }
-  }
-  return 0;
+const SideViewCar::Pair& SideViewCar::pair_of(std::size_t wheel) const {
+  return *std::find_if(pairs_.begin(), pairs_.end(), [&](const Pair& pair) {
+    return pair.wheels[0].wheel == &body_.wheels[wheel] || pair.wheels[1].wheel == &body_.wheels[wheel];
+  });
 }
+
+double SideViewCar::wheel_speed_rad_s(std::size_t wheel) const { return -pair_of(wheel).joint->GetJointSpeed(); }
 
 double SideViewCar::pair_load_n(std::size_t wheel) const {
   double impulse = 0;
-  for (const Pair& pair : pairs_) {
-    if (std::find(pair.wheels.begin(), pair.wheels.end(), wheel) == pair.wheels.end()) continue;
-    for (const b2ContactEdge* edge = pair.disc->GetContactList(); edge != nullptr; edge = edge->next) {
-      const b2Manifold& manifold = *edge->contact->GetManifold();
-      if (!edge->contact->IsTouching()) continue;
-      for (int32 i = 0; i < manifold.pointCount; ++i) impulse += manifold.points[i].normalImpulse;
-    }
+  for (const b2ContactEdge* edge = pair_of(wheel).disc->GetContactList(); edge != nullptr; edge = edge->next) {
+    const b2Manifold& manifold = *edge->contact->GetManifold();
+    if (!edge->contact->IsTouching()) continue;
+    for (int32 i = 0; i < manifold.pointCount; ++i) impulse += manifold.points[i].normalImpulse;
   }
   return to_metres(impulse) / step_s_;
 }

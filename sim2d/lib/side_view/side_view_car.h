@@ -10,6 +10,7 @@
 
 #include <box2d/box2d.h>
 
+#include <array>
 #include <cstddef>
 #include <vector>
 
@@ -51,7 +52,13 @@ class SideViewCar : public SimCar, private b2ContactListener {
  private:
   // The left and the right wheels at one place: a disc and its joint, whose angle is that of the wheels backwards.
   struct Pair {
-    std::vector<std::size_t> wheels;
+    // A wheel's servo in this step: its command, and what it would give at the wheels' rate at the start.
+    struct Driven {
+      const WheelSpec* wheel = nullptr;
+      ServoDrive servo;
+      double torque_n_m = 0;
+    };
+    std::array<Driven, 2> wheels;
     b2Body* disc = nullptr;
     b2RevoluteJoint* joint = nullptr;
     double grip = 0;         // the mean
@@ -59,15 +66,16 @@ class SideViewCar : public SimCar, private b2ContactListener {
     // Of turn_rotors: both rotors' inertia, torques, how fast these follow, the segment's rate at the start of this step.
     double rotors_kg_m2 = 0, on_disc_n_m = 0, on_segment_n_m = 0, settling = 1, start_segment_rad_s = 0;
   };
+  const Pair& pair_of(std::size_t wheel) const;
   void add_segments();
-  void add_pair(std::vector<std::size_t> wheels);
+  void add_pair(const WheelSpec& left, const WheelSpec& right);
   void check_masses() const;
   void put_down(double drop_m);
   void drive_wheels(const PulsesUs& pulses_us);
   void bend_hinges();
   template <typename Step>
   void turn_rotors(const Step& step);
-  void count_energy(const PulsesUs& pulses_us);
+  void count_energy();
   void update_state();
   // Sets the friction of a contact from the ground there and the part's grip.
   void PreSolve(b2Contact* contact, const b2Manifold* last) override;

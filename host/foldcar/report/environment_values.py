@@ -29,7 +29,13 @@ LEFT_OUT = ("seed",)
 SIDES = ("left", "right")
 # Lengths and angles as readers take them.
 READ_AS = {"m": ("mm", 1000.0), "rad": ("°", 180 / math.pi)}
-NAMES = {"rough": "rough ground", "patch": "friction patch", "half_round": "round bump", "box": "block"}
+NAMES = {
+    "box": "block",
+    "half_round": "round bump",
+    "patch": "friction patch",
+    "ramp": "ramp or kerb",
+    "rough": "rough ground",
+}
 
 
 @dataclass(frozen=True)

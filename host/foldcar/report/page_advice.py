@@ -259,10 +259,22 @@ class Advice:
                 higher = one.mean[end] - one.mean[inner] >= LEAST_RISE and one.mean[end] == one.mean.max()
                 value = float(one.grid[end])
                 if higher and rises > 0.95 and self._extendable(name, value, end == -1):
-                    label = label_and_unit(name)[0]
-                    where = f"the range's {'upper' if end else 'lower'} end"
-                    said.append(f"Success still rises at {label} {value_text(name, value)}, {where}: extend it.")
+                    rises_at = f"Success still rises at {label_and_unit(name)[0]} {value_text(name, value)}"
+                    why = self._unbuilt_beyond(name, value, end == -1)
+                    where = f"the range's {'upper' if end else 'lower'} end: extend it"
+                    said.append(f"{rises_at}, the last that can be built ({why})." if why else f"{rises_at}, {where}.")
         return said
+
+    def _unbuilt_beyond(self, name: str, value: float, upwards: bool) -> str:
+        """Why no car of the family has a value further on; "" if none was asked for."""
+        key = next((key for key, one in parameters().items() if one.column == name), name)
+        reasons = {}
+        for text in self.designs.info.skipped:
+            car, _, reason = text.partition(": ")
+            asked = [float(word.partition("=")[2]) for word in car.split() if word.partition("=")[0] == key]
+            if asked and (asked[0] > value if upwards else asked[0] < value):
+                reasons[asked[0]] = reason
+        return reasons[min(reasons) if upwards else max(reasons)] if reasons else ""
 
     def _extendable(self, name: str, value: float, upwards: bool) -> bool:
         """Whether cars with a value beyond may be asked for."""

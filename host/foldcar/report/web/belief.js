@@ -154,18 +154,19 @@ function mapFigure(model) {
   const apart = axes.every(axis => new Set(axis.values).size <= MOST_CELLS);
   const levels = axes.map(axis => [...new Set(axis.values)].filter(value => value !== null).sort((a, b) => a - b));
   const { cells, side, rows } = apart ? mapPlaces(e, kx, ky) : { cells: null };
-  const points = [];
+  // Designs that stand in one cell stand together.
+  const points = [], inside = side > 1 ? 0.9 : 1;
   if (apart) {
     for (const designs of cells.values()) designs.forEach((design, n) => {
       const at = axes.map((axis, k) => levels[k].indexOf(axis.values[design]));
-      points.push({ value: [at[0] + ((n % side) + 0.5) / side - 0.5, at[1] - (Math.floor(n / side) + 0.5) / rows + 0.5], design });
+      points.push({ value: [at[0] + inside * (((n % side) + 0.5) / side - 0.5), at[1] - inside * ((Math.floor(n / side) + 0.5) / rows - 0.5)], design });
     });
   } else {
     for (let design = 0; design < e.count; design++) if (axes.every(axis => axis.values[design] !== null)) points.push({ value: axes.map(axis => axis.values[design]), design });
   }
   const option = (theme, width) => {
     const height = Math.max(300, Math.min(560, apart ? 90 + levels[1].length * (width / Math.max(4, levels[0].length)) * 0.6 : 440));
-    const cell = apart ? [(width - 90) / levels[0].length / side, (height - 64) / levels[1].length / rows] : [13, 13];
+    const cell = apart ? [inside * (width - 90) / levels[0].length / side, inside * (height - 64) / levels[1].length / rows] : [13, 13];
     const size = apart ? cell.map(one => Math.max(3, one * (side * rows > 1 ? 0.9 : 0.97) - (side > 1 ? 1 : 0))) : cell;
     const named = apart && size[0] > 30 && size[1] > 14;
     const axisOf = (k, more) => (apart

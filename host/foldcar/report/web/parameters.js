@@ -19,7 +19,11 @@ export class Parameters {
     const several = e.parameters.length > 1;
     byId("importance").replaceChildren(...(several && e.importance.length ? importance(e) : []));
     byId("effects").replaceChildren();
-    if (several) for (const effect of e.effects) this.charts.push(new Chart(byId("effects").appendChild(make("figure")), effectFigure(e, effect)));
+    if (several) for (const effect of e.effects) {
+      const place = byId("effects").appendChild(make("div"));
+      this.charts.push(new Chart(place.appendChild(make("figure")), effectFigure(e, effect)));
+      place.append(make("p", { class: "note", text: `Success by ${e.parameters[effect.parameter].label}: ${effect.over}.` }));
+    }
     const place = byId("designs");
     place.replaceChildren();
     if (e.count > 1) {
@@ -73,10 +77,10 @@ function importance(e) {
     make("p", { class: "note", text: "Share of the differences in success that a parameter accounts for, alone and with others, by a smooth model of all of them; 95 % intervals." })];
 }
 
-function effectFigure(e, { parameter, grid, mean, low, high, curves }) {
+function effectFigure(e, { parameter, grid, mean, low, high, curves, over }) {
   const axis = e.axes[parameter], x = axis.categories ? grid.map((_, k) => k) : grid, hundred = value => 100 * value;
   return {
-    label: `Success by ${axis.label}, averaged over the same combinations of the other parameters`,
+    label: `Success by ${axis.label}, ${over}`,
     table: () => ({ head: [withUnit(axis), "success", "95 %"], rows: grid.map((value, k) => [String(value), percent(mean[k]), `${percent(low[k])} to ${percent(high[k])}`]) }),
     option: theme => ({
       height: 210, grid: { left: 52, right: 12, top: 12, bottom: 42 },

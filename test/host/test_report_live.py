@@ -11,6 +11,7 @@ import sqlite3
 import subprocess
 import sys
 import time
+from base64 import b64encode
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -20,7 +21,10 @@ import pytest
 from browser import Tab
 from foldcar.report.figure_options import FigureOptions
 from foldcar.report.live import LiveStudy
-from swept_listing import WriteListing, stored_runs, swept
+from foldcar.store.log_files import running_trial_file
+from live_car import car_at_port
+from swept_listing import WriteListing, foldcar, stored_runs, swept
+from typist import Typist
 
 Command = Callable[..., "subprocess.CompletedProcess[str]"]
 FOLDCAR = [sys.executable, "-c", "from foldcar.cli import main; main()"]
@@ -211,3 +215,61 @@ def test_live_refuses_what_it_cannot_serve_by_one_line(
             assert (done.returncode, len(done.stderr.splitlines())) == (2, 1), done.stderr
             assert said in done.stderr
     assert not (tmp_path / "n.db").exists()
+
+
+def test_page_shows_the_trial_that_a_person_drives(tmp_path: Path, free_course: Path, carsim_binary: Path) -> None:
+    words = ["log", free_course, "--experiment", "1", "--store", tmp_path / "s.db", "--countdown", "1"]
+    foldcar("sweep", free_course, "--store", tmp_path / "s.db")
+    with (
+        started(carsim_binary, "report", tmp_path / "s.db", "--live", "--port", "0") as server,
+        car_at_port(carsim_binary, goal_x_m=None) as car,
+    ):
+        assert server.stdout is not None
+        with Tab(url_of(server.stdout.readline())) as tab, Typist(tmp_path, *words, "--port", car.port) as person:
+            running, now = "document.getElementById('running')", "document.querySelector('#running .now')?.textContent"
+            person.sees("deviation: ")
+            tab.wait(f"{now} === 'Put car and obstacles in place'")
+            tab.wait(f"{running}.querySelector('img')?.naturalWidth > 300 && {running}.querySelector('details').open")
+            rows = tab.ask(f"[...{running}.querySelectorAll('tbody tr')].map(row => row.innerText)")
+            (obstacle,) = (row for row in rows if row.startswith("A"))
+            assert "500\t600" in obstacle
+            assert "battery 4.00 V" in tab.ask(f"{running}.innerText")
+            person.types("\n")
+            person.sees("Enter starts")
+            person.types("\n")
+            person.watches_until(lambda: tab.ask(f"{now} === 'Driving'"))
+            # The car's own clock, and a servo's pulse that drives.
+            person.watches_until(lambda: tab.ask(f"/time [1-9.]+.* of 3 s/.test({running}.innerText)"))
+            assert not re.search(r"pulses none|packets, silent", tab.ask(f"{running}.innerText"))
+            person.types("s")
+            person.sees("Outcome:")
+            person.watches_until(lambda: tab.ask(f"({now} || '').startsWith('Ended: stopped by key')"))
+            person.types("o\n")
+            person.sees("Note")
+            person.types("\n")
+            person.sees("Trial 2: sample 0")
+            person.watches_until(lambda: tab.ask(f"{running}.innerText.startsWith('Trial 2')"))
+            person.types("\n")
+            person.sees("Enter starts")
+            person.types("q\n")
+            assert person.ends() == 0
+            tab.wait(f"{running}.hidden")
+            tab.wait("document.getElementById('remarks').innerText.includes('1 of a simulated car')")
+
+
+def test_what_a_killed_log_has_left_is_not_shown(tmp_path: Path) -> None:
+    live = LiveStudy(tmp_path / "s.db", (), FigureOptions(), False)
+    file = running_trial_file(tmp_path / "s.db")
+    file.parent.mkdir()
+    said = {"number": 1, "picture": "../../etc/passwd"}
+    file.write_text(json.dumps(said))
+    # A picture is taken from the folder of logs alone.
+    assert json.loads(live.poll("&"))["trial"] is None
+    (file.parent / "passwd").write_bytes(b"picture")
+    assert json.loads(live.poll("&"))["trial"] == {**said, "picture_png": b64encode(b"picture").decode()}
+    assert json.loads(live.poll("&../../etc/passwd"))["trial"] == said
+    file.write_text("{")
+    assert json.loads(live.poll("&"))["trial"] is None
+    file.write_text(json.dumps(said))
+    os.utime(file, (time.time() - 20,) * 2)
+    assert json.loads(live.poll("&"))["trial"] is None

@@ -1,10 +1,12 @@
 """`foldcar log`: drives trials of a built car over USB; logs each and stores it beside the simulated runs."""
 
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from foldcar.commands.live import PORT, served_beside
 from foldcar.commands.options import Components, ExperimentId, Listing, Port, Settings, design_settings, output_store
 from foldcar.errors import FoldcarError
 from foldcar.study.limits import MOST_ENVIRONMENTS
@@ -53,6 +55,9 @@ def log(
         bool, typer.Option("--any-build", help="Drive even if the firmware's build is not the simulated one.")
     ] = False,
     yes: Annotated[bool, typer.Option("--yes", help="Ask nothing: take every question's default answer.")] = False,
+    live: Annotated[
+        bool, typer.Option("--live", help="Serve the report's page to this machine's browser; it shows the car's state.")
+    ] = False,
     components: Components = None,
 ) -> None:
     """Drive trials with a car on USB and keep them.
@@ -90,6 +95,7 @@ def log(
         yes=yes,
     )
     session = Session(options)
-    with said(lambda: f"stopped: the driven trials are in {store}"), raised():
-        driven = session.run(port)
+    with served_beside(store, PORT) if live else nullcontext():
+        with said(lambda: f"stopped: the driven trials are in {store}"), raised():
+            driven = session.run(port)
     typer.echo(f"{driven} trials; store: {store}")

@@ -4,6 +4,7 @@ Threads of the server answer polls, the main thread makes the data (:meth:`LiveS
 SHARE of the machine's time, and none while nobody polls.
 """
 
+import base64
 import json
 import secrets
 import threading
@@ -19,6 +20,7 @@ from foldcar.report.figure_options import FigureOptions
 from foldcar.report.page_data import page_data, read_experiments
 from foldcar.store.connection import is_written
 from foldcar.store.info import ExperimentInfo
+from foldcar.store.log_files import logs_folder, running_trial_file
 from foldcar.store.opening import beside
 from foldcar.store.reader import Store
 
@@ -28,6 +30,8 @@ SHARE = 0.03
 # A page that has polled so long ago (s) is open; what has ended is served so long for its last poll.
 OPEN_S = 10.0
 LAST_POLL_S = 8.0
+# A trial's file that was written so long ago (s) was left by a killed program; drawing the placement takes some time.
+SILENT_S = 15.0
 # The estimated end goes by the runs of so many seconds.
 PACE_S = 120.0
 
@@ -51,20 +55,25 @@ class LiveStudy:
         self._lock = threading.Lock()
 
     def poll(self, query: str) -> bytes:
-        """What a page that has the version ``query`` is sent, as JSON; any thread may ask.
+        """What a page that has the data and the picture ``VERSION&NAME`` is sent, as JSON; any thread may ask.
 
         ``version``; ``study``: the data of page_data.py, null if the page has them; ``state``: "waiting" (nothing is
         stored yet), "running", "killed", "stopped" or "done"; ``done`` and ``planned`` runs, ``left_s`` to the estimated
         end (null: unknown), ``designs`` and how many of them are ``decided`` (null but for sweeps that stop when they
-        know), ``changed_s`` since the store was last written, ``error``: why it cannot be read.
+        know), ``changed_s`` since the store was last written, ``error``: why it cannot be read;
+        ``trial``: what a running `foldcar log` says (running.py), with ``picture_png`` (base64) if the page lacks it, or
+        null.
         """
         self._polled_s = time.monotonic()
         self._wanted.set()
         changed, state = self._changed_s(), self._state()
+        known, _, picture = query.partition("&")
+        trial = _running_trial(self._path, picture)
         with self._lock:
             version = f"{self._name}-{self._number}"
             told = {"version": version, "state": state, "changed_s": changed, "error": self._error, **self._counts}
-            study = b"null" if query == version else self._study
+            told["trial"] = trial
+            study = b"null" if known == version else self._study
             self._told = f"{version} {state}"
         return json.dumps(told, separators=(",", ":")).encode()[:-1] + b',"study":' + study + b"}"
 
@@ -165,3 +174,18 @@ def _stamp(path: Path) -> tuple[Any, ...]:
         if file == path or status.st_size:
             found.append((status.st_mtime_ns, status.st_size, status.st_ino))
     return tuple(found)
+
+
+def _running_trial(store: Path, picture: str) -> dict[str, Any] | None:
+    """What a running `foldcar log` says, with the picture of the placement unless it is that one; None without a log."""
+    file = running_trial_file(store)
+    try:
+        if time.time() - file.stat().st_mtime > SILENT_S:
+            return None
+        said: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
+        name = said.get("picture", "")
+        if name and name != picture:
+            said["picture_png"] = base64.b64encode((logs_folder(store) / Path(name).name).read_bytes()).decode()
+    except (OSError, ValueError):
+        return None
+    return said

@@ -15,6 +15,11 @@ def logs_folder(store: Path) -> Path:
     return store.with_name(f"{store.stem}-logs")
 
 
+def running_trial_file(store: Path) -> Path:
+    """What a running `foldcar log` says of its trial, for the live page (:mod:`foldcar.trials.running`)."""
+    return logs_folder(store) / "running.json"
+
+
 def log_file(store: Path, log: str) -> Path:
     """The file of a log that a trial in ``store`` names; StoreError if the name leads out of the store's folder."""
     return store.parent / log_inside(store.parent, log, f"{store}: log")

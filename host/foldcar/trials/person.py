@@ -18,10 +18,10 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
-from foldcar.car.body import CHANNELS
 from foldcar.errors import FoldcarError
 from foldcar.link.car import Car
 from foldcar.shown_console import shown_console
+from foldcar.trials.running import RunningTrial, telemetry
 
 INPUT = 0
 IDLE_S = 0.05
@@ -108,14 +108,18 @@ def _pressed() -> str | None:
 class DriveView:
     """A :class:`foldcar.trials.driving.Watcher` that shows a drive on a terminal, and stops it on a key.
 
-    ``pressed`` returns the last key pressed or None. Nothing is shown if the output is not a terminal.
+    ``pressed`` returns the last key pressed or None. Nothing is shown if the output is not a terminal; ``running`` is
+    told all the same.
     """
 
-    def __init__(self, time_limit_s: float, pressed: Callable[[], str | None], other_input: Any) -> None:
+    def __init__(
+        self, time_limit_s: float, pressed: Callable[[], str | None], other_input: Any, running: RunningTrial
+    ) -> None:
         self.other_input = other_input
         self.passed = False
         self._time_limit_s = time_limit_s
         self._pressed = pressed
+        self._running = running
         self._shown_at_s = 0.0
         self._live = Live(console=shown_console(), transient=True, auto_refresh=False)
 
@@ -137,30 +141,22 @@ class DriveView:
 
     def look(self, car: Car) -> None:
         """Show the car's state at most REFRESH_HZ times a second."""
+        self._running.show(car)
         now_s = time.monotonic()
         if self._live.is_started and now_s - self._shown_at_s >= 1 / REFRESH_HZ:
             self._shown_at_s = now_s
             self._live.update(self._panel(car), refresh=True)
 
     def _panel(self, car: Car) -> Group:
-        latest, connection = car.connection.latest, car.connection
-        trial = latest.get("FOLDCAR_TRIAL")
-        running = trial is not None and trial.state == car.dialect.FOLDCAR_STATE_RUNNING
-        elapsed_s = trial.elapsed_ms / 1000 if trial is not None and running else 0.0
+        now = telemetry(car)
         table = Table.grid(padding=(0, 2))
-        bar = ProgressBar(total=self._time_limit_s, completed=min(elapsed_s, self._time_limit_s), width=30)
-        table.add_row("time", f"{elapsed_s:6.1f} of {self._time_limit_s:g} s", bar)
-        pulses = latest.get("SERVO_OUTPUT_RAW")
-        if pulses is not None:
-            widths = [getattr(pulses, f"servo{n}_raw") for n in range(1, CHANNELS + 1)]
-            table.add_row("pulses", "µs", " ".join(f"{n}:{w}" for n, w in enumerate(widths, 1) if w) or "none")
-        status = latest.get("SYS_STATUS")
-        battery_mv = 0xFFFF if status is None else status.voltage_battery
-        table.add_row("battery", "unreadable" if battery_mv == 0xFFFF else f"{battery_mv / 1000:.2f} V", "")
-        sent = connection.received + connection.lost
-        lost = 100 * connection.lost / sent if sent else 0.0
-        silent = f", silent for {connection.silence_s():.1f} s" if connection.silence_s() > 0.3 else ""
-        packets = f"{connection.received} packets, {connection.damaged} damaged{silent}"
-        table.add_row("link", f"{lost:.1f} % lost", packets)
-        state, style = ("driving", "bold red") if running else ("armed: stand clear", "bold yellow")
+        bar = ProgressBar(total=self._time_limit_s, completed=min(now["elapsed_s"], self._time_limit_s), width=30)
+        table.add_row("time", f"{now['elapsed_s']:6.1f} of {self._time_limit_s:g} s", bar)
+        if now["pulses_us"] is not None:
+            table.add_row("pulses", "µs", " ".join(f"{n}:{width}" for n, width in now["pulses_us"].items()) or "none")
+        table.add_row("battery", "unreadable" if now["battery_v"] is None else f"{now['battery_v']:.2f} V", "")
+        silent = f", silent for {now['silent_s']:.1f} s" if now["silent_s"] > 0.3 else ""
+        packets = f"{now['received']} packets, {now['damaged']} damaged{silent}"
+        table.add_row("link", f"{100 * now['lost']:.1f} % lost", packets)
+        state, style = ("driving", "bold red") if now["driving"] else ("armed: stand clear", "bold yellow")
         return Group(Text(state, style=style), table, Text("p: it has passed   s, space: stop", style="dim"))

@@ -36,7 +36,8 @@ from foldcar.trials.driving import CTRL_C, DRIVES_ON, DriveEnd, collect, drive
 from foldcar.trials.identity import SIMULATED_TEXT, least_tried, simulated_sample, welcome
 from foldcar.trials.outcome import record_outcome
 from foldcar.trials.person import INPUT, Answers, DriveView, say, warn
-from foldcar.trials.placement import ask_deviations, draw_placement, lettered, placed, show_placement
+from foldcar.trials.placement import ask_deviations, draw_placement, instructions, lettered, placed, show_placement
+from foldcar.trials.running import RunningTrial
 
 LEAST_FREE_BYTES = 20_000_000
 # With `yes`, how long to wait for an untethered car after its time limit.
@@ -86,6 +87,7 @@ class Session:
         self._asked = None if options.yes else self._answers
         self._car: Car | None = None
         self._port = ""
+        self._running = RunningTrial(options.store)
         self._drawn: set[tuple[str, str]] = set()
         self._scenes: dict[int, tuple[dict[str, Any], dict[str, Obstacle]]] = {}
 
@@ -111,6 +113,7 @@ class Session:
                         break
                 return driven
         finally:
+            self._running.close()
             self._disconnect()
 
     def _connect(self, port: str) -> None:
@@ -150,6 +153,8 @@ class Session:
         number = writer.next_number()
         say(f"\nTrial {number}: sample {sample} of experiment {experiment.id}{mark}")
         scene, things = self._scene(sample)
+        rows = list(instructions(scene, things))
+        self._running.begin(number, sample, identity.name or design.type, experiment.timeout_s, rows)
         # matplotlib would swallow a signal.
         with at_once():
             show_placement(scene, things)
@@ -160,6 +165,7 @@ class Session:
             return None
         body = body_json(design)
         settings = experiment.settings(design, body, self._carsim.parameter_table())
+        self._running.show(self._car, placed=True)
         log = self._log_file(number)
         car = None if identity.simulated is None else SIMULATED if identity.simulated else BUILT
         if identity.simulated and deviations:
@@ -176,6 +182,7 @@ class Session:
         end = self._drive(settings, begun, log)
         if end.ending == DRIVES_ON:
             end = self._collect(begun, log, settings["time_limit_s"])
+        self._running.show(self._car, ended=end.ending)
         record_outcome(writer, begun, end, log, options.outcome, options.note, self._asked, mark)
         return end
 
@@ -191,7 +198,7 @@ class Session:
                     car.request(message)
                 read_parameters(car)
                 other_input = INPUT if self._answers.is_terminal else None
-                with self._answers.keys() as pressed, DriveView(limit_s, pressed, other_input) as view:
+                with self._answers.keys() as pressed, DriveView(limit_s, pressed, other_input, self._running) as view:
                     end = drive(car, settings, number, options.countdown_s, view, options.untethered)
                 return replace(end, outcome="passed") if view.passed and end.outcome is None else end
         except FoldcarError as error:
@@ -259,6 +266,7 @@ class Session:
         if (title, known.identity.hash) not in self._drawn:
             draw_placement(*self._scene(sample), known.design, self._carsim, picture, title)
             self._drawn.add((title, known.identity.hash))
+        self._running.show(self._car, picture=picture.name)
         say(f"picture: {picture}")
 
     @cached_property
@@ -288,3 +296,4 @@ class Session:
         if self._car is not None:
             with contextlib.suppress(LinkLostError):
                 self._car.connection.receive(0.0)
+            self._running.show(self._car)

@@ -1,8 +1,9 @@
 // The page while its store is written: asks the server how far things are, and takes new data without losing its place.
 
+import { showRunning, shownPicture } from "./running.js";
 import { byId } from "./dom.js";
 
-const PAUSE_MS = 1000;
+const PAUSE_MS = 1000, DRIVE_PAUSE_MS = 300;
 const HEADER = "X-Foldcar-Token";
 const STATES = {
   waiting: "Waiting for the first runs", running: "Running", killed: "Killed: the same command resumes it",
@@ -18,7 +19,7 @@ export const isLive = () => Boolean(meta(document));
 export async function follow(take) {
   let token = meta(document).content, version = "", last = null, fresh = null;
   const asked = async () => {
-    const answer = await fetch(`/study.json?${version}`, { headers: { [HEADER]: token }, cache: "no-store" });
+    const answer = await fetch(`/study.json?${version}&${shownPicture()}`, { headers: { [HEADER]: token }, cache: "no-store" });
     // A server that was started anew has another token: its page tells it.
     if (answer.status === 403) token = meta(new DOMParser().parseFromString(await (await fetch("/")).text(), "text/html")).content;
     if (!answer.ok) throw new Error(answer.statusText);
@@ -29,8 +30,10 @@ export async function follow(take) {
       const { study, ...told } = await asked();
       [version, last, fresh] = [told.version, told, study ?? fresh];
       tell(told);
+      showRunning(told.trial);
     } catch {
       gone(last);
+      showRunning(null);
     }
     if (fresh && !isBusy()) {
       const kept = place();
@@ -38,7 +41,7 @@ export async function follow(take) {
       kept();
       fresh = null;
     }
-    await new Promise(go => setTimeout(go, PAUSE_MS));
+    await new Promise(go => setTimeout(go, last && last.trial ? DRIVE_PAUSE_MS : PAUSE_MS));
   }
 }
 

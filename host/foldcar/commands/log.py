@@ -95,7 +95,7 @@ def log(
         yes=yes,
     )
     session = Session(options)
-    with served_beside(store, PORT) if live else nullcontext():
-        with said(lambda: f"stopped: the driven trials are in {store}"), raised():
-            driven = session.run(port)
+    served = served_beside(store, PORT) if live else nullcontext()
+    with served, said(lambda: f"stopped: the driven trials are in {store}"), raised():
+        driven = session.run(port)
     typer.echo(f"{driven} trials; store: {store}")

@@ -22,7 +22,7 @@ export class Parameters {
     if (several) for (const effect of e.effects) {
       const place = byId("effects").appendChild(make("div"));
       this.charts.push(new Chart(place.appendChild(make("figure")), effectFigure(e, effect)));
-      place.append(make("p", { class: "note", text: `Success by ${e.parameters[effect.parameter].label}: ${effect.over}.` }));
+      place.append(make("p", { class: "note", text: `In ${e.simulation} by ${e.parameters[effect.parameter].label}: ${effect.over}.` }));
     }
     const place = byId("designs");
     place.replaceChildren();
@@ -74,7 +74,7 @@ function importance(e) {
     make("td", { class: "bar" }, make("i", { style: `width:${100 * share}%` }), ...(low === null || low === undefined ? [] : [make("b", { style: `left:${100 * low}%;width:${100 * (high - low)}%` })])),
     make("td", { text: low === null || low === undefined ? percent(share) : `${percent(share)} (${percent(low)} to ${percent(high)})` })));
   return [make("h3", { text: "What success depends on" }), make("table", { class: "bars" }, make("tbody", {}, ...rows)),
-    make("p", { class: "note", text: "Share of the differences in success that a parameter accounts for, alone and with others, by a smooth model of all of them; 95 % intervals." })];
+    make("p", { class: "note", text: `Share of the differences in success in ${e.simulation} that a parameter accounts for, alone and with others, by a smooth model of all of them; 95 % intervals.` })];
 }
 
 function effectFigure(e, { parameter, grid, mean, low, high, curves, over }) {

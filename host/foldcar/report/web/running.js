@@ -42,7 +42,7 @@ function stage({ placed, ended, telemetry }) {
 
 function facts(now, { time_limit_s: limit_s }) {
   if (!now) return [["link", "no car"]];
-  const degrees = angle => (angle === null ? "–" : `${(angle * 180 / Math.PI).toFixed(1)}°`);
+  const degrees = angle => (angle === null ? "–" : `${(angle * 180 / Math.PI).toFixed(1).replace(/^-0\.0$/, "0.0")}°`);
   const pulses = Object.entries(now.pulses_us || {});
   return [
     ["time", `${now.elapsed_s.toFixed(1)} of ${number(limit_s)} s`],

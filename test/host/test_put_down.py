@@ -90,7 +90,7 @@ def test_heights_are_those_of_the_geometry() -> None:
     ridge = {**step, "kind": "half_round", "heading_rad": 0.0, "length_m": 0.2, "width_m": 0.05, "height_m": 0.08}
     belly = body["segments"][0]["center_z_m"] - body["segments"][0]["height_m"] / 2
 
-    assert start_height_m(body, None, None) == pytest.approx(radius + FALL_M, abs=1.1e-5)
+    assert start_height_m(body, empty_scene(), None) == pytest.approx(radius + FALL_M, abs=1.1e-5)
     on_step = start_height_m(body, empty_scene([{**step, "height_m": 0.05}]), None)
     assert on_step == pytest.approx(radius + 0.05 + FALL_M, abs=1.1e-5)
     on_ridge = start_height_m(body, empty_scene([ridge]), None)

@@ -139,6 +139,10 @@ WIDTH = "vehicles.1.params.0.common.width"
         (WIDTH, {"from": 65, "to": 90, "step": 0}, f"{WIDTH}: step 0 must be above 0"),
         (WIDTH, {"from": 65, "to": 90, "step": 1e-9}, f"{WIDTH}: the range has 25000000001 values, the limit is"),
         (WIDTH, {"from": 0, "to": 1e300, "step": 1e-300}, f"{WIDTH}.to: 1e+300 is no number to compute with"),
+        (WIDTH, {"from": 1e-300, "to": 1, "step": 1}, f"{WIDTH}.from: 1e-300 is no number"),
+        (WIDTH, float("inf"), f"{WIDTH}: inf is no number"),
+        (WIDTH, int("9" * 400), f"{WIDTH}: a number of 400 digits is above the limit"),
+        (WIDTH, "\ud800", f"{WIDTH}: '\\ud800' holds what is no character"),
         (WIDTH, {"from": 0, "to": 1e13, "step": 0.1}, f"{WIDTH}: the range has more than 10^12 values"),
         (
             WIDTH,

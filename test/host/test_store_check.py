@@ -192,6 +192,16 @@ def test_logs_are_compared_with_their_hash(store: Path, tmp_path: Path, foldcar:
     assert foldcar("check", "s.db").returncode == 1
 
 
+@pytest.mark.parametrize("column", ["design", "deviations"])
+def test_json_that_is_none_is_named_though_its_checksum_is_right(store: Path, foldcar: Any, column: str) -> None:
+    change(store, TRIAL, "id = 1", **{column: "{"})
+
+    for words in (("trials", "list", "s.db"), ("export", "s.db", "--trials", "t.csv"), ("trials", "replay", "s.db", "1")):
+        answer = foldcar(*words)
+        where = "foldcar: error: s.db: trial (id=1) is damaged"
+        assert (answer.returncode, answer.stderr) == (2, f"{where}: its {column} is not what foldcar writes\n")
+
+
 @pytest.mark.parametrize("log", ["../../etc/passwd", "/etc/passwd", "s-logs/../../x", "s-logs/link", "", "a\x00b"])
 def test_logs_outside_of_the_folder_are_refused(tmp_path: Path, store: Path, foldcar: Any, log: str) -> None:
     change(store, TRIAL, "id = 1", log=log)

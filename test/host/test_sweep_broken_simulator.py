@@ -9,6 +9,7 @@ import pytest
 
 from foldcar.errors import FoldcarError
 from swept_listing import WriteListing, rows, swept
+from test_listing import change
 
 
 def simulator(tmp_path: Path, carsim: Path, batch: str) -> Path:
@@ -89,40 +90,23 @@ def test_a_run_that_crashes_is_a_result_and_the_rest_goes_on(
     assert "2 of 6 runs failed" in (tmp_path / "report" / "index.html").read_text()
 
 
-def test_what_the_simulator_refuses_is_told_with_the_run(
-    tmp_path: Path, write_listing: WriteListing, listing_data: Any, carsim_binary: Path
-) -> None:
-    listing_data["environments"]["1"]["scenic_params"] = {"friction": 1e6}
-
-    with pytest.raises(FoldcarError) as caught:
-        swept(write_listing(listing_data), tmp_path / "s.db", carsim_binary)
-
-    assert "friction" in str(caught.value)
-
-
 @pytest.mark.parametrize(
-    ("path", "value"),
+    ("path", "value", "message"),
     [
-        (("vehicles", "1", "params", 0, "common", "width"), [20]),
-        (("vehicles", "1", "params", 0, "common", "width"), [50, 55]),
-        (("environments", "1", "scenic_params"), {"no_such_param": 1}),
-        (("experiments", "1", "params", "timeout"), 1e9),
+        ("vehicles.1.params.0.common.width", [20], "width: 20 is below the minimum"),
+        ("vehicles.1.params.0.common.width", [50, 55], "width"),
+        ("environments.1.scenic_params", {"no_such_param": 1}, "param no_such_param: unknown"),
+        ("environments.1.scenic_params", {"friction": 1e6}, "param friction"),
+        ("experiments.1.params.timeout", 1e9, r"experiments\.1\.params\.timeout: 1e\+09 is above"),
+        ("experiments.1.params.speed", 2.0, r"experiments\.1\.params\.speed: 2 is above 0\."),
     ],
 )
-def test_a_study_that_cannot_run_leaves_no_store(
-    tmp_path: Path,
-    write_listing: WriteListing,
-    listing_data: Any,
-    carsim_binary: Path,
-    path: tuple[str | int, ...],
-    value: Any,
+def test_a_study_that_cannot_run_is_refused_and_leaves_no_store(
+    tmp_path: Path, write_listing: Any, listing_data: Any, carsim_binary: Path, path: str, value: Any, message: str
 ) -> None:
-    node = listing_data
-    for step in path[:-1]:
-        node = node[step]
-    node[path[-1]] = value
+    listing = write_listing(change(listing_data, path, value))
 
-    with pytest.raises(FoldcarError):
-        swept(write_listing(listing_data), tmp_path / "folder" / "s.db", carsim_binary)
+    with pytest.raises(FoldcarError, match=message):
+        swept(listing, tmp_path / "folder" / "s.db", carsim_binary)
 
     assert not (tmp_path / "folder").exists()

@@ -116,6 +116,7 @@ def test_a_long_list_has_the_same_lines_and_reads_corrections_once(
         (("correct", "s.db", "1", "--reason", "r"), "trials correct: say what to change"),
         (("correct", "s.db", "1", "--reason", " ", "--note", "n"), "trials correct: --reason: is empty"),
         (("correct", "s.db", "9", "--reason", "r", "--note", "n"), "s.db: has no trial 9"),
+        (("correct", "s.db", "1", "--reason", "r", "--outcome", "passed"), "s.db: trial 1: outcome is 'passed' already"),
         (("correct", "s.db", "1", "--reason", "r", "--outcome", "flew"), 's.db: outcome "flew" is none of passed'),
         (("correct", "s.db", "1", "--reason", "r", "--elapsed-time", "inf"), "s.db: trial 1: elapsed_time_s: inf is no"),
         (("correct", "none.db", "1", "--reason", "r", "--note", "n"), "none.db: no such store"),

@@ -164,11 +164,9 @@ def _block_top(block: Mapping[str, Any], x: Floats, y: Floats) -> Floats:
     turned = block["heading_rad"]
     along = (x - block["x_m"]) * math.cos(turned) + (y - block["y_m"]) * math.sin(turned)
     if block["kind"] == "ramp":
-        top: Floats = numpy.clip((along / half + 1) / 2, 0.0, 1.0) * height
-        return top
+        return numpy.asarray(numpy.clip((along / half + 1) / 2, 0.0, 1.0) * height)
     radius = (half**2 + height**2) / (2 * height)
-    top = numpy.sqrt(numpy.maximum(radius**2 - along**2, 0.0)) + height - radius
-    return top
+    return numpy.asarray(numpy.sqrt(numpy.maximum(radius**2 - along**2, 0.0)) + height - radius)
 
 
 def _grid_top(grid: HeightGrid | None, x: Floats, y: Floats) -> Floats:

@@ -11,18 +11,12 @@ from foldcar.models.ground import FALL_M, HeightGrid, smooth_ground, start_heigh
 from foldcar.models.mjcf import mjcf
 from foldcar.models.webots_world import webots_world
 from foldcar.simulation.carsim import Carsim
-from foldcar.simulation.engines import ELLIPSOID, MUJOCO
+from foldcar.simulation.engines import ELLIPSOID
 from foldcar.simulation.heights import carsim_heights
 from study_car import car_body, empty_scene, hinged_body
 from vrml_reader import Reader
 
 BODIES = {"rigid": car_body(), "hinged": hinged_body()}
-
-
-@pytest.fixture(scope="module")
-def native() -> Carsim:
-    """The program with MuJoCo."""
-    return Carsim(engine=MUJOCO)
 
 
 def random_scene(native: Carsim, seed: int) -> tuple[dict[str, Any], HeightGrid | None]:

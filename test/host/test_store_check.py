@@ -49,11 +49,6 @@ CHANGES = {
 }
 
 
-@pytest.fixture
-def store(tmp_path: Path) -> Path:
-    return old_store(VERSION, tmp_path / "s.db")
-
-
 def raw(path: Path) -> Any:
     """All values of all rows without using any index, texts as bytes; None if SQLite cannot read them."""
     try:

@@ -151,10 +151,14 @@ def test_the_next_sample_depends_on_trials_that_count(tmp_path: Path) -> None:
         for sample, car in ((0, "built"), (0, "built"), (0, "simulated"), (1, "simulated"), (1, None)):
             writer.complete(begin(writer, sample=sample, car=car), Ending("passed", "", None, "", None))
         writer.withdraw([2], True, "r", "")
+        for outcome in ("stuck", "aborted"):
+            writer.complete(begin(writer, sample=2), Ending(outcome, "", None, "", None))
 
-        counts = writer.trial_counts("1", TrialDesign("W_B_W", {"width_mm": 95}), "fingerprint")
+        counts, none = (
+            writer.trial_counts("1", TrialDesign("W_B_W", {"width_mm": width}), "fingerprint") for width in (95, 96)
+        )
 
-    assert counts == {0: 1}
+    assert (counts, none) == ({0: 1, 2: 1}, {})
 
 
 def test_csv_says_what_drove(tmp_path: Path, foldcar: Any) -> None:

@@ -14,7 +14,7 @@ import numpy
 import pytest
 
 from foldcar.models.exported_car import car_name, scene_name
-from foldcar.models.ground import smooth_ground
+from foldcar.models.ground import smooth_ground, start_height_m
 from foldcar.models.mjcf import mjcf
 from foldcar.models.urdf import urdf
 from foldcar.models.webots_car import webots_proto
@@ -219,6 +219,8 @@ def test_a_webots_world_holds_the_car_and_the_scene() -> None:
     assert file.protos == ["../protos/FoldcarTest.proto"]
     assert [node.name for node in file.nodes[:2]] == ["WorldInfo", "Viewpoint"]
     assert file.nodes[-1].name == "FoldcarTest"
+    height_m = start_height_m(body, scene, grid)
+    assert file.nodes[-1].fields["translation"] == pytest.approx([0, 0, height_m], abs=1e-8)
     frictions = {c.fields["material2"]: c.fields["coulombFriction"] for c in file.nodes[0].all("ContactProperties")}
     assert frictions["wheel0 tyre"] == [0.5 * body["wheels"][0]["grip"]]
     assert frictions["segment0 belly"] == [pytest.approx(0.5 * body["segments"][0]["grip"])]

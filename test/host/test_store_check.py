@@ -211,14 +211,6 @@ def test_logs_outside_of_the_folder_are_refused(tmp_path: Path, store: Path, fol
     assert sorted(file.name for file in tmp_path.iterdir()) == ["s-logs", "s.db"]
 
 
-def test_what_is_no_store_cannot_be_checked(tmp_path: Path, foldcar: Any) -> None:
-    (tmp_path / "text.db").write_text("no store " * 100)
-
-    for name, message in (("text.db", "is no foldcar store"), ("none.db", "no such store")):
-        answer = foldcar("check", name)
-        assert answer.returncode == 2 and answer.stderr.startswith(f"foldcar: error: {name}: {message}")
-
-
 def test_what_was_not_read_is_not_blessed(store: Path) -> None:
     """A damaged row that is changed afterwards does not get a new checksum."""
     alter(store, "UPDATE trial SET operator = 'Eve' WHERE id = 1")

@@ -101,6 +101,9 @@ def test_what_refers_to_a_lost_row_is_lost_but_for_trials(store: Path, tmp_path:
     with Store.open(tmp_path / "w.db") as opened:
         last = opened.corrections(touched[0])[-1]
     assert (last.field, last.before, last.after, last.operator) == ("scene_id", trial["scene_id"], None, "foldcar repair")
+    # What was left out does not come back.
+    repair_store(tmp_path / "w.db", tmp_path / "again.db")
+    assert rows(tmp_path / "again.db") == rows(tmp_path / "w.db")
     assert check_store(tmp_path / "w.db").findings == []
 
 

@@ -118,7 +118,9 @@ def add_trials(
     return numbers
 
 
-def import_trials(store: Path, trials: Sequence[tuple[Mapping[str, float], int, str]], source: str = "table") -> None:
+def import_trials(
+    store: Path, trials: Sequence[tuple[Mapping[str, float], int | None, str]], source: str = "table"
+) -> None:
     """Add many trials (design, sample, outcome) of built cars of experiment 1, as `foldcar trials import` does."""
     told = {"experiment": "1", "vehicle_type": "W_B_W", "source": source, "car": "built"}
     with write_trials(store) as writer:

@@ -80,7 +80,7 @@ def write_runs(writer: StoreWriter, experiment: Experiment, carsim: Carsim) -> i
     """Write all runs of the experiment with drawn results; gives their number."""
     environment = Environment(experiment)
     plan = plan_experiment(experiment, environment, writer, PlannedDesigns(experiment, carsim.parameter_table(), None))
-    writer.put_dynamic(plan.environment_id, environment.dynamic)
+    writer.is_dynamic(plan.environment_id, lambda: environment.dynamic)
     scenes = [environment.sample(k) for k in range(min(SCENES, plan.environments))]
     designs = [tuple(design.columns[name] for name in experiment.family.varied) for design in experiment.family]
     runs = drawn(writer, plan, scenes, numpy.array(designs, dtype=float))

@@ -11,7 +11,7 @@ import pytest
 
 from foldcar.errors import FoldcarError
 from foldcar.simulation.carsim import Carsim, CarsimLimits
-from foldcar.simulation.engines import find_carsim
+from foldcar.simulation.engines import MUJOCO, find_carsim
 from forked_foldcar import HANGS_S, original
 from live_car import write_free_course
 from under_coverage import save_coverage_once
@@ -29,6 +29,12 @@ def carsim_binary() -> Path:
         return find_carsim()
     except FoldcarError as error:
         pytest.fail(str(error))
+
+
+@pytest.fixture(scope="session")
+def native() -> Carsim:
+    """The simulator with MuJoCo."""
+    return Carsim(engine=MUJOCO)
 
 
 @pytest.fixture(scope="session")
@@ -78,6 +84,15 @@ def new_foldcar(tmp_path: Path) -> Callable[..., "subprocess.CompletedProcess[st
         return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=HANGS_S, **options)
 
     return run
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Path:
+    """A store of this version with runs, records and trials, s.db in the test's folder, and the trials' logs."""
+    from foldcar.store.migrations import VERSION
+    from old_stores import old_store
+
+    return old_store(VERSION, tmp_path / "s.db")
 
 
 @pytest.fixture

@@ -1,7 +1,10 @@
-"""The width study's car, a hinged one and an empty scene as inputs of the simulator."""
+"""The width study's car, a hinged one and an empty scene as inputs of the simulator, and its program asked."""
 
 import copy
 import json
+import subprocess
+from collections.abc import Iterable
+from pathlib import Path
 from typing import Any
 
 from foldcar.car.body import body_json, firmware_parameters, full_speed_m_s
@@ -58,3 +61,9 @@ def empty_scene(
         "goal": None if goal_x_m is None else goal,
         "course": {"x_min_m": -10.0, "x_max_m": 10.0, "y_min_m": -10.0, "y_max_m": 10.0},
     }
+
+
+def asked(carsim: Path, lines: Iterable[Any], *words: str) -> "subprocess.CompletedProcess[str]":
+    """What ``carsim batch`` says to lines, JSON data or texts; ``words`` stand in place of "batch"."""
+    text = "".join((line if isinstance(line, str) else json.dumps(line)) + "\n" for line in lines)
+    return subprocess.run([carsim, *(words or ["batch"])], input=text, capture_output=True, text=True, timeout=600)

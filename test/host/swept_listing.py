@@ -1,6 +1,7 @@
 """Sweeps a listing as the command does, into a store, for tests of what is in it and in its report afterwards."""
 
 import json
+import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,8 @@ from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.results import Result
 from foldcar.store.reader import Store
 from foldcar.study.experiment_runs import Progress
-from foldcar.study.experiments import read_study
+from foldcar.study.experiments import engine_study, read_study
+from foldcar.study.stopping import stopping_rules
 from foldcar.study.sweep import Sweep
 
 WriteListing = Callable[[Any], Path]
@@ -43,8 +45,27 @@ def reported(folder: Path, widths: Sequence[int], environments: int) -> Path:
     return folder
 
 
-def swept(listing: Path, store: Path, carsim: Path, jobs: int = 2, environments: int | None = None) -> Progress:
-    return Sweep(read_study(listing, environments=environments), store, Carsim(carsim), "foldcar sweep …").run(jobs)
+def swept(
+    listing: Path,
+    store: Path,
+    carsim: Path | Carsim,
+    jobs: int = 2,
+    environments: int | None = None,
+    experiment: str | None = None,
+    until: str | None = None,
+    stop_at: float = math.inf,
+    announce: Callable[[str], None] = lambda line: None,
+) -> Progress:
+    """Sweep, or begin to: InterruptedError once ``stop_at`` runs are new. ``until`` is the option of that name."""
+    simulator = Carsim(carsim) if isinstance(carsim, Path) else carsim
+    study = engine_study(read_study(listing, experiment, environments), simulator)
+
+    def stop(progress: Progress) -> None:
+        if progress.new >= stop_at:
+            raise InterruptedError
+
+    rules = stopping_rules(until, study) if until else {}
+    return Sweep(study, store, simulator, "foldcar sweep …", until=rules).run(jobs, stop, announce)
 
 
 def rows(store: Path) -> list[Result]:

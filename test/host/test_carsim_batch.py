@@ -11,6 +11,7 @@ from foldcar.car.body import body_json
 from foldcar.car.design import compose
 from foldcar.scenes.source import open_environment
 from foldcar.study.experiments import read_study
+from study_car import asked
 
 WIDTHS = ("65", "115", "245")
 TOP_HEAVY = "top-heavy"
@@ -42,17 +43,12 @@ def all_runs(**more: Any) -> list[dict[str, Any]]:
     return [run_line(body, scene, **more) for scene in range(SAMPLES) for body in (*WIDTHS, TOP_HEAVY)]
 
 
-def batch(carsim: Path, lines: list[Any], *options: str) -> "subprocess.CompletedProcess[str]":
-    text = "".join((line if isinstance(line, str) else json.dumps(line)) + "\n" for line in lines)
-    return subprocess.run([carsim, "batch", *options], input=text, capture_output=True, text=True, timeout=6000)
-
-
 def test_the_same_input_gives_the_same_bytes_in_the_order_of_the_runs(
     carsim_binary: Path, definitions: list[Any]
 ) -> None:
     lines = definitions + all_runs(path_interval_s=0.1)
 
-    first, second = (batch(carsim_binary, lines) for _ in range(2))
+    first, second = (asked(carsim_binary, lines) for _ in range(2))
 
     assert (first.returncode, first.stderr) == (0, "")
     assert first.stdout == second.stdout
@@ -62,9 +58,9 @@ def test_the_same_input_gives_the_same_bytes_in_the_order_of_the_runs(
 
 
 def test_a_run_does_not_depend_on_those_before_it(carsim_binary: Path, definitions: list[Any]) -> None:
-    together = batch(carsim_binary, definitions + all_runs()).stdout.splitlines()
+    together = asked(carsim_binary, definitions + all_runs()).stdout.splitlines()
 
-    backwards = batch(carsim_binary, definitions + all_runs()[::-1]).stdout.splitlines()
+    backwards = asked(carsim_binary, definitions + all_runs()[::-1]).stdout.splitlines()
 
     assert backwards == together[::-1]
 
@@ -72,11 +68,11 @@ def test_a_run_does_not_depend_on_those_before_it(carsim_binary: Path, definitio
 def test_timing_changes_no_reply_and_sums_up(carsim_binary: Path, definitions: list[Any]) -> None:
     lines = definitions + all_runs()
 
-    expected = batch(carsim_binary, lines).stdout
+    expected = asked(carsim_binary, lines).stdout
     ordered = False
     # Few steps are measured and stand for all: one that is suspended on a busy machine counts as many.
     for _ in range(10):
-        timed = batch(carsim_binary, lines, "--timing")
+        timed = asked(carsim_binary, lines, "batch", "--timing")
         assert timed.stdout == expected
         timing = json.loads(timed.stderr)["timing"]
         simulated_s = sum(json.loads(line)["elapsed_time_s"] for line in timed.stdout.splitlines())
@@ -91,7 +87,7 @@ def test_bad_lines_are_answered_in_their_places_and_the_rest_goes_on(carsim_bina
     runs = all_runs()[:3]
     lines = [*definitions, runs[0], "nonsense", runs[1], " ", run_line("no such", 0), runs[2]]
 
-    answer = batch(carsim_binary, lines)
+    answer = asked(carsim_binary, lines)
 
     replies = [json.loads(line) for line in answer.stdout.splitlines()]
     assert [reply.get("run", "error") for reply in replies] == ["65/0", "error", "115/0", "error", "245/0"]

@@ -16,7 +16,6 @@ from typing import Any
 
 import pytest
 
-from foldcar.car.body import body_json
 from foldcar.cluster import connection, workers
 from foldcar.cluster.chunk import Simulated, Trouble, recipe_of, run_chunk
 from foldcar.cluster.connection import open_cluster
@@ -29,6 +28,8 @@ from foldcar.store.reader import Store
 from foldcar.study.experiments import read_study
 from foldcar.study.sweep import Sweep
 from shell_signals import like_a_shell
+from study_car import car_texts, empty_scene
+from test_interrupts import MARK, marked
 
 dask = pytest.importorskip("dask")
 distributed = pytest.importorskip("distributed")
@@ -156,15 +157,10 @@ def test_a_worker_killed_in_the_middle_costs_nothing(
 @pytest.fixture(scope="module")
 def chunk() -> dict[str, Any]:
     """Runs of one car, as `run` takes them."""
-    (experiment,) = read_study(Path(__file__).parents[2] / "scenarios" / "width_study.json").experiments
-    course = {"x_min_m": -1, "x_max_m": 2, "y_min_m": -1, "y_max_m": 1}
-    line = {"kind": "line", "x_m": 1.3, "y_m": 0, "heading_rad": 0}
-    start = {"x_m": 0, "y_m": 0, "heading_rad": 0}
-    scene = {"friction": 0.6, "terrain": [], "start": start, "goal": line, "course": course}
     drive = json.dumps({"speed_m_s": 0.69, "time_limit_s": 60})
     return {
-        "bodies": {"b": json.dumps(body_json(next(iter(experiment.family))))},
-        "scenes": {"s": json.dumps(scene)},
+        "bodies": {"b": car_texts()[0]},
+        "scenes": {"s": json.dumps(empty_scene(goal_x_m=1.3))},
         "requests": [RunRequest("b", "s", drive, f"run {i}", 0) for i in range(4)],
     }
 
@@ -308,31 +304,20 @@ def test_the_workers_of_this_machine_end_with_the_command(listing: Path, tmp_pat
         [sys.executable, "-m", "foldcar", "sweep", str(listing), "--store", "s.db", "--environments", "500",
          "--scheduler", "local:1"],
         cwd=tmp_path, stderr=subprocess.PIPE, text=True, start_new_session=True, preexec_fn=like_a_shell,
-        env={**os.environ, "FOLDCAR_TEST_MARK": str(tmp_path)},
+        env={**os.environ, MARK: str(tmp_path)},
     )  # fmt: skip
     deadline_s = time.monotonic() + WAIT_S
     while not (tmp_path / "s.db").exists():
         assert time.monotonic() < deadline_s and process.poll() is None
         time.sleep(0.02)
     # The command, the scheduler, its worker and a process that watches over semaphores.
-    assert len(marked(tmp_path)) >= 3
+    assert len(marked(str(tmp_path))) >= 3
 
     os.killpg(process.pid, number)
     errors = process.communicate(timeout=WAIT_S)[1]
 
-    while marked(tmp_path) and time.monotonic() < deadline_s:
+    while marked(str(tmp_path)) and time.monotonic() < deadline_s:
         time.sleep(0.02)
-    assert marked(tmp_path) == []
+    assert marked(str(tmp_path)) == []
     lines = [line for line in errors.splitlines() if "within the time limit" not in line and "note:" not in line]
     assert (process.returncode, len(lines)) == ((130, 1) if number == signal.SIGINT else (-9, 0)), errors
-
-
-def marked(mark: Path) -> list[int]:
-    """The running processes that were started with that mark."""
-    found = []
-    for entry in Path("/proc").glob("[0-9]*"):
-        with contextlib.suppress(OSError):
-            alive = (entry / "stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
-            if alive and f"FOLDCAR_TEST_MARK={mark}".encode() in (entry / "environ").read_bytes().split(b"\0"):
-                found.append(int(entry.name))
-    return found

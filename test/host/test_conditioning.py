@@ -57,6 +57,15 @@ def places(scenes: list[Scene], index: int) -> set[tuple[float, float, float]]:
     return {place(scene["terrain"][index]) for scene in scenes}
 
 
+def frozen(source: SceneSource, sample: int = 2, **names: Any) -> tuple[Scene, list[Scene]]:
+    """That sample, and others once these names are frozen as they are in it, which leaves the given scene as it was."""
+    scene = source.scenic_scene(sample)
+    kept = source.describe(scene, sample)
+    foldcar.condition(source.scenario, scene, **names)
+    assert source.describe(scene, sample) == kept
+    return kept, [source.sample(k) for k in SAMPLES]
+
+
 def test_scenics_own_conditioning_moves_what_is_mutated(source: SceneSource) -> None:
     """Scenic's defect that foldcar's conditioning avoids; this test fails when Scenic corrects it."""
     scene = source.scenic_scene(2)
@@ -67,15 +76,12 @@ def test_scenics_own_conditioning_moves_what_is_mutated(source: SceneSource) -> 
 
 
 def test_everything_frozen_is_the_same_scene_each_time(source: SceneSource) -> None:
-    scene = source.scenic_scene(2)
-    kept = source.describe(scene, 2)
-    foldcar.condition(source.scenario, scene)
-    assert [source.sample(k) for k in SAMPLES] == [kept] * len(SAMPLES)
-    assert source.describe(scene, 2) == kept
+    kept, scenes = frozen(source)
+    assert scenes == [kept] * len(SAMPLES)
 
 
 @pytest.mark.parametrize(
-    ("names", "params", "frozen"),
+    ("names", "params", "still"),
     [
         (["bump"], ["tall"], {BUMP}),
         (["goal"], [], set()),
@@ -86,19 +92,17 @@ def test_everything_frozen_is_the_same_scene_each_time(source: SceneSource) -> N
     ],
 )
 def test_named_objects_keep_their_place_and_the_others_vary(
-    source: SceneSource, names: list[str], params: list[str], frozen: set[int]
+    source: SceneSource, names: list[str], params: list[str], still: set[int]
 ) -> None:
-    scene = source.scenic_scene(2)
-    kept = source.describe(scene, 2)
-    foldcar.condition(source.scenario, scene, objects=names, params=params)
-    scenes = [source.sample(k) for k in SAMPLES]
+    kept, scenes = frozen(source, objects=names, params=params)
     for index in range(5):
-        expected = {place(kept["terrain"][index])} if index in frozen else None
+        expected = {place(kept["terrain"][index])} if index in still else None
         found = places(scenes, index)
         assert found == expected if expected is not None else len(found) == len(SAMPLES)
     goals = {place(scene["goal"]) for scene in scenes}
     assert goals == {place(kept["goal"])} if "goal" in names else len(goals) == len(SAMPLES)
-    assert source.describe(scene, 2) == kept
+    # Objects that share a parameter leave it free.
+    assert len({scene["friction"] for scene in scenes}) == len(SAMPLES)
 
 
 @pytest.mark.parametrize(
@@ -129,9 +133,9 @@ def test_what_depends_on_a_frozen_value_follows_it(tmp_path: Path) -> None:
     program = tmp_path / "program.scenic"
     program.write_text(f"{PROGRAM}param twice = 2 * globalParameters.friction\n")
     kept = open_environment(program, {}, 5).scenic_scene(1).params
-    frozen = open_environment(program, {}, 5, {"sample": 1, "params": ["friction"]})
+    source = open_environment(program, {}, 5, {"sample": 1, "params": ["friction"]})
     for k in SAMPLES:
-        params = frozen.scenic_scene(k).params
+        params = source.scenic_scene(k).params
         assert params["twice"] == 2 * params["friction"] == kept["twice"]
         assert params["tall"] != kept["tall"] or k == 1
 
@@ -147,10 +151,7 @@ def test_objects_of_the_scene_may_be_given_instead_of_names(source: SceneSource)
 
 
 def test_a_frozen_point_takes_along_what_stands_at_it(source: SceneSource) -> None:
-    scene = source.scenic_scene(2)
-    kept = source.describe(scene, 2)
-    foldcar.condition(source.scenario, scene, objects=["place"])
-    scenes = [source.sample(k) for k in SAMPLES]
+    kept, scenes = frozen(source, objects=["place"])
     assert places(scenes, MARK) == {place(kept["terrain"][MARK])}
     assert len(places(scenes, BUMP)) == len(SAMPLES)
 
@@ -168,19 +169,10 @@ def test_what_is_placed_relative_to_a_frozen_object_keeps_its_own_randomness_onl
 
 
 def test_frozen_parameters_and_free_objects(source: SceneSource) -> None:
-    scene = source.scenic_scene(2)
-    kept = source.describe(scene, 2)
-    foldcar.condition(source.scenario, scene, params=["friction", "tall"])
-    scenes = [source.sample(k) for k in SAMPLES]
+    kept, scenes = frozen(source, params=["friction", "tall"])
     assert {one["friction"] for one in scenes} == {kept["friction"]}
-    heights = {one["terrain"][BUMP]["height_m"] for one in scenes}
-    assert heights == {kept["terrain"][BUMP]["height_m"]}
+    assert {one["terrain"][BUMP]["height_m"] for one in scenes} == {kept["terrain"][BUMP]["height_m"]}
     assert len(places(scenes, BUMP)) == len(places(scenes, STONE)) == len(SAMPLES)
-
-
-def test_a_frozen_object_leaves_a_shared_parameter_free(source: SceneSource) -> None:
-    foldcar.condition(source.scenario, source.scenic_scene(2), objects=["stones"])
-    assert len({source.sample(k)["friction"] for k in SAMPLES}) == len(SAMPLES)
 
 
 def test_the_listings_condition_does_the_same(tmp_path: Path, source: SceneSource) -> None:

@@ -13,33 +13,21 @@ from typing import Any
 
 import pytest
 
-from foldcar.car.body import body_json
 from foldcar.scenes.source import open_environment
 from foldcar.simulation.carsim import Carsim, KeptCarsim
 from foldcar.simulation.runner import CarsimError, RunRequest
 from foldcar.simulation.scenic_runner import ScenicRunner
-from foldcar.study.experiments import read_study
+from study_car import car_texts, empty_scene
 
-PROJECT = Path(__file__).resolve().parents[2]
 WAIT_S = 120.0
-
-
-def a_body() -> str:
-    """A car of the width study, as JSON."""
-    (experiment,) = read_study(PROJECT / "scenarios" / "width_study.json").experiments[:1]
-    return json.dumps(body_json(next(iter(experiment.family))))
 
 
 @pytest.fixture(scope="module")
 def chunk() -> dict[str, Any]:
     """Three runs of one car, as `run` takes them; the middle one drives for ten minutes over a wide plain."""
-    near = {"x_min_m": -1, "x_max_m": 2, "y_min_m": -1, "y_max_m": 1}
     far = {"x_min_m": -900, "x_max_m": 900, "y_min_m": -900, "y_max_m": 900}
-    start = {"x_m": 0, "y_m": 0, "heading_rad": 0}
-    line = {"kind": "line", "x_m": 1.3, "y_m": 0, "heading_rad": 0}
     disc = {"kind": "disc", "x_m": -800, "y_m": 0, "radius_m": 1}
-    short = {"friction": 0.6, "terrain": [], "start": start, "goal": line, "course": near}
-    long = {"friction": 0.6, "terrain": [], "start": start, "goal": disc, "course": far}
+    short, long = empty_scene(goal_x_m=1.3), {**empty_scene(), "goal": disc, "course": far}
     drive = json.dumps({"speed_m_s": 0.69, "time_limit_s": 60})
     slow = json.dumps({"speed_m_s": 0.2, "time_limit_s": 600, "parameters": {"TRIAL_MAX_S": 600}})
     requests = [
@@ -47,7 +35,7 @@ def chunk() -> dict[str, Any]:
         for i, (scene, settings) in enumerate([("short", drive), ("long", slow), ("short", drive)])
     ]
     scenes = {"short": json.dumps(short), "long": json.dumps(long)}
-    return {"bodies": {"b": a_body()}, "scenes": scenes, "requests": requests}
+    return {"bodies": {"b": car_texts()[0]}, "scenes": scenes, "requests": requests}
 
 
 def children(parent: int | None = None) -> set[int]:
@@ -61,19 +49,24 @@ def children(parent: int | None = None) -> set[int]:
     return found
 
 
+def awaited(find: Callable[[], Any], what: str) -> Any:
+    """What ``find`` finds, once it does."""
+    deadline_s = time.monotonic() + WAIT_S
+    while not (found := find()):
+        assert time.monotonic() < deadline_s, what
+        time.sleep(0.01)
+    return found
+
+
 @contextlib.contextmanager
 def under_way(call: Callable[[], Any]) -> Iterator[tuple[Future[Any], Callable[[], int]]]:
     """The call in a thread; the function beside it waits for its next process and gives the id of that."""
     seen = children()
 
     def next_process() -> int:
-        deadline_s = time.monotonic() + WAIT_S
-        while not (new := children() - seen):
-            assert time.monotonic() < deadline_s, "no process was started"
-            time.sleep(0.01)
-        seen.update(new)
-        (process,) = new
-        return process
+        (process,) = awaited(lambda: children() - seen, "no process was started")
+        seen.add(process)
+        return int(process)
 
     with ThreadPoolExecutor(1) as pool:
         yield pool.submit(call), next_process
@@ -81,14 +74,12 @@ def under_way(call: Callable[[], Any]) -> Iterator[tuple[Future[Any], Callable[[
 
 def at_the_long_run(process: int) -> None:
     """Wait until the process has computed for 0.1 s: the short run before the long one takes a few hundredths."""
-    deadline_s = time.monotonic() + WAIT_S
-    ticks = os.sysconf("SC_CLK_TCK")
-    while time.monotonic() < deadline_s:
+
+    def computed() -> bool:
         user, system = Path(f"/proc/{process}/stat").read_text().rsplit(")", 1)[1].split()[11:13]
-        if (int(user) + int(system)) / ticks > 0.1:
-            return
-        time.sleep(0.01)
-    pytest.fail("the process did not run")
+        return (int(user) + int(system)) / os.sysconf("SC_CLK_TCK") > 0.1
+
+    awaited(computed, "the process did not run")
 
 
 @pytest.fixture(params=["batch", "kept"])
@@ -170,7 +161,7 @@ def beside(tmp_path: Path, carsim_binary: Path) -> Iterator[tuple[ScenicRunner, 
     program = tmp_path / "program.scenic"
     program.write_text(DRIVING)
     chunk = {
-        "bodies": {"b": a_body()},
+        "bodies": {"b": car_texts()[0]},
         "scenes": {"s": json.dumps(open_environment(program, {}, 1).sample(0))},
         "requests": [RunRequest("b", "s", json.dumps({"speed_m_s": 0.5, "time_limit_s": 20}), "the run", 0)],
     }
@@ -180,14 +171,13 @@ def beside(tmp_path: Path, carsim_binary: Path) -> Iterator[tuple[ScenicRunner, 
 
 def simulator_of(worker: int, other_than: int = 0) -> int:
     """The carsim that a Scenic worker's copy for a run has started, once it has."""
-    deadline_s = time.monotonic() + WAIT_S
-    while time.monotonic() < deadline_s:
-        for run in (run for sample in children(worker) for run in children(sample)):
-            if found := children(run) - {other_than}:
-                (process,) = found
-                return process
-        time.sleep(0.01)
-    pytest.fail("the worker has started no carsim")
+
+    def found() -> set[int]:
+        runs = [run for sample in children(worker) for run in children(sample)]
+        return {process for run in runs for process in children(run)} - {other_than}
+
+    (process,) = awaited(found, "the worker has started no carsim")
+    return int(process)
 
 
 def test_beside_scenic_too_a_process_killed_once_costs_nothing(beside: tuple[ScenicRunner, dict[str, Any]]) -> None:

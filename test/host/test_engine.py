@@ -19,7 +19,7 @@ from foldcar.link.simulated_car import simulated_car
 from foldcar.models.mjcf import mjcf
 from foldcar.models.webots_world import drive_fraction
 from foldcar.simulation.carsim import Carsim, ask_pulses
-from foldcar.simulation.engines import MUJOCO, engine_of, engine_title, find_carsim
+from foldcar.simulation.engines import engine_of, engine_title, find_carsim
 from foldcar.simulation.runner import RunRequest
 from foldcar.store.reader import Store
 from live_car import free_course_scene
@@ -28,12 +28,6 @@ from study_car import car_body, empty_scene, hinged_body
 
 Command = Callable[..., "subprocess.CompletedProcess[str]"]
 STEP_M = 0.012
-
-
-@pytest.fixture(scope="module")
-def native() -> Carsim:
-    """The program with MuJoCo."""
-    return Carsim(engine=MUJOCO)
 
 
 def driven(carsim: Carsim, body: dict[str, Any], scene: dict[str, Any], **settings: Any) -> dict[str, Any]:

@@ -1,6 +1,5 @@
 """Whatever a file holds, each parser accepts it or refuses it by a FoldcarError whose message is one line."""
 
-import gzip
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -13,7 +12,6 @@ from hypothesis import strategies as st
 from foldcar.car.design import compose
 from foldcar.errors import FoldcarError
 from foldcar.link.tlog import messages_of, records_of
-from foldcar.store.check import check_store
 from foldcar.study.listing_file import read_listing
 from foldcar.trials.csv_import import read_trials
 
@@ -32,11 +30,6 @@ JSON = st.recursive(
 @pytest.fixture(scope="module")
 def recorded_log() -> bytes:
     return next((STORES / "version_1-logs").glob("*.tlog*")).read_bytes()
-
-
-@pytest.fixture(scope="module")
-def small_store() -> bytes:
-    return gzip.decompress((STORES / "version_1.db.gz").read_bytes())
 
 
 def accepts_or_says_why(parse: Callable[[], Any]) -> None:
@@ -116,13 +109,3 @@ def test_trials_as_csv(tmp_path_factory: Any, data: st.DataObject) -> None:
 def test_logs(recorded_log: bytes, data: st.DataObject) -> None:
     content = data.draw(damaged(recorded_log[: data.draw(st.integers(0, 400))]) | st.binary(max_size=60))
     accepts_or_says_why(lambda: list(messages_of(records_of(content, "car.tlog"))))
-
-
-@given(data=st.data())
-@settings(BOUNDED, max_examples=20)
-def test_stores(tmp_path_factory: Any, small_store: bytes, data: st.DataObject) -> None:
-    file = tmp_path_factory.mktemp("store") / "s.db"
-    at = data.draw(st.sampled_from([0, 100, 4096]) | st.integers(0, len(small_store)))
-    more = data.draw(st.binary(min_size=1, max_size=8))
-    file.write_bytes(small_store[:at] + more + small_store[at + len(more) :])
-    accepts_or_says_why(lambda: check_store(file))

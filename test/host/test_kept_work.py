@@ -1,12 +1,8 @@
 """Work that its store does not take is kept in a file, and `foldcar import` takes it in."""
 
-import contextlib
 import dataclasses
 import json
 import signal
-import subprocess
-import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +17,7 @@ from foldcar.store.trial_writer import TrialWriter, write_trials
 from foldcar.trials.driving import DriveEnd
 from foldcar.trials.outcome import record_outcome
 from live_car import LOG, car_at_port, moving, trials_in
-from test_store_lock import held
+from test_store_lock import another, held
 from test_trial_store import begin
 from typist import Typist
 
@@ -32,21 +28,9 @@ WRITE = """
 import sqlite3, sys
 connection = sqlite3.connect(sys.argv[1], isolation_level=None)
 connection.execute("BEGIN IMMEDIATE")
-print("writing", flush=True)
+print("waits", flush=True)
 sys.stdin.read()
 """
-
-
-@contextlib.contextmanager
-def locked_by_another(store: Path) -> Iterator[None]:
-    """Another program keeps every writer waiting."""
-    command = [sys.executable, "-c", WRITE, store]
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
-        try:
-            assert process.stdout is not None and process.stdout.readline() == "writing\n"
-            yield
-        finally:
-            process.kill()
 
 
 @pytest.fixture
@@ -153,7 +137,7 @@ def test_a_trial_that_waits_for_another_program_is_kept_at_ctrl_c(
         Typist(tmp_path, *LOG, "--port", car.port, "--countdown", "0", "--yes") as person,
     ):
         person.watches_until(lambda: moving(tmp_path))
-        with locked_by_another(store):
+        with another(WRITE, store):
             person.sees("waiting for another program")
             person.process.send_signal(signal.SIGINT)
             person.sees("trial 1 is kept in")

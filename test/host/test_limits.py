@@ -1,7 +1,6 @@
 """`carsim limits`: what it prints is what `carsim batch` holds its input to, and what the host's own checks allow."""
 
 import json
-import subprocess
 from copy import deepcopy
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,7 @@ from foldcar.scenes.checks import FARTHEST_M
 from foldcar.scenes.scene_json import MOST_FRICTION, MOST_NODES, MOST_PIECES, PLACE_KEYS
 from foldcar.scenes.terrain_kinds import KINDS
 from foldcar.simulation.carsim import CarsimLimits
-from study_car import car_body, empty_scene
+from study_car import asked, car_body, empty_scene, hinged_body
 
 PLACE = {"x_m": 0.0, "y_m": 0.0, "heading_rad": 0.0}
 PIECES: dict[str, dict[str, Any]] = {
@@ -33,22 +32,11 @@ DEPENDENT = {
 }
 
 
-def hinged() -> dict[str, Any]:
-    """A body of two segments with a hinge, as docs/carsim.md has it."""
-    body = deepcopy(car_body())
-    (segment,) = body["segments"]
-    front = {**segment, "x_m": segment["x_m"] + 0.25 * segment["length_m"], "length_m": segment["length_m"] / 2}
-    rear = {**front, "x_m": segment["x_m"] - 0.25 * segment["length_m"]}
-    hinge = {"x_m": segment["x_m"], "z_m": 0.0, "stiffness_n_m_rad": 0.1, "damping_n_m_s_rad": 0.01}
-    body["segments"], body["hinges"] = [front, rear], [{**hinge, "min_rad": -0.5, "max_rad": 0.5}]
-    return {"id": "b", **body}
-
-
 def line_with(path: str, value: float) -> dict[str, Any]:
     """A line of the protocol that is sound but for that number."""
     kind, *keys = path.split(".")
     whole: dict[str, dict[str, Any]] = {
-        "body": hinged(),
+        "body": {"id": "b", **hinged_body()},
         "scene": {"id": "s", **empty_scene(goal_x_m=1.0)},
         "run": {"id": "r", "body": "b", "scene": "s", "speed_m_s": 0.5, "time_limit_s": 1.0},
         "heights": {"id": "h", "scene": "s", "x_m": [0.0], "y_m": [0.0]},
@@ -68,33 +56,31 @@ def line_with(path: str, value: float) -> dict[str, Any]:
 
 
 def test_batch_holds_its_input_to_the_printed_limits(carsim_binary: Path, carsim_limits: CarsimLimits) -> None:
-    asked: list[tuple[str, float, str]] = []
+    beyond: list[tuple[str, float, str]] = []
     for path, (least, largest) in carsim_limits.numbers.items():
         if path.endswith((".count", ".nodes", ".heights", ".faces")) or path.startswith("advance."):
             continue
         span = max(1.0, abs(least), abs(largest))
         if (path, "least") not in DEPENDENT:
-            asked.append((path, least - span, f"is below the limit {json.dumps(least)}"))
+            beyond.append((path, least - span, f"is below the limit {json.dumps(least)}"))
         if (path, "largest") not in DEPENDENT:
-            asked.append((path, largest + span, f"is above the limit {json.dumps(largest)}"))
-    lines = [line_with(path, value) for path, value, _ in asked]
+            beyond.append((path, largest + span, f"is above the limit {json.dumps(largest)}"))
+    lines = [line_with(path, value) for path, value, _ in beyond]
 
-    text = "".join(json.dumps(line) + "\n" for line in lines)
-    done = subprocess.run([carsim_binary, "batch"], input=text, capture_output=True, text=True, timeout=60)
+    done = asked(carsim_binary, lines)
 
     messages = [json.loads(line)["error"]["message"] for line in done.stdout.splitlines()]
-    assert len(messages) == len(asked) > 120
-    for (path, _, limit), message in zip(asked, messages, strict=True):
+    assert len(messages) == len(beyond) > 120
+    for (path, _, limit), message in zip(beyond, messages, strict=True):
         assert message.startswith(path.split(".")[0] + ".") and f".{path.split('.')[-1]}" in message, message
         assert message.endswith(limit), (path, message)
 
 
 def test_what_lies_between_the_limits_is_taken(carsim_binary: Path) -> None:
-    lines: list[dict[str, Any]] = [{"body": hinged()}]
+    lines: list[dict[str, Any]] = [{"body": {"id": "b", **hinged_body()}}]
     lines += [line_with(f"scene.terrain.{kind}.x_m", 0.0) for kind in PIECES]
-    text = "".join(json.dumps(line) + "\n" for line in lines)
 
-    done = subprocess.run([carsim_binary, "batch"], input=text, capture_output=True, text=True, timeout=60)
+    done = asked(carsim_binary, lines)
 
     assert (done.returncode, done.stdout) == (0, "")
 
@@ -147,37 +133,23 @@ def answer_of(binary: Path, body: dict[str, Any], terrain: list[dict[str, Any]],
     scene = {**empty_scene(goal_x_m=1.0), "terrain": terrain, **scene}
     run = {"id": "r", "body": "b", "scene": "s", "speed_m_s": 5.0, "time_limit_s": 0.5}
     lines = [{"body": {**body, "id": "b"}}, {"scene": {**scene, "id": "s"}}, {"run": run}]
-    text = "".join(json.dumps(line) + "\n" for line in lines)
-    done = subprocess.run([binary, "batch"], input=text, capture_output=True, text=True, timeout=300)
+    done = asked(binary, lines)
     assert done.returncode in (0, 2), done.stderr
     answer: dict[str, Any] = json.loads(done.stdout)
     return answer
 
 
 def test_a_car_of_extreme_proportions_gives_finite_numbers_or_a_failed_run(carsim_binary: Path) -> None:
-    segment = {
-        "x_m": 0.0, "length_m": 0.2, "width_m": 0.095, "height_m": 0.05, "center_z_m": 0.0, "mass_kg": 50.0,
-        "com_x_m": -0.021, "com_y_m": 0.0, "com_z_m": 0.004, "roll_inertia_kg_m2": 2e-4,
-        "pitch_inertia_kg_m2": 1.8e-6, "yaw_inertia_kg_m2": 7.3e-4, "grip": 0.58,
-    }  # fmt: skip
-    servo = {
-        "no_load_speed_rad_s": 11.5, "rated_v": 5.2, "stall_current_a": 0.7, "no_load_current_a": 0.11,
-        "neutral_us": 1500, "deadband_us": 45, "saturation_us": 200,
-    }  # fmt: skip
-    # Side, x, radius, mass, stall torque, rotor inertia of each wheel.
-    wheels = [
-        {
-            "channel": channel, "segment": 0, "side": side, "x_m": x_m, "radius_m": radius_m, "width_m": 0.012,
-            "mass_kg": mass_kg, "grip": 1.0, "eccentricity_m": 0.0, "eccentricity_phase_rad": 0.0,
-            "servo": {**servo, "stall_torque_n_m": torque_n_m, "rotor_inertia_kg_m2": rotor_kg_m2,
-                      "direction": 1 if side == "left" else -1},
-        }
-        for channel, (side, x_m, radius_m, mass_kg, torque_n_m, rotor_kg_m2) in enumerate([
-            ("left", 0.00067, 0.025, 0.012, 50.0, 2e-4), ("right", 0.00067, 0.061, 0.012, 0.134, 0.011),
-            ("left", -0.16, 0.06, 11.0, 0.134, 0.081), ("right", -0.16, 0.021, 0.012, 47.0, 45.0),
-        ])
+    body = car_body(pitch_inertia_kg_m2=1.8e-6, com_x_m=-0.021, track_m=0.005)
+    body["segments"][0]["mass_kg"] = 50.0
+    # Place, radius, mass, stall torque, rotor inertia of each wheel.
+    extremes = [
+        (0.00067, 0.025, 0.012, 50.0, 2e-4), (0.00067, 0.061, 0.012, 0.134, 0.011),
+        (-0.16, 0.06, 11.0, 0.134, 0.081), (-0.16, 0.021, 0.012, 47.0, 45.0),
     ]  # fmt: skip
-    body = {"segments": [segment], "hinges": [], "track_m": 0.005, "wheels": wheels, "supply_v": 5.2}
+    for wheel, (x_m, radius_m, mass_kg, torque_n_m, rotor_kg_m2) in zip(body["wheels"], extremes, strict=True):
+        wheel |= {"x_m": x_m, "radius_m": radius_m, "mass_kg": mass_kg}
+        wheel["servo"] |= {"stall_torque_n_m": torque_n_m, "rotor_inertia_kg_m2": rotor_kg_m2}
     start = {"x_m": 0.0, "y_m": 0.0, "heading_rad": -1.8}
 
     answer = answer_of(carsim_binary, body, [], friction=1.1, start=start)

@@ -1,5 +1,6 @@
-"""The experiment listing: valid files are read, errors are one line."""
+"""The experiment listing: valid files are read, all mistakes named at once, cars that cannot be built left out."""
 
+import csv
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ from foldcar.errors import FoldcarError
 from foldcar.store.trial_writer import write_trials
 from foldcar.study.experiments import read_study
 from foldcar.study.listing_file import load_listing, read_listing, validated_listing
+from page_check import study_of
 
 PUBLISHED_STYLE = """{
   // as printed: comments, trailing commas, ids as numbers and as strings
@@ -94,17 +96,17 @@ WIDTH = "vehicles.1.params.0.common.width"
 @pytest.mark.parametrize(
     ("path", "value", "message"),
     [
-        ("experiments", None, "experiments: is missing"),
-        ("experiments", {}, "experiments: {}: dictionary should have at least 1 item"),
+        ("experiments", None, ": is missing"),
+        ("experiments", {}, ": {}: dictionary should have at least 1 item"),
         ("experiment", {}, 'the file: unknown key "experiment"; known: experiments, vehicles, environments'),
-        ("experiments.1.veh_id", 7, 'experiments.1.veh_id: "7" is not among vehicles: 1'),
-        ("experiments.1.env_id", "9", 'experiments.1.env_id: "9" is not among environments: 1'),
-        ("experiments.1.params.timeout", 0, "experiments.1.params.timeout: 0: input should be greater than 0"),
-        ("experiments.1.params.timeout", "1", "experiments.1.params.timeout: '1': input should be a valid number"),
+        ("experiments.1.veh_id", 7, ': "7" is not among vehicles: 1'),
+        ("experiments.1.env_id", "9", ': "9" is not among environments: 1'),
+        ("experiments.1.params.timeout", 0, ": 0: input should be greater than 0"),
+        ("experiments.1.params.timeout", "1", ": '1': input should be a valid number"),
         ("experiments.1.params.timeuot", 5, 'experiments.1.params: unknown key "timeuot"; known: timeout, env'),
-        ("experiments.1.params.environments", 0, "experiments.1.params.environments: 0: input should be greater"),
-        ("experiments.1.params.environments", 2.5, "experiments.1.params.environments: 2.5: input should be a valid"),
-        ("experiments.1.params.variation", "garage", "experiments.1.params.variation: "),
+        ("experiments.1.params.environments", 0, ": 0: input should be greater"),
+        ("experiments.1.params.environments", 2.5, ": 2.5: input should be a valid"),
+        ("experiments.1.params.variation", "garage", ": "),
         ("experiments.1.params.variation", {"from": "workshop", "luck": 1}, "experiments.1.params.variation"),
         ("experiments.1.params.variation", 3, "experiments.1.params.variation"),
         (
@@ -112,43 +114,47 @@ WIDTH = "vehicles.1.params.0.common.width"
             3,
             'experiments.1.params: "variation_seed" says nothing without "variation"',
         ),
-        ("environments.1.condition", {}, "environments.1.condition.sample: is missing"),
+        ("environments.1.condition", {}, ".sample: is missing"),
         (
             "environments.1.condition",
             {"sample": 0, "object": []},
-            'environments.1.condition: unknown key "object"; known: sample, objects, params',
+            ': unknown key "object"; known: sample, objects, params',
         ),
-        ("environments.1.condition", {"sample": -1}, "environments.1.condition.sample: -1: input should be"),
-        ("environments.1.seed", -1, "environments.1.seed: -1: input should be greater than or equal to 0"),
-        ("environments.1.scenic_filename", "no.scenic", "environments.1.scenic_filename: "),
-        ("vehicles.1.type", "W_Q_W", 'vehicles.1.type: "W_Q_W" has unknown module "Q"; known: W'),
-        ("vehicles.1.type", "W_B_H", 'vehicles.1.type: "W_B_H" ends with a hinge (H), which must join'),
-        ("vehicles.1.type", "W_W", 'vehicles.1.type: "W_W" has no module B'),
-        ("vehicles.1.params.0.H", {"length": 20}, "vehicles.1.params.0.H: W_B_W has no module H; known: common, B, W"),
+        ("environments.1.condition", {"sample": -1}, ".sample: -1: input should be"),
+        ("environments.1.seed", -1, ": -1: input should be greater than or equal to 0"),
+        ("environments.1.scenic_filename", "no.scenic", ": "),
+        ("vehicles.1.type", "W_Q_W", ': "W_Q_W" has unknown module "Q"; known: W'),
+        ("vehicles.1.type", "W_B_H", ': "W_B_H" ends with a hinge (H), which must join'),
+        ("vehicles.1.type", "W_W", ': "W_W" has no module B'),
+        ("vehicles.1.params.0.H", {"length": 20}, ": W_B_W has no module H; known: common, B, W"),
         ("vehicles.1.params.0.common.widht", 9, 'vehicles.1.params.0.common: unknown parameter "widht"; known: he'),
         ("vehicles.1.params.0.common.length", 9, 'vehicles.1.params.0.common: unknown parameter "length"; known'),
-        ("vehicles.1.params.0.W", {"width": 96}, "vehicles.1.params.0.W.width: differs from vehicles.1.params.0.com"),
-        (WIDTH, 20, f"{WIDTH}: 20 is below the minimum 53.65 (the boards across it)"),
-        (WIDTH, {"from": 20, "to": 30, "step": 5}, f"{WIDTH}: 20 is below the minimum 53.65"),
-        (WIDTH, 501, f"{WIDTH}: 501 is above the maximum 500"),
-        (WIDTH, True, f"{WIDTH}: True is not a number; write a number, a list of numbers or a range"),
-        (WIDTH, [], f"{WIDTH}: an empty list has no value"),
-        (WIDTH, [95, 95], f"{WIDTH}: a value stands twice in the list"),
-        (WIDTH, {"from": 1}, f'{WIDTH}: a range has exactly the keys "from", "to", "step"'),
-        (WIDTH, {"from": 65, "to": 60, "step": 5}, f'{WIDTH}: "to" 60 is below "from" 65'),
-        (WIDTH, {"from": 65, "to": 90, "step": 0}, f"{WIDTH}: step 0 must be above 0"),
-        (WIDTH, {"from": 65, "to": 90, "step": 1e-9}, f"{WIDTH}: the range has 25000000001 values, the limit is"),
-        (WIDTH, {"from": 0, "to": 1e300, "step": 1e-300}, f"{WIDTH}.to: 1e+300 is no number to compute with"),
-        (WIDTH, {"from": 0, "to": 1e13, "step": 0.1}, f"{WIDTH}: the range has more than 10^12 values"),
+        ("vehicles.1.params.0.W", {"width": 96}, ".width: differs from vehicles.1.params.0.com"),
+        (WIDTH, 20, ": 20 is below the minimum 53.65 (the boards across it)"),
+        (WIDTH, {"from": 20, "to": 30, "step": 5}, ": 20 is below the minimum 53.65"),
+        (WIDTH, 501, ": 501 is above the maximum 500"),
+        (WIDTH, True, ": True is not a number; write a number, a list of numbers or a range"),
+        (WIDTH, [], ": an empty list has no value"),
+        (WIDTH, [95, 95], ": a value stands twice in the list"),
+        (WIDTH, {"from": 1}, ': a range has exactly the keys "from", "to", "step"'),
+        (WIDTH, {"from": 65, "to": 60, "step": 5}, ': "to" 60 is below "from" 65'),
+        (WIDTH, {"from": 65, "to": 90, "step": 0}, ": step 0 must be above 0"),
+        (WIDTH, {"from": 65, "to": 90, "step": 1e-9}, ": the range has 25000000001 values, the limit is"),
+        (WIDTH, {"from": 0, "to": 1e300, "step": 1e-300}, ".to: 1e+300 is no number to compute with"),
+        (WIDTH, {"from": 1e-300, "to": 1, "step": 1}, ".from: 1e-300 is no number"),
+        (WIDTH, float("inf"), ": inf is no number"),
+        (WIDTH, int("9" * 400), ": a number of 400 digits is above the limit"),
+        (WIDTH, "\ud800", ": '\\ud800' holds what is no character"),
+        (WIDTH, {"from": 0, "to": 1e13, "step": 0.1}, ": the range has more than 10^12 values"),
         (
             WIDTH,
             {"from": 65, "to": 245, "step": 7},
-            f'{WIDTH}: "to" 245 is not reached from 65 in steps of 7: write "to" 240 or "to" 247',
+            ': "to" 245 is not reached from 65 in steps of 7: write "to" 240 or "to" 247',
         ),
         (
             WIDTH,
             {"from": 65.5, "to": 66.05, "step": 0.1},
-            f'{WIDTH}: "to" 66.05 is not reached from 65.5 in steps of 0.1: write "to" 66 or "to" 66.1',
+            ': "to" 66.05 is not reached from 65.5 in steps of 0.1: write "to" 66 or "to" 66.1',
         ),
     ],
 )
@@ -161,7 +167,9 @@ def test_a_mistake_is_named_with_file_key_value_and_limit(
         for experiment in read_study(file).experiments:
             list(experiment.family)
 
-    assert str(caught.value).startswith(f"{file}: {message}")
+    # Of most mistakes the message begins with the path.
+    expected = path + message if message[0] in ":." else message
+    assert str(caught.value).startswith(f"{file}: {expected}")
     assert "\n" not in str(caught.value)
 
 
@@ -217,3 +225,103 @@ def test_one_experiment_and_another_number_of_environments_can_be_chosen(
     assert (chosen.id, chosen.environments, chosen.timeout_s) == ("second", 9, 120)
     with pytest.raises(FoldcarError, match='experiments: has no "third"; known: 1, second'):
         read_study(file, experiment="third")
+
+
+MIDDLE_HILL = """model model
+param hillX = 0
+param hillWidth = 1
+param hillLength = 1
+param hillHeight = 0.1
+new GaussianHill at (globalParameters.hillX, 0), facing -90 deg,
+    with sd_along globalParameters.hillLength / 4,
+    with sd_across globalParameters.hillWidth / 4,
+    with height globalParameters.hillHeight
+ego = new Robot at (0.6, 0), facing -90 deg
+goal = new Goal at (1.2, 0), facing -90 deg
+"""
+
+
+def test_the_published_listing_says_all_that_must_change_and_runs_then(tmp_path: Path, foldcar: Any) -> None:
+    text = (Path(__file__).parent / "data" / "appendix_a.json").read_text()
+    listing = tmp_path / "l.json"
+    listing.write_text(text)
+
+    said = foldcar("sweep", "l.json", "--store", "s.db")
+
+    assert said.returncode == 2
+    assert said.stderr.splitlines() == [
+        "foldcar: error: l.json: 6 mistakes:",
+        '  experiments.3.veh_id: "5" is not among vehicles: 1',
+        "  vehicles.1.params.0.common.height: 36 is below the minimum 47.74 (the boards and their plugs over the LiPo)",
+        "  vehicles.1.params.3.W.tire_thickness: 1 is below the minimum 8 (the tongues of its rim)",
+        "  vehicles.1.params.3.W.length: 40 is below the minimum 45.25 (the opening and screws of one servo); "
+        "at that limit: 45.25 is below the minimum 59.5 (a segment of its own: one FS90R servo and the cap's tabs)",
+        "  vehicles.1.params.1.B.length: 60 is below the minimum 79.7 (the boards and the square 4xAA holder)",
+        "  environments.4.scenic_filename: middle_hill.scenic is not a file",
+    ]
+    limits = (('t":36', 't":47.74'), ('s":1', 's":8'), ('h":40', 'h":59.5'), ('h":60', 'h":79.7'))
+    for before, after in (('"veh_id": 5', '"veh_id": 1'), *limits):
+        assert text.count(before) == 1
+        text = text.replace(before, after)
+    listing.write_text(text)
+    (tmp_path / "middle_hill.scenic").write_text(MIDDLE_HILL)
+    done = foldcar("sweep", "l.json", "--store", "s.db", "--jobs", "1")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("1 runs new")
+
+
+def test_all_mistakes_come_at_once_with_what_was_meant(
+    tmp_path: Path, write_listing: Callable[[Any], Path], listing_data: Any
+) -> None:
+    (tmp_path / "pyramids.scenic").write_text("")
+    listing_data["experiments"]["1"]["params"] = {"timeuot": 5, "environments": 0}
+    listing_data["experiments"]["2"] = {"veh_id": "narow", "env_id": 1}
+    listing_data["vehicles"]["narrow"] = {"type": "W_B_W", "params": [{"common": {"widht": 95, "height": 10}}]}
+    listing_data["vehicles"]["1"]["params"] = [{"common": {"width": 20, "radius": 500}}]
+    listing_data["environments"]["1"]["scenic_filename"] = "pyramid.scenic"
+    file = write_listing(listing_data)
+
+    with pytest.raises(FoldcarError) as caught:
+        read_study(file)
+
+    first, *mistakes = caught.value.lines()
+    assert first == f"{file}: 7 mistakes:"
+    expected = [
+        ('experiments.1.params: unknown key "timeuot"', '; did you mean "timeout"?'),
+        ("experiments.1.params.environments: 0: input should be greater than or equal to 1", ""),
+        ('experiments.2.veh_id: "narow" is not among vehicles', '; did you mean "narrow"?'),
+        ('vehicles.narrow.params.0.common: unknown parameter "widht"', '; did you mean "width"?'),
+        ("vehicles.1.params.0.common.width: 20 is below the minimum 53.65", ""),
+        ("vehicles.1.params.0.common.radius: 500 is above the maximum 150", ""),
+        ("environments.1.scenic_filename: ", '; did you mean "pyramids.scenic"?'),
+    ]
+    for start, end in expected:
+        assert [one for one in mistakes if one.startswith(f"  {start}") and one.endswith(end)], (start, mistakes)
+    assert "\n" not in str(caught.value)
+
+
+def test_cars_that_cannot_be_built_are_skipped_and_named(
+    tmp_path: Path, write_listing: Callable[[Any], Path], listing_data: Any, foldcar: Any
+) -> None:
+    listing_data["vehicles"]["1"]["params"][0]["common"]["width"] = [20, 95, 600]
+    listing_data["experiments"]["1"]["params"]["environments"] = 1
+    listing = write_listing(listing_data)
+    why = [
+        "width=20: width: 20 is below the minimum 53.65 (the boards across it)",
+        "width=600: width: 600 is above the maximum 500",
+    ]
+
+    swept = foldcar("sweep", listing, "--store", "s.db", "--jobs", "1")
+    report = foldcar("report", "s.db", "-o", "report", "--no-replay")
+    rows = list(csv.DictReader(foldcar("export", "s.db", "--csv", "-").stdout.splitlines()))
+
+    assert swept.returncode == 0, swept.stderr
+    said = ["experiment 1: 2 of 3 cars cannot be built and are skipped:", *(f"  {one}" for one in why)]
+    assert swept.stderr.splitlines()[1:] == said
+    assert [row["width_mm"] for row in rows] == ["95"]
+    remark = f"2 cars of the family cannot be built: {'; '.join(why)}."
+    assert remark in study_of(tmp_path / "report")["experiments"][0]["remarks"]
+    assert remark.replace(" ", "") in "".join(report.stdout.split())
+    single = foldcar("run", listing, "--experiment", "1", "--set", "width=20")
+    assert single.returncode == 2
+    assert single.stderr.startswith("foldcar: error: --set width: 20 is below the minimum 53.65")

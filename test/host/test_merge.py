@@ -8,7 +8,6 @@ from typing import Any
 
 import pytest
 
-from foldcar.simulation.carsim import Carsim
 from foldcar.store.check import check_store, store_digest
 from foldcar.store.errors import StoreError
 from foldcar.store.merge import merge_stores
@@ -18,12 +17,12 @@ from foldcar.store.reader import Store
 from foldcar.store.tables import EXPERIMENT, RUN, TRIAL, Table
 from foldcar.store.trial_records import Ending
 from foldcar.store.trial_writer import write_trials
-from foldcar.study.experiments import read_study
-from foldcar.study.stopping import stopping_rules
-from foldcar.study.sweep import Sweep
 from old_stores import alter, change, contents, old_store
+from swept_listing import swept
 from test_store import answer, fill
 from test_trial_store import begin
+
+OLD = "was made before foldcar's first release, which cannot read it: sweep again"
 
 
 def digest(store: Path) -> tuple[str, int]:
@@ -45,18 +44,17 @@ def listing(listing_data: dict[str, Any], write_listing: Callable[[Any], Path]) 
     return write_listing(listing_data)
 
 
-def swept(
-    listing: Path, store: Path, binary: Path, experiment: str | None = None, environments: int | None = None
-) -> Path:
-    Sweep(read_study(listing, experiment, environments), store, Carsim(binary), "test").run(2)
+def made(listing: Path, store: Path, binary: Path, experiment: str | None = None, **options: Any) -> Path:
+    """The store, swept."""
+    swept(listing, store, binary, experiment=experiment, **options)
     return store
 
 
 def test_halves_of_a_study_are_the_whole(tmp_path: Path, listing: Path, carsim_binary: Path) -> None:
-    whole = swept(listing, tmp_path / "whole.db", carsim_binary)
-    first = swept(listing, tmp_path / "a.db", carsim_binary, "1", 1)
-    again = swept(listing, tmp_path / "b.db", carsim_binary, "1")
-    second = swept(listing, tmp_path / "c.db", carsim_binary, "2")
+    whole = made(listing, tmp_path / "whole.db", carsim_binary)
+    first = made(listing, tmp_path / "a.db", carsim_binary, "1", environments=1)
+    again = made(listing, tmp_path / "b.db", carsim_binary, "1")
+    second = made(listing, tmp_path / "c.db", carsim_binary, "2")
     before = {store: store.read_bytes() for store in (first, again, second)}
 
     counts = merge_stores([second, first, again], tmp_path / "new" / "m.db")
@@ -68,13 +66,7 @@ def test_halves_of_a_study_are_the_whole(tmp_path: Path, listing: Path, carsim_b
     assert (counts["run"], counts["experiment"], counts["build"]) == (10, 2, 1)
     assert {store: store.read_bytes() for store in before} == before
     # The next sweep has nothing left to simulate.
-    assert Sweep(read_study(listing), tmp_path / "new" / "m.db", Carsim(carsim_binary), "test").run(1).new == 0
-
-
-def until(listing: Path, store: Path, binary: Path, rule: str = "decided", environments: int | None = None) -> Path:
-    study = read_study(listing, "1", environments)
-    Sweep(study, store, Carsim(binary), "test", until=stopping_rules(rule, study)).run(2)
-    return store
+    assert swept(listing, tmp_path / "new" / "m.db", carsim_binary).new == 0
 
 
 @pytest.fixture
@@ -87,37 +79,35 @@ def thresholded(listing_data: dict[str, Any], write_listing: Callable[[Any], Pat
 def test_a_sweep_that_stopped_is_a_part_of_one_that_did_not(
     tmp_path: Path, thresholded: Path, carsim_binary: Path
 ) -> None:
-    whole = swept(thresholded, tmp_path / "whole.db", carsim_binary)
-    part = swept(thresholded, tmp_path / "part.db", carsim_binary, environments=2)
-    stopped = until(thresholded, tmp_path / "stopped.db", carsim_binary)
-    both = until(thresholded, Path(shutil.copy(whole, tmp_path / "both.db")), carsim_binary)
+    whole = made(thresholded, tmp_path / "whole.db", carsim_binary)
+    part = made(thresholded, tmp_path / "part.db", carsim_binary, environments=2)
+    stopped = made(thresholded, tmp_path / "stopped.db", carsim_binary, until="decided")
+    both = made(thresholded, Path(shutil.copy(whole, tmp_path / "both.db")), carsim_binary, until="decided")
 
     for name, stores in {"m1": [whole, stopped], "m2": [stopped, whole], "m3": [whole, both]}.items():
         merge_stores(stores, tmp_path / name)
         assert shown(tmp_path / name) == shown(whole)
     merge_stores([part, stopped], tmp_path / "m4")
     assert shown(tmp_path / "m4") == shown(stopped)
-    (made,) = shown(stopped)[0].values()
-    assert made.until is not None and made.planned_runs == made.stored_runs < 24
+    (few,) = shown(stopped)[0].values()
+    assert few.until is not None and few.planned_runs == few.stored_runs < 24
 
     # More runs than it stopped with: they are judged by the rule again.
-    merge_stores([swept(thresholded, tmp_path / "more.db", carsim_binary, environments=11), stopped], tmp_path / "m5")
+    merge_stores([made(thresholded, tmp_path / "more.db", carsim_binary, environments=11), stopped], tmp_path / "m5")
     (info,) = shown(tmp_path / "m5")[0].values()
-    assert info.until == made.until and info.stored_runs > made.stored_runs
+    assert info.until == few.until and info.stored_runs > few.stored_runs
     assert check_store(tmp_path / "m5").findings == []
 
 
 def test_two_rules_of_stopping_are_no_one_rule(tmp_path: Path, thresholded: Path, carsim_binary: Path) -> None:
-    stores = [
-        until(thresholded, tmp_path / "a.db", carsim_binary),
-        until(thresholded, tmp_path / "b.db", carsim_binary, "40pp"),
-    ]
+    rules = {"a.db": "decided", "b.db": "40pp"}
+    stores = [made(thresholded, tmp_path / name, carsim_binary, until=rule) for name, rule in rules.items()]
 
     with pytest.raises(StoreError, match=r'experiment "1": until is .* in .*b\.db, .* in .*a\.db: no one rule'):
         merge_stores(stores, tmp_path / "m.db")
 
     assert not (tmp_path / "m.db").exists()
-    merge_stores([*stores, swept(thresholded, tmp_path / "whole.db", carsim_binary)], tmp_path / "m.db")
+    merge_stores([*stores, made(thresholded, tmp_path / "whole.db", carsim_binary)], tmp_path / "m.db")
     assert shown(tmp_path / "m.db") == shown(tmp_path / "whole.db")
 
 
@@ -180,9 +170,9 @@ def test_contradictions_are_refused_and_nothing_is_written(
 def test_a_family_that_is_not_the_same_is_another_experiment(
     tmp_path: Path, listing_data: dict[str, Any], write_listing: Callable[[Any], Path], carsim_binary: Path
 ) -> None:
-    one = swept(write_listing(listing_data), tmp_path / "a.db", carsim_binary, environments=1)
+    one = made(write_listing(listing_data), tmp_path / "a.db", carsim_binary, environments=1)
     listing_data["vehicles"]["1"]["params"][0]["common"]["width"] = [95, 120, 245]
-    two = swept(write_listing(listing_data), tmp_path / "b.db", carsim_binary, environments=1)
+    two = made(write_listing(listing_data), tmp_path / "b.db", carsim_binary, environments=1)
 
     with pytest.raises(StoreError, match='experiment "1": '):
         merge_stores([one, two], tmp_path / "m.db")
@@ -205,12 +195,7 @@ def test_what_cannot_be_merged_is_said_in_one_line(tmp_path: Path, foldcar: Call
     alter(old_store(VERSION, tmp_path / "old.db"), f"PRAGMA application_id = {UNRELEASED}")
     fill(tmp_path / "a.db")
     told = {
-        (
-            "a.db",
-            "old.db",
-            "-o",
-            "m.db",
-        ): "old.db: was made before foldcar's first release, which cannot read it: sweep again",
+        ("a.db", "old.db", "-o", "m.db"): f"old.db: {OLD}",
         ("a.db", "none.db", "-o", "m.db"): "none.db: no such store",
         ("a.db", "-o", "m.db"): "merge: name two stores or more",
         ("a.db", "old.db", "-o", "a.db"): "a.db: is read by this command; name another file to write",

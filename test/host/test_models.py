@@ -14,7 +14,7 @@ import numpy
 import pytest
 
 from foldcar.models.exported_car import car_name, scene_name
-from foldcar.models.ground import smooth_ground
+from foldcar.models.ground import smooth_ground, start_height_m
 from foldcar.models.mjcf import mjcf
 from foldcar.models.urdf import urdf
 from foldcar.models.webots_car import webots_proto
@@ -28,12 +28,7 @@ from vrml_reader import Reader, ReadNode
 
 POSE = {"x_m": 1.0, "y_m": 0.1, "heading_rad": 0.3}
 BLOCK = {**POSE, "length_m": 0.4, "width_m": 0.6, "height_m": 0.05}
-
-
-@pytest.fixture(scope="module")
-def native() -> Carsim:
-    """The program with MuJoCo."""
-    return Carsim(engine=MUJOCO)
+either = pytest.mark.parametrize("body", [car_body(), hinged_body()], ids=["rigid", "hinged"])
 
 
 def mass_and_center(body: dict[str, Any]) -> tuple[float, Any]:
@@ -48,7 +43,7 @@ def mass_and_center(body: dict[str, Any]) -> tuple[float, Any]:
     return mass, sum(m * numpy.array(place) for m, place in parts) / mass
 
 
-@pytest.mark.parametrize("body", [car_body(), hinged_body()], ids=["rigid", "hinged"])
+@either
 def test_mjcf_and_urdf_weigh_and_measure_what_the_body_does(native: Carsim, body: dict[str, Any]) -> None:
     mass, center = mass_and_center(body)
 
@@ -113,7 +108,7 @@ def test_urdf_has_the_servos_limits() -> None:
     assert text.count(f'velocity="{servo["no_load_speed_rad_s"] * scale:.9g}"') == 4
 
 
-@pytest.mark.parametrize("body", [car_body(), hinged_body()], ids=["rigid", "hinged"])
+@either
 @pytest.mark.parametrize("hills", [False, True])
 def test_mjcf_has_cameras_that_see_the_scene_sensors_and_its_start(
     native: Carsim, body: dict[str, Any], hills: bool
@@ -156,7 +151,7 @@ def test_mjcf_has_cameras_that_see_the_scene_sensors_and_its_start(
     assert data.sensor("imu_turn_rate").data == pytest.approx([0, 0, 0], abs=0.05)
 
 
-@pytest.mark.parametrize("body", [car_body(), hinged_body()], ids=["rigid", "hinged"])
+@either
 def test_urdf_leaves_no_mass_speed_or_friction_to_a_programs_defaults(body: dict[str, Any]) -> None:
     """PyBullet and DART give 1 kg to a link without inertia, PyBullet a friction of 0.5 to one without; DART holds a
     joint at its limit of speed."""
@@ -180,7 +175,7 @@ def test_urdf_leaves_no_mass_speed_or_friction_to_a_programs_defaults(body: dict
     assert {joint.get("name") for joint in robot.findall("transmission/joint")} == wheels
 
 
-@pytest.mark.parametrize("body", [car_body(), hinged_body()], ids=["rigid", "hinged"])
+@either
 def test_a_webots_proto_follows_the_grammar_and_weighs_what_the_body_does(body: dict[str, Any]) -> None:
     file = Reader(webots_proto(body, "FoldcarTest", "a car")).read()
 
@@ -224,6 +219,8 @@ def test_a_webots_world_holds_the_car_and_the_scene() -> None:
     assert file.protos == ["../protos/FoldcarTest.proto"]
     assert [node.name for node in file.nodes[:2]] == ["WorldInfo", "Viewpoint"]
     assert file.nodes[-1].name == "FoldcarTest"
+    height_m = start_height_m(body, scene, grid)
+    assert file.nodes[-1].fields["translation"] == pytest.approx([0, 0, height_m], abs=1e-8)
     frictions = {c.fields["material2"]: c.fields["coulombFriction"] for c in file.nodes[0].all("ContactProperties")}
     assert frictions["wheel0 tyre"] == [0.5 * body["wheels"][0]["grip"]]
     assert frictions["segment0 belly"] == [pytest.approx(0.5 * body["segments"][0]["grip"])]

@@ -60,6 +60,8 @@ def test_a_parameter_of_a_program_that_is_given_twice_is_refused(tmp_path: Any, 
     (tmp_path / "p.scenic").write_text("model model\n")
     answer = foldcar("sample", "p.scenic", "--param", "a=1", "--param", "a=2")
     assert (answer.returncode, answer.stderr) == (2, "foldcar: error: --param a=2: a is given twice\n")
+    digits = foldcar("sample", "p.scenic", "--param", "x=" + "9" * 5000)
+    assert digits.returncode == 2 and "Traceback" not in digits.stderr and len(digits.stderr.splitlines()[-1]) < 400
 
 
 @pytest.mark.parametrize("number", ["9_5", "９５", "٣", "0x10"])

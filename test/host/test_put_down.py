@@ -9,20 +9,12 @@ import pytest
 
 from foldcar.models.ground import FALL_M, HeightGrid, smooth_ground, start_height_m
 from foldcar.models.mjcf import mjcf
-from foldcar.models.webots_world import webots_world
 from foldcar.simulation.carsim import Carsim
-from foldcar.simulation.engines import ELLIPSOID, MUJOCO
+from foldcar.simulation.engines import ELLIPSOID
 from foldcar.simulation.heights import carsim_heights
 from study_car import car_body, empty_scene, hinged_body
-from vrml_reader import Reader
 
 BODIES = {"rigid": car_body(), "hinged": hinged_body()}
-
-
-@pytest.fixture(scope="module")
-def native() -> Carsim:
-    """The program with MuJoCo."""
-    return Carsim(engine=MUJOCO)
 
 
 def random_scene(native: Carsim, seed: int) -> tuple[dict[str, Any], HeightGrid | None]:
@@ -90,17 +82,8 @@ def test_heights_are_those_of_the_geometry() -> None:
     ridge = {**step, "kind": "half_round", "heading_rad": 0.0, "length_m": 0.2, "width_m": 0.05, "height_m": 0.08}
     belly = body["segments"][0]["center_z_m"] - body["segments"][0]["height_m"] / 2
 
-    assert start_height_m(body, None, None) == pytest.approx(radius + FALL_M, abs=1.1e-5)
+    assert start_height_m(body, empty_scene(), None) == pytest.approx(radius + FALL_M, abs=1.1e-5)
     on_step = start_height_m(body, empty_scene([{**step, "height_m": 0.05}]), None)
     assert on_step == pytest.approx(radius + 0.05 + FALL_M, abs=1.1e-5)
     on_ridge = start_height_m(body, empty_scene([ridge]), None)
     assert on_ridge == pytest.approx(max(radius, 0.08 - belly) + FALL_M, abs=1.1e-5)
-
-
-def test_a_webots_world_puts_the_car_down_alike(native: Carsim) -> None:
-    body = car_body()
-    for seed in range(4):
-        scene, grid = random_scene(native, seed)
-        file = Reader(webots_world(body, "FoldcarTest", scene, grid)).read()
-        height_m = file.nodes[-1].fields["translation"][2]
-        assert height_m == pytest.approx(start_height_m(body, scene, grid), abs=1e-8)

@@ -1,4 +1,4 @@
-"""Mistakes that once passed without a word: outputs over inputs, headings in degrees, speeds that no car reaches."""
+"""Mistakes that once passed without a word: outputs over inputs, names that are no text, trials of other samples."""
 
 import json
 import os
@@ -9,9 +9,6 @@ from typing import Any
 
 import pytest
 
-from foldcar.store.reader import Store
-from foldcar.study.listing import ListingError
-from foldcar.study.listing_file import read_listing
 from forked_foldcar import original
 
 PROGRAM = "model model\nego = new Robot at (0, 0), facing -90 deg\ngoal = new Goal at (1, 0), facing -90 deg\n"
@@ -22,13 +19,14 @@ LISTING: dict[str, Any] = {
 }
 
 
-@pytest.fixture
-def folder(tmp_path: Path) -> Path:
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with a program, its listing and a store of two runs."""
-    (tmp_path / "p.scenic").write_text(PROGRAM)
-    (tmp_path / "l.json").write_text(json.dumps(LISTING))
-    foldcar(tmp_path, "sweep", "l.json", "--store", "a.db")
-    return tmp_path
+    folder = tmp_path_factory.mktemp("quiet")
+    (folder / "p.scenic").write_text(PROGRAM)
+    (folder / "l.json").write_text(json.dumps(LISTING))
+    foldcar(folder, "sweep", "l.json", "--store", "a.db")
+    return folder
 
 
 def foldcar(folder: Path, *words: str, fails: str | None = None) -> str:
@@ -61,50 +59,6 @@ def test_no_output_replaces_an_input_or_a_store(folder: Path, words: tuple[str, 
     assert {file.name: file.read_bytes() for file in folder.iterdir()} == before
 
 
-@pytest.mark.parametrize(
-    ("specifier", "why"),
-    [
-        ("facing -90", "`facing`: -90 is"),
-        ("facing 7", "`facing`: 7 is"),
-        ("facing Normal(-90, 0.1)", "`facing`: -90 is"),
-        ("with yaw Range(0, 180)", "`with yaw`: 180 is"),
-    ],
-)
-def test_a_heading_in_degrees_is_refused_at_its_line(tmp_path: Path, specifier: str, why: str) -> None:
-    (tmp_path / "p.scenic").write_text(PROGRAM + f"new Bump at (0.5, 0),\n    {specifier}\n")
-
-    foldcar(tmp_path, "sample", "p.scenic", fails=f"line 5: {why}")
-
-
-@pytest.mark.parametrize("specifier", ["facing -90 deg", "facing Range(-180, 180) deg", "facing 6", "with yaw 90 deg"])
-def test_other_headings_are_taken(tmp_path: Path, specifier: str) -> None:
-    (tmp_path / "p.scenic").write_text(PROGRAM + f"new Pothole at (0.5, 0), {specifier}\n")
-
-    assert '"kind": "pothole"' in foldcar(tmp_path, "sample", "p.scenic")
-
-
-def test_a_speed_above_the_cars_own_is_refused_before_the_first_run(tmp_path: Path) -> None:
-    listing = json.loads(json.dumps(LISTING))
-    listing["experiments"]["1"]["params"]["speed"] = 2.0
-    (tmp_path / "p.scenic").write_text(PROGRAM)
-    (tmp_path / "l.json").write_text(json.dumps(listing))
-
-    foldcar(tmp_path, "sweep", "l.json", "--store", "a.db", fails="experiments.1.params.speed: 2 is above 0.")
-
-
-def test_a_program_in_another_encoding_is_named(tmp_path: Path) -> None:
-    (tmp_path / "p.scenic").write_bytes(PROGRAM.encode() + b"# \xe4\n")
-
-    foldcar(tmp_path, "sample", "p.scenic", fails=f"p.scenic: is not UTF-8 text (byte {len(PROGRAM) + 2})")
-
-
-def test_a_list_is_no_listing(tmp_path: Path) -> None:
-    (tmp_path / "l.json").write_text("[]")
-
-    with pytest.raises(ListingError, match=r"l.json: the file: \[\] is not a JSON object"):
-        read_listing(tmp_path / "l.json")
-
-
 def test_a_report_is_written_where_names_are_no_text(folder: Path) -> None:
     words = [sys.executable, "-m", "foldcar", "report", "a.db", "-o", os.fsdecode(b"r\xe4")]
     environment = {**os.environ, "LC_ALL": "C", "PYTHONUTF8": "0"}
@@ -121,14 +75,3 @@ def test_imported_trials_of_other_experiments_and_samples_are_noticed(folder: Pa
 
     assert 'note: experiment "1" was swept in samples 0 to 1; sample 7 has no runs' in said
     assert 'note: experiment "7" was not swept in a.db, only 1' in said
-
-
-def test_a_correction_that_changes_nothing_leaves_no_trail(folder: Path) -> None:
-    (folder / "t.csv").write_text("experiment,vehicle_type,width_mm,outcome,source\n1,W_B_W,95,passed,me\n")
-    foldcar(folder, "trials", "import", "a.db", "t.csv")
-
-    words = ("trials", "correct", "a.db", "1", "--outcome", "passed", "--reason", "same")
-    foldcar(folder, *words, fails="a.db: trial 1: outcome is 'passed' already")
-
-    with Store.open(folder / "a.db") as store:
-        assert list(store.corrections(1)) == []

@@ -13,23 +13,17 @@ import pytest
 
 from foldcar.store.check import check_store
 from foldcar.store.errors import StoreError
-from foldcar.store.migrations import VERSION
 from foldcar.store.opening import writing
 from foldcar.store.reader import Store
 from foldcar.store.repair import repair_store
 from foldcar.store.salvage import records
-from foldcar.store.tables import TABLES
+from foldcar.store.tables import DRAW, SAMPLE, TABLES
 from foldcar.store.trial_writer import write_trials
 from foldcar.store.writer import write_store
-from old_stores import alter, contents, old_store
+from old_stores import alter, contents
 from test_store import fill
 
 TEXT_BYTES = 30_000
-
-
-@pytest.fixture
-def store(tmp_path: Path) -> Path:
-    return old_store(VERSION, tmp_path / "s.db")
 
 
 def rows(path: Path) -> dict[str, Counter[str]]:
@@ -107,6 +101,9 @@ def test_what_refers_to_a_lost_row_is_lost_but_for_trials(store: Path, tmp_path:
     with Store.open(tmp_path / "w.db") as opened:
         last = opened.corrections(touched[0])[-1]
     assert (last.field, last.before, last.after, last.operator) == ("scene_id", trial["scene_id"], None, "foldcar repair")
+    # What was left out does not come back.
+    repair_store(tmp_path / "w.db", tmp_path / "again.db")
+    assert rows(tmp_path / "again.db") == rows(tmp_path / "w.db")
     assert check_store(tmp_path / "w.db").findings == []
 
 
@@ -128,7 +125,8 @@ def test_a_gap_in_the_samples_is_filled(tmp_path: Path) -> None:
     alter(tmp_path / "s.db", "DELETE FROM sample WHERE sample = 0")
 
     with write_store(tmp_path / "s.db") as writer:
-        assert (writer.sample_count(1), writer.draw_count(1), writer.sample_count(2)) == (0, 2, 0)
+        found = [writer.sample_count(*one) for one in ((SAMPLE, 1), (DRAW, 1), (SAMPLE, 2))]
+    assert found == [0, 2, 0]
 
 
 def test_a_lost_experiment_gets_its_own_place_again(tmp_path: Path) -> None:

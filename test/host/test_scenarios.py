@@ -1,19 +1,19 @@
 """The published programs and their listings: the placed objects, and that the simulator accepts and runs them."""
 
-import json
 import math
-import subprocess
 from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
 from typing import Any
 
+import numpy
 import pytest
 from scipy.stats import kstest
 
 from foldcar.scenes.source import open_environment
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.engines import MUJOCO, MULTIBODY
+from foldcar.simulation.heights import carsim_heights
 from foldcar.simulation.runner import CarsimError
 from foldcar.store.info import engine_id
 from foldcar.store.reader import Store
@@ -37,17 +37,10 @@ def test_every_program_has_a_listing_of_its_own() -> None:
 
 @pytest.mark.parametrize("name", PROGRAMS)
 def test_carsim_takes_every_scene(name: str, carsim_binary: Path) -> None:
-    lines = []
-    for k, scene in enumerate(samples(name, 3)):
-        place = scene["start"]
-        lines.append(json.dumps({"scene": {"id": str(k), **scene}}))
-        heights = {"id": str(k), "scene": str(k), "x_m": [place["x_m"]], "y_m": [place["y_m"]]}
-        lines.append(json.dumps({"heights": heights}))
-    answer = subprocess.run([carsim_binary, "batch"], input="\n".join(lines), capture_output=True, text=True)
-    assert answer.returncode == 0, answer.stdout
-    starts = [json.loads(line)["z_m"][0] for line in answer.stdout.splitlines()]
-    assert len(starts) == 3
-    assert all(abs(z_m) < 5e-3 for z_m in starts)
+    heights = carsim_heights(Carsim(carsim_binary))
+    for scene in samples(name, 3):
+        x_m, y_m = (numpy.array([scene["start"][key]]) for key in ("x_m", "y_m"))
+        assert abs(heights(scene, x_m, y_m)) < 5e-3
 
 
 @pytest.mark.parametrize("name", LISTINGS)
@@ -109,21 +102,6 @@ def test_the_bumps_rise_from_6_to_30_mm_in_five_steps(name: str) -> None:
         assert near["height_m"] == far["height_m"]
         heights.append(near["height_m"])
     assert heights == pytest.approx([0.006, 0.012, 0.018, 0.024, 0.030])
-
-
-def test_ten_bumps_lie_in_their_region() -> None:
-    for scene in samples("ten_random_bumps", 10):
-        bumps = scene["terrain"]
-        assert len(bumps) == 10
-        for bump in bumps:
-            assert abs(bump["x_m"]) <= 1.0
-            assert abs(bump["y_m"]) <= 0.25
-            assert 0.05 <= bump["length_m"] <= 0.1
-            assert 0.05 <= bump["width_m"] <= 0.1
-            assert 0.01 <= bump["height_m"] <= 0.03
-            assert bump["heading_rad"] == pytest.approx(math.pi / 2)
-        assert scene["start"] == {"x_m": 0.0, "y_m": 1.0, "heading_rad": pytest.approx(-math.pi / 2)}
-        assert scene["goal"]["heading_rad"] == pytest.approx(-math.pi / 2)
 
 
 def test_hills_are_spread_over_their_field() -> None:
@@ -236,9 +214,17 @@ def test_figure_11_moves_the_start_and_both_bumps_and_turns_the_car_to_the_end()
         assert kstest([value / sd for value in values], "norm").pvalue > 1e-4
 
 
-def test_figure_12_has_bumps_that_never_intersect() -> None:
+def test_figure_12_has_ten_bumps_in_their_region_that_never_intersect() -> None:
     for scene in samples("ten_random_bumps", 100):
-        for one, other in combinations(scene["terrain"], 2):
+        bumps = scene["terrain"]
+        assert len(bumps) == 10
+        limits = {"x_m": (-1, 1), "y_m": (-0.25, 0.25), "height_m": (0.01, 0.03)}
+        for key, (low, high) in {**limits, "length_m": (0.05, 0.1), "width_m": (0.05, 0.1)}.items():
+            assert all(low <= bump[key] <= high for bump in bumps)
+        assert [bump["heading_rad"] for bump in bumps] == pytest.approx([math.pi / 2] * 10)
+        assert scene["start"] == {"x_m": 0.0, "y_m": 1.0, "heading_rad": pytest.approx(-math.pi / 2)}
+        assert scene["goal"]["heading_rad"] == pytest.approx(-math.pi / 2)
+        for one, other in combinations(bumps, 2):
             # All face +y: length lies along y.
             apart_x = abs(one["x_m"] - other["x_m"]) >= (one["width_m"] + other["width_m"]) / 2
             apart_y = abs(one["y_m"] - other["y_m"]) >= (one["length_m"] + other["length_m"]) / 2

@@ -145,6 +145,10 @@ def test_misspelt_properties(tmp_path: Path, text: str, part: str) -> None:
         "param frictions = 0.1\nnew FrictionPatch at (0.5, 0), with friction globalParameters.frictions\n",
         "post = new Marker at (0.5, 0)\npost.heights = 3\nrequire post.heights == 3\n",
         "import types\nit = types.SimpleNamespace()\nit.count = 3\n",
+        *(
+            f"new Pothole at (0.5, 0), {heading}\n"
+            for heading in ("facing -90 deg", "facing Range(-180, 180) deg", "facing 6", "with yaw 90 deg")
+        ),
     ],
 )
 def test_properties_that_the_program_or_scenic_uses(tmp_path: Path, text: str) -> None:
@@ -216,6 +220,10 @@ def test_statements_that_an_import_would_lose(tmp_path: Path, imported: str, tex
         ("terminate after -1 seconds\n", "line 4: `terminate after -1`: the time must be above 0"),
         ("terminate after 0 steps\n", "line 4: `terminate after 0`: the time must be above 0"),
         ("terminate after float('nan') seconds\n", "line 4: `terminate after nan`"),
+        ("new Bump at (0.5, 0),\n    facing -90\n", "line 5: `facing`: -90 is"),
+        ("new Bump at (0.5, 0),\n    facing 7\n", "line 5: `facing`: 7 is"),
+        ("new Bump at (0.5, 0),\n    facing Normal(-90, 0.1)\n", "line 5: `facing`: -90 is"),
+        ("new Bump at (0.5, 0),\n    with yaw Range(0, 180)\n", "line 5: `with yaw`: 180 is"),
         ("param outer_step_s = 0\n", "line 4: param outer_step_s: 0 is not within 0.004167 to 60 s"),
         ("param friction = 0.5, outer_step_s = 'soon'\n", "param outer_step_s: soon is no number"),
         ("param friction = -1\n", "line 4: param friction: -1.0 is not above 0"),
@@ -390,6 +398,10 @@ def test_missing_files(tmp_path: Path) -> None:
     other.write_text("")
     with pytest.raises(FoldcarError, match=r"name ends in \.scenic"):
         open_environment(other, {}, 1)
+    latin = tmp_path / "latin.scenic"
+    latin.write_bytes(b"model model\n# \xe4\n")
+    with pytest.raises(FoldcarError, match=r"latin\.scenic: is not UTF-8 text \(byte 14\)"):
+        open_environment(latin, {}, 1)
 
 
 def test_a_copy_of_the_model_beside_the_program_is_used(tmp_path: Path) -> None:

@@ -186,14 +186,6 @@ def test_requirements_do_not_depend_on_when_scenic_looks(run: Run, statements: s
     assert results[0]["outcome"] == outcome
 
 
-def test_next_is_about_the_looks(run: Run) -> None:
-    """Beyond 0.2 m the car gets 7 cm further in 0.1 s, and 17 cm in 0.25 s."""
-    soon = "require always (ego.position.x > 0.2 implies not next ego.position.x < 0.28)\n"
-    text = f"{HEAD}{soon}terminate after 1 seconds\n"
-    assert run(f"{text}param outer_step_s = 0.25\n")["outcome"] == "terminated"
-    assert run(f"{text}param outer_step_s = 0.05\n")["outcome"] == "rejected"
-
-
 COUNT = "seen = []\ndef count():\n    seen.append(1)\n    return len(seen)\n"
 
 
@@ -261,13 +253,6 @@ def test_conditions_that_are_certain_to_change_nothing(tmp_path: Path) -> None:
     assert found == [True] * len(PURE) + [False] * len(IMPURE)
 
 
-def test_the_condition_that_held_first_is_the_reason(tmp_path: Path, stepped: SteppedCarsim) -> None:
-    text = f"{HEAD}terminate when ego.position.x > 0.42\nterminate when ego.position.x > 0.4\n"
-    own, scene, _ = simulator(stepped, opened(tmp_path, text))
-    simulation = own.simulate(scene)
-    assert simulation.result.terminationReason == "termination condition on line 4"
-
-
 def test_records_are_what_the_car_did(run: Run, carsim_binary: Path) -> None:
     result = run(
         f"{HEAD}{GOAL}record ego.position as place\nrecord initial ego.position as begin\n"
@@ -297,24 +282,6 @@ def test_the_programs_verdict_counts_only_where_it_ended_the_run(run: Run) -> No
     assert run(f"{stop}record final ego.position.x > 0.4 as passed\n")["outcome"] == "terminated"
     off = run(f"{HEAD}param course_x_max = 0.2\nterminate after 9 seconds\nrecord final True as passed\n")
     assert off["outcome"] == "off_course"
-
-
-MONITOR = "monitor Near(limit):\n    while True:\n        require ego.position.x < limit\n        wait\n"
-
-
-@pytest.mark.parametrize(
-    ("statement", "outcome"),
-    [
-        (f"{MONITOR}require monitor Near(0.5)\n", "rejected"),
-        (f"{MONITOR}require monitor Near(2)\n", "passed"),
-        ("require eventually ego.position.x > 2\n", "rejected"),
-    ],
-)
-def test_violated_requirements_are_results(run: Run, statement: str, outcome: str) -> None:
-    result = run(f"{HEAD}{GOAL}{statement}record ego.position.x as x\n")
-    assert result["outcome"] == outcome
-    assert value(result, "x")[-1][0] <= result["elapsed_time_s"] < 3
-    assert result["distance_to_target_m"] is not None
 
 
 def test_requirements_on_the_sample_are_none_on_the_run(tmp_path: Path, stepped: SteppedCarsim) -> None:
@@ -360,13 +327,6 @@ scenario Main():
         do Leg(0.5)
         do Leg(9) until ego.position.x > 0.8
 """
-
-
-def test_sub_scenarios(run: Run) -> None:
-    result = run(LEG.format(statement=""), again=True)
-    assert result["outcome"] == "terminated"
-    assert result["elapsed_time_s"] % 0.25 == 0
-    assert 0.8 < value(result, "x")[-1][1] < 0.8 + 0.69 * 0.25
 
 
 @pytest.mark.parametrize("statement", ["terminate when ego.position.x > far", "record ego.speed as speed"])

@@ -4,7 +4,6 @@ import contextlib
 import csv
 import json
 import sqlite3
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -15,13 +14,10 @@ from foldcar.scenes.source import open_environment
 from foldcar.simulation import scenic_worker
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.pure_code import may_change_state
-from foldcar.simulation.results import Result
 from foldcar.store.reader import Store
-from foldcar.study.experiment_runs import Progress
 from foldcar.study.experiments import read_study
-from foldcar.study.sweep import Sweep
+from swept_listing import WriteListing, rows, swept
 
-WriteListing = Callable[[Any], Path]
 HEAD = "model model\nego = new Robot at (Range(0, 0.02), 0), facing -90 deg\n"
 GOAL = "goal = new Goal at (0.8, 0), facing -90 deg\nnew Bump at (0.4, 0), facing -90 deg, with height 0.01\n"
 RECORDS = (
@@ -42,16 +38,16 @@ def listing(write_listing: WriteListing, listing_data: Any, program: Path) -> Pa
     return write_listing(listing_data)
 
 
-def swept(listing: Path, store: Path, carsim: Path, jobs: int = 1) -> tuple[Progress, list[Result]]:
-    counts = Sweep(read_study(listing), store, Carsim(carsim), "foldcar sweep …").run(jobs)
-    with Store.open(store) as opened:
-        return counts, list(opened.results())
-
-
-def opening_of(program: Path, carsim: Path) -> dict[str, Any]:
-    """What a worker is told first."""
+def answers(listing: Path, carsim: Path, *samples: int) -> list[dict[str, Any]]:
+    """What a worker answers to runs of the first design in these samples of program.scenic, beside the listing."""
+    program, design = listing.with_name("program.scenic"), next(iter(read_study(listing).experiments[0].family))
     told = {"program": str(program), "params": {}, "seed": 42, "condition": None, "files": None}
-    return {**told, "command": [str(carsim)]}
+    source, body = open_environment(program, {}, 42), body_json(design)
+    settings = read_study(listing).experiments[0].settings(design, body, Carsim(carsim).parameter_table())
+    texts = {"body": json.dumps(body), "settings": json.dumps(settings)}
+    with contextlib.closing(scenic_worker.ScenicWorker({**told, "command": [str(carsim)]})) as worker:
+        scenes = {k: json.dumps(source.sample(k)) for k in samples}
+        return [worker.answer({**texts, "scene": scenes[k], "sample": k}) for k in samples]
 
 
 def shown(store: Path, columns: str) -> list[Any]:
@@ -66,7 +62,8 @@ def test_both_ways_store_the_same_and_recorded_values_reach_store_and_export(
     tmp_path: Path, listing: Path, program: Path, carsim_binary: Path, foldcar: Any
 ) -> None:
     program.write_text(HEAD + GOAL)
-    _, native = swept(listing, tmp_path / "native.db", carsim_binary)
+    swept(listing, tmp_path / "native.db", carsim_binary)
+    native = rows(tmp_path / "native.db")
     program.write_text(HEAD + GOAL + RECORDS)
     store = tmp_path / "s.db"
     said = foldcar("sweep", listing, "--store", store, "--jobs", "1")
@@ -75,7 +72,7 @@ def test_both_ways_store_the_same_and_recorded_values_reach_store_and_export(
     with Store.open(store) as opened:
         assert [(r.outcome, r.metrics) for r in opened.results()] == [(r.outcome, r.metrics) for r in native]
     assert "passed" in {r.outcome for r in native}
-    rows = shown(store, "recorded, elapsed_time_s, sample")
+    told = shown(store, "recorded, elapsed_time_s, sample")
     connection = sqlite3.connect(store)
     starts = dict(
         connection.execute(
@@ -83,7 +80,7 @@ def test_both_ways_store_the_same_and_recorded_values_reach_store_and_export(
         ).fetchall()
     )
     connection.close()
-    for text, elapsed_s, sample in rows:
+    for text, elapsed_s, sample in told:
         recorded = json.loads(text)
         assert {name: one["kind"] for name, one in recorded.items()} == {
             "begin": "initial", "end": "final", "speed": "series", "elapsed": "final"
@@ -98,8 +95,8 @@ def test_both_ways_store_the_same_and_recorded_values_reach_store_and_export(
     assert foldcar("export", store, "--csv", tmp_path / "runs.csv").returncode == 0
     with (tmp_path / "runs.csv").open(newline="") as file:
         exported = list(csv.DictReader(file))
-    assert len(exported) == len(rows) == 6
-    for row, (text, _, _) in zip(exported, rows, strict=True):
+    assert len(exported) == len(told) == 6
+    for row, (text, _, _) in zip(exported, told, strict=True):
         recorded = json.loads(text)
         assert float(row["recorded_begin"]) == recorded["begin"]["value"]
         assert json.loads(row["recorded_speed"]) == recorded["speed"]["value"]
@@ -131,42 +128,29 @@ SETUP = (
 
 
 @pytest.mark.parametrize("text", [HEAD + GOAL + "".join(LEAKS), SETUP], ids=["leaks", "setup"])
-def test_a_run_begins_as_if_it_were_the_first(
-    listing_data: Any, write_listing: WriteListing, program: Path, carsim_binary: Path, text: str
-) -> None:
+def test_a_run_begins_as_if_it_were_the_first(listing: Path, program: Path, carsim_binary: Path, text: str) -> None:
     """Three runs of one worker, the samples in any order, in another worker too."""
     program.write_text(text)
-    listing_data["environments"]["1"]["scenic_filename"] = program.name
-    (experiment,) = read_study(write_listing(listing_data)).experiments
-    design = next(iter(experiment.family))
-    body = body_json(design)
-    settings = json.dumps(experiment.settings(design, body, Carsim(carsim_binary).parameter_table()))
-    source = open_environment(program, {}, 42)
-    scenes = [json.dumps(source.sample(k)) for k in range(2)]
 
-    def answers(*samples: int) -> list[dict[str, Any]]:
-        opening = opening_of(program, carsim_binary)
-        with contextlib.closing(scenic_worker.ScenicWorker(opening)) as worker:
-            request = {"body": json.dumps(body), "settings": settings}
-            return [worker.answer({**request, "scene": scenes[k], "sample": k})["result"] for k in samples]
+    first, again, other = answers(listing, carsim_binary, 0, 0, 1)
 
-    first, again, other = answers(0, 0, 1)
-    assert {name: one["value"] for name, one in first["recorded"].items()} == dict.fromkeys(first["recorded"], 1)
+    recorded = first["result"]["recorded"]
+    assert {name: one["value"] for name, one in recorded.items()} == dict.fromkeys(recorded, 1)
     assert again == first
-    assert [other, first] == answers(1, 0)
+    assert [other, first] == answers(listing, carsim_binary, 1, 0)
 
 
 def test_rows_do_not_depend_on_jobs(tmp_path: Path, listing: Path, program: Path, carsim_binary: Path) -> None:
     listing.write_text(listing.read_text().replace("[95, 245]", "95"))
     program.write_text(HEAD + GOAL + "import random\n" + LEAKS[0] + "record final random.random() as chance\n")
-    counts, one = swept(listing, tmp_path / "one.db", carsim_binary, jobs=1)
+    counts = swept(listing, tmp_path / "one.db", carsim_binary, jobs=1)
     swept(listing, tmp_path / "two.db", carsim_binary, jobs=2)
     assert counts.failed == 0
     recorded = [json.loads(text) for (text,) in shown(tmp_path / "one.db", "recorded")]
     assert {values["list"]["value"] for values in recorded} == {1}
     assert len({values["chance"]["value"] for values in recorded}) == 3
     assert shown(tmp_path / "one.db", "*") == shown(tmp_path / "two.db", "*")
-    assert len(one) == 3
+    assert len(rows(tmp_path / "one.db")) == 3
 
 
 def test_a_violated_precondition_rejects_its_own_run_only(
@@ -177,7 +161,7 @@ def test_a_violated_precondition_rejects_its_own_run_only(
         "        ego = new Robot at (Range(0, 0.02), 0), facing -90 deg\n        record final 1 as one\n"
         "    compose:\n        while ego.position.x < 0.1:\n            wait\n"
     )
-    counts, results = swept(listing, tmp_path / "s.db", carsim_binary, jobs=1)
+    counts, results = swept(listing, tmp_path / "s.db", carsim_binary, 1), rows(tmp_path / "s.db")
     starts = {k: one["start"]["x_m"] for k in range(3) if (one := open_environment(program, {}, 42).sample(k))}
     assert counts.failed == 0
     assert {r.outcome for r in results} == {"rejected", "terminated"}
@@ -216,7 +200,7 @@ def test_a_program_that_fails_in_some_runs_is_those_runs_result(
     tmp_path: Path, listing: Path, program: Path, carsim_binary: Path
 ) -> None:
     program.write_text(f"{HEAD}{GOAL}record initial 1 / (ego.position.x < 0.005) as y\n")
-    counts, results = swept(listing, tmp_path / "s.db", carsim_binary)
+    counts, results = swept(listing, tmp_path / "s.db", carsim_binary, 1), rows(tmp_path / "s.db")
     assert counts.new == 6
     assert 0 < counts.failed < 6
     assert counts.failed == sum(r.outcome == "failed" for r in results)
@@ -240,16 +224,8 @@ def test_a_program_that_loops_or_sleeps_while_the_car_drives_fails_after_its_tim
 ) -> None:
     monkeypatch.setattr(scenic_worker, "RUN_LIMIT_S", 0.5)
     program.write_text(HEAD + GOAL + text)
-    (experiment,) = read_study(listing).experiments
-    design = next(iter(experiment.family))
-    scene = open_environment(program, {}, 42).sample(0)
-    body = body_json(design)
-    settings = experiment.settings(design, body, Carsim(carsim_binary).parameter_table())
-    texts = {"body": json.dumps(body), "scene": json.dumps(scene), "settings": json.dumps(settings)}
-    opening = opening_of(program, carsim_binary)
-    with contextlib.closing(scenic_worker.ScenicWorker(opening)) as worker:
-        answer = worker.answer({**texts, "sample": 0})
-    assert answer == {"error": f"{program}: sample 0: running takes longer than the limit of 0.5 s of wall time"}
+    error = f"{program}: sample 0: running takes longer than the limit of 0.5 s of wall time"
+    assert answers(listing, carsim_binary, 0) == [{"error": error}]
 
 
 @pytest.mark.parametrize(
@@ -266,7 +242,7 @@ def test_a_program_that_ends_the_process_costs_its_own_run_only(
     listing.write_text(listing.read_text().replace("[95, 245]", "95"))
     deadly = f"import os, signal, sys\ndef deadly(x): return x if x < 0.005 else {end}\n"
     program.write_text(f"{HEAD}{GOAL}{deadly}record initial deadly(ego.position.x) as one\n")
-    counts, results = swept(listing, tmp_path / "s.db", carsim_binary, jobs=1)
+    counts, results = swept(listing, tmp_path / "s.db", carsim_binary, 1), rows(tmp_path / "s.db")
     assert counts.new == 3
     failed = [r for r in results if r.outcome == "failed"]
     assert 0 < len(failed) == counts.failed < 3
@@ -280,7 +256,7 @@ def test_the_listings_condition_reaches_the_workers(
     program.write_text(f"{HEAD}{GOAL}{RECORDS}")
     environment = listing_data["environments"]["1"]
     environment.update(scenic_filename=program.name, condition={"sample": 2, "objects": ["ego"]})
-    counts, _ = swept(write_listing(listing_data), tmp_path / "s.db", carsim_binary)
+    counts = swept(write_listing(listing_data), tmp_path / "s.db", carsim_binary, 1)
     assert (counts.new, counts.failed) == (6, 0)
     begins = {(car, json.loads(text)["begin"]["value"]) for car, text in shown(tmp_path / "s.db", "parameters, recorded")}
     assert len(begins) == 2

@@ -12,12 +12,10 @@ from foldcar.analysis.engine_bias import RATES, pooled_difference, predicted_rat
 from foldcar.analysis.rate import anytime_interval
 from foldcar.analysis.stopping import LEAST_CHANCE, StoppingRule
 from foldcar.simulation.carsim import Carsim
-from foldcar.simulation.engines import MUJOCO
 from foldcar.store.reader import Store
-from foldcar.study.experiment_runs import Progress
-from foldcar.study.experiments import engine_study, read_study
+from foldcar.study.experiments import read_study
 from foldcar.study.stopping import Batch, Schedule, stopping_rules
-from foldcar.study.sweep import Sweep
+from swept_listing import STEP_PYRAMIDS, swept
 
 RULE = StoppingRule(None, (0.5, 0.75))
 MOST = 60
@@ -151,42 +149,29 @@ def test_what_is_stored_beyond_a_decision_is_judged() -> None:
 @pytest.fixture(scope="module")
 def listing(tmp_path_factory: pytest.TempPathFactory) -> Path:
     file = tmp_path_factory.mktemp("schedule") / "l.json"
-    pyramids = Path(__file__).resolve().parents[2] / "scenarios" / "step_pyramids.scenic"
     data = {
         "experiments": {"1": {"veh_id": 1, "env_id": 1, "params": {"environments": 24, "threshold": 0.5}}},
         "vehicles": {"1": {"type": "W_B_W", "params": [{"common": {"width": [95.0, 150.0, 240.0]}}]}},
-        "environments": {"1": {"scenic_filename": str(pyramids), "seed": 42}},
+        "environments": {"1": {"scenic_filename": str(STEP_PYRAMIDS), "seed": 42}},
     }
     file.write_text(json.dumps(data))
     return file
 
 
-def swept(
-    listing: Path, store: Path, carsim: Carsim, jobs: int, stop_at: int | None = None
-) -> tuple[Progress, list[str]]:
+def test_a_sweep_in_mujoco_makes_the_runs_of_the_schedule(
+    listing: Path, native: Carsim, carsim_binary: Path, tmp_path: Path
+) -> None:
     said: list[str] = []
-
-    def stop(progress: Progress) -> None:
-        if stop_at is not None and progress.new >= stop_at:
-            raise InterruptedError
-
-    study = engine_study(read_study(listing), carsim)
-    rules = stopping_rules("decided", study)
-    return Sweep(study, store, carsim, "foldcar sweep …", until=rules).run(jobs, stop, said.append), said
-
-
-def test_a_sweep_in_mujoco_makes_the_runs_of_the_schedule(listing: Path, carsim_binary: Path, tmp_path: Path) -> None:
-    mujoco = Carsim(engine=MUJOCO)
     stores = [tmp_path / name for name in ("one.db", "stopped.db")]
     for store in stores:
-        swept(listing, store, Carsim(carsim_binary), 2)
-    counts, said = swept(listing, stores[0], mujoco, 1)
+        swept(listing, store, carsim_binary, until="decided")
+    counts = swept(listing, stores[0], native, 1, until="decided", announce=said.append)
     with pytest.raises(InterruptedError):
-        swept(listing, stores[1], mujoco, 2, 12)
+        swept(listing, stores[1], native, until="decided", stop_at=12)
     with Store.open(stores[1]) as store:
         info = store.info().experiments["1 (MuJoCo)"]
         assert 12 <= info.stored_runs < info.planned_runs
-    resumed, _ = swept(listing, stores[1], mujoco, 3)
+    resumed = swept(listing, stores[1], native, 3, until="decided")
 
     assert not any("no multibody runs" in line for line in said)
     found = []
@@ -210,8 +195,9 @@ def test_a_sweep_in_mujoco_makes_the_runs_of_the_schedule(listing: Path, carsim_
     assert counts.states[0].decided and counts.states[2].decided
 
 
-def test_without_multibody_runs_one_line_says_so(listing: Path, tmp_path: Path) -> None:
-    counts, said = swept(listing, tmp_path / "s.db", Carsim(engine=MUJOCO), 2)
+def test_without_multibody_runs_one_line_says_so(listing: Path, native: Carsim, tmp_path: Path) -> None:
+    said: list[str] = []
+    counts = swept(listing, tmp_path / "s.db", native, until="decided", announce=said.append)
 
     told = [line for line in said if "multibody" in line]
     assert told == ["experiment 1 (MuJoCo): no multibody runs in the store: designs in the listing's order"]

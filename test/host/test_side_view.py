@@ -12,7 +12,7 @@ from foldcar.simulation.engines import MUJOCO, SIDE_VIEW, find_carsim
 from foldcar.store.reader import Store
 from foldcar.study.unlike_sides import one_sided
 from forked_foldcar import original
-from study_car import car_body
+from study_car import asked, car_body, empty_scene
 
 Command = Callable[..., "subprocess.CompletedProcess[str]"]
 
@@ -120,13 +120,10 @@ def test_help_names_the_words_that_choose_an_engine() -> None:
 def test_a_segment_too_heavy_for_its_wheels_fails_with_its_numbers(carsim_binary: Path) -> None:
     body = car_body()
     body["segments"][0]["mass_kg"] = 101 * 2 * body["wheels"][0]["mass_kg"]
-    scene = {"id": "s", "friction": 0.6, "terrain": [], "start": {"x_m": 0, "y_m": 0, "heading_rad": 0}, "goal": None,
-             "course": {"x_min_m": -1, "x_max_m": 2, "y_min_m": -1, "y_max_m": 1}}  # fmt: skip
     run = {"id": "r", "body": "b", "scene": "s", "speed_m_s": 0.3, "time_limit_s": 1}
-    lines = [{"body": {**body, "id": "b"}}, {"scene": scene}, {"run": run}]
-    text = "".join(json.dumps(line) + "\n" for line in lines)
+    lines = [{"body": {**body, "id": "b"}}, {"scene": {**empty_scene(), "id": "s"}}, {"run": run}]
 
-    done = subprocess.run([carsim_binary, "--side-view", "batch"], input=text, capture_output=True, text=True)
+    done = asked(carsim_binary, lines, "--side-view", "batch")
 
     error = json.loads(done.stdout)["error"]
     assert (done.returncode, error["run"]) == (2, "r")

@@ -49,11 +49,6 @@ CHANGES = {
 }
 
 
-@pytest.fixture
-def store(tmp_path: Path) -> Path:
-    return old_store(VERSION, tmp_path / "s.db")
-
-
 def raw(path: Path) -> Any:
     """All values of all rows without using any index, texts as bytes; None if SQLite cannot read them."""
     try:
@@ -192,6 +187,16 @@ def test_logs_are_compared_with_their_hash(store: Path, tmp_path: Path, foldcar:
     assert foldcar("check", "s.db").returncode == 1
 
 
+@pytest.mark.parametrize("column", ["design", "deviations"])
+def test_json_that_is_none_is_named_though_its_checksum_is_right(store: Path, foldcar: Any, column: str) -> None:
+    change(store, TRIAL, "id = 1", **{column: "{"})
+
+    for words in (("trials", "list", "s.db"), ("export", "s.db", "--trials", "t.csv"), ("trials", "replay", "s.db", "1")):
+        answer = foldcar(*words)
+        where = "foldcar: error: s.db: trial (id=1) is damaged"
+        assert (answer.returncode, answer.stderr) == (2, f"{where}: its {column} is not what foldcar writes\n")
+
+
 @pytest.mark.parametrize("log", ["../../etc/passwd", "/etc/passwd", "s-logs/../../x", "s-logs/link", "", "a\x00b"])
 def test_logs_outside_of_the_folder_are_refused(tmp_path: Path, store: Path, foldcar: Any, log: str) -> None:
     change(store, TRIAL, "id = 1", log=log)
@@ -204,14 +209,6 @@ def test_logs_outside_of_the_folder_are_refused(tmp_path: Path, store: Path, fol
     checked = foldcar("check", "s.db")
     assert checked.returncode == 1 and "leads out of the folder" in checked.stdout
     assert sorted(file.name for file in tmp_path.iterdir()) == ["s-logs", "s.db"]
-
-
-def test_what_is_no_store_cannot_be_checked(tmp_path: Path, foldcar: Any) -> None:
-    (tmp_path / "text.db").write_text("no store " * 100)
-
-    for name, message in (("text.db", "is no foldcar store"), ("none.db", "no such store")):
-        answer = foldcar("check", name)
-        assert answer.returncode == 2 and answer.stderr.startswith(f"foldcar: error: {name}: {message}")
 
 
 def test_what_was_not_read_is_not_blessed(store: Path) -> None:

@@ -22,16 +22,11 @@ from foldcar.store.tables import TABLES
 from foldcar.store.trial_records import Ending
 from foldcar.store.trial_writer import write_trials
 from foldcar.store.writer import PlannedRun
-from old_stores import contents, old_store
+from old_stores import contents
 from test_store import RECORDED, answer, fill
 from test_trial_store import begin
 
 ODD = 'a "quoted", text;\r\nwith ünicode 🚗, \\N and\ttabs\n'
-
-
-@pytest.fixture
-def store(tmp_path: Path) -> Path:
-    return old_store(VERSION, tmp_path / "s.db")
 
 
 def exported(store: Path, folder: Path, kind: str = "csv") -> Path:

@@ -16,7 +16,8 @@ from foldcar.store.opening import writing
 from foldcar.store.reader import Store
 from foldcar.store.writer import write_store
 from shell_signals import like_a_shell
-from test_store import STUDY, fill
+from test_store import fill
+from written_study import FACTS
 
 IN_USE = "another sweep or trial is writing this store"
 HOLD = """
@@ -25,7 +26,7 @@ from pathlib import Path
 from foldcar.store.writer import write_store
 with write_store(Path(sys.argv[1])) as writer:
     writer.begin_study({"command": "held"}, "b9")
-    print("held", flush=True)
+    print("waits", flush=True)
     time.sleep(600)
 """
 TRY = """
@@ -42,7 +43,7 @@ import sqlite3, sys
 connection = sqlite3.connect(sys.argv[1], isolation_level=None)
 connection.execute("BEGIN")
 connection.execute("SELECT count(*) FROM run").fetchone()
-print("reading", flush=True)
+print("waits", flush=True)
 sys.stdin.read()
 """
 
@@ -62,14 +63,20 @@ def linked(store: Path) -> Path:
 
 
 @contextlib.contextmanager
-def held(store: Path) -> Iterator["subprocess.Popen[str]"]:
-    """Another process writes the store."""
-    with subprocess.Popen([sys.executable, "-c", HOLD, store], stdout=subprocess.PIPE, text=True) as process:
+def another(program: str, store: Path) -> Iterator["subprocess.Popen[str]"]:
+    """Another Python runs the program on the store, and has said that it is where it waits."""
+    command = [sys.executable, "-c", program, store]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
         try:
-            assert process.stdout is not None and process.stdout.readline() == "held\n"
+            assert process.stdout is not None and process.stdout.readline() == "waits\n"
             yield process
         finally:
             process.kill()
+
+
+def held(store: Path) -> contextlib.AbstractContextManager["subprocess.Popen[str]"]:
+    """Another process writes the store."""
+    return another(HOLD, store)
 
 
 def attempt(store: Path) -> str:
@@ -98,16 +105,16 @@ def test_a_killed_writer_leaves_the_way_free(store: Path) -> None:
         process.wait()
 
     with write_store(store) as writer:
-        writer.begin_study(STUDY, "b1")
+        writer.begin_study(FACTS, "b1")
     with Store.open(store) as reader:
-        assert reader.info().command == STUDY["command"]
+        assert reader.info().command == FACTS["command"]
     assert [file.name for file in store.parent.iterdir()] == ["s.db"]
 
 
 def test_a_refused_attempt_takes_nothing_from_the_writer(store: Path) -> None:
     """Closing a descriptor of a file drops SQLite's locks on it in the same process."""
     with write_store(store) as writer:
-        writer.begin_study(STUDY, "b1")
+        writer.begin_study(FACTS, "b1")
         with pytest.raises(StoreError, match=IN_USE), writing(store):
             pass
         change = "import sqlite3, sys; sqlite3.connect(sys.argv[1], timeout=0).execute('PRAGMA journal_mode = DELETE')"
@@ -156,24 +163,12 @@ def test_a_store_of_another_process_is_read_meanwhile(store: Path) -> None:
             reader._connection.execute("DELETE FROM run")
 
 
-@contextlib.contextmanager
-def read_by_another(store: Path) -> Iterator["subprocess.Popen[str]"]:
-    """Another program holds a read transaction."""
-    command = [sys.executable, "-c", READ, store]
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
-        try:
-            assert process.stdout is not None and process.stdout.readline() == "reading\n"
-            yield process
-        finally:
-            process.kill()
-
-
 def test_a_reader_keeps_no_writer_out_and_sees_one_moment(store: Path) -> None:
     with Store.open(store) as reader:
-        assert reader.info().command == STUDY["command"]
+        assert reader.info().command == FACTS["command"]
         assert attempt(store) == "written\n"
 
-        assert reader.info().command == STUDY["command"]
+        assert reader.info().command == FACTS["command"]
         assert len(list(reader.results())) == 4
     with Store.open(store) as reader:
         assert reader.info().command == "tried"
@@ -189,7 +184,7 @@ def test_a_store_too_large_to_copy_is_read_where_it_is(store: Path, monkeypatch:
 
 
 def test_a_writer_waits_for_another_program_and_says_so(store: Path) -> None:
-    with read_by_another(store) as other:
+    with another(READ, store) as other:
         command = [sys.executable, "-c", TRY, store]
         with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as writer:
             assert writer.stderr is not None and other.stdin is not None
@@ -205,7 +200,7 @@ def test_a_writer_waits_for_another_program_and_says_so(store: Path) -> None:
 def test_ctrl_c_ends_a_writer_that_waits(store: Path) -> None:
     command = [sys.executable, "-m", "foldcar", "migrate", store]
     as_typed = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, preexec_fn=like_a_shell)
-    with read_by_another(store), as_typed as writer:
+    with another(READ, store), as_typed as writer:
         assert writer.stderr is not None and "waiting for another program" in writer.stderr.readline()
         writer.send_signal(signal.SIGINT)
         _, errors = writer.communicate(timeout=60)
@@ -217,7 +212,7 @@ def test_ctrl_c_ends_a_writer_that_waits(store: Path) -> None:
 def test_patience_ends_with_one_line(store: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("foldcar.store.connection.PATIENCE_S", 0.0)
     refused = pytest.raises(StoreError, match=r"s\.db: is locked by another program; end that and try again")
-    with read_by_another(store), refused, writing(store):
+    with another(READ, store), refused, writing(store):
         pass
 
 
@@ -226,7 +221,7 @@ def test_where_there_is_no_shared_memory_a_store_is_written_with_a_journal(store
     shared.symlink_to(shared)
 
     with write_store(store) as writer:
-        writer.begin_study({**STUDY, "command": "again"}, "b1")
+        writer.begin_study({**FACTS, "command": "again"}, "b1")
         assert not store.with_name("s.db-wal").exists() or store.with_name("s.db-wal").stat().st_size == 0
     with Store.open(store) as reader:
         assert reader.info().command == "again"

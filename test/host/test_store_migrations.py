@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 
 from foldcar.store.migrations import VERSION
-from old_stores import VERSIONS, alter, contents, old_store
+from old_stores import VERSIONS, alter, contents
 
 # Its step gives every trial a note.
 NEXT = """
@@ -49,11 +49,6 @@ def newer(folder: Path, *words: str, more: str = "") -> "subprocess.CompletedPro
 def version_of(path: Path) -> int:
     with closing(sqlite3.connect(path)) as connection:
         return int(connection.execute("PRAGMA user_version").fetchone()[0])
-
-
-@pytest.fixture
-def store(tmp_path: Path) -> Path:
-    return old_store(VERSION, tmp_path / "s.db")
 
 
 def test_there_is_a_store_of_every_version() -> None:

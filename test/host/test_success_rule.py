@@ -94,25 +94,28 @@ def test_the_publications_own_ending_passes(listing: Path, program: Path, foldca
     assert again.stderr == said.stderr and ", 100.0 % passed; store" in again.stdout
 
 
+def told_of_run(foldcar: Any, listing: Path) -> dict[str, str]:
+    """What `foldcar run` tells of the narrow car."""
+    said = foldcar("run", listing, "--experiment", "1", "--set", "width=95")
+    assert said.returncode == 0, said.stderr
+    return dict(line.split(maxsplit=1) for line in said.stdout.splitlines())
+
+
 def test_a_run_that_ends_otherwise_has_not_passed(listing: Path, program: Path, foldcar: Any) -> None:
     program.write_text(f"{HEAD}{TARGET}{ARRIVAL}terminate after 0.3 seconds\n")
-    said = foldcar("run", listing, "--experiment", "1", "--set", "width=95")
-    told = dict(line.split(maxsplit=1) for line in said.stdout.splitlines())
-    assert (said.returncode, told["outcome"]) == (0, "terminated")
+    told = told_of_run(foldcar, listing)
+    assert told["outcome"] == "terminated"
     assert told["success"].startswith("a run has passed if `terminate when distance")
 
     program.write_text(f"{HEAD}{TARGET}{ARRIVAL}terminate after 10 seconds\n")
     listing.write_text(listing.read_text().replace('"timeout": 20', '"timeout": 0.3'))
-    said = foldcar("run", listing, "--experiment", "1", "--set", "width=95")
-    assert dict(line.split(maxsplit=1) for line in said.stdout.splitlines())["outcome"] == "timeout"
+    assert told_of_run(foldcar, listing)["outcome"] == "timeout"
 
 
 @pytest.mark.parametrize("text", [MONITOR, f"{MONITOR}record final ego.speed > 0 as passed\n"])
 def test_a_monitor_may_end_a_run_without_a_goal(listing: Path, program: Path, foldcar: Any, text: str) -> None:
     program.write_text(HEAD + text)
-    said = foldcar("run", listing, "--experiment", "1", "--set", "width=95")
-    told = dict(line.split(maxsplit=1) for line in said.stdout.splitlines())
-    assert said.returncode == 0, said.stderr
+    told = told_of_run(foldcar, listing)
     assert told["outcome"] == ("passed" if "record" in text else "terminated")
     assert float(told["elapsed_time_s"]) == pytest.approx(0.5)
 
@@ -135,10 +138,3 @@ def test_no_share_is_given_where_success_is_undefined(listing: Path, program: Pa
     assert [file.name for file in (tmp_path / "report").glob("*.svg")] == ["experiment_1_outcomes_by_width_mm.svg"]
     with (tmp_path / "runs.csv").open(newline="") as file:
         assert {(row["outcome"], row["passed"]) for row in csv.DictReader(file)} == {("terminated", "")}
-
-
-def test_export_says_which_runs_passed(listing: Path, program: Path, foldcar: Any) -> None:
-    program.write_text(HEAD + GOAL)
-    foldcar("sweep", listing, "--store", "s.db", "--jobs", "1")
-    exported = foldcar("export", "s.db", "--csv", "-").stdout.splitlines()
-    assert [row["passed"] for row in csv.DictReader(exported)] == ["true"] * 4

@@ -1,41 +1,53 @@
-"""Sweeps with the real simulator and real environments: what is run, once each, whatever the jobs; nearby cars."""
+"""Sweeps with the real simulator and real environments: what is run and folded, once each; nearby cars."""
 
 import json
 import sqlite3
+import subprocess
+import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import pytest
+
+from conftest import PROJECT
 from foldcar.car.body import body_json
+from foldcar.car.design import Design
 from foldcar.car.variation import draw, spread_named, vary_body
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.results import NUMBERS
 from foldcar.simulation.runner import RunRequest
+from foldcar.store.check import check_store
+from foldcar.study import planned_designs
 from foldcar.study.environments import Environment
 from foldcar.study.experiments import read_study
 from swept_listing import WriteListing, rows, swept
 
-
-def test_every_design_meets_every_environment(
-    tmp_path: Path, write_listing: WriteListing, listing_data: Any, carsim_binary: Path
-) -> None:
-    counts = swept(write_listing(listing_data), tmp_path / "s.db", carsim_binary)
-
-    results = rows(tmp_path / "s.db")
-    assert [(r.design["width_mm"], r.sample) for r in results] == [(w, k) for w in (95, 245) for k in range(3)]
-    assert (counts.new, counts.there, counts.total) == (6, 0, 6)
-    assert counts.passed == sum(r.outcome == "passed" for r in results)
+Run = Callable[..., tuple[int, int]]
 
 
-def test_only_what_is_new_is_run(
-    tmp_path: Path, write_listing: WriteListing, listing_data: Any, carsim_binary: Path
-) -> None:
-    store = tmp_path / "s.db"
+@pytest.fixture
+def store(tmp_path: Path) -> Path:
+    return tmp_path / "s.db"
 
-    def run(**options: Any) -> tuple[int, int]:
-        counts = swept(write_listing(listing_data), store, carsim_binary, **options)
+
+@pytest.fixture
+def run(store: Path, write_listing: WriteListing, listing_data: Any, carsim_binary: Path) -> Run:
+    """A function that sweeps the listing as it is then: how many runs are new, and how many were there."""
+
+    def sweep(file: Path = store, **options: Any) -> tuple[int, int]:
+        counts = swept(write_listing(listing_data), file, carsim_binary, **options)
+        assert counts.passed == sum(result.outcome == "passed" for result in rows(file))
         return counts.new, counts.there
 
+    return sweep
+
+
+def test_every_design_meets_every_environment_and_only_what_is_new_is_run(
+    store: Path, listing_data: Any, run: Run
+) -> None:
     assert run() == (6, 0)
+    assert [(r.design["width_mm"], r.sample) for r in rows(store)] == [(w, k) for w in (95, 245) for k in range(3)]
     assert run() == (0, 6)
     assert run(environments=5) == (4, 6)
     listing_data["vehicles"]["1"]["params"][0]["common"]["width"] = [95, 120, 245]
@@ -48,38 +60,22 @@ def test_only_what_is_new_is_run(
     assert run() == (9, 9)
 
 
-def test_rows_do_not_depend_on_jobs(
-    tmp_path: Path, write_listing: WriteListing, listing_data: Any, carsim_binary: Path
-) -> None:
-    listing = write_listing(listing_data)
-
-    swept(listing, tmp_path / "one.db", carsim_binary, jobs=1, environments=8)
-    swept(listing, tmp_path / "three.db", carsim_binary, jobs=3, environments=8)
+def test_rows_do_not_depend_on_jobs(tmp_path: Path, run: Run) -> None:
+    run(tmp_path / "one.db", jobs=1, environments=8)
+    run(tmp_path / "three.db", jobs=3, environments=8)
 
     assert rows(tmp_path / "one.db") == rows(tmp_path / "three.db")
 
 
-def test_equal_environments_are_run_once(
-    tmp_path: Path, write_listing: WriteListing, listing_data: Any, carsim_binary: Path
-) -> None:
+def test_equal_environments_are_run_once(store: Path, listing_data: Any, run: Run) -> None:
     listing_data["environments"]["1"]["scenic_params"] = {"position_sd": 1e-12, "heading_sd": 1e-12}
 
-    counts = swept(write_listing(listing_data), tmp_path / "s.db", carsim_binary, environments=20)
-
-    assert (counts.new, counts.there) == (2, 38)
-    results = rows(tmp_path / "s.db")
-    assert len(results) == 40
-    assert counts.passed == sum(result.outcome == "passed" for result in results)
+    assert run(environments=20) == (2, 38)
+    assert len(rows(store)) == 40
 
 
-def test_nearby_cars_are_other_runs_and_the_same_for_every_design(
-    tmp_path: Path, write_listing: WriteListing, listing_data: Any, carsim_binary: Path
-) -> None:
-    store, params = tmp_path / "s.db", listing_data["experiments"]["1"]["params"]
-
-    def run() -> tuple[int, int]:
-        counts = swept(write_listing(listing_data), store, carsim_binary)
-        return counts.new, counts.there
+def test_nearby_cars_are_other_runs_and_the_same_for_every_design(store: Path, listing_data: Any, run: Run) -> None:
+    params = listing_data["experiments"]["1"]["params"]
 
     assert run() == (6, 0)
     nominal = rows(store)
@@ -123,3 +119,55 @@ def test_a_sweep_does_with_a_nearby_car_what_carsim_does_with_its_body(
     assert [(r.outcome, r.metrics) for r in rows(tmp_path / "s.db")] == [
         (answer["outcome"], {name: answer[name] for name in NUMBERS}) for answer in expected
     ]
+
+
+def test_cars_are_folded_once_and_again_only_if_they_may_differ(
+    store: Path, listing_data: Any, run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folded = list[dict[str, float]]()
+
+    def counted(design: Design) -> dict[str, Any]:
+        folded.append(dict(design.values))
+        return body_json(design)
+
+    def new_and_folded() -> tuple[int, list[float]]:
+        folded.clear()
+        return run()[0], [values["width"] for values in folded]
+
+    monkeypatch.setattr(planned_designs, "body_json", counted)
+    assert new_and_folded() == (6, [95, 245])
+    assert new_and_folded() == (0, [])
+    listing_data["vehicles"]["1"]["params"][0]["common"]["width"] = [20, 95, 245]
+    # One that cannot be built is no design: the others are the same, under another family.
+    assert new_and_folded() == (0, [95, 245])
+    assert new_and_folded() == (0, [])
+    monkeypatch.setattr(planned_designs, "_code", lambda: "changed")
+    assert new_and_folded() == (0, [95, 245])
+    with sqlite3.connect(store) as connection:
+        connection.execute("UPDATE design SET parameters = '{}' WHERE position = 1")
+    assert new_and_folded() == (0, [95, 245])
+    with sqlite3.connect(store) as connection:
+        connection.execute("DELETE FROM design WHERE position = 1")
+    assert new_and_folded() == (0, [95, 245])
+    assert new_and_folded() == (0, [])
+    assert check_store(store).findings == []
+
+
+def test_a_module_of_the_users_that_changes_changes_the_designs(tmp_path: Path) -> None:
+    """The fingerprint covers the file that --components names, and its neighbours."""
+    told = (
+        "import sys; from pathlib import Path; from foldcar.car.design import load_components; "
+        "from foldcar.study.experiments import read_study; from foldcar.study.planned_designs import *; "
+        "load_components(Path(sys.argv[1])); study = read_study(Path(sys.argv[2])); "
+        "print(designs_fingerprint(study.experiments[0], {}))"
+    )
+    part = "from foldcar.car.components.module import Module\nclass Tail(Module):\n    letter, title = 'Tail', 'a tail'\n"
+    module = tmp_path / "tail.py"
+    listing = PROJECT / "scenarios" / "two_bumps.json"
+    found = []
+    for text, neighbour in ((part, ""), (part, ""), (part + "# new\n", ""), (part + "# new\n", "lid = 1\n")):
+        module.write_text(text)
+        (tmp_path / "lid.py").write_text(neighbour)
+        done = subprocess.run([sys.executable, "-c", told, module, listing], capture_output=True, text=True, check=True)
+        found.append(done.stdout)
+    assert found[0] == found[1] and len(set(found)) == 3

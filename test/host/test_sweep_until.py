@@ -24,15 +24,12 @@ from foldcar.commands.sweep import stopping_lines
 from foldcar.errors import FoldcarError
 from foldcar.report.page_data import page_data
 from foldcar.report.page_remarks import stopped_remarks
-from foldcar.simulation.carsim import Carsim
-from foldcar.simulation.results import Result
 from foldcar.store.reader import Store
 from foldcar.study.experiment_runs import Progress
 from foldcar.study.experiments import read_study
 from foldcar.study.stopping import stopping_rules
-from foldcar.study.sweep import Sweep
+from swept_listing import STEP_PYRAMIDS, rows, swept
 
-STEP_PYRAMIDS = Path(__file__).resolve().parents[2] / "scenarios" / "step_pyramids.scenic"
 # Of designs on low pyramids, 95 passes always, 240 nearly never, 145 in about half.
 WIDTHS = [95.0, 145.0, 240.0]
 LOW = {"step_height": 0.0215, "top_side": 0.07, "tread": 0.04, "offset": 0.05, "friction": 0.6}
@@ -55,7 +52,7 @@ def listing(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def full_store(listing: Path, carsim_binary: Path) -> Path:
     store = listing.with_name("full.db")
-    Sweep(read_study(listing), store, Carsim(carsim_binary), "foldcar sweep …").run(2)
+    swept(listing, store, carsim_binary)
     return store
 
 
@@ -63,22 +60,7 @@ def full_store(listing: Path, carsim_binary: Path) -> Path:
 def decided(listing: Path, carsim_binary: Path) -> tuple[Path, Progress]:
     """The store of a sweep until decided, and what it told."""
     store = listing.with_name("decided.db")
-    return store, swept(listing, store, carsim_binary)
-
-
-def swept(listing: Path, store: Path, carsim: Path, jobs: int = 2, stop_at: float = math.inf) -> Progress:
-    def stop(progress: Progress) -> None:
-        if progress.new >= stop_at:
-            raise InterruptedError
-
-    study = read_study(listing)
-    rules = stopping_rules("decided", study)
-    return Sweep(study, store, Carsim(carsim), "foldcar sweep …", until=rules).run(jobs, stop)
-
-
-def rows(store: Path) -> list[Result]:
-    with Store.open(store) as opened:
-        return list(opened.results())
+    return store, swept(listing, store, carsim_binary, until="decided")
 
 
 def test_the_interval_ends_where_the_mixture_is_twenty_times_as_likely() -> None:
@@ -140,9 +122,9 @@ def test_runs_go_where_they_are_undecided_and_are_the_same_however_they_are_made
 ) -> None:
     store, counts = decided
     with pytest.raises(InterruptedError):
-        swept(listing, tmp_path / "resumed.db", carsim_binary, jobs=1, stop_at=20)
+        swept(listing, tmp_path / "resumed.db", carsim_binary, jobs=1, until="decided", stop_at=20)
     interrupted = len(rows(tmp_path / "resumed.db"))
-    resumed = swept(listing, tmp_path / "resumed.db", carsim_binary, jobs=3)
+    resumed = swept(listing, tmp_path / "resumed.db", carsim_binary, jobs=3, until="decided")
 
     found, everything = rows(store), rows(full_store)
     assert found == rows(tmp_path / "resumed.db")
@@ -233,7 +215,7 @@ def test_undefined_success_is_refused_before_the_store_is_made(
     listing_data["experiments"]["1"]["params"]["threshold"] = 0.75
 
     with pytest.raises(FoldcarError, match=r"experiments\.1: --until has nothing to decide: success is undefined"):
-        swept(write_listing(listing_data), tmp_path / "s.db", carsim_binary)
+        swept(write_listing(listing_data), tmp_path / "s.db", carsim_binary, until="decided")
 
     assert not (tmp_path / "s.db").exists()
 

@@ -11,16 +11,15 @@ from typer.testing import CliRunner
 
 from foldcar.cli import app
 from foldcar.report.page_data import page_data
-from foldcar.store.errors import StoreError
 from foldcar.store.reader import Store
 from foldcar.store.trial_records import Ending, TrialDesign
 from foldcar.store.trial_writer import CarFacts, Drive, TrialWriter, now_utc, write_trials
-from foldcar.store.writer import write_store
-from test_report_command import FACTS, TOLD, width_outcome
-from written_study import add_experiment
+from test_report_command import TOLD, width_outcome
+from written_study import import_trials, write_study
 
 PUBLISHED = Path(__file__).resolve().parents[2] / "scenarios" / "published_trials.csv"
 HEADER = "vehicle_type,width_mm,outcome,count,source\n"
+WIDTHS = {"width_mm": (95.0, 115.0)}
 
 
 def begin(writer: TrialWriter, width_mm: float = 95, sample: int = 2, car: str | None = "built") -> int:
@@ -49,17 +48,6 @@ def test_a_trial_is_aborted_until_it_is_completed(tmp_path: Path) -> None:
         assert store.trial_drive(number) == ('{"id":"b"}', '{"time_limit_s":120}', '{"friction":0.6}')
     assert (trial.outcome, trial.ending, trial.elapsed_time_s, trial.note) == ("passed", "goal", 2.5, "fine")
     assert trial.completed and trial.log_sha256 == "ff" and trial.ended_utc is not None
-
-
-def test_trials_are_counted_by_sample(tmp_path: Path) -> None:
-    with write_trials(tmp_path / "s.db") as writer:
-        for sample, outcome in ((0, "passed"), (0, "tipped"), (1, "stuck"), (1, "aborted")):
-            writer.complete(begin(writer, sample=sample), Ending(outcome, "", None, "", None))
-
-        counts = writer.trial_counts("1", TrialDesign("W_B_W", {"width_mm": 95}), "fingerprint")
-
-        assert counts == {0: 2, 1: 1}
-        assert writer.trial_counts("1", TrialDesign("W_B_W", {"width_mm": 96}), "fingerprint") == {}
 
 
 def test_corrections_leave_a_trail(tmp_path: Path, foldcar: Any) -> None:
@@ -116,6 +104,7 @@ def test_a_long_list_has_the_same_lines_and_reads_corrections_once(
         (("correct", "s.db", "1", "--reason", "r"), "trials correct: say what to change"),
         (("correct", "s.db", "1", "--reason", " ", "--note", "n"), "trials correct: --reason: is empty"),
         (("correct", "s.db", "9", "--reason", "r", "--note", "n"), "s.db: has no trial 9"),
+        (("correct", "s.db", "1", "--reason", "r", "--outcome", "passed"), "s.db: trial 1: outcome is 'passed' already"),
         (("correct", "s.db", "1", "--reason", "r", "--outcome", "flew"), 's.db: outcome "flew" is none of passed'),
         (("correct", "s.db", "1", "--reason", "r", "--elapsed-time", "inf"), "s.db: trial 1: elapsed_time_s: inf is no"),
         (("correct", "none.db", "1", "--reason", "r", "--note", "n"), "none.db: no such store"),
@@ -154,14 +143,15 @@ def test_the_published_table_is_imported_once(tmp_path: Path, foldcar: Any) -> N
     assert answer.returncode == 2 and "trial 1 was imported without a scene" in answer.stderr
 
 
-def test_export_has_a_row_for_each_trial(tmp_path: Path, foldcar: Any) -> None:
+def test_exports_have_a_row_for_each_trial_and_in_parquet_numbers_lists_and_units(tmp_path: Path, foldcar: Any) -> None:
     with write_trials(tmp_path / "s.db") as writer:
         writer.complete(begin(writer), Ending("passed", "goal", 2.5, 'a "note"', "ff"))
         begin(writer, width_mm=120.5)
 
-    answer = foldcar("export", "s.db", "--trials", "t.csv")
+    for file in ("t.csv", "t.parquet"):
+        answer = foldcar("export", "s.db", "--trials", file)
+        assert answer.returncode == 0, answer.stderr
 
-    assert answer.returncode == 0, answer.stderr
     with (tmp_path / "t.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert [(row["trial"], row["width_mm"], row["outcome"], row["note"]) for row in rows] == [
@@ -169,16 +159,6 @@ def test_export_has_a_row_for_each_trial(tmp_path: Path, foldcar: Any) -> None:
         ("2", "120.5", "aborted", ""),
     ]
     assert json.loads(rows[0]["deviations"]) == {"A": [0.01, -0.02, 0.5]}
-
-
-def test_trials_in_parquet_have_numbers_lists_and_units(tmp_path: Path, foldcar: Any) -> None:
-    with write_trials(tmp_path / "s.db") as writer:
-        writer.complete(begin(writer), Ending("passed", "goal", 2.5, 'a "note"', "ff"))
-        begin(writer, width_mm=120.5)
-
-    answer = foldcar("export", "s.db", "--trials", "t.parquet")
-
-    assert answer.returncode == 0, answer.stderr
     table = pq.read_table(tmp_path / "t.parquet")
     assert table["trial"].to_pylist() == [1, 2] and table["width_mm"].to_pylist() == [95.0, 120.5]
     assert table["elapsed_time_s"].to_pylist() == [2.5, None] and table["note"].to_pylist()[0] == 'a "note"'
@@ -187,19 +167,8 @@ def test_trials_in_parquet_have_numbers_lists_and_units(tmp_path: Path, foldcar:
     assert table.schema.field("width_mm").metadata[b"unit"] == b"mm"
 
 
-def test_a_sweep_and_a_session_keep_out_of_each_others_way(tmp_path: Path) -> None:
-    with (
-        write_trials(tmp_path / "s.db"),
-        pytest.raises(StoreError, match="another sweep or trial is writing"),
-        write_trials(tmp_path / "s.db"),
-    ):
-        pass
-
-
 def test_a_car_that_the_file_does_not_tell_is_the_experiments_or_refused(tmp_path: Path, foldcar: Any) -> None:
-    with write_store(tmp_path / "s.db") as study:
-        study.begin_study(FACTS, "build-7")
-        add_experiment(study, "1", {"width_mm": (95.0, 115.0)}, 3, width_outcome, TOLD)
+    write_study(tmp_path / "s.db", WIDTHS, 3, width_outcome, **TOLD)
     (tmp_path / "t.csv").write_text(HEADER + "W_B_W,95,passed,1,me\nW_B_W,99,stuck,2,me\n")
     (tmp_path / "bad.csv").write_text("vehicle_type,height_mm,outcome,source\nW_B_W,50,passed,you\n")
     (tmp_path / "new.csv").write_text(HEADER + "W_B_W,95,passed,1,me\n")
@@ -218,15 +187,10 @@ def test_a_car_that_the_file_does_not_tell_is_the_experiments_or_refused(tmp_pat
 
 
 def test_the_report_shows_trials_beside_runs(tmp_path: Path, foldcar: Any) -> None:
-    with write_store(tmp_path / "s.db") as study:
-        study.begin_study(FACTS, "build-7")
-        add_experiment(study, "1", {"width_mm": (95.0, 115.0)}, 3, width_outcome, TOLD)
-    rows = [(95.0, "passed", 7), (95.0, "stuck", 3), (95.0, "aborted", 2), (97.0, "tipped", 1)]
+    write_study(tmp_path / "s.db", WIDTHS, 3, width_outcome, **TOLD)
+    trials = [(95.0, "passed")] * 7 + [(95.0, "stuck")] * 3 + [(95.0, "aborted")] * 2 + [(97.0, "tipped")]
+    import_trials(tmp_path / "s.db", [({"width_mm": width}, None, outcome) for width, outcome in trials])
     with write_trials(tmp_path / "s.db") as writer:
-        for width, outcome, count in rows:
-            design = {"width_mm": width, "height_mm": 50.0}
-            row = {"experiment": "1", "vehicle_type": "W_B_W", "design": design, "source": "me", "car": "built"}
-            writer.import_trials([{**row, "outcome": outcome}] * count)
         unknown_car = {"design": {"width_mm": 95.0, "height_mm": 60.0}, "source": "me", "car": "built"}
         writer.import_trials([{"experiment": "1", "vehicle_type": "W_B_W", "outcome": "passed", **unknown_car}])
 

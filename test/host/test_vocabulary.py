@@ -1,14 +1,16 @@
 """The classes of model.scenic: terrain pieces with the sizes and poses that their properties describe."""
 
-import json
 import math
-import subprocess
 from pathlib import Path
 from typing import Any
 
+import numpy
 import pytest
 
 from foldcar.scenes.source import open_environment
+from foldcar.simulation.carsim import Carsim
+from foldcar.simulation.heights import carsim_heights
+from study_car import empty_scene
 
 PLACES = "ego = new Robot at (-0.3, 0), facing -90 deg\ngoal = new Goal at (1.8, 0), facing -90 deg\n"
 EAST = "at (0.5, 0.1), facing -90 deg"
@@ -22,9 +24,12 @@ def terrain(folder: Path, text: str, sample: int = 0) -> list[dict[str, Any]]:
     return pieces
 
 
+def there(kind: str, x_m: float = 0.5, **sizes: float) -> dict[str, Any]:
+    return {"kind": kind, "x_m": pytest.approx(x_m), "y_m": 0.1, "heading_rad": 0.0, **sizes}
+
+
 def upright(kind: str, x_m: float, length_m: float, width_m: float, height_m: float) -> dict[str, Any]:
-    place = {"kind": kind, "x_m": pytest.approx(x_m), "y_m": 0.1, "heading_rad": 0.0}
-    return {**place, "length_m": pytest.approx(length_m), "width_m": width_m, "height_m": height_m}
+    return there(kind, x_m, length_m=pytest.approx(length_m), width_m=width_m, height_m=height_m)
 
 
 @pytest.mark.parametrize(
@@ -53,17 +58,7 @@ def upright(kind: str, x_m: float, length_m: float, width_m: float, height_m: fl
         ),
         (
             "GaussianHill {}, with sd_along 0.05, with height -0.01",
-            [
-                {
-                    "kind": "hill",
-                    "x_m": 0.5,
-                    "y_m": 0.1,
-                    "heading_rad": 0.0,
-                    "sd_along_m": 0.05,
-                    "sd_across_m": 0.05,
-                    "height_m": -0.01,
-                }
-            ],
+            [there("hill", sd_along_m=0.05, sd_across_m=0.05, height_m=-0.01)],
         ),
         (
             "Pothole {}, with diameter 0.2",
@@ -71,34 +66,9 @@ def upright(kind: str, x_m: float, length_m: float, width_m: float, height_m: fl
         ),
         (
             "RoughGround {}, with amplitude 0.002, with seed 7",
-            [
-                {
-                    "kind": "rough",
-                    "x_m": 0.5,
-                    "y_m": 0.1,
-                    "heading_rad": 0.0,
-                    "length_m": 0.6,
-                    "width_m": 1.0,
-                    "height_sd_m": 0.002,
-                    "correlation_m": 0.03,
-                    "seed": 7,
-                }
-            ],
+            [there("rough", length_m=0.6, width_m=1.0, height_sd_m=0.002, correlation_m=0.03, seed=7)],
         ),
-        (
-            "FrictionPatch {}, with friction 0.2",
-            [
-                {
-                    "kind": "patch",
-                    "x_m": 0.5,
-                    "y_m": 0.1,
-                    "heading_rad": 0.0,
-                    "length_m": 0.3,
-                    "width_m": 1.0,
-                    "friction": 0.2,
-                }
-            ],
-        ),
+        ("FrictionPatch {}, with friction 0.2", [there("patch", length_m=0.3, width_m=1.0, friction=0.2)]),
         ("Marker {}", []),
     ],
 )
@@ -126,18 +96,9 @@ def test_a_ramp_leads_up_from_the_side_that_it_is_met_from(tmp_path: Path, carsi
     pieces = terrain(tmp_path, f"new Ramp {EAST}, with run_up 0.4, with plateau 0.2, with run_down 0.2")
     x_m = [0.0, 0.1, 0.2, 0.3, 0.5, 0.7, 0.75, 0.85, 0.91]
     expected = [0.0, 0.0, 0.01, 0.02, 0.04, 0.04, 0.03, 0.01, 0.0]
-    scene = {
-        "id": "s",
-        "friction": 0.6,
-        "terrain": pieces,
-        "goal": None,
-        "start": {"x_m": -0.3, "y_m": 0.0, "heading_rad": 0.0},
-        "course": {"x_min_m": -0.5, "x_max_m": 2.0, "y_min_m": -1.0, "y_max_m": 1.0},
-    }
-    question = {"id": "h", "scene": "s", "x_m": x_m, "y_m": [0.1] * len(x_m)}
-    lines = f"{json.dumps({'scene': scene})}\n{json.dumps({'heights': question})}\n"
-    answer = subprocess.run([carsim_binary, "batch"], input=lines, capture_output=True, text=True, check=True).stdout
-    assert json.loads(answer)["z_m"] == pytest.approx(expected, abs=1e-6)
+    heights = carsim_heights(Carsim(carsim_binary))
+    found = heights(empty_scene(pieces), numpy.array(x_m), numpy.full(len(x_m), 0.1))
+    assert found == pytest.approx(expected, abs=1e-6)
 
 
 def test_rough_ground_differs_from_sample_to_sample_unless_it_has_a_seed(tmp_path: Path) -> None:

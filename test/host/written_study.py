@@ -21,6 +21,21 @@ FACTS = {
 }
 RULE = {"success_rule": "a run has passed if it reaches its Goal", "success_defined": True}
 FIXED = {"height_mm": 50.0}
+# What is said of every experiment.
+TOLD = {
+    "vehicle_type": "W_B_W",
+    "fixed": FIXED,
+    "timeout_s": 120.0,
+    "speed_m_s": None,
+    "yaw_rate_rad_s": 0.0,
+    "scenic_program": "step_pyramids.scenic",
+    "scenic_params": {},
+    "seed": 42,
+    "condition": None,
+    "variation": {},
+    "variation_seed": 42,
+    **RULE,
+}
 METRICS = {**dict.fromkeys(NUMBERS, 0.2), "elapsed_time_s": 12.5, "distance_to_target_m": None, "consumed_energy_j": 3.0}
 Outcome = Callable[[Mapping[str, float], int], str]
 
@@ -52,22 +67,7 @@ def add_experiment(
 ) -> None:
     """Add one experiment to an open store, with the runs of the first ``stored`` samples, or of all."""
     environment, spread = writer.environment(fingerprint(name)), writer.spread("nominal")
-    told: dict[str, Any] = {
-        "vehicle_type": "W_B_W",
-        "varied": {key: list(values) for key, values in varied.items()},
-        "fixed": FIXED,
-        "timeout_s": 120.0,
-        "speed_m_s": None,
-        "yaw_rate_rad_s": 0.0,
-        "scenic_program": "step_pyramids.scenic",
-        "scenic_params": {},
-        "seed": 42,
-        "condition": None,
-        "variation": {},
-        "variation_seed": 42,
-        **RULE,
-        **facts,
-    }
+    told = {**TOLD, "varied": {key: list(values) for key, values in varied.items()}, **facts}
     plan = PlannedExperiment(name, "car", "pyramids", environment, spread, samples, told)
     designs = [{**dict(zip(varied, values, strict=True)), **FIXED} for values in product(*varied.values())]
     bodies = [{"id": name, **one, "segments": [{"mass_kg": 0.2}], "wheels": []} for one in designs]
@@ -118,7 +118,9 @@ def add_trials(
     return numbers
 
 
-def import_trials(store: Path, trials: Sequence[tuple[Mapping[str, float], int, str]], source: str = "table") -> None:
+def import_trials(
+    store: Path, trials: Sequence[tuple[Mapping[str, float], int | None, str]], source: str = "table"
+) -> None:
     """Add many trials (design, sample, outcome) of built cars of experiment 1, as `foldcar trials import` does."""
     told = {"experiment": "1", "vehicle_type": "W_B_W", "source": source, "car": "built"}
     with write_trials(store) as writer:

@@ -2,14 +2,14 @@
 
 Input: body and scene of docs/carsim.md; heights as carsim computes them, so that shapes of smooth ground are defined
 once. Output: a HeightGrid, or None if nothing is smooth; the height of the car's frame with which it all but touches the
-ground. Tyres are cylinders and bellies boxes, as in the exported models. Against boxes, ramps and half-rounds the height
-is exact across the car, and along it in slices of a 200th of a part; of a height field both ways to split a cell into
-triangles count, because engines differ in them.
+ground. Tyres are cylinders and bellies boxes, as in the exported models, compared with the ground at points, those along
+every edge among them; of a height field both ways to split a cell into triangles count, because engines differ in them.
 """
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy
@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 from foldcar.errors import FoldcarError
 from foldcar.models.exported_car import axle_m, tyre_center_m
-from foldcar.scenes.terrain_kinds import bounds_m, kind_of
+from foldcar.scenes.checks import rectangle
+from foldcar.scenes.terrain_kinds import bounds_m, kind_of, reach_m
 from foldcar.simulation.heights import Heights
 
 Floats = NDArray[numpy.float64]
@@ -32,8 +33,8 @@ SPACINGS_M = (0.02, 0.01, 0.005)
 MOST_POINTS = 4_000_000
 # The car falls this far.
 FALL_M = 5e-4
-SLICES = 201
-ACROSS_M = 1e-3
+# Between points of a part, at which it and what lies beneath are compared. Of no more than this area is no contact.
+SPACING_M, LEAST_M2 = 1e-3, 1e-12
 # As accurately as engines see contacts; the same height, whatever rounding a scene's numbers have.
 RASTER_M = 1e-5
 
@@ -106,40 +107,33 @@ class _Part:
     z_m: float
     half_length_m: float
     half_width_m: float
-    radius_m: float | None = None
+    radius_m: float = math.inf
 
     def underside(self, x: Floats) -> Floats:
         """Heights (m) of the lowest points at places x."""
-        if self.radius_m is None:
+        if math.isinf(self.radius_m):
             return numpy.full_like(x, self.z_m)
         along = numpy.minimum(numpy.abs(x - self.x_m), self.radius_m)
         return self.z_m - numpy.sqrt(self.radius_m**2 - along**2)
 
-    def slices(self, low: float, high: float) -> Floats:
-        """Places between two, the lowest point of the part among them."""
-        return numpy.append(numpy.linspace(low, high, SLICES), min(max(self.x_m, low), high))
 
-
-def start_height_m(body: Mapping[str, Any], scene: Mapping[str, Any] | None, grid: HeightGrid | None) -> float:
-    """Height (m) of the car's frame at the scene's start; without a scene on a level floor."""
-    terrain = scene["terrain"] if scene else ()
-    blocks = [piece for piece in terrain if kind_of(piece).form == "block"]
-    needed = -math.inf
+def start_height_m(body: Mapping[str, Any], scene: Mapping[str, Any], grid: HeightGrid | None) -> float:
+    """Height (m) of the car's frame at the scene's start."""
+    start, needed = scene["start"], -math.inf
+    cos, sin = math.cos(start["heading_rad"]), math.sin(start["heading_rad"])
+    blocks = [piece for piece in scene["terrain"] if kind_of(piece).form == "block"]
+    grounds = [(rectangle(block, reach_m(block)), partial(_block_top, block)) for block in blocks]
     for part in _parts(body):
-        if scene is None or grid is None:
-            needed = max(needed, -float(part.underside(numpy.array([part.x_m]))[0]))
-        else:
-            needed = max(needed, _over_grid(part, scene["start"], grid))
-        if scene is not None:
-            needed = max([needed, *(_over_block(part, scene["start"], block) for block in blocks)])
-    ground = (0.0, 0.0) if grid is None else (float(numpy.min(grid.z_m)), float(numpy.max(grid.z_m)))
-    level = float(f"{max(wheel['radius_m'] for wheel in body['wheels']):.9g}")
-    low = level + min(0.0, ground[0]) - 0.01
-    high = level + max(0.0, ground[1], *(block["height_m"] for block in blocks), 0.0) + 0.01
-    while high - low > RASTER_M:
-        middle = (low + high) / 2
-        low, high = (middle, high) if middle < needed else (low, middle)
-    return float(high + FALL_M)
+        ahead, left = part.x_m * cos - part.y_m * sin, part.x_m * sin + part.y_m * cos
+        place = {**start, "x_m": start["x_m"] + ahead, "y_m": start["y_m"] + left}
+        beneath = rectangle(place, (part.half_length_m, part.half_width_m))
+        for area, top in ((beneath, partial(_grid_top, grid)), *grounds):
+            common = beneath.intersection(area)
+            if common.area > LEAST_M2:
+                x, y = _points(common)
+                along = (x - start["x_m"]) * cos + (y - start["y_m"]) * sin
+                needed = max(needed, float(numpy.max(top(x, y) - part.underside(along))))
+    return float(math.ceil(needed / RASTER_M) * RASTER_M + FALL_M)
 
 
 def _parts(body: Mapping[str, Any]) -> list[_Part]:
@@ -154,55 +148,31 @@ def _parts(body: Mapping[str, Any]) -> list[_Part]:
     return parts
 
 
-def _over_block(part: _Part, start: Mapping[str, float], block: Mapping[str, Any]) -> float:
-    """The least height (m) of the car's frame with the part above the block; -inf beside it."""
-    turn = block["heading_rad"] - start["heading_rad"]
-    cos, sin = math.cos(turn), math.sin(turn)
-    # The block's middle in the car's frame.
-    dx, dy = block["x_m"] - start["x_m"], block["y_m"] - start["y_m"]
-    x0 = dx * math.cos(start["heading_rad"]) + dy * math.sin(start["heading_rad"])
-    y0 = dy * math.cos(start["heading_rad"]) - dx * math.sin(start["heading_rad"])
-    half_length, half_width, height = block["length_m"] / 2, block["width_m"] / 2, block["height_m"]
-    corners = [(sx * half_length, sy * half_width) for sx, sy in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
-    outline = shapely.Polygon([(x0 + a * cos - b * sin, y0 + a * sin + b * cos) for a, b in corners])
-    low, high = ((part.x_m + sign * part.half_length_m, part.y_m + sign * part.half_width_m) for sign in (-1, 1))
-    rectangle = shapely.box(*low, *high)
-    common = outline.intersection(rectangle)
-    if common.area < 1e-12:
-        return -math.inf
-    edge = numpy.asarray(common.exterior.coords)
-    x = numpy.concatenate([part.slices(edge[:, 0].min(), edge[:, 0].max()), edge[:, 0]])
-    # The ends of the slices: within the part, the block's length and its width.
-    right, left = numpy.full_like(x, part.y_m - part.half_width_m), numpy.full_like(x, part.y_m + part.half_width_m)
-    for offset, slope, half in (((x - x0) * cos, sin, half_length), ((x0 - x) * sin, cos, half_width)):
-        if abs(slope) > 1e-9:
-            sides = y0 + (numpy.array([[-half], [half]]) - offset) / slope
-            right, left = numpy.maximum(right, sides.min(axis=0)), numpy.minimum(left, sides.max(axis=0))
-    # On a slice the block is highest at an end, or where a half-round's ridge is.
-    along = (x - x0) * cos + (numpy.stack([right, left]) - y0) * sin
+def _points(area: shapely.Polygon) -> Floats:
+    """Points (x, y) of the area and along its edge, SPACING_M apart at most."""
+    edge = shapely.get_coordinates(shapely.segmentize(area, SPACING_M)).T
+    x_min, y_min, x_max, y_max = area.bounds
+    inner = numpy.meshgrid(numpy.arange(x_min, x_max, SPACING_M), numpy.arange(y_min, y_max, SPACING_M))
+    within = shapely.contains_xy(area, *inner)
+    return numpy.concatenate([edge, numpy.stack([axis[within] for axis in inner])], axis=1)
+
+
+def _block_top(block: Mapping[str, Any], x: Floats, y: Floats) -> Floats:
+    half, height = block["length_m"] / 2, block["height_m"]
     if block["kind"] == "box":
-        top = numpy.full_like(x, height)
-    elif block["kind"] == "ramp":
-        top = numpy.clip((along.max(axis=0) / half_length + 1) / 2, 0.0, 1.0) * height
-    else:
-        radius = (half_length**2 + height**2) / (2 * height)
-        beside = numpy.where(along[0] * along[1] < 0, 0.0, numpy.abs(along).min(axis=0))
-        top = numpy.sqrt(numpy.maximum(radius**2 - beside**2, 0.0)) + height - radius
-    return float(numpy.max(top - part.underside(x)))
+        return numpy.full_like(x, height)
+    turned = block["heading_rad"]
+    along = (x - block["x_m"]) * math.cos(turned) + (y - block["y_m"]) * math.sin(turned)
+    if block["kind"] == "ramp":
+        return numpy.asarray(numpy.clip((along / half + 1) / 2, 0.0, 1.0) * height)
+    radius = (half**2 + height**2) / (2 * height)
+    return numpy.asarray(numpy.sqrt(numpy.maximum(radius**2 - along**2, 0.0)) + height - radius)
 
 
-def _over_grid(part: _Part, start: Mapping[str, float], grid: HeightGrid) -> float:
-    """The least height (m) of the car's frame with the part above the grid and the level floor around it."""
-    along = part.slices(part.x_m - part.half_length_m, part.x_m + part.half_length_m)
-    count = max(2, math.ceil(2 * part.half_width_m / ACROSS_M) + 1)
-    across = numpy.linspace(part.y_m - part.half_width_m, part.y_m + part.half_width_m, count)
-    x, y = numpy.meshgrid(along, across)
-    cos, sin = math.cos(start["heading_rad"]), math.sin(start["heading_rad"])
-    tops = _grid_tops(grid, start["x_m"] + x * cos - y * sin, start["y_m"] + x * sin + y * cos)
-    return float(numpy.max(tops - part.underside(x)))
-
-
-def _grid_tops(grid: HeightGrid, x: Floats, y: Floats) -> Floats:
+def _grid_top(grid: HeightGrid | None, x: Floats, y: Floats) -> Floats:
+    """Heights of the grid, and of the level floor around it."""
+    if grid is None:
+        return numpy.zeros_like(x)
     rows, columns = grid.z_m.shape
     u = (x - grid.x_min_m) / (grid.x_max_m - grid.x_min_m) * (columns - 1)
     v = (y - grid.y_min_m) / (grid.y_max_m - grid.y_min_m) * (rows - 1)

@@ -7,7 +7,7 @@ from typing import Any
 from foldcar.simulation.carsim import Carsim, input_line
 
 # A level floor without end, for the course's limits end a run only.
-LEVEL_SCENE = {
+LEVEL_SCENE: dict[str, Any] = {
     "friction": 1.0,
     "terrain": [],
     "start": {"x_m": 0.0, "y_m": 0.0, "heading_rad": 0.0},

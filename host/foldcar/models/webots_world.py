@@ -16,6 +16,7 @@ import numpy
 from foldcar.errors import FoldcarError
 from foldcar.models.exported_car import wheel_name
 from foldcar.models.ground import HeightGrid, start_height_m
+from foldcar.models.mjcf import LEVEL_SCENE
 from foldcar.models.webots_car import HEADER, Node, contact_materials, node_text, placed, shape, vector
 from foldcar.scenes.terrain_kinds import kind_of
 from foldcar.simulation.carsim import PulseTrain
@@ -41,18 +42,18 @@ def webots_world(
 
     ``drive`` names the controller's file of the car's drive.
     """
-    friction = scene["friction"] if scene else 1.0
-    contacts = [_contact(name, friction * grip) for name, grip in contact_materials(body).items()]
-    start = scene["start"] if scene else {"x_m": 0.0, "y_m": 0.0, "heading_rad": 0.0}
-    height_m = start_height_m(body, scene, grid)
+    scene = scene or LEVEL_SCENE
+    contacts = [_contact(name, scene["friction"] * grip) for name, grip in contact_materials(body).items()]
+    blocks = [piece for piece in scene["terrain"] if kind_of(piece).form == "block"]
+    place = _place(scene["start"], start_height_m(body, scene, grid))
     nodes = [
         Node("WorldInfo", {"basicTimeStep": STEP_MS, "contactProperties": contacts}),
         Node("Viewpoint", {"orientation": vector(*_looking()), "position": vector(*EYE_M)}),
         Node("Background", {"skyColor": [vector(0.7, 0.8, 0.9)]}),
         Node("DirectionalLight", {"direction": vector(0.4, 0.3, -1), "intensity": 2, "castShadows": True}),
         *_floor(grid),
-        *(_block(piece, f"{piece['kind']} {index}") for index, piece in enumerate(_blocks(scene))),
-        Node(proto, {**_place(start, height_m), "controller": CONTROLLER, "controllerArgs": [drive]}),
+        *(_block(piece, f"{piece['kind']} {index}") for index, piece in enumerate(blocks)),
+        Node(proto, {**place, "controller": CONTROLLER, "controllerArgs": [drive]}),
     ]
     head = [HEADER, "", f'EXTERNPROTO "../protos/{proto}.proto"', ""]
     return "\n".join([*head, *(node_text(node) for node in nodes), ""])
@@ -65,11 +66,6 @@ def _contact(name: str, friction: float) -> Node:
 
 def _place(at: Mapping[str, float], z_m: float = 0) -> dict[str, Any]:
     return {"translation": vector(at["x_m"], at["y_m"], z_m), "rotation": vector(0, 0, 1, at["heading_rad"])}
-
-
-def _blocks(scene: Mapping[str, Any] | None) -> list[Mapping[str, Any]]:
-    terrain = scene["terrain"] if scene else ()
-    return [piece for piece in terrain if kind_of(piece).form == "block"]
 
 
 def _floor(grid: HeightGrid | None) -> list[Node]:

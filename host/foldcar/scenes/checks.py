@@ -83,8 +83,8 @@ def check_free_start(start: Pose, ego: Any, terrain: Sequence[Pose], owners: Seq
 
 
 def _stands_level(start: Pose, half: tuple[float, float], piece: Pose) -> bool:
-    car = _rectangle(start, half)
-    shared_m2 = car.intersection(_rectangle(piece, reach_m(piece))).area
+    car = rectangle(start, half)
+    shared_m2 = car.intersection(rectangle(piece, reach_m(piece))).area
     return bool(shared_m2 < ROUNDING_M2 or shared_m2 > car.area - ROUNDING_M2)
 
 
@@ -113,8 +113,8 @@ def check_goal_ahead(start: Pose, goal: Pose, terrain: Sequence[Pose], thing: An
         raise UnusableError(f"the start is within the goal's reach of {radius} m", thing)
     for piece in terrain:
         wall = piece["kind"] == "box" and piece["height_m"] > GREATEST_WHEEL_RADIUS_M
-        square = _rectangle({**goal, "heading_rad": 0.0}, (radius, radius))
-        if wall and _rectangle(piece, reach_m(piece)).buffer(ROUNDING_M).covers(square):
+        square = rectangle({**goal, "heading_rad": 0.0}, (radius, radius))
+        if wall and rectangle(piece, reach_m(piece)).buffer(ROUNDING_M).covers(square):
             raise UnusableError(
                 f"no car can reach it: it is inside a box {piece['height_m']:g} m high, "
                 f"and no wheel climbs more than {GREATEST_WHEEL_RADIUS_M:g} m",
@@ -131,7 +131,7 @@ def _check_overlap(course: Mapping[str, float], place: Pose, bounds: Sequence[fl
             raise UnusableError(f"{axis}: {where}", thing)
 
 
-def _rectangle(place: Pose, half: tuple[float, float]) -> Any:
+def rectangle(place: Pose, half: tuple[float, float]) -> Any:
     """The rectangle at ``place`` of those half sizes along its heading and across (m)."""
     turned = affinity.rotate(box(-half[0], -half[1], *half), place["heading_rad"], (0, 0), use_radians=True)
     return affinity.translate(turned, place["x_m"], place["y_m"])

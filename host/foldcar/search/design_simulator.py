@@ -6,7 +6,7 @@ those that it had and those that were tried since.
 
 import contextlib
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from foldcar.car.body import TableRow
 from foldcar.interrupts import delayed
@@ -19,7 +19,7 @@ from foldcar.study.experiment_runs import StoredSamples
 from foldcar.study.experiments import Experiment
 from foldcar.study.kept_paths import KeptPaths
 from foldcar.study.planned_designs import PlannedDesigns, planned_design
-from foldcar.study.sweep import is_dynamic, plan_experiment
+from foldcar.study.sweep import plan_experiment
 
 # The values of a family's parameters, in the order of its choices.
 Values = tuple[float, ...]
@@ -44,32 +44,22 @@ def fresh_id(experiment: str) -> str:
     return f"{experiment} fresh"
 
 
+@dataclass
 class DesignSimulator:
     """One experiment's environment with its simulators. Made by :func:`open_simulator`."""
 
-    def __init__(
-        self,
-        experiment: Experiment,
-        environment: Environment,
-        writer: StoreWriter,
-        pool: ChunkPool,
-        dynamic: bool,
-        table: dict[str, TableRow],
-        simulated: Callable[[int], None],
-        searched: Sequence[str],
-    ) -> None:
-        self._experiment = experiment
-        self._environment = environment
-        self._writer = writer
-        self._pool = pool
-        self._table = table
-        self._simulated = simulated
-        self._searched = searched
-        self._samples = StoredSamples(environment, writer, dynamic)
-        self._plan: PlannedExperiment | None = None
-        self._positions: dict[Values, int] = {}
-        # Those of an earlier search are not looked for: the bound is on each.
-        self._paths = KeptPaths(None)
+    _experiment: Experiment
+    _environment: Environment
+    _writer: StoreWriter
+    _pool: ChunkPool
+    _samples: StoredSamples
+    _table: dict[str, TableRow]
+    _simulated: Callable[[int], None]
+    _searched: Sequence[str]
+    _plan: PlannedExperiment | None = None
+    _positions: dict[Values, int] = field(default_factory=dict)
+    # Those of an earlier search are not looked for: the bound is on each.
+    _paths: KeptPaths = field(default_factory=lambda: KeptPaths(None))
 
     def rows(self, values: Values, samples: Sequence[int]) -> list[Row]:
         """The results of a design that can be built in these samples, simulated if the store lacks them. FoldcarError."""
@@ -142,11 +132,11 @@ def open_simulator(
 
     ``searched`` names the objectives by which designs are chosen from these runs, as ExperimentInfo keeps them; none are.
     """
-    dynamic = is_dynamic(writer.environment(environment.fingerprint), environment, writer)
-    table = carsim.parameter_table()
+    dynamic = writer.is_dynamic(writer.environment(environment.fingerprint), lambda: environment.dynamic)
+    samples, table = StoredSamples(environment, writer, dynamic), carsim.parameter_table()
     with (
         ChunkPool(writer, simulators, carsim.limits().numbers) as pool,
         environment.runner(carsim, dynamic) as runner,
         pool.using(runner),
     ):
-        yield DesignSimulator(experiment, environment, writer, pool, dynamic, table, simulated, searched)
+        yield DesignSimulator(experiment, environment, writer, pool, samples, table, simulated, searched)

@@ -223,10 +223,14 @@ def _open_writing(path: Path, accept: Callable[[Path, sqlite3.Connection], objec
             patiently(path, lambda: connection.execute("PRAGMA journal_mode = DELETE").fetchone())
             connection.execute("PRAGMA locking_mode = NORMAL")
             connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
-        # Deleted rows are overwritten, so that what is saved of a damaged store is never one of them.
-        connection.execute("PRAGMA secure_delete = ON")
+        _overwrite_deleted(connection)
         stack.pop_all()
         return connection
+
+
+def _overwrite_deleted(connection: sqlite3.Connection) -> None:
+    """Deleted rows are overwritten, so that what is saved of a damaged store is never one of them."""
+    connection.execute("PRAGMA secure_delete = ON")
 
 
 def _close_writing(path: Path, connection: sqlite3.Connection, status: os.stat_result) -> None:
@@ -261,6 +265,7 @@ def new_store(store: Path) -> Iterator[tuple[sqlite3.Connection, list[tuple[Path
             with store_errors(store):
                 connection = sqlite3.connect(part, isolation_level=None, uri=True)
             with contextlib.closing(connection):
+                _overwrite_deleted(connection)
                 fill_blank(store, connection)
                 with store_errors(store):
                     yield connection, logs

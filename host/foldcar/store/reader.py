@@ -4,6 +4,7 @@ import itertools
 import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import fields
 from pathlib import Path
 from sqlite3 import Connection
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -36,11 +37,6 @@ if TYPE_CHECKING:
     from foldcar.analysis.stopping import StoppingRule
 
 __all__ = ["ExperimentInfo", "Store", "StoreError", "StudyInfo"]
-
-TRIAL_FIELDS = (
-    "outcome", "ending", "elapsed_time_s", "note", "operator", "started_utc", "ended_utc", "firmware_build",
-    "design_hash", "log", "log_sha256", "source", "car", "scenic_program",
-)  # fmt: skip
 
 # What :meth:`Store.run_batches` gives of each run, at so many runs a time.
 RUN_CELLS = (*sorted(RUN.names), CHECKSUM)
@@ -156,17 +152,9 @@ class Store:
         """All trials in their order, whatever their standing; of one experiment if it is named."""
         corrections = Counter(row["trial_id"] for row in self.rows(CORRECTION))
         for row in self.rows(TRIAL, "WHERE ?1 IS NULL OR experiment = ?1 ORDER BY id", experiment):
-            yield Trial(
-                id=row["id"],
-                experiment=row["experiment"],
-                vehicle_type=row["vehicle_type"],
-                design=parsed(self.path, TRIAL, row, "design"),
-                sample=row["sample"],
-                deviations=self._deviations(row),
-                withdrawn=bool(row["withdrawn"]),
-                corrections=corrections[row["id"]],
-                **{field: row[field] for field in TRIAL_FIELDS},
-            )
+            told = {**row, "withdrawn": bool(row["withdrawn"]), "corrections": corrections[row["id"]]}
+            told |= {"design": parsed(self.path, TRIAL, row, "design"), "deviations": self._deviations(row)}
+            yield Trial(**{one.name: told[one.name] for one in fields(Trial)})
 
     def trials_elsewhere(self, info: ExperimentInfo) -> dict[int, str | None]:
         """Trials in another environment than that of the experiment's runs: number and Scenic program, if known.

@@ -10,20 +10,17 @@ import shutil
 import sqlite3
 import tempfile
 from collections import Counter
-from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from itertools import groupby
 from pathlib import Path
-from typing import Any
 
 from foldcar.store.check import findings_of
 from foldcar.store.connection import transaction
 from foldcar.store.errors import SQLITE_ERRORS, StoreError
 from foldcar.store.log_files import log_file, logs_folder, sha256_of
 from foldcar.store.opening import beside, fill_blank, new_store
-from foldcar.store.rows import Row, insert_sql, stored
+from foldcar.store.rows import Row, insert_sql, read_rows, stored
 from foldcar.store.salvage import Rows, log_damage, salvage
-from foldcar.store.tables import BY_NAME, CORRECTION, PATH, RECORDED, RUN, TABLES, TRIAL, Table
+from foldcar.store.tables import CORRECTION, DRAW, PATH, RECORDED, RUN, SAMPLE, TABLES, TRIAL, Column, Table
 from foldcar.store.trial_writer import now_utc
 
 BY = "foldcar repair"
@@ -60,27 +57,21 @@ def repair_store(damaged: Path, whole: Path) -> Repair:
         found = _found(damaged, done)
         if not any(found.values()):
             raise StoreError(f"{damaged}: no row of it is whole, or it is no foldcar store")
-        done.missing = _gaps(found)
-        dependent: Counter[str] = Counter()
-        kept: Rows = {}
         for table in TABLES:
-            rows = kept[table.name] = {}
-            for key, row in sorted(found[table.name].items()):
-                lost = _lost_references(table, row, kept)
-                if lost and table is TRIAL:
-                    row = _emptied(row, lost, found, done)
-                elif lost:
-                    dependent[table.name] += 1
-                    continue
-                rows[key] = row
-            if table.name in ("sample", "draw"):
-                dependent[table.name] += _drop_behind_gaps(rows)
-            written = [tuple(stored(table, row).values()) for row in rows.values()]
-            connection.executemany(insert_sql(table), written)
-            done.saved[table.name] = len(written)
-        done.dependent = dict(+dependent)
-        done.logs = _unnamed_logs(damaged, kept[TRIAL.name])
-        logs += _logs(damaged, whole, kept[TRIAL.name])
+            _insert(connection, table, *(found[table.name][key] for key in sorted(found[table.name])))
+            done.missing[table.name] = _missing(connection, table)
+        for table in TABLES:
+            if table is TRIAL:
+                done.trials = _empty_lost_references(whole, connection)
+            done.dependent[table.name] = _drop_dependent(connection, table)
+            (done.saved[table.name],) = connection.execute(f"SELECT count(*) FROM {table.name}").fetchone()
+        done.missing, done.dependent = (dict(+Counter(lost)) for lost in (done.missing, done.dependent))
+        named = [log for (log,) in connection.execute("SELECT log FROM trial WHERE log IS NOT NULL ORDER BY id")]
+        there = logs_folder(damaged).glob("trial-*.tlog")
+        done.logs = sorted({str(file.relative_to(damaged.parent)) for file in there} - {*named})
+        # They are named relative to the store's folder: in another folder it needs copies of its own.
+        files = [(log_file(damaged, log), log_file(whole, log)) for log in named]
+        logs += [(source, target, sha256_of(source)) for source, target in files if source.is_file()]
     return done
 
 
@@ -119,72 +110,59 @@ def _restore_header(copy: Path) -> None:
     copy.write_bytes(content)
 
 
-def _lost_references(table: Table, row: Row, kept: Mapping[str, Mapping[tuple[Any, ...], Row]]) -> list[str]:
-    """The columns of a row that refer to rows that are not kept."""
-    if table in (RECORDED, PATH) and tuple(row[name] for name in RUN.key) not in kept[RUN.name]:
-        return list(RUN.key)
-    return [
-        column.name
-        for column in table.columns
-        if column.refers and row[column.name] is not None and (row[column.name],) not in kept[column.refers]
-    ]
+def _insert(connection: sqlite3.Connection, table: Table, *rows: Row, otherwise: str = "") -> None:
+    connection.executemany(insert_sql(table, otherwise), (tuple(stored(table, row).values()) for row in rows))
 
 
-def _emptied(trial: Row, lost: list[str], found: Rows, done: Repair) -> Row:
-    """A trial without references to lost rows, with a correction that says so of each."""
-    corrections = found[CORRECTION.name]
-    for column in lost:
-        number = max((key[0] for key in corrections), default=0) + 1
-        correction = {
-            "id": number,
-            "trial_id": trial["id"],
-            "corrected_utc": now_utc(),
-            "field": column,
-            "before": trial[column],
-            "after": None,
-            "reason": "what it refers to was lost",
-            "operator": BY,
-        }
-        corrections[number,] = stored(CORRECTION, correction)
-    done.trials.append(f"trial {trial['id']}: its {', '.join(name.removesuffix('_id') for name in lost)} is lost")
-    return {**trial, **dict.fromkeys(lost)}
+def _missing(connection: sqlite3.Connection, table: Table) -> int:
+    """How many numbers below the highest are missing in a table whose rows are numbered, or of samples."""
+    if table in (SAMPLE, DRAW):
+        count = f"total(n) FROM (SELECT max(sample) + 1 - count(*) AS n FROM {table.name} GROUP BY {table.key[0]})"
+    elif table.columns[0].type == "INTEGER" and table.key == ("id",):
+        count = f"total(n) FROM (SELECT max(id) - count(*) AS n FROM {table.name})"
+    else:
+        return 0
+    return int(connection.execute(f"SELECT {count}").fetchone()[0])
 
 
-def _gaps(found: Rows) -> dict[str, int]:
-    """How many numbers below the highest are missing in tables whose rows are numbered."""
-    gaps = {}
-    for name, rows in found.items():
-        if BY_NAME[name].columns[0].type == "INTEGER" and BY_NAME[name].key == ("id",) and rows:
-            gaps[name] = max(key[0] for key in rows) - len(rows)
-        elif name in ("sample", "draw"):
-            groups = groupby(sorted(rows), lambda key: key[0])
-            gaps[name] = sum(keys[-1][1] + 1 - len(keys) for keys in (list(group) for _, group in groups))
-    return {name: count for name, count in gaps.items() if count > 0}
+def _is_lost(column: Column) -> str:
+    """The condition that what a row refers to in this column is not there."""
+    return f"{column.name} NOT IN (SELECT id FROM {column.refers})"
 
 
-def _drop_behind_gaps(rows: dict[tuple[Any, ...], Row]) -> int:
-    """Stored samples are those from 0 to n - 1: drop those behind a missing one; how many they were."""
-    expected: dict[Any, int] = {}
-    dropped = []
-    for key in sorted(rows):
-        if key[1] == expected.get(key[0], 0):
-            expected[key[0]] = key[1] + 1
-        else:
-            dropped.append(key)
-    for key in dropped:
-        del rows[key]
-    return len(dropped)
+def _empty_lost_references(whole: Path, connection: sqlite3.Connection) -> list[str]:
+    """Empty what refers to lost rows in trials, with a correction for each; says of which trials."""
+    told: dict[int, list[str]] = {}
+    for column in (column for column in TRIAL.columns if column.refers):
+        for trial in list(read_rows(whole, connection, TRIAL, f"WHERE {_is_lost(column)} ORDER BY id")):
+            (last,) = connection.execute("SELECT coalesce(max(id), 0) FROM correction").fetchone()
+            correction = {
+                "id": last + 1,
+                "trial_id": trial["id"],
+                "corrected_utc": now_utc(),
+                "field": column.name,
+                "before": trial[column.name],
+                "after": None,
+                "reason": "what it refers to was lost",
+                "operator": BY,
+            }
+            _insert(connection, CORRECTION, correction)
+            _insert(connection, TRIAL, {**trial, column.name: None}, otherwise="OR REPLACE")
+            told.setdefault(trial["id"], []).append(column.name.removesuffix("_id"))
+    return [f"trial {number}: its {', '.join(names)} is lost" for number, names in sorted(told.items())]
 
 
-def _unnamed_logs(damaged: Path, trials: Mapping[tuple[Any, ...], Row]) -> list[str]:
-    """Logs beside the damaged store that no saved trial names: of trials that are lost."""
-    named = {row["log"] for row in trials.values()}
-    logs = (str(file.relative_to(damaged.parent)) for file in logs_folder(damaged).glob("trial-*.tlog"))
-    return sorted(log for log in logs if log not in named)
-
-
-def _logs(damaged: Path, whole: Path, trials: Mapping[tuple[Any, ...], Row]) -> Iterator[tuple[Path, Path, str | None]]:
-    """Logs are named relative to the store's folder: in another folder it needs copies of its own."""
-    for row in trials.values():
-        if row["log"] is not None and (source := log_file(damaged, row["log"])).is_file():
-            yield source, log_file(whole, row["log"]), sha256_of(source)
+def _drop_dependent(connection: sqlite3.Connection, table: Table) -> int:
+    """Drop rows that refer to lost ones, and samples behind a missing one; how many they were."""
+    lost = [_is_lost(column) for column in table.columns if column.refers]
+    if table in (RECORDED, PATH):
+        keys = ", ".join(RUN.key)
+        lost.append(f"({keys}) NOT IN (SELECT {keys} FROM run)")
+    dropped = connection.execute(f"DELETE FROM {table.name} WHERE {' OR '.join(lost) or 'FALSE'}").rowcount
+    if table in (SAMPLE, DRAW):
+        # Stored samples are those from 0 to n - 1.
+        keys = ", ".join(table.key)
+        place = f"row_number() OVER (PARTITION BY {table.key[0]} ORDER BY sample) - 1 AS place"
+        behind = f"SELECT {keys} FROM (SELECT {keys}, {place} FROM {table.name}) WHERE place < sample"
+        dropped += connection.execute(f"DELETE FROM {table.name} WHERE ({keys}) IN ({behind})").rowcount
+    return dropped

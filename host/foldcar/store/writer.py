@@ -8,7 +8,7 @@ variations by that of their spread.
 import contextlib
 import itertools
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from sqlite3 import Connection
@@ -30,6 +30,7 @@ from foldcar.store.tables import (
     RESULT_JOIN,
     RUN,
     STUDY,
+    Table,
 )
 
 PAGE_ROWS = 1000
@@ -160,15 +161,14 @@ class StoreWriter(StoreConnection):
         found = self._rows(EXPERIMENT, "WHERE id = ?", experiment)
         return json.loads(found[0]["facts"]).get("files") if found else None
 
-    def is_dynamic(self, environment_id: int) -> bool | None:
-        """Whether the environment's program must run beside the simulation; None if that is not stored yet."""
-        dynamic = self._row(ENVIRONMENT, id=environment_id)["dynamic"]
-        return None if dynamic is None else bool(dynamic)
-
-    def put_dynamic(self, environment_id: int, dynamic: bool) -> None:
-        """Store the value of :meth:`is_dynamic`."""
-        with self._transaction():
-            self._update(ENVIRONMENT, {**self._row(ENVIRONMENT, id=environment_id), "dynamic": int(dynamic)})
+    def is_dynamic(self, environment_id: int, found: Callable[[], bool]) -> bool:
+        """Whether the program must run beside the simulation; ``found`` is asked if that is not stored yet."""
+        row = self._row(ENVIRONMENT, id=environment_id)
+        if row["dynamic"] is None:
+            row["dynamic"] = int(found())
+            with self._transaction():
+                self._update(ENVIRONMENT, row)
+        return bool(row["dynamic"])
 
     def success_rule(self, environment_id: int) -> tuple[str, bool] | None:
         """When a run in the environment has passed and whether that is defined; None if no experiment says so yet."""
@@ -183,18 +183,12 @@ class StoreWriter(StoreConnection):
         with self._transaction():
             return self._identify("spread", "fingerprint", fingerprint)
 
-    def sample_count(self, environment_id: int) -> int:
-        """The number n for which the samples 0 to n - 1 of an environment are stored: the first that is not."""
-        return self._first_missing("sample", "environment_id", environment_id)
-
-    def draw_count(self, spread_id: int) -> int:
-        """The same of a spread."""
-        return self._first_missing("draw", "spread_id", spread_id)
-
-    def _first_missing(self, table: str, column: str, number: int) -> int:
+    def sample_count(self, table: Table, number: int) -> int:
+        """The number n for which samples 0 to n - 1 of an environment, or in DRAW of a spread, are stored."""
+        name, column = table.name, table.key[0]
         row = self._run(
-            f"SELECT min(k) FROM (SELECT 0 AS k UNION ALL SELECT sample + 1 FROM {table} WHERE {column} = ?1) "
-            f"WHERE NOT EXISTS (SELECT 1 FROM {table} WHERE {column} = ?1 AND sample = k)",
+            f"SELECT min(k) FROM (SELECT 0 AS k UNION ALL SELECT sample + 1 FROM {name} WHERE {column} = ?1) "
+            f"WHERE NOT EXISTS (SELECT 1 FROM {name} WHERE {column} = ?1 AND sample = k)",
             number,
         ).fetchone()
         return int(row[0])

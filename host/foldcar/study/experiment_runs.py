@@ -12,6 +12,7 @@ from functools import cached_property
 
 from foldcar.analysis.stopping import StoppingRule
 from foldcar.simulation.results import REJECTED
+from foldcar.store.tables import DRAW, SAMPLE
 from foldcar.store.writer import PlannedExperiment, StoreWriter, canonical_json
 from foldcar.study.chunks import ChunkPool, FinishedRun
 from foldcar.study.environments import Environment
@@ -62,8 +63,8 @@ class StoredSamples:
         self._environment, self._writer, self._dynamic = environment, writer, dynamic
         self._environment_id = writer.environment(environment.fingerprint)
         self._spread_id = writer.spread(environment.spread_fingerprint)
-        self._scenes = self._first_scenes = writer.sample_count(self._environment_id)
-        self._draws = writer.draw_count(self._spread_id)
+        self._scenes = self._first_scenes = writer.sample_count(SAMPLE, self._environment_id)
+        self._draws = writer.sample_count(DRAW, self._spread_id)
 
     def reach(self, sample: int) -> None:
         """Store what is not there of all samples up to this one. FoldcarError if the program is at fault."""

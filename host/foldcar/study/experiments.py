@@ -13,7 +13,7 @@ from foldcar.car.design import Design
 from foldcar.car.variation import spread_named
 from foldcar.store.info import engine_id
 from foldcar.study.family import Family, read_family
-from foldcar.study.listing import ExperimentParams, ListingError
+from foldcar.study.listing import ListingError
 from foldcar.study.listing_file import read_listing
 from foldcar.typed import did_you_mean
 
@@ -85,7 +85,7 @@ def read_study(file: Path, experiment: str | None = None, environments: int | No
             continue
         environment = listing.environments[listed.env_id]
         program = file.parent / environment.scenic_filename
-        params = listed.params
+        params, place = listed.params, f"{file}: experiments.{name}"
         chosen.append(
             Experiment(
                 id=name,
@@ -100,9 +100,9 @@ def read_study(file: Path, experiment: str | None = None, environments: int | No
                 timeout_s=params.timeout,
                 speed_m_s=params.speed,
                 yaw_rate_rad_s=params.yaw_rate,
-                variation=_variation(params, f"{file}: experiments.{name}.params.variation"),
+                variation={} if params.variation is None else spread_named(params.variation, f"{place}.params.variation"),
                 variation_seed=environment.seed if params.variation_seed is None else params.variation_seed,
-                place=f"{file}: experiments.{name}",
+                place=place,
                 thresholds=params.threshold,
             )
         )
@@ -137,10 +137,6 @@ def run_settings(
         "time_limit_s": timeout_s,
         "parameters": values,
     }
-
-
-def _variation(params: ExperimentParams, place: str) -> Mapping[str, float]:
-    return spread_named(params.variation, place) if params.variation is not None else {}
 
 
 def engine_study(study: Study, carsim: "Carsim") -> Study:

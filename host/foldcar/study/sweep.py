@@ -8,7 +8,7 @@ others in carsim's batch.
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from datetime import datetime, timezone
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 
 from foldcar import __version__
@@ -101,7 +101,7 @@ class Sweep:
             )
             with ChunkPool(writer, simulators, carsim.limits().numbers) as pool:
                 for (experiment, environment), plan in zip(chosen, plans, strict=True):
-                    dynamic = is_dynamic(plan.environment_id, environment, writer)
+                    dynamic = writer.is_dynamic(plan.environment_id, partial(getattr, environment, "dynamic"))
                     rule, rejected = self.until.get(plan.id), counts.rejected
                     with environment.runner(carsim, dynamic) as runner, pool.using(runner):
                         runs = ExperimentRuns(
@@ -162,15 +162,6 @@ class Sweep:
             for one in finished:
                 self.progress.count(outcome_of(one.answer), one.count)
         report(self.progress)
-
-
-def is_dynamic(environment_id: int, environment: Environment, writer: StoreWriter) -> bool:
-    """Whether the program is dynamic, from the store, or else from compiling the program."""
-    dynamic = writer.is_dynamic(environment_id)
-    if dynamic is None:
-        dynamic = environment.dynamic
-        writer.put_dynamic(environment_id, dynamic)
-    return dynamic
 
 
 def plan_experiment(

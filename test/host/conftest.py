@@ -3,7 +3,7 @@
 import json
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -70,6 +70,20 @@ def foldcar(tmp_path: Path) -> Callable[..., "subprocess.CompletedProcess[str]"]
 
 
 @pytest.fixture
+def refused(foldcar: Callable[..., "subprocess.CompletedProcess[str]"]) -> Callable[..., str]:
+    """A function that runs `foldcar`, which must refuse in one line and print nothing else; returns that line."""
+
+    def run(*words: str | Path, **options: Any) -> str:
+        done = foldcar(*words, **options)
+        start, end = "foldcar: error: ", "\n"
+        assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1), done.stderr
+        assert done.stderr.startswith(start) and done.stderr.endswith(end), done.stderr
+        return done.stderr[len(start) : -len(end)]
+
+    return run
+
+
+@pytest.fixture
 def new_foldcar(tmp_path: Path) -> Callable[..., "subprocess.CompletedProcess[str]"]:
     """A function that runs `foldcar` in a temporary folder, in a new Python."""
 
@@ -78,6 +92,24 @@ def new_foldcar(tmp_path: Path) -> Callable[..., "subprocess.CompletedProcess[st
         return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=HANGS_S, **options)
 
     return run
+
+
+@pytest.fixture
+def start(carsim_binary: Path, tmp_path: Path) -> Iterator[Callable[..., Any]]:
+    """A function that starts cars of `carsim link` with the test's folder, which are stopped after the test."""
+    from link_client import Car, write_car_files
+
+    cars: list[Car] = []
+    write_car_files(tmp_path)
+
+    def begin(*options: str) -> Car:
+        cars.append(Car(carsim_binary, tmp_path, *(options if "--tcp" in options else ("--pty", *options))))
+        return cars[-1]
+
+    yield begin
+    for car in cars:
+        if car.process.poll() is None:
+            assert car.end() == 0
 
 
 @pytest.fixture

@@ -11,6 +11,7 @@ from typing import Any
 
 from foldcar.car.body import body_json, car_json
 from foldcar.car.design import compose
+from foldcar.link.car import Car, greet
 from foldcar.link.simulated_car import SimulatedCar, simulated_car
 from foldcar.link.tlog import read_tlog
 from foldcar.scenes.fingerprint import scene_name
@@ -66,6 +67,16 @@ def car_at_port(
     says = scene_name(free_course_scene(), 0)
     with simulated_car([str(binary)], body, scene, car_json(design), 1.0, port, subprocess.PIPE, says) as car:
         yield car
+
+
+@contextlib.contextmanager
+def greeted(port: str) -> Iterator[Car]:
+    """A connection to the car at a port."""
+    car = greet(port)
+    try:
+        yield car
+    finally:
+        car.connection.close()
 
 
 def inject(car: SimulatedCar, **what: Any) -> None:

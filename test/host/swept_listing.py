@@ -27,6 +27,14 @@ def foldcar(*words: str | Path) -> str:
     return done.output
 
 
+def told(*words: str | Path) -> dict[str, Any]:
+    """The result of a command as JSON, which may print notes beside it."""
+    done = CliRunner().invoke(app, [*map(str, words), "--json"])
+    assert done.exit_code == 0, done.output
+    found: dict[str, Any] = json.loads(done.stdout)
+    return found
+
+
 def reported(folder: Path, widths: Sequence[int], environments: int) -> Path:
     """The folder with a swept store, s.db, with two trials, and its report."""
     listing = {

@@ -1,4 +1,4 @@
-"""The command `foldcar`: help, version, one-line errors, `run` and `sweep`."""
+"""The command `foldcar`: one-line errors, `run` and `sweep`."""
 
 import os
 import subprocess
@@ -9,29 +9,7 @@ from typing import Any
 
 import pytest
 
-from foldcar import __version__
-from under_coverage import unmeasured
-
-
-def test_help_names_every_command(foldcar: Any) -> None:
-    answer = foldcar("--help")
-
-    assert answer.returncode == 0
-    for command in ("sweep", "run", "sample", "report", "export"):
-        assert f"\n  {command} " in answer.stdout
-
-
-def test_version(foldcar: Any) -> None:
-    assert foldcar("--version").stdout == f"foldcar {__version__}\n"
-
-
-def test_help_waits_for_nothing_heavy() -> None:
-    heavy = "{'scenic', 'matplotlib', 'numpy', 'scipy', 'pyarrow', 'pydantic', 'sqlite3'}"
-    code = f"import sys, foldcar.cli; print({heavy} & set(sys.modules))"
-
-    answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=unmeasured())
-
-    assert answer.stdout == "set()\n"
+Write = Callable[[Any], Path]
 
 
 @pytest.mark.parametrize(
@@ -51,16 +29,11 @@ def test_help_waits_for_nothing_heavy() -> None:
     ],
 )
 def test_mistakes_are_one_line_and_leave_nothing(
-    tmp_path: Path, write_listing: Callable[[Any], Path], listing_data: Any, foldcar: Any,
-    words: tuple[str, ...], message: str,
-) -> None:  # fmt: skip
+    tmp_path: Path, write_listing: Write, listing_data: Any, refused: Any, words: tuple[str, ...], message: str
+) -> None:
     write_listing(listing_data).rename(tmp_path / "l.json")
 
-    answer = foldcar(*words)
-
-    assert answer.returncode == 2
-    assert answer.stderr.startswith(f"foldcar: error: {message}")
-    assert answer.stderr.count("\n") == 1 and answer.stdout == ""
+    assert refused(*words).startswith(message)
     assert [file.name for file in tmp_path.iterdir()] == ["l.json"]
 
 
@@ -75,26 +48,22 @@ def test_wrong_usage_is_told_without_traceback(foldcar: Any, words: tuple[str, .
 
 
 def test_without_carsim_the_way_to_one_is_named(
-    tmp_path: Path, write_listing: Callable[[Any], Path], listing_data: Any, foldcar: Any
+    tmp_path: Path, write_listing: Write, listing_data: Any, refused: Any
 ) -> None:
-    listing = write_listing(listing_data)
+    words = ("sweep", write_listing(listing_data), "--store", "s.db")
 
-    answer = foldcar("sweep", listing, "--store", "s.db", env={**os.environ, "FOLDCAR_CARSIM": "/none/carsim"})
+    told = refused(*words, env={**os.environ, "FOLDCAR_CARSIM": "/none/carsim"})
 
-    assert answer.returncode == 2
-    assert answer.stderr == "foldcar: error: FOLDCAR_CARSIM: /none/carsim is no program\n"
+    assert told == "FOLDCAR_CARSIM: /none/carsim is no program"
     assert not (tmp_path / "s.db").exists()
 
 
 def test_run_tells_the_outcome_and_draws(
-    tmp_path: Path, write_listing: Callable[[Any], Path], listing_data: Any, foldcar: Any, carsim_binary: Path
+    tmp_path: Path, write_listing: Write, listing_data: Any, foldcar: Any, carsim_binary: Path
 ) -> None:
-    listing = write_listing(listing_data)
+    words = ("--experiment", "1", "--set", "width=120", "--sample", "2", "--plot", "run.svg")
 
-    answer = foldcar(
-        "run", listing, "--experiment", "1", "--set", "width=120", "--sample", "2", "--plot", "run.svg",
-        env={**os.environ, "FOLDCAR_CARSIM": str(carsim_binary)},
-    )  # fmt: skip
+    answer = foldcar("run", write_listing(listing_data), *words)
 
     assert answer.returncode == 0, answer.stderr
     told = dict(line.split(maxsplit=1) for line in answer.stdout.splitlines())
@@ -105,14 +74,12 @@ def test_run_tells_the_outcome_and_draws(
 
 
 def test_run_shows_how_the_car_differs_from_its_design(
-    write_listing: Callable[[Any], Path], listing_data: Any, foldcar: Any, carsim_binary: Path
+    write_listing: Write, listing_data: Any, foldcar: Any, carsim_binary: Path
 ) -> None:
     listing_data["experiments"]["1"]["params"] |= {"variation": "workshop", "variation_seed": 5}
-    listing = write_listing(listing_data)
-    words = ("run", listing, "--experiment", "1", "--set", "width=120", "--sample")
-    environment = {**os.environ, "FOLDCAR_CARSIM": str(carsim_binary)}
+    words = ("run", write_listing(listing_data), "--experiment", "1", "--set", "width=120", "--sample")
 
-    answers = [foldcar(*words, sample, env=environment) for sample in ("0", "1", "0")]
+    answers = [foldcar(*words, sample) for sample in ("0", "1", "0")]
 
     told = [dict(line.split(maxsplit=1) for line in answer.stdout.splitlines()) for answer in answers]
     assert told[0] == told[2]
@@ -124,14 +91,11 @@ GOAL_RULE = "experiment 1: a run has passed if it reaches its Goal, within the t
 
 
 def test_a_sweep_ends_with_one_line(
-    tmp_path: Path, write_listing: Callable[[Any], Path], listing_data: Any, foldcar: Any, carsim_binary: Path
+    write_listing: Write, listing_data: Any, foldcar: Any, carsim_binary: Path
 ) -> None:
-    listing = write_listing(listing_data)
-    words = ("sweep", listing, "--store", "new/s.db", "--jobs", "2")
-    environment = {**os.environ, "FOLDCAR_CARSIM": str(carsim_binary)}
+    words = ("sweep", write_listing(listing_data), "--store", "new/s.db", "--jobs", "2")
 
-    first = foldcar(*words, env=environment)
-    second = foldcar(*words, env=environment)
+    first, second = foldcar(*words), foldcar(*words)
 
     assert (first.returncode, second.returncode, first.stderr) == (0, 0, GOAL_RULE)
     assert first.stdout.startswith("6 runs new, 0 there already, ") and first.stdout.count("\n") == 1

@@ -12,7 +12,6 @@ import pytest
 from foldcar.store.reader import Store
 from foldcar.study.listing import ListingError
 from foldcar.study.listing_file import read_listing
-from forked_foldcar import original
 
 PROGRAM = "model model\nego = new Robot at (0, 0), facing -90 deg\ngoal = new Goal at (1, 0), facing -90 deg\n"
 LISTING: dict[str, Any] = {
@@ -23,22 +22,12 @@ LISTING: dict[str, Any] = {
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> Path:
+def folder(tmp_path: Path, foldcar: Any) -> Path:
     """A folder with a program, its listing and a store of two runs."""
     (tmp_path / "p.scenic").write_text(PROGRAM)
     (tmp_path / "l.json").write_text(json.dumps(LISTING))
-    foldcar(tmp_path, "sweep", "l.json", "--store", "a.db")
+    assert foldcar("sweep", "l.json", "--store", "a.db").returncode == 0
     return tmp_path
-
-
-def foldcar(folder: Path, *words: str, fails: str | None = None) -> str:
-    """What the command prints; ``fails`` is in its one line of error, with exit code 2."""
-    done = original().run(words, folder)
-    assert done.returncode == (0 if fails is None else 2), done.stderr
-    if fails is not None:
-        (line,) = [line for line in done.stderr.splitlines() if line.startswith("foldcar: error:")]
-        assert fails in line and "Traceback" not in done.stderr, done.stderr
-    return done.stdout + done.stderr
 
 
 @pytest.mark.parametrize(
@@ -53,10 +42,10 @@ def foldcar(folder: Path, *words: str, fails: str | None = None) -> str:
         (("flash", "l.json", "--experiment", "1", "--file", "l.json"), "l.json: is read by this command"),
     ],
 )
-def test_no_output_replaces_an_input_or_a_store(folder: Path, words: tuple[str, ...], why: str) -> None:
+def test_no_output_replaces_an_input_or_a_store(folder: Path, refused: Any, words: tuple[str, ...], why: str) -> None:
     before = {file.name: file.read_bytes() for file in folder.iterdir()}
 
-    foldcar(folder, *words, fails=why)
+    assert why in refused(*words)
 
     assert {file.name: file.read_bytes() for file in folder.iterdir()} == before
 
@@ -70,32 +59,32 @@ def test_no_output_replaces_an_input_or_a_store(folder: Path, words: tuple[str, 
         ("with yaw Range(0, 180)", "`with yaw`: 180 is"),
     ],
 )
-def test_a_heading_in_degrees_is_refused_at_its_line(tmp_path: Path, specifier: str, why: str) -> None:
+def test_a_heading_in_degrees_is_refused_at_its_line(tmp_path: Path, refused: Any, specifier: str, why: str) -> None:
     (tmp_path / "p.scenic").write_text(PROGRAM + f"new Bump at (0.5, 0),\n    {specifier}\n")
 
-    foldcar(tmp_path, "sample", "p.scenic", fails=f"line 5: {why}")
+    assert f"line 5: {why}" in refused("sample", "p.scenic")
 
 
 @pytest.mark.parametrize("specifier", ["facing -90 deg", "facing Range(-180, 180) deg", "facing 6", "with yaw 90 deg"])
-def test_other_headings_are_taken(tmp_path: Path, specifier: str) -> None:
+def test_other_headings_are_taken(tmp_path: Path, foldcar: Any, specifier: str) -> None:
     (tmp_path / "p.scenic").write_text(PROGRAM + f"new Pothole at (0.5, 0), {specifier}\n")
 
-    assert '"kind": "pothole"' in foldcar(tmp_path, "sample", "p.scenic")
+    assert '"kind": "pothole"' in foldcar("sample", "p.scenic").stdout
 
 
-def test_a_speed_above_the_cars_own_is_refused_before_the_first_run(tmp_path: Path) -> None:
+def test_a_speed_above_the_cars_own_is_refused_before_the_first_run(tmp_path: Path, refused: Any) -> None:
     listing = json.loads(json.dumps(LISTING))
     listing["experiments"]["1"]["params"]["speed"] = 2.0
     (tmp_path / "p.scenic").write_text(PROGRAM)
     (tmp_path / "l.json").write_text(json.dumps(listing))
 
-    foldcar(tmp_path, "sweep", "l.json", "--store", "a.db", fails="experiments.1.params.speed: 2 is above 0.")
+    assert "experiments.1.params.speed: 2 is above 0." in refused("sweep", "l.json", "--store", "a.db")
 
 
-def test_a_program_in_another_encoding_is_named(tmp_path: Path) -> None:
+def test_a_program_in_another_encoding_is_named(tmp_path: Path, refused: Any) -> None:
     (tmp_path / "p.scenic").write_bytes(PROGRAM.encode() + b"# \xe4\n")
 
-    foldcar(tmp_path, "sample", "p.scenic", fails=f"p.scenic: is not UTF-8 text (byte {len(PROGRAM) + 2})")
+    assert f"p.scenic: is not UTF-8 text (byte {len(PROGRAM) + 2})" in refused("sample", "p.scenic")
 
 
 def test_a_list_is_no_listing(tmp_path: Path) -> None:
@@ -113,22 +102,22 @@ def test_a_report_is_written_where_names_are_no_text(folder: Path) -> None:
     assert (folder / os.fsdecode(b"r\xe4") / "index.html").is_file()
 
 
-def test_imported_trials_of_other_experiments_and_samples_are_noticed(folder: Path) -> None:
+def test_imported_trials_of_other_experiments_and_samples_are_noticed(folder: Path, foldcar: Any) -> None:
     rows = ["experiment,vehicle_type,width_mm,sample,outcome,source", "1,W_B_W,95,7,passed,me", "7,W_B_W,95,,passed,me"]
     (folder / "t.csv").write_text("\n".join(rows))
 
-    said = foldcar(folder, "trials", "import", "a.db", "t.csv")
+    said = foldcar("trials", "import", "a.db", "t.csv").stderr
 
     assert 'note: experiment "1" was swept in samples 0 to 1; sample 7 has no runs' in said
     assert 'note: experiment "7" was not swept in a.db, only 1' in said
 
 
-def test_a_correction_that_changes_nothing_leaves_no_trail(folder: Path) -> None:
+def test_a_correction_that_changes_nothing_leaves_no_trail(folder: Path, foldcar: Any, refused: Any) -> None:
     (folder / "t.csv").write_text("experiment,vehicle_type,width_mm,outcome,source\n1,W_B_W,95,passed,me\n")
-    foldcar(folder, "trials", "import", "a.db", "t.csv")
+    assert foldcar("trials", "import", "a.db", "t.csv").returncode == 0
 
-    words = ("trials", "correct", "a.db", "1", "--outcome", "passed", "--reason", "same")
-    foldcar(folder, *words, fails="a.db: trial 1: outcome is 'passed' already")
+    told = refused("trials", "correct", "a.db", "1", "--outcome", "passed", "--reason", "same")
 
+    assert told == "a.db: trial 1: outcome is 'passed' already"
     with Store.open(folder / "a.db") as store:
         assert list(store.corrections(1)) == []

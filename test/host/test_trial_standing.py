@@ -11,7 +11,7 @@ import pytest
 
 from foldcar.store.check import check_store
 from foldcar.store.reader import Store
-from foldcar.store.trial_records import Ending, TrialDesign
+from foldcar.store.trial_records import Ending
 from foldcar.store.trial_writer import write_trials
 from foldcar.store.writer import write_store
 from old_stores import contents
@@ -116,6 +116,21 @@ def test_a_withdrawn_trial_counts_nowhere_and_leaves_a_trail(mixed: Path, foldca
 @pytest.mark.parametrize(
     ("words", "message"),
     [
+        (("list", "none.db"), "none.db: no such store"),
+        (("list", "s.db", "--experiment", "9"), 's.db: has no trials of experiment "9"; experiments with trials: 1'),
+        (("replay", "s.db", "9"), "s.db: has no trial 9"),
+        (("export", "s.db", "6", "--mcap", "x.mcap"), "logs/t.tlog: cannot be read: No such file or directory"),
+        (("export", "s.db", "7", "--mcap", "x.mcap"),
+         "logs/other.tlog: is not the log that trial 7 of s.db wrote: its SHA-256 is another"),
+        (("correct", "s.db", "1", "--reason", "r"), "trials correct: say what to change"),
+        (("correct", "s.db", "1", "--reason", " ", "--note", "n"), "trials correct: --reason: is empty"),
+        (("correct", "s.db", "9", "--reason", "r", "--note", "n"), "s.db: has no trial 9"),
+        (("correct", "s.db", "1", "--reason", "r", "--outcome", "flew"), 's.db: outcome "flew" is none of passed'),
+        (("correct", "s.db", "1", "--reason", "r", "--elapsed-time", "inf"), "s.db: trial 1: elapsed_time_s: inf is no"),
+        (("correct", "s.db", "1", "--reason", "r", "--elapsed-time", "1e300"),
+         "s.db: trial 1: elapsed_time_s: 1e+300 is above the maximum 86400"),
+        (("correct", "none.db", "1", "--reason", "r", "--note", "n"), "none.db: no such store"),
+        (("withdraw", "s.db", "1", str(10**20), "--reason", "r"), f"s.db: has no trial {10**20}"),
         (("withdraw", "s.db", "1", "--reason", " "), "trials withdraw: --reason: is empty"),
         (("restore", "s.db", "1", "--reason", "r"), "s.db: trial 1 is not withdrawn"),
         (("withdraw", "s.db", "2", "77", "--reason", "r"), "s.db: has no trial 77"),
@@ -125,16 +140,17 @@ def test_a_withdrawn_trial_counts_nowhere_and_leaves_a_trail(mixed: Path, foldca
          "s.db: trial 6: car: the car itself told that it is simulated; this cannot be corrected"),
     ],
 )  # fmt: skip
-def test_mistakes_change_nothing(mixed: Path, foldcar: Any, words: tuple[str, ...], message: str) -> None:
+def test_mistakes_change_nothing(mixed: Path, refused: Any, words: tuple[str, ...], message: str) -> None:
+    (mixed.parent / "logs").mkdir()
+    (mixed.parent / "logs" / "other.tlog").touch()
     with write_trials(mixed) as writer:
         assert begin(writer, car="simulated") == 6
+        writer.complete(begin(writer, log="logs/other.tlog"), Ending("passed", "goal", 2.5, "", "ff"))
     before = contents(mixed)
 
-    answer = foldcar("trials", *words)
+    assert refused("trials", *words).startswith(message)
 
-    assert (answer.returncode, answer.stdout) == (2, "")
-    assert answer.stderr.startswith(f"foldcar: error: {message}") and answer.stderr.count("\n") == 1
-    assert contents(mixed) == before and not (mixed.parent / "none.db").exists()
+    assert contents(mixed) == before and {one.name for one in mixed.parent.iterdir()} == {"s.db", "logs"}
 
 
 def test_a_person_says_what_drove_where_no_car_did(mixed: Path, foldcar: Any) -> None:
@@ -144,31 +160,6 @@ def test_a_person_says_what_drove_where_no_car_did(mixed: Path, foldcar: Any) ->
     exported = foldcar("export", "s.db", "--trials", "t.csv")
     assert exported.stderr.startswith("t.csv: 3 trials\n")
     assert foldcar("trials", "correct", "s.db", "5", "--car", "simulated", "--reason", "no").returncode == 0
-
-
-def test_the_next_sample_depends_on_trials_that_count(tmp_path: Path) -> None:
-    with write_trials(tmp_path / "s.db") as writer:
-        for sample, car in ((0, "built"), (0, "built"), (0, "simulated"), (1, "simulated"), (1, None)):
-            writer.complete(begin(writer, sample=sample, car=car), Ending("passed", "", None, "", None))
-        writer.withdraw([2], True, "r", "")
-
-        counts = writer.trial_counts("1", TrialDesign("W_B_W", {"width_mm": 95}), "fingerprint")
-
-    assert counts == {0: 1}
-
-
-def test_csv_says_what_drove(tmp_path: Path, foldcar: Any) -> None:
-    (tmp_path / "t.csv").write_text(
-        "vehicle_type,width_mm,outcome,source,car\nW_B_W,95,passed,a,\nW_B_W,95,stuck,a,simulated\nW_B_W,95,stuck,a,built\n"
-    )
-    (tmp_path / "bad.csv").write_text("vehicle_type,outcome,source,car\nW_B_W,passed,b,real\n")
-
-    assert foldcar("trials", "import", "s.db", "t.csv", "--experiment", "1").returncode == 0
-    refused = foldcar("trials", "import", "s.db", "bad.csv", "--experiment", "1")
-
-    with Store.open(tmp_path / "s.db") as store:
-        assert [trial.car for trial in store.trials()] == ["built", "simulated", "built"]
-    assert refused.stderr == 'foldcar: error: bad.csv: line 2: car: "real" is not one of built, simulated\n'
 
 
 def test_any_sqlite_tool_reads_the_view(mixed: Path, foldcar: Any) -> None:

@@ -16,6 +16,7 @@ from foldcar.link.simulated_car import SimulatedCar, simulated_car
 from foldcar.link.tlog import read_tlog
 from foldcar.scenes.fingerprint import scene_name
 from foldcar.scenes.source import open_environment
+from foldcar.simulation.engines import find_carsim
 from foldcar.store.reader import Store
 from foldcar.store.trial_records import Trial
 from study_car import empty_scene
@@ -52,7 +53,7 @@ def free_course_scene() -> dict[str, Any]:
 
 @contextlib.contextmanager
 def car_at_port(
-    binary: Path, width: float = 95.0, goal_x_m: float | None = 1.0, tcp: bool = False, **servo: float
+    width: float = 95.0, goal_x_m: float | None = 1.0, tcp: bool = False, **servo: float
 ) -> Iterator[SimulatedCar]:
     """A simulated car with its goal at ``goal_x_m`` (m), which says that it is in sample 0 of the free course.
 
@@ -65,7 +66,7 @@ def car_at_port(
     scene = empty_scene(goal_x_m=goal_x_m)
     port = 0 if tcp else None
     says = scene_name(free_course_scene(), 0)
-    with simulated_car([str(binary)], body, scene, car_json(design), 1.0, port, subprocess.PIPE, says) as car:
+    with simulated_car([str(find_carsim())], body, scene, car_json(design), 1.0, port, subprocess.PIPE, says) as car:
         yield car
 
 

@@ -19,7 +19,7 @@ from typist import Typist
 
 
 def test_the_simulated_firmware_is_recognised(carsim_binary: Path) -> None:
-    with car_at_port(carsim_binary) as car, greeted(car.port) as connected:
+    with car_at_port() as car, greeted(car.port) as connected:
         identity = connected.identity()
 
     check_build(identity, Carsim(carsim_binary).firmware)
@@ -44,10 +44,8 @@ def test_a_port_without_a_car_is_reported(noise: bytes, sent: str) -> None:
         os.close(theirs)
 
 
-def test_parameters_are_saved_compared_and_restored(
-    tmp_path: Path, carsim_binary: Path, foldcar: Any, refused: Any
-) -> None:
-    with car_at_port(carsim_binary) as car:
+def test_parameters_are_saved_compared_and_restored(tmp_path: Path, foldcar: Any, refused: Any) -> None:
+    with car_at_port() as car:
         port = ("--port", car.port)
         assert foldcar("params", "save", "p.parm", *port).returncode == 0
         assert foldcar("params", "set", "CH1_NEUTRAL_US", "1512", *port).stdout.split() == ["CH1_NEUTRAL_US", "1512"]
@@ -68,12 +66,12 @@ def test_parameters_are_saved_compared_and_restored(
     assert same.startswith("0 of")
 
 
-def test_a_servo_is_calibrated_by_looking_at_it(tmp_path: Path, carsim_binary: Path) -> None:
+def test_a_servo_is_calibrated_by_looking_at_it(tmp_path: Path) -> None:
     """The person reports the simulated servo's direction at each pulse: it turns outside 1523 ± 28 µs."""
     neutral, deadband = 1523, 28
     words = ("calibrate-servos", "--output", "2")
     with (
-        car_at_port(carsim_binary, neutral_us=neutral, deadband_us=deadband) as car,
+        car_at_port(neutral_us=neutral, deadband_us=deadband) as car,
         Typist(tmp_path, *words, "--port", car.port) as person,
     ):
         person.sees("Output 2, right")
@@ -90,7 +88,7 @@ def test_a_servo_is_calibrated_by_looking_at_it(tmp_path: Path, carsim_binary: P
 
 
 @pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_posing_as_a_car_ends_clean(tmp_path: Path, free_course: Path, carsim_binary: Path, end: signal.Signals) -> None:
+def test_posing_as_a_car_ends_clean(tmp_path: Path, free_course: Path, end: signal.Signals) -> None:
     words = ("link", "l.json", "--experiment", "1", "--set", "width=120", "--tcp", "0", "--speedup", "4")
     with Typist(tmp_path, *words) as person:
         port = "tcp:127.0.0.1:" + person.sees_one_of("Ctrl-C ends").split("tcp:127.0.0.1:")[1].split()[0]

@@ -44,8 +44,8 @@ def test_an_armed_car_that_is_left_alone_disarms_and_says_so(start: Callable[...
     assert car.command(START, 0.2, 0, 5, 0, 1) == NOT_NOW
 
 
-def test_two_hosts_at_once_and_only_the_one_that_armed_drives(carsim_binary: Path) -> None:
-    with car_at_port(carsim_binary) as simulated:
+def test_two_hosts_at_once_and_only_the_one_that_armed_drives() -> None:
+    with car_at_port() as simulated:
         ours = greet(simulated.port)
         # A second program on the same wire, as behind a router: another system, on the same port.
         other = ours.dialect.MAVLink(None, srcSystem=200, srcComponent=7)
@@ -140,8 +140,8 @@ def test_a_car_without_a_design_arms_only_when_that_is_confirmed(
     assert car.command(START, 0.2, 0, 20, 0, 1) == ACCEPTED
 
 
-def test_a_car_with_a_design_needs_no_confirmation(carsim_binary: Path, refused: Any) -> None:
-    with car_at_port(carsim_binary) as car:
+def test_a_car_with_a_design_needs_no_confirmation(refused: Any) -> None:
+    with car_at_port() as car:
         told = refused("params", "confirm", "--port", car.port)
         with greeted(car.port) as connected:
             connected.arm()

@@ -3,13 +3,10 @@
 import os
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
-
-Write = Callable[[Any], Path]
 
 
 @pytest.mark.parametrize(
@@ -29,9 +26,9 @@ Write = Callable[[Any], Path]
     ],
 )
 def test_mistakes_are_one_line_and_leave_nothing(
-    tmp_path: Path, write_listing: Write, listing_data: Any, refused: Any, words: tuple[str, ...], message: str
+    tmp_path: Path, listing: Path, refused: Any, words: tuple[str, ...], message: str
 ) -> None:
-    write_listing(listing_data).rename(tmp_path / "l.json")
+    listing.rename(tmp_path / "l.json")
 
     assert refused(*words).startswith(message)
     assert [file.name for file in tmp_path.iterdir()] == ["l.json"]
@@ -47,23 +44,17 @@ def test_wrong_usage_is_told_without_traceback(foldcar: Any, words: tuple[str, .
     assert "Usage:" in answer.stderr and "Traceback" not in answer.stderr
 
 
-def test_without_carsim_the_way_to_one_is_named(
-    tmp_path: Path, write_listing: Write, listing_data: Any, refused: Any
-) -> None:
-    words = ("sweep", write_listing(listing_data), "--store", "s.db")
-
-    told = refused(*words, env={**os.environ, "FOLDCAR_CARSIM": "/none/carsim"})
+def test_without_carsim_the_way_to_one_is_named(tmp_path: Path, listing: Path, refused: Any) -> None:
+    told = refused("sweep", listing, "--store", "s.db", env={**os.environ, "FOLDCAR_CARSIM": "/none/carsim"})
 
     assert told == "FOLDCAR_CARSIM: /none/carsim is no program"
     assert not (tmp_path / "s.db").exists()
 
 
-def test_run_tells_the_outcome_and_draws(
-    tmp_path: Path, write_listing: Write, listing_data: Any, foldcar: Any, carsim_binary: Path
-) -> None:
+def test_run_tells_the_outcome_and_draws(tmp_path: Path, listing: Path, foldcar: Any) -> None:
     words = ("--experiment", "1", "--set", "width=120", "--sample", "2", "--plot", "run.svg")
 
-    answer = foldcar("run", write_listing(listing_data), *words)
+    answer = foldcar("run", listing, *words)
 
     assert answer.returncode == 0, answer.stderr
     told = dict(line.split(maxsplit=1) for line in answer.stdout.splitlines())
@@ -73,9 +64,7 @@ def test_run_tells_the_outcome_and_draws(
     assert (tmp_path / "run.svg").read_text().startswith("<?xml")
 
 
-def test_run_shows_how_the_car_differs_from_its_design(
-    write_listing: Write, listing_data: Any, foldcar: Any, carsim_binary: Path
-) -> None:
+def test_run_shows_how_the_car_differs_from_its_design(write_listing: Any, listing_data: Any, foldcar: Any) -> None:
     listing_data["experiments"]["1"]["params"] |= {"variation": "workshop", "variation_seed": 5}
     words = ("run", write_listing(listing_data), "--experiment", "1", "--set", "width=120", "--sample")
 
@@ -90,10 +79,8 @@ def test_run_shows_how_the_car_differs_from_its_design(
 GOAL_RULE = "experiment 1: a run has passed if it reaches its Goal, within the time limit\n"
 
 
-def test_a_sweep_ends_with_one_line(
-    write_listing: Write, listing_data: Any, foldcar: Any, carsim_binary: Path
-) -> None:
-    words = ("sweep", write_listing(listing_data), "--store", "new/s.db", "--jobs", "2")
+def test_a_sweep_ends_with_one_line(listing: Path, foldcar: Any) -> None:
+    words = ("sweep", listing, "--store", "new/s.db", "--jobs", "2")
 
     first, second = foldcar(*words), foldcar(*words)
 

@@ -21,6 +21,8 @@ from under_coverage import unmeasured
 
 PROJECT = Path(__file__).resolve().parents[2]
 COMMAND = [sys.executable, "-m", "foldcar"]
+# Root writes anywhere, unless it gives up that capability.
+WEAK = ["setpriv", "--bounding-set=-dac_override", "--inh-caps=-dac_override"] if os.geteuid() == 0 else []
 # They talk with a person, a car or another tool: what they print is no summary.
 DIALOGUES = {("link",), ("log",), ("flash",), ("calibrate-servos",)}
 # Of processor time, slow machines included; without the heavy imports it takes 0.2 s.
@@ -235,21 +237,12 @@ def test_an_output_two_missing_folders_deep_is_refused_first(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_an_output_folder_is_made_one_level_deep(foldcar: Any, tmp_path: Path) -> None:
-    done = foldcar("view", PROJECT / "patterns" / "published_cars.json", "--vehicle", "w95", "-o", "new/car.html")
-
-    assert (done.returncode, done.stdout) == (0, "new/car.html\n")
-    assert (tmp_path / "new" / "car.html").is_file()
-
-
 def test_a_folder_without_permission_is_refused_before_the_work(foldcar: Any, tmp_path: Path) -> None:
     closed = tmp_path / "closed"
     closed.mkdir(mode=0o555)
     words = ["sweep", str(PROJECT / "scenarios" / "two_bumps.json"), "--store", str(closed / "s.db")]
-    # Root writes anywhere, unless it gives up that capability.
-    weak = ["setpriv", "--bounding-set=-dac_override", "--inh-caps=-dac_override"] if os.geteuid() == 0 else []
 
-    done = subprocess.run([*weak, *COMMAND, *words], cwd=tmp_path, capture_output=True, text=True)
+    done = subprocess.run([*WEAK, *COMMAND, *words], cwd=tmp_path, capture_output=True, text=True)
 
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr == (
@@ -363,9 +356,8 @@ def test_closed_standard_files_change_no_exit_code(tmp_path: Path, words: tuple[
 
 
 def test_a_store_is_not_opened_under_the_number_of_a_closed_file(
-    tmp_path: Path, write_listing: Any, listing_data: Any, carsim_binary: Path
+    tmp_path: Path, listing: Path, carsim_binary: Path
 ) -> None:
-    listing = write_listing(listing_data)
     words = [*COMMAND, "sweep", str(listing), "--store", "s.db", "--jobs", "1"]
 
     done = subprocess.run(words, cwd=tmp_path, preexec_fn=lambda: os.close(2), stdout=subprocess.PIPE, text=True)

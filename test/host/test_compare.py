@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy
 import pytest
-from scipy.stats import pearsonr, spearmanr
+from scipy.stats import pearsonr, rankdata, spearmanr
 from typer.testing import CliRunner
 
 from foldcar.advice.resimulation import Resimulation
@@ -106,8 +106,9 @@ def test_ranks_are_those_of_scipy_and_of_the_definition() -> None:
         random.beta(numpy.array(passed) + 0.5, number - numpy.array(passed) + 0.5, (4000, 4))
         for passed, number in ((f, 100), (y, 12))
     ]
-    for correlation, interval in ((pearsonr, found.pearson_interval), (spearmanr, found.spearman_interval)):
-        drawn = [correlation(*pair).statistic for pair in zip(*rates, strict=True)]
+    ranks = [rankdata(one, axis=1) for one in rates]
+    for pair, interval in ((rates, found.pearson_interval), (ranks, found.spearman_interval)):
+        drawn = pearsonr(*pair, axis=1).statistic
         assert interval == pytest.approx(tuple(numpy.quantile(drawn, [0.025, 0.975])), abs=0.03)
     assert found.mmrv == 0
     # The published table: only 95 and 115 mm, equal in simulation, differ otherwise: by 70 - 25 %, which counts for one.

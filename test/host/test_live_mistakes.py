@@ -18,9 +18,9 @@ Foldcar, Refused = Callable[..., "subprocess.CompletedProcess[str]"], Callable[.
 
 
 @pytest.fixture
-def port(carsim_binary: Path, free_course: Path) -> Iterator[str]:
+def port(free_course: Path) -> Iterator[str]:
     """The port of a simulated car on the free course."""
-    with car_at_port(carsim_binary) as car:
+    with car_at_port() as car:
         yield car.port
 
 
@@ -101,8 +101,8 @@ def test_parameters_that_no_car_keeps_are_named(tmp_path: Path, port: str, foldc
     assert "\n1 of 1 parameters differ; 5" in foldcar("params", "diff", "--port", port, "part.parm").stdout
 
 
-def test_a_second_program_at_a_tcp_port_is_told_why(carsim_binary: Path, refused: Refused) -> None:
-    with car_at_port(carsim_binary, tcp=True) as car:
+def test_a_second_program_at_a_tcp_port_is_told_why(refused: Refused) -> None:
+    with car_at_port(tcp=True) as car:
         first = open_stream(car.port)
         told = refused("params", "get", "--port", car.port)
         first.close()
@@ -130,9 +130,9 @@ def test_the_report_tells_trials_of_another_environment(
 
 
 def test_a_link_lost_before_the_start_has_no_time_of_an_earlier_trial(
-    tmp_path: Path, free_course: Path, carsim_binary: Path, foldcar: Foldcar
+    tmp_path: Path, free_course: Path, foldcar: Foldcar
 ) -> None:
-    with car_at_port(carsim_binary) as car:
+    with car_at_port() as car:
         # The car's last trial is number 1, as the first of the next store is.
         assert foldcar(*LOG[:-1], "first.db", "--port", car.port, "--yes", "--countdown", "0").returncode == 0
         code, _, errors = log_and(tmp_path, car.port, car.process.kill)

@@ -45,10 +45,8 @@ def test_options_have_the_limits_of_the_listing(foldcar: Any, words: tuple[str, 
         ("model", "l.json", "--vehicle", "1", "--to", "urdf", "-o", "out"),
     ],
 )
-def test_a_parameter_that_is_set_twice_is_refused(
-    write_listing: Any, listing_data: Any, refused: Any, words: tuple[str, ...]
-) -> None:
-    told = refused(words[0], write_listing(listing_data), *words[2:], *SETTINGS)
+def test_a_parameter_that_is_set_twice_is_refused(listing: Any, refused: Any, words: tuple[str, ...]) -> None:
+    told = refused(words[0], listing, *words[2:], *SETTINGS)
 
     assert told == "--set width=115: width is given twice, first as 95"
 
@@ -80,7 +78,7 @@ def test_digits_of_other_scripts_and_underscores_are_no_numbers(
 
 
 @pytest.mark.parametrize("number", ["9_5", "９５"])
-def test_settings_are_typed_numbers(write_listing: Any, listing_data: Any, refused: Any, number: str) -> None:
-    told = refused("pattern", write_listing(listing_data), "-o", "out", "--set", f"width={number}")
+def test_settings_are_typed_numbers(listing: Any, refused: Any, number: str) -> None:
+    told = refused("pattern", listing, "-o", "out", "--set", f"width={number}")
 
     assert told.startswith(f"--set width={number}: not NAME=MM")

@@ -5,7 +5,6 @@ import pytest
 from scipy import integrate, stats
 
 from foldcar.analysis.engine_bias import pooled_difference
-from foldcar.analysis.prediction_powered import power_tuned_mean, rectified_rate
 from foldcar.analysis.rate import (
     Rate,
     anytime_interval,
@@ -13,6 +12,8 @@ from foldcar.analysis.rate import (
     jeffreys_interval,
     limited_mean,
     mean_interval,
+    power_tuned_mean,
+    rectified_rate,
     wilson_interval,
 )
 from foldcar.errors import FoldcarError

@@ -13,12 +13,11 @@ from foldcar.store.check import check_store
 from foldcar.store.reader import Store
 from foldcar.store.trial_records import Ending
 from foldcar.store.trial_writer import write_trials
-from foldcar.store.writer import write_store
 from old_stores import contents
 from page_check import study_of
-from test_report_command import FACTS, TOLD, width_outcome
+from test_report_command import width_outcome
 from test_trial_store import begin
-from written_study import add_experiment
+from written_study import write_study
 
 CARS = ("built", "built", "simulated", "simulated", None)
 
@@ -26,10 +25,7 @@ CARS = ("built", "built", "simulated", "simulated", None)
 @pytest.fixture
 def mixed(tmp_path: Path) -> Path:
     """A study of 95 and 115 mm with trials of 95 mm: built passed, stuck; simulated 2 passed; 1 unknown passed."""
-    path = tmp_path / "s.db"
-    with write_store(path) as study:
-        study.begin_study(FACTS, "build-7")
-        add_experiment(study, "1", {"width_mm": (95.0, 115.0)}, 3, width_outcome, TOLD)
+    path = write_study(tmp_path / "s.db", {"width_mm": (95.0, 115.0)}, 3, width_outcome)
     with write_trials(path) as writer:
         for outcome, car in zip(("passed", "stuck", "passed", "passed", "passed"), CARS, strict=True):
             row = {"experiment": "1", "vehicle_type": "W_B_W", "design": {"width_mm": 95.0, "height_mm": 50.0}}

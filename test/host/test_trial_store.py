@@ -16,9 +16,8 @@ from foldcar.store.errors import StoreError
 from foldcar.store.reader import Store
 from foldcar.store.trial_records import Ending, TrialDesign
 from foldcar.store.trial_writer import CarFacts, Drive, TrialWriter, now_utc, write_trials
-from foldcar.store.writer import write_store
-from test_report_command import FACTS, TOLD, width_outcome
-from written_study import add_experiment
+from test_report_command import width_outcome
+from written_study import write_study
 
 PUBLISHED = Path(__file__).resolve().parents[2] / "scenarios" / "published_trials.csv"
 HEADER = "vehicle_type,width_mm,outcome,count,source\n"
@@ -168,9 +167,7 @@ def test_a_sweep_and_a_session_keep_out_of_each_others_way(tmp_path: Path) -> No
 
 
 def test_a_car_that_the_file_does_not_tell_is_the_experiments_or_refused(tmp_path: Path, foldcar: Any) -> None:
-    with write_store(tmp_path / "s.db") as study:
-        study.begin_study(FACTS, "build-7")
-        add_experiment(study, "1", {"width_mm": (95.0, 115.0)}, 3, width_outcome, TOLD)
+    write_study(tmp_path / "s.db", {"width_mm": (95.0, 115.0)}, 3, width_outcome)
     (tmp_path / "t.csv").write_text(HEADER + "W_B_W,95,passed,1,me\nW_B_W,99,stuck,2,me\n")
     (tmp_path / "bad.csv").write_text("vehicle_type,height_mm,outcome,source\nW_B_W,50,passed,you\n")
     (tmp_path / "new.csv").write_text(HEADER + "W_B_W,95,passed,1,me\n")
@@ -189,9 +186,7 @@ def test_a_car_that_the_file_does_not_tell_is_the_experiments_or_refused(tmp_pat
 
 
 def test_the_report_shows_trials_beside_runs(tmp_path: Path, foldcar: Any) -> None:
-    with write_store(tmp_path / "s.db") as study:
-        study.begin_study(FACTS, "build-7")
-        add_experiment(study, "1", {"width_mm": (95.0, 115.0)}, 3, width_outcome, TOLD)
+    write_study(tmp_path / "s.db", {"width_mm": (95.0, 115.0)}, 3, width_outcome)
     rows = [(95.0, "passed", 7), (95.0, "stuck", 3), (95.0, "aborted", 2), (97.0, "tipped", 1)]
     with write_trials(tmp_path / "s.db") as writer:
         for width, outcome, count in rows:

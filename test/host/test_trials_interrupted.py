@@ -16,11 +16,9 @@ from live_car import LOG, car_at_port, greeted, inject, moving, trials_in
 from typist import Typist
 
 
-def test_a_pulled_cable_aborts_the_trial_and_keeps_what_was_received(
-    tmp_path: Path, free_course: Path, carsim_binary: Path
-) -> None:
+def test_a_pulled_cable_aborts_the_trial_and_keeps_what_was_received(tmp_path: Path, free_course: Path) -> None:
     with (
-        car_at_port(carsim_binary, goal_x_m=None) as car,
+        car_at_port(goal_x_m=None) as car,
         Typist(tmp_path, *LOG, "--port", car.port, "--countdown", "0", "--deviation", "car 0 0") as person,
     ):
         person.answers(("Enter starts", ""))
@@ -45,10 +43,8 @@ def test_a_pulled_cable_aborts_the_trial_and_keeps_what_was_received(
     assert pulses[-1] > 0
 
 
-def test_a_killed_program_loses_nothing_it_received(
-    tmp_path: Path, free_course: Path, carsim_binary: Path, foldcar: Any
-) -> None:
-    with car_at_port(carsim_binary, goal_x_m=None) as car:
+def test_a_killed_program_loses_nothing_it_received(tmp_path: Path, free_course: Path, foldcar: Any) -> None:
+    with car_at_port(goal_x_m=None) as car:
         with Typist(tmp_path, *LOG, "--port", car.port, "--countdown", "0", "--yes") as person:
             person.watches_until(lambda: moving(tmp_path))
             person.process.kill()
@@ -89,9 +85,9 @@ def stands_still(port: str) -> None:
 
 
 def test_a_car_that_still_drives_an_earlier_trial_is_stopped_first(
-    tmp_path: Path, free_course: Path, carsim_binary: Path, foldcar: Any
+    tmp_path: Path, free_course: Path, foldcar: Any
 ) -> None:
-    with car_at_port(carsim_binary, goal_x_m=None) as car:
+    with car_at_port(goal_x_m=None) as car:
         with greeted(car.port) as before:
             before.arm()
             # Untethered, so that it drives on however long the next program takes to start.
@@ -104,9 +100,9 @@ def test_a_car_that_still_drives_an_earlier_trial_is_stopped_first(
     assert (trial.outcome, trial.ending) == ("timeout", "time limit")
 
 
-def test_a_board_that_restarts_aborts_the_trial(tmp_path: Path, free_course: Path, carsim_binary: Path) -> None:
+def test_a_board_that_restarts_aborts_the_trial(tmp_path: Path, free_course: Path) -> None:
     with (
-        car_at_port(carsim_binary, goal_x_m=None) as car,
+        car_at_port(goal_x_m=None) as car,
         Typist(tmp_path, *LOG, "--port", car.port, "--countdown", "0", "--yes") as person,
     ):
         person.watches_until(lambda: moving(tmp_path))
@@ -117,8 +113,8 @@ def test_a_board_that_restarts_aborts_the_trial(tmp_path: Path, free_course: Pat
     assert (trial.outcome, trial.ending) == ("aborted", "the car restarted")
 
 
-def test_a_full_disk_stops_the_car(tmp_path: Path, free_course: Path, carsim_binary: Path) -> None:
-    with car_at_port(carsim_binary, goal_x_m=None) as car:
+def test_a_full_disk_stops_the_car(tmp_path: Path, free_course: Path) -> None:
+    with car_at_port(goal_x_m=None) as car:
         process = subprocess.run(
             [sys.executable, "-c", f"import resource; from foldcar.link import tlog\n{SHORT_LOG}", *LOG,
              "--port", car.port, "--countdown", "0", "--yes"],
@@ -151,8 +147,8 @@ main()
 """
 
 
-def test_ctrl_c_stops_the_car_and_aborts_the_trial(tmp_path: Path, free_course: Path, carsim_binary: Path) -> None:
-    with car_at_port(carsim_binary, goal_x_m=None) as car:
+def test_ctrl_c_stops_the_car_and_aborts_the_trial(tmp_path: Path, free_course: Path) -> None:
+    with car_at_port(goal_x_m=None) as car:
         with Typist(tmp_path, *LOG, "--port", car.port, "--countdown", "0", "--yes") as person:
             person.watches_until(lambda: moving(tmp_path))
             person.process.send_signal(signal.SIGINT)

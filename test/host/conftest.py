@@ -37,14 +37,19 @@ def carsim_limits(carsim_binary: Path) -> CarsimLimits:
     return Carsim(carsim_binary).limits()
 
 
-@pytest.fixture
-def listing_data() -> dict[str, Any]:
-    """A listing of two widths in three step-pyramid environments; tests may change it."""
+def two_widths() -> dict[str, Any]:
+    """A listing of two widths in three step-pyramid environments."""
     return {
         "experiments": {"1": {"veh_id": 1, "env_id": 1, "params": {"timeout": 120, "environments": 3}}},
         "vehicles": {"1": {"type": "W_B_W", "params": [{"common": {"width": [95, 245]}}]}},
         "environments": {"1": {"scenic_filename": str(STEP_PYRAMIDS), "seed": 42}},
     }
+
+
+@pytest.fixture
+def listing_data() -> dict[str, Any]:
+    """That listing; tests may change it."""
+    return two_widths()
 
 
 @pytest.fixture

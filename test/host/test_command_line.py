@@ -3,6 +3,7 @@
 import json
 import os
 import resource
+import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -12,6 +13,7 @@ from typing import Any
 import pytest
 import typer
 
+from conftest import two_widths
 from foldcar import __version__
 from foldcar.cli import app
 from foldcar.shown_text import shown
@@ -122,12 +124,14 @@ def test_completion_imports_nothing_heavy_and_runs_no_options(tmp_path: Path) ->
 import sys
 sys.argv = ["foldcar"]
 from foldcar.cli import main
+# Help waits for this.
+early = {"pydantic"} & set(sys.modules)
 try:
     main()
 except SystemExit:
     pass
-heavy = {"scenic", "matplotlib", "numpy", "scipy", "pyarrow", "pydantic", "sqlite3", "json5"}
-print(heavy & set(sys.modules))
+heavy = {"scenic", "matplotlib", "numpy", "scipy", "pyarrow", "sqlite3", "json5"}
+print(heavy & set(sys.modules) | early)
 """
     environment = {
         **unmeasured(),
@@ -266,19 +270,28 @@ ASCII = {"PYTHONIOENCODING": "ascii", "LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONC
 WRITTEN_OUT = "\\x1b[31mX\\u202eab\\x9b2J[/b][red]"
 
 
-@pytest.fixture
-def steering(foldcar: Any, write_listing: Any, listing_data: Any, carsim_binary: Path, tmp_path: Path) -> str:
-    """The name of a listing of steering names, swept and with a trial, in s.db."""
-    for section, key in (("experiments", "1"), ("vehicles", "1"), ("environments", "1")):
-        listing_data[section] = {STEERING: listing_data[section][key]}
-    listing_data["experiments"][STEERING] |= {"veh_id": STEERING, "env_id": STEERING}
-    name = f"{STEERING.partition('/')[0]}.json"
-    write_listing(listing_data).rename(tmp_path / name)
-    assert foldcar("sweep", name, "--store", "s.db", "--jobs", "1").returncode == 0
+STEERING_LISTING = f"{STEERING.partition('/')[0]}.json"
+
+
+@pytest.fixture(scope="module")
+def steered(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a listing of steering names, swept and with a trial, in s.db."""
+    folder = tmp_path_factory.mktemp("steered")
+    names = {section: {STEERING: content["1"]} for section, content in two_widths().items()}
+    names["experiments"][STEERING] |= {"veh_id": STEERING, "env_id": STEERING}
+    (folder / STEERING_LISTING).write_text(json.dumps(names), encoding="utf-8")
     row = f"{STEERING},W_B_W,95,passed,me{STEERING},note{STEERING}"
-    (tmp_path / "t.csv").write_text(f"experiment,vehicle_type,width_mm,outcome,source,note\n{row}\n")
-    assert foldcar("trials", "import", "s.db", "t.csv").returncode == 0
-    return name
+    (folder / "t.csv").write_text(f"experiment,vehicle_type,width_mm,outcome,source,note\n{row}\n")
+    for words in (("sweep", STEERING_LISTING, "--store", "s.db", "--jobs", "1"), ("trials", "import", "s.db", "t.csv")):
+        assert original().run(words, folder).returncode == 0
+    return folder
+
+
+@pytest.fixture
+def steering(steered: Path, tmp_path: Path) -> str:
+    """The name of that listing, in the test's folder."""
+    shutil.copytree(steered, tmp_path, dirs_exist_ok=True)
+    return STEERING_LISTING
 
 
 def test_names_and_notes_do_not_steer_the_terminal(foldcar: Any, steering: str) -> None:

@@ -3,6 +3,7 @@
 import json
 import os
 import pty
+import shutil
 import signal
 import subprocess
 import sys
@@ -13,6 +14,8 @@ from typing import Any
 
 import pytest
 
+from conftest import two_widths
+from forked_foldcar import original
 from shell_signals import like_a_shell
 
 FOLDCAR = [sys.executable, "-m", "foldcar"]
@@ -37,15 +40,25 @@ COMMANDS = {
 }
 
 
+@pytest.fixture(scope="module")
+def swept(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A store of the listing's runs in one environment."""
+    folder = tmp_path_factory.mktemp("swept")
+    (folder / "flat.json").write_text(json.dumps(two_widths()))
+    words = ["sweep", "flat.json", "--store", "full.db", "--environments", "1"]
+    assert original().run(words, folder).returncode == 0
+    return folder / "full.db"
+
+
 @pytest.fixture
-def study(tmp_path: Path, listing_data: dict[str, Any], foldcar: Callable[..., Any]) -> Path:
+def study(tmp_path: Path, swept: Path, listing_data: dict[str, Any]) -> Path:
     """A folder with a listing, one that needs Scenic beside the simulation, and a store."""
     listing_data["experiments"]["1"]["params"]["environments"] = 300
     (tmp_path / "flat.json").write_text(json.dumps(listing_data))
     (tmp_path / "beside.scenic").write_text(BESIDE)
     listing_data["environments"]["1"]["scenic_filename"] = "beside.scenic"
     (tmp_path / "beside.json").write_text(json.dumps(listing_data))
-    assert foldcar("sweep", "flat.json", "--store", "full.db", "--environments", "1").returncode == 0
+    shutil.copy(swept, tmp_path)
     return tmp_path
 
 

@@ -30,9 +30,10 @@ def folder(tmp_path: Path, foldcar: Any) -> Path:
     return tmp_path
 
 
-@pytest.mark.parametrize(
-    ("words", "why"),
-    [
+def test_no_output_replaces_an_input_or_a_store(folder: Path, refused: Any) -> None:
+    before = {file.name: file.read_bytes() for file in folder.iterdir()}
+
+    for words, why in (
         (("export", "a.db", "--csv", "a.db"), "a.db: is a store"),
         (("export", "a.db", "--parquet", "./a.db"), "a.db: is a store"),
         (("export", "a.db", "--csv", "z", "--parquet", "z"), "z: is named twice"),
@@ -40,14 +41,9 @@ def folder(tmp_path: Path, foldcar: Any) -> Path:
         (("sample", "p.scenic", "-o", "a.db"), "a.db: is a store"),
         (("view", "l.json", "-o", "l.json"), "l.json: is read by this command"),
         (("flash", "l.json", "--experiment", "1", "--file", "l.json"), "l.json: is read by this command"),
-    ],
-)
-def test_no_output_replaces_an_input_or_a_store(folder: Path, refused: Any, words: tuple[str, ...], why: str) -> None:
-    before = {file.name: file.read_bytes() for file in folder.iterdir()}
-
-    assert why in refused(*words)
-
-    assert {file.name: file.read_bytes() for file in folder.iterdir()} == before
+    ):
+        assert why in refused(*words)
+        assert {file.name: file.read_bytes() for file in folder.iterdir()} == before
 
 
 @pytest.mark.parametrize(
@@ -102,22 +98,17 @@ def test_a_report_is_written_where_names_are_no_text(folder: Path) -> None:
     assert (folder / os.fsdecode(b"r\xe4") / "index.html").is_file()
 
 
-def test_imported_trials_of_other_experiments_and_samples_are_noticed(folder: Path, foldcar: Any) -> None:
+def test_trials_of_other_experiments_and_samples_are_noticed_and_a_correction_that_changes_nothing_leaves_no_trail(
+    folder: Path, foldcar: Any, refused: Any
+) -> None:
     rows = ["experiment,vehicle_type,width_mm,sample,outcome,source", "1,W_B_W,95,7,passed,me", "7,W_B_W,95,,passed,me"]
     (folder / "t.csv").write_text("\n".join(rows))
 
     said = foldcar("trials", "import", "a.db", "t.csv").stderr
+    told = refused("trials", "correct", "a.db", "1", "--outcome", "passed", "--reason", "same")
 
     assert 'note: experiment "1" was swept in samples 0 to 1; sample 7 has no runs' in said
     assert 'note: experiment "7" was not swept in a.db, only 1' in said
-
-
-def test_a_correction_that_changes_nothing_leaves_no_trail(folder: Path, foldcar: Any, refused: Any) -> None:
-    (folder / "t.csv").write_text("experiment,vehicle_type,width_mm,outcome,source\n1,W_B_W,95,passed,me\n")
-    assert foldcar("trials", "import", "a.db", "t.csv").returncode == 0
-
-    told = refused("trials", "correct", "a.db", "1", "--outcome", "passed", "--reason", "same")
-
     assert told == "a.db: trial 1: outcome is 'passed' already"
     with Store.open(folder / "a.db") as store:
         assert list(store.corrections(1)) == []

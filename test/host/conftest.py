@@ -14,6 +14,7 @@ from foldcar.simulation.carsim import Carsim, CarsimLimits
 from foldcar.simulation.engines import find_carsim
 from forked_foldcar import HANGS_S, original
 from live_car import write_free_course
+from study_car import listing_of
 from under_coverage import save_coverage_once
 
 save_coverage_once()
@@ -39,11 +40,7 @@ def carsim_limits(carsim_binary: Path) -> CarsimLimits:
 
 def two_widths() -> dict[str, Any]:
     """A listing of two widths in three step-pyramid environments."""
-    return {
-        "experiments": {"1": {"veh_id": 1, "env_id": 1, "params": {"timeout": 120, "environments": 3}}},
-        "vehicles": {"1": {"type": "W_B_W", "params": [{"common": {"width": [95, 245]}}]}},
-        "environments": {"1": {"scenic_filename": str(STEP_PYRAMIDS), "seed": 42}},
-    }
+    return listing_of(STEP_PYRAMIDS, {"width": [95, 245]}, timeout=120, environments=3)
 
 
 @pytest.fixture

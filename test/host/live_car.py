@@ -19,7 +19,7 @@ from foldcar.scenes.source import open_environment
 from foldcar.simulation.engines import find_carsim
 from foldcar.store.reader import Store
 from foldcar.store.trial_records import Trial
-from study_car import empty_scene
+from study_car import empty_scene, listing_of
 
 # A course without obstacles: at 0.69 m/s the goal is 1.45 s away.
 FREE_COURSE = """
@@ -34,11 +34,7 @@ LOG = ("log", "l.json", "--experiment", "1", "--store", "s.db")
 def write_free_course(folder: Path) -> Path:
     """Write l.json, a listing of two widths on the free course with two samples and a limit of 3 s; returns it."""
     (folder / "free.scenic").write_text(FREE_COURSE)
-    data = {
-        "experiments": {"1": {"veh_id": 1, "env_id": 1, "params": {"timeout": 3, "environments": 2}}},
-        "vehicles": {"1": {"type": "W_B_W", "params": [{"common": {"width": [95, 120]}}]}},
-        "environments": {"1": {"scenic_filename": "free.scenic", "seed": 1}},
-    }
+    data = listing_of("free.scenic", {"width": [95, 120]}, seed=1, timeout=3, environments=2)
     (folder / "l.json").write_text(json.dumps(data))
     return folder / "l.json"
 

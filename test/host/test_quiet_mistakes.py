@@ -12,13 +12,10 @@ import pytest
 from foldcar.store.reader import Store
 from foldcar.study.listing import ListingError
 from foldcar.study.listing_file import read_listing
+from study_car import listing_of
 
 PROGRAM = "model model\nego = new Robot at (0, 0), facing -90 deg\ngoal = new Goal at (1, 0), facing -90 deg\n"
-LISTING: dict[str, Any] = {
-    "experiments": {"1": {"veh_id": 1, "env_id": 1, "params": {"environments": 2}}},
-    "vehicles": {"1": {"type": "W_B_W", "params": [{"common": {"width": 95}}]}},
-    "environments": {"1": {"scenic_filename": "p.scenic"}},
-}
+LISTING = listing_of("p.scenic", {"width": 95}, environments=2)
 
 
 @pytest.fixture
@@ -69,8 +66,7 @@ def test_other_headings_are_taken(tmp_path: Path, foldcar: Any, specifier: str) 
 
 
 def test_a_speed_above_the_cars_own_is_refused_before_the_first_run(tmp_path: Path, refused: Any) -> None:
-    listing = json.loads(json.dumps(LISTING))
-    listing["experiments"]["1"]["params"]["speed"] = 2.0
+    listing = listing_of("p.scenic", {"width": 95}, environments=2, speed=2.0)
     (tmp_path / "p.scenic").write_text(PROGRAM)
     (tmp_path / "l.json").write_text(json.dumps(listing))
 

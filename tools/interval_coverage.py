@@ -26,12 +26,13 @@ from synthetic_trials import ENVIRONMENTS, binary_pairs, rows
 
 from foldcar.analysis.gaussian_process import success_model
 from foldcar.analysis.pooled_bias import pooled_bias
-from foldcar.analysis.prediction_powered import power_tuned_mean, rectified_rate
 from foldcar.analysis.rate import (
     anytime_interval,
     clopper_pearson_interval,
     jeffreys_interval,
     limited_mean,
+    power_tuned_mean,
+    rectified_rate,
     wilson_interval,
 )
 from foldcar.figures.output import save_figure

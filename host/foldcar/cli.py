@@ -18,25 +18,22 @@ import typer
 from typer.core import TyperCommand
 
 from foldcar import __version__
+from foldcar.commands.advice import compare, select
 from foldcar.commands.calibrate import calibrate
-from foldcar.commands.calibrate_servos import calibrate_servos
-from foldcar.commands.compare import compare
 from foldcar.commands.crosscheck import crosscheck
 from foldcar.commands.doctor import doctor
 from foldcar.commands.export import export
 from foldcar.commands.flash import flash
-from foldcar.commands.gallery import gallery
 from foldcar.commands.link import link
 from foldcar.commands.log import log
 from foldcar.commands.model import model
 from foldcar.commands.new import new
 from foldcar.commands.optimize import optimize
-from foldcar.commands.params import params
+from foldcar.commands.params import calibrate_servos, params
 from foldcar.commands.pattern import pattern
 from foldcar.commands.report import report
 from foldcar.commands.run import run
-from foldcar.commands.sample import sample
-from foldcar.commands.select import select
+from foldcar.commands.sample import gallery, sample
 from foldcar.commands.stores import check, import_store, merge, migrate, repair
 from foldcar.commands.sweep import sweep
 from foldcar.commands.trials import trials

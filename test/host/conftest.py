@@ -3,7 +3,7 @@
 import json
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ from foldcar.simulation.carsim import Carsim, CarsimLimits
 from foldcar.simulation.engines import MUJOCO, find_carsim
 from forked_foldcar import HANGS_S, original
 from live_car import write_free_course
+from study_car import listing_of
 from under_coverage import save_coverage_once
 
 save_coverage_once()
@@ -43,14 +44,15 @@ def carsim_limits(carsim_binary: Path) -> CarsimLimits:
     return Carsim(carsim_binary).limits()
 
 
+def two_widths() -> dict[str, Any]:
+    """A listing of two widths in three step-pyramid environments."""
+    return listing_of(STEP_PYRAMIDS, {"width": [95, 245]}, timeout=120, environments=3)
+
+
 @pytest.fixture
 def listing_data() -> dict[str, Any]:
-    """A listing of two widths in three step-pyramid environments; tests may change it."""
-    return {
-        "experiments": {"1": {"veh_id": 1, "env_id": 1, "params": {"timeout": 120, "environments": 3}}},
-        "vehicles": {"1": {"type": "W_B_W", "params": [{"common": {"width": [95, 245]}}]}},
-        "environments": {"1": {"scenic_filename": str(STEP_PYRAMIDS), "seed": 42}},
-    }
+    """That listing; tests may change it."""
+    return two_widths()
 
 
 @pytest.fixture
@@ -66,11 +68,33 @@ def write_listing(tmp_path: Path) -> Callable[[Any], Path]:
 
 
 @pytest.fixture
+def listing(write_listing: Callable[[Any], Path], listing_data: dict[str, Any]) -> Path:
+    """The file of that listing, as it is."""
+    return write_listing(listing_data)
+
+
+@pytest.fixture
 def foldcar(tmp_path: Path) -> Callable[..., "subprocess.CompletedProcess[str]"]:
     """A function that runs `foldcar` in a temporary folder, with ``env`` and ``input``, in a copy of a process."""
 
     def run(*words: str | Path, **options: Any) -> "subprocess.CompletedProcess[str]":
         return original().run([*map(str, words)], tmp_path, **options)
+
+    return run
+
+
+@pytest.fixture
+def refused(foldcar: Callable[..., "subprocess.CompletedProcess[str]"]) -> Callable[..., str]:
+    """A function that runs `foldcar`, which must refuse in one line and print nothing else; returns that line."""
+
+    def run(*words: str | Path, **options: Any) -> str:
+        done = foldcar(*words, **options)
+        start, end = "foldcar: error: ", "\n"
+        assert (done.returncode, done.stderr.count("\n")) == (2, 1), done.stderr
+        assert done.stderr.startswith(start) and done.stderr.endswith(end), done.stderr
+        # A session of trials has told of the car by then.
+        assert words[0] == "log" or not done.stdout
+        return done.stderr[len(start) : -len(end)]
 
     return run
 
@@ -93,6 +117,24 @@ def store(tmp_path: Path) -> Path:
     from old_stores import old_store
 
     return old_store(VERSION, tmp_path / "s.db")
+
+
+@pytest.fixture
+def start(carsim_binary: Path, tmp_path: Path) -> Iterator[Callable[..., Any]]:
+    """A function that starts cars of `carsim link` with the test's folder, which are stopped after the test."""
+    from link_client import Car, write_car_files
+
+    cars: list[Car] = []
+    write_car_files(tmp_path)
+
+    def begin(*options: str) -> Car:
+        cars.append(Car(carsim_binary, tmp_path, *(options if "--tcp" in options else ("--pty", *options))))
+        return cars[-1]
+
+    yield begin
+    for car in cars:
+        if car.process.poll() is None:
+            assert car.end() == 0
 
 
 @pytest.fixture

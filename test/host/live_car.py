@@ -11,13 +11,15 @@ from typing import Any
 
 from foldcar.car.body import body_json, car_json
 from foldcar.car.design import compose
+from foldcar.link.car import Car, greet
 from foldcar.link.simulated_car import SimulatedCar, simulated_car
 from foldcar.link.tlog import read_tlog
 from foldcar.scenes.fingerprint import scene_name
 from foldcar.scenes.source import open_environment
+from foldcar.simulation.engines import find_carsim
 from foldcar.store.reader import Store
 from foldcar.store.trial_records import Trial
-from study_car import empty_scene
+from study_car import empty_scene, listing_of
 
 # A course without obstacles: at 0.69 m/s the goal is 1.45 s away.
 FREE_COURSE = """
@@ -32,11 +34,7 @@ LOG = ("log", "l.json", "--experiment", "1", "--store", "s.db")
 def write_free_course(folder: Path) -> Path:
     """Write l.json, a listing of two widths on the free course with two samples and a limit of 3 s; returns it."""
     (folder / "free.scenic").write_text(FREE_COURSE)
-    data = {
-        "experiments": {"1": {"veh_id": 1, "env_id": 1, "params": {"timeout": 3, "environments": 2}}},
-        "vehicles": {"1": {"type": "W_B_W", "params": [{"common": {"width": [95, 120]}}]}},
-        "environments": {"1": {"scenic_filename": "free.scenic", "seed": 1}},
-    }
+    data = listing_of("free.scenic", {"width": [95, 120]}, seed=1, timeout=3, environments=2)
     (folder / "l.json").write_text(json.dumps(data))
     return folder / "l.json"
 
@@ -51,7 +49,7 @@ def free_course_scene() -> dict[str, Any]:
 
 @contextlib.contextmanager
 def car_at_port(
-    binary: Path, width: float = 95.0, goal_x_m: float | None = 1.0, tcp: bool = False, **servo: float
+    width: float = 95.0, goal_x_m: float | None = 1.0, tcp: bool = False, **servo: float
 ) -> Iterator[SimulatedCar]:
     """A simulated car with its goal at ``goal_x_m`` (m), which says that it is in sample 0 of the free course.
 
@@ -64,8 +62,18 @@ def car_at_port(
     scene = empty_scene(goal_x_m=goal_x_m)
     port = 0 if tcp else None
     says = scene_name(free_course_scene(), 0)
-    with simulated_car([str(binary)], body, scene, car_json(design), 1.0, port, subprocess.PIPE, says) as car:
+    with simulated_car([str(find_carsim())], body, scene, car_json(design), 1.0, port, subprocess.PIPE, says) as car:
         yield car
+
+
+@contextlib.contextmanager
+def greeted(port: str) -> Iterator[Car]:
+    """A connection to the car at a port."""
+    car = greet(port)
+    try:
+        yield car
+    finally:
+        car.connection.close()
 
 
 def inject(car: SimulatedCar, **what: Any) -> None:

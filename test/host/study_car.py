@@ -1,4 +1,4 @@
-"""The width study's car, a hinged one and an empty scene as inputs of the simulator, and its program asked."""
+"""The width study's car, a hinged one and an empty scene as inputs of the simulator, its program asked; a listing."""
 
 import copy
 import json
@@ -47,6 +47,15 @@ def hinged_body() -> dict[str, Any]:
     for wheel in body["wheels"]:
         wheel["segment"] = 0 if wheel["x_m"] > 0 else 1
     return body
+
+
+def listing_of(program: object, common: dict[str, Any], seed: int = 42, **params: Any) -> dict[str, Any]:
+    """A listing of one experiment: the width study's cars with these values in that program."""
+    return {
+        "experiments": {"1": {"veh_id": 1, "env_id": 1, "params": params}},
+        "vehicles": {"1": {"type": "W_B_W", "params": [{"common": common}]}},
+        "environments": {"1": {"scenic_filename": str(program), "seed": seed}},
+    }
 
 
 def empty_scene(

@@ -17,6 +17,7 @@ from foldcar.study.experiment_runs import Progress
 from foldcar.study.experiments import engine_study, read_study
 from foldcar.study.stopping import stopping_rules
 from foldcar.study.sweep import Sweep
+from study_car import listing_of
 
 WriteListing = Callable[[Any], Path]
 STEP_PYRAMIDS = Path(__file__).resolve().parents[2] / "scenarios" / "step_pyramids.scenic"
@@ -29,13 +30,17 @@ def foldcar(*words: str | Path) -> str:
     return done.output
 
 
+def told(*words: str | Path) -> dict[str, Any]:
+    """The result of a command as JSON, which may print notes beside it."""
+    done = CliRunner().invoke(app, [*map(str, words), "--json"])
+    assert done.exit_code == 0, done.output
+    found: dict[str, Any] = json.loads(done.stdout)
+    return found
+
+
 def reported(folder: Path, widths: Sequence[int], environments: int) -> Path:
     """The folder with a swept store, s.db, with two trials, and its report."""
-    listing = {
-        "experiments": {"1": {"veh_id": 1, "env_id": 1, "params": {"timeout": 120, "environments": environments}}},
-        "vehicles": {"1": {"type": "W_B_W", "params": [{"common": {"width": list(widths)}}]}},
-        "environments": {"1": {"scenic_filename": str(STEP_PYRAMIDS), "seed": 42}},
-    }
+    listing = listing_of(STEP_PYRAMIDS, {"width": list(widths)}, timeout=120, environments=environments)
     (folder / "l.json").write_text(json.dumps(listing))
     foldcar("sweep", folder / "l.json", "--store", folder / "s.db")
     rows = ("vehicle_type,outcome,source,width_mm", "W_B_W,passed,notes,95", "W_B_W,tipped,notes,95", "")

@@ -11,6 +11,7 @@ import pytest
 
 import foldcar
 from conftest import STEP_PYRAMIDS
+from foldcar.analysis.rate import wilson_interval
 from foldcar.api.environment import simulator
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.results import NUMBERS
@@ -102,14 +103,11 @@ def test_a_path_goes_from_start_to_end() -> None:
 
 
 def test_rates_and_models_come_from_the_store(study: foldcar.Study) -> None:
-    passed, n, z = int(swept(study, "plain", 95, 80)["passed"].sum()), SAMPLES, 1.959963984540054
-    # Wilson 1927.
-    middle = (passed + z * z / 2) / (n + z * z)
-    reach = z / (n + z * z) * math.sqrt(passed * (n - passed) / n + z * z / 4)
+    passed, n = int(swept(study, "plain", 95, 80)["passed"].sum()), SAMPLES
 
     rate = study.rate(experiment="plain", width=95, B_length=80)
 
-    assert (rate.value, rate.low, rate.high) == pytest.approx((passed / n, middle - reach, middle + reach))
+    assert (rate.value, rate.low, rate.high) == pytest.approx((passed / n, *wilson_interval(passed, n)))
     assert str(n) in rate.method and "Wilson" in rate.method
     assert len(study.runs) == 2 * 4 * SAMPLES and study.trials.empty
     assert list(study.experiments) == ["plain", "built"]

@@ -31,7 +31,7 @@ from foldcar.simulation.carsim import Carsim, CarsimLimits
 from foldcar.store.calibrations import Calibration, calibration_named
 from foldcar.store.reader import Store
 from forked_foldcar import original
-from study_car import car_body
+from study_car import car_body, listing_of
 from test_store_lock import held
 
 BUMP = """model model
@@ -232,11 +232,7 @@ def swept(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with a listing, trials, and the store s.db in which it was swept and calibrated."""
     folder = tmp_path_factory.mktemp("calibration")
     (folder / "bump.scenic").write_text(BUMP)
-    listing = {
-        "experiments": {"1": {"veh_id": 1, "env_id": 1, "params": {"timeout": 1.5, "environments": 20}}},
-        "vehicles": {"1": {"type": "W_B_W", "params": [{"common": {"radius": [40, 48]}}]}},
-        "environments": {"1": {"scenic_filename": "bump.scenic", "seed": 1}},
-    }
+    listing = listing_of("bump.scenic", {"radius": [40, 48]}, seed=1, timeout=1.5, environments=20)
     (folder / "l.json").write_text(json.dumps(listing))
     (folder / "t.csv").write_text(TRIALS)
     run(folder, "sweep", "l.json", "--store", "swept.db")

@@ -3,7 +3,7 @@
 import signal
 import subprocess
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -14,28 +14,12 @@ from foldcar.link.car import CommandRefusedError, greet
 from foldcar.link.car_logs import list_logs
 from foldcar.link.connection import HOST_COMPONENT, HOST_SYSTEM
 from foldcar.link.parameters import set_parameter
-from link_client import Car, mavlink, write_car_files
-from live_car import car_at_port
+from link_client import Car, mavlink
+from live_car import car_at_port, greeted
 
 ARM, START = mavlink.MAV_CMD_COMPONENT_ARM_DISARM, mavlink.MAV_CMD_FOLDCAR_START_TRIAL
 ACCEPTED, NOT_NOW = mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_TEMPORARILY_REJECTED
 HELD, LATE, NO_DESIGN = 18, 19, 20
-
-
-@pytest.fixture
-def start(carsim_binary: Path, tmp_path: Path) -> Iterator[Callable[..., Car]]:
-    """A function that starts cars, which are stopped after the test."""
-    cars: list[Car] = []
-    write_car_files(tmp_path)
-
-    def begin(*options: str) -> Car:
-        cars.append(Car(carsim_binary, tmp_path, "--pty", *options))
-        return cars[-1]
-
-    yield begin
-    for car in cars:
-        if car.process.poll() is None:
-            assert car.end() == 0
 
 
 def is_armed(message: Any) -> bool:
@@ -60,8 +44,8 @@ def test_an_armed_car_that_is_left_alone_disarms_and_says_so(start: Callable[...
     assert car.command(START, 0.2, 0, 5, 0, 1) == NOT_NOW
 
 
-def test_two_hosts_at_once_and_only_the_one_that_armed_drives(carsim_binary: Path) -> None:
-    with car_at_port(carsim_binary) as simulated:
+def test_two_hosts_at_once_and_only_the_one_that_armed_drives() -> None:
+    with car_at_port() as simulated:
         ours = greet(simulated.port)
         # A second program on the same wire, as behind a router: another system, on the same port.
         other = ours.dialect.MAVLink(None, srcSystem=200, srcComponent=7)
@@ -156,37 +140,37 @@ def test_a_car_without_a_design_arms_only_when_that_is_confirmed(
     assert car.command(START, 0.2, 0, 20, 0, 1) == ACCEPTED
 
 
-def test_a_car_with_a_design_needs_no_confirmation(carsim_binary: Path, foldcar: Any) -> None:
-    with car_at_port(carsim_binary) as car:
-        answer = foldcar("params", "confirm", "--port", car.port)
-        connected = greet(car.port)
-        connected.arm()
-        connected.connection.close()
-    assert answer.returncode == 2
-    assert answer.stderr.startswith("foldcar: error: the car has a design, W_B_W 95x200 r60: there is nothing to confirm")
+def test_a_car_with_a_design_needs_no_confirmation(refused: Any) -> None:
+    with car_at_port() as car:
+        told = refused("params", "confirm", "--port", car.port)
+        with greeted(car.port) as connected:
+            connected.arm()
+    assert told.startswith("the car has a design, W_B_W 95x200 r60: there is nothing to confirm")
 
 
 def test_a_refused_design_is_named_when_arming_is_refused(start: Callable[..., Car], tmp_path: Path) -> None:
     (tmp_path / "car.json").write_text('{"format": 1, "name": "w95"')
-    car = greet(start("--design", str(tmp_path / "car.json")).port)
-    car.acknowledge_fault()
+    with greeted(start("--design", str(tmp_path / "car.json")).port) as car:
+        assert car.request("FOLDCAR_DESIGN").source == car.dialect.FOLDCAR_DESIGN_SOURCE_REFUSED
+        if car.connection.said != "car.json: is not a JSON object":
+            said = car.connection.wait_for(lambda message: message.get_type() == "STATUSTEXT", 30.0)
+            assert said is not None and said.text == "car.json: is not a JSON object"
+        car.acknowledge_fault()
 
-    with pytest.raises(CommandRefusedError, match=r"the car refuses to arm: car.json: is not a JSON object$"):
-        car.arm()
-    car.connection.close()
+        with pytest.raises(CommandRefusedError, match=r"the car refuses to arm: car.json: is not a JSON object$"):
+            car.arm()
 
 
 def test_while_wheels_turn_a_car_says_why_it_lists_no_logs_and_sets_nothing(start: Callable[..., Car]) -> None:
-    car = greet(start().port)
-    car.arm()
-    car.start_trial(0.1, 0.0, 30.0, 3)
+    with greeted(start().port) as car:
+        car.arm()
+        car.start_trial(0.1, 0.0, 30.0, 3)
 
-    with pytest.raises(FoldcarError, match="does not list its logs; it says: refused: logs are not read or erased"):
-        list_logs(car)
-    with pytest.raises(FoldcarError, match=r"refuses 50 \(.*while wheels are driven\); it stays 40"):
+        with pytest.raises(FoldcarError, match="does not list its logs; it says: refused: logs are not read or erased"):
+            list_logs(car)
+        with pytest.raises(FoldcarError, match=r"refuses 50 \(.*while wheels are driven\); it stays 40"):
+            set_parameter(car, "STAGGER_MS", 50.0)
+
+        car.stop_trial()
+        assert list_logs(car) == []
         set_parameter(car, "STAGGER_MS", 50.0)
-
-    car.stop_trial()
-    assert list_logs(car) == []
-    set_parameter(car, "STAGGER_MS", 50.0)
-    car.connection.close()

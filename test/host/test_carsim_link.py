@@ -4,7 +4,7 @@ import json
 import socket
 import subprocess
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -17,34 +17,12 @@ from link_client import Car, mavlink, write_car_files
 SERVO_FIELDS = [f"servo{n}_raw" for n in range(1, 9)]
 
 
-@pytest.fixture
-def files(tmp_path: Path) -> Path:
-    """A folder with the files of a car."""
-    write_car_files(tmp_path)
-    return tmp_path
-
-
-@pytest.fixture
-def start(carsim_binary: Path, files: Path) -> Iterator[Callable[..., Car]]:
-    """A function that starts cars, which are stopped after the test."""
-    cars: list[Car] = []
-
-    def begin(*options: str) -> Car:
-        cars.append(Car(carsim_binary, files, *options))
-        return cars[-1]
-
-    yield begin
-    for car in cars:
-        if car.process.poll() is None:
-            assert car.end() == 0
-
-
 def has_pulses(message: Any) -> bool:
     return any(getattr(message, field) for field in SERVO_FIELDS)
 
 
 def test_a_client_gets_every_parameter_and_what_it_sets(start: Callable[..., Car], carsim_binary: Path) -> None:
-    car = start("--pty")
+    car = start()
     client = car.connect()
     client.param_fetch_all()
     values: dict[str, float] = {}
@@ -61,15 +39,17 @@ def test_a_client_gets_every_parameter_and_what_it_sets(start: Callable[..., Car
     assert client.recv_match(type="PARAM_VALUE", blocking=True, timeout=100).param_value == 55.0
 
 
-def test_a_trial_ends_like_the_same_run_in_a_batch(start: Callable[..., Car], carsim_binary: Path, files: Path) -> None:
+def test_a_trial_ends_like_the_same_run_in_a_batch(
+    start: Callable[..., Car], carsim_binary: Path, tmp_path: Path
+) -> None:
     # This process may be suspended on a busy machine for longer than a car waits for its host by default.
-    parameters = json.loads((files / "params.json").read_text()) | {"CMD_TIMEOUT_MS": 10000}
-    (files / "params.json").write_text(json.dumps(parameters))
-    car = start("--pty", "--put-back")
+    parameters = json.loads((tmp_path / "params.json").read_text()) | {"CMD_TIMEOUT_MS": 10000}
+    (tmp_path / "params.json").write_text(json.dumps(parameters))
+    car = start("--put-back")
     car.connect()
     settings = {"id": "r", "body": "car", "scene": "bump", "speed_m_s": 0.3, "time_limit_s": 20}
     run = {"run": {**settings, "parameters": parameters}}
-    lines = [(files / "body.json").read_text(), (files / "scene.json").read_text(), json.dumps(run)]
+    lines = [(tmp_path / "body.json").read_text(), (tmp_path / "scene.json").read_text(), json.dumps(run)]
     batch = subprocess.run([carsim_binary, "batch"], input="\n".join(lines), capture_output=True, text=True, check=True)
     expected = json.loads(batch.stdout)
     assert expected["outcome"] == "passed"
@@ -87,7 +67,7 @@ def test_a_trial_ends_like_the_same_run_in_a_batch(start: Callable[..., Car], ca
 
 
 def test_pulses_stop_within_half_a_second_of_link_loss(start: Callable[..., Car]) -> None:
-    car = start("--pty")
+    car = start()
     car.connect()
     car.drive(0.2, 0.0, 20.0, 0, 1)
     car.wait_for("SERVO_OUTPUT_RAW", has_pulses)
@@ -100,7 +80,7 @@ def test_pulses_stop_within_half_a_second_of_link_loss(start: Callable[..., Car]
 
 
 def test_faults_stop_the_car_and_are_reported(start: Callable[..., Car]) -> None:
-    car = start("--pty")
+    car = start()
     car.connect()
     for injection, fault in [
         ({"inject": "bus_error", "for_s": 0.1}, mavlink.FOLDCAR_FAULT_BUS),
@@ -121,7 +101,7 @@ def test_faults_stop_the_car_and_are_reported(start: Callable[..., Car]) -> None
 
 
 def test_a_client_may_go_and_another_one_come(start: Callable[..., Car]) -> None:
-    car = start("--pty")
+    car = start()
     for _ in range(3):
         client = car.connect()
         client.close()
@@ -133,7 +113,7 @@ def test_a_client_may_go_and_another_one_come(start: Callable[..., Car]) -> None
 
 
 def test_an_unplugged_cable_comes_back_under_another_name(start: Callable[..., Car]) -> None:
-    car = start("--pty")
+    car = start()
     car.connect()
     car.inject(inject="unplug", for_s=0.5)
     car.port = str(car.line()["port"])
@@ -141,16 +121,16 @@ def test_an_unplugged_cable_comes_back_under_another_name(start: Callable[..., C
 
 
 def test_a_wrong_line_is_answered_and_the_car_goes_on(start: Callable[..., Car]) -> None:
-    car = start("--pty")
+    car = start()
     assert car.inject(inject="earthquake")["error"].startswith("line.inject: ")
     assert "volts" in car.inject(inject="battery")["error"]
     assert "share" in car.inject(inject="drop", share=2)["error"]
     car.connect()
 
 
-def test_a_record_replays_to_the_same_bytes(start: Callable[..., Car], files: Path) -> None:
-    record = files / "record.jsonl"
-    car = start("--pty", "--record", str(record))
+def test_a_record_replays_to_the_same_bytes(start: Callable[..., Car], tmp_path: Path) -> None:
+    record = tmp_path / "record.jsonl"
+    car = start("--record", str(record))
     car.connect()
     car.drive(0.3, 0.2, 20.0, 1, 5)
     car.inject(inject="corrupt", share=0.05, for_s=0.5)
@@ -202,31 +182,20 @@ def test_half_an_hour_of_telemetry_loses_nothing_over_tcp(start: Callable[..., C
     ],
 )
 def test_wrong_options_are_refused_in_one_line(
-    carsim_binary: Path, files: Path, options: list[str], problem: str
+    carsim_binary: Path, tmp_path: Path, options: list[str], problem: str
 ) -> None:
-    words = [carsim_binary, "link", "--body", files / "body.json", "--scene", files / "scene.json", *options]
+    write_car_files(tmp_path)
+    words = [carsim_binary, "link", "--body", tmp_path / "body.json", "--scene", tmp_path / "scene.json", *options]
     done = subprocess.run(words, capture_output=True, text=True, timeout=100, check=False)
     assert done.returncode == 2
     assert problem in done.stderr.splitlines()[0]
     assert done.stdout == ""
 
 
-def test_a_wrong_file_is_named_with_its_key(carsim_binary: Path, files: Path) -> None:
-    (files / "params.json").write_text('{"TRACK_M": 9}')
-    words = [carsim_binary, "link", "--pty", "--body", files / "body.json", "--scene", files / "scene.json"]
-    done = subprocess.run([*words, "--params", files / "params.json"], capture_output=True, text=True, check=False)
+def test_a_wrong_file_is_named_with_its_key(carsim_binary: Path, tmp_path: Path) -> None:
+    write_car_files(tmp_path)
+    (tmp_path / "params.json").write_text('{"TRACK_M": 9}')
+    words = [carsim_binary, "link", "--pty", "--body", tmp_path / "body.json", "--scene", tmp_path / "scene.json"]
+    done = subprocess.run([*words, "--params", tmp_path / "params.json"], capture_output=True, text=True, check=False)
     assert done.returncode == 2
-    assert done.stderr == f"carsim: {files / 'params.json'}: TRACK_M is above its maximum: 9\n"
-
-
-def test_a_refused_design_is_told_and_keeps_the_car_from_moving(start: Callable[..., Car], files: Path) -> None:
-    (files / "car.json").write_text('{"format": 1, "name": "w95"')
-    car = start("--pty", "--design", str(files / "car.json"))
-    client = car.connect()
-    car.show_life()
-    wish = [mavlink.MAVLINK_MSG_ID_FOLDCAR_DESIGN, 0, 0, 0, 0, 0, 0]
-    client.mav.command_long_send(1, 1, mavlink.MAV_CMD_REQUEST_MESSAGE, 0, *wish)
-    text = car.wait_for("STATUSTEXT", lambda message: "car.json" in message.text)
-    assert text.text == "car.json: is not a JSON object"
-    assert car.command(mavlink.MAV_CMD_FOLDCAR_ACKNOWLEDGE_FAULT) == mavlink.MAV_RESULT_ACCEPTED
-    assert car.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1) == mavlink.MAV_RESULT_TEMPORARILY_REJECTED
+    assert done.stderr == f"carsim: {tmp_path / 'params.json'}: TRACK_M is above its maximum: 9\n"

@@ -1,37 +1,12 @@
-"""The command `foldcar`: help, version, one-line errors, `run` and `sweep`."""
+"""The command `foldcar`: one-line errors, `run` and `sweep`."""
 
 import os
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
-
-from foldcar import __version__
-from under_coverage import unmeasured
-
-
-def test_help_names_every_command(foldcar: Any) -> None:
-    answer = foldcar("--help")
-
-    assert answer.returncode == 0
-    for command in ("sweep", "run", "sample", "report", "export"):
-        assert f"\n  {command} " in answer.stdout
-
-
-def test_version(foldcar: Any) -> None:
-    assert foldcar("--version").stdout == f"foldcar {__version__}\n"
-
-
-def test_help_waits_for_nothing_heavy() -> None:
-    heavy = "{'scenic', 'matplotlib', 'numpy', 'scipy', 'pyarrow', 'pydantic', 'sqlite3'}"
-    code = f"import sys, foldcar.cli; print({heavy} & set(sys.modules))"
-
-    answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=unmeasured())
-
-    assert answer.stdout == "set()\n"
 
 
 @pytest.mark.parametrize(
@@ -51,16 +26,11 @@ def test_help_waits_for_nothing_heavy() -> None:
     ],
 )
 def test_mistakes_are_one_line_and_leave_nothing(
-    tmp_path: Path, write_listing: Callable[[Any], Path], listing_data: Any, foldcar: Any,
-    words: tuple[str, ...], message: str,
-) -> None:  # fmt: skip
-    write_listing(listing_data).rename(tmp_path / "l.json")
+    tmp_path: Path, listing: Path, refused: Any, words: tuple[str, ...], message: str
+) -> None:
+    listing.rename(tmp_path / "l.json")
 
-    answer = foldcar(*words)
-
-    assert answer.returncode == 2
-    assert answer.stderr.startswith(f"foldcar: error: {message}")
-    assert answer.stderr.count("\n") == 1 and answer.stdout == ""
+    assert refused(*words).startswith(message)
     assert [file.name for file in tmp_path.iterdir()] == ["l.json"]
 
 
@@ -74,27 +44,17 @@ def test_wrong_usage_is_told_without_traceback(foldcar: Any, words: tuple[str, .
     assert "Usage:" in answer.stderr and "Traceback" not in answer.stderr
 
 
-def test_without_carsim_the_way_to_one_is_named(
-    tmp_path: Path, write_listing: Callable[[Any], Path], listing_data: Any, foldcar: Any
-) -> None:
-    listing = write_listing(listing_data)
+def test_without_carsim_the_way_to_one_is_named(tmp_path: Path, listing: Path, refused: Any) -> None:
+    told = refused("sweep", listing, "--store", "s.db", env={**os.environ, "FOLDCAR_CARSIM": "/none/carsim"})
 
-    answer = foldcar("sweep", listing, "--store", "s.db", env={**os.environ, "FOLDCAR_CARSIM": "/none/carsim"})
-
-    assert answer.returncode == 2
-    assert answer.stderr == "foldcar: error: FOLDCAR_CARSIM: /none/carsim is no program\n"
+    assert told == "FOLDCAR_CARSIM: /none/carsim is no program"
     assert not (tmp_path / "s.db").exists()
 
 
-def test_run_tells_the_outcome_and_draws(
-    tmp_path: Path, write_listing: Callable[[Any], Path], listing_data: Any, foldcar: Any, carsim_binary: Path
-) -> None:
-    listing = write_listing(listing_data)
+def test_run_tells_the_outcome_and_draws(tmp_path: Path, listing: Path, foldcar: Any) -> None:
+    words = ("--experiment", "1", "--set", "width=120", "--sample", "2", "--plot", "run.svg")
 
-    answer = foldcar(
-        "run", listing, "--experiment", "1", "--set", "width=120", "--sample", "2", "--plot", "run.svg",
-        env={**os.environ, "FOLDCAR_CARSIM": str(carsim_binary)},
-    )  # fmt: skip
+    answer = foldcar("run", listing, *words)
 
     assert answer.returncode == 0, answer.stderr
     told = dict(line.split(maxsplit=1) for line in answer.stdout.splitlines())
@@ -104,15 +64,11 @@ def test_run_tells_the_outcome_and_draws(
     assert (tmp_path / "run.svg").read_text().startswith("<?xml")
 
 
-def test_run_shows_how_the_car_differs_from_its_design(
-    write_listing: Callable[[Any], Path], listing_data: Any, foldcar: Any, carsim_binary: Path
-) -> None:
+def test_run_shows_how_the_car_differs_from_its_design(write_listing: Any, listing_data: Any, foldcar: Any) -> None:
     listing_data["experiments"]["1"]["params"] |= {"variation": "workshop", "variation_seed": 5}
-    listing = write_listing(listing_data)
-    words = ("run", listing, "--experiment", "1", "--set", "width=120", "--sample")
-    environment = {**os.environ, "FOLDCAR_CARSIM": str(carsim_binary)}
+    words = ("run", write_listing(listing_data), "--experiment", "1", "--set", "width=120", "--sample")
 
-    answers = [foldcar(*words, sample, env=environment) for sample in ("0", "1", "0")]
+    answers = [foldcar(*words, sample) for sample in ("0", "1", "0")]
 
     told = [dict(line.split(maxsplit=1) for line in answer.stdout.splitlines()) for answer in answers]
     assert told[0] == told[2]
@@ -123,15 +79,10 @@ def test_run_shows_how_the_car_differs_from_its_design(
 GOAL_RULE = "experiment 1: a run has passed if it reaches its Goal, within the time limit\n"
 
 
-def test_a_sweep_ends_with_one_line(
-    tmp_path: Path, write_listing: Callable[[Any], Path], listing_data: Any, foldcar: Any, carsim_binary: Path
-) -> None:
-    listing = write_listing(listing_data)
+def test_a_sweep_ends_with_one_line(listing: Path, foldcar: Any) -> None:
     words = ("sweep", listing, "--store", "new/s.db", "--jobs", "2")
-    environment = {**os.environ, "FOLDCAR_CARSIM": str(carsim_binary)}
 
-    first = foldcar(*words, env=environment)
-    second = foldcar(*words, env=environment)
+    first, second = foldcar(*words), foldcar(*words)
 
     assert (first.returncode, second.returncode, first.stderr) == (0, 0, GOAL_RULE)
     assert first.stdout.startswith("6 runs new, 0 there already, ") and first.stdout.count("\n") == 1

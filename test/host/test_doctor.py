@@ -4,12 +4,12 @@ import json
 import os
 import shutil
 import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
 from foldcar.commands.doctor_programs import PlatformioProject, simulator
 from foldcar.simulation.carsim import Carsim
+from test_command_line import COMMAND, WEAK
 
 Command = Callable[..., "subprocess.CompletedProcess[str]"]
 PROJECT = Path(__file__).resolve().parents[2]
@@ -60,10 +60,7 @@ def test_a_simulator_of_other_sources_is_told(carsim_binary: Path, tmp_path: Pat
 def test_a_folder_that_cannot_be_written_is_missing(tmp_path: Path) -> None:
     closed = tmp_path / "closed"
     closed.mkdir(mode=0o555)
-    # Root writes anywhere, unless it gives up that capability.
-    weak = ["setpriv", "--bounding-set=-dac_override", "--inh-caps=-dac_override"] if os.geteuid() == 0 else []
-
-    done = subprocess.run([*weak, sys.executable, "-m", "foldcar", "doctor"], cwd=closed, capture_output=True, text=True)
+    done = subprocess.run([*WEAK, *COMMAND, "doctor"], cwd=closed, capture_output=True, text=True)
 
     assert done.returncode == 1
     assert f"missing  results     {closed}: cannot be written: Permission denied -> " in done.stdout

@@ -7,7 +7,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
 from packaging.requirements import Requirement
 
 import foldcar
@@ -20,6 +19,9 @@ import json
 import sys
 sys.modules.update(dict.fromkeys({[name for names in MODULES.values() for name in names if name not in OF_SCENIC]}))
 from foldcar.cli import main
+from foldcar.fabrication.patterns import nesting
+# `select` nests a car's sheets: the first order that fits, as a search takes longer than all else.
+nesting.MOST_TRIES = 0
 sys.argv[0] = "foldcar"
 for words in json.loads(sys.argv.pop()):
     sys.argv[1:] = words
@@ -32,10 +34,10 @@ SPACE = Path(__file__).resolve().parents[2] / "examples" / "design_space.json"
 CAR = ("--set", "width=115", "--set", "radius=60")
 
 
-def test_the_core_sweeps_and_reports_and_other_commands_name_their_extra(tmp_path: Path) -> None:
+def test_the_core_sweeps_and_reports_and_other_commands_name_their_extra(tmp_path: Path, free_course: Path) -> None:
     core = (
         ("new", "yard"),
-        ("sweep", "yard/study.json", "--store", "s.db", "--environments", "2"),
+        ("sweep", free_course.name, "--store", "s.db"),
         ("report", "s.db", "-o", "report", "--no-replay"),
         ("select", "s.db", "--build", "1"),
     )
@@ -61,30 +63,26 @@ def test_the_core_sweeps_and_reports_and_other_commands_name_their_extra(tmp_pat
         (told,) = end.splitlines()[1:]
         assert told.startswith("foldcar: error: this needs the package "), (words, told)
         assert told.endswith(f"of an extra: pip install 'foldcar[{extra}]'"), (words, told)
-    assert {file.name for file in tmp_path.iterdir()} == {"yard", "s.db", "report"}
+    assert {file.name for file in tmp_path.iterdir()} == {"l.json", "free.scenic", "yard", "s.db", "report"}
 
 
-@pytest.mark.parametrize("extra", MODULES)
-def test_an_extra_brings_the_modules_that_it_is_told_for(extra: str) -> None:
+def test_what_foldcar_imports_it_declares_and_an_extra_brings_the_modules_that_it_is_told_for() -> None:
     declared = [Requirement(text) for text in importlib.metadata.requires("foldcar") or []]
-    brought = {one.name.lower() for one in declared if one.marker is not None and one.marker.evaluate({"extra": extra})}
     packages = importlib.metadata.packages_distributions()
+    for extra, modules in MODULES.items():
+        brought = {one.name.lower() for one in declared if one.marker and one.marker.evaluate({"extra": extra})}
+        for module in modules:
+            # A package of the extra, or one that these bring (Dask by its scheduler).
+            assert brought & {name.lower() for name in packages[module]} or module == "dask", module
 
-    for module in MODULES[extra]:
-        # A package of the extra, or one that these bring (Dask by its scheduler).
-        assert brought & {name.lower() for name in packages[module]} or module == "dask", module
-
-
-def test_what_foldcar_imports_it_declares() -> None:
     imported = set()
     for file in Path(foldcar.__file__).parent.rglob("*.py"):
         for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
-            names = [one.name for one in node.names] if isinstance(node, ast.Import) else []
-            imported |= {name.partition(".")[0] for name in [*names, getattr(node, "module", None) or ""]}
-    declared = {Requirement(text).name.lower() for text in importlib.metadata.requires("foldcar") or []}
-    packages = importlib.metadata.packages_distributions()
+            found = [one.name for one in node.names] if isinstance(node, ast.Import) else []
+            imported |= {name.partition(".")[0] for name in [*found, getattr(node, "module", None) or ""]}
+    names = {one.name.lower() for one in declared}
     # These come with Jinja, Matplotlib, Scenic and its scheduler; the last is Webots' own.
     others = {*sys.stdlib_module_names, "foldcar", "", "markupsafe", "PIL", "rv_ltl", "dask", "controller"}
 
     assert len(imported - others) > 20
-    assert [name for name in imported - others if not declared & {one.lower() for one in packages[name]}] == []
+    assert [name for name in imported - others if not names & {one.lower() for one in packages[name]}] == []

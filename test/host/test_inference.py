@@ -92,6 +92,12 @@ def test_every_set_of_parameters_is_simulated_in_a_scatter_of_its_own(monkeypatc
     assert np.array_equal(found.logits, found.emulator.logits(found.posterior.scores, found.features[[0, 3]]))
 
 
+def inferred(swept: SweptExperiment, counts: TrialCounts, scores: Any, tau: float, emulated: Emulator) -> Any:
+    """An inference with these draws of the scores, one discrepancy's sd, and an emulator."""
+    posterior = SimpleNamespace(scores=scores, discrepancy=np.full(len(scores), tau))
+    return SimpleNamespace(counts=counts, posterior=posterior, emulator=emulated, features=features_of(swept))
+
+
 def bits_by_quadrature(logits: np.ndarray[Any, Any], tau: float, done: tuple[int, int]) -> float:
     """Information of the next TRIALS of a car with the logits, all equally likely, by plain sums over its discrepancy."""
     z = np.linspace(-6, 6, 121)
@@ -112,11 +118,8 @@ def test_trials_that_were_driven_tell_nothing_of_another_cars_discrepancy_under_
     scores = np.zeros((400, len(PARAMETERS)))
     scores[:, FRICTION] = np.repeat([-1.0, 1.0], 200)
     counts = TrialCounts((1,), (6,), (12,), False, ())
-    posterior = SimpleNamespace(scores=scores, discrepancy=np.full(400, 0.7))
     # All designs alike, whatever the height: candidates differ by the trials done alone.
-    inference: Any = SimpleNamespace(
-        counts=counts, posterior=posterior, emulator=linear(1.0, 0.0), features=features_of(swept)
-    )
+    inference = inferred(swept, counts, scores, 0.7, linear(1.0, 0.0))
 
     found = {(one.design, one.height): one for one in rank_next_trials(inference, swept)}
 
@@ -138,10 +141,7 @@ def test_lower_obstacles_are_a_lower_value_of_their_parameter() -> None:
     weights = np.zeros((len(PARAMETERS) + 1, 1))
     weights[height] = -1.5
     counts = TrialCounts((0,), (0,), (1,), False, ())
-    posterior = SimpleNamespace(scores=scores, discrepancy=np.full(100, 0.5))
-    inference: Any = SimpleNamespace(
-        counts=counts, posterior=posterior, emulator=Emulator((((weights, np.zeros(1)),),)), features=features_of(swept)
-    )
+    inference = inferred(swept, counts, scores, 0.5, Emulator((((weights, np.zeros(1)),),)))
 
     ranked = rank_next_trials(inference, swept)
 

@@ -3,6 +3,7 @@
 import json
 import os
 import pty
+import shutil
 import signal
 import subprocess
 import sys
@@ -13,6 +14,8 @@ from typing import Any
 
 import pytest
 
+from conftest import two_widths
+from forked_foldcar import original
 from shell_signals import like_a_shell
 
 FOLDCAR = [sys.executable, "-m", "foldcar"]
@@ -21,6 +24,7 @@ ego = new Robot at (0, 0), facing -90 deg
 new Goal at (1.3, 0), facing -90 deg
 record ego.position.x as way
 """
+Start = Callable[..., "subprocess.Popen[str]"]
 MARK = "FOLDCAR_TEST_MARK"
 RUN = ["--experiment", "1", "--set", "width=95"]
 # Everything that a command passes on its way is interrupted by some of these: imports, Scenic, sampling, simulating.
@@ -36,20 +40,30 @@ COMMANDS = {
 }
 
 
+@pytest.fixture(scope="module")
+def swept(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A store of the listing's runs in one environment."""
+    folder = tmp_path_factory.mktemp("swept")
+    (folder / "flat.json").write_text(json.dumps(two_widths()))
+    words = ["sweep", "flat.json", "--store", "full.db", "--environments", "1"]
+    assert original().run(words, folder).returncode == 0
+    return folder / "full.db"
+
+
 @pytest.fixture
-def study(tmp_path: Path, listing_data: dict[str, Any], foldcar: Callable[..., Any]) -> Path:
+def study(tmp_path: Path, swept: Path, listing_data: dict[str, Any]) -> Path:
     """A folder with a listing, one that needs Scenic beside the simulation, and a store."""
     listing_data["experiments"]["1"]["params"]["environments"] = 300
     (tmp_path / "flat.json").write_text(json.dumps(listing_data))
     (tmp_path / "beside.scenic").write_text(BESIDE)
     listing_data["environments"]["1"]["scenic_filename"] = "beside.scenic"
     (tmp_path / "beside.json").write_text(json.dumps(listing_data))
-    assert foldcar("sweep", "flat.json", "--store", "full.db", "--environments", "1").returncode == 0
+    shutil.copy(swept, tmp_path)
     return tmp_path
 
 
 @pytest.fixture
-def started(study: Path) -> Iterator[Callable[..., "subprocess.Popen[str]"]]:
+def started(study: Path) -> Iterator[Start]:
     """A function that starts a command in that folder; its processes are marked, and ended after the test."""
 
     def start(*words: str, ready: bool = True, **options: Any) -> "subprocess.Popen[str]":
@@ -96,9 +110,7 @@ def no_process_of(mark: str, within_s: float = 10) -> bool:
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_ctrl_c_ends_a_command_at_any_moment_with_one_line(
-    study: Path, started: Callable[..., "subprocess.Popen[str]"], command: str
-) -> None:
+def test_ctrl_c_ends_a_command_at_any_moment_with_one_line(study: Path, started: Start, command: str) -> None:
     interrupted = 0
     for index, moment_s in enumerate(MOMENTS_S):
         process = started(*COMMANDS[command])
@@ -118,7 +130,7 @@ def test_ctrl_c_ends_a_command_at_any_moment_with_one_line(
     assert interrupted >= 1
 
 
-def test_what_the_caller_ignores_stays_ignored(started: Callable[..., "subprocess.Popen[str]"]) -> None:
+def test_what_the_caller_ignores_stays_ignored(started: Start) -> None:
     process = subprocess.Popen(
         [*FOLDCAR, "--version"], stdout=subprocess.PIPE, text=True,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_IGN) and None,
@@ -131,9 +143,7 @@ def test_what_the_caller_ignores_stays_ignored(started: Callable[..., "subproces
 
 
 @pytest.mark.parametrize("command", ["sweep", "crosscheck", "link"])
-def test_a_killed_command_leaves_no_process(
-    study: Path, started: Callable[..., "subprocess.Popen[str]"], command: str
-) -> None:
+def test_a_killed_command_leaves_no_process(study: Path, started: Start, command: str) -> None:
     process = started(*COMMANDS[command])
     end_s = time.monotonic() + 300
     # What was seen once counts: some processes live for a moment only.
@@ -147,9 +157,7 @@ def test_a_killed_command_leaves_no_process(
     assert no_process_of(str(study))
 
 
-def test_a_killed_link_leaves_its_terminal_as_it_was(
-    study: Path, started: Callable[..., "subprocess.Popen[str]"], tmp_path: Path
-) -> None:
+def test_a_killed_link_leaves_its_terminal_as_it_was(study: Path, started: Start, tmp_path: Path) -> None:
     import fcntl
     import termios
 

@@ -15,7 +15,7 @@ from foldcar.store.reader import Store
 from foldcar.store.trial_records import RUNNING, Ending, Trial
 from foldcar.store.trial_writer import TrialWriter, write_trials
 from foldcar.trials.driving import DriveEnd
-from foldcar.trials.outcome import record_outcome
+from foldcar.trials.session import record_outcome
 from live_car import LOG, car_at_port, moving, trials_in
 from test_store_lock import another, held
 from test_trial_store import begin
@@ -129,11 +129,11 @@ def test_a_calibration_whose_store_is_in_use_is_kept(begun: Path, foldcar: Any) 
 
 
 def test_a_trial_that_waits_for_another_program_is_kept_at_ctrl_c(
-    tmp_path: Path, free_course: Path, carsim_binary: Path, foldcar: Any
+    tmp_path: Path, free_course: Path, foldcar: Any
 ) -> None:
     store = tmp_path / "s.db"
     with (
-        car_at_port(carsim_binary, goal_x_m=None) as car,
+        car_at_port(goal_x_m=None) as car,
         Typist(tmp_path, *LOG, "--port", car.port, "--countdown", "0", "--yes") as person,
     ):
         person.watches_until(lambda: moving(tmp_path))

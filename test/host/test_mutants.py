@@ -56,40 +56,26 @@ def test_a_broken_explanation_names_its_line(tmp_path: Path) -> None:
         read_explained(tmp_path / "explained.txt")
 
 
-@pytest.fixture
-def workshop(tmp_path: Path) -> PythonWorkshop:
-    """A folder with a module a.b of the host, and a test of it."""
-    (tmp_path / "host" / "a").mkdir(parents=True)
-    (tmp_path / "host" / "a" / "b.py").write_text("def half(x):\n    return x / 2\n", encoding="utf-8")
-    (tmp_path / "test" / "host").mkdir(parents=True)
+def test_a_mutant_stands_in_place_of_its_module_and_its_verdict_is_kept_until_its_test_changes(tmp_path: Path) -> None:
+    source, test = tmp_path / "host" / "a" / "b.py", tmp_path / "test" / "host" / "test_b.py"
+    for file in (source, test):
+        file.parent.mkdir(parents=True)
+    source.write_text("def half(x):\n    return x / 2\n", encoding="utf-8")
     text = f"import sys\nsys.path.insert(0, {str(tmp_path / 'host')!r})\nfrom a.b import half\n"
-    (tmp_path / "test" / "host" / "test_b.py").write_text(f"{text}def test_half():\n    assert half(0) == 0\n")
-    return PythonWorkshop(tmp_path, tmp_path / "work", Path(sys.executable))
-
-
-def test_a_mutant_of_the_host_stands_in_place_of_its_module_and_the_module_stays(workshop: PythonWorkshop) -> None:
-    source = workshop.root / "host" / "a" / "b.py"
+    test.write_text(f"{text}def test_half():\n    assert half(0) == 0\n")
     before = source.read_bytes()
+    workshop = PythonWorkshop(tmp_path, tmp_path / "work", Path(sys.executable))
     workshop.prepare("test_b.py")
+    third, more = (
+        Mutant(2, "return x / 2", new, f"def half(x):\n    {new}\n") for new in ("return x / 3", "return x + 2")
+    )
 
-    verdicts = [
-        workshop.judge(source, Mutant(2, "return x / 2", new, f"def half(x):\n    {new}\n"), ["test_b.py"]).result
-        for new in ("return x / 3", "return x + 2")
-    ]
-
-    assert verdicts == ["survived", "killed"]
-    assert source.read_bytes() == before
-
-
-def test_a_verdict_is_kept_until_its_test_changes(workshop: PythonWorkshop) -> None:
-    source, test = workshop.root / "host" / "a" / "b.py", workshop.root / "test" / "host" / "test_b.py"
-    mutant = Mutant(2, "return x / 2", "return x / 3", "def half(x):\n    return x / 3\n")
-    workshop.prepare("test_b.py")
-    first = workshop.judge(source, mutant, ["test_b.py"])
+    verdicts = [workshop.judge(source, mutant, ["test_b.py"]).result for mutant in (third, more)]
     test.write_text(test.read_text().replace("half(0) == 0", "half(6) == 3"))
-    second = workshop.judge(source, mutant, ["test_b.py"])
+    again = workshop.judge(source, third, ["test_b.py"])
     workshop.stop()
 
-    assert (first.result, second.result) == ("survived", "killed")
+    assert verdicts == ["survived", "killed"] and again.result == "killed"
+    assert source.read_bytes() == before
     # Nothing can be run any more.
-    assert workshop.judge(source, mutant, ["test_b.py"]) == second
+    assert workshop.judge(source, third, ["test_b.py"]) == again

@@ -5,6 +5,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -31,7 +32,7 @@ def test_a_new_project_is_whole_and_says_what_to_type_next(foldcar: Command, tmp
 
 
 @pytest.mark.parametrize("example", EXAMPLES)
-def test_an_example_has_what_its_commands_name(foldcar: Command, tmp_path: Path, example: str) -> None:
+def test_an_example_has_what_its_commands_name(foldcar: Command, refused: Any, tmp_path: Path, example: str) -> None:
     done = foldcar("new", "study", "--example", example)
 
     assert (done.returncode, done.stderr) == (0, "")
@@ -44,9 +45,8 @@ def test_an_example_has_what_its_commands_name(foldcar: Command, tmp_path: Path,
     for listing in folder.glob("scenarios/*.json"):
         assert read_study(listing).experiments
     # A name that is none.
-    other = foldcar("new", "other", "--example", example + "s")
-    assert (other.returncode, (tmp_path / "other").exists()) == (2, False)
-    assert f"there is no {example}s; there are width_study" in other.stderr
+    assert f"there is no {example}s; there are width_study" in refused("new", "other", "--example", example + "s")
+    assert not (tmp_path / "other").exists()
 
 
 def test_the_projects_environment_tells_its_designs_apart(foldcar: Command, tmp_path: Path) -> None:
@@ -67,21 +67,19 @@ def test_the_projects_environment_tells_its_designs_apart(foldcar: Command, tmp_
 
 
 @pytest.mark.parametrize("content", ["README.md", ".hidden"])
-def test_a_folder_with_anything_in_it_is_refused_and_left_alone(foldcar: Command, tmp_path: Path, content: str) -> None:
+def test_a_folder_with_anything_in_it_is_refused_and_left_alone(refused: Any, tmp_path: Path, content: str) -> None:
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / content).write_text("mine", encoding="utf-8")
 
-    done = foldcar("new", "full")
-
-    assert (done.returncode, done.stderr) == (2, "foldcar: error: full: is not empty; name a new folder\n")
+    assert refused("new", "full") == "full: is not empty; name a new folder"
     assert [(file.name, file.read_text()) for file in (tmp_path / "full").iterdir()] == [(content, "mine")]
 
 
-def test_a_place_that_cannot_be_written_is_one_line(foldcar: Command, tmp_path: Path) -> None:
+def test_a_place_that_cannot_be_written_is_one_line(refused: Any, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("", encoding="utf-8")
-    assert foldcar("new", "file").stderr == "foldcar: error: file: not a folder\n"
-    assert foldcar("new", "no/yard").stderr.startswith("foldcar: error: no/yard: cannot be written: there is no folder")
-    assert foldcar("new", ".").returncode == 2
+    assert refused("new", "file") == "file: not a folder"
+    assert refused("new", "no/yard").startswith("no/yard: cannot be written: there is no folder")
+    assert refused("new", ".")
 
 
 def test_a_full_disk_leaves_nothing_half_written(tmp_path: Path) -> None:

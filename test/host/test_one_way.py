@@ -54,7 +54,8 @@ def test_imports_go_one_way() -> None:
     everybodys = ["errors", "typed", "shown_text", "shown_console", "interrupts", "outputs", "installation"]
     order = [*everybodys, *documented_rooms(), "cli", "__main__", "__init__"]
 
-    against = [f"{a} imports {b}" for a, b in sorted(edges()) if order.index(b) > order.index(a)]
+    found = edges()
+    against = [f"{a} imports {b}" for a, b in sorted(found) if order.index(b) > order.index(a)]
 
-    assert len(edges()) > 50
+    assert len(found) > 50
     assert against == []

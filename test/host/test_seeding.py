@@ -33,16 +33,12 @@ def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def test_seeding_twice_leaves_the_local_file_untouched(project: Path) -> None:
+def test_seeding_twice_leaves_the_local_file_untouched_and_undo_removes_it_once(project: Path) -> None:
     seed_platformio.seed(project)
     first = (project / "platformio.local.ini").stat()
     seed_platformio.seed(project)
     second = (project / "platformio.local.ini").stat()
     assert (first.st_ino, first.st_mtime_ns) == (second.st_ino, second.st_mtime_ns)
-
-
-def test_undo_removes_the_local_file_and_a_second_undo_does_nothing(project: Path) -> None:
-    seed_platformio.seed(project)
     assert seed_platformio.undo(project)
     assert not (project / "platformio.local.ini").exists()
     assert not seed_platformio.undo(project)

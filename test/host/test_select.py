@@ -1,7 +1,6 @@
 """`foldcar select`: regions, information and environments against independent computations; advice on known truths."""
 
 import csv
-import json
 from collections.abc import Mapping
 from itertools import product
 from pathlib import Path
@@ -33,17 +32,12 @@ from foldcar.analysis.selection import (
 )
 from foldcar.cli import app
 from foldcar.commands.tables import print_selections
+from foldcar.fabrication.patterns import nesting
 from foldcar.store.reader import Store
+from swept_listing import told
 from written_study import add_trials, import_trials, write_study
 
 WIDTHS = numpy.arange(65.0, 250.0, 5.0)
-
-
-def select(*words: Any) -> dict[str, Any]:
-    answer = CliRunner().invoke(app, ["select", *map(str, words), "--json"])
-    assert answer.exit_code == 0, answer.output
-    found: dict[str, Any] = json.loads(answer.stdout)
-    return found
 
 
 def advise(store: Path, **options: Any) -> list[Selection]:
@@ -188,11 +182,13 @@ def outcome(design: Mapping[str, float], sample: int) -> str:
 FAMILY = {"width_mm": [float(width) for width in range(70, 190, 10)]}
 
 
-def test_advice_before_trials_and_after_each_round(tmp_path: Path) -> None:
+def test_advice_before_trials_and_after_each_round(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    # The first order of pieces that fits: a search takes longer than all else.
+    monkeypatch.setattr(nesting, "MOST_TRIES", 0)
     store = write_study(tmp_path / "s.db", FAMILY, 40, outcome, thresholds=[0.5, 0.75])
 
     (before,) = advise(store)
-    (printed,) = select(store, "--build", 1, "--csv", tmp_path / "build.csv")["experiments"]
+    (printed,) = told("select", store, "--build", "1", "--csv", tmp_path / "build.csv")["experiments"]
 
     assert before.threshold == 0.75 and not before.enough and before.loss is None
     assert "no trials yet, so these mark the region that reaches 75 % in simulation." in before.sentence

@@ -47,6 +47,7 @@ def column(name: str, *cells: str) -> str:
         (HEADER + "W_X,95,passed,1,me\n", 'line 2: "W_X" has unknown module "X"'),
         (HEADER + "W_B_W,95,passed,1,\n", "line 2: source: is empty"),
         (HEADER + "W_B_W,,passed,1,me\n", "line 2: does not tell the car: give its parameters, as width_mm, "),
+        (column("car", "real"), 'line 2: car: "real" is not one of built, simulated'),
         (column("note", "x" * 140_000), r"line 2: field larger than field limit \(131072\)"),
         (column("sample", "", "x"), 'line 3: sample: "x" is not a whole number'),
         (column("sample", str(2**63)), "line 2: sample: 9223372036854775808 is above the maximum 9223372036854775807"),
@@ -62,21 +63,21 @@ def test_what_cannot_be_is_named_with_line_and_column(tmp_path: Path, text: str,
         read(tmp_path, text)
 
 
-def test_a_bad_row_keeps_the_others_out(tmp_path: Path, foldcar: Any) -> None:
+def test_a_bad_row_keeps_the_others_out(tmp_path: Path, refused: Any) -> None:
     (tmp_path / "t.csv").write_text(column("elapsed_time_s", "1", "x"))
 
-    answer = foldcar("trials", "import", "s.db", "t.csv", "--experiment", "1")
+    told = refused("trials", "import", "s.db", "t.csv", "--experiment", "1")
 
-    assert answer.returncode == 2
-    assert answer.stderr == 'foldcar: error: t.csv: line 3: elapsed_time_s: "x" is not a number\n'
+    assert told == 't.csv: line 3: elapsed_time_s: "x" is not a number'
     assert not (tmp_path / "s.db").exists()
 
 
 def test_outcomes_are_read_as_a_spreadsheet_capitalises_them(tmp_path: Path) -> None:
-    header = "vehicle_type,width_mm,outcome,source,car"
-    found = read(tmp_path, f"{header}\nW_B_W,95,Passed,p,Built\nW_B_W,95,NOT_PASSED,p,\n")
+    cells = ("Passed,p,Built", "NOT_PASSED,p,", "stuck,p,simulated")
+    found = read(tmp_path, "vehicle_type,width_mm,outcome,source,car\n" + "".join(f"W_B_W,95,{one}\n" for one in cells))
 
-    assert [(trial["outcome"], trial["car"]) for trial in found] == [("passed", "built"), ("not_passed", "built")]
+    told = [("passed", "built"), ("not_passed", "built"), ("stuck", "simulated")]
+    assert [(trial["outcome"], trial["car"]) for trial in found] == told
 
 
 def test_a_start_in_another_zone_is_stored_in_utc(tmp_path: Path) -> None:

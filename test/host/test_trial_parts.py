@@ -27,7 +27,7 @@ from foldcar.link.stream import open_stream, permission_text
 from foldcar.link.tlog import LogError, TlogWriter, read_tlog
 from foldcar.trials.driving import drive_end
 from foldcar.trials.identity import least_tried
-from foldcar.trials.placement import parse_deviation
+from foldcar.trials.placement import ask_deviations, parse_deviation
 from foldcar.trials.servo_edges import find_edges
 
 
@@ -38,6 +38,11 @@ from foldcar.trials.servo_edges import find_edges
 def test_a_bad_deviation_says_what_is_wrong(text: str) -> None:
     with pytest.raises(FoldcarError, match=r'^deviation "'):
         parse_deviation(text, ["car", "A", "B"])
+
+
+def test_a_second_deviation_of_one_thing_is_refused() -> None:
+    with pytest.raises(FoldcarError, match='--deviation "car 5 5": car is given twice'):
+        ask_deviations(None, {}, ["car 1 1", "car 5 5"])
 
 
 @pytest.mark.parametrize(("neutral", "deadband"), [(1500, 45), (1487, 5), (1531, 90), (1440.5, 22)])

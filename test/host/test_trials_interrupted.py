@@ -11,21 +11,17 @@ from typing import Any
 
 import pytest
 
-from foldcar.link.car import greet
 from foldcar.link.tlog import read_tlog
-from live_car import LOG, car_at_port, inject, moving, trials_in
+from live_car import LOG, car_at_port, greeted, inject, moving, trials_in
 from typist import Typist
 
 
-def test_a_pulled_cable_aborts_the_trial_and_keeps_what_was_received(
-    tmp_path: Path, free_course: Path, carsim_binary: Path
-) -> None:
+def test_a_pulled_cable_aborts_the_trial_and_keeps_what_was_received(tmp_path: Path, free_course: Path) -> None:
     with (
-        car_at_port(carsim_binary, goal_x_m=None) as car,
+        car_at_port(goal_x_m=None) as car,
         Typist(tmp_path, *LOG, "--port", car.port, "--countdown", "0", "--deviation", "car 0 0") as person,
     ):
-        person.sees("Enter starts")
-        person.types("\n")
+        person.answers(("Enter starts", ""))
         person.watches_until(lambda: moving(tmp_path))
         inject(car, inject="unplug", for_s=1.5)
         person.sees("Trial 1: aborted")
@@ -36,17 +32,9 @@ def test_a_pulled_cable_aborts_the_trial_and_keeps_what_was_received(
         assert car.process.stdout is not None
         lines = (json.loads(line) for line in car.process.stdout)
         person.types(next(line["port"] for line in lines if "port" in line) + "\n")
-        person.sees("fault     The host was silent")
-        person.types("y\n")
-        person.sees("Enter starts")
-        person.types("\n")
-        person.sees("Outcome")
-        person.types("i\n")
-        person.sees("Note")
-        person.types("\n")
+        person.answers(("fault     The host was silent", "y"), ("Enter starts", ""), ("Outcome", "i"), ("Note", ""))
         person.sees("Trial 2: timeout")
-        person.sees("Enter starts")
-        person.types("q\n")
+        person.answers(("Enter starts", "q"))
         assert person.ends() == 0
 
     first, second = trials_in(tmp_path / "s.db")
@@ -55,10 +43,8 @@ def test_a_pulled_cable_aborts_the_trial_and_keeps_what_was_received(
     assert pulses[-1] > 0
 
 
-def test_a_killed_program_loses_nothing_it_received(
-    tmp_path: Path, free_course: Path, carsim_binary: Path, foldcar: Any
-) -> None:
-    with car_at_port(carsim_binary, goal_x_m=None) as car:
+def test_a_killed_program_loses_nothing_it_received(tmp_path: Path, free_course: Path, foldcar: Any) -> None:
+    with car_at_port(goal_x_m=None) as car:
         with Typist(tmp_path, *LOG, "--port", car.port, "--countdown", "0", "--yes") as person:
             person.watches_until(lambda: moving(tmp_path))
             person.process.kill()
@@ -85,23 +71,27 @@ def await_fault(port: str) -> None:
     for _ in range(100):
         # To look is a sign of life too.
         time.sleep(1.0)
-        watcher = greet(port)
-        state = watcher.state()
-        watcher.connection.close()
-        if state == watcher.dialect.FOLDCAR_STATE_FAULT:
-            return
+        with greeted(port) as watcher:
+            if watcher.state() == watcher.dialect.FOLDCAR_STATE_FAULT:
+                return
     pytest.fail("the car does not notice that its host is gone")
 
 
+def stands_still(port: str) -> None:
+    """Assert that the car is disarmed and has no pulses."""
+    with greeted(port) as watcher:
+        assert watcher.state() in (watcher.dialect.FOLDCAR_STATE_DISARMED, watcher.dialect.FOLDCAR_STATE_FINISHED)
+        assert watcher.request("SERVO_OUTPUT_RAW").servo1_raw == 0
+
+
 def test_a_car_that_still_drives_an_earlier_trial_is_stopped_first(
-    tmp_path: Path, free_course: Path, carsim_binary: Path, foldcar: Any
+    tmp_path: Path, free_course: Path, foldcar: Any
 ) -> None:
-    with car_at_port(carsim_binary, goal_x_m=None) as car:
-        before = greet(car.port)
-        before.arm()
-        # Untethered, so that it drives on however long the next program takes to start.
-        before.start_trial(0.1, 0.0, 30.0, 77, untethered=True)
-        before.connection.close()
+    with car_at_port(goal_x_m=None) as car:
+        with greeted(car.port) as before:
+            before.arm()
+            # Untethered, so that it drives on however long the next program takes to start.
+            before.start_trial(0.1, 0.0, 30.0, 77, untethered=True)
         answer = foldcar(*LOG, "--port", car.port, "--countdown", "0", "--yes")
 
     assert answer.returncode == 0, answer.stderr
@@ -110,9 +100,9 @@ def test_a_car_that_still_drives_an_earlier_trial_is_stopped_first(
     assert (trial.outcome, trial.ending) == ("timeout", "time limit")
 
 
-def test_a_board_that_restarts_aborts_the_trial(tmp_path: Path, free_course: Path, carsim_binary: Path) -> None:
+def test_a_board_that_restarts_aborts_the_trial(tmp_path: Path, free_course: Path) -> None:
     with (
-        car_at_port(carsim_binary, goal_x_m=None) as car,
+        car_at_port(goal_x_m=None) as car,
         Typist(tmp_path, *LOG, "--port", car.port, "--countdown", "0", "--yes") as person,
     ):
         person.watches_until(lambda: moving(tmp_path))
@@ -123,20 +113,17 @@ def test_a_board_that_restarts_aborts_the_trial(tmp_path: Path, free_course: Pat
     assert (trial.outcome, trial.ending) == ("aborted", "the car restarted")
 
 
-def test_a_full_disk_stops_the_car(tmp_path: Path, free_course: Path, carsim_binary: Path) -> None:
-    with car_at_port(carsim_binary, goal_x_m=None) as car:
+def test_a_full_disk_stops_the_car(tmp_path: Path, free_course: Path) -> None:
+    with car_at_port(goal_x_m=None) as car:
         process = subprocess.run(
             [sys.executable, "-c", f"import resource; from foldcar.link import tlog\n{SHORT_LOG}", *LOG,
              "--port", car.port, "--countdown", "0", "--yes"],
             cwd=tmp_path, capture_output=True, text=True, check=False,
         )  # fmt: skip
-        watcher = greet(car.port)
-        state, pulses = watcher.state(), watcher.request("SERVO_OUTPUT_RAW").servo1_raw
-        watcher.connection.close()
+        stands_still(car.port)
 
     assert process.returncode == 2
     assert process.stderr.startswith("foldcar: error: s-logs/trial-0001-") and "No space left on device" in process.stderr
-    assert state in (watcher.dialect.FOLDCAR_STATE_DISARMED, watcher.dialect.FOLDCAR_STATE_FINISHED) and pulses == 0
     (trial,) = trials_in(tmp_path / "s.db")
     assert (trial.outcome, trial.ending) == ("aborted", "log could not be written")
     assert len(list(read_tlog(tmp_path / str(trial.log)))) > 100
@@ -160,16 +147,13 @@ main()
 """
 
 
-def test_ctrl_c_stops_the_car_and_aborts_the_trial(tmp_path: Path, free_course: Path, carsim_binary: Path) -> None:
-    with car_at_port(carsim_binary, goal_x_m=None) as car:
+def test_ctrl_c_stops_the_car_and_aborts_the_trial(tmp_path: Path, free_course: Path) -> None:
+    with car_at_port(goal_x_m=None) as car:
         with Typist(tmp_path, *LOG, "--port", car.port, "--countdown", "0", "--yes") as person:
             person.watches_until(lambda: moving(tmp_path))
             person.process.send_signal(signal.SIGINT)
             assert person.ends() == 130 and "Traceback" not in person.said
-        watcher = greet(car.port)
-        state, pulses = watcher.state(), watcher.request("SERVO_OUTPUT_RAW").servo1_raw
-        watcher.connection.close()
+        stands_still(car.port)
 
-    assert state == watcher.dialect.FOLDCAR_STATE_DISARMED and pulses == 0
     (trial,) = trials_in(tmp_path / "s.db")
     assert (trial.outcome, trial.ending) == ("aborted", "Ctrl-C") and trial.log_sha256 is not None

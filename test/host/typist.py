@@ -63,6 +63,12 @@ class Typist:
         """Type ``text`` without adding a line end."""
         os.write(self._terminal, text.encode())
 
+    def answers(self, *dialogue: tuple[str, str]) -> None:
+        """Wait for each question in turn, and type its answer and Enter."""
+        for question, answer in dialogue:
+            self.sees(question)
+            self.types(answer + "\n")
+
     def ends(self, timeout_s: float = WAIT_S) -> int:
         """Wait for the end of the command; returns its exit code."""
         end_s = time.monotonic() + timeout_s

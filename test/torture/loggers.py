@@ -14,7 +14,6 @@ from sweeps import CLOCK
 
 from foldcar.errors import FoldcarError
 from foldcar.link.tlog import read_tlog
-from foldcar.simulation.engines import find_carsim
 from foldcar.store.reader import Store
 from live_car import LOG, car_at_port, inject, write_free_course
 
@@ -29,7 +28,7 @@ def disturbed_log(folder: Path, whole: Path, chance: random.Random) -> str:
         limit = int(10 ** chance.uniform(3, 5.2))
     if how == "clock":
         env = {"LD_PRELOAD": os.environ.get(CLOCK, ""), "FOLDCAR_CLOCK_STEP_S": str(chance.choice((-7200, -3, 3, 10**8)))}
-    with car_at_port(find_carsim(), goal_x_m=None) as car:
+    with car_at_port(goal_x_m=None) as car:
         words = [*LOG, "--port", car.port, "--countdown", "0", "--yes"]
         process = start(folder, words, env, limit_bytes=limit)
         running = wait(process, at)
@@ -67,7 +66,7 @@ def disturbed_log(folder: Path, whole: Path, chance: random.Random) -> str:
 
 
 def _another_trial(folder: Path, what: str) -> None:
-    with car_at_port(find_carsim(), goal_x_m=None) as car:
+    with car_at_port(goal_x_m=None) as car:
         again = foldcar(folder, *LOG, "--port", car.port, "--countdown", "0", "--yes")
     if again.returncode != 0:
         raise LossError(f"{what}: the next trial: exit code {again.returncode}: {again.stderr}")

@@ -22,8 +22,7 @@ from foldcar.analysis.gap import (
     rank_agreement,
 )
 from foldcar.analysis.pooled_bias import MOST_POOLED, pooled_bias
-from foldcar.analysis.prediction_powered import rectified_rate
-from foldcar.analysis.rate import Rate
+from foldcar.analysis.rate import Rate, rectified_rate
 from foldcar.analysis.words import count, listed, points
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store

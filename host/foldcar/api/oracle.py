@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Generic, TypeVar, overload
+from typing import TYPE_CHECKING, Any
 
 from foldcar.analysis.rate import Rate, check_confidence
 from foldcar.api.arguments import whole
@@ -25,13 +25,11 @@ from foldcar.study.limits import MOST_ENVIRONMENTS, MOST_JOBS
 if TYPE_CHECKING:
     import pandas
 
-# The table of a run's path, or None where it was not asked for.
-PathTable = TypeVar("PathTable", "pandas.DataFrame", None)
 PATH_COLUMNS = ("t_s", "x_m", "y_m", "z_m", "heading_rad", "pitch_rad", "roll_rad")
 
 
 @dataclass(frozen=True)
-class Result(Generic[PathTable]):
+class Result:
     """One run. ``metrics`` holds the numbers of docs/carsim.md; a failed run has None for them, and a ``message``.
 
     ``recorded`` holds what the Scenic program recorded, by name. ``path`` is None unless asked for: a table of t_s, x_m,
@@ -42,7 +40,8 @@ class Result(Generic[PathTable]):
     metrics: Mapping[str, float | None]
     message: str | None
     recorded: Mapping[str, Any]
-    path: PathTable
+    # Any: whoever has asked for a path need not ask whether it is None.
+    path: "pandas.DataFrame | Any"
 
     @property
     def passed(self) -> bool:
@@ -78,30 +77,6 @@ class Evaluation:
         return Rate.counted(passed, runs, what, confidence=self.confidence)
 
 
-@overload
-def simulate(
-    design: Design | Mapping[str, Any],
-    scene: Scene | Mapping[str, Any],
-    *,
-    timeout_s: float = ...,
-    speed_m_s: float | None = ...,
-    yaw_rate_rad_s: float = ...,
-    path_interval_s: None = ...,
-) -> Result[None]: ...
-
-
-@overload
-def simulate(
-    design: Design | Mapping[str, Any],
-    scene: Scene | Mapping[str, Any],
-    *,
-    timeout_s: float = ...,
-    speed_m_s: float | None = ...,
-    yaw_rate_rad_s: float = ...,
-    path_interval_s: float,
-) -> "Result[pandas.DataFrame]": ...
-
-
 def simulate(
     design: Design | Mapping[str, Any],
     scene: Scene | Mapping[str, Any],
@@ -110,7 +85,7 @@ def simulate(
     speed_m_s: float | None = None,
     yaw_rate_rad_s: float = 0.0,
     path_interval_s: float | None = None,
-) -> "Result[None] | Result[pandas.DataFrame]":
+) -> Result:
     """Simulate a design in one scene: ``environment(…).scene(k)``, or an object as docs/carsim.md describes scenes.
 
     ``speed_m_s`` None is the car's full speed. ``path_interval_s`` asks for the path; where a Scenic program ends the
@@ -138,13 +113,10 @@ def simulate(
         # A program that runs beside the simulation changes how the run ends, not the car's way until then.
         answer = answer_of(runner)
         native = answer_of(simulator(), **asked) if asked and "error" not in answer else {}
-    said = (
-        outcome_of(answer),
-        {name: answer.get(name) for name in NUMBERS},
-        answer.get("error"),
-        {name: one["value"] for name, one in answer.get("recorded", {}).items()},
-    )
-    return Result(*said, _path(native.get("path", ()), answer.get("elapsed_time_s", 0))) if asked else Result(*said, None)
+    metrics = {name: answer.get(name) for name in NUMBERS}
+    recorded = {name: one["value"] for name, one in answer.get("recorded", {}).items()}
+    path = _path(native.get("path", ()), answer.get("elapsed_time_s", 0)) if asked else None
+    return Result(outcome_of(answer), metrics, answer.get("error"), recorded, path)
 
 
 def evaluate(

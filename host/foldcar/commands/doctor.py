@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from packaging.requirements import Requirement
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
-LEAST_PYTHON = (3, 10)
 AGAIN = "make setup; where the package is installed by itself: pip install --force-reinstall foldcar-….whl"
 # Of Debian and Ubuntu; Scenic's image library loads them.
 SYSTEM_LIBRARIES = "libgl1 libglib2.0-0 libxcb1"
@@ -84,10 +83,7 @@ def _findings() -> Iterator[Finding]:
 def _foldcar(checkout: Path | None) -> Finding:
     """The version that runs, and by which Python."""
     where = f"checkout {checkout}" if checkout is not None else str(PACKAGE)
-    text = f"{__version__} in {where}; Python {platform.python_version()}, {sys.executable}"
-    if sys.version_info < LEAST_PYTHON:
-        return Finding("foldcar", "missing", text, f"use Python {'.'.join(map(str, LEAST_PYTHON))} or newer")
-    return Finding("foldcar", "ok", text)
+    return Finding("foldcar", "ok", f"{__version__} in {where}; Python {platform.python_version()}, {sys.executable}")
 
 
 def _packages() -> Finding:

@@ -1,4 +1,7 @@
-"""`foldcar params`: shows and sets a car's parameters, saves, loads and compares files of them."""
+"""`foldcar params`: shows and sets a car's parameters, saves, loads and compares files of them.
+
+`foldcar calibrate-servos`: measures neutral and deadband of each wheel's servo by observing the wheel.
+"""
 
 import contextlib
 from collections.abc import Iterator, Mapping
@@ -167,6 +170,34 @@ def confirm(port: Port = None, as_json: Json = False) -> None:
     lines = [f"acknowledged: {fault}"] if fault is not None else []
     lines.append("until it restarts, the car drives by these parameters:")
     _show(as_json, {name: values[name] for name in names}, *lines, acknowledged=fault)
+
+
+def calibrate_servos(
+    port: Port = None,
+    output: Annotated[
+        list[int] | None,
+        typer.Option(metavar="N", min=1, max=8, help="Only this output; may be repeated; default: all with a wheel."),
+    ] = None,
+) -> None:
+    """Find each servo's neutral and deadband (µs).
+
+    Lift the car first: its wheels turn.
+
+    \b
+    Example: foldcar calibrate-servos --output 1
+    """
+    from foldcar.interrupts import raised, said
+    from foldcar.trials.servo_edges import calibrate_outputs
+
+    stopped = "stopped: the results for the outputs before this one are saved"
+    with said(lambda: stopped), raised(), _car(port) as car:
+        try:
+            calibrate_outputs(car, output or [])
+        finally:
+            # If possible; the car ends a test that is not renewed by itself.
+            with contextlib.suppress(FoldcarError):
+                car.stop_trial()
+    typer.echo("\nsaved in the car; `foldcar params save FILE` keeps a copy")
 
 
 def _show(as_json: bool, values: Mapping[str, float], *lines: str, **more: Any) -> None:

@@ -1,4 +1,7 @@
-"""`foldcar sample`: samples scenes of an environment as JSON Lines for `carsim batch`, and draws them."""
+"""`foldcar sample`: samples scenes of an environment as JSON Lines for `carsim batch`, and draws them.
+
+`foldcar gallery`: draws each environment, three samples from above and from the side.
+"""
 
 import json
 import sys
@@ -8,9 +11,19 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from foldcar.commands.options import STANDARD_OUTPUT, Json, Picture, Seed, check_distinct, note, output_file, tell
+from foldcar.commands.options import (
+    STANDARD_OUTPUT,
+    Json,
+    OutputFolder,
+    Picture,
+    Seed,
+    check_distinct,
+    note,
+    output_file,
+    tell,
+)
 from foldcar.errors import FoldcarError
-from foldcar.outputs import atomic_file
+from foldcar.outputs import atomic_file, make_output_folder
 from foldcar.study.limits import MOST_ENVIRONMENTS
 
 if TYPE_CHECKING:
@@ -104,3 +117,37 @@ def _parse_params(words: Sequence[str]) -> dict[str, Any]:
         except (ValueError, RecursionError) as error:
             raise FoldcarError(f"--param {error}") from None
     return params
+
+
+def gallery(
+    scenarios: Annotated[list[Path], typer.Argument(metavar="SCENARIO", help="Scenic programs.")],
+    output: OutputFolder,
+    seed: Seed = 42,
+    as_json: Json = False,
+) -> None:
+    """Draw environments, NAME.png for each NAME.scenic.
+
+    A picture shows three samples from above, and the ground under the wheels from the side.
+
+    \b
+    Example: foldcar gallery scenarios/two_bumps.scenic scenarios/gaussian_hills.scenic -o pictures
+    """
+    from foldcar.figures.gallery import SAMPLES, draw_gallery
+    from foldcar.scenes.source import open_environment
+    from foldcar.simulation.carsim import Carsim
+    from foldcar.simulation.heights import carsim_heights
+
+    names = [program.stem for program in scenarios]
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        raise FoldcarError(f"{output / twice}.png: two programs have this name")
+    heights = carsim_heights(Carsim())
+    make_output_folder(output)
+    files = []
+    for program in scenarios:
+        source = open_environment(program, {}, seed)
+        scenes = [{"id": f"{seed}/{k}", **source.sample(k)} for k in range(SAMPLES)]
+        file = output / f"{program.stem}.png"
+        draw_gallery(scenes, file, heights, program.stem)
+        files.append(file)
+    tell(as_json, {"files": files}, *files)

@@ -75,19 +75,24 @@ def replay(
     \b
     Example: foldcar trials replay study.db 7 --plot pair.png
     """
+    from foldcar.commands.listed_run import SimulatedRun
     from foldcar.commands.tables import STANDING_TEXTS, seconds_text
     from foldcar.simulation.carsim import Carsim
     from foldcar.simulation.heights import carsim_heights
     from foldcar.simulation.results import outcome_of
+    from foldcar.simulation.runner import PATH_INTERVAL_S
     from foldcar.store.reader import Store
     from foldcar.store.trial_records import BUILT, SIMULATED
-    from foldcar.trials.replay import simulate_pair
 
     carsim = Carsim()
     with Store.open(store) as opened:
-        trial = opened.trial(number)
-        pair = simulate_pair(opened, number, carsim)
-    outcome, simulated_s = outcome_of(pair.answer), pair.answer.get("elapsed_time_s")
+        trial, drive = opened.trial(number), opened.trial_drive(number)
+    if drive is None:
+        raise FoldcarError(f"{store}: trial {number} was imported without a scene and cannot be simulated")
+    # The dynamic parts of a Scenic program are not simulated.
+    body, settings, scene = map(json.loads, drive)
+    answer = SimulatedRun(f"trial {number}", body, scene, settings, 0).by(carsim, path_interval_s=PATH_INTERVAL_S)
+    outcome, simulated_s = outcome_of(answer), answer.get("elapsed_time_s")
     agrees = None
     if not trial.completed:
         verdict = "the trial was aborted: nothing to compare"
@@ -105,13 +110,12 @@ def replay(
     ]
     if plot is not None:
         from foldcar.figures.run import draw_run
-        from foldcar.simulation.heights import carsim_heights
 
-        if "path" not in pair.answer:
+        if "path" not in answer:
             raise FoldcarError(f"{plot}: a failed run has no picture")
-        draw_run(pair.body, pair.scene, pair.answer, pair.answer["path"], carsim_heights(carsim), plot)
+        draw_run(body, scene, answer, answer["path"], carsim_heights(carsim), plot)
         lines.append(f"picture: {plot}")
-    simulated = {"outcome": outcome, "elapsed_time_s": simulated_s, "message": pair.answer.get("error")}
+    simulated = {"outcome": outcome, "elapsed_time_s": simulated_s, "message": answer.get("error")}
     tell(as_json, {"trial": asdict(trial), "simulated": simulated, "agrees": agrees, "picture": plot}, *lines)
 
 

@@ -7,7 +7,7 @@ Values are transferred as 32-bit floating-point numbers, and compared as such.
 import math
 import struct
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 from foldcar.errors import FoldcarError
@@ -25,11 +25,8 @@ LONGEST_NAME = 16
 BURST = 4
 
 
-def read_parameters(car: Car, report: Callable[[int, int], None] = lambda received, count: None) -> dict[str, float]:
-    """All parameters by name, in the car's order; ``report(received, count)`` is called for each one.
-
-    Lost values are requested again; FoldcarError if some are missing after 20 s.
-    """
+def read_parameters(car: Car) -> dict[str, float]:
+    """All parameters by name, in the car's order; lost ones are requested again. FoldcarError if some lack after 20 s."""
     d = car.dialect
     found: dict[int, float] = {}
     names: dict[int, str] = {}
@@ -44,7 +41,6 @@ def read_parameters(car: Car, report: Callable[[int, int], None] = lambda receiv
         if message is not None:
             count = message.param_count
             found[message.param_index], names[message.param_index] = message.param_value, message.param_id
-            report(len(found), count)
         elif count is None:
             car.connection.send(d.MAVLink_param_request_list_message(CAR_SYSTEM, CAR_COMPONENT))
         else:

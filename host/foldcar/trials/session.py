@@ -26,15 +26,15 @@ from foldcar.link.tlog import TlogWriter
 from foldcar.outputs import make_output_folder
 from foldcar.scenes.obstacles import Obstacle
 from foldcar.simulation.carsim import Carsim
-from foldcar.store.kept_work import kept_trial, take_in_trial
+from foldcar.store.errors import StoreError
+from foldcar.store.kept_work import keep_trial, kept_trial, take_in_trial
 from foldcar.store.log_files import log_file, logs_folder, sha256_of
-from foldcar.store.trial_records import BUILT, INTERRUPTED, SIMULATED, Ending, TrialDesign
+from foldcar.store.trial_records import BUILT, INTERRUPTED, SIMULATED, Ending, TrialDesign, not_entered
 from foldcar.store.trial_writer import CarFacts, Drive, TrialWriter, write_trials
 from foldcar.study.environments import Environment
 from foldcar.study.experiments import read_study
 from foldcar.trials.driving import CTRL_C, DRIVES_ON, DriveEnd, collect, drive
 from foldcar.trials.identity import SIMULATED_TEXT, least_tried, simulated_sample, welcome
-from foldcar.trials.outcome import record_outcome
 from foldcar.trials.person import INPUT, Answers, DriveView, say, warn
 from foldcar.trials.placement import ask_deviations, draw_placement, instructions, lettered, placed, show_placement
 from foldcar.trials.running import RunningTrial
@@ -42,6 +42,16 @@ from foldcar.trials.running import RunningTrial
 LEAST_FREE_BYTES = 20_000_000
 # With `yes`, how long to wait for an untethered car after its time limit.
 COMES_BACK_S = 60.0
+OUTCOME_KEYS = {
+    "p": "passed",
+    "t": "tipped",
+    "s": "stuck",
+    "o": "off_course",
+    "i": "timeout",
+    "n": "not_passed",
+    "a": "aborted",
+}
+OUTCOME_QUESTION = "Outcome: (p)assed, (t)ipped, (s)tuck, (o)ff course, t(i)me limit, (a)borted"
 
 
 @dataclass(frozen=True)
@@ -297,3 +307,52 @@ class Session:
             with contextlib.suppress(LinkLostError):
                 self._car.connection.receive(0.0)
             self._running.show(self._car)
+
+
+def record_outcome(
+    writer: TrialWriter, number: int, end: DriveEnd, log: Path, outcome: str | None, note: str | None,
+    answers: Answers | None, mark: str = "",
+) -> None:  # fmt: skip
+    """Complete the row of trial ``number`` and say so, with the ``mark`` of a simulated car.
+
+    ``outcome`` and ``note`` are asked for where they are None, unless ``answers`` is None. FoldcarError if the outcome
+    is unknown and may not be asked for.
+    """
+    digest = sha256_of(log)
+    ending = end.ending if end.outcome else not_entered(end.ending)
+    try:
+        _complete(writer, number, log, Ending(end.outcome or "aborted", ending, end.elapsed_time_s, "", digest))
+    except StoreError as error:
+        # The person is asked nevertheless, and the answers are kept too.
+        warn(error)
+    drove = f" after {end.elapsed_time_s:.2f} s" if end.elapsed_time_s is not None else ""
+    say(f"Ended{drove}: {end.ending}")
+    outcome = "aborted" if end.error is not None else outcome
+    if outcome is None and answers is not None:
+        suggested = f" [{end.outcome}]" if end.outcome else ""
+        outcome = answers.choice(f"{OUTCOME_QUESTION}{suggested}: ", OUTCOME_KEYS, end.outcome)
+    outcome = outcome or end.outcome
+    if outcome is None:
+        raise FoldcarError(f"trial {number}: {end.ending}: its outcome does not follow; use --outcome with --yes")
+    if note is None and answers is not None and end.error is None:
+        note = answers.line("Note (Enter for none): ")
+    _complete(writer, number, log, Ending(outcome, end.ending, end.elapsed_time_s, note or "", digest))
+    say(f"Trial {number}: {outcome}{mark}; log: {log if digest else 'none'}")
+    if digest is None and end.error is None:
+        raise FoldcarError(f"{log}: is gone: it was deleted or moved; trial {number} is stored without its log")
+
+
+def _complete(writer: TrialWriter, number: int, log: Path, ending: Ending) -> None:
+    """Store the end of a trial. If that fails, keep it in a file beside the store, which the StoreError names."""
+    try:
+        writer.complete(number, ending)
+    except (StoreError, KeyboardInterrupt) as error:
+        # Ctrl-C may have ended the wait for another program, or come after the end was stored.
+        if isinstance(error, KeyboardInterrupt) and writer.has_ended(number, ending):
+            raise
+        kept = keep_trial(writer.path, number, str(log.relative_to(writer.path.parent)), ending)
+        if isinstance(error, KeyboardInterrupt):
+            warn(kept)
+            raise
+        raise StoreError(f"{error}; {kept}") from error
+    kept_trial(writer.path, number).unlink(missing_ok=True)

@@ -1,5 +1,5 @@
 // The three-dimensional car's physics against the closed forms that multibody is held to, and its ground against
-// the heights of the terrain. Built with MuJoCo: `pio test -e native_mujoco`.
+// the heights of the terrain.
 #include "../suite.h"
 
 #include <algorithm>

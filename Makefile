@@ -7,8 +7,8 @@ PYTHON ?= /usr/bin/python3
 BIN := .venv/bin
 STUDY := width_study
 
-# Nothing of a caller's own Python set-up may leak into .venv.
-unexport PYTHONPATH PYTHONHOME PYTHONSTARTUP VIRTUAL_ENV PIP_USER PIP_TARGET PIP_PREFIX
+# Nothing of a caller's own Python set-up may leak into .venv. Without bytecode, each process of a test compiles foldcar anew.
+unexport PYTHONPATH PYTHONHOME PYTHONSTARTUP PYTHONDONTWRITEBYTECODE VIRTUAL_ENV PIP_USER PIP_TARGET PIP_PREFIX
 # foldcar and the tools write into the source tree only what is asked for.
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 

@@ -35,8 +35,7 @@ class LinkFuzz {
 
   bool session(bool armed) {
     RecordingHal board;
-    board.imu.fitted = true;
-    board.imu.now.acceleration_m_s2 = {0.0f, 0.0f, 9.81f};
+    board.fit_imu();
     board.link.room = 100000;
     Firmware firmware(board.hal(), "0123456789abcdef");
     firmware.begin({});
@@ -85,13 +84,9 @@ class LinkFuzz {
         host.pack(mavlink_msg_ping_encode_status, mavlink_ping_t{}),
         host.pack(mavlink_msg_log_request_list_encode_status, mavlink_log_request_list_t{})};
     if (armed) return packets;
-    mavlink_manual_control_t stick{};
-    stick.target = 1;
-    stick.x = 1000;
-    packets.push_back(host.pack(mavlink_msg_manual_control_encode_status, stick));
-    packets.push_back(host.command(MAV_CMD_COMPONENT_ARM_DISARM, {1}));
-    packets.push_back(host.command(MAV_CMD_FOLDCAR_START_TRIAL, {0.5f, 0, 10, 1, 1}));
-    packets.push_back(host.command(MAV_CMD_ACTUATOR_TEST, {1, 3, 0, 0, 33}));
+    packets.insert(packets.end(), {host.stick(1000), host.command(MAV_CMD_COMPONENT_ARM_DISARM, {1}),
+                                   host.command(MAV_CMD_FOLDCAR_START_TRIAL, {0.5f, 0, 10, 1, 1}),
+                                   host.command(MAV_CMD_ACTUATOR_TEST, {1, 3, 0, 0, 33})});
     return packets;
   }
 

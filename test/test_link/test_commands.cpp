@@ -5,13 +5,12 @@
 
 #include "link_bench.h"
 
-namespace foldcar {
-namespace {
+using namespace foldcar;
 
 TEST(a_trial_goes_from_arming_to_its_end_by_commands) {
   Bench bench;
   bench.expect(MAV_RESULT_TEMPORARILY_REJECTED, Refusal::kNotArmed, MAV_CMD_FOLDCAR_START_TRIAL, kStart);
-  TEST_ASSERT_EQUAL_STRING("refused: not armed", bench.host.texts().back().c_str());
+  TEST_ASSERT_EQUAL_STRING("refused: not armed", bench.last_text().c_str());
   bench.expect(MAV_RESULT_ACCEPTED, Refusal::kNone, MAV_CMD_COMPONENT_ARM_DISARM, {1});
   TEST_ASSERT_TRUE(bench.last_us() == kOff);
   bench.expect(MAV_RESULT_DENIED, Refusal::kSpeedLimit, MAV_CMD_FOLDCAR_START_TRIAL, {6, 0, 1});
@@ -112,15 +111,10 @@ TEST(an_output_is_tested_by_the_standard_command) {
 
 TEST(the_board_restarts_on_request_but_not_while_it_drives) {
   Bench bench;
-  bench.answer(MAV_CMD_COMPONENT_ARM_DISARM, {1});
-  bench.answer(MAV_CMD_FOLDCAR_START_TRIAL, kStart);
+  bench.start(kStart);
   bench.expect(MAV_RESULT_TEMPORARILY_REJECTED, Refusal::kRunning, MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, {1});
   bench.answer(MAV_CMD_FOLDCAR_STOP_TRIAL, {});
   TEST_ASSERT_FALSE(bench.board.board.restart_is_requested);
   bench.expect(MAV_RESULT_ACCEPTED, Refusal::kNone, MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, {1});
   TEST_ASSERT_TRUE(bench.board.board.restart_is_requested);
 }
-
-}  // namespace
-
-}  // namespace foldcar

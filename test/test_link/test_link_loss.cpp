@@ -6,8 +6,7 @@
 #include "../link_fuzz.h"
 #include "link_bench.h"
 
-namespace foldcar {
-namespace {
+using namespace foldcar;
 
 // In each of a thousand trials the host falls silent at a random time, between ticks too.
 TEST(pulses_are_off_within_half_a_second_of_link_loss_a_thousand_times) {
@@ -15,8 +14,7 @@ TEST(pulses_are_off_within_half_a_second_of_link_loss_a_thousand_times) {
   std::uniform_int_distribution<std::uint64_t> any_us(0, 3000000);
   for (int trial = 0; trial < 1000; ++trial) {
     Bench bench;
-    bench.answer(MAV_CMD_COMPONENT_ARM_DISARM, {1});
-    bench.answer(MAV_CMD_FOLDCAR_START_TRIAL, kStart);
+    bench.start(kStart);
     const std::uint64_t lost_us = bench.board.clock.time_us + any_us(random);
     std::uint64_t last_heard_us = bench.board.clock.time_us, off_us = 0;
     const std::uint64_t step_us = 1000 + any_us(random) % 6000;
@@ -31,7 +29,7 @@ TEST(pulses_are_off_within_half_a_second_of_link_loss_a_thousand_times) {
       if (bench.last_us() == kOff) off_us = now_us;
       TEST_ASSERT_TRUE(now_us < lost_us + 2000000);
     }
-    TEST_ASSERT_TRUE(bench.firmware.application().status().fault == Fault::kCommandStale);
+    TEST_ASSERT_TRUE(bench.fault() == Fault::kCommandStale);
     TEST_ASSERT_TRUE(off_us > last_heard_us + 400000);
     TEST_ASSERT_TRUE(off_us <= last_heard_us + 500000);
   }
@@ -40,11 +38,10 @@ TEST(pulses_are_off_within_half_a_second_of_link_loss_a_thousand_times) {
 TEST(only_the_host_that_drives_keeps_a_trial_alive) {
   Bench bench;
   MavlinkHost other(200);
-  bench.answer(MAV_CMD_COMPONENT_ARM_DISARM, {1});
-  bench.answer(MAV_CMD_FOLDCAR_START_TRIAL, kStart);
+  bench.start(kStart);
   for (int i = 0; i < 5; ++i) bench.run(100, other.heartbeat());
-  TEST_ASSERT_TRUE(bench.firmware.application().status().fault == Fault::kCommandStale);
-  TEST_ASSERT_EQUAL_STRING("fault: no command from the host", bench.host.texts().back().c_str());
+  TEST_ASSERT_TRUE(bench.fault() == Fault::kCommandStale);
+  TEST_ASSERT_EQUAL_STRING("fault: no command from the host", bench.last_text().c_str());
   bench.expect(MAV_RESULT_TEMPORARILY_REJECTED, Refusal::kFaultLatched, MAV_CMD_COMPONENT_ARM_DISARM, {1});
   bench.expect(MAV_RESULT_ACCEPTED, Refusal::kNone, MAV_CMD_FOLDCAR_ACKNOWLEDGE_FAULT, {});
   TEST_ASSERT_TRUE(bench.state() == State::kDisarmed);
@@ -52,19 +49,14 @@ TEST(only_the_host_that_drives_keeps_a_trial_alive) {
 
 TEST(the_stick_drives_and_its_silence_stops) {
   Bench bench;
-  mavlink_manual_control_t stick{};
-  stick.target = 1;
-  stick.x = 500;
-  const auto bytes = [&] { return bench.host.pack(mavlink_msg_manual_control_encode_status, stick); };
-  bench.run(100, bytes());
+  bench.run(100, bench.host.stick(500));
   TEST_ASSERT_TRUE(bench.state() == State::kDisarmed);
   bench.answer(MAV_CMD_COMPONENT_ARM_DISARM, {1});
-  bench.run(100, bytes());
+  bench.run(100, bench.host.stick(500));
   TEST_ASSERT_TRUE(bench.state() == State::kManual);
-  for (int i = 0; i < 10; ++i) bench.run(100, bytes());
+  for (int i = 0; i < 10; ++i) bench.run(100, bench.host.stick(500));
   TEST_ASSERT_FLOAT_WITHIN(0.1f, 1500.0f + 45.0f + 77.5f, bench.last_us()[0]);
-  stick.x = INT16_MAX;  // "axis is invalid"
-  for (int i = 0; i < 10; ++i) bench.run(100, bytes());
+  for (int i = 0; i < 10; ++i) bench.run(100, bench.host.stick(INT16_MAX));  // "axis is invalid"
   TEST_ASSERT_EQUAL_FLOAT(1500.0f, bench.last_us()[0]);
   bench.run(500);
   TEST_ASSERT_TRUE(bench.state() == State::kFault);
@@ -76,18 +68,15 @@ TEST(a_single_packet_sets_nothing_in_motion) {
   bench.answer(MAV_CMD_COMPONENT_ARM_DISARM, {1});
   bench.run(2100);
   bench.run(40, bench.host.command(MAV_CMD_FOLDCAR_START_TRIAL, kStart));
-  TEST_ASSERT_EQUAL_INT(static_cast<int>(Refusal::kUnknownHost), bench.host.acks().back().result_param2);
+  TEST_ASSERT_TRUE(bench.last_refusal() == Refusal::kUnknownHost);
   TEST_ASSERT_TRUE(bench.last_us() == kOff);
-  mavlink_manual_control_t stick{};
-  stick.target = 1;
-  stick.x = 500;
   bench.run(2100);
-  bench.run(40, bench.host.pack(mavlink_msg_manual_control_encode_status, stick));
+  bench.run(40, bench.host.stick(500));
   TEST_ASSERT_TRUE(bench.last_us() == kOff);
   bench.answer(MAV_CMD_COMPONENT_ARM_DISARM, {0});
   bench.run(2100);
   bench.run(40, bench.host.command(MAV_CMD_ACTUATOR_TEST, {0, 1, 0, 0, ACTUATOR_OUTPUT_FUNCTION_SERVO1}));
-  TEST_ASSERT_EQUAL_INT(static_cast<int>(Refusal::kUnknownHost), bench.host.acks().back().result_param2);
+  TEST_ASSERT_TRUE(bench.last_refusal() == Refusal::kUnknownHost);
   TEST_ASSERT_TRUE(bench.last_us() == kOff);
 }
 
@@ -97,7 +86,3 @@ TEST(a_million_random_and_damaged_bytes_move_nothing) {
   TEST_ASSERT_TRUE(fuzz.run(1000000));
   TEST_ASSERT_TRUE(fuzz.fed() >= 1000000);
 }
-
-}  // namespace
-
-}  // namespace foldcar

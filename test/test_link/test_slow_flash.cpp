@@ -8,8 +8,7 @@
 #include "../slow_flash.h"
 #include "link_bench.h"
 
-namespace foldcar {
-namespace {
+using namespace foldcar;
 
 struct SlowBench {
   RecordingHal board;
@@ -98,21 +97,15 @@ struct SlowBench {
 };
 
 // The packets of a log, which must be whole.
-MavlinkHost read(const std::string& log) {
+static MavlinkHost read(const std::string& log) {
   MavlinkHost reader;
-  for (std::size_t at = 0; at < log.size();) {
-    TEST_ASSERT_TRUE(at + 20 <= log.size());
-    const std::size_t size = 12 + static_cast<std::uint8_t>(log[at + 9]);
-    reader.receive(log.substr(at + 8, size));
-    at += 8 + size;
-  }
-  TEST_ASSERT_EQUAL_INT(0, reader.bad_count);
+  TEST_ASSERT_TRUE(reader.receive_log(log));
   return reader;
 }
 
 // The size (bytes) of the log of such a trial with a flash that takes no time. Records that tell of a loss are up to 5 bytes
 // longer.
-std::size_t whole_size(float time_s) {
+static std::size_t whole_size(float time_s) {
   SlowBench bench;
   bench.logs.slowness = 0.0;
   bench.drive(time_s);
@@ -320,7 +313,3 @@ TEST(every_value_that_was_set_is_saved_before_a_restart) {
 TEST(two_threads_record_and_store_a_log) {
   TEST_ASSERT_EQUAL_STRING("", record_and_store_in_two_threads(4, 1).c_str());
 }
-
-}  // namespace
-
-}  // namespace foldcar

@@ -18,6 +18,7 @@ namespace {
 
 using Drive = DriveOf<SideViewCar, SideViewOptions>;
 SideViewOptions gently(double rate_hz = 240) { return put_down_gently<SideViewOptions>(rate_hz); }
+const Nearness<SideViewOptions> kNear{0.006, 0.001, 0.005, true, 0.05, gently(960), false, gently(960)};
 
 }  // namespace
 
@@ -39,41 +40,18 @@ TEST(test_it_falls_as_bodies_do_and_lands_without_a_jump) {
   TEST_ASSERT_DOUBLE_WITHIN(0.02 * lost_j, lost_j, energy_j - drive.car.mechanical_energy_j());
 }
 
-TEST(test_it_stands_on_its_wheels_which_share_its_weight_by_their_levers) {
+TEST(test_its_wheels_share_its_weight_by_their_levers) {
   BodySpec body = study_car(0.115);
   body.segments[0].com_x_m = 0.02;
   Drive drive(body, scene_of({}, 0.6), 0);
-  const CarState& state = drive.run(2);
-  TEST_ASSERT_DOUBLE_WITHIN(0.0005, 0.06, state.z_m);
-  TEST_ASSERT_DOUBLE_WITHIN(0.001, 0, state.x_m);
-  TEST_ASSERT_DOUBLE_WITHIN(0.003, 0, state.pitch_rad);
+  drive.run(2);
   const double weight_n = mass_kg(body) * kGravity;
   const double front_n = 0.5 * weight_n + body.segments[0].mass_kg * kGravity * 0.02 / 0.14;
   TEST_ASSERT_DOUBLE_WITHIN(0.01 * weight_n, front_n, drive.car.pair_load_n(0));
   TEST_ASSERT_DOUBLE_WITHIN(0.01 * weight_n, weight_n - front_n, drive.car.pair_load_n(3));
 }
 
-TEST(test_top_speed_is_where_the_torque_line_ends) { reaches_top_speed_where_the_torque_line_ends<Drive>(); }
-
-TEST(test_a_load_slows_it_along_the_torque_line) { is_slowed_by_a_load_along_the_torque_line<Drive>(0.006); }
-
-TEST(test_it_stalls_where_the_slope_asks_for_more_than_stall_torque) {
-  stalls_where_the_slope_asks_for_more_than_stall_torque<Drive>();
-}
-
-TEST(test_all_wheel_drive_climbs_to_the_friction_angle) { climbs_to_the_friction_angle<Drive>(); }
-
-TEST(test_the_highest_step_climbed_is_the_one_statics_allow) {
-  climbs_the_highest_step_that_statics_allow<Drive>(0.001, 0.005);
-}
-
-TEST(test_without_slip_motor_work_becomes_mechanical_energy) {
-  turns_motor_work_into_mechanical_energy_without_slip<Drive>(0.05, gently(960));
-}
-
-TEST(test_friction_and_impacts_never_give_energy) {
-  gains_no_energy_by_friction_and_impacts<Drive>(without_rotors(study_car(0.115)), gently(960));
-}
+TEST_CLOSED_FORMS(Drive, kNear);
 
 // The speeds of a strong and a weak servo on one axle meet where their torques cancel.
 TEST(test_unlike_servos_of_a_pair_drive_it_together) {
@@ -235,16 +213,7 @@ TEST(test_an_arc_of_many_chords_lifts_it_by_its_height) {
 }
 
 TEST(test_locked_wheels_brake_with_the_friction_of_the_patch) {
-  TerrainSpec terrain;
-  terrain.patches.push_back({2, 0, 0, 3, 2, 0.15});  // from x = 0.5 m on
-  BodySpec body = without_rotors(study_car(0.115));
-  for (WheelSpec& wheel : body.wheels) wheel.servo.stall_torque_n_m = 0.5;
-  Drive drive(body, scene_of(terrain, 0.8), 1);
-  while (drive.car.state().x_m < 0.75) drive.run(drive.step_s);
-  drive.pulses_us = pulses_for(body, 0);
-  const double early_m_s = drive.run(0.05).speed_m_s, late_m_s = drive.run(0.2).speed_m_s;
-  TEST_ASSERT_TRUE(late_m_s > 0.1);
-  TEST_ASSERT_DOUBLE_WITHIN(0.04 * 0.15 * kGravity, 0.15 * kGravity, (early_m_s - late_m_s) / 0.2);
+  brakes_with_the_friction_of_the_patch<Drive>(without_rotors(study_car(0.115)), 0.2);
 }
 
 TEST(test_any_heading_and_place_of_the_start_gives_the_same_run) {

@@ -129,12 +129,14 @@ statistics: .venv/installed
 dear_runs: setup mujoco
 	$(BIN)/python tools/dear_runs.py out/dear_runs docs/advice.md
 
-# What fails stands last, also under make -j. The check of types keeps one processor busy, which C++ suites leave idle.
-test: setup
+# All else runs beside the host's tests, which wait for cars in real time and compile nothing. What fails stands last, also
+# under make -j; a shell's background ignores Ctrl-C, hence a group of its own and the trap.
+test: setup mujoco
 	@tools/install_system_packages.sh tests
-	@$(MAKE) lint >.pio/lint.txt 2>&1 & lint=$$!; $(MAKE) test-native; native=$$?; \
-	  wait $$lint; linted=$$?; cat .pio/lint.txt; exit $$((native | linted))
-	$(MAKE) test-host
+	@setsid $(MAKE) -k lint test-native >.pio/beside.txt 2>&1 & beside=$$!; trap 'kill -s TERM -- -$$beside; exit 130' INT TERM; \
+	  $(MAKE) test-host; host=$$?; wait $$beside; others=$$?; \
+	  [ $$others = 0 ] && echo 'ruff, mypy, the C++ suites and their headers find nothing: .pio/beside.txt' || cat .pio/beside.txt; \
+	  exit $$((host | others))
 
 lint: .venv/installed .pio/types/numpy
 	$(BIN)/ruff check host tools test $(wildcard bench)

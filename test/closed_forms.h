@@ -126,6 +126,32 @@ inline double highest_climbable_step_m(const BodySpec& body, double friction) {
   return low_m;
 }
 
+// One half of the hinged study car on its free-rolling wheels, the hinge between the axles. By symmetry the hinge
+// carries no shear, so the half turns about its axle (0.07 m) under its weight (at 0.05 m, 4 mm up) and the flexure.
+struct HingedHalf {
+  double mass_kg, inertia_kg_m2, stiffness_n_m_rad;
+  static constexpr double kLever_m = 0.02, kHeight_m = 0.004;
+  explicit HingedHalf(const BodySpec& body)
+      : mass_kg(body.segments[0].mass_kg),
+        inertia_kg_m2(body.segments[0].pitch_inertia_kg_m2 +
+                      mass_kg * (kLever_m * kLever_m + kHeight_m * kHeight_m)),
+        stiffness_n_m_rad(body.hinges[0].stiffness_n_m_rad) {}
+  double weight_n_m(double tilt_rad) const {
+    return mass_kg * kGravity * (kLever_m * std::cos(tilt_rad) + kHeight_m * std::sin(tilt_rad));
+  }
+  // The fold at rest: twice the tilt of a half.
+  double sag_rad() const {
+    double tilt_rad = 0;
+    for (int i = 0; i < 100; ++i) tilt_rad = weight_n_m(tilt_rad) / (2 * stiffness_n_m_rad);
+    return 2 * tilt_rad;
+  }
+  double swing_rad_s() const {
+    const double tilt_rad = 0.5 * sag_rad();
+    const double slope = mass_kg * kGravity * (kHeight_m * std::cos(tilt_rad) - kLever_m * std::sin(tilt_rad));
+    return std::sqrt((2 * stiffness_n_m_rad - slope) / inertia_kg_m2);
+  }
+};
+
 // The whole car, of equal wheels, as a rigid body in the plane across it: from its parts, by Steiner's theorem.
 struct AcrossPlane {
   double mass_kg = 0, height_m = 0, inertia_kg_m2 = 0;  // about the centre of mass

@@ -314,15 +314,16 @@ void brakes_with_the_friction_of_the_patch(BodySpec body, double time_s) {
   TEST_ASSERT_DOUBLE_WITHIN(0.04 * 0.15 * kGravity, 0.15 * kGravity, (early_m_s - late_m_s) / time_s);
 }
 
-// How near an engine is to the closed forms; fine: options with a step short enough for its energies.
+// How near an engine is to the closed forms.
 template <class Options>
 struct Nearness {
-  double load_m_s, step_below_m, step_above_m;
-  bool by_torque;
-  double work;
+  double load_m_s;                    // to the speed under a load
+  double step_below_m, step_above_m;  // to the highest step
+  bool by_torque;                     // that a weak servo climbs, too
+  double work;                        // share of the motors' work that may be missing
   Options work_options;
-  bool with_rotors;
-  Options fine;
+  bool with_rotors;  // energy is judged with their inertia
+  Options fine;      // steps short enough to judge energy in impacts
 };
 
 }  // namespace foldcar

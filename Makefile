@@ -129,11 +129,11 @@ statistics: .venv/installed
 dear_runs: setup mujoco
 	$(BIN)/python tools/dear_runs.py out/dear_runs docs/advice.md
 
-# All else runs beside the host's tests, which wait for cars in real time and compile nothing. What fails stands last, also
-# under make -j; a shell's background ignores Ctrl-C, hence a group of its own and the trap.
+# All else runs beside the host's tests, in the time in which these wait for cars and browsers. What fails stands last, also
+# under make -j; a shell's background ignores Ctrl-C, hence the trap, and timeout ends all that it started.
 test: setup mujoco
 	@tools/install_system_packages.sh tests
-	@setsid $(MAKE) -k lint test-native >.pio/beside.txt 2>&1 & beside=$$!; trap 'kill -s TERM -- -$$beside; exit 130' INT TERM; \
+	@timeout 2h nice $(MAKE) -k lint test-native >.pio/beside.txt 2>&1 & beside=$$!; trap 'kill $$beside; exit 130' INT TERM; \
 	  $(MAKE) test-host; host=$$?; wait $$beside; others=$$?; \
 	  [ $$others = 0 ] && echo 'ruff, mypy, the C++ suites and their headers find nothing: .pio/beside.txt' || cat .pio/beside.txt; \
 	  exit $$((host | others))

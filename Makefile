@@ -7,8 +7,8 @@ PYTHON ?= /usr/bin/python3
 BIN := .venv/bin
 STUDY := width_study
 
-# Nothing of a caller's own Python set-up may leak into .venv.
-unexport PYTHONPATH PYTHONHOME PYTHONSTARTUP VIRTUAL_ENV PIP_USER PIP_TARGET PIP_PREFIX
+# Nothing of a caller's own Python set-up may leak into .venv. Without bytecode, each process of a test compiles foldcar anew.
+unexport PYTHONPATH PYTHONHOME PYTHONSTARTUP PYTHONDONTWRITEBYTECODE VIRTUAL_ENV PIP_USER PIP_TARGET PIP_PREFIX
 # foldcar and the tools write into the source tree only what is asked for.
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
@@ -129,12 +129,14 @@ statistics: .venv/installed
 dear_runs: setup mujoco
 	$(BIN)/python tools/dear_runs.py out/dear_runs docs/advice.md
 
-# What fails stands last, also under make -j. The check of types keeps one processor busy, which C++ suites leave idle.
-test: setup
+# All else runs beside the host's tests, in the time in which these wait for cars and browsers. What fails stands last, also
+# under make -j; a shell's background ignores Ctrl-C, hence the trap, and timeout ends all that it started.
+test: setup mujoco
 	@tools/install_system_packages.sh tests
-	@$(MAKE) lint >.pio/lint.txt 2>&1 & lint=$$!; $(MAKE) test-native; native=$$?; \
-	  wait $$lint; linted=$$?; cat .pio/lint.txt; exit $$((native | linted))
-	$(MAKE) test-host
+	@timeout 2h nice $(MAKE) -k lint test-native >.pio/beside.txt 2>&1 & beside=$$!; trap 'kill $$beside; exit 130' INT TERM; \
+	  $(MAKE) test-host; host=$$?; wait $$beside; others=$$?; \
+	  [ $$others = 0 ] && echo 'ruff, mypy, the C++ suites and their headers find nothing: .pio/beside.txt' || cat .pio/beside.txt; \
+	  exit $$((host | others))
 
 lint: .venv/installed .pio/types/numpy
 	$(BIN)/ruff check host tools test $(wildcard bench)
@@ -148,7 +150,7 @@ lint: .venv/installed .pio/types/numpy
 	@touch $@
 
 test-native: setup
-	$(BIN)/pio test -e native -e native_mujoco
+	$(BIN)/pio test -e native
 	$(MAKE) headers
 
 # Each header compiles alone: what it needs it includes itself. After the tests' build, which fetches Unity.

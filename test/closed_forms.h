@@ -126,6 +126,67 @@ inline double highest_climbable_step_m(const BodySpec& body, double friction) {
   return low_m;
 }
 
+// One half of the hinged study car on its free-rolling wheels, the hinge between the axles. By symmetry the hinge
+// carries no shear, so the half turns about its axle (0.07 m) under its weight (at 0.05 m, 4 mm up) and the flexure.
+struct HingedHalf {
+  double mass_kg, inertia_kg_m2, stiffness_n_m_rad;
+  static constexpr double kLever_m = 0.02, kHeight_m = 0.004;
+  explicit HingedHalf(const BodySpec& body)
+      : mass_kg(body.segments[0].mass_kg),
+        inertia_kg_m2(body.segments[0].pitch_inertia_kg_m2 +
+                      mass_kg * (kLever_m * kLever_m + kHeight_m * kHeight_m)),
+        stiffness_n_m_rad(body.hinges[0].stiffness_n_m_rad) {}
+  double weight_n_m(double tilt_rad) const {
+    return mass_kg * kGravity * (kLever_m * std::cos(tilt_rad) + kHeight_m * std::sin(tilt_rad));
+  }
+  // The fold at rest: twice the tilt of a half.
+  double sag_rad() const {
+    double tilt_rad = 0;
+    for (int i = 0; i < 100; ++i) tilt_rad = weight_n_m(tilt_rad) / (2 * stiffness_n_m_rad);
+    return 2 * tilt_rad;
+  }
+  double swing_rad_s() const {
+    const double tilt_rad = 0.5 * sag_rad();
+    const double slope = mass_kg * kGravity * (kHeight_m * std::cos(tilt_rad) - kLever_m * std::sin(tilt_rad));
+    return std::sqrt((2 * stiffness_n_m_rad - slope) / inertia_kg_m2);
+  }
+};
+
+// The whole car, of equal wheels, as a rigid body in the plane across it: from its parts, by Steiner's theorem.
+struct AcrossPlane {
+  double mass_kg = 0, height_m = 0, inertia_kg_m2 = 0;  // about the centre of mass
+  double edge_m;                                         // of the tyres, beside the middle
+  explicit AcrossPlane(const BodySpec& body) : edge_m(0.5 * (body.track_m + body.wheels[0].width_m)) {
+    const double radius_m = body.wheels[0].radius_m;
+    double moment = 0, about_axles = 0;
+    for (const SegmentSpec& part : body.segments) {
+      mass_kg += part.mass_kg;
+      moment += part.mass_kg * part.com_z_m;
+      about_axles += part.roll_inertia_kg_m2 + part.mass_kg * part.com_z_m * part.com_z_m;
+    }
+    for (const WheelSpec& wheel : body.wheels) {
+      mass_kg += wheel.mass_kg;
+      about_axles += wheel.mass_kg * (std::pow(0.5 * body.track_m, 2) + 0.25 * radius_m * radius_m +
+                                      wheel.width_m * wheel.width_m / 12);
+    }
+    const double above_axles_m = moment / mass_kg;
+    height_m = radius_m + above_axles_m;
+    inertia_kg_m2 = about_axles - mass_kg * above_axles_m * above_axles_m;
+  }
+  // Leaning by from_rad on the low side's tyre edge, at rest, it falls back:
+  // (I + m (h² + a²)) φ'' = -m g (a cos φ - h sin φ), a beside the middle.
+  double falling_back_s(double from_rad) const {
+    constexpr double kStep_s = 1e-5;
+    double lean_rad = from_rad, rate_rad_s = 0, time_s = 0;
+    for (; lean_rad > 0; time_s += kStep_s) {
+      const double moment_n_m = mass_kg * kGravity * (edge_m * std::cos(lean_rad) - height_m * std::sin(lean_rad));
+      rate_rad_s -= moment_n_m / (inertia_kg_m2 + mass_kg * (edge_m * edge_m + height_m * height_m)) * kStep_s;
+      lean_rad += rate_rad_s * kStep_s;
+    }
+    return time_s;
+  }
+};
+
 // Speed along the slope after it has been climbed, or not, for a while.
 template <class Drive>
 double speed_on_slope_m_s(const BodySpec& body, double friction, double slope_rad, double fraction, double time_s) {
@@ -239,4 +300,53 @@ void gains_no_energy_by_friction_and_impacts(const BodySpec& body, const typenam
   TEST_ASSERT_TRUE(least_j < start_j - kTolerance_j);
 }
 
+// Locked wheels on a slippery patch from x = 0.5 m on.
+template <class Drive>
+void brakes_with_the_friction_of_the_patch(BodySpec body, double time_s) {
+  TerrainSpec terrain;
+  terrain.patches.push_back({2, 0, 0, 3, 2, 0.15});
+  for (WheelSpec& wheel : body.wheels) wheel.servo.stall_torque_n_m = 0.5;
+  Drive drive(body, scene_of(terrain, 0.8), 1);
+  while (drive.car.state().x_m < 0.75) drive.run(drive.step_s);
+  drive.pulses_us = pulses_for(body, 0);
+  const double early_m_s = drive.run(0.05).speed_m_s, late_m_s = drive.run(time_s).speed_m_s;
+  TEST_ASSERT_TRUE(late_m_s > 0.1);
+  TEST_ASSERT_DOUBLE_WITHIN(0.04 * 0.15 * kGravity, 0.15 * kGravity, (early_m_s - late_m_s) / time_s);
+}
+
+// How near an engine is to the closed forms.
+template <class Options>
+struct Nearness {
+  double load_m_s;                    // to the speed under a load
+  double step_below_m, step_above_m;  // to the highest step
+  bool by_torque;                     // that a weak servo climbs, too
+  double work;                        // share of the motors' work that may be missing
+  Options work_options;
+  bool with_rotors;  // energy is judged with their inertia
+  Options fine;      // steps short enough to judge energy in impacts
+};
+
 }  // namespace foldcar
+
+// The tests of all closed forms for an engine.
+#define TEST_CLOSED_FORMS(Drive, near)                                                                             \
+  TEST(test_it_stands_on_its_wheels) { stands_on_its_wheels<Drive>(); }                                            \
+  TEST(test_top_speed_is_where_the_torque_line_ends) { reaches_top_speed_where_the_torque_line_ends<Drive>(); }    \
+  TEST(test_a_load_slows_it_along_the_torque_line) {                                                               \
+    is_slowed_by_a_load_along_the_torque_line<Drive>((near).load_m_s);                                             \
+  }                                                                                                                \
+  TEST(test_it_stalls_where_the_slope_asks_for_more_than_stall_torque) {                                           \
+    stalls_where_the_slope_asks_for_more_than_stall_torque<Drive>();                                               \
+  }                                                                                                                \
+  TEST(test_all_wheel_drive_climbs_to_the_friction_angle) { climbs_to_the_friction_angle<Drive>(); }               \
+  TEST(test_the_highest_step_climbed_is_the_one_statics_allow) {                                                   \
+    climbs_the_highest_step_that_statics_allow<Drive>((near).step_below_m, (near).step_above_m, (near).by_torque); \
+  }                                                                                                                \
+  TEST(test_without_slip_motor_work_becomes_mechanical_energy) {                                                   \
+    turns_motor_work_into_mechanical_energy_without_slip<Drive>((near).work, (near).work_options);                 \
+  }                                                                                                                \
+  TEST(test_friction_and_impacts_never_give_energy) {                                                              \
+    const BodySpec body = study_car(0.115);                                                                        \
+    gains_no_energy_by_friction_and_impacts<Drive>((near).with_rotors ? body : without_rotors(body), (near).fine); \
+  }                                                                                                                \
+  static_assert(true)

@@ -37,29 +37,27 @@ class MavlinkHost {
 
   std::string command(std::uint16_t command, std::vector<float> parameters, std::uint8_t confirmation = 0) {
     parameters.resize(7);
-    mavlink_command_long_t content{};
-    content.param1 = parameters[0];
-    content.param2 = parameters[1];
-    content.param3 = parameters[2];
-    content.param4 = parameters[3];
-    content.param5 = parameters[4];
-    content.param6 = parameters[5];
-    content.param7 = parameters[6];
+    auto content = to_car<mavlink_command_long_t>();
+    std::memcpy(&content, parameters.data(), 7 * sizeof(float));  // its first seven members
     content.command = command;
-    content.target_system = content.target_component = 1;
     content.confirmation = confirmation;
     return pack(mavlink_msg_command_long_encode_status, content);
   }
 
+  // Forward, of 1000.
+  std::string stick(std::int16_t forward) {
+    mavlink_manual_control_t content{};
+    content.target = 1;
+    content.x = forward;
+    return pack(mavlink_msg_manual_control_encode_status, content);
+  }
+
   std::string request_list() {
-    mavlink_param_request_list_t content{};
-    content.target_system = content.target_component = 1;
-    return pack(mavlink_msg_param_request_list_encode_status, content);
+    return pack(mavlink_msg_param_request_list_encode_status, to_car<mavlink_param_request_list_t>());
   }
 
   std::string set_parameter(const char* name, float value) {
-    mavlink_param_set_t content{};
-    content.target_system = content.target_component = 1;
+    auto content = to_car<mavlink_param_set_t>();
     std::memcpy(content.param_id, name, std::min(std::strlen(name), sizeof content.param_id));
     content.param_value = value;
     content.param_type = MAV_PARAM_TYPE_REAL32;
@@ -67,26 +65,20 @@ class MavlinkHost {
   }
 
   std::string request_log_list() {
-    mavlink_log_request_list_t content{};
-    content.target_system = content.target_component = 1;
+    auto content = to_car<mavlink_log_request_list_t>();
     content.end = 0xFFFF;
     return pack(mavlink_msg_log_request_list_encode_status, content);
   }
 
   // The whole log.
   std::string request_log_data(std::uint16_t id) {
-    mavlink_log_request_data_t content{};
-    content.target_system = content.target_component = 1;
+    auto content = to_car<mavlink_log_request_data_t>();
     content.id = id;
     content.count = UINT32_MAX;
     return pack(mavlink_msg_log_request_data_encode_status, content);
   }
 
-  std::string erase_logs() {
-    mavlink_log_erase_t content{};
-    content.target_system = content.target_component = 1;
-    return pack(mavlink_msg_log_erase_encode_status, content);
-  }
+  std::string erase_logs() { return pack(mavlink_msg_log_erase_encode_status, to_car<mavlink_log_erase_t>()); }
 
   // Reads bytes of the car and keeps the messages in received.
   void receive(const std::string& bytes) {
@@ -98,6 +90,22 @@ class MavlinkHost {
       if (framing == MAVLINK_FRAMING_OK) received.push_back(message);
       if (framing == MAVLINK_FRAMING_BAD_CRC) ++bad_count;
     }
+  }
+
+  // Reads a log's records, each a time (us, 8 bytes) and a packet; returns whether they are whole and in order of time.
+  bool receive_log(const std::string& log) {
+    std::uint64_t last_us = 0;
+    for (std::size_t at = 0; at < log.size();) {
+      if (at + 20 > log.size()) return false;
+      std::uint64_t t_us = 0;
+      for (std::size_t i = 0; i < 8; ++i) t_us = (t_us << 8) | static_cast<std::uint8_t>(log[at + i]);
+      if (t_us < last_us) return false;
+      last_us = t_us;
+      const std::size_t size = 12 + static_cast<std::uint8_t>(log[at + 9]);
+      receive(log.substr(at + 8, size));
+      at += 8 + size;
+    }
+    return bad_count == 0;
   }
 
   // The messages of one kind, decoded.
@@ -144,6 +152,13 @@ class MavlinkHost {
   int bad_count = 0;
 
  private:
+  template <typename Content>
+  static Content to_car() {
+    Content content{};
+    content.target_system = content.target_component = 1;
+    return content;
+  }
+
   std::uint8_t system_;
   std::uint8_t component_;
   mavlink_status_t numbering_{};

@@ -40,6 +40,11 @@ struct RecordingLink : ByteLink {
 
 struct RecordingHal : BasicSimHal<RecordingServos, RecordingLink> {
   RecordingHal() { logs.fitted = true; }
+  // An IMU on a car that stands level.
+  void fit_imu() {
+    imu.fitted = true;
+    imu.now.acceleration_m_s2 = {0.0f, 0.0f, 9.81f};
+  }
 };
 
 }  // namespace foldcar

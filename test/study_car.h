@@ -69,6 +69,33 @@ inline BodySpec hinged_study_car(double width_m, double stiffness_n_m_rad, doubl
   return body;
 }
 
+// Three segments of 140 mm, an axle in the middle of each, hinges between.
+inline BodySpec three_segment_car(double width_m, double stiffness_n_m_rad, double damping_n_m_s_rad = 1e-4) {
+  BodySpec body = study_car(width_m);
+  SegmentSpec segment = body.segments.front();
+  const WheelSpec front_wheels[2] = {body.wheels[0], body.wheels[1]};
+  const double height_m = segment.height_m, length_m = 0.14;
+  segment.length_m = length_m;
+  segment.mass_kg /= 2;
+  segment.roll_inertia_kg_m2 /= 2;
+  segment.pitch_inertia_kg_m2 = segment.mass_kg * (length_m * length_m + height_m * height_m) / 12;
+  segment.yaw_inertia_kg_m2 = segment.mass_kg * (length_m * length_m + width_m * width_m) / 12;
+  body.segments.clear();
+  body.wheels.clear();
+  for (int j = 0; j < 3; ++j) {
+    segment.x_m = segment.com_x_m = length_m * (1 - j);
+    body.segments.push_back(segment);
+    for (WheelSpec wheel : front_wheels) {
+      wheel.channel += 2 * j;
+      wheel.segment = j;
+      wheel.x_m = segment.x_m;
+      body.wheels.push_back(wheel);
+    }
+    if (j > 0) body.hinges.push_back({segment.x_m + 0.5 * length_m, 0, stiffness_n_m_rad, damping_n_m_s_rad, -1, 1});
+  }
+  return body;
+}
+
 // Pulses that ask every wheel for that fraction of full speed.
 inline PulsesUs pulses_for(const BodySpec& body, double fraction) {
   PulsesUs pulses_us{};

@@ -43,6 +43,6 @@ env.Append(
     CCFLAGS=["-isystem", str(folder / "include")],
     LIBPATH=[str(folder)],
     LIBS=[f":{libraries[-1].name}"],
-    # For SCons a dollar sign is written twice; the quotes are for the shell.
-    LINKFLAGS=["'-Wl,-rpath,$$ORIGIN/../mujoco'"],
+    # Suites that do not call it need not load it. For SCons a dollar sign is written twice; the quotes are for the shell.
+    LINKFLAGS=["-Wl,--as-needed", "'-Wl,-rpath,$$ORIGIN/../mujoco'"],
 )

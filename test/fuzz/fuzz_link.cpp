@@ -24,8 +24,7 @@ void check(const foldcar::PulsesUs& pulses_us) {
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   foldcar::RecordingHal board;
-  board.imu.fitted = true;
-  board.imu.now.acceleration_m_s2 = {0.0f, 0.0f, 9.81f};
+  board.fit_imu();
   board.link.room = 100000;
   foldcar::Firmware firmware(board.hal(), "0123456789abcdef");
   firmware.begin({});

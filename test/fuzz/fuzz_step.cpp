@@ -8,7 +8,3 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   foldcar::StepSession session(engine);
   return foldcar::answer_all(session, data, size);
 }
-
-extern "C" std::size_t LLVMFuzzerCustomMutator(std::uint8_t* data, std::size_t size, std::size_t max_size, unsigned seed) {
-  return foldcar::mutate_lines(data, size, max_size, seed);
-}

@@ -1,4 +1,4 @@
-// What the fuzzers of carsim's lines share: each input is one session's lines; half of the mutations change one number
+// What the two fuzzers of carsim's lines share: each input is one session's lines; half of the mutations change one number
 // or key of one line and leave it JSON.
 #pragma once
 
@@ -73,10 +73,8 @@ int answer_all(Session& session, const std::uint8_t* data, std::size_t size) {
 }
 
 inline void collect(nlohmann::json& value, std::vector<nlohmann::json*>& leaves) {
-  if (!value.is_structured()) leaves.push_back(&value);
-  if (value.is_structured()) {
-    for (auto& element : value) collect(element, leaves);
-  }
+  if (!value.is_structured()) return leaves.push_back(&value);
+  for (auto& element : value) collect(element, leaves);
 }
 
 // One line with one number changed: to an edge, by a factor, or to another line's.
@@ -115,3 +113,7 @@ inline std::size_t mutate_lines(std::uint8_t* data, std::size_t size, std::size_
 }
 
 }  // namespace foldcar
+
+extern "C" std::size_t LLVMFuzzerCustomMutator(std::uint8_t* data, std::size_t size, std::size_t max_size, unsigned seed) {
+  return foldcar::mutate_lines(data, size, max_size, seed);
+}

@@ -379,6 +379,8 @@ def test_trials_that_say_nothing_are_refused_in_a_sentence(
     assert (tmp_path / "s.db").read_bytes() == before
 
 
+# A second calibration; what is kept and taken in is tried by test_kept_work.py.
+@pytest.mark.slow
 def test_a_calibration_that_its_store_does_not_take_is_kept_for_later(swept: Path, tmp_path: Path) -> None:
     shutil.copy(swept / "s.db", tmp_path / "s.db")
     with held(tmp_path / "s.db"):

@@ -25,6 +25,9 @@ def foldable() -> Draw:
     return next(draw for draw in draws(30, SEED) if tried(draw, lambda *_: None).made)
 
 
+# Chosen designs are made by test_pattern_command.py and test_patterns_designs.py, sizes are advised by
+# test_pattern_geometry.py.
+@pytest.mark.slow
 def test_random_designs_are_made_or_refused_with_what_would_do(monkeypatch: pytest.MonkeyPatch) -> None:
     # Small sheets are nested sooner, and the first layout is checked as well as the best.
     monkeypatch.setattr(nesting, "MOST_TRIES", 0)

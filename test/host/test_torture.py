@@ -22,6 +22,8 @@ import study  # noqa: E402
 import torture  # noqa: E402
 
 
+# What each disturbance may lose has a quick test of its own among those of sweeps, trials, `check` and `repair`.
+@pytest.mark.slow
 def test_nothing_is_lost_for_a_while(carsim_binary: Path) -> None:
     answer = subprocess.run(
         [sys.executable, TORTURE / "torture.py"], capture_output=True, text=True,

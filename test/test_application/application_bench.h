@@ -25,6 +25,11 @@ struct Bench {
     TEST_ASSERT_TRUE(application.arm() == Refusal::kNone);
     TEST_ASSERT_TRUE(application.start(request) == Refusal::kNone);
   }
+  void run_ticks(int count) {
+    for (int i = 0; i < count; ++i) tick();
+  }
+  State state() const { return application.status().state; }
+  Fault fault() const { return application.status().fault; }
   const PulsesUs& last_us() const { return board.servos.writes.back(); }
 };
 

@@ -5,8 +5,7 @@
 
 #include "application_bench.h"
 
-namespace foldcar {
-namespace {
+using namespace foldcar;
 
 // Full forward stick is WHEEL_MAX_RAD_S: 1500 + 45 + 155 us forward at the default gain, mirrored on the right.
 TEST(the_stick_drives_an_armed_car) {
@@ -21,7 +20,7 @@ TEST(the_stick_drives_an_armed_car) {
     bench.application.drive_manually(1.0f, 0.0f);
     bench.tick();
   }
-  TEST_ASSERT_TRUE(bench.application.status().state == State::kManual);
+  TEST_ASSERT_TRUE(bench.state() == State::kManual);
   TEST_ASSERT_FLOAT_WITHIN(0.1f, 1700.0f, bench.last_us()[0]);
   TEST_ASSERT_FLOAT_WITHIN(0.1f, 1300.0f, bench.last_us()[1]);
   for (int i = 0; i < 50; ++i) {
@@ -30,8 +29,8 @@ TEST(the_stick_drives_an_armed_car) {
   }
   TEST_ASSERT_FLOAT_WITHIN(0.1f, 1300.0f, bench.last_us()[0]);  // left wheels backward, right ones forward
   TEST_ASSERT_FLOAT_WITHIN(0.1f, 1300.0f, bench.last_us()[1]);
-  for (int i = 0; i < 26; ++i) bench.tick();
-  TEST_ASSERT_TRUE(bench.application.status().fault == Fault::kCommandStale);
+  bench.run_ticks(26);
+  TEST_ASSERT_TRUE(bench.fault() == Fault::kCommandStale);
   TEST_ASSERT_FALSE(any_pulse(bench.last_us()));
   TEST_ASSERT_TRUE(bench.application.drive_manually(NAN, 0.0f) == Refusal::kNotANumber);
   TEST_ASSERT_TRUE(bench.application.drive_manually(1.1f, 0.0f) == Refusal::kNotANumber);
@@ -49,7 +48,7 @@ TEST(a_test_puts_its_pulse_on_one_output_only_and_ends) {
   }
   bench.tick();
   TEST_ASSERT_FALSE(any_pulse(bench.last_us()));
-  TEST_ASSERT_TRUE(bench.application.status().state == State::kDisarmed);
+  TEST_ASSERT_TRUE(bench.state() == State::kDisarmed);
   TEST_ASSERT_TRUE(bench.application.test(8, 1500.0f, 0.2f) == Refusal::kTest);
   TEST_ASSERT_TRUE(bench.application.test(0, 999.0f, 0.2f) == Refusal::kTest);
   TEST_ASSERT_TRUE(bench.application.test(0, 2001.0f, 0.2f) == Refusal::kTest);
@@ -72,7 +71,3 @@ TEST(a_parameter_that_is_set_is_saved_and_forgotten_on_request) {
   TEST_ASSERT_TRUE(bench.board.storage.values.empty());
   TEST_ASSERT_EQUAL_FLOAT(0.111f, bench.parameters.get(Parameter::kTrackM));
 }
-
-}  // namespace
-
-}  // namespace foldcar

@@ -3,8 +3,7 @@
 
 #include "application_bench.h"
 
-namespace foldcar {
-namespace {
+using namespace foldcar;
 
 TEST(outputs_are_off_before_parameters_are_loaded) {
   struct WatchingStorage : SimStorage {
@@ -33,7 +32,7 @@ TEST(a_stored_parameter_out_of_range_is_a_fault) {
   Bench bench;
   bench.board.storage.values["TRACK_M"] = 99.0f;
   bench.application.begin();
-  TEST_ASSERT_TRUE(bench.application.status().fault == Fault::kStoredParameter);
+  TEST_ASSERT_TRUE(bench.fault() == Fault::kStoredParameter);
   TEST_ASSERT_TRUE(bench.application.arm() == Refusal::kFaultLatched);
 }
 
@@ -42,7 +41,7 @@ TEST(stored_parameters_that_cannot_be_read_are_a_fault) {
   bench.board.storage.values["STAGGER_MS"] = 77.0f;
   bench.board.storage.fitted = false;
   bench.application.begin();
-  TEST_ASSERT_TRUE(bench.application.status().fault == Fault::kFlash);
+  TEST_ASSERT_TRUE(bench.fault() == Fault::kFlash);
   TEST_ASSERT_TRUE(bench.application.acknowledge() == Refusal::kNone);
   TEST_ASSERT_TRUE(bench.application.arm() == Refusal::kNone);
 }
@@ -52,7 +51,7 @@ TEST(a_reset_by_a_watchdog_or_a_brown_out_is_a_fault) {
     Bench bench;
     bench.board.board.reason = reason;
     bench.application.begin();
-    return bench.application.status().fault;
+    return bench.fault();
   };
   TEST_ASSERT_TRUE(fault_after(ResetReason::kPowerOn) == Fault::kNone);
   TEST_ASSERT_TRUE(fault_after(ResetReason::kSoftware) == Fault::kNone);
@@ -63,12 +62,16 @@ TEST(a_reset_by_a_watchdog_or_a_brown_out_is_a_fault) {
   }
 }
 
+static DesignResult design_of(DesignSource source) {
+  DesignResult design;
+  design.source = source;
+  return design;
+}
+
 TEST(a_refused_design_keeps_the_car_from_moving_even_when_acknowledged) {
   Bench bench;
-  DesignResult design;
-  design.source = DesignSource::kRefused;
-  bench.application.begin(design);
-  TEST_ASSERT_TRUE(bench.application.status().fault == Fault::kDesign);
+  bench.application.begin(design_of(DesignSource::kRefused));
+  TEST_ASSERT_TRUE(bench.fault() == Fault::kDesign);
   TEST_ASSERT_TRUE(bench.application.acknowledge() == Refusal::kNone);
   TEST_ASSERT_TRUE(bench.application.arm() == Refusal::kDesign);
   TEST_ASSERT_TRUE(bench.application.test(0, 1500.0f, 1.0f) == Refusal::kDesign);
@@ -77,13 +80,11 @@ TEST(a_refused_design_keeps_the_car_from_moving_even_when_acknowledged) {
 TEST(a_car_without_a_design_stays_disarmed_until_that_is_confirmed) {
   for (const DesignSource source : {DesignSource::kMissing, DesignSource::kUnreadable}) {
     Bench bench;
-    DesignResult design;
-    design.source = source;
-    bench.application.begin(design);
+    bench.application.begin(design_of(source));
     const Fault fault = source == DesignSource::kMissing ? Fault::kNoDesign : Fault::kFlash;
-    TEST_ASSERT_TRUE(bench.application.status().fault == fault);
+    TEST_ASSERT_TRUE(bench.fault() == fault);
     TEST_ASSERT_TRUE(bench.application.acknowledge() == Refusal::kNoDesign);
-    TEST_ASSERT_TRUE(bench.application.status().fault == fault);
+    TEST_ASSERT_TRUE(bench.fault() == fault);
     TEST_ASSERT_TRUE(bench.application.arm() == Refusal::kFaultLatched);
     TEST_ASSERT_TRUE(bench.application.acknowledge(true) == Refusal::kNone);
     TEST_ASSERT_TRUE(bench.application.design().source == DesignSource::kNone);
@@ -94,12 +95,10 @@ TEST(a_car_without_a_design_stays_disarmed_until_that_is_confirmed) {
 TEST(another_fault_does_not_hide_that_there_is_no_design) {
   Bench bench;
   bench.board.board.reason = ResetReason::kBrownOut;
-  DesignResult design;
-  design.source = DesignSource::kMissing;
-  bench.application.begin(design);
-  TEST_ASSERT_TRUE(bench.application.status().fault == Fault::kBrownOut);
+  bench.application.begin(design_of(DesignSource::kMissing));
+  TEST_ASSERT_TRUE(bench.fault() == Fault::kBrownOut);
   TEST_ASSERT_TRUE(bench.application.acknowledge() == Refusal::kNone);
-  TEST_ASSERT_TRUE(bench.application.status().fault == Fault::kNoDesign);
+  TEST_ASSERT_TRUE(bench.fault() == Fault::kNoDesign);
   TEST_ASSERT_TRUE(bench.application.arm() == Refusal::kFaultLatched);
 }
 
@@ -107,17 +106,11 @@ TEST(each_fault_of_the_start_is_reported_when_the_one_before_is_acknowledged) {
   Bench bench;
   bench.board.board.reason = ResetReason::kTaskWatchdog;
   bench.board.storage.values["TRACK_M"] = -1.0f;
-  DesignResult design;
-  design.source = DesignSource::kRefused;
-  bench.application.begin(design);
+  bench.application.begin(design_of(DesignSource::kRefused));
   for (const Fault fault : {Fault::kWatchdog, Fault::kDesign, Fault::kStoredParameter}) {
-    TEST_ASSERT_TRUE(bench.application.status().fault == fault);
+    TEST_ASSERT_TRUE(bench.fault() == fault);
     TEST_ASSERT_TRUE(bench.application.acknowledge() == Refusal::kNone);
   }
-  TEST_ASSERT_TRUE(bench.application.status().fault == Fault::kNone);
+  TEST_ASSERT_TRUE(bench.fault() == Fault::kNone);
   TEST_ASSERT_TRUE(bench.application.arm() == Refusal::kDesign);
 }
-
-}  // namespace
-
-}  // namespace foldcar

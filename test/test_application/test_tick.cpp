@@ -1,14 +1,23 @@
-// The tick in a trial: pulses in each state, the ramp over ticks early and late, many cars in one process.
+// The recording HAL keeps the contract. The tick in a trial: pulses in each state, the ramp over ticks early and late,
+// many cars in one process.
 #include "../suite.h"
 
 #include <cmath>
 #include <memory>
 #include <vector>
 
+#include "../hal_contract.h"
 #include "application_bench.h"
 
-namespace foldcar {
-namespace {
+using namespace foldcar;
+
+TEST(the_recording_hal_keeps_the_contract) {
+  for (const bool with_imu : {false, true}) {
+    RecordingHal board;
+    board.imu.fitted = with_imu;
+    check_hal_contract(board.hal(), [&board] { board.clock.time_us += 10; });
+  }
+}
 
 TEST(pulses_come_only_while_a_trial_runs) {
   Bench bench;
@@ -88,28 +97,28 @@ TEST(a_late_tick_does_not_lengthen_the_trial) {
   Bench bench;
   bench.run({0.1f, 0.0f, 1.0f, true, 0});
   bench.tick(1500000);
-  TEST_ASSERT_TRUE(bench.application.status().state == State::kFinished);
+  TEST_ASSERT_TRUE(bench.state() == State::kFinished);
   TEST_ASSERT_FALSE(any_pulse(bench.last_us()));
 }
 
 TEST(parameters_changed_in_a_trial_drive_the_next_one) {
   Bench bench;
   bench.run();
-  for (int i = 0; i < 50; ++i) bench.tick();
+  bench.run_ticks(50);
   bench.parameters.set("CH1_NEUTRAL_US", 1450.0f);
   bench.tick();
   TEST_ASSERT_FLOAT_WITHIN(0.01f, 1700.0f, bench.last_us()[0]);
   bench.application.stop();
   bench.application.arm();
   bench.application.start(kTrial);
-  for (int i = 0; i < 50; ++i) bench.tick();
+  bench.run_ticks(50);
   TEST_ASSERT_FLOAT_WITHIN(0.01f, 1650.0f, bench.last_us()[0]);
 }
 
 TEST(status_tells_the_state_the_time_and_the_pulses) {
   Bench bench;
   bench.run();
-  for (int i = 0; i < 10; ++i) bench.tick();
+  bench.run_ticks(10);
   const Status status = bench.application.status();
   TEST_ASSERT_TRUE(status.state == State::kRunning);
   TEST_ASSERT_EQUAL_UINT64(200000, status.trial_elapsed_us);
@@ -140,7 +149,3 @@ TEST(many_applications_do_not_influence_each_other) {
     TEST_ASSERT_EQUAL_UINT(1 + 60, alone->board.servos.writes.size());  // begin and the ticks
   }
 }
-
-}  // namespace
-
-}  // namespace foldcar

@@ -1,6 +1,8 @@
 // A board on the bench: the HAL, the fake ESP32 under it, and the chips on its bus.
 #pragma once
 
+#include <unity.h>
+
 #include "../../firmware/lib/feather_hal/feather_hal.h"
 #include "../arduino_fakes/fake_lsm6dsox.h"
 #include "../arduino_fakes/fake_pca9685.h"
@@ -27,5 +29,20 @@ struct FeatherBench {
     hal.servos.set_oscillator_hz(oscillator_hz);
   }
 };
+
+struct BegunBench : FeatherBench {
+  explicit BegunBench(bool with_imu = false) : FeatherBench(with_imu) { begin(); }
+};
+
+// The chip still drives from before a reset of the board, at 50 Hz and with auto-increment on.
+inline void drive_from_before(FakePca9685& chip) {
+  for (const std::vector<std::uint8_t>& bytes :
+       {std::vector<std::uint8_t>{0x00, 0x10}, {0xFE, 121}, {0x00, 0x20}, {0x06, 0, 0, 0x4D, 0x01}}) {
+    chip.write(bytes);
+  }
+  TEST_ASSERT_TRUE(chip.pulse_us(0) > 1000);
+  chip.transmissions.clear();
+  chip.has_driven = false;
+}
 
 }  // namespace foldcar

@@ -2,14 +2,14 @@
 #include "../suite.h"
 
 #include <esp_log.h>
+#include <esp_system.h>
 
 #include <cmath>
 #include <cstring>
 
 #include "feather_bench.h"
 
-namespace foldcar {
-namespace {
+using namespace foldcar;
 
 TEST(the_clock_counts_on_where_32_bits_end) {
   FeatherBench bench;
@@ -36,16 +36,14 @@ TEST(a_broken_divider_is_no_battery) {
 }
 
 TEST(the_serial_port_has_room_for_a_burst_of_packets) {
-  FeatherBench bench;
-  bench.begin();
+  BegunBench bench;
   TEST_ASSERT_EQUAL_UINT(115200, fake_esp32.uart.baud);
   TEST_ASSERT_EQUAL_UINT(1024, fake_esp32.uart.receive_capacity);
   TEST_ASSERT_EQUAL_INT_MESSAGE(ESP_LOG_NONE, fake_esp32.log_level, "the SDK's texts break packets");
 }
 
 TEST(bytes_that_have_arrived_are_read_in_order) {
-  FeatherBench bench;
-  bench.begin();
+  BegunBench bench;
   for (const std::uint8_t byte : {0x00, 0xFD, 0xFF, 0x0A, 0x7F}) fake_esp32.uart.receive_buffer.push_back(byte);
   std::uint8_t bytes[4] = {};
   TEST_ASSERT_EQUAL_UINT(3, bench.hal.link.read(bytes, 3));
@@ -58,8 +56,7 @@ TEST(bytes_that_have_arrived_are_read_in_order) {
 
 // The UART's FIFO takes 128 bytes; more would have to wait for 87 µs each.
 TEST(a_write_takes_what_fits_and_never_waits) {
-  FeatherBench bench;
-  bench.begin();
+  BegunBench bench;
   std::uint8_t bytes[300];
   std::memset(bytes, 0x55, sizeof bytes);
   TEST_ASSERT_EQUAL_UINT(128, bench.hal.link.write(bytes, sizeof bytes));
@@ -77,24 +74,19 @@ TEST(the_board_is_no_simulator) {
 
 TEST(the_reset_reason_is_the_chips) {
   FeatherBench bench;
-  const auto reason_for = [&bench](int reason) {
-    fake_esp32.reset_reason = reason;
-    return bench.hal.board.reset_reason();
-  };
-  TEST_ASSERT_TRUE(reason_for(0) == ResetReason::kUnknown);
-  TEST_ASSERT_TRUE(reason_for(1) == ResetReason::kPowerOn);
-  TEST_ASSERT_TRUE(reason_for(3) == ResetReason::kSoftware);
-  TEST_ASSERT_TRUE(reason_for(4) == ResetReason::kCrash);
-  TEST_ASSERT_TRUE(reason_for(5) == ResetReason::kInterruptWatchdog);
-  TEST_ASSERT_TRUE(reason_for(6) == ResetReason::kTaskWatchdog);
-  TEST_ASSERT_TRUE(reason_for(7) == ResetReason::kOtherWatchdog);
-  TEST_ASSERT_TRUE(reason_for(9) == ResetReason::kBrownOut);
-  TEST_ASSERT_TRUE(reason_for(10) == ResetReason::kUnknown);
+  using R = ResetReason;
+  const std::pair<esp_reset_reason_t, R> kReasons[] = {
+      {ESP_RST_UNKNOWN, R::kUnknown}, {ESP_RST_POWERON, R::kPowerOn}, {ESP_RST_SW, R::kSoftware},
+      {ESP_RST_PANIC, R::kCrash}, {ESP_RST_INT_WDT, R::kInterruptWatchdog}, {ESP_RST_TASK_WDT, R::kTaskWatchdog},
+      {ESP_RST_WDT, R::kOtherWatchdog}, {ESP_RST_BROWNOUT, R::kBrownOut}, {ESP_RST_SDIO, R::kUnknown}};
+  for (const auto& [chips, expected] : kReasons) {
+    fake_esp32.reset_reason = chips;
+    TEST_ASSERT_TRUE(bench.hal.board.reset_reason() == expected);
+  }
 }
 
 TEST(a_restart_comes_after_the_last_byte_was_sent) {
-  FeatherBench bench;
-  bench.begin();
+  BegunBench bench;
   const std::uint8_t byte = 1;
   bench.hal.link.write(&byte, 1);
   bool has_restarted = false;
@@ -114,7 +106,3 @@ TEST(the_watchdog_restarts_a_loop_that_stands_for_a_second) {
   TEST_ASSERT_TRUE(fake_esp32.watchdog_panics);
   TEST_ASSERT_TRUE(fake_esp32.watchdog_guards_loop);
 }
-
-}  // namespace
-
-}  // namespace foldcar

@@ -8,8 +8,7 @@ using namespace foldcar;
 
 TEST(the_boards_hal_keeps_the_contract) {
   for (const bool with_imu : {false, true}) {
-    FeatherBench bench(with_imu);
-    bench.begin();
+    BegunBench bench(with_imu);
     check_hal_contract(bench.hal.hal(), [] { fake_esp32.time_us += 1000; });
   }
 }

@@ -9,20 +9,19 @@
 #include "feather_bench.h"
 #include "parameter_table.h"
 
-namespace foldcar {
-namespace {
+using namespace foldcar;
 
-const std::uint8_t* bytes_of(const std::string& text) { return reinterpret_cast<const std::uint8_t*>(text.data()); }
+static const std::uint8_t* bytes_of(const std::string& text) { return reinterpret_cast<const std::uint8_t*>(text.data()); }
 
 // The same flash after a reset; handles that were open are gone, with what they had not committed.
-void reset_board(std::unique_ptr<FeatherHal>& board) {
+static void reset_board(std::unique_ptr<FeatherHal>& board) {
   fake_esp32.flash.is_mounted = false;
   board = std::make_unique<FeatherHal>();
   fake_esp32.flash.open_count.clear();
   board->begin(115200);
 }
 
-std::unique_ptr<FeatherHal> new_board() {
+static std::unique_ptr<FeatherHal> new_board() {
   fake_esp32 = {};
   auto board = std::make_unique<FeatherHal>();
   board->begin(115200);
@@ -170,7 +169,3 @@ TEST(the_stored_design_is_read_or_refused_with_its_reason) {
   TEST_ASSERT_EQUAL_STRING("car.json: is larger than 8192 bytes", read_stored_design(true).problem);
 }
 #endif
-
-}  // namespace
-
-}  // namespace foldcar

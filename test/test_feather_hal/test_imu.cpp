@@ -3,12 +3,10 @@
 
 #include "feather_bench.h"
 
-namespace foldcar {
-namespace {
+using namespace foldcar;
 
 TEST(a_board_without_an_imu_has_none) {
-  FeatherBench bench;
-  bench.begin();
+  BegunBench bench;
   TEST_ASSERT_FALSE(bench.hal.imu.present());
 }
 
@@ -45,8 +43,7 @@ TEST(a_sample_has_the_measured_values_within_a_bit) {
 }
 
 TEST(an_imu_that_falls_silent_leaves_the_sample_alone) {
-  FeatherBench bench(true);
-  bench.begin();
+  BegunBench bench(true);
   fake_esp32.i2c.bus_hangs = true;
   ImuSample sample;
   sample.rate_rad_s[2] = 7.0f;
@@ -54,7 +51,3 @@ TEST(an_imu_that_falls_silent_leaves_the_sample_alone) {
   TEST_ASSERT_EQUAL_FLOAT(7.0f, sample.rate_rad_s[2]);
   TEST_ASSERT_TRUE(bench.hal.imu.present());
 }
-
-}  // namespace
-
-}  // namespace foldcar

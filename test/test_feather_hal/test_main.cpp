@@ -10,8 +10,7 @@
 #include "../mavlink_host.h"
 #include "feather_bench.h"
 
-namespace foldcar {
-namespace {
+using namespace foldcar;
 
 // The servo driver's chip, which notes what of the board was at work when its outputs were turned off.
 struct WatchedChip : FakePca9685 {
@@ -29,22 +28,17 @@ struct WatchedChip : FakePca9685 {
   }
 };
 
-WatchedChip servo_chip;
+static WatchedChip servo_chip;
 
 // A board whose watchdog has restarted it: the chip still drives, at 50 Hz.
-void start_board() {
+static void start_board() {
   fake_esp32 = {};
   fake_esp32.pin_mv[35] = 1900;
   fake_esp32.reset_reason = 6;
   fake_esp32.i2c.chips[0x40] = &servo_chip;
   servo_chip.is_off = true;
-  for (const std::vector<std::uint8_t>& bytes :
-       {std::vector<std::uint8_t>{0x00, 0x10}, {0xFE, 121}, {0x00, 0x20}, {0x06, 0, 0, 0x4D, 0x01}}) {
-    servo_chip.write(bytes);
-  }
-  TEST_ASSERT_TRUE(servo_chip.pulse_us(0) > 1000);
-  servo_chip.transmissions.clear();
-  servo_chip.is_off = servo_chip.has_driven = false;
+  drive_from_before(servo_chip);
+  servo_chip.is_off = false;
   setup();
 }
 
@@ -94,13 +88,8 @@ TEST(without_memory_for_the_task_no_log_is_promised) {
   fake_esp32 = {};
   fake_esp32.heap_is_full = true;
   TEST_ASSERT_FALSE(start_background_task([](void*) { return false; }, nullptr));
-  FeatherBench bench;
-  bench.begin();
+  BegunBench bench;
   TEST_ASSERT_TRUE(bench.hal.logs.present());
   bench.hal.logs.give_up();
   check_logs_give_back_what_they_took(bench.hal.logs);
 }
-
-}  // namespace
-
-}  // namespace foldcar

@@ -5,34 +5,16 @@
 
 #include "feather_bench.h"
 
-namespace foldcar {
-namespace {
+using namespace foldcar;
 
-PulsesUs pulse_on(std::size_t channel, float pulse_us) {
+static PulsesUs pulse_on(std::size_t channel, float pulse_us) {
   PulsesUs pulses_us{};
   pulses_us[channel] = pulse_us;
   return pulses_us;
 }
 
-// The chip still drives from before a reset of the board, at 50 Hz and with auto-increment on.
-TEST(outputs_are_off_from_the_first_transmission_on) {
-  FeatherBench bench;
-  for (const std::vector<std::uint8_t>& bytes :
-       {std::vector<std::uint8_t>{0x00, 0x10}, {0xFE, 121}, {0x00, 0x20}, {0x06, 0, 0, 0x4D, 0x01}}) {
-    bench.servo_chip.write(bytes);
-  }
-  TEST_ASSERT_TRUE(bench.servo_chip.pulse_us(0) > 1000);
-  bench.servo_chip.transmissions.clear();
-  bench.servo_chip.has_driven = false;
-  bench.begin();
-  const std::vector<std::uint8_t> all_off = {0xFD, 0x10};
-  TEST_ASSERT_TRUE(bench.servo_chip.transmissions.front() == all_off);
-  TEST_ASSERT_FALSE(bench.servo_chip.has_driven);
-}
-
 TEST(the_bus_runs_at_400_khz_on_its_pins_and_gives_up_after_5_ms) {
-  FeatherBench bench;
-  bench.begin();
+  BegunBench bench;
   TEST_ASSERT_EQUAL_INT(23, fake_esp32.i2c.sda);
   TEST_ASSERT_EQUAL_INT(22, fake_esp32.i2c.scl);
   TEST_ASSERT_EQUAL_UINT32(400000, fake_esp32.i2c.clock_hz);
@@ -56,8 +38,7 @@ TEST(a_pulse_has_its_width_within_half_a_tick_at_any_oscillator) {
 
 // At 25 MHz the prescaler is 121, so a tick is 122 / 25 MHz = 4.88 µs, and 1500 µs are 307.4 ticks.
 TEST(pulses_are_rounded_to_the_nearest_tick) {
-  FeatherBench bench;
-  bench.begin();
+  BegunBench bench;
   const auto ticks_of = [&bench](float pulse_us) {
     bench.hal.servos.write_pulses(pulse_on(0, pulse_us));
     return std::lround(bench.servo_chip.pulse_us(0) / 4.88);
@@ -68,8 +49,7 @@ TEST(pulses_are_rounded_to_the_nearest_tick) {
 }
 
 TEST(every_output_has_its_own_pulse_or_none) {
-  FeatherBench bench;
-  bench.begin();
+  BegunBench bench;
   PulsesUs pulses_us{1000.0f, kNoPulse, 1500.0f, 2000.0f, kNoPulse, kNoPulse, 1234.5f, 1800.0f};
   TEST_ASSERT_TRUE(bench.hal.servos.write_pulses(pulses_us));
   for (std::size_t channel = 0; channel < 16; ++channel) {
@@ -81,8 +61,7 @@ TEST(every_output_has_its_own_pulse_or_none) {
 }
 
 TEST(a_pulse_outside_its_limits_leaves_the_outputs_as_they_are) {
-  FeatherBench bench;
-  bench.begin();
+  BegunBench bench;
   bench.hal.servos.write_pulses(pulse_on(0, 1500.0f));
   const std::size_t before = bench.servo_chip.transmissions.size();
   for (const float pulse_us : {-1.0f, 3001.0f, NAN}) {
@@ -92,8 +71,7 @@ TEST(a_pulse_outside_its_limits_leaves_the_outputs_as_they_are) {
 }
 
 TEST(a_write_to_a_bus_that_fails_is_told) {
-  FeatherBench bench;
-  bench.begin();
+  BegunBench bench;
   fake_esp32.i2c.bus_hangs = true;
   TEST_ASSERT_FALSE(bench.hal.servos.write_pulses(pulse_on(0, 1500.0f)));
   TEST_ASSERT_FALSE(bench.hal.servos.write_pulses(PulsesUs{}));
@@ -107,8 +85,7 @@ TEST(a_write_to_a_bus_that_fails_is_told) {
 // As when flash is erased, which stops both cores in the middle of a transfer.
 TEST(one_transfer_that_fails_is_repeated) {
   for (int transfer = 0; transfer < 8; ++transfer) {
-    FeatherBench bench(true);
-    bench.begin();
+    BegunBench bench(true);
     fake_esp32.i2c.fails_at = transfer;
     TEST_ASSERT_TRUE(bench.hal.servos.write_pulses(pulse_on(7, 1700.0f)));
     TEST_ASSERT_EQUAL_INT_MESSAGE(-1, fake_esp32.i2c.fails_at, "none has failed");
@@ -166,8 +143,7 @@ TEST(a_transfer_that_fails_while_the_rate_is_set_never_leads_to_wrong_pulses) {
 }
 
 TEST(a_rate_that_cannot_be_set_again_ends_the_pulses) {
-  FeatherBench bench;
-  bench.begin();
+  BegunBench bench;
   fake_esp32.i2c.bus_hangs = true;
   TEST_ASSERT_FALSE(bench.hal.servos.set_oscillator_hz(25e6f));
   fake_esp32.i2c.bus_hangs = false;
@@ -175,8 +151,7 @@ TEST(a_rate_that_cannot_be_set_again_ends_the_pulses) {
 }
 
 TEST(without_a_wire_to_output_enable_its_pin_is_left_alone) {
-  FeatherBench bench;
-  bench.begin();
+  BegunBench bench;
   bench.hal.servos.write_pulses(pulse_on(0, 1500.0f));
   bench.hal.servos.write_pulses(PulsesUs{});
   TEST_ASSERT_TRUE(fake_esp32.pin_levels.empty() && fake_esp32.timers.empty());
@@ -184,8 +159,7 @@ TEST(without_a_wire_to_output_enable_its_pin_is_left_alone) {
 
 // With a wire, pulses end when they are turned off, and 150 ms after the last write of a loop that hangs.
 TEST(output_enable_is_low_only_while_pulses_are_written) {
-  FeatherBench bench;
-  bench.begin();
+  BegunBench bench;
   TEST_ASSERT_TRUE(bench.hal.servos.use_output_enable());
   const int& level = fake_esp32.pin_levels[27];
   TEST_ASSERT_EQUAL_INT(HIGH, level);
@@ -206,14 +180,9 @@ TEST(output_enable_is_low_only_while_pulses_are_written) {
 }
 
 TEST(without_a_timer_output_enable_stays_high_and_no_pulse_is_written) {
-  FeatherBench bench;
-  bench.begin();
+  BegunBench bench;
   fake_esp32.heap_is_full = true;
   TEST_ASSERT_FALSE(bench.hal.servos.use_output_enable());
   TEST_ASSERT_FALSE(bench.hal.servos.write_pulses(pulse_on(0, 1500.0f)));
   TEST_ASSERT_EQUAL_INT(HIGH, fake_esp32.pin_levels[27]);
 }
-
-}  // namespace
-
-}  // namespace foldcar

@@ -7,10 +7,9 @@
 #include "feather_bench.h"
 #include "firmware.h"
 
-namespace foldcar {
-namespace {
+using namespace foldcar;
 
-constexpr const char* kBuild = "00112233445566ff";
+static constexpr const char* kBuild = "00112233445566ff";
 
 struct Car {
   FeatherBench bench;
@@ -88,12 +87,7 @@ TEST(an_untethered_trial_leaves_a_log_in_flash) {
   TEST_ASSERT_TRUE(car.firmware.application().trial_end() == TrialEnd::kTimeLimit);
   const std::string& log = fake_esp32.flash.files.at("/log_00001");
   MavlinkHost reader;
-  for (std::size_t at = 8; at < log.size();) {
-    const std::size_t size = 12 + static_cast<std::uint8_t>(log[at + 1]);
-    reader.receive(log.substr(at, size));
-    at += size + 8;
-  }
-  TEST_ASSERT_EQUAL_INT(0, reader.bad_count);
+  TEST_ASSERT_TRUE(reader.receive_log(log));
   TEST_ASSERT_EQUAL_UINT8(FOLDCAR_END_TIME_LIMIT, reader.trials().back().end);
 }
 
@@ -137,7 +131,3 @@ TEST(a_start_that_waited_in_the_receive_buffer_is_refused) {
   TEST_ASSERT_TRUE(car.firmware.application().status().state == State::kArmed);
   for (std::size_t channel = 0; channel < kChannelCount; ++channel) TEST_ASSERT_TRUE(car.pulse_us(channel) == 0);
 }
-
-}  // namespace
-
-}  // namespace foldcar

@@ -51,6 +51,14 @@ struct Bench {
     TEST_ASSERT_EQUAL_INT(static_cast<int>(refusal), ack.result_param2);
     TEST_ASSERT_EQUAL_UINT(255, ack.target_system);
   }
+  // Arms the car and starts a trial.
+  mavlink_command_ack_t start(const std::vector<float>& trial) {
+    answer(MAV_CMD_COMPONENT_ARM_DISARM, {1});
+    return answer(MAV_CMD_FOLDCAR_START_TRIAL, trial);
+  }
+  Refusal last_refusal() const { return static_cast<Refusal>(host.acks().back().result_param2); }
+  std::string last_text() const { return host.texts().back(); }
+  Fault fault() const { return firmware.application().status().fault; }
   State state() const { return firmware.application().status().state; }
   const PulsesUs& last_us() const { return board.servos.writes.back(); }
 };

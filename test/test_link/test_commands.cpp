@@ -2,16 +2,17 @@
 #include "../suite.h"
 
 #include <cmath>
+#include <initializer_list>
+#include <utility>
 
 #include "link_bench.h"
 
-namespace foldcar {
-namespace {
+using namespace foldcar;
 
 TEST(a_trial_goes_from_arming_to_its_end_by_commands) {
   Bench bench;
   bench.expect(MAV_RESULT_TEMPORARILY_REJECTED, Refusal::kNotArmed, MAV_CMD_FOLDCAR_START_TRIAL, kStart);
-  TEST_ASSERT_EQUAL_STRING("refused: not armed", bench.host.texts().back().c_str());
+  TEST_ASSERT_EQUAL_STRING("refused: not armed", bench.last_text().c_str());
   bench.expect(MAV_RESULT_ACCEPTED, Refusal::kNone, MAV_CMD_COMPONENT_ARM_DISARM, {1});
   TEST_ASSERT_TRUE(bench.last_us() == kOff);
   bench.expect(MAV_RESULT_DENIED, Refusal::kSpeedLimit, MAV_CMD_FOLDCAR_START_TRIAL, {6, 0, 1});
@@ -36,38 +37,33 @@ TEST(a_trial_goes_from_arming_to_its_end_by_commands) {
   TEST_ASSERT_EQUAL_UINT8(FOLDCAR_END_TIME_LIMIT, trial.end);
 }
 
+template <typename Dialect, typename Firmware>
+static void expect_same(std::initializer_list<std::pair<Dialect, Firmware>> values) {
+  for (const auto& [dialect, firmware] : values) TEST_ASSERT_EQUAL_INT(dialect, static_cast<int>(firmware));
+}
+
 TEST(every_enum_of_the_firmware_has_the_dialects_values) {
-  TEST_ASSERT_EQUAL_INT(FOLDCAR_STATE_DISARMED, static_cast<int>(State::kDisarmed));
-  TEST_ASSERT_EQUAL_INT(FOLDCAR_STATE_ARMED, static_cast<int>(State::kArmed));
-  TEST_ASSERT_EQUAL_INT(FOLDCAR_STATE_RUNNING, static_cast<int>(State::kRunning));
-  TEST_ASSERT_EQUAL_INT(FOLDCAR_STATE_FINISHED, static_cast<int>(State::kFinished));
-  TEST_ASSERT_EQUAL_INT(FOLDCAR_STATE_FAULT, static_cast<int>(State::kFault));
-  TEST_ASSERT_EQUAL_INT(FOLDCAR_STATE_MANUAL, static_cast<int>(State::kManual));
-  TEST_ASSERT_EQUAL_INT(FOLDCAR_STATE_TESTING, static_cast<int>(State::kTesting));
-  TEST_ASSERT_EQUAL_INT(FOLDCAR_FAULT_BUS, static_cast<int>(Fault::kBus));
-  TEST_ASSERT_EQUAL_INT(FOLDCAR_FAULT_BATTERY_UNREADABLE, static_cast<int>(Fault::kBatteryUnreadable));
-  TEST_ASSERT_EQUAL_INT(FOLDCAR_FAULT_BATTERY_LOW, static_cast<int>(Fault::kBatteryLow));
-  TEST_ASSERT_EQUAL_INT(FOLDCAR_FAULT_COMMAND_STALE, static_cast<int>(Fault::kCommandStale));
-  TEST_ASSERT_EQUAL_INT(FOLDCAR_FAULT_STORED_PARAMETER, static_cast<int>(Fault::kStoredParameter));
-  TEST_ASSERT_EQUAL_INT(FOLDCAR_FAULT_DESIGN, static_cast<int>(Fault::kDesign));
-  TEST_ASSERT_EQUAL_INT(FOLDCAR_FAULT_WATCHDOG, static_cast<int>(Fault::kWatchdog));
-  TEST_ASSERT_EQUAL_INT(FOLDCAR_FAULT_BROWN_OUT, static_cast<int>(Fault::kBrownOut));
-  TEST_ASSERT_EQUAL_INT(FOLDCAR_FAULT_TILT, static_cast<int>(Fault::kTilt));
-  TEST_ASSERT_EQUAL_INT(FOLDCAR_FAULT_IMU, static_cast<int>(Fault::kImu));
-  TEST_ASSERT_EQUAL_INT(FOLDCAR_FAULT_NO_DESIGN, static_cast<int>(Fault::kNoDesign));
-  TEST_ASSERT_EQUAL_INT(FOLDCAR_FAULT_FLASH, static_cast<int>(Fault::kFlash));
-  TEST_ASSERT_EQUAL_INT(FOLDCAR_END_TIME_LIMIT, static_cast<int>(TrialEnd::kTimeLimit));
-  TEST_ASSERT_EQUAL_INT(FOLDCAR_END_STOPPED, static_cast<int>(TrialEnd::kStopped));
-  TEST_ASSERT_EQUAL_INT(FOLDCAR_END_DISARMED, static_cast<int>(TrialEnd::kDisarmed));
-  TEST_ASSERT_EQUAL_INT(FOLDCAR_END_FAULT, static_cast<int>(TrialEnd::kFault));
-  TEST_ASSERT_EQUAL_INT(FOLDCAR_DESIGN_SOURCE_FILE, static_cast<int>(DesignSource::kFile));
-  TEST_ASSERT_EQUAL_INT(FOLDCAR_DESIGN_SOURCE_REFUSED, static_cast<int>(DesignSource::kRefused));
-  TEST_ASSERT_EQUAL_INT(FOLDCAR_DESIGN_SOURCE_MISSING, static_cast<int>(DesignSource::kMissing));
-  TEST_ASSERT_EQUAL_INT(FOLDCAR_DESIGN_SOURCE_UNREADABLE, static_cast<int>(DesignSource::kUnreadable));
+  expect_same<FOLDCAR_STATE, State>({
+      {FOLDCAR_STATE_DISARMED, State::kDisarmed}, {FOLDCAR_STATE_ARMED, State::kArmed},
+      {FOLDCAR_STATE_RUNNING, State::kRunning}, {FOLDCAR_STATE_FINISHED, State::kFinished},
+      {FOLDCAR_STATE_FAULT, State::kFault}, {FOLDCAR_STATE_MANUAL, State::kManual},
+      {FOLDCAR_STATE_TESTING, State::kTesting}});
+  expect_same<FOLDCAR_FAULT, Fault>({
+      {FOLDCAR_FAULT_BUS, Fault::kBus}, {FOLDCAR_FAULT_BATTERY_UNREADABLE, Fault::kBatteryUnreadable},
+      {FOLDCAR_FAULT_BATTERY_LOW, Fault::kBatteryLow}, {FOLDCAR_FAULT_COMMAND_STALE, Fault::kCommandStale},
+      {FOLDCAR_FAULT_STORED_PARAMETER, Fault::kStoredParameter}, {FOLDCAR_FAULT_DESIGN, Fault::kDesign},
+      {FOLDCAR_FAULT_WATCHDOG, Fault::kWatchdog}, {FOLDCAR_FAULT_BROWN_OUT, Fault::kBrownOut},
+      {FOLDCAR_FAULT_TILT, Fault::kTilt}, {FOLDCAR_FAULT_IMU, Fault::kImu},
+      {FOLDCAR_FAULT_NO_DESIGN, Fault::kNoDesign}, {FOLDCAR_FAULT_FLASH, Fault::kFlash}});
+  expect_same<FOLDCAR_END, TrialEnd>({
+      {FOLDCAR_END_TIME_LIMIT, TrialEnd::kTimeLimit}, {FOLDCAR_END_STOPPED, TrialEnd::kStopped},
+      {FOLDCAR_END_DISARMED, TrialEnd::kDisarmed}, {FOLDCAR_END_FAULT, TrialEnd::kFault}});
+  expect_same<FOLDCAR_DESIGN_SOURCE, DesignSource>({
+      {FOLDCAR_DESIGN_SOURCE_FILE, DesignSource::kFile}, {FOLDCAR_DESIGN_SOURCE_REFUSED, DesignSource::kRefused},
+      {FOLDCAR_DESIGN_SOURCE_MISSING, DesignSource::kMissing},
+      {FOLDCAR_DESIGN_SOURCE_UNREADABLE, DesignSource::kUnreadable}});
   // docs/link.md names the last of the reasons by these numbers.
-  TEST_ASSERT_EQUAL_INT(12, static_cast<int>(Refusal::kTimeLimit));
-  TEST_ASSERT_EQUAL_INT(17, static_cast<int>(Refusal::kUnknownHost));
-  TEST_ASSERT_EQUAL_INT(21, static_cast<int>(Refusal::kUnknownCommand));
+  expect_same<int, Refusal>({{12, Refusal::kTimeLimit}, {17, Refusal::kUnknownHost}, {21, Refusal::kUnknownCommand}});
 }
 
 TEST(a_repeated_command_is_answered_again_and_not_obeyed_twice) {
@@ -112,15 +108,10 @@ TEST(an_output_is_tested_by_the_standard_command) {
 
 TEST(the_board_restarts_on_request_but_not_while_it_drives) {
   Bench bench;
-  bench.answer(MAV_CMD_COMPONENT_ARM_DISARM, {1});
-  bench.answer(MAV_CMD_FOLDCAR_START_TRIAL, kStart);
+  bench.start(kStart);
   bench.expect(MAV_RESULT_TEMPORARILY_REJECTED, Refusal::kRunning, MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, {1});
   bench.answer(MAV_CMD_FOLDCAR_STOP_TRIAL, {});
   TEST_ASSERT_FALSE(bench.board.board.restart_is_requested);
   bench.expect(MAV_RESULT_ACCEPTED, Refusal::kNone, MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, {1});
   TEST_ASSERT_TRUE(bench.board.board.restart_is_requested);
 }
-
-}  // namespace
-
-}  // namespace foldcar

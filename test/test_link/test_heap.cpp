@@ -21,13 +21,11 @@ __attribute__((noinline)) void* operator new(std::size_t size) {
 __attribute__((noinline)) void operator delete(void* memory) noexcept { std::free(memory); }
 __attribute__((noinline)) void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
 
-namespace foldcar {
-namespace {
+using namespace foldcar;
 
 TEST(after_set_up_nothing_is_taken_from_the_heap) {
   Bench bench;
-  bench.board.imu.fitted = true;
-  bench.board.imu.now.acceleration_m_s2 = {0.0f, 0.0f, 9.81f};
+  bench.board.fit_imu();
   bench.board.servos.writes.reserve(100000);
   bench.board.link.outgoing.reserve(1000000);
   bench.board.link.incoming.reserve(10000);
@@ -49,7 +47,3 @@ TEST(after_set_up_nothing_is_taken_from_the_heap) {
   TEST_ASSERT_TRUE(bench.firmware.application().trial_end() == TrialEnd::kTimeLimit);
   TEST_ASSERT_EQUAL_FLOAT(0.2f, bench.board.storage.values["TRACK_M"]);
 }
-
-}  // namespace
-
-}  // namespace foldcar

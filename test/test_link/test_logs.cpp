@@ -7,13 +7,11 @@
 #include "link_bench.h"
 #include "log_packing.h"
 
-namespace foldcar {
-namespace {
+using namespace foldcar;
 
 TEST(an_untethered_trial_is_recorded_and_can_be_fetched) {
   Bench bench;
-  bench.answer(MAV_CMD_COMPONENT_ARM_DISARM, {1});
-  bench.answer(MAV_CMD_FOLDCAR_START_TRIAL, kStartUntethered);
+  bench.start(kStartUntethered);
   bench.run(19000);
   TEST_ASSERT_TRUE(bench.state() == State::kRunning);
   bench.run(2000);
@@ -37,17 +35,7 @@ TEST(an_untethered_trial_is_recorded_and_can_be_fetched) {
   TEST_ASSERT_TRUE(fetched == stored);
 
   MavlinkHost reader;
-  std::uint64_t last_us = 0;
-  for (std::size_t at = 0; at < fetched.size();) {
-    std::uint64_t t_us = 0;
-    for (int i = 0; i < 8; ++i) t_us = (t_us << 8) | static_cast<std::uint8_t>(fetched[at++]);
-    TEST_ASSERT_TRUE(t_us >= last_us);
-    last_us = t_us;
-    const std::size_t size = 12 + static_cast<std::uint8_t>(fetched[at + 1]);
-    reader.receive(fetched.substr(at, size));
-    at += size;
-  }
-  TEST_ASSERT_EQUAL_INT(0, reader.bad_count);
+  TEST_ASSERT_TRUE(reader.receive_log(fetched));
   TEST_ASSERT_EQUAL_UINT32(MAVLINK_MSG_ID_FOLDCAR_DESIGN, reader.received.front().msgid);
   TEST_ASSERT_UINT_WITHIN(2, 5 * 20, count_of(reader, MAVLINK_MSG_ID_SERVO_OUTPUT_RAW));
   TEST_ASSERT_EQUAL_UINT8(FOLDCAR_END_TIME_LIMIT, reader.trials().back().end);
@@ -57,8 +45,7 @@ TEST(an_untethered_trial_is_recorded_and_can_be_fetched) {
 TEST(the_newest_logs_are_kept_and_all_can_be_erased) {
   Bench bench;
   for (int i = 0; i < 6; ++i) {
-    bench.answer(MAV_CMD_COMPONENT_ARM_DISARM, {1});
-    bench.answer(MAV_CMD_FOLDCAR_START_TRIAL, kStartUntethered);
+    bench.start(kStartUntethered);
     bench.run(300);
     bench.answer(MAV_CMD_FOLDCAR_STOP_TRIAL, {});
     bench.run(60);
@@ -127,7 +114,3 @@ TEST(the_longest_trial_fits_its_log) {
   bench.run(1000);
   TEST_ASSERT_EQUAL_UINT8(FOLDCAR_LOG_STORED, bench.host.trials().back().log);
 }
-
-}  // namespace
-
-}  // namespace foldcar

@@ -6,8 +6,7 @@
 #include "link_bench.h"
 #include "packet_parser.h"
 
-namespace foldcar {
-namespace {
+using namespace foldcar;
 
 TEST(packets_are_found_among_noise_and_behind_false_starts) {
   MavlinkHost host;
@@ -39,7 +38,3 @@ TEST(an_unfinished_packet_does_not_hold_up_the_next_for_long) {
   TEST_ASSERT_TRUE(parser.next(message, 100000));
   TEST_ASSERT_EQUAL_UINT32(MAVLINK_MSG_ID_HEARTBEAT, message.msgid);
 }
-
-}  // namespace
-
-}  // namespace foldcar

@@ -10,11 +10,10 @@
 #include "link_bench.h"
 #include "packet_parser.h"
 
-namespace foldcar {
-namespace {
+using namespace foldcar;
 
 // The bytes that arrive if each is lost with probability loss.
-std::string through(const std::string& bytes, double loss, std::mt19937_64& random) {
+static std::string through(const std::string& bytes, double loss, std::mt19937_64& random) {
   std::bernoulli_distribution is_lost(loss);
   std::string arrived;
   for (const char byte : bytes) {
@@ -86,22 +85,21 @@ TEST(a_parameter_is_set_or_the_value_that_holds_comes_back_with_the_reason) {
   TEST_ASSERT_EQUAL_UINT(0, bench.host.texts().size());
   TEST_ASSERT_EQUAL_FLOAT(0.2f, bench.board.storage.values["TRACK_M"]);
   TEST_ASSERT_EQUAL_FLOAT(0.2f, value_after("TRACK_M", -1.0f));
-  TEST_ASSERT_EQUAL_STRING("TRACK_M is below its minimum", bench.host.texts().back().c_str());
+  TEST_ASSERT_EQUAL_STRING("TRACK_M is below its minimum", bench.last_text().c_str());
   TEST_ASSERT_EQUAL_FLOAT(0.2f, value_after("TRACK_M", NAN));
   TEST_ASSERT_EQUAL_FLOAT(1.0f, value_after("CH1_SIDE", 1.5f));
-  TEST_ASSERT_EQUAL_STRING("CH1_SIDE is not a whole number", bench.host.texts().back().c_str());
+  TEST_ASSERT_EQUAL_STRING("CH1_SIDE is not a whole number", bench.last_text().c_str());
   bench.board.storage.accepts = false;
   TEST_ASSERT_EQUAL_FLOAT(0.3f, value_after("TRACK_M", 0.3f));
-  TEST_ASSERT_EQUAL_STRING("TRACK_M is set, but could not be saved", bench.host.texts().back().c_str());
+  TEST_ASSERT_EQUAL_STRING("TRACK_M is set, but could not be saved", bench.last_text().c_str());
   bench.board.storage.accepts = true;
   bench.host.received.clear();
   bench.run(20, bench.host.set_parameter("NO_SUCH_NAME_16X", 1.0f));
   TEST_ASSERT_EQUAL_UINT(0, bench.host.parameters().size());
-  TEST_ASSERT_EQUAL_STRING("NO_SUCH_NAME_16X is not a parameter", bench.host.texts().back().c_str());
-  bench.answer(MAV_CMD_COMPONENT_ARM_DISARM, {1});
-  bench.answer(MAV_CMD_FOLDCAR_START_TRIAL, kStart);
+  TEST_ASSERT_EQUAL_STRING("NO_SUCH_NAME_16X is not a parameter", bench.last_text().c_str());
+  bench.start(kStart);
   TEST_ASSERT_EQUAL_FLOAT(0.3f, value_after("TRACK_M", 0.1f));
-  TEST_ASSERT_EQUAL_STRING("TRACK_M cannot be set while wheels are driven", bench.host.texts().back().c_str());
+  TEST_ASSERT_EQUAL_STRING("TRACK_M cannot be set while wheels are driven", bench.last_text().c_str());
 }
 
 TEST(one_parameter_is_read_by_index_or_by_name) {
@@ -120,7 +118,3 @@ TEST(one_parameter_is_read_by_index_or_by_name) {
   TEST_ASSERT_EQUAL_STRING("SLEW_US_PER_S", values[0].param_id);
   TEST_ASSERT_EQUAL_STRING("CH8_GAIN_US", values[1].param_id);
 }
-
-}  // namespace
-
-}  // namespace foldcar

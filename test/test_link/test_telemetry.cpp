@@ -7,13 +7,11 @@
 
 #include "link_bench.h"
 
-namespace foldcar {
-namespace {
+using namespace foldcar;
 
 TEST(messages_come_at_their_intervals_without_drift) {
   Bench bench;
-  bench.board.imu.fitted = true;
-  bench.board.imu.now.acceleration_m_s2 = {0.0f, 0.0f, 9.81f};
+  bench.board.fit_imu();
   constexpr std::uint64_t kTimeS = 1800;
   for (std::uint64_t s = 0; s < kTimeS; ++s) {
     bench.run(1000);
@@ -79,8 +77,7 @@ TEST(a_link_that_takes_little_gets_whole_packets_and_answers_first) {
   bench.run(1000);
   bench.host.received.clear();
   bench.board.link.room = 5;  // 1250 bytes a second are fewer than the telemetry
-  bench.board.imu.fitted = true;
-  bench.board.imu.now.acceleration_m_s2 = {0.0f, 0.0f, 9.81f};
+  bench.board.fit_imu();
   for (int i = 0; i < 50; ++i) bench.run(100, bench.host.command(MAV_CMD_FOLDCAR_STOP_TRIAL, {}));
   bench.board.link.room = 100000;
   bench.run(100);
@@ -97,14 +94,14 @@ TEST(a_refused_design_is_told_in_full_and_other_designs_by_name) {
   std::strcpy(design.problem, "car.json: wheels[1].channel is not a whole number from 1 to 8, and more than 50 bytes");
   Bench bench(design);
   bench.run(20);
-  TEST_ASSERT_EQUAL_STRING(design.problem, bench.host.texts().back().c_str());
+  TEST_ASSERT_EQUAL_STRING(design.problem, bench.last_text().c_str());
   bench.answer(MAV_CMD_FOLDCAR_ACKNOWLEDGE_FAULT, {});
   bench.host.received.clear();
   bench.expect(MAV_RESULT_TEMPORARILY_REJECTED, Refusal::kDesign, MAV_CMD_COMPONENT_ARM_DISARM, {1});
-  TEST_ASSERT_EQUAL_STRING((std::string("refused: ") + design.problem).c_str(), bench.host.texts().back().c_str());
+  TEST_ASSERT_EQUAL_STRING((std::string("refused: ") + design.problem).c_str(), bench.last_text().c_str());
   bench.host.received.clear();
   bench.expect(MAV_RESULT_ACCEPTED, Refusal::kNone, MAV_CMD_REQUEST_MESSAGE, {MAVLINK_MSG_ID_FOLDCAR_DESIGN});
-  TEST_ASSERT_EQUAL_STRING(design.problem, bench.host.texts().back().c_str());
+  TEST_ASSERT_EQUAL_STRING(design.problem, bench.last_text().c_str());
   const auto told =
       bench.host.all<mavlink_foldcar_design_t>(MAVLINK_MSG_ID_FOLDCAR_DESIGN, mavlink_msg_foldcar_design_decode);
   TEST_ASSERT_EQUAL_UINT8(FOLDCAR_DESIGN_SOURCE_REFUSED, told[0].source);
@@ -129,7 +126,3 @@ TEST(clocks_are_compared_and_pings_answered) {
   TEST_ASSERT_EQUAL_UINT(42, pings[0].seq);
   TEST_ASSERT_EQUAL_UINT(255, pings[0].target_system);
 }
-
-}  // namespace
-
-}  // namespace foldcar

@@ -1,5 +1,5 @@
 // The three-dimensional car's physics against the closed forms that multibody is held to, and its ground against
-// the heights of the terrain. Built with MuJoCo: `pio test -e native_mujoco`.
+// the heights of the terrain.
 #include "../suite.h"
 
 #include <algorithm>
@@ -75,7 +75,7 @@ double holding_friction(const BodySpec& body, const Hung& hung) {
       edge_x_m = x_m;
     }
   }
-  const double sine = std::sin(pitch_rad), cosine = std::cos(pitch_rad), weight_n = mass_kg(body) * kGravity_m_s2;
+  const double sine = std::sin(pitch_rad), cosine = std::cos(pitch_rad), weight_n = mass_kg(body) * kGravity;
   const double com_x_m = -(com_height_m(body) - kRadius_m) * sine, wheel_x_m = -kArm_m * cosine;
   // Moments about the edge.
   const double load_n = weight_n * (com_x_m - edge_x_m) / (wheel_x_m - edge_x_m + hung.height_m * hung.friction);
@@ -99,6 +99,9 @@ double travel_mm(const Hung& hung, double belly_friction, double step_s) {
   return 1e3 * (drive.run(8).x_m - start_m);
 }
 
+// A weak servo creeps against its soft contacts, and friction without slip does.
+const Nearness<MujocoOptions> kNear{0.012, 0.0015, 0.008, false, 0.1, {}, true, {}};
+
 }  // namespace
 
 TEST(test_it_falls_as_bodies_do) {
@@ -106,7 +109,7 @@ TEST(test_it_falls_as_bodies_do) {
   drive.car.data().qpos[2] = 5;
   drive.settle();
   drive.run(0.5);
-  const double fallen_m = 0.5 * kGravity_m_s2 * 0.5 * (0.5 + drive.step_s);
+  const double fallen_m = 0.5 * kGravity * 0.5 * (0.5 + drive.step_s);
   TEST_ASSERT_DOUBLE_WITHIN(0.001 * fallen_m, fallen_m, 5 - drive.car.state().z_m);
   TEST_ASSERT_DOUBLE_WITHIN(1e-6, 0, drive.car.state().pitch_rad);
 }
@@ -124,31 +127,7 @@ TEST(test_in_the_air_it_keeps_its_roll_rate) {
   TEST_ASSERT_DOUBLE_WITHIN(2e-3, 0.6, drive.car.state().roll_rad);
 }
 
-TEST(test_it_stands_on_its_wheels) { stands_on_its_wheels<Drive>(); }
-
-TEST(test_top_speed_is_where_the_torque_line_ends) { reaches_top_speed_where_the_torque_line_ends<Drive>(); }
-
-TEST(test_a_load_slows_it_along_the_torque_line) { is_slowed_by_a_load_along_the_torque_line<Drive>(0.012); }
-
-TEST(test_it_stalls_where_the_slope_asks_for_more_than_stall_torque) {
-  stalls_where_the_slope_asks_for_more_than_stall_torque<Drive>();
-}
-
-TEST(test_all_wheel_drive_climbs_to_the_friction_angle) { climbs_to_the_friction_angle<Drive>(); }
-
-TEST(test_the_highest_step_climbed_is_the_one_statics_allow) {
-  // A weak servo creeps against its soft contacts.
-  climbs_the_highest_step_that_statics_allow<Drive>(0.0015, 0.008, false);
-}
-
-TEST(test_without_slip_motor_work_becomes_mechanical_energy) {
-  // Its soft friction creeps.
-  turns_motor_work_into_mechanical_energy_without_slip<Drive>(0.1);
-}
-
-TEST(test_friction_and_impacts_never_give_energy) {
-  gains_no_energy_by_friction_and_impacts<Drive>(study_car(0.115));
-}
+TEST_CLOSED_FORMS(Drive, kNear);
 
 // Half a millimetre above what is under it, which the search for it finds to a hundredth, however high or low the
 // ground is elsewhere.
@@ -186,10 +165,10 @@ TEST(test_it_slides_down_a_side_slope_from_the_friction_angle_on) {
     drive.run(0.3);
     const double start_m = drive.car.state().y_m;
     mjModel& model = const_cast<mjModel&>(drive.car.model());
-    model.opt.gravity[1] = -kGravity_m_s2 * std::sin(slope_rad);
-    model.opt.gravity[2] = -kGravity_m_s2 * std::cos(slope_rad);
+    model.opt.gravity[1] = -kGravity * std::sin(slope_rad);
+    model.opt.gravity[2] = -kGravity * std::cos(slope_rad);
     drive.settle();
-    const double accel = std::max(0.0, kGravity_m_s2 * (std::sin(slope_rad) - friction * std::cos(slope_rad)));
+    const double accel = std::max(0.0, kGravity * (std::sin(slope_rad) - friction * std::cos(slope_rad)));
     const double expected_m = 0.5 * accel * 1.0 * 1.0;
     TEST_ASSERT_DOUBLE_WITHIN(0.05 * expected_m + 0.001, expected_m, start_m - drive.run(1).y_m);
   }
@@ -228,54 +207,31 @@ TEST(test_it_tips_where_its_weight_passes_the_outer_tyre) {
   }
 }
 
-// Falling back from a lean of 0.62 rad on the edge of the low side's tyres, at rest: (I + m (h² + a²)) φ'' =
-// -m g (a cos φ - h sin φ), integrated here.
 TEST(test_it_falls_back_from_a_lean_in_the_time_of_a_rigid_body_on_its_edge) {
-  BodySpec body = study_car(0.08);
-  const double half_m = 0.5 * (body.track_m + body.wheels[0].width_m), height_m = com_height_m(body);
-  const double mass = mass_kg(body), from_rad = 0.62;
-  Drive drive(body, scene_of({}, 2), 0);
-  double inertia = body.segments[0].roll_inertia_kg_m2 +
-                   body.segments[0].mass_kg * std::pow(height_m - kRadius_m - body.segments[0].com_z_m, 2);
-  for (const WheelSpec& wheel : body.wheels) {
-    const double across = wheel.mass_kg * (kRadius_m * kRadius_m / 4 + wheel.width_m * wheel.width_m / 12);
-    inertia += across + wheel.mass_kg * (std::pow(0.5 * body.track_m, 2) + std::pow(height_m - kRadius_m, 2));
-  }
-  double lean_rad = from_rad, rate = 0, expected_s = 0;
-  for (constexpr double kStep_s = 1e-5; lean_rad > 0; expected_s += kStep_s) {
-    rate -= mass * kGravity_m_s2 * (half_m * std::cos(lean_rad) - height_m * std::sin(lean_rad)) /
-            (inertia + mass * (half_m * half_m + height_m * height_m)) * kStep_s;
-    lean_rad += rate * kStep_s;
-  }
+  const double from_rad = 0.62;
+  Drive drive(study_car(0.08), scene_of({}, 2), 0);
+  const double expected_s = AcrossPlane(drive.body).falling_back_s(from_rad);
   drive.lean(from_rad);
   double taken_s = 0;
   while (drive.run(drive.step_s).roll_rad > 0.003 && taken_s < 1) taken_s += drive.step_s;
   TEST_ASSERT_DOUBLE_WITHIN(0.03 * expected_s, expected_s, taken_s);
 }
 
+// A patch sets the friction of what stands on it.
 TEST(test_blocked_wheels_slide_to_a_halt_by_friction) {
   BodySpec body = study_car(0.115);
   for (WheelSpec& wheel : body.wheels) wheel.servo.rotor_inertia_kg_m2 = 1e3;
-  Drive drive(body, scene_of({}, 0.4), 0);
-  drive.run(0.3);
-  const double start_m = drive.car.state().x_m;
-  drive.car.data().qvel[0] = 1;
-  drive.settle();
-  const double expected_m = 1 / (2 * 0.4 * kGravity_m_s2);
-  TEST_ASSERT_DOUBLE_WITHIN(0.03 * expected_m, expected_m, drive.run(0.6).x_m - start_m);
-}
-
-TEST(test_a_patch_sets_the_friction_of_what_stands_on_it) {
-  BodySpec body = study_car(0.115);
-  for (WheelSpec& wheel : body.wheels) wheel.servo.rotor_inertia_kg_m2 = 1e3;
-  TerrainSpec terrain;
-  terrain.patches.push_back({0, 0, 0.3, 3, 2, 0.1});
-  Drive drive(body, scene_of(terrain, 0.8), 0);
-  drive.run(0.3);
-  drive.car.data().qvel[0] = 0.5;
-  drive.settle();
-  const double expected_m = 0.25 / (2 * 0.1 * kGravity_m_s2);
-  TEST_ASSERT_DOUBLE_WITHIN(0.05 * expected_m, expected_m, drive.run(1).x_m);
+  for (const bool patched : {false, true}) {
+    TerrainSpec terrain;
+    if (patched) terrain.patches.push_back({0, 0, 0.3, 3, 2, 0.1});
+    const double friction = patched ? 0.1 : 0.4, speed_m_s = patched ? 0.5 : 1;
+    Drive drive(body, scene_of(terrain, patched ? 0.8 : friction), 0);
+    const double start_m = drive.run(0.3).x_m;
+    drive.car.data().qvel[0] = speed_m_s;
+    drive.settle();
+    const double expected_m = speed_m_s * speed_m_s / (2 * friction * kGravity);
+    TEST_ASSERT_DOUBLE_WITHIN(0.03 * expected_m, expected_m, drive.run(1).x_m - start_m);
+  }
 }
 
 TEST(test_a_hinge_swings_as_its_flexure_and_the_rear_half_say) {

@@ -20,58 +20,7 @@ constexpr double kWidth_m = 0.095;
 using Drive = DriveOf<MultibodyCar, StepOptions>;
 StepOptions gently(double rate_hz = 240) { return put_down_gently<StepOptions>(rate_hz); }
 
-// One half of the hinged study car on its free-rolling wheels, the hinge between the axles. By symmetry the hinge
-// carries no shear, so the half turns about its axle (0.07 m) under its weight (at 0.05 m, 4 mm up) and the flexure.
-struct Half {
-  double mass_kg, inertia_kg_m2, stiffness_n_m_rad;
-  static constexpr double kLever_m = 0.02, kHeight_m = 0.004;
-  Half(const BodySpec& body)
-      : mass_kg(body.segments[0].mass_kg),
-        inertia_kg_m2(body.segments[0].pitch_inertia_kg_m2 +
-                      mass_kg * (kLever_m * kLever_m + kHeight_m * kHeight_m)),
-        stiffness_n_m_rad(body.hinges[0].stiffness_n_m_rad) {}
-  double weight_n_m(double tilt_rad) const {
-    return mass_kg * kGravity * (kLever_m * std::cos(tilt_rad) + kHeight_m * std::sin(tilt_rad));
-  }
-  // The fold at rest: twice the tilt of a half.
-  double sag_rad() const {
-    double tilt_rad = 0;
-    for (int i = 0; i < 100; ++i) tilt_rad = weight_n_m(tilt_rad) / (2 * stiffness_n_m_rad);
-    return 2 * tilt_rad;
-  }
-  double swing_rad_s() const {
-    const double tilt_rad = 0.5 * sag_rad();
-    const double slope = mass_kg * kGravity * (kHeight_m * std::cos(tilt_rad) - kLever_m * std::sin(tilt_rad));
-    return std::sqrt((2 * stiffness_n_m_rad - slope) / inertia_kg_m2);
-  }
-};
-
-// Three segments of 140 mm, an axle in the middle of each, hinges between.
-BodySpec three_segments(double stiffness_n_m_rad) {
-  BodySpec body = study_car(kWidth_m);
-  SegmentSpec segment = body.segments.front();
-  const WheelSpec front_wheels[2] = {body.wheels[0], body.wheels[1]};
-  const double height_m = segment.height_m, length_m = 0.14;
-  segment.length_m = length_m;
-  segment.mass_kg /= 2;
-  segment.roll_inertia_kg_m2 /= 2;
-  segment.pitch_inertia_kg_m2 = segment.mass_kg * (length_m * length_m + height_m * height_m) / 12;
-  segment.yaw_inertia_kg_m2 = segment.mass_kg * (length_m * length_m + kWidth_m * kWidth_m) / 12;
-  body.segments.clear();
-  body.wheels.clear();
-  for (int j = 0; j < 3; ++j) {
-    segment.x_m = segment.com_x_m = length_m * (1 - j);
-    body.segments.push_back(segment);
-    for (WheelSpec wheel : front_wheels) {
-      wheel.channel += 2 * j;
-      wheel.segment = j;
-      wheel.x_m = segment.x_m;
-      body.wheels.push_back(wheel);
-    }
-    if (j > 0) body.hinges.push_back({segment.x_m + 0.5 * length_m, 0, stiffness_n_m_rad, 1e-4, -1, 1});
-  }
-  return body;
-}
+BodySpec three_segments(double stiffness_n_m_rad) { return three_segment_car(kWidth_m, stiffness_n_m_rad); }
 
 double total_load_n(const Drive& drive) {
   double load_n = 0;
@@ -137,14 +86,14 @@ TEST(test_a_hinge_sags_as_its_stiffness_lets_it) {
     body.hinges[0].damping_n_m_s_rad = 0.003;
     Drive drive(body, kFlat, kNoPulses);
     drive.run(3);
-    const double sag_rad = Half(body).sag_rad();
+    const double sag_rad = HingedHalf(body).sag_rad();
     TEST_ASSERT_DOUBLE_WITHIN(0.02 * sag_rad + 0.001, sag_rad, drive.car.hinge_rad(0));
   }
 }
 
 TEST(test_a_hinge_swings_at_its_natural_frequency_without_gaining_energy) {
   const BodySpec body = without_rotors(hinged_study_car(kWidth_m, 0.15));
-  const Half half(body);
+  const HingedHalf half(body);
   Drive drive(body, kFlat, kNoPulses, gently(kFineRate_hz));
   const double start_j = drive.car.mechanical_energy_j();
   // Put down flat, it swings about its sag; crossings upwards are one period apart.
@@ -172,7 +121,7 @@ TEST(test_a_hinge_swings_at_its_natural_frequency_without_gaining_energy) {
 
 TEST(test_damping_takes_its_share_of_each_swing) {
   BodySpec body = without_rotors(hinged_study_car(kWidth_m, 0.15));
-  const Half half(body);
+  const HingedHalf half(body);
   const double ratio = 0.1;
   body.hinges[0].damping_n_m_s_rad = ratio * half.swing_rad_s() * half.inertia_kg_m2;  // acts on twice the tilt
   Drive drive(body, kFlat, kNoPulses, gently(kFineRate_hz));

@@ -29,27 +29,6 @@ struct Drive : DriveOf<MultibodyCar, StepOptions> {
   double roll_rate_rad_s() { return car.dynamics().velocity[3]; }
 };
 
-// The whole car as a rigid body in the plane across it: from its parts, by Steiner's theorem.
-struct AcrossPlane {
-  double mass_kg = 0, height_m = 0, inertia_kg_m2 = 0;  // about the centre of mass
-  explicit AcrossPlane(const BodySpec& body) {
-    double moment = 0, about_axles = 0;
-    for (const SegmentSpec& part : body.segments) {
-      mass_kg += part.mass_kg;
-      moment += part.mass_kg * part.com_z_m;
-      about_axles += part.roll_inertia_kg_m2 + part.mass_kg * part.com_z_m * part.com_z_m;
-    }
-    for (const WheelSpec& wheel : body.wheels) {
-      mass_kg += wheel.mass_kg;
-      about_axles += wheel.mass_kg * (std::pow(0.5 * body.track_m, 2) + 0.25 * kRadius_m * kRadius_m +
-                                      wheel.width_m * wheel.width_m / 12);
-    }
-    const double above_axles_m = moment / mass_kg;
-    height_m = kRadius_m + above_axles_m;
-    inertia_kg_m2 = about_axles - mass_kg * above_axles_m * above_axles_m;
-  }
-};
-
 // Angular momentum about the centre of mass, in the world's axes, summed over the parts of a car without hinges.
 Vec3 angular_momentum(const BodySpec& body, const CarDynamics& car) {
   struct Part {
@@ -123,20 +102,13 @@ TEST(test_in_the_air_it_tumbles_with_constant_angular_momentum_and_energy) {
   TEST_ASSERT_DOUBLE_WITHIN(0.0005, start_j - ahead_j, drive.car.mechanical_energy_j());
 }
 
-// (I + m (h² + a²)) φ'' = -m g (a cos φ - h sin φ) about the low side's tyre edge, a beside the middle.
 TEST(test_it_falls_back_from_a_lean_in_the_time_of_a_rigid_body_on_its_edge) {
   for (const double side : {1.0, -1.0}) {
     const BodySpec body = study_car(0.08);
     const AcrossPlane plane(body);
-    const double a_m = 0.5 * (body.track_m + body.wheels[0].width_m), h_m = plane.height_m, from_rad = 0.62;
-    double lean_rad = from_rad, rate = 0, expected_s = 0;
-    for (constexpr double kStep_s = 1e-5; lean_rad > 0; expected_s += kStep_s) {
-      rate -= plane.mass_kg * kGravity_m_s2 * (a_m * std::cos(lean_rad) - h_m * std::sin(lean_rad)) /
-              (plane.inertia_kg_m2 + plane.mass_kg * (a_m * a_m + h_m * h_m)) * kStep_s;
-      lean_rad += rate * kStep_s;
-    }
+    const double from_rad = 0.62, expected_s = plane.falling_back_s(from_rad);
     Drive drive(body, scene_of({}, 2), kNoPulses);
-    drive.set({0, 0, kRadius_m * std::cos(from_rad) + a_m * std::sin(from_rad)}, side * from_rad, {}, 0);
+    drive.set({0, 0, kRadius_m * std::cos(from_rad) + plane.edge_m * std::sin(from_rad)}, side * from_rad, {}, 0);
     double taken_s = 0;
     while (side * drive.run(drive.step_s).roll_rad > 0.003 && taken_s < 1) taken_s += drive.step_s;
     TEST_ASSERT_DOUBLE_WITHIN(0.03 * expected_s, expected_s, taken_s);
@@ -150,7 +122,7 @@ TEST(test_it_falls_back_from_a_lean_in_the_time_of_a_rigid_body_on_its_edge) {
 double roll_rate_after_landing_rad_s(const BodySpec& body, double lean_rad, double roll_rad_s, double friction,
                                      double time_s) {
   const AcrossPlane plane(body);
-  const double a_m = 0.5 * (body.track_m + body.wheels[0].width_m), m = plane.mass_kg, inertia = plane.inertia_kg_m2;
+  const double a_m = plane.edge_m, m = plane.mass_kg, inertia = plane.inertia_kg_m2;
   constexpr double kStep_s = 1e-5;
   double side_m_s = 0, up_m_s = 0;
   for (double at_s = 0; at_s < time_s; at_s += kStep_s) {
@@ -179,7 +151,7 @@ double roll_rate_after_landing_rad_s(const BodySpec& body, double lean_rad, doub
 TEST(test_landing_on_a_leaning_sides_wheels_is_a_rigid_bodys_impact) {
   const BodySpec body = study_car(0.08);
   const AcrossPlane plane(body);
-  const double a_m = 0.5 * (body.track_m + body.wheels[0].width_m), before_rad_s = 4;
+  const double a_m = plane.edge_m, before_rad_s = 4;
   for (const double friction : {0.3, 0.6, 10.0}) {
     for (const double lean_rad : {0.2, 0.5}) {
       for (const double time_s : {0.017, 0.034}) {

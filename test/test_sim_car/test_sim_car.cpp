@@ -15,6 +15,14 @@ namespace {
 
 using Drive = DriveOf<MultibodyCar, StepOptions>;
 
+StepOptions fine() {
+  StepOptions options;
+  options.rate_hz = 960;
+  return options;
+}
+
+const Nearness<StepOptions> kNear{0.012, 0.0005, 0.005, true, 0.05, {}, false, fine()};
+
 }  // namespace
 
 TEST(test_it_falls_as_bodies_do) {
@@ -32,31 +40,7 @@ TEST(test_it_falls_as_bodies_do) {
   }
 }
 
-TEST(test_it_stands_on_its_wheels) { stands_on_its_wheels<Drive>(); }
-
-TEST(test_top_speed_is_where_the_torque_line_ends) { reaches_top_speed_where_the_torque_line_ends<Drive>(); }
-
-TEST(test_a_load_slows_it_along_the_torque_line) { is_slowed_by_a_load_along_the_torque_line<Drive>(0.012); }
-
-TEST(test_it_stalls_where_the_slope_asks_for_more_than_stall_torque) {
-  stalls_where_the_slope_asks_for_more_than_stall_torque<Drive>();
-}
-
-TEST(test_all_wheel_drive_climbs_to_the_friction_angle) { climbs_to_the_friction_angle<Drive>(); }
-
-TEST(test_the_highest_step_climbed_is_the_one_statics_allow) {
-  climbs_the_highest_step_that_statics_allow<Drive>(0.0005, 0.005);
-}
-
-TEST(test_without_slip_motor_work_becomes_mechanical_energy) {
-  turns_motor_work_into_mechanical_energy_without_slip<Drive>(0.05);
-}
-
-TEST(test_friction_and_impacts_never_give_energy) {
-  StepOptions fine;
-  fine.rate_hz = 960;
-  gains_no_energy_by_friction_and_impacts<Drive>(without_rotors(study_car(0.115)), fine);
-}
+TEST_CLOSED_FORMS(Drive, kNear);
 
 TEST(test_it_neither_sinks_nor_slows_far_from_where_it_started) {
   Drive drive(study_car(0.095), scene_of({}, 0.6), 1);

@@ -29,9 +29,9 @@ bool is_error_naming(const std::string& reply, const std::string& words) {
   return parsed["error"]["message"].get<std::string>().find(words) != std::string::npos;
 }
 
-// Calls visit with a copy of line in which one value anywhere below the root has been handed to change.
-void for_each_value(const json& line, const std::function<void(json& parent, const std::string& key)>& change,
-                    const std::function<void(const json&, const std::string& key)>& visit) {
+// Calls visit for each value anywhere below the root, with a copy of the line that it may change, and the value's parent.
+void for_each_key(const json& line,
+                  const std::function<void(json& changed, json& parent, const std::string& key)>& visit) {
   const json flat = line.flatten();
   for (const auto& [pointer_text, value] : flat.items()) {
     static_cast<void>(value);
@@ -39,9 +39,7 @@ void for_each_value(const json& line, const std::function<void(json& parent, con
     if (pointer.parent_pointer().empty()) continue;
     json changed = line;
     json& parent = changed[pointer.parent_pointer()];
-    if (!parent.is_object()) continue;
-    change(parent, pointer.back());
-    visit(changed, pointer.back());
+    if (parent.is_object()) visit(changed, parent, pointer.back());
   }
 }
 
@@ -74,83 +72,54 @@ TEST(test_a_scene_may_have_no_goal) {
   TEST_ASSERT_TRUE(reply.contains("outcome") && reply["distance_to_target_m"].is_null());
 }
 
-TEST(test_every_missing_key_is_named) {
+// Each key of each line, missing, of a wrong type, too large, too small, and beside an unknown one.
+TEST(test_every_key_is_named_with_what_is_wrong_about_it) {
+  const auto refused = [](const json& changed, const std::string& words) {
+    TEST_ASSERT_TRUE_MESSAGE(is_error_naming(answer(changed.dump()), words), words.c_str());
+  };
   for (const json& line : {body(), scene(), run()}) {
-    for_each_value(
-        line, [](json& parent, const std::string& key) { parent.erase(key); },
-        [](const json& changed, const std::string& key) {
-          if (key == "yaw_rate_rad_s" || key == "path_interval_s" || key == "TRACK_M") return;
-          TEST_ASSERT_TRUE_MESSAGE(is_error_naming(answer(changed.dump()), key + ": is missing"), key.c_str());
-        });
-  }
-}
-
-TEST(test_every_wrong_type_is_named) {
-  for (const json& line : {body(), scene(), run()}) {
-    for_each_value(
-        line, [](json& parent, const std::string& key) { parent[key] = json::array({1}); },
-        [](const json& changed, const std::string& key) {
-          TEST_ASSERT_TRUE_MESSAGE(is_error_naming(answer(changed.dump()), key + ": must be"), key.c_str());
-        });
-  }
-}
-
-TEST(test_every_number_has_limits) {
-  for (const json& line : {body(), scene(), run()}) {
-    for (const double beyond : {1e9, -1e9}) {
-      bool was_number = false;
-      for_each_value(
-          line,
-          [&](json& parent, const std::string& key) {
-            was_number = parent[key].is_number();
-            parent[key] = beyond;
-          },
-          [&](const json& changed, const std::string& key) {
-            if (!was_number) return;
-            TEST_ASSERT_TRUE_MESSAGE(is_error_naming(answer(changed.dump()), key + ": "), key.c_str());
-          });
-    }
-  }
-}
-
-TEST(test_an_unknown_key_is_refused_everywhere) {
-  for (const json& line : {body(), scene(), run()}) {
-    for_each_value(
-        line, [](json& parent, const std::string&) { parent["colour"] = 1; },
-        [](const json& changed, const std::string& key) {
-          TEST_ASSERT_TRUE_MESSAGE(is_error_naming(answer(changed.dump()), "colour: "), key.c_str());
-        });
+    for_each_key(line, [&](json& changed, json& parent, const std::string& key) {
+      const json value = parent[key];
+      if (value.is_number()) {
+        for (const double beyond : {1e9, -1e9}) {
+          parent[key] = beyond;
+          refused(changed, key + ": ");
+        }
+      }
+      parent[key] = json::array({1});
+      refused(changed, key + ": must be");
+      parent[key] = value;
+      parent["colour"] = 1;
+      refused(changed, "colour: ");
+      parent.erase("colour");
+      parent.erase(key);
+      if (key == "yaw_rate_rad_s" || key == "path_interval_s" || key == "TRACK_M") return;
+      refused(changed, key + ": is missing");
+    });
   }
 }
 
 TEST(test_cars_that_cannot_be_are_refused) {
-  json lopsided = body();
-  lopsided["body"]["wheels"][1]["x_m"] = 0.05;
-  TEST_ASSERT_TRUE(is_error_naming(answer(lopsided.dump()), "body.wheels: every left wheel needs a right one"));
-  json twisted = body();
-  twisted["body"]["wheels"][1]["segment"] = 1;
-  TEST_ASSERT_TRUE(is_error_naming(answer(twisted.dump()), "body.wheels: every left wheel needs a right one"));
-  json nowhere = body();
-  nowhere["body"]["wheels"][1]["segment"] = 2;
-  TEST_ASSERT_TRUE(is_error_naming(answer(nowhere.dump()), "wheels.1.segment: 2.0 is above the limit 1"));
-  json loose = body();
-  loose["body"]["hinges"] = json::array();
-  TEST_ASSERT_TRUE(is_error_naming(answer(loose.dump()), "body.hinges: has 0 entries"));
-  json backwards = body();
-  backwards["body"]["segments"][1]["x_m"] = 0.06;
-  TEST_ASSERT_TRUE(is_error_naming(answer(backwards.dump()), "body.segments: must stand from front to back"));
-  json outside = body();
-  outside["body"]["hinges"][0]["x_m"] = 0.06;
-  TEST_ASSERT_TRUE(is_error_naming(answer(outside.dump()), "body.hinges.0.x_m: 0.06 is above the limit 0.051"));
-  json shared = body();
-  shared["body"]["wheels"][1]["channel"] = 0;
-  TEST_ASSERT_TRUE(is_error_naming(answer(shared.dump()), "channel 0 drives two wheels"));
-  json none = body();
-  none["body"]["wheels"] = json::array();
-  TEST_ASSERT_TRUE(is_error_naming(answer(none.dump()), "body.wheels: has 0 entries"));
-  json still = body();
-  still["body"]["wheels"][0]["servo"]["direction"] = 0;
-  TEST_ASSERT_TRUE(is_error_naming(answer(still.dump()), "direction: must be -1 or 1"));
+  const struct {
+    const char* place;
+    json value;
+    const char* words;
+  } kCars[] = {
+      {"wheels/1/x_m", 0.05, "body.wheels: every left wheel needs a right one"},
+      {"wheels/1/segment", 1, "body.wheels: every left wheel needs a right one"},
+      {"wheels/1/segment", 2, "wheels.1.segment: 2.0 is above the limit 1"},
+      {"hinges", json::array(), "body.hinges: has 0 entries"},
+      {"segments/1/x_m", 0.06, "body.segments: must stand from front to back"},
+      {"hinges/0/x_m", 0.06, "body.hinges.0.x_m: 0.06 is above the limit 0.051"},
+      {"wheels/1/channel", 0, "channel 0 drives two wheels"},
+      {"wheels", json::array(), "body.wheels: has 0 entries"},
+      {"wheels/0/servo/direction", 0, "direction: must be -1 or 1"},
+  };
+  for (const auto& car : kCars) {
+    json line = body();
+    line[json::json_pointer(std::string("/body/") + car.place)] = car.value;
+    TEST_ASSERT_TRUE_MESSAGE(is_error_naming(answer(line.dump()), car.words), car.words);
+  }
 }
 
 TEST(test_a_firmware_parameter_is_checked_by_the_firmwares_table) {

@@ -7,8 +7,8 @@
 #include "../closed_forms.h"
 #include "../full_speed.h"
 #include "../multibody_trial.h"
-#include "trial.h"
 #include "multibody_car.h"
+#include "trial.h"
 
 using namespace foldcar;
 
@@ -30,6 +30,9 @@ BodySpec locking_car() {
   for (WheelSpec& wheel : body.wheels) wheel.servo.stall_torque_n_m = 0.5;
   return body;
 }
+
+const BodySpec kCar = study_car(0.115);
+const TrialSpec kTrial = full_speed(kCar, 20);
 
 SceneSpec field(const TerrainSpec& terrain) {
   SceneSpec scene;
@@ -56,7 +59,7 @@ TEST(test_it_stands_on_a_hill_and_in_a_hollow_as_high_as_its_wheels_touch) {
   for (const double hill_m : {0.05, -0.05}) {
     const double sd_m = 0.25;
     const TerrainSpec terrain = one_hill({0, 0, 0, sd_m, 10, hill_m});
-    Drive drive(study_car(0.115), scene_of(terrain, 0.8), 0);
+    Drive drive(kCar, scene_of(terrain, 0.8), 0);
     const double expected_m =
         axle_height_m(0.07, [&](double x_m) { return hill_m * std::exp(-x_m * x_m / (2 * sd_m * sd_m)); });
     TEST_ASSERT_DOUBLE_WITHIN(0.0006, expected_m, drive.run(0.5).z_m);
@@ -67,7 +70,7 @@ TEST(test_it_stands_on_a_hill_and_in_a_hollow_as_high_as_its_wheels_touch) {
 TEST(test_on_a_hillside_it_rolls_as_far_as_its_tracks_differ) {
   const double sd_m = 0.25, hill_m = 0.06;
   const TerrainSpec terrain = one_hill({0, 0.25, 0, 10, sd_m, hill_m});
-  Drive drive(study_car(0.115), scene_of(terrain, 0.8), 0);
+  Drive drive(kCar, scene_of(terrain, 0.8), 0);
   const double roll_rad = drive.run(0.5).roll_rad, half_m = 0.5 * drive.body.track_m * std::cos(roll_rad);
   // The highest under a tyre is where it is nearest to the crest.
   auto height_m = [&](double y_m) { return hill_m * std::exp(-(y_m - 0.25) * (y_m - 0.25) / (2 * sd_m * sd_m)); };
@@ -77,8 +80,7 @@ TEST(test_on_a_hillside_it_rolls_as_far_as_its_tracks_differ) {
 }
 
 TEST(test_over_a_smooth_hill_motor_work_becomes_mechanical_energy) {
-  BodySpec body = study_car(0.115);
-  for (WheelSpec& wheel : body.wheels) wheel.servo.rotor_inertia_kg_m2 = 0;  // its energy is not the plane's
+  const BodySpec body = without_rotors(kCar);
   const TerrainSpec terrain = one_hill({0.6, 0, 0, 0.15, 5, 0.05});
   Drive drive(body, scene_of(terrain, 2.0), 0);
   drive.run(0.5);
@@ -97,14 +99,7 @@ TEST(test_over_a_smooth_hill_motor_work_becomes_mechanical_energy) {
 }
 
 TEST(test_locked_wheels_brake_with_the_friction_of_the_patch) {
-  TerrainSpec spec;
-  spec.patches = {{2, 0, 0, 3, 2, 0.15}};  // from x = 0.5 m on
-  Drive drive(locking_car(), scene_of(spec, 0.8), 1);
-  while (drive.car.state().x_m < 0.75) drive.run(drive.step_s);
-  drive.pulses_us = pulses_for(drive.body, 0);
-  const double early_m_s = drive.run(0.05).speed_m_s, late_m_s = drive.run(0.3).speed_m_s;
-  TEST_ASSERT_TRUE(late_m_s > 0.1);
-  TEST_ASSERT_DOUBLE_WITHIN(0.04 * 0.15 * kGravity, 0.15 * kGravity, (early_m_s - late_m_s) / 0.3);
+  brakes_with_the_friction_of_the_patch<Drive>(kCar, 0.3);
 }
 
 TEST(test_ice_under_one_side_brakes_half_and_turns_to_the_other) {
@@ -124,7 +119,7 @@ TEST(test_ice_under_one_side_brakes_half_and_turns_to_the_other) {
 // The belly on a ramp between the wheels, which hang free: it holds or slides by the friction under it.
 TEST(test_a_belly_slides_on_a_slippery_ramp) {
   const double length_m = 0.8, height_m = 0.22, slope_rad = std::atan(height_m / length_m);
-  BodySpec body = study_car(0.115);
+  BodySpec body = kCar;
   body.segments[0].grip = 0.5;
   TerrainSpec spec = blocks({{0, 0, length_m, 0.09, height_m, 0, BlockSpec::Kind::kRamp}});
   Drive held(body, scene_of(spec, 0.7, {0.15, 0, 0}), 0);
@@ -172,7 +167,7 @@ TEST(test_a_belly_that_drags_beside_the_middle_turns_the_car_to_that_side) {
 // Drive, scrub and belly all take the patch's friction: it makes no difference what lies under it. The car is told to
 // turn at a bump and drags its belly, for it has one axle; nothing in that hangs on the last digit of a number.
 TEST(test_a_patch_over_everything_is_the_ground) {
-  BodySpec body = study_car(0.115);
+  BodySpec body = kCar;
   body.wheels.resize(2);
   SceneSpec slippery;
   slippery.terrain = blocks({{0.5, 0, 0.06, 2, 0.01, 0}});
@@ -218,13 +213,12 @@ TEST(test_a_flank_turns_the_car_where_friction_is_low) {
 
 // The highest roll of one run hangs on which wheel lands first; the mean over hills half a centimetre apart does not.
 TEST(test_a_mirrored_hill_is_driven_as_a_mirror_image) {
-  const BodySpec body = study_car(0.115);
   constexpr int kHills = 5;
   double left_rad = 0, right_rad = 0, left_m = 0, right_m = 0, left_turn = 0, right_turn = 0;
   for (int i = 0; i < kHills; ++i) {
     const double y_m = 0.08 + 0.005 * i;
-    const TrialResult left = run_trial(body, field(one_hill({0.5, y_m, 0.4, 0.1, 0.07, 0.06})), full_speed(body, 20));
-    const TrialResult right = run_trial(body, field(one_hill({0.5, -y_m, -0.4, 0.1, 0.07, 0.06})), full_speed(body, 20));
+    const TrialResult left = run_trial(kCar, field(one_hill({0.5, y_m, 0.4, 0.1, 0.07, 0.06})), kTrial);
+    const TrialResult right = run_trial(kCar, field(one_hill({0.5, -y_m, -0.4, 0.1, 0.07, 0.06})), kTrial);
     TEST_ASSERT_EQUAL_STRING("passed", text(left.outcome));
     TEST_ASSERT_DOUBLE_WITHIN(0.02, left.elapsed_time_s, right.elapsed_time_s);
     const PathRow &a = left.path.back(), &b = right.path.back();
@@ -242,13 +236,12 @@ TEST(test_a_mirrored_hill_is_driven_as_a_mirror_image) {
 }
 
 TEST(test_a_turned_hill_changes_nothing_but_the_direction) {
-  const BodySpec body = study_car(0.115);
   const double turn_rad = 1.1, c = std::cos(turn_rad), s = std::sin(turn_rad);
   const SceneSpec plain = field(one_hill({0.5, 0.1, 0.4, 0.1, 0.07, 0.06}));
   SceneSpec turned = field(one_hill({0.5 * c - 0.1 * s, 0.5 * s + 0.1 * c, 0.4 + turn_rad, 0.1, 0.07, 0.06}));
   turned.start = {0, 0, turn_rad};
   turned.goal = GoalSpec{GoalSpec::Kind::kLine, 1.2 * c, 1.2 * s, turn_rad, 0};
-  const TrialResult a = run_trial(body, plain, full_speed(body, 20)), b = run_trial(body, turned, full_speed(body, 20));
+  const TrialResult a = run_trial(kCar, plain, kTrial), b = run_trial(kCar, turned, kTrial);
   const PathRow &p = a.path.back(), &r = b.path.back();
   TEST_ASSERT_DOUBLE_WITHIN(0.02, a.elapsed_time_s, b.elapsed_time_s);
   TEST_ASSERT_DOUBLE_WITHIN(0.005, p[1], c * r[1] + s * r[2]);
@@ -256,15 +249,14 @@ TEST(test_a_turned_hill_changes_nothing_but_the_direction) {
 }
 
 TEST(test_the_same_ground_gives_the_same_numbers_whoever_made_it) {
-  const BodySpec body = study_car(0.115);
   SceneSpec scene = field(one_hill({0.5, 0.1, 0.4, 0.1, 0.07, 0.06}));
   scene.terrain.roughs = {{0.6, 0, 0, 1, 1, 0.003, 0.03, 9}};
   scene.terrain.potholes = {{0.8, -0.06, 0.05, 0.02, 0.02}};
   scene.terrain.patches = {{0.9, 0, 0, 0.2, 1, 0.3}};
   const SceneTerrain terrain(scene.terrain);
-  const TrialResult own = run_trial(body, scene, full_speed(body, 20));
+  const TrialResult own = run_trial(kCar, scene, kTrial);
   for (int i = 0; i < 2; ++i) {
-    const TrialResult shared = run_trial(body, scene, full_speed(body, 20), {}, nullptr, &terrain);
+    const TrialResult shared = run_trial(kCar, scene, kTrial, {}, nullptr, &terrain);
     TEST_ASSERT_TRUE(own.path == shared.path && own.consumed_energy_j == shared.consumed_energy_j);
   }
 }

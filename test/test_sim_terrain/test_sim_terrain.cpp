@@ -91,25 +91,14 @@ TerrainSpec rough_ground(int seed) {
 
 }  // namespace
 
-TEST(test_outlines_of_hills_are_those_of_the_surface) {
-  TEST_ASSERT_DOUBLE_WITHIN(kAllowed_m, 0, worst_wheel_error_m(hills_and_hollows()));
-}
-
-TEST(test_outlines_of_potholes_are_those_of_the_surface) {
-  TerrainSpec spec;
-  spec.potholes = {{0.03, 0.02, 0.05, 0.02, 0.02}, {-0.09, -0.06, 0.08, 0.015, 0.08}, {0.05, -0.05, 0.04, 0.01, 0.012}};
-  TEST_ASSERT_DOUBLE_WITHIN(kAllowed_m, 0, worst_wheel_error_m(spec));
-}
-
-TEST(test_outlines_of_rough_ground_are_those_of_the_surface) {
-  TEST_ASSERT_DOUBLE_WITHIN(kAllowed_m, 0, worst_wheel_error_m(rough_ground(5)));
-}
-
-TEST(test_outlines_of_all_fields_at_once_are_those_of_the_surface) {
-  TerrainSpec spec = hills_and_hollows();
-  spec.roughs = rough_ground(6).roughs;
-  spec.potholes = {{0.1, 0.0, 0.06, 0.02, 0.03}};
-  TEST_ASSERT_DOUBLE_WITHIN(kAllowed_m, 0, worst_wheel_error_m(spec));
+TEST(test_outlines_of_each_field_and_of_all_at_once_are_those_of_the_surface) {
+  TerrainSpec potholes, all = hills_and_hollows();
+  potholes.potholes = {{0.03, 0.02, 0.05, 0.02, 0.02}, {-0.09, -0.06, 0.08, 0.015, 0.08}, {0.05, -0.05, 0.04, 0.01, 0.012}};
+  all.roughs = rough_ground(6).roughs;
+  all.potholes = {{0.1, 0.0, 0.06, 0.02, 0.03}};
+  for (const TerrainSpec& spec : {hills_and_hollows(), potholes, rough_ground(5), all}) {
+    TEST_ASSERT_DOUBLE_WITHIN(kAllowed_m, 0, worst_wheel_error_m(spec));
+  }
 }
 
 // A car that drives, turns and drifts cuts anew with what was planned for an earlier place.

@@ -26,6 +26,16 @@ SceneSpec one_bump(double y_m, double heading_rad) {
   return scene;
 }
 
+SceneSpec flat() {
+  SceneSpec scene = one_bump(0, 0);
+  scene.terrain.blocks.clear();
+  return scene;
+}
+
+// The car of most trials, at full speed.
+const BodySpec kBody = study_car(0.115);
+const TrialSpec kTrial = full_speed(kBody);
+
 void assert_same(const TrialResult& a, const TrialResult& b) {
   TEST_ASSERT_EQUAL_INT(static_cast<int>(a.outcome), static_cast<int>(b.outcome));
   TEST_ASSERT_TRUE(a.elapsed_time_s == b.elapsed_time_s && a.consumed_energy_j == b.consumed_energy_j);
@@ -48,22 +58,20 @@ TEST(test_the_same_trial_gives_the_same_numbers) {
 }
 
 TEST(test_a_stopwatch_changes_nothing) {
-  const BodySpec body = study_car(0.115);
   Stopwatch stopwatch;
-  const TrialResult timed = run_trial(body, pyramids(), full_speed(body), {}, &stopwatch);
+  const TrialResult timed = run_trial(kBody, pyramids(), kTrial, {}, &stopwatch);
   TEST_ASSERT_TRUE(stopwatch.physics_s > 0 && stopwatch.terrain_s > 0 && stopwatch.firmware_s > 0);
-  assert_same(timed, run_trial(body, pyramids(), full_speed(body)));
+  assert_same(timed, run_trial(kBody, pyramids(), kTrial));
 }
 
 // Where one run ends hangs on which wheel lands first; the mean over bumps half a centimetre apart does so less.
 TEST(test_a_mirrored_scene_is_driven_as_a_mirror_image) {
-  const BodySpec body = study_car(0.115);
   constexpr int kBumps = 5;
   double left_m = 0, right_m = 0, left_rad = 0, right_rad = 0;
   for (int i = 0; i < kBumps; ++i) {
     const double y_m = 0.08 + 0.005 * i;
-    const TrialResult left = run_trial(body, one_bump(y_m, 0.1), full_speed(body));
-    const TrialResult right = run_trial(body, one_bump(-y_m, -0.1), full_speed(body));
+    const TrialResult left = run_trial(kBody, one_bump(y_m, 0.1), kTrial);
+    const TrialResult right = run_trial(kBody, one_bump(-y_m, -0.1), kTrial);
     TEST_ASSERT_EQUAL_STRING("passed", text(left.outcome));
     TEST_ASSERT_EQUAL_STRING("passed", text(right.outcome));
     TEST_ASSERT_DOUBLE_WITHIN(0.05, left.elapsed_time_s, right.elapsed_time_s);
@@ -79,7 +87,6 @@ TEST(test_a_mirrored_scene_is_driven_as_a_mirror_image) {
 }
 
 TEST(test_a_turned_world_changes_nothing_but_the_direction) {
-  const BodySpec body = study_car(0.115);
   const double turn_rad = 1.1, c = std::cos(turn_rad), s = std::sin(turn_rad);
   const SceneSpec scene = one_bump(0.08, 0.1);
   SceneSpec turned = scene;
@@ -87,8 +94,8 @@ TEST(test_a_turned_world_changes_nothing_but_the_direction) {
   turned.start = {0, 0, turn_rad};
   turned.goal = GoalSpec{GoalSpec::Kind::kLine, c, s, turn_rad, 0};
   turned.course = {-2, 2, -2, 2};
-  const TrialResult plain = run_trial(body, scene, full_speed(body));
-  const TrialResult rotated = run_trial(body, turned, full_speed(body));
+  const TrialResult plain = run_trial(kBody, scene, kTrial);
+  const TrialResult rotated = run_trial(kBody, turned, kTrial);
   TEST_ASSERT_DOUBLE_WITHIN(0.03, plain.elapsed_time_s, rotated.elapsed_time_s);
   const PathRow &a = plain.path.back(), &b = rotated.path.back();
   TEST_ASSERT_DOUBLE_WITHIN(0.01, a[1], c * b[1] + s * b[2]);
@@ -130,14 +137,12 @@ TEST(test_too_narrow_a_car_tips_and_too_wide_a_one_sticks) {
 }
 
 TEST(test_the_flat_is_crossed_in_the_time_the_speed_takes) {
-  const BodySpec body = study_car(0.115);
-  SceneSpec scene = one_bump(0, 0);
-  scene.terrain.blocks.clear();
+  SceneSpec scene = flat();
   scene.goal->x_m = 3;
   scene.course.x_max_m = 4;
-  TrialSpec trial = full_speed(body);
+  TrialSpec trial = kTrial;
   trial.speed_m_s = 0.5;
-  const TrialResult result = run_trial(body, scene, trial);
+  const TrialResult result = run_trial(kBody, scene, trial);
   TEST_ASSERT_EQUAL_STRING("passed", text(result.outcome));
   // Slew limit and staggered start cost a part of a second.
   TEST_ASSERT_DOUBLE_WITHIN(0.3, 6.2, result.elapsed_time_s);
@@ -145,40 +150,33 @@ TEST(test_the_flat_is_crossed_in_the_time_the_speed_takes) {
 }
 
 TEST(test_a_disc_is_reached_at_its_edge) {
-  const BodySpec body = study_car(0.115);
-  SceneSpec scene = one_bump(0, 0);
-  scene.terrain.blocks.clear();
+  SceneSpec scene = flat();
   scene.goal = GoalSpec{GoalSpec::Kind::kDisc, 1.0, 0.03, 0, 0.05};
-  const TrialResult result = run_trial(body, scene, full_speed(body));
+  const TrialResult result = run_trial(kBody, scene, kTrial);
   TEST_ASSERT_EQUAL_STRING("passed", text(result.outcome));
   TEST_ASSERT_DOUBLE_WITHIN(0.004, 0.05, result.distance_to_target_m.value());
 }
 
 TEST(test_without_a_goal_it_drives_until_something_else_ends_it) {
-  const BodySpec body = study_car(0.115);
-  SceneSpec scene = one_bump(0, 0);
-  scene.terrain.blocks.clear();
+  SceneSpec scene = flat();
   scene.goal.reset();
-  const TrialResult result = run_trial(body, scene, full_speed(body));
+  const TrialResult result = run_trial(kBody, scene, kTrial);
   TEST_ASSERT_EQUAL_STRING("off_course", text(result.outcome));
   TEST_ASSERT_DOUBLE_WITHIN(0.005, scene.course.x_max_m, result.path.back()[1]);
   TEST_ASSERT_FALSE(result.distance_to_target_m.has_value());
 }
 
 TEST(test_the_firmware_ends_the_trial_at_its_time_limit) {
-  const BodySpec body = study_car(0.115);
-  const TrialResult result = run_trial(body, pyramids(), full_speed(body, 1.0));
+  const TrialResult result = run_trial(kBody, pyramids(), full_speed(kBody, 1.0));
   TEST_ASSERT_EQUAL_STRING("timeout", text(result.outcome));
   TEST_ASSERT_DOUBLE_WITHIN(0.025, 1.0, result.elapsed_time_s);
 }
 
 TEST(test_it_leaves_the_course_at_its_edge) {
-  const BodySpec body = study_car(0.115);
-  SceneSpec scene = one_bump(0, 0);
-  scene.terrain.blocks.clear();
+  SceneSpec scene = flat();
   scene.start.heading_rad = 0.5;
   scene.course.y_max_m = 0.2;
-  const TrialResult result = run_trial(body, scene, full_speed(body));
+  const TrialResult result = run_trial(kBody, scene, kTrial);
   TEST_ASSERT_EQUAL_STRING("off_course", text(result.outcome));
   TEST_ASSERT_DOUBLE_WITHIN(0.005, 0.2, result.path.back()[2]);
 }
@@ -186,21 +184,19 @@ TEST(test_it_leaves_the_course_at_its_edge) {
 // The servos have no speed feedback: each side runs on its torque line, and the tyres' scrub M takes drive from
 // the outer wheels and gives it to the inner ones, M/(2 T) a wheel, until both balance.
 TEST(test_a_skid_steered_turn_is_what_scrub_leaves_of_the_one_asked_for) {
-  const BodySpec body = study_car(0.115);
-  SceneSpec scene = one_bump(0, 0);
-  scene.terrain.blocks.clear();
+  SceneSpec scene = flat();
   scene.goal = GoalSpec{GoalSpec::Kind::kDisc, 5, 5, 0, 0.01};
   scene.course = {-10, 10, -10, 10};
-  TrialSpec trial = full_speed(body, 4);
+  TrialSpec trial = full_speed(kBody, 4);
   trial.speed_m_s = 0.3;
   trial.yaw_rate_rad_s = 3.0;
-  const TrialResult result = run_trial(body, scene, trial);
-  const double weight_n = CarConstants(body).mass_kg * 9.81, radius_m = 0.06, stall_n_m = 0.134;
-  const double drive_n = scrub_drive_n(weight_n, 0.6, 0.07, body.track_m);
+  const TrialResult result = run_trial(kBody, scene, trial);
+  const double weight_n = CarConstants(kBody).mass_kg * 9.81, radius_m = 0.06, stall_n_m = 0.134;
+  const double drive_n = scrub_drive_n(weight_n, 0.6, 0.07, kBody.track_m);
   const double lost_rad_s = 11.5 * drive_n * radius_m / stall_n_m;
   const double creep_m = scrub_creep_m(drive_n, weight_n, 0.6, 0.07);
   const double expected_rad_s =
-      (3.0 * body.track_m - 2 * lost_rad_s * radius_m) / (body.track_m + 2 * creep_m);
+      (3.0 * kBody.track_m - 2 * lost_rad_s * radius_m) / (kBody.track_m + 2 * creep_m);
   TEST_ASSERT_TRUE(expected_rad_s > 0.5 && expected_rad_s < 2.5);
   // A tenth for the start: slew limit and staggered axles.
   TEST_ASSERT_DOUBLE_WITHIN(0.1 * 4 * expected_rad_s, 4 * expected_rad_s, result.path.back()[4]);
@@ -208,34 +204,31 @@ TEST(test_a_skid_steered_turn_is_what_scrub_leaves_of_the_one_asked_for) {
 
 // Down a ramp the nose only points down, along a hillside one side only is up: both count by their size.
 TEST(test_the_largest_tilt_counts_to_both_sides) {
-  const BodySpec body = study_car(0.115);
   const double rise_m = 0.12, length_m = 0.8;
   SceneSpec down = one_bump(0, 0);
   down.terrain.blocks = {{-0.3, 0, 1, 2, rise_m, 0},
                          {0.2 + 0.5 * length_m, 0, length_m, 2, rise_m, 3.14159265358979323846, BlockSpec::Kind::kRamp}};
-  const TrialResult nose = run_trial(body, down, full_speed(body));
+  const TrialResult nose = run_trial(kBody, down, kTrial);
   TEST_ASSERT_EQUAL_STRING("passed", text(nose.outcome));
   TEST_ASSERT_DOUBLE_WITHIN(0.02, std::atan(rise_m / length_m), nose.max_pitch_rad);
   for (const double side : {1.0, -1.0}) {
-    SceneSpec across = one_bump(0, 0);
+    SceneSpec across = flat();
     across.friction = 1;
-    const double sd_m = 0.25, hill_m = 0.06, half_m = 0.5 * body.track_m;
-    across.terrain.blocks.clear();
+    const double sd_m = 0.25, hill_m = 0.06, half_m = 0.5 * kBody.track_m;
     across.terrain.hills = {{0, side * sd_m, 0, 10, sd_m, hill_m}};
     across.goal->x_m = 0.3;
-    const TrialResult roll = run_trial(body, across, full_speed(body));
+    const TrialResult roll = run_trial(kBody, across, kTrial);
     auto height_m = [&](double y_m) { return hill_m * std::exp(-0.5 * std::pow((y_m - sd_m) / sd_m, 2)); };
-    const double expected_rad = std::asin((height_m(half_m + 0.006) - height_m(0.006 - half_m)) / body.track_m);
+    const double expected_rad = std::asin((height_m(half_m + 0.006) - height_m(0.006 - half_m)) / kBody.track_m);
     TEST_ASSERT_EQUAL_STRING("passed", text(roll.outcome));
     TEST_ASSERT_DOUBLE_WITHIN(0.02, expected_rad, roll.max_roll_rad);
   }
 }
 
 TEST(test_a_refused_trial_says_why) {
-  const BodySpec body = study_car(0.115);
-  TrialSpec trial = full_speed(body, 3000);
+  TrialSpec trial = full_speed(kBody, 3000);
   try {
-    run_trial(body, pyramids(), trial);
+    run_trial(kBody, pyramids(), trial);
     TEST_FAIL_MESSAGE("accepted");
   } catch (const TrialError& error) {
     TEST_ASSERT_NOT_NULL(std::strstr(error.what(), text(Refusal::kTimeLimit)));

@@ -154,7 +154,8 @@ def _gaps(found: Rows) -> dict[str, int]:
     """How many numbers below the highest are missing in tables whose rows are numbered."""
     gaps = {}
     for name, rows in found.items():
-        if BY_NAME[name].columns[0].type == "INTEGER" and BY_NAME[name].key == ("id",) and rows:
+        number = BY_NAME[name].columns[0]
+        if number.type == "INTEGER" and number.refers is None and BY_NAME[name].key == ("id",) and rows:
             gaps[name] = max(key[0] for key in rows) - len(rows)
         elif name in ("sample", "draw"):
             groups = groupby(sorted(rows), lambda key: key[0])

@@ -24,6 +24,8 @@ ALONG = numpy.linspace(0.12, 0.88, 24)
 REACH_MODULES, REACH_PX = 0.9, (2.0, 9.0)
 STEP_PX = 0.5
 MODULES = 8
+# Rounds in which a side's outliers are left out.
+FITS = 3
 # A marker whose sides are shorter cannot be read.
 LEAST_SIDE_PX = 11.0
 
@@ -117,35 +119,37 @@ def _refined_once(grey: Grey, corners: Floats) -> Floats | None:
     if (sums.max(axis=1) <= 0).any():
         return None
     offsets = (weights * (across[:-1] + STEP_PX / 2)).sum(axis=2) / numpy.where(sums > 0, sums, 1.0)
-    lines = [_line(places[k], offsets[k], sums[k], normals[k], sides[k] / lengths[k]) for k in range(4)]
-    better = numpy.array([_meeting(lines[k - 1], lines[k]) for k in range(4)])
+    points, directions = _lines(places, offsets, sums, normals, sides / lengths[:, None])
+    better = _meetings(numpy.roll(points, 1, axis=0), numpy.roll(directions, 1, axis=0), points, directions)
     return better if numpy.isfinite(better).all() and numpy.abs(better - corners).max() <= reach else None
 
 
-def _line(places: Floats, offsets: Floats, sums: Floats, normal: Floats, along: Floats) -> tuple[Floats, Floats]:
-    """A point and the direction of the line at ``offsets`` from ``places``, which outliers do not move."""
-    at = (places - places[0]) @ along
-    weights = numpy.where(sums > 0.1 * numpy.median(sums), 1.0, 0.0)
-    for _ in range(3):
-        total = weights.sum()
-        if total < 4:
-            break
-        middle_at, middle_offset = weights @ at / total, weights @ offsets / total
-        spread = weights @ (at - middle_at) ** 2
-        slope = weights @ ((at - middle_at) * (offsets - middle_offset)) / spread if spread > 0 else 0.0
-        residuals = offsets - middle_offset - slope * (at - middle_at)
-        limit = max(0.1, 2.5 * 1.48 * float(numpy.median(numpy.abs(residuals[weights > 0]))))
-        weights = numpy.where((numpy.abs(residuals) <= limit) & (weights > 0), 1.0, 0.0)
-    else:
-        point = places[0] + middle_at * along + middle_offset * normal
-        return point, along + slope * normal
-    return places.mean(axis=0) + offsets.mean() * normal, along
+def _lines(
+    places: Floats, offsets: Floats, sums: Floats, normals: Floats, along: Floats
+) -> tuple[Floats, Floats]:
+    """Points and directions of lines at ``offsets`` from ``places``, one for each side, which outliers do not move."""
+    at = numpy.einsum("snk,sk->sn", places - places[:, :1], along)
+    weights = (sums > 0.1 * numpy.median(sums, axis=1, keepdims=True)).astype(float)
+    rows = numpy.arange(len(at))
+    for _ in range(FITS):
+        total = numpy.maximum(weights.sum(axis=1), 1.0)
+        middle_at, middle = (weights * at).sum(axis=1) / total, (weights * offsets).sum(axis=1) / total
+        from_middle = at - middle_at[:, None]
+        spread = (weights * from_middle**2).sum(axis=1)
+        covariance = (weights * from_middle * (offsets - middle[:, None])).sum(axis=1)
+        slope = covariance / numpy.where(spread > 0, spread, 1.0)
+        off = numpy.abs(offsets - middle[:, None] - slope[:, None] * from_middle)
+        # The median of those that count.
+        ordered = numpy.sort(numpy.where(weights > 0, off, numpy.inf), axis=1)
+        median = ordered[rows, numpy.minimum(total.astype(int) // 2, ordered.shape[1] - 1)]
+        weights = numpy.where((off <= numpy.maximum(0.1, 3.7 * median)[:, None]) & (weights > 0), 1.0, 0.0)
+    points = places[:, 0] + middle_at[:, None] * along + middle[:, None] * normals
+    return points, along + slope[:, None] * normals
 
 
-def _meeting(one: tuple[Floats, Floats], other: tuple[Floats, Floats]) -> Floats:
-    (p, d), (q, e) = one, other
-    cross = d[0] * e[1] - d[1] * e[0]
-    if abs(cross) < 1e-6:
-        return numpy.array([numpy.nan, numpy.nan])
-    t = ((q[0] - p[0]) * e[1] - (q[1] - p[1]) * e[0]) / cross
-    return numpy.asarray(p + t * d)
+def _meetings(p: Floats, d: Floats, q: Floats, e: Floats) -> Floats:
+    """Where lines through p along d meet lines through q along e; NaN for parallel ones."""
+    cross = d[:, 0] * e[:, 1] - d[:, 1] * e[:, 0]
+    cross = numpy.where(numpy.abs(cross) < 1e-6, numpy.nan, cross)
+    t = ((q[:, 0] - p[:, 0]) * e[:, 1] - (q[:, 1] - p[:, 1]) * e[:, 0]) / cross
+    return numpy.asarray(p + t[:, None] * d)

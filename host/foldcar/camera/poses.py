@@ -72,12 +72,18 @@ class Pose:
 
 def rotation(heading: float, pitch: float, roll: float) -> Floats:
     """From the car's frame to the scene's: about z, then nose up, then left side up."""
-    (ch, sh), (cp, sp), (cr, sr) = ((math.cos(a), math.sin(a)) for a in (heading, -pitch, roll))
-    return numpy.array([
+    return rotations(numpy.array([[heading, pitch, roll]]))[0]
+
+
+def rotations(turns: Floats) -> Floats:
+    """The :func:`rotation` (n, 3, 3) of each row (n, 3)."""
+    (ch, cp, cr), (sh, sp, sr) = numpy.cos(turns).T, numpy.sin(turns * [1.0, -1.0, 1.0]).T
+    rows = [
         [ch * cp, ch * sp * sr - sh * cr, ch * sp * cr + sh * sr],
         [sh * cp, sh * sp * sr + ch * cr, sh * sp * cr - ch * sr],
         [-sp, cp * sr, cp * cr],
-    ])  # fmt: skip
+    ]
+    return numpy.array(rows).transpose(2, 0, 1)
 
 
 def angles(turn: Floats) -> tuple[float, float, float]:
@@ -97,31 +103,40 @@ def find_pose(
 
     ``guess`` is where the car was shortly before.
     """
-    count, turns, shifts, _ = cv2.solvePnPGeneric(
-        marker_corners(marker.size_m), numpy.ascontiguousarray(view.lens.rays(pixels)[:, :2]), numpy.eye(3), None,
-        flags=cv2.SOLVEPNP_IPPE_SQUARE,
-    )  # fmt: skip
-    starts = [] if guess is None else [guess]
-    for k in range(count):
-        turn = view.rotation.T @ cv2.Rodrigues(turns[k])[0] @ PRINTED.T
-        middle = view.rotation.T @ (shifts[k].ravel() - view.shift_m)
-        starts.append(numpy.array([*(middle - turn @ (marker.x_m, 0.0, marker.z_m)), *angles(turn)]))
-    if not starts:
-        return None
     # A car that stands does as the ground says: from far away the marker's own tilt is too vague to begin with.
-    middle, front = view.on_plane(
-        numpy.array([pixels.mean(axis=0), pixels[:2].mean(axis=0)]), ground.radius_m + marker.z_m
-    )
+    shown = numpy.array([pixels.mean(axis=0), pixels[:2].mean(axis=0)])
+    middle, front = view.on_plane(shown, ground.radius_m + marker.z_m)
     ahead = front - middle
     ahead = ahead / max(float(numpy.hypot(*ahead)), 1e-9)
     x, y = middle - marker.x_m * ahead
     level = numpy.array([x, y, ground.radius_m, math.atan2(ahead[1], ahead[0]), 0.0, 0.0])
-    standing = [_standing(start, pixels, view, marker, ground, pixel) for start in (level, *starts[-count:])]
-    cost, best = min(standing, key=lambda one: one[0])
+    cost, best = _standing(level, pixels, view, marker, ground, pixel)
     if cost <= SURPRISE:
         return best
+    starts = [*([] if guess is None else [guess]), *_by_itself(pixels, view, marker)]
+    if not starts:
+        return None
+    standing = [(cost, best), *(_standing(one, pixels, view, marker, ground, pixel) for one in starts)]
+    cost, best = min(standing, key=lambda one: one[0])
     free_cost, free = min((_refined(one, pixels, view, marker, None, pixel) for one in starts), key=lambda one: one[0])
     return free if cost - free_cost > SURPRISE else best
+
+
+def _by_itself(pixels: Floats, view: View, marker: CarMarker) -> list[Floats]:
+    """The two poses that the marker alone may have."""
+    count, turns, shifts, _ = cv2.solvePnPGeneric(
+        marker_corners(marker.size_m),
+        numpy.ascontiguousarray(view.lens.rays(pixels)[:, :2]),
+        numpy.eye(3),
+        None,
+        flags=cv2.SOLVEPNP_IPPE_SQUARE,
+    )
+    found = []
+    for k in range(count):
+        turn = view.rotation.T @ cv2.Rodrigues(turns[k])[0] @ PRINTED.T
+        middle = view.rotation.T @ (shifts[k].ravel() - view.shift_m)
+        found.append(numpy.array([*(middle - turn @ (marker.x_m, 0.0, marker.z_m)), *angles(turn)]))
+    return found
 
 
 def _standing(
@@ -139,8 +154,8 @@ def _refined(
 
     def projected(poses: Floats) -> Floats:
         """The corners (n, 8) of poses (n, 6)."""
-        points = numpy.concatenate([corners @ rotation(*one[3:]).T + one[:3] for one in poses])
-        return view.pixels(points).reshape(len(poses), 8)
+        points = corners @ rotations(poses[:, 3:]).transpose(0, 2, 1) + poses[:, None, :3]
+        return view.pixels(points.reshape(-1, 3)).reshape(len(poses), 8)
 
     values, weights, expected = start.copy(), numpy.zeros(6), numpy.zeros(6)
     if stands is not None:

@@ -235,10 +235,11 @@ def _fit(seen: Mapping[int, Floats], course: Course, size: tuple[int, int], lens
         unknowns[6] = 0.0 if lens else math.log(focal / 0.8)
         scales = numpy.concatenate([[0.01] * 3, [0.01] * 3, spreads])
         # Markers that were moved are noticed by what they leave over: a soft loss would hide them.
-        fit = least_squares(residuals, unknowns, x_scale=scales, method="trf", max_nfev=60)
+        fit = least_squares(residuals, unknowns, x_scale=scales, max_nfev=8)
         if best is None or fit.cost < best.cost:
             best = fit
     assert best is not None
+    best = least_squares(residuals, best.x, x_scale=scales, max_nfev=60)
     found, turn, shift, scale, floor = _split(best.x, start, lens is not None, here)
     covariance = numpy.linalg.pinv(best.jac.T @ best.jac)
     return View(

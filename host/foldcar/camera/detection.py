@@ -28,6 +28,9 @@ MODULES = 8
 FITS = 3
 # A marker whose sides are shorter cannot be read.
 LEAST_SIDE_PX = 11.0
+# How far from where it must be a square may lie that cannot be read, and how far its corners from those of that
+# shape, as shares of its side.
+UNREAD_SIDES, UNREAD_SHAPE = 0.5, 0.2
 
 
 @dataclass
@@ -59,15 +62,35 @@ class Detector:
         if x1 - x0 < LEAST_SIDE_PX or y1 - y0 < LEAST_SIDE_PX:
             return None
         window = grey[y0:y1, x0:x1]
+        squares: list[Floats] = []
         # What is too small to be read as it is may be read enlarged.
         for scale in (1, 2):
             shown = window if scale == 1 else cv2.resize(window, None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC)
-            found, ids, _ = self._aruco.detectMarkers(shown)
+            found, ids, unread = self._aruco.detectMarkers(shown)
             for one, found_id in zip(found, [] if ids is None else ids.ravel().tolist(), strict=True):
                 corners = (one.reshape(4, 2).astype(float) + 0.5) / scale - 0.5
                 if found_id == number and _shortest(corners) >= LEAST_SIDE_PX:
                     return numpy.asarray(refined(window, corners) + numpy.array([x0, y0]))
-        return None
+            squares += [(one.reshape(4, 2).astype(float) + 0.5) / scale - 0.5 for one in unread]
+        # Motion blurs the modules before the square: one of its size where it must be is taken for it.
+        same = _same_square(squares, before - numpy.array([x0, y0]))
+        return None if same is None else numpy.asarray(refined(window, same) + numpy.array([x0, y0]))
+
+
+def _same_square(squares: list[Floats], expected: Floats) -> Floats | None:
+    """The corners nearest to the expected ones, in their order; None if none are near."""
+    side = _shortest(expected)
+    best: Floats | None = None
+    nearest = UNREAD_SIDES * side
+    for one in squares:
+        for turn in range(4):
+            turned = numpy.roll(one, turn, axis=0)
+            # Shape and size must be right, the place less so.
+            shape = float(numpy.abs((turned - turned.mean(axis=0)) - (expected - expected.mean(axis=0))).max())
+            away = float(numpy.linalg.norm(turned.mean(axis=0) - expected.mean(axis=0)))
+            if shape < UNREAD_SHAPE * side and away < nearest:
+                best, nearest = turned, away
+    return best
 
 
 def _aruco() -> Any:

@@ -72,7 +72,8 @@ class Pose:
 
 def rotation(heading: float, pitch: float, roll: float) -> Floats:
     """From the car's frame to the scene's: about z, then nose up, then left side up."""
-    return rotations(numpy.array([[heading, pitch, roll]]))[0]
+    turn: Floats = rotations(numpy.array([[heading, pitch, roll]]))[0]
+    return turn
 
 
 def rotations(turns: Floats) -> Floats:
@@ -83,7 +84,8 @@ def rotations(turns: Floats) -> Floats:
         [sh * cp, sh * sp * sr + ch * cr, sh * sp * cr - ch * sr],
         [-sp, cp * sr, cp * cr],
     ]
-    return numpy.array(rows).transpose(2, 0, 1)
+    turned: Floats = numpy.array(rows).transpose(2, 0, 1)
+    return turned
 
 
 def angles(turn: Floats) -> tuple[float, float, float]:

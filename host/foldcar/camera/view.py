@@ -108,7 +108,8 @@ def floor_corners(marker: FloorMarker, size_m: float) -> Floats:
     """The corners of a marker on the floor in the scene's frame."""
     cos, sin = math.cos(marker.turn_rad), math.sin(marker.turn_rad)
     turned = marker_corners(size_m) @ numpy.array([[cos, sin, 0], [-sin, cos, 0], [0, 0, 1.0]])
-    return turned + numpy.array([marker.x_m, marker.y_m, 0])
+    placed: Floats = turned + numpy.array([marker.x_m, marker.y_m, 0])
+    return placed
 
 
 def find_view(

@@ -148,6 +148,21 @@ def test_a_photo_gives_the_places_of_car_and_obstacles() -> None:
         assert max(found.errors[name][:2]) < 0.004
 
 
+def test_places_by_a_photo_are_a_correction_of_the_trial(trial: Any, tmp_path: Path) -> None:
+    (tmp_path / "s.db").write_bytes((trial[0] / "s.db").read_bytes())
+    scene = {**SCENE, "start": {"x_m": 0.11, "y_m": 0.0, "heading_rad": 0.0}}
+
+    with write_trials(tmp_path / "s.db") as writer:
+        made = [writer.place(1, {"car": (0.01, 0.02, -0.03)}, scene, "by photo.jpg", "Ada") for _ in range(2)]
+
+    with Store.open(tmp_path / "s.db") as store:
+        found, drive = store.trial(1), store.trial_drive(1)
+        (correction,) = store.corrections(1)
+    assert [len(one) for one in made] == [1, 0]
+    assert found.deviations == {"car": (0.01, 0.02, -0.03)} and drive is not None and json.loads(drive[2]) == scene
+    assert (correction.field, correction.before, correction.reason) == ("deviations", "{}", "by photo.jpg")
+
+
 def seen(course: Any) -> dict[int, Any]:
     return Detector().find(photo(course))
 

@@ -232,12 +232,10 @@ class TrialWriter(StoreConnection):
             found = self._trial(trial)
             texts = canonical_json({name: list(by) for name, by in deviations.items()})
             scene_id = self._put_text("scene", canonical_json(scene))
-            made = []
-            for field, after in (("deviations", texts), ("scene_id", scene_id)):
-                if found[field] != after:
-                    made.append(self._change(found, field, after, reason, operator))
-                    found = {**found, field: after}
-        return made
+            if (found["deviations"], found["scene_id"]) == (texts, scene_id):
+                return []
+            # The scene follows from what was planned and the deviations.
+            return [self._change({**found, "scene_id": scene_id}, "deviations", texts, reason, operator)]
 
     def import_trials(self, trials: list[dict[str, Any]]) -> list[int]:
         """Store imported trials, all or none: columns of the table by name; returns their numbers.

@@ -36,6 +36,7 @@ from foldcar.commands.run import run
 from foldcar.commands.sample import gallery, sample
 from foldcar.commands.stores import check, import_store, merge, migrate, repair
 from foldcar.commands.sweep import sweep
+from foldcar.commands.track import lens, markers, track
 from foldcar.commands.trials import trials
 from foldcar.commands.view import view
 from foldcar.errors import FoldcarError
@@ -132,7 +133,7 @@ app = typer.Typer(
 )
 for command in (
     new, sweep, optimize, run, sample, gallery, report, select, compare, calibrate, export, check, repair, merge, migrate,
-    crosscheck, model, pattern, view, link, log, flash, doctor,
+    crosscheck, model, pattern, view, link, log, markers, lens, track, flash, doctor,
 ):  # fmt: skip
     app.command()(command)
 app.command("import")(import_store)

@@ -49,6 +49,7 @@ MODULES = {
     "calibrate": ("sklearn",),
     "cluster": ("dask", "distributed"),
     "fabricate": ("ezdxf", "fcl", "pypdf", "reportlab", "trimesh"),
+    "camera": ("cv2", "reportlab"),
     "link": ("mcap", "pymavlink", "serial"),
     "mujoco": ("mujoco",),
     "optimize": ("optuna",),

@@ -10,11 +10,15 @@ from typing import Any
 from foldcar.simulation.results import NUMBERS
 from foldcar.store.migrations import VERSION
 from foldcar.store.rows import checksum
-from foldcar.store.tables import Table
-from foldcar.store.writer import write_store
+from foldcar.store.tables import BY_NAME, Table
+from foldcar.store.trial_records import Track
+from foldcar.store.trial_writer import write_trials
 
 STORES = Path(__file__).parent / "stores"
 VERSIONS = sorted(int(file.name[len("version_") : -len(".db.gz")]) for file in STORES.glob("version_*.db.gz"))
+
+# Of the store's first trial.
+TRACK = Track(1, "trial.mp4", "0" * 64, 1.25, "passed", {"end_s": 0.1}, [[0.05 * k, *[0.01 * k] * 15] for k in range(3)])
 
 
 def old_store(version: int, path: Path) -> Path:
@@ -25,10 +29,11 @@ def old_store(version: int, path: Path) -> Path:
         shutil.copytree(logs, path.parent / "s-logs", dirs_exist_ok=True)
     with contextlib.closing(sqlite3.connect(path)) as connection:
         columns = {row[1] for row in connection.execute("PRAGMA table_info(run)")}
-    if version == VERSION and not columns.issuperset(NUMBERS):
-        # Today's carsim has metrics that the one of then had not.
-        with write_store(path):
-            pass
+        tables = {name for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
+    if version == VERSION and not (columns.issuperset(NUMBERS) and tables.issuperset(BY_NAME)):
+        # Today's carsim has metrics that the one of then had not; today's store has late tables.
+        with write_trials(path) as writer:
+            writer.put_track(TRACK)
     return path
 
 

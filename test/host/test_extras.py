@@ -13,7 +13,7 @@ import foldcar
 from foldcar.installation import MODULES
 
 # Scenic brings these, so they are there without the extra.
-OF_SCENIC = ("fcl", "trimesh")
+OF_SCENIC = ("cv2", "fcl", "trimesh")
 BARE = f"""
 import json
 import sys

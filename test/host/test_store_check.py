@@ -45,6 +45,7 @@ CHANGES = {
     "path": "row_count = row_count + 1",
     "trial": "outcome = 'stuck'",
     "correction": "before = 1",
+    "track": "start_s = start_s + 0.001",
     "calibration": "created_utc = 'x'",
 }
 

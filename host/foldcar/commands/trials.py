@@ -250,7 +250,7 @@ def export(
     from foldcar.store.reader import Store
 
     with Store.open(store) as opened:
-        trial, drive = opened.trial(number), opened.trial_drive(number)
+        trial, drive, filmed = opened.trial(number), opened.trial_drive(number), opened.track(number)
     if trial.log is None:
         raise FoldcarError(f"{store}: trial {number} was imported: it has no log")
     facts = {
@@ -272,7 +272,7 @@ def export(
         grid = smooth_ground(scene, carsim_heights(Carsim()))
         scene_update = foxglove_scene(body, scene, grid)
         start = {**scene["start"], "z_m": start_height_m(body, scene, grid)}
-    count = export_mcap(log, mcap, facts, scene_update, start)
+    count = export_mcap(log, mcap, facts, scene_update, start, filmed.rows if filmed else ())
     tell(as_json, {"files": [mcap], "messages": count}, f"{mcap}: {count} messages")
 
 

@@ -3,7 +3,8 @@
 Input: a .tlog, facts about the trial, a foxglove.SceneUpdate of car and ground. Output: the file, written atomically:
 one topic for each sender (/car, /simulator, /host) and type of message with a schema from the dialect, status texts
 also as foxglove.Log on /log, the scene on /scene, the simulated car's pose as foxglove.FrameTransform on /tf (a real
-car's stays at its start), the facts as metadata. Fields that are not finite (NaN: not known) are left out.
+car's as a film shows it, else at its start), a film's poses on /camera/pose, the facts as metadata. Fields that are not
+finite (NaN: not known) are left out.
 
 Times are the car's, so that a simulation at another rate shows seconds of the car.
 """
@@ -19,13 +20,20 @@ import numpy
 from foldcar import __version__
 from foldcar.link.connection import CAR_SYSTEM, SIMULATOR_COMPONENT
 from foldcar.link.foxglove import FRAME_TRANSFORM, LOG, SCENE_UPDATE, frame_transform, time_stamp
-from foldcar.link.tlog import read_tlog
+from foldcar.link.tlog import read_tlog, trial_start_s
 from foldcar.outputs import atomic_file
 
 # foxglove.Log levels by MAVLink severity, 0 (emergency) to 7 (debug).
 LEVELS = (5, 5, 5, 4, 3, 2, 2, 1)
 # Messages that come out of order by less do not mean that the car was reset.
 DISORDER_US = 1_000_000
+# Of a row of a film's track.
+FILMED = (
+    "time_s", "x_m", "y_m", "z_m", "heading_rad", "pitch_rad", "roll_rad", "var_x_m2", "cov_x_y_m2",
+    "cov_x_heading_m_rad", "var_y_m2", "cov_y_heading_m_rad", "var_heading_rad2", "var_z_m2", "var_pitch_rad2",
+    "var_roll_rad2",
+)  # fmt: skip
+_FILMED_SCHEMA = {"type": "object", "title": "camera.Pose", "properties": {name: {"type": "number"} for name in FILMED}}
 NO_START = {"x_m": 0.0, "y_m": 0.0, "heading_rad": 0.0}
 
 
@@ -35,10 +43,12 @@ def export_mcap(
     facts: Mapping[str, str],
     scene_update: Mapping[str, Any] | None = None,
     start: Mapping[str, float] = NO_START,
+    filmed: Sequence[Sequence[float]] = (),
 ) -> int:
     """Write ``file`` and return the number of the log's messages; FoldcarError if log or file fails.
 
-    ``start`` is where the car was put down, for the pose of a car that does not know its own.
+    ``start`` is where the car was put down, for the pose of a car that does not know its own; ``filmed`` are rows of a
+    film's track: time in the trial, x, y, z, heading, pitch, roll, variances.
     """
     from mcap.writer import Writer
 
@@ -69,8 +79,27 @@ def export_mcap(
                 if all(map(math.isfinite, pose)):
                     transform = frame_transform(time_us, *pose)
                     topics.add("/tf", "foxglove.FrameTransform", FRAME_TRANSFORM, transform, time_us)
+        if known and filmed:
+            start_us = _trial_start_us(known, times_us)
+            knows = any(message.get_type() == "FOLDCAR_TRUTH" for _, message in known)
+            for row in filmed if start_us is not None else ():
+                assert start_us is not None
+                time_us = start_us + round(1e6 * row[0])
+                content = dict(zip(FILMED, row, strict=True))
+                topics.add("/camera/pose", "camera.Pose", _FILMED_SCHEMA, content, time_us)
+                if not knows:
+                    transform = frame_transform(time_us, *row[1:7])
+                    topics.add("/tf", "foxglove.FrameTransform", FRAME_TRANSFORM, transform, time_us)
         writer.finish()
     return len(known)
+
+
+def _trial_start_us(known: Sequence[tuple[int, Any]], times_us: Sequence[int]) -> int | None:
+    """When the log's trial began (µs since 1970); None if it has none."""
+    start_s = trial_start_s([message for _, message in known])
+    told = [time_us - 1000 * message.time_boot_ms for time_us, (_, message) in zip(times_us, known, strict=True)
+            if message.get_type() == "FOLDCAR_TRIAL"]  # fmt: skip
+    return None if start_s is None or not told else int(told[-1]) + round(1e6 * start_s)
 
 
 class _Topics:

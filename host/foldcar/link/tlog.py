@@ -7,7 +7,7 @@ packet is passed to the operating system on arrival, so that a killed program lo
 import os
 import struct
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -93,6 +93,18 @@ def records_of(data: bytes, name: str) -> list[tuple[int, bytes]]:
         records.append((time_us, data[at : at + length]))
         at += length
     return records
+
+
+def trial_start_s(messages: Sequence[Any]) -> float | None:
+    """When a log's trial began by the car's time since boot (s); None if it has none that runs."""
+    running = [
+        message
+        for message in messages
+        if message.get_type() == "FOLDCAR_TRIAL" and message.trial_id and 0 < message.elapsed_ms < message.time_boot_ms
+    ]
+    # The elapsed time stands still after the end: the first message of the last trial tells the start best.
+    last = [message for message in running if message.trial_id == running[-1].trial_id]
+    return (last[0].time_boot_ms - last[0].elapsed_ms) / 1000 if last else None
 
 
 def merge_records(file: Path, more: Iterable[tuple[int, bytes]]) -> None:

@@ -1,4 +1,4 @@
-"""Where a trial's car was, from the trial's log: a simulated car's whole path, of a built one with an IMU roll and pitch.
+"""Where a trial's car was: a simulated car's path by its log, of a built one by a film, else its IMU's roll and pitch.
 
 Input: a trial of the store. Output: a compact path, or angles over time, or a sentence that says why there is neither.
 """
@@ -12,11 +12,11 @@ import numpy
 from foldcar.errors import FoldcarError
 from foldcar.figures.compact_path import compact_path
 from foldcar.link.connection import CAR_SYSTEM
-from foldcar.link.tlog import read_tlog
+from foldcar.link.tlog import read_tlog, trial_start_s
 from foldcar.simulation.runner import KEPT_INTERVAL_S as INTERVAL_S
 from foldcar.store.log_files import log_file, sha256_of
 from foldcar.store.reader import Store
-from foldcar.store.trial_records import Trial
+from foldcar.store.trial_records import Track, Trial
 
 
 @dataclass(frozen=True)
@@ -31,6 +31,12 @@ class TrialPath:
 
 
 def trial_path(store: Store, trial: Trial) -> TrialPath:
+    """Where the car of ``trial`` was by its log, or else by a film; how it tilted, where neither has a path."""
+    logged = _logged(store, trial)
+    return logged if logged.path is not None else _filmed(store.track(trial.id)) or logged
+
+
+def _logged(store: Store, trial: Trial) -> TrialPath:
     """What the log of ``trial`` tells of the car's movement."""
     if trial.log is None:
         return TrialPath(missing="it has no log" if trial.source is None else "it was imported, without a log")
@@ -41,22 +47,10 @@ def trial_path(store: Store, trial: Trial) -> TrialPath:
         messages = [message for _, message in read_tlog(file)]
     except FoldcarError as error:
         return TrialPath(missing=f"its log cannot be read ({error})")
-    start_s = _start_s(messages)
+    start_s = trial_start_s(messages)
     if start_s is None:
         return TrialPath(missing="its log has no trial that runs")
     return _driven(messages, start_s) or _felt(messages, start_s)
-
-
-def _start_s(messages: list[Any]) -> float | None:
-    """When the trial began by the car's time since boot (s)."""
-    running = [
-        message
-        for message in messages
-        if message.get_type() == "FOLDCAR_TRIAL" and message.trial_id and 0 < message.elapsed_ms < message.time_boot_ms
-    ]
-    # The elapsed time stands still after the end: the first message of the last trial tells the start best.
-    last = [message for message in running if message.trial_id == running[-1].trial_id]
-    return (last[0].time_boot_ms - last[0].elapsed_ms) / 1000 if last else None
 
 
 def _driven(messages: list[Any], start_s: float) -> TrialPath | None:
@@ -73,7 +67,15 @@ def _driven(messages: list[Any], start_s: float) -> TrialPath | None:
     times = sorted(time_s for time_s in rows if time_s <= end_s)
     if len(times) < 2:
         return None
-    values = numpy.array([rows[time_s] for time_s in times])
+    return _path(times, numpy.array([rows[time_s] for time_s in times]))
+
+
+def _filmed(track: Track | None) -> TrialPath | None:
+    rows = numpy.array([] if track is None else [row[:7] for row in track.rows if row[0] >= 0])
+    return None if len(rows) < 2 else _path(rows[:, 0].tolist(), rows[:, 1:])
+
+
+def _path(times: list[float], values: Any) -> TrialPath:
     values[:, 3] = numpy.unwrap(values[:, 3])
     last_s = times[-1]
     at = numpy.append(numpy.arange(0, last_s - 1e-9, INTERVAL_S), last_s)

@@ -21,7 +21,7 @@ from foldcar.store.log_files import log_file, logs_folder, sha256_of
 from foldcar.store.migrations import VERSION
 from foldcar.store.opening import beside, connect_reading, require_version
 from foldcar.store.reader import Store
-from foldcar.store.rows import columns_sql, is_intact, key_text
+from foldcar.store.rows import columns_sql, is_intact, is_there, key_text
 from foldcar.store.salvage import log_damage
 from foldcar.store.tables import BY_NAME, CHECKSUM, PATH, RECORDED, RUN, TABLES, VIEWS, Table
 
@@ -83,6 +83,8 @@ def _schema(connection: sqlite3.Connection) -> Iterator[str]:
         return
     grown = not there.issuperset(RUN.names)
     for table in TABLES:
+        if table.name not in texts and table.late:
+            continue
         if table.name not in texts:
             yield f"table {table.name}: is missing"
         elif texts[table.name] != table.sql and table is not RUN:
@@ -95,6 +97,8 @@ def _schema(connection: sqlite3.Connection) -> Iterator[str]:
 def _damaged_rows(connection: sqlite3.Connection, table: Table, done: StoreCheck) -> Iterator[str]:
     names = (*table.names, CHECKSUM)
     try:
+        if table.late and not is_there(connection, table):
+            return
         for cells in connection.execute(f"SELECT {columns_sql(connection, table)} FROM {table.name} NOT INDEXED"):
             done.rows += 1
             row = dict(zip(names, cells, strict=True))

@@ -2,7 +2,7 @@
 
 A step changes what the tables of its version mean; after all steps, all rows are written anew into the tables of today,
 by the names of their columns, checked and with checksums. All of it is one transaction: whatever dies leaves the old
-store. A new metric needs no version: it gets an empty column.
+store. A new metric needs no version: it gets an empty column; neither does a late table.
 """
 
 import contextlib
@@ -32,8 +32,12 @@ def create_tables(connection: sqlite3.Connection) -> None:
 
 
 def add_metrics(path: Path, connection: sqlite3.Connection) -> None:
-    """Give a store of this version columns for metrics that are newer than it: empty ones, in one transaction."""
+    """Give a store of this version tables and metrics' columns that are newer than it: empty ones."""
     with store_errors(path):
+        known = {name for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
+        for table in TABLES:
+            if table.late and table.name not in known:
+                connection.execute(table.sql)
         there = {name for _, name, *_ in connection.execute("PRAGMA table_info(run)")}
         missing = [column for column in RUN.columns if column.name not in there]
         if missing:

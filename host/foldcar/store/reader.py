@@ -28,10 +28,11 @@ from foldcar.store.tables import (
     RESULT_JOIN,
     RUN,
     STUDY,
+    TRACK,
     TRIAL,
     Table,
 )
-from foldcar.store.trial_records import Correction, Trial
+from foldcar.store.trial_records import Correction, Track, Trial
 
 if TYPE_CHECKING:
     from foldcar.analysis.stopping import StoppingRule
@@ -202,6 +203,13 @@ class Store:
         fields = ("trial_id", "corrected_utc", "field", "before", "after", "reason", "operator")
         rows = self.rows(CORRECTION, "WHERE ?1 IS NULL OR trial_id = ?1 ORDER BY trial_id, id", trial)
         return [Correction(*(row[field] for field in fields)) for row in rows]
+
+    def track(self, trial: int) -> Track | None:
+        """Where a camera saw the car in a trial; None if no film of it was tracked."""
+        for row in self.rows(TRACK, "WHERE id = ?", trial):
+            facts, rows = parsed(self.path, TRACK, row, "facts"), parsed(self.path, TRACK, row, "rows", list)
+            return Track(trial, row["film"], row["film_sha256"], row["start_s"], row["outcome"], facts, rows)
+        return None
 
     def trial_drive(self, number: int) -> tuple[str, str, str] | None:
         """Body, settings and scene (as placed) of a trial as JSON; None if they are not known."""

@@ -118,7 +118,7 @@ def _missing(connection: sqlite3.Connection, table: Table) -> int:
     """How many numbers below the highest are missing in a table whose rows are numbered, or of samples."""
     if table in (SAMPLE, DRAW):
         count = f"total(n) FROM (SELECT max(sample) + 1 - count(*) AS n FROM {table.name} GROUP BY {table.key[0]})"
-    elif table.columns[0].type == "INTEGER" and table.key == ("id",):
+    elif table.columns[0].type == "INTEGER" and table.columns[0].refers is None and table.key == ("id",):
         count = f"total(n) FROM (SELECT max(id) - count(*) AS n FROM {table.name})"
     else:
         return 0

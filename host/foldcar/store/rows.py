@@ -88,10 +88,18 @@ def columns_sql(connection: Connection, table: Table, alias: str = "", names: Se
     return ", ".join(f"{prefix}{name}" if name in there else f"NULL AS {name}" for name in wanted)
 
 
+def is_there(connection: Connection, table: Table) -> bool:
+    """Whether the file has the table: it may be newer than the file."""
+    found = connection.execute("SELECT 1 FROM sqlite_master WHERE type = 'table' AND name = ?", (table.name,))
+    return found.fetchone() is not None
+
+
 def read_rows(path: Path, connection: Connection, table: Table, rest: str = "", *values: Any) -> Iterator[Row]:
     """Rows of a table with their checksums, verified; ``rest`` is SQL from WHERE on. StoreError."""
     names = (*table.names, CHECKSUM)
     with store_errors(path):
+        if table.late and not is_there(connection, table):
+            return
         for cells in connection.execute(f"SELECT {columns_sql(connection, table)} FROM {table.name} {rest}", values):
             yield verified(path, table, dict(zip(names, cells, strict=True)))
 

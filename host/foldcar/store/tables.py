@@ -44,6 +44,7 @@ class Table:
     """A table: ``key`` names the columns that tell its rows apart, ``unique`` one more that does.
 
     ``order`` names those of the key in the order in which rows stand in the file; by default that of ``key``.
+    A ``late`` table may be missing in stores of this version that are older than it.
     """
 
     name: str
@@ -52,6 +53,7 @@ class Table:
     key: tuple[str, ...] = ("id",)
     unique: str | None = None
     order: tuple[str, ...] = ()
+    late: bool = False
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -271,6 +273,26 @@ CORRECTION = Table(
         Column("operator", "TEXT", "who corrected it"),
     ),
 )
+TRACK = Table(
+    "track",
+    "where a camera saw the car in a trial",
+    (
+        Column("id", "INTEGER", "the trial", refers="trial"),
+        Column("film", "TEXT", "the film's name"),
+        Column("film_sha256", "TEXT", "SHA-256 of the film"),
+        Column("tracked_utc", "TEXT", "when"),
+        Column("start_s", "REAL", "the film's time of the trial's start, in s"),
+        Column("outcome", "TEXT", "the outcome that the film shows", null=True, choices=TRIAL_OUTCOMES),
+        Column("facts", "JSON", "end, errors of clock and frame, lens, remarks; the names end with their units"),
+        Column(
+            "rows",
+            "JSON",
+            "lists of time in the trial (s), x, y, z (m), heading, pitch, roll (rad), then (co)variances of x x, "
+            "x y, x heading, y y, y heading, heading heading, z z, pitch pitch, roll roll, relative to the markers",
+        ),
+    ),
+    late=True,
+)
 CALIBRATION = Table(
     "calibration",
     "parameters of the simulator, inferred from the trials of an experiment",
@@ -304,6 +326,7 @@ TABLES = (
     PATH,
     TRIAL,
     CORRECTION,
+    TRACK,
     CALIBRATION,
 )
 BY_NAME = {table.name: table for table in TABLES}

@@ -4,8 +4,9 @@ A person judges a trial, so its outcomes differ from those of a run (:mod:`foldc
 """
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 # In the order of tables. ``not_passed`` is for imported trials without a more precise outcome; ``aborted`` trials do
 # not count in success rates.
@@ -113,6 +114,22 @@ class Trial:
     def counts(self) -> bool:
         """Whether it counts in success rates: of a built car, completed, not withdrawn."""
         return self.standing == BUILT and self.completed
+
+
+@dataclass(frozen=True, slots=True)
+class Track:
+    """Where a camera saw the car in a trial: the columns of the store's table of that name.
+
+    Rows begin with time in the trial (s), x, y, z (m), heading, pitch, roll (rad).
+    """
+
+    trial: int
+    film: str
+    film_sha256: str
+    start_s: float
+    outcome: str | None
+    facts: Mapping[str, Any]
+    rows: Sequence[Sequence[float]]
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,7 +19,7 @@ from foldcar.store.errors import StoreError
 from foldcar.store.info import listed_id
 from foldcar.store.opening import writing
 from foldcar.store.rows import Row
-from foldcar.store.tables import CORRECTION, EXPERIMENT, TRIAL
+from foldcar.store.tables import CORRECTION, EXPERIMENT, TRACK, TRIAL
 from foldcar.store.trial_records import (
     BUILT,
     CARS,
@@ -31,6 +31,7 @@ from foldcar.store.trial_records import (
     TRIAL_OUTCOMES,
     Correction,
     Ending,
+    Track,
     TrialDesign,
     not_entered,
 )
@@ -210,6 +211,31 @@ class TrialWriter(StoreConnection):
         said = self._rows(CORRECTION, "WHERE trial_id = ? AND field = 'car'", trial["id"])
         if trial["car"] is not None and trial["source"] is None and not said:
             raise StoreError(f"{where}: the car itself told that it is {trial['car']}; this cannot be corrected")
+
+    def put_track(self, track: Track) -> None:
+        """Store where a camera saw the car, in place of what it saw before; StoreError if there is no such trial."""
+        with self._transaction():
+            self._trial(track.trial)
+            row = {
+                "id": track.trial, "film": track.film, "film_sha256": track.film_sha256, "tracked_utc": now_utc(),
+                "start_s": track.start_s, "outcome": track.outcome, "facts": json.dumps(track.facts),
+                "rows": json.dumps(track.rows, separators=(",", ":")),
+            }  # fmt: skip
+            self._insert(TRACK, [row], "OR REPLACE")
+
+    def place(
+        self, trial: int, deviations: Mapping[str, tuple[float, float, float]], scene: Mapping[str, Any], reason: str,
+        operator: str,
+    ) -> list[Correction]:  # fmt: skip
+        """Say where car and obstacles stood in a trial, ``scene``; what was said before is kept."""
+        with self._transaction():
+            found = self._trial(trial)
+            texts = canonical_json({name: list(by) for name, by in deviations.items()})
+            scene_id = self._put_text("scene", canonical_json(scene))
+            if (found["deviations"], found["scene_id"]) == (texts, scene_id):
+                return []
+            # The scene follows from what was planned and the deviations.
+            return [self._change({**found, "scene_id": scene_id}, "deviations", texts, reason, operator)]
 
     def import_trials(self, trials: list[dict[str, Any]]) -> list[int]:
         """Store imported trials, all or none: columns of the table by name; returns their numbers.

@@ -1,0 +1,136 @@
+"""Measures what `foldcar track` makes of films whose truth is known, under conditions one by one, and how long it takes.
+
+    .venv/bin/python bench/camera.py [CONDITION ...]
+
+Each film shows a simulated drive over a box, about 2 m from the camera, on a course of 1.5 by 1 m. Errors of place are
+to the pose at the same moment, after the start's error, which has a column of its own. A line for each condition:
+errors in mm and degrees (median, 95 %), start in ms, frames seen, processor seconds a second of film, remarks.
+"""
+
+import json
+import math
+import sys
+import tempfile
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT / "test" / "host"))
+
+from filmed import Car, Film, Filming, Thing, marker, rotation  # noqa: E402
+from foldcar.camera.clock import find_start  # noqa: E402
+from foldcar.camera.film import read_film  # noqa: E402
+from foldcar.camera.filming import car_marker  # noqa: E402
+from foldcar.camera.ground import standing  # noqa: E402
+from foldcar.camera.markers import rectangle  # noqa: E402
+from foldcar.camera.tracking import track  # noqa: E402
+from foldcar.simulation.carsim import Carsim  # noqa: E402
+from foldcar.simulation.heights import carsim_heights  # noqa: E402
+from foldcar.simulation.runner import RunRequest  # noqa: E402
+from study_car import car_texts  # noqa: E402
+
+COURSE = rectangle()
+START_S = 0.4
+BOX = {"kind": "box", "x_m": 0.7, "y_m": 0.09, "heading_rad": 0.2, "length_m": 0.15, "width_m": 0.15, "height_m": 0.025}
+SCENE: dict[str, Any] = {
+    "friction": 0.7,
+    "terrain": [BOX],
+    "start": {"x_m": 0.1, "y_m": -0.02, "heading_rad": 0.03},
+    "goal": {"kind": "line", "x_m": 1.4, "y_m": 0.0, "heading_rad": 0.0},
+    "course": {"x_min_m": -0.5, "x_max_m": 2.0, "y_min_m": -1.0, "y_max_m": 1.0},
+}
+USUAL = Filming(
+    width=1920, height=1080, k1=-0.02, exposure_s=0.008, readout_s=0.015, noise=3, light=0.2, blur_px=0.7, moments=3
+)
+SMALL = replace(USUAL, width=1280, height=720)
+CONDITIONS = {
+    "720p30": SMALL,
+    "1080p30": USUAL,
+    "720p30, hand before it for 0.5 s": replace(SMALL, hand=(1.2, 1.7)),
+    "720p30, each fifth frame dropped": replace(SMALL, dropped=tuple(range(4, 80, 5))),
+    "720p30, read out in 30 ms": replace(SMALL, readout_s=0.03),
+    "720p30, exposed 1/60 s": replace(SMALL, exposure_s=0.0167, moments=6),
+    "1080p30, exposed 1/60 s": replace(USUAL, exposure_s=0.0167, moments=6),
+    "1080p30, dim: noise 8, light falls off": replace(USUAL, noise=8, light=0.5),
+    "720p30, lens bends by 8 %": replace(SMALL, k1=-0.08),
+    "720p30, a floor marker missing": SMALL,
+    "720p30, a floor marker pushed 40 mm": SMALL,
+    "720p30, markers laid to 3 mm": SMALL,
+    "720p30, camera 0.8 m high": replace(SMALL, place_m=(0.75, -1.9, 0.8)),
+    "720p30, held by hand (20 mm)": replace(SMALL, shake_m=0.02),
+    "720p60": replace(SMALL, fps=60.0),
+    "1080p60": replace(USUAL, fps=60.0),
+    "2160p30": replace(USUAL, width=3840, height=2160, blur_px=1.2),
+}
+
+
+def floor(name: str) -> list[Thing]:
+    """The floor's markers as they really lie, and the box."""
+    chance = numpy.random.default_rng(3)
+    found = []
+    for one in COURSE.floor:
+        off = chance.normal(0, 0.003, 2) if "laid" in name else (0.04 * ("pushed" in name and one.id == 1), 0.0)
+        if not ("missing" in name and one.id == 2):
+            place = (one.x_m + off[0], one.y_m + off[1], 0.0)
+            found.append(marker(one.id, COURSE.floor_size_m, place, rotation(one.turn_rad)))
+    top = numpy.array([BOX["x_m"], BOX["y_m"], BOX["height_m"]])
+    half = (BOX["length_m"] / 2, BOX["width_m"] / 2)
+    return [*found, Thing(rotation(BOX["heading_rad"]), top, half, numpy.full((4, 4), 90, numpy.float32))]
+
+
+def main() -> None:
+    """Print the table."""
+    carsim = Carsim()
+    body_text, settings = car_texts(95, 8)
+    body = json.loads(body_text)
+    request = RunRequest("car", "scene", json.dumps({**json.loads(settings), "path_interval_s": 0.01}), "t", 0)
+    (answer,) = carsim.run({"car": body_text}, {"scene": json.dumps(SCENE)}, [request])
+    path = numpy.array(answer["path"])
+    path[:, 4:7] = numpy.unwrap(path[:, 4:7], axis=0)
+    ground = standing(SCENE, carsim_heights(carsim), body)
+    car = car_marker(body, COURSE)
+
+    def truth(at_s: float) -> Any:
+        return numpy.array([numpy.interp(at_s - START_S, path[:, 0], column) for column in path[:, 1:7].T])
+
+    names = ("film", "place (mm)", "heading (°)", "pitch, roll (°)", "start (ms)", "seen", "s per s", "remarks")
+    print(f"|{'|'.join(names)}|\n|{'---|' * len(names)}")
+    for name in sys.argv[1:] or CONDITIONS:
+        filming = CONDITIONS[name]
+        with tempfile.TemporaryDirectory() as folder:
+            film = Path(folder) / "film.mp4"
+            Film(filming, floor(name), Car(), truth).write(film, START_S + path[-1, 0])
+            begun_s = time.process_time()
+            filmed = track(
+                read_film(film), "film", COURSE, None, lambda scale: replace(car, size_m=car.size_m * scale), ground
+            )
+            spent_s = time.process_time() - begun_s
+        start = find_start(filmed.times_s, filmed.poses, path[:, :3], "film")
+
+        def off(shift_s: float, filmed: Any = filmed) -> Any:
+            found = filmed.poses - numpy.array([truth(time_s + shift_s) for time_s in filmed.times_s])
+            found[:, 3:] = numpy.remainder(found[:, 3:] + math.pi, math.tau) - math.pi
+            return found
+
+        # A frame's time is that of its first row.
+        shift_s = min(numpy.arange(-0.03, 0.03, 0.001), key=lambda s: numpy.median(numpy.hypot(*off(s)[:, :2].T)))
+        errors = numpy.abs(off(shift_s))
+        place_mm, angles = 1000 * numpy.hypot(errors[:, 0], errors[:, 1]), numpy.degrees(errors[:, 3:])
+        tilts = angles[:, 1:].ravel()
+        cells = [
+            name, _both(place_mm), _both(angles[:, 0]), _both(tilts), f"{1000 * (start.film_s - START_S):+.0f}",
+            f"{100 * filmed.seen:.0f} %", f"{spent_s / filmed.film_s:.2f}", "; ".join(filmed.remarks),
+        ]  # fmt: skip
+        print("|" + "|".join(cells) + "|", flush=True)
+
+
+def _both(values: Any) -> str:
+    return f"{numpy.median(values):.1f}, {numpy.quantile(values, 0.95):.1f}"
+
+
+if __name__ == "__main__":
+    main()

@@ -1,66 +1,61 @@
-"""The designs in patterns/ are cars that can be built."""
+"""The designs in patterns/ are cars that can be built, on the sheets in patterns/sheets."""
 
+import math
+import sys
 from pathlib import Path
 
 import pytest
 
+from conftest import PROJECT
 from foldcar.car.design import compose
 from foldcar.car.folded_car import folded_car
 from foldcar.car.verify import verify
 from foldcar.fabrication.patterns.labels import join_marks
 from foldcar.fabrication.patterns.options import options
 from foldcar.fabrication.patterns.sheets import cut_car, pattern
-from foldcar.study.family import read_family
-from foldcar.study.listing_file import read_listing
+from foldcar.fabrication.patterns.svg import read_svg
+from foldcar.fabrication.patterns.verify import check_same
+from published_cars import PATTERNS, PUBLISHED, car, designs
 
-PATTERNS = Path(__file__).parents[2] / "patterns"
+sys.path.insert(0, str(PROJECT / "tools"))
+from golden_sheets import SHEETS, cars, sheets_of
+
+FILES = sorted(PATTERNS.glob("*.json"))
 
 
-@pytest.mark.parametrize("file", sorted(PATTERNS.glob("*.json")), ids=lambda file: file.stem)
+@pytest.mark.parametrize("vehicle", cars())
+def test_the_sheets_are_those_that_are_kept(vehicle: str) -> None:
+    made = {f"{sheet.name}.svg": sheet for sheet in sheets_of(vehicle)}
+
+    kept = {file.name: read_svg(file.read_text(encoding="utf-8")) for file in (SHEETS / vehicle).iterdir()}
+    assert sorted(kept) == sorted(made)
+    differences = [f"{name}: {found}" for name in kept for found in check_same(made[name], kept[name])]
+    assert differences == []
+    # Largest pieces first would take four sheets, or leave one of three without its title. The 115 mm car, with 74 % of
+    # three sheets, takes the longer search.
+    if vehicle in ("w95", "w115"):
+        bars = [any(math.isclose(s.length_mm, 100) for s in one.shapes if s.layer == "LABEL") for one in made.values()]
+        assert bars == [True] * 3 and any(s.layer == "QR_CODE" for one in made.values() for s in one.shapes)
+
+
+@pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)
 def test_every_design_passes_the_verification(file: Path) -> None:
-    listing, _ = read_listing(file)
-
-    for name, vehicle in listing.vehicles.items():
-        verification = verify(read_family(file, name, vehicle).single())
-
-        assert verification.findings == (), name
+    assert {name: verify(one).findings for name, one in designs(file).items()} == dict.fromkeys(designs(file), ())
 
 
 def test_the_published_cars_are_there() -> None:
-    file = PATTERNS / "published_cars.json"
-    listing, _ = read_listing(file)
+    published = designs(PUBLISHED).values()
 
-    cars = [read_family(file, name, vehicle).single() for name, vehicle in listing.vehicles.items()]
-
-    assert [car.values["width"] for car in cars] == [65, 95, 115, 180]
-    assert {(car.length_mm, car.values["radius"]) for car in cars} == {(200, 60)}
+    assert [car.values["width"] for car in published] == [65, 95, 115, 180]
+    assert {(car.length_mm, car.values["radius"]) for car in published} == {(200, 60)}
 
 
-@pytest.mark.parametrize("vehicle", ["w95", "w115"])
-def test_a_car_fits_on_three_sheets_with_title_and_code_on_each(vehicle: str) -> None:
-    # Largest pieces first it does not: that takes four, or leaves one of three without its title. The 115 mm car, with
-    # 74 % of three sheets, takes the longer search.
-    file = PATTERNS / "published_cars.json"
-    listing, _ = read_listing(file)
-    car = read_family(file, vehicle, listing.vehicles[vehicle]).single()
-
-    made = pattern(folded_car(car), options("silhouette"), car.title, "foldcar pattern cars.json --vehicle w95 -o car")
-
-    assert len(made.sheets) == 3
-    assert [warning for warning in made.warnings if "sheet" in warning] == []
-
-
-@pytest.mark.parametrize(
-    ("file", "film"),
-    [*((file, "") for file in sorted(PATTERNS.glob("*.json"))), (PATTERNS / "published_cars.json", "+film=pp_0.5")],
-)
+@pytest.mark.parametrize(("file", "film"), [*((file, "") for file in FILES), (PUBLISHED, "+film=pp_0.5")])
 def test_cars_of_the_designs_leave_nothing_to_warn_of(file: Path, film: str) -> None:
-    listing, _ = read_listing(file)
-    name, vehicle = next(iter(listing.vehicles.items()))
-    listed = read_family(file, name, vehicle).single()
-    car = compose(listed.type + film, listed.values)
+    listed = next(iter(designs(file).values()))
+    one = compose(listed.type + film, listed.values)
 
-    made = pattern(folded_car(car), options("silhouette"), car.title, "foldcar pattern cars.json -o car")
+    made = pattern(folded_car(one), options("silhouette"), one.title, "foldcar pattern cars.json -o car")
 
     assert made.warnings == ()
     # The film around a servo's notches: 1 mm, as between a fold's cuts, is enough.
@@ -69,9 +64,7 @@ def test_cars_of_the_designs_leave_nothing_to_warn_of(file: Path, film: str) -> 
 
 @pytest.mark.parametrize("machine", ["silhouette", "scissors"])
 def test_numbers_of_layers_stand_where_the_layers_lie(machine: str) -> None:
-    file = PATTERNS / "hinged.json"
-    listing, _ = read_listing(file)
-    folded = folded_car(read_family(file, "hinged", listing.vehicles["hinged"]).single())
+    folded = car("hinged")
     cut = cut_car(folded, options(machine))
     numbers = {join.piece_a: str(join.number) for join in folded.joins if join.kind == "laminate"}
 

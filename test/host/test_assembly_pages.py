@@ -1,4 +1,4 @@
-"""Parts list, wiring and view of folded cars: their content follows the design."""
+"""Wiring and view of folded cars: their content follows the design."""
 
 import re
 import subprocess

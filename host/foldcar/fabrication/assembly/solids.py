@@ -58,14 +58,14 @@ class Solid:
         return Trimesh(self.vertices_mm, self.triangles, process=False)
 
 
-def film_solid(piece: Piece, fraction: float = 1.0) -> Solid:
-    """The piece, folded by ``fraction`` (0 to 1), in its root face's frame."""
+def film_solid(piece: Piece) -> Solid:
+    """The folded piece in its root face's frame."""
     faces = {face.name: face for face in piece.faces}
-    poses = face_poses(piece, fraction)
+    poses = face_poses(piece)
 
     def is_welded(crease: Crease) -> bool:
         lengths = [math.dist(*edge(faces, reference)) for reference in (crease.parent, crease.child)]
-        return abs(fraction * crease.angle_rad) < SHARPEST_MITRE_RAD and abs(lengths[0] - lengths[1]) < SAME_LENGTH_MM
+        return abs(crease.angle_rad) < SHARPEST_MITRE_RAD and abs(lengths[0] - lengths[1]) < SAME_LENGTH_MM
 
     welded = [crease for crease in piece.creases if is_welded(crease)]
     names = _shared_vertices(piece, welded)

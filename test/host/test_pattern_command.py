@@ -74,7 +74,7 @@ def test_every_car_is_made_and_its_own_command_makes_it_anew_alike_but_never_ove
     assert set(files) == set(manifest["files"]) and manifest["command"] in files["how_to_cut.md"].decode()
     wanted = {"how_to_cut.md", "sheet_1.svg", "sheet_1.dxf", "sheets.pdf", "coupon.svg", "car.stl", "wiring.md"}
     assert {*wanted, "parts.csv", "sheets.png"} <= set(files)
-    assert manifest["type"] == "W_B"
+    assert manifest["type"] == "W_B" and manifest["warnings"] == []
     sheet = read_svg(files["sheet_1.svg"].decode())
     assert (sheet.width_mm, sheet.height_mm) == (1000, 1000)
     assert ezdxf.read(io.StringIO(files["sheet_1.dxf"].decode())).audit().errors == []

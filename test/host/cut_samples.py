@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 
+from foldcar.car.components.shape import on_circle
 from foldcar.car.folded.model import (
     Crease,
     EdgeRef,
@@ -35,12 +36,12 @@ def tab(length: float, depth: float = TAB) -> tuple[Point, ...]:
     return ((0.0, 0.0), (length, 0.0), (length - depth, depth), (depth, depth))
 
 
+def polygon(radius: float, corners: int, center: Point = (0.0, 0.0)) -> list[Point]:
+    return on_circle(radius, (2 * math.pi * i / corners for i in range(corners)), center)
+
+
 def circle(name: str, x: float, y: float, diameter: float) -> Hole:
-    outline = tuple(
-        (x + diameter / 2 * math.cos(2 * math.pi * i / 24), y + diameter / 2 * math.sin(2 * math.pi * i / 24))
-        for i in range(24)
-    )
-    return Hole(name, "screw", outline, diameter, (x, y))
+    return Hole(name, "screw", tuple(polygon(diameter / 2, 24, (x, y))), diameter, (x, y))
 
 
 def beam() -> Piece:
@@ -68,7 +69,7 @@ def cap() -> Piece:
 
 def disc(radius: float) -> Piece:
     """A wheel's disc of 96 corners with a hole in the middle."""
-    outline = tuple((radius * math.cos(2 * math.pi * i / 96), radius * math.sin(2 * math.pi * i / 96)) for i in range(96))
+    outline = tuple(polygon(radius, 96))
     return Piece("disc", "disc", (Face("disc", outline, (circle("axle", 0.0, 0.0, 7.4),)),), (), THICKNESS, count=4)
 
 

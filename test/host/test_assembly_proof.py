@@ -1,10 +1,8 @@
 """The proof of assembly: cars that can be built pass, cars that cannot fail by the step and the parts."""
 
-from collections import Counter
 from dataclasses import replace
-from functools import cache
-from pathlib import Path
 
+import numpy as np
 import pytest
 import shapely
 from shapely.affinity import scale
@@ -16,41 +14,19 @@ from foldcar.car.folded.pose import compose, inverse, rotation, translation
 from foldcar.car.folded.pose import folded as folded_poses
 from foldcar.car.folded_car import folded_car
 from foldcar.car.parts.catalogue import DEFAULT_CHOICES
-from foldcar.car.proof.prove import assembly_steps, prove, service_steps
-from foldcar.study.family import read_family
-from foldcar.study.listing_file import read_listing
+from foldcar.car.proof.plan import planned
+from foldcar.car.proof.prove import assembly_steps, prove, prove_steps, service_steps
+from foldcar.car.proof.step import AssemblyStep
+from foldcar.fabrication.assembly.parts_list import parts_list
+from foldcar.fabrication.assembly.view_steps import view_steps
+from published_cars import car
 from spoiled_car import with_block, with_faces, with_holes, with_mounts
 
-PATTERNS = Path(__file__).parents[2] / "patterns"
 NAMES = ("w65", "w95", "w115", "w180", "six", "hinged")
-
-
-@cache
-def car(name: str) -> FoldedCar:
-    for file in PATTERNS.glob("*.json"):
-        listing, _ = read_listing(file)
-        if name in listing.vehicles:
-            return folded_car(read_family(file, name, listing.vehicles[name]).single())
-    raise KeyError(name)
 
 
 def found(car: FoldedCar) -> list[str]:
     return [str(finding) for finding in prove(car).findings]
-
-
-@pytest.mark.parametrize("name", ["w95", "hinged"])
-def test_the_steps_use_every_part_once_make_every_join_once_and_close_every_fold(name: str) -> None:
-    folded, steps = car(name), assembly_steps(car(name))
-    added = Counter((one.kind, one.name, one.copy) for step in steps for one in step.adds if one.kind != "unit")
-    joined = Counter(number for step in steps for number in step.joins)
-    closed: dict[tuple[str, str], float] = {}
-    for step in steps:
-        closed.update({(piece, crease): share for piece, folds in step.folds.items() for crease, share in folds.items()})
-
-    things = [("piece", one.piece, one.copy) for one in folded.placed] + [("mount", m.name, 0) for m in folded.mounts]
-    assert added == Counter(things)
-    assert joined == Counter({join.number for join in folded.joins})
-    assert closed == {(piece.name, crease.name): 1.0 for piece in folded.pieces for crease in piece.creases}
 
 
 def test_things_come_in_on_the_side_that_is_open() -> None:
@@ -295,3 +271,65 @@ def test_a_battery_on_the_roof_keeps_off_a_latch() -> None:
 def test_a_segment_too_short_for_a_latch_is_refused_with_what_would_do() -> None:
     with pytest.raises(DesignError, match=r"B\.length: 20 is below the minimum ([0-9.]+) .*latch"):
         folded_car(compose_design("W_B_W_B", {"B.length": 20, "W.length": 170}))
+
+
+def swapped(steps: tuple[AssemblyStep, ...], first: str, second: str) -> tuple[AssemblyStep, ...]:
+    """The steps with two things of one step in each other's place."""
+    changed = []
+    for step in steps:
+        names = [one.name for one in step.adds]
+        if first in names and second in names:
+            adds, i, k = list(step.adds), names.index(first), names.index(second)
+            adds[i], adds[k] = adds[k], adds[i]
+            step = replace(step, adds=tuple(adds))
+        changed.append(step)
+    assert tuple(changed) != steps
+    return tuple(changed)
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "words"),
+    [
+        ("HUZZAH32 Feather", "board screw 1", "board screw 1 passes HUZZAH32 Feather, which is not there yet"),
+        ("board screw 2", "8-channel Servo FeatherWing", "the nut of board screw 2 has no way out"),
+        ("HUZZAH32 Feather", "8-channel Servo FeatherWing", "HUZZAH32 Feather has no way out"),
+        ("front left servo", "front left servo screw 1", "passes front left servo, which is not there yet"),
+        ("horn of wheel0", "centre screw of wheel0", "passes horn of wheel0, which is not there yet"),
+    ],
+)
+def test_a_wrong_order_is_found(first: str, second: str, words: str) -> None:
+    folded = car("w95")
+
+    found = [str(finding) for finding in prove_steps(folded, swapped(planned(folded), first, second)).findings]
+
+    assert any(words in one for one in found), found
+
+
+def test_a_step_too_early_is_found() -> None:
+    folded = car("w95")
+    steps = list(planned(folded))
+    shut = next(i for i, step in enumerate(steps) if step.title == "Shut the lid")
+    steps.insert(9, steps.pop(shut))
+
+    found = [str(finding) for finding in prove_steps(folded, steps).findings]
+
+    assert any(folded.parts.battery.name in one and "beam: lid" in one for one in found), found
+
+
+@pytest.mark.parametrize("name", ["w95", "hinged"])
+def test_parts_list_and_view_follow_the_same_order(name: str) -> None:
+    folded, steps = car(name), assembly_steps(car(name))
+    parts = {mount.name: mount.part for mount in folded.mounts}
+    used = dict.fromkeys(parts[one.name] for step in steps for one in step.adds if one.kind == "mount")
+    shown = view_steps(folded)
+
+    assert [row.name for row in parts_list(folded) if row.name in used] == list(used)
+    for number, step in enumerate(steps, 1):
+        starts = [
+            next(begin for n, _, begin, _ in shown.ways[one.kind, one.name, one.copy] if n == number)
+            for one in step.adds if one.kind != "unit"
+        ]  # fmt: skip
+        assert starts == sorted(starts)
+        for one in (one for one in step.adds if one.nut_mm):
+            (first, *_) = [way for n, way, _, _ in shown.ways["nut", one.name, 0] if n == number]
+            assert np.allclose(first[0], -np.array(one.nut_mm[-1]), atol=1e-3)

@@ -18,12 +18,7 @@ from foldcar.errors import FoldcarError
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.runner import RunRequest
 from foldcar.store.writer import canonical_json
-
-FLAT_SCENE = (
-    '{"friction":0.6,"terrain":[],"start":{"x_m":0,"y_m":0,"heading_rad":0},'
-    '"goal":{"kind":"line","x_m":1,"y_m":0,"heading_rad":0},'
-    '"course":{"x_min_m":-1,"x_max_m":2,"y_min_m":-1,"y_max_m":1}}'
-)
+from study_car import empty_scene
 
 
 def study_car(width: float = 95) -> Design:
@@ -238,7 +233,7 @@ def test_the_simulator_takes_the_body_and_drives_it(carsim_binary: Path, type_st
 
     (result,) = carsim.run(
         {"car": canonical_json(body_json(design))},
-        {"flat": FLAT_SCENE},
+        {"flat": canonical_json(empty_scene(goal_x_m=1.0))},
         [RunRequest("car", "flat", canonical_json(settings), "the run", 0)],
     )
 

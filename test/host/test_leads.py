@@ -27,7 +27,8 @@ from foldcar.fabrication.assembly.wiring import wiring_drawing, wiring_text
 from foldcar.fabrication.patterns.options import options
 from foldcar.fabrication.patterns.sheets import cut_car
 from part_data import number, part_data
-from test_assembly_proof import NAMES, car
+from published_cars import car
+from test_assembly_proof import NAMES
 
 # Half the thickness of a servo's flat lead.
 HALF_LEAD_MM = 0.6

@@ -66,12 +66,6 @@ def test_cars_of_other_films_drive_in_the_simulator(film: str) -> None:
     assert result["metrics"]["consumed_energy_j"] > 0
 
 
-def test_wheels_without_a_tyre_grip_as_their_film_does() -> None:
-    for film in ("0.25", "card_160", "pp_0.5"):
-        body = body_json(compose(f"W_B_W+film={film}+tyre=none", {}))
-        assert body["wheels"][0]["grip"] == pytest.approx(part_data(f"film_{film}")["friction"]["value"] / 0.6)
-
-
 @pytest.mark.parametrize(
     ("film", "values", "message"),
     [

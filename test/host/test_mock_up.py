@@ -11,7 +11,7 @@ import shapely
 from pypdf import PdfReader
 from typer.testing import CliRunner
 
-from foldcar.car.design import Design, compose
+from foldcar.car.design import compose
 from foldcar.car.folded.placed import place
 from foldcar.car.folded_car import folded_car
 from foldcar.car.proof.check_joins import check_joins
@@ -21,29 +21,25 @@ from foldcar.fabrication.make_car import make_mock_up
 from foldcar.fabrication.patterns.mock_up import mocked
 from foldcar.fabrication.patterns.options import options
 from foldcar.fabrication.patterns.sheets import pattern
-
-HINGED = {"width": 95.0, "height": 50.0, "radius": 40.0, "W.length": 90.0, "B.length": 80.0}
-
-
-def w95() -> Design:
-    return compose("W_B_W", {"width": 95})
+from published_cars import PUBLISHED, car, design
 
 
 def test_the_95_mm_car_folds_on_one_page_of_paper_instead_of_five() -> None:
     chosen = options("scissors")
-    car = pattern(folded_car(w95()), chosen, "a car")
+    sheets = pattern(car("w95"), chosen, "a car").sheets
 
-    pages = {scale: len(PdfReader(io.BytesIO(make_mock_up(w95(), chosen, scale).files["sheets.pdf"])).pages)
-             for scale in (0.5, 1.0)}  # fmt: skip
+    files = {scale: make_mock_up(design("w95"), chosen, scale).files["sheets.pdf"] for scale in (0.5, 1.0)}
+    pages = {scale: len(PdfReader(io.BytesIO(file)).pages) for scale, file in files.items()}
 
-    assert len(car.sheets) == 5 and pages == {0.5: 1, 1.0: 3}
+    assert len(sheets) == 5 and pages == {0.5: 1, 1.0: 3}
 
 
 @pytest.mark.parametrize("scale", [0.5, 0.8])
-@pytest.mark.parametrize("design", [w95(), compose("W_B_H_W_H_W", HINGED)], ids=lambda design: design.type)
-def test_a_prototype_has_the_cars_body_and_wheels_at_its_scale(design: Design, scale: float) -> None:
-    of_card = compose(f"{design.type}+film=card_160", {k: v for k, v in design.values.items() if k != "H.thickness"})
-    car = folded_car(of_card)
+@pytest.mark.parametrize("name", ["w95", "hinged"])
+def test_a_prototype_has_the_cars_body_and_wheels_at_its_scale(name: str, scale: float) -> None:
+    listed = design(name)
+    of_card = {key: value for key, value in listed.values.items() if key != "H.thickness"}
+    car = folded_car(compose(f"{listed.type}+film=card_160", of_card))
     small = mocked(car, scale)
     bodies, whole = place(small), place(car)
     kept = {piece.name for piece in small.pieces}
@@ -62,22 +58,20 @@ def test_a_prototype_has_the_cars_body_and_wheels_at_its_scale(design: Design, s
     (disc,) = (piece for piece in small.pieces if piece.name == "wheel")
     assert disc.count == len(car.axles)
     area = shapely.Polygon(disc.faces[0].outline_mm).area
-    assert area == pytest.approx(math.pi * (scale * design.values["radius"]) ** 2, rel=0.002)
+    assert area == pytest.approx(math.pi * (scale * listed.values["radius"]) ** 2, rel=0.002)
     # A pin in the middle of each wheel passes the wall beside it.
     walls = [face for faces in bodies.values() for face in faces if face.piece.name != "wheel"]
     pins = [face.in_car([hole.center_mm])[0] for face in walls for hole in face.face.holes if hole.kind == "axle"]
     for axle in car.axles:
         x, y, z = (scale * c for c in axle.center_mm)
         (pin,) = (pin for pin in pins if math.dist((pin[0], pin[2]), (x, z)) < 1e-6 and pin[1] * y > 0)
-        assert abs(pin[1]) == pytest.approx(scale * (design.values["width"] - 0.2) / 2)
+        assert abs(pin[1]) == pytest.approx(scale * (listed.values["width"] - 0.2) / 2)
     assert len(pins) == len(car.axles)
 
 
 def test_a_prototype_says_what_it_is_on_every_page_and_in_its_text(tmp_path: Path) -> None:
     out = tmp_path / "paper"
-    listing = Path(__file__).parents[2] / "patterns/published_cars.json"
-
-    done = CliRunner().invoke(app, ["pattern", str(listing), "--vehicle", "w95", "--mockup", "0.5", "-o", str(out)])
+    done = CliRunner().invoke(app, ["pattern", str(PUBLISHED), "--vehicle", "w95", "--mockup", "0.5", "-o", str(out)])
 
     assert done.exit_code == 0 and "PAPER PROTOTYPE scale 1:2, not for driving" in done.output
     assert "pages     1 of 210 x 297 mm" in done.output
@@ -88,7 +82,7 @@ def test_a_prototype_says_what_it_is_on_every_page_and_in_its_text(tmp_path: Pat
     assert text.startswith("# PAPER PROTOTYPE scale 1:2, not for driving") and "1 page: sheets.pdf" in text
     # The same command with the machine that it names gives the same sheets, also on paper of another size.
     more = ["--machine", "scissors", "--mockup", "0.5", "--sheet", "letter", "-o", str(tmp_path / "letter")]
-    letter = CliRunner().invoke(app, ["pattern", str(listing), "--vehicle", "w95", *more])
+    letter = CliRunner().invoke(app, ["pattern", str(PUBLISHED), "--vehicle", "w95", *more])
     assert letter.exit_code == 0 and "pages     1 of 215.9 x 279.4 mm" in letter.output
 
 
@@ -102,10 +96,9 @@ def test_a_prototype_says_what_it_is_on_every_page_and_in_its_text(tmp_path: Pat
     ],
 )
 def test_prototypes_that_cannot_be_are_refused(tmp_path: Path, words: list[str], message: str) -> None:
-    listing = Path(__file__).parents[2] / "patterns/published_cars.json"
     vehicle = [] if "--all" in words else ["--vehicle", "w95"]
 
-    done = CliRunner().invoke(app, ["pattern", str(listing), *vehicle, *words, "-o", str(tmp_path / "car")])
+    done = CliRunner().invoke(app, ["pattern", str(PUBLISHED), *vehicle, *words, "-o", str(tmp_path / "car")])
 
     assert isinstance(done.exception, FoldcarError) and message in str(done.exception)
     assert not (tmp_path / "car").exists()

@@ -3,17 +3,14 @@
 import math
 from collections import Counter
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 import shapely
 
-from foldcar.car.design import compose
+import published_cars
 from foldcar.car.folded.model import FoldedCar
-from foldcar.car.folded_car import folded_car
 from foldcar.car.proof.plan import planned
 from foldcar.car.proof.prove import assembly_steps
-from foldcar.commands.listed_run import listed_family
 from foldcar.fabrication.assembly.operations import (
     Operations,
     by_step,
@@ -31,8 +28,7 @@ from foldcar.fabrication.patterns.svg import svg
 
 @pytest.fixture(scope="module", params=["four wheels", "three segments"])
 def car(request: pytest.FixtureRequest) -> FoldedCar:
-    hinged = {"width": 95.0, "height": 50.0, "radius": 40.0, "W.length": 90.0, "B.length": 80.0}
-    return folded_car(compose("W_B_W", {}) if request.param == "four wheels" else compose("W_B_H_W_H_W", hinged))
+    return published_cars.car("w95" if request.param == "four wheels" else "hinged")
 
 
 def test_steps_put_every_copy_and_part_in_once_and_make_every_join(car: FoldedCar) -> None:
@@ -112,7 +108,7 @@ def protrusions(flat: FlatPiece) -> int:
 
 def test_every_hook_and_tongue_on_the_sheets_is_counted() -> None:
     """By the pieces' outlines, which know nothing of joins."""
-    car = folded_car(compose("W_B_W", {"width": 95}))
+    car = published_cars.car("w95")
     cut = cut_car(car, options("silhouette"))
 
     of_wheels = {piece.name: protrusions(piece) for piece in cut.pieces if piece.name.startswith("wheel")}
@@ -129,7 +125,7 @@ def test_every_hook_and_tongue_on_the_sheets_is_counted() -> None:
 
 
 def test_another_hook_and_another_hole_are_more_to_do() -> None:
-    car = folded_car(compose("W_B_W", {"width": 95}))
+    car = published_cars.car("w95")
     before = operations(car, cut_car(car, options("laser")))
 
     hook = next(join for join in car.joins if join.kind == "rim")
@@ -165,8 +161,7 @@ def test_minutes_are_seconds_of_each_kind_at_the_pace_of_a_first_build() -> None
 
 
 def test_the_published_car_of_95_mm_is_built_in_an_hour() -> None:
-    published = Path(__file__).resolve().parents[2] / "patterns" / "published_cars.json"
-    folded = folded_car(listed_family(published, "w95", [])[1].single())
+    folded = published_cars.car("w95")
 
     found = operations(folded, cut_car(folded, options("silhouette")))
 

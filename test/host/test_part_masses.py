@@ -1,5 +1,7 @@
 """Masses and tracks of cars, recomputed from the parts' data files and the outlines of their film."""
 
+import csv
+import io
 import math
 import re
 from collections import Counter
@@ -19,7 +21,7 @@ from foldcar.car.folded_car import folded_car
 from foldcar.car.leads import leads, wire_mm
 from foldcar.car.parts.catalogue import OPTIONS, Catalogue
 from foldcar.car.variation import workshop
-from foldcar.fabrication.assembly.parts_list import parts_list, parts_list_text, total_mass_kg
+from foldcar.fabrication.assembly.parts_list import parts_list, parts_list_csv, parts_list_text, total_mass_kg
 from foldcar.fabrication.patterns.labels import join_marks
 from foldcar.fabrication.patterns.options import options
 from foldcar.fabrication.patterns.piece_shapes import piece_shapes
@@ -78,9 +80,10 @@ def test_cars_weigh_their_film_and_the_parts_of_the_data_files(type_string: str)
     assert total_mass_kg(parts_list(car)) == pytest.approx(simulated, rel=1e-6)
 
 
-def test_the_parts_list_counts_what_is_put_in() -> None:
+def test_the_parts_list_and_its_csv_count_what_is_put_in() -> None:
     car = folded_car(compose("W_B_W", {}))
     rows = {row.name: row.quantity for row in parts_list(car)}
+    written = {row["part"]: row for row in csv.DictReader(io.StringIO(parts_list_csv(car)))}
 
     counted = Counter({part_data(name)["name"]: count for name, count in (
         ("servo", 4), ("screw", 8), ("horn_screw", 8), ("centre_screw", 4),
@@ -88,6 +91,8 @@ def test_the_parts_list_counts_what_is_put_in() -> None:
         ("board_pad", 1), ("horn_two_sided", 4),
     )})  # fmt: skip
     assert {name: rows.get(name) for name in counted} == counted
+    assert {name: float(row["quantity"]) for name, row in written.items()} == pytest.approx(rows, rel=1e-5)
+    assert float(written["FS90R servo"]["mass_g"]) == pytest.approx(36)
     assert part_data("tyre_none")["name"] not in {
         row.name for row in parts_list(folded_car(compose("W_B_W+tyre=none", {})))
     }

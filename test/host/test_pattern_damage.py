@@ -3,6 +3,7 @@
 import io
 import re
 from collections.abc import Callable
+from typing import Any
 
 import ezdxf
 import pytest
@@ -12,76 +13,50 @@ from foldcar.fabrication.make_car import TEXTS
 from foldcar.fabrication.patterns.verify import check_pdf, check_text
 from written_sheet import CHOSEN, Made, written_sample
 
+# Up to the first closed path of CUT_OUTER, that path but for its z, and the rest of it.
+OUTLINE = r'(?s)(id="CUT_OUTER".*?)(<path d="M[^"]*)z("/>\n)'
+
 
 @pytest.fixture(scope="module")
 def made() -> Made:
     return written_sample()
 
 
-def first_outline(text: str) -> re.Match[str]:
-    """The first closed path of CUT_OUTER."""
-    found = re.compile(r'<path d="M[^"]*z"/>\n').search(text, text.index('id="CUT_OUTER"'))
-    assert found is not None
-    return found
+def replaced(pattern: str, other: str | Callable[["re.Match[str]"], str]) -> Callable[[str], str]:
+    return lambda text: re.sub(pattern, other, text, count=1)
 
 
-def without_outline(text: str) -> str:
-    return text.replace(first_outline(text)[0], "", 1)
-
-
-def outline_twice(text: str) -> str:
-    return text.replace(first_outline(text)[0], 2 * first_outline(text)[0], 1)
-
-
-def outline_open(text: str) -> str:
-    return text.replace(first_outline(text)[0], first_outline(text)[0].replace("z", ""), 1)
-
-
-def outline_moved(text: str) -> str:
-    """The outline moved by 0.05 mm to the right."""
-    path = first_outline(text)[0]
-    x = re.search(r"M([0-9.]+)", path)
-    assert x is not None
-    return text.replace(path, path.replace(x[0], f"M{float(x[1]) + 0.05:.4f}", 1), 1)
+def shifted(found: "re.Match[str]") -> str:
+    """The outline 0.05 mm farther to the right."""
+    return found[1] + re.sub(r"M([0-9.]+)", lambda x: f"M{float(x[1]) + 0.05:.4f}", found[2]) + f"z{found[3]}"
 
 
 def folds_swapped(text: str) -> str:
     return text.replace("FOLD_VALLEY", "~").replace("FOLD_MOUNTAIN", "FOLD_VALLEY").replace("~", "FOLD_MOUNTAIN")
 
 
-def in_pixels(text: str) -> str:
-    return text.replace('width="300mm" height="200mm"', 'width="300" height="200"')
-
-
-def at_96_dpi(text: str) -> str:
-    return text.replace('viewBox="0 0 300 200"', 'viewBox="0 0 1133.858 755.906"')
-
-
-def off_the_sheet(text: str) -> str:
-    return text.replace('id="LABEL"', 'id="LABEL" transform="translate(-20 0)"')
-
-
 SVG = [
-    (without_outline, "a line on CUT_OUTER .* is missing"),
-    (outline_twice, "lines on each other"),
-    (outline_open, "is not closed"),
-    (outline_moved, "a line on CUT_OUTER .* is missing"),
+    (replaced(OUTLINE, r"\1"), "a line on CUT_OUTER .* is missing"),
+    (replaced(OUTLINE, r"\1\2z\3\2z\3"), "lines on each other"),
+    (replaced(OUTLINE, r"\1\2\3"), "is not closed"),
+    (replaced(OUTLINE, shifted), "a line on CUT_OUTER .* is missing"),
     (folds_swapped, "a line on FOLD_.* is missing"),
-    (in_pixels, "not given in mm"),
-    (at_96_dpi, "is missing"),
-    (off_the_sheet, "has a transform"),
+    (replaced('width="300mm" height="200mm"', 'width="300" height="200"'), "not given in mm"),
+    # As at 96 dots per inch.
+    (replaced('viewBox="0 0 300 200"', 'viewBox="0 0 1133.858 755.906"'), "is missing"),
+    (replaced('id="LABEL"', 'id="LABEL" transform="translate(-20 0)"'), "has a transform"),
     (lambda text: text.replace("LABEL", "Layer 1"), 'has a layer "Layer 1"'),
     (lambda text: text[: len(text) // 2], "not SVG"),
-    (lambda text: text.replace('<circle cx="', '<circle cx="1', 1), "CUT_INNER"),
+    (replaced('<circle cx="', '<circle cx="1'), "CUT_INNER"),
 ]
 
 
-def edited(change: Callable[[ezdxf.document.Drawing], None]) -> Callable[[str], str]:
-    """Damage made with ezdxf."""
+def edited(change: Callable[[Any, Any], object]) -> Callable[[str], str]:
+    """Damage made with ezdxf to a document and its modelspace."""
 
     def damage(text: str) -> str:
         document = ezdxf.read(io.StringIO(text))
-        change(document)
+        change(document, document.modelspace())
         written = io.StringIO()
         document.write(written)
         return written.getvalue()
@@ -89,47 +64,20 @@ def edited(change: Callable[[ezdxf.document.Drawing], None]) -> Callable[[str], 
     return damage
 
 
-def drop_circle(document: ezdxf.document.Drawing) -> None:
-    space = document.modelspace()
-    space.delete_entity(space.query("CIRCLE")[0])
+def first(space: Any, layer: str) -> Any:
+    return space.query(f"LWPOLYLINE[layer=='{layer}']")[0]
 
 
-def move_polyline(document: ezdxf.document.Drawing) -> None:
-    document.modelspace().query("LWPOLYLINE[layer=='CUT_OUTER']")[0].translate(0.05, 0, 0)
-
-
-def open_polyline(document: ezdxf.document.Drawing) -> None:
-    document.modelspace().query("LWPOLYLINE[layer=='CUT_OUTER']")[0].closed = False
-
-
-def in_inches(document: ezdxf.document.Drawing) -> None:
-    document.units = ezdxf.units.IN
-
-
-def bulge(document: ezdxf.document.Drawing) -> None:
-    document.modelspace().query("LWPOLYLINE[layer=='CUT_OUTER']")[0].set_points([(0, 0, 0, 0, 1), (9, 9, 0, 0, 0)])
-
-
-def copy_fold(document: ezdxf.document.Drawing) -> None:
-    space = document.modelspace()
-    space.add_entity(space.query("LWPOLYLINE[layer=='FOLD_VALLEY']")[0].copy())
-
-
+ARC = [(0, 0, 0, 0, 1), (9, 9, 0, 0, 0)]
 DXF = [
-    (edited(drop_circle), "a line on CUT_INNER .* is missing"),
-    (edited(move_polyline), "a line on CUT_OUTER .* is missing"),
-    (edited(open_polyline), "is not closed"),
-    (edited(in_inches), r"\$INSUNITS is 1"),
-    (edited(bulge), "has a LWPOLYLINE on CUT_OUTER"),
-    (edited(copy_fold), "lines on each other"),
+    (edited(lambda _, space: space.delete_entity(space.query("CIRCLE")[0])), "a line on CUT_INNER .* is missing"),
+    (edited(lambda _, space: first(space, "CUT_OUTER").translate(0.05, 0, 0)), "a line on CUT_OUTER .* is missing"),
+    (edited(lambda _, space: setattr(first(space, "CUT_OUTER"), "closed", False)), "is not closed"),
+    (edited(lambda document, _: setattr(document, "units", ezdxf.units.IN)), r"\$INSUNITS is 1"),
+    (edited(lambda _, space: first(space, "CUT_OUTER").set_points(ARC)), "has a LWPOLYLINE on CUT_OUTER"),
+    (edited(lambda _, space: space.add_entity(first(space, "FOLD_VALLEY").copy())), "lines on each other"),
     (lambda text: text[: len(text) // 2], "not DXF|audit"),
 ]
-
-
-def replaced(pattern: str, other: str) -> Callable[[str], str]:
-    return lambda text: re.sub(pattern, other, text, count=1)
-
-
 LIGHTBURN = [
     (replaced(r"<VertList>V", "<VertList>V1"), "is missing"),
     (replaced(r'<name Value="CUT_INNER" />', '<name Value="CUT_OUTER" />'), "not cut in their order"),
@@ -152,46 +100,32 @@ def test_a_damaged_file_is_found(made: Made, ending: str, damage: Callable[[str]
     assert re.search(said, "\n".join(check_text(read, made.sheet, damaged, CHOSEN)))
 
 
-def rewritten(change: Callable[[PdfWriter], None]) -> Callable[[bytes], bytes]:
+def rewritten(change: Callable[[PdfWriter], object]) -> Callable[[bytes], bytes]:
     """Damage made with pypdf."""
 
     def damage(binary: bytes) -> bytes:
-        writer = PdfWriter(clone_from=io.BytesIO(binary))
+        writer, written = PdfWriter(clone_from=io.BytesIO(binary)), io.BytesIO()
         change(writer)
-        written = io.BytesIO()
         writer.write(written)
         return written.getvalue()
 
     return damage
 
 
-def fit_to_page(writer: PdfWriter) -> None:
-    """Scale the page to fit, as printer drivers do."""
-    writer.pages[0].add_transformation(Transformation().scale(0.97))
-
-
-def shift_page(writer: PdfWriter) -> None:
-    writer.pages[1].add_transformation(Transformation().translate(0.2, 0))
-
-
-def drop_page(writer: PdfWriter) -> None:
-    writer.remove_page(0)
-
-
 def recolour(writer: PdfWriter) -> None:
-    page = writer.pages[0]
-    content = page.get_contents()
+    content = writer.pages[0].get_contents()
     assert content is not None
     content.set_data(content.get_data().replace(b"0 0 0 RG", b"1 0 0 RG"))
-    page.replace_contents(content)
+    writer.pages[0].replace_contents(content)
 
 
 @pytest.mark.parametrize(
     ("damage", "said"),
     [
-        (rewritten(fit_to_page), "page 1: a line"),
-        (rewritten(shift_page), "page 2: a line"),
-        (rewritten(drop_page), "has 1 pages, should have 2"),
+        # As printer drivers do to fit the page.
+        (rewritten(lambda one: one.pages[0].add_transformation(Transformation().scale(0.97))), "page 1: a line"),
+        (rewritten(lambda one: one.pages[1].add_transformation(Transformation().translate(0.2, 0))), "page 2: a line"),
+        (rewritten(lambda one: one.remove_page(0)), "has 1 pages, should have 2"),
         (rewritten(recolour), "page 1: a line on CUT_OUTER .* is missing"),
         (lambda binary: binary[:200], "not PDF"),
     ],

@@ -11,10 +11,11 @@ import shapely
 from shapely.geometry import LineString, Polygon, box
 
 from cut_samples import FLAP, HEIGHT, LENGTH, RIGHT_ANGLE, THICKNESS, WIDTH, beam, cap, circle, disc, folded_box, rim
+from foldcar.car.components.shape import on_circle
 from foldcar.car.design import compose
 from foldcar.car.folded.model import IDENTITY, Crease, EdgeRef, Face, Hole, Piece, PlacedPiece
 from foldcar.car.folded_car import folded_car
-from foldcar.fabrication.patterns.drawing import Circle, Path
+from foldcar.fabrication.patterns.drawing import Circle, Path, Point
 from foldcar.fabrication.patterns.film import dashes, narrowest_film
 from foldcar.fabrication.patterns.flat_piece import FlatPiece, bend_deduction_mm, flat_piece, offset_edges
 from foldcar.fabrication.patterns.labels import join_marks, label_paths
@@ -45,26 +46,24 @@ def test_faces_along_oblique_edges_that_end_beside_their_corners_are_one_area() 
     assert Polygon(flat.outline.exterior).area == pytest.approx(of_faces, abs=0.01)
 
 
-def test_an_offset_square_is_a_smaller_square() -> None:
-    corners = offset_edges([(0, 0), (10, 0), (10, 10), (0, 10)], [1, 1, 2, 0.5])
+def test_an_offset_square_is_smaller_and_edges_on_one_line_with_different_offsets_make_a_step() -> None:
+    square = offset_edges([(0, 0), (10, 0), (10, 10), (0, 10)], [1, 1, 2, 0.5])
+    stepped = offset_edges([(0, 0), (5, 0), (10, 0), (10, 10), (0, 10)], [0, 1, 0, 0, 0])
 
-    assert corners == [[(0.5, 1.0)], [(9.0, 1.0)], [(9.0, 8.0)], [(0.5, 8.0)]]
-
-
-def test_edges_on_one_line_with_different_offsets_make_a_step() -> None:
-    corners = offset_edges([(0, 0), (5, 0), (10, 0), (10, 10), (0, 10)], [0, 1, 0, 0, 0])
-
-    assert corners[1] == [(5, 0), (5, 1)]
+    assert square == [[(0.5, 1.0)], [(9.0, 1.0)], [(9.0, 8.0)], [(0.5, 8.0)]]
+    assert stepped[1] == [(5, 0), (5, 1)]
 
 
-def test_a_flat_is_as_long_as_its_faces_less_what_the_bends_save() -> None:
-    chosen = options("silhouette", tab_clearance_mm=0.0)
+def test_a_flat_is_as_long_and_as_large_as_its_faces_less_what_the_bends_save() -> None:
+    high = 2 * WIDTH + 2 * HEIGHT + FLAP - 4 * RIGHT_ANGLE_DEDUCTION
+    # The flap is mitred; openings for a servo and a screw.
+    area = LENGTH * high - FLAP**2 - 23.4 * 12.7 - math.pi * 1.0**2
 
-    flat = flat_piece(beam(), chosen)
+    flat = flat_piece(beam(), options("silhouette", tab_clearance_mm=0.0))
 
     x0, y0, x1, y1 = flat.outline.bounds
-    assert x1 - x0 == pytest.approx(LENGTH, abs=1e-3)
-    assert y1 - y0 == pytest.approx(2 * WIDTH + 2 * HEIGHT + FLAP - 4 * RIGHT_ANGLE_DEDUCTION, abs=1e-3)
+    assert (x1 - x0, y1 - y0) == pytest.approx((LENGTH, high), abs=1e-3)
+    assert flat.area_mm2 == pytest.approx(area, rel=2e-5)
 
 
 @pytest.mark.parametrize(("radius", "k_factor", "angle"), [(0.0, 0.5, 90), (1.0, 0.4, 90), (0.5, 0.3, 60)])
@@ -74,28 +73,18 @@ def test_bend_deduction_is_that_of_a_measured_arc(radius: float, k_factor: float
     # Two legs of the middle surface to its sharp corner, against legs to the arc's tangents and the neutral arc.
     middle = radius + THICKNESS / 2
     tangent_from_corner = middle / math.tan((math.pi - turn) / 2)
-    points = [
-        (
-            (radius + k_factor * THICKNESS) * math.cos(t * turn / 2000),
-            (radius + k_factor * THICKNESS) * math.sin(t * turn / 2000),
-        )
-        for t in range(2001)
-    ]
+    points = on_circle(radius + k_factor * THICKNESS, (t * turn / 2000 for t in range(2001)))
     arc = sum(math.dist(a, b) for a, b in itertools.pairwise(points))
 
     assert bend_deduction_mm(turn, THICKNESS, chosen) == pytest.approx(2 * tangent_from_corner - arc, abs=1e-6)
 
 
-def test_folds_are_valleys_or_mountains_by_their_angle() -> None:
+def test_folds_are_valleys_or_mountains_by_their_angle_and_an_even_bend_has_none() -> None:
     assert {fold.kind for fold in flat_piece(beam(), plain()).folds} == {"valley"}
     assert {fold.kind for fold in flat_piece(cap(), plain()).folds} == {"mountain"}
-
-
-def test_an_evenly_bent_rim_has_folds_at_its_teeth_only() -> None:
-    flat = flat_piece(rim(40.0), plain())
-
-    assert len(flat.folds) == 80
-    assert all(abs(fold.a[1] - fold.b[1]) < 1e-6 for fold in flat.folds)
+    # A rim has folds at its teeth only.
+    bent = flat_piece(rim(40.0), plain()).folds
+    assert len(bent) == 80 and all(abs(fold.a[1] - fold.b[1]) < 1e-6 for fold in bent)
 
 
 def test_tabs_lose_their_clearance_and_keep_their_fold() -> None:
@@ -107,16 +96,6 @@ def test_tabs_lose_their_clearance_and_keep_their_fold() -> None:
     # Mitred sides stand at 45 degrees: their ends move by the clearance times the root of two.
     lengths = sorted(math.dist(fold.a, fold.b) for fold in narrow.folds)
     assert lengths[0] == pytest.approx(HEIGHT - 2 * 0.5 * math.sqrt(2), abs=1e-3)
-
-
-def test_the_plain_flat_has_the_area_of_its_faces() -> None:
-    area = LENGTH * (2 * WIDTH + 2 * HEIGHT) + (LENGTH - FLAP) * FLAP - 23.4 * 12.7 - math.pi * 1.0**2
-    # A strip along each of the four folds.
-    area -= 4 * LENGTH * RIGHT_ANGLE_DEDUCTION
-
-    flat = flat_piece(beam(), options("silhouette", tab_clearance_mm=0.0))
-
-    assert flat.area_mm2 == pytest.approx(area, rel=2e-5)
 
 
 @pytest.mark.parametrize("length", [1.0, 2.0, 7.3, 60.0, 200.0])
@@ -344,17 +323,16 @@ def test_nested_pieces_keep_their_gap_and_stay_on_their_sheets() -> None:
     assert nest(pieces, (200.0, 180.0), 4.0, 2.0, (102.0, 9.0)) == nested
 
 
-def test_a_title_that_fits_no_corner_takes_what_pieces_have_left() -> None:
+@pytest.mark.parametrize(
+    ("size", "title_mm", "titles"),
     # Beside a slab that fills the height, a title as wide as the rest has room at any height, above it none.
-    nested = nest([("slab", box(0, 0, 90, 172), 1)], (200.0, 180.0), 4.0, 2.0, (98.0, 9.0))
+    [((90, 172), (98.0, 9.0), 1), ((191.9, 171.9), (102.0, 9.0), 0)],
+    ids=["a title in what pieces have left", "a piece that just fits"],
+)
+def test_pieces_and_titles_take_all_the_room(size: tuple[float, float], title_mm: Point, titles: int) -> None:
+    nested = nest([("slab", box(0, 0, *size), 1)], (200.0, 180.0), 4.0, 2.0, title_mm)
 
-    assert nested.titles[0] is not None and len(nested.titles) == 1
-
-
-def test_a_piece_that_just_fits_is_placed() -> None:
-    nested = nest([("full", box(0, 0, 191.9, 171.9), 1)], (200.0, 180.0), 4.0, 2.0, (102.0, 9.0))
-
-    assert nested.titles == (None,)
+    assert [title is not None for title in nested.titles] == [bool(titles)]
 
 
 def test_a_piece_that_fits_no_sheet_is_named_with_both_sizes() -> None:

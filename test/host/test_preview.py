@@ -50,10 +50,6 @@ def test_every_sheet_is_shown_once_to_one_scale_in_the_layers_colours() -> None:
     assert not (blue > red + 50).any()
 
 
-def test_the_same_sheets_give_the_same_picture() -> None:
-    assert preview([sheet(1, "SCORE")], "a car") == preview([sheet(1, "SCORE")], "a car")
-
-
 def test_a_picture_of_many_sheets_stays_small_enough_to_open() -> None:
     # Six sheets in a row.
     shown = pixels(preview([sheet(i, "SCORE") for i in range(1, 27)], "a car"))

@@ -14,13 +14,9 @@ from foldcar.errors import FoldcarError
 from foldcar.simulation.carsim import Carsim, CarsimLimits
 from foldcar.simulation.runner import RunRequest
 from foldcar.store.writer import canonical_json
+from study_car import empty_scene
 
 WORKSHOP = spread_named("workshop", "here")
-FLAT = (
-    '{"friction":0.6,"terrain":[],"start":{"x_m":0,"y_m":0,"heading_rad":0},'
-    '"goal":{"kind":"line","x_m":1,"y_m":0,"heading_rad":0},'
-    '"course":{"x_min_m":-1,"x_max_m":2,"y_min_m":-2,"y_max_m":2}}'
-)
 
 
 @pytest.fixture
@@ -73,52 +69,29 @@ def test_a_draw_depends_on_seed_and_sample_alone() -> None:
 
 
 def test_a_body_is_changed_as_computed_by_hand(body: dict[str, Any], carsim_limits: CarsimLimits) -> None:
-    variation: dict[str, Any] = {
-        "servo_speed": [0.1] * 8,
-        "servo_torque": [-0.1] * 8,
-        "neutral_us": [12.0, -12.0] * 4,
-        "deadband_us": [5.0] * 8,
-        "eccentricity_m": [0.001] * 8,
-        "eccentricity_phase_rad": [2.0] * 8,
-        "tyre_grip": [0.2] * 8,
-        "wheel_radius": [0.05] * 8,
-        "supply_v": -0.2,
-        "mass": 0.1,
-        "com_x_m": 0.003,
-        "com_y_m": -0.002,
-        "com_z_m": 0.001,
-        "belly_grip": -0.5,
-    }
-    nominal = body["segments"][0]
-
+    of_wheels = {"servo_speed": 0.1, "servo_torque": -0.1, "deadband_us": 5.0, "eccentricity_m": 0.001,
+                 "eccentricity_phase_rad": 2.0, "tyre_grip": 0.2, "wheel_radius": 0.05}  # fmt: skip
+    variation: dict[str, Any] = {name: [value] * 8 for name, value in of_wheels.items()}
+    variation |= {"neutral_us": [12.0, -12.0] * 4, "supply_v": -0.2, "mass": 0.1, "belly_grip": -0.5}
+    variation |= {"com_x_m": 0.003, "com_y_m": -0.002, "com_z_m": 0.001}
+    nominal, wheel = body["segments"][0], body["wheels"][1]
     before = canonical_json(body)
 
     varied = vary_body(body, variation, carsim_limits.numbers)
 
     assert canonical_json(body) == before
-    (segment,) = varied["segments"]
-    assert segment["mass_kg"] == pytest.approx(1.1 * nominal["mass_kg"])
-    # The same shape of 1.1 times the density.
-    for axis in ("roll", "pitch", "yaw"):
-        inertia = f"{axis}_inertia_kg_m2"
-        assert segment[inertia] == pytest.approx(1.1 * nominal[inertia]), axis
-    assert segment["com_x_m"] == pytest.approx(nominal["com_x_m"] + 0.003)
-    assert segment["com_y_m"] == pytest.approx(nominal["com_y_m"] - 0.002)
-    assert segment["com_z_m"] == pytest.approx(nominal["com_z_m"] + 0.001)
-    assert segment["grip"] == pytest.approx(0.5 * 0.35 / 0.6)
-    second = varied["wheels"][1]
-    assert second["radius_m"] == pytest.approx(0.063)
-    assert second["grip"] == pytest.approx(1.2)
-    assert (second["eccentricity_m"], second["eccentricity_phase_rad"]) == (0.001, 2.0)
-    assert second["servo"]["no_load_speed_rad_s"] == pytest.approx(
-        1.1 * body["wheels"][1]["servo"]["no_load_speed_rad_s"]
-    )
-    assert second["servo"]["stall_torque_n_m"] == pytest.approx(0.9 * body["wheels"][1]["servo"]["stall_torque_n_m"])
-    assert (second["servo"]["neutral_us"], second["servo"]["deadband_us"]) == (1488, 50)
+    # The same shape of 1.1 times the density, its centre moved; what does not vary stays.
+    same_shape = ("mass_kg", "roll_inertia_kg_m2", "pitch_inertia_kg_m2", "yaw_inertia_kg_m2")
+    expected = {**nominal, **{key: 1.1 * nominal[key] for key in same_shape}, "grip": 0.5 * 0.35 / 0.6}
+    expected |= {key: nominal[key] + variation[key] for key in ("com_x_m", "com_y_m", "com_z_m")}
+    assert varied["segments"] == [pytest.approx(expected)]
+    changed = {"radius_m": 0.063, "grip": 1.2, "eccentricity_m": 0.001, "eccentricity_phase_rad": 2.0}
+    servo = {"neutral_us": 1488, "deadband_us": 50, "rated_v": 5.2}
+    servo |= {key: by * wheel["servo"][key] for key, by in (("no_load_speed_rad_s", 1.1), ("stall_torque_n_m", 0.9))}
+    second, own = varied["wheels"][1], wheel.pop("servo")
+    assert second.pop("servo") == pytest.approx({**own, **servo})
+    assert second == pytest.approx({**wheel, **changed})
     assert varied["supply_v"] == pytest.approx(5.0)
-    # What does not vary stays.
-    assert segment["length_m"] == nominal["length_m"]
-    assert second["servo"]["rated_v"] == 5.2
 
 
 def test_without_spread_nothing_changes(body: dict[str, Any], carsim_limits: CarsimLimits) -> None:
@@ -164,8 +137,8 @@ def test_the_simulator_takes_every_nearby_car(carsim_binary: Path, carsim_limits
     )
     bodies = {str(k): canonical_json(vary_body(nominal, draw(spread, 5, k), carsim_limits.numbers)) for k in range(40)}
 
-    results = Carsim(carsim_binary).run(
-        bodies, {"flat": FLAT}, [RunRequest(name, "flat", settings, name, 0) for name in bodies]
-    )
+    flat = canonical_json(empty_scene(goal_x_m=1.0))
+    requests = [RunRequest(name, "flat", settings, name, 0) for name in bodies]
+    results = Carsim(carsim_binary).run(bodies, {"flat": flat}, requests)
 
     assert len({result["distance_to_target_m"] for result in results}) == 40

@@ -18,9 +18,10 @@ from foldcar.fabrication.assembly.view_page import view_page
 from foldcar.models.exported_car import main_segment
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.heights import carsim_heights
+from published_cars import car
+from published_cars import design as published_design
 from view_probe import probed
 
-HINGED = {"width": 95.0, "height": 50.0, "radius": 40.0, "W.length": 90.0, "B.length": 80.0}
 # A block's worth of ground, so that the map has heights.
 STEP_M = 0.02
 
@@ -142,7 +143,7 @@ WHEELS = """
 
 def test_page_replays_a_run_of_a_hinged_car(tmp_path: Path) -> None:
     """Poses against scipy's rotations; at each hinge two segments stay together, and wheels on their axles."""
-    design = compose("W_B_H_W_H_W", HINGED)
+    design = published_design("hinged")
     folded, body = folded_car(design), body_json(design)
     rows = [[0.0, 0.0, 0.0, 0.04, 0.0, 0.0, 0.0, 0.0, 0.0], [1.0, 0.6, 0.1, 0.07, 0.5, 0.3, -0.2, -0.4, -0.25]]
     block = {"kind": "box", "x_m": 0.7, "y_m": 0.0, "heading_rad": 0.3, "length_m": 0.2, "width_m": 0.2, "height_m": 0.03}
@@ -212,7 +213,7 @@ def test_the_pages_ground_is_the_simulators(tmp_path: Path, carsim_binary: Path)
 
 def test_every_face_of_film_is_where_the_car_is_folded(tmp_path: Path) -> None:
     """What the page draws of a car, against its film; at hinges faces beyond go with the other segment."""
-    folded = folded_car(compose("W_B_H_W_H_W", HINGED))
+    folded = car("hinged")
     shapes = SceneShapes()
     parts = shapes.add(folded)
 

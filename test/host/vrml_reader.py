@@ -5,6 +5,7 @@ reference manual): of each field its type.
 """
 
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -85,11 +86,15 @@ class Reader:
             self.take("EXTERNPROTO")
             self.file.protos.append(self.take()[1:-1])
         if self.tokens and self.tokens[0] == "PROTO":
-            self.interface()
-            self.take("{")
-            self.file.nodes.append(self.node())
-            self.take("}")
-            assert not self.tokens
+            self.take("PROTO")
+            self.file.name = self.take()
+            for _ in self.until("[", "]"):
+                self.take("field")
+                kind, name = self.take(), self.take()
+                self.file.interface[name] = kind
+                self.value(kind)
+            self.file.nodes += [self.node() for _ in self.until("{", "}")]
+            assert len(self.file.nodes) == 1 and not self.tokens
         while self.tokens:
             self.file.nodes.append(self.node())
         return self.file
@@ -99,29 +104,23 @@ class Reader:
         assert expected is None or token == expected, f"{token} where {expected} belongs"
         return token
 
-    def interface(self) -> None:
-        self.take("PROTO")
-        self.file.name = self.take()
-        self.take("[")
-        while self.tokens[0] != "]":
-            self.take("field")
-            kind, name = self.take(), self.take()
-            self.file.interface[name] = kind
-            self.value(kind)
-        self.take("]")
+    def until(self, first: str, last: str) -> Iterator[None]:
+        """Once for each thing between two brackets."""
+        self.take(first)
+        while self.tokens[0] != last:
+            yield
+        self.take(last)
 
     def node(self) -> ReadNode:
         node = ReadNode(self.take())
         extern = {name.rsplit("/", 1)[-1].removesuffix(".proto") for name in self.file.protos}
         known = CAR if node.name in extern else NODES.get(node.name)
         assert known is not None, f"no node {node.name}"
-        self.take("{")
-        while self.tokens[0] != "}":
+        for _ in self.until("{", "}"):
             name = self.take()
             assert name in known, f"{node.name} has no field {name}"
             assert name not in node.fields, f"{node.name}.{name} stands twice"
             node.fields[name] = self.value(known[name])
-        self.take("}")
         return node
 
     def value(self, kind: str) -> Any:
@@ -130,23 +129,17 @@ class Reader:
             name = self.take()
             assert self.file.interface[name] == kind
             return name
-        if kind.startswith("SF"):
-            return self.single(kind[2:])
-        if self.tokens[0] != "[":
-            return [self.single(kind[2:])]
-        self.take("[")
-        values = []
-        while self.tokens[0] != "]":
-            values.append(self.single(kind[2:]))
-        self.take("]")
-        return values
+        if kind.startswith("MF"):
+            listed = self.tokens[0] == "["
+            return [self.single(kind[2:]) for _ in (self.until("[", "]") if listed else [None])]
+        return self.single(kind[2:])
 
     def single(self, kind: str) -> Any:
         if kind == "Node":
-            if self.tokens[0] == "NULL":
-                self.take()
-                return None
-            return self.node()
+            if self.tokens[0] != "NULL":
+                return self.node()
+            self.take("NULL")
+            return None
         if kind == "String":
             text = self.take()
             assert text[0] == text[-1] == '"'

@@ -56,8 +56,7 @@ class _Prover:
         self.car, self.roles = car, roles_of(car)
         self.scene = Scene(self.roles)
         self.joined = self.scene.ignored()
-        self.folds: dict[str, Mapping[str, float]] = {}
-        self.stage = Stage(self.roles, self.folds)
+        self.stage = Stage(self.roles, {})
         # What stands in the car (no unit), and in units by name and body.
         self.standing: dict[tuple[str, str], dict[Thing, Blocks]] = {CAR: {}}
         self.findings: list[Finding] = []
@@ -110,7 +109,7 @@ class _Prover:
     def _fold(self, place: str, step: AssemblyStep) -> None:
         """Close folds; what swings meets nothing of its own piece or of what stands there."""
         for name, fractions in step.folds.items():
-            before = self.folds.get(name, {})
+            before = self.stage.folds.get(name, {})
             lid = self.roles.lids.get(name)
             if lid is not None and lid.creases and set(fractions) == set(lid.creases):
                 angles = {crease.name: crease.angle_rad for crease in self.roles.pieces[name].creases}
@@ -124,9 +123,7 @@ class _Prover:
     def _close(self, folds: Mapping[str, Mapping[str, float]]) -> None:
         if not folds:
             return
-        for name, fractions in folds.items():
-            self.folds[name] = {**self.folds.get(name, {}), **fractions}
-        self.stage = Stage(self.roles, self.folds)
+        self.stage = self.stage.closed(folds)
         for standing in self.standing.values():
             standing.update({key: self._solid(key) for key in standing})
 
@@ -216,7 +213,7 @@ class _Prover:
 
     def _swing(self, place: str, name: str, failure: str, path: Sequence[Mapping[str, float]]) -> None:
         """A finding if a piece, or what it carries, meets something while its folds take the fractions of ``path``."""
-        stages = [Stage(self.roles, {**self.folds, name: {**self.folds.get(name, {}), **one}}) for one in path]
+        stages = [self.stage.closed({name: one}) for one in path]
         first, last = stages[0], stages[-1]
         for standing in self.standing.values():
             keys = [key for key in standing if first.poses(key) != last.poses(key)]

@@ -45,7 +45,7 @@ class Roles:
         area = {piece.name: sum(polygon(face).area for face in piece.faces) for piece in car.pieces}
         self.base = {body: max(self.placed(body), key=lambda one: area[one.piece]) for body in self.bodies}
         self.bases = {one.piece for one in self.base.values()}
-        self.lids = {name: lid_of(car, self.pieces[name]) for name in self.bases}
+        self.lids = {name: lid_of(car, self.pieces[name]) for name in sorted(self.bases)}
         self.finished = {piece.name: folded(piece) for piece in car.pieces}
         self.fastener_names = {part.name for part in car.parts.bought if isinstance(part, Screw)}
         self.host = cache(self._host)
@@ -88,11 +88,6 @@ class Roles:
             return False
         # Printed sides, along +z of their frames, look inwards.
         return compose(inverse(self.pose_of(*host)), mount.pose)[2][3] < 0
-
-    def face_under(self, one: PlacedPiece) -> str | None:
-        """The face of its beam that a piece moves with; None for a beam and for what is fixed to none."""
-        on = self._on_beam(self.host(one), one.body)
-        return None if on is None else on[1]
 
     def _on_beam(self, host: Host, body: str) -> Host:
         """What a host is fixed to in the end, its beam; None if that is none."""

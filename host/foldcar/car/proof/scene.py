@@ -30,12 +30,21 @@ class Stage:
     """
 
     def __init__(self, roles: Roles, folds: Folds) -> None:
-        self.roles = roles
+        self.roles, self.folds = roles, folds
         self._folded = cache(lambda name: folded(roles.pieces[name], folds.get(name, {})))
+
+    def closed(self, folds: Folds) -> "Stage":
+        """The stage with these folds closed, too."""
+        changed = {piece: {**self.folds.get(piece, {}), **fractions} for piece, fractions in folds.items()}
+        return Stage(self.roles, {**self.folds, **changed})
+
+    def root(self, one: PlacedPiece) -> Pose:
+        """The pose of the first face of a copy of a piece."""
+        return compose(self._shift(self.roles.host(one)), one.pose)
 
     def faces(self, one: PlacedPiece) -> dict[str, Pose]:
         """The poses of the faces of a copy of a piece."""
-        root = compose(self._shift(self.roles.host(one)), one.pose)
+        root = self.root(one)
         return {face: compose(root, pose) for face, pose in self._folded(one.piece).items()}
 
     def mount(self, mount: Mount) -> Pose:

@@ -2,7 +2,6 @@
 
 import itertools
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -26,9 +25,6 @@ MATERIAL_OF: dict[str, Material] = {
 
 def face_poses(piece: Piece, fraction: Fraction = 1.0) -> dict[str, Matrix]:
     """The (4, 4) poses of all faces by name, in the root face's frame."""
-    if isinstance(fraction, Mapping):
-        creases = tuple(replace(c, angle_rad=c.angle_rad * fraction.get(c.name, 0.0)) for c in piece.creases)
-        piece, fraction = replace(piece, creases=creases), 1.0
     return {name: np.array(pose) for name, pose in folded(piece, fraction).items()}
 
 

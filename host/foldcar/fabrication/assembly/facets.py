@@ -10,7 +10,7 @@ from typing import Literal
 
 import numpy as np
 
-from foldcar.car.folded.model import IDENTITY, Hole, Mount, Piece, Solid
+from foldcar.car.folded.model import Hole, Mount, Piece, Solid
 from foldcar.fabrication.assembly.faces import Fraction, Matrix, face_poses, glued_offset_mm, mount_material, moved
 from foldcar.fabrication.assembly.hidden_surfaces import Facet, Vector
 
@@ -88,8 +88,7 @@ def mount_shape(mount: Mount, pose: Matrix | None = None) -> Shape:
     if len(mount.solids) >= RING_SOLIDS:
         drawn = [("round", _ring(mount, pose))]
     else:
-        solids = mount.solids or (Solid("box", mount.size_mm, IDENTITY),)
-        drawn = [(solid.kind, _sides(solid, pose @ np.array(solid.pose))) for solid in solids]
+        drawn = [(solid.kind, _sides(solid, pose @ np.array(solid.pose))) for solid in mount.shape]
     for number, (kind, sides) in enumerate(drawn):
         for side, (rings, normal) in enumerate(sides):
             facets.append(Facet(f"{mount.name} {number}.{side}", rings, normal, mount_material(mount), closed=True))

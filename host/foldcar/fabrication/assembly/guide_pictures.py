@@ -88,8 +88,7 @@ def service_picture(car: FoldedCar) -> tuple[Drawing, ...]:
         shut = together(map(state.shape, off))
         pictures.append(Drawing(shut, FROM_RIGHT, "Open", arrows=_opening(car, state), caption=caption))
     for folds in lids:
-        for piece, creases in folds.items():
-            state.closed.setdefault(piece, {}).update(creases)
+        state.close(folds)
     mounts = {mount.name: mount for mount in car.mounts}
     arrows: list[Arrow] = []
     for reach in (reach for step in service_steps(car) for reach in step.reaches if not reach.piece):
@@ -246,7 +245,7 @@ class Scene:
 
     def _fold_arrows(self, part: PlacedPiece) -> None:
         """From where the largest faces that a fold moves were to where they are."""
-        then, now = self.state.face_centres(part, self.state.before), self.state.face_centres(part)
+        then, now = (self.state.face_centres(part, stage) for stage in (self.state.before, self.state.stage))
         faces = sorted(self.state.pieces[part.piece].faces, key=lambda face: -_spread(face.outline_mm))
         moved = [f.name for f in faces if np.linalg.norm(now[f.name] - then[f.name]) > MOVED_MM]
         self.arrows += [Arrow(np.stack([then[name], now[name]])) for name in moved[:FOLD_ARROWS]]
@@ -256,7 +255,7 @@ class Scene:
         pose = self.state.pose(part)
         pose[:3, 3] += shift
         piece = self.state.pieces[part.piece]
-        marks = join_marks(self.state.car, piece, pose, self.state.fraction(part.piece), key(part))
+        marks = join_marks(self.state.car, piece, pose, self.state.closed.get(part.piece, {}), key(part))
         self.marks += [mark for mark in marks if int(mark.text) in self.step.joins]
 
 

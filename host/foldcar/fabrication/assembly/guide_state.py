@@ -1,44 +1,45 @@
 """The car between two steps of its assembly: which folds are closed, what is in, and where everything then is.
 
-Input: a FoldedCar and the steps so far. Output: poses and Shapes in the car's frame. What is fixed to a face follows
-that face; the face of a beam that is nearest to the ground stays where it is in the finished car.
+Input: a FoldedCar and the steps so far. Output: poses and Shapes in the car's frame.
 """
-
-from collections.abc import Mapping
 
 import numpy as np
 
 from foldcar.car.folded.model import FoldedCar, Mount, PlacedPiece
+from foldcar.car.folded.pose import apply
 from foldcar.car.proof.roles import roles_of
+from foldcar.car.proof.scene import Folds, Stage
 from foldcar.car.proof.step import Added, AssemblyStep
-from foldcar.fabrication.assembly.faces import Fraction, Matrix, face_poses, moved
+from foldcar.fabrication.assembly.faces import Matrix
 from foldcar.fabrication.assembly.facets import Shape, film_shape, mount_shape
 from foldcar.fabrication.assembly.hidden_surfaces import Vector
 
-PARALLEL = 0.999
-
 Part = PlacedPiece | Mount
-Folds = Mapping[str, Mapping[str, float]]
 
 
 class State:
-    """The car after some steps; ``take`` adds one more."""
+    """The car after some steps; ``take`` adds one more. ``before`` is the stage before that."""
 
     def __init__(self, car: FoldedCar) -> None:
-        self.car = car
-        self.roles = roles_of(car)
-        self.pieces = self.roles.pieces
-        self.mounts = {mount.name: mount for mount in car.mounts}
-        self.closed: dict[str, dict[str, float]] = {}
-        self.before: dict[str, dict[str, float]] = {}
+        self.car, self.roles = car, roles_of(car)
+        self.pieces, self.mounts = self.roles.pieces, self.roles.mounts
+        self.stage = self.before = Stage(self.roles, {})
         self.there: list[Part] = []
         self._units: dict[tuple[str, str], list[Part]] = {}
+        self._shapes: dict[object, Shape] = {}
+
+    def close(self, folds: Folds) -> None:
+        """Close folds by fractions, by piece and crease."""
+        self.before, self.stage = self.stage, self.stage.closed(folds)
+
+    @property
+    def closed(self) -> Folds:
+        """The folds that are closed now."""
+        return self.stage.folds
 
     def take(self, step: AssemblyStep) -> None:
-        """The state after ``step``; ``before`` keeps its folds. What belongs to a unit comes with the unit."""
-        self.before = {piece: dict(creases) for piece, creases in self.closed.items()}
-        for piece, creases in step.folds.items():
-            self.closed.setdefault(piece, {}).update(creases)
+        """The state after ``step``. What belongs to a unit comes with the unit."""
+        self.close(step.folds)
         for added in step.adds:
             if step.unit:
                 self._units.setdefault((step.unit, added.body), []).extend(self.parts(added))
@@ -61,45 +62,31 @@ class State:
         """What there is of a unit so far."""
         return list(self._units.get((name, body), []))
 
-    def fraction(self, piece: str) -> Fraction:
-        """How far the piece is folded."""
-        return self.closed.get(piece, {})
+    def face_centres(self, placed: PlacedPiece, stage: Stage) -> dict[str, Vector]:
+        """The middle of each face of a copy at a stage, (3,) in mm."""
+        poses = stage.faces(placed)
+        middles = {face.name: np.mean(face.outline_mm, axis=0) for face in self.pieces[placed.piece].faces}
+        return {name: np.array(apply(poses[name], *middle)) for name, middle in middles.items()}
 
-    def face_centres(self, placed: PlacedPiece, folds: Folds | None = None) -> dict[str, Vector]:
-        """The middle of each face of a copy, (3,) in mm, with these folds instead of those closed now."""
-        folds = self.closed if folds is None else folds
-        piece, root = self.pieces[placed.piece], self.pose(placed, folds)
-        poses = face_poses(piece, folds.get(placed.piece, {}))
-        return {f.name: moved(root @ poses[f.name], np.array([f.outline_mm]).mean(axis=1))[0] for f in piece.faces}
-
-    def pose(self, part: Part, folds: Folds | None = None) -> Matrix:
-        """The pose of a part, of a piece that of its root face, as far as the ``folds`` are closed (default: now)."""
-        folds = self.closed if folds is None else folds
-        final, base = np.array(part.pose), self.roles.base.get(part.body)
-        if base is None:
-            return final
-        piece, place = self.pieces[base.piece], np.array(base.pose)
-        whole, now = face_poses(piece), face_poses(piece, folds.get(piece.name, {}))
-        # The lowest of its level panels stays where it is.
-        heights = {f.name: place @ whole[f.name] for f in piece.faces}
-        level = [f.name for f in piece.faces if f.role == "panel" and abs(heights[f.name][2, 2]) > PARALLEL]
-        still = min(level or [piece.faces[0].name], key=lambda name: float(heights[name][2, 3]))
-        root = place @ whole[still] @ np.linalg.inv(now[still])
-        if part is base:
-            return np.array(root)
-        face = part.face if isinstance(part, Mount) else self.roles.face_under(part)
-        if face not in whole:
-            return final
-        return np.array(root @ now[face] @ np.linalg.inv(place @ whole[face]) @ final)
+    def pose(self, part: Part) -> Matrix:
+        """The pose of a part, of a piece that of its root face."""
+        return np.array(self.stage.mount(part) if isinstance(part, Mount) else self.stage.root(part))
 
     def shape(self, part: Part, shift: Vector | None = None, creases: bool = False) -> Shape:
-        """A part as it is now, moved by ``shift`` (mm)."""
+        """A part as it is now, moved by ``shift`` (mm); of a mount ``creases`` tells nothing."""
         pose = self.pose(part)
         if shift is not None:
             pose[:3, 3] += shift
-        if isinstance(part, Mount):
-            return mount_shape(part, pose)
-        return film_shape(self.pieces[part.piece], pose, self.fraction(part.piece), key(part), creases=creases)
+        folds = {} if isinstance(part, Mount) else self.closed.get(part.piece, {})
+        # Most parts stay as they are from step to step.
+        known = part, pose.tobytes(), tuple(folds.items()), creases
+        if known not in self._shapes:
+            self._shapes[known] = (
+                mount_shape(part, pose)
+                if isinstance(part, Mount)
+                else film_shape(self.pieces[part.piece], pose, folds, key(part), creases=creases)
+            )
+        return self._shapes[known]
 
 
 def key(placed: PlacedPiece) -> str:

@@ -78,7 +78,10 @@ def camera(azimuth_deg: float, elevation_deg: float) -> Camera:
 def seen_facets(facets: Sequence[Facet], view: Camera) -> list[Seen]:
     """The facets that are at least partly visible, farthest first."""
     facets = [facet for facet in facets if not facet.closed or facet.normal @ view.toward > 0]
-    outlines = np.array([_outline(facet, view) for facet in facets], dtype=object)
+    rings = [ring for facet in facets for ring in facet.rings_mm]
+    corners = np.round(view.flat(np.concatenate(rings)), GRID_DECIMALS)
+    lines = shapely.linearrings(corners, indices=np.repeat(range(len(rings)), list(map(len, rings))))
+    outlines = shapely.polygons(lines, indices=np.repeat(range(len(facets)), [len(facet.rings_mm) for facet in facets]))
     kept = np.flatnonzero(shapely.area(outlines) > LEAST_AREA_MM2)
     # Rounding can make holes touch the outlines of faces seen almost edge-on.
     shapes = shapely.make_valid(outlines[kept])
@@ -100,11 +103,6 @@ def seen_facets(facets: Sequence[Facet], view: Camera) -> list[Seen]:
         if region.area > LEAST_AREA_MM2:
             found.append(_seen(facets[index], region, whole, view))
     return sorted(found, key=lambda seen: float((seen.facet.rings_mm[0] @ view.toward).mean()))
-
-
-def _outline(facet: Facet, view: Camera) -> Polygon:
-    rings = [np.round(view.flat(ring), GRID_DECIMALS) for ring in facet.rings_mm]
-    return Polygon(rings[0], rings[1:])
 
 
 def _hidden(shapes: NDArray[np.object_], planes: Vector) -> list[list[BaseGeometry]]:

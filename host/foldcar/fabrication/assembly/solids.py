@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from foldcar.car.folded.model import Crease, FoldedCar, Mount, Piece
 from foldcar.car.folded.pose import edge
@@ -56,14 +58,14 @@ class Solid:
         return Trimesh(self.vertices_mm, self.triangles, process=False)
 
 
-def film_solid(piece: Piece, fraction: float = 1.0) -> Solid:
-    """The piece, folded by ``fraction`` (0 to 1), in its root face's frame."""
+def film_solid(piece: Piece) -> Solid:
+    """The folded piece in its root face's frame."""
     faces = {face.name: face for face in piece.faces}
-    poses = face_poses(piece, fraction)
+    poses = face_poses(piece)
 
     def is_welded(crease: Crease) -> bool:
         lengths = [math.dist(*edge(faces, reference)) for reference in (crease.parent, crease.child)]
-        return abs(fraction * crease.angle_rad) < SHARPEST_MITRE_RAD and abs(lengths[0] - lengths[1]) < SAME_LENGTH_MM
+        return abs(crease.angle_rad) < SHARPEST_MITRE_RAD and abs(lengths[0] - lengths[1]) < SAME_LENGTH_MM
 
     welded = [crease for crease in piece.creases if is_welded(crease)]
     names = _shared_vertices(piece, welded)
@@ -97,24 +99,16 @@ def film_solid(piece: Piece, fraction: float = 1.0) -> Solid:
 
 def _shared_vertices(piece: Piece, welded: list[Crease]) -> dict[str, list[int]]:
     """For each face the vertex numbers of its points; the points of a welded crease share their numbers."""
-    names: dict[str, list[int]] = {}
-    parent: list[int] = []
-    for face in piece.faces:
-        names[face.name] = list(range(len(parent), len(parent) + len(face_points(face)[0])))
-        parent += names[face.name]
-
-    def root(index: int) -> int:
-        while parent[index] != index:
-            index = parent[index]
-        return index
-
     sizes = {face.name: len(face.outline_mm) for face in piece.faces}
-    for crease in welded:
-        a, b = crease.parent, crease.child
+    counts = [len(face_points(face)[0]) for face in piece.faces]
+    starts = dict(zip(sizes, np.cumsum([0, *counts]), strict=False))
+    pairs = []
+    for a, b in ((crease.parent, crease.child) for crease in welded):
         for one, other in ((a.index, b.index + 1), (a.index + 1, b.index)):
-            first = root(names[a.face][one % sizes[a.face]])
-            parent[root(names[b.face][other % sizes[b.face]])] = first
-    return {name: [root(index) for index in indices] for name, indices in names.items()}
+            pairs.append((starts[a.face] + one % sizes[a.face], starts[b.face] + other % sizes[b.face]))
+    ends = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
+    same = connected_components(coo_array((np.ones(len(pairs)), ends), shape=[sum(counts)] * 2), directed=False)[1]
+    return {name: same[starts[name] :][:count].tolist() for name, count in zip(sizes, counts, strict=True)}
 
 
 def _offset(normals: list[NDArray[np.float64]], distance_mm: float) -> NDArray[np.float64]:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from foldcar.car.folded.model import IDENTITY, Crease, EdgeRef, Face, FoldedCar, Mount, Piece, Pose
+from foldcar.car.folded.model import Crease, EdgeRef, Face, FoldedCar, Mount, Piece, Pose
 from foldcar.car.folded.pose import edge
 from foldcar.car.proof.step import AssemblyStep
 from foldcar.fabrication.assembly.faces import face_points, face_poses, face_triangles, mount_material, moved
@@ -48,7 +48,7 @@ def view_data(folded: FoldedCar, planned: Sequence[AssemblyStep] | None = None) 
         parts.append({
             "name": mount.name if mount.name == mount.part else f"{mount.name} ({mount.part})",
             "material": mount_material(mount),
-            "solids": _solids(mount),
+            "solids": [{"kind": one.kind, "size": one.size_mm, "pose": _numbers(one.pose)} for one in mount.shape],
             **_part(mount.body, mount.pose, steps, (kind, mount.name.removeprefix(NUT_OF), 0)),
         })  # fmt: skip
     for part, flat in zip(parts, laid_out(extents), strict=True):
@@ -71,12 +71,6 @@ def _part(body: str, pose: Pose, steps: ViewSteps, key: Part) -> dict[str, Any]:
     ways = steps.ways.get(key, [(1, (), 0.0, 1.0)])
     exploded = steps.exploded.get(key, (0.0, 0.0, 0.0))
     return {"body": body, "pose": _numbers(pose), "ways": ways, "exploded": exploded, "rides": steps.rides.get(key)}
-
-
-def _solids(mount: Mount) -> list[dict[str, Any]]:
-    if not mount.solids:
-        return [{"kind": "box", "size": mount.size_mm, "pose": _numbers(IDENTITY)}]
-    return [{"kind": one.kind, "size": one.size_mm, "pose": _numbers(one.pose)} for one in mount.solids]
 
 
 def _piece(piece: Piece, steps: ViewSteps, glued: set[tuple[str, str]]) -> dict[str, Any]:

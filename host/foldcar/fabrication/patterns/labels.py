@@ -7,7 +7,7 @@ beams, Hershey's simplex roman ("futural"); missing characters are drawn as "?".
 """
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from itertools import pairwise
@@ -15,6 +15,7 @@ from itertools import pairwise
 import numpy as np
 import shapely
 from HersheyFonts import HersheyFonts
+from numpy.typing import NDArray
 from shapely.geometry import LineString, Polygon
 from shapely.geometry import Point as ShapelyPoint
 from shapely.geometry.base import BaseGeometry
@@ -23,6 +24,8 @@ from foldcar.car.folded.model import EdgeRef, FoldedCar, Join
 from foldcar.car.folded.placed import place as placed_faces
 from foldcar.fabrication.patterns.drawing import Path, Point
 from foldcar.fabrication.patterns.flat_piece import Edge, FlatFace, FlatPiece
+
+Points = NDArray[np.float64]
 
 # Heights of capitals to try, largest first: 1.6 mm is the least that is legible and can be drawn with a fine pen.
 NAME_HEIGHTS_MM = (6.0, 5.0, 4.0, 3.2, 2.5, 2.0, 1.6)
@@ -88,37 +91,32 @@ class _Place:
 
     point: Point
     angle: float
-    inward: Point | None = None
+    inward: Point = (0.0, 0.0)
 
 
 def _first_fit(
     free: BaseGeometry, text: str, places: list[_Place], heights: tuple[float, ...]
 ) -> tuple[list[Path], Polygon] | None:
     """The text at the largest height that fits at one of the places, with its box; None if none fits."""
-    if free.is_empty:
+    if free.is_empty or not places:
         return None
     shapely.prepare(free)
+    cos, sin = (np.array([[turn(place.angle)] for place in places]) for turn in (math.cos, math.sin))
     for height in heights:
         strokes, width = text_strokes(text, height)
-        tall = height * (1 + DESCENT)
-        for place in places:
-            x, y = place.point
-            if place.inward is not None:
-                depth = CLEAR_MM + tall / 2
-                x, y = x + place.inward[0] * depth, y + place.inward[1] * depth
-            cos, sin = math.cos(place.angle), math.sin(place.angle)
+        depth = CLEAR_MM + height * (1 + DESCENT) / 2
+        middles = np.array([[at + depth * to for at, to in zip(one.point, one.inward, strict=True)] for one in places])
+        corner = -width / 2, -height / 2 + height * DESCENT / 2
 
-            def put(
-                p: Point, x: float = x, y: float = y, cos: float = cos, sin: float = sin,
-                left: float = -width / 2, low: float = -height / 2 + height * DESCENT / 2,
-            ) -> Point:  # fmt: skip
-                u, v = p[0] + left, p[1] + low
-                return x + cos * u - sin * v, y + sin * u + cos * v
+        def put(points: Sequence[Point], i: slice, at: Points = middles, corner: Point = corner) -> Points:
+            u, v = (np.array(points) + corner).T
+            return np.stack([at[i, :1] + cos[i] * u - sin[i] * v, at[i, 1:] + sin[i] * u + cos[i] * v], axis=-1)
 
-            corners = [(0.0, -height * DESCENT), (width, -height * DESCENT), (width, height), (0.0, height)]
-            box = Polygon([put(p) for p in corners])
-            if free.contains(box):
-                return [Path("LABEL", tuple(put(p) for p in stroke)) for stroke in strokes], box
+        corners = [(0.0, -height * DESCENT), (width, -height * DESCENT), (width, height), (0.0, height)]
+        boxes = shapely.polygons(put(corners, slice(None)))
+        for i in np.flatnonzero(shapely.contains(free, boxes))[:1].tolist():
+            there = (put(stroke, slice(i, i + 1))[0].tolist() for stroke in strokes)
+            return [Path("LABEL", tuple((x, y) for x, y in line)) for line in there], boxes[i]
     return None
 
 

@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 import shapely
 
+from foldcar.car.components.shape import on_circle
 from foldcar.car.design import Design, compose
 from foldcar.car.folded.model import Face, FoldedCar, Hole, Mark, Piece, PlacedPiece, Point, Pose
 from foldcar.car.folded.placed import PlacedFace, place
@@ -127,8 +128,7 @@ def _pin(name: str, at_mm: Point) -> Hole:
 
 
 def _circle(radius_mm: float, at_mm: Point) -> tuple[Point, ...]:
-    steps = (2 * math.pi * i / DISC_CORNERS for i in range(DISC_CORNERS))
-    return tuple((at_mm[0] + radius_mm * math.cos(a), at_mm[1] + radius_mm * math.sin(a)) for a in steps)
+    return tuple(on_circle(radius_mm, (2 * math.pi * i / DISC_CORNERS for i in range(DISC_CORNERS)), at_mm))
 
 
 def _times(points: tuple[Point, ...], scale: float) -> tuple[Point, ...]:

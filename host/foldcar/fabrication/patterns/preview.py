@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
+from foldcar.car.components.shape import on_circle
 from foldcar.fabrication.patterns.drawing import LAYERS, Circle, Path, Point, Shape, Sheet
 
 # Pixels of a sheet's longer side, at which the names on pieces can be read; of the picture's sides, at most.
@@ -67,7 +68,5 @@ def preview(sheets: Sequence[Sheet], title: str) -> bytes:
 def _points(shape: Shape) -> list[Point]:
     """The shape's line, that of a closed one back to its start; a circle as a polygon."""
     if isinstance(shape, Circle):
-        (x, y), r = shape.center_mm, shape.radius_mm
-        turns = [2 * math.pi * k / FACETS for k in range(FACETS + 1)]
-        return [(x + r * math.cos(turn), y + r * math.sin(turn)) for turn in turns]
+        return on_circle(shape.radius_mm, (2 * math.pi * k / FACETS for k in range(FACETS + 1)), shape.center_mm)
     return [*shape.points_mm, *shape.points_mm[: shape.closed]]

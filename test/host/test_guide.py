@@ -1,0 +1,287 @@
+"""The guide: its page and pictures follow the steps that are proved, nothing is hidden, numbers can be read."""
+
+import html
+import re
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator
+from functools import cache
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+import shapely
+
+from foldcar.car.folded.model import FoldedCar
+from foldcar.car.folded.pose import compose
+from foldcar.car.proof.prove import assembly_steps
+from foldcar.car.proof.step import Added
+from foldcar.fabrication.assembly.facets import together
+from foldcar.fabrication.assembly.guide import guide_page, steps, whole_car
+from foldcar.fabrication.assembly.guide_pictures import Scene, Step, service_picture, tiny
+from foldcar.fabrication.assembly.guide_state import State
+from foldcar.fabrication.assembly.hidden_surfaces import Facet, camera, seen_facets
+from foldcar.fabrication.patterns.options import options
+from foldcar.fabrication.patterns.sheets import CutCar, cut_car
+from page_check import page_findings
+from published_cars import car
+
+# Those between differ from these in their width.
+CARS = ("w65", "six", "hinged")
+
+
+@cache
+def cut(name: str) -> CutCar:
+    return cut_car(car(name), options("laser", sheet="1000x1000"))
+
+
+@cache
+def guide(name: str) -> list[Step]:
+    """The steps of a car's guide; their pictures are drawn once."""
+    return steps(car(name), cut(name), "laser")
+
+
+@cache
+def page(name: str) -> str:
+    return guide_page(car(name), cut(name), "laser", f"a <{name}>")
+
+
+def label(folded: FoldedCar, added: Added) -> str:
+    labels = {("piece", piece.name): piece.label for piece in folded.pieces}
+    labels |= {("mount", mount.name): mount.part for mount in folded.mounts}
+    return labels.get((added.kind, added.name), added.name)
+
+
+def told(lines: tuple[str, ...], labels: set[str]) -> Iterator[str]:
+    """The labels of what goes in, in the order of a step's lines; "4 times: …" repeats."""
+    for line in lines:
+        times, text = re.fullmatch(r"(?:(\d+) times: )?(.*)", line).groups()
+        for _ in range(int(times or 1)):
+            for part in text.split("; then "):
+                found = re.match(r"(?:(\d+) × )?(.+?): (?:from |lay |wind |stretch )", part)
+                name = next((one for one in labels if found and one.lower() == found[2].lower()), None)
+                if found and name:
+                    yield from [name] * int(found[1] or 1)
+
+
+@pytest.mark.parametrize("name", CARS)
+def test_the_guide_puts_things_in_in_the_order_that_is_proved(name: str) -> None:
+    folded, proved = car(name), assembly_steps(car(name))
+
+    for step, shown in zip(proved, guide(name)[-len(proved) :], strict=True):
+        first = [one for one in step.adds if not step.unit or one.body == step.adds[0].body]
+        labels = [label(folded, one) for one in first if one.name != folded.parts.wiring.name]
+        repeated = f" ({len(folded.axles)} times)" if step.unit == "wheel" else ""
+        assert shown.title == step.title + repeated
+        assert list(told(shown.lines, set(labels))) == labels, (shown.title, shown.lines)
+
+
+def test_the_guide_is_one_page_that_tells_all_steps_and_needs_no_other_file() -> None:
+    text = page("hinged")
+
+    assert page_findings(text) == []
+    assert "a &lt;hinged&gt;" in text and "<hinged>" not in text
+    assert not re.search(r'(src|href)="', text)
+    sections = re.findall(r"<h2><b>\d+</b>(.*?)<small>.*?</h2>(.*?)</section>", text, re.DOTALL)
+    for step, (title, section) in zip(guide("hinged"), sections, strict=True):
+        lines = [html.unescape(line) for line in re.findall(r"<li>(.*?)</li>", section, re.DOTALL)]
+        assert (html.unescape(title), tuple(lines)) == (step.title, step.lines)
+        assert section.count("<svg") == len(step.pictures)
+
+
+@pytest.mark.parametrize("name", CARS)
+def test_the_guide_says_from_where_screws_come_what_they_pass_and_where_nuts_go(name: str) -> None:
+    text = "\n".join(line for step in guide(name) for line in step.lines)
+    servos = len(car(name).axles)
+
+    screws = "2 × M2x8 screw with nut: from outside through the FS90R servo, the beam and the servo doubler"
+    how = f"{screws}, with the PH0 screwdriver, its nut from inside"
+    assert f"{servos} times: FS90R servo: from outside; then {how}" in text
+    assert (
+        "2 × M2x12 screw with nut: from below through the bridge, the M2 spacer, nylon and the HUZZAH32 Feather, "
+        "with the PH0 screwdriver, its nut from above" in text
+    )
+    # The wing hides these nuts: it comes after them.
+    order = ["HUZZAH32 Feather: from above", "M2x12 screw with nut: from below", "FeatherWing: from above"]
+    assert sorted(order, key=text.index) == order
+
+
+@pytest.mark.parametrize("name", CARS)
+def test_nuts_are_drawn_apart_on_the_side_from_which_they_are_proved_to_come(name: str) -> None:
+    folded = car(name)
+    mounts, state, drawn = {mount.name: mount for mount in folded.mounts}, State(folded), 0
+    for step in assembly_steps(folded):
+        state.take(step)
+        shape = Scene(step, state).shape
+        for added in (one for one in step.adds if one.nut_mm):
+            screw = mounts[added.name]
+            axis = np.array(screw.pose)[:3, 2]
+            at = {}
+            for part, start in (("head", f"{screw.name} "), ("nut", f"nut of {screw.name} ")):
+                rings = [facet.rings_mm[0].mean(axis=0) for facet in shape.facets if facet.key.startswith(start)]
+                at[part] = np.mean(rings, axis=0)
+            place = np.array(compose(screw.pose, screw.solids[2].pose))[:3, 3]
+            proved = np.array(added.nut_mm[-1])
+            # The nut's last move is onto the shank, towards the head; the head's is along the driver.
+            assert proved @ axis == pytest.approx(np.linalg.norm(proved))
+            assert (at["nut"] - place) @ proved < -10
+            assert (at["head"] - place) @ axis > 10
+            assert np.array(added.way_mm[-1]) @ axis < 0
+            drawn += 1
+
+    assert drawn == 2 * len(folded.axles) + 2
+
+
+def test_hidden_surfaces_agree_with_rays() -> None:
+    folded = car("w95")
+    state = State(folded)
+    state.close({piece.name: {crease.name: 0.6 for crease in piece.creases} for piece in folded.pieces})
+    parts = [part for part in (*folded.placed, *folded.mounts) if part.body == "segment0" and not tiny(state, part)]
+    facets = list(together(state.shape(part) for part in parts).facets)
+    view = camera(-55, 32)
+    seen = {one.facet.key: one for one in seen_facets(facets, view)}
+    low_u, low_v, high_u, high_v = shapely.total_bounds([one.region for one in seen.values()])
+    points = np.random.default_rng(1).uniform((low_u, low_v), (high_u, high_v), (500, 2))
+
+    edges = shapely.union_all([one.region.boundary for one in seen.values()])
+    planes = [plane for facet in facets if (plane := crossed_plane(facet, view.toward)) is not None]
+
+    disagreeing = compared = 0
+    for u, v in points[shapely.distance(shapely.points(points), edges) >= 0.5]:
+        nearest = hit_by_ray(planes, view.right * u + view.up * v, view.toward)
+        if nearest is None:
+            continue
+        compared += 1
+        disagreeing += not seen[nearest].region.covers(shapely.Point(u, v))
+
+    assert compared > 120
+    assert disagreeing == 0
+
+
+class Plane(NamedTuple):
+    """A facet and its outline in two axes of its own plane, mm; ``slope`` is its normal's part along the line."""
+
+    facet: Facet
+    slope: float
+    x: np.ndarray
+    y: np.ndarray
+    outline: shapely.Polygon
+
+
+def crossed_plane(facet: Facet, toward: np.ndarray) -> Plane | None:
+    """The facet's plane, unless lines along ``toward`` run in it or meet the inner side of a closed body."""
+    slope = float(facet.normal @ toward)
+    if abs(slope) < 1e-9 or (facet.closed and slope < 0):
+        return None
+    x = facet.rings_mm[0][1] - facet.rings_mm[0][0]
+    x = x / np.linalg.norm(x)
+    y = np.cross(facet.normal, x)
+    rings = [np.column_stack([ring @ x, ring @ y]) for ring in facet.rings_mm]
+    outline = shapely.Polygon(rings[0], rings[1:])
+    shapely.prepare(outline)
+    return Plane(facet, slope, x, y, outline)
+
+
+def hit_by_ray(planes: list[Plane], origin: np.ndarray, toward: np.ndarray) -> str | None:
+    """The facet nearest to the camera on the line through ``origin``, by intersecting the line with each plane."""
+    best: tuple[float, str] | None = None
+    for facet, slope, x, y, outline in planes:
+        depth = facet.normal @ (facet.rings_mm[0][0] - origin) / slope
+        at = origin + depth * toward
+        if (best is None or depth > best[0]) and outline.covers(shapely.Point(at @ x, at @ y)):
+            best = (depth, facet.key)
+    return best[1] if best else None
+
+
+@pytest.mark.parametrize(
+    ("name", "machine", "sheet"),
+    [("w95", "silhouette", "12in"), ("hinged", "scissors", "a4"), ("w180", "laser", "1000x1000")],
+)
+def test_guide_shows_every_piece_and_tells_every_join(name: str, machine: str, sheet: str) -> None:
+    folded = car(name)
+    parted = cut_car(folded, options(machine, sheet=sheet))
+
+    found = steps(folded, parted, machine)
+
+    text = " ".join(line for step in found for line in step.lines)
+    told: set[int] = set()
+    for first, last in re.findall(r"(\d+)(?: to (\d+))?", " ".join(re.findall(r"[Jj]oins? ([\d, to]+)", text))):
+        told |= set(range(int(first), int(last or first) + 1))
+    seams = {number for flat in parted.pieces for number, _ in flat.seams}
+    assert told == {join.number for join in parted.car.joins} | seams
+    whole = {piece.name for piece in folded.pieces} & {piece.name for piece in parted.car.pieces}
+    assert len(re.findall(" is cut as ", text)) == len(folded.pieces) - len(whole)
+    in_parts = re.findall(r"The ([\w ]+) is cut across, in (\d+) parts", text)
+    assert {name: int(count) for name, count in in_parts} == parted.strips
+    assert bool(parted.strips or len(whole) < len(folded.pieces)) == (sheet == "a4")
+    assert len(found[0].pictures) == len(parted.car.pieces)
+    assert all(step.pictures for step in found if step.title != "Join the parts of pieces")
+
+
+@pytest.mark.parametrize("name", ["w65", "hinged"])
+def test_pieces_in_the_guide_have_the_numbers_of_their_joins_none_on_another(name: str) -> None:
+    folded, found = car(name), guide(name)
+    # The pictures of the page are drawn already.
+    drawn = re.findall(r"<svg.*?</svg>", page(name), re.DOTALL)[1:] if name == "hinged" else []
+    pictures = [[ET.fromstring(drawn.pop(0) if drawn else one.svg) for one in step.pictures] for step in found]
+
+    slots = 0
+    for piece, picture in zip(folded.pieces, pictures[0], strict=True):
+        # A layer lies on its number.
+        sides = [(join, join.piece_a) for join in folded.joins]
+        sides += [(join, join.piece_b) for join in folded.joins if join.kind not in ("laminate", "tuck")]
+        numbers = [text.text for text in picture.iterfind("{*}text")]
+        assert set(numbers) >= {str(join.number) for join, name in sides if name == piece.name}, piece.name
+        # A number at the slot that a tongue goes through, beside the one on the tongue.
+        slotted = [join for join in folded.joins if join.slot and join.piece_b == piece.name == join.piece_a]
+        assert all(numbers.count(str(join.number)) == 2 for join in slotted)
+        slots += len(slotted)
+    assert slots
+    for step, shown in zip(found, pictures, strict=True):
+        for circles in (list(picture.iterfind("{*}circle")) for picture in shown):
+            shapes = [(float(c.attrib["cx"]), float(c.attrib["cy"]), float(c.attrib["r"])) for c in circles]
+            for a, b in combinations(shapes, 2):
+                assert np.hypot(a[0] - b[0], a[1] - b[1]) > a[2] + b[2], step.title
+
+
+def test_pictures_show_what_goes_in() -> None:
+    folded, proved = car("w65"), assembly_steps(car("w65"))
+    parts = {mount.name: mount.part for mount in folded.mounts}
+
+    for step, shown in zip(proved, guide("w65")[-len(proved) :], strict=True):
+        first = step.adds[0].body if step.adds else ""
+        seen = {one.facet.key for picture in shown.pictures for one in picture.seen}
+        for added in step.adds:
+            hidden_in_others = step.unit and added.body != first
+            if added.kind == "unit" or hidden_in_others or added.name == folded.parts.wiring.name:
+                continue
+            # Of several screws of a kind, one may stand behind the film.
+            names = [name for name, part in parts.items() if part == parts.get(added.name)]
+            starts = [f"{added.name} {added.copy} "] if added.kind == "piece" else [f"{name} " for name in names]
+            assert any(key.startswith(start) for key in seen for start in starts), (step.title, added.name)
+
+
+@pytest.mark.parametrize("name", ["w95", "hinged"])
+def test_what_is_reached_in_service_is_named_inside_the_picture_and_readable(name: str) -> None:
+    drawn = ET.fromstring(service_picture(car(name))[-1].svg)
+
+    left, top, wide, high = map(float, drawn.attrib["viewBox"].split())
+    boxes = {}
+    for text in drawn.iterfind("{*}text"):
+        x, y, size = float(text.attrib["x"]), float(text.attrib["y"]), float(text.attrib["font-size"])
+        base, length = y + float(text.attrib["dy"].removesuffix("em")) * size, 0.55 * size * len(text.text or "")
+        start = x - length * {"start": 0, "middle": 0.5, "end": 1}[text.attrib["text-anchor"]]
+        boxes[text.text] = shapely.box(start, base - 0.7 * size, start + length, base)
+    assert set(boxes) == {"USB", "switch", "LiPo's plug", "servos' plugs", "reset button"}
+    assert all(shapely.box(left, top, left + wide, top + high).covers(box) for box in boxes.values())
+    assert not any(a.intersects(b) for a, b in combinations(boxes.values(), 2))
+
+
+def test_whole_car_is_drawn_without_what_is_inside() -> None:
+    folded = car("w95")
+    view = camera(38, 30)
+
+    keys = {one.facet.key for one in seen_facets(whole_car(folded, view).facets, view)}
+
+    assert any(key.startswith("beam") for key in keys) and any(key.startswith("wheel rim") for key in keys)
+    assert not any("deck" in key or "LiPo" in key for key in keys)

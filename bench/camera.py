@@ -28,6 +28,7 @@ from foldcar.camera.filming import car_marker  # noqa: E402
 from foldcar.camera.ground import standing  # noqa: E402
 from foldcar.camera.markers import rectangle  # noqa: E402
 from foldcar.camera.tracking import track  # noqa: E402
+from foldcar.errors import FoldcarError  # noqa: E402
 from foldcar.simulation.carsim import Carsim  # noqa: E402
 from foldcar.simulation.heights import carsim_heights  # noqa: E402
 from foldcar.simulation.runner import RunRequest  # noqa: E402
@@ -35,7 +36,9 @@ from study_car import car_texts  # noqa: E402
 
 COURSE = rectangle()
 START_S = 0.4
-BOX = {"kind": "box", "x_m": 0.7, "y_m": 0.09, "heading_rad": 0.2, "length_m": 0.15, "width_m": 0.15, "height_m": 0.025}
+SIDE_M = 0.15
+BOX: dict[str, Any] = {"kind": "box", "x_m": 0.7, "y_m": 0.09, "heading_rad": 0.2, "height_m": 0.025}
+BOX |= {"length_m": SIDE_M, "width_m": SIDE_M}
 SCENE: dict[str, Any] = {
     "friction": 0.7,
     "terrain": [BOX],
@@ -61,6 +64,7 @@ CONDITIONS = {
     "720p30, a floor marker pushed 40 mm": SMALL,
     "720p30, markers laid to 3 mm": SMALL,
     "720p30, camera 0.8 m high": replace(SMALL, place_m=(0.75, -1.9, 0.8)),
+    "1080p30, camera 0.8 m high": replace(USUAL, place_m=(0.75, -1.9, 0.8)),
     "720p30, held by hand (20 mm)": replace(SMALL, shake_m=0.02),
     "720p60": replace(SMALL, fps=60.0),
     "1080p60": replace(USUAL, fps=60.0),
@@ -78,7 +82,7 @@ def floor(name: str) -> list[Thing]:
             place = (one.x_m + off[0], one.y_m + off[1], 0.0)
             found.append(marker(one.id, COURSE.floor_size_m, place, rotation(one.turn_rad)))
     top = numpy.array([BOX["x_m"], BOX["y_m"], BOX["height_m"]])
-    half = (BOX["length_m"] / 2, BOX["width_m"] / 2)
+    half = (SIDE_M / 2, SIDE_M / 2)
     return [*found, Thing(rotation(BOX["heading_rad"]), top, half, numpy.full((4, 4), 90, numpy.float32))]
 
 
@@ -105,9 +109,13 @@ def main() -> None:
             film = Path(folder) / "film.mp4"
             Film(filming, floor(name), Car(), truth).write(film, START_S + path[-1, 0])
             begun_s = time.process_time()
-            filmed = track(
-                read_film(film), "film", COURSE, None, lambda scale: replace(car, size_m=car.size_m * scale), ground
-            )
+            try:
+                filmed = track(
+                    read_film(film), "film", COURSE, None, lambda scale: replace(car, size_m=car.size_m * scale), ground
+                )
+            except FoldcarError as error:
+                print(f"|{name}|||||||{error}|", flush=True)
+                continue
             spent_s = time.process_time() - begun_s
         start = find_start(filmed.times_s, filmed.poses, path[:, :3], "film")
 

@@ -131,7 +131,8 @@ def _car_page(canvas: Any, course: Course) -> None:
         if height
         else "flat on the lid"
     )
-    _text(canvas, PAGE_MM[0] / 2, 45, f"The car's marker: fold at all lines, {stand}; {middle}", 10)
+    _text(canvas, PAGE_MM[0] / 2, 49, f"The car's marker, {middle}", 10)
+    _text(canvas, PAGE_MM[0] / 2, 43, f"Fold at all lines, {stand}", 10)
     canvas.showPage()
 
 

@@ -321,6 +321,9 @@ def test_what_cannot_be_used_is_told_in_a_line(trial: Any, tmp_path: Path, foldc
     answer = foldcar("track", *words, "--trial", "1", "--store", "s.db")
 
     assert (answer.returncode, answer.stdout, answer.stderr) == (2, "", f"foldcar: error: {told}\n")
+    if "--course" in words:
+        logged = foldcar("log", "l.json", "--experiment", "1", *words[1:])
+        assert (logged.returncode, logged.stderr) == (2, f"foldcar: error: {told}\n")
 
 
 def test_a_floor_marker_may_lie_turned() -> None:

@@ -85,14 +85,18 @@ def test_a_deviation_moves_a_ramp_rigidly(sampled: tuple[dict[str, Any], dict[st
     assert moved["start"] == scene["start"]
 
 
-def test_the_picture_has_a_letter_for_each_obstacle(
+def test_the_picture_has_a_letter_for_each_obstacle_and_a_number_for_each_marker(
     tmp_path: Path, sampled: tuple[dict[str, Any], dict[str, Obstacle]], carsim_binary: Path
 ) -> None:
     scene, things = sampled
-    draw_placement(scene, things, 0.2, 0.1, carsim_heights(Carsim(carsim_binary)), tmp_path / "p.svg", "where")
+    heights = carsim_heights(Carsim(carsim_binary))
+    # A camera's marker beyond all obstacles is in sight, too.
+    markers = [(3, -0.3, -0.9, 0.5, 0.12)]
+    draw_placement(scene, things, 0.2, 0.1, heights, tmp_path / "p.svg", "where", markers)
 
     text = (tmp_path / "p.svg").read_text()
-    assert [text.count(f">{letter}</text>") for letter in "ABCDEF"] == [1, 1, 1, 1, 1, 0]
+    assert [text.count(f">{letter}</text>") for letter in "ABCDEF3"] == [1, 1, 1, 1, 1, 0, 1]
+    assert ">-300, -900 mm</text>" in text
 
 
 def things_of(terrain: list[dict[str, Any]]) -> dict[str, Obstacle]:

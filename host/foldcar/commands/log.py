@@ -55,6 +55,10 @@ def log(
         bool, typer.Option("--any-build", help="Drive even if the firmware's build is not the simulated one.")
     ] = False,
     yes: Annotated[bool, typer.Option("--yes", help="Ask nothing: take every question's default answer.")] = False,
+    course: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="A camera's course.json: the picture shows where its markers lie."),
+    ] = None,
     live: Annotated[
         bool, typer.Option("--live", help="Serve the report's page to this machine's browser; it shows the car's state.")
     ] = False,
@@ -67,6 +71,7 @@ def log(
     \b
     Example: foldcar log scenarios/width_study.json --experiment 1 --store study.db
     """
+    from foldcar.camera.markers import read_course
     from foldcar.interrupts import raised, said
     from foldcar.link.parameters import read_file
     from foldcar.store.trial_records import TRIAL_OUTCOMES
@@ -93,6 +98,7 @@ def log(
         untethered=untethered,
         any_build=any_build,
         yes=yes,
+        course=None if course is None else read_course(course),
     )
     session = Session(options)
     served = served_beside(store, PORT) if live else nullcontext()

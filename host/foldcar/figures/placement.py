@@ -1,6 +1,6 @@
 """Draws the placement of car and obstacles for a trial, with letters and positions as in the instructions."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -30,13 +30,14 @@ def draw_placement(
     heights: Heights,
     file: Path,
     title: str,
+    markers: Sequence[tuple[int, float, float, float, float]] = (),
 ) -> None:
     """Draw ``scene`` (docs/carsim.md), its lettered obstacles and the outline of a car of that size into ``file``.
 
-    Raises FoldcarError.
+    ``markers`` of a camera on the floor are number, x, y, turn and side (m, rad). Raises FoldcarError.
     """
     check_format(file)
-    extent = view_of([scene])
+    extent = view_of([scene], [(0, x_m, y_m) for _, x_m, y_m, *_ in markers])
     ground = height_map(heights, scene, extent, CELLS)
     scale = height_scale([ground])
     long_m, wide_m = extent.size_m
@@ -54,6 +55,13 @@ def draw_placement(
             text = f"{1000 * thing.x_m:.0f}, {1000 * thing.y_m:.0f} mm"
             axes.annotate(text, place, (0, -9), textcoords="offset points", ha="center", va="top", fontsize=8,
                           zorder=8, bbox={"facecolor": "#ffffffcc", "edgecolor": "none", "pad": 1})  # fmt: skip
+        for number, x_m, y_m, turn_rad, side_m in markers:
+            at = (x_m, y_m)
+            _draw_outline(axes, at, turn_rad, side_m, side_m, facecolor="white")
+            axes.annotate(f"{number}", at, ha="center", va="center", fontsize=9, fontweight="bold", zorder=8)
+            text = f"{1000 * x_m:.0f}, {1000 * y_m:.0f} mm"
+            axes.annotate(text, (x_m, y_m - side_m / 2), (0, -5), textcoords="offset points", ha="center", va="top",
+                          fontsize=8, zorder=8)  # fmt: skip
         axes.plot([0], [0], "x", color=ACCENT, markersize=8, zorder=7, label="origin on the floor")
         axes.set_title(title)
         if scene["terrain"]:
@@ -63,9 +71,20 @@ def draw_placement(
 
 
 def _draw_car(axes: Any, start: Mapping[str, float], length_m: float, width_m: float) -> None:
+    at = (start["x_m"], start["y_m"])
+    rear = _draw_outline(axes, at, start["heading_rad"], length_m, width_m, facecolor="none")
+    axes.annotate(CAR, rear, (-4, 0), textcoords="offset points", ha="right", va="center")
+
+
+def _draw_outline(
+    axes: Any, at: Sequence[float], turn_rad: float, length_m: float, width_m: float, facecolor: str
+) -> Any:
+    """Draw a turned rectangle; the middle of its rear side."""
     half, side = length_m / 2, width_m / 2
     corners = [(half, side), (half, -side), (-half, -side), (-half, side)]
-    place = Affine2D().rotate(start["heading_rad"]).translate(start["x_m"], start["y_m"])
-    outline = Polygon(place.transform(corners), closed=True, fill=False, edgecolor=INK, linewidth=1.2, zorder=6)
+    place = Affine2D().rotate(turn_rad).translate(*at)
+    outline = Polygon(
+        place.transform(corners), closed=True, facecolor=facecolor, edgecolor=INK, linewidth=1.2, zorder=6
+    )
     axes.add_patch(outline)
-    axes.annotate(CAR, place.transform([(-half, 0)])[0], (-4, 0), textcoords="offset points", ha="right", va="center")
+    return place.transform([(-half, 0)])[0]

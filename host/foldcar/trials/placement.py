@@ -12,6 +12,7 @@ from pathlib import Path
 from string import ascii_uppercase
 from typing import Any
 
+from foldcar.camera.markers import Course
 from foldcar.car.design import Design
 from foldcar.errors import FoldcarError
 from foldcar.outputs import make_output_folder
@@ -60,15 +61,17 @@ def show_placement(scene: Mapping[str, Any], things: Mapping[str, Obstacle]) -> 
 
 
 def draw_placement(
-    scene: Mapping[str, Any], things: Mapping[str, Obstacle], design: Design, carsim: Carsim, picture: Path, title: str
-) -> None:
-    """Draw the scene with the car into a picture, whose folder is made if need be. FoldcarError."""
+    scene: Mapping[str, Any], things: Mapping[str, Obstacle], design: Design, carsim: Carsim, picture: Path, title: str,
+    course: Course | None = None,
+) -> None:  # fmt: skip
+    """Draw the scene, the car, a camera's markers into a picture, whose folder is made if need be. FoldcarError."""
     from foldcar.figures.placement import draw_placement
     from foldcar.simulation.heights import carsim_heights
 
     make_output_folder(picture.parent)
     length_m, width_m = design.length_mm / 1000, design.values["width"] / 1000
-    draw_placement(scene, things, length_m, width_m, carsim_heights(carsim), picture, title)
+    markers = [(m.id, m.x_m, m.y_m, m.turn_rad, course.floor_size_m) for m in course.floor] if course else []
+    draw_placement(scene, things, length_m, width_m, carsim_heights(carsim), picture, title, markers)
 
 
 def ask_deviations(

@@ -14,6 +14,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from foldcar.camera.markers import Course
 from foldcar.car.body import body_json
 from foldcar.car.design import Design
 from foldcar.errors import FoldcarError
@@ -73,6 +74,7 @@ class SessionOptions:
     untethered: bool
     any_build: bool
     yes: bool
+    course: Course | None = None
 
 
 @dataclass(frozen=True)
@@ -274,7 +276,8 @@ class Session:
         if known.identity.simulated:
             title = f"Sample {sample}: car and obstacles of the simulated trial"
         if (title, known.identity.hash) not in self._drawn:
-            draw_placement(*self._scene(sample), known.design, self._carsim, picture, title)
+            scene = self._scene(sample)
+            draw_placement(*scene, known.design, self._carsim, picture, title, self._options.course)
             self._drawn.add((title, known.identity.hash))
         self._running.show(self._car, picture=picture.name)
         say(f"picture: {picture}")

@@ -222,7 +222,7 @@ def test_page_shows_the_trial_that_a_person_drives(tmp_path: Path, free_course: 
     foldcar("sweep", free_course, "--store", tmp_path / "s.db")
     with (
         started(carsim_binary, "report", tmp_path / "s.db", "--live", "--port", "0") as server,
-        car_at_port(carsim_binary, goal_x_m=None) as car,
+        car_at_port(goal_x_m=None) as car,
     ):
         assert server.stdout is not None
         with Tab(url_of(server.stdout.readline())) as tab, Typist(tmp_path, *words, "--port", car.port) as person:

@@ -251,7 +251,8 @@ def test_an_address_opens_the_run_at_its_time_and_scrolls_there(study: Path) -> 
     assert found["told"].startswith("95 mm, environment 2: ")
     # Under the bar that stays at the top.
     assert abs(found["top"]) < 120
-    assert found["ready"] < 1000
+    # About a second; a loaded machine takes longer.
+    assert 0 < found["ready"] < 5000
 
 
 NEWS = """

@@ -83,7 +83,13 @@ void sine_and_cosine(double angle_rad, double& sine, double& cosine) {
 
 // The same for Box2D, which takes them of every body many times a step: in double precision and shorter, to 1e-11.
 void sine_and_cosine(float angle_rad, float& sine, float& cosine) {
-  if (!(std::abs(angle_rad) <= kExactReduction_rad && std::abs(angle_rad) >= kSmallAngle_rad)) {
+  // The ground's.
+  if (std::abs(angle_rad) < kSmallAngle_rad) {
+    sine = angle_rad;
+    cosine = 1;
+    return;
+  }
+  if (!(std::abs(angle_rad) <= kExactReduction_rad)) {
     sine = sinf(angle_rad);
     cosine = cosf(angle_rad);
     return;

@@ -15,6 +15,8 @@ import cv2
 import numpy
 from numpy.typing import NDArray
 
+from foldcar.camera.markers import MODULES
+
 Floats = NDArray[numpy.float64]
 Grey = NDArray[numpy.uint8]
 
@@ -23,7 +25,6 @@ ALONG = numpy.linspace(0.12, 0.88, 24)
 # Half the length of the lines across (pixels), as a share of a module and within limits.
 REACH_MODULES, REACH_PX = 0.9, (2.0, 9.0)
 STEP_PX = 0.5
-MODULES = 8
 # Rounds in which a side's outliers are left out.
 FITS = 3
 # A marker whose sides are shorter cannot be read.

@@ -91,7 +91,7 @@ def _errors(view: View, corners: Floats, height_m: float, more: tuple[float, flo
     # The corners' own noise: that of a middle is half of one corner's.
     a, b = view.on_plane(numpy.array([middle, middle + numpy.array([0, PIXEL / 2])]), height_m)
     seen_m = float(numpy.linalg.norm(a - b))
-    side_m = float(numpy.linalg.norm(view.on_plane(corners[:2], height_m) @ [[1, 0], [0, 1]] - a, axis=1).mean())
+    side_m = float(numpy.linalg.norm(view.on_plane(corners[:2], height_m) - a, axis=1).mean())
     own = (seen_m, seen_m, 2 * seen_m / max(side_m, 1e-3))
     x, y, turn = (math.hypot(f, o, m) for f, o, m in zip(frame, own, more, strict=True))
     return x, y, turn

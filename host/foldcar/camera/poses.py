@@ -17,7 +17,7 @@ import numpy
 
 from foldcar.camera.detection import Floats
 from foldcar.camera.ground import Stance, Standing
-from foldcar.camera.view import View, marker_corners
+from foldcar.camera.view import View, ideal_pixels, marker_corners
 
 # What corners are known to where nothing is known of the picture.
 PIXEL = 0.2
@@ -128,7 +128,7 @@ def _by_itself(pixels: Floats, view: View, marker: CarMarker) -> list[Floats]:
     """The two poses that the marker alone may have."""
     count, turns, shifts, _ = cv2.solvePnPGeneric(
         marker_corners(marker.size_m),
-        numpy.ascontiguousarray(view.lens.rays(pixels)[:, :2]),
+        ideal_pixels(view.lens, pixels),
         numpy.eye(3),
         None,
         flags=cv2.SOLVEPNP_IPPE_SQUARE,

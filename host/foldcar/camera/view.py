@@ -144,14 +144,14 @@ def moved_view(view: View, corners: Mapping[int, Floats]) -> View | None:
     size_m = view.course.floor_size_m * view.scale
     points = numpy.concatenate([floor_corners(one, size_m) for one in markers])
     pixels = numpy.concatenate([corners[one.id] for one in markers])
-    ideal = _ideal(view.lens, pixels)
+    ideal = ideal_pixels(view.lens, pixels)
     ok, turn, shift = cv2.solvePnP(points, ideal, numpy.eye(3), None, view.turn.copy(), view.shift_m.copy(), True)
     if not ok:
         return None
     return replace(view, turn=numpy.asarray(turn, float).ravel(), shift_m=numpy.asarray(shift, float).ravel())
 
 
-def _ideal(lens: Lens, pixels: Floats) -> Floats:
+def ideal_pixels(lens: Lens, pixels: Floats) -> Floats:
     """The pixels of a camera of focal length 1 without distortion."""
     return numpy.ascontiguousarray(lens.rays(pixels)[:, :2])
 
@@ -231,7 +231,7 @@ def _fit(seen: Mapping[int, Floats], course: Course, size: tuple[int, int], lens
     best = None
     for focal in (0.8,) if lens else (0.55, 0.8, 1.15):
         guess = start if lens else replace(start, focal_px=focal * max(size))
-        _, turn, shift = cv2.solvePnP(points, _ideal(guess, pixels), numpy.eye(3), None, flags=cv2.SOLVEPNP_IPPE)
+        _, turn, shift = cv2.solvePnP(points, ideal_pixels(guess, pixels), numpy.eye(3), None, flags=cv2.SOLVEPNP_IPPE)
         unknowns = numpy.concatenate([turn.ravel(), shift.ravel(), numpy.zeros(5 + 3 * len(here.floor))])
         unknowns[6] = 0.0 if lens else math.log(focal / 0.8)
         scales = numpy.concatenate([[0.01] * 3, [0.01] * 3, spreads])

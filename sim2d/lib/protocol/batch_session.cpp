@@ -4,6 +4,7 @@
 #include "printed_number.h"
 #include "pulse_record.h"
 #include "trial.h"
+#include "trial_start.h"
 
 namespace foldcar {
 
@@ -96,7 +97,7 @@ std::string BatchSession::run(const RunLine& run) {
   const SceneSpec& in = scene("run", run.scene);
   const TrialResult result =
       run_trial(engine_, car, in, run.trial, timed_ ? &stopwatch_ : nullptr, &terrain(in));
-  simulated_s_ += result.elapsed_time_s;
+  simulated_s_ += kSettling_s + result.elapsed_time_s;
   return result_reply(run, result);
 }
 

@@ -34,6 +34,7 @@ class BatchSession {
   std::optional<std::string> answer(std::size_t line_number, const std::string& line);
 
   const Stopwatch& stopwatch() const { return stopwatch_; }
+  // Of all runs, their settling before the trial included.
   double simulated_s() const { return simulated_s_; }
 
  private:

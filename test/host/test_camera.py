@@ -24,7 +24,7 @@ from foldcar.camera.smoother import smooth
 from foldcar.camera.view import find_view
 from foldcar.errors import FoldcarError
 from foldcar.link.mcap_export import export_mcap
-from foldcar.report.trial_paths import trial_path
+from foldcar.store.trial_paths import trial_path
 from foldcar.scenes.obstacles import Obstacle
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.heights import carsim_heights

@@ -11,7 +11,7 @@ from typing import Any
 import numpy
 import pytest
 
-from foldcar.figures.compact_path import ANGLE_RAD, PLACE_M, compact_path, twice_differenced, varints
+from foldcar.simulation.compact_path import ANGLE_RAD, PLACE_M, compact_path, twice_differenced, varints
 from foldcar.figures.scene_data import HEIGHT_M, ground_data
 from foldcar.report.replay_choice import OutcomeGrid, choose_runs
 from foldcar.report.replay_paths import kept_paths, simulate_paths

@@ -1,54 +1,146 @@
-"""A calibration from trials: simulated runs, their emulator, the posterior, a simulated check of it.
+"""A calibration from trials: simulated runs, their emulator, the posterior, simulations that check and correct it.
 
-Input: trials counted, a simulator of their experiment. Output: an Inference. The same input, number of runs and seed give
-the same numbers, on any number of processes.
+Input: trials observed, a simulator of their experiment. Output: an Inference. The same input, number of runs and seed
+give the same numbers, on any number of processes.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
+from scipy.special import logsumexp
 
+from foldcar.analysis.gaussian_process import Matern, unit_range
 from foldcar.calibration.emulator import (
+    MOST_CELLS,
     OTHERS,
+    Bank,
     Emulator,
-    IntArray,
-    features_of,
+    cell_inputs,
     near_scores,
     prior_scores,
     simulate_bank,
+    success_logits,
 )
-from foldcar.calibration.experiment import CalibrationRun, Simulator, TrialCounts
+from foldcar.calibration.experiment import CalibrationRun, Simulator
+from foldcar.calibration.observations import Observations
 from foldcar.calibration.parameters import PARAMETERS, FloatArray, values_of
-from foldcar.calibration.posterior import Posterior, sample_posterior
+from foldcar.calibration.posterior import Features, IntArray, Outcomes, Posterior, outcomes, sample_posterior
 
-# Shares of the runs: from the prior, from the first posterior; the rest checks the result.
-FIRST, SECOND = 0.55, 0.3
-
+# Shares of the runs: from the prior, around posteriors in each of at most ROUNDS; the rest checks the result.
+FIRST, ROUND, ROUNDS = 0.4, 0.15, 3
+# Rounds end when the emulator errs less in the rate of each design.
+TOLERATED = 0.03
+# Runs at the posterior's edges teach; those farther from its middle than this (Mahalanobis) do not.
+REACH = 6.0
 # The published draws; fewer runs than LEAST_RUNS teach nothing.
 DRAWS = 100
 LEAST_RUNS = 500  # as `foldcar calibrate` says
+# Designs of the family whose rates are checked.
+MOST_CHECKED = 40
+# Of a discrepancy, this part is shared by designs that are alike, over this part of the family's range.
+ALIKE, LENGTH = 0.5, 0.4
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Trials, the emulator that explains them and the cells' ``inputs``; ``known`` maps measured parameters to scores.
+
+    ``alike`` (cars, cars) is how far cars share a discrepancy, ``other`` (designs, cars) the same of further cars.
+    """
+
+    observed: Observations
+    emulator: Emulator
+    inputs: FloatArray
+    alike: FloatArray
+    other: FloatArray
+    known: Mapping[int, float]
+
+    def pinned(self, scores: FloatArray) -> FloatArray:
+        """The scores (n, parameters) with those that are known."""
+        scores = scores.copy()
+        for index, score in self.known.items():
+            scores[:, index] = score
+        return scores
+
+    def posterior(self, seed: int) -> Posterior:
+        """Draws of the posterior."""
+        features = self.features()
+
+        cells = self.inputs[: len(self.observed.cells)]
+
+        def likelihood(scores: FloatArray, tau: FloatArray, kappa: FloatArray) -> FloatArray:
+            scores = self.pinned(scores)
+            chances = self.emulator.end_chances(scores, cells)[:, self.observed.cell]
+            found = self._outcomes(success_logits(chances), tau).evidence + self._ways(chances)
+            if features is not None:
+                found = found + features.log_likelihood(self._means(scores), kappa)
+            return found
+
+        found = sample_posterior(likelihood, len(PARAMETERS), seed)
+        return replace(found, scores=self.pinned(found.scores))
+
+    def _outcomes(self, logits: FloatArray, tau: FloatArray) -> Outcomes:
+        """The outcomes by simulated logits (n, trials) with discrepancies τ (n,)."""
+        own = self.emulator.car_sd**2
+        covariance = tau[:, None, None] ** 2 * self.alike + own * np.eye(len(self.alike))
+        # The emulator's rate is that of cars of a design: the middle one's is farther from a half (MacKay 1992).
+        middle = np.sqrt(1 + np.pi / 8 * own)
+        return outcomes(middle * logits, self.observed.passed, self.observed.car, covariance)
+
+    def outcomes(self, scores: FloatArray, tau: FloatArray) -> Outcomes:
+        """The outcomes of the trials under scores (n, parameters) with discrepancies τ (n,)."""
+        logits = self.emulator.logits(scores, self.inputs[: len(self.observed.cells)])
+        return self._outcomes(logits[:, self.observed.cell], tau)
+
+    def further(self, found: Outcomes, tau: FloatArray, design: int) -> tuple[FloatArray, FloatArray]:
+        """Mean and variance (n,) of the discrepancy that further cars of a design have, by the outcomes of all trials."""
+        return found.further(tau[:, None] ** 2 * self.other[design], tau**2)
+
+    def features(self) -> Features | None:
+        """The trials' features; None if none is known that the emulator knows, too."""
+        usable = np.isfinite(self.emulator.shares)
+        observed = np.where(usable, np.clip(self.observed.features, *self.emulator.bounds), np.nan)
+        if not np.isfinite(observed).any():
+            return None
+        car = self.observed.car
+        same = (car[:, None] == car).astype(float)
+        return Features(observed, self.emulator.covariance, self.emulator.shares, same, self.alike[np.ix_(car, car)])
+
+    def residuals(self, scores: FloatArray) -> FloatArray | None:
+        """What is left of the trials' features (n, trials, features), in standard deviations of runs; None without."""
+        features = self.features()
+        return None if features is None else features.residuals(self._means(scores))
+
+    def _means(self, scores: FloatArray) -> FloatArray:
+        cells = len(self.observed.cells)
+        return self.emulator.feature_means(scores, self.inputs[:cells])[:, self.observed.cell]
+
+    def _ways(self, chances: FloatArray) -> FloatArray:
+        """The log probability (n,) of how the trials that did not pass failed, by chances (n, trials, ENDS)."""
+        failed = self.observed.passed == 0
+        ends = chances[:, failed, 1:]
+        told = np.where(self.observed.ends[failed, 1:], ends, -np.inf)
+        return np.asarray((logsumexp(told, axis=-1) - logsumexp(ends, axis=-1)).sum(axis=1))
 
 
 @dataclass(frozen=True)
 class Inference:
-    """Everything a summary is made of. ``logits`` (n, designs with trials) are those under the posterior's draws.
+    """Everything a summary is made of; ``rounds`` were needed, ``error`` is by how much the emulator erred in the last.
 
-    ``chosen`` are the indices of the published draws, ``checked`` their simulated success rates (designs with trials,),
-    each from ``check_runs`` runs. ``features`` (designs, features) are the emulator's. ``known`` maps the indices of
-    parameters that were measured to their scores.
+    ``chosen`` are the indices of the published draws; ``designs`` (checked,) are those of the family whose rates were
+    simulated with them: ``passed`` of ``counted`` (checked,).
     """
 
-    counts: TrialCounts
-    emulator: Emulator
-    features: FloatArray
+    problem: Problem
     posterior: Posterior
-    logits: FloatArray
     chosen: IntArray
-    checked: FloatArray
-    check_runs: int
-    known: Mapping[int, float] = field(default_factory=dict)
+    designs: IntArray
+    passed: FloatArray
+    counted: FloatArray
+    error: float
+    rounds: int
 
     @property
     def draws(self) -> list[dict[str, float]]:
@@ -58,7 +150,7 @@ class Inference:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """How many sets of parameters are drawn from the prior and around the first posterior, and scenes for each check."""
+    """How many sets of parameters are drawn from the prior and around posteriors, and scenes for each check."""
 
     first: int
     second: int
@@ -66,61 +158,87 @@ class Plan:
     runs: int
 
 
-def plan(runs: int, designs: int) -> Plan:
-    """About ``runs`` simulated runs for ``designs`` designs with trials; at least LEAST_RUNS."""
-    runs = max(LEAST_RUNS, runs)
-    each = designs + OTHERS
-    first, second = int(FIRST * runs / each), int(SECOND * runs / each)
-    scenes = max(1, int((1 - FIRST - SECOND) * runs / (DRAWS * designs)))
-    return Plan(first, second, scenes, each * (first + second) + DRAWS * designs * scenes)
+def plan(runs: int, cells: int, designs: int) -> Plan:
+    """About ``runs`` simulated runs for so many cells with trials and ``designs`` of the family; at least LEAST_RUNS."""
+    runs, checked = max(LEAST_RUNS, runs), min(designs, MOST_CHECKED)
+    each = min(cells, MOST_CELLS) + OTHERS
+    first, second = int(FIRST * runs / each), int(ROUND * runs / each)
+    scenes = max(1, int((1 - FIRST - ROUNDS * ROUND) * runs / (DRAWS * checked)))
+    return Plan(first, second, scenes, each * (first + ROUNDS * second) + DRAWS * checked * scenes)
 
 
 def infer(
     simulator: Simulator,
-    counts: TrialCounts,
+    observed: Observations,
     runs: int,
     done: Callable[[int], None] = lambda runs: None,
     known: Mapping[int, float] = MappingProxyType({}),
 ) -> Inference:
     """Infer the parameters but for ``known`` ones; ``done`` is told of finished runs, Plan.runs in all. FoldcarError."""
-    seed, features = simulator.seed, features_of(simulator.experiment)
-    planned = plan(runs, len(counts.designs))
-    bank = simulate_bank(simulator, prior_scores(planned.first, seed), counts.designs, 0, done)
-    first = posterior_of(bank.emulator(features, seed), features, counts, seed, known)
-    near = near_scores(first.scores, planned.second, seed)
-    bank = bank.joined(simulate_bank(simulator, near, counts.designs, planned.first, done))
-    emulator = bank.emulator(features, seed)
-    posterior = posterior_of(emulator, features, counts, seed, known)
+    seed, experiment = simulator.seed, simulator.experiment
+    inputs, width = cell_inputs(experiment, observed.cells)
+    planned = plan(runs, len(observed.cells), len(experiment.designs))
+    bank = simulate_bank(simulator, prior_scores(planned.first, seed), observed, 0, done)
+    alike = likeness(inputs[len(observed.cells) :, :width])
+    cars = observed.car_design
+
+    def problem_of(bank: Bank) -> Problem:
+        emulator = bank.emulator(inputs, width, seed)
+        return Problem(observed, emulator, inputs, alike[np.ix_(cars, cars)], alike[:, cars], known)
+
+    problem = problem_of(bank)
+    posterior = problem.posterior(seed)
+    error, rounds = np.inf, 0
+    while rounds < ROUNDS:
+        near = near_scores(posterior.scores, planned.second, seed + rounds)
+        more = simulate_bank(simulator, near, observed, planned.first + rounds * planned.second, done)
+        error, rounds = rate_error(problem, more), rounds + 1
+        bank = bank.joined(more)
+        problem = problem_of(bank.chosen(_near(bank.scores, posterior.scores)))
+        posterior = problem.posterior(seed)
+        if error < TOLERATED:
+            break
+    unused = (ROUNDS - rounds) * planned.second * (min(len(observed.cells), MOST_CELLS) + OTHERS)
     chosen = np.random.default_rng(seed).choice(len(posterior.scores), DRAWS, replace=False)
-    # Each of the published draws in scenes of its own.
-    drawn = [values for values in values_of(posterior.scores[chosen]) for _ in range(planned.scenes)]
-    scenes, sets = len(simulator.experiment.scenes), planned.first + planned.second
-    check = (
-        CalibrationRun(design, values, number % scenes, sets + number)
-        for number, values in enumerate(drawn)
-        for design in counts.designs
-    )
-    results = simulator.passed(check, done)
-    table = np.array([np.nan if one is None else float(one) for one in results])
-    checked = np.nanmean(table.reshape(DRAWS, planned.scenes, len(counts.designs)), axis=(0, 1))
-    logits = emulator.logits(posterior.scores, features[list(counts.designs)])
-    return Inference(counts, emulator, features, posterior, logits, chosen, checked, planned.scenes * DRAWS, dict(known))
+    designs = np.unique(np.linspace(0, len(experiment.designs) - 1, MOST_CHECKED).round().astype(int))
+    designs = np.union1d(designs, cars) if len(designs) < len(experiment.designs) else designs
+    scenes = planned.scenes + unused // (DRAWS * len(designs))
+    first = (planned.first + ROUNDS * planned.second) * (MOST_CELLS + OTHERS + len(cars))
+    check = [
+        # Each of the published draws with cars and in scenes of its own.
+        CalibrationRun(
+            int(design), values, experiment.scenes[number % len(experiment.scenes)], first + number, first + number
+        )
+        for number, values in enumerate(one for one in values_of(posterior.scores[chosen]) for _ in range(scenes))
+        for design in designs
+    ]
+    drives = simulator.drives(check, done)
+    table = np.array([np.nan if one is None else float(one.passed) for one in drives]).reshape(-1, len(designs))
+    counted = np.isfinite(table).sum(axis=0).astype(float)
+    return Inference(problem, posterior, chosen, designs, np.nansum(table, axis=0), counted, float(error), rounds)
 
 
-def posterior_of(
-    emulator: Emulator, features: FloatArray, counts: TrialCounts, seed: int, known: Mapping[int, float]
-) -> Posterior:
-    """The posterior given these trials and the scores of ``known`` parameters."""
-    wanted = features[list(counts.designs)]
-    passed, counted = np.array(counts.passed, dtype=float), np.array(counts.counted, dtype=float)
+def likeness(designs: FloatArray) -> FloatArray:
+    """How far designs (designs, k) share a discrepancy (designs, designs): 1 with themselves."""
+    scaled = unit_range(designs)
+    found: FloatArray = ALIKE * Matern(scaled, LENGTH).covariance(scaled, scaled) + (1 - ALIKE) * np.eye(len(designs))
+    return found
 
-    def pinned(scores: FloatArray) -> FloatArray:
-        scores = scores.copy()
-        for index, score in known.items():
-            scores[:, index] = score
-        return scores
 
-    found = sample_posterior(
-        lambda scores: emulator.logits(pinned(scores), wanted), len(PARAMETERS), passed, counted, seed
-    )
-    return replace(found, scores=pinned(found.scores))
+def rate_error(problem: Problem, bank: Bank) -> float:
+    """By how much the emulator errs in the rate of a design with trials, at most, beyond chance; over the bank's runs."""
+    cells, found = problem.observed.cells, []
+    chance = np.exp(problem.emulator.end_chances(bank.scores, problem.inputs[: len(cells)])[..., 0])
+    for design in np.unique(problem.observed.car_design):
+        rows = [row for row, cell in enumerate(bank.cells) if cell < len(cells) and cells[cell].design == design]
+        rest = (bank.ends[rows] == 0) - chance[rows, bank.cells[rows]]
+        found.append(max(0.0, abs(rest.mean()) - rest.std() / np.sqrt(len(rest))))
+    return float(max(found))
+
+
+def _near(scores: FloatArray, draws: FloatArray) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    """Which scores (n, parameters) lie in reach of a posterior's draws."""
+    free = draws.std(axis=0) > 0
+    centred = scores[:, free] - draws[:, free].mean(axis=0)
+    precision = np.linalg.inv(np.cov(draws[:, free].T))
+    return np.asarray(np.einsum("np,pq,nq->n", centred, precision, centred) < REACH**2)

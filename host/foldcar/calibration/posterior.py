@@ -1,20 +1,24 @@
-"""Draws of the parameters from their posterior, given counts of trials and a success probability for each design.
+"""Draws of the parameters from their posterior, given trials of built cars and an emulator of the simulator.
 
-Model: a built car of design d passes with probability logistic(logit p_d(θ) + δ_d). p_d(θ) is the simulator's. The
-discrepancy δ_d, normal with standard deviation τ, is what no parameter explains (among it, that all trials of a design
-are of one car); τ is inferred too, so that a misfit widens the posterior rather than biases it. δ_d is integrated out
-by quadrature: the likelihood of many trials is narrower than fixed Gauss-Hermite nodes are apart, hence nodes about the
-mode of the integrand, spread by its curvature there (Liu and Pierce 1994, doi:10.1093/biomet/81.3.624). Draws are made
-by sequential Monte Carlo with tempering (Chopin and Papaspiliopoulos 2020, chapter 17) and preconditioned Crank-Nicolson
-moves, which leave the normal prior of the scores as it is.
+Model of outcomes: car c of design d passes in scene s with probability logistic(l_ds(θ) + e_c). l_ds(θ) is the
+simulator's. e_c are normal: each car has a part of its own, with the standard deviation that simulated cars have, and
+shares with the other cars of its design, and in part with cars of like designs, a discrepancy with standard deviation τ,
+which is what no parameter explains. The e_c are integrated out by Laplace's method (Rasmussen and Williams 2006,
+algorithm 3.1).
+
+Model of features of a path: normal about the simulator's mean, with the covariance that simulated runs have. A part of
+it is the car's, the same in all its drives, and here, too, a discrepancy is added, κ times as large as the scatter of
+runs (:class:`Features`). τ and κ are inferred, so that a misfit widens the posterior rather than biases it.
+
+Draws are made by sequential Monte Carlo with tempering (Chopin and Papaspiliopoulos 2020, chapter 17) and preconditioned
+Crank-Nicolson moves, which leave the normal prior of the scores as it is.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, fields
 
 import numpy as np
-from scipy.special import expit, gammaln, log_expit, logsumexp
+from scipy.special import expit, log_expit, logsumexp
 
 from foldcar.calibration.parameters import FloatArray, Parameter
 
@@ -23,41 +27,49 @@ DISCREPANCY = Parameter(
     "what separates built cars of a design from the best simulation of it, one sd",
     "0.7 is 17 points at 50 %: two simulators of these cars differ by 18 points",
 )  # fmt: skip
+PATH_DISCREPANCY = Parameter(
+    "path_discrepancy", "×", "half-normal", 0.0, 0.7, 0.0,
+    "what separates paths of built cars of a design from simulated ones, one sd, relative to the scatter of runs",
+    "0.7: two simulators' paths of these cars differ by about half their scatter",
+)  # fmt: skip
 PARTICLES = 2000
 MOVES = 12
 # Share of the particles that a step of the temperature leaves effective.
 EFFECTIVE = 0.5
 ACCEPTED = 0.3
-_NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(15)
-# Without the standard normal density, which is in the integrand.
-_LOG_WEIGHTS = np.log(_WEIGHTS / _WEIGHTS.sum()) + _NODES**2 / 2
 NEWTON_STEPS = 8
+# A feature farther off than this many standard deviations says no more than one at them.
+FARTHEST = 4.0
 
-# Success logits (n, designs) of scores (n, parameters).
-Logits = Callable[[FloatArray], FloatArray]
+IntArray = np.ndarray[tuple[int], np.dtype[np.int64]]
+# The log-likelihood (n,) of scores (n, parameters) with discrepancies τ and κ (n,).
+Likelihood = Callable[[FloatArray, FloatArray, FloatArray], FloatArray]
 
 
 @dataclass(frozen=True, slots=True)
 class Posterior:
-    """Equally likely draws: ``scores`` (n, parameters), ``discrepancy`` τ (n), ``log_likelihood`` (n)."""
+    """Equally likely draws: ``scores`` (n, parameters), discrepancies τ and κ (n), ``log_likelihood`` (n)."""
 
     scores: FloatArray
     discrepancy: FloatArray
+    path_discrepancy: FloatArray
     log_likelihood: FloatArray
 
+    def part(self, draws: slice | IntArray) -> "Posterior":
+        """Some of the draws."""
+        return Posterior(*(getattr(self, one.name)[draws] for one in fields(self)))
 
-def sample_posterior(
-    logits: Logits, parameters: int, passed: FloatArray, counted: FloatArray, seed: int, particles: int = PARTICLES
-) -> Posterior:
-    """Draws given ``passed`` of ``counted`` trials of each design (designs,), in the order of the logits' columns."""
+
+def sample_posterior(likelihood: Likelihood, parameters: int, seed: int, particles: int = PARTICLES) -> Posterior:
+    """Draws of the posterior of scores, standard normal before, and of both discrepancies."""
     stream = np.random.default_rng(seed)
 
-    def likelihood(latent: FloatArray) -> FloatArray:
-        tau = np.asarray(DISCREPANCY.value(latent[:, -1]))
-        return np.asarray(log_likelihood(logits(latent[:, :-1]), tau, passed, counted).sum(axis=1))
+    def of(latent: FloatArray) -> FloatArray:
+        tau, kappa = _discrepancies(latent)
+        return likelihood(latent[:, :-2], tau, kappa)
 
-    latent = stream.standard_normal((particles, parameters + 1))
-    found = likelihood(latent)
+    latent = stream.standard_normal((particles, parameters + 2))
+    found = of(latent)
     temperature, size = 0.0, 0.5
     while temperature < 1:
         step = _next_step(found, 1 - temperature)
@@ -67,32 +79,107 @@ def sample_posterior(
         temperature = min(1.0, temperature + step)
         for _ in range(MOVES):
             moved = np.sqrt(1 - size**2) * latent + size * stream.standard_normal(latent.shape)
-            there = likelihood(moved)
+            there = of(moved)
             taken = np.log(stream.random(particles)) < temperature * (there - found)
             latent[taken], found[taken] = moved[taken], there[taken]
             size = float(np.clip(size * np.exp(taken.mean() - ACCEPTED), 0.02, 0.95))
-    return Posterior(latent[:, :-1], np.asarray(DISCREPANCY.value(latent[:, -1])), found)
+    return Posterior(latent[:, :-2], *_discrepancies(latent), found)
 
 
-def log_likelihood(logit: FloatArray, tau: FloatArray, passed: FloatArray, counted: FloatArray) -> FloatArray:
-    """Log probability (n, designs) of the counts, given simulated logits (n, designs) and discrepancies' sd τ (n)."""
-    shares = binomial_normal(logit, tau[:, None], passed, counted)[1]
-    return np.asarray(log_ways(passed, counted) + logsumexp(shares, axis=-1))
+def _discrepancies(latent: FloatArray) -> tuple[FloatArray, FloatArray]:
+    tau, kappa = DISCREPANCY.value(latent[:, -2]), PATH_DISCREPANCY.value(latent[:, -1])
+    return np.asarray(tau), np.asarray(kappa)
 
 
-def log_ways(passed: Any, counted: Any) -> Any:
-    """Logarithm of the binomial coefficient: in how many orders ``passed`` of ``counted`` trials pass."""
-    return gammaln(counted + 1) - gammaln(passed + 1) - gammaln(counted - passed + 1)
+@dataclass(frozen=True, slots=True)
+class Outcomes:
+    """Laplace's approximation for draws (n,): the cars' ``offsets`` e (n, cars), log ``evidence`` (n,) of the outcomes.
+
+    ``slopes`` (n, cars) are the gradient of the log-likelihood at the offsets, ``roots`` the square roots of its
+    negative curvature, ``inverse`` (n, cars, cars) of 1 + root covariance root.
+    """
+
+    offsets: FloatArray
+    evidence: FloatArray
+    slopes: FloatArray
+    roots: FloatArray
+    inverse: FloatArray
+
+    def further(self, cross: FloatArray, variance: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Mean and variance (n,) of another car's offset, by its covariances ``cross`` (n, cars), and its own before."""
+        rooted = self.roots * cross
+        known = np.einsum("nc,ncd,nd->n", rooted, self.inverse, rooted)
+        return np.einsum("nc,nc->n", cross, self.slopes), np.maximum(variance - known, 0)
 
 
-def built_logits(
-    logit: FloatArray, tau: FloatArray, passed: FloatArray, counted: FloatArray, stream: np.random.Generator
-) -> FloatArray:
-    """Draws of the built cars' logits (n, designs) after these trials (0 of 0: none): simulation plus discrepancy."""
-    nodes, weights = binomial_normal(logit, tau[:, None], passed, counted)
-    cumulated = np.exp(weights - logsumexp(weights, axis=-1, keepdims=True)).cumsum(axis=-1)
-    chosen = (stream.random((*logit.shape, 1)) > cumulated).sum(axis=-1).clip(max=nodes.shape[-1] - 1)
-    return np.asarray(np.take_along_axis(nodes, chosen[..., None], axis=-1)[..., 0])
+def outcomes(logits: FloatArray, passed: FloatArray, car: IntArray, covariance: FloatArray) -> Outcomes:
+    """Outcomes ``passed`` (trials,), with simulated ``logits`` (n, trials), of cars with indices ``car`` (trials,).
+
+    ``covariance`` (n, cars, cars) of the cars' offsets.
+    """
+    draws, cars = covariance.shape[:2]
+    member = np.zeros((len(car), cars))
+    member[np.arange(len(car)), car] = 1
+    offsets, unit = np.zeros((draws, cars)), np.eye(cars)
+    for _ in range(NEWTON_STEPS):
+        rate = expit(logits + offsets[:, car])
+        curvature = (rate * (1 - rate)) @ member
+        roots = np.sqrt(curvature)
+        inverse = np.linalg.inv(unit + roots[:, :, None] * covariance * roots[:, None, :])
+        wanted = curvature * offsets + (passed - rate) @ member
+        reached = np.einsum("ncd,nd->nc", covariance, wanted)
+        slopes = wanted - roots * np.einsum("ncd,nd->nc", inverse, roots * reached)
+        offsets = np.einsum("ncd,nd->nc", covariance, slopes)
+    there = logits + offsets[:, car]
+    told = np.where(passed > 0, log_expit(there), log_expit(-there)).sum(axis=1)
+    evidence = told - 0.5 * (slopes * offsets).sum(axis=1) + 0.5 * np.linalg.slogdet(inverse)[1]
+    return Outcomes(offsets, evidence, slopes, roots, inverse)
+
+
+class Features:
+    """Features of trials against their simulated means, the covariance of runs taken apart into independent parts.
+
+    ``observed`` (trials, features), NaN where unknown; ``covariance`` (features, features) of runs; ``shares``
+    (features,): what part of a feature's variance, given the features before it, is the car's; ``car`` and ``alike``
+    (trials, trials): whether two trials are of one car, and how far they share their discrepancy, 0 to 1.
+    """
+
+    def __init__(
+        self, observed: FloatArray, covariance: FloatArray, shares: FloatArray, car: FloatArray, alike: FloatArray
+    ) -> None:
+        self._known = np.isfinite(observed)
+        self._observed = np.where(self._known, observed, 0.0)
+        self._whitening = np.zeros((*observed.shape, observed.shape[1]))
+        for trial, known in enumerate(self._known):
+            root = np.linalg.cholesky(covariance[np.ix_(known, known)])
+            self._whitening[trial][np.ix_(known, known)] = np.linalg.inv(root)
+        self._parts = []
+        for feature, share in enumerate(shares):
+            rows = np.flatnonzero(self._known[:, feature])
+            if not len(rows):
+                continue
+            own = share * car[np.ix_(rows, rows)] + (1 - share) * np.eye(len(rows))
+            root = np.linalg.inv(np.linalg.cholesky(own))
+            spread, turn = np.linalg.eigh(root @ alike[np.ix_(rows, rows)] @ root.T)
+            self._parts.append((feature, rows, turn.T @ root, np.maximum(spread, 0)))
+
+    def residuals(self, means: FloatArray) -> FloatArray:
+        """What is left (..., trials, features), in standard deviations of runs and independent of the features before.
+
+        ``means`` (..., trials, features); NaN where a feature is unknown.
+        """
+        left = np.where(self._known, self._observed - means, 0.0)
+        parts = np.einsum("tij,...tj->...ti", self._whitening, left)
+        return np.where(self._known, parts, np.nan)
+
+    def log_likelihood(self, means: FloatArray, kappa: FloatArray) -> FloatArray:
+        """The log density (n,) of what was observed, but for a constant, at means (n, trials, features)."""
+        left = np.clip(self.residuals(means), -FARTHEST, FARTHEST)
+        found = np.zeros(len(means))
+        for feature, rows, turn, spread in self._parts:
+            variance = 1 + kappa[:, None] ** 2 * spread
+            found -= 0.5 * ((left[:, rows, feature] @ turn.T) ** 2 / variance + np.log(variance)).sum(axis=1)
+        return found
 
 
 def _next_step(found: FloatArray, most: float) -> float:
@@ -110,34 +197,7 @@ def _next_step(found: FloatArray, most: float) -> float:
     return low
 
 
-def _resampled(weights: FloatArray, stream: np.random.Generator) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
+def _resampled(weights: FloatArray, stream: np.random.Generator) -> IntArray:
     """Indices of a systematic resampling."""
     places = (np.arange(len(weights)) + stream.random()) / len(weights)
     return np.searchsorted(np.cumsum(weights), places).clip(max=len(weights) - 1)
-
-
-def binomial_normal(
-    mean: FloatArray, sd: FloatArray, passed: FloatArray, counted: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Log-odds (..., nodes) and the logarithms of their shares of the likelihood, but for the binomial coefficient.
-
-    Log-odds are normal with ``mean`` and ``sd``, of which ``passed`` of ``counted`` came; all (...,) or broadcast so.
-    Their log-likelihood is logsumexp of the shares; the shares are also the log-odds' posterior.
-    """
-    # Log-odds are mean + sd e, the integrand is binomial times the standard normal density of e.
-    share = (passed + 0.5) / (counted + 1)
-    known = sd**2 * counted * share * (1 - share)
-    longest = 1 / np.maximum(sd, 1e-9)
-    # Where counts as normal as the log-odds have it; then Newton's steps, none longer than 1 in log-odds.
-    e = known / (1 + known) * (np.log(share / (1 - share)) - mean) * longest
-    for _ in range(NEWTON_STEPS):
-        rate = expit(mean + sd * e)
-        slope = sd * (passed - counted * rate) - e
-        e = e + np.clip(slope / (1 + sd**2 * counted * rate * (1 - rate)), -longest, longest)
-    rate = expit(mean + sd * e)
-    spread = (1 / np.sqrt(1 + sd**2 * counted * rate * (1 - rate)))[..., None]
-    at = e[..., None] + spread * _NODES
-    log_odds = mean[..., None] + sd[..., None] * at
-    passing, failing = passed[..., None], (counted - passed)[..., None]
-    shares = passing * log_expit(log_odds) + failing * log_expit(-log_odds) - at**2 / 2 + np.log(spread)
-    return log_odds, shares + _LOG_WEIGHTS

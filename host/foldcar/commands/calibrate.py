@@ -20,9 +20,7 @@ LEAST_RUNS, MOST_RUNS = 500, 10_000_000
 def calibrate(
     store: Annotated[
         Path,
-        typer.Argument(
-            metavar="STORE", callback=output_store, help="A store with a swept experiment and trials of it."
-        ),
+        typer.Argument(metavar="STORE", callback=output_store, help="A store with a swept experiment and trials of it."),
     ],
     name: Annotated[str, typer.Option(metavar="NAME", help="Name of the calibration in the store.")] = "trials",
     experiment: Annotated[
@@ -37,6 +35,10 @@ def calibrate(
         bool, typer.Option("--leave-one-out", help="Also predict each design from the trials of the others.")
     ] = False,
     simulated_trials: SimulatedTrialsInstead = False,
+    evidence: Annotated[
+        str,
+        typer.Option(metavar="WHAT", help="What of trials counts: outcomes; times, too; or all, paths, too."),
+    ] = "paths",
     known: Annotated[
         list[str] | None,
         typer.Option(metavar="NAME=VALUE", help="A parameter that was measured; may be repeated."),
@@ -46,15 +48,17 @@ def calibrate(
 ) -> None:
     """Infer the simulator's parameters from trials.
 
-    Friction, servos, heights, centre of mass, track and scatter, each with a prior, as far as the trials tell. The store
-    keeps the result: `foldcar sweep LISTING --calibration NAME` simulates under it. It says which parameters the trials
-    cannot tell apart, and which further trials would.
+    Friction, servos, heights, centre of mass, track and scatter, each with a prior, as far as the trials tell: by
+    outcomes, times, and paths by a film (`foldcar track`) or by a simulated car's log. The store keeps the result:
+    `foldcar sweep LISTING --calibration NAME` simulates under it. It says which parameters the trials cannot tell apart,
+    and which further trials would.
 
     \b
     Example: foldcar calibrate study.db --name published --leave-one-out
     """
-    from foldcar.calibration.experiment import Simulator, count_trials, experiment_with_trials, read_experiment
+    from foldcar.calibration.experiment import Simulator, read_experiment
     from foldcar.calibration.inference import infer, plan
+    from foldcar.calibration.observations import EVIDENCE, experiment_with_trials, observe
     from foldcar.calibration.parameters import known_scores
     from foldcar.calibration.summary import summarise
     from foldcar.commands.progress_bar import TerminalBar
@@ -67,11 +71,13 @@ def calibrate(
 
     if not NAME.fullmatch(name):
         raise FoldcarError(f'--name "{name}": a name is at most 40 letters, digits, _ . or -, a letter or digit first')
+    if evidence not in EVIDENCE:
+        raise FoldcarError(f"--evidence {evidence}: not one of {', '.join(EVIDENCE)}")
     measured = known_scores(dict(_value(text) for text in known or []))
     with Store.open(store) as opened:
         check_calibration_name(opened, name, replace)
         chosen = read_experiment(opened, experiment_with_trials(opened, experiment))
-        counts = count_trials(opened, chosen, simulated_trials)
+        observed = observe(opened, chosen, simulated_trials, evidence)
         nominal: dict[int, tuple[int, int]] = {}
         for result in opened.results(chosen.info.id):
             index = chosen.design_of({key: float(value) for key, value in result.design.items()})
@@ -80,9 +86,9 @@ def calibrate(
                 nominal[index] = (passed + (result.outcome == "passed"), all_runs + 1)
     carsim = Carsim()
     simulator = Simulator(chosen, carsim, jobs or usable_processors(), seed)
-    planned = plan(runs, len(counts.designs)).runs
+    planned = plan(runs, len(observed.cells), len(chosen.designs)).runs
     with said(lambda: "stopped: nothing is stored"), TerminalBar("calibrate", planned) as bar:
-        inference = infer(simulator, counts, runs, bar.done, measured)
+        inference = infer(simulator, observed, runs, bar.done, measured)
         summary = summarise(inference, chosen, nominal, seed, planned, leave_one_out)
     made = new_calibration(name, chosen.info.id, carsim.build, inference.draws, summary)
 

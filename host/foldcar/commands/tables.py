@@ -164,10 +164,11 @@ def print_calibration(calibration: "Calibration") -> None:
         name = one["name"] if one["name"].endswith(f"_{one['unit']}") else f"{one['name']} ({one['unit']})"
         table.add_row(name, _median(one["prior"]), _median(one["posterior"]), _share(one["explained"]))
     table.print_on(console)
-    table = ResultTable("design", "trials", "passed %", "nominal", "calibrated", "predicted", left=("design",))
+    table = ResultTable("design", "trials", "passed %", "nominal", "calibrated", "built cars", left=("design",))
     for one in summary["designs"]:
         simulated = f"{_share(one['simulated']['median'])} ({_percent(one['simulated'])})"
-        table.add_row(*_counted(one), _share(one["nominal"]), simulated, _percent(one["predicted"]))
+        built = f"{_share(one['built']['median'])} ({_percent(one['built'])})"
+        table.add_row(*_counted(one), _share(one["nominal"]), simulated, built)
     table.print_on(console)
     if summary.get("leave_one_out"):
         table = ResultTable("left out", "trials", "passed %", "predicted", "log score", "nominal", left=("left out",))
@@ -177,13 +178,21 @@ def print_calibration(calibration: "Calibration") -> None:
         table.print_on(console)
     likelihood = summary["log_likelihood"]
     nominal = "" if likelihood["nominal"] is None else f", nominal {likelihood['nominal']:.1f}"
-    typer.echo(f"log-likelihood {likelihood['expected']:.1f}{nominal}, best possible {likelihood['best']:.1f}")
+    typer.echo(
+        f"log-likelihood {likelihood['draws']:.1f} by calibrated rates{nominal}, best possible {likelihood['best']:.1f}; "
+        f"{likelihood['expected']:.1f} with the discrepancy integrated out"
+    )
     for finding in summary["findings"]:
         typer.echo(finding)
 
 
 def _counted(one: Mapping[str, Any]) -> tuple[str, str, str]:
-    return design_text(one["design"]), f"{one['passed']}/{one['counted']}", _share(one["passed"] / one["counted"])
+    name = design_text(one["design"])
+    return (
+        (name, f"{one['passed']}/{one['counted']}", _share(one["passed"] / one["counted"]))
+        if one["counted"]
+        else (name, "-", "-")
+    )
 
 
 def _median(ends: Mapping[str, Any]) -> str:

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy
 
-from foldcar.figures.compact_path import varints
 from foldcar.models.ground import SPACINGS_M, smooth_bounds_m, smooth_ground
+from foldcar.simulation.compact_path import varints
 from foldcar.simulation.heights import Heights
 
 HEIGHT_M = 0.0005

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from foldcar.advice.evidence import run_remarks
 from foldcar.analysis.stopping import LEAST_CHANCE
 from foldcar.analysis.words import count
-from foldcar.calibration.summary import findings
 from foldcar.report.page_designs import Designs
 from foldcar.simulation.results import OUTCOMES
 from foldcar.store.calibrations import calibrations
@@ -42,7 +41,7 @@ def remarks(designs: Designs, trials: Sequence[Trial], left_out: Counter[str]) -
     found += [left] if left else []
     for one in calibrations(store):
         if one.experiment == info.id:
-            found.append(f"Calibration {one.name} ({one.created_utc}, UTC): {' '.join(findings(one.summary))}")
+            found.append(f"Calibration {one.name} ({one.created_utc}, UTC): {' '.join(one.summary['findings'])}")
     return found + _elsewhere(store, info, trials) + _failures(store, info, ends["failed"])
 
 

@@ -18,18 +18,18 @@ from foldcar.car.folded_car import folded_car
 from foldcar.errors import FoldcarError
 from foldcar.fabrication.assembly.recorded_run import drawn_body
 from foldcar.fabrication.assembly.scene_shape import SceneShapes
-from foldcar.figures.compact_path import ANGLE_RAD, PLACE_M
 from foldcar.figures.scene_data import ground_data
 from foldcar.report.replay_choice import OutcomeGrid, choose_runs
 from foldcar.report.replay_paths import Key, Paths, kept_paths, simulate_paths
-from foldcar.report.trial_paths import trial_path
 from foldcar.simulation.carsim import Carsim, ask_pulses
+from foldcar.simulation.compact_path import ANGLE_RAD, PLACE_M
 from foldcar.simulation.heights import carsim_heights
 from foldcar.simulation.runner import KEPT_INTERVAL_S, side_by_side
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
 from foldcar.store.stored_drives import StoredDrives, read_drives
 from foldcar.store.tables import TRIAL
+from foldcar.store.trial_paths import trial_path
 from foldcar.store.trial_records import Trial
 
 # Of a compact path.

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy
 
-from foldcar.figures.compact_path import ROW_BYTES
+from foldcar.simulation.compact_path import ROW_BYTES
 from foldcar.simulation.results import NUMBERS, OUTCOMES, REJECTED
 from foldcar.simulation.runner import KEPT_INTERVAL_S as INTERVAL_S
 from foldcar.store.frames import RunArrays

@@ -1,22 +1,27 @@
 """Where a trial's car was: a simulated car's path by its log, of a built one by a film, else its IMU's roll and pitch.
 
-Input: a trial of the store. Output: a compact path, or angles over time, or a sentence that says why there is neither.
+Input: a trial of the store. Output: rows of time (s), x, y, z (m), heading, pitch, roll (rad); a compact path, or angles
+over time, or a sentence that says why there is neither.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy
+from numpy.typing import NDArray
 
 from foldcar.errors import FoldcarError
-from foldcar.figures.compact_path import compact_path
 from foldcar.link.connection import CAR_SYSTEM
 from foldcar.link.tlog import read_tlog, trial_start_s
+from foldcar.simulation.compact_path import compact_path
 from foldcar.simulation.runner import KEPT_INTERVAL_S as INTERVAL_S
 from foldcar.store.log_files import log_file, sha256_of
 from foldcar.store.reader import Store
 from foldcar.store.trial_records import Track, Trial
+
+Rows = NDArray[numpy.float64]
 
 
 @dataclass(frozen=True)
@@ -32,11 +37,25 @@ class TrialPath:
 
 def trial_path(store: Store, trial: Trial) -> TrialPath:
     """Where the car of ``trial`` was by its log, or else by a film; how it tilted, where neither has a path."""
+    found = _rows_or_felt(store, trial)
+    return found if isinstance(found, TrialPath) else _compacted(found)
+
+
+def trial_rows(store: Store, trial: Trial) -> Rows | None:
+    """The rows (rows, 7) of the path of ``trial``, by its log or else by a film; None without."""
+    found = _rows_or_felt(store, trial)
+    return None if isinstance(found, TrialPath) else found
+
+
+def _rows_or_felt(store: Store, trial: Trial) -> Rows | TrialPath:
     logged = _logged(store, trial)
-    return logged if logged.path is not None else _filmed(store.track(trial.id)) or logged
+    if not isinstance(logged, TrialPath):
+        return logged
+    filmed = _filmed(store.track(trial.id))
+    return logged if filmed is None else filmed
 
 
-def _logged(store: Store, trial: Trial) -> TrialPath:
+def _logged(store: Store, trial: Trial) -> Rows | TrialPath:
     """What the log of ``trial`` tells of the car's movement."""
     if trial.log is None:
         return TrialPath(missing="it has no log" if trial.source is None else "it was imported, without a log")
@@ -50,10 +69,11 @@ def _logged(store: Store, trial: Trial) -> TrialPath:
     start_s = trial_start_s(messages)
     if start_s is None:
         return TrialPath(missing="its log has no trial that runs")
-    return _driven(messages, start_s) or _felt(messages, start_s)
+    driven = _driven(messages, start_s)
+    return _felt(messages, start_s) if driven is None else driven
 
 
-def _driven(messages: list[Any], start_s: float) -> TrialPath | None:
+def _driven(messages: list[Any], start_s: float) -> Rows | None:
     rows = {}
     end_s = math.inf
     for message in messages:
@@ -64,22 +84,26 @@ def _driven(messages: list[Any], start_s: float) -> TrialPath | None:
                 rows[time_s] = place
             if message.outcome and math.isfinite(message.outcome_time):
                 end_s = min(end_s, float(message.outcome_time))
-    times = sorted(time_s for time_s in rows if time_s <= end_s)
-    if len(times) < 2:
+    return _path([(time_s, *place) for time_s, place in sorted(rows.items()) if time_s <= end_s])
+
+
+def _filmed(track: Track | None) -> Rows | None:
+    return _path([] if track is None else [row[:7] for row in track.rows if row[0] >= 0])
+
+
+def _path(rows: Sequence[Sequence[float]]) -> Rows | None:
+    """The rows with headings that go on beyond a half turn; None if they are too few for a path."""
+    if len(rows) < 2:
         return None
-    return _path(times, numpy.array([rows[time_s] for time_s in times]))
+    found = numpy.array(rows)
+    found[:, 4] = numpy.unwrap(found[:, 4])
+    return found
 
 
-def _filmed(track: Track | None) -> TrialPath | None:
-    rows = numpy.array([] if track is None else [row[:7] for row in track.rows if row[0] >= 0])
-    return None if len(rows) < 2 else _path(rows[:, 0].tolist(), rows[:, 1:])
-
-
-def _path(times: list[float], values: Any) -> TrialPath:
-    values[:, 3] = numpy.unwrap(values[:, 3])
-    last_s = times[-1]
+def _compacted(rows: Rows) -> TrialPath:
+    last_s = float(rows[-1, 0])
     at = numpy.append(numpy.arange(0, last_s - 1e-9, INTERVAL_S), last_s)
-    path = numpy.column_stack([at, *(numpy.interp(at, times, column) for column in values.T)])
+    path = numpy.column_stack([at, *(numpy.interp(at, rows[:, 0], column) for column in rows[:, 1:].T)])
     return TrialPath(compact_path(path.tolist()), len(path), last_s)
 
 

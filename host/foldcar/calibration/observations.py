@@ -1,0 +1,189 @@
+"""The trials of an experiment as a calibration takes them: where which car drove, and what is known of how it went.
+
+Input: a store, a swept experiment. Output: Observations. A trial whose place is known is one of its own *cell*, a design
+in the scene as it was placed; all others of a design are in its cell of any scene. Trials of a design without a car's
+name are of one car. FoldcarError.
+"""
+
+import json
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from foldcar.calibration.drive_features import (
+    ENDS,
+    PASSED,
+    TIME,
+    drive_end,
+    path_features,
+    possible_ends,
+    told_features,
+)
+from foldcar.calibration.experiment import SweptExperiment
+from foldcar.calibration.parameters import FloatArray
+from foldcar.calibration.posterior import IntArray
+from foldcar.errors import FoldcarError
+from foldcar.store.reader import Store
+from foldcar.store.trial_paths import trial_rows
+from foldcar.store.trial_records import BUILT, SIMULATED, UNKNOWN, WITHDRAWN, Trial
+
+# What of a trial counts: whether it passed; also its time; also its path and how it failed.
+OUTCOMES, TIMES, PATHS = EVIDENCE = ("outcomes", "times", "paths")
+ABORTED, ELSEWHERE, NO_DESIGN = "aborted", "elsewhere", "no design"
+_WHY = {
+    SIMULATED: "of simulated cars",
+    BUILT: "of built cars",
+    UNKNOWN: "of cars that may be built or simulated (tell with `foldcar trials correct` and --car)",
+    WITHDRAWN: "withdrawn",
+    ABORTED: "aborted",
+    ELSEWHERE: "in another environment than the experiment's",
+    NO_DESIGN: "of cars that are no designs of the experiment as swept",
+}
+
+BoolArray = np.ndarray[Any, np.dtype[np.bool_]]
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """A design by its index, and a scene of docs/carsim.md, None for any of the experiment's."""
+
+    design: int
+    scene: Mapping[str, Any] | None
+
+
+@dataclass(frozen=True)
+class Observations:
+    """Trials: ``cell``, ``car`` (trials,) indices, ``ends`` (trials, ENDS) possible ones, ``features`` (trials, FEATURES).
+
+    ``car_design`` (cars,) is the index of each car's design; ``notes`` are for the reader.
+    """
+
+    cells: tuple[Cell, ...]
+    cell: IntArray
+    car: IntArray
+    car_design: IntArray
+    ends: BoolArray
+    features: FloatArray
+    simulated: bool
+    notes: tuple[str, ...]
+
+    @property
+    def passed(self) -> FloatArray:
+        """1 for each trial (trials,) that passed, else 0."""
+        return np.asarray(self.ends[:, 0], dtype=float)
+
+    @property
+    def design(self) -> IntArray:
+        """The design of each trial (trials,), as an index of the experiment's."""
+        return self.car_design[self.car]
+
+    def counts(self) -> dict[int, tuple[int, int]]:
+        """How many of how many trials passed, by the design's index, in ascending order."""
+        passed = self.passed
+        return {
+            int(one): (int(passed[self.design == one].sum()), int((self.design == one).sum()))
+            for one in np.unique(self.design)
+        }
+
+    def without(self, design: int) -> "Observations":
+        """The trials of the other designs."""
+        kept = self.design != design
+        return replace(self, cell=self.cell[kept], car=self.car[kept], ends=self.ends[kept], features=self.features[kept])
+
+
+def experiment_with_trials(store: Store, named: str | None) -> str:
+    """The experiment that is named, or the only one with trials. FoldcarError."""
+    there = list(dict.fromkeys(trial.experiment for trial in store.trials()))
+    if not there:
+        raise FoldcarError(
+            f"{store.path}: holds no trials: drive some (`foldcar log`) or import them (`foldcar trials import`)"
+        )
+    if named is not None and named not in there:
+        raise FoldcarError(f'{store.path}: has no trials of experiment "{named}", only of {", ".join(there)}')
+    if named is None and len(there) > 1:
+        raise FoldcarError(f"{store.path}: has trials of experiments {', '.join(there)}: choose one with --experiment")
+    return named if named is not None else there[0]
+
+
+def observe(store: Store, experiment: SweptExperiment, simulated: bool, evidence: str = PATHS) -> Observations:
+    """The trials of built cars, or, if ``simulated``, of simulated ones instead; ``evidence`` is one of EVIDENCE."""
+    name = experiment.info.id
+    elsewhere, here = store.trials_elsewhere(experiment.info), store.trials_here(experiment.info)
+    kept: list[tuple[Trial, int]] = []
+    left_out = Counter[str]()
+    for trial in store.trials(name):
+        design = experiment.design_of(trial.design) if trial.vehicle_type == experiment.info.vehicle_type else None
+        if trial.standing != (SIMULATED if simulated else BUILT):
+            left_out[trial.standing] += 1
+        elif not trial.completed:
+            left_out[ABORTED] += 1
+        elif trial.id in elsewhere:
+            left_out[ELSEWHERE] += 1
+        elif design is None:
+            left_out[NO_DESIGN] += 1
+        else:
+            kept.append((trial, design))
+    reasons = "; ".join(f"{left_out[why]} {_WHY[why]}" for why in _WHY if left_out[why])
+    if not kept:
+        hint = " (--simulated-trials calibrates by them)" if left_out[SIMULATED] else ""
+        raise FoldcarError(f"{store.path}: experiment {name}: no trial to calibrate by: {reasons}{hint}")
+    notes = [f"Trials left out: {reasons}."] if reasons else []
+    found = _observed(store, experiment, kept, here, evidence)
+    return replace(found, simulated=simulated, notes=(*notes, *_notes(found, simulated)))
+
+
+def _observed(
+    store: Store, experiment: SweptExperiment, trials: Sequence[tuple[Trial, int]], here: set[int], evidence: str
+) -> Observations:
+    cells: dict[tuple[int, str | None], int] = {}
+    cars: dict[tuple[int, str | None], int] = {}
+    cell, car, ends, features = [], [], [], []
+    for trial, design in trials:
+        drive = store.trial_drive(trial.id) if trial.id in here else None
+        scene = drive[2] if drive is not None else _sampled(experiment, trial, here)
+        cell.append(cells.setdefault((design, scene), len(cells)))
+        car.append(cars.setdefault((design, trial.car_name), len(cars)))
+        passed = trial.outcome == PASSED
+        rows = None if evidence != PATHS or scene is None else trial_rows(store, trial)
+        if rows is None:
+            features.append(told_features(trial.elapsed_time_s if evidence != OUTCOMES else None, passed))
+            how = trial.outcome if evidence == PATHS or passed else "not_passed"
+            ends.append(possible_ends(how))
+        else:
+            features.append(path_features(rows, json.loads(scene or "")))
+            # The parts of the way have their times.
+            features[-1][TIME] = np.nan
+            ends.append(np.arange(ENDS) == drive_end(trial.outcome, features[-1]))
+    return Observations(
+        tuple(Cell(design, None if scene is None else json.loads(scene)) for design, scene in cells),
+        np.array(cell),
+        np.array(car),
+        np.array([design for design, _ in cars]),
+        np.array(ends),
+        np.array(features),
+        False,
+        (),
+    )
+
+
+def _sampled(experiment: SweptExperiment, trial: Trial, here: set[int]) -> str | None:
+    """The scene of an imported trial's sample, if it is one of the experiment's."""
+    known = trial.id in here and trial.sample is not None and trial.sample < len(experiment.scenes)
+    return json.dumps(experiment.scenes[trial.sample or 0]) if known else None
+
+
+def _notes(found: Observations, simulated: bool) -> list[str]:
+    counts = found.counts()
+    passed, counted = int(found.passed.sum()), len(found.passed)
+    notes = []
+    if simulated:
+        notes.append("These are trials of SIMULATED cars: the calibration says nothing about built ones.")
+    if len(counts) == 1:
+        notes.append("All trials are of one design: one rate cannot tell parameters apart.")
+    if passed in (0, counted):
+        all_or_none = "All" if passed else "None"
+        notes.append(f"{all_or_none} of the {counted} trials passed: they bound the parameters on one side only.")
+    return notes

@@ -56,7 +56,7 @@ class Cell:
 
 @dataclass(frozen=True)
 class Observations:
-    """Trials: ``cell``, ``car`` (trials,) indices, ``ends`` (trials, ENDS) possible ones, ``features`` (trials, FEATURES).
+    """Trials: ``cell``, ``car`` (trials,) indices, ``ends`` (trials, ENDS) possible, ``features`` (trials, FEATURES).
 
     ``car_design`` (cars,) is the index of each car's design; ``notes`` are for the reader.
     """

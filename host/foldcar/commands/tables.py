@@ -255,8 +255,9 @@ STANDING_TEXTS = {
 def print_trials(found: Sequence[Trial]) -> None:
     """Print a row for each trial, and how many of each standing passed."""
     console = shown_console(PLAIN_WIDTH)
-    heads = ("trial", "experiment", "design", "sample", "car", "outcome", "time (s)", "ending", "started (UTC)", "note")
-    table = ResultTable(*heads, left=("design", "car", "outcome", "ending", "note"))
+    named = ["name"] * any(trial.car_name for trial in found)
+    heads = ("trial", "experiment", "design", "sample", "car", *named, "outcome", "time (s)", "ending", "started (UTC)")
+    table = ResultTable(*heads, "note", left=("design", "car", "name", "outcome", "ending", "note"))
     varied = _varied(found)
     for trial in found:
         table.add_row(
@@ -265,6 +266,7 @@ def print_trials(found: Sequence[Trial]) -> None:
             design_text({name: value for name, value in trial.design.items() if name in varied}),
             "-" if trial.sample is None else str(trial.sample),
             trial.car or UNKNOWN,
+            *(trial.car_name or "-" for _ in named),
             f"{trial.outcome}, {WITHDRAWN}" if trial.withdrawn else trial.outcome,
             seconds_text(trial.elapsed_time_s),
             trial.ending,

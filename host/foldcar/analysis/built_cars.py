@@ -28,6 +28,9 @@ PRIOR = PRIOR / PRIOR.sum()
 # The part of the prior that stays beside what simulated cars say: the workshop's imperfections are assumptions.
 UNTOLD = 0.2
 SLOPE = 0.346
+# How much of what simulation finds of environments is believed: where it errs about single ones, all of it is worse than
+# nothing (docs/statistics.md).
+TRUST = 0.5
 # Quadrature over z (Gauss-Hermite) around the mode of each car's integrand, and the Newton steps that find it.
 NODES, WEIGHTS = numpy.polynomial.hermite_e.hermegauss(15)
 STEPS = 8
@@ -67,21 +70,23 @@ class BuiltCars:
         return f"{count(int(self.counted.sum()), 'trial')} of {count(len(self.counted), 'car')}"
 
     def rate(self, confidence: float = 0.95) -> Rate:
-        """The rate of a further car of the design, beforehand with Jeffreys' distribution.
+        """The rate of a further car of the design: the trials' share less their shift; beforehand as Jeffreys has it.
 
         Without spread and shift it has Jeffreys' interval.
         """
         check_confidence(confidence)
         tail = (1 - confidence) / 2
-        low, middle, high = self._quantiles([tail, 0.5, 1 - tail])
+        low, high = self._quantiles([tail, 1 - tail]).tolist()
         low, high = (0.0 if not self.passed.any() else low), (1.0 if (self.passed == self.counted).all() else high)
-        return Rate(middle, low, high, confidence, f"{self.text}, for a further car of the design")
+        share, by = self.passed.sum() / self.counted.sum(), numpy.exp(-self.shift @ self.counted / self.counted.sum())
+        value = min(max(float(share * by / (share * by + 1 - share)), low), high)
+        return Rate(value, low, high, confidence, f"{self.text}, for a further car of the design")
 
     def draws(self, number: int, random: numpy.random.Generator) -> NDArray[Any]:
         """Draws (number,) of the rate of a further car."""
         return self._quantiles(random.random(number))
 
-    def _quantiles(self, parts: ArrayLike) -> NDArray[Any]:
+    def _quantiles(self, parts: Sequence[float] | NDArray[Any]) -> NDArray[Any]:
         logs = likelihood([self])(FINE[:, None])[0][:, 0] + JEFFREYS
         density = numpy.exp(logs - logs.max())
         mass = density.cumsum() - density / 2
@@ -162,6 +167,16 @@ def _given(
     slope = (shares * scores).sum(axis=0)
     value = top + numpy.log(total * width / numpy.sqrt(2 * numpy.pi))
     return value, slope, (shares * bends).sum(axis=0) - slope**2
+
+
+def shift(expected: Sequence[float | None], overall: float) -> float:
+    """A car's shift from the share of simulated cars that pass in each of its trials' environments, None where unknown.
+
+    ``overall``, 0 to 1 but neither, is simulation's rate over all environments; it counts as one more trial's.
+    """
+    known = [overall if one is None else one for one in (None, *expected)]
+    share = sum(known) / len(known)
+    return float(TRUST * (numpy.log(share / (1 - share)) - numpy.log(overall / (1 - overall))))
 
 
 def simulated_weights(passed: ArrayLike, scenes: int) -> NDArray[Any]:

@@ -54,7 +54,8 @@ def print_comparison(found: "Comparison") -> None:
             _print_outcomes(console, one.designs)
             if one.mean_gap is not None:
                 together = percent(one.mean_gap.confidence)
-                console.print(f"gap: trials minus simulation, points; all gaps hold together with {together}")
+                console.print("these: the cars that drove; further car, pooled: any car of the design, as in simulation")
+                console.print(f"gap: further car minus simulation, points; all gaps hold together with {together}")
         for line in (rank_text(one.ranks), *one.remarks):
             if line:
                 console.print(line)
@@ -64,15 +65,17 @@ def print_comparison(found: "Comparison") -> None:
 
 def _print_rates(console: Console, one: "ExperimentComparison") -> None:
     designs = one.designs
-    more = [what for what in ("rectified", "pooled") if any(getattr(design, what) is not None for design in designs)]
+    more = [what for what in ("further_car", "pooled") if any(getattr(design, what) is not None for design in designs)]
+    shown = [f"{what.replace('_', ' ')} %" for what in more]
     paired = ["same outcome"] * any(design.paired for design in designs)
-    heads = ("design", "runs", "simulated %", "passed", "trials %", *(f"{what} %" for what in more), *paired, "gap")
+    heads = ("design", "runs", "simulated %", "cars", "passed", "these %", *shown, *paired, "gap")
     table = ResultTable(*heads, "verdict", left=("design", "verdict"))
     for design in designs:
         table.add_row(
             design.label,
             str(design.evidence.runs),
             _rate(design.simulated),
+            str(design.cars),
             f"{design.evidence.trials_passed} of {len(design.evidence.trials)}",
             _rate(design.driven),
             *(_rate(getattr(design, what)) for what in more),

@@ -50,7 +50,7 @@ def link(
     one = listed_run(listing, experiment, settings, sample, engine)
     scene, body = one.scene, one.body
     if reality is not None:
-        values, limits = read_reality(reality), one.carsim.limits().numbers
+        values, limits = read_reality(reality, engine), one.carsim.limits().numbers
         body, scene = real_run(one.experiment, one.nominal, one.scene, values, sample, limits)
     # carsim ends when its reader does: see sim2d/src/reader_watch.h.
     scene_id = scene_name(one.scene, sample)

@@ -24,7 +24,7 @@ inline json body() {
   for (int i = 0; i < 4; ++i) {
     wheels.push_back({{"channel", i}, {"segment", i < 2 ? 0 : 1}, {"side", i % 2 == 0 ? "left" : "right"},
                       {"x_m", i < 2 ? 0.07 : -0.07}, {"radius_m", 0.06}, {"width_m", 0.012}, {"mass_kg", 0.012},
-                      {"grip", 1.0}, {"eccentricity_m", 0.0}, {"eccentricity_phase_rad", 0.0},
+                      {"grip", 1.0}, {"eccentricity_m", 0.0}, {"eccentricity_phase_rad", 0.0}, {"camber_rad", 0.0}, {"contact_time_s", 0.005},
                       {"servo", servo(i % 2 == 0 ? 1 : -1)}});
   }
   return {{"body",
@@ -35,7 +35,8 @@ inline json body() {
                {"max_rad", 1.0}}}},
             {"track_m", 0.111},
             {"wheels", wheels},
-            {"supply_v", 5.2}}}};
+            {"supply_v", 5.2},
+            {"supply_resistance_ohm", 0.0}}}};
 }
 
 inline json scene() {

@@ -85,12 +85,16 @@ inline TerrainSpec slope_of(double slope_rad) {
   return blocks({{kFoot_m + 0.5 * kLength_m, 0, kLength_m, 4, kLength_m * std::tan(slope_rad), 0, BlockSpec::Kind::kRamp}});
 }
 
-// Speed along a slope where the servos hold it (m/s).
+// Speed along a slope where the servos hold it (m/s): the torque line at the voltage that the current leaves.
 inline double no_slip_speed_m_s(const BodySpec& body, double slope_rad, double fraction) {
   const ServoSpec& servo = body.wheels[0].servo;
   const double radius_m = body.wheels[0].radius_m;
   const double load_n_m = mass_kg(body) * kGravity * std::sin(slope_rad) * radius_m;
-  return radius_m * servo.no_load_speed_rad_s * (fraction - load_n_m / (4 * servo.stall_torque_n_m));
+  const double stalled = load_n_m / (4 * servo.stall_torque_n_m);
+  const double current_a =
+      4 * (servo.no_load_current_a * fraction + (servo.stall_current_a - servo.no_load_current_a) * stalled);
+  const double voltage_v = body.supply_v - body.supply_resistance_ohm * current_a;
+  return radius_m * servo.no_load_speed_rad_s * (fraction * voltage_v / servo.rated_v - stalled);
 }
 
 // Whether forces at the friction and torque limits can lift the front wheels over the edge of a step: three
@@ -223,6 +227,18 @@ void is_slowed_by_a_load_along_the_torque_line(double within_m_s) {
 }
 
 template <class Drive>
+void is_slowed_by_a_supply_that_sags(double within_m_s) {
+  BodySpec body = study_car(0.115);
+  body.supply_resistance_ohm = 0.8;
+  for (const double slope_rad : {0.0, 15 * kPi / 180}) {
+    for (const double fraction : {0.5, 1.0}) {
+      TEST_ASSERT_DOUBLE_WITHIN(within_m_s, no_slip_speed_m_s(body, slope_rad, fraction),
+                                speed_on_slope_m_s<Drive>(body, 1.0, slope_rad, fraction, 2.5));
+    }
+  }
+}
+
+template <class Drive>
 void stalls_where_the_slope_asks_for_more_than_stall_torque() {
   BodySpec body = study_car(0.115);
   for (WheelSpec& wheel : body.wheels) wheel.servo.stall_torque_n_m = 0.02;
@@ -335,6 +351,7 @@ struct Nearness {
   TEST(test_a_load_slows_it_along_the_torque_line) {                                                               \
     is_slowed_by_a_load_along_the_torque_line<Drive>((near).load_m_s);                                             \
   }                                                                                                                \
+  TEST(test_a_supply_that_sags_slows_it_by_its_current) { is_slowed_by_a_supply_that_sags<Drive>((near).load_m_s); } \
   TEST(test_it_stalls_where_the_slope_asks_for_more_than_stall_torque) {                                           \
     stalls_where_the_slope_asks_for_more_than_stall_torque<Drive>();                                               \
   }                                                                                                                \

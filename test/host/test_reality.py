@@ -1,6 +1,7 @@
 """`foldcar link --reality`: a simulated car and ground that differ from what the host believes, by named parameters."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -8,7 +9,7 @@ import pytest
 
 from foldcar.calibration.environment import read_reality, real_run
 from foldcar.calibration.parameters import NOMINAL
-from foldcar.commands.listed_run import listed_run
+from foldcar.commands.listed_run import listed_run, simulated_run
 from foldcar.errors import FoldcarError
 from foldcar.store.calibrations import new_calibration, write_calibrations
 from foldcar.store.reader import Store
@@ -21,7 +22,7 @@ def test_a_reality_changes_what_it_names_and_nothing_else(tmp_path: Path) -> Non
     file.write_text('{"obstacle_height": 1.3, "servo_torque": 0.6, "track_m": 0.016}')
     one = listed_run(LISTING, "1", ["width=95"], 3)
 
-    values = read_reality(file)
+    values = read_reality(file, "multibody")
     body, scene = real_run(one.experiment, one.nominal, one.scene, values, 3, one.carsim.limits().numbers)
 
     assert {name for name, value in values.items() if value != NOMINAL[name]} == {
@@ -45,7 +46,33 @@ def test_what_the_host_believes_may_be_the_truth(tmp_path: Path) -> None:
     file = tmp_path / "reality.json"
     file.write_text(json.dumps(dict(NOMINAL)))
 
-    assert read_reality(file) == NOMINAL
+    assert read_reality(file, "multibody") == NOMINAL
+
+
+def test_what_no_calibration_knows_reaches_the_car_in_mujoco(tmp_path: Path) -> None:
+    """Camber, soft tyres, a centre of mass aside and ahead, a supply that sags: each makes another run."""
+    one = listed_run(LISTING, "1", ["width=95"], 3, "mujoco")
+    told = {"wheel_camber_rad": -0.035, "tyre_contact_time_s": 0.02, "com_x_m": 0.004, "com_y_m": 0.006,
+            "supply_resistance_ohm": 0.4}  # fmt: skip
+    file = tmp_path / "reality.json"
+
+    def car(values: dict[str, float]) -> dict[str, Any]:
+        file.write_text(json.dumps(values))
+        real = read_reality(file, "mujoco")
+        assert real == {**NOMINAL, **values}
+        return real_run(one.experiment, one.nominal, one.scene, real, 3, one.carsim.limits().numbers)[0]
+
+    body = car(told)
+
+    (segment,), (nominal,) = body["segments"], one.nominal["segments"]
+    moved = [segment[key] - nominal[key] for key in ("com_x_m", "com_y_m")]
+    assert moved == pytest.approx([0.004, 0.006])
+    assert {(wheel["camber_rad"], wheel["contact_time_s"]) for wheel in body["wheels"]} == {(-0.035, 0.02)}
+    assert body["supply_resistance_ohm"] == 0.4
+    run, _ = simulated_run(one)
+    elapsed_s = {replace(run, body=car(values)).by(one.carsim)["elapsed_time_s"]
+                 for values in ({}, *({name: told[name]} for name in told))}  # fmt: skip
+    assert len(elapsed_s) == 6
 
 
 @pytest.mark.parametrize(
@@ -55,6 +82,9 @@ def test_what_the_host_believes_may_be_the_truth(tmp_path: Path) -> None:
         ('{"friction": "low"}', "friction: 'low' is not a number"),
         ('{"friction": 100}', "friction: 100 is outside"),
         ('{"friction": true}', "friction: True is not a number"),
+        ('{"com_y": 0}', 'unknown parameter "com_y"; did you mean "com_y_m"?'),
+        ('{"com_y_m": 1}', "com_y_m: 1 is outside -0.05 to 0.05 (m)"),
+        ('{"wheel_camber_rad": 0.03}', "wheel_camber_rad: multibody has no such tyres; --engine mujoco has them"),
         ("[1]", "is not a JSON object"),
         ("{", "is not JSON"),
     ],
@@ -64,7 +94,7 @@ def test_a_mistake_in_a_reality_is_named(tmp_path: Path, text: str, message: str
     file.write_text(text)
 
     with pytest.raises(FoldcarError) as caught:
-        read_reality(file)
+        read_reality(file, "multibody")
 
     assert str(file) in str(caught.value) and message in str(caught.value) and "\n" not in str(caught.value)
 

@@ -2,9 +2,11 @@
 #include "../carsim_lines.h"
 #include "batch_session.h"
 #include "multibody_engine.h"
+#include "side_view_engine.h"
 
 #include <functional>
 #include <string>
+#include <utility>
 
 // After the rest: Unity hides std::isnan behind a macro.
 #include "../suite.h"
@@ -93,7 +95,10 @@ TEST(test_every_key_is_named_with_what_is_wrong_about_it) {
       refused(changed, "colour: ");
       parent.erase("colour");
       parent.erase(key);
-      if (key == "yaw_rate_rad_s" || key == "path_interval_s" || key == "TRACK_M") return;
+      for (const char* optional : {"yaw_rate_rad_s", "path_interval_s", "TRACK_M", "camber_rad", "contact_time_s",
+                                   "supply_resistance_ohm"}) {
+        if (key == optional) return;
+      }
       refused(changed, key + ": is missing");
     });
   }
@@ -120,6 +125,29 @@ TEST(test_cars_that_cannot_be_are_refused) {
     line[json::json_pointer(std::string("/body/") + car.place)] = car.value;
     TEST_ASSERT_TRUE_MESSAGE(is_error_naming(answer(line.dump()), car.words), car.words);
   }
+}
+
+// Multibody's and the side view's tyres are upright and hard.
+TEST(test_tyres_that_only_mujoco_has_are_refused_by_name) {
+  const MultibodyEngine multibody;
+  const SideViewEngine side_view;
+  for (const Engine* engine : {static_cast<const Engine*>(&multibody), static_cast<const Engine*>(&side_view)}) {
+    for (const auto& [key, value] : {std::pair("camber_rad", -0.035), std::pair("contact_time_s", 0.02)}) {
+      BatchSession session(*engine, false);
+      json car = body();
+      car["body"]["wheels"][1][key] = value;
+      TEST_ASSERT_FALSE(session.answer(1, car.dump()).has_value());
+      session.answer(2, scene().dump());
+      const std::string words = std::string("body b: wheels.1.") + key + ": ";
+      TEST_ASSERT_TRUE_MESSAGE(is_error_naming(session.answer(3, run().dump()).value(), words), words.c_str());
+    }
+  }
+}
+
+TEST(test_a_supply_that_servos_would_pull_down_is_refused) {
+  json line = body();
+  line["body"]["supply_resistance_ohm"] = 1;
+  TEST_ASSERT_TRUE(is_error_naming(answer(line.dump()), "body.supply_resistance_ohm: 1.0 is above the limit 0.92"));
 }
 
 TEST(test_a_firmware_parameter_is_checked_by_the_firmwares_table) {

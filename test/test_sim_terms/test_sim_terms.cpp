@@ -74,6 +74,24 @@ TEST(test_current_runs_from_free_to_stall) {
   TEST_ASSERT_DOUBLE_WITHIN(1e-12, 0.055 + 0.5 * 0.59, servo_current_a(kServo, half_back, -0.067));
 }
 
+// Four stalled servos at the largest resistance: V = V0 - 4 R (I0 + (Is - I0) V / V0), and Is at V0 takes half of V0.
+TEST(test_the_supply_settles_where_resistance_and_servos_share_its_voltage) {
+  BodySpec body = study_car(0.115);
+  body.supply_resistance_ohm = largest_supply_resistance_ohm(body);
+  TEST_ASSERT_DOUBLE_WITHIN(1e-9, 2.6 / (4 * 0.7), body.supply_resistance_ohm);
+  ServoSupply supply(body);
+  const ServoDrive full = servo_drive(kServo, 1700);
+  for (int step = 0; step < 60; ++step) {
+    for (int i = 0; i < 4; ++i) {
+      const double current_a = servo_current_a(kServo, full, servo_torque_n_m(kServo, full, 0, supply.voltage_v()));
+      TEST_ASSERT_DOUBLE_WITHIN(1e-12, 5.2 * current_a, supply.draw(current_a));
+    }
+    supply.end_step();
+  }
+  const double loop_ohm = 4 * body.supply_resistance_ohm;
+  TEST_ASSERT_DOUBLE_WITHIN(1e-6, (5.2 - loop_ohm * 0.11) / (1 + loop_ohm * 0.59 / 5.2), supply.voltage_v());
+}
+
 namespace {
 
 constexpr double kStep_s = 1.0 / 240;

@@ -7,7 +7,7 @@ from pathlib import Path
 from foldcar.calibration.environment import as_calibration, calibrated_environment, calibrated_study, read_reality
 from foldcar.errors import FoldcarError
 from foldcar.simulation.carsim import Carsim
-from foldcar.store.calibrations import calibration_named
+from foldcar.store.calibrations import Calibration, calibration_named
 from foldcar.store.reader import Store
 from foldcar.study.environments import Environment
 from foldcar.study.experiments import Experiment, Study, engine_study, read_study
@@ -30,21 +30,21 @@ def planned_sweep(
     """What `foldcar sweep` with those options simulates; ``command`` is kept with the runs. FoldcarError."""
     carsim = Carsim(engine=engine)
     study = engine_study(read_study(listing, experiment, environments), carsim)
-    study, environment_of = under_calibration(study, store, calibration, reality)
+    real = None if reality is None else as_calibration(reality, read_reality(reality, engine))
+    study, environment_of = under_calibration(study, store, calibration, real)
     return Sweep(study, store, carsim, command, environment_of, stopping_rules(until, study) if until else {})
 
 
 def under_calibration(
-    study: Study, store: Path, name: str | None, reality: Path | None = None
+    study: Study, store: Path, name: str | None, reality: Calibration | None = None
 ) -> tuple[Study, Callable[[Experiment], Environment]]:
-    """The study and what makes its environments: changed ones if a calibration or a file is given. FoldcarError."""
+    """The study and what makes its environments: changed ones if a calibration or a reality is given. FoldcarError."""
     if name is not None and reality is not None:
         raise FoldcarError("--calibration and --reality: both say what to simulate with; give one of them")
-    if reality is not None:
-        calibration = as_calibration(reality, read_reality(reality))
-    elif name is not None:
+    calibration = reality
+    if name is not None:
         with Store.open(store) as opened:
             calibration = calibration_named(opened, name)
-    else:
+    if calibration is None:
         return study, Environment
     return calibrated_study(study, calibration), partial(calibrated_environment, calibration=calibration)

@@ -2,16 +2,40 @@
 
 Input: a scene of docs/carsim.md, values by name, a seed and the number of the run's sample. What scatters depends on
 seed and number alone, so that runs with other values share it.
+
+Some parameters no calibration knows: only a reality may have them (REAL_ONLY).
 """
 
 import random
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from foldcar.car.variation import draw, workshop
 
 # How far each kind of terrain stands out of the plane.
 HEIGHT_KEYS = ("height_m", "depth_m", "height_sd_m")
+
+
+@dataclass(frozen=True, slots=True)
+class RealParameter:
+    """A parameter of realities from ``least`` to ``largest``; ``nominal`` is what the simulator has without it."""
+
+    unit: str
+    nominal: float
+    least: float
+    largest: float
+    mujoco_only: bool = False
+
+
+# By their names in a variation of the car.
+REAL_ONLY = {
+    "wheel_camber_rad": RealParameter("rad", 0.0, -0.3, 0.3, mujoco_only=True),
+    "tyre_contact_time_s": RealParameter("s", 0.005, 0.004, 0.05, mujoco_only=True),
+    "com_x_m": RealParameter("m", 0.0, -0.05, 0.05),
+    "com_y_m": RealParameter("m", 0.0, -0.05, 0.05),
+    "supply_resistance_ohm": RealParameter("Ω", 0.0, 0.0, 5.0),
+}
 
 
 def calibrated_scene(scene: Mapping[str, Any], values: Mapping[str, float], seed: int, number: int) -> dict[str, Any]:
@@ -46,6 +70,9 @@ def calibrated_variation(
         variation[name] = [_rounded(factor * (1 + one) - 1) for one in variation[name]]
     variation["com_z_m"] = _rounded(variation.get("com_z_m", 0.0) + values["com_height_m"])
     variation["track_m"] = values["track_m"]
+    for name in REAL_ONLY.keys() & values.keys():
+        # A spread of the listing's has its draw already.
+        variation[name] = _rounded(variation.get(name, 0.0) + values[name])
     return variation
 
 

@@ -1,9 +1,9 @@
 """The environment of an experiment under a calibration or a reality: sample k is simulated with its draw k mod n.
 
 A reality is a file of what a simulated car and its ground differ in from what the host believes, for trials whose truth
-is known: a JSON object of parameters, those that it leaves out keep the simulator's nominal values. An Environment for
-sweeps has scenes, variations and fingerprints of its own, so that its runs stand beside the nominal ones and are never
-taken for them.
+is known: a JSON object of parameters, those that it leaves out keep the simulator's nominal values; some are of realities
+only, so that a truth may lie outside what a calibration can find. An Environment for sweeps has scenes, variations and
+fingerprints of its own, so that its runs stand beside the nominal ones and are never taken for them.
 """
 
 import hashlib
@@ -15,11 +15,12 @@ from pathlib import Path
 from typing import Any
 
 from foldcar.calibration import effects
-from foldcar.calibration.effects import calibrated_scene, calibrated_variation
+from foldcar.calibration.effects import REAL_ONLY, RealParameter, calibrated_scene, calibrated_variation
 from foldcar.calibration.parameters import NAMES, NOMINAL, parameter_named
 from foldcar.car.variation import NumberLimits, named_car, vary_body
 from foldcar.errors import FoldcarError
 from foldcar.scenes.fingerprint import variation_code
+from foldcar.simulation.engines import ENGINES, MUJOCO, MUJOCO_ENVIRONMENT
 from foldcar.store.calibrations import Calibration
 from foldcar.store.info import CALIBRATION_KIND, REALITY_KIND
 from foldcar.study.environments import Environment
@@ -37,7 +38,10 @@ class CalibratedEnvironment(Environment):
 
     def __init__(self, experiment: Experiment, calibration: Calibration, listed_id: str) -> None:
         super().__init__(experiment)
-        if not all(set(draw) == set(NAMES) and all(map(math.isfinite, draw.values())) for draw in calibration.draws):
+        beyond = set() if calibration.kind == CALIBRATION_KIND else set(REAL_ONLY)
+        if not all(
+            set(draw) - beyond == set(NAMES) and all(map(math.isfinite, draw.values())) for draw in calibration.draws
+        ):
             raise FoldcarError(
                 f'calibration "{calibration.name}": its parameters are not those of this foldcar: calibrate again'
             )
@@ -97,8 +101,9 @@ def _hashed(*parts: Any) -> str:
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
 
-def read_reality(file: Path) -> dict[str, float]:
-    """All parameters by name, those of ``file`` and the nominal values of the others."""
+def read_reality(file: Path, engine: str) -> dict[str, float]:
+    """Parameters by name for an engine: all that calibrations have, those of ``file`` and the nominal values of the
+    others, and those of realities only that are not nominal. FoldcarError."""
     data, _ = load_listing(file)
     if not isinstance(data, Mapping):
         raise FoldcarError(f"{file}: is not a JSON object of parameters, as docs/calibration.md has them")
@@ -106,9 +111,22 @@ def read_reality(file: Path) -> dict[str, float]:
     for name, value in data.items():
         if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
             raise FoldcarError(f"{file}: {name}: {value!r} is not a number")
-        parameter_named(name, value, f"{file}: {name}", MOST_SCORE, with_nominal=True)
+        if name not in REAL_ONLY:
+            parameter_named(name, value, f"{file}: {name}", MOST_SCORE, with_nominal=True, others=REAL_ONLY)
+        elif value == REAL_ONLY[name].nominal:
+            continue
+        else:
+            _check_real_only(f"{file}: {name}", REAL_ONLY[name], value, engine)
         values[name] = float(value)
     return values
+
+
+def _check_real_only(place: str, parameter: RealParameter, value: float, engine: str) -> None:
+    if not parameter.least <= value <= parameter.largest:
+        limits = f"{parameter.least:g} to {parameter.largest:g} ({parameter.unit})"
+        raise FoldcarError(f"{place}: {value:g} is outside {limits}")
+    if parameter.mujoco_only and ENGINES[engine].environment != MUJOCO_ENVIRONMENT:
+        raise FoldcarError(f"{place}: {engine} has no such tyres; --engine {MUJOCO} has them")
 
 
 def as_calibration(file: Path, values: Mapping[str, float]) -> Calibration:

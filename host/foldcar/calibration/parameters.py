@@ -4,7 +4,7 @@ A parameter is described by its score z, which is standard normal before any tri
 parameter's unit. All inference works on scores; what a value does to a run stands in effects.py.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -111,10 +111,16 @@ def values_of(scores: FloatArray) -> list[dict[str, float]]:
     return [{name: float(f"{value:.6g}") for name, value in zip(NAMES, row, strict=True)} for row in columns]
 
 
-def parameter_named(name: str, value: float, place: str, largest_score: float, with_nominal: bool) -> Parameter:
-    """The parameter, whose ``value`` lies within these scores, or at its nominal value. FoldcarError names the limits."""
+def parameter_named(
+    name: str, value: float, place: str, largest_score: float, with_nominal: bool, others: Iterable[str] = ()
+) -> Parameter:
+    """The parameter, whose ``value`` lies within these scores, or at its nominal value. FoldcarError names the limits.
+
+    It also names ``others`` that are known where the name stands.
+    """
     if name not in NAMES:
-        raise FoldcarError(f'{place}: unknown parameter "{name}"{did_you_mean(name, NAMES)}; known: {", ".join(NAMES)}')
+        known = [*NAMES, *others]
+        raise FoldcarError(f'{place}: unknown parameter "{name}"{did_you_mean(name, known)}; known: {", ".join(known)}')
     found = PARAMETERS[NAMES.index(name)]
     # The least value of a scatter is none at all.
     low = 0.0 if found.prior == "half-normal" else float(found.value(-largest_score))

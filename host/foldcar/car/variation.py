@@ -112,6 +112,11 @@ SHIFTS = {
     "body.wheels": (),
     "body.wheels.servo": ("neutral_us", "deadband_us"),
 }
+# Numbers that a difference takes the place of, by its name: those of a reality only, alike at all wheels.
+GIVEN = {
+    "body": {"supply_resistance_ohm": "supply_resistance_ohm"},
+    "body.wheels": {"wheel_camber_rad": "camber_rad", "tyre_contact_time_s": "contact_time_s"},
+}
 # No mass or speed becomes less than this share of itself.
 LEAST_FACTOR = 0.05
 # An axle does not come closer to its tyre than this share of the radius.
@@ -121,8 +126,9 @@ LARGEST_ECCENTRICITY = 0.4
 def vary_body(body: Mapping[str, Any], variation: Mapping[str, Any], limits: NumberLimits) -> dict[str, Any]:
     """The body with the differences; values outside the limits are clamped to them."""
     segments = [_varied("body.segments", segment, variation, limits) for segment in body["segments"]]
-    wheels = [_wheel(wheel, variation, limits) for wheel in body["wheels"]]
-    return {**_varied("body", body, variation, limits), "segments": segments, "wheels": wheels}
+    own, alike = ({GIVEN[place][name]: variation[name] for name in variation if name in GIVEN[place]} for place in GIVEN)
+    wheels = [{**_wheel(wheel, variation, limits), **alike} for wheel in body["wheels"]]
+    return {**_varied("body", body, variation, limits), **own, "segments": segments, "wheels": wheels}
 
 
 def _varied(place: str, values: Mapping[str, Any], variation: Mapping[str, Any], limits: NumberLimits) -> dict[str, Any]:

@@ -57,7 +57,7 @@ def link(
     if built is not None and reality is None and not one.variation:
         note(f"experiment {one.experiment.id} has no variation: {built} is as designed, like every other car")
     if reality is not None:
-        values, limits = read_reality(reality), one.carsim.limits().numbers
+        values, limits = read_reality(reality, engine), one.carsim.limits().numbers
         body, scene = real_run(one.experiment, one.nominal, one.scene, values, sample, limits, built)
     # carsim ends when its reader does: see sim2d/src/reader_watch.h.
     scene_id = scene_name(one.scene, sample)

@@ -27,4 +27,24 @@ double servo_current_a(const ServoSpec& servo, const ServoDrive& drive, double t
   return servo.no_load_current_a * std::abs(drive.fraction) + per_torque * std::abs(torque_n_m);
 }
 
+double largest_supply_resistance_ohm(const BodySpec& body) {
+  double stall_a = 0;
+  for (const WheelSpec& wheel : body.wheels) {
+    const ServoSpec& servo = wheel.servo;
+    const double by_torque_a = servo.stall_current_a - servo.no_load_current_a;
+    stall_a += servo.no_load_current_a + by_torque_a * body.supply_v / servo.rated_v;
+  }
+  return stall_a > 0 ? 0.5 * body.supply_v / stall_a : 1e3;
+}
+
+double ServoSupply::draw(double current_a) {
+  current_a_ += current_a;
+  return body_.supply_v * current_a;
+}
+
+void ServoSupply::end_step() {
+  voltage_v_ = std::max(0.5 * body_.supply_v, body_.supply_v - body_.supply_resistance_ohm * current_a_);
+  current_a_ = 0;
+}
+
 }  // namespace foldcar

@@ -21,4 +21,25 @@ double servo_torque_n_m(const ServoSpec& servo, const ServoDrive& drive, double 
 // Current (A) drawn from the supply while the servo gives torque_n_m; none without a pulse.
 double servo_current_a(const ServoSpec& servo, const ServoDrive& drive, double torque_n_m);
 
+// The resistance (Ω) at which a supply loses half its voltage to servos that all stall at the whole of it.
+double largest_supply_resistance_ohm(const BodySpec& body);
+
+// What feeds all servos of a car: cells of supply_v behind a resistance. A step's voltage is that of the current in the step
+// before, V = supply_v - R ΣI. As R is at most largest_supply_resistance_ohm, a change of V changes R ΣI by half as much or
+// less: V settles within a few steps.
+class ServoSupply {
+ public:
+  // body must outlive it.
+  explicit ServoSupply(const BodySpec& body) : body_(body), voltage_v_(body.supply_v) {}
+  double voltage_v() const { return voltage_v_; }
+  // A servo draws current_a in this step. Returns the power (W) that the cells give for it.
+  double draw(double current_a);
+  void end_step();
+
+ private:
+  const BodySpec& body_;
+  double voltage_v_;
+  double current_a_ = 0;  // of all servos in this step
+};
+
 }  // namespace foldcar

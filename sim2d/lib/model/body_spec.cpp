@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <stdexcept>
 
 #include "elementary_functions.h"  // every program and suite of the simulator links this file
 
@@ -16,6 +17,16 @@ std::size_t main_segment(const BodySpec& body) {
     if (distance_m(body.segments[j]) < distance_m(body.segments[nearest])) nearest = j;
   }
   return nearest;
+}
+
+void check_plain_tyres(const BodySpec& body, const std::string& engine) {
+  for (std::size_t i = 0; i < body.wheels.size(); ++i) {
+    const WheelSpec& wheel = body.wheels[i];
+    const char* key = wheel.camber_rad != 0 ? "camber_rad" : "contact_time_s";
+    if (wheel.camber_rad == 0 && wheel.contact_time_s == kContactTime_s) continue;
+    throw std::runtime_error("body " + body.id + ": wheels." + std::to_string(i) + "." + key + ": " + engine +
+                             " has no such tyres, MuJoCo has");
+  }
 }
 
 }  // namespace foldcar

@@ -8,6 +8,7 @@
 namespace foldcar {
 
 constexpr double kGravity_m_s2 = 9.81;
+constexpr double kContactTime_s = 0.005;
 
 // A continuous-rotation servo: a torque-speed line at rated_v and the pulses that command it.
 struct ServoSpec {
@@ -39,6 +40,9 @@ struct WheelSpec {
   // The tyre's centre lies this far from the axle, at the start in the direction phase (from forward through up).
   double eccentricity_m = 0;
   double eccentricity_phase_rad = 0;
+  // The next two are MuJoCo's only, see check_plain_tyres. Camber as in ISO 8855: positive with the wheel's top outwards.
+  double camber_rad = 0;
+  double contact_time_s = kContactTime_s;  // time constant of the tyre's contacts
   ServoSpec servo;
 };
 
@@ -76,11 +80,15 @@ struct BodySpec {
   std::vector<HingeSpec> hinges;      // hinges[j] joins segments j and j + 1
   double track_m = 0;
   std::vector<WheelSpec> wheels;
-  double supply_v = 0;
+  double supply_v = 0;               // without a load
+  double supply_resistance_ohm = 0;  // of cells, wires and switch together
 };
 
 // The segment that stands for the whole car's pose: whose box contains x = 0 or comes nearest to it, the front one
 // of two.
 std::size_t main_segment(const BodySpec& body);
+
+// Throws std::runtime_error that names the key if a tyre leans or is as soft as only MuJoCo models it. engine: who asks.
+void check_plain_tyres(const BodySpec& body, const std::string& engine);
 
 }  // namespace foldcar

@@ -4,7 +4,6 @@
 #include <cmath>
 
 #include "plain_quaternion.h"
-#include "servo_model.h"
 
 namespace foldcar {
 namespace {
@@ -65,7 +64,8 @@ MujocoCar::MujocoCar(const BodySpec& body, const SceneSpec& scene, const Terrain
       terrain_(terrain),
       stopwatch_(stopwatch),
       built_(build_mujoco_model(body, scene, terrain, options)),
-      data_(mj_makeData(built_.model.get())) {
+      data_(mj_makeData(built_.model.get())),
+      supply_(body) {
   const ScopedTimer timer(stopwatch_ != nullptr ? &stopwatch_->terrain_s : nullptr);
   put_down();
   drive_wheels({});
@@ -82,7 +82,11 @@ void MujocoCar::put_down() {
   data_->qpos[1] = scene_.start.y_m;
   set_heading(data_->qpos + 3, scene_.start.heading_rad);
   double radius_m = 0;
-  for (const WheelSpec& wheel : body_.wheels) radius_m = std::max(radius_m, wheel.radius_m + wheel.eccentricity_m);
+  for (const WheelSpec& wheel : body_.wheels) {
+    // Where a tyre leans, the edge that is lower.
+    const double edge_m = 0.5 * wheel.width_m * std::abs(std::sin(wheel.camber_rad));
+    radius_m = std::max(radius_m, wheel.radius_m + wheel.eccentricity_m + edge_m);
+  }
   for (const SegmentSpec& part : body_.segments) radius_m = std::max(radius_m, 0.5 * part.height_m - part.center_z_m);
   double low_m = lowest_ground_m(scene_) - 0.01, high_m = radius_m + highest_ground_m(scene_) + 0.01;
   while (high_m - low_m > kRaster_m) {
@@ -99,7 +103,7 @@ void MujocoCar::put_down() {
 }
 
 void MujocoCar::step(const PulsesUs& pulses_us) {
-  if (pulses_us != pulses_us_) drive_wheels(pulses_us);
+  if (pulses_us != pulses_us_ || body_.supply_resistance_ohm > 0) drive_wheels(pulses_us);
   if (terrain_.has_patches()) take_friction();
   {
     const bool timed = stopwatch_ != nullptr && steps_++ % kTimedStepInterval == 0;
@@ -118,8 +122,10 @@ void MujocoCar::drive_wheels(const PulsesUs& pulses_us) {
   for (std::size_t i = 0; i < body_.wheels.size(); ++i) {
     const ServoSpec& servo = body_.wheels[i].servo;
     const ServoDrive drive = servo_drive(servo, pulses_us[static_cast<std::size_t>(body_.wheels[i].channel)]);
-    const double scale = drive.powered ? body_.supply_v / servo.rated_v : 0;
-    built_.model->actuator_gainprm[i * mjNGAIN] = servo.stall_torque_n_m * scale;
+    const double stall_n_m = servo.stall_torque_n_m * (supply_.voltage_v() / servo.rated_v);
+    built_.model->actuator_gainprm[i * mjNGAIN] = drive.powered ? stall_n_m : 0;
+    built_.model->actuator_forcerange[2 * i] = -stall_n_m;
+    built_.model->actuator_forcerange[2 * i + 1] = stall_n_m;
     // Both of the line's ends are proportional to the voltage, its slope is not.
     built_.model->actuator_biasprm[i * mjNBIAS + 2] =
         drive.powered ? -servo.stall_torque_n_m / servo.no_load_speed_rad_s : 0;
@@ -145,8 +151,9 @@ void MujocoCar::count_energy() {
     const ServoDrive drive = servo_drive(servo, pulses_us_[static_cast<std::size_t>(body_.wheels[i].channel)]);
     const double torque_n_m = data_->actuator_force[i];
     state_.motor_work_j += torque_n_m * wheel_speed_rad_s(i) * step_s;
-    state_.consumed_energy_j += body_.supply_v * servo_current_a(servo, drive, torque_n_m) * step_s;
+    state_.consumed_energy_j += supply_.draw(servo_current_a(servo, drive, torque_n_m)) * step_s;
   }
+  supply_.end_step();
 }
 
 void MujocoCar::update_state() {

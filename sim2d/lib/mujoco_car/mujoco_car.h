@@ -14,6 +14,7 @@
 #include "mujoco_model.h"
 #include "scene_spec.h"
 #include "scoped_timer.h"
+#include "servo_model.h"
 #include "sim_car.h"
 #include "terrain.h"
 
@@ -59,6 +60,7 @@ class MujocoCar : public SimCar {
   MujocoModel built_;
   std::unique_ptr<mjData, DeleteData> data_;
   PulsesUs pulses_us_{};
+  ServoSupply supply_;
   unsigned steps_ = 0;  // counted for the stopwatch only
   CarState state_;
 };

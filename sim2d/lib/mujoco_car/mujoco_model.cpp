@@ -11,7 +11,6 @@
 namespace foldcar {
 namespace {
 
-constexpr double kContactTime_s = 0.005;
 constexpr double kImpedanceRatio = 10;
 
 constexpr float kCarColour[] = {0.1F, 0.45F, 0.7F, 0.6F};
@@ -31,7 +30,7 @@ void set_inertia(mjsBody& body, double mass_kg, double x_m, double y_m, double z
 }
 
 // A geom of the car: it collides with the ground only, with a friction of its own.
-mjsGeom& car_geom(mjsBody* of, const std::string& name, double friction, const float (&colour)[4]) {
+mjsGeom& car_geom(mjsBody* of, const std::string& name, double friction, double contact_time_s, const float (&colour)[4]) {
   mjsGeom& geom = *mjs_addGeom(of, nullptr);
   mjs_setName(geom.element, name.c_str());
   geom.contype = 2;
@@ -39,7 +38,7 @@ mjsGeom& car_geom(mjsBody* of, const std::string& name, double friction, const f
   geom.priority = 1;
   geom.condim = 3;
   geom.friction[0] = friction;
-  geom.solref[0] = kContactTime_s;
+  geom.solref[0] = contact_time_s;
   geom.mass = 0;
   std::copy(std::begin(colour), std::end(colour), geom.rgba);
   return geom;
@@ -64,6 +63,9 @@ void add_wheel(mjsBody* of, const BodySpec& body, const WheelSpec& spec, double 
   mjs_setName(wheel->element, name.c_str());
   const double side = spec.side == CarSide::kLeft ? 1 : -1;
   set(wheel->pos, spec.x_m, 0.5 * side * body.track_m, 0);
+  // A turn about the car's x leans tops to the right.
+  const double lean_rad = -side * spec.camber_rad;
+  set_quaternion(wheel->quat, std::cos(0.5 * lean_rad), std::sin(0.5 * lean_rad), 0, 0);
   mjsJoint& axle = *mjs_addJoint(wheel, nullptr);
   mjs_setName(axle.element, (name + "_axle").c_str());
   axle.type = mjJNT_HINGE;
@@ -75,7 +77,7 @@ void add_wheel(mjsBody* of, const BodySpec& body, const WheelSpec& spec, double 
   const double spin = 0.5 * spec.mass_kg * spec.radius_m * spec.radius_m;
   const double across = 0.5 * spin + spec.mass_kg * spec.width_m * spec.width_m / 12;
   set_inertia(*wheel, spec.mass_kg, x_m, 0, z_m, across, spin, across);
-  mjsGeom& tyre = car_geom(wheel, name + "_tyre", friction * spec.grip, kTyreColour);
+  mjsGeom& tyre = car_geom(wheel, name + "_tyre", friction * spec.grip, spec.contact_time_s, kTyreColour);
   set(tyre.pos, x_m, 0, z_m);
   if (shape == TyreShape::kCylinder) {
     tyre.type = mjGEOM_CYLINDER;
@@ -121,7 +123,7 @@ void add_car(mjSpec* spec, const BodySpec& body, const SceneSpec& scene, TyreSha
     }
     set_inertia(*part, segment.mass_kg, segment.com_x_m, segment.com_y_m, segment.com_z_m, segment.roll_inertia_kg_m2,
                 segment.pitch_inertia_kg_m2, segment.yaw_inertia_kg_m2);
-    mjsGeom& belly = car_geom(part, name + "_belly", scene.friction * segment.grip, kCarColour);
+    mjsGeom& belly = car_geom(part, name + "_belly", scene.friction * segment.grip, kContactTime_s, kCarColour);
     belly.type = mjGEOM_BOX;
     set(belly.size, 0.5 * segment.length_m, 0.5 * segment.width_m, 0.5 * segment.height_m);
     set(belly.pos, segment.x_m, 0, segment.center_z_m);

@@ -4,8 +4,8 @@
 // - Contacts have sliding friction only (condim 3: the line of contact of a cylindrical tyre resists yaw by itself),
 //   elliptic cones, because friction is isotropic, and a priority above the ground's, so that the car's part determines
 //   the coefficient. impratio 10 prevents tyres from creeping on slopes.
-// - The time constant of contacts is 5 ms, two and a half steps: penetrations stay under 0.1 mm but in impacts. What
-//   MuJoCo's friction adds to the normal force of a contact that slips is taken away in mujoco_car.cpp.
+// - The time constant of contacts is 5 ms, two and a half steps, unless a tyre has its own: penetrations stay under 0.1 mm
+//   but in impacts. What MuJoCo's friction adds to the normal force of a contact that slips is taken away in mujoco_car.cpp.
 // - multiccd is off, because it gives cylinders wrong normals at the edges of boxes. The Jacobian is dense, because a
 //   car has few degrees of freedom, and constraint islands are not sought, because it is one.
 // - The servo is MuJoCo's general actuator: torque τ·u − (τ/ω0)·ω, limited to ±τ; the rotor is the joint's armature.

@@ -100,6 +100,9 @@ void add_sensors(mjSpec* spec, const BodySpec& body) {
 
 std::string mujoco_xml(const BodySpec& body, const SceneSpec& scene, const Terrain& terrain,
                        const MujocoOptions& options, const std::string& name) {
+  if (body.supply_resistance_ohm > 0) {
+    throw std::runtime_error("body " + body.id + ": supply_resistance_ohm: a file of MuJoCo has no supply that sags");
+  }
   MujocoCar car(body, scene, terrain, options, nullptr);
   const double* start = car.data().qpos;
   const auto spec = mujoco_spec(body, scene, terrain, options);

@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "servo_model.h"
-
 namespace foldcar {
 namespace {
 
@@ -35,7 +33,9 @@ MultibodyCar::MultibodyCar(const BodySpec& body, double friction, const Terrain&
       solver_(body, step_s_, options.iterations),
       torque_n_m_(body.wheels.size()),
       damping_(body.wheels.size()),
-      start_rad_s_(body.wheels.size()) {
+      start_rad_s_(body.wheels.size()),
+      supply_(body) {
+  check_plain_tyres(body, "multibody");
   if (terrain.ground() != nullptr) ground_.emplace(*terrain.ground(), body, constants_);
   put_down(start, options.drop_m);
 }
@@ -136,7 +136,7 @@ void MultibodyCar::drive_wheels(const PulsesUs& pulses_us) {
     const WheelSpec& spec = body_.wheels[i];
     const ServoDrive drive = servo_drive(spec.servo, pulses_us[static_cast<std::size_t>(spec.channel)]);
     start_rad_s_[i] = wheel_speed_rad_s(i);
-    torque_n_m_[i] = servo_torque_n_m(spec.servo, drive, start_rad_s_[i], body_.supply_v);
+    torque_n_m_[i] = servo_torque_n_m(spec.servo, drive, start_rad_s_[i], supply_.voltage_v());
     damping_[i] = drive.powered ? spec.servo.stall_torque_n_m / spec.servo.no_load_speed_rad_s : 0;
   }
   car_.accelerate(torque_n_m_, damping_);
@@ -149,8 +149,9 @@ void MultibodyCar::count_energy(const PulsesUs& pulses_us) {
     const double end_rad_s = wheel_speed_rad_s(i);
     const double torque_n_m = torque_n_m_[i] - damping_[i] * (end_rad_s - start_rad_s_[i]);
     state_.motor_work_j += torque_n_m * 0.5 * (start_rad_s_[i] + end_rad_s) * step_s_;
-    state_.consumed_energy_j += body_.supply_v * servo_current_a(spec.servo, drive, torque_n_m) * step_s_;
+    state_.consumed_energy_j += supply_.draw(servo_current_a(spec.servo, drive, torque_n_m)) * step_s_;
   }
+  supply_.end_step();
 }
 
 void MultibodyCar::find_contacts() {

@@ -18,6 +18,7 @@
 #include "hal.h"
 #include "scene_spec.h"
 #include "scoped_timer.h"
+#include "servo_model.h"
 #include "sim_car.h"
 #include "track_terrain.h"
 
@@ -76,6 +77,7 @@ class MultibodyCar : public SimCar {
   ContactSolver solver_;
   std::vector<Contact> contacts_, last_contacts_;
   std::vector<double> torque_n_m_, damping_, start_rad_s_;  // of each wheel in this step
+  ServoSupply supply_;
   double path_m_ = 0;  // way of the main segment's centre of mass along its heading
   CarState state_;
 };

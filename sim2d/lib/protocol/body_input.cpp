@@ -5,6 +5,8 @@
 #include <utility>
 #include <vector>
 
+#include "servo_model.h"
+
 namespace foldcar {
 namespace {
 
@@ -37,6 +39,8 @@ WheelSpec read_wheel(JsonReader reader, std::size_t segments) {
   wheel.grip = reader.number("grip");
   wheel.eccentricity_m = reader.number("eccentricity_m", {0, 0.5 * wheel.radius_m});
   wheel.eccentricity_phase_rad = reader.number("eccentricity_phase_rad");
+  wheel.camber_rad = reader.number_or("camber_rad", wheel.camber_rad);
+  wheel.contact_time_s = reader.number_or("contact_time_s", wheel.contact_time_s);
   wheel.servo = read_servo(reader.object("servo"));
   reader.finish();
   return wheel;
@@ -116,6 +120,9 @@ BodySpec read_body(JsonReader reader) {
   }
   check_wheels(reader, body.wheels);
   body.supply_v = reader.number("supply_v");
+  if (reader.has("supply_resistance_ohm")) {
+    body.supply_resistance_ohm = reader.number("supply_resistance_ohm", {0, largest_supply_resistance_ohm(body)});
+  }
   reader.finish();
   return body;
 }

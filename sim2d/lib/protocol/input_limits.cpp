@@ -59,6 +59,9 @@ void add_body(Table& table) {
                 {"body.wheels.mass_kg", kMass_kg},
                 {"body.wheels.grip", kGrip},
                 {"body.wheels.eccentricity_phase_rad", kHeading_rad},
+                {"body.wheels.camber_rad", {-0.3, 0.3}},
+                // MuJoCo takes no less than two of its steps; softer tyres would sink in by millimetres.
+                {"body.wheels.contact_time_s", {0.004, 0.05}},
                 {"body.wheels.servo.stall_torque_n_m", {1e-4, 50}},
                 {"body.wheels.servo.no_load_speed_rad_s", {0.1, 200}},
                 {"body.wheels.servo.rated_v", kVoltage_v},

@@ -73,7 +73,9 @@ SideViewCar::SideViewCar(const BodySpec& body, const SceneSpec& scene, const Ter
       reach_m_(CarConstants(body).reach_m + std::abs(body.segments[main_].com_x_m) + kAhead_m),
       stopwatch_(stopwatch),
       world_({0, to_units(-kGravity_m_s2)}),
-      ground_(world_, body, scene, terrain) {
+      ground_(world_, body, scene, terrain),
+      supply_(body) {
+  check_plain_tyres(body, "the side view");
   const ScopedTimer timer(stopwatch_ != nullptr ? &stopwatch_->terrain_s : nullptr);
   world_.SetAllowSleeping(false);
   // Nothing here passes through anything in a step.
@@ -242,10 +244,10 @@ void SideViewCar::drive_wheels(const PulsesUs& pulses_us) {
     for (Pair::Driven& one : pair.wheels) {
       const ServoSpec& spec = one.wheel->servo;
       one.servo = servo_drive(spec, pulses_us[static_cast<std::size_t>(one.wheel->channel)]);
-      one.torque_n_m = servo_torque_n_m(spec, one.servo, pair.start_rad_s, body_.supply_v);
+      one.torque_n_m = servo_torque_n_m(spec, one.servo, pair.start_rad_s, supply_.voltage_v());
       if (!one.servo.powered) continue;
       torque_n_m += one.torque_n_m;
-      drive_n_m += one.servo.fraction * spec.stall_torque_n_m * body_.supply_v / spec.rated_v;
+      drive_n_m += one.servo.fraction * spec.stall_torque_n_m * supply_.voltage_v() / spec.rated_v;
       slope += spec.stall_torque_n_m / spec.no_load_speed_rad_s;
     }
     if (slope == 0) {
@@ -303,9 +305,10 @@ void SideViewCar::count_energy() {
     const double share = sum_n_m == 0 ? 0 : given_n_m / sum_n_m;
     for (const Pair::Driven& one : pair.wheels) {
       state_.consumed_energy_j +=
-          body_.supply_v * servo_current_a(one.wheel->servo, one.servo, share * one.torque_n_m) * step_s_;
+          supply_.draw(servo_current_a(one.wheel->servo, one.servo, share * one.torque_n_m)) * step_s_;
     }
   }
+  supply_.end_step();
 }
 
 void SideViewCar::update_state() {

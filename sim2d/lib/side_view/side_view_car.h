@@ -94,6 +94,7 @@ class SideViewCar : public SimCar, private b2ContactListener {
   std::vector<b2Body*> segments_;
   std::vector<b2RevoluteJoint*> hinges_;
   std::vector<Pair> pairs_;
+  ServoSupply supply_;
   CarState state_;
 };
 

@@ -6,6 +6,7 @@ give the same numbers, on any number of processes.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from types import MappingProxyType
 
 import numpy as np
@@ -72,8 +73,9 @@ class Problem:
 
         def likelihood(scores: FloatArray, tau: FloatArray, kappa: FloatArray) -> FloatArray:
             scores = self.pinned(scores)
-            chances = self.emulator.end_chances(scores, cells)[:, self.observed.cell]
-            found = self._outcomes(success_logits(chances), tau).evidence + self._ways(chances)
+            by_cell = self.emulator.end_chances(scores, cells)
+            chances = by_cell[:, self.observed.cell]
+            found = self._outcomes(success_logits(by_cell), tau).evidence + self._ways(chances)
             if features is not None:
                 found = found + features.log_likelihood(self._means(scores), kappa)
             return found
@@ -82,17 +84,25 @@ class Problem:
         return replace(found, scores=self.pinned(found.scores))
 
     def _outcomes(self, logits: FloatArray, tau: FloatArray) -> Outcomes:
-        """The outcomes by simulated logits (n, trials) with discrepancies τ (n,)."""
+        """The outcomes by the cells' simulated logits (n, cells) with discrepancies τ (n,)."""
         own = self.emulator.car_sd**2
         covariance = tau[:, None, None] ** 2 * self.alike + own * np.eye(len(self.alike))
         # The emulator's rate is that of cars of a design: the middle one's is farther from a half (MacKay 1992).
         middle = np.sqrt(1 + np.pi / 8 * own)
-        return outcomes(middle * logits, self.observed.passed, self.observed.car, covariance)
+        cell, car, passed, counted = self._groups
+        return outcomes(middle * logits[:, cell], passed, counted, car, covariance)
+
+    @cached_property
+    def _groups(self) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
+        """Cell, car, passed and all trials (groups,) of each car in each cell."""
+        cars = len(self.observed.car_design)
+        found, of = np.unique(self.observed.cell * cars + self.observed.car, return_inverse=True)
+        passed = np.bincount(of, self.observed.passed)
+        return found // cars, found % cars, np.asarray(passed), np.bincount(of).astype(np.float64)
 
     def outcomes(self, scores: FloatArray, tau: FloatArray) -> Outcomes:
         """The outcomes of the trials under scores (n, parameters) with discrepancies τ (n,)."""
-        logits = self.emulator.logits(scores, self.inputs[: len(self.observed.cells)])
-        return self._outcomes(logits[:, self.observed.cell], tau)
+        return self._outcomes(self.emulator.logits(scores, self.inputs[: len(self.observed.cells)]), tau)
 
     def further(self, found: Outcomes, tau: FloatArray, design: int) -> tuple[FloatArray, FloatArray]:
         """Mean and variance (n,) of the discrepancy that further cars of a design have, by the outcomes of all trials."""
@@ -190,32 +200,46 @@ def infer(
     posterior = problem.posterior(seed)
     error, rounds = np.inf, 0
     while rounds < ROUNDS:
-        near = near_scores(posterior.scores, planned.second, seed + rounds)
-        more = simulate_bank(simulator, near, observed, planned.first + rounds * planned.second, done)
+        close = near_scores(posterior.scores, planned.second, seed + rounds)
+        more = simulate_bank(simulator, close, observed, planned.first + rounds * planned.second, done)
         error, rounds = rate_error(problem, more), rounds + 1
         bank = bank.joined(more)
-        problem = problem_of(bank.chosen(_near(bank.scores, posterior.scores)))
+        problem = problem_of(bank.chosen(near(bank.scores, posterior.scores)))
         posterior = problem.posterior(seed)
         if error < TOLERATED:
             break
     unused = (ROUNDS - rounds) * planned.second * (min(len(observed.cells), MOST_CELLS) + OTHERS)
-    chosen = np.random.default_rng(seed).choice(len(posterior.scores), DRAWS, replace=False)
     designs = np.unique(np.linspace(0, len(experiment.designs) - 1, MOST_CHECKED).round().astype(int))
     designs = np.union1d(designs, cars) if len(designs) < len(experiment.designs) else designs
     scenes = planned.scenes + unused // (DRAWS * len(designs))
     first = (planned.first + ROUNDS * planned.second) * (MOST_CELLS + OTHERS + len(cars))
+    return checked(simulator, problem, posterior, designs, scenes, first, done, float(error), rounds)
+
+
+def checked(
+    simulator: Simulator,
+    problem: Problem,
+    posterior: Posterior,
+    designs: IntArray,
+    scenes: int,
+    first: int,
+    done: Callable[[int], None],
+    error: float = np.inf,
+    rounds: int = 0,
+) -> Inference:
+    """The inference with the rates of ``designs``: DRAWS draws in ``scenes`` each, numbered from ``first``."""
+    chosen = np.random.default_rng(simulator.seed).choice(len(posterior.scores), DRAWS, replace=False)
+    every = simulator.experiment.scenes
     check = [
         # Each of the published draws with cars and in scenes of its own.
-        CalibrationRun(
-            int(design), values, experiment.scenes[number % len(experiment.scenes)], first + number, first + number
-        )
+        CalibrationRun(int(design), values, every[number % len(every)], first + number, first + number)
         for number, values in enumerate(one for one in values_of(posterior.scores[chosen]) for _ in range(scenes))
         for design in designs
     ]
     drives = simulator.drives(check, done)
     table = np.array([np.nan if one is None else float(one.passed) for one in drives]).reshape(-1, len(designs))
     counted = np.isfinite(table).sum(axis=0).astype(float)
-    return Inference(problem, posterior, chosen, designs, np.nansum(table, axis=0), counted, float(error), rounds)
+    return Inference(problem, posterior, chosen, designs, np.nansum(table, axis=0), counted, error, rounds)
 
 
 def likeness(designs: FloatArray) -> FloatArray:
@@ -236,7 +260,7 @@ def rate_error(problem: Problem, bank: Bank) -> float:
     return float(max(found))
 
 
-def _near(scores: FloatArray, draws: FloatArray) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+def near(scores: FloatArray, draws: FloatArray) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
     """Which scores (n, parameters) lie in reach of a posterior's draws."""
     free = draws.std(axis=0) > 0
     centred = scores[:, free] - draws[:, free].mean(axis=0)

@@ -112,10 +112,13 @@ class Outcomes:
         return np.einsum("nc,nc->n", cross, self.slopes), np.maximum(variance - known, 0)
 
 
-def outcomes(logits: FloatArray, passed: FloatArray, car: IntArray, covariance: FloatArray) -> Outcomes:
-    """Outcomes ``passed`` (trials,), with simulated ``logits`` (n, trials), of cars with indices ``car`` (trials,).
+def outcomes(
+    logits: FloatArray, passed: FloatArray, counted: FloatArray, car: IntArray, covariance: FloatArray
+) -> Outcomes:
+    """Outcomes of groups of trials, ``passed`` of ``counted`` (groups,), each of the ``car`` (groups,) in one cell.
 
-    ``covariance`` (n, cars, cars) of the cars' offsets.
+    ``logits`` (n, groups) are simulated, ``covariance`` (n, cars, cars) is that of the cars' offsets. The evidence is but
+    for the binomial coefficients.
     """
     draws, cars = covariance.shape[:2]
     member = np.zeros((len(car), cars))
@@ -123,15 +126,16 @@ def outcomes(logits: FloatArray, passed: FloatArray, car: IntArray, covariance: 
     offsets, unit = np.zeros((draws, cars)), np.eye(cars)
     for _ in range(NEWTON_STEPS):
         rate = expit(logits + offsets[:, car])
-        curvature = (rate * (1 - rate)) @ member
+        curvature = (counted * rate * (1 - rate)) @ member
         roots = np.sqrt(curvature)
         inverse = np.linalg.inv(unit + roots[:, :, None] * covariance * roots[:, None, :])
-        wanted = curvature * offsets + (passed - rate) @ member
+        wanted = curvature * offsets + (passed - counted * rate) @ member
         reached = np.einsum("ncd,nd->nc", covariance, wanted)
         slopes = wanted - roots * np.einsum("ncd,nd->nc", inverse, roots * reached)
-        offsets = np.einsum("ncd,nd->nc", covariance, slopes)
+        # No step is longer than 2: the curvature far from the mode is none of its own.
+        offsets = offsets + np.clip(np.einsum("ncd,nd->nc", covariance, slopes) - offsets, -2, 2)
     there = logits + offsets[:, car]
-    told = np.where(passed > 0, log_expit(there), log_expit(-there)).sum(axis=1)
+    told = (passed * log_expit(there) + (counted - passed) * log_expit(-there)).sum(axis=1)
     evidence = told - 0.5 * (slopes * offsets).sum(axis=1) + 0.5 * np.linalg.slogdet(inverse)[1]
     return Outcomes(offsets, evidence, slopes, roots, inverse)
 

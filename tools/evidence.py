@@ -1,0 +1,243 @@
+"""Renews a table of docs/calibration.md: what outcomes, times and paths of trials teach of what no simulator has.
+
+Usage: evidence.py FOLDER PAGE [--realities N]. FOLDER keeps what is simulated: a second call simulates nothing that is
+there. Each reality is MuJoCo with soft tyres, camber, a centre of mass aside and a supply that sags, and with parameters
+of the simulator drawn from their prior. Ten cars of five widths drive there; rates of the widths that no car has are
+predicted by multibody, calibrated by the first 4, 12, 24 and 48 trials, and held against rates simulated in the reality.
+
+All calibrations share the runs of the prior, and have some around their own posterior.
+"""
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from calibration import kept, table
+from page_block import replaced
+
+from foldcar.calibration.drive_features import ENDS, PASSED, drive_end, path_features, possible_ends, told_features
+from foldcar.calibration.effects import calibrated_scene, calibrated_variation
+from foldcar.calibration.emulator import Bank, cell_inputs, near_scores, prior_scores, simulate_bank
+from foldcar.calibration.experiment import Simulator, SweptExperiment, read_experiment
+from foldcar.calibration.inference import Inference, Problem, checked, likeness, near
+from foldcar.calibration.observations import EVIDENCE, OUTCOMES, PATHS, Cell, Observations
+from foldcar.calibration.parameters import PARAMETERS, FloatArray, values_of
+from foldcar.calibration.predictions import rates_of
+from foldcar.calibration.summary import misfits
+from foldcar.car.variation import vary_body
+from foldcar.simulation.carsim import Carsim
+from foldcar.simulation.compact_path import answered_path
+from foldcar.simulation.engines import MUJOCO
+from foldcar.simulation.results import outcome_of
+from foldcar.simulation.runner import RunRequest, side_by_side
+from foldcar.store.reader import Store
+from foldcar.store.writer import canonical_json
+
+PROGRAM = Path(__file__).resolve().parents[1] / "scenarios" / "step_pyramids.scenic"
+# Steps that weak servos climb too.
+PYRAMIDS = {"step_height": 0.0215, "top_side": 0.07, "tread": 0.04, "offset": 0.05, "friction": 0.6}
+WIDTHS = {"from": 65, "to": 185, "step": 10}
+BEYOND = {
+    "wheel_camber_rad": 0.035, "tyre_contact_time_s": 0.015, "com_y_m": 0.006, "supply_resistance_ohm": 0.3,
+}  # fmt: skip
+DRIVEN, CARS, TRIALS, NUMBERS = (1, 4, 6, 9, 12), 2, 48, (4, 12, 24, 48)
+# The trials' scenes begin there; those before it are the rates'.
+FIRST_SCENE, RATE_SCENES = 60, 60
+SETS, NEAR_SETS, SEED = 900, 250, 1
+CONFIDENCE = 0.9
+# What a camera adds to a place (m) and to an angle (rad).
+CAMERA_M, CAMERA_RAD = 0.002, 0.005
+
+
+@dataclass(frozen=True)
+class Reality:
+    """A truth: its parameters' scores, true ``rates`` (designs,), and its trials, each outcome, time and features."""
+
+    scores: FloatArray
+    rates: FloatArray
+    trials: list[tuple[str, float, FloatArray]]
+
+
+def main() -> None:
+    """Simulate what is missing in the folder and renew the table of the page."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("page", type=Path)
+    parser.add_argument("--realities", type=int, default=4)
+    given = parser.parse_args()
+    given.folder.mkdir(parents=True, exist_ok=True)
+    with Store.open(swept(given.folder)) as store:
+        experiment = read_experiment(store, "1")
+    jobs = len(os.sched_getaffinity(0))
+    realities = [
+        kept(given.folder / f"reality{one}.pickle", partial(reality, experiment, one, jobs))
+        for one in range(given.realities)
+    ]
+    simulator = Simulator(experiment, Carsim(), jobs, SEED)
+    layout = trials_of(realities[0], TRIALS, PATHS, experiment)
+    bank = kept(
+        given.folder / "bank.pickle", lambda: simulate_bank(simulator, prior_scores(SETS, SEED), layout, 0, silent)
+    )
+    rows = "".join(f"{line}\n" for line in rows_of(given.folder, simulator, realities, bank))
+    page = given.page.read_text(encoding="utf-8")
+    given.page.write_text(
+        replaced(page, given.page, "<!-- evidence of tools/evidence.py -->", "<!-- end of evidence -->", rows)
+    )
+
+
+def silent(runs: int) -> None:
+    """Say nothing of finished runs."""
+
+
+def swept(folder: Path) -> Path:
+    """The store with the nominal sweep."""
+    store, listing = folder / "study.db", folder / "study.json"
+    if not store.exists():
+        data = {
+            "experiments": {"1": {"veh_id": 1, "env_id": 1, "params": {"timeout": 60, "environments": 100}}},
+            "vehicles": {"1": {"type": "W_B_W", "params": [
+                {"common": {"width": WIDTHS, "height": 50, "radius": 60}}, {"W": {"length": 60}}, {"B": {"length": 80}},
+            ]}},
+            "environments": {"1": {
+                "scenic_filename": str(PROGRAM), "seed": 7, "scenic_params": PYRAMIDS,
+            }},
+        }  # fmt: skip
+        listing.write_text(json.dumps(data))
+        command = [sys.executable, "-m", "foldcar", "sweep", str(listing), "--store", str(store)]
+        subprocess.run(command, check=True)
+    return store
+
+
+def layout_of(trial: int) -> tuple[int, int, int]:
+    """Design, car of that design and scene of a trial."""
+    return DRIVEN[trial % len(DRIVEN)], trial // len(DRIVEN) % CARS, FIRST_SCENE + trial // len(DRIVEN)
+
+
+def reality(experiment: SweptExperiment, number: int, jobs: int) -> Reality:
+    """True rates and trials, by MuJoCo."""
+    stream = np.random.default_rng(1000 + number)
+    scores = 0.8 * stream.standard_normal((1, len(PARAMETERS)))
+    values = {**values_of(scores)[0], **BEYOND}
+    designs = range(len(experiment.designs))
+    asked = [(design, scene, 1_000 + scene, scene) for design in designs for scene in range(RATE_SCENES)]
+    trials = [layout_of(trial) for trial in range(TRIALS)]
+    asked += [(design, scene, 5_000 + 10 * design + car, 7_000 + i) for i, (design, car, scene) in enumerate(trials)]
+    answers = driven(experiment, values, asked, jobs, SEED + number)
+    outcomes = [outcome_of(answer) for answer in answers]
+    apart = len(answers) - TRIALS
+    rates = np.array([outcome == PASSED for outcome in outcomes[:apart]], dtype=float).reshape(len(designs), -1).mean(1)
+    found = []
+    for outcome, answer, (_, _, scene) in zip(outcomes[apart:], answers[apart:], trials, strict=True):
+        rows = answered_path(answer)
+        rows[:, 1:4] += CAMERA_M * stream.standard_normal((len(rows), 3))
+        rows[:, 4:] += CAMERA_RAD * stream.standard_normal((len(rows), 3))
+        found.append((outcome, answer["elapsed_time_s"], path_features(rows, experiment.scenes[scene])))
+    return Reality(scores[0], rates, found)
+
+
+def driven(
+    experiment: SweptExperiment, values: dict[str, float], asked: list[tuple[int, int, int, int]], jobs: int, seed: int
+) -> list[dict[str, Any]]:
+    """MuJoCo's answers for designs in scenes, with numbers of the car and of what scatters."""
+    carsim = Carsim(engine=MUJOCO)
+    limits, spread = carsim.limits().numbers, experiment.info.variation
+
+    def chunks() -> Iterator[Callable[[], list[dict[str, Any]]]]:
+        for start in range(0, len(asked), 30):
+            bodies, scenes, requests = {}, {}, []
+            for place, (design, scene, car, number) in enumerate(asked[start : start + 30]):
+                name, one = str(place), experiment.designs[design]
+                bodies[name] = canonical_json(
+                    vary_body(one.body, calibrated_variation(values, spread, seed, car), limits)
+                )
+                scenes[name] = canonical_json(calibrated_scene(experiment.scenes[scene], values, seed, number))
+                requests.append(RunRequest(name, name, one.settings, name, scene, compact_path=True))
+            yield partial(carsim.run, bodies, scenes, requests)
+
+    return [answer for chunk in side_by_side(chunks(), jobs, carsim.stop) for answer in chunk]
+
+
+def trials_of(one: Reality, number: int, evidence: str, experiment: SweptExperiment) -> Observations:
+    """The first trials of a reality, as a calibration takes them, in the cells of all."""
+    layout = [layout_of(trial) for trial in range(TRIALS)]
+    places = list(dict.fromkeys((design, scene) for design, _, scene in layout))
+    cars = list(dict.fromkeys((design, car) for design, car, _ in layout))
+    ends, features = [], []
+    for outcome, elapsed_s, path in one.trials[:number]:
+        if evidence == PATHS:
+            ends.append(np.arange(ENDS) == drive_end(outcome, path))
+            features.append(path)
+        else:
+            ends.append(possible_ends(PASSED if outcome == PASSED else "not_passed"))
+            features.append(told_features(None if evidence == OUTCOMES else elapsed_s, outcome == PASSED))
+    return Observations(
+        tuple(Cell(design, experiment.scenes[scene]) for design, scene in places),
+        np.array([places.index((design, scene)) for design, _, scene in layout[:number]]),
+        np.array([cars.index((design, car)) for design, car, _ in layout[:number]]),
+        np.array([design for design, _ in cars]),
+        np.array(ends),
+        np.array(features),
+        True,
+        (),
+    )
+
+
+def calibrated(simulator: Simulator, observed: Observations, bank: Bank) -> Inference:
+    """As `foldcar calibrate` does it, with a bank that is there."""
+    experiment, cars = simulator.experiment, observed.car_design
+    inputs, width = cell_inputs(experiment, observed.cells)
+    alike = likeness(inputs[len(observed.cells) :, :width])
+
+    def problem_of(runs: Bank) -> Problem:
+        return Problem(
+            observed, runs.emulator(inputs, width, SEED), inputs, alike[np.ix_(cars, cars)], alike[:, cars], {}
+        )
+
+    posterior = problem_of(bank).posterior(SEED)
+    more = simulate_bank(simulator, near_scores(posterior.scores, NEAR_SETS, SEED), observed, SETS, silent)
+    bank = bank.joined(more)
+    problem = problem_of(bank.chosen(near(bank.scores, posterior.scores)))
+    posterior = problem.posterior(SEED)
+    return checked(simulator, problem, posterior, np.arange(len(experiment.designs)), 1, 10**7, silent)
+
+
+def rows_of(folder: Path, simulator: Simulator, realities: list[Reality], bank: Bank) -> list[str]:
+    """The table: error, covered truths and explained parameters by number and evidence of trials."""
+    rows, experiment = [], simulator.experiment
+    undriven = np.setdiff1d(np.arange(len(experiment.designs)), DRIVEN)
+    for number in NUMBERS:
+        for evidence in EVIDENCE:
+            errors, covered, explained, off = [], [], [], []
+            for index, one in enumerate(realities):
+                observed = trials_of(one, number, evidence, experiment)
+                found = kept(
+                    folder / f"{index}-{number}-{evidence}.pickle", partial(calibrated, simulator, observed, bank)
+                )
+                rates = rates_of(found, experiment, SEED)
+                ends = np.quantile(rates.predicted, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2], axis=0)
+                # The truth was counted, too.
+                noise = 1.645 * np.sqrt(one.rates * (1 - one.rates) / RATE_SCENES)
+                errors.append(
+                    [np.abs(r - one.rates)[undriven].mean() for r in (rates.simulated, rates.predicted.mean(0))]
+                )
+                covered.append(((ends[0] - noise <= one.rates) & (one.rates <= ends[1] + noise))[undriven].mean())
+                explained.append(1 - found.posterior.scores.var(axis=0))
+                off += [m["family"] for m in misfits(found) if m["size"] > m["by_chance"]]
+                print(number, evidence, index, np.round(errors[-1], 3), round(float(covered[-1]), 2), flush=True)
+            told = [f"{100 * value:.0f}" for value in np.maximum(np.mean(explained, axis=0)[:4], 0)]
+            error = [f"{100 * value:.1f}" for value in np.mean(errors, axis=0)]
+            rows.append([str(number), evidence, *error, f"{100 * np.mean(covered):.0f}", *told])
+    head = ["trials", "by", "error", "with discrepancy", "covered %", "friction", "torque", "speed", "height"]
+    return table(head, rows)
+
+
+if __name__ == "__main__":
+    main()

@@ -121,7 +121,8 @@ def said(summary: dict[str, Any], best: BestSet) -> list[str]:
         f"- Log-likelihood without a discrepancy: {likelihood['best']:.2f} by the trials' own rates, "
         f"{best.log_likelihood:.2f} ({low:.2f} to {high:.2f}) by the best set, in {best.scenes} runs of each width that "
         f"did not choose it; {likelihood['draws']:.1f} on average over the posterior, "
-        f"{likelihood['nominal']:.1f} nominal; with the discrepancy integrated out the posterior has {likelihood['expected']:.1f}.",
+        f"{likelihood['nominal']:.1f} nominal; with the discrepancy integrated out the posterior has "
+        f"{likelihood['expected']:.1f}.",
         f"- In the last of {emulator['rounds']} rounds the emulator erred by {100 * emulator['error']:.0f} points, "
         "beyond chance, in the rate of a width with trials.",
         f"- The trials cannot tell apart what is correlated: {pairs}.",

@@ -27,7 +27,7 @@ FIRST_NUMBER = 10**9
 
 @dataclass(frozen=True)
 class BestSet:
-    """``values`` by name; simulated ``rates`` (designs with trials,), of ``scenes`` runs each that did not choose the set.
+    """``values`` by name; ``rates`` (designs with trials,), each of ``scenes`` runs that did not choose the set.
 
     ``log_likelihood`` is that of the trials, with a 90 % ``interval`` for the chance of these runs.
     """

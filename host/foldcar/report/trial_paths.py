@@ -4,7 +4,7 @@ Input: a trial of the store. Output: a compact path, or angles over time, or a s
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy
@@ -21,13 +21,17 @@ from foldcar.store.trial_records import Track, Trial
 
 @dataclass(frozen=True)
 class TrialPath:
-    """``path`` of ``rows`` rows until ``end_s``, or ``attitude`` (s; pitch, roll in rad), or why both are ``missing``."""
+    """``path`` of ``rows`` rows until ``end_s``, or ``attitude`` (s; pitch, roll in rad), or why both are ``missing``.
+
+    ``film_error`` of a filmed path: standard deviations of the place (m) and of the start (s).
+    """
 
     path: bytes | None = None
     rows: int = 0
     end_s: float = 0.0
     attitude: tuple[tuple[float, float, float], ...] = ()
     missing: str = ""
+    film_error: tuple[float, float] | None = None
 
 
 def trial_path(store: Store, trial: Trial) -> TrialPath:
@@ -71,8 +75,14 @@ def _driven(messages: list[Any], start_s: float) -> TrialPath | None:
 
 
 def _filmed(track: Track | None) -> TrialPath | None:
-    rows = numpy.array([] if track is None else [row[:7] for row in track.rows if row[0] >= 0])
-    return None if len(rows) < 2 else _path(rows[:, 0].tolist(), rows[:, 1:])
+    rows = numpy.array([] if track is None else [row for row in track.rows if row[0] >= 0])
+    if track is None or len(rows) < 2:
+        return None
+    # Of a row: the variances of x and y.
+    own_m = math.sqrt(float(numpy.median(numpy.maximum(rows[:, 7], rows[:, 10]))))
+    place_m = math.hypot(own_m, max(track.facts["frame_error_m"]))
+    film_error = (round(place_m, 4), round(track.facts["start_error_s"], 3))
+    return replace(_path(rows[:, 0].tolist(), rows[:, 1:7]), film_error=film_error)
 
 
 def _path(times: list[float], values: Any) -> TrialPath:

@@ -21,7 +21,7 @@ Corners = list[tuple[float, float]]
 
 
 def tag_photos(folder: Path) -> list[tuple[Path, list[Corners]]]:
-    """Each photograph, put into ``folder``, with four corners of each tag, in pixels from the picture's corner; SeedError."""
+    """Each photograph, put into ``folder``, with its tags' corners (pixels from the picture's corner); SeedError."""
     run(PURPOSE, "npm", "pack", "--silent", "--ignore-scripts", "--fetch-retries=1", PACKAGE, cwd=folder)
     (archive,) = folder.glob("*.tgz")
     if base64.b64encode(hashlib.sha512(archive.read_bytes()).digest()).decode() != SHA512:

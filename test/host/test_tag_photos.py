@@ -9,9 +9,10 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tools"))
 
-from foldcar.camera.detection import Detector  # noqa: E402
-from seed_files import SeedError  # noqa: E402
-from tag_photos import tag_photos  # noqa: E402
+from seed_files import SeedError
+from tag_photos import tag_photos
+
+from foldcar.camera.detection import Detector
 
 
 def test_markers_in_photographs_are_read_and_lie_where_another_detector_has_them(tmp_path: Path) -> None:

@@ -51,7 +51,9 @@ class Detector:
         found, ids, _ = self._aruco.detectMarkers(grey)
         squares = [one.reshape(4, 2).astype(float) for one in found]
         numbers = [] if ids is None else ids.ravel().tolist()
-        return [(k, refined(grey, one)) for k, one in zip(numbers, squares, strict=True) if _shortest(one) >= LEAST_SIDE_PX]
+        return [
+            (k, refined(grey, one)) for k, one in zip(numbers, squares, strict=True) if _shortest(one) >= LEAST_SIDE_PX
+        ]
 
     def find_near(self, grey: Grey, before: Floats, number: int, reach: float = 0.8) -> Floats | None:
         """The marker of that id around where its corners were ``before``, within ``reach`` of its size."""
@@ -151,9 +153,7 @@ def _refined_once(grey: Grey, corners: Floats) -> Floats | None:
     return better if numpy.isfinite(better).all() and numpy.abs(better - corners).max() <= reach else None
 
 
-def _lines(
-    places: Floats, offsets: Floats, sums: Floats, normals: Floats, along: Floats
-) -> tuple[Floats, Floats]:
+def _lines(places: Floats, offsets: Floats, sums: Floats, normals: Floats, along: Floats) -> tuple[Floats, Floats]:
     """Points and directions of lines at ``offsets`` from ``places``, one for each side, which outliers do not move."""
     at = numpy.einsum("snk,sk->sn", places - places[:, :1], along)
     weights = (sums > 0.1 * numpy.median(sums, axis=1, keepdims=True)).astype(float)

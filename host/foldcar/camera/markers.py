@@ -70,7 +70,7 @@ class Course:
 
 @dataclass(frozen=True, slots=True)
 class Card:
-    """Where an obstacle's card lies: its middle to the left of the obstacle's (m), on the obstacle's ground or on the floor.
+    """Where an obstacle's card lies: its middle to the left of the obstacle's (m), on its ground or on the floor.
 
     ``turns``: its heading is that of the obstacle, which has one.
     """
@@ -81,7 +81,7 @@ class Card:
 
 
 def card_of(thing: Obstacle, terrain: Sequence[Mapping[str, Any]], course: Course) -> Card:
-    """With its lower edge at the middle of a solid's left side; on the middle of hills, holes, patches, which have none."""
+    """Its lower edge at the middle of a solid's left side; its middle on that of hills, holes and patches."""
     pieces = [terrain[index] for index in thing.pieces]
     solid = any(kind_of(piece).form == "block" for piece in pieces)
     turns = len(pieces) > 1 or "heading_rad" in pieces[0]

@@ -107,7 +107,10 @@ def replay(
         verdict = f"not compared: {STANDING_TEXTS[trial.standing]}"
     felt = None
     if trial.log is not None and (log := log_file(store, trial.log)).is_file():
-        felt = log_features(log)
+        try:
+            felt = log_features(log)
+        except FoldcarError as error:
+            note(f"{error}")
     mark = "" if trial.standing == BUILT else f"  ({STANDING_TEXTS[trial.standing]})"
     lines = [
         f"{'':<10}{'outcome':<12}{'time (s)':>9}",

@@ -82,7 +82,13 @@ def _draw_car(axes: Any, start: Mapping[str, float], length_m: float, width_m: f
 
 
 def _draw_outline(
-    axes: Any, at: Sequence[float], turn_rad: float, length_m: float, width_m: float, facecolor: str, label: str | None = None
+    axes: Any,
+    at: Sequence[float],
+    turn_rad: float,
+    length_m: float,
+    width_m: float,
+    facecolor: str,
+    label: str | None = None,
 ) -> Any:
     """Draw a turned rectangle; the middle of its rear side."""
     half, side = length_m / 2, width_m / 2

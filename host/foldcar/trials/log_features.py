@@ -3,8 +3,8 @@
 Input: a .tlog. Output: LogFeatures, None where the log does not tell: without an IMU, a battery's voltage, an end.
 
 The car's filter pulls its angles to what the accelerometer takes for the vertical, with a time constant T (0.5 s). While
-the car speeds up or slows down, that is wrong for the pitch. The samples tell by how much it was pulled, d, which is taken
-off again:
+the car speeds up or slows down, that is wrong for the pitch. The samples tell by how much it was pulled, d, which is
+taken off again:
 
     d' = (acc - pitch) / T - d / L    (acc: pitch by the accelerometer; L forgets, as gyros drift)
 
@@ -65,10 +65,11 @@ def log_features(file: Path) -> LogFeatures:
     end_s = math.inf if elapsed_s is None else elapsed_s
     tilts, heading, shocks = _felt(messages, start_s, end_s)
     roll, pitch = (None, None) if tilts is None else (float(max(column, key=abs)) for column in tilts.T)
-    return LogFeatures(
-        elapsed_s, roll, pitch, None if tilts is None else TILT_ERROR_RAD, heading,
-        None if roll is None or pitch is None else HEADING_ERROR_RAD + OF_ROLL_AND_PITCH * abs(roll * pitch), shocks, _sag_v(messages, start_s, end_s),
-    )  # fmt: skip
+    sag_v = _sag_v(messages, start_s, end_s)
+    if roll is None or pitch is None:
+        return LogFeatures(elapsed_s, battery_sag_v=sag_v)
+    heading_error = HEADING_ERROR_RAD + OF_ROLL_AND_PITCH * abs(roll * pitch)
+    return LogFeatures(elapsed_s, roll, pitch, TILT_ERROR_RAD, heading, heading_error, shocks, sag_v)
 
 
 def _felt(messages: Sequence[Any], start_s: float, end_s: float) -> tuple[Any, float | None, tuple[float, ...] | None]:

@@ -12,8 +12,8 @@ import pytest
 from scipy.special import expit, logsumexp
 from scipy.stats import binom, halfnorm, lognorm, norm
 
-from foldcar.calibration.effects import calibrated_scene, calibrated_variation
 from foldcar.calibration.drive_features import FEATURES
+from foldcar.calibration.effects import calibrated_scene, calibrated_variation
 from foldcar.calibration.emulator import WIDER, prior_scores
 from foldcar.calibration.experiment import CalibrationRun, Simulator, SweptDesign, SweptExperiment
 from foldcar.calibration.parameters import NAMES, NOMINAL, PARAMETERS, Parameter, values_of
@@ -201,7 +201,7 @@ def test_features_of_one_car_count_as_one_where_they_are_its_own() -> None:
     alike = 0.4 + 0.6 * (np.kron(np.eye(2), np.ones((3, 3)))[:5, :5])
     kappa, means = np.array([0.0, 0.7]), stream.normal(size=(2, 5, FEATURES)) * 0.3
 
-    found = Features(observed, covariance, shares, car, alike).log_likelihood(means, kappa)
+    found = Features(observed, np.zeros((5, FEATURES)), covariance, shares, car, alike).log_likelihood(means, kappa)
 
     whole = []
     for sd, mean in zip(kappa, means, strict=True):

@@ -24,12 +24,12 @@ from foldcar.camera.smoother import smooth
 from foldcar.camera.view import find_view
 from foldcar.errors import FoldcarError
 from foldcar.link.mcap_export import export_mcap
-from foldcar.store.trial_paths import trial_path
 from foldcar.scenes.obstacles import Obstacle
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.heights import carsim_heights
 from foldcar.simulation.runner import RunRequest
 from foldcar.store.reader import Store
+from foldcar.store.trial_paths import trial_path
 from foldcar.store.trial_records import Ending, TrialDesign
 from foldcar.store.trial_writer import CarFacts, Drive, write_trials
 from forked_foldcar import original
@@ -146,6 +146,28 @@ def test_a_photo_gives_the_places_of_car_and_obstacles() -> None:
         off = numpy.abs(numpy.subtract(found.deviations[name], true))
         assert (off < 3 * numpy.array(found.errors[name])).all() and off[:2].max() < 0.003 and off[2] < 0.012, name
         assert max(found.errors[name][:2]) < 0.004
+
+
+def test_a_card_on_a_hill_or_a_hole_lies_as_high_as_these_carry_it() -> None:
+    hill = {"kind": "hill", "x_m": 0.4, "y_m": 0.1, "heading_rad": 0.2, "sd_along_m": 0.08, "sd_across_m": 0.06}
+    hole = {"kind": "pothole", "x_m": 0.8, "y_m": -0.1, "radius_m": 0.03, "depth_m": 0.02, "edge_m": 0.005}
+    scene = {**SCENE, "terrain": [{**hill, "height_m": 0.04}, hole]}
+    things = {
+        "A": Obstacle("Hill", (0,), 0.4, 0.1, 0.2, 0.64, 0.48),
+        "B": Obstacle("Pothole", (1,), 0.8, -0.1, 0.0, 0.06, 0.06),
+    }
+    # The card is wider than the hole; how it is turned says nothing.
+    size, places = COURSE.obstacle_size_m, ((0.41, 0.085, 0.04, 0.25), (0.79, -0.08, 0.0, 0.7))
+    cards = [marker(FIRST_OBSTACLE_ID + k, size, (x, y, z), rotation(turn)) for k, (x, y, z, turn) in enumerate(places)]
+    body = json.loads(car_texts()[0])
+    ground = standing(scene, carsim_heights(Carsim()), body)
+
+    found = find_placed(photo(COURSE, *cards), "photo", COURSE, None, scene, things, car_marker(body, COURSE), ground)
+
+    for name, true in {"A": (0.01, -0.015, 0.05), "B": (-0.01, 0.02, 0.0)}.items():
+        off = numpy.abs(numpy.subtract(found.deviations[name], true))
+        assert (off < 3 * numpy.array(found.errors[name])).all() and off[:2].max() < 0.004 and off[2] < 0.012, name
+        assert 0.002 < max(found.errors[name][:2]) < 0.006
 
 
 def test_places_by_a_photo_are_a_correction_of_the_trial(trial: Any, tmp_path: Path) -> None:

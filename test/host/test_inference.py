@@ -1,4 +1,4 @@
-"""A calibration by a simulator that is a formula: its scatter, its rates, and what further trials are expected to tell."""
+"""A calibration by a simulator that is a formula: its scatter, its rates, what further trials are expected to tell."""
 
 import math
 from collections.abc import Iterable
@@ -50,8 +50,9 @@ def observations(*cars: tuple[int, int, int], scene: Any = None) -> Observations
     ends = [possible_ends("passed" if i < k else "not_passed") for _, k, n in cars for i in range(n)]
     designs = np.array([design for design, _, _ in cars])
     cells = tuple(Cell(int(design), scene) for design in dict.fromkeys(designs.tolist()))
+    unknown = np.full((len(car), FEATURES), np.nan)
     cell = np.array([[one.design for one in cells].index(design) for design in designs[car]])
-    return Observations(cells, cell, car, designs, np.array(ends), np.full((len(car), FEATURES), np.nan), False, ())
+    return Observations(cells, cell, car, designs, np.array(ends), unknown, 0 * unknown, False, ())
 
 
 def problem(swept: SweptExperiment, observed: Observations, emulated: Emulator) -> Problem:
@@ -127,7 +128,7 @@ def test_the_bank_tells_what_of_the_scatter_is_the_cars() -> None:
 
     found = bank.emulator(inputs, width, 1)
 
-    assert len(bank.scores) == 1500 * (6 + OTHERS) and 6 < MOST_CELLS
+    assert len(bank.scores) == 1500 * (6 + OTHERS) and MOST_CELLS > 6
     assert math.sqrt(found.covariance[TIME, TIME]) == pytest.approx(0.1, rel=0.05)
     # Given pitch, which is the drive's scatter itself, nothing but the car's part is left.
     assert found.shares[TIME] == pytest.approx(0.95, abs=0.06) and found.shares[PITCH] < 0.05

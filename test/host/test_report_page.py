@@ -11,11 +11,11 @@ from typing import Any
 import numpy
 import pytest
 
-from foldcar.simulation.compact_path import ANGLE_RAD, PLACE_M, compact_path, twice_differenced, varints
 from foldcar.figures.scene_data import HEIGHT_M, ground_data
 from foldcar.report.replay_choice import OutcomeGrid, choose_runs
 from foldcar.report.replay_paths import kept_paths, simulate_paths
 from foldcar.simulation.carsim import Carsim
+from foldcar.simulation.compact_path import ANGLE_RAD, PLACE_M, compact_path, twice_differenced, varints
 from foldcar.simulation.heights import carsim_heights
 from foldcar.simulation.runner import KEPT_INTERVAL_S as INTERVAL_S
 from foldcar.store.frames import run_arrays

@@ -116,7 +116,10 @@ class Problem:
             return None
         car = self.observed.car
         same = (car[:, None] == car).astype(float)
-        return Features(observed, self.emulator.covariance, self.emulator.shares, same, self.alike[np.ix_(car, car)])
+        errors = np.where(np.isfinite(observed), self.observed.errors, 0.0)
+        return Features(
+            observed, errors, self.emulator.covariance, self.emulator.shares, same, self.alike[np.ix_(car, car)]
+        )
 
     def residuals(self, scores: FloatArray) -> FloatArray | None:
         """What is left of the trials' features (n, trials, features), in standard deviations of runs; None without."""

@@ -41,17 +41,19 @@ class Detector:
     _aruco: Any = field(default_factory=lambda: _aruco())
 
     def find(self, grey: Grey) -> dict[int, Floats]:
-        """All markers of a picture. An id that is there twice is left out: nobody knows which is meant."""
+        """The markers of a picture. An id that is there twice is left out: nobody knows which is meant."""
+        found = self.find_all(grey)
+        numbers = [number for number, _ in found]
+        return {number: corners for number, corners in found if numbers.count(number) == 1}
+
+    def find_all(self, grey: Grey) -> list[tuple[int, Floats]]:
+        """Ids and corners of all markers of a picture."""
         found, ids, _ = self._aruco.detectMarkers(grey)
-        if ids is None:
-            return {}
-        numbers = ids.ravel().tolist()
-        corners = {
-            number: one.reshape(4, 2).astype(float)
-            for number, one in zip(numbers, found, strict=True)
-            if numbers.count(number) == 1
-        }
-        return {number: refined(grey, one) for number, one in corners.items() if _shortest(one) >= LEAST_SIDE_PX}
+        squares = [one.reshape(4, 2).astype(float) for one in found]
+        numbers = [] if ids is None else ids.ravel().tolist()
+        return [
+            (k, refined(grey, one)) for k, one in zip(numbers, squares, strict=True) if _shortest(one) >= LEAST_SIDE_PX
+        ]
 
     def find_near(self, grey: Grey, before: Floats, number: int, reach: float = 0.8) -> Floats | None:
         """The marker of that id around where its corners were ``before``, within ``reach`` of its size."""
@@ -102,7 +104,10 @@ def _aruco() -> Any:
     parameters.minMarkerPerimeterRate = 0.02
     parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_NONE
     # The dictionary's codes differ in 11 bits at least: four wrong ones leave no doubt.
-    parameters.errorCorrectionRate = 0.6
+    parameters.errorCorrectionRate = 0.8
+    # Small markers are read from their modules' middles, enlarged: photographs' edges are soft.
+    parameters.perspectiveRemovePixelPerCell = 16
+    parameters.perspectiveRemoveIgnoredMarginPerCell = 0.2
     dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
     return cv2.aruco.ArucoDetector(dictionary, parameters)
 
@@ -148,9 +153,7 @@ def _refined_once(grey: Grey, corners: Floats) -> Floats | None:
     return better if numpy.isfinite(better).all() and numpy.abs(better - corners).max() <= reach else None
 
 
-def _lines(
-    places: Floats, offsets: Floats, sums: Floats, normals: Floats, along: Floats
-) -> tuple[Floats, Floats]:
+def _lines(places: Floats, offsets: Floats, sums: Floats, normals: Floats, along: Floats) -> tuple[Floats, Floats]:
     """Points and directions of lines at ``offsets`` from ``places``, one for each side, which outliers do not move."""
     at = numpy.einsum("snk,sk->sn", places - places[:, :1], along)
     weights = (sums > 0.1 * numpy.median(sums, axis=1, keepdims=True)).astype(float)

@@ -71,7 +71,7 @@ class Standing:
         along = self.ahead_m[:, None] + shift_m + self.radius_m * ALONG
         x = x_m + along * cos - self.left_m[:, None] * sin
         y = y_m + along * sin + self.left_m[:, None] * cos
-        axles = (self._heights(x, y) + self.radius_m * numpy.sqrt(1 - ALONG**2)).max(axis=1)
+        axles = (self.heights(x, y) + self.radius_m * numpy.sqrt(1 - ALONG**2)).max(axis=1)
         plane = self._solve @ axles
         return plane, float(numpy.sqrt(numpy.mean((axles - self._places @ plane) ** 2)))
 
@@ -83,7 +83,8 @@ class Standing:
     def _solve(self) -> Floats:
         return numpy.asarray(numpy.linalg.pinv(self._places), float)
 
-    def _heights(self, x: Floats, y: Floats) -> Floats:
+    def heights(self, x: Floats, y: Floats) -> Floats:
+        """Of the ground at places of any shape (m)."""
         extent, cell = self.ground.extent, self.ground.cell_m
         rows, columns = (y - extent.y_min_m) / cell - 0.5, (x - extent.x_min_m) / cell - 0.5
         found: Floats = map_coordinates(self.ground.z_m, [rows, columns], order=1, mode="nearest")

@@ -2,18 +2,20 @@
 
 Markers are AprilTags of the family 36h11: a black square of 8 × 8 modules on white. ``size`` is the side of the black
 square. A marker's frame has its origin in the middle, x to the right and y to the top of the upright print, z towards the
-reader. Floor markers lie with x along the course; the car's with its top to the car's front; an obstacle's card lies on
-the floor and touches, with the edge that its arrow points to, the middle of the obstacle's left side.
+reader. Floor markers lie with x along the course; the car's with its top to the car's front; an obstacle's card as
+`card_of` has it.
 """
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from foldcar.errors import FoldcarError
+from foldcar.scenes.obstacles import Obstacle
+from foldcar.scenes.terrain_kinds import kind_of
 
 FLOOR_IDS = (0, 1, 2, 3)
 CAR_ID = 10
@@ -64,6 +66,26 @@ class Course:
         return replace(
             self, **{name: getattr(self, name) * scale for name in ("floor_size_m", "car_size_m", "obstacle_size_m")}
         )
+
+
+@dataclass(frozen=True, slots=True)
+class Card:
+    """Where an obstacle's card lies: its middle to the left of the obstacle's (m), on its ground or on the floor.
+
+    ``turns``: its heading is that of the obstacle, which has one.
+    """
+
+    left_m: float
+    on_ground: bool
+    turns: bool
+
+
+def card_of(thing: Obstacle, terrain: Sequence[Mapping[str, Any]], course: Course) -> Card:
+    """Its lower edge at the middle of a solid's left side; its middle on that of hills, holes and patches."""
+    pieces = [terrain[index] for index in thing.pieces]
+    solid = any(kind_of(piece).form == "block" for piece in pieces)
+    turns = len(pieces) > 1 or "heading_rad" in pieces[0]
+    return Card(thing.width_m / 2 + course.card_reach_m if solid else 0.0, not solid, turns)
 
 
 def rectangle(length_m: float = 1.5, width_m: float = 1.0) -> Course:

@@ -1,7 +1,8 @@
 """Where car and obstacles stand, by a photo of the course before the trial, as deviations from their planned places.
 
-Input: a photo, the course, the planned scene with its lettered obstacles. Output: deviations with standard deviations.
-Each obstacle has a card on the floor whose lower edge touches the middle of the obstacle's left side.
+Input: a photo, the course, the planned scene with its lettered obstacles and the heights of its ground. Output:
+deviations with standard deviations. A stiff card on ground h rests where places opposite to each other carry it: its
+middle, at m, is as high as max over d of (h(m + d) + h(m - d)) / 2, also on slopes and over holes.
 """
 
 import math
@@ -14,7 +15,7 @@ import numpy
 from foldcar.camera.detection import Detector, Floats, Grey
 from foldcar.camera.ground import Standing
 from foldcar.camera.lens import Lens
-from foldcar.camera.markers import CAR_ID, FIRST_OBSTACLE_ID, MOST_OBSTACLES, Course
+from foldcar.camera.markers import CAR_ID, FIRST_OBSTACLE_ID, MOST_OBSTACLES, Course, card_of
 from foldcar.camera.poses import PIXEL, CarMarker, find_pose
 from foldcar.camera.view import View, find_view, marker_corners
 from foldcar.errors import FoldcarError
@@ -22,6 +23,9 @@ from foldcar.scenes.obstacles import CAR, Obstacle
 
 # How well a person lays a card against an obstacle, and glues a marker onto a lid.
 LAID_M, LAID_RAD = 0.001, 0.01
+# How well the height of a card on a hill or a hole is known, and places below it (m, as shares of its side).
+HEIGHT_M = 0.003
+BELOW = numpy.linspace(-0.5, 0.5, 13)
 # What stands farther from its place is another obstacle.
 FAR_M = 0.5
 
@@ -53,13 +57,19 @@ def find_placed(
         if seen is None:
             missing.append(name)
             continue
-        x, y, heading = _on_floor(view, seen, printed.obstacle_size_m)
-        # From the marker's middle back over its lower edge, then half the obstacle.
-        back = thing.width_m / 2 + printed.card_reach_m
-        x, y = x + back * math.sin(heading), y - back * math.cos(heading)
-        deviations[name] = (x - thing.x_m, y - thing.y_m, math.remainder(heading - thing.heading_rad, math.tau))
-        laid = (math.hypot(LAID_M, LAID_RAD * back), LAID_M, LAID_RAD)
-        errors[name] = _errors(view, seen, 0.0, laid)
+        card = card_of(thing, scene["terrain"], printed)
+        height_m = _card_height(thing, 2 * printed.card_reach_m, ground) if card.on_ground else 0.0
+        x, y, heading = _lying(view, seen, printed.obstacle_size_m, height_m)
+        x, y = x + card.left_m * math.sin(heading), y - card.left_m * math.cos(heading)
+        turned = math.remainder(heading - thing.heading_rad, math.tau) if card.turns else 0.0
+        deviations[name] = (x - thing.x_m, y - thing.y_m, turned)
+        laid = (math.hypot(LAID_M, LAID_RAD * card.left_m), LAID_M, LAID_RAD)
+        if card.on_ground:
+            middle = seen.mean(axis=0, keepdims=True)
+            lower, higher = (view.on_plane(middle, height_m + by) for by in (0.0, HEIGHT_M))
+            off_m = math.hypot(LAID_M, float(numpy.linalg.norm(higher - lower)))
+            laid = (off_m, off_m, LAID_RAD)
+        errors[name] = _errors(view, seen, height_m, laid)
     pose = find_pose(corners[CAR_ID], view, car, ground) if CAR_ID in corners else None
     if pose is None:
         missing.append(CAR)
@@ -76,9 +86,15 @@ def find_placed(
     return Placed(deviations, errors, tuple(missing), view.remarks)
 
 
-def _on_floor(view: View, corners: Floats, size_m: float) -> tuple[float, float, float]:
-    """Middle and heading of a marker that lies on the floor: the turn that fits its corners best."""
-    flat = view.on_plane(corners, 0.0)
+def _card_height(thing: Obstacle, side_m: float, ground: Standing) -> float:
+    x, y = numpy.meshgrid(thing.x_m + side_m * BELOW, thing.y_m + side_m * BELOW)
+    heights = ground.heights(x, y)
+    return float((heights + heights[::-1, ::-1]).max()) / 2
+
+
+def _lying(view: View, corners: Floats, size_m: float, height_m: float) -> tuple[float, float, float]:
+    """Middle and heading of a level marker at that height: the turn that fits its corners best."""
+    flat = view.on_plane(corners, height_m)
     middle = flat.mean(axis=0)
     mine, there = marker_corners(size_m)[:, :2], flat - middle
     cross = float((mine[:, 0] * there[:, 1] - mine[:, 1] * there[:, 0]).sum())

@@ -151,7 +151,8 @@ def _obstacle_pages(canvas: Any, course: Course, count: int) -> None:
             letter = ascii_uppercase[at]
             canvas.setFillGray(0)
             _text(canvas, x + size / 2, y + size + 3, letter, 14)
-            _text(canvas, x + size / 2, y - CARD_MARGIN * size + 2, "this edge at the middle of its left side", 6)
+            _text(canvas, x + size / 2, y - CARD_MARGIN * size + 4.5, "this edge at the middle of its left side;", 5)
+            _text(canvas, x + size / 2, y - CARD_MARGIN * size + 2, "hill, hole, patch: middle on its middle", 5)
         canvas.showPage()
 
 

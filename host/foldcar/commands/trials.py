@@ -1,6 +1,7 @@
 """`foldcar trials`: a store's trials - listed, simulated again as pairs, changed, imported, exported."""
 
 import json
+import math
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
@@ -23,6 +24,7 @@ from foldcar.commands.options import (
 from foldcar.errors import FoldcarError
 
 if TYPE_CHECKING:
+    from foldcar.link.log_features import LogFeatures
     from foldcar.store.trial_records import Correction
     from foldcar.store.trial_writer import TrialWriter
 
@@ -70,17 +72,19 @@ def replay(
 ) -> None:
     """Simulate a trial again as it was placed.
 
-    Trial and simulation are compared; the picture shows the simulated run.
+    Trial and simulation are compared; what the log tells of the drive is shown; the picture shows the simulated run.
 
     \b
     Example: foldcar trials replay study.db 7 --plot pair.png
     """
     from foldcar.commands.listed_run import SimulatedRun
     from foldcar.commands.tables import STANDING_TEXTS, seconds_text
+    from foldcar.link.log_features import log_features
     from foldcar.simulation.carsim import Carsim
     from foldcar.simulation.heights import carsim_heights
     from foldcar.simulation.results import outcome_of
     from foldcar.simulation.runner import PATH_INTERVAL_S
+    from foldcar.store.log_files import log_file
     from foldcar.store.reader import Store
     from foldcar.store.trial_records import BUILT, SIMULATED
 
@@ -101,12 +105,19 @@ def replay(
         verdict = "both agree" if agrees else "they disagree"
     else:
         verdict = f"not compared: {STANDING_TEXTS[trial.standing]}"
+    felt = None
+    if trial.log is not None and (log := log_file(store, trial.log)).is_file():
+        try:
+            felt = log_features(log)
+        except FoldcarError as error:
+            note(f"{error}")
     mark = "" if trial.standing == BUILT else f"  ({STANDING_TEXTS[trial.standing]})"
     lines = [
         f"{'':<10}{'outcome':<12}{'time (s)':>9}",
         f"{'trial':<10}{trial.outcome:<12}{seconds_text(trial.elapsed_time_s):>9}{mark}",
         f"{'simulated':<10}{outcome:<12}{seconds_text(simulated_s):>9}",
         verdict,
+        *_felt_lines(felt),
     ]
     if plot is not None:
         from foldcar.figures.run import draw_run
@@ -116,7 +127,26 @@ def replay(
         draw_run(body, scene, answer, answer["path"], carsim_heights(carsim), plot)
         lines.append(f"picture: {plot}")
     simulated = {"outcome": outcome, "elapsed_time_s": simulated_s, "message": answer.get("error")}
-    tell(as_json, {"trial": asdict(trial), "simulated": simulated, "agrees": agrees, "picture": plot}, *lines)
+    result = {"trial": asdict(trial), "simulated": simulated, "agrees": agrees, "picture": plot}
+    tell(as_json, {**result, "log": felt and asdict(felt)}, *lines)
+
+
+def _felt_lines(felt: "LogFeatures | None") -> list[str]:
+    """What a log tells, in a line for each thing that it knows."""
+    if felt is None:
+        return []
+    lines = []
+    if felt.max_roll_rad is not None and felt.max_pitch_rad is not None and felt.tilt_error_rad is not None:
+        roll, pitch, error = (math.degrees(v) for v in (felt.max_roll_rad, felt.max_pitch_rad, felt.tilt_error_rad))
+        lines.append(f"log: largest roll {roll:+.1f}°, pitch {pitch:+.1f}° (±{error:.1f}°)")
+    if felt.heading_change_rad is not None and felt.heading_error_rad is not None:
+        turn, error = math.degrees(felt.heading_change_rad), math.degrees(felt.heading_error_rad)
+        lines.append(f"log: turned by {turn:+.1f}° (±{error:.1f}°)")
+    if felt.shocks_s:
+        lines.append(f"log: shocks at {', '.join(f'{one:.1f}' for one in felt.shocks_s)} s")
+    if felt.battery_sag_v is not None:
+        lines.append(f"log: battery lower by {felt.battery_sag_v:.2f} V at most while driving")
+    return lines
 
 
 @trials.command()

@@ -31,13 +31,16 @@ def draw_placement(
     file: Path,
     title: str,
     markers: Sequence[tuple[int, float, float, float, float]] = (),
+    cards: Sequence[tuple[float, float, float, float]] = (),
 ) -> None:
     """Draw ``scene`` (docs/carsim.md), its lettered obstacles and the outline of a car of that size into ``file``.
 
-    ``markers`` of a camera on the floor are number, x, y, turn and side (m, rad). Raises FoldcarError.
+    ``markers`` of a camera on the floor are number, x, y, turn and side (m, rad), ``cards`` of obstacles x, y, turn and
+    side. Raises FoldcarError.
     """
     check_format(file)
-    extent = view_of([scene], [(0, x_m, y_m) for _, x_m, y_m, *_ in markers])
+    squares = [*(one[1:] for one in markers), *cards]
+    extent = view_of([scene], [(0, x + by * side, y + by * side) for x, y, _, side in squares for by in (-0.7, 0.7)])
     ground = height_map(heights, scene, extent, CELLS)
     scale = height_scale([ground])
     long_m, wide_m = extent.size_m
@@ -55,6 +58,8 @@ def draw_placement(
             text = f"{1000 * thing.x_m:.0f}, {1000 * thing.y_m:.0f} mm"
             axes.annotate(text, place, (0, -9), textcoords="offset points", ha="center", va="top", fontsize=8,
                           zorder=8, bbox={"facecolor": "#ffffffcc", "edgecolor": "none", "pad": 1})  # fmt: skip
+        for label, (x_m, y_m, turn_rad, side_m) in zip(["a camera's cards", *[None] * len(cards)], cards, strict=False):
+            _draw_outline(axes, (x_m, y_m), turn_rad, side_m, side_m, facecolor="#ffffffaa", label=label)
         for number, x_m, y_m, turn_rad, side_m in markers:
             at = (x_m, y_m)
             _draw_outline(axes, at, turn_rad, side_m, side_m, facecolor="white")
@@ -77,14 +82,20 @@ def _draw_car(axes: Any, start: Mapping[str, float], length_m: float, width_m: f
 
 
 def _draw_outline(
-    axes: Any, at: Sequence[float], turn_rad: float, length_m: float, width_m: float, facecolor: str
+    axes: Any,
+    at: Sequence[float],
+    turn_rad: float,
+    length_m: float,
+    width_m: float,
+    facecolor: str,
+    label: str | None = None,
 ) -> Any:
     """Draw a turned rectangle; the middle of its rear side."""
     half, side = length_m / 2, width_m / 2
     corners = [(half, side), (half, -side), (-half, -side), (-half, side)]
     place = Affine2D().rotate(turn_rad).translate(*at)
     outline = Polygon(
-        place.transform(corners), closed=True, facecolor=facecolor, edgecolor=INK, linewidth=1.2, zorder=6
+        place.transform(corners), closed=True, facecolor=facecolor, edgecolor=INK, linewidth=1.2, zorder=6, label=label
     )
     axes.add_patch(outline)
     return place.transform([(-half, 0)])[0]

@@ -216,6 +216,7 @@ def _trial(store: Store, replay: Replay, grid: OutcomeGrid, trial: Trial, here: 
         "path": found.path is not None,
         "attitude": found.attitude,
         "missing": found.missing,
+        "film_error": found.film_error,
     }
 
 

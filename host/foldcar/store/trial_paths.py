@@ -6,7 +6,7 @@ over time, or a sentence that says why there is neither.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy
@@ -26,33 +26,35 @@ Rows = NDArray[numpy.float64]
 
 @dataclass(frozen=True)
 class TrialPath:
-    """``path`` of ``rows`` rows until ``end_s``, or ``attitude`` (s; pitch, roll in rad), or why both are ``missing``."""
+    """``path`` of ``rows`` rows until ``end_s``, or ``attitude`` (s; pitch, roll in rad), or why both are ``missing``.
+
+    ``film_error`` of a filmed path: standard deviations of the place (m) and of the start (s).
+    """
 
     path: bytes | None = None
     rows: int = 0
     end_s: float = 0.0
     attitude: tuple[tuple[float, float, float], ...] = ()
     missing: str = ""
+    film_error: tuple[float, float] | None = None
 
 
 def trial_path(store: Store, trial: Trial) -> TrialPath:
     """Where the car of ``trial`` was by its log, or else by a film; how it tilted, where neither has a path."""
-    found = _rows_or_felt(store, trial)
-    return found if isinstance(found, TrialPath) else _compacted(found)
+    logged = _logged(store, trial)
+    if not isinstance(logged, TrialPath):
+        return _compacted(logged)
+    track = store.track(trial.id)
+    filmed = _filmed(track)
+    if track is None or filmed is None:
+        return logged
+    return replace(_compacted(filmed), film_error=_film_error(track))
 
 
 def trial_rows(store: Store, trial: Trial) -> Rows | None:
     """The rows (rows, 7) of the path of ``trial``, by its log or else by a film; None without."""
-    found = _rows_or_felt(store, trial)
-    return None if isinstance(found, TrialPath) else found
-
-
-def _rows_or_felt(store: Store, trial: Trial) -> Rows | TrialPath:
     logged = _logged(store, trial)
-    if not isinstance(logged, TrialPath):
-        return logged
-    filmed = _filmed(store.track(trial.id))
-    return logged if filmed is None else filmed
+    return _filmed(store.track(trial.id)) if isinstance(logged, TrialPath) else logged
 
 
 def _logged(store: Store, trial: Trial) -> Rows | TrialPath:
@@ -98,6 +100,15 @@ def _path(rows: Sequence[Sequence[float]]) -> Rows | None:
     found = numpy.array(rows)
     found[:, 4] = numpy.unwrap(found[:, 4])
     return found
+
+
+def _film_error(track: Track) -> tuple[float, float]:
+    """How well place (m) and start (s) of a filmed path are known, as standard deviations."""
+    rows = numpy.array([row for row in track.rows if row[0] >= 0])
+    # Of a row: the variances of x and y.
+    own_m = math.sqrt(float(numpy.median(numpy.maximum(rows[:, 7], rows[:, 10]))))
+    place_m = math.hypot(own_m, max(track.facts["frame_error_m"]))
+    return round(place_m, 4), round(track.facts["start_error_s"], 3)
 
 
 def _compacted(rows: Rows) -> TrialPath:

@@ -12,7 +12,7 @@ from pathlib import Path
 from string import ascii_uppercase
 from typing import Any
 
-from foldcar.camera.markers import Course
+from foldcar.camera.markers import Course, card_of
 from foldcar.car.design import Design
 from foldcar.errors import FoldcarError
 from foldcar.outputs import make_output_folder
@@ -33,9 +33,7 @@ def lettered(obstacles: Iterable[Obstacle]) -> dict[str, Obstacle]:
     return {_letters(number): obstacle for number, obstacle in enumerate(obstacles)}
 
 
-def instructions(
-    scene: Mapping[str, Any], things: Mapping[str, Obstacle]
-) -> Iterator[tuple[str, str, str, str, str]]:
+def instructions(scene: Mapping[str, Any], things: Mapping[str, Obstacle]) -> Iterator[tuple[str, str, str, str, str]]:
     """Rows of name, x (mm), y (mm), heading (°) and description: the car, the obstacles, the goal, the floor."""
     start = scene["start"]
     yield CAR, *_place(start["x_m"], start["y_m"], start["heading_rad"]), "its middle"
@@ -64,14 +62,22 @@ def draw_placement(
     scene: Mapping[str, Any], things: Mapping[str, Obstacle], design: Design, carsim: Carsim, picture: Path, title: str,
     course: Course | None = None,
 ) -> None:  # fmt: skip
-    """Draw the scene, the car, a camera's markers into a picture, whose folder is made if need be. FoldcarError."""
+    """Draw the scene, the car, a camera's markers and cards; the picture's folder is made if need be. FoldcarError."""
     from foldcar.figures.placement import draw_placement
     from foldcar.simulation.heights import carsim_heights
 
     make_output_folder(picture.parent)
     length_m, width_m = design.length_mm / 1000, design.values["width"] / 1000
     markers = [(m.id, m.x_m, m.y_m, m.turn_rad, course.floor_size_m) for m in course.floor] if course else []
-    draw_placement(scene, things, length_m, width_m, carsim_heights(carsim), picture, title, markers)
+    cards = [_card(thing, scene, course) for thing in things.values()] if course else []
+    draw_placement(scene, things, length_m, width_m, carsim_heights(carsim), picture, title, markers, cards)
+
+
+def _card(thing: Obstacle, scene: Mapping[str, Any], course: Course) -> tuple[float, float, float, float]:
+    """Middle, turn and side of an obstacle's card (m, rad)."""
+    left_m = card_of(thing, scene["terrain"], course).left_m
+    x_m, y_m = thing.x_m - left_m * math.sin(thing.heading_rad), thing.y_m + left_m * math.cos(thing.heading_rad)
+    return x_m, y_m, thing.heading_rad, 2 * course.card_reach_m
 
 
 def ask_deviations(
@@ -110,9 +116,7 @@ def parse_deviation(text: str, names: Sequence[str]) -> tuple[str, tuple[float, 
     except ValueError:
         numbers = []
     if len(numbers) not in (2, 3) or not all(map(math.isfinite, numbers)):
-        raise FoldcarError(
-            f'deviation "{text}": not NAME X_MM Y_MM [HEADING_DEG], as in "{names[0]} 5 -3 1.5"'
-        )
+        raise FoldcarError(f'deviation "{text}": not NAME X_MM Y_MM [HEADING_DEG], as in "{names[0]} 5 -3 1.5"')
     limits = ((MOST_DEVIATION_MM, "mm"), (MOST_DEVIATION_MM, "mm"), (180.0, "°"))
     for number, (limit, unit) in zip(numbers, limits, strict=False):
         if abs(number) > limit:

@@ -68,6 +68,7 @@ export class ReplayPlace {
     ]);
     // Another run was chosen meanwhile.
     if (asked !== this.asked) return;
+    if (first && overs.some(one => one.startsWith("t"))) first.label += ", simulated";
     const runs = [first, ...others.filter(one => one && (one.path || one.attitude?.length))];
     this.note.textContent = others.map(one => one?.note).filter(Boolean).join(" ");
     if (this.scene) this.scene.setGround(ground, runs);
@@ -110,11 +111,13 @@ export class ReplayPlace {
 
   async trial(number, colour) {
     const { key, units, trials } = this.model.e.replayed, trial = trials.find(one => one.number === number);
-    const moved = trial.moved ? " Obstacles or car stood elsewhere than planned." : "", label = `trial ${number}`;
+    const moved = trial.moved ? " Obstacles or car stood elsewhere than planned." : "", film = trial.film_error;
+    const label = `trial ${number}, ${film ? "filmed" : `${trial.standing} car`}`;
     if (trial.attitude.length) return { label, colour, ghost: true, attitude: trial.attitude, note: `Trial ${number}: roll and pitch as its sensor felt them.${moved}` };
     if (!trial.path) return { note: `Trial ${number} is not drawn: ${trial.missing}.` };
     const [blob, car] = await Promise.all([readBlob(`${key}-trial-${number}`), this.car(this.design)]);
-    return { label, colour, ghost: true, path: pathOf(blob, 0, units), car, note: `Trial ${number} of a ${trial.standing} car, from its log.${moved}` };
+    const source = film ? `as filmed: place known to ${(1000 * film[0]).toFixed(0)} mm, start to ${(1000 * film[1]).toFixed(0)} ms` : "from its log";
+    return { label, colour, ghost: true, path: pathOf(blob, 0, units), car, note: `Trial ${number} of a ${trial.standing} car, ${source}.${moved}` };
   }
 
   // What can be laid over: trials of this run, then the other designs in the same environment.

@@ -23,7 +23,15 @@ import numpy as np
 from calibration import kept, table
 from page_block import replaced
 
-from foldcar.calibration.drive_features import ENDS, PASSED, drive_end, path_features, possible_ends, told_features
+from foldcar.calibration.drive_features import (
+    ENDS,
+    FEATURES,
+    PASSED,
+    drive_end,
+    path_features,
+    possible_ends,
+    told_features,
+)
 from foldcar.calibration.effects import calibrated_scene, calibrated_variation
 from foldcar.calibration.emulator import Bank, cell_inputs, near_scores, prior_scores, simulate_bank
 from foldcar.calibration.experiment import Simulator, SweptExperiment, read_experiment
@@ -185,6 +193,7 @@ def trials_of(one: Reality, number: int, evidence: str, experiment: SweptExperim
         np.array([design for design, _ in cars]),
         np.array(ends),
         np.array(features),
+        np.zeros((number, FEATURES)),
         True,
         (),
     )

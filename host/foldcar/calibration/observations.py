@@ -65,8 +65,8 @@ class Cell:
 class Observations:
     """Trials: ``cell``, ``car`` (trials,) indices, ``ends`` (trials, ENDS) possible, ``features`` (trials, FEATURES).
 
-    ``errors`` (trials, FEATURES) are standard deviations of what was measured. ``car_design`` (cars,) is the index of each
-    car's design; ``notes`` are for the reader.
+    ``errors`` (trials, FEATURES) are standard deviations of what was measured. ``car_design`` (cars,) is the index of
+    each car's design; ``notes`` are for the reader.
     """
 
     cells: tuple[Cell, ...]

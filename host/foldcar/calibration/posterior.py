@@ -143,9 +143,10 @@ def outcomes(
 class Features:
     """Features of trials against their simulated means, the covariance of runs taken apart into independent parts.
 
-    ``observed`` (trials, features), NaN where unknown, with errors of standard deviations ``errors`` (trials,
-    features); ``covariance`` (features, features) of runs; ``shares`` (features,): what part of a feature's variance, given the features before it, is the car's; ``car`` and ``alike``
-    (trials, trials): whether two trials are of one car, and how far they share their discrepancy, 0 to 1.
+    ``observed`` (trials, features), NaN where unknown, with standard deviations ``errors`` (trials, features) of what was
+    measured; ``covariance`` (features, features) of runs; ``shares`` (features,): what part of a feature's variance,
+    given the features before it, is the car's; ``car`` and ``alike`` (trials, trials): whether two trials are of one car,
+    and how far they share their discrepancy, 0 to 1.
     """
 
     def __init__(

@@ -87,7 +87,7 @@ help:
 	@echo 'make torture   disturb sweeps, stores and trials at random for TORTURE_S=$(TORTURE_S) s: is anything lost? (TORTURE_SEED=)'
 	@echo 'make fidelity  set up, compare with MuJoCo and bring docs/fidelity.md up to date'
 	@echo 'make pyramids  set up, search sizes of the step pyramids that fit the publication, bring docs/scenarios.md up to date'
-	@echo 'make calibration  set up, calibrate by the published trials, try it on known truths, renew docs/calibration.md'
+	@echo 'make calibration  set up, calibrate by the published trials and by hidden realities, renew docs/calibration.md'
 	@echo 'make statistics  measure coverage of the intervals and trials saved, and bring docs/statistics.md up to date'
 	@echo 'make dear_runs  set up, measure what MuJoCo until decided costs, and bring docs/advice.md up to date'
 	@echo 'make fresh     as root: make study and make test in a bare root of SUITE=$(SUITE) (TARGETS=study: the study only)'
@@ -113,9 +113,10 @@ pyramids: setup mujoco
 	@mkdir -p out
 	$(BIN)/python tools/pyramids.py out/pyramids docs/scenarios.md
 
-calibration: setup
+calibration: setup mujoco
 	@mkdir -p out
 	$(BIN)/python tools/calibration.py out/calibration docs/calibration.md
+	$(BIN)/python tools/evidence.py out/evidence docs/calibration.md
 
 fidelity: setup mujoco
 	@mkdir -p out

@@ -5,7 +5,7 @@ there. Each reality is MuJoCo with soft tyres, camber, a centre of mass aside an
 of the simulator drawn from their prior. Ten cars of five widths drive there; rates of the widths that no car has are
 predicted by multibody, calibrated by the first 4, 12, 24 and 48 trials, and held against rates simulated in the reality.
 
-All calibrations share the runs of the prior, and have some around their own posterior.
+All calibrations share the runs of the prior; those of `foldcar calibrate` have some around their own posterior, too.
 """
 
 import argparse
@@ -33,9 +33,9 @@ from foldcar.calibration.drive_features import (
     told_features,
 )
 from foldcar.calibration.effects import calibrated_scene, calibrated_variation
-from foldcar.calibration.emulator import Bank, cell_inputs, near_scores, prior_scores, simulate_bank
+from foldcar.calibration.emulator import Emulator, cell_inputs, prior_scores, simulate_bank
 from foldcar.calibration.experiment import Simulator, SweptExperiment, read_experiment
-from foldcar.calibration.inference import Inference, Problem, checked, likeness, near
+from foldcar.calibration.inference import Inference, Problem, checked, likeness
 from foldcar.calibration.observations import EVIDENCE, OUTCOMES, PATHS, Cell, Observations
 from foldcar.calibration.parameters import PARAMETERS, FloatArray, values_of
 from foldcar.calibration.predictions import rates_of
@@ -59,7 +59,7 @@ BEYOND = {
 DRIVEN, CARS, TRIALS, NUMBERS = (1, 4, 6, 9, 12), 2, 48, (4, 12, 24, 48)
 # The trials' scenes begin there; those before it are the rates'.
 FIRST_SCENE, RATE_SCENES = 60, 60
-SETS, NEAR_SETS, SEED = 900, 250, 1
+SETS, SEED = 900, 1
 CONFIDENCE = 0.9
 # What a camera adds to a place (m) and to an angle (rad).
 CAMERA_M, CAMERA_RAD = 0.002, 0.005
@@ -94,7 +94,9 @@ def main() -> None:
     bank = kept(
         given.folder / "bank.pickle", lambda: simulate_bank(simulator, prior_scores(SETS, SEED), layout, 0, silent)
     )
-    rows = "".join(f"{line}\n" for line in rows_of(given.folder, simulator, realities, bank))
+    inputs, width = cell_inputs(experiment, layout.cells)
+    emulator = kept(given.folder / "emulator.pickle", partial(bank.emulator, inputs, width, SEED))
+    rows = "".join(f"{line}\n" for line in rows_of(given.folder, simulator, realities, emulator))
     page = given.page.read_text(encoding="utf-8")
     given.page.write_text(
         replaced(page, given.page, "<!-- evidence of tools/evidence.py -->", "<!-- end of evidence -->", rows)
@@ -199,26 +201,17 @@ def trials_of(one: Reality, number: int, evidence: str, experiment: SweptExperim
     )
 
 
-def calibrated(simulator: Simulator, observed: Observations, bank: Bank) -> Inference:
-    """As `foldcar calibrate` does it, with a bank that is there."""
+def calibrated(simulator: Simulator, observed: Observations, emulator: Emulator) -> Inference:
+    """As the first round of `foldcar calibrate`, with an emulator that is there; rates are simulated under the posterior."""
     experiment, cars = simulator.experiment, observed.car_design
     inputs, width = cell_inputs(experiment, observed.cells)
     alike = likeness(inputs[len(observed.cells) :, :width])
-
-    def problem_of(runs: Bank) -> Problem:
-        return Problem(
-            observed, runs.emulator(inputs, width, SEED), inputs, alike[np.ix_(cars, cars)], alike[:, cars], {}
-        )
-
-    posterior = problem_of(bank).posterior(SEED)
-    more = simulate_bank(simulator, near_scores(posterior.scores, NEAR_SETS, SEED), observed, SETS, silent)
-    bank = bank.joined(more)
-    problem = problem_of(bank.chosen(near(bank.scores, posterior.scores)))
-    posterior = problem.posterior(SEED)
-    return checked(simulator, problem, posterior, np.arange(len(experiment.designs)), 1, 10**7, silent)
+    problem = Problem(observed, emulator, inputs, alike[np.ix_(cars, cars)], alike[:, cars], {})
+    designs = np.arange(len(experiment.designs))
+    return checked(simulator, problem, problem.posterior(SEED), designs, 1, 10**7, silent)
 
 
-def rows_of(folder: Path, simulator: Simulator, realities: list[Reality], bank: Bank) -> list[str]:
+def rows_of(folder: Path, simulator: Simulator, realities: list[Reality], emulator: Emulator) -> list[str]:
     """The table: error, covered truths and explained parameters by number and evidence of trials."""
     rows, experiment = [], simulator.experiment
     undriven = np.setdiff1d(np.arange(len(experiment.designs)), DRIVEN)
@@ -228,7 +221,7 @@ def rows_of(folder: Path, simulator: Simulator, realities: list[Reality], bank: 
             for index, one in enumerate(realities):
                 observed = trials_of(one, number, evidence, experiment)
                 found = kept(
-                    folder / f"{index}-{number}-{evidence}.pickle", partial(calibrated, simulator, observed, bank)
+                    folder / f"{index}-{number}-{evidence}.pickle", partial(calibrated, simulator, observed, emulator)
                 )
                 rates = rates_of(found, experiment, SEED)
                 ends = np.quantile(rates.predicted, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2], axis=0)

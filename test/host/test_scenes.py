@@ -196,3 +196,14 @@ def test_box_corners_are_where_scenic_puts_them(tmp_path: Path) -> None:
 def test_negative_samples_are_refused() -> None:
     with pytest.raises(FoldcarError, match="sample -1 is below the minimum 0"):
         open_environment(PYRAMIDS, {}, 0).sample(-1)
+
+
+def test_the_working_folder_stays_where_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    program = tmp_path / "moving.scenic"
+    program.write_text(
+        "import os\nmodel model\nego = new Robot at (0, 0), facing -90 deg\ngoal = new Goal at (1, 0), facing -90 deg\n"
+        "os.chdir('/')\nrequire os.chdir('/') is None\n"
+    )
+    open_environment(Path("moving.scenic"), {}, 1).sample(0)
+    assert Path.cwd() == tmp_path

@@ -115,9 +115,9 @@ class _Area:
         if key not in self._kept:
             rows, columns = (a + b - 1 for a, b in zip(placed.grown.shape, other.cells.shape, strict=True))
             size = [next_fast_len(rows, real=True), next_fast_len(columns, real=True)]
-            product = rfft2(placed.grown.astype(np.float32), size) * rfft2(other.cells[::-1, ::-1].astype(np.float32), size)
+            grown, mirrored = (rfft2(one.astype(np.float32), size) for one in (placed.grown, other.cells[::-1, ::-1]))
             # Counts of cells: 0.5 is far above the rounding errors.
-            self._kept[key] = (placed, other, irfft2(product, size)[:rows, :columns] > 0.5)
+            self._kept[key] = (placed, other, irfft2(grown * mirrored, size)[:rows, :columns] > 0.5)
         return self._kept[key][2]
 
     def motion(self, turned: _Turned, row: int, column: int) -> Motion:

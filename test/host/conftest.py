@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-# As the command has it, and all processes of the tests: before numpy is imported.
+# One thread of linear algebra, as in the command, before numpy is imported; processes of the tests inherit it.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from foldcar.cli import GARBAGE_THRESHOLD

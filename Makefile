@@ -150,7 +150,7 @@ lint: .venv/installed .pio/types/numpy
 	@touch $@
 
 test-native: setup
-	$(BIN)/pio test -e native
+	$(BIN)/pio test -e native -e native_mujoco
 	$(MAKE) headers
 
 # Each header compiles alone: what it needs it includes itself. After the tests' build, which fetches Unity.

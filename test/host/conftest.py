@@ -1,6 +1,8 @@
 """Fixtures: the built simulator, a small listing, the command `foldcar`."""
 
+import gc
 import json
+import os
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -9,6 +11,10 @@ from typing import Any
 
 import pytest
 
+# One thread of linear algebra, as in the command, before numpy is imported; processes of the tests inherit it.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+from foldcar.cli import GARBAGE_THRESHOLD
 from foldcar.errors import FoldcarError
 from foldcar.simulation.carsim import Carsim, CarsimLimits
 from foldcar.simulation.engines import MUJOCO, find_carsim
@@ -18,9 +24,15 @@ from study_car import listing_of
 from under_coverage import save_coverage_once
 
 save_coverage_once()
+gc.set_threshold(GARBAGE_THRESHOLD)
 
 PROJECT = Path(__file__).resolve().parents[2]
 STEP_PYRAMIDS = PROJECT / "scenarios" / "step_pyramids.scenic"
+
+
+def pytest_collection_finish() -> None:
+    """Leave what all tests have imported out of the collections of garbage."""
+    gc.freeze()
 
 
 @pytest.fixture(scope="session")

@@ -5,7 +5,6 @@ import json
 import resource
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -20,7 +19,7 @@ from foldcar.report.crosscheck_parted import parted
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.engines import MUJOCO, MULTIBODY
 from foldcar.store.reader import Store
-from shell_signals import like_a_shell
+from forked_foldcar import original
 from under_coverage import unmeasured
 
 
@@ -157,17 +156,14 @@ def test_the_worst_are_simulated_again_to_the_same_end(
 
 
 def test_an_interrupt_loses_nothing(tmp_path: Path, write_listing: Any, listing_data: Any) -> None:
-    command = [sys.executable, "-c", "from foldcar.cli import main; main()", "crosscheck"]
-    command += [str(write_listing(listing_data)), "--environments", "40", "--jobs", "2", "-o", "check"]
-    process = subprocess.Popen(
-        command, cwd=tmp_path, stderr=subprocess.PIPE, text=True, start_new_session=True, preexec_fn=like_a_shell
-    )
+    words = ["crosscheck", str(write_listing(listing_data)), "--environments", "40", "--jobs", "2", "-o", "check"]
+    process = original().start(words, tmp_path)
     file = tmp_path / "check" / "study.db"
     deadline = time.monotonic() + 300
     while time.monotonic() < deadline and stored_runs(file, "1 (MuJoCo)") == 0:
         time.sleep(0.05)
     process.send_signal(signal.SIGINT)
-    _, message = process.communicate(timeout=300)
+    _, message = process.communicate()
 
     assert process.returncode == 130
     assert message.endswith("stopped: finished runs are in check/study.db; the same command resumes\n")

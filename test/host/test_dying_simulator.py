@@ -163,7 +163,7 @@ def beside(tmp_path: Path, carsim_binary: Path) -> Iterator[tuple[ScenicRunner, 
     chunk = {
         "bodies": {"b": car_texts()[0]},
         "scenes": {"s": json.dumps(open_environment(program, {}, 1).sample(0))},
-        "requests": [RunRequest("b", "s", json.dumps({"speed_m_s": 0.5, "time_limit_s": 20}), "the run", 0)],
+        "requests": [RunRequest("b", "s", json.dumps({"speed_m_s": 0.5, "time_limit_s": 12}), "the run", 0)],
     }
     with contextlib.closing(ScenicRunner(program, {}, 1, None, None, [str(carsim_binary)])) as runner:
         yield runner, chunk

@@ -167,16 +167,11 @@ def test_poses_keep_their_distance_and_end_with_the_last() -> None:
 def test_runs_are_drawn_in_every_format_the_same_each_time(tmp_path: Path, suffix: str, heights: Heights) -> None:
     files = [tmp_path / f"{name}{suffix}" for name in ("one", "two")]
     for file in files:
-        draw_run(BODY, SCENE, {"outcome": "passed", "elapsed_time_s": 2.55}, PATH, heights, file)
+        draw_run(BODY, SCENE, {"outcome": "off_course", "elapsed_time_s": 2.55}, PATH, heights, file)
     first, second = (file.read_bytes() for file in files)
     assert first.startswith(FIRST_BYTES[suffix])
     assert first == second
-
-
-def test_a_run_names_its_outcome_time_and_car(tmp_path: Path, heights: Heights) -> None:
-    file = tmp_path / "run.svg"
-    draw_run(BODY, SCENE, {"outcome": "off_course", "elapsed_time_s": 2.55}, PATH[:20], heights, file)
-    assert "off course after 2.55 s, car w95, scene 1/0" in file.read_text()
+    assert suffix != ".svg" or b"off course after 2.55 s, car w95, scene 1/0" in first
 
 
 def test_a_run_without_a_path_or_with_another_suffix_is_refused(tmp_path: Path, heights: Heights) -> None:

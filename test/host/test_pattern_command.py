@@ -16,7 +16,7 @@ from foldcar.commands.listed_run import listed_families
 from foldcar.commands.pattern import _places
 from foldcar.fabrication.patterns.options import options
 from foldcar.fabrication.patterns.svg import read_svg
-from test_command_line import ASCII
+from test_shown_text import ASCII
 
 Command = Callable[..., "subprocess.CompletedProcess[str]"]
 

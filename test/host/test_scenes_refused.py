@@ -8,7 +8,6 @@ import pytest
 from foldcar.errors import FoldcarError
 from foldcar.scenes import program as scenic_program
 from foldcar.scenes import source
-from foldcar.scenes.program import VOCABULARY_DIR
 from foldcar.scenes.source import open_environment
 
 EGO = "ego = new Robot at (0, 0), facing -90 deg\n"
@@ -239,15 +238,6 @@ def test_statements_that_can_only_fail_in_a_run(tmp_path: Path, text: str, part:
     assert part in message(tmp_path, f"model model\n{EGO}{GOAL}{text}")
 
 
-def test_the_working_folder_stays_where_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    program = tmp_path / "moving.scenic"
-    text = f"import os\nmodel model\n{EGO}{GOAL}os.chdir('/')\nrequire os.chdir('/') is None\n"
-    program.write_text(text)
-    open_environment(Path("moving.scenic"), {}, 1).sample(0)
-    assert Path.cwd() == tmp_path
-
-
 def test_statements_beside_a_scenario_that_scenic_would_drop(tmp_path: Path) -> None:
     scenario = "scenario Main():\n    setup:\n        ego = new Robot at (0, 0)\n"
     said = message(tmp_path, f"model model\nterminate when 1 > 2\n{scenario}")
@@ -402,9 +392,3 @@ def test_missing_files(tmp_path: Path) -> None:
     latin.write_bytes(b"model model\n# \xe4\n")
     with pytest.raises(FoldcarError, match=r"latin\.scenic: is not UTF-8 text \(byte 14\)"):
         open_environment(latin, {}, 1)
-
-
-def test_a_copy_of_the_model_beside_the_program_is_used(tmp_path: Path) -> None:
-    model = VOCABULARY_DIR / "model.scenic"
-    (tmp_path / "model.scenic").write_text(model.read_text().replace("friction = 0.6", "friction = 0.3"))
-    assert accepted(tmp_path, f"model model\n{EGO}{GOAL}")["friction"] == 0.3

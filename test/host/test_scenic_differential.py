@@ -10,11 +10,13 @@ from typing import Any
 import pytest
 from scenic.core.distributions import RejectionException
 from scenic.core.dynamics import GuardViolation, RejectSimulationException
+from scenic.core.object_types import disableDynamicProxyFor, enableDynamicProxyFor
 from scenic.core.simulators import Simulation
-from scenic.core.vectors import Vector
+from scenic.core.vectors import Orientation, Vector
 
 from foldcar.scenes.source import open_environment
 from foldcar.simulation.carsim_step import State, SteppedCarsim
+from foldcar.simulation.scenic_objects import ShownEgo
 from foldcar.simulation.scenic_simulator import CarSimulator
 from foldcar.simulation.scenic_statements import to_json
 from study_car import car_texts
@@ -299,3 +301,34 @@ def test_programs_do_what_they_do_in_scenics_own_simulation(tmp_path: Path, step
         for key, value in expected["records"].items():
             assert alike(shown["records"][key], value), (key, shown["records"][key], value)
         assert alike(shown["trajectory"], expected["trajectory"])
+
+
+def test_the_ego_is_shown_as_scenic_would(tmp_path: Path) -> None:
+    """What the comparison with Scenic's own simulation does not read: orientations, derived properties, caches."""
+    program = tmp_path / "program.scenic"
+    program.write_text(
+        "model model\nbase = new Marker at (1, 1), facing 30 deg\n"
+        "class Own(Robot):\n    double[dynamic, final]: 2 * self.position.x\n"
+        "ego = new Own ahead of base by 0.5, with yaw 20 deg\nnew Goal at (9, 9)\n"
+        "param course_x_max = 20, course_y_max = 20\n"
+    )
+    ego = open_environment(program, {}, 1).scenic_scene(0).egoObject
+    assert set(ego._cache_clearers) >= {"left", "visibleRegion"}
+    enableDynamicProxyFor(ego)
+    before = ego.left.position
+    state = State(1.0, 0.3, -0.2, 0.09, 2.5, 0.3, -0.4, 0.5, -0.6, 7.0)
+    shown = ShownEgo(ego, state._replace(z_m=0.06))
+    shown.show(state._replace(heading_rad=1.0, x_m=0.5))
+    assert ego.orientation.approxEq(Orientation.fromEuler(1.0 - math.pi / 2, 0.3, -0.4), tol=1e-9)
+    shown.show(state)
+
+    expected = Orientation.fromEuler(2.5 - math.pi / 2, 0.3, -0.4)
+    assert ego.orientation.approxEq(expected, tol=1e-9)
+    own = ego.parentOrientation * Orientation.fromEuler(ego.yaw, ego.pitch, ego.roll)
+    assert own.approxEq(expected, tol=1e-9)
+    assert ego.heading == pytest.approx(2.5 - math.pi / 2)
+    assert tuple(ego.position) == pytest.approx((0.3, -0.2, 0.03))
+    assert ego.double == 0.6
+    assert before != ego.left.position == ego.relativePosition((-ego.width / 2, 0, 0))
+    disableDynamicProxyFor(ego)
+    assert ego.consumedEnergy == 0

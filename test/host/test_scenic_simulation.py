@@ -8,14 +8,12 @@ from typing import Any
 
 import pytest
 from scenic.core.errors import InvalidScenarioError
-from scenic.core.vectors import Orientation
 
 from foldcar.errors import FoldcarError
 from foldcar.scenes.source import SceneSource, open_environment
 from foldcar.simulation.carsim import Carsim
-from foldcar.simulation.carsim_step import State, SteppedCarsim, TrialFailedError
+from foldcar.simulation.carsim_step import SteppedCarsim, TrialFailedError
 from foldcar.simulation.runner import RunRequest
-from foldcar.simulation.scenic_objects import ShownEgo
 from foldcar.simulation.scenic_simulator import CarSimulator
 from foldcar.simulation.scenic_statements import is_pure
 from study_car import car_texts
@@ -372,36 +370,3 @@ def test_a_refused_trial_is_that_runs_failure(run: Run) -> None:
     with pytest.raises(TrialFailedError, match="the firmware refused"):
         run(f"{HEAD}terminate after 1 seconds\n", timeout_s=3000)
     assert run(f"{HEAD}terminate after 1 seconds\n")["outcome"] == "terminated"
-
-
-def test_the_ego_is_shown_as_scenic_would(tmp_path: Path) -> None:
-    """What the comparison with Scenic's own simulation does not read: orientations, derived properties, caches."""
-    source = opened(
-        tmp_path,
-        "model model\nbase = new Marker at (1, 1), facing 30 deg\n"
-        "class Own(Robot):\n    double[dynamic, final]: 2 * self.position.x\n"
-        "ego = new Own ahead of base by 0.5, with yaw 20 deg\nnew Goal at (9, 9)\n"
-        "param course_x_max = 20, course_y_max = 20\n",
-    )
-    from scenic.core.object_types import disableDynamicProxyFor, enableDynamicProxyFor
-
-    ego = source.scenic_scene(0).egoObject
-    assert set(ego._cache_clearers) >= {"left", "visibleRegion"}
-    enableDynamicProxyFor(ego)
-    before = ego.left.position
-    state = State(1.0, 0.3, -0.2, 0.09, 2.5, 0.3, -0.4, 0.5, -0.6, 7.0)
-    shown = ShownEgo(ego, state._replace(z_m=0.06))
-    shown.show(state._replace(heading_rad=1.0, x_m=0.5))
-    assert ego.orientation.approxEq(Orientation.fromEuler(1.0 - math.pi / 2, 0.3, -0.4), tol=1e-9)
-    shown.show(state)
-
-    expected = Orientation.fromEuler(2.5 - math.pi / 2, 0.3, -0.4)
-    assert ego.orientation.approxEq(expected, tol=1e-9)
-    own = ego.parentOrientation * Orientation.fromEuler(ego.yaw, ego.pitch, ego.roll)
-    assert own.approxEq(expected, tol=1e-9)
-    assert ego.heading == pytest.approx(2.5 - math.pi / 2)
-    assert tuple(ego.position) == pytest.approx((0.3, -0.2, 0.03))
-    assert ego.double == 0.6
-    assert before != ego.left.position == ego.relativePosition((-ego.width / 2, 0, 0))
-    disableDynamicProxyFor(ego)
-    assert ego.consumedEnergy == 0

@@ -7,6 +7,7 @@ from typing import Any
 import numpy
 import pytest
 
+from foldcar.scenes.program import VOCABULARY_DIR
 from foldcar.scenes.source import open_environment
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.heights import carsim_heights
@@ -127,3 +128,11 @@ def test_neighbours_can_be_placed_by_their_edges(tmp_path: Path) -> None:
     ramp = f"ramp = new Ramp {EAST}, with run_up 0.2, with run_down 0.2"
     pieces = terrain(tmp_path, f"{ramp}\nnew Kerb ahead of ramp by 0.1, facing -90 deg")
     assert pieces[-1]["x_m"] + pieces[-1]["length_m"] / 2 == pytest.approx(0.5 + 0.2 + 0.1 + 0.3)
+
+
+def test_a_copy_of_the_model_beside_the_program_is_used(tmp_path: Path) -> None:
+    model = VOCABULARY_DIR / "model.scenic"
+    (tmp_path / "model.scenic").write_text(model.read_text().replace("friction = 0.6", "friction = 0.3"))
+    program = tmp_path / "program.scenic"
+    program.write_text(f"model model\n{PLACES}")
+    assert open_environment(program, {}, 1).sample(0)["friction"] == 0.3

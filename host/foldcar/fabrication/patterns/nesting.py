@@ -17,7 +17,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from scipy.signal import fftconvolve
+from scipy.fft import irfft2, next_fast_len, rfft2
 from shapely.geometry import Polygon
 
 from foldcar.errors import FoldcarError
@@ -113,9 +113,11 @@ class _Area:
         """Where ``placed`` keeps ``other`` off; the first is as far down and left as any (see `_Sheet.blocked`)."""
         key = (id(placed), id(other))
         if key not in self._kept:
+            rows, columns = (a + b - 1 for a, b in zip(placed.grown.shape, other.cells.shape, strict=True))
+            size = [next_fast_len(rows, real=True), next_fast_len(columns, real=True)]
+            grown, mirrored = (rfft2(one.astype(np.float32), size) for one in (placed.grown, other.cells[::-1, ::-1]))
             # Counts of cells: 0.5 is far above the rounding errors.
-            meets = fftconvolve(placed.grown.astype(np.float32), other.cells[::-1, ::-1].astype(np.float32)) > 0.5
-            self._kept[key] = (placed, other, meets)
+            self._kept[key] = (placed, other, irfft2(grown * mirrored, size)[:rows, :columns] > 0.5)
         return self._kept[key][2]
 
     def motion(self, turned: _Turned, row: int, column: int) -> Motion:

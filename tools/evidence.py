@@ -202,7 +202,7 @@ def trials_of(one: Reality, number: int, evidence: str, experiment: SweptExperim
 
 
 def calibrated(simulator: Simulator, observed: Observations, emulator: Emulator) -> Inference:
-    """As the first round of `foldcar calibrate`, with an emulator that is there; rates are simulated under the posterior."""
+    """As the first round of `foldcar calibrate`, with an emulator that is there; rates are simulated afterwards."""
     experiment, cars = simulator.experiment, observed.car_design
     inputs, width = cell_inputs(experiment, observed.cells)
     alike = likeness(inputs[len(observed.cells) :, :width])

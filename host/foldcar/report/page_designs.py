@@ -104,7 +104,8 @@ class Designs:
     @cached_property
     def cars(self) -> list[BuiltCars | None]:
         """The trials that count of each design by the car that drove, None without."""
-        again, here = Resimulation(self.store), self.store.trials_here(self.info) if self.swept else set[int]()
+        again = Resimulation(self.store)
+        here = self.store.trials_here(self.info) if self.swept and self.trials else set[int]()
         found: list[BuiltCars | None] = []
         for trials, (passed, runs) in zip(self._counting(BUILT), self.counted.tolist(), strict=True):
             simulated = again.cars(self.info, trials, here) if trials and self.swept else None

@@ -123,7 +123,7 @@ def test_more_runs_than_the_page_holds_are_counted(store: Path, monkeypatch: pyt
 
 
 def test_trials_that_refute_simulation_make_a_design_bad(store: Path, tmp_path: Path) -> None:
-    """Belief is what simulation and trials together say: 1 of 21 trials, of seven cars, outweighs runs that all passed."""
+    """Belief is what simulation and trials together say: 1 of 21 trials of seven cars outweighs runs that all passed."""
     again = tmp_path / "s.db"
     again.write_bytes(store.read_bytes())
     page = read(store)

@@ -51,8 +51,9 @@ def main() -> int:
         show(f"round {number}: {chosen['sentence']}")
         for car in chosen["recommendations"]:
             width = f"width={car['design']['width_mm']:g}"
+            # Each round builds a new car.
             for sample in chosen["environments"][: given.trials]:
-                drive(listing, study, reality, width, sample)
+                drive(listing, study, reality, width, sample, f"{width} of round {number}")
         run("compare", study, "--simulated-trials", "--experiment", "1")
         run("calibrate", study, "--simulated-trials", "--runs", "12000", "--name", f"round{number}")
         run("sweep", listing, "--store", study, "--calibration", f"round{number}")
@@ -87,9 +88,9 @@ def select(study: Path, cars: int) -> Any:
     return json.loads(run(*words, quiet=True))["experiments"][0]
 
 
-def drive(listing: Path, study: Path, reality: Path, width: str, sample: int) -> None:
+def drive(listing: Path, study: Path, reality: Path, width: str, sample: int, car: str) -> None:
     """One trial of a car that `foldcar link` poses as. A busy machine that lets a car wait aborts it: then once more."""
-    chosen: list[str | Path] = ["--experiment", "1", "--sample", str(sample)]
+    chosen: list[str | Path] = ["--experiment", "1", "--sample", str(sample), "--car", car]
     words: list[str | Path] = ["link", listing, *chosen, "--set", width]
     words += ["--reality", reality, "--speedup", SPEEDUP]
     for _ in range(5):

@@ -12,7 +12,7 @@ from typing import Any
 import numpy
 from numpy.typing import NDArray
 
-from foldcar.advice.resimulation import Resimulation
+from foldcar.advice.resimulation import Resimulation, SimulatedCars
 from foldcar.analysis.built_cars import PRIOR, BuiltCars, shift, simulated_weights
 from foldcar.analysis.rate import Rate
 from foldcar.analysis.words import count, design_text
@@ -97,21 +97,28 @@ class DesignEvidence:
     @property
     def cars(self) -> BuiltCars | None:
         """The trials by the car that drove; None without trials."""
-        if not self.trials:
-            return None
-        overall = (self.runs_passed + 0.5) / (self.runs + 1)
-        cars: dict[str | None, list[PairedTrial]] = {}
-        for trial in self.trials:
-            cars.setdefault(trial.car_name, []).append(trial)
-        counts = [(sum(one.passed for one in some), len(some)) for some in cars.values()]
-        passed, counted = numpy.array(counts, dtype=float).T
-        shifts = [shift([one.expected for one in some], overall) for some in cars.values()]
-        return BuiltCars(passed, counted, numpy.array(shifts), self.spread)
+        return by_car(self.trials, self.spread, self.runs_passed, self.runs) if self.trials else None
 
     @property
     def paired(self) -> list[PairedTrial]:
         """The trials with a simulation of their environment."""
         return [trial for trial in self.trials if trial.simulated is not None]
+
+
+def by_car(trials: Sequence[PairedTrial], spread: NDArray[Any], runs_passed: int, runs: int) -> BuiltCars:
+    """Trials of one design, at least one, by the car that drove."""
+    cars: dict[str | None, list[PairedTrial]] = {}
+    for trial in trials:
+        cars.setdefault(trial.car_name, []).append(trial)
+    passed, counted = numpy.array([(sum(one.passed for one in some), len(some)) for some in cars.values()], float).T
+    overall = (runs_passed + 0.5) / (runs + 1)
+    shifts = [shift([one.expected for one in some], overall) for some in cars.values()]
+    return BuiltCars(passed, counted, numpy.array(shifts), spread)
+
+
+def simulated_spread(cars: SimulatedCars | None) -> NDArray[Any]:
+    """The weights of how much a design's cars differ: as simulated ones do, or as is assumed."""
+    return PRIOR if cars is None else simulated_weights(cars.passed.sum(axis=1), cars.passed.shape[1])
 
 
 @dataclass(frozen=True)
@@ -258,7 +265,7 @@ def _unswept_remarks(made: Sequence[tuple[DesignEvidence, str | None]]) -> Itera
     for why_not, some in fates.items():
         named = [(f"{one.label} is", "it was") for one in some]
         if len(some) > SHOWN:
-            named = [(f"{_named(some)} are", "they were")]
+            named = [(f"{_named([one.label for one in some])} are", "they were")]
         for name, was in named:
             if why_not is None:
                 yield f"{name} not in the sweep: {was} simulated now, in {some[0].runs} environments."
@@ -328,30 +335,33 @@ def _with_trials(
         simulated = None if outcome is None else int(outcome == "passed")
         sample = trial.sample if trial.id in here else None
         found.append(PairedTrial(trial.outcome, sample, simulated, simulated is not None, expected, trial.car_name))
-    if cars is not None:
-        evidence = replace(evidence, spread=simulated_weights(cars.passed.sum(axis=1), cars.passed.shape[1]))
-    return replace(evidence, trials=tuple(found), aborted=len(trials) - len(completed)) if trials else evidence
+    aborted, spread = len(trials) - len(completed), simulated_spread(cars)
+    return replace(evidence, trials=tuple(found), aborted=aborted, spread=spread) if trials else evidence
 
 
 def _car_remarks(designs: Sequence[DesignEvidence]) -> Iterator[str]:
-    """What is said of cars of one design."""
-    driven = [one for one in designs if one.cars is not None]
-    nameless = [one for one in driven if sum(trial.car_name is None for trial in one.trials) > 1]
+    names = {one.label: [trial.car_name for trial in one.trials] for one in designs}
+    return car_remarks([one.cars for one in designs if one.cars is not None], names)
+
+
+def car_remarks(driven: Sequence[BuiltCars], names: Mapping[str, Sequence[str | None]]) -> Iterator[str]:
+    """What is said of cars of one design; ``names`` are those of the cars of a design's trials, by its own."""
+    nameless = [label for label, some in names.items() if some.count(None) > 1]
     if nameless:
         yield (
             f"Trials without a car's name are taken for those of one car of their design, at {_named(nameless)}: "
             "`foldcar log --car` and `foldcar trials correct --car-name` tell cars apart."
         )
     for known, what in ((False, "is assumed"), (True, "is that of simulated ones")):
-        spreads = sorted(one.cars.spread for one in driven if one.cars and (one.spread is not PRIOR) == known)
+        spreads = sorted(one.spread for one in driven if (one.weights is not PRIOR) == known)
         if spreads:
             low, high = (f"{spreads[at]:.1f}" for at in (0, -1))
             ends = low if low == high else f"{low} to {high}"
             yield f"How much cars of a design differ, {ends} in log-odds (standard deviation), {what}."
 
 
-def _named(some: Sequence[DesignEvidence]) -> str:
-    shown = ", ".join(one.label for one in some[:SHOWN])
+def _named(some: Sequence[str]) -> str:
+    shown = ", ".join(some[:SHOWN])
     return shown if len(some) <= SHOWN else f"{shown} and {count(len(some) - SHOWN, 'further design')}"
 
 

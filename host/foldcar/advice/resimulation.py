@@ -34,7 +34,10 @@ from foldcar.study.experiments import run_settings
 MOST_RUNS, MOST_TRIALS = 5_000, 2_000
 # Cars of a driven design, each simulated in as many environments: those of its trials, and others if these are few.
 # Beyond MOST_CAR_RUNS a design's cars are not simulated.
-CARS, LEAST_SCENES, MOST_SCENES, MOST_CAR_RUNS = 20, 10, 20, 5_000
+CARS, LEAST_SCENES, MOST_SCENES, MOST_CAR_RUNS = 20, 10, 12, 5_000
+# Which cars passed in a scene, by build, engine, body, settings, cars and scene. It outlives a store: the live page reads
+# its own anew after every trial.
+_PASSED: dict[tuple[Any, ...], list[bool]] = {}
 
 # An outcome, and the time of the run (s), None if it failed.
 Ended = tuple[str, float | None]
@@ -116,18 +119,18 @@ class Resimulation:
             body, settings = known or self._composed(info, trials[0])
         except FoldcarError:
             return None
-
-        def passed() -> NDArray[Any] | None:
-            self._car_runs += CARS * len(scenes)
-            if self._car_runs > MOST_CAR_RUNS:
-                return None
-            cars = [self._variation(info, sample) for sample in list(self._drives(info).variations)[:CARS]]
-            ended = self._run(self._simulator(info), body, [(car, text) for car in cars for text in scenes], settings)
-            return numpy.array([outcome == "passed" for outcome, _ in ended]).reshape(len(cars), len(scenes))
-
-        table = self._store.once(("cars", info.id, body, settings, tuple(scenes)), passed)
-        if table is None:
+        cars = [self._variation(info, sample) for sample in sorted(self._drives(info).variations)[:CARS]]
+        known_by = (info.carsim_build, info.engine, body, settings, json.dumps(cars))
+        new = [text for text in scenes if (known_by, text) not in _PASSED]
+        self._car_runs += len(cars) * len(new)
+        if self._car_runs > MOST_CAR_RUNS:
             return None
+        if new:
+            ended = self._run(self._simulator(info), body, [(car, text) for text in new for car in cars], settings)
+            for at, text in enumerate(new):
+                some = ended[at * len(cars) : (at + 1) * len(cars)]
+                _PASSED[known_by, text] = [outcome == "passed" for outcome, _ in some]
+        table = numpy.array([_PASSED[known_by, text] for text in scenes]).T
         shares = dict(zip(scenes, table.mean(axis=0).tolist(), strict=True))
         return SimulatedCars(table, {number: shares[text] for number, text in placed.items() if text in shares})
 

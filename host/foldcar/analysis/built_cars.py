@@ -87,86 +87,41 @@ class BuiltCars:
         return self._quantiles(random.random(number))
 
     def _quantiles(self, parts: Sequence[float] | NDArray[Any]) -> NDArray[Any]:
-        logs = likelihood([self])(FINE[:, None])[0][:, 0] + JEFFREYS
+        logs = likelihood([self])(FINE)[:, 0] + JEFFREYS
         density = numpy.exp(logs - logs.max())
         mass = density.cumsum() - density / 2
         found: NDArray[Any] = 1 / (1 + numpy.exp(-numpy.interp(parts, mass / density.sum(), FINE)))
         return found
 
 
-@dataclass(frozen=True)
-class Likelihood:
-    """Log likelihoods of log-odds (…, designs), slopes, curvatures, interpolated between those at COARSE (c, designs)."""
+def likelihood(designs: Sequence[BuiltCars]) -> Any:
+    """The log likelihood of designs given their cars: a scipy CubicSpline of log-odds, (m,) -> (m, designs)."""
+    from scipy.interpolate import CubicSpline
 
-    value: NDArray[Any]
-    slope: NDArray[Any]
-    curvature: NDArray[Any]
-
-    def __call__(self, log_odds: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
-        """Value and slope of the cubic Hermite spline, the curvature linear; beyond COARSE as at its ends."""
-        step = COARSE[1] - COARSE[0]
-        place = numpy.clip((log_odds - COARSE[0]) / step, 0, len(COARSE) - 1.0)
-        i = numpy.minimum(place.astype(int), len(COARSE) - 2)
-        at, t = (i, numpy.arange(i.shape[-1])), place - i
-        next_at = (i + 1, at[1])
-        first, rise = self.value[at], self.value[next_at] - self.value[at]
-        a, b = step * self.slope[at] - rise, rise - step * self.slope[next_at]
-        value = first + t * rise + t * (1 - t) * ((1 - t) * a + t * b)
-        slope = (rise + (1 - 2 * t) * ((1 - t) * a + t * b) + t * (1 - t) * (b - a)) / step
-        return value, slope, (1 - t) * self.curvature[at] + t * self.curvature[next_at]
-
-
-def likelihood(designs: Sequence[BuiltCars]) -> Likelihood:
-    """The likelihood of designs' log-odds, given the trials of their cars."""
-    if not designs:
-        return Likelihood(*numpy.zeros((3, len(COARSE), 0)))
-    k, n, shift = (numpy.concatenate([getattr(one, name) for one in designs]) for name in ("passed", "counted", "shift"))
+    k, n, shifts = (numpy.concatenate([getattr(one, name) for one in designs]) for name in ("passed", "counted", "shift"))
     starts = numpy.cumsum([0, *(len(one.passed) for one in designs[:-1])])
-    some = numpy.array([_given(COARSE[:, None] + shift, k, n, spread) for spread in SPREADS.tolist()])
-    value, slope, curvature = numpy.add.reduceat(some, starts, axis=-1).swapaxes(0, 1)
+    some = numpy.array([_given(COARSE[:, None] + shifts, k, n, spread) for spread in SPREADS.tolist()])
     with numpy.errstate(divide="ignore"):
-        logs = value + numpy.log(numpy.array([one.weights for one in designs])).T[:, None]
+        logs = numpy.add.reduceat(some, starts, axis=2) + numpy.log([one.weights for one in designs]).T[:, None]
     top = logs.max(axis=0)
-    shares = numpy.exp(logs - top)
-    total = shares.sum(axis=0)
-    shares /= total
-    mean = (shares * slope).sum(axis=0)
-    bent = (shares * (curvature + slope**2)).sum(axis=0) - mean**2
-    # A mixture may curve upwards far from its mode.
-    return Likelihood(top + numpy.log(total), mean, numpy.minimum(bent, 0))
+    return CubicSpline(COARSE, top + numpy.log(numpy.exp(logs - top).sum(axis=0)))
 
 
-def _given(
-    log_odds: NDArray[Any], k: NDArray[Any], n: NDArray[Any] | float, spread: float
-) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
-    """Of each car (m, cars) that passed k of n: the log likelihood of its design's log-odds, slope and curvature."""
-    scale = numpy.sqrt(1 + SLOPE * spread**2)
-    centre, z = scale * log_odds, numpy.zeros_like(log_odds)
-
-    def chance(at: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
-        rate = 1 / (1 + numpy.exp(-(centre + spread * at)))
-        return rate, n * rate * (1 - rate)
-
+def _given(log_odds: NDArray[Any], k: NDArray[Any], n: NDArray[Any] | float, spread: float) -> NDArray[Any]:
+    """The log likelihood of designs' log-odds (m, cars) of which a car passed k of n (cars,)."""
+    centre, z = numpy.sqrt(1 + SLOPE * spread**2) * log_odds, numpy.zeros(1)
     for _ in range(STEPS if spread else 0):
-        rate, variance = chance(z)
-        z += numpy.clip((spread * (k - n * rate) - z) / (1 + spread**2 * variance), -2, 2)
-    width = 1 / numpy.sqrt(1 + spread**2 * chance(z)[1])
-    terms = []
-    for node, weight in zip(NODES, WEIGHTS, strict=True):
-        at = z + width * node
-        rate, variance = chance(at)
-        theta = centre + spread * at
-        score = scale * (k - n * rate)
-        value = k * theta - n * numpy.logaddexp(0, theta) + (node**2 - at**2) / 2 + numpy.log(weight)
-        terms.append((value, score, score**2 - scale**2 * variance))
-    logs, scores, bends = (numpy.array(one) for one in zip(*terms, strict=True))
+        rate = 1 / (1 + numpy.exp(-(centre + spread * z)))
+        z = z + numpy.clip((spread * (k - n * rate) - z) / (1 + spread**2 * n * rate * (1 - rate)), -2, 2)
+    rate = 1 / (1 + numpy.exp(-(centre + spread * z)))
+    width = 1 / numpy.sqrt(1 + spread**2 * n * rate * (1 - rate))
+    at = z + width * NODES[:, None, None]
+    theta = centre + spread * at
+    logs = k * theta - n * numpy.logaddexp(0, theta) + ((NODES[:, None, None] ** 2 - at**2) / 2)
     top = logs.max(axis=0)
-    shares = numpy.exp(logs - top)
-    total = shares.sum(axis=0)
-    shares /= total
-    slope = (shares * scores).sum(axis=0)
-    value = top + numpy.log(total * width / numpy.sqrt(2 * numpy.pi))
-    return value, slope, (shares * bends).sum(axis=0) - slope**2
+    total = numpy.tensordot(WEIGHTS, numpy.exp(logs - top), axes=1)
+    found: NDArray[Any] = top + numpy.log(total * width / numpy.sqrt(2 * numpy.pi))
+    return found
 
 
 def shift(expected: Sequence[float | None], overall: float) -> float:
@@ -181,10 +136,11 @@ def shift(expected: Sequence[float | None], overall: float) -> float:
 
 def simulated_weights(passed: ArrayLike, scenes: int) -> NDArray[Any]:
     """The weights of SPREADS from simulated cars of a design, of which each passed so many of ``scenes`` (cars,)."""
+    from scipy.interpolate import CubicSpline
+
     k, cars = numpy.unique(numpy.asarray(passed, dtype=float), return_counts=True)
-    at = numpy.repeat(COARSE[:, None], len(k), axis=1)
-    some = numpy.array([_given(at, k, float(scenes), spread) for spread in SPREADS.tolist()]) @ cars
-    logs = Likelihood(*some.swapaxes(0, 1).swapaxes(1, 2))(numpy.repeat(FINE[:, None], len(SPREADS), axis=1))[0]
+    some = [_given(COARSE[:, None], k, float(scenes), spread) @ cars for spread in SPREADS.tolist()]
+    logs = CubicSpline(COARSE, numpy.array(some).T)(FINE)
     told = PRIOR * numpy.exp(logs + JEFFREYS[:, None] - logs.max()).sum(axis=0)
     found: NDArray[Any] = (1 - UNTOLD) * told / told.sum() + UNTOLD * PRIOR
     return found

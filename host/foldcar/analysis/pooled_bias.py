@@ -15,8 +15,8 @@ from typing import Any
 import numpy
 from numpy.typing import ArrayLike, NDArray
 
-from foldcar.analysis.built_cars import BuiltCars, likelihood
-from foldcar.analysis.gaussian_process import Factors, Matern, laplace, shares_of, spread_designs, unit_range
+from foldcar.analysis.built_cars import COARSE, BuiltCars, likelihood
+from foldcar.analysis.gaussian_process import Factors, Likelihood, Matern, laplace, shares_of, spread_designs, unit_range
 from foldcar.analysis.rate import Rate, check_confidence
 from foldcar.errors import FoldcarError
 
@@ -98,8 +98,7 @@ class PooledBias:
         """The densities (d, log-odds) at LOG_ODDS: likelihood of the own trials times what all else says, normal."""
         seen, driven = self._seen, [one for one in self.cars if one is not None]
         own = numpy.zeros((len(self.cars), len(LOG_ODDS)))
-        of_trials = likelihood(driven)
-        own[seen] = of_trials(numpy.repeat(LOG_ODDS[:, None], len(driven), axis=1))[0].T
+        own[seen], of_trials = likelihood(driven)(LOG_ODDS).T, _each(driven)
         found = numpy.zeros(own.shape)
         for one, weight in zip(self.candidates, self.weights, strict=True):
             functions = numpy.hstack([one.common, numpy.zeros((len(one.own), len(seen)))])
@@ -139,7 +138,7 @@ def pooled_bias(
         return PooledBias(log_odds, built, (), numpy.zeros(0))
     scaled = unit_range(x)
     spanning, seen = spread_designs(scaled), y[:, 1] > 0
-    of_trials = likelihood([one for one in built if one is not None])
+    of_trials = _each([one for one in built if one is not None])
     candidates = []
     for length in LENGTHS:
         process = Matern(spanning, length).functions(scaled)
@@ -151,3 +150,18 @@ def pooled_bias(
             candidates.append(Candidate(common, own, laplace(functions, log_odds[seen], of_trials)))
     weights = shares_of([one.factors.evidence for one in candidates])
     return PooledBias(log_odds, built, tuple(candidates), weights)
+
+
+def _each(driven: Sequence[BuiltCars]) -> Likelihood:
+    """The likelihood of each of the designs at log-odds of its own."""
+    if not driven:
+        return lambda log_odds: (log_odds, log_odds, log_odds)
+    spline = likelihood(driven)
+
+    def at(log_odds: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+        inside = numpy.clip(log_odds, COARSE[0], COARSE[-1])
+        value, slope, curvature = (numpy.diagonal(spline(inside, order)) for order in range(3))
+        # A mixture of spreads may curve upwards far from its mode.
+        return value, slope, numpy.minimum(curvature, 0)
+
+    return at

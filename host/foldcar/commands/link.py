@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from foldcar.commands.listed_run import listed_run
-from foldcar.commands.options import CarName, Components, Engine, ExperimentId, Listing, Sample, Settings, note
+from foldcar.commands.options import Components, Engine, ExperimentId, Listing, Sample, Settings, note
 
 
 def link(
@@ -27,13 +27,14 @@ def link(
         Path | None,
         typer.Option(metavar="FILE", help="JSON of what car and ground truly are, unknown to the host."),
     ] = None,
-    car: CarName = None,
+    car: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="Be the built car of that name, the same in every sample; else the sample's."),
+    ] = None,
     engine: Engine = "multibody",
     components: Components = None,
 ) -> None:
     """Pose as a car on USB, simulated, until Ctrl-C.
-
-    The wheels, servos and masses of --car NAME are the same in every sample.
 
     The first line printed is its port; typed lines inject faults (docs/carsim.md).
 

@@ -7,16 +7,7 @@ from typing import Annotated
 import typer
 
 from foldcar.commands.live import PORT, served_beside
-from foldcar.commands.options import (
-    CarName,
-    Components,
-    ExperimentId,
-    Listing,
-    Port,
-    Settings,
-    design_settings,
-    output_store,
-)
+from foldcar.commands.options import Components, ExperimentId, Listing, Port, Settings, design_settings, output_store
 from foldcar.errors import FoldcarError
 from foldcar.study.limits import MOST_ENVIRONMENTS
 
@@ -53,7 +44,9 @@ def log(
         str | None, typer.Option(metavar="OUTCOME", help="Outcome of the trials, instead of asking.")
     ] = None,
     note: Annotated[str | None, typer.Option(metavar="TEXT", help="Note on the trials, instead of asking.")] = None,
-    car: CarName = None,
+    car: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Which built car of its design it is; nameless ones count as one.")
+    ] = None,
     operator: Annotated[str, typer.Option(metavar="NAME", help="The driver's name; stored with each trial.")] = "",
     countdown: Annotated[
         int, typer.Option(metavar="S", min=0, max=MOST_COUNTDOWN_S, help="Seconds before the start.")

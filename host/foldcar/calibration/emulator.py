@@ -201,9 +201,8 @@ class Bank:
             root = np.linalg.inv(np.linalg.cholesky(covariance[np.ix_(order, order)]))[-1]
             rest = left[:, order] @ root
             had = np.isfinite(rest)
-            same = _pairs(self._same_car[had], rest[had]) / max(_pairs(self._same_car[had], np.ones(had.sum())), 1)
-            any_car = _pairs(self.sets[had], rest[had]) / max(_pairs(self.sets[had], np.ones(had.sum())), 1)
-            shares[feature] = np.clip(same - any_car, 0, MOST_SHARE)
+            product = self._of_one_car(had, rest[had], np.ones(int(had.sum())))
+            shares[feature] = np.clip(product, 0, MOST_SHARE)
         return shares
 
     def _car_sd(self, emulator: Emulator, inputs: FloatArray) -> float:
@@ -213,8 +212,20 @@ class Bank:
             rows = self.cells == cell
             chance[rows] = expit(emulator.logits(self.scores[rows], inputs[[cell]])[:, 0])
         rest, slope = (self.ends == 0) - chance, chance * (1 - chance)
-        found = [_pairs(groups, rest) / max(_pairs(groups, slope), 1e-9) for groups in (self._same_car, self.sets)]
-        return float(np.sqrt(np.clip(found[0] - found[1], 0, MOST_CAR_SD**2)))
+        every = np.ones(len(rest), dtype=bool)
+        return float(np.sqrt(np.clip(self._of_one_car(every, rest, slope), 0, MOST_CAR_SD**2)))
+
+    def _of_one_car(self, chosen: BoolArray, rest: FloatArray, slope: FloatArray) -> float:
+        """The mean product of two residuals of one car, in units of their slopes, less that of two cars of a set.
+
+        ``rest`` and ``slope`` (chosen runs,). What two cars of a set share is the emulator's error.
+        """
+        one_car, one_set = (
+            np.array([_pairs(groups[chosen], rest), _pairs(groups[chosen], slope)])
+            for groups in (self._same_car, self.sets)
+        )
+        two_cars = one_set - one_car
+        return float(one_car[0] / max(one_car[1], 1e-9) - two_cars[0] / max(two_cars[1], 1e-9))
 
     @property
     def _same_car(self) -> IntArray:

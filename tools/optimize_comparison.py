@@ -26,6 +26,7 @@ LISTING = Path(__file__).resolve().parents[1] / "examples" / "design_space.json"
 # Designs that a search without pruning tries, each in all environments.
 BUDGETS = (10, 20, 40, 80)
 SUCCESS = OBJECTIVES["success"]
+TIMEOUT_S = 60.0
 # Sampler and whether designs are left early.
 SEARCHES = {
     "TPE, leaving designs early": ("tpe", True),
@@ -73,13 +74,12 @@ def one_design(proposals: Proposals, rows: list[Row], prune: bool) -> None:
     assert SUCCESS.value is not None and OBJECTIVES["time"].value is not None
     seen: list[Row] = []
     pruned = False
-    for number, batch in enumerate(batches(len(rows))):
-        new = [rows[k] for k in batch]
-        seen += new
-        if prune and len(seen) < len(rows) and proposals.worse(number, SUCCESS.value(new, 0.0)):
+    for batch in batches(len(rows)):
+        seen += [rows[k] for k in batch]
+        if prune and len(seen) < len(rows) and proposals.worse(seen, TIMEOUT_S):
             pruned = True
             break
-    proposals.tell([SUCCESS.value(seen, 0.0)], len(seen), pruned, OBJECTIVES["time"].value(seen, 60.0))
+    proposals.tell([SUCCESS.value(seen, 0.0)], seen, pruned, OBJECTIVES["time"].value(seen, TIMEOUT_S))
 
 
 def judge(

@@ -29,8 +29,9 @@ class Outlook:
 
     ``parameters`` (D, k); ``runs`` and ``trials`` (D, 2) passed and all; ``draws`` (draws, D) of the true rates;
     ``passed`` (D, environments): what simulation says in each, NaN where there is no run; ``samples`` (environments,).
-    ``pooled`` are the rates that trials and simulation give together, None before two designs were driven. ``smooth``
-    (D, 3) is simulation's success with its band (rate, low, high): smooth over one or two parameters, else each design's.
+    ``pooled`` are the rates that trials and simulation give together, None before two designs, or all, were driven.
+    ``smooth`` (D, 3) is simulation's success with its band (rate, low, high): smooth over one or two parameters, else each
+    design's.
     """
 
     designs: tuple[DesignEvidence, ...]
@@ -76,7 +77,8 @@ def outlook(evidence: Evidence) -> Outlook | None:
     # Threads for matrices of some tens of rows only wait for each other.
     with threadpool_limits(1):
         bias = pooled_bias(x, runs, trials)
-        pooled = tuple(bias.rates()) if (trials[:, 1] > 0).sum() > 1 else None
+        # Of one driven design nothing is pooled: enough where there is no other.
+        pooled = tuple(bias.rates()) if (trials[:, 1] > 0).sum() >= min(2, len(designs)) else None
         draws, smooth = bias.draws(DRAWS), _smooth(designs, x, runs)
     return Outlook(tuple(designs), x, runs, trials, draws, samples, passed, pooled, thinned, smooth)
 

@@ -120,7 +120,7 @@ def print_selections(found: "Sequence[Selection]") -> None:
 
 def _print_recommended(console: Console, one: "Selection") -> None:
     expected = ["expected %"] * any(design.expected is not None for design in one.recommendations)
-    heads = ("design", "simulated %", *expected, "trials", "sheets", "minutes", "why")
+    heads = ("design", "simulated %", *expected, "trials", "cars", "sheets", "minutes", "why")
     table = ResultTable(*heads, left=("design", "why"))
     for design in one.recommendations:
         table.add_row(
@@ -128,6 +128,7 @@ def _print_recommended(console: Console, one: "Selection") -> None:
             _rate(design.simulated),
             *(_rate(design.expected) for _ in expected),
             f"{design.trials} more" if design.trials_done else str(design.trials),
+            str(design.cars),
             *_prices(design),
             design.reason,
         )

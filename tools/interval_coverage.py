@@ -11,7 +11,7 @@ os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import Future, ProcessPoolExecutor
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
@@ -24,6 +24,7 @@ from scipy.special import betainc, betaincinv, betaln, xlog1py, xlogy
 from scipy.stats import binom, norm
 from synthetic_trials import ENVIRONMENTS, binary_pairs, rows
 
+from foldcar.analysis.contradictions import contradictions
 from foldcar.analysis.gaussian_process import success_model
 from foldcar.analysis.pooled_bias import pooled_bias
 from foldcar.analysis.rate import (
@@ -41,6 +42,7 @@ from foldcar.outputs import atomic_file
 
 MARKS = {
     "coverage": ("<!-- coverage of tools/interval_coverage.py -->", "<!-- end of coverage -->"),
+    "contradictions": ("<!-- contradictions of tools/interval_coverage.py -->", "<!-- end of contradictions -->"),
     "saved": ("<!-- saved of tools/interval_coverage.py -->", "<!-- end of saved -->"),
 }
 PICTURE = "\n![Trials that simulation saves](statistics/saved.png)\n"
@@ -52,6 +54,10 @@ CURVE_COUNTS = (10, 50)
 REPEATS = 2000
 ROWS = 200
 DESIGNS = 19
+# Studies that are checked for contradictions; least rate of a design and its neighbours; how deep a lone design falls.
+CHECKED, LEAST_GOOD = 150, 0.7
+DIPS = (0.0, 0.5, 0.7)
+STUDIES = ((5, 10), (9, 10), (9, 20))
 SEED = 1007
 # A time limit, and the spread of the logarithms of times.
 LIMIT_S, SPREAD = 20.0, 0.6
@@ -111,6 +117,32 @@ def pooled(rough: bool, correlation: float, n: int) -> Cell:
             yield from ((truth, rate.low, rate.high) for truth, rate in zip(row.rates, found, strict=True))
 
     return share(intervals())
+
+
+def contradicted(driven: int, n: int, dip: float) -> tuple[float, float]:
+    """Of studies with smooth bias, the share in which a design is named that fits the others, and that of dips named.
+
+    ``driven`` of the designs have n trials. The rate of one between good ones is ``dip`` lower, if that is above 0.
+    """
+    random = numpy.random.default_rng([SEED, driven, n, round(100 * dip)])
+    chosen = numpy.linspace(1, DESIGNS - 2, driven).round().astype(int)
+    named, found = [], []
+    for row in rows(random, DESIGNS, n, False, 0.0, 20 * CHECKED):
+        true = row.rates[chosen]
+        good = [at for at in range(1, driven - 1) if true[at - 1 : at + 2].min() >= max(dip, LEAST_GOOD)]
+        if dip and not good:
+            continue
+        at = int(random.choice(good)) if dip else 0
+        true[at] -= dip
+        trials = numpy.zeros((DESIGNS, 2))
+        trials[chosen] = numpy.column_stack([random.binomial(n, true), numpy.full(driven, n)])
+        runs = numpy.column_stack([ENVIRONMENTS * row.simulated, numpy.full(DESIGNS, ENVIRONMENTS)])
+        flagged = set(contradictions(row.parameters, runs, trials).designs)
+        found.append(chosen[at] in flagged)
+        named.append(bool(flagged - ({chosen[at]} if dip else set())))
+        if len(found) == CHECKED:
+            break
+    return float(numpy.mean(named)), float(numpy.mean(found))
 
 
 def restricted(n: int) -> Cell:
@@ -219,11 +251,13 @@ def main(page: Path) -> None:
             for n in CURVE_COUNTS
         }
         rough_saved = {n: saved(rough[n].result()[1], n, alone_in_rows) for n in CURVE_COUNTS}
+        named = contradictions_table({(at, dip): pool.submit(contradicted, *at, dip) for at in STUDIES for dip in DIPS})
         print(f"anytime-valid, at every look up to 10,000: {100 * late.result()[0]:.1f} %")
         for name in LINES:
             print(name, *(f"{cells[name, n].result()[1]:.3f}" for n in COUNTS))
     text = page.read_text(encoding="utf-8")
     text = replaced(text, page, *MARKS["coverage"], markdown(table))
+    text = replaced(text, page, *MARKS["contradictions"], markdown(named))
     text = replaced(text, page, *MARKS["saved"], markdown(savings_table(savings, rough_saved)) + PICTURE)
     with atomic_file(page) as binary:
         binary.write(text.encode())
@@ -231,6 +265,19 @@ def main(page: Path) -> None:
     folder.mkdir(exist_ok=True)
     with matplotlib.rc_context(RC):
         save_figure(drawing(savings), folder / "saved.png", colours=64)
+
+
+def contradictions_table(checked: dict[tuple[tuple[int, int], float], Future[tuple[float, float]]]) -> list[list[str]]:
+    """Rows of how many designs are named (%), by designs, trials of each, and depth of a lone dip."""
+    table = [
+        ["named, % of studies", *("a fitting one" if not dip else f"one {100 * dip:.0f} points lower" for dip in DIPS)]
+    ]
+    for driven, n in STUDIES:
+        cells = [f"{100 * checked[(driven, n), DIPS[0]].result()[0]:.0f}"]
+        for other, dip in (checked[(driven, n), dip].result() for dip in DIPS[1:]):
+            cells.append(f"{100 * dip:.0f} (a fitting one: {100 * other:.0f})")
+        table.append([f"{driven} driven designs, {n} trials each", *cells])
+    return table
 
 
 def savings_table(savings: Savings, rough_saved: dict[int, float]) -> list[list[str]]:

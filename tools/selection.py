@@ -4,8 +4,8 @@ Synthetic truths: simulation's success over 37 widths is a plateau with two smoo
 differ from it by a shift and a smooth random curve. Both choices end with the width of the highest posterior mean, from
 the same model; only the widths that are tried differ: those that `foldcar select` names, or one at random of each quarter
 of the range. Printed by number of trials: the mean loss (points of success that the picked width lacks against the best)
-and how often it lacks at most 5 points. Then, where a rule first says that it is enough: how often it does within
-20 rounds, after how many trials and cars, what the leader lacks, and shares of widths that are decided or on a wrong side.
+and how often it lacks at most 5 points. Then, where a rule first says that it is enough: how often it does within 20
+rounds, after how many trials and cars, what the leader lacks, and shares of widths that are decided, or wrongly so.
 
 Example: python tools/selection.py --truths 60
 """
@@ -13,6 +13,7 @@ Example: python tools/selection.py --truths 60
 import argparse
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy
 from threadpoolctl import threadpool_limits
@@ -73,7 +74,7 @@ class Round:
     designs: numpy.ndarray
 
     def wrong(self) -> tuple[float, ...]:
-        """Shares of widths: decided; decided wrongly; on the wrong side by the mean; and so by more than the precision."""
+        """Shares of widths: decided; decided wrongly; by their mean on the wrong side; and so by more than PRECISION."""
         low, high, mean, truth = self.designs.T
         reaches, fails = low >= THRESHOLD, high < THRESHOLD
         side = (mean >= THRESHOLD) != (truth >= THRESHOLD)
@@ -146,8 +147,13 @@ def main() -> None:
         print(f"{(number + 1) * BUILD * TRIALS:6}   {'   '.join(cells)}", flush=True)
     print("\n" + "|".join(["", *STOPS, ""]) + "\n" + "|---" * len(STOPS) + "|")
     for price in PRICES:
-        print_stops(table[True], f"{100 * price:g}", lambda one, price=price: one.loss <= PRECISION and one.gain < price)
+        print_stops(table[True], f"{100 * price:g}", partial(below, price))
     print_stops(table[True], "all decided", lambda one: one.loss <= PRECISION and one.wrong()[0] == 1)
+
+
+def below(price: float, one: Round) -> bool:
+    """Whether an hour of work wins less than the price, and the leader loses little."""
+    return one.loss <= PRECISION and one.gain < price
 
 
 def print_stops(truths: Sequence[Sequence[Round]], name: str, enough: Callable[[Round], bool]) -> None:

@@ -7,10 +7,13 @@ one experiment hold together with 95 %: each is wider than a single one would be
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy
+from numpy.typing import NDArray
 
 from foldcar.advice.evidence import Design, DesignEvidence, Evidence, read_evidence, swept_ids, unswept_trials
+from foldcar.analysis.contradictions import contradictions
 from foldcar.analysis.gap import (
     AGREES,
     OPTIMISTIC,
@@ -153,7 +156,9 @@ def _experiment(evidence: Evidence, margin: float) -> ExperimentComparison:
         [(one.runs_passed, one.runs) for one in both], [(one.trials_passed, len(one.trials)) for one in both]
     )
     verdict, sentence = _verdict(compared, mean, margin, info.simulation)
-    if len(_poolable(evidence)) > MOST_POOLED:
+    some = _poolable(evidence)
+    remarks = (*remarks, *contradictions(*_counts(evidence, some)).remark([one.label for one in some]))
+    if len(some) > MOST_POOLED:
         remarks = (*remarks, f"Rates are not pooled: more than {MOST_POOLED} designs of the family were driven.")
     return ExperimentComparison(info, compared, sentence, remarks, ranks, mean, verdict)
 
@@ -172,10 +177,16 @@ def _pooled(evidence: Evidence) -> dict[str, Rate]:
     some = _poolable(evidence)
     if not 2 <= len(some) <= MOST_POOLED:
         return {}
+    rates = pooled_bias(*_counts(evidence, some)).rates(CONFIDENCE)
+    return {one.label: rate for one, rate in zip(some, rates, strict=True)}
+
+
+def _counts(evidence: Evidence, some: Sequence[DesignEvidence]) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+    """Parameters (designs, k) of ``some`` designs, their runs and trials (designs, 2)."""
     x = [[float(one.design[name]) for name in evidence.parameters] for one in some]
     runs, trials = [(one.runs_passed, one.runs) for one in some], [(one.trials_passed, len(one.trials)) for one in some]
-    rates = pooled_bias(x, runs, trials).rates(CONFIDENCE)
-    return {one.label: rate for one, rate in zip(some, rates, strict=True)}
+    found, counted, tried = (numpy.array(rows, dtype=float).reshape(len(some), -1) for rows in (x, runs, trials))
+    return found, counted, tried
 
 
 def _poolable(evidence: Evidence) -> list[DesignEvidence]:

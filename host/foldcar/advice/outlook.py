@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from foldcar.advice.evidence import DesignEvidence, Evidence
+from foldcar.analysis.contradictions import NONE, Contradictions, contradictions
 from foldcar.analysis.gaussian_process import success_model
 from foldcar.analysis.pooled_bias import MOST_POOLED, pooled_bias
 from foldcar.analysis.rate import Rate
@@ -30,8 +31,8 @@ class Outlook:
     ``parameters`` (D, k); ``runs`` and ``trials`` (D, 2) passed and all; ``draws`` (draws, D) of the true rates;
     ``passed`` (D, environments): what simulation says in each, NaN where there is no run; ``samples`` (environments,).
     ``pooled`` are the rates that trials and simulation give together, None before two designs, or all, were driven.
-    ``smooth`` (D, 3) is simulation's success with its band (rate, low, high): smooth over one or two parameters, else each
-    design's.
+    ``smooth`` (D, 3) is simulation's success with its band (rate, low, high): smooth over one or two parameters, else
+    each design's. ``contradicting``: designs whose trials contradict the others'.
     """
 
     designs: tuple[DesignEvidence, ...]
@@ -44,6 +45,7 @@ class Outlook:
     pooled: tuple[Rate, ...] | None
     thinned: int
     smooth: NDArray[Any]
+    contradicting: Contradictions = NONE
 
     @property
     def rates(self) -> NDArray[Any]:
@@ -80,7 +82,8 @@ def outlook(evidence: Evidence) -> Outlook | None:
         # Of one driven design nothing is pooled: enough where there is no other.
         pooled = tuple(bias.rates()) if (trials[:, 1] > 0).sum() >= min(2, len(designs)) else None
         draws, smooth = bias.draws(DRAWS), _smooth(designs, x, runs)
-    return Outlook(tuple(designs), x, runs, trials, draws, samples, passed, pooled, thinned, smooth)
+        contradicting = contradictions(x, runs, trials)
+    return Outlook(tuple(designs), x, runs, trials, draws, samples, passed, pooled, thinned, smooth, contradicting)
 
 
 def _thinned(family: Sequence[DesignEvidence], told: set[int]) -> list[DesignEvidence]:

@@ -248,12 +248,13 @@ class _Choice:
         return gain_per_hour(seen.draws, self.threshold, self.precision, car_min, trial_min)
 
     def _undecided(self) -> tuple[Undecided, ...]:
-        """The designs whose rate may lie on both sides of the threshold."""
-        limit, zone, found = self.threshold, self.precision, []
-        for one, known, draws in zip(self.seen.designs, self.seen.pooled or (), self.seen.draws.T, strict=False):
-            if known.low < limit <= known.high:
-                more = max(1, trials_to_tell(draws, limit) - len(one.trials))
-                at = limit - zone <= known.low and known.high <= limit + zone
+        """The designs whose rate may lie on both sides of the threshold, or is not to be trusted."""
+        seen, limit, zone, found = self.seen, self.threshold, self.precision, []
+        for index, (one, known) in enumerate(zip(seen.designs, seen.pooled or (), strict=False)):
+            doubted = index in seen.contradicting.beside
+            if doubted or known.low < limit <= known.high:
+                more = max(1, trials_to_tell(seen.draws[:, index], limit) - len(one.trials))
+                at = not doubted and limit - zone <= known.low and known.high <= limit + zone
                 found.append(Undecided(one.label, one.design, at, more))
         return tuple(found)
 
@@ -295,6 +296,7 @@ class _Choice:
             remarks.append(f"{left}{most}.")
         if environments < wanted:
             remarks.append(f"Only {environments} environments are left that no chosen car has met: sweep more of them.")
+        remarks += seen.contradicting.remark([one.label for one in seen.designs])
         return (*remarks, *self.evidence.remarks)
 
     def _sentence(
@@ -315,8 +317,8 @@ class _Choice:
         loses = f"to settle for it loses {points(loss, sign=False)} points on average against the best there may be"
         if not enough:
             return f"Next, try {named}: {leads}; {loses}."
-        rates = zip(seen.designs, seen.pooled or (), strict=True)
-        above = [one.label for one, known in rates if known.low >= self.threshold]
+        rates, unsure = zip(seen.designs, seen.pooled or (), strict=True), {one.label for one in undecided}
+        above = [one.label for one, known in rates if known.low >= self.threshold and one.label not in unsure]
         reach = f"{listed(above)} reach" if len(above) > 1 else f"{above[0] if above else 'no design'} reaches"
         rest = undecided_text(undecided, self.precision)
         worth = f"an hour of work would win less than {points(LEAST_GAIN, sign=False)} point"

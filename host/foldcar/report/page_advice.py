@@ -116,7 +116,7 @@ class Advice:
             if self.rates[best, 0] == 0:
                 return "no design passes a single environment"
             return f"no design passes {share}; the best, {self._name(best)}, passes {percent(self.rates[best, 0])}"
-        sure = self.rates[:, 1] > self.threshold
+        sure = (self.rates[:, 1] > self.threshold) & ~numpy.isin(self.known, self.designs.contradicting.beside)
         if good.all():
             which = "the design passes" if len(good) == 1 else f"every one of {count(len(good), 'design')} passes"
         elif len(self.designs.info.varied) == 1:

@@ -55,7 +55,7 @@ REPEATS = 2000
 ROWS = 200
 DESIGNS = 19
 # Studies that are checked for contradictions; least rate of a design and its neighbours; how deep a lone design falls.
-CHECKED, LEAST_GOOD = 150, 0.7
+CHECKED, LEAST_GOOD = 50, 0.7
 DIPS = (0.0, 0.5, 0.7)
 STUDIES = ((5, 10), (9, 10), (9, 20))
 SEED = 1007

@@ -40,7 +40,9 @@ def held(effects: Effects, x: Any, parameter: int) -> Any:
     """Whether the band holds the true effect at each value: the mean over the combinations of the others."""
     found = effects.effect(parameter)
     points = numpy.unique(numpy.delete(x, parameter, axis=1), axis=0)
-    truth = [norm.cdf(score(numpy.insert(points, parameter, value, axis=1))).mean() for value in found.grid]
+    truth = [
+        norm.cdf(score(numpy.insert(points, parameter, value, axis=1))).mean() for value in found.grid
+    ]
     return (found.low <= truth) & (numpy.array(truth) <= found.high)
 
 

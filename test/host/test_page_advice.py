@@ -140,7 +140,9 @@ def test_success_that_rises_to_an_end_of_the_range_is_told_and_a_plateau_is_not(
     # The listing asked for more than can be built: the reason of the nearest.
     asked = ("plate_mm=80: plate: 80 is too wide", "plate_mm=65: plate: 65 is too wide", "plate_mm=20: 20")
     narrow = replace(rising, designs=replace(rising.designs, info=replace(rising.designs.info, skipped=asked)))
-    assert narrow.edges() == ["Success still rises at plate 60 mm, the last that can be built (plate: 65 is too wide)."]
+    assert narrow.edges() == [
+        "Success still rises at plate 60 mm, the last that can be built (plate: 65 is too wide)."
+    ]
 
 
 def test_a_plateau_at_both_ends_is_no_edge(study: Callable[..., Advice]) -> None:

@@ -53,7 +53,9 @@ def opened(folder: Path, text: str) -> SceneSource:
     return open_environment(program, {}, 1)
 
 
-def simulator(stepped: SteppedCarsim, source: SceneSource, k: int = 0, **options: Any) -> tuple[CarSimulator, Any, str]:
+def simulator(
+    stepped: SteppedCarsim, source: SceneSource, k: int = 0, **options: Any
+) -> tuple[CarSimulator, Any, str]:
     """A simulator of sample ``k``, its Scenic scene and carsim's."""
     scene = source.scenic_scene(k)
     described = json.dumps(source.describe(scene, k))

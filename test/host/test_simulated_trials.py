@@ -52,7 +52,9 @@ def link(folder: Path, *words: str) -> Iterator[str]:
         process.communicate()
 
 
-def test_the_trial_takes_the_simulated_cars_sample(course: Path, carsim_binary: Path, foldcar: Any, refused: Any) -> None:
+def test_the_trial_takes_the_simulated_cars_sample(
+    course: Path, carsim_binary: Path, foldcar: Any, refused: Any
+) -> None:
     with link(course, "--experiment", "1", "--sample", "3") as port:
         sample = refused(*LOG, "--port", port, "--yes", "--sample", "4")
         made_nothing = not (course / "s.db").exists() and not (course / "s-logs").exists()

@@ -163,7 +163,7 @@ def slipping(tmp_path: Path, carsim_binary: Path) -> dict[str, str]:
     told = json.loads(subprocess.run([carsim_binary, "metrics"], capture_output=True, check=True).stdout)
     more = [*told, {"name": "slip_m", "unit": "m", "optional": False, "help": "way slipped"}]
     program = tmp_path.with_name("slipping")
-    program.write_text(f'#!/bin/sh\n[ "$1" = metrics ] || exec {carsim_binary} "$@"\necho \'{json.dumps(more)}\'\n')
+    program.write_text(f"#!/bin/sh\n[ \"$1\" = metrics ] || exec {carsim_binary} \"$@\"\necho '{json.dumps(more)}'\n")
     program.chmod(0o755)
     return {**os.environ, "FOLDCAR_CARSIM": str(program)}
 

@@ -42,7 +42,7 @@ def test_the_page_is_one_small_file_with_every_run_as_stored(study: Path) -> Non
     shown = [(design, sample, one["outcomes"][outcome]) for design, sample, outcome in zip(*columns, strict=True)]
     assert shown == stored(study) and len(shown) == len(WIDTHS) * SAMPLES
     assert page_findings(re.sub(r"<script.*?</script>", "", page, flags=re.DOTALL)) == []
-    assert not re.search(r"<(script|link|img)[^>]*(src|href)=|@import", page.partition("<script")[0])
+    assert not re.search(r'<(script|link|img)[^>]*(src|href)=|@import', page.partition("<script")[0])
     assert len(page) < 3e6
     for _, address in one["files"]:
         assert (study / "report" / address).read_text().startswith("<?xml")
@@ -222,11 +222,9 @@ KEYS = """
 def test_arrow_keys_go_from_run_to_run_which_are_replayed(study: Path) -> None:
     found = probed(study, KEYS)
     outcomes = {(design, sample): outcome for design, sample, outcome in stored(study)}
-    (end_s,) = (
-        sqlite3.connect(study / "s.db")
-        .execute("SELECT elapsed_time_s FROM result WHERE design_position = 1 AND sample = 1")
-        .fetchone()
-    )
+    (end_s,) = sqlite3.connect(study / "s.db").execute(
+        "SELECT elapsed_time_s FROM result WHERE design_position = 1 AND sample = 1"
+    ).fetchone()
 
     assert found["first"].startswith("80 mm, environment 0: ")
     words = {"passed": "passed", "tipped": "tipped over", "stuck": "stuck", "off_course": "off course"}

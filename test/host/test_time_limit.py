@@ -39,7 +39,9 @@ def suppresses_the_interruption() -> None:
         loop_that_catches()
 
 
-@pytest.mark.parametrize("block", [loop_that_catches, sleeps, converts_the_interruption, suppresses_the_interruption])
+@pytest.mark.parametrize(
+    "block", [loop_that_catches, sleeps, converts_the_interruption, suppresses_the_interruption]
+)
 def test_whatever_a_block_does_it_is_interrupted_in_time(block: Callable[[], None]) -> None:
     start_s = time.perf_counter()
     message = r"^the block takes longer than the limit of 0.2 s of wall time$"

@@ -168,7 +168,9 @@ def test_live_ends_with_one_line_and_130() -> None:
     assert said == f"foldcar: {url} is closed\n"
 
 
-def test_run_on_the_page_ends_at_the_goal(tmp_path: Path, foldcar: Command, free_course: Path) -> None:
+def test_run_on_the_page_ends_at_the_goal(
+    tmp_path: Path, foldcar: Command, free_course: Path
+) -> None:
     done = foldcar("view", free_course, "--set", "width=95", "--run", "1/0", "-o", tmp_path / "car.html")
 
     assert done.returncode == 0, done.stderr

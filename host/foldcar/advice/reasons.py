@@ -64,7 +64,7 @@ def undecided_text(undecided: Sequence[Undecided], precision: float) -> str:
             how = f"{stand} within {points(precision, sign=False)} points of it" if at else "may reach it or not"
             more = [count(len(some) - NAMED, "further design")] if len(some) > NAMED else []
             first = f" of {some[0].label}" if len(some) > 1 else ""
-            tell = f"some {_rounded(some[0].trials)} more trials{first} would tell"
+            tell = f"some {_rounded(some[0].trials)} more trials{first} would tell as likely as not"
             parts.append(f"{listed([*(one.label for one in some[:NAMED]), *more])} {how} ({tell})")
     return " and ".join(parts)
 

@@ -56,8 +56,7 @@ BASIS = (
 )
 
 
-# The deviation, over built cars of a design, of the log-odds to pass; None if it is not known, so that one car stands for
-# all.
+# The standard deviation over built cars of the log-odds to pass; None if it is not known: then one car stands for all.
 CarSpread = Callable[[DesignEvidence], float | None]
 
 
@@ -265,8 +264,9 @@ class _Choice:
         done = len(one.trials)
         needed, spread = trials_needed(seen.draws[:, index], self.precision), self.car_sd(one)
         alike = 0.0 if spread is None else correlation_within_cars(seen.draws[:, index], spread)
+        known = done / (1 + (done - 1) * alike) if done else 0
         trial_min = PLACING_MIN + (one.mean_time_s or 0.0) / 60
-        effort = least_effort(max(needed, done + 1), alike, ASSEMBLY_MIN, trial_min, [done] if done else [])
+        effort = least_effort(max(needed, int(known) + 1), alike, ASSEMBLY_MIN, trial_min, [done] if done else [])
         if placed.place == NEXT:
             reason = next_reason(seen, index, self.threshold, self._parted(one))
         else:

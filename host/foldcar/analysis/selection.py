@@ -20,6 +20,9 @@ MIDDLE, LOWER_EDGE, UPPER_EDGE, EDGE, BELOW, ABOVE, OUTSIDE, BEST, END = (
     "middle", "lower edge", "upper edge", "edge", "below", "above", "outside", "best", "end of the range",
 )  # fmt: skip
 MOST_TRIALS = 10_000
+# The most trials of one car that may stand for a trial of many.
+MOST_EACH = 10
+LEAST_DESIGNS = 20
 # Numbers of trials of one car whose worth is weighed.
 BATCHES = (10, 40)
 # The normal quantile of 0.975.
@@ -155,11 +158,14 @@ def gain_per_hour(draws: ArrayLike, threshold: float, zone: float, car_min: Arra
 
     ``car_min`` (designs,) minutes to build the car, 0 if it is built, ``trial_min`` (designs,) those of a trial. The best
     of several numbers of trials: one trial may be worth nothing where many are (Frazier and Powell 2010,
-    doi:10.1287/deca.1100.0188).
+    doi:10.1287/deca.1100.0188). Of a small family a design is a share of 1/LEAST_DESIGNS.
     """
-    values = [(number, value_of_trials(draws, threshold, number, zone)) for number in BATCHES]
-    hours = [(numpy.asarray(car_min) + number * numpy.asarray(trial_min)) / 60 for number in BATCHES]
-    return max(float(((one.choice + one.threshold) / time).max()) for (_, one), time in zip(values, hours, strict=True))
+    number, found = len(numpy.asarray(draws)[0]), []
+    for trials in BATCHES:
+        value = value_of_trials(draws, threshold, trials, zone)
+        hours = (numpy.asarray(car_min) + trials * numpy.asarray(trial_min)) / 60
+        found.append(((value.choice + value.threshold * number / max(number, LEAST_DESIGNS)) / hours).max())
+    return float(max(found))
 
 
 def choose(
@@ -271,7 +277,7 @@ def least_effort(
         return number / (1 + (number - 1) * correlation)
 
     found = []
-    for each in range(1, independent + 1):
+    for each in range(1, MOST_EACH * independent + 1):
         left = independent - sum(worth(max(each, number)) for number in done)
         cars = max(0, math.ceil(left / worth(each) - 1e-9))
         trials = cars * each + sum(max(0, each - number) for number in done)

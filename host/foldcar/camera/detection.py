@@ -148,7 +148,9 @@ def _refined_once(grey: Grey, corners: Floats) -> Floats | None:
     return better if numpy.isfinite(better).all() and numpy.abs(better - corners).max() <= reach else None
 
 
-def _lines(places: Floats, offsets: Floats, sums: Floats, normals: Floats, along: Floats) -> tuple[Floats, Floats]:
+def _lines(
+    places: Floats, offsets: Floats, sums: Floats, normals: Floats, along: Floats
+) -> tuple[Floats, Floats]:
     """Points and directions of lines at ``offsets`` from ``places``, one for each side, which outliers do not move."""
     at = numpy.einsum("snk,sk->sn", places - places[:, :1], along)
     weights = (sums > 0.1 * numpy.median(sums, axis=1, keepdims=True)).astype(float)

@@ -20,7 +20,9 @@ LEAST_RUNS, MOST_RUNS = 500, 10_000_000
 def calibrate(
     store: Annotated[
         Path,
-        typer.Argument(metavar="STORE", callback=output_store, help="A store with a swept experiment and trials of it."),
+        typer.Argument(
+            metavar="STORE", callback=output_store, help="A store with a swept experiment and trials of it."
+        ),
     ],
     name: Annotated[str, typer.Option(metavar="NAME", help="Name of the calibration in the store.")] = "trials",
     experiment: Annotated[

@@ -83,6 +83,8 @@ def _draw_outline(
     half, side = length_m / 2, width_m / 2
     corners = [(half, side), (half, -side), (-half, -side), (-half, side)]
     place = Affine2D().rotate(turn_rad).translate(*at)
-    outline = Polygon(place.transform(corners), closed=True, facecolor=facecolor, edgecolor=INK, linewidth=1.2, zorder=6)
+    outline = Polygon(
+        place.transform(corners), closed=True, facecolor=facecolor, edgecolor=INK, linewidth=1.2, zorder=6
+    )
     axes.add_patch(outline)
     return place.transform([(-half, 0)])[0]

@@ -34,7 +34,9 @@ _ENTITY = _object(
     arrows=_list_of({"type": "object"}),
     cubes=_list_of(_object(pose=_POSE, size=_VECTOR, color=_COLOUR)),
     spheres=_list_of({"type": "object"}),
-    cylinders=_list_of(_object(pose=_POSE, size=_VECTOR, bottom_scale=_NUMBER, top_scale=_NUMBER, color=_COLOUR)),
+    cylinders=_list_of(
+        _object(pose=_POSE, size=_VECTOR, bottom_scale=_NUMBER, top_scale=_NUMBER, color=_COLOUR)
+    ),
     lines=_list_of({"type": "object"}),
     triangles=_list_of(_TRIANGLES),
     texts=_list_of({"type": "object"}),

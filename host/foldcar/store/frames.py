@@ -108,10 +108,14 @@ def _run_columns(store: Store, name: str, parameters: Sequence[str], judged: boo
     designs, runs = store.designs(name), run_arrays(store, name)
     return {
         **{column: _texts([experiment[key]]).repeat(len(runs.design)) for column, key in HEAD.items()},
-        **{column: _numbers([design.get(column) for design in designs.values()])[runs.design] for column in parameters},
+        **{
+            column: _numbers([design.get(column) for design in designs.values()])[runs.design] for column in parameters
+        },
         "sample": runs.sample,
         "outcome": _texts(OUTCOMES).take(runs.outcome),
-        "passed": _truths(runs.outcome == OUTCOMES.index("passed"), judged & (runs.outcome != OUTCOMES.index(REJECTED))),
+        "passed": _truths(
+            runs.outcome == OUTCOMES.index("passed"), judged & (runs.outcome != OUTCOMES.index(REJECTED))
+        ),
         **{metric: runs.metrics[:, index] for index, metric in enumerate(NUMBERS)},
     }
 

@@ -233,7 +233,7 @@ def _unknown_cars(store: Path, info: ExperimentInfo, trials: Sequence[Mapping[st
         elif frozenset(design.items()) not in known:
             told = {name: value for name, value in design.items() if info.fixed.get(name) != value}
             counts[f"a car of {design_text(told)}"] += 1
-    more = [f'and {len(counts) - SHOWN} other cars that experiment "{info.id}" has not'] if len(counts) > SHOWN else []
+    more = [f"and {len(counts) - SHOWN} other cars that experiment \"{info.id}\" has not"] if len(counts) > SHOWN else []
     return [
         f'experiment "{info.id}" was swept without {car}; it has {count(number, "trial")}'
         for car, number in list(counts.items())[:SHOWN]

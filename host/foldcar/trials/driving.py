@@ -72,7 +72,9 @@ def drive(
         if car.connection.silence_s() > SILENCE_S:
             # A start would wait in a buffer until the car reads again.
             raise LinkLostError(f"{car.port}: the car is silent for {SILENCE_S:g} s")
-        car.start_trial(settings["speed_m_s"], settings["yaw_rate_rad_s"], settings["time_limit_s"], trial, untethered)
+        car.start_trial(
+            settings["speed_m_s"], settings["yaw_rate_rad_s"], settings["time_limit_s"], trial, untethered
+        )
         started = True
         return _watch(car, trial, watcher)
     except LinkLostError as error:

@@ -33,7 +33,9 @@ def lettered(obstacles: Iterable[Obstacle]) -> dict[str, Obstacle]:
     return {_letters(number): obstacle for number, obstacle in enumerate(obstacles)}
 
 
-def instructions(scene: Mapping[str, Any], things: Mapping[str, Obstacle]) -> Iterator[tuple[str, str, str, str, str]]:
+def instructions(
+    scene: Mapping[str, Any], things: Mapping[str, Obstacle]
+) -> Iterator[tuple[str, str, str, str, str]]:
     """Rows of name, x (mm), y (mm), heading (°) and description: the car, the obstacles, the goal, the floor."""
     start = scene["start"]
     yield CAR, *_place(start["x_m"], start["y_m"], start["heading_rad"]), "its middle"
@@ -108,7 +110,9 @@ def parse_deviation(text: str, names: Sequence[str]) -> tuple[str, tuple[float, 
     except ValueError:
         numbers = []
     if len(numbers) not in (2, 3) or not all(map(math.isfinite, numbers)):
-        raise FoldcarError(f'deviation "{text}": not NAME X_MM Y_MM [HEADING_DEG], as in "{names[0]} 5 -3 1.5"')
+        raise FoldcarError(
+            f'deviation "{text}": not NAME X_MM Y_MM [HEADING_DEG], as in "{names[0]} 5 -3 1.5"'
+        )
     limits = ((MOST_DEVIATION_MM, "mm"), (MOST_DEVIATION_MM, "mm"), (180.0, "°"))
     for number, (limit, unit) in zip(numbers, limits, strict=False):
         if abs(number) > limit:

@@ -67,7 +67,9 @@ def eur_per_usd() -> Quantity:
     return Quantity.model_validate_json(text)
 
 
-def parts_list_text(folded: FoldedCar, title: str, sheets: Sequence[Sheet] = (), done: Operations | None = None) -> str:
+def parts_list_text(
+    folded: FoldedCar, title: str, sheets: Sequence[Sheet] = (), done: Operations | None = None
+) -> str:
     """The parts list as Markdown: parts to buy, pieces to cut, the worst case of every fit, the work by hand."""
     rows = parts_list(folded, sheets)
     return page_template("foldcar.fabrication.assembly", "parts.md").render(

@@ -54,3 +54,4 @@ def facts(folded: FoldedCar, sheets: Sequence[Sheet] = ()) -> str:
         f"{total_mass_kg(rows) * 1e3:.0f} g, {count} pieces of film with {area_cm2:.0f} cm², "
         f"{len(folded.axles)} driven wheels, about {total_cost_usd(rows):.0f} USD of parts{waste}"
     )
+

@@ -1,7 +1,7 @@
 """Simulation against trials of built cars, design by design: rates, gaps, ranks, and what follows from them in words.
 
 Input: a store, or its evidence. Output: a Comparison of each experiment. A gap is trials minus simulation. The gaps of
-one experiment hold together with 95 %: each is wider than a single one would be.
+one experiment and their mean hold together with 95 %: each is wider than a single one would be.
 """
 
 from collections import Counter
@@ -140,8 +140,8 @@ def _experiment(evidence: Evidence, margin: float) -> ExperimentComparison:
         rows = tuple(DesignComparison(one, _driven(one)) for one in driven)
         return ExperimentComparison(info, rows, f"Nothing to compare: {why}", remarks)
     both = [one for one in driven if one.runs]
-    # Bonferroni: all gaps of the experiment hold together.
-    together = 1 - (1 - CONFIDENCE) / max(1, len(both))
+    # Bonferroni: all gaps of the experiment and their mean hold together; of one design the mean is its gap.
+    together = 1 - (1 - CONFIDENCE) / (len(both) + 1 if len(both) > 1 else 1)
     pooled = _pooled(evidence)
     compared = tuple(_design(one, pooled.get(one.label), together, margin) for one in driven)
     if not both:
@@ -151,7 +151,7 @@ def _experiment(evidence: Evidence, margin: float) -> ExperimentComparison:
             else "there are no trials of built cars yet. `foldcar select` says which cars to build."
         )
         return ExperimentComparison(info, compared, f"Nothing to compare: {why}", remarks)
-    mean = mean_gap([one.simulated(CONFIDENCE) for one in both], [_best(one) for one in both])
+    mean = mean_gap([one.simulated(together) for one in both], [_best(one, together) for one in both])
     ranks = rank_agreement(
         [(one.runs_passed, one.runs) for one in both], [(one.trials_passed, len(one.trials)) for one in both]
     )
@@ -211,7 +211,7 @@ def _rectified(one: DesignEvidence, confidence: float = CONFIDENCE) -> Rate | No
     return rectified_rate(y, f, others.astype(float), confidence)
 
 
-def _best(one: DesignEvidence, confidence: float = CONFIDENCE) -> Rate:
+def _best(one: DesignEvidence, confidence: float) -> Rate:
     return _rectified(one, confidence) or _driven(one, confidence)
 
 

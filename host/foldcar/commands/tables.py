@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 from rich.console import Console
 
-from foldcar.analysis.words import design_text, percent, points, rank_text
+from foldcar.analysis.words import design_text, points, rank_text
 from foldcar.figures.style import OUTCOME_LABELS
 from foldcar.shown_console import ResultTable, shown_console
 from foldcar.store.trial_records import BUILT, SIMULATED, UNKNOWN, WITHDRAWN, Correction, Trial
@@ -53,8 +53,7 @@ def print_comparison(found: "Comparison") -> None:
             _print_rates(console, one)
             _print_outcomes(console, one.designs)
             if one.mean_gap is not None:
-                together = percent(one.mean_gap.confidence)
-                console.print(f"gap: trials minus simulation, points; all gaps hold together with {together}")
+                console.print("gap: trials minus simulation, points; all gaps and their mean hold together with 95 %")
         for line in (rank_text(one.ranks), *one.remarks):
             if line:
                 console.print(line)

@@ -128,7 +128,7 @@ class Advice:
         if not sure.any():
             return f"{which} {share}, but none of them surely (95 %)"
         ranges = self._ranges(sure) if len(self.designs.info.varied) == 1 else f"{sure.sum():,} of them"
-        return f"{which} {share}, {ranges} surely (95 %)"
+        return f"{which} {share}, {ranges} surely (95 % each)"
 
     def _name(self, at: "int | numpy.integer[Any]") -> str:
         return self.designs.names[int(self.known[at])]

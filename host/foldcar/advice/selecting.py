@@ -199,7 +199,7 @@ class _Choice:
         samples = tuple(int(seen.samples[column]) for column in columns)
         info, remarks = self.evidence.info, self._remarks(recommended, wanted, len(samples))
         undecided = self._undecided()
-        sentence = self._sentence(recommended, enough, loss, undecided)
+        sentence = self._sentence(recommended, enough, loss, gain, undecided)
         return Selection(
             info, self.threshold, self.precision, recommended, samples, telling, enough, leader, loss, gain, undecided,
             sentence, remarks,
@@ -300,7 +300,12 @@ class _Choice:
         return (*remarks, *self.evidence.remarks)
 
     def _sentence(
-        self, recommended: Sequence[Recommendation], enough: bool, loss: float | None, undecided: Sequence[Undecided]
+        self,
+        recommended: Sequence[Recommendation],
+        enough: bool,
+        loss: float | None,
+        gain: float | None,
+        undecided: Sequence[Undecided],
     ) -> str:
         seen, limit, simulation = self.seen, percent(self.threshold), self.evidence.info.simulation
         # In the order of the family, not of use.
@@ -316,7 +321,7 @@ class _Choice:
         leads = f"by trials and {simulation} together {seen.designs[best].label} leads{shown}"
         loses = f"to settle for it loses {points(loss, sign=False)} points on average against the best there may be"
         if not enough:
-            return f"Next, try {named}: {leads}; {loses}."
+            return f"Next, try {named}: {leads}; {loses}, and an hour of work may win {100 * (gain or 0):.1f}."
         rates, unsure = zip(seen.designs, seen.pooled or (), strict=True), {one.label for one in undecided}
         above = [one.label for one, known in rates if known.low >= self.threshold and one.label not in unsure]
         reach = f"{listed(above)} reach" if len(above) > 1 else f"{above[0] if above else 'no design'} reaches"

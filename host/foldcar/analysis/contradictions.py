@@ -17,7 +17,7 @@ from foldcar.analysis.pooled_bias import pooled_bias
 from foldcar.analysis.words import listed
 
 # Results that the others' trials make less probable than this contradict them (both tails; docs/statistics.md).
-LEAST_PROBABILITY = 0.1
+LEAST_PROBABILITY = 0.05
 # Fewer driven designs say nothing of each other; of more than MOST_CHECKED those with most trials are checked.
 LEAST_DRIVEN, MOST_CHECKED = 3, 24
 DRAWS = 1000

@@ -22,7 +22,7 @@ MIDDLE, LOWER_EDGE, UPPER_EDGE, EDGE, BELOW, ABOVE, OUTSIDE, BEST, END = (
 MOST_TRIALS = 10_000
 # The most trials of one car that may stand for a trial of many.
 MOST_EACH = 10
-LEAST_DESIGNS = 20
+LEAST_DESIGNS, MOST_WEIGHED = 20, 240_000
 # Numbers of trials of one car whose worth is weighed.
 BATCHES = (10, 40)
 # The normal quantile of 0.975.
@@ -146,9 +146,9 @@ def value_of_trials(draws: ArrayLike, threshold: float, trials: int, zone: float
     for design, (log_pass, log_fail) in enumerate(zip(numpy.log(rates).T, numpy.log1p(-rates).T, strict=True)):
         # Rows: outcomes of the trials; columns: draws, by their weight once the outcome is known.
         chance = numpy.exp(ways + passed * log_pass + (trials - passed) * log_fail) / len(p)
-        mean, reached, missed = numpy.split(chance @ sides, 3, axis=1)
-        choice[design] = mean.max(axis=1).sum() - now
-        right[design] = wrong_now - numpy.minimum(reached, missed).sum(axis=0).mean()
+        then = (chance @ sides).reshape(trials + 1, 3, -1)
+        choice[design] = then[:, 0].max(axis=1).sum() - now
+        right[design] = wrong_now - numpy.minimum(then[:, 1], then[:, 2]).sum(axis=0).mean()
     # Rounding may leave a hair below 0.
     return Value(choice.clip(0), right.clip(0))
 
@@ -160,9 +160,11 @@ def gain_per_hour(draws: ArrayLike, threshold: float, zone: float, car_min: Arra
     of several numbers of trials: one trial may be worth nothing where many are (Frazier and Powell 2010,
     doi:10.1287/deca.1100.0188). Of a small family a design is a share of 1/LEAST_DESIGNS.
     """
-    number, found = len(numpy.asarray(draws)[0]), []
+    p, found = numpy.asarray(draws, dtype=float), []
+    number = p.shape[1]
     for trials in BATCHES:
-        value = value_of_trials(draws, threshold, trials, zone)
+        # Of many designs some draws are enough.
+        value = value_of_trials(p[:: max(1, p.size // MOST_WEIGHED)], threshold, trials, zone)
         hours = (numpy.asarray(car_min) + trials * numpy.asarray(trial_min)) / 60
         found.append(((value.choice + value.threshold * number / max(number, LEAST_DESIGNS)) / hours).max())
     return float(max(found))

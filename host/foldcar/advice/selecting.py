@@ -8,6 +8,7 @@ whose trials would tell most about which design is best and which ones reach the
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy
 from threadpoolctl import threadpool_limits
@@ -186,7 +187,7 @@ class _Choice:
         seen, enough, leader, loss, gain = self.seen, False, None, None, None
         if seen.driven:
             best, loss = expected_loss(seen.draws)
-            leader, gain = seen.designs[best].design, self._gain()
+            leader, gain = seen.designs[best].design, self._gain
             enough = seen.pooled is not None and loss <= self.precision and gain < LEAST_GAIN
         placed = [] if enough else self._placed(build)
         recommended = tuple(self._recommendation(one, with_cost) for one in placed)
@@ -198,11 +199,10 @@ class _Choice:
         telling = int(sum(numpy.ptp(seen.passed[rows][:, column]) > 0 for column in columns))
         samples = tuple(int(seen.samples[column]) for column in columns)
         info, remarks = self.evidence.info, self._remarks(recommended, wanted, len(samples))
-        undecided = self._undecided()
-        sentence = self._sentence(recommended, enough, loss, gain, undecided)
+        sentence = self._sentence(recommended, enough, loss)
         return Selection(
-            info, self.threshold, self.precision, recommended, samples, telling, enough, leader, loss, gain, undecided,
-            sentence, remarks,
+            info, self.threshold, self.precision, recommended, samples, telling, enough, leader, loss, gain,
+            self._undecided, sentence, remarks,
         )  # fmt: skip
 
     def _placed(self, build: int) -> list[Placed]:
@@ -239,13 +239,14 @@ class _Choice:
                     found.append(Parting(difference, between(here, info)))
         return max(found, key=lambda one: abs(one.difference), default=None)
 
+    @cached_property
     def _gain(self) -> float:
         """What an hour of work wins at most."""
-        seen = self.seen
-        trial_min = [PLACING_MIN + (one.mean_time_s or 0.0) / 60 for one in seen.designs]
-        car_min = numpy.where(seen.trials[:, 1] > 0, 0.0, ASSEMBLY_MIN)
-        return gain_per_hour(seen.draws, self.threshold, self.precision, car_min, trial_min)
+        car_min = numpy.where(self.seen.trials[:, 1] > 0, 0.0, ASSEMBLY_MIN)
+        each_min = [trial_min(one.mean_time_s) for one in self.seen.designs]
+        return gain_per_hour(self.seen.draws, self.threshold, self.precision, car_min, each_min)
 
+    @cached_property
     def _undecided(self) -> tuple[Undecided, ...]:
         """The designs whose rate may lie on both sides of the threshold, or is not to be trusted."""
         seen, limit, zone, found = self.seen, self.threshold, self.precision, []
@@ -265,8 +266,8 @@ class _Choice:
         needed, spread = trials_needed(seen.draws[:, index], self.precision), self.car_sd(one)
         alike = 0.0 if spread is None else correlation_within_cars(seen.draws[:, index], spread)
         known = done / (1 + (done - 1) * alike) if done else 0
-        trial_min = PLACING_MIN + (one.mean_time_s or 0.0) / 60
-        effort = least_effort(max(needed, int(known) + 1), alike, ASSEMBLY_MIN, trial_min, [done] if done else [])
+        each_min = trial_min(one.mean_time_s)
+        effort = least_effort(max(needed, int(known) + 1), alike, ASSEMBLY_MIN, each_min, [done] if done else [])
         if placed.place == NEXT:
             reason = next_reason(seen, index, self.threshold, self._parted(one))
         else:
@@ -299,14 +300,7 @@ class _Choice:
         remarks += seen.contradicting.remark([one.label for one in seen.designs])
         return (*remarks, *self.evidence.remarks)
 
-    def _sentence(
-        self,
-        recommended: Sequence[Recommendation],
-        enough: bool,
-        loss: float | None,
-        gain: float | None,
-        undecided: Sequence[Undecided],
-    ) -> str:
+    def _sentence(self, recommended: Sequence[Recommendation], enough: bool, loss: float | None) -> str:
         seen, limit, simulation = self.seen, percent(self.threshold), self.evidence.info.simulation
         # In the order of the family, not of use.
         order = {one.label: row for row, one in enumerate(seen.designs)}
@@ -321,18 +315,22 @@ class _Choice:
         leads = f"by trials and {simulation} together {seen.designs[best].label} leads{shown}"
         loses = f"to settle for it loses {points(loss, sign=False)} points on average against the best there may be"
         if not enough:
-            return f"Next, try {named}: {leads}; {loses}, and an hour of work may win {100 * (gain or 0):.1f}."
-        rates, unsure = zip(seen.designs, seen.pooled or (), strict=True), {one.label for one in undecided}
+            return f"Next, try {named}: {leads}; {loses}, and an hour of work may win {100 * self._gain:.1f}."
+        rates, unsure = zip(seen.designs, seen.pooled or (), strict=True), {one.label for one in self._undecided}
         above = [one.label for one, known in rates if known.low >= self.threshold and one.label not in unsure]
         reach = f"{listed(above)} reach" if len(above) > 1 else f"{above[0] if above else 'no design'} reaches"
-        rest = undecided_text(undecided, self.precision)
-        worth = f"an hour of work would win less than {points(LEAST_GAIN, sign=False)} point"
-        return f"Enough: {reach} {limit}, {rest}; {leads}; {loses}, and {worth}."
+        rest, worth = undecided_text(self._undecided, self.precision), points(LEAST_GAIN, sign=False)
+        return f"Enough: {reach} {limit}, {rest}; {leads}; {loses}, and an hour of work wins less than {worth} point."
+
+
+def trial_min(drive_s: float | None) -> float:
+    """The minutes of a trial of ``drive_s`` (None: unknown, then without)."""
+    return PLACING_MIN + (drive_s or 0.0) / 60
 
 
 def cost(vehicle_type: str, design: Mapping[str, float | str], effort: Effort, drive_s: float | None) -> Cost | None:
-    """The cost of cars and trials of ``drive_s`` each (None: unknown, then without); None if they cannot be cut."""
-    driving_min = effort.trials * (PLACING_MIN + (drive_s or 0.0) / 60)
+    """The cost of cars and trials of ``drive_s`` each (None: unknown); None if they cannot be cut."""
+    driving_min = effort.trials * trial_min(drive_s)
     if not effort.cars:
         return Cost(0, math.ceil(driving_min))
     # Sheets take half a second to import, and a report has none.

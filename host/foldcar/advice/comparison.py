@@ -185,8 +185,9 @@ def _counts(evidence: Evidence, some: Sequence[DesignEvidence]) -> tuple[NDArray
     """Parameters (designs, k) of ``some`` designs, their runs and trials (designs, 2)."""
     x = [[float(one.design[name]) for name in evidence.parameters] for one in some]
     runs, trials = [(one.runs_passed, one.runs) for one in some], [(one.trials_passed, len(one.trials)) for one in some]
-    found, counted, tried = (numpy.array(rows, dtype=float).reshape(len(some), -1) for rows in (x, runs, trials))
-    return found, counted, tried
+    parameters, *counts = (numpy.array(rows, dtype=float) for rows in (x, runs, trials))
+    found, counted = (one.reshape(len(some), 2) for one in counts)
+    return parameters.reshape(len(some), len(evidence.parameters)), found, counted
 
 
 def _poolable(evidence: Evidence) -> list[DesignEvidence]:

@@ -183,7 +183,7 @@ class Designs:
     def _parameters(self, chosen: NDArray[Any]) -> NDArray[Any]:
         """The varied parameters (chosen, k) of designs by index."""
         x = numpy.array([[float(self.designs[index][name]) for name in self.values] for index in chosen.tolist()])
-        return x.reshape(len(chosen), -1)
+        return x.reshape(len(chosen), len(self.values))
 
     @cached_property
     def bias(self) -> PooledBias | None:

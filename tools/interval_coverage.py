@@ -11,7 +11,7 @@ os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import Future, ProcessPoolExecutor
 from functools import cache, partial
 from pathlib import Path
 
@@ -23,6 +23,7 @@ from synthetic_trials import ENVIRONMENTS, driven, placed, rows
 
 from foldcar.analysis import built_cars
 from foldcar.analysis.built_cars import PRIOR, BuiltCars, simulated_weights
+from foldcar.analysis.contradictions import contradictions
 from foldcar.analysis.gaussian_process import success_model
 from foldcar.analysis.pooled_bias import pooled_bias
 from foldcar.analysis.rate import (
@@ -38,6 +39,7 @@ MARKS = {
     "coverage": ("<!-- coverage of tools/interval_coverage.py -->", "<!-- end of coverage -->"),
     "cars": ("<!-- cars of tools/interval_coverage.py -->", "<!-- end of cars -->"),
     "scenes": ("<!-- scenes of tools/interval_coverage.py -->", "<!-- end of scenes -->"),
+    "contradictions": ("<!-- contradictions of tools/interval_coverage.py -->", "<!-- end of contradictions -->"),
 }
 COUNTS = (10, 20, 50, 100)
 # Cars and trials of each; standard deviations of cars' log-odds.
@@ -51,6 +53,10 @@ REPEATS = 2000
 CAR_REPEATS = 400
 ROWS, POOLED_ROWS = 200, 40
 DESIGNS = 19
+# Studies that are checked for contradictions; least rate of a design and its neighbours; how deep a lone design falls.
+CHECKED, LEAST_GOOD = 50, 0.7
+DIPS = (0.0, 0.5, 0.7)
+STUDIES = ((5, 10), (9, 10), (9, 20))
 SEED = 1007
 # A time limit, and the spread of the logarithms of times.
 LIMIT_S, SPREAD = 20.0, 0.6
@@ -123,6 +129,32 @@ def pooled(rough: bool, spread: float, n: int) -> Cell:
     return share(intervals())
 
 
+def contradicted(driven: int, n: int, dip: float) -> tuple[float, float]:
+    """Of studies with smooth bias, the share in which a design is named that fits the others, and that of dips named.
+
+    ``driven`` of the designs have n trials. The rate of one between good ones is ``dip`` lower, if that is above 0.
+    """
+    random = numpy.random.default_rng([SEED, driven, n, round(100 * dip)])
+    chosen = numpy.linspace(1, DESIGNS - 2, driven).round().astype(int)
+    named, found = [], []
+    for row in rows(random, DESIGNS, n, False, 0.0, 20 * CHECKED):
+        true = row.rates[chosen]
+        good = [at for at in range(1, driven - 1) if true[at - 1 : at + 2].min() >= max(dip, LEAST_GOOD)]
+        if dip and not good:
+            continue
+        at = int(random.choice(good)) if dip else 0
+        true[at] -= dip
+        trials = numpy.zeros((DESIGNS, 2))
+        trials[chosen] = numpy.column_stack([random.binomial(n, true), numpy.full(driven, n)])
+        runs = numpy.column_stack([ENVIRONMENTS * row.simulated, numpy.full(DESIGNS, ENVIRONMENTS)])
+        flagged = set(contradictions(row.parameters, runs, trials).designs)
+        found.append(chosen[at] in flagged)
+        named.append(bool(flagged - ({chosen[at]} if dip else set())))
+        if len(found) == CHECKED:
+            break
+    return float(numpy.mean(named)), float(numpy.mean(found))
+
+
 def restricted(n: int) -> Cell:
     """The mean time up to the limit: log-normal times, up to half beyond it."""
     random = numpy.random.default_rng(SEED)
@@ -186,6 +218,7 @@ def main(page: Path) -> None:
         places = {(one, spread): pool.submit(of_places, *one, spread) for one in PLACES for spread in SPREADS[:2]}
         table = [["95 % interval, n =", *(f"{n}" for n in COUNTS)]]
         table += [[name, *(f"{100 * cells[name, n].result()[0]:.1f}" for n in COUNTS)] for name in LINES]
+        named = contradictions_table({(at, dip): pool.submit(contradicted, *at, dip) for at in STUDIES for dip in DIPS})
         print(f"anytime-valid, at every look up to 10,000: {100 * late.result()[0]:.1f} %")
         for name in LINES:
             print(name, *(f"{cells[name, n].result()[1]:.3f}" for n in COUNTS))
@@ -203,10 +236,23 @@ def main(page: Path) -> None:
             row = (f"{100 * error:.1f} ({100 * held:.0f})" for error, held in some)
             scenes.append([where, f"{correlation:g}", f"{spread:g}", *row])
     text = page.read_text(encoding="utf-8")
-    for name, rows_of in (("coverage", table), ("cars", of), ("scenes", scenes)):
+    for name, rows_of in (("coverage", table), ("cars", of), ("scenes", scenes), ("contradictions", named)):
         text = replaced(text, page, *MARKS[name], markdown(rows_of))
     with atomic_file(page) as binary:
         binary.write(text.encode())
+
+
+def contradictions_table(checked: dict[tuple[tuple[int, int], float], Future[tuple[float, float]]]) -> list[list[str]]:
+    """Rows of how many designs are named (%), by designs, trials of each, and depth of a lone dip."""
+    table = [
+        ["named, % of studies", *("a fitting one" if not dip else f"one {100 * dip:.0f} points lower" for dip in DIPS)]
+    ]
+    for designs, n in STUDIES:
+        cells = [f"{100 * checked[(designs, n), DIPS[0]].result()[0]:.0f}"]
+        for other, dip in (checked[(designs, n), dip].result() for dip in DIPS[1:]):
+            cells.append(f"{100 * dip:.0f} (a fitting one: {100 * other:.0f})")
+        table.append([f"{designs} driven designs, {n} trials each", *cells])
+    return table
 
 
 def markdown(table: Sequence[Sequence[str]]) -> str:

@@ -1,18 +1,25 @@
 """Compares samplers of `foldcar optimize` with grid search on equal numbers of runs, and prints docs/optimize.md's table.
 
 The family is swept once; every search then finds its runs in the store. What a search recommends after some number of
-runs is judged in fresh environments. Example: `.venv/bin/python tools/optimize_comparison.py --store out/space.db`
+runs is judged in fresh environments. Example: `.venv/bin/python tools/optimize_comparison.py --store out/space.db`.
+`--risk 1000` measures instead how often a design is left early that would have ended as good as the best.
 """
 
 import argparse
+import math
 import os
 import statistics
 from collections.abc import Iterator
+from itertools import product
 from pathlib import Path
 
+import numpy
+from scipy.stats import norm
+
+from foldcar.analysis.stopping import evidence_of_worse
 from foldcar.search.design_simulator import Row, Values, open_simulator
 from foldcar.search.objectives import OBJECTIVES
-from foldcar.search.proposals import Proposals
+from foldcar.search.proposals import PRUNING_RISK, Proposals
 from foldcar.search.search import batches, searched_study
 from foldcar.simulation.carsim import Carsim
 from foldcar.store.frames import runs_frame
@@ -26,6 +33,7 @@ LISTING = Path(__file__).resolve().parents[1] / "examples" / "design_space.json"
 # Designs that a search without pruning tries, each in all environments.
 BUDGETS = (10, 20, 40, 80)
 SUCCESS = OBJECTIVES["success"]
+TIMEOUT_S = 60.0
 # Sampler and whether designs are left early.
 SEARCHES = {
     "TPE, leaving designs early": ("tpe", True),
@@ -73,13 +81,12 @@ def one_design(proposals: Proposals, rows: list[Row], prune: bool) -> None:
     assert SUCCESS.value is not None and OBJECTIVES["time"].value is not None
     seen: list[Row] = []
     pruned = False
-    for number, batch in enumerate(batches(len(rows))):
-        new = [rows[k] for k in batch]
-        seen += new
-        if prune and len(seen) < len(rows) and proposals.worse(number, SUCCESS.value(new, 0.0)):
+    for batch in batches(len(rows)):
+        seen += [rows[k] for k in batch]
+        if prune and len(seen) < len(rows) and proposals.worse(seen, TIMEOUT_S):
             pruned = True
             break
-    proposals.tell([SUCCESS.value(seen, 0.0)], len(seen), pruned, OBJECTIVES["time"].value(seen, 60.0))
+    proposals.tell([SUCCESS.value(seen, 0.0)], seen, pruned, OBJECTIVES["time"].value(seen, TIMEOUT_S))
 
 
 def judge(
@@ -93,15 +100,58 @@ def judge(
             return {one: SUCCESS.value(simulator.rows(one, range(fresh.environments)), 0.0) for one in sorted(designs)}
 
 
+def print_risk(pairs: int) -> None:
+    """Print how often a design is left early, of ``pairs`` of designs whose results in an environment correlate.
+
+    The best so far is the luckiest of some that pass equally often.
+    """
+    print("|environments|rate|best of, their rate|left early, %|of those that would end as good, %|better, %|runs|")
+    print("|---|---|---|---|---|---|---|")
+    for number, rate, others, best_rate in product((30, 100), (0.5, 0.8), (1, 5), (0.5, 0.8)):
+        if best_rate < rate:
+            continue
+        random = numpy.random.default_rng([number, others])
+        left, gain, runs = (numpy.zeros(pairs) for _ in range(3))
+        for pair in range(pairs):
+            hard = random.standard_normal(number)
+            strengths = norm.ppf([best_rate] * others + [rate])[:, None] + random.standard_normal((others + 1, number))
+            *some, mine = [[Row("passed" if one else "tipped", 1.0, 1.0) for one in row] for row in strengths > hard]
+            best = max(some, key=passes)
+            gain[pair], runs[pair] = passes(mine) - passes(best), number
+            for batch in batches(number)[:-1]:
+                if evidence_of_worse(*of_first(mine, batch.stop, best)) >= 1 / PRUNING_RISK:
+                    left[pair], runs[pair] = 1, batch.stop
+                    break
+        shares = [100 * left[some].mean() if some.any() else math.nan for some in (gain >= 0, gain > 0)]
+        cells = [f"{100 * left.mean():.0f}", *(f"{share:.1f}" for share in shares), f"{runs.mean():.0f}"]
+        print("|" + "|".join([f"{number}", f"{rate:g}", f"{others}, {best_rate:g}", *cells]) + "|", flush=True)
+
+
+def passes(rows: list[Row]) -> int:
+    """How many runs passed."""
+    return sum(bool(row.passed) for row in rows)
+
+
+def of_first(rows: list[Row], seen: int, best: list[Row]) -> tuple[list[float], int, float]:
+    """What evidence_of_worse takes after so many runs."""
+    excess, most_better = SUCCESS.excess(rows[:seen], best, TIMEOUT_S)
+    return excess, len(best), most_better
+
+
 def main() -> None:
     """Sweep, search, judge, print."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--listing", type=Path, default=LISTING)
-    parser.add_argument("--store", type=Path, required=True)
+    parser.add_argument("--store", type=Path)
+    parser.add_argument("--risk", type=int, metavar="PAIRS", help="measure the risk of leaving early instead")
     parser.add_argument("--seeds", type=int, default=10)
     parser.add_argument("--fresh", type=int, default=100)
     parser.add_argument("--jobs", type=int, default=len(os.sched_getaffinity(0)))
     options = parser.parse_args()
+    if options.risk:
+        print_risk(options.risk)
+    if options.store is None:
+        return
     study, carsim = read_study(options.listing), Carsim()
     (experiment,) = study.experiments
     fresh = searched_study(study, options.fresh).experiments[1]

@@ -1,31 +1,42 @@
-"""Measures whether `foldcar select` finds the best width with fewer trials than a uniform choice of widths.
+"""Measures whether `foldcar select` finds the best width with fewer trials than a uniform choice, and where it ends.
 
 Synthetic truths: simulation's success over 37 widths is a plateau with two smooth edges; in log-odds the true rates
 differ from it by a shift and a smooth random curve. Both choices end with the width of the highest posterior mean, from
 the same model; only the widths that are tried differ: those that `foldcar select` names, or one at random of each quarter
 of the range. Printed by number of trials: the mean loss (points of success that the picked width lacks against the best)
-and how often it lacks at most 5 points.
+and how often it lacks at most 5 points. Then, where a rule first says that it is enough: how often it does within 20
+rounds, after how many trials and cars, what the leader lacks, and shares of widths that are decided, or wrongly so.
 
-Example: python tools/selection.py --truths 200
+Example: python tools/selection.py --truths 60
 """
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
 
 import numpy
 from threadpoolctl import threadpool_limits
 
+from foldcar.advice.selecting import ASSEMBLY_MIN, LEAST_GAIN, PLACING_MIN, PRECISION, ROUND_TRIALS
 from foldcar.analysis.pooled_bias import pooled_bias
-from foldcar.analysis.selection import choose, expected_loss, first_designs
+from foldcar.analysis.selection import choose, expected_loss, first_designs, gain_per_hour
 
 WIDTHS = numpy.arange(65.0, 250.0, 5.0)
 RUNS = 100
 THRESHOLD = 0.75
 # Designs a round, and trials of each.
 BUILD, TRIALS = 4, 5
-ROUNDS = 8
+ROUNDS, MOST_ROUNDS = 8, 20
 DRAWS = 600
 NEAR = 0.05
+# Prices at which an hour of work is no longer worth it, 0 to 1; minutes of a trial.
+PRICES = (0.0025, 0.005, LEAST_GAIN, 0.02)
+TRIAL_MIN = PLACING_MIN + 0.5
+STOPS = (
+    "ends below, points/h", "ends", "trials (10–90 %)", "cars", "leader lacks", "decided, %", "of all, wrong",
+    "mean's side wrong", "by > 15 points",
+)  # fmt: skip
 
 
 def plateau(low: float, high: float, edge: float, top: float) -> numpy.ndarray:
@@ -47,27 +58,58 @@ def synthetic(random: numpy.random.Generator) -> tuple[numpy.ndarray, numpy.ndar
     return simulated, 1 / (1 + numpy.exp(-(log_odds + random.normal(-2.5, 1) + curve)))
 
 
-def losses(random: numpy.random.Generator, selecting: bool) -> list[float]:
-    """What the picked width lacks against the best after each round of one synthetic truth."""
+@dataclass(frozen=True)
+class Round:
+    """After a round of trials: what the leader lacks (points of success, 0 to 1), in truth and by the draws.
+
+    ``gain`` is what `foldcar select` ends by, ``designs`` (widths, 4) are lower end, upper end and mean of each believed
+    rate, and the truth. Numbers of ``trials`` and ``cars`` so far.
+    """
+
+    trials: int
+    cars: int
+    lacks: float
+    loss: float
+    gain: float
+    designs: numpy.ndarray
+
+    def wrong(self) -> tuple[float, ...]:
+        """Shares of widths: decided; decided wrongly; by their mean on the wrong side; and so by more than PRECISION."""
+        low, high, mean, truth = self.designs.T
+        reaches, fails = low >= THRESHOLD, high < THRESHOLD
+        side = (mean >= THRESHOLD) != (truth >= THRESHOLD)
+        wrong = (reaches & (truth < THRESHOLD)) | (fails & (truth >= THRESHOLD))
+        far = side & (numpy.abs(truth - THRESHOLD) > PRECISION)
+        return tuple(float(one.mean()) for one in (reaches | fails, wrong, side, far))
+
+
+def rounds(random: numpy.random.Generator, selecting: bool, most: int) -> list[Round]:
+    """Rounds of one synthetic truth."""
     simulated, truth = synthetic(random)
     runs = numpy.column_stack([random.binomial(RUNS, simulated), numpy.full(len(WIDTHS), RUNS)])
     trials = numpy.zeros((len(WIDTHS), 2))
-    found = []
+    found: list[Round] = []
     draws = pooled_bias(WIDTHS[:, None], runs, trials).draws(DRAWS)
-    for number in range(ROUNDS):
+    for number in range(most):
         tried = selected(runs, draws, number) if selecting else uniform(random)
         for index in tried:
             trials[index] += random.binomial(TRIALS, truth[index]), TRIALS
-        draws = pooled_bias(WIDTHS[:, None], runs, trials).draws(DRAWS)
-        best, _ = expected_loss(draws)
-        found.append(float(numpy.max(truth) - truth[best]))
+        bias = pooled_bias(WIDTHS[:, None], runs, trials)
+        draws, rates = bias.draws(DRAWS), bias.rates()
+        best, loss = expected_loss(draws)
+        car_min = numpy.where(trials[:, 1] > 0, 0.0, ASSEMBLY_MIN)
+        gain = gain_per_hour(draws, THRESHOLD, PRECISION, car_min, numpy.full(len(WIDTHS), TRIAL_MIN)) if selecting else 0
+        ends = numpy.array([(rate.low, rate.high) for rate in rates])
+        designs = numpy.column_stack([ends, draws.mean(axis=0), truth])
+        driven, cars = int(trials[:, 1].sum()), int((trials[:, 1] > 0).sum())
+        found.append(Round(driven, cars, float(truth.max() - truth[best]), loss, gain, designs))
     return found
 
 
 def selected(runs: numpy.ndarray, draws: numpy.ndarray, number: int) -> Sequence[int]:
     """The designs of a round as `foldcar select` names them."""
     if number:
-        return choose(draws, THRESHOLD, TRIALS, BUILD)
+        return choose(draws, THRESHOLD, ROUND_TRIALS, BUILD, zone=PRECISION)
     rates = runs[:, 0] / runs[:, 1]
     placed = [one.index for one in first_designs(WIDTHS[:, None], rates, rates * (1 - rates), THRESHOLD)][:BUILD]
     return [*placed, *choose(draws, THRESHOLD, TRIALS, BUILD - len(placed), placed)]
@@ -82,15 +124,16 @@ def uniform(random: numpy.random.Generator) -> Sequence[int]:
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--truths", type=int, default=200, help="synthetic truths")
+    parser.add_argument("--truths", type=int, default=60, help="synthetic truths")
     parser.add_argument("--seed", type=int, default=1)
     chosen = parser.parse_args()
     # Threads for small matrices only wait for each other.
     threadpool_limits(1)
     table = {
-        selecting: numpy.array(
-            [losses(numpy.random.default_rng([chosen.seed, one]), selecting) for one in range(chosen.truths)]
-        )
+        selecting: [
+            rounds(numpy.random.default_rng([chosen.seed, one]), selecting, MOST_ROUNDS if selecting else ROUNDS)
+            for one in range(chosen.truths)
+        ]
         for selecting in (True, False)
     }
     print(f"{chosen.truths} truths; loss of the picked width in points, and how often it is at most {100 * NEAR:.0f}")
@@ -98,10 +141,33 @@ def main() -> None:
     for number in range(ROUNDS):
         cells = []
         for selecting in (True, False):
-            loss = table[selecting][:, number]
+            loss = numpy.array([one[number].lacks for one in table[selecting]])
             error = loss.std(ddof=1) / numpy.sqrt(len(loss))
             cells.append(f"{100 * loss.mean():5.1f} ± {100 * error:.1f}  {100 * (loss <= NEAR).mean():3.0f} %")
         print(f"{(number + 1) * BUILD * TRIALS:6}   {'   '.join(cells)}", flush=True)
+    print("\n" + "|".join(["", *STOPS, ""]) + "\n" + "|---" * len(STOPS) + "|")
+    for price in PRICES:
+        print_stops(table[True], f"{100 * price:g}", partial(below, price))
+    print_stops(table[True], "all decided", lambda one: one.loss <= PRECISION and one.wrong()[0] == 1)
+
+
+def below(price: float, one: Round) -> bool:
+    """Whether an hour of work wins less than the price, and the leader loses little."""
+    return one.loss <= PRECISION and one.gain < price
+
+
+def print_stops(truths: Sequence[Sequence[Round]], name: str, enough: Callable[[Round], bool]) -> None:
+    """A row of what holds where a rule ends."""
+    ends = [next(filter(enough, one), None) for one in truths]
+    ended = [one for one in ends if one is not None]
+    cells = [name, f"{len(ended)} of {len(ends)}"]
+    if ended:
+        for counts in ([one.trials for one in ended], [one.cars for one in ended]):
+            low, middle, high = numpy.quantile(counts, [0.1, 0.5, 0.9])
+            cells.append(f"{middle:.0f} ({low:.0f}–{high:.0f})")
+        cells.append(f"{100 * numpy.mean([one.lacks for one in ended]):.1f}")
+        cells += [f"{100 * share:.1f}" for share in numpy.mean([one.wrong() for one in ended], axis=0)]
+    print("|" + "|".join(cells + [""] * (len(STOPS) - len(cells))) + "|", flush=True)
 
 
 if __name__ == "__main__":

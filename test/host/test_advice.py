@@ -16,7 +16,7 @@ from foldcar.advice.selecting import _Choice
 from foldcar.analysis.gap import AGREES, TOO_FEW, Gap, rank_agreement
 from foldcar.analysis.gaussian_process import success_model
 from foldcar.analysis.rate import Rate
-from foldcar.analysis.selection import MIDDLE
+from foldcar.analysis.selection import MIDDLE, Effort
 from foldcar.analysis.words import rank_text
 from foldcar.fabrication.patterns import sheets
 
@@ -27,11 +27,15 @@ def test_a_car_costs_its_sheets_and_minutes_of_cutting_assembly_and_trials(monke
     monkeypatch.setattr(sheets, "pattern", lambda *_: cut)
     design = {"width_mm": 95.0}
 
-    assert costs.cost("W_B_W", design, 10, 30.0, False) == costs.Cost(2, math.ceil(24_010 / 20 / 60 + 90 + 10 * 3.5))
-    assert costs.cost("W_B_W", design, 60, None, True) == costs.Cost(0, 180)
-    assert costs.cost("W_B_W", design, 7, 45.0, True) == costs.Cost(0, math.ceil(7 * 3.75))
-    assert costs.cost("W_B_W", {"width_mm": 1.0}, 10, 30.0, False) is None
-    assert costs.cost("W_B_W", {"wit_mm": 95.0}, 10, 30.0, False) is None
+    def priced(cars: int, trials: int, drive_s: float | None, design: dict[str, float] = design) -> costs.Cost | None:
+        return costs.cost("W_B_W", design, Effort(cars, trials, trials), drive_s)
+
+    assert priced(1, 10, 30.0) == costs.Cost(2, math.ceil(24_010 / 20 / 60 + 90 + 10 * 3.5))
+    assert priced(3, 10, 30.0) == costs.Cost(6, math.ceil(3 * (24_010 / 20 / 60 + 90) + 10 * 3.5))
+    assert priced(0, 60, None) == costs.Cost(0, 180)
+    assert priced(0, 7, 45.0) == costs.Cost(0, math.ceil(7 * 3.75))
+    assert priced(1, 10, 30.0, {"width_mm": 1.0}) is None
+    assert priced(1, 10, 30.0, {"wit_mm": 95.0}) is None
 
 
 def believed(x: list[list[float]], runs: list[int], trials: list[tuple[int, int]], rates: list[float]) -> Any:
@@ -71,9 +75,12 @@ def test_a_first_design_is_told_of_its_share_in_simulation() -> None:
     assert first_reason(MIDDLE, one, "simulation", None).endswith("where it is surest; simulation passes 75 %")
 
 
-def test_a_loss_as_large_as_the_precision_is_small_enough() -> None:
+def test_a_loss_as_large_as_the_precision_is_small_enough(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of two draws the first has the second design better by 0.25; each of both reaches the threshold surely."""
-    designs: Any = [SimpleNamespace(label=f"{w} mm", design={"width_mm": w}, trials=range(10)) for w in (65.0, 95.0)]
+    designs: Any = [
+        SimpleNamespace(label=f"{w} mm", design={"width_mm": w}, trials=range(10), mean_time_s=30.0) for w in (65.0, 95.0)
+    ]
+    monkeypatch.setattr(costs, "LEAST_GAIN", 1.0)
     known = Rate(0.9, 0.8, 0.95, 0.95, "")
     seen = outlook.Outlook(
         tuple(designs), numpy.array([[65.0], [95.0]]), numpy.full((2, 2), 20), numpy.array([[9, 10]] * 2),

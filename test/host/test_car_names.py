@@ -31,7 +31,7 @@ def test_a_named_car_is_the_same_in_every_sample_and_no_other(tmp_path: Path) ->
     assert len({json.dumps(one.body) for one in (ada, ben, nameless)}) == 3
     # Under a reality the start scatters in each trial.
     (tmp_path / "reality.json").write_text('{"wheel_spread": 1.5, "start_heading_sd_rad": 0.1}')
-    values, limits = read_reality(tmp_path / "reality.json"), ada.carsim.limits().numbers
+    values, limits = read_reality(tmp_path / "reality.json", "multibody"), ada.carsim.limits().numbers
     real = [
         real_run(one.experiment, one.nominal, ada.scene, values, sample, limits, car)
         for one, sample, car in ((ada, 0, "Ada"), (again, 1, "Ada"), (ada, 0, "Ben"))

@@ -6,7 +6,7 @@ import random
 import subprocess
 import sys
 from collections.abc import Callable
-from itertools import product
+from itertools import permutations, product
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ import shapely
 
 import foldcar
 from conftest import STEP_PYRAMIDS
+from foldcar.analysis.stopping import evidence_of_worse
 from foldcar.calibration.parameters import PARAMETERS
 from foldcar.car.design import compose
 from foldcar.car.folded_car import folded_car
@@ -180,6 +181,60 @@ def test_objectives_make_failing_at_once_no_gain() -> None:
     assert OBJECTIVES["energy"].value is not None and math.isinf(OBJECTIVES["energy"].value([tipped], 30.0))
 
 
+def row(time_s: float | None, energy_j: float = 5.0) -> Row:
+    """A run that passed in this time; None: it tipped."""
+    return Row("tipped" if time_s is None else "passed", 30.0 if time_s is None else time_s, energy_j)
+
+
+@pytest.mark.parametrize("name", ["success", "time", "energy"])
+def test_the_excess_sums_to_what_a_design_is_worse_than_the_best(name: str) -> None:
+    """Of equally many runs: 0 where both are as good, above 0 where the best is better, and never below its bound."""
+    objective, draw = OBJECTIVES[name], random.Random(4)
+    assert objective.value is not None
+    for _ in range(50):
+        pair = [[row(draw.choice([None, draw.uniform(1, 30)]), draw.uniform(1, 9)) for _ in range(12)] for _ in "ab"]
+        mine, best = (objective.value(rows, 30.0) for rows in pair)
+        if not all(map(math.isfinite, (mine, best))):
+            continue
+        found, most_better = objective.excess(*pair, 30.0)
+        assert min(found) >= -most_better - 1e-9 and sum(objective.excess(pair[1], pair[1], 30.0)[0]) == 0
+        apart = best - mine if objective.largest else mine - best
+        assert math.copysign(1, round(sum(found), 9)) == math.copysign(1, round(apart, 9))
+    rejected = Row("rejected", None, None)
+    assert objective.excess([rejected, row(3.0)], [row(3.0), rejected, row(3.0)], 30.0)[0] == [0, 0]
+
+
+def test_of_designs_that_end_as_good_as_the_best_few_are_left_early() -> None:
+    """The evidence is 1 on average over all orders where the design ends equal: so it reaches 10 in a tenth at most."""
+    for equal in ([1, 1, -1, -1, 0, 0], [0.4, -1, 0.3, 0.3, -0.5, 0.5], [0, 0, 0]):
+        orders = list(permutations(equal))
+        for n in range(1, len(equal) + 1):
+            found = [evidence_of_worse(order[:n], len(equal), 1.0) for order in orders]
+            assert sum(found) / len(found) == pytest.approx(1)
+    # What is left cannot make up for it: three environments of at most -1 each.
+    assert evidence_of_worse([1] * 4, 6, 1.0) == math.inf and evidence_of_worse([0, 0, 1], 9, 0.0) == math.inf
+    draw = random.Random(5)
+    left, worse = 0, 0
+    for _ in range(1000):
+        equal = [1] * 6 + [-1] * 6 + [0] * 28
+        draw.shuffle(equal)
+        left += any(evidence_of_worse(equal[: 4 * k], 40, 1.0) >= 10 for k in range(1, 10))
+        worse += evidence_of_worse([float(draw.random() < 0.6) for _ in range(12)], 40, 1.0) >= 10
+    assert left <= 100 and worse > 700
+
+
+def test_a_design_that_fails_where_the_best_passes_is_left_early(listing: Path) -> None:
+    (experiment,) = read_study(listing).experiments
+    proposals = Proposals(experiment.family, [OBJECTIVES["success"]], "random", 1, 6)
+    assert proposals.next() is not None and not proposals.worse([row(None)] * 3, 30.0)
+    proposals.tell([0.9], [row(3.0)] * 27 + [row(None)] * 3, False, 5.0)
+    assert proposals.next() is not None
+
+    looks = [proposals.worse([row(None)] * n, 30.0) for n in (1, 3, 6)]
+
+    assert looks == [False, False, True] and not proposals.worse([row(3.0)] * 29, 30.0)
+
+
 def test_the_film_is_that_of_the_flat_pieces() -> None:
     design = compose("W_B_W", {"width": 105, "radius": 56})
     area = 0.0
@@ -210,7 +265,7 @@ def test_nsga2_and_a_grid_propose_each_design_once(listing: Path) -> None:
         seen = []
         while (values := proposals.next()) is not None:
             seen.append(values)
-            proposals.tell([0.5], 3, False, 30.0)
+            proposals.tell([0.5], [row(None)] * 3, False, 30.0)
         assert len(seen) == len(set(seen)) == len(experiment.family), sampler
 
 

@@ -1,16 +1,19 @@
 """Simulation against trials of built cars, design by design: rates, gaps, ranks, and what follows from them in words.
 
 Input: a store, or its evidence. Output: a Comparison of each experiment. A gap is trials minus simulation. The gaps of
-one experiment hold together with 95 %: each is wider than a single one would be.
+one experiment and their mean hold together with 95 %: each is wider than a single one would be.
 """
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy
+from numpy.typing import NDArray
 
 from foldcar.advice.evidence import Design, DesignEvidence, Evidence, read_evidence, swept_ids, unswept_trials
+from foldcar.analysis.contradictions import contradictions
 from foldcar.analysis.gap import (
     AGREES,
     DRAWS,
@@ -143,8 +146,8 @@ def _experiment(evidence: Evidence, margin: float) -> ExperimentComparison:
         rows = tuple(DesignComparison(one, _driven(one)) for one in driven)
         return ExperimentComparison(info, rows, f"Nothing to compare: {why}", remarks)
     both = [one for one in driven if one.runs]
-    # Bonferroni: all gaps of the experiment hold together.
-    together = 1 - (1 - CONFIDENCE) / max(1, len(both))
+    # Bonferroni: all gaps of the experiment and their mean hold together; of one design the mean is its gap.
+    together = 1 - (1 - CONFIDENCE) / (len(both) + 1 if len(both) > 1 else 1)
     pooled = _pooled(evidence)
     compared = tuple(_design(one, pooled.get(one.label), together, margin) for one in driven)
     if not both:
@@ -155,7 +158,7 @@ def _experiment(evidence: Evidence, margin: float) -> ExperimentComparison:
         )
         return ExperimentComparison(info, compared, f"Nothing to compare: {why}", remarks)
     cars = [one.cars for one in both if one.cars is not None]
-    mean = mean_gap([one.simulated(CONFIDENCE) for one in both], [one.rate(CONFIDENCE) for one in cars])
+    mean = mean_gap([one.simulated(together) for one in both], [one.rate(together) for one in cars])
     random = numpy.random.default_rng(0)
     ranks = rank_agreement(
         [(one.runs_passed, one.runs) for one in both],
@@ -163,7 +166,10 @@ def _experiment(evidence: Evidence, margin: float) -> ExperimentComparison:
         numpy.column_stack([one.draws(DRAWS, random) for one in cars]),
     )
     verdict, sentence = _verdict(compared, mean, margin, info.simulation)
-    if len(_poolable(evidence)) > MOST_POOLED:
+    some = _poolable(evidence)
+    against = contradictions(*_counts(evidence, some), [one.cars for one in some])
+    remarks = (*remarks, *against.remark([one.label for one in some]))
+    if len(some) > MOST_POOLED:
         remarks = (*remarks, f"Rates are not pooled: more than {MOST_POOLED} designs of the family were driven.")
     return ExperimentComparison(info, compared, sentence, remarks, ranks, mean, verdict)
 
@@ -183,10 +189,17 @@ def _pooled(evidence: Evidence) -> dict[str, Rate]:
     some = _poolable(evidence)
     if not 2 <= len(some) <= MOST_POOLED:
         return {}
+    rates = pooled_bias(*_counts(evidence, some), [one.cars for one in some]).rates(CONFIDENCE)
+    return {one.label: rate for one, rate in zip(some, rates, strict=True)}
+
+
+def _counts(evidence: Evidence, some: Sequence[DesignEvidence]) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+    """Parameters (designs, k) of ``some`` designs, their runs and trials (designs, 2)."""
     x = [[float(one.design[name]) for name in evidence.parameters] for one in some]
     runs, trials = [(one.runs_passed, one.runs) for one in some], [(one.trials_passed, len(one.trials)) for one in some]
-    rates = pooled_bias(x, runs, trials, [one.cars for one in some]).rates(CONFIDENCE)
-    return {one.label: rate for one, rate in zip(some, rates, strict=True)}
+    parameters, *counts = (numpy.array(rows, dtype=float) for rows in (x, runs, trials))
+    found, counted = (one.reshape(len(some), 2) for one in counts)
+    return parameters.reshape(len(some), len(evidence.parameters)), found, counted
 
 
 def _poolable(evidence: Evidence) -> list[DesignEvidence]:

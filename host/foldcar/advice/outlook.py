@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from foldcar.advice.evidence import DesignEvidence, Evidence
+from foldcar.analysis.contradictions import NONE, Contradictions, contradictions
 from foldcar.analysis.gaussian_process import success_model
 from foldcar.analysis.pooled_bias import MOST_POOLED, pooled_bias
 from foldcar.analysis.rate import Rate
@@ -29,8 +30,9 @@ class Outlook:
 
     ``parameters`` (D, k); ``runs`` and ``trials`` (D, 2) passed and all; ``draws`` (draws, D) of the true rates;
     ``passed`` (D, environments): what simulation says in each, NaN where there is no run; ``samples`` (environments,).
-    ``pooled`` are the rates that trials and simulation give together, None before two designs were driven. ``smooth``
-    (D, 3) is simulation's success with its band (rate, low, high): smooth over one or two parameters, else each design's.
+    ``pooled`` are the rates that trials and simulation give together, None before two designs, or all, were driven.
+    ``smooth`` (D, 3) is simulation's success with its band (rate, low, high): smooth over one or two parameters, else
+    each design's. ``contradicting``: designs whose trials contradict the others'.
     """
 
     designs: tuple[DesignEvidence, ...]
@@ -43,6 +45,7 @@ class Outlook:
     pooled: tuple[Rate, ...] | None
     thinned: int
     smooth: NDArray[Any]
+    contradicting: Contradictions = NONE
 
     @property
     def rates(self) -> NDArray[Any]:
@@ -75,10 +78,13 @@ def outlook(evidence: Evidence) -> Outlook | None:
     thinned = len(family) + len(others) - len(designs)
     # Threads for matrices of some tens of rows only wait for each other.
     with threadpool_limits(1):
-        bias = pooled_bias(x, runs, trials, [one.cars for one in designs])
-        pooled = tuple(bias.rates()) if (trials[:, 1] > 0).sum() > 1 else None
+        cars = [one.cars for one in designs]
+        bias = pooled_bias(x, runs, trials, cars)
+        # Of one driven design nothing is pooled: enough where there is no other.
+        pooled = tuple(bias.rates()) if (trials[:, 1] > 0).sum() >= min(2, len(designs)) else None
         draws, smooth = bias.draws(DRAWS), _smooth(designs, x, runs)
-    return Outlook(tuple(designs), x, runs, trials, draws, samples, passed, pooled, thinned, smooth)
+        contradicting = contradictions(x, runs, trials, cars)
+    return Outlook(tuple(designs), x, runs, trials, draws, samples, passed, pooled, thinned, smooth, contradicting)
 
 
 def _thinned(family: Sequence[DesignEvidence], told: set[int]) -> list[DesignEvidence]:

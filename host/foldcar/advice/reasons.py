@@ -1,6 +1,6 @@
 """Why a design is worth building, in words."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy
@@ -15,6 +15,8 @@ from foldcar.store.info import ExperimentInfo
 
 # Differences of rates that are worth a word.
 WORTH = 0.15
+# Undecided designs that are named.
+NAMED = 3
 
 _FIRST = {
     selection.MIDDLE: "the middle of the feasible region: if it fails, simulation is wrong where it is surest",
@@ -35,6 +37,41 @@ class Parting:
 
     difference: float
     between: str
+
+
+@dataclass(frozen=True, slots=True)
+class Undecided:
+    """A design that may reach the threshold or not; ``at`` it: within the precision on both sides.
+
+    Some ``trials`` more would tell, as likely as not.
+    """
+
+    label: str
+    design: Mapping[str, float | str]
+    at: bool
+    trials: int
+
+
+def undecided_text(undecided: Sequence[Undecided], precision: float) -> str:
+    """Which designs are left undecided and what deciding takes, as a clause."""
+    if not undecided:
+        return "which is decided for every design"
+    parts = []
+    for at in (True, False):
+        some = sorted((one for one in undecided if one.at == at), key=lambda one: one.trials)
+        if some:
+            stand = "stand" + "s" * (len(some) == 1)
+            how = f"{stand} within {points(precision, sign=False)} points of it" if at else "may reach it or not"
+            more = [count(len(some) - NAMED, "further design")] if len(some) > NAMED else []
+            first = f" of {some[0].label}" if len(some) > 1 else ""
+            tell = f"some {_rounded(some[0].trials)} more trials{first} would tell as likely as not"
+            parts.append(f"{listed([*(one.label for one in some[:NAMED]), *more])} {how} ({tell})")
+    return " and ".join(parts)
+
+
+def _rounded(number: int) -> str:
+    step = 10 ** max(0, len(str(number)) - 2)
+    return f"{-(-number // step) * step:,}"
 
 
 def between(one: ExperimentInfo, other: ExperimentInfo) -> str:

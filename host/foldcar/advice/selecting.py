@@ -8,23 +8,30 @@ whose trials would tell most about which design is best and which ones reach the
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy
 from threadpoolctl import threadpool_limits
 
 from foldcar.advice.evidence import Design, DesignEvidence, Evidence, read_evidence
 from foldcar.advice.outlook import Outlook, outlook
-from foldcar.advice.reasons import Parting, between, first_reason, next_reason, region_text
+from foldcar.advice.reasons import Parting, Undecided, between, first_reason, next_reason, region_text, undecided_text
+from foldcar.analysis.built_cars import PRIOR, SPREADS
 from foldcar.analysis.pooled_bias import MOST_POOLED
 from foldcar.analysis.rate import Rate, rate_interval
 from foldcar.analysis.selection import (
+    Effort,
     Placed,
     choose,
+    correlation_within_cars,
     expected_loss,
     first_designs,
+    gain_per_hour,
     honest_best,
+    least_effort,
     telling_environments,
     trials_needed,
+    trials_to_tell,
 )
 from foldcar.analysis.words import count, listed, percent, points, rate_text
 from foldcar.car.design import compose, parameters
@@ -37,6 +44,8 @@ from foldcar.store.reader import Store
 BUILD, THRESHOLD, PRECISION = 4, 0.75, 0.15
 # Trials whose information is compared between designs: what an afternoon allows.
 ROUND_TRIALS = 10
+# It is enough when an hour of work wins less (0 to 1) of success by a better leader, or of designs put right.
+LEAST_GAIN = 0.01
 NEXT = "next"
 MACHINE = "silhouette"
 # Assumptions, to be replaced by one's own experience: a desktop cutter in film (mm/s), folding, wiring and finding the
@@ -51,7 +60,7 @@ BASIS = (
 
 @dataclass(frozen=True)
 class Cost:
-    """``sheets`` of film, 0 for a car that is built already; ``minutes`` for the car and its trials."""
+    """``sheets`` of film, 0 where no car is to be built; ``minutes`` for the cars and the trials."""
 
     sheets: int
     minutes: int
@@ -61,9 +70,9 @@ class Cost:
 class Recommendation:
     """A design to try. ``place`` is one of :mod:`foldcar.analysis.selection`, or NEXT after trials; ``reason`` says why.
 
-    ``expected`` is the rate that trials and simulation give together, None before two designs were driven. ``trials``
-    more bring its interval to the precision asked for; ``built``: trials of this design are there. ``cost`` None: the
-    car cannot be cut, or was not nested.
+    ``expected`` is the rate that trials and simulation give together, None before two designs were driven. ``cars`` more
+    and ``trials`` more in all bring its interval to the precision asked for; ``built``: trials of this design are there.
+    ``cost`` None: the car cannot be cut, or was not nested.
     """
 
     label: str
@@ -74,6 +83,7 @@ class Recommendation:
     expected: Rate | None
     built: bool
     trials_done: int
+    cars: int
     trials: int
     cost: Cost | None
 
@@ -82,10 +92,11 @@ class Recommendation:
 class Selection:
     """The advice for one experiment: the answer in ``sentence``, then what it rests on.
 
-    ``enough`` says that trials decide already; then there are no recommendations. ``environments`` are the samples to set
-    up for all recommended designs, ``telling`` of them tell the designs apart in simulation. ``leader``: the best design
-    by trials and simulation together; ``loss``: how much (0 to 1) it lacks on average to the best there may be. Both are
-    None before trials.
+    ``enough`` says that more trials are not worth their time; then there are no recommendations. ``environments`` are the
+    samples to set up for all recommended designs, ``telling`` of them tell the designs apart in simulation. ``leader``:
+    the best design by trials and simulation together; ``loss``: how much (0 to 1) it lacks on average to the best there
+    may be. ``gain``: what an hour of work wins at most, as LEAST_GAIN. All three are None before trials. ``undecided``:
+    the designs whose interval holds the threshold.
     """
 
     info: ExperimentInfo
@@ -97,6 +108,8 @@ class Selection:
     enough: bool
     leader: Design | None
     loss: float | None
+    gain: float | None
+    undecided: tuple[Undecided, ...]
     sentence: str
     remarks: tuple[str, ...]
 
@@ -134,7 +147,8 @@ def select_evidence(
         limit = threshold if threshold is not None else max(one.info.thresholds, default=THRESHOLD)
         seen = outlook(one) if one.info.success_defined else None
         if seen is None:
-            found.append(Selection(one.info, limit, precision, (), (), 0, False, None, None, _nothing(one), one.remarks))
+            nothing = None, None, None, (), _nothing(one)
+            found.append(Selection(one.info, limit, precision, (), (), 0, False, *nothing, one.remarks))
         else:
             choice = _Choice(one, evidence, seen, limit, precision)
             # Threads for matrices of some tens of rows only wait for each other.
@@ -162,11 +176,11 @@ class _Choice:
     precision: float
 
     def selection(self, build: int, with_cost: bool) -> Selection:
-        seen, enough, leader, loss = self.seen, False, None, None
+        seen, enough, leader, loss, gain = self.seen, False, None, None, None
         if seen.driven:
             best, loss = expected_loss(seen.draws)
-            leader = seen.designs[best].design
-            enough = not self._open().any() and loss <= self.precision
+            leader, gain = seen.designs[best].design, self._gain
+            enough = seen.pooled is not None and loss <= self.precision and gain < LEAST_GAIN
         placed = [] if enough else self._placed(build)
         recommended = tuple(self._recommendation(one, with_cost) for one in placed)
         rows = [one.index for one in placed]
@@ -179,8 +193,9 @@ class _Choice:
         info, remarks = self.evidence.info, self._remarks(recommended, wanted, len(samples))
         sentence = self._sentence(recommended, enough, loss)
         return Selection(
-            info, self.threshold, self.precision, recommended, samples, telling, enough, leader, loss, sentence, remarks
-        )
+            info, self.threshold, self.precision, recommended, samples, telling, enough, leader, loss, gain,
+            self._undecided, sentence, remarks,
+        )  # fmt: skip
 
     def _placed(self, build: int) -> list[Placed]:
         """The designs, the most useful first."""
@@ -188,7 +203,8 @@ class _Choice:
         if not seen.driven:
             first = first_designs(seen.parameters, seen.smooth[:, 0], self._doubt(), self.threshold)[:build]
         taken = [one.index for one in first]
-        more = choose(seen.draws, self.threshold, ROUND_TRIALS, build - len(first), taken)
+        zone = self.precision if seen.driven else 0.0
+        more = choose(seen.draws, self.threshold, ROUND_TRIALS, build - len(first), taken, zone=zone)
         return [*first, *(Placed(index, NEXT) for index in more)]
 
     def _doubt(self) -> numpy.typing.NDArray[numpy.float64]:
@@ -215,26 +231,56 @@ class _Choice:
                     found.append(Parting(difference, between(here, info)))
         return max(found, key=lambda one: abs(one.difference), default=None)
 
-    def _open(self) -> numpy.typing.NDArray[numpy.bool_]:
-        """The designs whose rate may lie on both sides of the threshold."""
-        if self.seen.pooled is None:
-            return numpy.ones(len(self.seen.designs), dtype=bool)
-        return numpy.array([rate.low < self.threshold <= rate.high for rate in self.seen.pooled])
+    @cached_property
+    def _gain(self) -> float:
+        """What an hour of work wins at most."""
+        car_min = numpy.where(self.seen.trials[:, 1] > 0, 0.0, ASSEMBLY_MIN)
+        each_min = [trial_min(one.mean_time_s) for one in self.seen.designs]
+        return gain_per_hour(self.seen.draws, self.threshold, self.precision, car_min, each_min)
+
+    @cached_property
+    def _undecided(self) -> tuple[Undecided, ...]:
+        """The designs whose rate may lie on both sides of the threshold, or is not to be trusted."""
+        seen, limit, zone, found = self.seen, self.threshold, self.precision, []
+        for index, (one, known) in enumerate(zip(seen.designs, seen.pooled or (), strict=False)):
+            doubted = index in seen.contradicting.beside
+            if doubted or known.low < limit <= known.high:
+                more = max(1, trials_to_tell(seen.draws[:, index], limit) - len(one.trials))
+                at = not doubted and limit - zone <= known.low and known.high <= limit + zone
+                found.append(Undecided(one.label, one.design, at, more))
+        return tuple(found)
+
+    def _car_sd(self, design: DesignEvidence) -> float | None:
+        """The standard deviation over cars of the log-odds, as simulated cars have it; None if none were simulated.
+
+        Of designs without simulated cars it is the mean of the others'.
+        """
+        known = [float(one.spread @ SPREADS) for one in self.seen.designs if one.spread is not PRIOR]
+        own = None if design.spread is PRIOR else float(design.spread @ SPREADS)
+        return own if own is not None or not known else sum(known) / len(known)
 
     def _recommendation(self, placed: Placed, with_cost: bool) -> Recommendation:
         seen, index = self.seen, placed.index
         one = seen.designs[index]
         expected = None if seen.pooled is None else seen.pooled[index]
         done = len(one.trials)
-        trials = max(1, trials_needed(seen.draws[:, index], self.precision) - done)
+        needed, spread = trials_needed(seen.draws[:, index], self.precision), self._car_sd(one)
+        alike = 0.0 if spread is None else correlation_within_cars(seen.draws[:, index], spread)
+        driven = [] if one.cars is None else one.cars.counted.astype(int).tolist()
+        known = sum(each / (1 + (each - 1) * alike) for each in driven)
+        each_min = trial_min(one.mean_time_s)
+        effort = least_effort(max(needed, int(known) + 1), alike, ASSEMBLY_MIN, each_min, driven)
         if placed.place == NEXT:
             reason = next_reason(seen, index, self.threshold, self._parted(one))
         else:
             reason = first_reason(placed.place, one, self.evidence.info.simulation, self._parted(one))
-        price = cost(one.vehicle_type, one.design, trials, one.mean_time_s, bool(done)) if with_cost else None
+        if effort.cars + bool(done) > 1:
+            reason += f"; {effort.each} trials of each car, as cars of one design differ"
+        price = cost(one.vehicle_type, one.design, effort, one.mean_time_s) if with_cost else None
         return Recommendation(
-            one.label, one.design, placed.place, reason, one.simulated(), expected, bool(done), done, trials, price
-        )
+            one.label, one.design, placed.place, reason, one.simulated(), expected, bool(done), done, effort.cars,
+            effort.trials, price,
+        )  # fmt: skip
 
     def _remarks(self, recommended: Sequence[Recommendation], wanted: int, environments: int) -> tuple[str, ...]:
         seen, info = self.seen, self.evidence.info
@@ -253,6 +299,7 @@ class _Choice:
             remarks.append(f"{left}{most}.")
         if environments < wanted:
             remarks.append(f"Only {environments} environments are left that no chosen car has met: sweep more of them.")
+        remarks += seen.contradicting.remark([one.label for one in seen.designs])
         return (*remarks, *self.evidence.remarks)
 
     def _sentence(self, recommended: Sequence[Recommendation], enough: bool, loss: float | None) -> str:
@@ -270,19 +317,23 @@ class _Choice:
         leads = f"by trials and {simulation} together {seen.designs[best].label} leads{shown}"
         loses = f"to settle for it loses {points(loss, sign=False)} points on average against the best there may be"
         if not enough:
-            return f"Next, try {named}: {leads}; {loses}."
-        rates = zip(seen.designs, seen.pooled or (), strict=True)
-        above = [one.label for one, known in rates if known.low >= self.threshold]
+            return f"Next, try {named}: {leads}; {loses}, and an hour of work may win {100 * self._gain:.1f}."
+        rates, unsure = zip(seen.designs, seen.pooled or (), strict=True), {one.label for one in self._undecided}
+        above = [one.label for one, known in rates if known.low >= self.threshold and one.label not in unsure]
         reach = f"{listed(above)} reach" if len(above) > 1 else f"{above[0] if above else 'no design'} reaches"
-        return f"Enough: {reach} {limit}, which is decided for every design; {leads}; {loses}."
+        rest, worth = undecided_text(self._undecided, self.precision), points(LEAST_GAIN, sign=False)
+        return f"Enough: {reach} {limit}, {rest}; {leads}; {loses}, and an hour of work wins less than {worth} point."
 
 
-def cost(
-    vehicle_type: str, design: Mapping[str, float | str], trials: int, drive_s: float | None, built: bool
-) -> Cost | None:
-    """The cost of a car with ``trials`` of ``drive_s`` each (None: unknown, then without); None if it cannot be cut."""
-    driving_min = trials * (PLACING_MIN + (drive_s or 0.0) / 60)
-    if built:
+def trial_min(drive_s: float | None) -> float:
+    """The minutes of a trial of ``drive_s`` (None: unknown, then without)."""
+    return PLACING_MIN + (drive_s or 0.0) / 60
+
+
+def cost(vehicle_type: str, design: Mapping[str, float | str], effort: Effort, drive_s: float | None) -> Cost | None:
+    """The cost of cars and trials of ``drive_s`` each (None: unknown); None if they cannot be cut."""
+    driving_min = effort.trials * trial_min(drive_s)
+    if not effort.cars:
         return Cost(0, math.ceil(driving_min))
     # Sheets take half a second to import, and a report has none.
     from foldcar.fabrication.patterns.options import options
@@ -295,4 +346,4 @@ def cost(
     except (FoldcarError, KeyError, ValueError):
         return None
     cutting_min = cut.cut_length_mm / CUTTING_MM_S / 60
-    return Cost(len(cut.sheets), math.ceil(cutting_min + ASSEMBLY_MIN + driving_min))
+    return Cost(effort.cars * len(cut.sheets), math.ceil(effort.cars * (cutting_min + ASSEMBLY_MIN) + driving_min))

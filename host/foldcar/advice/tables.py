@@ -36,8 +36,9 @@ def selection_object(one: Selection) -> dict[str, Any]:
     """The selection as plain data; what is unknown is None."""
     plain = {
         name: getattr(one, name)
-        for name in ("threshold", "precision", "enough", "loss", "sentence", "environments", "telling", "remarks")
+        for name in ("threshold", "precision", "enough", "loss", "gain", "sentence", "environments", "telling", "remarks")
     }
+    plain["undecided"] = [{**asdict(design), "design": dict(design.design)} for design in one.undecided]
     designs = [{**asdict(design), "design": dict(design.design)} for design in one.recommendations]
     leader = None if one.leader is None else dict(one.leader)
     return {"experiment": one.info.id, **plain, "leader": leader, "recommendations": designs}
@@ -103,7 +104,7 @@ def _compared(experiment: str, one: DesignComparison) -> dict[str, Any]:
 
 def _selected(one: Selection, rank: int, design: Recommendation) -> dict[str, Any]:
     row: dict[str, Any] = {"experiment": one.info.id, "rank": rank, **design.design, "place": design.place}
-    row |= {"reason": design.reason, "built": design.built, "trials_done": design.trials_done, "trials": design.trials}
+    row |= {name: getattr(design, name) for name in ("reason", "built", "trials_done", "cars", "trials")}
     row |= _ends({"simulated": design.simulated, "expected": design.expected})
     row |= {part: None if design.cost is None else getattr(design.cost, part) for part in ("sheets", "minutes")}
     return row | {"environments": " ".join(str(sample) for sample in one.environments[: design.trials])}

@@ -86,6 +86,14 @@ class BuiltCars:
         """Draws (number,) of the rate of a further car."""
         return self._quantiles(random.random(number))
 
+    def count_draws(self, rates: NDArray[Any], random: numpy.random.Generator) -> NDArray[Any]:
+        """Draws (n,) of how many of as many trials of as many other cars pass, by rates (n,) of the design."""
+        spread = random.choice(SPREADS, (len(rates), len(self.counted)), p=self.weights)
+        centre = numpy.sqrt(1 + SLOPE * spread**2) * numpy.log(rates / (1 - rates))[:, None]
+        log_odds = centre + self.shift + spread * random.standard_normal(spread.shape)
+        found: NDArray[Any] = random.binomial(self.counted.astype(int), 1 / (1 + numpy.exp(-log_odds))).sum(axis=1)
+        return found
+
     def _quantiles(self, parts: Sequence[float] | NDArray[Any]) -> NDArray[Any]:
         logs = likelihood([self])(FINE)[:, 0] + JEFFREYS
         density = numpy.exp(logs - logs.max())

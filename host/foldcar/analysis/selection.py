@@ -5,6 +5,7 @@ several. An edge is a feasible design beside one that is not, the middle is the 
 not and from the ends of the range. Later ones go by draws of the true rates (:mod:`foldcar.analysis.pooled_bias`).
 """
 
+import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -19,6 +20,11 @@ MIDDLE, LOWER_EDGE, UPPER_EDGE, EDGE, BELOW, ABOVE, OUTSIDE, BEST, END = (
     "middle", "lower edge", "upper edge", "edge", "below", "above", "outside", "best", "end of the range",
 )  # fmt: skip
 MOST_TRIALS = 10_000
+# The most trials of one car that may stand for a trial of many.
+MOST_EACH = 10
+LEAST_DESIGNS, MOST_WEIGHED = 20, 240_000
+# Numbers of trials of one car whose worth is weighed.
+BATCHES = (10, 40)
 # The normal quantile of 0.975.
 Z = 1.959963984540054
 
@@ -122,24 +128,46 @@ class Value:
     threshold: NDArray[Any]
 
 
-def value_of_trials(draws: ArrayLike, threshold: float, trials: int) -> Value:
-    """The value of ``trials`` trials of each design, over how many of them would pass; ``draws`` (draws, designs)."""
-    from scipy.stats import binom
+def value_of_trials(draws: ArrayLike, threshold: float, trials: int, zone: float = 0.0) -> Value:
+    """The value of ``trials`` trials of each design, over how many of them would pass; ``draws`` (draws, designs).
+
+    Within ``zone`` of the threshold (0 to 1) no side is wrong.
+    """
+    from scipy.special import gammaln
 
     p = numpy.asarray(draws, dtype=float)
-    reached = (p >= threshold).astype(float)
+    above, below = (p >= threshold + zone).astype(float), (p < threshold - zone).astype(float)
     now = numpy.max(p.mean(axis=0))
-    wrong_now = numpy.minimum(reached.mean(axis=0), 1 - reached.mean(axis=0)).mean()
+    wrong_now = numpy.minimum(above.mean(axis=0), below.mean(axis=0)).mean()
     choice, right = numpy.zeros(p.shape[1]), numpy.zeros(p.shape[1])
-    for design in range(p.shape[1]):
+    sides, rates = numpy.hstack([p, above, below]), p.clip(1e-12, 1 - 1e-12)
+    passed = numpy.arange(trials + 1)[:, None]
+    ways = gammaln(trials + 1) - gammaln(passed + 1) - gammaln(trials - passed + 1)
+    for design, (log_pass, log_fail) in enumerate(zip(numpy.log(rates).T, numpy.log1p(-rates).T, strict=True)):
         # Rows: outcomes of the trials; columns: draws, by their weight once the outcome is known.
-        chance = binom.pmf(numpy.arange(trials + 1)[:, None], trials, p[:, design]) / len(p)
-        choice[design] = (chance @ p).max(axis=1).sum() - now
-        above = chance @ reached
-        below = chance.sum(axis=1, keepdims=True) - above
-        right[design] = wrong_now - numpy.minimum(above, below).sum(axis=0).mean()
+        chance = numpy.exp(ways + passed * log_pass + (trials - passed) * log_fail) / len(p)
+        then = (chance @ sides).reshape(trials + 1, 3, -1)
+        choice[design] = then[:, 0].max(axis=1).sum() - now
+        right[design] = wrong_now - numpy.minimum(then[:, 1], then[:, 2]).sum(axis=0).mean()
     # Rounding may leave a hair below 0.
     return Value(choice.clip(0), right.clip(0))
+
+
+def gain_per_hour(draws: ArrayLike, threshold: float, zone: float, car_min: ArrayLike, trial_min: ArrayLike) -> float:
+    """What an hour of work wins at most, 0 to 1: the :class:`Value` of one design's trials by their time.
+
+    ``car_min`` (designs,) minutes to build the car, 0 if it is built, ``trial_min`` (designs,) those of a trial. The best
+    of several numbers of trials: one trial may be worth nothing where many are (Frazier and Powell 2010,
+    doi:10.1287/deca.1100.0188). Of a small family a design is a share of 1/LEAST_DESIGNS.
+    """
+    p, found = numpy.asarray(draws, dtype=float), []
+    number = p.shape[1]
+    for trials in BATCHES:
+        # Of many designs some draws are enough.
+        value = value_of_trials(p[:: max(1, p.size // MOST_WEIGHED)], threshold, trials, zone)
+        hours = (numpy.asarray(car_min) + trials * numpy.asarray(trial_min)) / 60
+        found.append(((value.choice + value.threshold * number / max(number, LEAST_DESIGNS)) / hours).max())
+    return float(max(found))
 
 
 def choose(
@@ -149,6 +177,7 @@ def choose(
     number: int,
     chosen: Sequence[int] = (),
     near: NDArray[Any] | None = None,
+    zone: float = 0.0,
 ) -> list[int]:
     """Up to ``number`` more designs, first those whose trials are worth most beside those of the ``chosen`` ones.
 
@@ -158,7 +187,7 @@ def choose(
     """
     p = numpy.asarray(draws, dtype=float)
     # Where nothing is worth a trial the least known designs come first.
-    worth = value_of_trials(p, threshold, trials)
+    worth = value_of_trials(p, threshold, trials, zone)
     value = worth.threshold + 1e-9 + (worth.choice if near is None else 0.0)
     found = list(chosen)
     while len(found) < min(len(chosen) + number, p.shape[1]):
@@ -200,6 +229,62 @@ def trials_needed(rates: ArrayLike, half_width: float) -> int:
         else:
             low = middle + 1
     return low
+
+
+def trials_to_tell(rates: ArrayLike, threshold: float) -> int:
+    """How many trials tell, as likely as not, on which side of the threshold a rate is: the median over ``rates``.
+
+    The score test tells (95 %) if the share p of n trials is so far off that n > z² t (1 - t) / (p - t)². At most
+    MOST_TRIALS.
+    """
+    apart = numpy.abs(numpy.asarray(rates, dtype=float) - threshold)
+    needed = Z**2 * threshold * (1 - threshold) / numpy.maximum(apart, 1e-9) ** 2
+    return min(MOST_TRIALS, int(numpy.median(needed)) + 1)
+
+
+@dataclass(frozen=True)
+class Effort:
+    """``cars`` to build and ``trials`` to drive from now on; each car has ``each`` in the end, or more already."""
+
+    cars: int
+    trials: int
+    each: int
+
+
+def correlation_within_cars(rates: ArrayLike, car_sd: float) -> float:
+    """The correlation of two trials of one car: the part of a trial's variance that lies between cars of a design.
+
+    A car passes with log-odds that are normal over cars, of deviation ``car_sd``; a design's rate, one of ``rates``, is
+    the mean of its cars'. By quadrature about MacKay's centre of the log-odds (1992, doi:10.1162/neco.1992.4.5.720).
+    """
+    p = numpy.asarray(rates, dtype=float).ravel().clip(1e-6, 1 - 1e-6)
+    nodes, weights = numpy.polynomial.hermite_e.hermegauss(40)
+    centre = numpy.log(p / (1 - p)) * numpy.sqrt(1 + numpy.pi * car_sd**2 / 8)
+    cars = 1 / (1 + numpy.exp(-(centre[:, None] + car_sd * nodes)))
+    mean, square = (one @ weights / weights.sum() for one in (cars, cars**2))
+    return float((square - mean**2).mean() / (mean * (1 - mean)).mean())
+
+
+def least_effort(
+    independent: int, correlation: float, car_min: float, trial_min: float, done: Sequence[int] = ()
+) -> Effort:
+    """The quickest way to know a design's rate as well as from so many ``independent`` trials, each of another car.
+
+    m cars with n trials each give the rate a variance of p (1 - p) (1 + (n - 1) ρ) / (m n), ρ being the ``correlation``
+    within cars (Kish 1965, design effect): n trials of one car count as n / (1 + (n - 1) ρ). ``done``: trials of each car
+    that is built; a further one takes ``car_min`` minutes, a trial ``trial_min``.
+    """
+
+    def worth(number: int) -> float:
+        return number / (1 + (number - 1) * correlation)
+
+    found = []
+    for each in range(1, MOST_EACH * independent + 1):
+        left = independent - sum(worth(max(each, number)) for number in done)
+        cars = max(0, math.ceil(left / worth(each) - 1e-9))
+        trials = cars * each + sum(max(0, each - number) for number in done)
+        found.append((cars * car_min + trials * trial_min, Effort(cars, trials, each)))
+    return min(found, key=lambda one: one[0])[1]
 
 
 def _mean_half_width(rates: NDArray[Any], number: int) -> float:

@@ -1,5 +1,6 @@
-"""When enough is known of a design's success rate: what `foldcar sweep --until` goes by."""
+"""When runs have told enough of a design: what `foldcar sweep --until` and `foldcar optimize` go by."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
@@ -13,6 +14,10 @@ from foldcar.analysis.rate import anytime_interval
 # A design is left undecided when the runs that it may still get would decide it with a lower chance.
 LEAST_CHANCE = 0.02
 NEAR_HORIZON = 10
+# Parts of the greatest stake that are betted against a design.
+STAKES = numpy.arange(1, 10)[:, None] / 10
+# Of sums of losses (shares, seconds or joules).
+ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
@@ -87,3 +92,24 @@ def _later_chance(rule: StoppingRule, passed: int, runs: int, then: int) -> floa
     new = numpy.arange(then - runs + 1)
     decided = _decided(rule, then)[passed : passed + len(new)]
     return float(betabinom.pmf(new[decided], then - runs, passed + 0.5, runs - passed + 0.5).sum())
+
+
+def evidence_of_worse(excess: ArrayLike, number: int, most_better: float) -> float:
+    """How strongly a design's first runs say that it ends worse than another over ``number`` environments.
+
+    ``excess`` (n,): its loss less the other's in the environments so far, which are in random order; none is below
+    -``most_better``. If the sum over all environments were 0 or less, this number would reach 1/risk at any time with a
+    probability of at most ``risk``. In the symbols below, x_i being the excess in environment i of N and b
+    ``most_better``, the mean of x_i given those before would then be at most μ_i = -(x_1 + … + x_(i-1)) / (N - i + 1). So
+    Π (1 + c (x_i - μ_i) / (b + μ_i)) is a supermartingale for each stake c of 0 to 1, and so is its mean over STAKES
+    (Ville's inequality; Waudby-Smith and Ramdas 2020, 2006.04347). Infinite where what is left cannot make up for it.
+    """
+    x = numpy.asarray(excess, dtype=float)
+    before = numpy.cumsum(x) - x
+    mean = -before / (number - numpy.arange(len(x)))
+    room = most_better + mean
+    # Without room every environment left must be -b, or the sum is above 0.
+    if ((room < ROUNDING) & (x - mean > ROUNDING)).any():
+        return math.inf
+    gains = numpy.divide(x - mean, room, out=numpy.zeros(len(x)), where=room >= ROUNDING)
+    return float(numpy.prod(1 + STAKES * gains, axis=1).mean())

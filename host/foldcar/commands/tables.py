@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 from rich.console import Console
 
-from foldcar.analysis.words import design_text, percent, points, rank_text
+from foldcar.analysis.words import design_text, points, rank_text
 from foldcar.figures.style import OUTCOME_LABELS
 from foldcar.shown_console import ResultTable, shown_console
 from foldcar.store.trial_records import BUILT, SIMULATED, UNKNOWN, WITHDRAWN, Correction, Trial
@@ -53,9 +53,8 @@ def print_comparison(found: "Comparison") -> None:
             _print_rates(console, one)
             _print_outcomes(console, one.designs)
             if one.mean_gap is not None:
-                together = percent(one.mean_gap.confidence)
                 console.print("these: the cars that drove; further car, pooled: any car of the design, as in simulation")
-                console.print(f"gap: further car minus simulation, points; all gaps hold together with {together}")
+                console.print("gap: further car minus simulation, points; gaps and their mean hold together with 95 %")
         for line in (rank_text(one.ranks), *one.remarks):
             if line:
                 console.print(line)
@@ -123,7 +122,7 @@ def print_selections(found: "Sequence[Selection]") -> None:
 
 def _print_recommended(console: Console, one: "Selection") -> None:
     expected = ["expected %"] * any(design.expected is not None for design in one.recommendations)
-    heads = ("design", "simulated %", *expected, "trials", "sheets", "minutes", "why")
+    heads = ("design", "simulated %", *expected, "trials", "cars", "sheets", "minutes", "why")
     table = ResultTable(*heads, left=("design", "why"))
     for design in one.recommendations:
         table.add_row(
@@ -131,6 +130,7 @@ def _print_recommended(console: Console, one: "Selection") -> None:
             _rate(design.simulated),
             *(_rate(design.expected) for _ in expected),
             f"{design.trials} more" if design.trials_done else str(design.trials),
+            str(design.cars),
             *_prices(design),
             design.reason,
         )

@@ -116,7 +116,7 @@ class Advice:
             if self.rates[best, 0] == 0:
                 return "no design passes a single environment"
             return f"no design passes {share}; the best, {self._name(best)}, passes {percent(self.rates[best, 0])}"
-        sure = self.rates[:, 1] > self.threshold
+        sure = (self.rates[:, 1] > self.threshold) & ~numpy.isin(self.known, self.designs.contradicting.beside)
         if good.all():
             which = "the design passes" if len(good) == 1 else f"every one of {count(len(good), 'design')} passes"
         elif len(self.designs.info.varied) == 1:
@@ -128,7 +128,7 @@ class Advice:
         if not sure.any():
             return f"{which} {share}, but none of them surely (95 %)"
         ranges = self._ranges(sure) if len(self.designs.info.varied) == 1 else f"{sure.sum():,} of them"
-        return f"{which} {share}, {ranges} surely (95 %)"
+        return f"{which} {share}, {ranges} surely (95 % each)"
 
     def _name(self, at: "int | numpy.integer[Any]") -> str:
         return self.designs.names[int(self.known[at])]

@@ -16,6 +16,7 @@ from foldcar.advice.evidence import PairedTrial, by_car, car_remarks, simulated_
 from foldcar.advice.resimulation import Resimulation
 from foldcar.analysis import rate
 from foldcar.analysis.built_cars import BuiltCars
+from foldcar.analysis.contradictions import NONE, Contradictions, contradictions
 from foldcar.analysis.gap import OPTIMISTIC, PESSIMISTIC, mean_gap
 from foldcar.analysis.pooled_bias import MOST_POOLED, PooledBias, pooled_bias
 from foldcar.analysis.rate import Rate
@@ -155,7 +156,10 @@ class Designs:
             "belief": [one and one[0] for one in believed],
             "belief_low": [one and one[1] for one in believed],
             "belief_high": [one and one[2] for one in believed],
-            "verdict": [verdict(one, threshold) for one in believed],
+            "verdict": [
+                "open" if one is not None and at in self.contradicting.beside else verdict(one, threshold)
+                for at, one in enumerate(believed)
+            ],
             "refuted": self.refuted,
             "measures": measures(self.store, self.info, self.designs, self.swept, self.runs),
         }
@@ -197,6 +201,21 @@ class Designs:
         return self.bias if self.tried[known, 1].any() else None
 
     @cached_property
+    def contradicting(self) -> Contradictions:
+        """The driven designs whose trials contradict the others', and those beside them."""
+        known = numpy.flatnonzero(self.counted[:, 1])
+        if not self.info.success_defined or not self.info.varied:
+            return NONE
+        cars = [self.cars[index] for index in known.tolist()]
+        found = contradictions(self._parameters(known), self.counted[known], self.tried[known], cars)
+        return Contradictions(tuple(known[list(found.designs)].tolist()), tuple(known[list(found.beside)].tolist()))
+
+    def _parameters(self, chosen: NDArray[Any]) -> NDArray[Any]:
+        """The varied parameters (chosen, k) of designs by index."""
+        x = numpy.array([[float(self.designs[index][name]) for name in self.values] for index in chosen.tolist()])
+        return x.reshape(len(chosen), len(self.values))
+
+    @cached_property
     def bias(self) -> PooledBias | None:
         """The difference of trials and simulation at the designs with runs, before trials that it may have."""
         known = numpy.flatnonzero(self.counted[:, 1])
@@ -205,9 +224,8 @@ class Designs:
         # Of many driven designs those with most trials tell most.
         told = known[numpy.argsort(-self.tried[known, 1], kind="stable")][:MOST_POOLED]
         trials = numpy.where(numpy.isin(known, told)[:, None], self.tried[known], 0)
-        x = numpy.array([[float(self.designs[index][name]) for name in self.values] for index in known.tolist()])
         cars = [self.cars[index] for index in known.tolist()]
-        return pooled_bias(x.reshape(len(known), -1), self.counted[known], trials, cars)
+        return pooled_bias(self._parameters(known), self.counted[known], trials, cars)
 
     @cached_property
     def refuted(self) -> list[str | None]:

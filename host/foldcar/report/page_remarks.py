@@ -31,6 +31,7 @@ def remarks(designs: Designs, trials: Sequence[Trial], left_out: Counter[str]) -
         more = f"; and {len(info.skipped) - SHOWN} more" if len(info.skipped) > SHOWN else ""
         shown = "; ".join(info.skipped[:SHOWN]) + more
         found.append(f"{count(len(info.skipped), 'car')} of the family cannot be built: {shown}.")
+    found += designs.contradicting.remark(designs.names)
     strange = sum(designs.index_of(trial) is None for trial in trials)
     if strange:
         found.append(f"{count(strange, 'trial')} of cars that do not belong to this family count in no rate here.")
@@ -75,8 +76,7 @@ def stopped_remarks(info: ExperimentInfo) -> list[str]:
     """How many designs are decided, and how to read their rates; nothing after a sweep of all runs."""
     if info.searched:
         early = (
-            " It left designs early that did worse than the best, at a risk of 10 % at each of up to ten looks, not in "
-            "all: a good one may be among them."
+            " It left designs early that did worse than the best: of those that would have ended as good, at most 10 %."
         )
         return [
             "A search chose these designs, so rates of its best are too good as a rule: believe those in fresh "

@@ -19,6 +19,8 @@ from foldcar.search.design_simulator import Row
 Interval = tuple[float, float]
 RESAMPLES = 2000
 CM2 = 0.01
+# No run can be better.
+PERFECT = Row("passed", 0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -26,7 +28,9 @@ class Objective:
     """``value`` takes a design's rows and the time limit (s); ``interval`` the same, and gives its 95 % interval.
 
     The rows are at least one, and none of a rejected run.
-    ``unit`` is empty for shares. Both functions are None for what follows from the design alone.
+    ``each`` takes one row, the time limit and a value of the objective: what the run loses against it, so that a design
+    is as good as that value if the sum over its runs is 0 or less; NaN if unknown.
+    ``unit`` is empty for shares. The functions are None for what follows from the design alone.
     """
 
     name: str
@@ -35,6 +39,19 @@ class Objective:
     meaning: str
     value: Callable[[Sequence[Row], float], float] | None
     interval: Callable[[Sequence[Row], float], Interval] | None
+    each: Callable[[Row, float, float], float] | None
+
+    def excess(self, rows: Sequence[Row], best: Sequence[Row], limit_s: float) -> tuple[list[float], float]:
+        """What each of the ``rows`` loses more than the ``best`` design's run there; by how much it could lose less.
+
+        Rows are in the order of environments, rejected ones among them; without a result of both it is 0.
+        """
+        assert self.each is not None and self.value is not None
+        aim = self.value([row for row in best if row.passed is not None], limit_s)
+        mine, its = ([self.each(row, limit_s, aim) for row in some] for some in (rows, best))
+        known = [one for one in its if math.isfinite(one)]
+        found = [a - b if math.isfinite(a - b) else 0.0 for a, b in zip(mine, its[: len(mine)], strict=True)]
+        return found, max(known, default=0.0) - self.each(PERFECT, limit_s, aim)
 
 
 def _times_s(rows: Sequence[Row], limit_s: float) -> list[float]:
@@ -97,9 +114,19 @@ OBJECTIVES = {
             "success", "", True, "share of runs that pass",
             lambda rows, limit_s: sum(bool(row.passed) for row in rows) / len(rows),
             lambda rows, limit_s: wilson_interval(sum(bool(row.passed) for row in rows), len(rows)),
+            lambda row, limit_s, aim: math.nan if row.passed is None else aim - row.passed,
         ),
-        Objective("time", "s", False, "mean time to pass, the limit where a run does not", _time, _time_interval),
-        Objective("energy", "J", False, "energy drawn in all runs, per run that passed", _energy, _energy_interval),
-        Objective("sheet-area", "cm²", False, "area of the car's flat pieces of film", None, None),
+        Objective(
+            "time", "s", False, "mean time to pass, the limit where a run does not", _time, _time_interval,
+            lambda row, limit_s, aim: math.nan if row.passed is None else _time([row], limit_s) - aim,
+        ),
+        Objective(
+            "energy", "J", False, "energy drawn in all runs, per run that passed", _energy, _energy_interval,
+            lambda row, limit_s, aim: (
+                math.nan if row.passed is None or row.consumed_energy_j is None
+                else row.consumed_energy_j - aim * row.passed
+            ),
+        ),
+        Objective("sheet-area", "cm²", False, "area of the car's flat pieces of film", None, None, None),
     )
 }  # fmt: skip

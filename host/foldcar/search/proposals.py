@@ -17,8 +17,9 @@ import numpy as np
 import optuna
 from optuna.trial import Trial, TrialState
 
+from foldcar.analysis.stopping import evidence_of_worse
 from foldcar.errors import FoldcarError
-from foldcar.search.design_simulator import Values
+from foldcar.search.design_simulator import Row, Values
 from foldcar.search.objectives import Objective, beaten
 from foldcar.study.family import Family
 
@@ -27,8 +28,8 @@ POPULATION = 16
 # After so many proposals in a row that are known, a design is drawn from those that are not.
 MOST_REPEATS = 8
 DRAWS = 2000
+# The probability, over all looks together, that a design is left early that would end as good as the best, or better.
 PRUNING_RISK = 0.1
-LEAST_LOOKS = 2
 # Optuna's constraint: met at 0, violated above.
 BUILDABLE = "buildable"
 
@@ -66,9 +67,8 @@ class Proposals:
         self._left = iter(self._grid)
         self._trial: Trial | None = None
         self._suggested: Values = ()
-        # By batch, of the design under trial and of the best one that was tried in all environments.
-        self._batches: dict[int, float] = {}
-        self._best: tuple[float, dict[int, float]] | None = None
+        # The loss of the best design that was tried in all environments, and its rows.
+        self._best: tuple[float, Sequence[Row]] | None = None
         self.tried: list[Tried] = []
         self.unbuildable: dict[Values, str] = {}
 
@@ -88,7 +88,6 @@ class Proposals:
                 repeats = 0
             self._study.sampler = self._sampler_of(len(self._study.get_trials(deepcopy=False)))
             self._trial = trial = self._study.ask()
-            self._batches = {}
             suggested = {key: trial.suggest_int(key, 0, len(self._levels[key]) - 1) for key in self._varied}
             self._suggested = values = self._values(suggested)
             if values in known:
@@ -101,24 +100,17 @@ class Proposals:
                 known.add(values)
             repeats += 1
 
-    def worse(self, batch: int, value: float) -> bool:
-        """Whether the design under trial is worse than the best, by their values in the batches up to this one.
+    def worse(self, rows: Sequence[Row], limit_s: float) -> bool:
+        """Whether the design under trial is worse than the best by its ``rows`` so far, in the order of environments.
 
-        Batches are the same environments for all. Wilcoxon's signed-rank test, at a risk of PRUNING_RISK; Optuna's pruner
-        permutes equal values, which takes a second.
+        Of the designs that would end as good as the best in all environments, or better, at most PRUNING_RISK are called
+        worse, over all looks (:func:`evidence_of_worse`). The best was chosen by all its runs, which their order, being
+        random, does not tell.
         """
-        from scipy.stats import wilcoxon
-
-        self._batches[batch] = value
-        if self._best is None or len(self._batches) < LEAST_LOOKS:
+        if self._best is None or not math.isfinite(self._best[0]):
             return False
-        best = self._best[1]
-        gains = [here - best[batch] for batch, here in self._batches.items() if batch in best]
-        if not any(gains) or not all(map(math.isfinite, gains)):
-            return False
-        side = "less" if self._objectives[0].largest else "greater"
-        test = wilcoxon(gains, alternative=side, zero_method="zsplit", method="asymptotic")
-        return bool(test.pvalue < PRUNING_RISK)
+        excess, most_better = self._objectives[0].excess(rows, self._best[1], limit_s)
+        return evidence_of_worse(excess, len(self._best[1]), most_better) >= 1 / PRUNING_RISK
 
     def refuse(self, reason: str) -> None:
         """The design under trial has no worth, for a reason that holds whenever it is tried."""
@@ -127,15 +119,15 @@ class Proposals:
         self._trial.set_constraint(BUILDABLE, 1.0)
         self._study.tell(self._trial, state=TrialState.PRUNED)
 
-    def tell(self, objectives: Sequence[float], environments: int, pruned: bool, mean_time_s: float) -> None:
-        """What the design under trial is worth, as Tried has it."""
+    def tell(self, objectives: Sequence[float], rows: Sequence[Row], pruned: bool, mean_time_s: float) -> None:
+        """What the design under trial is worth, as Tried has it; ``rows`` as :meth:`worse`."""
         assert self._trial is not None
         self._trial.set_constraint(BUILDABLE, 0.0)
         self._study.tell(self._trial, list(objectives))
         loss = -objectives[0] if self._objectives[0].largest else objectives[0]
         if not pruned and (self._best is None or loss < self._best[0]):
-            self._best = loss, self._batches
-        self.tried.append(Tried(self._suggested, tuple(objectives), environments, pruned, mean_time_s))
+            self._best = loss, rows
+        self.tried.append(Tried(self._suggested, tuple(objectives), len(rows), pruned, mean_time_s))
 
     def best(self, count: int) -> list[Tried]:
         """The best ``count`` of those tried in all environments; with several objectives, those none beats in all."""

@@ -157,26 +157,23 @@ def _try_designs(
         if values is None:
             found.exhausted = True
             return
-        rows: list[Row] = []
-        made, pruned = 0, False
-        for number, batch in enumerate(batches(experiment.environments)):
-            new = _counted(simulator.rows(values, batch))
-            made += len(batch)
-            rows += new
-            if plan.prune and new and made < experiment.environments:
-                pruned = proposals.worse(number, _value(first, experiment, values, new))
-                if pruned:
-                    break
+        made: list[Row] = []
+        pruned = False
+        for batch in batches(experiment.environments):
+            made += simulator.rows(values, batch)
+            pruned = plan.prune and len(made) < experiment.environments and proposals.worse(made, experiment.timeout_s)
+            if pruned:
+                break
+        found.runs += len(made)
+        rows = _counted(made)
         if not rows:
-            proposals.refuse(no_rate_text(made))
-            found.runs += made
+            proposals.refuse(no_rate_text(len(made)))
             continue
         mean_time_s = _value(OBJECTIVES["time"], experiment, values, rows)
         worth = [_value(one, experiment, values, rows) for one in plan.objectives]
         proposals.tell(worth, made, pruned, mean_time_s)
         found.designs += 1
         found.pruned += pruned
-        found.runs += made
         if not pruned:
             better = max if first.largest else min
             found.best_so_far = worth[0] if found.best_so_far is None else better(found.best_so_far, worth[0])

@@ -40,6 +40,7 @@ TARGETS = {
     "host/foldcar/analysis/engine_bias.py": ["test_rate_statistics.py"],
     "host/foldcar/analysis/gap.py": ["test_compare.py"],
     "host/foldcar/analysis/gaussian_process.py": ["test_gaussian_process.py", "test_success_maps.py"],
+    "host/foldcar/analysis/built_cars.py": ["test_built_cars.py"],
     "host/foldcar/analysis/pooled_bias.py": ["test_gaussian_process.py"],
     "host/foldcar/analysis/rate.py": ["test_rate_statistics.py", "test_sweep_until.py"],
     "host/foldcar/analysis/selection.py": ["test_select.py"],

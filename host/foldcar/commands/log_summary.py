@@ -28,14 +28,15 @@ def print_session(store: Path, numbers: Collection[int]) -> None:
     lines = [f"This session: {count(len(mine), 'trial')} of experiment {experiment}"]
     if counted == SIMULATED:
         lines.append("SIMULATED trials: they count in no rate of built cars.")
-    for design in {(one.vehicle_type, design_text(one.design)): one for one in mine}.values():
+    designs = {(one.vehicle_type, design_text(one.design)): one for one in mine}
+    for (vehicle_type, text), design in designs.items():
         of_design = [one for one in trials if _same_car(one, design) and one.standing == counted and one.completed]
         before = [one for one in of_design if one.id not in numbers]
         now = [one for one in of_design if one.id in numbers]
         others = sum(_same_car(one, design) for one in mine) - len(now)
         more = f"; {count(others, 'more trial')} aborted or withdrawn" if others else ""
         named = [row for one in compared.experiments for row in one.designs if row.design == design.design]
-        label = named[0].label if named else design_text(design.design)
+        label = named[0].label if named else text if len(designs) > 1 else vehicle_type
         lines.append(f"{label}: {_passed(now)} of {len(now)} passed{more}")
         lines.append(f"  by {count(len(of_design), 'trial')} in all {_rate(of_design)}; before, {_rate(before)}")
         for one in compared.experiments:

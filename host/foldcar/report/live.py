@@ -101,7 +101,10 @@ class LiveStudy:
         """Make the data whenever the store has changed and a page polls, until ``ended`` and a page has the last ones."""
         while not ended():
             self._wanted.wait(0.5)
-            if self._wanted.is_set() and time.monotonic() >= self._next_s:
+            # A drive's row says nothing before its end, and a tap to stop must not wait.
+            said = _said(self._path) or {}
+            drives = said.get("placed") and not said.get("ended")
+            if self._wanted.is_set() and time.monotonic() >= self._next_s and not drives:
                 self._wanted.clear()
                 self.refresh()
             elif self._wanted.is_set():
@@ -141,6 +144,9 @@ class LiveStudy:
                 return b"null", infos
             experiments = read_experiments(store, self._options, self._simulated)
             some = [one for one in experiments if one.trials or one.info.stored_runs]
+            if not some:
+                # Trials that do not count, of an experiment that was not swept.
+                return b"null", infos
             data = page_data(store, self._command, some)
         return json.dumps(data, separators=(",", ":"), allow_nan=False).encode(), infos
 
@@ -198,14 +204,22 @@ def _stamp(path: Path) -> tuple[Any, ...]:
 
 def _running_trial(store: Path, picture: str) -> dict[str, Any] | None:
     """What a running `foldcar log` says, with the picture of the placement unless it is that one; None without a log."""
+    said = _said(store)
+    name = "" if said is None else said.get("picture", "")
+    if said is not None and name and name != picture:
+        try:
+            said["picture_png"] = base64.b64encode((logs_folder(store) / Path(name).name).read_bytes()).decode()
+        except OSError:
+            return None
+    return said
+
+
+def _said(store: Path) -> dict[str, Any] | None:
     file = running_trial_file(store)
     try:
         if time.time() - file.stat().st_mtime > SILENT_S:
             return None
         said: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
-        name = said.get("picture", "")
-        if name and name != picture:
-            said["picture_png"] = base64.b64encode((logs_folder(store) / Path(name).name).read_bytes()).decode()
     except (OSError, ValueError):
         return None
     return said

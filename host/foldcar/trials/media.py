@@ -42,10 +42,10 @@ class Arrivals:
         """A trial is being set up."""
         self._begun.append((time.time(), trial))
 
-    def look(self) -> None:
-        """See what has come or grown."""
+    def look(self, at_once: bool = False) -> None:
+        """See what has come or grown, each PERIOD_S or ``at_once``."""
         now_s = time.monotonic()
-        if self._folder is None or not self._begun or now_s < self._next_s:
+        if self._folder is None or not self._begun or (now_s < self._next_s and not at_once):
             return
         self._next_s = now_s + PERIOD_S
         found = dict(self._files())

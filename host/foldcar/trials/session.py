@@ -206,7 +206,7 @@ class Session:
 
     def _take_media(self, writer: TrialWriter, wait: bool = False) -> None:
         """Attach what has come to the folder; ``wait`` for what still grows. Ctrl-C ends the waiting."""
-        self._arrivals.look()
+        self._arrivals.look(at_once=True)
         while wait and (growing := self._arrivals.waiting()):
             say(f"waiting for {', '.join(file.name for file in growing)}, until it grows no more")
             while self._arrivals.waiting() == growing:

@@ -146,7 +146,8 @@ def test_what_stands_on_one_middle_is_one_obstacle() -> None:
     assert [(letter, one.pieces) for letter, one in things.items()] == [("A", (0, 1)), ("B", (2,))]
     rows = {row[0]: row[1:] for row in instructions(scene, things)}
     assert rows["car"][:3] == ("0", "0", "0.0")
-    assert rows["A"][:3] == ("450", "50", "5.7") and rows["A"][5] == ("Bump 200 × 300 mm: box 200 × 300 × 20.0 mm; box 100 × 100 × 20.0 mm")
+    assert rows["A"][:3] == ("450", "50", "5.7")
+    assert rows["A"][5] == "Bump 200 × 300 mm: box 200 × 300 × 20.0 mm; box 100 × 100 × 20.0 mm"
     # A tape from the mark to the hole's middle passes its edge 100 mm before that.
     assert rows["B"] == ("900", "-50", "0.0", "800, -44", "801", "hole 20.0 mm deep, radius 100 mm")
     assert rows["goal"][0] == "1300"

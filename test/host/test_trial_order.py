@@ -31,7 +31,8 @@ def test_the_order_moves_the_fewest_obstacles_of_all_orders() -> None:
     rng = numpy.random.default_rng(3)
     for _ in range(20):
         # Few places, so that some obstacles stay.
-        places = [standing(**{name: (float(rng.integers(3)), float(rng.integers(2))) for name in "ABC"}) for _ in range(5)]
+        drawn = rng.integers([3, 2], size=(5, 3, 2)).astype(float)
+        places = [standing(**{name: (x, y) for name, (x, y) in zip("ABC", one, strict=True)}) for one in drawn.tolist()]
         now, met = places[0], {0: 1}
         driven: list[int] = []
         for _ in range(4):

@@ -19,9 +19,9 @@ from foldcar.car.body import body_json
 from foldcar.car.design import Design
 from foldcar.errors import FoldcarError
 from foldcar.interrupts import at_once
-from foldcar.link.car import Car, CarIdentity, greet
+from foldcar.link.car import CarIdentity
 from foldcar.link.parameters import read_parameters
-from foldcar.link.ports import SERIAL_PATHS, choose_port
+from foldcar.link.ports import choose_port
 from foldcar.link.stream import LinkLostError
 from foldcar.link.tlog import TlogWriter
 from foldcar.outputs import make_output_folder
@@ -33,7 +33,7 @@ from foldcar.store.trial_writer import CarFacts, Drive, TrialWriter, write_trial
 from foldcar.study.environments import Environment
 from foldcar.study.experiments import read_study
 from foldcar.trials.drive_view import KEYS, DriveView
-from foldcar.trials.driving import CTRL_C, DRIVES_ON, DriveEnd, collect, drive
+from foldcar.trials.driving import CTRL_C, DRIVES_ON, DriveEnd, drive
 from foldcar.trials.identity import SIMULATED_TEXT, simulated_sample, welcome
 from foldcar.trials.media import Arrivals, media_kind
 from foldcar.trials.order import Standing, moves_text, next_sample, standing
@@ -47,14 +47,12 @@ from foldcar.trials.placement import (
     placed,
     show_placement,
 )
+from foldcar.trials.plugged_car import PLUGGED, PluggedCar
 from foldcar.trials.recording import AGAIN, QUIT, afterwards, complete_interrupted, record_outcome
 from foldcar.trials.running import RunningTrial
 
 LEAST_FREE_BYTES = 20_000_000
-# With `yes`, how long to wait for an untethered car after its time limit.
-COMES_BACK_S = 60.0
 START: Buttons = (("", "Start"), ("q", "End the session"))
-PLUGGED: Buttons = (("", "It is plugged in"), ("q", "Give up"))
 
 
 @dataclass(frozen=True)
@@ -118,8 +116,7 @@ class Session:
         self._environment = Environment(self._experiment)
         self._answers = Answers(self._idle, taps)
         self._asked = None if options.yes else self._answers
-        self._car: Car | None = None
-        self._port = ""
+        self._plugged = PluggedCar()
         self._running = RunningTrial(options.store)
         self._drawn: set[tuple[str, str]] = set()
         self._scenes: dict[int, tuple[dict[str, Any], dict[str, Obstacle]]] = {}
@@ -132,7 +129,7 @@ class Session:
     def run(self, named_port: str | None) -> None:
         """Drive trials up to the requested number or until the person ends. FoldcarError."""
         options = self._options
-        self._connect(choose_port(named_port))
+        self._plugged.connect(choose_port(named_port))
         try:
             known = self._welcome()
             with write_trials(options.store) as writer:
@@ -154,28 +151,15 @@ class Session:
                 self._take_media(writer, wait=True)
         finally:
             self._running.close()
-            self._disconnect()
-
-    def _connect(self, port: str) -> None:
-        self._car, self._port = greet(port), port
-
-    def _disconnect(self) -> None:
-        """Close the connection, which nothing must use any more."""
-        car, self._car = self._car, None
-        if car is not None:
-            car.connection.close()
-
-    @property
-    def _connected(self) -> Car:
-        assert self._car is not None
-        return self._car
+            self._plugged.close()
 
     def _welcome(self) -> KnownCar:
         """The car, its design, and a simulated car's sample; FoldcarError if it cannot drive the trials."""
         options, experiment = self._options, self._experiment
         identity, design = welcome(
-            self._connected, experiment, self._family, self._carsim, self._asked, options.parameters, options.any_build
-        )
+            self._plugged.connected, experiment, self._family, self._carsim, self._asked, options.parameters,
+            options.any_build,
+        )  # fmt: skip
         sample = None
         if identity.scene is not None:
             sample = simulated_sample(identity.scene, options.sample, lambda k: self._scene(k)[0], experiment)
@@ -192,7 +176,7 @@ class Session:
             self._attach(writer, trial.number, file)
 
         def show(outcome: str) -> None:
-            self._running.show(self._car, outcome=outcome)
+            self._running.show(self._plugged.car, outcome=outcome)
 
         show(trial.stored.outcome)
         number, log, stored = trial.number, trial.log, trial.stored
@@ -247,7 +231,7 @@ class Session:
         self._take_media(writer)
         body = body_json(design)
         settings = experiment.settings(design, body, self._carsim.parameter_table())
-        self._running.show(self._car, placed=True)
+        self._running.show(self._plugged.car, placed=True)
         log = self._log_file(number)
         car = None if identity.simulated is None else SIMULATED if identity.simulated else BUILT
         if identity.simulated and deviations:
@@ -257,7 +241,7 @@ class Session:
             trial_design,
             Drive(body, settings, placed(scene, things, deviations), fingerprint, experiment.program_name, sample),
             deviations,
-            CarFacts(identity.build, identity.hash, self._connected.port, car),
+            CarFacts(identity.build, identity.hash, self._plugged.connected.port, car),
             str(log.relative_to(options.store.parent)),
             options.operator,
         )
@@ -265,13 +249,13 @@ class Session:
         self._standing = standing(scene, things, deviations)
         end = self._drive(settings, begun, log)
         if end.ending == DRIVES_ON:
-            end = self._collect(begun, log, settings["time_limit_s"])
-        self._running.show(self._car, ended=end.ending)
+            end = self._plugged.collect(begun, log, settings["time_limit_s"], self._asked)
+        self._running.show(self._plugged.car, ended=end.ending)
         stored = record_outcome(writer, begun, end, log, options.outcome, options.note, self._asked, mark)
         return _Driven(begun, sample, log, stored, end)
 
     def _drive(self, settings: dict[str, Any], number: int, log: Path) -> DriveEnd:
-        car, options, limit_s = self._connected, self._options, settings["time_limit_s"]
+        car, options, limit_s = self._plugged.connected, self._options, settings["time_limit_s"]
         say(f"Countdown {options.countdown_s} s, then {limit_s:g} s at most. Ctrl-C stops.")
         try:
             with contextlib.closing(TlogWriter(log)) as writer:
@@ -292,26 +276,6 @@ class Session:
         finally:
             car.connection.log = None
 
-    def _collect(self, number: int, log: Path, time_limit_s: float) -> DriveEnd:
-        """Wait until an untethered car is connected again, and fetch its log."""
-        end_s = time.monotonic() + time_limit_s + COMES_BACK_S
-        question = "The car drives on. When it has stopped, plug it in and press Enter, or type its port; q gives up: "
-        while True:
-            typed = "" if self._options.yes else self._answers.line(question, PLUGGED)
-            if typed.lower() == "q":
-                return DriveEnd("did not come back", "aborted", None)
-            try:
-                self._greet_again(typed)
-                if self._connected.state() == self._connected.dialect.FOLDCAR_STATE_RUNNING:
-                    raise LinkLostError("the car still drives")
-                return collect(self._connected, number, log)
-            except FoldcarError as error:
-                if not self._options.yes:
-                    warn(error)
-                elif time.monotonic() > end_s:
-                    return DriveEnd("did not come back", "aborted", None, error)
-            time.sleep(1.0)
-
     def _after_error(self, error: FoldcarError) -> KnownCar:
         """After a lost link, wait for a car; raise every other error, and with ``yes`` all errors."""
         if self._options.yes or not self._answers.is_terminal or not isinstance(error, LinkLostError):
@@ -322,18 +286,10 @@ class Session:
             if typed.lower() == "q":
                 raise error
             try:
-                self._greet_again(typed)
+                self._plugged.connect_again(typed)
                 return self._welcome()
             except FoldcarError as again:
                 warn(again)
-
-    def _greet_again(self, typed: str) -> None:
-        """Connect to the car at the typed port, its last one or a new one: a port's name may change after unplugging."""
-        port = typed or self._port
-        if not typed and port.startswith(SERIAL_PATHS) and not Path(port).exists():
-            port = choose_port(None)
-        self._disconnect()
-        self._connect(port)
 
     def _scene(self, sample: int) -> tuple[dict[str, Any], dict[str, Obstacle]]:
         """A sample's scene and its lettered obstacles."""
@@ -352,7 +308,7 @@ class Session:
             scene = self._scene(sample)
             draw_placement(*scene, known.design, self._carsim, picture, title, self._options.course)
             self._drawn.add((title, known.identity.hash))
-        self._running.show(self._car, picture=picture.name)
+        self._running.show(self._plugged.car, picture=picture.name)
         say(f"picture: {picture}")
 
     @cached_property
@@ -369,8 +325,8 @@ class Session:
 
     def _idle(self) -> None:
         """Keep the link alive while the person types; a lost link is reported by the next command."""
-        if self._car is not None:
+        if self._plugged.car is not None:
             with contextlib.suppress(LinkLostError):
-                self._car.connection.receive(0.0)
-            self._running.show(self._car, question=self._answers.question)
-            self._arrivals.look()
+                self._plugged.car.connection.receive(0.0)
+        self._running.show(self._plugged.car, question=self._answers.question)
+        self._arrivals.look()

@@ -1,11 +1,14 @@
 """`foldcar log` as a session: second thoughts, photos and films, answers that are tapped on a phone beside the course."""
 
+import contextlib
 import hashlib
 import http.client
 import json
 import os
 import re
+import threading
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +28,7 @@ from typist import Typist
 def test_second_thoughts_are_kept_at_once(tmp_path: Path, free_course: Path) -> None:
     with (
         car_at_port() as car,
-        Typist(tmp_path, *LOG, "--port", car.port, "--countdown", "0", "--operator", "Ada") as person,
+        Typist(tmp_path, *LOG, "--port", car.port, "--countdown", "0", "--operator", "Ada", "--trials", "1") as person,
     ):
         person.answers(("deviation: ", ""), ("Enter starts", ""), ("Outcome:", ""), ("Enter: next", "u"))
         person.answers(("[passed]: ", "t"), ("Enter: next", "n wheel slipped"), ("Enter: next", "n twice"))
@@ -159,6 +162,25 @@ def refuses_strangers(host: str, port: int, token: str) -> None:
         http.client.HTTPConnection("127.0.0.1", port, timeout=5).request("GET", f"/?{token}")
 
 
+@contextlib.contextmanager
+def growing(file: Path) -> Iterator[None]:
+    """Within the block a file grows, as a network brings it."""
+    stop = threading.Event()
+
+    def grow() -> None:
+        with file.open("wb", buffering=0) as film:
+            while not stop.wait(SETTLED_S / 8):
+                film.write(b"frame")
+
+    thread = threading.Thread(target=grow)
+    thread.start()
+    try:
+        yield
+    finally:
+        stop.set()
+        thread.join()
+
+
 def test_photos_and_films_belong_to_their_trials(tmp_path: Path, free_course: Path, foldcar: Any) -> None:
     folder = tmp_path / "phone"
     folder.mkdir()
@@ -170,17 +192,14 @@ def test_photos_and_films_belong_to_their_trials(tmp_path: Path, free_course: Pa
         person.answers(("deviation: ", ""), ("Enter starts", ""), ("Outcome:", ""))
         (folder / ".copying.mp4").write_bytes(b"half")
         (folder / "list.txt").write_bytes(b"no film")
-        (folder / "drive.mp4").write_bytes(b"first")
         (tmp_path / "extra.png").write_bytes(b"extra")
         person.answers(("Enter: next", "m nothing.mp4"), ("nothing.mp4: no such file", "m free.scenic"))
-        person.answers(("neither a photo nor a film", "m extra.png"), ("Trial 1: photo extra.png", "q"))
-        person.sees("waiting for drive.mp4")
-        # It grows as a network brings it.
-        with (folder / "drive.mp4").open("ab") as film:
-            for _ in range(3):
-                time.sleep(SETTLED_S / 2)
-                film.write(b" part")
-                film.flush()
+        person.answers(("neither a photo nor a film", "m extra.png"))
+        person.sees("Trial 1: photo extra.png")
+        with growing(folder / "drive.mp4"):
+            person.answers(("Enter: next", "q"))
+            person.sees("waiting for drive.mp4")
+        film = (folder / "drive.mp4").read_bytes()
         assert person.ends() == 0, person.said
 
     store = tmp_path / "s.db"
@@ -188,7 +207,7 @@ def test_photos_and_films_belong_to_their_trials(tmp_path: Path, free_course: Pa
         found = {one.file: (one.trial, one.kind, one.sha256) for one in opened.media()}
     assert found == {
         "extra.png": (1, "photo", hashlib.sha256(b"extra").hexdigest()),
-        "phone/drive.mp4": (1, "film", hashlib.sha256(b"first part part part").hexdigest()),
+        "phone/drive.mp4": (1, "film", hashlib.sha256(film).hexdigest()),
     }
     (folder / "drive.mp4").rename(folder / "moved.mp4")
     assert "trial 1: film phone/drive.mp4 (missing)\n" in foldcar("trials", "list", "s.db").stdout

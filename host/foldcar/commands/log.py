@@ -133,6 +133,6 @@ def log(
     with served as taps, said(lambda: f"stopped: the driven trials are in {store}"), raised():
         session = Session(options, taps)
         session.run(port)
-    typer.echo(f"{len(session.driven)} trials; store: {store}")
-    if session.driven and not yes:
-        print_session(store, session.driven)
+        typer.echo(f"{len(session.driven)} trials; store: {store}")
+        if session.driven and not yes:
+            print_session(store, session.driven)

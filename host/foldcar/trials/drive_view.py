@@ -58,10 +58,9 @@ class DriveView:
         self._live = Live(console=shown_console(), transient=True, auto_refresh=False)
 
     @contextlib.contextmanager
-    def watching(self, pressed: Callable[[], str | None], question: dict[str, Any] | None) -> Iterator[None]:
-        """Within the block, ``pressed`` gives the last key pressed or None; the page offers ``question``."""
+    def watching(self, pressed: Callable[[], str | None]) -> Iterator[None]:
+        """Within the block, ``pressed`` gives the last key pressed or None."""
         self._pressed = pressed
-        self._running.show(None, question=question)
         if self._live.console.is_terminal:
             self._live.start()
         try:

@@ -23,6 +23,14 @@ def media_kind(file: Path) -> str:
     raise FoldcarError(f"{file}: is neither a photo nor a film by its name, which ends with none of {known}")
 
 
+def is_growing(file: Path) -> bool:
+    """Whether it was changed a moment ago."""
+    try:
+        return 0 <= time.time() - file.stat().st_mtime < SETTLED_S
+    except OSError:
+        return False
+
+
 class Arrivals:
     """A folder, or none. What is there at the beginning belongs to no trial.
 

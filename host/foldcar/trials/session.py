@@ -35,7 +35,7 @@ from foldcar.study.experiments import read_study
 from foldcar.trials.drive_view import KEYS, DriveView
 from foldcar.trials.driving import CTRL_C, DRIVES_ON, DriveEnd, drive
 from foldcar.trials.identity import SIMULATED_TEXT, simulated_sample, welcome
-from foldcar.trials.media import Arrivals, media_kind
+from foldcar.trials.media import Arrivals, is_growing, media_kind
 from foldcar.trials.order import Standing, moves_text, next_sample, standing
 from foldcar.trials.person import IDLE_S, INPUT, Answers, Buttons, say, warn
 from foldcar.trials.placement import (
@@ -123,6 +123,7 @@ class Session:
         # Where obstacles stand since the last trial, and the sample that is to be driven again.
         self._standing: Standing | None = None
         self._again: int | None = None
+        self._repeated = 0
         self._arrivals = Arrivals(options.media_folder)
         self.driven: list[int] = []
 
@@ -134,16 +135,17 @@ class Session:
             known = self._welcome()
             with write_trials(options.store) as writer:
                 complete_interrupted(writer)
-                while options.trials is None or len(self.driven) < options.trials:
+                while options.trials is None or len(self.driven) < options.trials + self._repeated:
                     trial = self._trial(writer, known)
                     if trial is None:
                         break
                     if trial.end.ending == CTRL_C:
                         raise KeyboardInterrupt
-                    if trial.end.error is not None:
-                        known = self._after_error(trial.end.error)
                     for file in options.media:
                         self._attach(writer, trial.number, file)
+                    self._take_media(writer)
+                    if trial.end.error is not None:
+                        known = self._after_error(trial.end.error)
                     if options.trials is None and options.yes:
                         break
                     if not self._goes_on(writer, trial):
@@ -168,7 +170,6 @@ class Session:
     def _goes_on(self, writer: TrialWriter, trial: "_Driven") -> bool:
         """What the person says after a trial, kept; whether the session goes on."""
         options = self._options
-        self._take_media(writer)
         if self._asked is None or None not in (options.outcome, options.note):
             return True
 
@@ -182,10 +183,15 @@ class Session:
         number, log, stored = trial.number, trial.log, trial.stored
         said = afterwards(writer, number, log, stored, self._asked, options.operator, attach, show)
         self._again = trial.sample if said == AGAIN else None
+        self._repeated += said == AGAIN
         return said != QUIT
 
     def _attach(self, writer: TrialWriter, number: int, file: Path) -> None:
-        made = writer.put_media(number, media_kind(file), file)
+        kind = media_kind(file)
+        while is_growing(file):
+            self._idle()
+            time.sleep(IDLE_S)
+        made = writer.put_media(number, kind, file)
         say(f"Trial {number}: {made.kind} {file}")
 
     def _take_media(self, writer: TrialWriter, wait: bool = False) -> None:
@@ -197,10 +203,13 @@ class Session:
                 self._idle()
                 time.sleep(IDLE_S)
         for number, file in self._arrivals.take():
-            if number in self.driven:
+            try:
+                if number not in self.driven:
+                    raise FoldcarError(f"{file}: belongs to no trial: trial {number} was not driven")
                 self._attach(writer, number, file)
-            else:
-                say(f"{file}: belongs to no trial: trial {number} was not driven")
+            except FoldcarError as error:
+                # The session matters more than a file that has gone.
+                warn(error)
 
     def _trial(self, writer: TrialWriter, known: KnownCar) -> "_Driven | None":
         """Drive one trial; None if the person ends the session."""
@@ -267,7 +276,8 @@ class Session:
                 read_parameters(car)
                 other_input = INPUT if self._answers.is_terminal else None
                 view = DriveView(options.countdown_s, limit_s, other_input, self._running)
-                with self._answers.keys(KEYS) as pressed, view.watching(pressed, self._answers.question):
+                with self._answers.keys(KEYS) as pressed, view.watching(pressed):
+                    self._running.show(car, question=self._answers.question)
                     end = drive(car, settings, number, options.countdown_s, view, options.untethered)
                 return replace(end, outcome="passed") if view.passed and end.outcome is None else end
         except FoldcarError as error:

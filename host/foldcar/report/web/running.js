@@ -42,7 +42,7 @@ function ask(place, question, tap) {
   asked = n;
   const answer = async what => {
     for (const one of place.querySelectorAll("button, input")) one.disabled = n !== 0 && text !== "";
-    const took = await tap(n, what).then(answered => answered.ok, () => false);
+    const took = await tap(n, what).then(answered => answered.ok && answered.json(), () => false);
     if (!took) place.querySelector(".said").textContent = "It did not arrive: tap again, or use the keyboard";
     if (!took) for (const one of place.querySelectorAll("button, input")) one.disabled = false;
   };

@@ -1,6 +1,6 @@
 """Photos and films that appear in a folder, as a phone or a camera puts them there, and the trial that each belongs to.
 
-Input: a folder that is looked at a few times a second. Output: files that have stopped growing, with their trials.
+Input: a folder, when trials begin. Output: files that have stopped growing, with their trials.
 """
 
 import time
@@ -9,8 +9,7 @@ from pathlib import Path
 from foldcar.errors import FoldcarError
 from foldcar.store.trial_records import MEDIA_ENDINGS
 
-PERIOD_S = 0.5
-# A file whose size and time have not changed for so long is whole; a network's pauses are shorter.
+# A file that was not changed for so long is whole; a network's pauses are shorter.
 SETTLED_S = 2.0
 
 
@@ -25,73 +24,54 @@ def media_kind(file: Path) -> str:
 
 def is_growing(file: Path) -> bool:
     """Whether it was changed a moment ago."""
+    return 0 <= time.time() - _changed_s(file) < SETTLED_S
+
+
+def _changed_s(file: Path) -> float:
     try:
-        return 0 <= time.time() - file.stat().st_mtime < SETTLED_S
+        return file.stat().st_mtime
     except OSError:
-        return False
+        return 0.0
 
 
 class Arrivals:
     """A folder, or none. What is there at the beginning belongs to no trial.
 
     A file that appears during a session belongs to the trial that was set up, driven or judged when it was last changed,
-    so that the end of a long film may arrive late; to that of its arrival if its time is from before the session.
+    so that the end of a long film may arrive late; if its time is from before the session, to the last one.
     """
 
     def __init__(self, folder: Path | None) -> None:
         self._folder = folder
         self._begun: list[tuple[float, int]] = []
-        self._known = {file for file, _ in self._files()}
-        # Of those that came since: what they were like, and when they were last seen to change.
-        self._growing: dict[Path, tuple[tuple[int, int], float, int]] = {}
-        self._next_s = 0.0
+        self._known: set[Path] = set()
+        self._known |= set(self._new())
 
     def begin(self, trial: int) -> None:
         """A trial is being set up."""
         self._begun.append((time.time(), trial))
 
-    def look(self, at_once: bool = False) -> None:
-        """See what has come or grown, each PERIOD_S or ``at_once``."""
-        now_s = time.monotonic()
-        if self._folder is None or not self._begun or (now_s < self._next_s and not at_once):
-            return
-        self._next_s = now_s + PERIOD_S
-        found = dict(self._files())
-        for file, like in found.items():
-            if file not in self._known:
-                before = self._growing.get(file)
-                if before is None or before[0] != like:
-                    trial = self._begun[-1][1] if before is None else before[2]
-                    self._growing[file] = like, now_s, trial
-        self._growing = {file: one for file, one in self._growing.items() if file in found}
-
-    def waiting(self) -> list[Path]:
+    def growing(self) -> list[Path]:
         """What has come and may still grow."""
-        return [file for file, (_, since_s, _) in self._growing.items() if time.monotonic() - since_s < SETTLED_S]
+        return [file for file in self._new() if is_growing(file)]
 
     def take(self) -> list[tuple[int, Path]]:
         """The files that are whole, each once, with the numbers of their trials."""
         taken = []
-        growing = self.waiting()
-        for file in [file for file in self._growing if file not in growing]:
-            (changed_ns, _), _, arrived = self._growing.pop(file)
-            self._known.add(file)
-            trials = [trial for begun_s, trial in self._begun if begun_s <= changed_ns / 1e9]
-            taken.append((trials[-1] if trials else arrived, file))
+        for file in self._new() if self._begun else []:
+            if not is_growing(file):
+                self._known.add(file)
+                trials = [trial for begun_s, trial in self._begun if begun_s <= _changed_s(file)]
+                taken.append(((trials or [self._begun[-1][1]])[-1], file))
         return taken
 
-    def _files(self) -> list[tuple[Path, tuple[int, int]]]:
-        """Photos and films there, with the last changes (ns) and sizes; hidden ones are a copy's beginning."""
-        if self._folder is None:
-            return []
-        found = []
+    def _new(self) -> list[Path]:
+        """Photos and films that came since; hidden ones are the beginnings of copies."""
+        endings = [ending for some in MEDIA_ENDINGS.values() for ending in some]
         try:
-            for file in sorted(self._folder.iterdir()):
-                endings = (ending for some in MEDIA_ENDINGS.values() for ending in some)
-                if file.suffix.lower() in endings and not file.name.startswith("."):
-                    status = file.stat()
-                    found.append((file, (status.st_mtime_ns, status.st_size)))
+            files = sorted(self._folder.iterdir()) if self._folder else []
         except OSError:
-            # Renamed, or the folder is unplugged: what comes back is looked at again.
-            return found
-        return found
+            # An unplugged folder may come back.
+            return []
+        seen = (file for file in files if file.suffix.lower() in endings and not file.name.startswith("."))
+        return [file for file in seen if file not in self._known]

@@ -196,10 +196,9 @@ class Session:
 
     def _take_media(self, writer: TrialWriter, wait: bool = False) -> None:
         """Attach what has come to the folder; ``wait`` for what still grows. Ctrl-C ends the waiting."""
-        self._arrivals.look(at_once=True)
-        while wait and (growing := self._arrivals.waiting()):
+        while wait and (growing := self._arrivals.growing()):
             say(f"waiting for {', '.join(file.name for file in growing)}, until it grows no more")
-            while self._arrivals.waiting() == growing:
+            while self._arrivals.growing() == growing:
                 self._idle()
                 time.sleep(IDLE_S)
         for number, file in self._arrivals.take():
@@ -222,6 +221,7 @@ class Session:
         mark = f" ({SIMULATED_TEXT})" if identity.simulated else ""
         number = writer.next_number()
         say(f"\nTrial {number}: sample {sample} of experiment {experiment.id}{mark}")
+        self._take_media(writer)
         self._arrivals.begin(number)
         scene, things = self._scene(sample)
         moves = "" if self._standing is None else moves_text(self._standing, standing(scene, things, {}))
@@ -237,7 +237,6 @@ class Session:
         deviations = ask_deviations(self._asked, things, options.deviations)
         if not options.yes and self._answers.line("Enter starts the countdown, q ends: ", START).lower() == "q":
             return None
-        self._take_media(writer)
         body = body_json(design)
         settings = experiment.settings(design, body, self._carsim.parameter_table())
         self._running.show(self._plugged.car, placed=True)
@@ -339,4 +338,3 @@ class Session:
             with contextlib.suppress(LinkLostError):
                 self._plugged.car.connection.receive(0.0)
         self._running.show(self._plugged.car, question=self._answers.question)
-        self._arrivals.look()

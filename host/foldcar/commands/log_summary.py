@@ -47,7 +47,7 @@ def print_session(store: Path, numbers: Collection[int]) -> None:
                     lines.append(f"  in {one.info.simulation} {simulated}: {row.verdict or 'nothing to compare'}")
     if not swept:
         lines.append(f"Experiment {experiment} was not swept in {store}: there is no simulation to compare with.")
-    lines += [f"Next: {one.sentence}" for one in selections]
+    lines += [one.sentence for one in selections]
     shown_console().print("\n".join(lines))
 
 

@@ -74,9 +74,7 @@ def log(
     ] = None,
     media: Annotated[
         Path | None,
-        typer.Option(
-            metavar="DIR", help="A folder; photos and films that appear there are kept with their trials."
-        ),
+        typer.Option(metavar="DIR", help="A folder; photos and films that appear there are kept with their trials."),
     ] = None,
     components: Components = None,
 ) -> None:

@@ -98,7 +98,7 @@ def track(
     file: Annotated[
         Path | None,
         typer.Argument(
-            metavar="[FILM]",
+            metavar="FILM",
             help="Film of the trial, or a photo from before it (.jpg, .png); default: the film that was attached to it.",
         ),
     ] = None,

@@ -45,9 +45,7 @@ class DriveView:
     told all the same. The countdown begins with the first look.
     """
 
-    def __init__(
-        self, countdown_s: int, time_limit_s: float, other_input: Any, running: RunningTrial
-    ) -> None:
+    def __init__(self, countdown_s: int, time_limit_s: float, other_input: Any, running: RunningTrial) -> None:
         self.other_input = other_input
         self.passed = False
         self._countdown_s, self._time_limit_s = countdown_s, time_limit_s

@@ -34,6 +34,7 @@ def old_store(version: int, path: Path) -> Path:
         # Today's carsim has metrics that the one of then had not; today's store has late tables.
         with write_trials(path) as writer:
             writer.put_track(TRACK)
+            writer.put_media(1, "film", Path(__file__))
     return path
 
 

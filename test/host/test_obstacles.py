@@ -52,11 +52,46 @@ def test_each_object_of_several_blocks_is_one_letter(sampled: tuple[dict[str, An
     rows = {row[0]: row[1:] for row in instructions(scene, things)}
     # Scenic's heading of -60 degrees from +y is 30 degrees from +x.
     assert rows["A"][:3] == ("600", "100", "30.0")
-    assert rows["A"][3].startswith("Ramp 450 × 600 mm: ramp 200 × 600 × 40.0 mm; box 150 × 600 × 40.0 mm; ramp 100")
-    assert rows["B"][:3] == ("1200", "-200", "0.0") and rows["B"][3].startswith("Kerb 200 × 400 mm: ramp 10 × 400")
-    assert rows["C"][:2] == ("1600", "100") and rows["C"][3].startswith("StepPyramid 230 × 230 mm: ")
-    assert rows["D"][3] == "hole 15.0 mm deep, radius 80 mm"
-    assert rows["E"][3] == "Bump 60 × 300 mm: box 60 × 300 × 20.0 mm; box 60 × 200 × 30.0 mm"
+    assert rows["A"][5].startswith("Ramp 450 × 600 mm: ramp 200 × 600 × 40.0 mm; box 150 × 600 × 40.0 mm; ramp 100")
+    assert rows["B"][:3] == ("1200", "-200", "0.0") and rows["B"][5].startswith("Kerb 200 × 400 mm: ramp 10 × 400")
+    assert rows["C"][:2] == ("1600", "100") and rows["C"][5].startswith("StepPyramid 230 × 230 mm: ")
+    assert rows["D"][5] == "hole 15.0 mm deep, radius 80 mm"
+    assert rows["E"][5] == "Bump 60 × 300 mm: box 60 × 300 × 20.0 mm; box 60 × 200 × 30.0 mm"
+
+
+def test_a_tape_finds_the_edge_that_is_nearest_to_the_mark() -> None:
+    rng = numpy.random.default_rng(1)
+    for x_m, y_m, turned, length_m, width_m in rng.uniform([-2, -2, -4, 0.05, 0.05], [2, 2, 4, 0.6, 0.6], (50, 5)):
+        piece = {**BOX, "x_m": x_m, "y_m": y_m, "heading_rad": turned, "length_m": length_m, "width_m": width_m}
+        (thing,) = things_of([piece]).values()
+
+        near, other = thing.near_edge_m([piece])
+
+        # The corners by another way: complex numbers.
+        z = (numpy.array([1, 1, -1, -1]) * length_m + 1j * numpy.array([1, -1, -1, 1]) * width_m) / 2
+        z = z * numpy.exp(1j * turned) + complex(x_m, y_m)
+        assert complex(*near) == pytest.approx(min(z, key=abs))
+        assert min(abs(z - complex(*other))) == pytest.approx(0, abs=1e-9)
+        assert abs(complex(*other) - complex(*near)) == pytest.approx(max(length_m, width_m))
+        (row,) = (row for row in instructions(empty_scene([piece]), {"A": thing}) if row[0] == "A")
+        told = [complex(*map(float, end.split(", "))) for end in row[4].split(" to ")]
+        assert [abs(end) for end in told] == pytest.approx([float(far) for far in row[5].split(" and ")], abs=1.3)
+
+
+def test_ground_is_named_with_its_size_and_height() -> None:
+    rough = {"kind": "rough", "x_m": 0.8, "y_m": 0.1, "heading_rad": 0.0, "length_m": 0.4, "width_m": 0.6,
+             "height_sd_m": 0.004, "correlation_m": 0.03, "seed": 1}  # fmt: skip
+    hill = {"kind": "hill", "x_m": 0.5, "y_m": 0.0, "heading_rad": 0.0, "sd_along_m": 0.05, "sd_across_m": 0.03,
+            "height_m": 0.02}  # fmt: skip
+    scene = empty_scene([rough, hill])
+    things = lettered(obstacles_of(scene["terrain"], [("RoughGround", 0.0, [0]), ("Hill", 0.0, [1])]))
+
+    rows = [(row[0], row[4], row[-1]) for row in instructions(scene, things)]
+
+    # A hill is cut off at four standard deviations.
+    assert ("A", "300, -120 to 700, -120", "hill 20.0 mm high, 400 × 240 mm at its foot") in rows
+    assert ("floor", "600, -200 to 600, 400", "rough ground 400 × 600 mm: heights of standard deviation 4.0 mm, "
+            "correlation length 30 mm") in rows  # fmt: skip
 
 
 def corners(piece: dict[str, Any]) -> numpy.ndarray:
@@ -111,8 +146,10 @@ def test_what_stands_on_one_middle_is_one_obstacle() -> None:
     assert [(letter, one.pieces) for letter, one in things.items()] == [("A", (0, 1)), ("B", (2,))]
     rows = {row[0]: row[1:] for row in instructions(scene, things)}
     assert rows["car"][:3] == ("0", "0", "0.0")
-    assert rows["A"] == ("450", "50", "5.7", "Bump 200 × 300 mm: box 200 × 300 × 20.0 mm; box 100 × 100 × 20.0 mm")
-    assert rows["B"] == ("900", "-50", "0.0", "hole 20.0 mm deep, radius 100 mm")
+    assert rows["A"][:3] == ("450", "50", "5.7")
+    assert rows["A"][5] == "Bump 200 × 300 mm: box 200 × 300 × 20.0 mm; box 100 × 100 × 20.0 mm"
+    # A tape from the mark to the hole's middle passes its edge 100 mm before that.
+    assert rows["B"] == ("900", "-50", "0.0", "800, -44", "801", "hole 20.0 mm deep, radius 100 mm")
     assert rows["goal"][0] == "1300"
 
 

@@ -46,6 +46,7 @@ CHANGES = {
     "trial": "outcome = 'stuck'",
     "correction": "before = 1",
     "track": "start_s = start_s + 0.001",
+    "media": "kind = 'photo'",
     "calibration": "created_utc = 'x'",
 }
 

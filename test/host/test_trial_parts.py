@@ -26,7 +26,6 @@ from foldcar.link.ports import choose_port
 from foldcar.link.stream import open_stream, permission_text
 from foldcar.link.tlog import LogError, TlogWriter, read_tlog
 from foldcar.trials.driving import drive_end
-from foldcar.trials.identity import least_tried
 from foldcar.trials.placement import ask_deviations, parse_deviation
 from foldcar.trials.servo_edges import find_edges
 
@@ -63,12 +62,6 @@ def test_a_servos_edges_are_found_within_the_drivers_step(neutral: float, deadba
 def test_a_wrongly_wired_servo_is_reported(turns: Any) -> None:
     with pytest.raises(FoldcarError, match="µs the wheel does not turn as it should"):
         find_edges(turns)
-
-
-def test_the_least_tried_sample_comes_next() -> None:
-    assert least_tried(3, {}) == 0
-    assert least_tried(3, {0: 1, 1: 1}) == 2
-    assert least_tried(3, {0: 2, 1: 1, 2: 2, 7: 0}) == 1
 
 
 def test_a_parameter_file_reads_back_to_the_same_32_bit_numbers(tmp_path: Path) -> None:

@@ -32,9 +32,10 @@ def test_a_pulled_cable_aborts_the_trial_and_keeps_what_was_received(tmp_path: P
         assert car.process.stdout is not None
         lines = (json.loads(line) for line in car.process.stdout)
         person.types(next(line["port"] for line in lines if "port" in line) + "\n")
-        person.answers(("fault     The host was silent", "y"), ("Enter starts", ""), ("Outcome", "i"), ("Note", ""))
+        person.answers(("fault     The host was silent", "y"), ("Enter: next", ""), ("Enter starts", ""))
+        person.answers(("Outcome", "i"))
         person.sees("Trial 2: timeout")
-        person.answers(("Enter starts", "q"))
+        person.answers(("Enter: next", "q"))
         assert person.ends() == 0
 
     first, second = trials_in(tmp_path / "s.db")

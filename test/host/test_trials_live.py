@@ -34,8 +34,9 @@ def test_a_person_drives_a_trial(tmp_path: Path, free_course: Path) -> None:
         person.watches_until(lambda: moving(tmp_path))
         person.types("s")
         person.sees("stopped by key")
-        person.answers(("Outcome:", "fine"), ("type one of p (passed)", "o"), ("Note", "hit a chair"))
+        person.answers(("Outcome:", "fine"), ("type one of p (passed)", "o"))
         person.sees("Trial 1: off_course")
+        person.answers(("Enter: next", "n hit a chair"), ("Enter: next", ""))
         # The simulated car stays in its sample; the person ends the session.
         person.sees("Trial 2: sample 0")
         person.answers(("deviation: ", ""), ("Enter starts", "q"))

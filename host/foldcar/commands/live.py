@@ -1,6 +1,7 @@
 """The page that is served while a store is written: of `report --live`, and beside a sweep, in a process of its own."""
 
 import os
+import socket
 import subprocess
 import sys
 import threading
@@ -8,7 +9,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -30,12 +31,17 @@ LivePort = Annotated[
 ]
 # So long a sweep waits for a port that the page of the one before may still have, and for its page's end (s).
 PATIENCE_S, END_S = 10.0, 20.0
+SWEEP, LOG, LAN = "sweep", "log", "lan"
 # Simulators go first.
 NICENESS = 10
 
 
-def serve(store: Path, port: int, make: "Callable[[], LiveStudy]", beside: bool, as_json: bool) -> None:
-    """Serve the page of what ``make`` makes, until a signal, or until standard input ends, as ``beside`` a sweep."""
+def serve(store: Path, port: int, make: "Callable[[], LiveStudy]", beside: str | None, as_json: bool) -> None:
+    """Serve the page of what ``make`` makes, until a signal, or until standard input ends, as ``beside`` another command.
+
+    ``beside`` is what :func:`served_beside` is told.
+    """
+    from foldcar.figures.page_server import ADDRESS
     from foldcar.interrupts import said
     from foldcar.report.page import page_html
 
@@ -46,14 +52,20 @@ def serve(store: Path, port: int, make: "Callable[[], LiveStudy]", beside: bool,
         made.wait()
         return lives[0].poll(query)
 
+    def tap(said: Any) -> bool:
+        made.wait()
+        return lives[0].tap(said)
+
+    address = lan_address() if beside == LAN else ADDRESS
     page = page_html({"title": store.name, "experiments": []}, {})
     with (
-        _server(page, poll, port, PATIENCE_S if beside else 0.0) as server,
+        _server(page, poll, tap, port, PATIENCE_S if beside else 0.0, address) as server,
         said(lambda: f"foldcar: {server.url} is closed"),
     ):
         tell(as_json, {"url": server.url}, f"{server.url} (until Ctrl-C)")
         sys.stdout.flush()
-        if hasattr(os, "nice"):
+        # A tap may be one to stop.
+        if hasattr(os, "nice") and beside not in (LOG, LAN):
             os.nice(NICENESS)
         threading.Thread(target=server.serve_forever, daemon=True).start()
         if beside:
@@ -64,13 +76,26 @@ def serve(store: Path, port: int, make: "Callable[[], LiveStudy]", beside: bool,
         server.shutdown()
 
 
-def _server(page: str, poll: Callable[[str], bytes], port: int, patience_s: float) -> "PageServer":
+def lan_address() -> str:
+    """The machine's address in its network; FoldcarError if it is in none."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as asked:
+        try:
+            # Sends nothing: the system only chooses the interface, to an address that belongs to nobody (RFC 5737).
+            asked.connect(("203.0.113.1", 9))
+        except OSError as error:
+            raise FoldcarError(f"--lan: this machine is in no network: {error.strerror or error}") from None
+        return str(asked.getsockname()[0])
+
+
+def _server(
+    page: str, poll: Callable[[str], bytes], tap: Callable[[Any], bool], port: int, patience_s: float, address: str
+) -> "PageServer":
     from foldcar.figures.page_server import PageServer
 
     until = time.monotonic() + patience_s
     while True:
         try:
-            return PageServer(page, {}, {"/study.json": poll}, port)
+            return PageServer(page, {"/tap": tap}, {"/study.json": poll}, port, address)
         except FoldcarError:
             if time.monotonic() >= until:
                 raise
@@ -85,23 +110,28 @@ def _wait_for_end(ended: threading.Event) -> None:
 
 
 @contextmanager
-def served_beside(store: Path, port: int) -> Iterator[None]:
+def served_beside(store: Path, port: int, what: str) -> Iterator[int]:
     """Within ``with``, another process serves the store's page; after it, until an open page has the last of it.
 
-    Exit code 2 if it cannot, which it has said itself then.
+    ``what`` is SWEEP, LOG, or LAN: a LOG's page on the machine's network. Gives the descriptor of what is tapped on a
+    LOG's. Exit code 2 if it cannot serve, which it has said itself then.
     """
-    words = ("report", "--live", "--beside", "--port", str(port), "--", str(store))
-    # In a session of its own: Ctrl-C is the sweep's.
+    words = ("report", "--live", "--beside", what, "--port", str(port), "--", str(store))
+    # In a session of its own: Ctrl-C is the sweep's. Unbuffered: behind the first line come taps.
     with subprocess.Popen(
-        python_command("foldcar.cli", *words), stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True
+        python_command("foldcar.cli", *words), 0, stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True
     ) as process:
         assert process.stdin is not None and process.stdout is not None
         url = process.stdout.readline().decode().partition(" ")[0].strip()
         if not url:
             raise typer.Exit(2)
         note(f"live page: {url}")
+        if what == LAN and sys.stderr.isatty():
+            import segno
+
+            segno.make(url).terminal(sys.stderr, compact=True)
         try:
-            yield
+            yield process.stdout.fileno()
         finally:
             process.stdin.close()
             try:

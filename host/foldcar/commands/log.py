@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from foldcar.commands.live import PORT, served_beside
+from foldcar.commands.live import LAN, LOG, PORT, served_beside
 from foldcar.commands.options import Components, ExperimentId, Listing, Port, Settings, design_settings, output_store
 from foldcar.errors import FoldcarError
 from foldcar.study.limits import MOST_ENVIRONMENTS
@@ -63,27 +63,52 @@ def log(
         typer.Option(metavar="FILE", help="A camera's course.json: the picture shows where its markers lie."),
     ] = None,
     live: Annotated[
-        bool, typer.Option("--live", help="Serve the report's page to this machine's browser; it shows the car's state.")
+        bool,
+        typer.Option("--live", help="Serve a page to this machine's browser: the car's state, buttons for all answers."),
     ] = False,
+    lan: Annotated[
+        bool, typer.Option("--lan", help="Serve it to a phone in this machine's network instead, who has the address.")
+    ] = False,
+    photo: Annotated[
+        list[Path] | None, typer.Option(metavar="FILE", help="A photo of the one trial; may be repeated.")
+    ] = None,
+    video: Annotated[
+        list[Path] | None, typer.Option(metavar="FILE", help="A film of the one trial; may be repeated.")
+    ] = None,
+    media: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="A folder; photos and films that appear there are kept with their trials."),
+    ] = None,
     components: Components = None,
 ) -> None:
     """Drive trials with a car on USB and keep them.
 
-    The car moves only after the countdown, and stops after any error.
+    The car moves only after the countdown, and stops after any error. After each trial its outcome can be changed, and
+    the trial driven again; at the end it says what the trials have told.
 
     \b
     Example: foldcar log scenarios/width_study.json --experiment 1 --store study.db
     """
     from foldcar.camera.markers import read_course
+    from foldcar.commands.log_summary import print_session
     from foldcar.interrupts import raised, said
     from foldcar.link.parameters import read_file
-    from foldcar.store.trial_records import TRIAL_OUTCOMES, checked_name
+    from foldcar.store.trial_records import FILM, PHOTO, TRIAL_OUTCOMES, checked_name
+    from foldcar.trials.media import media_kind
     from foldcar.trials.session import Session, SessionOptions
 
     if outcome is not None and outcome not in TRIAL_OUTCOMES:
         raise FoldcarError(f"--outcome {outcome}: not one of {', '.join(TRIAL_OUTCOMES)}")
     if parameters is not None:
         read_file(parameters)
+    files = [("--photo", PHOTO, file) for file in photo or []] + [("--video", FILM, file) for file in video or []]
+    for option, kind, file in files:
+        if media_kind(file) != kind:
+            raise FoldcarError(f"{option} {file}: is no {kind} by its name")
+        if trials != 1 and not (yes and trials is None):
+            raise FoldcarError(f"{option} {file}: is of one trial: add --trials 1; for several use --media DIR")
+    if media is not None and not media.is_dir():
+        raise FoldcarError(f"--media {media}: is no folder")
     store = store or Path(f"{listing.stem}.db")
     options = SessionOptions(
         listing=listing,
@@ -103,9 +128,13 @@ def log(
         any_build=any_build,
         yes=yes,
         course=None if course is None else read_course(course),
+        media=tuple(file for _, _, file in files),
+        media_folder=media,
     )
-    session = Session(options)
-    served = served_beside(store, PORT) if live else nullcontext()
-    with served, said(lambda: f"stopped: the driven trials are in {store}"), raised():
-        driven = session.run(port)
-    typer.echo(f"{driven} trials; store: {store}")
+    served = served_beside(store, PORT, LAN if lan else LOG) if live or lan else nullcontext()
+    with served as taps, said(lambda: f"stopped: the driven trials are in {store}"), raised():
+        session = Session(options, taps)
+        session.run(port)
+        typer.echo(f"{len(session.driven)} trials; store: {store}")
+        if session.driven and not yes:
+            print_session(store, session.driven)

@@ -1,12 +1,13 @@
 """`foldcar report`: writes a page with figures of a store's study and prints a summary, or serves the page."""
 
+import sys
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from foldcar.commands.live import PORT, LivePort, serve
+from foldcar.commands.live import LAN, LOG, PORT, LivePort, serve
 from foldcar.commands.options import Json, SimulatedTrials, StudyStore, output_folder, tell
 from foldcar.errors import FoldcarError
 from foldcar.installation import usable_processors
@@ -43,7 +44,7 @@ def report(
     replay: Annotated[
         bool, typer.Option("--replay/--no-replay", help="Simulate the runs again, to be watched on the page.")
     ] = True,
-    beside: Annotated[bool, typer.Option("--beside", hidden=True)] = False,
+    beside: Annotated[str | None, typer.Option("--beside", hidden=True)] = None,
     as_json: Json = False,
 ) -> None:
     """Draw a report of a study, or of trials alone.
@@ -73,9 +74,9 @@ def report(
     options = figure_options(threshold or [], sample)
     command += [word for share in options.chosen for word in ("--threshold", f"{share:g}")]
     if output is None:
-        if not beside:
+        if beside is None:
             require_store(store)
-        make = partial(_live_study, store, command, options, simulated_trials)
+        make = partial(_live_study, store, command, options, simulated_trials, beside in (LOG, LAN))
         serve(store, PORT if port is None else port, make, beside, as_json)
         return
     from foldcar.commands.progress_bar import TerminalBar
@@ -97,11 +98,13 @@ def report(
     typer.echo(f"report: {output / PAGE}")
 
 
-def _live_study(store: Path, command: list[str], options: "FigureOptions", simulated_trials: bool) -> "LiveStudy":
+def _live_study(
+    store: Path, command: list[str], options: "FigureOptions", simulated_trials: bool, taps: bool
+) -> "LiveStudy":
     # Its imports take longer than to serve the page.
     from foldcar.report.live import LiveStudy
 
-    return LiveStudy(store, command, options, simulated_trials)
+    return LiveStudy(store, command, options, simulated_trials, sys.stdout if taps else None)
 
 
 def _carsim(replay: bool, engine: str) -> "Carsim | str":

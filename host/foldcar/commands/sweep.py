@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from foldcar.commands.live import PORT, LivePort, served_beside
+from foldcar.commands.live import PORT, SWEEP, LivePort, served_beside
 from foldcar.commands.options import (
     Components,
     Engine,
@@ -90,7 +90,7 @@ def sweep(
     )  # fmt: skip
     for one in mutation_notes(asked.environments):
         note(one)
-    with served_beside(store, PORT if port is None else port) if live else nullcontext():
+    with served_beside(store, PORT if port is None else port, SWEEP) if live else nullcontext():
         _sweep(asked, scheduler, jobs, as_json)
 
 

@@ -93,11 +93,15 @@ def lens(
 
 
 def track(
-    file: Annotated[
-        Path, typer.Argument(metavar="FILM", help="Film of the trial, or a photo from before it (.jpg, .png).")
-    ],
     store: Annotated[Path, typer.Option("--store", metavar="FILE", help="The store that holds the trial.")],
     trial: Annotated[int, typer.Option("--trial", metavar="N", min=1, help="Number of the trial.")],
+    file: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="FILM",
+            help="Film of the trial, or a photo from before it (.jpg, .png); default: the film that was attached to it.",
+        ),
+    ] = None,
     course: CourseFile = None,
     lens: LensFile = None,
     listing: Annotated[
@@ -117,6 +121,7 @@ def track(
     \b
     Example: foldcar track trial.mp4 --trial 7 --store study.db
     """
+    file = file or _attached_film(store, trial)
     from foldcar.camera.lens import PHOTOS, read_lens
     from foldcar.camera.markers import read_course, rectangle
 
@@ -129,6 +134,27 @@ def track(
         _photo(file, store, trial, known, camera, listing, operator, as_json)
     else:
         _film(file, store, trial, known, camera, path, as_json)
+
+
+def _attached_film(store: Path, number: int) -> Path:
+    """The film that was attached to a trial, the last of several; FoldcarError if there is none, or if it has changed."""
+    from foldcar.store.log_files import referred_file, sha256_of
+    from foldcar.store.reader import Store
+    from foldcar.store.trial_records import FILM
+
+    with Store.open(store) as opened:
+        opened.trial(number)
+        films = [one for one in opened.media(number) if one.kind == FILM]
+    if not films:
+        raise FoldcarError(f"{store}: trial {number} has no film: name one, as `foldcar track FILM --trial {number}`")
+    film = referred_file(store, films[-1].file)
+    if len(films) > 1:
+        note(f"trial {number} has {len(films)} films: {film} is tracked")
+    digest = sha256_of(film)
+    if digest != films[-1].sha256:
+        why = "no such file" if digest is None else "is not the film that was attached: its SHA-256 is another"
+        raise FoldcarError(f"{film}: {why}, which trial {number} of {store} names")
+    return film
 
 
 def _film(

@@ -41,12 +41,13 @@ trials = typer.Typer(
 
 @trials.command("list")
 def list_trials(store: TrialStore, experiment: OneExperiment = None, as_json: Json = False) -> None:
-    """Show trials, one a line, and their corrections.
+    """Show trials, one a line, their corrections, photos and films.
 
     \b
     Example: foldcar trials list study.db --experiment 1
     """
     from foldcar.commands.tables import correction_text, print_trials
+    from foldcar.store.log_files import referred_file
     from foldcar.store.reader import Store
 
     with Store.open(store) as opened:
@@ -56,10 +57,17 @@ def list_trials(store: TrialStore, experiment: OneExperiment = None, as_json: Js
             raise FoldcarError(f'{store}: has no trials of experiment "{experiment}"; experiments with trials: {known}')
         corrected = {trial.id for trial in found if trial.corrections}
         trail = [one for one in opened.corrections() if one.trial in corrected]
+        numbers = {trial.id for trial in found}
+        media = [(one, referred_file(store, one.file).is_file()) for one in opened.media() if one.trial in numbers]
     if not as_json:
         print_trials(found)
-    result = {"trials": [asdict(one) for one in found], "corrections": [asdict(one) for one in trail]}
-    tell(as_json, result, *map(correction_text, trail))
+    result = {
+        "trials": [asdict(one) for one in found],
+        "corrections": [asdict(one) for one in trail],
+        "media": [{**asdict(one), "missing": not there} for one, there in media],
+    }
+    files = [f"trial {one.trial}: {one.kind} {one.file}{'' if there else ' (missing)'}" for one, there in media]
+    tell(as_json, result, *map(correction_text, trail), *files)
 
 
 @trials.command()

@@ -1,8 +1,9 @@
-"""A page on this machine's loopback: GET / is the page, a POST answers a question, another GET is what it polls.
+"""A page for one person: GET / is the page, a POST answers a question, another GET is what it polls.
 
-Input: functions for these. It listens on 127.0.0.1 only. A page of another site, or another name for this address, must
-not reach it: requests are refused whose Host or Origin is not its own, whose type is not JSON, all that is larger than a
-question can be, and all but GET / without the token, which stands in the page and is another one at each start.
+Input: functions for these. It listens on 127.0.0.1 only, or on one other address of this machine. A page of another site,
+or another name for this address, must not reach it: requests are refused whose Host or Origin is not its own, whose type
+is not JSON, all that is larger than a question can be, and all but GET / without the token, which stands in the page and
+is another one at each start. On another address than 127.0.0.1, which strangers reach, GET / needs it too, as its query.
 """
 
 import hmac
@@ -41,7 +42,7 @@ class PageServer(ThreadingHTTPServer):
     """Serves ``page`` (HTML), the ``answers`` by path to JSON values, one at a time, and JSON that is ``polled``.
 
     ``polled`` maps a path to what makes its bytes from the address's query, in any thread. ``port`` 0 is a free one;
-    FoldcarError if it cannot be had.
+    FoldcarError if it cannot be had. ``address`` is that of the machine which it listens on.
     """
 
     daemon_threads = True
@@ -49,13 +50,15 @@ class PageServer(ThreadingHTTPServer):
     allow_reuse_address = os.name == "posix"
 
     def __init__(
-        self, page: str, answers: Mapping[str, Answer], polled: Mapping[str, Poll] | None = None, port: int = 0
-    ) -> None:
+        self, page: str, answers: Mapping[str, Answer], polled: Mapping[str, Poll] | None = None, port: int = 0,
+        address: str = ADDRESS,
+    ) -> None:  # fmt: skip
         try:
-            super().__init__((ADDRESS, port), _Handler)
+            super().__init__((address, port), _Handler)
         except OSError as error:
             what = error.strerror or error
             raise FoldcarError(f"--port {port}: {what}; name another one, or 0 for a free one") from None
+        self.address = address
         self.token = secrets.token_urlsafe(24)
         self.page = page.replace("<head>", TOKEN_META.format(self.token), 1).encode()
         self.port = int(self.server_address[1])
@@ -66,12 +69,18 @@ class PageServer(ThreadingHTTPServer):
     @property
     def url(self) -> str:
         """The page's address."""
-        return f"http://{ADDRESS}:{self.port}/"
+        query = "" if self.address == ADDRESS else f"?{self.token}"
+        return f"http://{self.address}:{self.port}/{query}"
 
     @property
-    def hosts(self) -> tuple[str, str]:
-        """The names under which a browser of this machine may ask for it."""
-        return f"{ADDRESS}:{self.port}", f"localhost:{self.port}"
+    def hosts(self) -> tuple[str, ...]:
+        """The names under which a browser may ask for it."""
+        named = (f"{self.address}:{self.port}",)
+        return (*named, f"localhost:{self.port}") if self.address == ADDRESS else named
+
+    def is_token(self, given: str) -> bool:
+        """Whether it is the token; wrong ones all take the same time."""
+        return hmac.compare_digest(given.encode(), self.token.encode())
 
     def ask(self, path: str, question: Any) -> bytes:
         """The answer as JSON."""
@@ -93,7 +102,9 @@ class _Handler(BaseHTTPRequestHandler):
         if not self._is_own():
             return
         path, _, query = self.path.partition("?")
-        if path == "/":
+        if path == "/" and self.server.address != ADDRESS and not self.server.is_token(query):
+            self._send(HTTPStatus.FORBIDDEN, b"not of this page\n", "text/plain")
+        elif path == "/":
             self._send(HTTPStatus.OK, self.server.page, "text/html; charset=utf-8")
         elif path not in self.server.polled:
             self._send(HTTPStatus.NOT_FOUND, b"nothing is here\n", "text/plain")
@@ -140,7 +151,7 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _has_token(self) -> bool:
         given = self.headers.get_all(TOKEN_HEADER, [])
-        has = len(given) == 1 and hmac.compare_digest(given[0].encode(), self.server.token.encode())
+        has = len(given) == 1 and self.server.is_token(given[0])
         if not has:
             self._send(HTTPStatus.FORBIDDEN, b"not of this page\n", "text/plain")
         return has

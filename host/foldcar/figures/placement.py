@@ -19,6 +19,8 @@ from foldcar.simulation.heights import Heights
 
 WIDTH_IN = 10.0
 CELLS = 600
+# Half a long edge.
+LONG_M = 0.2
 LETTER = {"boxstyle": "circle,pad=0.25", "facecolor": "white", "edgecolor": INK, "linewidth": 0.8}
 
 
@@ -55,9 +57,17 @@ def draw_placement(
             axes.plot(*place, "+", color=INK, markersize=7, zorder=7)
             axes.annotate(letter, place, (10, 10), textcoords="offset points", bbox=LETTER, ha="center",
                           va="center", fontsize=9, zorder=8)  # fmt: skip
-            text = f"{1000 * thing.x_m:.0f}, {1000 * thing.y_m:.0f} mm"
-            axes.annotate(text, place, (0, -9), textcoords="offset points", ha="center", va="top", fontsize=8,
-                          zorder=8, bbox={"facecolor": "#ffffffcc", "edgecolor": "none", "pad": 1})  # fmt: skip
+            edge = thing.near_edge_m(scene["terrain"])
+            axes.plot(*zip(*edge, strict=True), ".-", color=ACCENT, markersize=7, zorder=7)
+            for end in edge:
+                # Away from the other end; on long edges, which may end at the picture's, towards it.
+                middle_m = sum(y_m for _, y_m in edge) / len(edge)
+                above = (end[1] >= middle_m) != (abs(end[1] - middle_m) > LONG_M)
+                right = end[0] > thing.x_m
+                text, away = f"{round(1000 * end[0])}, {round(1000 * end[1])}", (4 if right else -4, 5 if above else -5)
+                axes.annotate(text, end, away, textcoords="offset points", ha="left" if right else "right",
+                              va="bottom" if above else "top", fontsize=8, zorder=8,
+                              bbox={"facecolor": "#ffffffcc", "edgecolor": "none", "pad": 1})  # fmt: skip
         for label, (x_m, y_m, turn_rad, side_m) in zip(["a camera's cards", *[None] * len(cards)], cards, strict=False):
             _draw_outline(axes, (x_m, y_m), turn_rad, side_m, side_m, facecolor="#ffffffaa", label=label)
         for number, x_m, y_m, turn_rad, side_m in markers:
@@ -67,7 +77,9 @@ def draw_placement(
             text = f"{1000 * x_m:.0f}, {1000 * y_m:.0f} mm"
             axes.annotate(text, (x_m, y_m - side_m / 2), (0, -5), textcoords="offset points", ha="center", va="top",
                           fontsize=8, zorder=8)  # fmt: skip
-        axes.plot([0], [0], "x", color=ACCENT, markersize=8, zorder=7, label="origin on the floor")
+        axes.plot([0], [0], "x", color=ACCENT, markersize=8, zorder=7, label="mark on the floor, 0, 0")
+        if things:
+            axes.plot([], [], ".-", color=ACCENT, label="edges to measure by tape: x, y (mm)")
         axes.set_title(title)
         if scene["terrain"]:
             figure.colorbar(scale, ax=axes, label="height (mm)", shrink=0.7, aspect=25)

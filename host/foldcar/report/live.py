@@ -12,7 +12,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 from foldcar.errors import FoldcarError
 from foldcar.installation import usable_processors
@@ -32,14 +32,23 @@ OPEN_S = 10.0
 LAST_POLL_S = 8.0
 # A trial's file that was written so long ago (s) was left by a killed program; drawing the placement takes some time.
 SILENT_S = 15.0
+# Of an answer.
+MOST_LETTERS = 1000
 # The estimated end goes by the runs of so many seconds.
 PACE_S = 120.0
 
 
 class LiveStudy:
-    """The page's data of a store that is written. ``command`` is that of the report; ``options`` those of `report`."""
+    """The page's data of a store that is written. ``command`` is that of the report; ``options`` those of `report`.
 
-    def __init__(self, path: Path, command: Sequence[str], options: FigureOptions, simulated_trials: bool) -> None:
+    ``taps`` get what is tapped on the page, a JSON object a line; None: the page offers nothing to tap.
+    """
+
+    def __init__(
+        self, path: Path, command: Sequence[str], options: FigureOptions, simulated_trials: bool,
+        taps: TextIO | None = None,
+    ) -> None:  # fmt: skip
+        self._taps = taps
         self._path, self._command, self._options, self._simulated = path, command, options, simulated_trials
         self._study = b"null"
         # Another server's page has none of its versions.
@@ -61,8 +70,8 @@ class LiveStudy:
         stored yet), "running", "killed", "stopped" or "done"; ``done`` and ``planned`` runs, ``left_s`` to the estimated
         end (null: unknown), ``designs`` and how many of them are ``decided`` (null but for sweeps that stop when they
         know), ``changed_s`` since the store was last written, ``error``: why it cannot be read;
-        ``trial``: what a running `foldcar log` says (running.py), with ``picture_png`` (base64) if the page lacks it, or
-        null.
+        ``taps``: whether answers may be tapped; ``trial``: what a running `foldcar log` says (running.py), with
+        ``picture_png`` (base64) if the page lacks it, or null.
         """
         self._polled_s = time.monotonic()
         self._wanted.set()
@@ -72,16 +81,30 @@ class LiveStudy:
         with self._lock:
             version = f"{self._name}-{self._number}"
             told = {"version": version, "state": state, "changed_s": changed, "error": self._error, **self._counts}
-            told["trial"] = trial
+            told |= {"trial": trial, "taps": self._taps is not None}
             study = b"null" if known == version else self._study
             self._told = f"{version} {state}"
         return json.dumps(told, separators=(",", ":")).encode()[:-1] + b',"study":' + study + b"}"
+
+    def tap(self, said: Any) -> bool:
+        """Pass on an answer that was tapped: ``question`` (a number) and ``answer`` (a line). Whether it is one."""
+        if self._taps is None or not isinstance(said, dict) or said.keys() != {"question", "answer"}:
+            return False
+        number, answer = said["question"], said["answer"]
+        if not isinstance(number, float) or not isinstance(answer, str) or len(answer) > MOST_LETTERS:
+            return False
+        self._taps.write(json.dumps({"question": number, "answer": " ".join(answer.split())}) + "\n")
+        self._taps.flush()
+        return True
 
     def follow(self, ended: Callable[[], bool] = lambda: False) -> None:
         """Make the data whenever the store has changed and a page polls, until ``ended`` and a page has the last ones."""
         while not ended():
             self._wanted.wait(0.5)
-            if self._wanted.is_set() and time.monotonic() >= self._next_s:
+            # A drive's row says nothing before its end, and a tap to stop must not wait.
+            said = _said(self._path) or {}
+            drives = said.get("placed") and not said.get("ended")
+            if self._wanted.is_set() and time.monotonic() >= self._next_s and not drives:
                 self._wanted.clear()
                 self.refresh()
             elif self._wanted.is_set():
@@ -121,6 +144,9 @@ class LiveStudy:
                 return b"null", infos
             experiments = read_experiments(store, self._options, self._simulated)
             some = [one for one in experiments if one.trials or one.info.stored_runs]
+            if not some:
+                # Trials that do not count, of an experiment that was not swept.
+                return b"null", infos
             data = page_data(store, self._command, some)
         return json.dumps(data, separators=(",", ":"), allow_nan=False).encode(), infos
 
@@ -178,14 +204,22 @@ def _stamp(path: Path) -> tuple[Any, ...]:
 
 def _running_trial(store: Path, picture: str) -> dict[str, Any] | None:
     """What a running `foldcar log` says, with the picture of the placement unless it is that one; None without a log."""
+    said = _said(store)
+    name = "" if said is None else said.get("picture", "")
+    if said is not None and name and name != picture:
+        try:
+            said["picture_png"] = base64.b64encode((logs_folder(store) / Path(name).name).read_bytes()).decode()
+        except OSError:
+            return None
+    return said
+
+
+def _said(store: Path) -> dict[str, Any] | None:
     file = running_trial_file(store)
     try:
         if time.time() - file.stat().st_mtime > SILENT_S:
             return None
         said: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
-        name = said.get("picture", "")
-        if name and name != picture:
-            said["picture_png"] = base64.b64encode((logs_folder(store) / Path(name).name).read_bytes()).decode()
     except (OSError, ValueError):
         return None
     return said

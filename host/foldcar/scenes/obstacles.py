@@ -31,6 +31,30 @@ class Obstacle:
     length_m: float
     width_m: float
 
+    @property
+    def corners_m(self) -> list[tuple[float, float]]:
+        """The footprint's corners (x, y), each beside the next."""
+        cos, sin = math.cos(self.heading_rad), math.sin(self.heading_rad)
+        ends = [(a * self.length_m / 2, b * self.width_m / 2) for a, b in ((1, 1), (1, -1), (-1, -1), (-1, 1))]
+        return [(self.x_m + a * cos - b * sin, self.y_m + a * sin + b * cos) for a, b in ends]
+
+    def near_edge_m(self, terrain: Sequence[Mapping[str, Any]]) -> list[tuple[float, float]]:
+        """What to measure from the mark on the floor, the origin: the nearest corner (x, y), and the end of the longer
+        edge there, which tells the heading best; of a round thing the nearest point, none if the mark is in its middle.
+        """
+        if len(self.pieces) == 1 and kind_of(terrain[self.pieces[0]]).shape == "disc":
+            away_m = math.hypot(self.x_m, self.y_m)
+            share = abs(1 - self.length_m / 2 / away_m) if away_m else 0.0
+            return [(share * self.x_m, share * self.y_m)] if share else []
+        corners = self.corners_m
+        # Of equally far ones, whatever the last bit says, the first.
+        far = [round(math.hypot(*corner), 6) for corner in corners]
+        first = far.index(min(far))
+        beside = corners[(first + 1) % 4], corners[(first - 1) % 4]
+        # Of equal edges the one whose other end is nearer too.
+        second = max(beside, key=lambda one: (round(math.dist(one, corners[first]), 6), -math.hypot(*one)))
+        return [corners[first], second]
+
 
 def obstacles_of(
     terrain: Sequence[Mapping[str, Any]], objects: Sequence[tuple[str, float, Sequence[int]]]
@@ -53,12 +77,16 @@ def obstacles_of(
     return list(found.values())
 
 
+def footprint(name: str, terrain: Sequence[Mapping[str, Any]], index: int) -> Obstacle:
+    """One piece of a terrain as an obstacle."""
+    piece = terrain[index]
+    along, across = reach_m(piece)
+    return Obstacle(name, (index,), piece["x_m"], piece["y_m"], piece.get("heading_rad", 0.0), 2 * along, 2 * across)
+
+
 def _obstacle(name: str, heading_rad: float, indices: tuple[int, ...], terrain: Sequence[Mapping[str, Any]]) -> Obstacle:
     if len(indices) == 1:
-        piece = terrain[indices[0]]
-        along, across = reach_m(piece)
-        turned_rad = piece.get("heading_rad", 0.0)
-        return Obstacle(name, indices, piece["x_m"], piece["y_m"], turned_rad, 2 * along, 2 * across)
+        return footprint(name, terrain, *indices)
     cos, sin = math.cos(heading_rad), math.sin(heading_rad)
     ahead, left = [], []
     for index in indices:

@@ -49,7 +49,7 @@ KINDS: Mapping[str, TerrainKind] = {
         "smooth",
         "bell",
         {"sd_along_m": SPREAD_M, "sd_across_m": SPREAD_M, "height_m": (-HEIGHT_M[1], HEIGHT_M[1])},
-        "hill {height_m:.1f} mm high",
+        "hill {height_m:.1f} mm high, {along_m:.0f} × {across_m:.0f} mm at its foot",
     ),
     "pothole": TerrainKind(
         "smooth",
@@ -61,7 +61,8 @@ KINDS: Mapping[str, TerrainKind] = {
         "smooth",
         "rectangle",
         {**_RECTANGLE, "height_sd_m": (0.0, HEIGHT_M[1]), "correlation_m": SIDE_M, "seed": (0.0, 2.0**31 - 1)},
-        "rough ground {length_m:.0f} × {width_m:.0f} mm",
+        "rough ground {length_m:.0f} × {width_m:.0f} mm: heights of standard deviation {height_sd_m:.1f} mm, "
+        "correlation length {correlation_m:.0f} mm",
         is_floor=True,
     ),
     "patch": TerrainKind(
@@ -99,5 +100,7 @@ def bounds_m(piece: Mapping[str, Any]) -> tuple[float, float, float, float]:
 
 def description(piece: Mapping[str, Any]) -> str:
     """The kind and its sizes in mm, for the instructions of a trial."""
-    in_mm = {key: 1000 * value if key.endswith("_m") else value for key, value in piece.items()}
+    along_m, across_m = (2 * reach for reach in reach_m(piece))
+    sizes = {**piece, "along_m": along_m, "across_m": across_m}
+    in_mm = {key: 1000 * value if key.endswith("_m") else value for key, value in sizes.items()}
     return kind_of(piece).description.format(**in_mm)

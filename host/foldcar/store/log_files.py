@@ -41,6 +41,17 @@ def log_inside(folder: Path, log: str, where: str) -> Path:
     return path
 
 
+def reference(store: Path, file: Path) -> str:
+    """How a store names a file that it only refers to: relative to its folder if it is in there, else from the root."""
+    whole, folder = file.resolve(), store.parent.resolve()
+    return (whole.relative_to(folder) if whole.is_relative_to(folder) else whole).as_posix()
+
+
+def referred_file(store: Path, name: str) -> Path:
+    """The file of a :func:`reference`."""
+    return store.parent / name
+
+
 def sha256_of(file: Path) -> str | None:
     """SHA-256 of a file in hexadecimal; None if there is none. StoreError if it cannot be read."""
     if not file.is_file():

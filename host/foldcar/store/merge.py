@@ -16,7 +16,7 @@ from foldcar.store.check import references
 from foldcar.store.connection import transaction
 from foldcar.store.designs import design_counts
 from foldcar.store.errors import StoreError, store_errors
-from foldcar.store.log_files import log_file, sha256_of
+from foldcar.store.log_files import log_file, reference, referred_file, sha256_of
 from foldcar.store.opening import check_new, connect_reading, new_store, refuse_damaged_log, require_version
 from foldcar.store.rows import Row, insert_sql, read_rows, stored
 from foldcar.store.tables import (
@@ -26,6 +26,7 @@ from foldcar.store.tables import (
     DESIGN,
     ENVIRONMENT,
     EXPERIMENT,
+    MEDIA,
     PATH,
     RECORDED,
     RUN,
@@ -108,6 +109,9 @@ class _Merge:
                     self._add_experiment(row)
                 elif table is TRIAL:
                     self._add_trial(path, row, trials)
+                elif table is MEDIA:
+                    file = reference(self._merged, referred_file(path, row["file"]))
+                    self._insert(MEDIA, {**row, "file": file}, "OR IGNORE")
                 elif table is not CORRECTION:
                     self._add_row(table, row, before)
                 elif tuple(row.values())[1:] not in there:

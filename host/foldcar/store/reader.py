@@ -22,6 +22,7 @@ from foldcar.store.tables import (
     DESIGN,
     ENVIRONMENT,
     EXPERIMENT,
+    MEDIA,
     PATH,
     PATH_JOIN,
     RECORDED,
@@ -32,7 +33,7 @@ from foldcar.store.tables import (
     TRIAL,
     Table,
 )
-from foldcar.store.trial_records import Correction, Track, Trial
+from foldcar.store.trial_records import Correction, Media, Track, Trial
 
 if TYPE_CHECKING:
     from foldcar.analysis.stopping import StoppingRule
@@ -210,6 +211,11 @@ class Store:
             facts, rows = parsed(self.path, TRACK, row, "facts"), parsed(self.path, TRACK, row, "rows", list)
             return Track(trial, row["film"], row["film_sha256"], row["start_s"], row["outcome"], facts, rows)
         return None
+
+    def media(self, trial: int | None = None) -> list[Media]:
+        """Photos and films of all trials, or of one, by trial, in the order in which they were attached."""
+        rows = self.rows(MEDIA, "WHERE ?1 IS NULL OR trial_id = ?1 ORDER BY trial_id, added_utc, file", trial)
+        return [Media(row["trial_id"], row["kind"], row["file"], row["sha256"]) for row in rows]
 
     def trial_drive(self, number: int) -> tuple[str, str, str] | None:
         """Body, settings and scene (as placed) of a trial as JSON; None if they are not known."""

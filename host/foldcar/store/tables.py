@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from foldcar.simulation.results import METRICS, OUTCOMES
-from foldcar.store.trial_records import BUILT, CARS, TRIAL_OUTCOMES, UNKNOWN
+from foldcar.store.trial_records import BUILT, CARS, MEDIA_ENDINGS, TRIAL_OUTCOMES, UNKNOWN
 
 CHECKSUM = "checksum"
 
@@ -301,6 +301,19 @@ TRACK = Table(
     ),
     late=True,
 )
+MEDIA = Table(
+    "media",
+    "photos and films of trials, kept where they are",
+    (
+        Column("trial_id", "INTEGER", "the trial", refers="trial"),
+        Column("sha256", "TEXT", "SHA-256 of the file"),
+        Column("kind", "TEXT", "what it is", choices=tuple(MEDIA_ENDINGS)),
+        Column("file", "TEXT", "the file, relative to the store's folder if it is in there"),
+        Column("added_utc", "TEXT", "when it was attached"),
+    ),
+    key=("trial_id", "sha256"),
+    late=True,
+)
 CALIBRATION = Table(
     "calibration",
     "parameters of the simulator, inferred from the trials of an experiment",
@@ -335,6 +348,7 @@ TABLES = (
     TRIAL,
     CORRECTION,
     TRACK,
+    MEDIA,
     CALIBRATION,
 )
 BY_NAME = {table.name: table for table in TABLES}

@@ -26,6 +26,10 @@ _REASONS = {
     WITHDRAWN: "withdrawn (`foldcar trials list` shows why)",
 }
 
+# Photos and films by the endings of their files' names.
+PHOTO, FILM = "photo", "film"
+MEDIA_ENDINGS = {PHOTO: (".jpg", ".jpeg", ".png", ".heic"), FILM: (".mp4", ".mov", ".m4v", ".mkv", ".avi", ".webm")}
+
 # The largest whole number that SQLite keeps.
 MOST_ID = 2**63 - 1
 
@@ -145,6 +149,16 @@ class Track:
     outcome: str | None
     facts: Mapping[str, Any]
     rows: Sequence[Sequence[float]]
+
+
+@dataclass(frozen=True, slots=True)
+class Media:
+    """A photo or film of a trial: ``kind`` is a key of MEDIA_ENDINGS, ``file`` a :func:`log_files.reference`."""
+
+    trial: int
+    kind: str
+    file: str
+    sha256: str
 
 
 @dataclass(frozen=True, slots=True)

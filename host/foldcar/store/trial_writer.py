@@ -17,9 +17,10 @@ from typing import Any
 from foldcar.store.connection import StoreConnection
 from foldcar.store.errors import StoreError
 from foldcar.store.info import listed_id
+from foldcar.store.log_files import reference, sha256_of
 from foldcar.store.opening import writing
 from foldcar.store.rows import Row
-from foldcar.store.tables import CORRECTION, EXPERIMENT, TRACK, TRIAL
+from foldcar.store.tables import CORRECTION, EXPERIMENT, MEDIA, TRACK, TRIAL
 from foldcar.store.trial_records import (
     BUILT,
     CARS,
@@ -31,6 +32,7 @@ from foldcar.store.trial_records import (
     TRIAL_OUTCOMES,
     Correction,
     Ending,
+    Media,
     Track,
     TrialDesign,
     not_entered,
@@ -224,6 +226,18 @@ class TrialWriter(StoreConnection):
                 "rows": json.dumps(track.rows, separators=(",", ":")),
             }  # fmt: skip
             self._insert(TRACK, [row], "OR REPLACE")
+
+    def put_media(self, trial: int, kind: str, file: Path) -> Media:
+        """Attach a photo or film, which stays where it is; StoreError if there is no such file or trial."""
+        digest = sha256_of(file)
+        if digest is None:
+            raise StoreError(f"{file}: no such file")
+        found = Media(trial, kind, reference(self.path, file), digest)
+        row = {**asdict(found), "added_utc": now_utc()}
+        with self._transaction():
+            self._trial(trial)
+            self._insert(MEDIA, [{**row, "trial_id": row.pop("trial")}], "OR REPLACE")
+        return found
 
     def place(
         self, trial: int, deviations: Mapping[str, tuple[float, float, float]], scene: Mapping[str, Any], reason: str,

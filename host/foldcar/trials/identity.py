@@ -151,8 +151,3 @@ def simulated_sample(
             f"with this experiment of {experiment.place.partition(': ')[0]} as it is now"
         )
     return sample
-
-
-def least_tried(samples: int, counts: Mapping[int, int]) -> int:
-    """The sample (0 to ``samples`` - 1) with the fewest trials, the first of several; ``counts`` is by sample."""
-    return min(range(samples), key=lambda sample: (counts.get(sample, 0), sample))

@@ -1,8 +1,9 @@
 """Placement of obstacles and car on the floor for a trial: instructions, a picture, and deviations from them.
 
 Input: a scene of docs/carsim.md, its obstacles, measured deviations. Output: lettered obstacles, rows of instructions
-(mm and degrees), the scene with the deviations applied. Positions are measured in the scene's frame, which is marked
-on the floor by a point at its origin and a line along x; y is to the left of x, headings are counter-clockwise.
+(mm and degrees), the scene with the deviations applied. Positions are measured in the scene's frame, which is marked on
+the floor by a point at its origin and a line along x; y is to the left of x, headings are counter-clockwise. Deviations
+are those of middles; a tape measures the edge that is nearest to the mark, and from the mark straight to its ends.
 """
 
 import copy
@@ -16,14 +17,17 @@ from foldcar.camera.markers import Course, card_of
 from foldcar.car.design import Design
 from foldcar.errors import FoldcarError
 from foldcar.outputs import make_output_folder
-from foldcar.scenes.obstacles import CAR, Obstacle
+from foldcar.scenes.obstacles import CAR, Obstacle, footprint
 from foldcar.scenes.terrain_kinds import description
 from foldcar.shown_console import ResultTable, shown_console
 from foldcar.simulation.carsim import Carsim
-from foldcar.trials.person import Answers, say
+from foldcar.trials.person import Answers, Buttons, say
 from foldcar.typed import decimal_number
 
+# Of the rows of instructions: x, y and turned are of the middle.
+HEADS = ("place", "x (mm)", "y (mm)", "turned (°)", "near edge x, y (mm)", "from the mark (mm)", "")
 MOST_DEVIATION_MM = 1000.0
+ALL_PLACED: Buttons = (("", "All is in place"),)
 
 Deviations = Mapping[str, tuple[float, float, float]]
 
@@ -33,26 +37,41 @@ def lettered(obstacles: Iterable[Obstacle]) -> dict[str, Obstacle]:
     return {_letters(number): obstacle for number, obstacle in enumerate(obstacles)}
 
 
-def instructions(scene: Mapping[str, Any], things: Mapping[str, Obstacle]) -> Iterator[tuple[str, str, str, str, str]]:
-    """Rows of name, x (mm), y (mm), heading (°) and description: the car, the obstacles, the goal, the floor."""
+def instructions(scene: Mapping[str, Any], things: Mapping[str, Obstacle]) -> Iterator[tuple[str, ...]]:
+    """Rows as HEADS: the car, the obstacles, rough ground, the goal, the floor."""
     start = scene["start"]
-    yield CAR, *_place(start["x_m"], start["y_m"], start["heading_rad"]), "its middle"
-    for letter, thing in things.items():
-        what = "; ".join(description(scene["terrain"][index]) for index in thing.pieces)
-        if len(thing.pieces) > 1:
-            what = f"{thing.name} {1000 * thing.length_m:.0f} × {1000 * thing.width_m:.0f} mm: {what}"
-        yield letter, *_place(thing.x_m, thing.y_m, thing.heading_rad), what
+    yield CAR, *_place(start["x_m"], start["y_m"], start["heading_rad"]), "", "", "its middle"
+    standing = {index for thing in things.values() for index in thing.pieces}
+    ground = [footprint("", scene["terrain"], k) for k in range(len(scene["terrain"])) if k not in standing]
+    for name, thing in [*things.items(), *(("floor", one) for one in ground)]:
+        place = _place(thing.x_m, thing.y_m, thing.heading_rad)
+        yield name, *place, *_by_tape(scene, thing), what_it_is(scene, thing)
     goal = scene["goal"]
     if goal is not None:
         line = goal["kind"] == "line"
         what = "a line across, to be crossed" if line else f"a disc of radius {1000 * goal['radius_m']:.0f} mm"
-        yield "goal", *_place(goal["x_m"], goal["y_m"], goal.get("heading_rad", 0.0)), what
-    yield "floor", "", "", "", f"friction {scene['friction']:g} in the simulation"
+        yield "goal", *_place(goal["x_m"], goal["y_m"], goal.get("heading_rad", 0.0)), "", "", what
+    yield "floor", *[""] * 5, f"friction {scene['friction']:g} in the simulation"
+
+
+def what_it_is(scene: Mapping[str, Any], thing: Obstacle) -> str:
+    """The obstacle in words, with its sizes."""
+    what = "; ".join(description(scene["terrain"][index]) for index in thing.pieces)
+    if len(thing.pieces) > 1:
+        return f"{thing.name} {1000 * thing.length_m:.0f} × {1000 * thing.width_m:.0f} mm: {what}"
+    return what
+
+
+def _by_tape(scene: Mapping[str, Any], thing: Obstacle) -> tuple[str, str]:
+    """The near edge in coordinates, and how far its ends are from the mark (mm)."""
+    ends = thing.near_edge_m(scene["terrain"])
+    places = [f"{_mm(x_m)}, {_mm(y_m)}" for x_m, y_m in ends]
+    return " to ".join(places), " and ".join(_mm(math.hypot(*end)) for end in ends)
 
 
 def show_placement(scene: Mapping[str, Any], things: Mapping[str, Obstacle]) -> None:
     """Print the :func:`instructions` as a table."""
-    table = ResultTable("place", "x (mm)", "y (mm)", "turned (°)", "", left=("place", ""))
+    table = ResultTable(*HEADS, left=("place", "from the mark (mm)", ""))
     for row in instructions(scene, things):
         table.add_row(*row)
     table.print_on(shown_console(120))
@@ -94,7 +113,7 @@ def ask_deviations(
             found[name] = by
     elif answers is not None:
         say("Measured deviations, one per line: NAME X_MM Y_MM [HEADING_DEG]; Enter to finish.")
-        while typed := answers.line("deviation: "):
+        while typed := answers.line("deviation: ", ALL_PLACED):
             try:
                 name, by = parse_deviation(typed, names)
                 found[name] = by
@@ -152,7 +171,11 @@ def _move(thing: dict[str, Any], middle: tuple[float, float], by: tuple[float, f
 
 
 def _place(x_m: float, y_m: float, heading_rad: float) -> tuple[str, str, str]:
-    return f"{1000 * x_m:.0f}", f"{1000 * y_m:.0f}", f"{_degrees(heading_rad):.1f}"
+    return _mm(x_m), _mm(y_m), f"{_degrees(heading_rad):.1f}"
+
+
+def _mm(length_m: float) -> str:
+    return f"{round(1000 * length_m) + 0}"
 
 
 def _degrees(angle_rad: float) -> float:

@@ -54,16 +54,21 @@ class RunningTrial:
         self._said: dict[str, Any] = {}
         self._next_s = 0.0
 
-    def begin(self, number: int, sample: int, car: str, time_limit_s: float, places: Sequence[Sequence[str]]) -> None:
-        """A trial whose things are to be put at ``places``, the rows of the placement."""
-        self._said = {"number": number, "sample": sample, "car": car, "time_limit_s": time_limit_s, "places": places}
+    def begin(
+        self, number: int, sample: int, car: str, time_limit_s: float, places: Sequence[Sequence[str]], moves: str
+    ) -> None:  # fmt: skip
+        """A trial: the placement's heads and rows are ``places``, what moves from where it stands ``moves``."""
+        self._said = {
+            "number": number, "sample": sample, "car": car, "time_limit_s": time_limit_s, "places": places,
+            "moves": moves,
+        }  # fmt: skip
         self._next_s = 0.0
 
     def show(self, car: Car | None, **more: Any) -> None:
         """Say the car's state, at most each PERIOD_S, and ``more`` of the trial from now on."""
         self._said |= more
         now_s = time.monotonic()
-        if not self._said or now_s < self._next_s:
+        if "number" not in self._said or now_s < self._next_s:
             return
         self._next_s = now_s + PERIOD_S
         said = {**self._said, "telemetry": None if car is None else telemetry(car)}

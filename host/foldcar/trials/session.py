@@ -19,45 +19,48 @@ from foldcar.car.body import body_json
 from foldcar.car.design import Design
 from foldcar.errors import FoldcarError
 from foldcar.interrupts import at_once
-from foldcar.link.car import Car, CarIdentity, greet
+from foldcar.link.car import CarIdentity
 from foldcar.link.parameters import read_parameters
-from foldcar.link.ports import SERIAL_PATHS, choose_port
+from foldcar.link.ports import choose_port
 from foldcar.link.stream import LinkLostError
 from foldcar.link.tlog import TlogWriter
 from foldcar.outputs import make_output_folder
 from foldcar.scenes.obstacles import Obstacle
 from foldcar.simulation.carsim import Carsim
-from foldcar.store.errors import StoreError
-from foldcar.store.kept_work import keep_trial, kept_trial, take_in_trial
-from foldcar.store.log_files import log_file, logs_folder, sha256_of
-from foldcar.store.trial_records import BUILT, INTERRUPTED, SIMULATED, Ending, TrialDesign, not_entered
+from foldcar.store.log_files import logs_folder
+from foldcar.store.trial_records import BUILT, SIMULATED, Ending, TrialDesign
 from foldcar.store.trial_writer import CarFacts, Drive, TrialWriter, write_trials
 from foldcar.study.environments import Environment
 from foldcar.study.experiments import read_study
-from foldcar.trials.driving import CTRL_C, DRIVES_ON, DriveEnd, collect, drive
-from foldcar.trials.identity import SIMULATED_TEXT, least_tried, simulated_sample, welcome
-from foldcar.trials.person import INPUT, Answers, DriveView, say, warn
-from foldcar.trials.placement import ask_deviations, draw_placement, instructions, lettered, placed, show_placement
+from foldcar.trials.drive_view import KEYS, DriveView
+from foldcar.trials.driving import CTRL_C, DRIVES_ON, DriveEnd, drive
+from foldcar.trials.identity import SIMULATED_TEXT, simulated_sample, welcome
+from foldcar.trials.media import Arrivals, is_growing, media_kind
+from foldcar.trials.order import Standing, moves_text, next_sample, standing
+from foldcar.trials.person import IDLE_S, INPUT, Answers, Buttons, say, warn
+from foldcar.trials.placement import (
+    HEADS,
+    ask_deviations,
+    draw_placement,
+    instructions,
+    lettered,
+    placed,
+    show_placement,
+)
+from foldcar.trials.plugged_car import PLUGGED, PluggedCar
+from foldcar.trials.recording import AGAIN, QUIT, afterwards, complete_interrupted, record_outcome
 from foldcar.trials.running import RunningTrial
 
 LEAST_FREE_BYTES = 20_000_000
-# With `yes`, how long to wait for an untethered car after its time limit.
-COMES_BACK_S = 60.0
-OUTCOME_KEYS = {
-    "p": "passed",
-    "t": "tipped",
-    "s": "stuck",
-    "o": "off_course",
-    "i": "timeout",
-    "n": "not_passed",
-    "a": "aborted",
-}
-OUTCOME_QUESTION = "Outcome: (p)assed, (t)ipped, (s)tuck, (o)ff course, t(i)me limit, (a)borted"
+START: Buttons = (("", "Start"), ("q", "End the session"))
 
 
 @dataclass(frozen=True)
 class SessionOptions:
-    """What `foldcar log` is told; what is None is asked for or determined during the session, unless ``yes``."""
+    """What `foldcar log` is told; what is None is asked for or determined during the session, unless ``yes``.
+
+    ``media`` are photos and films of the one trial, in ``media_folder`` those of each appear.
+    """
 
     listing: Path
     experiment: str
@@ -76,6 +79,8 @@ class SessionOptions:
     yes: bool
     course: Course | None = None
     car: str | None = None
+    media: tuple[Path, ...] = ()
+    media_folder: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -87,98 +92,155 @@ class KnownCar:
     sample: int | None
 
 
-class Session:
-    """A session; :meth:`run` drives it. All other inputs are read and checked before port and store are opened."""
+@dataclass(frozen=True)
+class _Driven:
+    """A trial of the session: what was stored of its end."""
 
-    def __init__(self, options: SessionOptions) -> None:
+    number: int
+    sample: int
+    log: Path
+    stored: Ending
+    end: DriveEnd
+
+
+class Session:
+    """A session; :meth:`run` drives it. All other inputs are read and checked before port and store are opened.
+
+    ``taps`` is the descriptor of what is tapped on the store's page, if it is served; ``driven`` are the trials' numbers.
+    """
+
+    def __init__(self, options: SessionOptions, taps: int | None = None) -> None:
         self._options = options
         (self._experiment,) = read_study(options.listing, options.experiment).experiments
         self._family = self._experiment.family.narrowed(options.settings)
         self._carsim = Carsim()
         self._environment = Environment(self._experiment)
-        self._answers = Answers(self._idle)
+        self._answers = Answers(self._idle, taps)
         self._asked = None if options.yes else self._answers
-        self._car: Car | None = None
-        self._port = ""
+        self._plugged = PluggedCar()
         self._running = RunningTrial(options.store)
         self._drawn: set[tuple[str, str]] = set()
         self._scenes: dict[int, tuple[dict[str, Any], dict[str, Obstacle]]] = {}
+        # Where obstacles stand since the last trial, and the sample that is to be driven again.
+        self._standing: Standing | None = None
+        self._again: int | None = None
+        self._repeated = 0
+        self._arrivals = Arrivals(options.media_folder)
+        self.driven: list[int] = []
 
-    def run(self, named_port: str | None) -> int:
-        """Drive trials up to the requested number or until the person ends, and return their number. FoldcarError."""
+    def run(self, named_port: str | None) -> None:
+        """Drive trials up to the requested number or until the person ends. FoldcarError."""
         options = self._options
-        self._connect(choose_port(named_port))
+        self._plugged.connect(choose_port(named_port))
         try:
             known = self._welcome()
             with write_trials(options.store) as writer:
-                self._complete_interrupted(writer)
-                driven = 0
-                while options.trials is None or driven < options.trials:
-                    end = self._trial(writer, known)
-                    if end is None:
+                complete_interrupted(writer)
+                while options.trials is None or len(self.driven) < options.trials + self._repeated:
+                    trial = self._trial(writer, known)
+                    if trial is None:
                         break
-                    driven += 1
-                    if end.ending == CTRL_C:
+                    if trial.end.ending == CTRL_C:
                         raise KeyboardInterrupt
-                    if end.error is not None:
-                        known = self._after_error(end.error)
+                    for file in options.media:
+                        self._attach(writer, trial.number, file)
+                    self._take_media(writer)
+                    if trial.end.error is not None:
+                        known = self._after_error(trial.end.error)
                     if options.trials is None and options.yes:
                         break
-                return driven
+                    if not self._goes_on(writer, trial):
+                        break
+                self._take_media(writer, wait=True)
         finally:
             self._running.close()
-            self._disconnect()
-
-    def _connect(self, port: str) -> None:
-        self._car, self._port = greet(port), port
-
-    def _disconnect(self) -> None:
-        """Close the connection, which nothing must use any more."""
-        car, self._car = self._car, None
-        if car is not None:
-            car.connection.close()
-
-    @property
-    def _connected(self) -> Car:
-        assert self._car is not None
-        return self._car
+            self._plugged.close()
 
     def _welcome(self) -> KnownCar:
         """The car, its design, and a simulated car's sample; FoldcarError if it cannot drive the trials."""
         options, experiment = self._options, self._experiment
         identity, design = welcome(
-            self._connected, experiment, self._family, self._carsim, self._asked, options.parameters, options.any_build
-        )
+            self._plugged.connected, experiment, self._family, self._carsim, self._asked, options.parameters,
+            options.any_build,
+        )  # fmt: skip
         sample = None
         if identity.scene is not None:
             sample = simulated_sample(identity.scene, options.sample, lambda k: self._scene(k)[0], experiment)
         return KnownCar(identity, design, sample)
 
-    def _trial(self, writer: TrialWriter, known: KnownCar) -> DriveEnd | None:
+    def _goes_on(self, writer: TrialWriter, trial: "_Driven") -> bool:
+        """What the person says after a trial, kept; whether the session goes on."""
+        options = self._options
+        if self._asked is None or None not in (options.outcome, options.note):
+            return True
+
+        def attach(file: Path) -> None:
+            self._attach(writer, trial.number, file)
+
+        def show(outcome: str) -> None:
+            self._running.show(self._plugged.car, outcome=outcome)
+
+        show(trial.stored.outcome)
+        number, log, stored = trial.number, trial.log, trial.stored
+        said = afterwards(writer, number, log, stored, self._asked, options.operator, attach, show)
+        self._again = trial.sample if said == AGAIN else None
+        self._repeated += said == AGAIN
+        return said != QUIT
+
+    def _attach(self, writer: TrialWriter, number: int, file: Path) -> None:
+        kind = media_kind(file)
+        while is_growing(file):
+            self._idle()
+            time.sleep(IDLE_S)
+        made = writer.put_media(number, kind, file)
+        say(f"Trial {number}: {made.kind} {file}")
+
+    def _take_media(self, writer: TrialWriter, wait: bool = False) -> None:
+        """Attach what has come to the folder; ``wait`` for what still grows. Ctrl-C ends the waiting."""
+        while wait and (growing := self._arrivals.growing()):
+            say(f"waiting for {', '.join(file.name for file in growing)}, until it grows no more")
+            while self._arrivals.growing() == growing:
+                self._idle()
+                time.sleep(IDLE_S)
+        for number, file in self._arrivals.take():
+            try:
+                if number not in self.driven:
+                    raise FoldcarError(f"{file}: belongs to no trial: trial {number} was not driven")
+                self._attach(writer, number, file)
+            except FoldcarError as error:
+                # The session matters more than a file that has gone.
+                warn(error)
+
+    def _trial(self, writer: TrialWriter, known: KnownCar) -> "_Driven | None":
         """Drive one trial; None if the person ends the session."""
         options, experiment, identity, design = self._options, self._experiment, known.identity, known.design
         trial_design, fingerprint = TrialDesign(design.type, design.columns), self._environment.fingerprint
-        sample = options.sample if known.sample is None else known.sample
+        sample = next((one for one in (known.sample, options.sample, self._again) if one is not None), None)
         if sample is None:
             counts = writer.trial_counts(experiment.id, trial_design, fingerprint)
-            sample = least_tried(experiment.environments, counts)
+            sample = next_sample(experiment.environments, counts, self._standing, lambda k: standing(*self._scene(k), {}))
         mark = f" ({SIMULATED_TEXT})" if identity.simulated else ""
         number = writer.next_number()
         say(f"\nTrial {number}: sample {sample} of experiment {experiment.id}{mark}")
+        self._take_media(writer)
+        self._arrivals.begin(number)
         scene, things = self._scene(sample)
-        rows = list(instructions(scene, things))
-        self._running.begin(number, sample, identity.name or design.type, experiment.timeout_s, rows)
+        moves = "" if self._standing is None else moves_text(self._standing, standing(scene, things, {}))
+        rows = [HEADS, *instructions(scene, things)]
+        self._running.begin(number, sample, identity.name or design.type, experiment.timeout_s, rows, moves)
         # matplotlib would swallow a signal.
         with at_once():
             show_placement(scene, things)
+            if moves:
+                say(f"after trial {self.driven[-1]}: {moves}; the car goes back to its place")
             if not options.yes:
                 self._draw(sample, known)
         deviations = ask_deviations(self._asked, things, options.deviations)
-        if not options.yes and self._answers.line("Enter starts the countdown, q ends: ").lower() == "q":
+        if not options.yes and self._answers.line("Enter starts the countdown, q ends: ", START).lower() == "q":
             return None
         body = body_json(design)
         settings = experiment.settings(design, body, self._carsim.parameter_table())
-        self._running.show(self._car, placed=True)
+        self._running.show(self._plugged.car, placed=True)
         log = self._log_file(number)
         car = None if identity.simulated is None else SIMULATED if identity.simulated else BUILT
         if identity.simulated and deviations:
@@ -188,19 +250,21 @@ class Session:
             trial_design,
             Drive(body, settings, placed(scene, things, deviations), fingerprint, experiment.program_name, sample),
             deviations,
-            CarFacts(identity.build, identity.hash, self._connected.port, car, options.car),
+            CarFacts(identity.build, identity.hash, self._plugged.connected.port, car, options.car),
             str(log.relative_to(options.store.parent)),
             options.operator,
         )
+        self.driven.append(begun)
+        self._standing = standing(scene, things, deviations)
         end = self._drive(settings, begun, log)
         if end.ending == DRIVES_ON:
-            end = self._collect(begun, log, settings["time_limit_s"])
-        self._running.show(self._car, ended=end.ending)
-        record_outcome(writer, begun, end, log, options.outcome, options.note, self._asked, mark)
-        return end
+            end = self._plugged.collect(begun, log, settings["time_limit_s"], self._asked)
+        self._running.show(self._plugged.car, ended=end.ending)
+        stored = record_outcome(writer, begun, end, log, options.outcome, options.note, self._asked, mark)
+        return _Driven(begun, sample, log, stored, end)
 
     def _drive(self, settings: dict[str, Any], number: int, log: Path) -> DriveEnd:
-        car, options, limit_s = self._connected, self._options, settings["time_limit_s"]
+        car, options, limit_s = self._plugged.connected, self._options, settings["time_limit_s"]
         say(f"Countdown {options.countdown_s} s, then {limit_s:g} s at most. Ctrl-C stops.")
         try:
             with contextlib.closing(TlogWriter(log)) as writer:
@@ -211,7 +275,9 @@ class Session:
                     car.request(message)
                 read_parameters(car)
                 other_input = INPUT if self._answers.is_terminal else None
-                with self._answers.keys() as pressed, DriveView(limit_s, pressed, other_input, self._running) as view:
+                view = DriveView(options.countdown_s, limit_s, other_input, self._running)
+                with self._answers.keys(KEYS) as pressed, view.watching(pressed):
+                    self._running.show(car, question=self._answers.question)
                     end = drive(car, settings, number, options.countdown_s, view, options.untethered)
                 return replace(end, outcome="passed") if view.passed and end.outcome is None else end
         except FoldcarError as error:
@@ -220,48 +286,20 @@ class Session:
         finally:
             car.connection.log = None
 
-    def _collect(self, number: int, log: Path, time_limit_s: float) -> DriveEnd:
-        """Wait until an untethered car is connected again, and fetch its log."""
-        end_s = time.monotonic() + time_limit_s + COMES_BACK_S
-        question = "The car drives on. When it has stopped, plug it in and press Enter, or type its port; q gives up: "
-        while True:
-            typed = "" if self._options.yes else self._answers.line(question)
-            if typed.lower() == "q":
-                return DriveEnd("did not come back", "aborted", None)
-            try:
-                self._greet_again(typed)
-                if self._connected.state() == self._connected.dialect.FOLDCAR_STATE_RUNNING:
-                    raise LinkLostError("the car still drives")
-                return collect(self._connected, number, log)
-            except FoldcarError as error:
-                if not self._options.yes:
-                    warn(error)
-                elif time.monotonic() > end_s:
-                    return DriveEnd("did not come back", "aborted", None, error)
-            time.sleep(1.0)
-
     def _after_error(self, error: FoldcarError) -> KnownCar:
         """After a lost link, wait for a car; raise every other error, and with ``yes`` all errors."""
         if self._options.yes or not self._answers.is_terminal or not isinstance(error, LinkLostError):
             raise error
         warn(error)
         while True:
-            typed = self._answers.line("Plug the car in and press Enter, or type its port; q ends: ")
+            typed = self._answers.line("Plug the car in and press Enter, or type its port; q ends: ", PLUGGED)
             if typed.lower() == "q":
                 raise error
             try:
-                self._greet_again(typed)
+                self._plugged.connect_again(typed)
                 return self._welcome()
             except FoldcarError as again:
                 warn(again)
-
-    def _greet_again(self, typed: str) -> None:
-        """Connect to the car at the typed port, its last one or a new one: a port's name may change after unplugging."""
-        port = typed or self._port
-        if not typed and port.startswith(SERIAL_PATHS) and not Path(port).exists():
-            port = choose_port(None)
-        self._disconnect()
-        self._connect(port)
 
     def _scene(self, sample: int) -> tuple[dict[str, Any], dict[str, Obstacle]]:
         """A sample's scene and its lettered obstacles."""
@@ -280,7 +318,7 @@ class Session:
             scene = self._scene(sample)
             draw_placement(*scene, known.design, self._carsim, picture, title, self._options.course)
             self._drawn.add((title, known.identity.hash))
-        self._running.show(self._car, picture=picture.name)
+        self._running.show(self._plugged.car, picture=picture.name)
         say(f"picture: {picture}")
 
     @cached_property
@@ -295,68 +333,9 @@ class Session:
         now = datetime.now(timezone.utc).strftime("%Y%m%dT%H%M%SZ")
         return self._logs / f"trial-{number:04d}-{now}.tlog"
 
-    def _complete_interrupted(self, writer: TrialWriter) -> None:
-        for number, log in writer.unfinished():
-            kept = kept_trial(self._options.store, number)
-            if kept.is_file():
-                say(f"{take_in_trial(writer, kept)}: taken in from {kept}")
-                continue
-            digest = sha256_of(log_file(self._options.store, log))
-            writer.complete(number, Ending("aborted", INTERRUPTED, None, "", digest))
-            say(f"Trial {number} was interrupted: it counts as aborted; its log is kept")
-
     def _idle(self) -> None:
         """Keep the link alive while the person types; a lost link is reported by the next command."""
-        if self._car is not None:
+        if self._plugged.car is not None:
             with contextlib.suppress(LinkLostError):
-                self._car.connection.receive(0.0)
-            self._running.show(self._car)
-
-
-def record_outcome(
-    writer: TrialWriter, number: int, end: DriveEnd, log: Path, outcome: str | None, note: str | None,
-    answers: Answers | None, mark: str = "",
-) -> None:  # fmt: skip
-    """Complete the row of trial ``number`` and say so, with the ``mark`` of a simulated car.
-
-    ``outcome`` and ``note`` are asked for where they are None, unless ``answers`` is None. FoldcarError if the outcome
-    is unknown and may not be asked for.
-    """
-    digest = sha256_of(log)
-    ending = end.ending if end.outcome else not_entered(end.ending)
-    try:
-        _complete(writer, number, log, Ending(end.outcome or "aborted", ending, end.elapsed_time_s, "", digest))
-    except StoreError as error:
-        # The person is asked nevertheless, and the answers are kept too.
-        warn(error)
-    drove = f" after {end.elapsed_time_s:.2f} s" if end.elapsed_time_s is not None else ""
-    say(f"Ended{drove}: {end.ending}")
-    outcome = "aborted" if end.error is not None else outcome
-    if outcome is None and answers is not None:
-        suggested = f" [{end.outcome}]" if end.outcome else ""
-        outcome = answers.choice(f"{OUTCOME_QUESTION}{suggested}: ", OUTCOME_KEYS, end.outcome)
-    outcome = outcome or end.outcome
-    if outcome is None:
-        raise FoldcarError(f"trial {number}: {end.ending}: its outcome does not follow; use --outcome with --yes")
-    if note is None and answers is not None and end.error is None:
-        note = answers.line("Note (Enter for none): ")
-    _complete(writer, number, log, Ending(outcome, end.ending, end.elapsed_time_s, note or "", digest))
-    say(f"Trial {number}: {outcome}{mark}; log: {log if digest else 'none'}")
-    if digest is None and end.error is None:
-        raise FoldcarError(f"{log}: is gone: it was deleted or moved; trial {number} is stored without its log")
-
-
-def _complete(writer: TrialWriter, number: int, log: Path, ending: Ending) -> None:
-    """Store the end of a trial. If that fails, keep it in a file beside the store, which the StoreError names."""
-    try:
-        writer.complete(number, ending)
-    except (StoreError, KeyboardInterrupt) as error:
-        # Ctrl-C may have ended the wait for another program, or come after the end was stored.
-        if isinstance(error, KeyboardInterrupt) and writer.has_ended(number, ending):
-            raise
-        kept = keep_trial(writer.path, number, str(log.relative_to(writer.path.parent)), ending)
-        if isinstance(error, KeyboardInterrupt):
-            warn(kept)
-            raise
-        raise StoreError(f"{error}; {kept}") from error
-    kept_trial(writer.path, number).unlink(missing_ok=True)
+                self._plugged.car.connection.receive(0.0)
+        self._running.show(self._plugged.car, question=self._answers.question)

@@ -18,10 +18,11 @@ export const isLive = () => Boolean(meta(document));
 // Polls for as long as the page is open; take(study) shows data.
 export async function follow(take) {
   let token = meta(document).content, version = "", last = null, fresh = null;
+  const tap = (question, answer) => fetch("/tap", { method: "POST", headers: { [HEADER]: token, "Content-Type": "application/json" }, body: JSON.stringify({ question, answer }) });
   const asked = async () => {
     const answer = await fetch(`/study.json?${version}&${shownPicture()}`, { headers: { [HEADER]: token }, cache: "no-store" });
     // A server that was started anew has another token: its page tells it.
-    if (answer.status === 403) token = meta(new DOMParser().parseFromString(await (await fetch("/")).text(), "text/html")).content;
+    if (answer.status === 403) token = meta(new DOMParser().parseFromString(await (await fetch(`/${location.search}`)).text(), "text/html")).content;
     if (!answer.ok) throw new Error(answer.statusText);
     return answer.json();
   };
@@ -30,7 +31,7 @@ export async function follow(take) {
       const { study, ...told } = await asked();
       [version, last, fresh] = [told.version, told, study ?? fresh];
       tell(told);
-      showRunning(told.trial);
+      showRunning(told.trial, told.taps ? tap : null);
     } catch {
       gone(last);
       showRunning(null);

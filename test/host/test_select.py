@@ -289,7 +289,7 @@ def test_advice_before_trials_and_after_each_round(tmp_path: Path, monkeypatch: 
 
     # Enough trials of enough cars of every design decide; then nothing is to be built.
     passing = {width: "passed" if rate > 0.5 else "stuck" for width, rate in truth.items()}
-    import_trials(store, [({"width_mm": w}, k, passing[w]) for w in truth for k in range(40)], "more", 20)
+    import_trials(store, [({"width_mm": w}, k, passing[w]) for w in truth for k in range(40)], "more", 40)
     (last,) = advise(store)
     assert last.enough and not last.recommendations and last.loss is not None and last.loss < 0.15
     assert last.sentence.startswith("Enough: 70, 80, 90 and 100 mm reach 75 %")
@@ -300,7 +300,7 @@ def test_it_ends_with_a_design_at_the_threshold_and_names_it(tmp_path: Path) -> 
     store = write_study(tmp_path / "s.db", FAMILY, 40, outcome)
     rates = {width: 40 if width < 100 else 30 if width == 100 else 2 for width in FAMILY["width_mm"]}
     ends = [({"width_mm": w}, k, "passed" if k < n else "stuck") for w, n in rates.items() for k in range(40)]
-    import_trials(store, ends)
+    import_trials(store, ends, cars=40)
 
     (found,) = advise(store)
 
@@ -313,7 +313,7 @@ def test_it_ends_with_a_design_at_the_threshold_and_names_it(tmp_path: Path) -> 
 
 def test_a_study_of_one_design_ends(tmp_path: Path) -> None:
     store = write_study(tmp_path / "one.db", {"width_mm": [100.0]}, 40, outcome)
-    import_trials(store, [({"width_mm": 100.0}, k, "passed") for k in range(20)])
+    import_trials(store, [({"width_mm": 100.0}, k, "passed") for k in range(20)], cars=20)
 
     (found,) = advise(store)
 

@@ -14,7 +14,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -206,6 +206,10 @@ def calibrated(simulator: Simulator, observed: Observations, emulator: Emulator)
     experiment, cars = simulator.experiment, observed.car_design
     inputs, width = cell_inputs(experiment, observed.cells)
     alike = likeness(inputs[len(observed.cells) :, :width])
+    used = np.unique(observed.cell)
+    inputs = np.vstack([inputs[used], inputs[len(observed.cells) :]])
+    cells = tuple(observed.cells[one] for one in used)
+    observed = replace(observed, cells=cells, cell=np.searchsorted(used, observed.cell))
     problem = Problem(observed, emulator, inputs, alike[np.ix_(cars, cars)], alike[:, cars], {})
     designs = np.arange(len(experiment.designs))
     return checked(simulator, problem, problem.posterior(SEED), designs, 1, 10**7, silent)

@@ -1,8 +1,9 @@
 """A calibration by a simulator that is a formula: its scatter, its rates, what further trials are expected to tell."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,19 +12,31 @@ import pytest
 from scipy.special import expit
 from scipy.stats import binom, norm
 
+from foldcar.calibration import emulator
+from foldcar.calibration import inference as inference_module
 from foldcar.calibration.drive_features import ENDS, FEATURES, PITCH, TIME, possible_ends
 from foldcar.calibration.emulator import MOST_CELLS, OTHERS, Emulator, cell_inputs, prior_scores, simulate_bank
 from foldcar.calibration.experiment import CalibrationRun, SimulatedDrive, SweptDesign, SweptExperiment
 from foldcar.calibration.inference import DRAWS, Inference, Problem, infer, likeness, plan
 from foldcar.calibration.observations import Cell, Observations
 from foldcar.calibration.parameters import NAMES, PARAMETERS, values_of
-from foldcar.calibration.posterior import Posterior
+from foldcar.calibration.posterior import Posterior, sample_posterior
 from foldcar.calibration.predictions import HEIGHTS, TRIALS, rank_next_trials
 from foldcar.calibration.summary import summarise
 
 SCENES = 30
 WIDTHS = (65.0, 95.0, 115.0, 180.0)
 FRICTION, SPEED = NAMES.index("friction"), NAMES.index("servo_speed")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def quick() -> Iterator[None]:
+    """One network that learns for a tenth of the time, and fewer draws: what is tried does not depend on them."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(emulator, "NETWORKS", 1)
+        patch.setattr(emulator, "STEPS", 600)
+        patch.setattr(inference_module, "sample_posterior", partial(sample_posterior, particles=500))
+        yield
 
 
 def experiment(*terrain: dict[str, Any]) -> SweptExperiment:
@@ -120,15 +133,15 @@ def test_sets_have_scatter_of_their_own_and_one_car_for_all_its_drives() -> None
 def test_the_bank_tells_what_of_the_scatter_is_the_cars() -> None:
     simulator: Any = Formula(seed=7)
     simulator.experiment = experiment()
-    scene = {"terrain": []}
+    scene: dict[str, Any] = {"terrain": []}
     observed = replace(observations((3, 5, 6)), cells=tuple(Cell(3, {**scene, "k": k}) for k in range(6)))
     observed = replace(observed, cell=np.arange(6))
-    bank = simulate_bank(simulator, prior_scores(1500, 1), observed, 0, lambda runs: None)
+    bank = simulate_bank(simulator, prior_scores(800, 1), observed, 0, lambda runs: None)
     inputs, width = cell_inputs(simulator.experiment, observed.cells)
 
     found = bank.emulator(inputs, width, 1)
 
-    assert len(bank.scores) == 1500 * (6 + OTHERS) and MOST_CELLS > 6
+    assert len(bank.scores) == 800 * (6 + OTHERS) and MOST_CELLS > 6
     assert math.sqrt(found.covariance[TIME, TIME]) == pytest.approx(0.1, rel=0.05)
     # Given pitch, which is the drive's scatter itself, nothing but the car's part is left.
     assert found.shares[TIME] == pytest.approx(0.95, abs=0.06) and found.shares[PITCH] < 0.05
@@ -217,7 +230,8 @@ def test_a_summary_has_the_numbers_of_its_draws(inference: Inference) -> None:
     for one, passed, counted in zip(designs, inference.passed, inference.counted, strict=True):
         # Few designs are not smoothed: the calibrated rate is the simulated share.
         assert one["simulated"]["mean"] == pytest.approx((passed + 0.5) / (counted + 1), abs=0.02)
-        assert one["built"]["low"] <= one["simulated"]["low"] + 0.02
+        wider, calibrated = (one[name]["high"] - one[name]["low"] for name in ("built", "simulated"))
+        assert wider > calibrated - 0.03
     likelihood = summary["log_likelihood"]
     best = sum(binom.logpmf(k, n, k / n) for k, n in ((2, 10), (0, 3), (9, 10)))
     assert likelihood["best"] == pytest.approx(best) and likelihood["best"] >= likelihood["best_draw"]

@@ -39,7 +39,8 @@ STEPS, MOST_EPOCHS = 2400, 100
 PENALTY_RUNS, PENALTY_LIMITS = 2400.0, (0.05, 0.5)
 # No simulation tells a probability closer to 0 or 1 than this logit: 1 in 400.
 LARGEST_LOGIT = 6.0
-LEAST_LOG_CHANCE = -LARGEST_LOGIT
+# The log probability of an end that no run had.
+UNKNOWN = -100.0
 # Runs of each set of parameters: in at most so many of the trials' cells, and of that many designs of the family.
 MOST_CELLS, OTHERS = 12, 2
 # The first sets are spread wider than the prior, so that the emulator does not extrapolate at its edges.
@@ -88,9 +89,9 @@ class Emulator:
                     # Of two classes scikit-learn has the logit of the second.
                     hidden = np.concatenate([np.zeros_like(hidden), hidden], axis=-1)
                 each.append(log_softmax(hidden, axis=-1))
-        found = np.full((len(scores), len(inputs), ENDS), LEAST_LOG_CHANCE)
+        found = np.full((len(scores), len(inputs), ENDS), UNKNOWN)
         found[..., list(self.ends)] = logsumexp(each, axis=0) - np.log(len(each))
-        return np.asarray(np.maximum(found, LEAST_LOG_CHANCE))
+        return np.asarray(found)
 
     def logits(self, scores: FloatArray, inputs: FloatArray) -> FloatArray:
         """Success logits (n, cells)."""

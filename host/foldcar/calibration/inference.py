@@ -14,6 +14,7 @@ from scipy.special import logsumexp
 
 from foldcar.analysis.gaussian_process import Matern, unit_range
 from foldcar.calibration.emulator import (
+    LARGEST_LOGIT,
     MOST_CELLS,
     OTHERS,
     Bank,
@@ -135,7 +136,8 @@ class Problem:
         failed = self.observed.passed == 0
         ends = chances[:, failed, 1:]
         told = np.where(self.observed.ends[failed, 1:], ends, -np.inf)
-        return np.asarray((logsumexp(told, axis=-1) - logsumexp(ends, axis=-1)).sum(axis=1))
+        # No simulation tells that a way to fail is impossible.
+        return np.asarray(np.maximum(logsumexp(told, axis=-1) - logsumexp(ends, axis=-1), -LARGEST_LOGIT).sum(axis=1))
 
 
 @dataclass(frozen=True)

@@ -142,7 +142,7 @@ def test_the_bank_tells_what_of_the_scatter_is_the_cars() -> None:
     found = bank.emulator(inputs, width, 1)
 
     assert len(bank.scores) == 800 * (6 + OTHERS) and MOST_CELLS > 6
-    assert math.sqrt(found.covariance[TIME, TIME]) == pytest.approx(0.1, rel=0.05)
+    assert math.sqrt(found.covariance[TIME, TIME]) == pytest.approx(0.1, rel=0.08)
     # Given pitch, which is the drive's scatter itself, nothing but the car's part is left.
     assert found.shares[TIME] == pytest.approx(0.95, abs=0.06) and found.shares[PITCH] < 0.05
     assert found.car_sd < 0.35
@@ -176,7 +176,7 @@ def test_what_further_trials_tell_is_the_information_of_their_count() -> None:
     swept = experiment({"kind": "pothole", "depth_m": 0.03})
     height = NAMES.index("obstacle_height")
     scores = np.zeros((100, len(PARAMETERS)))
-    scores[:, height] = np.linspace(-2, 2, 100)
+    scores[:, height] = np.random.default_rng(1).permutation(np.linspace(-2, 2, 100))
     emulated = linear(0.0, 0.0)
     weights = np.zeros((len(PARAMETERS) + 1, 1))
     weights[height] = 1.5
@@ -235,7 +235,9 @@ def test_a_summary_has_the_numbers_of_its_draws(inference: Inference) -> None:
     likelihood = summary["log_likelihood"]
     best = sum(binom.logpmf(k, n, k / n) for k, n in ((2, 10), (0, 3), (9, 10)))
     assert likelihood["best"] == pytest.approx(best) and likelihood["best"] >= likelihood["best_draw"]
-    assert likelihood["best_draw"] >= likelihood["draws"] > likelihood["nominal"]
+    assert likelihood["best_draw"] >= likelihood["draws"]
+    nominal_score = sum(binom.logpmf(k, n, (p + 0.5) / 101) for k, n, p in ((2, 10, 30), (0, 3, 0), (9, 10, 100)))
+    assert likelihood["nominal"] == pytest.approx(nominal_score)
     assert summary["notes"] == ["a note"] and summary["misfits"] == []
     assert summary["trials"] == {"cars": 3, "placed": 0, "timed": 0, "paths": 0}
     # Each design's trials given the others' are told no better than given all.

@@ -35,7 +35,7 @@ THRESHOLD = 0.5
 # The chosen design may pass by so much less often than the best one.
 LOSS = 0.05
 CARS_OF_A_DESIGN = 2
-SPEEDUP = "8"
+SPEEDUP = "4"
 # A car whose clock runs faster than its host's waits longer for it.
 PATIENCE = "CMD_TIMEOUT_MS 5000\nARM_TIMEOUT_S 60\n"
 # A film begins so long before the trial and ends so long after it (s): a car that is stuck must be seen to stay so.
@@ -214,12 +214,15 @@ def judge(folder: Path, answer: Any) -> int:
         errors[name] = sum(map(abs, off)) / len(off)
         show(f"{name}: rates {100 * errors[name]:.0f} points off (mean), {100 * max(map(abs, off)):.0f} at most")
     best = max(true, key=lambda width: true[width].value)
+    draw(folder, true, found)
+    if answer["leader"] is None:
+        show("WRONG: no design leads")
+        return 1
     leader = answer["leader"]["width_mm"]
     naive = max(true, key=lambda width: found["nominal"][width].value)
     loss = true[best].value - true[leader].value
     show(f"best {best:g} mm, {100 * true[best].value:.0f} %; found {leader:g} mm, {100 * true[leader].value:.0f} %; "
          f"the nominal simulator's {naive:g} mm, {100 * true[naive].value:.0f} %")  # fmt: skip
-    draw(folder, true, found)
     right = loss <= LOSS and errors["calibrated"] < errors["nominal"]
     show("right" if right else "WRONG")
     return 0 if right else 1

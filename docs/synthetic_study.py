@@ -15,7 +15,6 @@ import sys
 import time
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
-from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -126,17 +125,10 @@ def planned(chosen: Any, setting: Setting) -> list[Trial]:
     return trials
 
 
-@cache
-def car_words(car: str) -> tuple[str, ...]:
-    """What tells `link` and `log` which car it is."""
-    known = subprocess.run(command(["link", "--help"]), capture_output=True, text=True, check=True).stdout
-    return ("--car", car) if "--car" in known else ()
-
-
 def drive(listing: Path, study: Path, trial: Trial) -> int:
     """One trial of a car that `foldcar link` poses as; returns its number. A busy machine may abort it: then again."""
     folder, width = listing.parent, f"width={trial.width_mm:g}"
-    chosen: list[str | Path] = ["--experiment", "1", "--sample", str(trial.sample), *car_words(trial.car)]
+    chosen: list[str | Path] = ["--experiment", "1", "--sample", str(trial.sample), "--car", trial.car]
     words: list[str | Path] = ["link", listing, *chosen, "--set", width, "--engine", "mujoco", "--speedup", SPEEDUP]
     words += ["--reality", folder / "reality.json"]
     for _ in range(5):

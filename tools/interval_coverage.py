@@ -1,7 +1,7 @@
-"""Measures how often the 95 % intervals hold the truth, and how many trials simulation saves; renews docs/statistics.md.
+"""Measures how often the 95 % intervals hold the truth, with cars that differ and without; renews docs/statistics.md.
 
 Usage: interval_coverage.py PAGE. Synthetic truths with fixed seeds; rates are drawn uniformly, since the coverage of
-results 0 or 1 at a single rate jumps with n. Output: the page with its tables replaced, and the figure beside it.
+results 0 or 1 at a single rate jumps with n. Output: the page with its tables replaced.
 """
 
 import os
@@ -14,16 +14,15 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import cache, partial
 from pathlib import Path
-from typing import Any
 
-import matplotlib
-import matplotlib.figure
 import numpy
 from page_block import replaced
-from scipy.special import betainc, betaincinv, betaln, xlog1py, xlogy
-from scipy.stats import binom, norm
-from synthetic_trials import ENVIRONMENTS, binary_pairs, rows
+from scipy.special import betainc, betaln, xlog1py, xlogy
+from scipy.stats import norm
+from synthetic_trials import ENVIRONMENTS, driven, placed, rows
 
+from foldcar.analysis import built_cars
+from foldcar.analysis.built_cars import PRIOR, BuiltCars, simulated_weights
 from foldcar.analysis.gaussian_process import success_model
 from foldcar.analysis.pooled_bias import pooled_bias
 from foldcar.analysis.rate import (
@@ -31,34 +30,32 @@ from foldcar.analysis.rate import (
     clopper_pearson_interval,
     jeffreys_interval,
     limited_mean,
-    power_tuned_mean,
-    rectified_rate,
     wilson_interval,
 )
-from foldcar.figures.output import save_figure
-from foldcar.figures.style import ACCENT, FAILURE, INK, RC
 from foldcar.outputs import atomic_file
 
 MARKS = {
     "coverage": ("<!-- coverage of tools/interval_coverage.py -->", "<!-- end of coverage -->"),
-    "saved": ("<!-- saved of tools/interval_coverage.py -->", "<!-- end of saved -->"),
+    "cars": ("<!-- cars of tools/interval_coverage.py -->", "<!-- end of cars -->"),
+    "scenes": ("<!-- scenes of tools/interval_coverage.py -->", "<!-- end of scenes -->"),
 }
-PICTURE = "\n![Trials that simulation saves](statistics/saved.png)\n"
 COUNTS = (10, 20, 50, 100)
-CORRELATIONS = (0.0, 0.5, 0.9)
-CURVE = (0.0, 0.2, 0.4, 0.6, 0.8, 0.9)
-CURVE_COUNTS = (10, 50)
+# Cars and trials of each; standard deviations of cars' log-odds.
+CARS = ((1, 4), (2, 2), (4, 1), (1, 12), (2, 6), (4, 3))
+SPREADS = (0.0, 1.0, 2.0)
+# Correlation of environments in simulation and in truth, and whether trials are where simulation finds most of them hard.
+PLACES = ((0.9, True), (0.5, True), (0.9, False), (0.5, False))
+PLACED_TRIALS = 8
 # Synthetic truths of each cell.
 REPEATS = 2000
-ROWS = 200
+CAR_REPEATS = 400
+ROWS, POOLED_ROWS = 200, 40
 DESIGNS = 19
 SEED = 1007
 # A time limit, and the spread of the logarithms of times.
 LIMIT_S, SPREAD = 20.0, 0.6
 # Each of them: was the truth held, and how wide was the interval.
 Cell = tuple[float, float]
-# Correlations and the shares of trials saved at them, by name of the estimator.
-Savings = dict[str, tuple[Sequence[float], list[float]]]
 
 
 def share(found: Iterator[tuple[float, float, float]]) -> Cell:
@@ -76,35 +73,48 @@ def exact(interval: Callable[[int, int], tuple[float, float]], n: int) -> Cell:
     return float(numpy.mean(held)), float(numpy.mean([high - low for low, high in ends]))
 
 
-def rectified(correlation: float, n: int) -> Cell:
-    """Trials that rectify simulation."""
-    random = numpy.random.default_rng(SEED)
-    pairs = binary_pairs(random, n, correlation, REPEATS)
-    rates = ((pair.rate, rectified_rate(pair.trials, pair.paired, pair.others)) for pair in pairs)
-    return share((truth, rate.low, rate.high) for truth, rate in rates)
+@cache
+def assumed(passed: tuple[int, ...], each: int) -> tuple[float, float]:
+    """The interval of a further car where nothing is known of how much cars differ."""
+    k = numpy.array(passed, dtype=float)
+    rate = BuiltCars(k, numpy.full(len(k), float(each)), numpy.zeros(len(k)), PRIOR).rate()
+    return rate.low, rate.high
 
 
-def normal_rectified(correlation: float, n: int) -> Cell:
-    """The normal interval of PPI++, which foldcar does not use."""
-    reach = norm.ppf(0.975)
+def of_cars(cars: int, each: int, spread: float) -> list[Cell]:
+    """Wilson's interval for the cars that drove and for the design, then a further car's: spread assumed, simulated."""
+    found: list[list[tuple[float, float, float]]] = [[], [], [], []]
+    for one in driven(numpy.random.default_rng(SEED), cars, each, spread, CAR_REPEATS):
+        wilson = wilson_interval(int(one.passed.sum()), cars * each)
+        counts = numpy.array([one.passed, numpy.full(cars, each), numpy.zeros(cars)], dtype=float)
+        known = BuiltCars(*counts, simulated_weights(one.simulated, 10)).rate()
+        ends = (wilson, wilson, assumed(tuple(sorted(one.passed.tolist())), each), (known.low, known.high))
+        for some, truth, (low, high) in zip(found, (one.these, one.rate, one.rate, one.rate), ends, strict=True):
+            some.append((truth, low, high))
+    return [share(iter(some)) for some in found]
+
+
+def of_places(correlation: float, hard: bool, spread: float) -> list[tuple[float, float]]:
+    """Mean error and coverage of a further car's rate without simulation of the environments, by single runs, by cars."""
+    ways: list[tuple[str, float]] = [("", 0.0), ("single", 1.0), ("several", 0.5), ("several", 1.0)]
+    found: list[list[tuple[float, float]]] = [[] for _ in ways]
+    places = placed(numpy.random.default_rng(SEED), PLACED_TRIALS, spread, correlation, hard, CAR_REPEATS)
+    for one in places:
+        weights = simulated_weights(one.simulated, PLACED_TRIALS)
+        for (way, trust), some in zip(ways, found, strict=True):
+            expected = getattr(one, way) if way else []
+            by = built_cars.shift(expected, one.overall) * trust / built_cars.TRUST
+            car = BuiltCars(*numpy.array([[one.passed], [one.trials], [by]], dtype=float), weights)
+            rate = car.rate()
+            some.append((abs(rate.value - one.rate), float(rate.low <= one.rate <= rate.high)))
+    return [(float(error), float(held)) for error, held in (numpy.mean(some, axis=0) for some in found)]
+
+
+def pooled(rough: bool, spread: float, n: int) -> Cell:
+    """Designs in a row, n trials of one car of each, their bias pooled."""
 
     def intervals() -> Iterator[tuple[float, float, float]]:
-        for pair in binary_pairs(numpy.random.default_rng(SEED), n, correlation, REPEATS):
-            y, f, others = pair.trials, pair.paired, pair.others
-            weight = numpy.cov(y, f)[0, 1] / ((1 + n / len(others)) * max(numpy.append(f, others).var(ddof=1), 1e-12))
-            weight = min(max(weight, 0.0), 1.0)
-            error = numpy.sqrt((y - weight * f).var(ddof=1) / n + weight**2 * others.var(ddof=1) / len(others))
-            value = power_tuned_mean(y, f, others)
-            yield pair.rate, value - reach * error, value + reach * error
-
-    return share(intervals())
-
-
-def pooled(rough: bool, correlation: float, n: int) -> Cell:
-    """Designs in a row, their bias pooled."""
-
-    def intervals() -> Iterator[tuple[float, float, float]]:
-        for row in rows(numpy.random.default_rng(SEED), DESIGNS, n, rough, correlation, ROWS):
+        for row in rows(numpy.random.default_rng(SEED), DESIGNS, n, rough, spread, POOLED_ROWS):
             runs = numpy.column_stack([ENVIRONMENTS * row.simulated, numpy.full(DESIGNS, ENVIRONMENTS)])
             trials = numpy.column_stack([row.passed, numpy.full(DESIGNS, n)])
             found = pooled_bias(row.parameters, runs, trials).rates()
@@ -155,45 +165,12 @@ def anytime(n: int) -> Cell:
     return float(inside.all(axis=1).mean()), float((high - low).mean())
 
 
-def saved(paired_width: float, n: int, alone: Callable[[int], float]) -> float:
-    """The share of trials saved: n trials are as precise as so many, for which ``alone`` gives the width."""
-    counts = numpy.unique(numpy.round(n * numpy.geomspace(0.7, 12, 60)).astype(int))
-    widths = numpy.array([alone(int(count)) for count in counts])
-    return 1 - n / float(numpy.interp(-paired_width, -widths, counts))
-
-
-def jeffreys_widths(n: int) -> Any:
-    """The widths (n + 1,) of Jeffreys' interval for each number of successes; as jeffreys_interval, for all at once."""
-    k = numpy.arange(n + 1)
-    low, high = (betaincinv(k + 0.5, n - k + 0.5, part) for part in (0.025, 0.975))
-    return numpy.where(k == n, 1.0, high) - numpy.where(k == 0, 0.0, low)
-
-
-def alone_uniform(n: int) -> float:
-    """The mean width of Jeffreys' interval for uniform rates."""
-    return float(jeffreys_widths(n).mean())
-
-
-def alone_in_rows(n: int) -> float:
-    """The expected width of Jeffreys' interval for the rates of the rows of designs."""
-    return float((binom.pmf(numpy.arange(n + 1), n, rates_in_rows()[:, None]) @ jeffreys_widths(n)).mean())
-
-
-@cache
-def rates_in_rows() -> Any:
-    """True rates of the rows of designs, every 13th: their distribution."""
-    random = numpy.random.default_rng(SEED)
-    return numpy.concatenate([row.rates for row in rows(random, DESIGNS, 1, False, 0.4, ROWS)])[::13]
-
-
 LINES: dict[str, Callable[[int], Cell]] = {
     "Wilson (counts in figures)": partial(exact, wilson_interval),
     "Jeffreys (trials alone)": partial(exact, jeffreys_interval),
     "Clopper-Pearson": partial(exact, clopper_pearson_interval),
-    **{f"trials and simulation, ρ = {value:g}": partial(rectified, value) for value in CORRELATIONS},
-    "the same, normal interval of PPI++, ρ = 0.5": partial(normal_rectified, 0.5),
-    "designs pooled, smooth bias, ρ = 0.4": partial(pooled, False, 0.4),
-    "designs pooled, rough bias, ρ = 0.4": partial(pooled, True, 0.4),
+    **{f"one car each, smooth bias pooled, σ = {value:g}": partial(pooled, False, value) for value in SPREADS},
+    "one car each, rough bias pooled, σ = 1": partial(pooled, True, 1.0),
     "restricted mean time": restricted,
     "smooth success model": smooth,
     "anytime-valid, at every look up to n": anytime,
@@ -201,68 +178,35 @@ LINES: dict[str, Callable[[int], Cell]] = {
 
 
 def main(page: Path) -> None:
-    """Measure everything and renew the page and its figure."""
+    """Measure everything and renew the page."""
     with ProcessPoolExecutor(2) as pool:
         cells = {(name, n): pool.submit(line, n) for name, line in LINES.items() for n in COUNTS}
         late = pool.submit(anytime, 10_000)
-        curve = {(n, value): pool.submit(rectified, value, n) for n in CURVE_COUNTS for value in CURVE}
-        in_rows = {(n, value): pool.submit(pooled, False, value, n) for n in CURVE_COUNTS for value in CURVE[::2]}
-        rough = {n: pool.submit(pooled, True, 0.4, n) for n in CURVE_COUNTS}
+        cars = {(one, spread): pool.submit(of_cars, *one, spread) for one in CARS for spread in SPREADS}
+        places = {(one, spread): pool.submit(of_places, *one, spread) for one in PLACES for spread in SPREADS[:2]}
         table = [["95 % interval, n =", *(f"{n}" for n in COUNTS)]]
         table += [[name, *(f"{100 * cells[name, n].result()[0]:.1f}" for n in COUNTS)] for name in LINES]
-        savings: Savings = {
-            f"paired, n = {n}": (CURVE, [saved(curve[n, v].result()[1], n, alone_uniform) for v in CURVE])
-            for n in CURVE_COUNTS
-        }
-        savings |= {
-            f"pooled, n = {n}": (CURVE[::2], [saved(in_rows[n, v].result()[1], n, alone_in_rows) for v in CURVE[::2]])
-            for n in CURVE_COUNTS
-        }
-        rough_saved = {n: saved(rough[n].result()[1], n, alone_in_rows) for n in CURVE_COUNTS}
         print(f"anytime-valid, at every look up to 10,000: {100 * late.result()[0]:.1f} %")
         for name in LINES:
             print(name, *(f"{cells[name, n].result()[1]:.3f}" for n in COUNTS))
+        of = [["interval", "σ", *(f"{n} × {each}" for n, each in CARS)]]
+        names = ("Wilson, of these cars", "Wilson, of the design", "further car, σ assumed", "further car, σ simulated")
+        for at, name in enumerate(names):
+            for spread in SPREADS:
+                some = [cars[one, spread].result()[at] for one in CARS]
+                of.append([name, f"{spread:g}", *(f"{100 * held:.0f} ({100 * width:.0f})" for held, width in some)])
+        head = ("counts alone", "single runs", "several cars, half", "several cars, all")
+        scenes = [["trials in", "correlation", "σ", *head]]
+        for (correlation, hard), spread in places:
+            where = "hard environments" if hard else "any environments"
+            some = places[(correlation, hard), spread].result()
+            row = (f"{100 * error:.1f} ({100 * held:.0f})" for error, held in some)
+            scenes.append([where, f"{correlation:g}", f"{spread:g}", *row])
     text = page.read_text(encoding="utf-8")
-    text = replaced(text, page, *MARKS["coverage"], markdown(table))
-    text = replaced(text, page, *MARKS["saved"], markdown(savings_table(savings, rough_saved)) + PICTURE)
+    for name, rows_of in (("coverage", table), ("cars", of), ("scenes", scenes)):
+        text = replaced(text, page, *MARKS[name], markdown(rows_of))
     with atomic_file(page) as binary:
         binary.write(text.encode())
-    folder = page.with_suffix("")
-    folder.mkdir(exist_ok=True)
-    with matplotlib.rc_context(RC):
-        save_figure(drawing(savings), folder / "saved.png", colours=64)
-
-
-def savings_table(savings: Savings, rough_saved: dict[int, float]) -> list[list[str]]:
-    """Rows of trials saved (%) by correlation."""
-    table = [["trials saved, %, at ρ =", *(f"{value:g}" for value in CURVE)]]
-    for name, (values, shares) in savings.items():
-        found = dict(zip(values, shares, strict=True))
-        table.append([name, *(f"{100 * found[v]:.0f}" if v in found else "" for v in CURVE)])
-    table += [
-        [f"pooled, n = {n}, rough bias", *(f"{100 * part:.0f}" if v == 0.4 else "" for v in CURVE)]
-        for n, part in rough_saved.items()
-    ]
-    return table
-
-
-def drawing(savings: Savings) -> Any:
-    """Trials saved by correlation."""
-    figure = matplotlib.figure.Figure(figsize=(6.0, 3.2), layout="constrained")
-    axes = figure.subplots()
-    fine = numpy.linspace(0, 0.95, 50)
-    axes.plot(fine, 100 * fine**2, color="#999999", linestyle=":", label="limit of pairing, ρ²")
-    for (name, (values, shares)), colour, marker in zip(
-        savings.items(), (ACCENT, ACCENT, FAILURE, FAILURE), "osos", strict=True
-    ):
-        filled = colour if marker == "o" else "white"
-        axes.plot(values, 100 * numpy.array(shares), marker=marker, color=colour, markerfacecolor=filled, label=name)
-    axes.axhline(0, color=INK, linewidth=0.8)
-    axes.set_xlabel("correlation ρ of trial and simulation within a design")
-    axes.set_ylabel("trials saved (%)")
-    axes.set_title("Trials that simulation saves")
-    figure.legend(loc="outside right center")
-    return figure
 
 
 def markdown(table: Sequence[Sequence[str]]) -> str:

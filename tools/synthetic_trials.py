@@ -1,25 +1,22 @@
-"""Synthetic truths with known rates, on which tools/interval_coverage.py tries the intervals."""
+"""Synthetic truths with known rates, on which tools/interval_coverage.py tries the intervals.
+
+A car passes in an environment with the log-odds centre + spread of the cars z + SCENES b, z and b standard normal. In
+simulation the centre is BIAS off (standard deviation), and b correlates with that of the truth.
+"""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy
 
-# Environments that only simulation has seen.
-OTHERS = 500
-# Environments that simulation has seen of each design, those of the trials included.
+# Environments that simulation has seen of each design.
 ENVIRONMENTS = 100
-
-
-@dataclass(frozen=True)
-class Pairs:
-    """Trials (n,) of a design whose true rate is ``rate``, simulation's results with them (n,) and elsewhere (N,)."""
-
-    rate: float
-    trials: Any
-    paired: Any
-    others: Any
+BIAS, SCENES = 0.5, 1.5
+# Cars of a design that simulation sees in each environment of a trial.
+SIMULATED_CARS = 20
+NORMAL = (numpy.arange(400) + 0.5) / 400
 
 
 def logistic(log_odds: Any) -> Any:
@@ -27,35 +24,96 @@ def logistic(log_odds: Any) -> Any:
     return 1 / (1 + numpy.exp(-log_odds))
 
 
-def binary_pairs(random: numpy.random.Generator, trials: int, correlation: float, count: int) -> Iterator[Pairs]:
-    """Results 0 or 1 of the given correlation; true rates uniform, simulation's log-odds 0.5 off (deviation).
+@cache
+def centres(deviation: float) -> tuple[Any, Any]:
+    """Log-odds, and the mean rate of what lies around each with that standard deviation."""
+    from scipy.stats import norm
 
-    Simulation's rate is drawn again until such a correlation is possible with it.
+    at = numpy.linspace(-25, 25, 2001)
+    return at, logistic(at[:, None] + deviation * norm.ppf(NORMAL)).mean(axis=1)
+
+
+def centre_of(rate: Any, deviation: float) -> Any:
+    """The log-odds around which what has that mean rate lies."""
+    at, rates = centres(deviation)
+    return numpy.interp(rate, rates, at)
+
+
+@dataclass(frozen=True)
+class Driven:
+    """Cars of a design of true ``rate``: of the cars that drove it is ``these``; they passed so many of ``each`` (cars,).
+
+    ``simulated``: how many of ten environments each of SIMULATED_CARS passed.
     """
+
+    rate: float
+    these: float
+    passed: Any
+    each: int
+    simulated: Any
+
+
+def driven(random: numpy.random.Generator, cars: int, each: int, spread: float, count: int) -> Iterator[Driven]:
+    """Trials of designs whose rates are uniform, alike in all environments."""
     for _ in range(count):
         rate = random.uniform()
-        while True:
-            simulated = logistic(numpy.log(rate / (1 - rate)) + 0.5 * random.standard_normal())
-            both = rate * simulated + correlation * numpy.sqrt(rate * (1 - rate) * simulated * (1 - simulated))
-            if both <= min(rate, simulated):
-                break
-        results = paired_results(random, rate, simulated, both, trials)
-        yield Pairs(rate, *results, (random.random(OTHERS) < simulated).astype(float))
+        centre = centre_of(rate, spread)
+        mine = logistic(centre + spread * random.standard_normal(cars))
+        twins = logistic(centre + BIAS * random.standard_normal() + spread * random.standard_normal(SIMULATED_CARS))
+        yield Driven(rate, float(mine.mean()), random.binomial(each, mine), each, random.binomial(10, twins))
 
 
-def paired_results(
-    random: numpy.random.Generator, rate: float, simulated: float, both: float, count: int
-) -> tuple[Any, Any]:
-    """Trials and simulated results (count,), 0 or 1, with these probabilities of either and of both."""
-    draws = random.random(count)
-    trial = draws < rate
-    only_simulated = (draws >= rate) & (draws < rate + simulated - both)
-    return trial.astype(float), ((draws < both) | only_simulated).astype(float)
+@dataclass(frozen=True)
+class Placed:
+    """``passed`` of ``trials`` of one car, in environments where simulation is known: its rate over all, ``overall``.
+
+    Over the car's own it is ``single`` by the sweep's runs, one in each, and ``several`` by SIMULATED_CARS in each.
+    ``rate`` is that of the design, ``simulated`` as in Driven.
+    """
+
+    rate: float
+    passed: int
+    trials: int
+    overall: float
+    single: list[float]
+    several: list[float]
+    simulated: Any
+
+
+def placed(
+    random: numpy.random.Generator, trials: int, spread: float, correlation: float, hard: bool, count: int
+) -> Iterator[Placed]:
+    """Trials of one car of each design; in environments of which simulation finds most ``hard``, or in any."""
+    for _ in range(count):
+        rate = random.uniform(0.03, 0.97)
+        centre, n = centre_of(rate, float(numpy.hypot(spread, SCENES))), ENVIRONMENTS
+        b, noise = random.standard_normal((2, n))
+        believed = centre + BIAS * random.standard_normal()
+        believed = believed + SCENES * (correlation * b + numpy.sqrt(1 - correlation**2) * noise)
+        runs = random.random(n) < logistic(believed + spread * random.standard_normal(n))
+        order = numpy.argsort(believed + SCENES * random.standard_normal(n)) if hard else random.permutation(n)
+        mine = random.permutation(order[: 2 * n // 5])[:trials]
+        twins = logistic(believed[mine] + spread * random.standard_normal((SIMULATED_CARS, 1)))
+        table = random.random(twins.shape) < twins
+        passed = random.random(trials) < logistic(centre + spread * random.standard_normal() + SCENES * b[mine])
+        overall = (runs.sum() + 0.5) / (n + 1)
+        single, several = runs[mine].astype(float).tolist(), table.mean(axis=0).tolist()
+        # The truth is that of these environments, which a design meets again.
+        true = float(logistic(centre + spread * quantiles() + SCENES * b[:, None]).mean())
+        yield Placed(true, int(passed.sum()), trials, overall, single, several, table.sum(axis=1))
+
+
+@cache
+def quantiles() -> Any:
+    """Nodes of the normal distribution."""
+    from scipy.stats import norm
+
+    return norm.ppf(NORMAL[2::4])
 
 
 @dataclass(frozen=True)
 class Row:
-    """Designs in a row: parameters (d, 1), true rates, passed of ``trials`` each, and simulation's rates (d,)."""
+    """Designs in a row: parameters (d, 1), true rates, passed of ``trials`` of one car each, simulation's rates (d,)."""
 
     parameters: Any
     rates: Any
@@ -65,12 +123,9 @@ class Row:
 
 
 def rows(
-    random: numpy.random.Generator, designs: int, trials: int, rough: bool, correlation: float, count: int
+    random: numpy.random.Generator, designs: int, trials: int, rough: bool, spread: float, count: int
 ) -> Iterator[Row]:
-    """Rows of designs of which the middle ones pass; trial and simulation differ smoothly, or by each design's own.
-
-    Within a design they correlate as given, or as far as their rates allow.
-    """
+    """Rows of designs of which the middle ones pass; trial and simulation differ smoothly, or by each design's own."""
     x = numpy.linspace(0, 1, designs)
     for _ in range(count):
         centre, width, top = random.uniform(0.2, 0.8), random.uniform(0.2, 0.5), random.uniform(1, 4)
@@ -78,9 +133,6 @@ def rows(
         waves = random.uniform(0, 1.5) * numpy.sin(2 * numpy.pi * (random.uniform(0.2, 1) * x + random.uniform()))
         difference = random.normal(-0.5, 1) + (random.standard_normal(designs) if rough else waves)
         simulated, true = logistic(log_odds), logistic(log_odds + difference)
-        passed, runs = numpy.zeros(designs), numpy.zeros(designs)
-        for design, (p, s) in enumerate(zip(true, simulated, strict=True)):
-            both = min(p * s + correlation * numpy.sqrt(p * (1 - p) * s * (1 - s)), p, s)
-            y, f = paired_results(random, p, s, both, max(trials, ENVIRONMENTS))
-            passed[design], runs[design] = y[:trials].sum(), f[:ENVIRONMENTS].mean()
-        yield Row(x[:, None], true, passed, trials, runs)
+        cars = logistic(centre_of(true, spread) + spread * random.standard_normal(designs))
+        runs = random.binomial(ENVIRONMENTS, simulated) / ENVIRONMENTS
+        yield Row(x[:, None], true, random.binomial(trials, cars), trials, runs)

@@ -11,10 +11,11 @@ from sklearn.gaussian_process import GaussianProcessClassifier
 from sklearn.gaussian_process.kernels import ConstantKernel, Matern
 
 from foldcar.analysis import gaussian_process
-from foldcar.analysis.gaussian_process import CONSTANT, Candidate, Factors, SuccessModel, laplace, success_model
+from foldcar.analysis.built_cars import PRIOR, SPREADS, BuiltCars
+from foldcar.analysis.built_cars import SLOPE as CAR_SLOPE
+from foldcar.analysis.gaussian_process import CONSTANT, Candidate, Factors, SuccessModel, binomial, laplace, success_model
 from foldcar.analysis.pooled_bias import ALONE, LENGTHS, SLOPE, SMOOTH, pooled_bias
 from foldcar.analysis.pooled_bias import CONSTANT as COMMON
-from foldcar.analysis.rate import jeffreys_interval
 from foldcar.errors import FoldcarError
 
 
@@ -33,7 +34,7 @@ def test_mode_and_evidence_are_those_of_scikit_learns_classifier() -> None:
     process = gaussian_process.Matern(x, (0.3, 0.8))
     functions = 1.7 * process.functions(x)
 
-    found = laplace(functions, numpy.zeros(4), passed.astype(float), counted.astype(float))
+    found = laplace(functions, numpy.zeros(4), binomial(passed.astype(float), counted.astype(float)))
 
     assert functions @ functions.T == pytest.approx(kernel(x))
     assert expit(functions @ found.mode)[each] == pytest.approx(there.base_estimator_.pi_, abs=1e-5)
@@ -49,7 +50,8 @@ def test_newtons_steps_find_the_mode_from_far_away() -> None:
     from scipy.optimize import minimize_scalar
 
     for k, n, m, v in ((0, 400, 9.0, 25.0), (900, 1000, -8.0, 16.0), (1, 1, 0.3, 0.5)):
-        found = laplace(numpy.array([[math.sqrt(v)]]), numpy.array([m]), numpy.array([float(k)]), numpy.array([float(n)]))
+        trials = binomial(numpy.array([float(k)]), numpy.array([float(n)]))
+        found = laplace(numpy.array([[math.sqrt(v)]]), numpy.array([m]), trials)
 
         def loss(x: float, k: int = k, n: int = n, m: float = m, v: float = v) -> float:
             return float(n * numpy.logaddexp(0, x) - k * x + (x - m) ** 2 / (2 * v))
@@ -69,7 +71,14 @@ def sampled(x: Any, runs: Any, trials: Any) -> tuple[Any, Any, Any]:
     ]
     random = numpy.random.default_rng(1)
     draws = numpy.array([random.multivariate_normal(log_odds, kernel, 20_000) for kernel in kernels])
-    return draws, numpy.exp(stats.binom.logpmf(trials[:, 0], trials[:, 1], expit(draws)).sum(axis=2)), kernels
+    # Trials are of one car of each design, which is one of many.
+    grid, z = numpy.linspace(-12, 12, 481)[:, None, None], stats.norm.ppf((numpy.arange(50) + 0.5) / 50)[:, None]
+    chances = numpy.zeros((len(grid), len(trials)))
+    for spread, weight in zip(SPREADS, PRIOR, strict=True):
+        rates = expit(math.sqrt(1 + CAR_SLOPE * spread**2) * grid + spread * z)
+        chances += weight * stats.binom.pmf(trials[:, 0], trials[:, 1], rates).mean(axis=1)
+    each = [numpy.interp(draws[..., at], grid[:, 0, 0], chances[:, at]) for at in range(len(trials))]
+    return draws, numpy.prod(each, axis=0), kernels
 
 
 def test_pooled_rates_and_draws_are_those_of_importance_sampling() -> None:
@@ -121,18 +130,19 @@ def test_neighbours_narrow_a_design_and_a_design_without_trials_gets_a_wide_rate
 
     rates = pooled_bias(x, numpy.tile([90, 100], (len(x), 1)), trials).rates()
 
-    low, high = jeffreys_interval(7, 10)
-    assert all(2 * rate.half_width < 0.6 * (high - low) for rate in rates[:-1])
+    alone = BuiltCars.one(7, 10).rate()
+    assert all(rate.half_width < 0.6 * alone.half_width for rate in rates[:-1])
     assert rates[-1].half_width > rates[-2].half_width and "no trials of this design" in rates[-1].method
 
 
-def test_pooling_leaves_lone_designs_to_jeffreys_and_many_trials_alone() -> None:
+def test_pooling_leaves_lone_designs_to_their_cars_and_many_trials_alone() -> None:
     lone = pooled_bias([[65.0], [95.0]], [[10, 10], [5, 10]], [[7, 10], [0, 0]]).rates()
-    assert (lone[0].low, lone[0].high) == jeffreys_interval(7, 10)
+    assert lone[0] == BuiltCars.one(7, 10).rate()
     assert (lone[1].low, lone[1].high) == (0, 1) and "nothing is known" in lone[1].method
 
     trials = [[20_000, 100_000], [70_000, 100_000], [0, 100_000]]
-    many = pooled_bias([[65.0], [95.0], [95.0]], [[0, 100], [100, 100], [100, 100]], trials).rates()
+    alike = [BuiltCars(*numpy.array([[k], [n], [0.0]]), numpy.eye(len(SPREADS))[0]) for k, n in trials]
+    many = pooled_bias([[65.0], [95.0], [95.0]], [[0, 100], [100, 100], [100, 100]], trials, alike).rates()
     assert [rate.value for rate in many] == pytest.approx([0.2, 0.7, 0.0], abs=0.01)
     assert pooled_bias(numpy.zeros((0, 1)), numpy.zeros((0, 2)), numpy.zeros((0, 2))).rates() == []
     good = [[1, 2]] * 2

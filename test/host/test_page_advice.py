@@ -117,7 +117,7 @@ def test_the_best_alone_has_its_interval_and_the_best_driven_one_its_trials(stud
 def test_of_driven_designs_the_best_is_named_beside_a_better_one_that_was_not(study: Callable[..., Advice]) -> None:
     one = study({75.0: 20, 95.0: 20, 115.0: 2, 135.0: 1}, [(115.0, "passed"), (115.0, "tipped"), (135.0, "tipped")])
 
-    assert one.likely()["text"].endswith(" Of the driven designs 115 mm leads: 1 of 2 trials passed.")
+    assert one.likely()["text"].endswith(" Of the driven designs 115 mm leads: 1 of 2 trials of 1 car passed.")
     assert not {2, 3} & set(one.likely()["designs"])
 
 

@@ -123,7 +123,7 @@ def test_more_runs_than_the_page_holds_are_counted(store: Path, monkeypatch: pyt
 
 
 def test_trials_that_refute_simulation_make_a_design_bad(store: Path, tmp_path: Path) -> None:
-    """Belief is what simulation and trials together say: 1 of 12 trials outweighs runs that all passed."""
+    """Belief is what simulation and trials together say: 1 of 21 trials of seven cars outweighs runs that all passed."""
     again = tmp_path / "s.db"
     again.write_bytes(store.read_bytes())
     page = read(store)
@@ -131,8 +131,9 @@ def test_trials_that_refute_simulation_make_a_design_bad(store: Path, tmp_path: 
     assert designs["belief"][0] != designs["rate"][0]  # two trials tell something already
     best = max(range(4), key=lambda index: designs["rate"][index])
     width, length = (page["parameters"][k]["values"][at] for k, at in enumerate(designs["value"][best]))
-    rows = [f"W_B_W,{outcome},later,{width:g},{length:g}" for outcome in ["passed"] + 20 * ["tipped"]]
-    (tmp_path / "t.csv").write_text("\n".join(["vehicle_type,outcome,source,width_mm,B_length_mm", *rows, ""]))
+    outcomes = ["passed"] + 20 * ["tipped"]
+    rows = [f"W_B_W,{outcome},later,{width:g},{length:g},car {k % 7}" for k, outcome in enumerate(outcomes)]
+    (tmp_path / "t.csv").write_text("\n".join(["vehicle_type,outcome,source,width_mm,B_length_mm,car_name", *rows, ""]))
     foldcar("trials", "import", again, tmp_path / "t.csv", "--experiment", "1")
 
     after = read(again)["designs"]

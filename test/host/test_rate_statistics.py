@@ -12,15 +12,9 @@ from foldcar.analysis.rate import (
     jeffreys_interval,
     limited_mean,
     mean_interval,
-    power_tuned_mean,
-    rectified_rate,
     wilson_interval,
 )
 from foldcar.errors import FoldcarError
-
-TRIALS = numpy.array([1, 1, 1, 0, 1, 0, 0, 1, 1, 0])
-PAIRED = numpy.array([1, 1, 1, 0, 1, 1, 0, 1, 0, 0])
-OTHERS = numpy.repeat([1, 0], [30, 10])
 
 
 def test_no_success_of_ten_has_the_closed_forms() -> None:
@@ -57,48 +51,6 @@ def test_a_rate_has_the_interval_of_how_its_runs_were_stopped() -> None:
 def test_counts_that_cannot_be_are_refused(successes: float, runs: float) -> None:
     with pytest.raises(FoldcarError):
         jeffreys_interval(successes, runs)
-
-
-def test_power_tuned_mean_is_that_of_the_authors_program() -> None:
-    # ppi-python 0.2.3, ppi_mean_pointestimate.
-    assert power_tuned_mean(TRIALS, PAIRED, OTHERS) == pytest.approx(0.68166667)
-
-
-def test_rectified_rate_is_the_posterior_of_the_two_by_two_table() -> None:
-    random = numpy.random.default_rng(1)
-    every = numpy.concatenate([PAIRED, OTHERS])
-    # Of 6 trials where simulation passed 5 passed, of the other 4 one.
-    a, b = random.beta(1.5, 3.5, 400_000), random.beta(5.5, 1.5, 400_000)
-    f = random.normal(every.mean(), every.std(ddof=1) / numpy.sqrt(len(every)), 400_000)
-
-    rate = rectified_rate(TRIALS, PAIRED, OTHERS)
-
-    assert (rate.low, rate.high) == pytest.approx(tuple(numpy.quantile(a + (b - a) * f, [0.025, 0.975])), abs=0.004)
-    assert rate.value == pytest.approx(0.68166667)
-
-
-def test_simulation_that_agrees_narrows_and_one_that_says_nothing_does_not() -> None:
-    def width(paired: numpy.ndarray, others: numpy.ndarray) -> float:
-        return 2 * rectified_rate(numpy.tile(TRIALS, 4), numpy.tile(paired, 4), others).half_width
-
-    low, high = jeffreys_interval(24, 40)
-    others = numpy.repeat([1, 0], [300, 200])
-
-    assert width(TRIALS, others) < 0.5 * (high - low)
-    # Simulation passes in half of the environments of either kind: no correlation.
-    assert width(numpy.array([1, 0, 1, 1, 0, 0, 1, 1, 0, 0]), others) == pytest.approx(high - low, rel=0.05)
-
-
-def test_rectified_rate_of_little_data_says_what_it_rests_on() -> None:
-    assert rectified_rate([], [], [0, 1]).low == 0 and rectified_rate([], [], [0, 1]).high == 1
-    alone = rectified_rate([1, 1], [0, 1], [])
-    assert (alone.low, alone.high) == jeffreys_interval(2, 2) and "alone" in alone.method
-    assert "alone" in rectified_rate([0], [1], [0, 1]).method
-    failed = rectified_rate([0] * 10, [0] * 5 + [1] * 5, [1] * 90)
-    assert 0 <= failed.low <= failed.value <= failed.high < 0.5
-    for bad in (([1], [1, 0], [1]), ([0.5], [1], [1]), ([1], [0.5], [1])):
-        with pytest.raises(FoldcarError):
-            rectified_rate(*bad)
 
 
 @pytest.mark.parametrize(("crossing", "never"), [(60, 40), (100, 0), (2, 8), (0, 10)])

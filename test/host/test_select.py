@@ -221,9 +221,9 @@ def test_advice_before_trials_and_after_each_round(tmp_path: Path, monkeypatch: 
     assert all(one.expected is not None for one in after.recommendations)
     assert not set(after.environments) & set(met) or all(not one.built for one in after.recommendations)
 
-    # Enough trials of every design decide; then nothing is to be built.
+    # Enough trials of enough cars of every design decide; then nothing is to be built.
     passing = {width: "passed" if rate > 0.5 else "stuck" for width, rate in truth.items()}
-    import_trials(store, [({"width_mm": w}, k, passing[w]) for w in truth for k in range(40)], "more")
+    import_trials(store, [({"width_mm": w}, k, passing[w]) for w in truth for k in range(40)], "more", 20)
     (last,) = advise(store)
     assert last.enough and not last.recommendations and last.loss is not None and last.loss < 0.15
     assert last.sentence.startswith("Enough: 70, 80, 90 and 100 mm reach 75 %")

@@ -203,7 +203,7 @@ def not_text(folder: Path) -> None:
         (replace("manifest.json", f'"version": {VERSION}', '"version": 99'), "manifest.json: version: is 99, this"),
         (replace("manifest.json", '"run.csv"', '"../s.db"'), 'manifest.json: files: "../s.db" leads out of the folder'),
         (replace("run.csv", "max_roll_rad", "roll_rad"), 'run.csv: unknown column "roll_rad"; known: build_id'),
-        (replace("run.csv", "max_roll_rad,", ""), 'run.csv: has no column "max_roll_rad"'),
+        (replace("run.csv", "outcome,", ""), 'run.csv: has no column "outcome"'),
         (replace("run.csv", '"passed"', '"flew"'), "run.csv: row 1: outcome: 'flew' is none of passed, tipped"),
         (replace("run.csv", '"passed",0.', '"passed",1.'), "run.csv: row 1: checksum: does not match the row"),
         (replace("run.csv", '"passed",0.', '"passed",x'), "run.csv: row 1: elapsed_time_s: 'x"),

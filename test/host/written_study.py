@@ -119,12 +119,16 @@ def add_trials(
 
 
 def import_trials(
-    store: Path, trials: Sequence[tuple[Mapping[str, float], int | None, str]], source: str = "table"
+    store: Path, trials: Sequence[tuple[Mapping[str, float], int | None, str]], source: str = "table", cars: int = 1
 ) -> None:
-    """Add many trials (design, sample, outcome) of built cars of experiment 1, as `foldcar trials import` does."""
+    """Add many trials (design, sample, outcome) of experiment 1, as `foldcar trials import` does.
+
+    They are of so many built ``cars`` of each design in turn; of one without a name if it is one.
+    """
     told = {"experiment": "1", "vehicle_type": "W_B_W", "source": source, "car": "built"}
     with write_trials(store) as writer:
         writer.import_trials(
             {**told, "design": {**varied, **FIXED}, "sample": sample, "outcome": outcome}
-            for varied, sample, outcome in trials
+            | ({"car_name": f"car {at % cars}"} if cars > 1 else {})
+            for at, (varied, sample, outcome) in enumerate(trials)
         )

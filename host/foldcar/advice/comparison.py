@@ -13,6 +13,7 @@ import numpy
 from foldcar.advice.evidence import Design, DesignEvidence, Evidence, read_evidence, swept_ids, unswept_trials
 from foldcar.analysis.gap import (
     AGREES,
+    DRAWS,
     OPTIMISTIC,
     PESSIMISTIC,
     TOO_FEW,
@@ -22,7 +23,7 @@ from foldcar.analysis.gap import (
     rank_agreement,
 )
 from foldcar.analysis.pooled_bias import MOST_POOLED, pooled_bias
-from foldcar.analysis.rate import Rate, rectified_rate
+from foldcar.analysis.rate import Rate
 from foldcar.analysis.words import count, listed, points
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
@@ -35,18 +36,18 @@ MARGIN = 0.15
 
 @dataclass(frozen=True)
 class DesignComparison:
-    """One design with trials. ``simulated`` and ``gap`` are None without runs; ``driven`` are the trials alone.
+    """One design with trials. ``simulated`` and ``gap`` are None without runs; ``driven`` is of the cars that drove.
 
-    ``rectified`` is the trials' rate with the help of simulation; None where not every trial has a run of its
-    environment. ``pooled`` is that with the help of simulation and of the other designs' trials; None if no other design
-    of the family was driven. ``agreeing`` of the ``paired`` trials ended as simulation says there, passed or not.
+    ``further_car`` is what these say of a further car of the design, as simulation's rate is; ``gap`` goes by it.
+    ``pooled`` is that with the help of simulation and of the other designs' trials; None if no other design of the family
+    was driven. ``agreeing`` of the ``paired`` trials ended as simulation says there, passed or not.
     ``verdict`` is one of those of :mod:`foldcar.analysis.gap`, None where there is nothing to compare.
     """
 
     evidence: DesignEvidence
     driven: Rate
     simulated: Rate | None = None
-    rectified: Rate | None = None
+    further_car: Rate | None = None
     pooled: Rate | None = None
     gap: Gap | None = None
     verdict: str | None = None
@@ -60,6 +61,11 @@ class DesignComparison:
     def design(self) -> Design:
         """The design's parameters."""
         return self.evidence.design
+
+    @property
+    def cars(self) -> int:
+        """The number of cars that drove."""
+        return 0 if self.evidence.cars is None else len(self.evidence.cars.passed)
 
     @property
     def paired(self) -> int:
@@ -148,9 +154,13 @@ def _experiment(evidence: Evidence, margin: float) -> ExperimentComparison:
             else "there are no trials of built cars yet. `foldcar select` says which cars to build."
         )
         return ExperimentComparison(info, compared, f"Nothing to compare: {why}", remarks)
-    mean = mean_gap([one.simulated(CONFIDENCE) for one in both], [_best(one) for one in both])
+    cars = [one.cars for one in both if one.cars is not None]
+    mean = mean_gap([one.simulated(CONFIDENCE) for one in both], [one.rate(CONFIDENCE) for one in cars])
+    random = numpy.random.default_rng(0)
     ranks = rank_agreement(
-        [(one.runs_passed, one.runs) for one in both], [(one.trials_passed, len(one.trials)) for one in both]
+        [(one.runs_passed, one.runs) for one in both],
+        [(one.trials_passed, len(one.trials)) for one in both],
+        numpy.column_stack([one.draws(DRAWS, random) for one in cars]),
     )
     verdict, sentence = _verdict(compared, mean, margin, info.simulation)
     if len(_poolable(evidence)) > MOST_POOLED:
@@ -159,11 +169,12 @@ def _experiment(evidence: Evidence, margin: float) -> ExperimentComparison:
 
 
 def _design(one: DesignEvidence, pooled: Rate | None, together: float, margin: float) -> DesignComparison:
-    if not one.runs:
-        return DesignComparison(one, _driven(one))
-    found = mean_gap([one.simulated(together)], [_best(one, together)])
+    further = None if one.cars is None else one.cars.rate(CONFIDENCE)
+    if not one.runs or one.cars is None:
+        return DesignComparison(one, _driven(one), further_car=further)
+    found = mean_gap([one.simulated(together)], [one.cars.rate(together)])
     return DesignComparison(
-        one, _driven(one), one.simulated(CONFIDENCE), _rectified(one), pooled, found, found.verdict(margin)
+        one, _driven(one), one.simulated(CONFIDENCE), further, pooled, found, found.verdict(margin)
     )
 
 
@@ -174,7 +185,7 @@ def _pooled(evidence: Evidence) -> dict[str, Rate]:
         return {}
     x = [[float(one.design[name]) for name in evidence.parameters] for one in some]
     runs, trials = [(one.runs_passed, one.runs) for one in some], [(one.trials_passed, len(one.trials)) for one in some]
-    rates = pooled_bias(x, runs, trials).rates(CONFIDENCE)
+    rates = pooled_bias(x, runs, trials, [one.cars for one in some]).rates(CONFIDENCE)
     return {one.label: rate for one, rate in zip(some, rates, strict=True)}
 
 
@@ -183,25 +194,9 @@ def _poolable(evidence: Evidence) -> list[DesignEvidence]:
     return [one for one in evidence.driven if one.runs and evidence.in_family(one)] if evidence.parameters else []
 
 
-def _driven(one: DesignEvidence, confidence: float = CONFIDENCE) -> Rate:
-    number = len(one.trials)
-    return Rate.counted(one.trials_passed, number, count(number, "trial"), confidence=confidence)
-
-
-def _rectified(one: DesignEvidence, confidence: float = CONFIDENCE) -> Rate | None:
-    """The rate of trials that are all paired; None if they are not, or if no other environment was simulated."""
-    if len(one.paired) < len(one.trials):
-        return None
-    met = [trial.sample for trial in one.trials if trial.sample is not None]
-    others = one.passed[~numpy.isin(one.samples, met)]
-    if not len(others):
-        return None
-    y, f = [int(trial.passed) for trial in one.paired], [float(trial.simulated or 0) for trial in one.paired]
-    return rectified_rate(y, f, others.astype(float), confidence)
-
-
-def _best(one: DesignEvidence, confidence: float = CONFIDENCE) -> Rate:
-    return _rectified(one, confidence) or _driven(one, confidence)
+def _driven(one: DesignEvidence) -> Rate:
+    what = "" if one.cars is None else one.cars.text
+    return Rate.counted(one.trials_passed, len(one.trials), what, confidence=CONFIDENCE)
 
 
 def _verdict(compared: Sequence[DesignComparison], mean: Gap, margin: float, simulation: str) -> tuple[str, str]:
@@ -215,7 +210,7 @@ def _verdict(compared: Sequence[DesignComparison], mean: Gap, margin: float, sim
     apart = f"trials pass {points(mean.value, sign=False)} points {more} often than {simulation}"
     interval = f"{points(mean.low)} to {points(mean.high)}"
     average = f"on average over {count(sum(map(len, labels.values())), 'design')}, {apart} (95 %: {interval})"
-    unsure = f"; too few trials to say at {listed(labels[TOO_FEW])}" if TOO_FEW in labels else ""
+    unsure = f"; {TOO_FEW} to say at {listed(labels[TOO_FEW])}" if TOO_FEW in labels else ""
     said = [verdict for verdict in (OPTIMISTIC, PESSIMISTIC) if verdict in labels]
     if said:
         text = " and ".join(f"{verdict} at {listed(labels[verdict])}" for verdict in said)
@@ -227,7 +222,7 @@ def _verdict(compared: Sequence[DesignComparison], mean: Gap, margin: float, sim
     if AGREES in labels:
         agrees = AGREES if verdict == AGREES and TOO_FEW not in labels else TOO_FEW
         return agrees, f"{start} and trials agree {within} at {listed(labels[AGREES])}{unsure}; {average}."
-    return TOO_FEW, f"Too few trials to say whether {simulation} and trials agree {within}; {average}."
+    return TOO_FEW, f"{TOO_FEW.capitalize()} to say whether {simulation} and trials agree {within}; {average}."
 
 
 def _overall(experiments: Sequence[ExperimentComparison]) -> str:

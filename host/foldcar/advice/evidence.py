@@ -6,13 +6,14 @@ was placed otherwise than planned.
 
 from collections import Counter
 from collections.abc import Container, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy
 from numpy.typing import NDArray
 
-from foldcar.advice.resimulation import Resimulation
+from foldcar.advice.resimulation import Resimulation, SimulatedCars
+from foldcar.analysis.built_cars import PRIOR, BuiltCars, shift, simulated_weights
 from foldcar.analysis.rate import Rate
 from foldcar.analysis.words import count, design_text
 from foldcar.simulation.results import NUMBERS, OUTCOMES, REJECTED
@@ -32,13 +33,16 @@ class PairedTrial:
     """A completed trial of a built car; ``simulated`` is 1 if simulation passes in its environment, 0 if not.
 
     ``simulated`` is None where that is not known; ``again`` says that it was simulated now, as it was placed.
-    ``sample`` is None where the environment is not known.
+    ``sample`` is None where the environment is not known. ``expected``: the share, 0 to 1, of several simulated cars of
+    the design that pass there, None if they were not simulated. ``car_name`` None: of the design's car without a name.
     """
 
     outcome: str
     sample: int | None
     simulated: int | None
     again: bool
+    expected: float | None = None
+    car_name: str | None = None
 
     @property
     def passed(self) -> bool:
@@ -53,7 +57,8 @@ class DesignEvidence:
     Rejected runs, in the environments ``rejected``, are not among them. ``swept`` is False for a design of trials that
     the sweep lacks, whose runs were made now or are none. ``label`` is its name for the reader, ``outcomes`` counts all
     runs by outcome, ``mean_time_s`` is that of the runs that count (None without).
-    ``stopped``: its runs are those of a sweep that stopped when it knew.
+    ``stopped``: its runs are those of a sweep that stopped when it knew. ``spread``: the weights of how much its cars
+    differ (:mod:`foldcar.analysis.built_cars`), as simulated cars do or as is assumed.
     """
 
     vehicle_type: str
@@ -68,6 +73,7 @@ class DesignEvidence:
     aborted: int = 0
     stopped: bool = False
     rejected: frozenset[int] = frozenset()
+    spread: NDArray[Any] = field(default_factory=lambda: PRIOR)
 
     def simulated(self, confidence: float = 0.95) -> Rate:
         """The rate of its runs, at least one."""
@@ -89,9 +95,30 @@ class DesignEvidence:
         return sum(trial.passed for trial in self.trials)
 
     @property
+    def cars(self) -> BuiltCars | None:
+        """The trials by the car that drove; None without trials."""
+        return by_car(self.trials, self.spread, self.runs_passed, self.runs) if self.trials else None
+
+    @property
     def paired(self) -> list[PairedTrial]:
         """The trials with a simulation of their environment."""
         return [trial for trial in self.trials if trial.simulated is not None]
+
+
+def by_car(trials: Sequence[PairedTrial], spread: NDArray[Any], runs_passed: int, runs: int) -> BuiltCars:
+    """Trials of one design, at least one, by the car that drove."""
+    cars: dict[str | None, list[PairedTrial]] = {}
+    for trial in trials:
+        cars.setdefault(trial.car_name, []).append(trial)
+    passed, counted = numpy.array([(sum(one.passed for one in some), len(some)) for some in cars.values()], float).T
+    overall = (runs_passed + 0.5) / (runs + 1)
+    shifts = [shift([one.expected for one in some], overall) for some in cars.values()]
+    return BuiltCars(passed, counted, numpy.array(shifts), spread)
+
+
+def simulated_spread(cars: SimulatedCars | None) -> NDArray[Any]:
+    """The weights of how much a design's cars differ: as simulated ones do, or as is assumed."""
+    return PRIOR if cars is None else simulated_weights(cars.passed.sum(axis=1), cars.passed.shape[1])
 
 
 @dataclass(frozen=True)
@@ -180,7 +207,7 @@ def _evidence(store: Store, info: ExperimentInfo, again: Resimulation, simulated
     remarks += _unswept_remarks([made[key] for key in unswept])
     here = store.trials_here(info)
     found = [_with_trials(info, one, by_design.get(key, []), here, again) for key, one in designs.items()]
-    return Evidence(info, tuple(found), (*remarks, *_pair_remarks(found), *again.remarks(info.id)))
+    return Evidence(info, tuple(found), (*remarks, *_car_remarks(found), *_pair_remarks(found), *again.remarks(info.id)))
 
 
 def _swept(store: Store, info: ExperimentInfo) -> Iterator[DesignEvidence]:
@@ -238,8 +265,7 @@ def _unswept_remarks(made: Sequence[tuple[DesignEvidence, str | None]]) -> Itera
     for why_not, some in fates.items():
         named = [(f"{one.label} is", "it was") for one in some]
         if len(some) > SHOWN:
-            more = count(len(some) - SHOWN, "further design")
-            named = [(f"{', '.join(one.label for one in some[:SHOWN])} and {more} are", "they were")]
+            named = [(f"{_named([one.label for one in some])} are", "they were")]
         for name, was in named:
             if why_not is None:
                 yield f"{name} not in the sweep: {was} simulated now, in {some[0].runs} environments."
@@ -295,21 +321,48 @@ def _with_trials(
 ) -> DesignEvidence:
     stored = dict(zip(evidence.samples.tolist(), evidence.passed.tolist(), strict=True))
     found = []
-    for trial in trials:
-        if not trial.completed:
-            continue
+    completed = [trial for trial in trials if trial.completed]
+    cars = again.cars(info, completed, here) if completed else None
+    for trial in completed:
+        expected = None if cars is None else cars.shares.get(trial.id)
         planned = trial.id in here and not trial.deviations and trial.sample is not None
         if planned and (trial.sample in stored or trial.sample in evidence.rejected):
             simulation = stored.get(trial.sample)
             known = None if simulation is None else int(simulation)
-            found.append(PairedTrial(trial.outcome, trial.sample, known, False))
+            found.append(PairedTrial(trial.outcome, trial.sample, known, False, expected, trial.car_name))
             continue
         outcome = again.trial(info, trial)
         simulated = None if outcome is None else int(outcome == "passed")
         sample = trial.sample if trial.id in here else None
-        found.append(PairedTrial(trial.outcome, sample, simulated, simulated is not None))
-    aborted = sum(not trial.completed for trial in trials)
-    return replace(evidence, trials=tuple(found), aborted=aborted) if trials else evidence
+        found.append(PairedTrial(trial.outcome, sample, simulated, simulated is not None, expected, trial.car_name))
+    aborted, spread = len(trials) - len(completed), simulated_spread(cars)
+    return replace(evidence, trials=tuple(found), aborted=aborted, spread=spread) if trials else evidence
+
+
+def _car_remarks(designs: Sequence[DesignEvidence]) -> Iterator[str]:
+    names = {one.label: [trial.car_name for trial in one.trials] for one in designs}
+    return car_remarks([one.cars for one in designs if one.cars is not None], names)
+
+
+def car_remarks(driven: Sequence[BuiltCars], names: Mapping[str, Sequence[str | None]]) -> Iterator[str]:
+    """What is said of cars of one design; ``names`` are those of the cars of a design's trials, by its own."""
+    nameless = [label for label, some in names.items() if some.count(None) > 1]
+    if nameless:
+        yield (
+            f"Trials without a car's name are taken for those of one car of their design, at {_named(nameless)}: "
+            "`foldcar log --car` and `foldcar trials correct --car-name` tell cars apart."
+        )
+    for known, what in ((False, "is assumed"), (True, "is that of simulated ones")):
+        spreads = sorted(one.spread for one in driven if (one.weights is not PRIOR) == known)
+        if spreads:
+            low, high = (f"{spreads[at]:.1f}" for at in (0, -1))
+            ends = low if low == high else f"{low} to {high}"
+            yield f"How much cars of a design differ, {ends} in log-odds (standard deviation), {what}."
+
+
+def _named(some: Sequence[str]) -> str:
+    shown = ", ".join(some[:SHOWN])
+    return shown if len(some) <= SHOWN else f"{shown} and {count(len(some) - SHOWN, 'further design')}"
 
 
 def _pair_remarks(designs: Sequence[DesignEvidence]) -> Iterator[str]:
@@ -328,7 +381,7 @@ def _pair_remarks(designs: Sequence[DesignEvidence]) -> Iterator[str]:
     repeated = sum(len(samples) - len(set(samples)) for samples in met)
     if repeated:
         yield (
-            f"{count(repeated, 'trial')} repeat an environment of the same design: intervals take all trials as "
+            f"{count(repeated, 'trial')} repeat an environment of the same design: intervals take environments as "
             "independent, and are too narrow by that."
         )
 

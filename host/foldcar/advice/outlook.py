@@ -75,7 +75,7 @@ def outlook(evidence: Evidence) -> Outlook | None:
     thinned = len(family) + len(others) - len(designs)
     # Threads for matrices of some tens of rows only wait for each other.
     with threadpool_limits(1):
-        bias = pooled_bias(x, runs, trials)
+        bias = pooled_bias(x, runs, trials, [one.cars for one in designs])
         pooled = tuple(bias.rates()) if (trials[:, 1] > 0).sum() > 1 else None
         draws, smooth = bias.draws(DRAWS), _smooth(designs, x, runs)
     return Outlook(tuple(designs), x, runs, trials, draws, samples, passed, pooled, thinned, smooth)

@@ -1,4 +1,4 @@
-"""Simulates what a sweep lacks: trials as they were placed, and designs that only trials have.
+"""Simulates what a sweep lacks: trials as they were placed, designs that only trials have, several cars of one design.
 
 Input: a store. Output: outcomes, from the simulator that made the store's runs; nothing is stored. What would not be
 comparable with the runs is not simulated: another build of carsim, a calibration, a program that runs beside the car.
@@ -6,8 +6,12 @@ comparable with the runs is not simulated: another build of carsim, a calibratio
 
 import json
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
+
+import numpy
+from numpy.typing import NDArray
 
 from foldcar.analysis.words import count
 from foldcar.car.body import body_json
@@ -28,9 +32,26 @@ from foldcar.study.experiments import run_settings
 
 # Runs of designs, beyond those of the first, and trials that one command simulates: some twenty seconds each.
 MOST_RUNS, MOST_TRIALS = 5_000, 2_000
+# Cars of a driven design, each simulated in as many environments: those of its trials, and others if these are few.
+# Beyond MOST_CAR_RUNS a design's cars are not simulated.
+CARS, LEAST_SCENES, MOST_SCENES, MOST_CAR_RUNS = 20, 10, 12, 5_000
+# Which cars passed in a scene, by build, engine, body, settings, cars and scene. It outlives a store: the live page reads
+# its own anew after every trial.
+_PASSED: dict[tuple[Any, ...], list[bool]] = {}
 
 # An outcome, and the time of the run (s), None if it failed.
 Ended = tuple[str, float | None]
+
+
+@dataclass(frozen=True)
+class SimulatedCars:
+    """Simulated cars of one design: whether each ``passed`` (cars, scenes).
+
+    ``shares``: how many of them, 0 to 1, passed in the scene of a trial, by its number.
+    """
+
+    passed: NDArray[Any]
+    shares: Mapping[int, float]
 
 
 class Resimulation:
@@ -41,7 +62,7 @@ class Resimulation:
         self._refusals: dict[str, str | None] = {}
         self._refused: Counter[str] = Counter()
         self._beyond: Counter[str] = Counter()
-        self._runs = self._trials = 0
+        self._runs = self._trials = self._car_runs = 0
 
     def trial(self, info: ExperimentInfo, trial: Trial) -> str | None:
         """The outcome of a trial's car in the scene as placed, varied as the run of that sample; None if unknown."""
@@ -69,20 +90,62 @@ class Resimulation:
         if self._runs and self._runs + len(scenes) > MOST_RUNS:
             return [], f"no more than {MOST_RUNS:,} runs are made at a time; sweep it"
         self._runs += len(scenes)
-        columns = {parameter.column: key for key, parameter in parameters().items()}
-        carsim, place = self._simulator(info), f"{self._store.path}: experiment {info.id}"
         try:
-            design = compose(trial.vehicle_type, {columns[name]: value for name, value in trial.design.items()})
-            folded_car(design)
-            body = body_json(design)
-            table = carsim.parameter_table()
-            settings = run_settings(design, body, table, info.timeout_s, info.speed_m_s, info.yaw_rate_rad_s, place)
-        except KeyError as error:
-            return [], f"no module has the parameter {error.args[0]}"
+            body, settings = self._composed(info, trial)
         except FoldcarError as error:
             return [], str(error).rstrip(".")
         cases = [(self._variation(info, sample), text) for sample, text in scenes.items()]
-        return self._run(carsim, canonical_json(body), cases, canonical_json(settings)), None
+        return self._run(self._simulator(info), body, cases, settings), None
+
+    def cars(self, info: ExperimentInfo, trials: Sequence[Trial], here: Container[int]) -> "SimulatedCars | None":
+        """Cars of one design, as the experiment varies them, in the environments of its ``trials``; None if unknown.
+
+        ``here`` are the trials whose sample is the sweep's.
+        """
+        if self._refusal(info) is not None or not self._drives(info).varied:
+            return None
+        stored, drives = self._scenes(info), {trial.id: self._store.trial_drive(trial.id) for trial in trials}
+        placed = {number: drive[2] for number, drive in drives.items() if drive is not None}
+        placed |= {
+            trial.id: stored[trial.sample]
+            for trial in trials
+            if trial.id not in placed and trial.id in here and trial.sample in stored
+        }
+        scenes = list(dict.fromkeys(placed.values()))[:MOST_SCENES]
+        others = [text for text in stored.values() if text not in scenes]
+        scenes += others[: max(0, LEAST_SCENES - len(scenes))]
+        try:
+            known = next((drive[:2] for drive in drives.values() if drive is not None), None)
+            body, settings = known or self._composed(info, trials[0])
+        except FoldcarError:
+            return None
+        cars = [self._variation(info, sample) for sample in sorted(self._drives(info).variations)[:CARS]]
+        known_by = (info.carsim_build, info.engine, body, settings, json.dumps(cars))
+        new = [text for text in scenes if (known_by, text) not in _PASSED]
+        self._car_runs += len(cars) * len(new)
+        if self._car_runs > MOST_CAR_RUNS:
+            return None
+        if new:
+            ended = self._run(self._simulator(info), body, [(car, text) for text in new for car in cars], settings)
+            for at, text in enumerate(new):
+                some = ended[at * len(cars) : (at + 1) * len(cars)]
+                _PASSED[known_by, text] = [outcome == "passed" for outcome, _ in some]
+        table = numpy.array([_PASSED[known_by, text] for text in scenes]).T
+        shares = dict(zip(scenes, table.mean(axis=0).tolist(), strict=True))
+        return SimulatedCars(table, {number: shares[text] for number, text in placed.items() if text in shares})
+
+    def _composed(self, info: ExperimentInfo, trial: Trial) -> tuple[str, str]:
+        """Body and settings of a trial's design; FoldcarError if it is none."""
+        columns = {parameter.column: key for key, parameter in parameters().items()}
+        unknown = [name for name in trial.design if name not in columns]
+        if unknown:
+            raise FoldcarError(f"no module has the parameter {unknown[0]}")
+        design = compose(trial.vehicle_type, {columns[name]: value for name, value in trial.design.items()})
+        folded_car(design)
+        body, table = body_json(design), self._simulator(info).parameter_table()
+        place = f"{self._store.path}: experiment {info.id}"
+        settings = run_settings(design, body, table, info.timeout_s, info.speed_m_s, info.yaw_rate_rad_s, place)
+        return canonical_json(body), canonical_json(settings)
 
     def remarks(self, experiment: str) -> list[str]:
         """What is said of trials of that experiment that should have been simulated and were not."""

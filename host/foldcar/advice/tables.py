@@ -13,7 +13,7 @@ from foldcar.analysis.gap import Gap
 from foldcar.analysis.rate import Rate
 from foldcar.outputs import atomic_file
 
-RATES = ("simulated", "driven", "rectified", "pooled")
+RATES = ("simulated", "driven", "further_car", "pooled")
 ENDS = {"": "value", "_low": "low", "_high": "high"}
 
 
@@ -86,6 +86,7 @@ def _counts(one: DesignComparison) -> dict[str, int]:
         "runs_passed": evidence.runs_passed,
         "trials": len(evidence.trials),
         "trials_passed": evidence.trials_passed,
+        "cars": one.cars,
         "aborted": evidence.aborted,
         "paired": one.paired,
         "agreeing": one.agreeing,

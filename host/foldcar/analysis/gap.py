@@ -8,10 +8,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy
+from numpy.typing import NDArray
 
 from foldcar.analysis.rate import Rate
 
-AGREES, OPTIMISTIC, PESSIMISTIC, TOO_FEW = "agrees", "optimistic", "pessimistic", "too few trials"
+AGREES, OPTIMISTIC, PESSIMISTIC, TOO_FEW = "agrees", "optimistic", "pessimistic", "too few cars or trials"
 # Draws of the rates' posterior; the ends of an interval vary by about 0.01 with the draw.
 DRAWS = 4000
 
@@ -42,8 +43,7 @@ def mean_gap(simulated: Sequence[Rate], driven: Sequence[Rate]) -> Gap:
     """The mean over designs, at least one, of the differences of their rates, all of one confidence.
 
     By the square-and-add method (Newcombe 1998, Zou and Donner 2008); of one design with Wilson's intervals it is
-    Newcombe's hybrid score interval. Rates that rise and fall together, as one that was rectified by the other, make it
-    too wide rather than too narrow.
+    Newcombe's hybrid score interval.
     """
     f, y = (numpy.array([(rate.value, rate.low, rate.high) for rate in rates]) for rates in (simulated, driven))
     value = float((y[:, 0] - f[:, 0]).mean())
@@ -71,10 +71,13 @@ class RankAgreement:
     mmrv: float | None = None
 
 
-def rank_agreement(simulated: Sequence[tuple[int, int]], driven: Sequence[tuple[int, int]]) -> RankAgreement:
+def rank_agreement(
+    simulated: Sequence[tuple[int, int]], driven: Sequence[tuple[int, int]], drawn: NDArray[Any] | None = None
+) -> RankAgreement:
     """The agreement of designs' ranks from how many passed of how many, (passed, all) of runs and of trials.
 
-    Intervals hold the correlation of the true rates with probability 0.95, given Jeffreys' priors.
+    Intervals hold the correlation of the true rates with probability 0.95, given Jeffreys' priors. ``drawn`` (DRAWS,
+    designs) are draws of the rates behind the trials; without them all trials of a design are independent.
     """
     from scipy.stats import rankdata
 
@@ -87,9 +90,11 @@ def rank_agreement(simulated: Sequence[tuple[int, int]], driven: Sequence[tuple[
     if len(f) < 3 or numpy.ptp(f) == 0 or numpy.ptp(y) == 0:
         return RankAgreement(len(f), mmrv=mmrv)
     random = numpy.random.default_rng(0)
-    drawn = [random.beta(n[:, 0] + 0.5, n[:, 1] - n[:, 0] + 0.5, (DRAWS, len(n))) for n in counts]
+    drawn_each = [random.beta(n[:, 0] + 0.5, n[:, 1] - n[:, 0] + 0.5, (DRAWS, len(n))) for n in counts]
+    if drawn is not None:
+        drawn_each[1] = drawn
     # The first row is of the rates themselves.
-    values = [numpy.vstack([rate, draws]) for rate, draws in zip(rates, drawn, strict=True)]
+    values = [numpy.vstack([rate, draws]) for rate, draws in zip(rates, drawn_each, strict=True)]
     found: list[Any] = []
     for first, second in (values, [rankdata(one, axis=1) for one in values]):
         a, b = (one - one.mean(axis=1, keepdims=True) for one in (first, second))

@@ -94,18 +94,31 @@ def unit_range(parameters: NDArray[Any]) -> NDArray[Any]:
     return found
 
 
-def laplace(functions: NDArray[Any], prior: NDArray[Any], passed: NDArray[Any], counted: NDArray[Any]) -> Factors:
-    """The factors of functions (d, p) given counts (d,) of designs whose log-odds are ``prior`` (d,) plus the process."""
+# Of log-odds (d,) the log likelihood of each design, its slope and its curvature, at most 0.
+Likelihood = Callable[[NDArray[Any]], tuple[NDArray[Any], NDArray[Any], NDArray[Any]]]
+
+
+def binomial(passed: NDArray[Any], counted: NDArray[Any]) -> Likelihood:
+    """The likelihood of independent runs: ``passed`` of ``counted`` (d,)."""
+
+    def likelihood(log_odds: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+        rate = 1 / (1 + numpy.exp(-log_odds))
+        value = passed * log_odds - counted * numpy.logaddexp(0, log_odds)
+        return value, passed - counted * rate, -counted * rate * (1 - rate)
+
+    return likelihood
+
+
+def laplace(functions: NDArray[Any], prior: NDArray[Any], likelihood: Likelihood) -> Factors:
+    """The factors of functions (d, p), given the likelihood of log-odds that are ``prior`` (d,) plus the process."""
     factors = numpy.zeros(functions.shape[1])
 
     def log_density(at: NDArray[Any]) -> float:
-        log_odds = prior + functions @ at
-        return float((passed * log_odds - counted * numpy.logaddexp(0, log_odds)).sum() - at @ at / 2)
+        return float(likelihood(prior + functions @ at)[0].sum() - at @ at / 2)
 
     def slope_and_curvature(at: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
-        rate = 1 / (1 + numpy.exp(-(prior + functions @ at)))
-        weighted = functions * (counted * rate * (1 - rate))[:, None]
-        return functions.T @ (passed - counted * rate) - at, weighted.T @ functions + numpy.eye(len(at))
+        _, slope, curvature = likelihood(prior + functions @ at)
+        return functions.T @ slope - at, (functions * -curvature[:, None]).T @ functions + numpy.eye(len(at))
 
     value = log_density(factors)
     for _ in range(NEWTON_STEPS):
@@ -195,7 +208,7 @@ def success_model(parameters: ArrayLike, passed: ArrayLike, counted: ArrayLike) 
     @cache
     def fitted(lengths: tuple[float, ...], strength: float) -> tuple[Matern, Factors]:
         process = Matern(spanning, lengths)
-        return process, laplace(functions_of(process, strength, scaled), numpy.zeros(len(n)), k, n)
+        return process, laplace(functions_of(process, strength, scaled), numpy.zeros(len(n)), binomial(k, n))
 
     tried = list(_tried(x.shape[1], lambda lengths, strength: fitted(lengths, strength)[1].evidence))
     weights = shares_of([fitted(*one)[1].evidence for one in tried])

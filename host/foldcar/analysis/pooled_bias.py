@@ -3,9 +3,11 @@
 On the log-odds scale a design's rate is simulation's plus a difference, which is a Gaussian process over the designs'
 parameters: a constant, a slope on simulation's own log-odds, a smooth part and one of each design alone (Kennedy and
 O'Hagan 2001, doi:10.1111/1467-9868.00294, with binomial trials). How strong and how smooth it is, is averaged over a grid
-by the evidence, so that rough differences pool little.
+by the evidence, so that rough differences pool little. A design's rate is that of a further car of it; its trials are of
+cars that differ (:mod:`foldcar.analysis.built_cars`).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import Any
@@ -13,8 +15,9 @@ from typing import Any
 import numpy
 from numpy.typing import ArrayLike, NDArray
 
+from foldcar.analysis.built_cars import BuiltCars, likelihood
 from foldcar.analysis.gaussian_process import Factors, Matern, laplace, shares_of, spread_designs, unit_range
-from foldcar.analysis.rate import Rate, check_confidence, jeffreys_interval
+from foldcar.analysis.rate import Rate, check_confidence
 from foldcar.errors import FoldcarError
 
 # Standard deviations, on the log-odds scale, of the constant difference and of its slope on simulation's log-odds.
@@ -42,35 +45,38 @@ class Candidate:
 class PooledBias:
     """What trials and simulation say of all designs; made by :func:`pooled_bias`.
 
-    ``simulated`` (d,) are simulation's log-odds, ``trials`` (d, 2) passed and all, ``weights`` those of the candidates.
+    ``simulated`` (d,) are simulation's log-odds, ``cars`` (d,) the trials, None of designs without, ``weights`` those of
+    the candidates.
     """
 
     simulated: NDArray[Any]
-    trials: NDArray[Any]
+    cars: tuple[BuiltCars | None, ...]
     candidates: tuple[Candidate, ...]
     weights: NDArray[Any]
 
     def rates(self, confidence: float = 0.95, least: int = 2) -> list[Rate]:
-        """The rate of each design; the ones without trials have theirs from their neighbours.
+        """The rate of a further car of each design; those without trials have theirs from their neighbours.
 
         Intervals are without a normal approximation of a design's own trials. With trials of fewer than ``least`` designs
-        nothing is pooled: those get Jeffreys' interval, the others 0 to 1.
+        nothing is pooled: those get the interval of their cars alone, the others 0 to 1.
         """
         check_confidence(confidence)
-        if numpy.count_nonzero(self.trials[:, 1]) < least:
-            return [_unpooled(float(passed), float(counted), confidence) for passed, counted in self.trials]
+        if len(self._seen) < least:
+            why = "no trials of this design, of one other at most: nothing is known"
+            return [one.rate(confidence) if one else Rate(0.5, 0.0, 1.0, confidence, why) for one in self.cars]
         tail = (1 - confidence) / 2
-        total, found = self.trials[:, 1].sum(), []
-        for (_, counted), cumulative in zip(self.trials, self._densities().cumsum(axis=1), strict=True):
+        counts = [0 if one is None else int(one.counted.sum()) for one in self.cars]
+        found = []
+        for one, counted, cumulative in zip(self.cars, counts, self._densities().cumsum(axis=1), strict=True):
             points = numpy.interp([tail, 0.5, 1 - tail], cumulative / cumulative[-1], LOG_ODDS)
             low, middle, high = (float(value) for value in 1 / (1 + numpy.exp(-points)))
-            own = f"{counted:g} trials" if counted else "no trials"
-            method = f"{own} of this design, {total - counted:g} of others, differences to simulation pooled"
+            own = "no trials" if one is None else one.text
+            method = f"{own} of this design, {sum(counts) - counted} trials of others, differences to simulation pooled"
             found.append(Rate(middle, low, high, confidence, method))
         return found
 
     def draws(self, number: int = 1000, seed: int = 0) -> NDArray[Any]:
-        """About ``number`` draws (draws, d) of the true rates, 0 to 1, of all designs jointly.
+        """About ``number`` draws (draws, d) of the true rates of further cars, 0 to 1, of all designs jointly.
 
         They say what a trial at one design tells of another.
         """
@@ -86,30 +92,39 @@ class PooledBias:
 
     @property
     def _seen(self) -> NDArray[Any]:
-        return numpy.flatnonzero(self.trials[:, 1])
+        return numpy.flatnonzero([one is not None for one in self.cars])
 
     def _densities(self) -> NDArray[Any]:
         """The densities (d, log-odds) at LOG_ODDS: likelihood of the own trials times what all else says, normal."""
-        passed, counted = self.trials.T[:, :, None]
-        likelihood = passed * LOG_ODDS - counted * numpy.logaddexp(0, LOG_ODDS)
-        found = numpy.zeros((len(self.trials), len(LOG_ODDS)))
+        seen, driven = self._seen, [one for one in self.cars if one is not None]
+        own = numpy.zeros((len(self.cars), len(LOG_ODDS)))
+        of_trials = likelihood(driven)
+        own[seen] = of_trials(numpy.repeat(LOG_ODDS[:, None], len(driven), axis=1))[0].T
+        found = numpy.zeros(own.shape)
         for one, weight in zip(self.candidates, self.weights, strict=True):
-            functions = numpy.hstack([one.common, numpy.zeros((len(one.own), len(self._seen)))])
-            functions[self._seen, one.common.shape[1] + numpy.arange(len(self._seen))] = one.own[self._seen]
+            functions = numpy.hstack([one.common, numpy.zeros((len(one.own), len(seen)))])
+            functions[seen, one.common.shape[1] + numpy.arange(len(seen))] = one.own[seen]
             middle = (self.simulated + functions @ one.factors.mode)[:, None]
-            variance = ((functions @ one.factors.root) ** 2).sum(axis=1) + numpy.where(counted[:, 0], 0, one.own**2)
+            variance = ((functions @ one.factors.root) ** 2).sum(axis=1) + one.own**2
+            variance[seen] -= one.own[seen] ** 2
+            slope, curvature = numpy.zeros_like(middle), numpy.zeros_like(middle)
+            slope[seen, 0], curvature[seen, 0] = of_trials(middle[seen, 0])[1:]
             # The own trials' part of the approximation is taken out again.
-            rate = 1 / (1 + numpy.exp(-middle))
-            variance = 1 / (1 / variance[:, None] - counted * rate * (1 - rate))
-            middle = middle - variance * (passed - counted * rate)
-            logs = likelihood - (LOG_ODDS - middle) ** 2 / (2 * variance)
+            variance = 1 / (1 / variance[:, None] + curvature)
+            middle = middle - variance * slope
+            logs = own - (LOG_ODDS - middle) ** 2 / (2 * variance)
             density = numpy.exp(logs - logs.max(axis=1, keepdims=True))
             found += weight * density / density.sum(axis=1, keepdims=True)
         return found
 
 
-def pooled_bias(parameters: ArrayLike, runs: ArrayLike, trials: ArrayLike) -> PooledBias:
-    """Pool ``trials`` (d, 2), passed and all, of designs with ``parameters`` (d, k) and simulated ``runs`` (d, 2)."""
+def pooled_bias(
+    parameters: ArrayLike, runs: ArrayLike, trials: ArrayLike, cars: Sequence[BuiltCars | None] | None = None
+) -> PooledBias:
+    """Pool ``trials`` (d, 2), passed and all, of designs with ``parameters`` (d, k) and simulated ``runs`` (d, 2).
+
+    ``cars`` (d,) tell which cars drove them, None of designs without trials; else those of a design are all of one car.
+    """
     x, f, y = (numpy.asarray(values, dtype=float) for values in (parameters, runs, trials))
     if x.ndim != 2 or f.shape != (len(x), 2) or y.shape != (len(x), 2) or not numpy.all(numpy.isfinite(x)):
         raise FoldcarError("pooled rates need finite parameters (designs, k), and runs and trials (designs, 2)")
@@ -118,10 +133,13 @@ def pooled_bias(parameters: ArrayLike, runs: ArrayLike, trials: ArrayLike) -> Po
     # Half a run is added to both outcomes (Haldane 1956), so that log-odds are finite where all or no runs passed.
     passed, failed = f[:, 0] + 0.5, f[:, 1] - f[:, 0] + 0.5
     log_odds, errors = numpy.log(passed / failed), 1 / passed + 1 / failed
+    one_each = [BuiltCars.one(*row) if row[1] else None for row in y.tolist()]
+    built = tuple(one_each if cars is None else (one and known for one, known in zip(one_each, cars, strict=True)))
     if not len(x):
-        return PooledBias(log_odds, y, (), numpy.zeros(0))
+        return PooledBias(log_odds, built, (), numpy.zeros(0))
     scaled = unit_range(x)
     spanning, seen = spread_designs(scaled), y[:, 1] > 0
+    of_trials = likelihood([one for one in built if one is not None])
     candidates = []
     for length in LENGTHS:
         process = Matern(spanning, length).functions(scaled)
@@ -130,13 +148,6 @@ def pooled_bias(parameters: ArrayLike, runs: ArrayLike, trials: ArrayLike) -> Po
             common = numpy.column_stack([numpy.full(len(x), CONSTANT), SLOPE * log_odds, smooth * process])
             own = numpy.sqrt(errors + alone**2 + smooth**2 * left)
             functions = numpy.hstack([common[seen], numpy.diag(own[seen])])
-            candidates.append(Candidate(common, own, laplace(functions, log_odds[seen], y[seen, 0], y[seen, 1])))
+            candidates.append(Candidate(common, own, laplace(functions, log_odds[seen], of_trials)))
     weights = shares_of([one.factors.evidence for one in candidates])
-    return PooledBias(log_odds, y, tuple(candidates), weights)
-
-
-def _unpooled(passed: float, counted: float, confidence: float) -> Rate:
-    if not counted:
-        return Rate(0.5, 0.0, 1.0, confidence, "no trials of this design, of one other at most: nothing is known")
-    low, high = jeffreys_interval(passed, counted, confidence)
-    return Rate(passed / counted, low, high, confidence, "Jeffreys interval of the trials alone (no others to pool)")
+    return PooledBias(log_odds, built, tuple(candidates), weights)

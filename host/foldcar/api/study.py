@@ -9,6 +9,7 @@ from foldcar.advice.comparison import MARGIN, Comparison, compare
 from foldcar.advice.selecting import BUILD, PRECISION, Selection, select
 from foldcar.analysis.effects import Standardised, fit_effects
 from foldcar.analysis.rate import Rate
+from foldcar.analysis.words import count as count_text
 from foldcar.api.arguments import column_named, columns_named, whole
 from foldcar.errors import FoldcarError
 from foldcar.simulation.results import no_rate_text
@@ -67,6 +68,8 @@ class Study:
     ) -> Rate:
         """The share of one design's runs, or of its counted trials, that passed, with its interval.
 
+        That of trials is of the cars that drove; :meth:`compare` has that of a further car of the design.
+
         Parameters are named as columns (``width_mm=95``), or without unit if that is clear (``width=95``). As many as
         tell the design from the others are enough. Rejected runs are left out. FoldcarError if they leave several or
         none, if success is undefined, or if there are no runs (trials).
@@ -79,7 +82,10 @@ class Study:
         count, runs = int(passed.sum()), len(passed)
         if not runs:
             raise FoldcarError(f"rate: {no_rate_text(len(chosen))}")
-        what = "simulated runs" if source == "simulation" else "trials of built cars"
+        what = "simulated runs"
+        if source == "trials":
+            cars = count_text(chosen["car_name"].nunique(dropna=False), "built car")
+            what = f"trials of {cars}"
         name = str(chosen["experiment"].iloc[0])
         stopped = source == "simulation" and self.experiments[name].until is not None
         return Rate.counted(count, runs, f"{count} of {runs} {what} that passed", stopped, confidence)

@@ -54,7 +54,7 @@ def calibrated_scene(scene: Mapping[str, Any], values: Mapping[str, float], seed
 
 
 def calibrated_variation(
-    values: Mapping[str, float], listed: Mapping[str, float], seed: int, number: int
+    values: Mapping[str, float], listed: Mapping[str, float], seed: int, number: int | str
 ) -> dict[str, Any]:
     """The variation, as :func:`draw` makes it, of a car with these values.
 

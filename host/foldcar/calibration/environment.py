@@ -17,7 +17,7 @@ from typing import Any
 from foldcar.calibration import effects
 from foldcar.calibration.effects import REAL_ONLY, RealParameter, calibrated_scene, calibrated_variation
 from foldcar.calibration.parameters import NAMES, NOMINAL, parameter_named
-from foldcar.car.variation import NumberLimits, vary_body
+from foldcar.car.variation import NumberLimits, named_car, vary_body
 from foldcar.errors import FoldcarError
 from foldcar.scenes.fingerprint import variation_code
 from foldcar.simulation.engines import ENGINES, MUJOCO, MUJOCO_ENVIRONMENT
@@ -145,8 +145,12 @@ def real_run(
     values: Mapping[str, float],
     sample: int,
     limits: NumberLimits,
+    car: str | None = None,
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Body and scene of sample ``sample`` with these values, for the body and the scene that the host believes in."""
+    """Body and scene of sample ``sample`` with these values, for the body and the scene that the host believes in.
+
+    The name of a built ``car`` draws what belongs to the car; without one it is the sample's.
+    """
     seed = experiment.variation_seed
-    variation = calibrated_variation(values, experiment.variation, seed, sample)
+    variation = calibrated_variation(values, experiment.variation, seed, sample if car is None else named_car(car))
     return vary_body(nominal, variation, limits), calibrated_scene(scene, values, seed, sample)

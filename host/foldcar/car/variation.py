@@ -66,8 +66,13 @@ def spread_named(name_or_object: Any, place: str) -> Mapping[str, float]:
     return spread
 
 
-def draw(spread: Mapping[str, float], seed: int, sample: int) -> dict[str, Any]:
-    """The differences between the built car number ``sample`` and its design; they depend on the arguments only.
+def named_car(name: str) -> str:
+    """What :func:`draw` takes for the built car of that name, which is none of a sample."""
+    return f"car {name}"
+
+
+def draw(spread: Mapping[str, float], seed: int, sample: int | str) -> dict[str, Any]:
+    """The differences between the built car of ``sample`` and its design; they depend on the arguments only.
 
     Each name has its own random stream, so that its standardised draws do not depend on the other spreads.
     """

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from foldcar.commands.listed_run import listed_run
-from foldcar.commands.options import Components, Engine, ExperimentId, Listing, Sample, Settings
+from foldcar.commands.options import CarName, Components, Engine, ExperimentId, Listing, Sample, Settings, note
 
 
 def link(
@@ -27,10 +27,13 @@ def link(
         Path | None,
         typer.Option(metavar="FILE", help="JSON of what car and ground truly are, unknown to the host."),
     ] = None,
+    car: CarName = None,
     engine: Engine = "multibody",
     components: Components = None,
 ) -> None:
     """Pose as a car on USB, simulated, until Ctrl-C.
+
+    The wheels, servos and masses of --car NAME are the same in every sample.
 
     The first line printed is its port; typed lines inject faults (docs/carsim.md).
 
@@ -46,28 +49,32 @@ def link(
     from foldcar.link.simulated_car import simulated_car
     from foldcar.scenes.fingerprint import scene_name
     from foldcar.simulation.runner import CarsimError
+    from foldcar.store.trial_records import checked_name
 
-    one = listed_run(listing, experiment, settings, sample, engine)
+    built = None if car is None else checked_name(car, "--car")
+    one = listed_run(listing, experiment, settings, sample, engine, built)
     scene, body = one.scene, one.body
+    if built is not None and reality is None and not one.variation:
+        note(f"experiment {one.experiment.id} has no variation: {built} is as designed, like every other car")
     if reality is not None:
         values, limits = read_reality(reality, engine), one.carsim.limits().numbers
-        body, scene = real_run(one.experiment, one.nominal, one.scene, values, sample, limits)
+        body, scene = real_run(one.experiment, one.nominal, one.scene, values, sample, limits, built)
     # carsim ends when its reader does: see sim2d/src/reader_watch.h.
     scene_id = scene_name(one.scene, sample)
     design, stdin = car_json(one.design), sys.stdin.fileno()
     with (
-        simulated_car(one.carsim.command, body, scene, design, speedup, tcp, stdin, scene_id) as car,
+        simulated_car(one.carsim.command, body, scene, design, speedup, tcp, stdin, scene_id) as linked,
         said(lambda: "ended"),
     ):
-        typer.echo(car.port)
+        typer.echo(linked.port)
         if one.side_view_note:
             typer.echo(one.side_view_note, err=True)
         typer.echo(f"{one.design.type} in sample {sample}; Ctrl-C ends", err=True)
-        assert car.process.stdout is not None and car.process.stderr is not None
-        for line in car.process.stdout:
+        assert linked.process.stdout is not None and linked.process.stderr is not None
+        for line in linked.process.stdout:
             # A new port after an unplugged cable, or the answer to an injected fault.
             typer.echo(json.loads(line).get("port", line.rstrip("\n")))
-        messages = car.process.stderr.read().strip().splitlines()
-        code = car.process.wait()
+        messages = linked.process.stderr.read().strip().splitlines()
+        code = linked.process.wait()
     if code != 0:
         raise CarsimError(f"{one.carsim.binary} link: {messages[-1] if messages else f'exit code {code}'}")

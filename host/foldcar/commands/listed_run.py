@@ -59,9 +59,14 @@ class ListedRun:
 
 
 def listed_run(
-    listing: Path, experiment: str, settings: Sequence[str] | None, sample: int, engine: str = "multibody"
-) -> ListedRun:
-    """The run of those options; FoldcarError if they name no single design or the program is at fault."""
+    listing: Path, experiment: str, settings: Sequence[str] | None, sample: int, engine: str = "multibody",
+    car: str | None = None,
+) -> ListedRun:  # fmt: skip
+    """The run of those options; FoldcarError if they name no single design or the program is at fault.
+
+    Without the name of a ``car`` it is that of the sample.
+    """
+    from foldcar.car.variation import draw, named_car
     from foldcar.simulation.carsim import Carsim
     from foldcar.study.environments import Environment
     from foldcar.study.experiments import read_study
@@ -70,6 +75,8 @@ def listed_run(
     design = chosen.family.narrowed(design_settings(settings)).single()
     environment = Environment(chosen)
     variation, scene = environment.variation(sample), environment.sample(sample)
+    if car is not None and chosen.variation:
+        variation = draw(chosen.variation, chosen.variation_seed, named_car(car))
     carsim = Carsim(engine=engine)
     return ListedRun(carsim, chosen, design, environment, {}, variation, {}, scene, sample).with_design(design)
 

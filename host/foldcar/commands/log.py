@@ -7,7 +7,16 @@ from typing import Annotated
 import typer
 
 from foldcar.commands.live import PORT, served_beside
-from foldcar.commands.options import Components, ExperimentId, Listing, Port, Settings, design_settings, output_store
+from foldcar.commands.options import (
+    CarName,
+    Components,
+    ExperimentId,
+    Listing,
+    Port,
+    Settings,
+    design_settings,
+    output_store,
+)
 from foldcar.errors import FoldcarError
 from foldcar.study.limits import MOST_ENVIRONMENTS
 
@@ -44,6 +53,7 @@ def log(
         str | None, typer.Option(metavar="OUTCOME", help="Outcome of the trials, instead of asking.")
     ] = None,
     note: Annotated[str | None, typer.Option(metavar="TEXT", help="Note on the trials, instead of asking.")] = None,
+    car: CarName = None,
     operator: Annotated[str, typer.Option(metavar="NAME", help="The driver's name; stored with each trial.")] = "",
     countdown: Annotated[
         int, typer.Option(metavar="S", min=0, max=MOST_COUNTDOWN_S, help="Seconds before the start.")
@@ -74,7 +84,7 @@ def log(
     from foldcar.camera.markers import read_course
     from foldcar.interrupts import raised, said
     from foldcar.link.parameters import read_file
-    from foldcar.store.trial_records import TRIAL_OUTCOMES
+    from foldcar.store.trial_records import TRIAL_OUTCOMES, checked_name
     from foldcar.trials.session import Session, SessionOptions
 
     if outcome is not None and outcome not in TRIAL_OUTCOMES:
@@ -94,6 +104,7 @@ def log(
         outcome=outcome,
         note=note,
         operator=operator,
+        car=None if car is None else checked_name(car, "--car"),
         countdown_s=countdown,
         untethered=untethered,
         any_build=any_build,

@@ -187,6 +187,10 @@ Settings = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="NAME=MM", help="Choose a parameter or a part, e.g. width=95, W.length=60, tyre=none."),
 ]
+CarName = Annotated[
+    str | None,
+    typer.Option("--car", metavar="NAME", help="Which built car of the design it is; else all are taken for one."),
+]
 Machine = Annotated[
     str, typer.Option(metavar="NAME", help="silhouette, cricut, laser or scissors: presets for the sheets.")
 ]

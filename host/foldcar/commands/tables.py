@@ -54,7 +54,8 @@ def print_comparison(found: "Comparison") -> None:
             _print_outcomes(console, one.designs)
             if one.mean_gap is not None:
                 together = percent(one.mean_gap.confidence)
-                console.print(f"gap: trials minus simulation, points; all gaps hold together with {together}")
+                console.print("these: the cars that drove; further car, pooled: any car of the design, as in simulation")
+                console.print(f"gap: further car minus simulation, points; all gaps hold together with {together}")
         for line in (rank_text(one.ranks), *one.remarks):
             if line:
                 console.print(line)
@@ -64,15 +65,17 @@ def print_comparison(found: "Comparison") -> None:
 
 def _print_rates(console: Console, one: "ExperimentComparison") -> None:
     designs = one.designs
-    more = [what for what in ("rectified", "pooled") if any(getattr(design, what) is not None for design in designs)]
+    more = [what for what in ("further_car", "pooled") if any(getattr(design, what) is not None for design in designs)]
+    shown = [f"{what.replace('_', ' ')} %" for what in more]
     paired = ["same outcome"] * any(design.paired for design in designs)
-    heads = ("design", "runs", "simulated %", "passed", "trials %", *(f"{what} %" for what in more), *paired, "gap")
+    heads = ("design", "runs", "simulated %", "cars", "passed", "these %", *shown, *paired, "gap")
     table = ResultTable(*heads, "verdict", left=("design", "verdict"))
     for design in designs:
         table.add_row(
             design.label,
             str(design.evidence.runs),
             _rate(design.simulated),
+            str(design.cars),
             f"{design.evidence.trials_passed} of {len(design.evidence.trials)}",
             _rate(design.driven),
             *(_rate(getattr(design, what)) for what in more),
@@ -255,8 +258,9 @@ STANDING_TEXTS = {
 def print_trials(found: Sequence[Trial]) -> None:
     """Print a row for each trial, and how many of each standing passed."""
     console = shown_console(PLAIN_WIDTH)
-    heads = ("trial", "experiment", "design", "sample", "car", "outcome", "time (s)", "ending", "started (UTC)", "note")
-    table = ResultTable(*heads, left=("design", "car", "outcome", "ending", "note"))
+    named = ["name"] * any(trial.car_name for trial in found)
+    heads = ("trial", "experiment", "design", "sample", "car", *named, "outcome", "time (s)", "ending", "started (UTC)")
+    table = ResultTable(*heads, "note", left=("design", "car", "name", "outcome", "ending", "note"))
     varied = _varied(found)
     for trial in found:
         table.add_row(
@@ -265,6 +269,7 @@ def print_trials(found: Sequence[Trial]) -> None:
             design_text({name: value for name, value in trial.design.items() if name in varied}),
             "-" if trial.sample is None else str(trial.sample),
             trial.car or UNKNOWN,
+            *(trial.car_name or "-" for _ in named),
             f"{trial.outcome}, {WITHDRAWN}" if trial.withdrawn else trial.outcome,
             seconds_text(trial.elapsed_time_s),
             trial.ending,

@@ -130,6 +130,7 @@ def correct(
     car: Annotated[
         str | None, typer.Option(metavar="CAR", help="What drove, built or simulated, if no car has said it itself.")
     ] = None,
+    car_name: Annotated[str | None, typer.Option(metavar="NAME", help="Which built car of its design drove.")] = None,
     operator: Operator = "",
     as_json: Json = False,
 ) -> None:
@@ -140,11 +141,14 @@ def correct(
     \b
     Example: foldcar trials correct study.db 7 --outcome tipped --reason "seen on the film"
     """
+    from foldcar.store.trial_records import checked_name
+
     outcome, car = (None if word is None else word.lower() for word in (outcome, car))
-    given = {"outcome": outcome, "note": note, "elapsed_time_s": elapsed_time, "car": car}
+    name = None if car_name is None else checked_name(car_name, "--car-name")
+    given = {"outcome": outcome, "note": note, "elapsed_time_s": elapsed_time, "car": car, "car_name": name}
     changes = {name: value for name, value in given.items() if value is not None}
     if not changes:
-        raise FoldcarError("trials correct: say what to change: --outcome, --note, --elapsed-time or --car")
+        raise FoldcarError("trials correct: say what to change: --outcome, --note, --elapsed-time, --car or --car-name")
     _change("correct", store, reason, as_json, lambda writer: writer.correct(number, changes, reason, operator))
 
 
@@ -261,6 +265,7 @@ def export(
         "outcome": trial.outcome,
         "note": trial.note,
         "car": trial.car or "unknown",
+        "car_name": trial.car_name or "",
         "withdrawn": str(trial.withdrawn).lower(),
     }
     log = log_file(store, trial.log)

@@ -18,7 +18,7 @@ from foldcar.store.trial_records import Trial, left_out_text, select_trials
 BEFORE = ("id", "experiment", "vehicle_type")
 AFTER = (
     "sample", "outcome", "ending", "elapsed_time_s", "note", "operator", "started_utc", "ended_utc", "firmware_build",
-    "design_hash", "log", "log_sha256", "source", "car", "scenic_program", "corrections",
+    "design_hash", "log", "log_sha256", "source", "car", "car_name", "scenic_program", "corrections",
 )  # fmt: skip
 
 

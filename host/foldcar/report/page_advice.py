@@ -181,8 +181,12 @@ class Advice:
         if not len(driven) or tried[best, 1]:
             return ""
         at = driven[int(self.rates[driven, 0].argmax())]
-        passed, number = tried[at].tolist()
-        return f" Of the driven designs {self._name(at)} leads: {passed} of {count(number, 'trial')} passed."
+        return f" Of the driven designs {self._name(at)} leads: {self._passed(at)}."
+
+    def _passed(self, at: "int | numpy.integer[Any]") -> str:
+        """``9 of 12 trials of 1 car passed``; "" without trials."""
+        cars = self.designs.cars[int(self.known[at])]
+        return "" if cars is None else f"{cars.passed.sum():.0f} of {cars.text} passed"
 
     def _spread(self, ties: Sequence[int]) -> list[int]:
         """The first and those farthest from it and from each other, at most NAMED."""
@@ -215,9 +219,8 @@ class Advice:
 
     def _why(self, at: int) -> str:
         chance = float((self.draws[:, at] > self.threshold).mean())
-        passed, number = self.designs.tried[self.known[at]].tolist()
-        done = f"{passed} of {count(number, 'trial')} passed, " if number else ""
-        return f"{done}{percent(chance)} chance to pass more than {self.limit}"
+        done = self._passed(at)
+        return f"{done}{', ' if done else ''}{percent(chance)} chance to pass more than {self.limit}"
 
     def _gap(self) -> str:
         """The gap in a parameter's values in which simulation's side of the threshold is less sure than at any design."""

@@ -13,10 +13,11 @@
 - ``designs``: columns, an entry per design, null for what is not known. ``value``: per design the indices into the
   parameters' values (null where the design lacks the parameter); ``name``: the one way in which a design is written;
   ``swept``; ``runs`` and ``passed`` (rejected runs are in neither), ``rate``, ``low``, ``high`` (simulation, 95 %);
-  ``outcomes``: a column per outcome; ``trials``, ``trials_passed`` (those that count), ``trials_low``, ``trials_high``;
-  ``belief``, ``belief_low``, ``belief_high``: what simulation and trials together say, simulation's where no trial tells
-  of it; ``verdict``: "good", "bad" or "open" by the belief's interval and the last threshold; ``refuted``: "optimistic"
-  or "pessimistic" where the design's own trials contradict simulation; ``measures``:
+  ``outcomes``: a column per outcome; ``trials``, ``trials_passed`` (those that count), ``cars`` (how many drove them),
+  ``trials_low``, ``trials_high`` (of these cars); ``belief``, ``belief_low``, ``belief_high``: what simulation and trials
+  together say of a further car, simulation's rate where no trial tells of it; ``verdict``: "good", "bad" or "open" by the
+  belief's interval and the last threshold; ``refuted``: "optimistic" or "pessimistic" where the design's own trials
+  contradict simulation; ``measures``:
   ``{"key", "label", "unit", "better": "less" | "more" | null, "value": column}``.
 - ``environment``: ``{"columns": [{"name": that of the export, "label", "unit"}], "values": float32 of environments ×
   columns in these units, NaN where the environment has none, "runs", "passed": of all designs in each environment}``.
@@ -24,8 +25,9 @@
   below; null beyond MOST_RUNS, where ``runs_omitted`` says so and the columns of designs and environments tell the rest.
 - ``outcomes``, ``outcome_labels``: what the numbers of ``outcome`` stand for.
 - ``replays``: ``{"design", "environment", "outcome", "blob"}``, the caller's.
-- ``trials``: ``{"number", "design": index or null, "car": the design's name, "standing": "built" | "simulated",
-  "environment": index or null, "passed": null if aborted, "outcome", "time_s", "when", "note", "replay": null}``.
+- ``trials``: ``{"number", "design": index or null, "car": the design's name, "car_name": that of the car itself or null,
+  "standing": "built" | "simulated", "environment": index or null, "passed": null if aborted, "outcome", "time_s",
+  "when", "note", "replay": null}``.
 - ``effects``: for each numeric parameter ``{"parameter": its place, "grid": values, "mean", "low", "high": success in
   simulation, a mean over the same combinations of the other parameters for each value, with a 95 % band, "curves": at
   most 20 single combinations, "over": which combinations these are, in words}``. Raw averages are of unequal combinations

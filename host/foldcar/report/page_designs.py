@@ -12,7 +12,10 @@ import numpy
 from numpy.typing import NDArray
 
 from foldcar.advice.comparison import MARGIN
+from foldcar.advice.evidence import PairedTrial, by_car, car_remarks, simulated_spread
+from foldcar.advice.resimulation import Resimulation
 from foldcar.analysis import rate
+from foldcar.analysis.built_cars import BuiltCars
 from foldcar.analysis.gap import OPTIMISTIC, PESSIMISTIC, mean_gap
 from foldcar.analysis.pooled_bias import MOST_POOLED, PooledBias, pooled_bias
 from foldcar.analysis.rate import Rate
@@ -79,12 +82,36 @@ class Designs:
         return self._tried(SIMULATED)
 
     def _tried(self, standing: str) -> NDArray[Any]:
-        found = numpy.zeros((len(self.designs), 2), dtype=int)
+        some = [[trial.outcome == "passed" for trial in mine] for mine in self._counting(standing)]
+        return numpy.array([(sum(passed), len(passed)) for passed in some], dtype=int).reshape(-1, 2)
+
+    def car_remarks(self) -> list[str]:
+        """What is said of cars of one design."""
+        names = zip(self.names, self._counting(BUILT), strict=True)
+        of_designs = {name: [trial.car_name for trial in some] for name, some in names}
+        return list(car_remarks([one for one in self.cars if one is not None], of_designs))
+
+    def _counting(self, standing: str) -> list[list[Trial]]:
+        """The completed trials of that standing by design."""
+        found: list[list[Trial]] = [[] for _ in self.designs]
         for trial in self.trials:
             index = self.index_of(trial)
             here = trial.completed and trial.id not in self.elsewhere
             if trial.standing == standing and here and index is not None:
-                found[index] += trial.outcome == "passed", 1
+                found[index].append(trial)
+        return found
+
+    @cached_property
+    def cars(self) -> list[BuiltCars | None]:
+        """The trials that count of each design by the car that drove, None without."""
+        again = Resimulation(self.store)
+        here = self.store.trials_here(self.info) if self.swept and self.trials else set[int]()
+        found: list[BuiltCars | None] = []
+        for trials, (passed, runs) in zip(self._counting(BUILT), self.counted.tolist(), strict=True):
+            simulated = again.cars(self.info, trials, here) if trials and self.swept else None
+            shares = {} if simulated is None else simulated.shares
+            some = [PairedTrial(one.outcome, None, None, False, shares.get(one.id), one.car_name) for one in trials]
+            found.append(by_car(some, simulated_spread(simulated), passed, runs) if some else None)
         return found
 
     @property
@@ -122,6 +149,7 @@ class Designs:
             "outcomes": self.ends.T.tolist(),
             "trials": self.tried[:, 1].tolist(),
             "trials_passed": self.tried[:, 0].tolist(),
+            "cars": [0 if one is None else len(one.passed) for one in self.cars],
             "trials_low": [one and one[0] for one in driven],
             "trials_high": [one and one[1] for one in driven],
             "belief": [one and one[0] for one in believed],
@@ -139,12 +167,12 @@ class Designs:
 
     @cached_property
     def driven(self) -> list[tuple[float, float] | None]:
-        """The 95 % interval of the rate of each design's trials that count."""
+        """The 95 % interval of the rate of the cars that drove the trials that count, by design."""
         return self.intervals(self.tried)
 
     @cached_property
     def believed(self) -> list[tuple[float, float, float] | None]:
-        """What simulation and trials together say of each design: rate, low, high.
+        """What simulation and trials together say of a further car of each design: rate, low, high.
 
         Without trials that is simulation's rate; of a design without runs its trials'.
         """
@@ -152,9 +180,10 @@ class Designs:
             None if ends is None else (round(passed / runs, 6), *ends)
             for (passed, runs), ends in zip(self.counted.tolist(), self.simulated, strict=True)
         ]
-        for index, ((passed, number), ends) in enumerate(zip(self.tried.tolist(), self.driven, strict=True)):
-            if found[index] is None and ends is not None:
-                found[index] = (round(passed / number, 6), *ends)
+        for index, (cars, ends) in enumerate(zip(self.cars, self.driven, strict=True)):
+            if found[index] is None and ends is not None and cars is not None:
+                alone = cars.rate()
+                found[index] = (round(alone.value, 6), round(alone.low, 6), round(alone.high, 6))
         if self.pooled is not None:
             rates = self.pooled.rates(least=1)
             for index, one in zip(numpy.flatnonzero(self.counted[:, 1]).tolist(), rates, strict=True):
@@ -177,24 +206,21 @@ class Designs:
         told = known[numpy.argsort(-self.tried[known, 1], kind="stable")][:MOST_POOLED]
         trials = numpy.where(numpy.isin(known, told)[:, None], self.tried[known], 0)
         x = numpy.array([[float(self.designs[index][name]) for name in self.values] for index in known.tolist()])
-        return pooled_bias(x.reshape(len(known), -1), self.counted[known], trials)
+        cars = [self.cars[index] for index in known.tolist()]
+        return pooled_bias(x.reshape(len(known), -1), self.counted[known], trials, cars)
 
     @cached_property
     def refuted(self) -> list[str | None]:
         """Where a design's own trials contradict simulation, and how; all these statements hold together with 95 %."""
-        both = [
-            index
-            for index, (runs, trials) in enumerate(zip(self.counted, self.tried, strict=True))
-            if runs[1] and trials[1]
-        ]
+        both = [(at, car) for at, car in enumerate(self.cars) if car is not None and self.counted[at, 1]]
         found: list[str | None] = [None] * len(self.designs)
         if not self.info.success_defined:
             return found
         level = 1 - (1 - 0.95) / max(1, len(both))
-        for index in both:
-            (passed, runs), (crossed, trials) = self.counted[index].tolist(), self.tried[index].tolist()
+        for index, car in both:
+            passed, runs = self.counted[index].tolist()
             simulated = Rate.counted(passed, runs, "", self.info.until is not None, level)
-            gap = mean_gap([simulated], [Rate.counted(crossed, trials, "", confidence=level)])
+            gap = mean_gap([simulated], [car.rate(level)])
             verdict = gap.verdict(MARGIN)
             found[index] = verdict if verdict in (OPTIMISTIC, PESSIMISTIC) else None
         return found

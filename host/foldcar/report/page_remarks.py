@@ -43,6 +43,7 @@ def remarks(designs: Designs, trials: Sequence[Trial], left_out: Counter[str]) -
     for one in calibrations(store):
         if one.experiment == info.id:
             found.append(f"Calibration {one.name} ({one.created_utc}, UTC): {' '.join(findings(one.summary))}")
+    found += designs.car_remarks() if info.success_defined else []
     return found + _elsewhere(store, info, trials) + _failures(store, info, ends["failed"])
 
 

@@ -55,6 +55,7 @@ def trial_rows(store: Store, info: ExperimentInfo, designs: Designs, trials: Seq
                 "number": trial.id,
                 "design": index,
                 "car": designs.name_of(trial) if index is None else designs.names[index],
+                "car_name": trial.car_name,
                 "standing": trial.standing,
                 "environment": trial.sample if trial.id in here else None,
                 "passed": trial.outcome == "passed" if trial.completed else None,

@@ -55,7 +55,7 @@ def _table(one: Mapping[str, Any]) -> ResultTable:
     designs = one["designs"]
     driven = any(designs["trials"])
     seen = [code for code, column in enumerate(designs["outcomes"]) if code and any(column)]
-    titles = ["runs", "passed %", "95 % interval", *["trials", "trials and simulation %"] * driven]
+    titles = ["runs", "passed %", "95 % interval", *["trials", "cars", "trials and simulation %"] * driven]
     table = ResultTable("design", *titles, *(one["outcome_labels"][code] for code in seen))
     for at, name in enumerate(designs["name"][:MOST_DESIGNS]):
         cells = [str(designs["runs"][at]), *_rate(one, at)]
@@ -63,6 +63,7 @@ def _table(one: Mapping[str, Any]) -> ResultTable:
             trials = designs["trials"][at]
             believed = [designs[key][at] for key in ("belief", "belief_low", "belief_high")]
             cells.append(f"{designs['trials_passed'][at]} of {trials}" if trials else "-")
+            cells.append(str(designs["cars"][at] or "-"))
             cells.append("-" if believed[0] is None else "{:.0f} ({:.0f} - {:.0f})".format(*(100 * x for x in believed)))
         table.add_row(name, *cells, *(str(designs["outcomes"][code][at]) for code in seen))
     return table

@@ -74,23 +74,27 @@ def _structure(connection: sqlite3.Connection) -> list[str]:
 
 
 def _schema(connection: sqlite3.Connection) -> Iterator[str]:
-    """Tables and views against their declarations; a metric may be missing in a store that is older than it."""
+    """Tables and views against their declarations; late ones may be missing in a store that is older than they."""
     try:
         texts = dict(connection.execute("SELECT name, sql FROM sqlite_master WHERE type IN ('table', 'view')"))
-        there = {name for _, name, *_ in connection.execute("PRAGMA table_info(run)")}
+        there = {
+            (table.name, name)
+            for table in TABLES
+            for _, name, *_ in connection.execute(f"PRAGMA table_info({table.name})")
+        }
     except SQLITE_ERRORS as error:
         yield f"SQLite's schema: {error}"
         return
-    grown = not there.issuperset(RUN.names)
+    grown = all((table.name, column.name) in there for table in TABLES for column in table.columns if column.late)
     for table in TABLES:
         if table.name not in texts and table.late:
             continue
         if table.name not in texts:
             yield f"table {table.name}: is missing"
-        elif texts[table.name] != table.sql and table is not RUN:
+        elif texts[table.name] != table.sql and not table.grows:
             yield f"table {table.name}: is not declared as in version {VERSION}"
     for name, view in VIEWS.items():
-        if texts.get(name) != view and not (grown and name == "result"):
+        if texts.get(name) != view and grown:
             yield f"view {name}: is not declared as in version {VERSION}"
 
 

@@ -66,7 +66,8 @@ def trials_frame(store: Store, experiment: str | None = None) -> pd.DataFrame:
 
     Columns: ``trial`` (int64), ``experiment``, ``vehicle_type`` (texts); each design parameter (float64); ``sample``
     (Int64, NA if unknown); ``outcome`` (text); ``passed`` (boolean, NA if aborted); ``counts`` (bool, True for
-    trials of built cars that are neither withdrawn nor aborted); ``car`` (text, NA if unknown); ``elapsed_time_s``.
+    trials of built cars that are neither withdrawn nor aborted); ``car``, ``car_name`` (texts, NA if unknown);
+    ``elapsed_time_s``.
     StoreError.
     """
     trials = list(store.trials(experiment))
@@ -83,6 +84,7 @@ def trials_frame(store: Store, experiment: str | None = None) -> pd.DataFrame:
             "passed": _truths(np.array([trial.outcome == "passed" for trial in trials], dtype=bool), completed),
             "counts": np.array([trial.counts for trial in trials], dtype=bool),
             "car": _texts(trial.car for trial in trials),
+            "car_name": _texts(trial.car_name for trial in trials),
             "elapsed_time_s": _numbers([trial.elapsed_time_s for trial in trials]),
         }
     )

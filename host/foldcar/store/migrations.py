@@ -2,7 +2,7 @@
 
 A step changes what the tables of its version mean; after all steps, all rows are written anew into the tables of today,
 by the names of their columns, checked and with checksums. All of it is one transaction: whatever dies leaves the old
-store. A new metric needs no version: it gets an empty column; neither does a late table.
+store. A late table or column needs no version: it is added empty.
 """
 
 import contextlib
@@ -18,7 +18,7 @@ from foldcar.store.connection import transaction
 from foldcar.store.errors import StoreError, store_errors
 from foldcar.store.log_files import give_name
 from foldcar.store.rows import check_json, insert_sql, key_text, stored
-from foldcar.store.tables import RESULT_VIEW, RUN, TABLES, VIEWS, Table
+from foldcar.store.tables import TABLES, VIEWS, Table
 
 VERSION = 1
 # By version, what makes its rows those of the next.
@@ -31,21 +31,25 @@ def create_tables(connection: sqlite3.Connection) -> None:
         connection.execute(statement)
 
 
-def add_metrics(path: Path, connection: sqlite3.Connection) -> None:
-    """Give a store of this version tables and metrics' columns that are newer than it: empty ones."""
+def add_late(path: Path, connection: sqlite3.Connection) -> None:
+    """Give a store of this version tables and columns that are newer than it: empty ones."""
     with store_errors(path):
         known = {name for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
         for table in TABLES:
             if table.late and table.name not in known:
                 connection.execute(table.sql)
-        there = {name for _, name, *_ in connection.execute("PRAGMA table_info(run)")}
-        missing = [column for column in RUN.columns if column.name not in there]
+        missing = []
+        for table in TABLES:
+            there = {name for _, name, *_ in connection.execute(f"PRAGMA table_info({table.name})")}
+            missing += [(table, column) for column in table.columns if column.late and column.name not in there]
         if missing:
             with transaction(path, connection):
-                connection.execute("DROP VIEW IF EXISTS result")
-                for column in missing:
-                    connection.execute(f"ALTER TABLE run ADD COLUMN {column.sql}")
-                connection.execute(RESULT_VIEW)
+                for name in VIEWS:
+                    connection.execute(f"DROP VIEW IF EXISTS {name}")
+                for table, column in missing:
+                    connection.execute(f"ALTER TABLE {table.name} ADD COLUMN {column.sql}")
+                for view in VIEWS.values():
+                    connection.execute(view)
 
 
 def migrate(path: Path, connection: sqlite3.Connection, version: int) -> None:

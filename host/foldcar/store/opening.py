@@ -16,9 +16,9 @@ from foldcar.outputs import make_output_folder
 from foldcar.store.connection import BUSY_S, leads_to, patiently, transaction, writer_lock
 from foldcar.store.errors import SQLITE_ERRORS, StoreError, check_name, store_errors
 from foldcar.store.log_files import give_name, logs_beside
-from foldcar.store.migrations import VERSION, add_metrics, create_tables, migrate
+from foldcar.store.migrations import VERSION, add_late, create_tables, migrate
 from foldcar.store.salvage import log_damage
-from foldcar.store.tables import CHECKSUM, RUN
+from foldcar.store.tables import CHECKSUM, RUN, TABLES
 
 # "Fold" in ASCII: tells a store from other SQLite files, and UNRELEASED ("Fcar") from those of no release.
 APPLICATION_ID = 0x466F6C64
@@ -117,7 +117,8 @@ def store_version(path: Path, connection: sqlite3.Connection) -> int:
     try:
         (application_id,) = patiently(path, lambda: connection.execute("PRAGMA application_id").fetchone())
         (version,) = connection.execute("PRAGMA user_version").fetchone()
-        columns = [name for _, name, *_ in connection.execute("PRAGMA table_info(run)")]
+        growing = [table for table in TABLES if table.grows]
+        told = {table: connection.execute(f"PRAGMA table_info({table.name})").fetchall() for table in growing}
     except SQLITE_ERRORS as error:
         journal = beside(path, "-journal")
         if journal.is_file() and journal.stat().st_size:
@@ -131,9 +132,11 @@ def store_version(path: Path, connection: sqlite3.Connection) -> int:
         raise StoreError(f"{path}: is no foldcar store")
     if version > VERSION:
         raise StoreError(f"{path}: is a store of version {version}, this foldcar knows versions up to {VERSION}")
-    unknown = [name for name in columns if name not in (*RUN.names, CHECKSUM)]
-    if unknown:
-        raise StoreError(f'{path}: has the metric "{unknown[0]}", which this foldcar does not know: use a newer one')
+    for table, columns in told.items():
+        unknown = [name for _, name, *_ in columns if name not in (*table.names, CHECKSUM)]
+        if unknown:
+            what = f'{"metric" if table is RUN else f"{table.name} column"} "{unknown[0]}"'
+            raise StoreError(f"{path}: has the {what}, which this foldcar does not know: use a newer one")
     return int(version)
 
 
@@ -150,7 +153,7 @@ def writing(path: Path, synchronous: str = "NORMAL") -> Iterator[sqlite3.Connect
     with _connected(path, _blank_or_current) as connection:
         if _blank_or_current(path, connection):
             fill_blank(path, connection)
-        add_metrics(path, connection)
+        add_late(path, connection)
         with store_errors(path):
             connection.execute(f"PRAGMA synchronous = {synchronous}")
         yield connection
@@ -165,7 +168,7 @@ def migrate_store(path: Path) -> None:
         version = store_version(path, connection)
         if version < VERSION:
             migrate(path, connection, version)
-        add_metrics(path, connection)
+        add_late(path, connection)
 
 
 def _blank_or_current(path: Path, connection: sqlite3.Connection) -> bool:

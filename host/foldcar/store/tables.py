@@ -21,7 +21,8 @@ SQL_TYPES = {"INTEGER": " INTEGER", "REAL": " REAL", "TEXT": " TEXT", "JSON": " 
 class Column:
     """A column: ``type`` is a key of SQL_TYPES, ``refers`` the table whose ``id`` it holds.
 
-    ``null`` says whether it may be empty; ``choices``, if there are any, are its possible values.
+    ``null`` says whether it may be empty; ``choices``, if there are any, are its possible values. A ``late`` one, which
+    may be empty, is missing in stores of this version that are older than it.
     """
 
     name: str
@@ -30,6 +31,7 @@ class Column:
     null: bool = False
     refers: str | None = None
     choices: tuple[str, ...] = ()
+    late: bool = False
 
     @property
     def sql(self) -> str:
@@ -59,6 +61,11 @@ class Table:
     def names(self) -> tuple[str, ...]:
         """The columns' names without the checksum's."""
         return tuple(column.name for column in self.columns)
+
+    @cached_property
+    def grows(self) -> bool:
+        """Whether columns may be missing, or stand elsewhere, in stores that are older than they."""
+        return any(column.late for column in self.columns)
 
     @cached_property
     def checksum_start(self) -> int:
@@ -131,7 +138,7 @@ RUN = Table(
     (
         *_RUN_KEY,
         Column("outcome", "TEXT", "how the run ended", choices=OUTCOMES),
-        *(Column(metric.name, "REAL", f"{metric.help}, in {metric.unit}", null=True) for metric in METRICS),
+        *(Column(metric.name, "REAL", f"{metric.help}, in {metric.unit}", null=True, late=True) for metric in METRICS),
         Column("message", "TEXT", "why a failed run failed", null=True),
     ),
     key=_RUN_KEY_NAMES,
@@ -257,6 +264,7 @@ TRIAL = Table(
         Column("car", "TEXT", "what drove, as the car or the imported file told it", null=True, choices=CARS),
         Column("withdrawn", "INTEGER", "1 if it was withdrawn and does not count, else 0"),
         Column("scenic_program", "TEXT", "the environment's program as the listing names it", null=True),
+        Column("car_name", "TEXT", "which built car drove; nameless trials of a design are of one", null=True, late=True),
     ),
 )
 CORRECTION = Table(
@@ -358,7 +366,7 @@ RESULT_VIEW = f"""CREATE VIEW result AS
 TRIAL_VIEW = f"""CREATE VIEW trial_result AS
     SELECT t.id AS trial, t.experiment, t.vehicle_type, t.design AS parameters, e.environment,
         coalesce(t.scenic_program, json_extract(e.facts, '$.scenic_program')) AS scenic_program, t.sample, t.outcome,
-        t.elapsed_time_s, coalesce(t.car, '{UNKNOWN}') AS car, t.withdrawn,
+        t.elapsed_time_s, coalesce(t.car, '{UNKNOWN}') AS car, t.car_name, t.withdrawn,
         t.car IS '{BUILT}' AND NOT t.withdrawn AND t.outcome <> 'aborted' AS counts,
         CASE WHEN t.withdrawn THEN (SELECT c.reason FROM correction c
             WHERE c.trial_id = t.id AND c.field = 'withdrawn' ORDER BY c.id DESC LIMIT 1) END AS withdrawn_because,

@@ -8,6 +8,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from foldcar.errors import FoldcarError
+
 # In the order of tables. ``not_passed`` is for imported trials without a more precise outcome; ``aborted`` trials do
 # not count in success rates.
 TRIAL_OUTCOMES = ("passed", "tipped", "stuck", "off_course", "timeout", "not_passed", "aborted")
@@ -36,13 +38,24 @@ RUNNING = "running"
 INTERRUPTED = "the program was ended"
 
 
+def checked_name(name: str, place: str) -> str:
+    """A car's name without space around it; FoldcarError at ``place`` if there is none, or it is no short line."""
+    kept = name.strip()
+    if not kept.isprintable() or not 0 < len(kept) <= LONGEST_NAME:
+        raise FoldcarError(f"{place}: {name[:80]!r} is no name of 1 to {LONGEST_NAME} printable characters")
+    return kept
+
+
 def not_entered(ending: str) -> str:
     """The ending of a drive whose outcome the person has still to tell."""
     return f"{ending}; outcome not entered"
 
 
 # The fields that `foldcar trials correct` may change.
-CORRECTABLE = ("outcome", "elapsed_time_s", "note", "operator", "car")
+CORRECTABLE = ("outcome", "elapsed_time_s", "note", "operator", "car", "car_name")
+
+# A car's name is a word or a few, for tables.
+LONGEST_NAME = 40
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +87,8 @@ class Trial:
 
     ``deviations`` maps "car" and obstacles' letters to (x in m, y in m, heading in rad). None stands for what is
     not known: ``sample``, times, builds and log of trials that come from elsewhere, whose ``source`` says where.
-    ``car`` is one of CARS, None if that is not known. ``corrections`` counts what was changed afterwards.
+    ``car`` is one of CARS, None if that is not known; ``car_name`` tells cars of one design apart, and trials without it
+    are of one car. ``corrections`` counts what was changed afterwards.
     """
 
     id: int
@@ -96,6 +110,7 @@ class Trial:
     log_sha256: str | None
     source: str | None
     car: str | None
+    car_name: str | None
     withdrawn: bool
     scenic_program: str | None
     corrections: int

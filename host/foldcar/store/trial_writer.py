@@ -57,13 +57,14 @@ class Drive:
 class CarFacts:
     """The identity of the car: the firmware's build and the design's hash, as the car reported them, and the port.
 
-    ``car`` is one of CARS, None if the car did not say it.
+    ``car`` is one of CARS, None if the car did not say it; ``name`` is the operator's for the built car, None for none.
     """
 
     firmware_build: str
     design_hash: str
     port: str
     car: str | None
+    name: str | None = None
 
 
 class TrialWriter(StoreConnection):
@@ -101,6 +102,7 @@ class TrialWriter(StoreConnection):
                 "port": car.port,
                 "log": log,
                 "car": car.car,
+                "car_name": car.name,
                 "withdrawn": 0,
                 "scenic_program": drive.scenic_program,
             }

@@ -1,9 +1,9 @@
 """Reads trials from a CSV file: one row for each trial, or one for ``count`` equal trials.
 
 Input: a file with the columns ``outcome``, ``source`` and ``vehicle_type``, and optionally ``experiment``, ``sample``,
-``count``, ``car`` (built or simulated; built if it does not say), ``elapsed_time_s``, ``note``, ``operator``,
-``started_utc`` and parameters of the design (``width_mm``, …). Those that are left out are those of the experiment, if it
-was swept, which must not vary them; else foldcar's defaults, but never all of them.
+``count``, ``car`` (built or simulated; built if it does not say), ``car_name``, ``elapsed_time_s``, ``note``,
+``operator``, ``started_utc`` and parameters of the design (``width_mm``, …). Those that are left out are those of the
+experiment, if it was swept, which must not vary them; else foldcar's defaults, but never all of them.
 Lines that begin with # are comments. Output: rows for :meth:`TrialWriter.import_trials`.
 """
 
@@ -20,11 +20,11 @@ from foldcar.car.design import Design, DesignError, compose, parameters
 from foldcar.errors import FoldcarError
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
-from foldcar.store.trial_records import BUILT, CARS, LONGEST_S, MOST_ID, TRIAL_OUTCOMES
+from foldcar.store.trial_records import BUILT, CARS, LONGEST_S, MOST_ID, TRIAL_OUTCOMES, checked_name
 from foldcar.typed import decimal_number, did_you_mean, whole_number
 
 NEEDED = ("vehicle_type", "outcome", "source")
-OPTIONAL = ("experiment", "count", "car", "sample", "elapsed_time_s", "note", "operator", "started_utc")
+OPTIONAL = ("experiment", "count", "car", "car_name", "sample", "elapsed_time_s", "note", "operator", "started_utc")
 MOST_COUNT = 100_000
 # Cars that are named.
 SHOWN = 5
@@ -120,6 +120,8 @@ def _trials(
         "car": car,
         **{name: row[name] for name in ("note", "operator", "started_utc") if name in row},
     }
+    if "car_name" in row:
+        trial["car_name"] = checked_name(row["car_name"], f"{place}: car_name")
     if "sample" in row:
         trial["sample"] = _number(place, row, "sample", whole_number)
         if trial["sample"] > MOST_ID:

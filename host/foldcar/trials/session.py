@@ -75,6 +75,7 @@ class SessionOptions:
     any_build: bool
     yes: bool
     course: Course | None = None
+    car: str | None = None
 
 
 @dataclass(frozen=True)
@@ -187,7 +188,7 @@ class Session:
             trial_design,
             Drive(body, settings, placed(scene, things, deviations), fingerprint, experiment.program_name, sample),
             deviations,
-            CarFacts(identity.build, identity.hash, self._connected.port, car),
+            CarFacts(identity.build, identity.hash, self._connected.port, car, options.car),
             str(log.relative_to(options.store.parent)),
             options.operator,
         )

@@ -1,7 +1,7 @@
 // What simulation and trials together say: a curve over one parameter, a map over two of several, a search's front.
 
 import { Chart, axisStyle, band, intervals, successAxis, successColour, tipStyle } from "./charts.js";
-import { BELIEF, percent, valueText, withUnit } from "./data.js";
+import { BELIEF, carsText, percent, valueText, withUnit } from "./data.js";
 import { byId, make, select } from "./dom.js";
 
 // Values of a parameter that have cells of their own in the map.
@@ -11,10 +11,10 @@ const CURVE_HEIGHT = 400;
 const table = model => () => {
   const { e } = model, { designs } = e, pair = (low, high) => (low === null ? "–" : `${percent(low)} to ${percent(high)}`);
   return {
-    head: ["design", "belief", "95 %", "simulation", "95 %", "trials", "95 %"],
+    head: ["design", "belief", "95 %", "simulation", "95 %", "trials", "of cars", "95 % of these"],
     rows: designs.name.map((name, i) => [name, percent(designs.belief[i]), pair(designs.belief_low[i], designs.belief_high[i]),
       designs.runs[i] ? `${designs.passed[i]} of ${designs.runs[i]}` : "–", pair(designs.low[i], designs.high[i]),
-      designs.trials[i] ? `${designs.trials_passed[i]} of ${designs.trials[i]}` : "–", pair(designs.trials_low[i], designs.trials_high[i])]),
+      designs.trials[i] ? `${designs.trials_passed[i]} of ${designs.trials[i]}` : "–", designs.cars[i] || "–", pair(designs.trials_low[i], designs.trials_high[i])]),
   };
 };
 
@@ -22,7 +22,7 @@ export function tip(model, design) {
   const { designs, axis } = model.e, lines = [`<b>${escaped(designs.name[design])}</b>`];
   if (designs.belief[design] !== null) lines.push(`belief ${percent(designs.belief[design])} (${percent(designs.belief_low[design])} to ${percent(designs.belief_high[design])})`);
   if (designs.runs[design]) lines.push(`simulation ${designs.passed[design] ?? "–"} of ${designs.runs[design]}`);
-  if (designs.trials[design]) lines.push(`trials ${designs.trials_passed[design]} of ${designs.trials[design]}`);
+  if (designs.trials[design]) lines.push(`trials ${designs.trials_passed[design]} of ${designs.trials[design]}, ${carsText(designs, design)}`);
   for (const key of [model.state.x, model.state.y]) if (axis[key] && axis[key].parameter === undefined && key !== BELIEF) lines.push(`${escaped(axis[key].label)} ${valueText(axis[key], axis[key].values[design])}`);
   return lines.join("<br>");
 }
@@ -67,7 +67,7 @@ export class Belief {
 
 function note({ e }) {
   const parts = [];
-  if (e.designs.trials.some(count => count)) parts.push("Belief pools simulation and trials.");
+  if (e.designs.trials.some(count => count)) parts.push("Belief is of a further car of a design, from simulation and trials together; intervals of trials are of the cars that drove.");
   parts.push(`Intervals hold at 95 % for each design by itself. ${e.judged && e.parameters.length < 2 ? `Tint: belief above or below ${percent(e.threshold)}.` : ""}`);
   return parts.join(" ");
 }

@@ -68,6 +68,7 @@ function measureAxis({ key, label, unit, better, value }) {
 export const withUnit = ({ label, unit }) => (unit ? `${label} (${unit})` : label);
 
 // 0.875 as "88 %".
+export const carsText = (designs, design) => `${designs.cars[design]} car${designs.cars[design] > 1 ? "s" : ""}`;
 export const percent = share => (share === null || share === undefined ? "–" : `${Math.round(100 * share)} %`);
 
 // As many digits as a reader wants.

@@ -1,6 +1,6 @@
 // The first screen: the headline, the two lines of advice, remarks, and the design that is chosen or pointed at.
 
-import { BELIEF, percent, valueText } from "./data.js";
+import { BELIEF, carsText, percent, valueText } from "./data.js";
 import { byId, make } from "./dom.js";
 
 const MOST_NAMED = 6;
@@ -77,7 +77,7 @@ export function showDesign(model) {
   const interval = (low, high) => (low[design] === null ? "" : ` (${percent(low[design])} to ${percent(high[design])})`);
   if (designs.belief[design] !== null) rows.push(["belief", percent(designs.belief[design]) + interval(designs.belief_low, designs.belief_high)]);
   if (designs.runs[design]) rows.push(["simulation", `${designs.passed[design] ?? "–"} of ${designs.runs[design]}${interval(designs.low, designs.high)}`]);
-  if (designs.trials[design]) rows.push(["trials", `${designs.trials_passed[design]} of ${designs.trials[design]}${interval(designs.trials_low, designs.trials_high)}`]);
+  if (designs.trials[design]) rows.push(["trials", `${designs.trials_passed[design]} of ${designs.trials[design]}, ${carsText(designs, design)}${interval(designs.trials_low, designs.trials_high)}`]);
   for (const axis of e.axes) if (axis.key !== BELIEF && axis.values[design] !== null) rows.push([axis.label, valueText(axis, axis.values[design])]);
   const endings = e.outcomes.map((name, k) => [e.outcome_labels[k], designs.outcomes[k][design]]).filter(([, count]) => count);
   if (endings.length) rows.push(["runs ended", endings.map(([label, count]) => `${label} ${count}`).join(", ")]);

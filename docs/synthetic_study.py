@@ -10,6 +10,7 @@ wrong.
 
 import argparse
 import json
+import os
 import subprocess
 import sys
 import time
@@ -77,9 +78,7 @@ def main() -> int:
     run("sweep", listing, "--store", study)
     chosen = select(study, setting)
     show(f"to build: {chosen['sentence']}")
-    trials = planned(chosen, setting)
-    numbers = [drive(listing, study, trial) for trial in trials]
-    film_all(study, numbers)
+    drive_and_film(listing, study, planned(chosen, setting))
     run("compare", study, "--simulated-trials", "--experiment", "1")
     run("calibrate", study, "--simulated-trials", "--runs", str(setting.runs), "--name", "trials")
     run("sweep", listing, "--store", study, "--calibration", "trials")
@@ -149,15 +148,20 @@ def drive(listing: Path, study: Path, trial: Trial) -> int:
     raise SystemExit(f"car {trial.car}, sample {trial.sample}: {done.stderr.strip()}")
 
 
-def film_all(study: Path, numbers: Sequence[int]) -> None:
-    """Film the trials and track each film into the store."""
+def drive_and_film(listing: Path, study: Path, trials: Sequence[Trial]) -> None:
+    """Drive the trials, draw their films meanwhile, track each film into the store."""
     begun_s = time.monotonic()
-    with ProcessPoolExecutor(2) as pool:
-        for number, film in zip(numbers, pool.map(filmed, [study] * len(numbers), numbers), strict=True):
-            told = run("track", film, "--trial", str(number), "--store", study, "--json", quiet=True)
+    # Films can wait, cars cannot.
+    with ProcessPoolExecutor(2, initializer=os.nice, initargs=(5,)) as pool:
+        films = {}
+        for trial in trials:
+            number = drive(listing, study, trial)
+            films[number] = pool.submit(filmed, study, number)
+        for number, film in films.items():
+            told = run("track", film.result(), "--trial", str(number), "--store", study, "--json", quiet=True)
             seen = json.loads(told)
             show(f"film of {number}: {seen['outcome']} after {seen['end_s']:.2f} s, seen {100 * seen['seen']:.0f} %")
-    show(f"{len(numbers)} films and tracks: {time.monotonic() - begun_s:.0f} s")
+    show(f"{len(trials)} trials, films and tracks: {time.monotonic() - begun_s:.0f} s")
 
 
 def filmed(study: Path, number: int) -> Path:

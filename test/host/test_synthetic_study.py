@@ -48,4 +48,6 @@ def test_the_whole_method_runs_and_is_judged_by_the_truth(tmp_path: Path) -> Non
         for trial in store.trials():
             track = store.track(trial.id)
             assert track is not None and track.outcome == trial.outcome
-            assert math.isclose(track.facts["end_s"], trial.elapsed_time_s or 0, abs_tol=0.05) or trial.outcome == "stuck"
+            # When less than 10 mm in 4 s begins depends on millimetres.
+            tolerance_s = 2 if trial.outcome == "stuck" else 0.05
+            assert math.isclose(track.facts["end_s"], trial.elapsed_time_s or 0, abs_tol=tolerance_s)

@@ -21,7 +21,7 @@ import numpy
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "test" / "host"))
 
-from filmed import Car, Film, Filming, Thing, marker, rotation  # noqa: E402
+from filmed import Film, Filming, Thing, boxes, car_of, floor_markers, pose_at  # noqa: E402
 from foldcar.camera.clock import find_start  # noqa: E402
 from foldcar.camera.film import read_film  # noqa: E402
 from foldcar.camera.filming import car_marker  # noqa: E402
@@ -72,18 +72,16 @@ CONDITIONS = {
 }
 
 
-def floor(name: str) -> list[Thing]:
+def floor(name: str, filming: Filming) -> list[Thing]:
     """The floor's markers as they really lie, and the box."""
     chance = numpy.random.default_rng(3)
-    found = []
-    for one in COURSE.floor:
-        off = chance.normal(0, 0.003, 2) if "laid" in name else (0.04 * ("pushed" in name and one.id == 1), 0.0)
-        if not ("missing" in name and one.id == 2):
-            place = (one.x_m + off[0], one.y_m + off[1], 0.0)
-            found.append(marker(one.id, COURSE.floor_size_m, place, rotation(one.turn_rad)))
-    top = numpy.array([BOX["x_m"], BOX["y_m"], BOX["height_m"]])
-    half = (SIDE_M / 2, SIDE_M / 2)
-    return [*found, Thing(rotation(BOX["heading_rad"]), top, half, numpy.full((4, 4), 90, numpy.float32))]
+    moved: dict[int, Any] = {}
+    if "laid" in name:
+        moved = {one.id: chance.normal(0, 0.003, 2) for one in COURSE.floor}
+    elif "pushed" in name:
+        moved = {1: (0.04, 0.0)}
+    there = replace(COURSE, floor=tuple(one for one in COURSE.floor if one.id != 2)) if "missing" in name else COURSE
+    return [*floor_markers(there, moved), *boxes([BOX], filming.place_m)]
 
 
 def main() -> None:
@@ -94,12 +92,9 @@ def main() -> None:
     request = RunRequest("car", "scene", json.dumps({**json.loads(settings), "path_interval_s": 0.01}), "t", 0)
     (answer,) = carsim.run({"car": body_text}, {"scene": json.dumps(SCENE)}, [request])
     path = numpy.array(answer["path"])
-    path[:, 4:7] = numpy.unwrap(path[:, 4:7], axis=0)
+    truth = pose_at(path, START_S)
     ground = standing(SCENE, carsim_heights(carsim), body)
     car = car_marker(body, COURSE)
-
-    def truth(at_s: float) -> Any:
-        return numpy.array([numpy.interp(at_s - START_S, path[:, 0], column) for column in path[:, 1:7].T])
 
     names = ("film", "place (mm)", "heading (°)", "pitch, roll (°)", "start (ms)", "seen", "s per s", "remarks")
     print(f"|{'|'.join(names)}|\n|{'---|' * len(names)}")
@@ -107,7 +102,7 @@ def main() -> None:
         filming = CONDITIONS[name]
         with tempfile.TemporaryDirectory() as folder:
             film = Path(folder) / "film.mp4"
-            Film(filming, floor(name), Car(), truth).write(film, START_S + path[-1, 0])
+            Film(filming, floor(name, filming), car_of(body, COURSE), truth).write(film, START_S + path[-1, 0])
             begun_s = time.process_time()
             try:
                 filmed = track(

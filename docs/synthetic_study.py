@@ -1,76 +1,100 @@
 """The whole method on a truth that the analysis does not know: run as `python docs/synthetic_study.py FOLDER`.
 
-Cars and ground of reality.json stand for the real world: `foldcar link` poses as each car on USB. The study is swept with
-the nominal simulator; `select` names cars, `log` drives their trials, `compare` and `calibrate` learn from them, `select`
-names more. At the end the truth is swept too, and the answers are held against it; the exit code is 1 if one is wrong.
+The real world is MuJoCo's, with what the simulator calls parameters (some off their nominal values) and with what it has
+none for: soft tyres that lean, a centre of mass to a side, a supply that sags. `foldcar link` poses as each built car on
+USB. The study is swept with the nominal simulator; `select` names designs; `log` drives trials of cars built of them;
+each is filmed; `track` follows the car in the film; `calibrate` learns from the trials; `select` chooses by the
+calibrated sweep. At the end the truth is swept, too, and the answers are held against it: the exit code is 1 if one is
+wrong.
 """
 
 import argparse
 import json
+import os
 import subprocess
 import sys
+import time
 from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-PROGRAM = Path(__file__).resolve().parent.parent / "scenarios" / "step_pyramids.scenic"
+ROOT = Path(__file__).resolve().parents[1]
+PROGRAM = ROOT / "scenarios" / "step_pyramids.scenic"
 # Steps that weak servos climb too.
 PYRAMIDS = {
     "step_height": 0.0215, "top_side": 0.07, "tread": 0.04, "offset": 0.05, "near_x": 0.45, "far_x": 0.9, "friction": 0.6
 }  # fmt: skip
 REALITY = {
-    "obstacle_height": 1.2,
-    "servo_torque": 0.75,
-    "com_height_m": 0.01,
-    "track_m": 0.012,
-    "start_heading_sd_rad": 0.06,
-}
+    "obstacle_height": 1.2, "servo_torque": 0.75, "com_height_m": 0.01, "track_m": 0.012, "start_heading_sd_rad": 0.06,
+    "wheel_spread": 1.0,
+    # No calibration knows these.
+    "wheel_camber_rad": -0.035, "tyre_contact_time_s": 0.02, "com_y_m": 0.006, "supply_resistance_ohm": 0.3,
+}  # fmt: skip
 THRESHOLD = 0.5
-SPEEDUP = "8"
+# The chosen design may pass by so much less often than the best one.
+LOSS = 0.05
+CARS_OF_A_DESIGN = 2
+SPEEDUP = "4"
 # A car whose clock runs faster than its host's waits longer for it.
 PATIENCE = "CMD_TIMEOUT_MS 5000\nARM_TIMEOUT_S 60\n"
+# A film begins so long before the trial and ends so long after it (s): a car that is stuck must be seen to stay so.
+BEFORE_S, AFTER_S = 0.4, 1.0
+
+
+class Setting(NamedTuple):
+    """How large the study is."""
+
+    designs: int = 5
+    trials: int = 24
+    environments: int = 100
+    step_mm: float = 10
+    runs: int = 12_000
+
+
+QUICK = Setting(designs=2, trials=4, environments=20, step_mm=40, runs=1500)
+
+
+class Trial(NamedTuple):
+    """A trial to drive: a car of a design in a sampled environment."""
+
+    width_mm: float
+    car: str
+    sample: int
 
 
 def main() -> int:
     """Make the study in the folder named on the command line. Returns the exit code."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("folder", type=Path, help="new or empty folder for listing, stores and logs")
-    parser.add_argument("--cars", type=int, default=5, help="cars to build in each of two rounds")
-    parser.add_argument("--trials", type=int, default=8, help="trials of each car")
-    parser.add_argument("--environments", type=int, default=100, help="sampled environments")
-    parser.add_argument("--step", type=float, default=10, help="widths are 65 to 185 mm in these steps")
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("folder", type=Path, help="new or empty folder for listing, stores, logs, films and picture")
+    parser.add_argument("--quick", action="store_true", help="two designs and four trials: too few for a right answer")
     given = parser.parse_args()
     folder: Path = given.folder
     folder.mkdir(parents=True, exist_ok=True)
-    listing = write_listing(folder, given.environments, given.step)
-    study, reality = folder / "study.db", folder / "reality.json"
+    setting = QUICK if given.quick else Setting()
+    listing = write_listing(folder, setting)
+    study = folder / "study.db"
 
     run("sweep", listing, "--store", study)
-    for number in (1, 2):
-        chosen = select(study, given.cars)
-        show(f"round {number}: {chosen['sentence']}")
-        for car in chosen["recommendations"]:
-            width = f"width={car['design']['width_mm']:g}"
-            # Each round builds a new car.
-            for sample in chosen["environments"][: given.trials]:
-                drive(listing, study, reality, width, sample, f"{width} of round {number}")
-        run("compare", study, "--simulated-trials", "--experiment", "1")
-        run("calibrate", study, "--simulated-trials", "--runs", "12000", "--name", f"round{number}")
-        run("sweep", listing, "--store", study, "--calibration", f"round{number}")
-    answer = select(study, given.cars)
+    chosen = select(study, setting)
+    show(f"to build: {chosen['sentence']}")
+    drive_and_film(listing, study, planned(chosen, setting))
+    run("compare", study, "--simulated-trials", "--experiment", "1")
+    run("calibrate", study, "--simulated-trials", "--runs", str(setting.runs), "--name", "trials")
+    run("sweep", listing, "--store", study, "--calibration", "trials")
+    answer = select(study, setting)
     show(f"answer: {answer['sentence']}")
-    run("report", study, "--simulated-trials", "-o", folder / "report")
 
-    run("sweep", listing, "--store", folder / "truth.db", "--reality", reality)
+    run("sweep", listing, "--store", folder / "truth.db", "--engine", "mujoco", "--reality", folder / "reality.json")
     return judge(folder, answer)
 
 
-def write_listing(folder: Path, environments: int, step: float) -> Path:
-    """Write listing and reality; returns the listing's path."""
+def write_listing(folder: Path, setting: Setting) -> Path:
+    """Write listing, reality and the camera's course; returns the listing's path."""
     (folder / "reality.json").write_text(json.dumps(REALITY, indent=2))
     (folder / "patience.parm").write_text(PATIENCE)
-    experiment = {"timeout": 60, "environments": environments, "threshold": THRESHOLD}
-    common = {"width": {"from": 65, "to": 185, "step": step}, "height": 50, "radius": 60}
+    experiment = {"timeout": 60, "environments": setting.environments, "threshold": THRESHOLD}
+    common = {"width": {"from": 65, "to": 185, "step": setting.step_mm}, "height": 50, "radius": 60}
     lengths = [{"common": common}, {"W": {"length": 60}}, {"B": {"length": 80}}]
     data = {
         "experiments": {"1": {"veh_id": 1, "env_id": 1, "params": experiment}},
@@ -82,71 +106,172 @@ def write_listing(folder: Path, environments: int, step: float) -> Path:
     return file
 
 
-def select(study: Path, cars: int) -> Any:
+def select(study: Path, setting: Setting) -> Any:
     """What `foldcar select` says, as it prints it with --json."""
-    words = ("select", study, "--build", str(cars), "--simulated-trials", "--experiment", "1", "--json")
+    words = ("select", study, "--build", str(setting.designs), "--simulated-trials", "--experiment", "1", "--json")
     return json.loads(run(*words, quiet=True))["experiments"][0]
 
 
-def drive(listing: Path, study: Path, reality: Path, width: str, sample: int, car: str) -> None:
-    """One trial of a car that `foldcar link` poses as. A busy machine that lets a car wait aborts it: then once more."""
-    chosen: list[str | Path] = ["--experiment", "1", "--sample", str(sample), "--car", car]
-    words: list[str | Path] = ["link", listing, *chosen, "--set", width]
-    words += ["--reality", reality, "--speedup", SPEEDUP]
+def planned(chosen: Any, setting: Setting) -> list[Trial]:
+    """The trials in turns: each design's cars one after the other, each design in its own order of the environments."""
+    widths = [one["design"]["width_mm"] for one in chosen["recommendations"]]
+    samples = chosen["environments"]
+    trials = []
+    for k in range(setting.trials):
+        width_mm, turn = widths[k % len(widths)], k // len(widths)
+        car = f"{width_mm:g}{'ab'[turn % CARS_OF_A_DESIGN]}"
+        trials.append(Trial(width_mm, car, samples[turn % len(samples)]))
+    return trials
+
+
+def drive(listing: Path, study: Path, trial: Trial) -> int:
+    """One trial of a car that `foldcar link` poses as; returns its number. A busy machine may abort it: then again."""
+    folder, width = listing.parent, f"width={trial.width_mm:g}"
+    chosen: list[str | Path] = ["--experiment", "1", "--sample", str(trial.sample), "--car", trial.car]
+    words: list[str | Path] = ["link", listing, *chosen, "--set", width, "--engine", "mujoco", "--speedup", SPEEDUP]
+    words += ["--reality", folder / "reality.json"]
     for _ in range(5):
         with subprocess.Popen(command(words), stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as car:
             assert car.stdout is not None
             port = car.stdout.readline().strip()
-            patience: list[str | Path] = ["params", "load", reality.with_name("patience.parm"), "--port", port]
+            patience: list[str | Path] = ["params", "load", folder / "patience.parm", "--port", port]
             subprocess.run(command(patience), stdout=subprocess.DEVNULL, check=True)
             logged: list[str | Path] = ["log", listing, *chosen, "--store", study, "--port", port, "--trials", "1"]
             done = subprocess.run(command([*logged, "--countdown", "0", "--yes"]), capture_output=True, text=True)
             car.terminate()
         if done.returncode == 0:
-            show(f"{width}, sample {sample}: {done.stdout.strip().splitlines()[-1]}")
-            return
-    raise SystemExit(f"{width}, sample {sample}: {done.stderr.strip()}")
+            import foldcar
+
+            last = foldcar.Study(study).trials.iloc[-1]
+            show(f"{last['trial']}: car {trial.car}, sample {trial.sample}: {last['outcome']}")
+            return int(last["trial"])
+    raise SystemExit(f"car {trial.car}, sample {trial.sample}: {done.stderr.strip()}")
+
+
+def drive_and_film(listing: Path, study: Path, trials: Sequence[Trial]) -> None:
+    """Drive the trials, draw their films meanwhile, track each film into the store."""
+    begun_s = time.monotonic()
+    # Films can wait, cars cannot.
+    with ProcessPoolExecutor(2, initializer=os.nice, initargs=(5,)) as pool:
+        films = {}
+        for trial in trials:
+            number = drive(listing, study, trial)
+            films[number] = pool.submit(filmed, study, number)
+        for number, film in films.items():
+            told = run("track", film.result(), "--trial", str(number), "--store", study, "--json", quiet=True)
+            seen = json.loads(told)
+            show(f"film of {number}: {seen['outcome']} after {seen['end_s']:.2f} s, seen {100 * seen['seen']:.0f} %")
+    show(f"{len(trials)} trials, films and tracks: {time.monotonic() - begun_s:.0f} s")
+
+
+def filmed(study: Path, number: int) -> Path:
+    """A film of the trial as a phone on a tripod makes it: the true path by the simulated car's log, the true ground."""
+    sys.path.insert(0, str(ROOT / "test" / "host"))
+    from filmed import Film, Filming, boxes, car_of, floor_markers, pose_at
+    from foldcar.camera.markers import rectangle
+    from foldcar.link.tlog import read_tlog, trial_start_s
+    from foldcar.store.log_files import log_file
+    from foldcar.store.reader import Store
+
+    with Store.open(study) as store:
+        trial, texts = store.trial(number), store.trial_drive(number)
+    assert trial.log is not None and texts is not None
+    body, _, scene = map(json.loads, texts)
+    messages = [message for _, message in read_tlog(log_file(study, trial.log))]
+    start_s = trial_start_s(messages)
+    assert start_s is not None
+    path = [
+        (one.time_usec / 1e6 - start_s, one.x, one.y, one.z, one.heading, one.pitch, one.roll)
+        for one in messages if one.get_type() == "FOLDCAR_TRUTH" and one.time_usec / 1e6 >= start_s
+    ]  # fmt: skip
+    # Before the start it stands where it was put down; the simulated car is put there as it is armed.
+    end_s = (trial.elapsed_time_s or 0.0) + AFTER_S
+    filming = Filming(
+        k1=-0.02, exposure_s=0.008, readout_s=0.015, noise=3, light=0.2, blur_px=0.7, moments=3, seed=number
+    )
+    ground = [{**piece, "height_m": piece["height_m"] * REALITY["obstacle_height"]} for piece in scene["terrain"]]
+    course = rectangle()
+    things = [*floor_markers(course), *boxes(ground, filming.place_m)]
+    film = study.parent / f"{number}.mp4"
+    Film(filming, things, car_of(body, course), pose_at(path, BEFORE_S)).write(film, BEFORE_S + end_s)
+    return film
 
 
 def judge(folder: Path, answer: Any) -> int:
-    """Hold the answer and the last calibration against the true rates. Returns the exit code."""
+    """Hold the answer and the calibration against the true rates. Returns the exit code."""
     true = rates(folder / "truth.db", None)
-    nominal = rates(folder / "study.db", "1")
-    calibrated = rates(folder / "study.db", "1 (calibrated round2)")
-    show("width  true  nominal  calibrated (%)")
+    found = {name: rates(folder / "study.db", one) for name, one in EXPERIMENTS.items()}
+    show("width  true" + "".join(f"{name:>12}" for name in found) + " (%)")
     for width, rate in true.items():
-        show(f"{width:5g} {100 * rate:5.0f} {100 * nominal[width]:8.0f} {100 * calibrated[width]:11.0f}")
-    errors = [
-        sum(abs(found[width] - rate) for width, rate in true.items()) / len(true) for found in (nominal, calibrated)
-    ]
-    best = max(true, key=lambda width: true[width])
+        show(f"{width:5g} {100 * rate.value:5.0f}" + "".join(f"{100 * one[width].value:12.0f}" for one in found.values()))
+    errors = {}
+    for name, one in found.items():
+        off = [one[width].value - rate.value for width, rate in true.items()]
+        errors[name] = sum(map(abs, off)) / len(off)
+        show(f"{name}: rates {100 * errors[name]:.0f} points off (mean), {100 * max(map(abs, off)):.0f} at most")
+    best = max(true, key=lambda width: true[width].value)
+    draw(folder, true, found)
+    if answer["leader"] is None:
+        show("WRONG: no design leads")
+        return 1
     leader = answer["leader"]["width_mm"]
-    loss = true[best] - true[leader]
-    show(f"best {best:g} mm, {100 * true[best]:.0f} %; found {leader:g} mm, {100 * true[leader]:.0f} %")
-    show(f"mean error of rates: nominal {100 * errors[0]:.0f}, calibrated {100 * errors[1]:.0f} points")
-    right = loss <= 0.1 and errors[1] < errors[0]
+    highest = max(rate.value for rate in found["nominal"].values())
+    naive = [true[width].value for width, rate in found["nominal"].items() if rate.value == highest]
+    loss = true[best].value - true[leader].value
+    show(f"best {best:g} mm, {100 * true[best].value:.0f} %; found {leader:g} mm, {100 * true[leader].value:.0f} %; "
+         f"the nominal simulator's best: {100 * min(naive):.0f} to {100 * max(naive):.0f} %")  # fmt: skip
+    right = loss <= LOSS and errors["calibrated"] < errors["nominal"]
     show("right" if right else "WRONG")
     return 0 if right else 1
 
 
-def rates(store: Path, experiment: str | None) -> dict[float, float]:
-    """Share of passed runs by width; ``experiment`` None: of the only one."""
+# What the study's experiments are called, and how they are in the store.
+EXPERIMENTS = {"nominal": "1", "calibrated": "1 (calibrated trials)"}
+
+
+def rates(store: Path, experiment: str | None) -> dict[float, Any]:
+    """The simulated rates with their intervals by width; ``experiment`` None: of the only one."""
     import foldcar
 
-    runs = foldcar.Study(store).runs
-    chosen = runs if experiment is None else runs[runs["experiment"] == experiment]
-    return dict(chosen.groupby("width_mm")["passed"].mean())
+    study = foldcar.Study(store)
+    widths = sorted(set(study.runs["width_mm"]))
+    return {width: study.rate(experiment=experiment, width_mm=width) for width in widths}
+
+
+def draw(folder: Path, true: dict[float, Any], found: dict[str, dict[float, Any]]) -> None:
+    """The rates over the widths, and the trials that were learned from, in rates.png."""
+    from matplotlib import pyplot
+
+    import foldcar
+
+    figure, axes = pyplot.subplots(figsize=(7, 4), layout="constrained")
+    looks = {"truth": ("black", "o-"), "nominal": ("tab:blue", "s--"), "calibrated": ("tab:orange", "^-")}
+    for (name, (colour, style)), one in zip(looks.items(), (true, *found.values()), strict=True):
+        middle = [100 * rate.value for rate in one.values()]
+        low, high = ([100 * getattr(rate, end) for rate in one.values()] for end in ("low", "high"))
+        axes.fill_between(list(one), low, high, color=colour, alpha=0.15, linewidth=0)
+        axes.plot(list(one), middle, style, color=colour, label=name, markersize=4)
+    trials = foldcar.Study(folder / "study.db").trials.groupby("width_mm")["passed"]
+    for width, (passed, count) in trials.agg(["sum", "count"]).iterrows():
+        axes.plot(width, 100 * passed / count, "x", color="tab:red", markersize=8)
+        axes.annotate(f"{passed:g}/{count:g}", (width, 100 * passed / count), xytext=(4, 4), textcoords="offset points",
+                      color="tab:red", fontsize=8)  # fmt: skip
+    axes.plot([], [], "x", color="tab:red", label="trials")
+    axes.set(xlabel="width (mm)", ylabel="passed (%)", ylim=(-4, 104))
+    axes.legend(frameon=False, ncols=4, loc="upper center", bbox_to_anchor=(0.5, 1.12))
+    figure.savefig(folder / "rates.png", dpi=120)
 
 
 def run(*words: str | Path, quiet: bool = False) -> str:
-    """Run a command of foldcar and show what it prints; returns that."""
+    """Run a command of foldcar and show what it prints, and how long it took; returns that."""
+    begun_s = time.monotonic()
     if not quiet:
         show("$ foldcar " + " ".join(str(word) for word in words))
     done = subprocess.run(command(words), stdout=subprocess.PIPE, text=True)
     if done.returncode != 0:
         raise SystemExit(f"foldcar {words[0]}: exit code {done.returncode}")
     if not quiet:
-        show(done.stdout)
+        show(f"{done.stdout}({time.monotonic() - begun_s:.0f} s)")
     return done.stdout
 
 

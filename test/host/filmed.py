@@ -1,4 +1,6 @@
-"""Films of simulated trials whose truth is known: a camera of its own, written without foldcar's.
+"""Films of simulated trials whose truth is known, for tests, bench/camera.py and docs/synthetic_study.py.
+
+The camera is one of its own, written without foldcar's.
 
 Each pixel's ray, with lens distortion, is followed to the planes of floor, markers and car; several rays a pixel, several
 moments an exposure, rows one after the other (rolling shutter), then light, vignette and noise. The floor is drawn
@@ -6,6 +8,7 @@ once, what moves in each frame.
 """
 
 import struct
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
@@ -112,6 +115,66 @@ class Car:
         return found
 
 
+def car_of(body: Mapping[str, Any], course: Any) -> Car:
+    """The box, the wheels and the marker of a body of one segment."""
+    (box,) = body["segments"]
+    wheels = [(one["x_m"], (0.5 if one["side"] == "left" else -0.5) * body["track_m"]) for one in body["wheels"]]
+    return Car(
+        marker_size=course.car_size_m,
+        marker_z=box["center_z_m"] + box["height_m"] / 2 + course.car_height_m,
+        marker_x=course.car_x_m,
+        half=(box["length_m"] / 2, box["width_m"] / 2, box["height_m"] / 2),
+        wheels=tuple(sorted(wheels, key=lambda at: -at[1])),
+        radius=body["wheels"][0]["radius_m"],
+    )
+
+
+def floor_markers(course: Any, moved: Mapping[int, tuple[float, float]] | None = None) -> list[Thing]:
+    """The floor's markers, those of ``moved`` so far (m) from their places."""
+    found = []
+    for one in course.floor:
+        x, y = (moved or {}).get(one.id, (0.0, 0.0))
+        found.append(marker(one.id, course.floor_size_m, (one.x_m + x, one.y_m + y, 0.0), rotation(one.turn_rad)))
+    return found
+
+
+def boxes(terrain: Sequence[Mapping[str, Any]], seen_from_m: tuple[float, float, float]) -> list[Thing]:
+    """Sides and tops of a scene's boxes, lower ones first, as they stand on each other; near sides hide far ones."""
+    found = []
+    by_height = sorted(terrain, key=lambda one: one["height_m"])
+    for place_in_order, box in enumerate(by_height):
+        assert box["kind"] == "box", box["kind"]
+        turn = rotation(box["heading_rad"])
+        below = [one["height_m"] for one in by_height[:place_in_order] if _covers(one, box["x_m"], box["y_m"])]
+        low, high = max(below, default=0.0), box["height_m"]
+        half = (box["length_m"] / 2, box["width_m"] / 2)
+        middle, up = numpy.array([box["x_m"], box["y_m"], 0.0]), numpy.array([0.0, 0.0, 1.0])
+        sides = []
+        for axis, sign in ((0, 1), (0, -1), (1, 1), (1, -1)):
+            along, out = turn[:, 1 - axis], sign * turn[:, axis]
+            place = middle + half[axis] * out + (low + high) / 2 * up
+            grey = numpy.full((2, 2), 60 + 15 * axis, numpy.float32)
+            sides.append(Thing(numpy.column_stack([along, up, out]), place, (half[1 - axis], (high - low) / 2), grey))
+        found += sorted(sides, key=lambda side: -numpy.linalg.norm(side.place - numpy.array(seen_from_m)))
+        found.append(Thing(turn, middle + high * up, half, numpy.full((4, 4), 90, numpy.float32)))
+    return found
+
+
+def _covers(box: Mapping[str, Any], x_m: float, y_m: float) -> bool:
+    along, across, _ = rotation(box["heading_rad"]).T @ (x_m - box["x_m"], y_m - box["y_m"], 0.0)
+    return abs(along) < box["length_m"] / 2 and abs(across) < box["width_m"] / 2
+
+
+def pose_at(path: Any, start_s: float) -> Callable[[float], Any]:
+    """The pose at a time of a film in which ``path`` (rows of time, x, y, z, heading, pitch, roll) begins at ``start_s``.
+
+    Before and after it the car stands.
+    """
+    path = numpy.array(path, float)
+    path[:, 4:7] = numpy.unwrap(path[:, 4:7], axis=0)
+    return lambda at_s: numpy.array([numpy.interp(at_s - start_s, path[:, 0], column) for column in path[:, 1:7].T])
+
+
 class Camera:
     def __init__(self, filming: Filming) -> None:
         self.f = filming
@@ -176,11 +239,11 @@ class Camera:
         return values.mean(axis=0)
 
     def _put(self, values: Array, thing: Thing, rays: Array) -> None:
-        normal = thing.turn[:, 2]
-        along = rays @ normal
-        t = ((thing.place - self.place) @ normal) / numpy.where(numpy.abs(along) < 1e-9, 1e-9, along)
-        hit = self.place + rays * t[..., None] - thing.place
-        a, b = hit @ thing.turn[:, 0], hit @ thing.turn[:, 1]
+        # The camera and the rays along the thing's axes.
+        x, y, z = (float(value) for value in (self.place - thing.place) @ thing.turn)
+        right, up, out = (rays @ axis for axis in thing.turn.T.astype(numpy.float32))
+        t = -z / numpy.where(numpy.abs(out) < 1e-9, numpy.float32(1e-9), out)
+        a, b = x + t * right, y + t * up
         rows, columns = thing.texture.shape
         inside = (numpy.abs(a) < thing.half[0]) & (numpy.abs(b) < thing.half[1]) & (t > 0)
         if not inside.any():

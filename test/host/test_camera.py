@@ -12,7 +12,7 @@ import numpy
 import pytest
 from pypdf import PdfReader
 
-from filmed import Camera, Car, Film, Filming, Thing, marker, rotation
+from filmed import Camera, Car, Film, Filming, Thing, boxes, floor_markers, marker, pose_at, rotation
 from foldcar.camera.detection import Detector
 from foldcar.camera.ending import propose
 from foldcar.camera.filming import car_marker
@@ -50,11 +50,8 @@ FILMING = Filming(place_m=(0.5, -1.3, 1.2), aim_m=(0.55, 0.02, 0.0), k1=-0.02, e
 
 
 def floor_things(course: Any = COURSE, box: Any = BOX) -> list[Thing]:
-    """The floor's markers and the top of a box."""
-    found = [marker(m.id, course.floor_size_m, (m.x_m, m.y_m, 0), rotation(m.turn_rad)) for m in course.floor]
-    place = numpy.array([box["x_m"], box["y_m"], box["height_m"]])
-    half = (box["length_m"] / 2, box["width_m"] / 2)
-    return [*found, Thing(rotation(box["heading_rad"]), place, half, numpy.full((4, 4), 90, numpy.float32))]
+    """The floor's markers and a box."""
+    return [*floor_markers(course), *boxes([box], FILMING.place_m)]
 
 
 @pytest.fixture(scope="module")
@@ -65,13 +62,12 @@ def trial(tmp_path_factory: Any) -> Any:
     request = RunRequest("car", "scene", json.dumps({**json.loads(settings), "path_interval_s": 0.01}), "t", 0)
     (answer,) = Carsim().run({"car": body}, {"scene": json.dumps(SCENE)}, [request])
     path = numpy.array(answer["path"])
-    path[:, 4:7] = numpy.unwrap(path[:, 4:7], axis=0)
+    driven = pose_at(path, START_S)
 
     def truth(at_s: float) -> Any:
         # The simulation ends at the goal, the car drives on.
         beyond_s = max(0.0, at_s - START_S - path[-1, 0])
-        at_end = numpy.array([numpy.interp(at_s - START_S, path[:, 0], column) for column in path[:, 1:7].T])
-        return at_end + beyond_s * numpy.array([0.69, 0, 0, 0, 0, 0])
+        return driven(at_s) + beyond_s * numpy.array([0.69, 0, 0, 0, 0, 0])
 
     with write_trials(folder / "s.db") as writer:
         drive = Drive(json.loads(body), json.loads(settings), SCENE, "fingerprint", "box.scenic", 0)

@@ -52,9 +52,12 @@ def trial_path(store: Store, trial: Trial) -> TrialPath:
 
 
 def trial_rows(store: Store, trial: Trial) -> Rows | None:
-    """The rows (rows, 7) of the path of ``trial``, by its log or else by a film; None without."""
+    """The rows (rows, 7) of the path of ``trial`` by a film, else by a simulated car's log; None without."""
+    filmed = _filmed(store.track(trial.id))
+    if filmed is not None:
+        return filmed
     logged = _logged(store, trial)
-    return _filmed(store.track(trial.id)) if isinstance(logged, TrialPath) else logged
+    return None if isinstance(logged, TrialPath) else logged
 
 
 def _logged(store: Store, trial: Trial) -> Rows | TrialPath:

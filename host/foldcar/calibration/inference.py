@@ -199,7 +199,7 @@ def infer(
 
     def problem_of(bank: Bank) -> Problem:
         emulator = bank.emulator(inputs, width, seed)
-        return Problem(observed, emulator, inputs, alike[np.ix_(cars, cars)], alike[:, cars], known)
+        return Problem(observed, emulator, inputs, alike[np.ix_(cars, cars)], alike[:, cars], dict(known))
 
     problem = problem_of(bank)
     posterior = problem.posterior(seed)

@@ -37,7 +37,7 @@ def salvage(store: Path, connection: sqlite3.Connection) -> Rows:
     """
     found: Rows = {table.name: {} for table in TABLES}
     doubtful = set()
-    columns = [(table, _columns(table, connection)) for table in TABLES]
+    columns = [(table, names) for table in TABLES for names in _orders(table, connection)]
     for rowid, cells in records(store.read_bytes()):
         for table, names in columns:
             row = _row(table, names, rowid, cells)
@@ -50,16 +50,21 @@ def salvage(store: Path, connection: sqlite3.Connection) -> Rows:
     return found
 
 
-def _columns(table: Table, connection: sqlite3.Connection) -> list[str]:
-    """The columns in the order of records: those of a key of several first, a metric that came later last."""
-    expected = [*table.names, CHECKSUM]
+def _orders(table: Table, connection: sqlite3.Connection) -> list[list[str]]:
+    """The columns in the orders that records may have: those of a key of several first, one that came later last."""
+    late = [column.name for column in table.columns if column.late]
+    # Where the schema is lost, checksums tell whether the store is older than the late columns.
+    grown = [*(name for name in table.names if name not in late), CHECKSUM, *late]
+    orders = [[*table.names, CHECKSUM], *([grown] if late else [])]
     keyed = table.order or table.key
     with contextlib.suppress(sqlite3.Error, UnicodeError):
         told = [name for _, name, *_ in connection.execute(f"PRAGMA table_info({table.name})")]
         # A damaged name is none of a column.
-        if told and set(told) <= set(expected):
-            expected = told
-    return expected if len(keyed) == 1 else [*keyed, *(name for name in expected if name not in keyed)]
+        if told and set(told) <= set(orders[0]):
+            orders = [told]
+    if len(keyed) == 1:
+        return orders
+    return [[*keyed, *(name for name in order if name not in keyed)] for order in orders]
 
 
 def _row(table: Table, names: list[str], rowid: int | None, cells: list[Any]) -> Row | None:

@@ -92,8 +92,8 @@ def of_cars(cars: int, each: int, spread: float) -> list[Cell]:
     found: list[list[tuple[float, float, float]]] = [[], [], [], []]
     for one in driven(numpy.random.default_rng(SEED), cars, each, spread, CAR_REPEATS):
         wilson = wilson_interval(int(one.passed.sum()), cars * each)
-        counts = numpy.array([one.passed, numpy.full(cars, each), numpy.zeros(cars)], dtype=float)
-        known = BuiltCars(*counts, simulated_weights(one.simulated, 10)).rate()
+        passed, counted, shifts = numpy.array([one.passed, numpy.full(cars, each), numpy.zeros(cars)], dtype=float)
+        known = BuiltCars(passed, counted, shifts, simulated_weights(one.simulated, 10)).rate()
         ends = (wilson, wilson, assumed(tuple(sorted(one.passed.tolist())), each), (known.low, known.high))
         for some, truth, (low, high) in zip(found, (one.these, one.rate, one.rate, one.rate), ends, strict=True):
             some.append((truth, low, high))
@@ -110,8 +110,8 @@ def of_places(correlation: float, hard: bool, spread: float) -> list[tuple[float
         for (way, trust), some in zip(ways, found, strict=True):
             expected = getattr(one, way) if way else []
             by = built_cars.shift(expected, one.overall) * trust / built_cars.TRUST
-            car = BuiltCars(*numpy.array([[one.passed], [one.trials], [by]], dtype=float), weights)
-            rate = car.rate()
+            passed, counted, shifts = numpy.array([[one.passed], [one.trials], [by]], dtype=float)
+            rate = BuiltCars(passed, counted, shifts, weights).rate()
             some.append((abs(rate.value - one.rate), float(rate.low <= one.rate <= rate.high)))
     return [(float(error), float(held)) for error, held in (numpy.mean(some, axis=0) for some in found)]
 

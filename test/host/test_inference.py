@@ -109,8 +109,8 @@ def test_sets_have_scatter_of_their_own_and_one_car_for_all_its_drives() -> None
     found = infer(simulator, observed, 1000, told.append)
 
     for runs in (1000, 24_000):
-        assert plan(runs, 2, 4).runs == pytest.approx(runs, rel=0.25)
-    assert sum(told) == len(simulator.asked) and len(simulator.asked) <= plan(1000, 2, 4).runs
+        assert plan(runs, observed, 4).runs == pytest.approx(runs, rel=0.25)
+    assert sum(told) == len(simulator.asked) and len(simulator.asked) <= plan(1000, observed, 4).runs
     check = int(found.counted.sum())
     learned = simulator.asked[:-check]
     # No two drives scatter alike; one number of a car has one design or is of another design's car with the same values.
@@ -124,8 +124,8 @@ def test_sets_have_scatter_of_their_own_and_one_car_for_all_its_drives() -> None
     sets = [[run.design for run in learned[i : i + 2 + OTHERS]] for i in range(0, len(learned), 2 + OTHERS)]
     assert all(designs[:2] == [0, 3] for designs in sets)
     assert {design for designs in sets for design in designs[2:]} == set(range(len(WIDTHS)))
-    # What is checked: every design with each of the published draws, as often.
-    assert found.designs.tolist() == [0, 1, 2, 3] and found.counted.tolist() == [check / 4] * 4
+    # What is checked with few runs: the designs with trials with each of the published draws, as often.
+    assert found.designs.tolist() == [0, 3] and found.counted.tolist() == [check / 2] * 2
     checked = simulator.asked[-check:]
     assert [dict(run.values) for run in checked[:: check // DRAWS]] == found.draws
 

@@ -165,21 +165,25 @@ class Inference:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """How many sets of parameters are drawn from the prior and around posteriors, and scenes for each check."""
+    """How many sets of parameters are drawn from the prior and around posteriors; designs and scenes of the check."""
 
     first: int
     second: int
+    checked: int
     scenes: int
     runs: int
 
 
-def plan(runs: int, cells: int, designs: int) -> Plan:
-    """About ``runs`` simulated runs for so many cells with trials and ``designs`` of the family; at least LEAST_RUNS."""
-    runs, checked = max(LEAST_RUNS, runs), min(designs, MOST_CHECKED)
-    each = min(cells, MOST_CELLS) + OTHERS
+def plan(runs: int, observed: Observations, designs: int) -> Plan:
+    """About ``runs`` simulated runs for these trials and ``designs`` of the family; at least LEAST_RUNS."""
+    runs = max(LEAST_RUNS, runs)
+    last = (1 - FIRST - ROUNDS * ROUND) * runs / DRAWS
+    driven = len(np.unique(observed.car_design))
+    checked = max(driven, min(designs, MOST_CHECKED, int(last)))
+    each = min(len(observed.cells), MOST_CELLS) + OTHERS
     first, second = int(FIRST * runs / each), int(ROUND * runs / each)
-    scenes = max(1, int((1 - FIRST - ROUNDS * ROUND) * runs / (DRAWS * checked)))
-    return Plan(first, second, scenes, each * (first + ROUNDS * second) + DRAWS * checked * scenes)
+    scenes = max(1, int(last / checked))
+    return Plan(first, second, checked, scenes, each * (first + ROUNDS * second) + DRAWS * checked * scenes)
 
 
 def infer(
@@ -192,7 +196,7 @@ def infer(
     """Infer the parameters but for ``known`` ones; ``done`` is told of finished runs, Plan.runs in all. FoldcarError."""
     seed, experiment = simulator.seed, simulator.experiment
     inputs, width = cell_inputs(experiment, observed.cells)
-    planned = plan(runs, len(observed.cells), len(experiment.designs))
+    planned = plan(runs, observed, len(experiment.designs))
     bank = simulate_bank(simulator, prior_scores(planned.first, seed), observed, 0, done)
     alike = likeness(inputs[len(observed.cells) :, :width])
     cars = observed.car_design
@@ -214,8 +218,10 @@ def infer(
         if error < TOLERATED:
             break
     unused = (ROUNDS - rounds) * planned.second * (min(len(observed.cells), MOST_CELLS) + OTHERS)
-    designs = np.unique(np.linspace(0, len(experiment.designs) - 1, MOST_CHECKED).round().astype(int))
-    designs = np.union1d(designs, cars) if len(designs) < len(experiment.designs) else designs
+    spaced = planned.checked
+    if spaced < len(experiment.designs):
+        spaced -= len(np.unique(cars))
+    designs = np.union1d(np.linspace(0, len(experiment.designs) - 1, spaced).round().astype(int), cars)
     scenes = planned.scenes + unused // (DRAWS * len(designs))
     first = (planned.first + ROUNDS * planned.second) * (MOST_CELLS + OTHERS + len(cars))
     return checked(simulator, problem, posterior, designs, scenes, first, done, float(error), rounds)

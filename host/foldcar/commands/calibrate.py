@@ -91,7 +91,7 @@ def calibrate(
                 nominal[index] = (passed + (result.outcome == "passed"), all_runs + 1)
     carsim = Carsim()
     simulator = Simulator(chosen, carsim, jobs or usable_processors(), seed)
-    planned = plan(runs, len(observed.cells), len(chosen.designs)).runs
+    planned = plan(runs, observed, len(chosen.designs)).runs
     planned += best_set_runs(len(observed.counts())) if best else 0
     with said(lambda: "stopped: nothing is stored"), TerminalBar("calibrate", planned) as bar:
         inference = infer(simulator, observed, runs, bar.done, measured)

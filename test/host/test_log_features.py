@@ -52,10 +52,10 @@ def test_tilts_heading_and_time_of_a_drive_over_a_box_are_those_of_its_truth(tmp
     assert found.tilt_error_rad is not None and found.heading_error_rad is not None
     roll, pitch = (max(abs(getattr(m, name)) for m in true) for name in ("roll", "pitch"))
     assert pitch > 0.08
-    assert abs(found.max_roll_rad) == pytest.approx(roll, abs=2 * found.tilt_error_rad)
-    assert abs(found.max_pitch_rad) == pytest.approx(pitch, abs=2 * found.tilt_error_rad)
+    assert abs(found.max_roll_rad) == pytest.approx(roll, abs=3 * found.tilt_error_rad)
+    assert abs(found.max_pitch_rad) == pytest.approx(pitch, abs=3 * found.tilt_error_rad)
     turned = numpy.unwrap([m.heading for m in true])
-    assert found.heading_change_rad == pytest.approx(turned[-1] - turned[0], abs=2 * found.heading_error_rad)
+    assert found.heading_change_rad == pytest.approx(turned[-1] - turned[0], abs=3 * found.heading_error_rad)
     assert json.loads(shown.stdout)["log"]["max_pitch_rad"] == found.max_pitch_rad
 
 

@@ -28,7 +28,7 @@ MILLI_G_M_S2 = 0.00980665
 # Beyond what wheels can do on level ground: at a friction of 0.75 they make 1.25 g of it.
 SHOCK_SHARE = 0.25
 # Samples ten times a second miss the peaks between them.
-TILT_ERROR_RAD = 0.03
+TILT_ERROR_RAD = 0.04
 # The car sums its turns about the vertical. Rolling and pitching in turn adds up to half of roll × pitch to that, as the
 # solid angle that its axes go round, without changing the heading.
 HEADING_ERROR_RAD, OF_ROLL_AND_PITCH = 0.015, 0.5

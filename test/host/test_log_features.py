@@ -31,7 +31,7 @@ def test_tilts_heading_and_time_of_a_drive_over_a_box_are_those_of_its_truth(tmp
     linked = original().start(["link", "l.json", "--experiment", "1", "--sample", "0"], tmp_path)
     try:
         port = linked.stdout.readline().strip()
-        done = foldcar(*LOG, "--port", port, "--yes", "--trials", "1", "--countdown", "0")
+        done = foldcar(*LOG, "--port", port, "--yes", "--trials", "1", "--countdown", "1")
     finally:
         linked.terminate()
         linked.communicate()

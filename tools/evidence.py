@@ -35,7 +35,7 @@ from foldcar.calibration.drive_features import (
 from foldcar.calibration.effects import calibrated_scene, calibrated_variation
 from foldcar.calibration.emulator import Emulator, cell_inputs, prior_scores, simulate_bank
 from foldcar.calibration.experiment import Simulator, SweptExperiment, read_experiment
-from foldcar.calibration.inference import Inference, Problem, checked, likeness
+from foldcar.calibration.inference import Inference, Problem, checked
 from foldcar.calibration.observations import EVIDENCE, OUTCOMES, PATHS, Cell, Observations
 from foldcar.calibration.parameters import PARAMETERS, FloatArray, values_of
 from foldcar.calibration.predictions import rates_of
@@ -203,14 +203,13 @@ def trials_of(one: Reality, number: int, evidence: str, experiment: SweptExperim
 
 def calibrated(simulator: Simulator, observed: Observations, emulator: Emulator) -> Inference:
     """As the first round of `foldcar calibrate`, with an emulator that is there; rates are simulated afterwards."""
-    experiment, cars = simulator.experiment, observed.car_design
-    inputs, width = cell_inputs(experiment, observed.cells)
-    alike = likeness(inputs[len(observed.cells) :, :width])
+    experiment = simulator.experiment
+    inputs, _ = cell_inputs(experiment, observed.cells)
     used = np.unique(observed.cell)
     inputs = np.vstack([inputs[used], inputs[len(observed.cells) :]])
     cells = tuple(observed.cells[one] for one in used)
     observed = replace(observed, cells=cells, cell=np.searchsorted(used, observed.cell))
-    problem = Problem(observed, emulator, inputs, alike[np.ix_(cars, cars)], alike[:, cars], {})
+    problem = Problem(observed, emulator, inputs, {})
     designs = np.arange(len(experiment.designs))
     return checked(simulator, problem, problem.posterior(SEED), designs, 1, 10**7, silent)
 

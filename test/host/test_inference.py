@@ -17,7 +17,7 @@ from foldcar.calibration import inference as inference_module
 from foldcar.calibration.drive_features import ENDS, FEATURES, PITCH, TIME, possible_ends
 from foldcar.calibration.emulator import MOST_CELLS, OTHERS, Emulator, cell_inputs, prior_scores, simulate_bank
 from foldcar.calibration.experiment import CalibrationRun, SimulatedDrive, SweptDesign, SweptExperiment
-from foldcar.calibration.inference import DRAWS, Inference, Problem, infer, likeness, plan
+from foldcar.calibration.inference import DRAWS, Inference, Problem, infer, plan
 from foldcar.calibration.observations import Cell, Observations
 from foldcar.calibration.parameters import NAMES, PARAMETERS, values_of
 from foldcar.calibration.posterior import Posterior, sample_posterior
@@ -70,9 +70,7 @@ def observations(*cars: tuple[int, int, int], scene: Any = None) -> Observations
 
 def problem(swept: SweptExperiment, observed: Observations, emulated: Emulator) -> Problem:
     """The problem of these trials with an emulator."""
-    inputs, width = cell_inputs(swept, observed.cells)
-    alike, cars = likeness(inputs[len(observed.cells) :, :width]), observed.car_design
-    return Problem(observed, emulated, inputs, alike[np.ix_(cars, cars)], alike[:, cars], {})
+    return Problem(observed, emulated, cell_inputs(swept, observed.cells)[0], {})
 
 
 class Formula:

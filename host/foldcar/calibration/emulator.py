@@ -51,7 +51,7 @@ NOISE = 0.4
 RIDGE = 3.0
 # Of a feature's runs, this share at either end counts as no further off.
 TAIL = 0.01
-# A feature, and an end, needs that many runs.
+# A feature needs that many runs.
 LEAST_RUNS = 100
 MOST_SHARE, MOST_CAR_SD = 0.95, 3.0
 
@@ -74,6 +74,11 @@ class Emulator:
     covariance: FloatArray
     shares: FloatArray
     car_sd: float
+
+    @property
+    def middle(self) -> float:
+        """By what factor the logit of the middle car is farther from 0 than that of the cars' mean rate (MacKay 1992)."""
+        return float(np.sqrt(1 + np.pi / 8 * self.car_sd**2))
 
     def end_chances(self, scores: FloatArray, inputs: FloatArray) -> FloatArray:
         """Log probabilities (n, cells, ENDS) of how a drive ends, by scores (n, parameters) and inputs (cells, k)."""
@@ -99,7 +104,7 @@ class Emulator:
 
     def feature_means(self, scores: FloatArray, inputs: FloatArray) -> FloatArray:
         """Means (n, cells, FEATURES) of the features of drives that have them."""
-        squares, design = _monomials(scores, 2), _monomials(inputs[:, : self.designs], 3 if self.designs == 1 else 2)
+        squares, design = _monomials(scores, 2), _design_terms(inputs, self.designs)
         lines, scenes = _monomials(scores, 1), inputs[:, self.designs :]
         split = squares.shape[1] * design.shape[1]
         smooth = self.coefficients[:split].reshape(squares.shape[1], design.shape[1], FEATURES)
@@ -130,9 +135,14 @@ def _monomials(values: FloatArray, degree: int) -> FloatArray:
     return np.column_stack(columns)
 
 
+def _design_terms(inputs: FloatArray, designs: int) -> FloatArray:
+    """The products (n, terms) of the inputs (n, k) that are a design's: of one parameter to the third power."""
+    return _monomials(inputs[:, :designs], 3 if designs == 1 else 2)
+
+
 def _terms(scores: FloatArray, inputs: FloatArray, designs: int) -> FloatArray:
     """The terms (runs, terms) of features' polynomials: squares of scores by the design's, and lines by the scene."""
-    design = _monomials(inputs[:, :designs], 3 if designs == 1 else 2)
+    design = _design_terms(inputs, designs)
     smooth = _monomials(scores, 2)[:, :, None] * design[:, None]
     apart = _monomials(scores, 1)[:, :, None] * inputs[:, None, designs:]
     return np.hstack([one.reshape(len(scores), -1) for one in (smooth, apart)])
@@ -184,7 +194,7 @@ class Bank:
                 continue
             bounds[:, feature] = np.quantile(column[had], [TAIL, 1 - TAIL])
             known, some = np.clip(column[had], *bounds[:, feature]), terms[had]
-            # What runs scatter counts, not in which unit.
+            # The mean is not shrunk.
             middle, ridge = known.mean(), RIDGE * np.eye(terms.shape[1])
             with threadpool_limits(1):
                 coefficients[:, feature] = np.linalg.solve(some.T @ some + ridge, some.T @ (known - middle))
@@ -208,13 +218,18 @@ class Bank:
 
     def _car_sd(self, emulator: Emulator, inputs: FloatArray) -> float:
         """The sd of cars' logits: what pairs of runs of one car pass or fail together beyond those of other cars."""
-        chance = np.empty(len(self.scores))
-        for cell in np.unique(self.cells):
-            rows = self.cells == cell
-            chance[rows] = expit(emulator.logits(self.scores[rows], inputs[[cell]])[:, 0])
+        chance = self.pass_chances(emulator, inputs).clip(*expit([-LARGEST_LOGIT, LARGEST_LOGIT]))
         rest, slope = (self.ends == 0) - chance, chance * (1 - chance)
         every = np.ones(len(rest), dtype=bool)
         return float(np.sqrt(np.clip(self._of_one_car(every, rest, slope), 0, MOST_CAR_SD**2)))
+
+    def pass_chances(self, emulator: Emulator, inputs: FloatArray) -> FloatArray:
+        """With what probability each of the runs (runs,) passes, by the emulator."""
+        chance = np.empty(len(self.scores))
+        for cell in np.unique(self.cells):
+            rows = self.cells == cell
+            chance[rows] = np.exp(emulator.end_chances(self.scores[rows], inputs[[cell]])[:, 0, 0])
+        return chance
 
     def _of_one_car(self, chosen: BoolArray, rest: FloatArray, slope: FloatArray) -> float:
         """The mean product of two residuals of one car, in units of their slopes, less that of two cars of a set.

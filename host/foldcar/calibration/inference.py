@@ -47,17 +47,23 @@ ALIKE, LENGTH = 0.5, 0.4
 
 @dataclass(frozen=True)
 class Problem:
-    """Trials, the emulator that explains them and the cells' ``inputs``; ``known`` maps measured parameters to scores.
-
-    ``alike`` (cars, cars) is how far cars share a discrepancy, ``other`` (designs, cars) the same of further cars.
-    """
+    """Trials, the emulator that explains them and the cells' ``inputs``; ``known`` maps measured parameters to scores."""
 
     observed: Observations
     emulator: Emulator
     inputs: FloatArray
-    alike: FloatArray
-    other: FloatArray
     known: Mapping[int, float]
+
+    @cached_property
+    def other(self) -> FloatArray:
+        """How far further cars of each design share a discrepancy (designs, cars) with the cars that drove."""
+        designs = self.inputs[len(self.observed.cells) :, : self.emulator.designs]
+        return likeness(designs)[:, self.observed.car_design]
+
+    @cached_property
+    def alike(self) -> FloatArray:
+        """How far the cars that drove share a discrepancy (cars, cars)."""
+        return self.other[self.observed.car_design]
 
     def pinned(self, scores: FloatArray) -> FloatArray:
         """The scores (n, parameters) with those that are known."""
@@ -68,8 +74,7 @@ class Problem:
 
     def posterior(self, seed: int) -> Posterior:
         """Draws of the posterior."""
-        features = self.features()
-
+        features = self.features
         cells = self.inputs[: len(self.observed.cells)]
 
         def likelihood(scores: FloatArray, tau: FloatArray, kappa: FloatArray) -> FloatArray:
@@ -88,10 +93,8 @@ class Problem:
         """The outcomes by the cells' simulated logits (n, cells) with discrepancies τ (n,)."""
         own = self.emulator.car_sd**2
         covariance = tau[:, None, None] ** 2 * self.alike + own * np.eye(len(self.alike))
-        # The emulator's rate is that of cars of a design: the middle one's is farther from a half (MacKay 1992).
-        middle = np.sqrt(1 + np.pi / 8 * own)
         cell, car, passed, counted = self._groups
-        return outcomes(middle * logits[:, cell], passed, counted, car, covariance)
+        return outcomes(self.emulator.middle * logits[:, cell], passed, counted, car, covariance)
 
     @cached_property
     def _groups(self) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
@@ -109,6 +112,7 @@ class Problem:
         """Mean and variance (n,) of the discrepancy that further cars of a design have, by the outcomes of all trials."""
         return found.further(tau[:, None] ** 2 * self.other[design], tau**2)
 
+    @cached_property
     def features(self) -> Features | None:
         """The trials' features; None if none is known that the emulator knows, too."""
         usable = np.isfinite(self.emulator.shares)
@@ -124,8 +128,7 @@ class Problem:
 
     def residuals(self, scores: FloatArray) -> FloatArray | None:
         """What is left of the trials' features (n, trials, features), in standard deviations of runs; None without."""
-        features = self.features()
-        return None if features is None else features.residuals(self._means(scores))
+        return None if self.features is None else self.features.residuals(self._means(scores))
 
     def _means(self, scores: FloatArray) -> FloatArray:
         cells = len(self.observed.cells)
@@ -198,12 +201,10 @@ def infer(
     inputs, width = cell_inputs(experiment, observed.cells)
     planned = plan(runs, observed, len(experiment.designs))
     bank = simulate_bank(simulator, prior_scores(planned.first, seed), observed, 0, done)
-    alike = likeness(inputs[len(observed.cells) :, :width])
     cars = observed.car_design
 
     def problem_of(bank: Bank) -> Problem:
-        emulator = bank.emulator(inputs, width, seed)
-        return Problem(observed, emulator, inputs, alike[np.ix_(cars, cars)], alike[:, cars], dict(known))
+        return Problem(observed, bank.emulator(inputs, width, seed), inputs, dict(known))
 
     problem = problem_of(bank)
     posterior = problem.posterior(seed)
@@ -263,10 +264,9 @@ def likeness(designs: FloatArray) -> FloatArray:
 def rate_error(problem: Problem, bank: Bank) -> float:
     """By how much the emulator errs in the rate of a design with trials, at most, beyond chance; over the bank's runs."""
     cells, found = problem.observed.cells, []
-    chance = np.exp(problem.emulator.end_chances(bank.scores, problem.inputs[: len(cells)])[..., 0])
+    left = (bank.ends == 0) - bank.pass_chances(problem.emulator, problem.inputs)
     for design in np.unique(problem.observed.car_design):
-        rows = [row for row, cell in enumerate(bank.cells) if cell < len(cells) and cells[cell].design == design]
-        rest = (bank.ends[rows] == 0) - chance[rows, bank.cells[rows]]
+        rest = left[[cell < len(cells) and cells[cell].design == design for cell in bank.cells]]
         found.append(max(0.0, abs(rest.mean()) - rest.std() / np.sqrt(len(rest))))
     return float(max(found))
 

@@ -96,8 +96,7 @@ def count_chances(
     By its design's simulated logits (n,), and mean and variance (n,) of its discrepancy.
     """
     (mean, variance), own = offset, problem.emulator.car_sd**2
-    # As for cars that were driven: their middle is farther from a half than their mean.
-    at = np.sqrt(1 + np.pi / 8 * own) * logits + mean
+    at = problem.emulator.middle * logits + mean
     nodes = expit(at[:, None] + np.sqrt(variance + own)[:, None] * _NODES)
     return np.asarray(np.log(binom.pmf(np.arange(counted + 1)[:, None], counted, nodes[:, None]) @ _WEIGHTS + 1e-300))
 

@@ -9,6 +9,7 @@ from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
+from scipy.stats import binom
 
 from foldcar.analysis.words import design_text, listed, percent
 from foldcar.calibration.best_set import BestSet
@@ -53,6 +54,7 @@ def summarise(
 ) -> dict[str, Any]:  # fmt: skip
     """The summary; ``leave_one_out`` also predicts each design from the trials of the others."""
     observed, rates = inference.problem.observed, rates_of(inference, experiment, seed)
+    chances = _chances(inference.problem, inference.posterior, observed.counts())
     summary: dict[str, Any] = {
         "experiment": experiment.info.id,
         "seed": seed,
@@ -67,8 +69,8 @@ def summarise(
         "parameters": _parameters(inference),
         "car_sd": inference.problem.emulator.car_sd,
         "correlations": _correlations(inference),
-        "designs": _designs(inference, experiment, nominal, rates),
-        "log_likelihood": _log_likelihood(inference, nominal, rates),
+        "designs": _designs(inference, experiment, nominal, rates, chances),
+        "log_likelihood": _log_likelihood(inference, nominal, rates, chances),
         "emulator": {"error": inference.error, "rounds": inference.rounds, "check_runs": int(inference.counted.max())},
         "misfits": misfits(inference),
         "notes": list(observed.notes),
@@ -99,7 +101,7 @@ def left_out(inference: Inference, experiment: SweptExperiment, nominal: Nominal
     counts = observed.counts()
     for design, (passed, counted) in counts.items() if len(counts) > 1 else ():
         problem = replace(inference.problem, observed=observed.without(design))
-        chances = _chances(problem, problem.posterior(seed), design, counted)
+        chances = _chances(problem, problem.posterior(seed), {design: (passed, counted)})[design]
         rows.append(
             {
                 "design": varied(experiment, design),
@@ -113,18 +115,24 @@ def left_out(inference: Inference, experiment: SweptExperiment, nominal: Nominal
     return rows
 
 
-def _chances(problem: Problem, posterior: Posterior, design: int, counted: int) -> FloatArray:
-    """Log probabilities (n, counted + 1) of how many trials of a further car of the design pass."""
+def _chances(problem: Problem, posterior: Posterior, counts: Mapping[int, tuple[int, int]]) -> dict[int, FloatArray]:
+    """Log probabilities (n, counted + 1) of how many trials of a further car pass, by design, as many as ``counts`` has."""
     tau = posterior.discrepancy
-    offset = problem.further(problem.outcomes(posterior.scores, tau), tau, design)
-    inputs = problem.inputs[[len(problem.observed.cells) + design]]
-    return count_chances(problem, offset, problem.emulator.logits(posterior.scores, inputs)[:, 0], counted)
+    outcomes = problem.outcomes(posterior.scores, tau)
+    logits = problem.emulator.logits(
+        posterior.scores, problem.inputs[len(problem.observed.cells) + np.array(list(counts))]
+    )
+    return {
+        design: count_chances(problem, problem.further(outcomes, tau, design), column, counted)
+        for (design, (_, counted)), column in zip(counts.items(), logits.T, strict=True)
+    }
 
 
 def misfits(inference: Inference) -> list[dict[str, Any]]:
     """How far paths of trials lie from simulated ones: by family of features, in standard deviations of runs.
 
-    ``mean`` over all trials and features of the family under the posterior, and how far from 0 chance brings it.
+    ``size`` over all trials and features of the family under the posterior, which chance alone brings to 1, in one case of
+    twenty above ``by_chance``; ``offset`` is the mean.
     """
     left = inference.problem.residuals(inference.posterior.scores[inference.chosen])
     if left is None:
@@ -154,14 +162,7 @@ def nominal_log_score(runs: tuple[int, int] | None, passed: int, counted: int) -
     """The log probability of the trials if a car passes as often as nominal ``runs`` (passed, all) did; None without."""
     if runs is None or not runs[1]:
         return None
-    return float(_log_binomial(passed, counted, (runs[0] + 0.5) / (runs[1] + 1)))
-
-
-def _log_binomial(passed: int, counted: int, rate: Any) -> Any:
-    # It takes a second to import, and a report without calibrations needs none of it.
-    from scipy.stats import binom
-
-    return binom.logpmf(passed, counted, rate)
+    return float(binom.logpmf(passed, counted, (runs[0] + 0.5) / (runs[1] + 1)))
 
 
 def _parameters(inference: Inference) -> list[dict[str, Any]]:
@@ -176,7 +177,7 @@ def _parameters(inference: Inference) -> list[dict[str, Any]]:
         else:
             rows.append(_parameter(parameter, values, scores))
     rows.append(_parameter(DISCREPANCY, inference.posterior.discrepancy, None))
-    if inference.problem.features() is not None:
+    if inference.problem.features is not None:
         rows.append(_parameter(PATH_DISCREPANCY, inference.posterior.path_discrepancy, None))
     return rows
 
@@ -186,7 +187,7 @@ def _parameter(parameter: Parameter, values: FloatArray, scores: FloatArray | No
     return {
         **{name: getattr(parameter, name) for name in ("name", "unit", "meaning", "source", "nominal")},
         "prior": dict(zip(("low", "median", "high"), prior, strict=True)),
-        "posterior": {**_central(values), "median": float(np.median(values))},
+        "posterior": _middle(values),
         # Share of the prior's variance that is gone; scores have variance 1 before.
         "explained": None if scores is None else max(0.0, 1 - float(scores.var())),
     }
@@ -205,7 +206,9 @@ def _correlations(inference: Inference) -> list[dict[str, Any]]:
     return [{"parameters": [b, a], "correlation": round(r, 3)} for a, b, r in ranked]
 
 
-def _designs(inference: Inference, experiment: SweptExperiment, nominal: Nominal, rates: Rates) -> list[dict[str, Any]]:
+def _designs(
+    inference: Inference, experiment: SweptExperiment, nominal: Nominal, rates: Rates, chances: Mapping[int, FloatArray]
+) -> list[dict[str, Any]]:
     """Every checked design: those with trials have shares of as many trials of another car, ``predicted``, too."""
     counts, rows = inference.problem.observed.counts(), []
     for column, design in enumerate(inference.designs.tolist()):
@@ -217,23 +220,20 @@ def _designs(inference: Inference, experiment: SweptExperiment, nominal: Nominal
             "passed": passed,
             "counted": counted,
             "nominal": nominal_passed / runs if runs else None,
-            "simulated": {
-                **_central(calibrated),
-                "median": float(np.median(calibrated)),
-                "mean": float(calibrated.mean()),
-            },
-            "built": {**_central(built), "median": float(np.median(built)), "mean": float(built.mean())},
+            "simulated": {**_middle(calibrated), "mean": float(calibrated.mean())},
+            "built": {**_middle(built), "mean": float(built.mean())},
             "checked": float(inference.passed[column] / inference.counted[column]),
         }
         if counted:
-            chances = _chances(inference.problem, inference.posterior, design, counted)
-            row["predicted"] = _ends(*share_interval(chances, CONFIDENCE))
-            row["predicted_95"] = _ends(*share_interval(chances, 0.95))
+            row["predicted"] = _ends(*share_interval(chances[design], CONFIDENCE))
+            row["predicted_95"] = _ends(*share_interval(chances[design], 0.95))
         rows.append(row)
     return rows
 
 
-def _log_likelihood(inference: Inference, nominal: Nominal, rates: Rates) -> dict[str, float | None]:
+def _log_likelihood(
+    inference: Inference, nominal: Nominal, rates: Rates, chances: Mapping[int, FloatArray]
+) -> dict[str, float | None]:
     """Of the numbers that passed: of all trials of a design, independent and at one rate.
 
     ``draws`` is the mean over the published draws, ``best`` what the trials' own rates have, ``nominal`` what nominal
@@ -243,21 +243,19 @@ def _log_likelihood(inference: Inference, nominal: Nominal, rates: Rates) -> dic
     scores = [nominal_log_score(nominal.get(design), k, n) for design, (k, n) in counts.items()]
     told = [score for score in scores if score is not None]
     of_draw = sum(
-        _log_binomial(k, n, rates.calibrated[inference.chosen, columns[design]]) for design, (k, n) in counts.items()
+        binom.logpmf(k, n, rates.calibrated[inference.chosen, columns[design]]) for design, (k, n) in counts.items()
     )
     return {
-        "expected": sum(
-            log_score(_chances(inference.problem, inference.posterior, design, n), k) for design, (k, n) in counts.items()
-        ),
+        "expected": sum(log_score(chances[design], k) for design, (k, _) in counts.items()),
         "draws": float(np.mean(of_draw)),
         "best_draw": float(np.max(of_draw)),
         "nominal": sum(told) if len(told) == len(scores) else None,
-        "best": float(sum(_log_binomial(k, n, np.float64(k / n)) for k, n in counts.values())),
+        "best": float(sum(binom.logpmf(k, n, k / n) for k, n in counts.values())),
     }
 
 
-def _central(values: FloatArray) -> dict[str, float]:
-    return _ends(*interval(values, CONFIDENCE))
+def _middle(values: FloatArray) -> dict[str, float]:
+    return {**_ends(*interval(values, CONFIDENCE)), "median": float(np.median(values))}
 
 
 def _ends(low: float, high: float) -> dict[str, float]:

@@ -116,7 +116,7 @@ def left_out(inference: Inference, experiment: SweptExperiment, nominal: Nominal
 
 
 def _chances(problem: Problem, posterior: Posterior, counts: Mapping[int, tuple[int, int]]) -> dict[int, FloatArray]:
-    """Log probabilities (n, counted + 1) of how many trials of a further car pass, by design, as many as ``counts`` has."""
+    """Log probabilities (n, counted + 1) of how many of as many trials of a further car pass, by design."""
     tau = posterior.discrepancy
     outcomes = problem.outcomes(posterior.scores, tau)
     logits = problem.emulator.logits(
@@ -131,8 +131,8 @@ def _chances(problem: Problem, posterior: Posterior, counts: Mapping[int, tuple[
 def misfits(inference: Inference) -> list[dict[str, Any]]:
     """How far paths of trials lie from simulated ones: by family of features, in standard deviations of runs.
 
-    ``size`` over all trials and features of the family under the posterior, which chance alone brings to 1, in one case of
-    twenty above ``by_chance``; ``offset`` is the mean.
+    ``size`` over all trials and features of the family under the posterior, which chance alone brings to 1, in one case
+    of twenty above ``by_chance``; ``offset`` is the mean.
     """
     left = inference.problem.residuals(inference.posterior.scores[inference.chosen])
     if left is None:

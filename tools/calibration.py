@@ -16,7 +16,7 @@ from typing import Any
 from page_block import replaced
 
 from foldcar.calibration.best_set import BestSet, best_set
-from foldcar.calibration.experiment import Simulator, SweptExperiment, read_experiment
+from foldcar.calibration.experiment import Simulator, nominal_counts, read_experiment
 from foldcar.calibration.inference import Inference, infer
 from foldcar.calibration.observations import observe
 from foldcar.calibration.summary import summarise
@@ -37,7 +37,7 @@ def main(folder: Path, page: Path) -> None:
     with Store.open(store) as opened:
         experiment = read_experiment(opened, "1")
         observed = observe(opened, experiment, simulated=False)
-        nominal = nominal_runs(opened, experiment)
+        nominal = nominal_counts(opened, experiment)
     simulator = Simulator(experiment, Carsim(), len(os.sched_getaffinity(0)), SEED)
     inference: Inference = kept(folder / "inference.pickle", partial(infer, simulator, observed, RUNS))
     best: BestSet = kept(folder / "best.pickle", partial(best_set, simulator, inference))
@@ -72,17 +72,6 @@ def foldcar(*words: str | Path) -> None:
     """Run a command of foldcar in the project's folder."""
     command = [sys.executable, "-c", "from foldcar.cli import main; main()", *map(str, words)]
     subprocess.run(command, cwd=PROJECT, check=True)
-
-
-def nominal_runs(store: Store, experiment: SweptExperiment) -> dict[int, tuple[int, int]]:
-    """Passed and all nominal runs of each design."""
-    found: dict[int, tuple[int, int]] = {}
-    for result in store.results("1"):
-        index = experiment.design_of({name: float(value) for name, value in result.design.items()})
-        assert index is not None
-        passed, runs = found.get(index, (0, 0))
-        found[index] = (passed + (result.outcome == "passed"), runs + 1)
-    return found
 
 
 def published(summary: dict[str, Any], best: BestSet) -> list[str]:

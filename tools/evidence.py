@@ -13,11 +13,9 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from calibration import kept, table
@@ -32,22 +30,18 @@ from foldcar.calibration.drive_features import (
     possible_ends,
     told_features,
 )
-from foldcar.calibration.effects import calibrated_scene, calibrated_variation
 from foldcar.calibration.emulator import Emulator, cell_inputs, prior_scores, simulate_bank
-from foldcar.calibration.experiment import Simulator, SweptExperiment, read_experiment
+from foldcar.calibration.experiment import CalibrationRun, Simulator, SweptExperiment, read_experiment
 from foldcar.calibration.inference import Inference, Problem, checked
 from foldcar.calibration.observations import EVIDENCE, OUTCOMES, PATHS, Cell, Observations
 from foldcar.calibration.parameters import PARAMETERS, FloatArray, values_of
 from foldcar.calibration.predictions import rates_of
 from foldcar.calibration.summary import misfits
-from foldcar.car.variation import vary_body
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.compact_path import answered_path
 from foldcar.simulation.engines import MUJOCO
 from foldcar.simulation.results import outcome_of
-from foldcar.simulation.runner import RunRequest, side_by_side
 from foldcar.store.reader import Store
-from foldcar.store.writer import canonical_json
 
 PROGRAM = Path(__file__).resolve().parents[1] / "scenarios" / "step_pyramids.scenic"
 # Steps that weak servos climb too.
@@ -140,7 +134,9 @@ def reality(experiment: SweptExperiment, number: int, jobs: int) -> Reality:
     asked = [(design, scene, 1_000 + scene, scene) for design in designs for scene in range(RATE_SCENES)]
     trials = [layout_of(trial) for trial in range(TRIALS)]
     asked += [(design, scene, 5_000 + 10 * design + car, 7_000 + i) for i, (design, car, scene) in enumerate(trials)]
-    answers = driven(experiment, values, asked, jobs, SEED + number)
+    runs = [CalibrationRun(design, values, experiment.scenes[scene], *numbers) for design, scene, *numbers in asked]
+    simulator = Simulator(experiment, Carsim(engine=MUJOCO), jobs, SEED + number)
+    answers = simulator.answers(runs, lambda answer, _: answer)
     outcomes = [outcome_of(answer) for answer in answers]
     apart = len(answers) - TRIALS
     rates = np.array([outcome == PASSED for outcome in outcomes[:apart]], dtype=float).reshape(len(designs), -1).mean(1)
@@ -151,28 +147,6 @@ def reality(experiment: SweptExperiment, number: int, jobs: int) -> Reality:
         rows[:, 4:] += CAMERA_RAD * stream.standard_normal((len(rows), 3))
         found.append((outcome, answer["elapsed_time_s"], path_features(rows, experiment.scenes[scene])))
     return Reality(scores[0], rates, found)
-
-
-def driven(
-    experiment: SweptExperiment, values: dict[str, float], asked: list[tuple[int, int, int, int]], jobs: int, seed: int
-) -> list[dict[str, Any]]:
-    """MuJoCo's answers for designs in scenes, with numbers of the car and of what scatters."""
-    carsim = Carsim(engine=MUJOCO)
-    limits, spread = carsim.limits().numbers, experiment.info.variation
-
-    def chunks() -> Iterator[Callable[[], list[dict[str, Any]]]]:
-        for start in range(0, len(asked), 30):
-            bodies, scenes, requests = {}, {}, []
-            for place, (design, scene, car, number) in enumerate(asked[start : start + 30]):
-                name, one = str(place), experiment.designs[design]
-                bodies[name] = canonical_json(
-                    vary_body(one.body, calibrated_variation(values, spread, seed, car), limits)
-                )
-                scenes[name] = canonical_json(calibrated_scene(experiment.scenes[scene], values, seed, number))
-                requests.append(RunRequest(name, name, one.settings, name, scene, compact_path=True))
-            yield partial(carsim.run, bodies, scenes, requests)
-
-    return [answer for chunk in side_by_side(chunks(), jobs, carsim.stop) for answer in chunk]
 
 
 def trials_of(one: Reality, number: int, evidence: str, experiment: SweptExperiment) -> Observations:

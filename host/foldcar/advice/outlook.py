@@ -13,15 +13,13 @@ from threadpoolctl import threadpool_limits
 
 from foldcar.advice.evidence import DesignEvidence, Evidence
 from foldcar.analysis.contradictions import NONE, Contradictions, contradictions
-from foldcar.analysis.gaussian_process import success_model
+from foldcar.analysis.gaussian_process import can_be_smooth, success_model
 from foldcar.analysis.pooled_bias import MOST_POOLED, pooled_bias
 from foldcar.analysis.rate import Rate
 
 # More designs are thinned out: information is counted for every pair of them.
 MOST_CANDIDATES = 400
 DRAWS = 3000
-# Below it a smooth model has little to go by.
-LEAST_SMOOTHED = 8
 
 
 @dataclass(frozen=True)
@@ -106,8 +104,7 @@ def _matrix(designs: Sequence[DesignEvidence]) -> tuple[NDArray[Any], NDArray[An
 
 def _smooth(designs: Sequence[DesignEvidence], x: NDArray[Any], runs: NDArray[Any]) -> NDArray[Any]:
     """Simulation's rate and its band (D, 3), smooth where there is a model: few designs have none."""
-    differing = (numpy.ptp(x, axis=0) > 0).all() if x.size else False
-    if x.shape[1] in (1, 2) and len(x) >= LEAST_SMOOTHED and differing:
+    if can_be_smooth(x):
         return numpy.column_stack(success_model(x, runs[:, 0], runs[:, 1]).rates(x))
     rates = [one.simulated() for one in designs]
     return numpy.array([(rate.value, rate.low, rate.high) for rate in rates])

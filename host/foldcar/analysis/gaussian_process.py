@@ -33,6 +33,7 @@ STRENGTHS = (1.5, 5.0)
 LEAST_WEIGHT = 0.01
 # Standard deviation of the constant.
 CONSTANT = 4.0
+LEAST_SMOOTHED = 8
 
 
 @dataclass(frozen=True)
@@ -187,6 +188,15 @@ class SuccessModel:
         reach = norm.ppf((1 + confidence) / 2) * numpy.sqrt(numpy.maximum(second - first**2, 0))
         rate, low, high = (1 / (1 + numpy.exp(-value)) for value in (first, first - reach, first + reach))
         return rate, low, high
+
+
+def can_be_smooth(parameters: NDArray[Any]) -> bool:
+    """Whether a smooth model has enough to go by: LEAST_SMOOTHED designs (d, k), one or two parameters, all varied."""
+    return (
+        parameters.shape[1] in (1, 2)
+        and len(parameters) >= LEAST_SMOOTHED
+        and bool((numpy.ptp(parameters, axis=0) > 0).all())
+    )
 
 
 def success_model(parameters: ArrayLike, passed: ArrayLike, counted: ArrayLike) -> SuccessModel:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import islice
-from typing import Any
+from typing import Any, TypeVar
 
 from foldcar.calibration.drive_features import PASSED, TIME, drive_end, path_features, told_features
 from foldcar.calibration.effects import calibrated_scene, calibrated_variation
@@ -31,6 +31,8 @@ LEAST_SCENES = 20
 CHUNK_RUNS = 60
 # A parameter set whose runs the simulator cannot compute is left out, but only in rare cases.
 MOST_FAILED = 0.02
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,6 +101,17 @@ def read_experiment(store: Store, name: str) -> SweptExperiment:
     return SweptExperiment(info, tuple(designs), tuple(scenes))
 
 
+def nominal_counts(store: Store, experiment: SweptExperiment) -> dict[int, tuple[int, int]]:
+    """How many of how many nominal runs passed, by the design's index; failed ones do not count."""
+    found: dict[int, tuple[int, int]] = {}
+    for result in store.results(experiment.info.id):
+        index = experiment.design_of({name: float(value) for name, value in result.design.items()})
+        if index is not None and result.outcome != "failed":
+            passed, runs = found.get(index, (0, 0))
+            found[index] = (passed + (result.outcome == "passed"), runs + 1)
+    return found
+
+
 def _json(store: Store, table: str, number: int) -> dict[str, Any]:
     for row in store.rows(BY_NAME[table], "WHERE id = ?", number):
         found: dict[str, Any] = parsed(store.path, BY_NAME[table], row, "json")
@@ -147,19 +160,29 @@ class Simulator:
         self, runs: Iterable[CalibrationRun], done: Callable[[int], None] = lambda runs: None
     ) -> list[SimulatedDrive | None]:
         """How each run went, None if it failed; ``done`` is told of finished runs. FoldcarError."""
-        left = iter(runs)
-        results: list[SimulatedDrive | None] = []
-        chunks = iter(lambda: list(islice(left, CHUNK_RUNS)), [])
-        calls = (partial(self._run, chunk, *self._inputs(chunk)) for chunk in chunks)
-        for finished in side_by_side(calls, self._jobs, self._carsim.stop):
-            results += finished
-            done(len(finished))
+        results = self.answers(runs, _drive, done)
         failed = results.count(None)
         if failed > MOST_FAILED * len(results):
             raise FoldcarError(
                 f"experiment {self.experiment.info.id}: {failed} of {len(results)} simulations with changed parameters "
                 "failed"
             )
+        return results
+
+    def answers(
+        self,
+        runs: Iterable[CalibrationRun],
+        read: Callable[[dict[str, Any], CalibrationRun], T],
+        done: Callable[[int], None] = lambda runs: None,
+    ) -> list[T]:
+        """What ``read`` makes of carsim's answer to each run, in order."""
+        left = iter(runs)
+        results: list[T] = []
+        chunks = iter(lambda: list(islice(left, CHUNK_RUNS)), [])
+        calls = (partial(self._run, read, chunk, *self._inputs(chunk)) for chunk in chunks)
+        for finished in side_by_side(calls, self._jobs, self._carsim.stop):
+            results += finished
+            done(len(finished))
         return results
 
     def _inputs(self, chunk: list[CalibrationRun]) -> tuple[dict[str, str], dict[str, str], list[RunRequest]]:
@@ -174,16 +197,21 @@ class Simulator:
         return bodies, scenes, requests
 
     def _run(
-        self, chunk: list[CalibrationRun], bodies: dict[str, str], scenes: dict[str, str], requests: list[RunRequest]
-    ) -> list[SimulatedDrive | None]:
+        self,
+        read: Callable[[dict[str, Any], CalibrationRun], T],
+        chunk: list[CalibrationRun],
+        bodies: dict[str, str],
+        scenes: dict[str, str],
+        requests: list[RunRequest],
+    ) -> list[T]:
         answers = self._carsim.run(bodies, scenes, requests)
-        return [_drive(answer, run.scene) for answer, run in zip(answers, chunk, strict=True)]
+        return [read(answer, run) for answer, run in zip(answers, chunk, strict=True)]
 
 
-def _drive(answer: dict[str, Any], scene: Mapping[str, Any]) -> SimulatedDrive | None:
+def _drive(answer: dict[str, Any], run: CalibrationRun) -> SimulatedDrive | None:
     outcome = outcome_of(answer)
     if outcome == "failed":
         return None
-    features = path_features(answered_path(answer), scene)
+    features = path_features(answered_path(answer), run.scene)
     features[TIME] = told_features(answer["elapsed_time_s"], outcome == PASSED)[TIME]
     return SimulatedDrive(drive_end(outcome, features), features)

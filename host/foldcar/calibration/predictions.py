@@ -10,7 +10,7 @@ import numpy as np
 from scipy.special import expit, logsumexp
 from scipy.stats import binom
 
-from foldcar.analysis.gaussian_process import success_model
+from foldcar.analysis.gaussian_process import can_be_smooth, success_model
 from foldcar.calibration.effects import HEIGHT_KEYS
 from foldcar.calibration.experiment import SweptExperiment
 from foldcar.calibration.inference import Inference, Problem
@@ -26,8 +26,6 @@ DRAWS = 1000
 GROUPS = 5
 _NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(15)
 _WEIGHTS = _WEIGHTS / _WEIGHTS.sum()
-# Fewer designs, or more parameters, have no smooth rates.
-LEAST_SMOOTHED, MOST_VARIED = 8, 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +72,7 @@ def rates_of(inference: Inference, experiment: SweptExperiment, seed: int) -> Ra
 def _smooth(inference: Inference, experiment: SweptExperiment) -> FloatArray:
     varied = list(experiment.info.varied)
     x = np.array([[float(experiment.designs[one].parameters[name]) for name in varied] for one in inference.designs])
-    if 1 <= len(varied) <= MOST_VARIED and len(x) >= LEAST_SMOOTHED and (np.ptp(x, axis=0) > 0).all():
+    if can_be_smooth(x):
         return np.asarray(success_model(x, inference.passed, inference.counted).rates(x)[0])
     return (inference.passed + 0.5) / (inference.counted + 1)
 

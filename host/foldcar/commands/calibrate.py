@@ -61,7 +61,7 @@ def calibrate(
     Example: foldcar calibrate study.db --name published --leave-one-out
     """
     from foldcar.calibration.best_set import best_set, best_set_runs
-    from foldcar.calibration.experiment import Simulator, read_experiment
+    from foldcar.calibration.experiment import Simulator, nominal_counts, read_experiment
     from foldcar.calibration.inference import infer, plan
     from foldcar.calibration.observations import EVIDENCE, experiment_with_trials, observe
     from foldcar.calibration.parameters import known_scores
@@ -83,12 +83,7 @@ def calibrate(
         check_calibration_name(opened, name, replace)
         chosen = read_experiment(opened, experiment_with_trials(opened, experiment))
         observed = observe(opened, chosen, simulated_trials, evidence)
-        nominal: dict[int, tuple[int, int]] = {}
-        for result in opened.results(chosen.info.id):
-            index = chosen.design_of({key: float(value) for key, value in result.design.items()})
-            if index is not None and result.outcome != "failed":
-                passed, all_runs = nominal.get(index, (0, 0))
-                nominal[index] = (passed + (result.outcome == "passed"), all_runs + 1)
+        nominal = nominal_counts(opened, chosen)
     carsim = Carsim()
     simulator = Simulator(chosen, carsim, jobs or usable_processors(), seed)
     planned = plan(runs, observed, len(chosen.designs)).runs

@@ -30,10 +30,10 @@ def print_session(store: Path, numbers: Collection[int]) -> None:
         lines.append("SIMULATED trials: they count in no rate of built cars.")
     designs = {(one.vehicle_type, design_text(one.design)): one for one in mine}
     for (vehicle_type, text), design in designs.items():
-        of_design = [one for one in trials if _same_car(one, design) and one.standing == counted and one.completed]
+        of_design = [one for one in trials if _same_design(one, design) and one.standing == counted and one.completed]
         before = [one for one in of_design if one.id not in numbers]
         now = [one for one in of_design if one.id in numbers]
-        others = sum(_same_car(one, design) for one in mine) - len(now)
+        others = sum(_same_design(one, design) for one in mine) - len(now)
         more = f"; {count(others, 'more trial')} aborted or withdrawn" if others else ""
         named = [row for one in compared.experiments for row in one.designs if row.design == design.design]
         label = named[0].label if named else text if len(designs) > 1 else vehicle_type
@@ -51,7 +51,7 @@ def print_session(store: Path, numbers: Collection[int]) -> None:
     shown_console().print("\n".join(lines))
 
 
-def _same_car(one: Trial, other: Trial) -> bool:
+def _same_design(one: Trial, other: Trial) -> bool:
     return (one.experiment, one.vehicle_type, one.design) == (other.experiment, other.vehicle_type, other.design)
 
 

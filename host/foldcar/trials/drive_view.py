@@ -41,8 +41,8 @@ def large(text: str) -> str:
 class DriveView:
     """A :class:`foldcar.trials.driving.Watcher` that shows a drive on a terminal, and stops it on a key.
 
-    Nothing is shown if the output is not a terminal; ``running`` is
-    told all the same. The countdown begins with the first look.
+    Nothing is shown if the output is not a terminal; ``running`` is told all the same. The countdown begins with the
+    first look.
     """
 
     def __init__(self, countdown_s: int, time_limit_s: float, other_input: Any, running: RunningTrial) -> None:

@@ -1,17 +1,12 @@
-"""`foldcar select`: regions, information and environments against independent computations; advice on known truths."""
+"""`foldcar select`: advice on known truths."""
 
 import csv
 from collections.abc import Mapping
 from dataclasses import replace
-from itertools import product
 from pathlib import Path
 from typing import Any
 
-import numpy
 import pytest
-from scipy.optimize import brentq
-from scipy.special import expit
-from scipy.stats import binom, norm
 from typer.testing import CliRunner
 
 from foldcar.advice.comparison import compare
@@ -22,25 +17,8 @@ from foldcar.analysis.built_cars import SPREADS
 from foldcar.analysis.contradictions import NONE, contradictions
 from foldcar.analysis.rate import wilson_interval
 from foldcar.analysis.selection import (
-    ABOVE,
-    BELOW,
     BEST,
-    END,
-    LOWER_EDGE,
     MIDDLE,
-    UPPER_EDGE,
-    Effort,
-    choose,
-    correlation_within_cars,
-    expected_loss,
-    first_designs,
-    gain_per_hour,
-    honest_best,
-    least_effort,
-    telling_environments,
-    trials_needed,
-    trials_to_tell,
-    value_of_trials,
 )
 from foldcar.cli import app
 from foldcar.commands.tables import print_selections
@@ -50,8 +28,6 @@ from foldcar.report.page_remarks import remarks
 from foldcar.store.reader import Store
 from swept_listing import told
 from written_study import add_trials, import_trials, write_study
-
-WIDTHS = numpy.arange(65.0, 250.0, 5.0)
 
 
 def advise(store: Path, **options: Any) -> list[Selection]:
@@ -65,178 +41,6 @@ def plain(store: Path, capsys: pytest.CaptureFixture[str]) -> str:
     text = " ".join(capsys.readouterr().out.split())
     assert "nan" not in text.lower()
     return text
-
-
-def test_first_designs_mark_the_region() -> None:
-    # Feasible from 95 to 140 mm, as in the publication's figure 6.
-    rates = numpy.where((WIDTHS >= 95) & (WIDTHS <= 140), 0.9, numpy.where(WIDTHS > 140, 0.4, 0.1))
-    doubt = numpy.where(WIDTHS < 100, 0.5, 0.1)
-
-    found = [(WIDTHS[one.index], one.place) for one in first_designs(WIDTHS[:, None], rates, doubt, 0.75)]
-
-    assert [place for _, place in found] == [MIDDLE, LOWER_EDGE, ABOVE, BELOW, UPPER_EDGE]
-    places = {place: width for width, place in found}
-    assert (places[LOWER_EDGE], places[UPPER_EDGE]) == (95, 140)
-    assert 115 <= places[MIDDLE] <= 120 and places[BELOW] < 95 and places[ABOVE] > 140
-    # A rate at the threshold reaches it.
-    assert [(WIDTHS[one.index], one.place) for one in first_designs(WIDTHS[:, None], rates, doubt, 0.9)] == found
-    (best,) = first_designs(WIDTHS[:, None], rates, doubt, 0.95)
-    assert best.place == BEST
-    assert [one.place for one in first_designs(WIDTHS[:, None], rates, doubt, 0.05)] == [MIDDLE, END, END]
-
-
-def test_the_middle_is_deepest_and_edges_have_a_neighbour_outside() -> None:
-    """Of regions in several pieces, counted in steps: to the nearest design outside, or to beyond the range's ends."""
-    random, n = numpy.random.default_rng(3), 40
-    for _ in range(40):
-        reached = numpy.convolve(random.random(n + 6), numpy.ones(7) / 7, "valid") > 0.5
-        if reached.all() or not reached.any():
-            continue
-        outside = numpy.flatnonzero(~reached)
-        depth = [min(numpy.abs(outside - i).min(), i + 1, n - i) if reached[i] else 0 for i in range(n)]
-
-        found = first_designs(100 + 5 * numpy.arange(n)[:, None], reached.astype(float), numpy.zeros(n), 0.5)
-
-        assert found[0].place == MIDDLE and depth[found[0].index] == max(depth)
-        assert len({one.index for one in found}) == len(found) <= 5
-        for one in found[1:]:
-            beside = [i for i in (one.index - 1, one.index + 1) if 0 <= i < n]
-            assert reached[one.index] == (one.place in (LOWER_EDGE, UPPER_EDGE))
-            assert not reached[one.index] or not reached[beside].all()
-            assert (one.index < found[0].index) == (one.place in (LOWER_EDGE, BELOW))
-
-
-def test_first_designs_of_two_parameters_are_on_the_level_set() -> None:
-    grid = numpy.array(list(product(range(11), range(11))), dtype=float)
-    away = numpy.hypot(grid[:, 0] - 5, grid[:, 1] - 5)
-
-    found = first_designs(grid, 1 / (1 + numpy.exp(away - 3.2)), numpy.zeros(len(grid)), 0.5)
-
-    distance = [away[one.index] for one in found]
-    assert distance[0] == 0
-    for one, far in zip(found[1:], distance[1:], strict=True):
-        assert (2.2 <= far <= 3.2) if "edge" in one.place else (far > 3.2)
-    first, second = (grid[one.index] for one in found if "edge" in one.place)
-    assert numpy.hypot(*(first - second)) > 3
-
-
-def test_the_value_of_trials_is_what_they_improve() -> None:
-    random = numpy.random.default_rng(5)
-    p = random.random((200, 3))
-    found = value_of_trials(p, 0.6, 4)
-
-    for design in range(3):
-        best, wrong = 0.0, 0.0
-        for passed in range(5):
-            weight = binom.pmf(passed, 4, p[:, design])
-            share = weight.mean()
-            best += share * numpy.average(p, axis=0, weights=weight).max()
-            above = numpy.average(p >= 0.6, axis=0, weights=weight)
-            wrong += share * numpy.minimum(above, 1 - above).mean()
-        assert found.choice[design] == pytest.approx(best - p.mean(axis=0).max())
-        above = (p >= 0.6).mean(axis=0)
-        assert found.threshold[design] == pytest.approx(numpy.minimum(above, 1 - above).mean() - wrong)
-
-
-def test_within_the_zone_no_side_is_wrong() -> None:
-    """A design that lies at the threshold is worth no trial; of one that may be far on either side each trial tells."""
-    near, far = (one.ravel() for one in numpy.meshgrid(numpy.linspace(0.66, 0.84, 50), [0.5, 0.95]))
-    draws = numpy.column_stack([near, far, numpy.full(100, 0.99)])
-
-    assert value_of_trials(draws, 0.75, 10, 0.1).threshold == pytest.approx([0, 0.5 / 3, 0], abs=0.02)
-    assert value_of_trials(draws, 0.75, 10).threshold[0] > 0.02
-    # 10 trials of 3 min and a car of 60 min are 1.5 h; of three designs each counts as one of 20.
-    one = gain_per_hour(draws, 0.75, 0.1, [60.0, 60.0, 60.0], [3.0] * 3)
-    assert one == pytest.approx(value_of_trials(draws, 0.75, 10, 0.1).threshold[1] * 3 / 20 / 1.5)
-
-
-@pytest.mark.parametrize("rate", [0.5, 0.65, 0.9])
-def test_trials_tell_the_side_as_likely_as_not(rate: float) -> None:
-    number = trials_to_tell([rate], 0.75)
-
-    passed = numpy.arange(number + 1)
-    ends = numpy.array([wilson_interval(int(k), number) for k in passed])
-    told = (ends[:, 0] > 0.75) | (ends[:, 1] < 0.75)
-    assert binom.pmf(passed[told], number, rate).sum() == pytest.approx(0.5, abs=0.12)
-
-
-@pytest.mark.parametrize(("rate", "car_sd"), [(0.5, 1.0), (0.8, 2.0), (0.95, 0.7)])
-def test_trials_of_few_cars_vary_as_their_correlation_says(rate: float, car_sd: float) -> None:
-    """The variance of the share that passes, over 40,000 sets of 3 cars with 5 trials each, against its closed form."""
-    alike, random = correlation_within_cars([rate], car_sd), numpy.random.default_rng(2)
-    centre = brentq(lambda at: expit(at + car_sd * norm.ppf((numpy.arange(2000) + 0.5) / 2000)).mean() - rate, -20, 20)
-
-    passed = random.binomial(5, expit(centre + car_sd * random.standard_normal((40_000, 3)))).sum(axis=1)
-
-    assert (passed / 15).mean() == pytest.approx(rate, abs=0.005)
-    assert (passed / 15).var() == pytest.approx(rate * (1 - rate) * (1 + 4 * alike) / 15, rel=0.04)
-
-
-def test_cars_and_trials_are_the_quickest_that_suffice() -> None:
-    """Against all numbers of cars and trials of each; without differences of cars one car is the quickest."""
-
-    def worth(trials: int, alike: float) -> float:
-        return trials / (1 + (trials - 1) * alike)
-
-    for alike, car_min, needed in product((0.05, 0.2, 0.5), (0.0, 10.0, 90.0), (5, 30)):
-        plans = product(range(1, 50), range(1, 10 * needed + 1))
-        enough = [m * (car_min + 3.5 * n) for m, n in plans if m * worth(n, alike) >= needed - 1e-9]
-        found = least_effort(needed, alike, car_min, 3.5)
-        assert found.trials == found.cars * found.each
-        assert found.cars * car_min + found.trials * 3.5 == pytest.approx(min(enough))
-    assert least_effort(30, 0.0, 90.0, 3.5) == Effort(1, 30, 30)
-    assert least_effort(30, 0.0, 90.0, 3.5, [12]) == Effort(0, 18, 30)
-    more = least_effort(10, 0.2, 90.0, 3.5, [12])
-    assert more.cars * worth(more.each, 0.2) + worth(max(12, more.each), 0.2) >= 10 and more.cars >= 1
-
-
-def test_a_twin_of_a_chosen_design_tells_nothing_more() -> None:
-    random = numpy.random.default_rng(6)
-    one, other = random.beta(2, 2, 400), random.beta(4, 4, 400)
-    draws = numpy.column_stack([one, one, other])
-
-    assert choose(draws, 0.5, 10, 2, [0]) == [2, 1]
-
-
-@pytest.mark.parametrize("rate", [0.5, 0.8, 1.0])
-def test_trials_needed_are_the_fewest_that_suffice(rate: float) -> None:
-    number = trials_needed([rate], 0.15)
-
-    def half_width(n: int) -> float:
-        low, high = wilson_interval(round(rate * n), n)
-        return (high - low) / 2
-
-    # Whole numbers of passed trials lie beside the rate.
-    assert half_width(number + 2) <= 0.15 < half_width(number - 3)
-
-
-def test_environments_represent_all_and_tell_designs_apart() -> None:
-    random = numpy.random.default_rng(8)
-    hardness = random.random(100)
-    passed = (numpy.array([0.9, 0.5, 0.3])[:, None] > hardness).astype(float)
-    passed[0, 7] = numpy.nan
-
-    chosen = telling_environments(passed, 20, met=[3])
-
-    assert chosen == telling_environments(passed, 20, met=[3]) and len(set(chosen)) == 20
-    assert not {3, 7} & set(chosen)
-    shares = numpy.nanmean(passed, axis=1)
-    assert numpy.abs(passed[:, chosen].mean(axis=1) - shares).max() <= 0.05
-    spread = numpy.ptp(passed[:, chosen], axis=0)
-    assert list(spread) == sorted(spread, reverse=True)
-    assert len(telling_environments(passed, 500)) == 99
-
-
-def test_the_best_is_not_quoted_from_the_environments_that_chose_it() -> None:
-    random = numpy.random.default_rng(9)
-    quoted, naive = [], []
-    for _ in range(200):
-        passed = (random.random((30, 40)) < 0.5).astype(float)
-        _, k, n = honest_best(passed)
-        quoted.append(k / n)
-        naive.append(passed.mean(axis=1).max())
-    assert abs(numpy.mean(quoted) - 0.5) < 0.02
-    assert numpy.mean(naive) > 0.6
 
 
 def outcome(design: Mapping[str, float], sample: int) -> str:
@@ -358,18 +162,6 @@ def test_a_lone_failing_design_is_named_and_rates_beside_it_are_open(tmp_path: P
     assert contradictions([[1.0], [2.0]], [[9, 10]] * 2, [[0, 9], [9, 9]]) == NONE
 
 
-def test_designs_beside_a_contradiction_in_two_parameters() -> None:
-    """Driven in a cross: the centre fails. Beside it are those between it and the arms, none beyond them."""
-    grid = numpy.array(list(product(range(5), range(5))), dtype=float)
-    driven = [(0, 2), (4, 2), (2, 0), (2, 4), (2, 2)]
-    passed = [(0, 30) if one == (2, 2) else (30, 30) if one in driven else (0, 0) for one in map(tuple, grid)]
-
-    found = contradictions(grid, numpy.tile([95, 100], (25, 1)), passed)
-
-    assert [tuple(grid[index]) for index in found.designs] == [(2, 2)]
-    assert {tuple(grid[index]) for index in found.beside} == set(product((1, 2, 3), (1, 2, 3))) - {(2, 2)}
-
-
 def test_advice_of_two_parameters_of_one_design_and_of_none_that_passes(tmp_path: Path) -> None:
     family = {"width_mm": [80.0, 100.0, 120.0, 140.0], "depth_mm": [1.0, 2.0, 3.0]}
     write_study(tmp_path / "two.db", family, 20, outcome)
@@ -436,9 +228,3 @@ def test_of_very_many_driven_designs_those_with_most_trials_count(
     assert any(one.startswith(said) for one in found.remarks)
     assert not any("left out of the choice" in one for one in whole.remarks)
     assert {one.design["width_mm"] for one in found.recommendations} <= {90.0, 130.0}
-
-
-def test_the_expected_loss_is_that_of_the_best_mean() -> None:
-    best, loss = expected_loss([[0.5, 0.6], [0.9, 0.6]])
-
-    assert (best, loss) == (0, pytest.approx(0.05))

@@ -26,7 +26,7 @@ from foldcar.study.experiments import read_study
 PROJECT = Path(__file__).resolve().parents[1]
 LISTING = PROJECT / "scenarios" / "width_study.json"
 HILLS = PROJECT / "scenarios" / "gaussian_hills.json"
-TURNS_OF_SPEED = 5
+TURNS_OF_SPEED = 20
 CARSIM = PROJECT / ".pio" / "build" / "carsim" / "program"
 CARSIM_MUJOCO = PROJECT / ".pio" / "build" / "carsim_mujoco" / "program"
 FOLDCAR = Path(sys.executable).with_name("foldcar")

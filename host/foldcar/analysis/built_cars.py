@@ -2,8 +2,8 @@
 
 On the log-odds scale a car passes with centre + spread z, z standard normal over the cars of a design; its trials are
 binomial. A design's rate is that of a further car of it, averaged over z. With a logistic function of slope 1 and a
-standard deviation s that average is a logistic function of slope 1 / sqrt(1 + C s^2), within 0.011 (Zeger, Liang and
-Albert 1988, doi:10.2307/2531734, C = 0.346): so a design of log-odds m has cars around sqrt(1 + C s^2) m.
+standard deviation s that average is a logistic function of slope 1 / :func:`centre_factor`, within 0.011 (Zeger, Liang and
+Albert 1988, doi:10.2307/2531734): so a design of log-odds m has cars around centre_factor(s) m.
 
 The spread is unknown: SPREADS with weights. Beforehand it is half-normal (Gelman 2006), as wide as simulated cars with
 the workshop's imperfections have it (0.6 to 1.9 in the width study); simulated cars of the design sharpen that, and
@@ -27,6 +27,7 @@ PRIOR = numpy.array([0.5, 1.0, 1.0, 1.0, 1.5, 2.0]) * numpy.exp(-0.5 * (SPREADS 
 PRIOR = PRIOR / PRIOR.sum()
 # The part of the prior that stays beside what simulated cars say: the workshop's imperfections are assumptions.
 UNTOLD = 0.2
+# (16 sqrt(3) / 15 pi)^2 of Zeger, Liang and Albert.
 SLOPE = 0.346
 # How much of what simulation finds of environments is believed: where it errs about single ones, all of it is worse than
 # nothing (docs/statistics.md).
@@ -39,6 +40,11 @@ STEPS = 8
 COARSE, FINE = numpy.linspace(-16, 16, 97), numpy.linspace(-16, 16, 1601)
 # Jeffreys' Beta(1/2, 1/2) of the rate, as a log density of its log-odds.
 JEFFREYS = -(numpy.logaddexp(0, FINE) + numpy.logaddexp(0, -FINE)) / 2
+
+
+def centre_factor(spread: float | NDArray[Any]) -> Any:
+    """By what factor the log-odds of a design's middle car are farther from 0 than those of its rate."""
+    return numpy.sqrt(1 + SLOPE * spread**2)
 
 
 @dataclass(frozen=True)
@@ -88,9 +94,9 @@ class BuiltCars:
 
     def count_draws(self, rates: NDArray[Any], random: numpy.random.Generator) -> NDArray[Any]:
         """Draws (n,) of how many of as many trials of as many other cars pass, by rates (n,) of the design."""
-        spread = random.choice(SPREADS, (len(rates), len(self.counted)), p=self.weights)
-        centre = numpy.sqrt(1 + SLOPE * spread**2) * numpy.log(rates / (1 - rates))[:, None]
-        log_odds = centre + self.shift + spread * random.standard_normal(spread.shape)
+        spread = random.choice(SPREADS, (len(rates), 1), p=self.weights)
+        centre = centre_factor(spread) * numpy.log(rates / (1 - rates))[:, None]
+        log_odds = centre + self.shift + spread * random.standard_normal((len(rates), len(self.shift)))
         found: NDArray[Any] = random.binomial(self.counted.astype(int), 1 / (1 + numpy.exp(-log_odds))).sum(axis=1)
         return found
 
@@ -117,7 +123,7 @@ def likelihood(designs: Sequence[BuiltCars]) -> Any:
 
 def _given(log_odds: NDArray[Any], k: NDArray[Any], n: NDArray[Any] | float, spread: float) -> NDArray[Any]:
     """The log likelihood of designs' log-odds (m, cars) of which a car passed k of n (cars,)."""
-    centre, z = numpy.sqrt(1 + SLOPE * spread**2) * log_odds, numpy.zeros(1)
+    centre, z = centre_factor(spread) * log_odds, numpy.zeros(1)
     for _ in range(STEPS if spread else 0):
         rate = 1 / (1 + numpy.exp(-(centre + spread * z)))
         z = z + numpy.clip((spread * (k - n * rate) - z) / (1 + spread**2 * n * rate * (1 - rate)), -2, 2)

@@ -13,6 +13,7 @@ from typing import Any
 import numpy
 from numpy.typing import ArrayLike, NDArray
 
+from foldcar.analysis.built_cars import centre_factor
 from foldcar.analysis.gaussian_process import unit_range
 from foldcar.errors import FoldcarError
 
@@ -255,11 +256,11 @@ def correlation_within_cars(rates: ArrayLike, car_sd: float) -> float:
     """The correlation of two trials of one car: the part of a trial's variance that lies between cars of a design.
 
     A car passes with log-odds that are normal over cars, of deviation ``car_sd``; a design's rate, one of ``rates``, is
-    the mean of its cars'. By quadrature about MacKay's centre of the log-odds (1992, doi:10.1162/neco.1992.4.5.720).
+    the mean of its cars'. By quadrature.
     """
     p = numpy.asarray(rates, dtype=float).ravel().clip(1e-6, 1 - 1e-6)
     nodes, weights = numpy.polynomial.hermite_e.hermegauss(40)
-    centre = numpy.log(p / (1 - p)) * numpy.sqrt(1 + numpy.pi * car_sd**2 / 8)
+    centre = numpy.log(p / (1 - p)) * centre_factor(car_sd)
     cars = 1 / (1 + numpy.exp(-(centre[:, None] + car_sd * nodes)))
     mean, square = (one @ weights / weights.sum() for one in (cars, cars**2))
     return float((square - mean**2).mean() / (mean * (1 - mean)).mean())

@@ -2,8 +2,8 @@
 
 On the log-odds scale a car passes with centre + spread z, z standard normal over the cars of a design; its trials are
 binomial. A design's rate is that of a further car of it, averaged over z. With a logistic function of slope 1 and a
-standard deviation s that average is a logistic function of slope 1 / :func:`centre_factor`, within 0.011 (Zeger, Liang and
-Albert 1988, doi:10.2307/2531734): so a design of log-odds m has cars around centre_factor(s) m.
+standard deviation s that average is a logistic function of slope 1 / :func:`centre_factor`, within 0.011 (Zeger, Liang
+and Albert 1988, doi:10.2307/2531734): so a design of log-odds m has cars around centre_factor(s) m.
 
 The spread is unknown: SPREADS with weights. Beforehand it is half-normal (Gelman 2006), as wide as simulated cars with
 the workshop's imperfections have it (0.6 to 1.9 in the width study); simulated cars of the design sharpen that, and
@@ -25,6 +25,8 @@ SPREADS = numpy.array([0.0, 0.5, 1.0, 1.5, 2.0, 3.0])
 SPREAD_SCALE = 1.3
 PRIOR = numpy.array([0.5, 1.0, 1.0, 1.0, 1.5, 2.0]) * numpy.exp(-0.5 * (SPREADS / SPREAD_SCALE) ** 2)
 PRIOR = PRIOR / PRIOR.sum()
+# Ranges of SPREADS, in one of which those of all designs of a workshop are.
+RANGES = SPREADS.reshape(3, 2)
 # The part of the prior that stays beside what simulated cars say: the workshop's imperfections are assumptions.
 UNTOLD = 0.2
 # (16 sqrt(3) / 15 pi)^2 of Zeger, Liang and Albert.
@@ -109,14 +111,42 @@ class BuiltCars:
 
 
 def likelihood(designs: Sequence[BuiltCars]) -> Any:
-    """The log likelihood of designs given their cars: a scipy CubicSpline of log-odds, (m,) -> (m, designs)."""
+    """The log likelihood of designs, at least one, given their cars: a CubicSpline of log-odds, (m,) -> (m, designs)."""
+    return _mixed(_by_spread(designs), numpy.array([one.weights for one in designs]))
+
+
+def likelihoods(designs: Sequence[BuiltCars]) -> list[tuple[float, Any]]:
+    """As :func:`likelihood`, if what is assumed of the spread is in each of RANGES, with that range's prior probability.
+
+    Cars of all designs are made in the same workshop: where their spread is assumed, it is the same for all designs. Were
+    it drawn for each design, its mean over many designs would be taken for known. Of what a design's weights are, the
+    largest part that is the PRIOR is the assumption.
+    """
     from scipy.interpolate import CubicSpline
 
+    if not designs:
+        return [(1.0, CubicSpline(COARSE, numpy.zeros((len(COARSE), 0))))]
+    some, weights = _by_spread(designs), numpy.array([one.weights for one in designs])
+    assumed = (weights / PRIOR).min(axis=1, keepdims=True)
+    parts = [numpy.where(numpy.isin(SPREADS, one), PRIOR, 0) for one in (RANGES if assumed.any() else [SPREADS])]
+    return [(float(one.sum()), _mixed(some, weights + assumed * (one / one.sum() - PRIOR))) for one in parts]
+
+
+def _by_spread(designs: Sequence[BuiltCars]) -> NDArray[Any]:
+    """The log likelihood at COARSE with each of SPREADS (spreads, log-odds, designs)."""
     k, n, shifts = (numpy.concatenate([getattr(one, name) for one in designs]) for name in ("passed", "counted", "shift"))
     starts = numpy.cumsum([0, *(len(one.passed) for one in designs[:-1])])
     some = numpy.array([_given(COARSE[:, None] + shifts, k, n, spread) for spread in SPREADS.tolist()])
+    found: NDArray[Any] = numpy.add.reduceat(some, starts, axis=2)
+    return found
+
+
+def _mixed(some: NDArray[Any], weights: NDArray[Any]) -> Any:
+    """The mixture by weights (designs, spreads), 0 where rounding leaves less, as a spline."""
+    from scipy.interpolate import CubicSpline
+
     with numpy.errstate(divide="ignore"):
-        logs = numpy.add.reduceat(some, starts, axis=2) + numpy.log([one.weights for one in designs]).T[:, None]
+        logs = some + numpy.log(weights.clip(0)).T[:, None]
     top = logs.max(axis=0)
     return CubicSpline(COARSE, top + numpy.log(numpy.exp(logs - top).sum(axis=0)))
 

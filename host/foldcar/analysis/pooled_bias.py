@@ -103,14 +103,14 @@ class PooledBias:
         seen, own = self._seen, numpy.zeros((len(self.cars), len(LOG_ODDS)))
         found, tabulated = numpy.zeros(own.shape), {id(one.trials): one.trials(LOG_ODDS).T for one in self.candidates}
         for one, weight in zip(self.candidates, self.weights, strict=True):
-            own[seen], of_trials = tabulated[id(one.trials)], _each(one.trials)
+            own[seen], of_trials = tabulated[id(one.trials)], _each([one.trials])
             functions = numpy.hstack([one.common, numpy.zeros((len(one.own), len(seen)))])
             functions[seen, one.common.shape[1] + numpy.arange(len(seen))] = one.own[seen]
             middle = (self.simulated + functions @ one.factors.mode)[:, None]
             variance = ((functions @ one.factors.root) ** 2).sum(axis=1) + one.own**2
             variance[seen] -= one.own[seen] ** 2
             slope, curvature = numpy.zeros_like(middle), numpy.zeros_like(middle)
-            slope[seen, 0], curvature[seen, 0] = of_trials(middle[seen, 0])[1:]
+            slope[seen], curvature[seen] = (part.T for part in of_trials(middle[seen].T)[1:])
             # The own trials' part of the approximation is taken out again.
             variance = 1 / (1 / variance[:, None] + curvature)
             middle = middle - variance * slope
@@ -142,30 +142,32 @@ def pooled_bias(
     scaled = unit_range(x)
     spanning, seen = spread_designs(scaled), y[:, 1] > 0
     of_trials = likelihoods([one for one in built if one is not None])
-    candidates, evidence = [], []
+    candidates, evidence, constant = [], [], (numpy.full(len(x), CONSTANT), SLOPE * log_odds)
     for length in LENGTHS:
         process = Matern(spanning, length).functions(scaled)
         left = numpy.maximum(1 - (process**2).sum(axis=1), 0)
-        for smooth, alone, (prior, trials) in product(SMOOTH, ALONE, of_trials):
-            common = numpy.column_stack([numpy.full(len(x), CONSTANT), SLOPE * log_odds, smooth * process])
-            own = numpy.sqrt(errors + alone**2 + smooth**2 * left)
-            functions = numpy.hstack([common[seen], numpy.diag(own[seen])])
-            found = laplace(functions, log_odds[seen], _each(trials))
-            candidates.append(Candidate(common, own, found, trials))
-            evidence.append(found.evidence + numpy.log(prior))
+        grid = list(product(SMOOTH, ALONE, of_trials))
+        commons = [numpy.column_stack([*constant, smooth * process]) for smooth, _, _ in grid]
+        owns = [numpy.sqrt(errors + alone**2 + smooth**2 * left) for smooth, alone, _ in grid]
+        functions = [numpy.hstack([one[seen], numpy.diag(own[seen])]) for one, own in zip(commons, owns, strict=True)]
+        each = _each([trials for _, _, (_, trials) in grid])
+        found = laplace(numpy.array(functions), log_odds[seen], each)
+        for at, (_, _, (prior, trials)) in enumerate(grid):
+            factors = Factors(found.mode[at], found.root[at], found.evidence[at])
+            candidates.append(Candidate(commons[at], owns[at], factors, trials))
+            evidence.append(factors.evidence + numpy.log(prior))
     return PooledBias(log_odds, built, tuple(candidates), shares_of(evidence))
 
 
-def _each(spline: Any) -> Likelihood:
-    """The likelihood of each of the driven designs at log-odds of its own."""
-
-    each, step = numpy.arange(spline.c.shape[2]), COARSE[1] - COARSE[0]
+def _each(splines: Sequence[Any]) -> Likelihood:
+    """The likelihood of each of the driven designs at log-odds of its own; a spline for each candidate."""
+    coefficients = numpy.array([spline.c for spline in splines])
+    candidates, designs, step = *numpy.ogrid[: len(splines), : coefficients.shape[3]], COARSE[1] - COARSE[0]
 
     def at(log_odds: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
         inside = numpy.clip(log_odds, COARSE[0], COARSE[-1])
         place = ((inside - COARSE[0]) / step).astype(int).clip(0, len(COARSE) - 2)
-        # The cubic of each design's own interval: a whole spline would be evaluated for all designs at each's log-odds.
-        (a, b, c, d), x = spline.c[:, place, each], inside - COARSE[place]
+        x, (a, b, c, d) = inside - COARSE[place], numpy.moveaxis(coefficients[candidates, :, place, designs], -1, 0)
         # A mixture of spreads may curve upwards far from its mode.
         return ((a * x + b) * x + c) * x + d, (3 * a * x + 2 * b) * x + c, numpy.minimum(6 * a * x + 2 * b, 0)
 

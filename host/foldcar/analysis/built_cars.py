@@ -10,7 +10,7 @@ the workshop's imperfections have it (0.6 to 1.9 in the width study); simulated 
 trials of several cars do.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -103,52 +103,38 @@ class BuiltCars:
         return found
 
     def _quantiles(self, parts: Sequence[float] | NDArray[Any]) -> NDArray[Any]:
-        logs = likelihood([self])(FINE)[:, 0] + JEFFREYS
+        ((_, spline),) = likelihood([self])
+        logs = spline(FINE)[:, 0] + JEFFREYS
         density = numpy.exp(logs - logs.max())
         mass = density.cumsum() - density / 2
         found: NDArray[Any] = 1 / (1 + numpy.exp(-numpy.interp(parts, mass / density.sum(), FINE)))
         return found
 
 
-def likelihood(designs: Sequence[BuiltCars]) -> Any:
-    """The log likelihood of designs, at least one, given their cars: a CubicSpline of log-odds, (m,) -> (m, designs)."""
-    return _mixed(_by_spread(designs), numpy.array([one.weights for one in designs]))
+def likelihood(designs: Sequence[BuiltCars], ranges: Iterable[NDArray[Any]] = (SPREADS,)) -> list[tuple[float, Any]]:
+    """The log likelihood of designs given their cars: CubicSplines of log-odds, (m,) -> (m, designs), with probabilities.
 
-
-def likelihoods(designs: Sequence[BuiltCars]) -> list[tuple[float, Any]]:
-    """As :func:`likelihood`, if what is assumed of the spread is in each of RANGES, with that range's prior probability.
-
-    Cars of all designs are made in the same workshop: where their spread is assumed, it is the same for all designs. Were
-    it drawn for each design, its mean over many designs would be taken for known. Of what a design's weights are, the
-    largest part that is the PRIOR is the assumption.
+    One for each of ``ranges`` in which what is assumed of the spread may be: cars of all designs are made in the same
+    workshop. Were it drawn for each design, its mean over many designs would be taken for known. Of what a design's
+    weights are, the largest part that is the PRIOR is the assumption.
     """
     from scipy.interpolate import CubicSpline
 
     if not designs:
         return [(1.0, CubicSpline(COARSE, numpy.zeros((len(COARSE), 0))))]
-    some, weights = _by_spread(designs), numpy.array([one.weights for one in designs])
-    assumed = (weights / PRIOR).min(axis=1, keepdims=True)
-    parts = [numpy.where(numpy.isin(SPREADS, one), PRIOR, 0) for one in (RANGES if assumed.any() else [SPREADS])]
-    return [(float(one.sum()), _mixed(some, weights + assumed * (one / one.sum() - PRIOR))) for one in parts]
-
-
-def _by_spread(designs: Sequence[BuiltCars]) -> NDArray[Any]:
-    """The log likelihood at COARSE with each of SPREADS (spreads, log-odds, designs)."""
     k, n, shifts = (numpy.concatenate([getattr(one, name) for one in designs]) for name in ("passed", "counted", "shift"))
     starts = numpy.cumsum([0, *(len(one.passed) for one in designs[:-1])])
-    some = numpy.array([_given(COARSE[:, None] + shifts, k, n, spread) for spread in SPREADS.tolist()])
-    found: NDArray[Any] = numpy.add.reduceat(some, starts, axis=2)
+    each = numpy.array([_given(COARSE[:, None] + shifts, k, n, spread) for spread in SPREADS.tolist()])
+    some, found = numpy.add.reduceat(each, starts, axis=2), []
+    weights = numpy.array([one.weights for one in designs])
+    assumed = (weights / PRIOR).min(axis=1, keepdims=True)
+    for one in ranges if assumed.any() else (SPREADS,):
+        part = numpy.where(numpy.isin(SPREADS, one), PRIOR, 0)
+        with numpy.errstate(divide="ignore"):
+            logs = some + numpy.log((weights + assumed * (part / part.sum() - PRIOR)).clip(0)).T[:, None]
+        top = logs.max(axis=0)
+        found.append((float(part.sum()), CubicSpline(COARSE, top + numpy.log(numpy.exp(logs - top).sum(axis=0)))))
     return found
-
-
-def _mixed(some: NDArray[Any], weights: NDArray[Any]) -> Any:
-    """The mixture by weights (designs, spreads), 0 where rounding leaves less, as a spline."""
-    from scipy.interpolate import CubicSpline
-
-    with numpy.errstate(divide="ignore"):
-        logs = some + numpy.log(weights.clip(0)).T[:, None]
-    top = logs.max(axis=0)
-    return CubicSpline(COARSE, top + numpy.log(numpy.exp(logs - top).sum(axis=0)))
 
 
 def _given(log_odds: NDArray[Any], k: NDArray[Any], n: NDArray[Any] | float, spread: float) -> NDArray[Any]:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy
 from numpy.typing import ArrayLike, NDArray
 
-from foldcar.analysis.built_cars import COARSE, BuiltCars, likelihoods
+from foldcar.analysis.built_cars import COARSE, RANGES, BuiltCars, likelihood
 from foldcar.analysis.gaussian_process import Factors, Likelihood, Matern, laplace, shares_of, spread_designs, unit_range
 from foldcar.analysis.rate import Rate, check_confidence
 from foldcar.errors import FoldcarError
@@ -141,7 +141,7 @@ def pooled_bias(
         return PooledBias(log_odds, built, (), numpy.zeros(0))
     scaled = unit_range(x)
     spanning, seen = spread_designs(scaled), y[:, 1] > 0
-    of_trials = likelihoods([one for one in built if one is not None])
+    of_trials = likelihood([one for one in built if one is not None], RANGES)
     candidates, evidence, constant = [], [], (numpy.full(len(x), CONSTANT), SLOPE * log_odds)
     for length in LENGTHS:
         process = Matern(spanning, length).functions(scaled)
@@ -150,8 +150,7 @@ def pooled_bias(
         commons = [numpy.column_stack([*constant, smooth * process]) for smooth, _, _ in grid]
         owns = [numpy.sqrt(errors + alone**2 + smooth**2 * left) for smooth, alone, _ in grid]
         functions = [numpy.hstack([one[seen], numpy.diag(own[seen])]) for one, own in zip(commons, owns, strict=True)]
-        each = _each([trials for _, _, (_, trials) in grid])
-        found = laplace(numpy.array(functions), log_odds[seen], each)
+        found = laplace(numpy.array(functions), log_odds[seen], _each([trials for _, _, (_, trials) in grid]))
         for at, (_, _, (prior, trials)) in enumerate(grid):
             factors = Factors(found.mode[at], found.root[at], found.evidence[at])
             candidates.append(Candidate(commons[at], owns[at], factors, trials))

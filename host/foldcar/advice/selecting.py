@@ -237,12 +237,9 @@ class _Choice:
     @cached_property
     def _gain(self) -> float:
         """What an hour of work wins at most."""
-        minutes = [[self._work_min(index, batch) for index in range(len(self.seen.designs))] for batch in BATCHES]
-        return gain_per_hour(self.seen.draws, self.threshold, self.precision, minutes)
-
-    def _work_min(self, index: int, further: int) -> float:
-        """The minutes that so many further independent trials of a design take."""
-        return self._effort(index, further).work_min(ASSEMBLY_MIN, trial_min(self.seen.designs[index].mean_time_s))
+        each_min = [trial_min(one.mean_time_s) for one in self.seen.designs]
+        work = [[self._effort(at, n).work_min(ASSEMBLY_MIN, one) for at, one in enumerate(each_min)] for n in BATCHES]
+        return gain_per_hour(self.seen.draws, self.threshold, self.precision, work)
 
     def _effort(self, index: int, further: int, least: int = 0) -> Effort:
         """The work for so many further independent trials of a design, or ``least`` in all."""

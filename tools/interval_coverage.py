@@ -14,12 +14,13 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from functools import cache, partial
 from pathlib import Path
+from typing import Any
 
 import numpy
 from page_block import replaced
 from scipy.special import betainc, betaln, xlog1py, xlogy
 from scipy.stats import norm
-from synthetic_trials import ENVIRONMENTS, driven, placed, rows
+from synthetic_trials import ENVIRONMENTS, driven, of_built, placed, rows
 
 from foldcar.analysis import built_cars
 from foldcar.analysis.built_cars import PRIOR, BuiltCars, simulated_weights
@@ -52,11 +53,17 @@ PLACED_TRIALS = 8
 REPEATS = 2000
 CAR_REPEATS = 400
 ROWS, POOLED_ROWS = 200, 40
+# Cars of each design, whether its bias is its own, how much its cars differ, and whether simulated cars tell.
+POOLED = (
+    *((1, rough, spread, False) for rough in (False, True) for spread in SPREADS),
+    *((cars, True, spread, cars == 1) for cars in (1, 2) for spread in SPREADS[1:]),
+)
 DESIGNS = 19
 # Studies that are checked for contradictions; least rate of a design and its neighbours; how deep a lone design falls.
 CHECKED, LEAST_GOOD = 50, 0.7
 DIPS = (0.0, 0.5, 0.7)
-STUDIES = ((5, 10), (9, 10), (9, 20))
+# Driven designs, trials of each, cars of each, and how much these differ.
+STUDIES = (*((*one, 1, spread) for spread in (0.0, 1.0) for one in ((5, 10), (9, 10), (9, 20))), (9, 20, 2, 1.0))
 SEED = 1007
 # A time limit, and the spread of the logarithms of times.
 LIMIT_S, SPREAD = 20.0, 0.6
@@ -116,38 +123,57 @@ def of_places(correlation: float, hard: bool, spread: float) -> list[tuple[float
     return [(float(error), float(held)) for error, held in (numpy.mean(some, axis=0) for some in found)]
 
 
-def pooled(rough: bool, spread: float, n: int) -> Cell:
-    """Designs in a row, n trials of one car of each, their bias pooled."""
+def built(passed: Any, each: int, weights: Sequence[Any]) -> list[BuiltCars]:
+    """Designs' cars that passed so many (designs, cars) of ``each`` trials."""
+    return [
+        BuiltCars(some, numpy.full(len(some), float(each)), numpy.zeros(len(some)), one)
+        for some, one in zip(passed.astype(float), weights, strict=True)
+    ]
+
+
+def pooled(cars: int, rough: bool, spread: float, told: bool, n: int) -> Cell:
+    """Designs in a row, n trials of each, their bias pooled; ``told``: simulated cars tell how much cars differ."""
 
     def intervals() -> Iterator[tuple[float, float, float]]:
-        for row in rows(numpy.random.default_rng(SEED), DESIGNS, n, rough, spread, POOLED_ROWS):
+        for row in rows(numpy.random.default_rng(SEED), DESIGNS, cars, n // cars, rough, spread, POOLED_ROWS):
             runs = numpy.column_stack([ENVIRONMENTS * row.simulated, numpy.full(DESIGNS, ENVIRONMENTS)])
-            trials = numpy.column_stack([row.passed, numpy.full(DESIGNS, n)])
-            found = pooled_bias(row.parameters, runs, trials).rates()
+            trials = numpy.column_stack([row.passed.sum(axis=1), numpy.full(DESIGNS, n)])
+            weights = [simulated_weights(one, 10) if told else PRIOR for one in row.twins]
+            found = pooled_bias(row.parameters, runs, trials, built(row.passed, n // cars, weights)).rates()
             yield from ((truth, rate.low, rate.high) for truth, rate in zip(row.rates, found, strict=True))
 
     return share(intervals())
 
 
-def contradicted(driven: int, n: int, dip: float) -> tuple[float, float]:
+def pooled_name(cars: int, rough: bool, spread: float, told: bool) -> str:
+    """The name of such a line."""
+    way, of = "rough" if rough else "smooth", "1 car" if cars == 1 else f"{cars} cars"
+    return f"{of} a design, {way} bias pooled, σ = {spread:g}, {'simulated' if told else 'assumed'}"
+
+
+def contradicted(driven: int, n: int, cars: int, spread: float, dip: float) -> tuple[float, float]:
     """Of studies with smooth bias, the share in which a design is named that fits the others, and that of dips named.
 
     ``driven`` of the designs have n trials. The rate of one between good ones is ``dip`` lower, if that is above 0.
+    Without ``spread`` all cars are alike, and known to be so; else how much they differ is assumed.
     """
     random = numpy.random.default_rng([SEED, driven, n, round(100 * dip)])
     chosen = numpy.linspace(1, DESIGNS - 2, driven).round().astype(int)
     named, found = [], []
-    for row in rows(random, DESIGNS, n, False, 0.0, 20 * CHECKED):
+    for row in rows(random, DESIGNS, cars, n // cars, False, spread, 20 * CHECKED):
         true = row.rates[chosen]
         good = [at for at in range(1, driven - 1) if true[at - 1 : at + 2].min() >= max(dip, LEAST_GOOD)]
         if dip and not good:
             continue
         at = int(random.choice(good)) if dip else 0
         true[at] -= dip
+        passed = of_built(random, true, spread, cars, n // cars)
         trials = numpy.zeros((DESIGNS, 2))
-        trials[chosen] = numpy.column_stack([random.binomial(n, true), numpy.full(driven, n)])
+        trials[chosen] = numpy.column_stack([passed.sum(axis=1), numpy.full(driven, n)])
+        known = dict(zip(chosen.tolist(), built(passed, n // cars, [PRIOR] * driven), strict=True))
         runs = numpy.column_stack([ENVIRONMENTS * row.simulated, numpy.full(DESIGNS, ENVIRONMENTS)])
-        flagged = set(contradictions(row.parameters, runs, trials).designs)
+        who = [known.get(index) for index in range(DESIGNS)] if spread else None
+        flagged = set(contradictions(row.parameters, runs, trials, who).designs)
         found.append(chosen[at] in flagged)
         named.append(bool(flagged - ({chosen[at]} if dip else set())))
         if len(found) == CHECKED:
@@ -177,8 +203,8 @@ def smooth(n: int) -> Cell:
     random = numpy.random.default_rng(SEED)
 
     def intervals() -> Iterator[tuple[float, float, float]]:
-        for row in rows(random, DESIGNS, n, False, 0.0, ROWS):
-            _, low, high = success_model(row.parameters, row.passed, numpy.full(DESIGNS, n)).rates(row.parameters)
+        for row in rows(random, DESIGNS, 1, n, False, 0.0, ROWS):
+            _, low, high = success_model(row.parameters, row.passed[:, 0], numpy.full(DESIGNS, n)).rates(row.parameters)
             yield from zip(row.rates, low, high, strict=True)
 
     return share(intervals())
@@ -201,8 +227,7 @@ LINES: dict[str, Callable[[int], Cell]] = {
     "Wilson (counts in figures)": partial(exact, wilson_interval),
     "Jeffreys (trials alone)": partial(exact, jeffreys_interval),
     "Clopper-Pearson": partial(exact, clopper_pearson_interval),
-    **{f"one car each, smooth bias pooled, σ = {value:g}": partial(pooled, False, value) for value in SPREADS},
-    "one car each, rough bias pooled, σ = 1": partial(pooled, True, 1.0),
+    **{pooled_name(*one): partial(pooled, *one) for one in POOLED},
     "restricted mean time": restricted,
     "smooth success model": smooth,
     "anytime-valid, at every look up to n": anytime,
@@ -242,16 +267,16 @@ def main(page: Path) -> None:
         binary.write(text.encode())
 
 
-def contradictions_table(checked: dict[tuple[tuple[int, int], float], Future[tuple[float, float]]]) -> list[list[str]]:
-    """Rows of how many designs are named (%), by designs, trials of each, and depth of a lone dip."""
-    table = [
-        ["named, % of studies", *("a fitting one" if not dip else f"one {100 * dip:.0f} points lower" for dip in DIPS)]
-    ]
-    for designs, n in STUDIES:
-        cells = [f"{100 * checked[(designs, n), DIPS[0]].result()[0]:.0f}"]
-        for other, dip in (checked[(designs, n), dip].result() for dip in DIPS[1:]):
+def contradictions_table(checked: dict[tuple[Any, float], Future[tuple[float, float]]]) -> list[list[str]]:
+    """Rows of how many designs are named (%), by designs, trials, cars, and depth of a lone dip."""
+    dips = ("a fitting one" if not dip else f"one {100 * dip:.0f} points lower" for dip in DIPS)
+    table = [["driven designs", "cars × trials of each", "σ", *dips]]
+    for study in STUDIES:
+        designs, n, cars, spread = study
+        cells = [f"{100 * checked[study, DIPS[0]].result()[0]:.0f}"]
+        for other, dip in (checked[study, dip].result() for dip in DIPS[1:]):
             cells.append(f"{100 * dip:.0f} (a fitting one: {100 * other:.0f})")
-        table.append([f"{designs} driven designs, {n} trials each", *cells])
+        table.append([f"{designs}", f"{cars} × {n // cars}", f"{spread:g}", *cells])
     return table
 
 

@@ -1,41 +1,58 @@
-"""Measures whether `foldcar select` finds the best width with fewer trials than a uniform choice, and where it ends.
+"""Measures whether `foldcar select` finds the best width with less work than a uniform choice, and where it ends.
 
-Synthetic truths: simulation's success over 37 widths is a plateau with two smooth edges; in log-odds the true rates
-differ from it by a shift and a smooth random curve. Both choices end with the width of the highest posterior mean, from
-the same model; only the widths that are tried differ: those that `foldcar select` names, or one at random of each quarter
-of the range. Printed by number of trials: the mean loss (points of success that the picked width lacks against the best)
-and how often it lacks at most 5 points. Then, where a rule first says that it is enough: how often it does within 20
-rounds, after how many trials and cars, what the leader lacks, and shares of widths that are decided, or wrongly so.
+Synthetic truths: simulation's success over 37 widths is a plateau with two smooth edges; in log-odds the true rates, of
+a further car of each width, differ from it by a shift and a smooth random curve. Cars of a width differ in log-odds as 20
+simulated ones of it do, from which the rates' model knows it. Both choices end with the width of the highest posterior
+mean, from the same model, and build and drive of each width as many cars as `foldcar select` plans; only the widths
+differ: those that it names, or one at random of each quarter of the range. Printed by round: the mean loss (points of
+success that the picked width lacks against the best) and how often it lacks at most 5 points. Then, where a rule first
+says that it is enough: how often it does within MOST_ROUNDS, after how many trials, cars and hours, what the leader lacks
+and how often that is more than 5 points, and shares of widths that are decided, or wrongly so.
 
 Example: python tools/selection.py --truths 60
 """
 
 import argparse
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 
 import numpy
+from synthetic_trials import SIMULATED_CARS, centre_of, logistic, of_built
 from threadpoolctl import threadpool_limits
 
-from foldcar.advice.selecting import ASSEMBLY_MIN, LEAST_GAIN, PLACING_MIN, PRECISION, ROUND_TRIALS
+from foldcar.advice.selecting import ASSEMBLY_MIN, LEAST_GAIN, MOST_LOSS, PLACING_MIN, PRECISION, ROUND_TRIALS
+from foldcar.analysis.built_cars import SPREADS, BuiltCars, simulated_weights
 from foldcar.analysis.pooled_bias import pooled_bias
-from foldcar.analysis.selection import choose, expected_loss, first_designs, gain_per_hour
+from foldcar.analysis.selection import (
+    BATCHES,
+    Effort,
+    choose,
+    correlation_within_cars,
+    expected_loss,
+    first_designs,
+    gain_per_hour,
+    independent_trials,
+    least_effort,
+    trials_needed,
+)
 
 WIDTHS = numpy.arange(65.0, 250.0, 5.0)
 RUNS = 100
 THRESHOLD = 0.75
-# Designs a round, and trials of each.
-BUILD, TRIALS = 4, 5
-ROUNDS, MOST_ROUNDS = 8, 20
+# Designs a round.
+BUILD = 4
+ROUNDS, MOST_ROUNDS = 2, 6
 DRAWS = 600
+# Standard deviations of cars' log-odds at both ends of the range and in its middle: as in the width study.
+LEAST_SPREAD, MOST_SPREAD = 0.6, 1.9
 NEAR = 0.05
 # Prices at which an hour of work is no longer worth it, 0 to 1; minutes of a trial.
 PRICES = (0.0025, 0.005, LEAST_GAIN, 0.02)
 TRIAL_MIN = PLACING_MIN + 0.5
 STOPS = (
-    "ends below, points/h", "ends", "trials (10–90 %)", "cars", "leader lacks", "decided, %", "of all, wrong",
-    "mean's side wrong", "by > 15 points",
+    "ends below, points/h", "ends", "trials (10–90 %)", "cars", "hours", "leader lacks", "over 5 points, %", "decided, %",
+    "of all, wrong", "mean's side wrong", "by > 15 points",
 )  # fmt: skip
 
 
@@ -58,6 +75,33 @@ def synthetic(random: numpy.random.Generator) -> tuple[numpy.ndarray, numpy.ndar
     return simulated, 1 / (1 + numpy.exp(-(log_odds + random.normal(-2.5, 1) + curve)))
 
 
+@dataclass
+class Width:
+    """The cars of a width: log-odds of each, their trials passed and all, and how much they differ by simulation."""
+
+    weights: numpy.ndarray
+    log_odds: list[float] = field(default_factory=list)
+    passed: list[int] = field(default_factory=list)
+    counted: list[int] = field(default_factory=list)
+
+    def drive(self, random: numpy.random.Generator, rate: float, spread: float, effort: Effort) -> None:
+        """Build and drive cars as planned."""
+        more = centre_of(rate, spread) + spread * random.standard_normal(effort.cars)
+        self.log_odds += more.tolist()
+        for counts in (self.passed, self.counted):
+            counts += [0] * effort.cars
+        for car, log_odds in enumerate(self.log_odds):
+            number = max(0, effort.each - self.counted[car])
+            self.passed[car] += int(random.binomial(number, logistic(log_odds)))
+            self.counted[car] += number
+
+    @property
+    def cars(self) -> BuiltCars:
+        """The trials for the model."""
+        passed, counted = numpy.array([self.passed, self.counted], dtype=float)
+        return BuiltCars(passed, counted, numpy.zeros(len(passed)), self.weights)
+
+
 @dataclass(frozen=True)
 class Round:
     """After a round of trials: what the leader lacks (points of success, 0 to 1), in truth and by the draws.
@@ -73,6 +117,11 @@ class Round:
     gain: float
     designs: numpy.ndarray
 
+    @property
+    def hours(self) -> float:
+        """What the work took so far."""
+        return (self.cars * ASSEMBLY_MIN + self.trials * TRIAL_MIN) / 60
+
     def wrong(self) -> tuple[float, ...]:
         """Shares of widths: decided; decided wrongly; by their mean on the wrong side; and so by more than PRECISION."""
         low, high, mean, truth = self.designs.T
@@ -86,24 +135,44 @@ class Round:
 def rounds(random: numpy.random.Generator, selecting: bool, most: int) -> list[Round]:
     """Rounds of one synthetic truth."""
     simulated, truth = synthetic(random)
+    spreads = numpy.interp(WIDTHS, WIDTHS[[0, len(WIDTHS) // 2, -1]], random.uniform(LEAST_SPREAD, MOST_SPREAD, 3)).round(
+        1
+    )
     runs = numpy.column_stack([random.binomial(RUNS, simulated), numpy.full(len(WIDTHS), RUNS)])
-    trials = numpy.zeros((len(WIDTHS), 2))
+    widths: dict[int, Width] = {}
     found: list[Round] = []
-    draws = pooled_bias(WIDTHS[:, None], runs, trials).draws(DRAWS)
+    draws = pooled_bias(WIDTHS[:, None], runs, numpy.zeros((len(WIDTHS), 2))).draws(DRAWS)
     for number in range(most):
-        tried = selected(runs, draws, number) if selecting else uniform(random)
-        for index in tried:
-            trials[index] += random.binomial(TRIALS, truth[index]), TRIALS
-        bias = pooled_bias(WIDTHS[:, None], runs, trials)
+        for index in selected(runs, draws, number) if selecting else uniform(random):
+            if index not in widths:
+                twins = of_built(random, simulated[[index]], spreads[index], SIMULATED_CARS, 10)
+                widths[index] = Width(simulated_weights(twins[0], 10))
+            effort = planned(index, draws, widths, 1, trials_needed(draws[:, index], PRECISION))
+            widths[index].drive(random, truth[index], spreads[index], effort)
+        cars = [widths[index].cars if index in widths else None for index in range(len(WIDTHS))]
+        trials = numpy.array([(0, 0) if one is None else (one.passed.sum(), one.counted.sum()) for one in cars])
+        bias = pooled_bias(WIDTHS[:, None], runs, trials, cars)
         draws, rates = bias.draws(DRAWS), bias.rates()
         best, loss = expected_loss(draws)
-        car_min = numpy.where(trials[:, 1] > 0, 0.0, ASSEMBLY_MIN)
-        gain = gain_per_hour(draws, THRESHOLD, PRECISION, car_min, numpy.full(len(WIDTHS), TRIAL_MIN)) if selecting else 0
+        work = [
+            [planned(at, draws, widths, batch).work_min(ASSEMBLY_MIN, TRIAL_MIN) for at in range(len(WIDTHS))]
+            for batch in BATCHES
+        ]
+        gain = gain_per_hour(draws, THRESHOLD, PRECISION, work)
         ends = numpy.array([(rate.low, rate.high) for rate in rates])
         designs = numpy.column_stack([ends, draws.mean(axis=0), truth])
-        driven, cars = int(trials[:, 1].sum()), int((trials[:, 1] > 0).sum())
-        found.append(Round(driven, cars, float(truth.max() - truth[best]), loss, gain, designs))
+        built = sum(len(one.log_odds) for one in widths.values())
+        found.append(Round(int(trials[:, 1].sum()), built, float(truth.max() - truth[best]), loss, gain, designs))
     return found
+
+
+def planned(index: int, draws: numpy.ndarray, widths: dict[int, Width], further: int, least: int = 0) -> Effort:
+    """The cars and trials of a width that `foldcar select` plans."""
+    some = [float(one.weights @ SPREADS) for one in widths.values()]
+    spread = float(widths[index].weights @ SPREADS) if index in widths else float(numpy.mean(some))
+    done = widths[index].counted if index in widths else []
+    alike = correlation_within_cars(draws[:, index], spread)
+    return least_effort(max(least, independent_trials(done, alike) + further), alike, ASSEMBLY_MIN, TRIAL_MIN, done)
 
 
 def selected(runs: numpy.ndarray, draws: numpy.ndarray, number: int) -> Sequence[int]:
@@ -112,7 +181,7 @@ def selected(runs: numpy.ndarray, draws: numpy.ndarray, number: int) -> Sequence
         return choose(draws, THRESHOLD, ROUND_TRIALS, BUILD, zone=PRECISION)
     rates = runs[:, 0] / runs[:, 1]
     placed = [one.index for one in first_designs(WIDTHS[:, None], rates, rates * (1 - rates), THRESHOLD)][:BUILD]
-    return [*placed, *choose(draws, THRESHOLD, TRIALS, BUILD - len(placed), placed)]
+    return [*placed, *choose(draws, THRESHOLD, ROUND_TRIALS, BUILD - len(placed), placed)]
 
 
 def uniform(random: numpy.random.Generator) -> Sequence[int]:
@@ -137,23 +206,31 @@ def main() -> None:
         for selecting in (True, False)
     }
     print(f"{chosen.truths} truths; loss of the picked width in points, and how often it is at most {100 * NEAR:.0f}")
-    print("trials   select            uniform")
+    print("round  hours, trials and loss of select; of uniform")
     for number in range(ROUNDS):
         cells = []
         for selecting in (True, False):
             loss = numpy.array([one[number].lacks for one in table[selecting]])
             error = loss.std(ddof=1) / numpy.sqrt(len(loss))
-            cells.append(f"{100 * loss.mean():5.1f} ± {100 * error:.1f}  {100 * (loss <= NEAR).mean():3.0f} %")
-        print(f"{(number + 1) * BUILD * TRIALS:6}   {'   '.join(cells)}", flush=True)
+            work = [
+                float(numpy.mean([getattr(one[number], name) for one in table[selecting]]))
+                for name in ("hours", "trials")
+            ]
+            cells.append(f"{work[0]:4.0f} h {work[1]:4.0f} {100 * loss.mean():5.1f} ± {100 * error:.1f}")
+            cells.append(f"{100 * (loss <= NEAR).mean():3.0f} %")
+        print(f"{number + 1:5}   {'   '.join(cells)}", flush=True)
     print("\n" + "|".join(["", *STOPS, ""]) + "\n" + "|---" * len(STOPS) + "|")
     for price in PRICES:
         print_stops(table[True], f"{100 * price:g}", partial(below, price))
-    print_stops(table[True], "all decided", lambda one: one.loss <= PRECISION and one.wrong()[0] == 1)
+    print_stops(
+        table[True], f"{100 * LEAST_GAIN:g}, leader unsure", lambda one: one.loss <= PRECISION and one.gain < LEAST_GAIN
+    )
+    print_stops(table[True], "all decided", lambda one: one.loss <= MOST_LOSS and one.wrong()[0] == 1)
 
 
 def below(price: float, one: Round) -> bool:
     """Whether an hour of work wins less than the price, and the leader loses little."""
-    return one.loss <= PRECISION and one.gain < price
+    return one.loss <= MOST_LOSS and one.gain < price
 
 
 def print_stops(truths: Sequence[Sequence[Round]], name: str, enough: Callable[[Round], bool]) -> None:
@@ -162,10 +239,11 @@ def print_stops(truths: Sequence[Sequence[Round]], name: str, enough: Callable[[
     ended = [one for one in ends if one is not None]
     cells = [name, f"{len(ended)} of {len(ends)}"]
     if ended:
-        for counts in ([one.trials for one in ended], [one.cars for one in ended]):
-            low, middle, high = numpy.quantile(counts, [0.1, 0.5, 0.9])
+        for what in ("trials", "cars", "hours"):
+            low, middle, high = numpy.quantile([getattr(one, what) for one in ended], [0.1, 0.5, 0.9])
             cells.append(f"{middle:.0f} ({low:.0f}–{high:.0f})")
-        cells.append(f"{100 * numpy.mean([one.lacks for one in ended]):.1f}")
+        lacks = numpy.array([one.lacks for one in ended])
+        cells += [f"{100 * lacks.mean():.1f}", f"{100 * (lacks > NEAR).mean():.0f}"]
         cells += [f"{100 * share:.1f}" for share in numpy.mean([one.wrong() for one in ended], axis=0)]
     print("|" + "|".join(cells + [""] * (len(STOPS) - len(cells))) + "|", flush=True)
 

@@ -113,17 +113,26 @@ def quantiles() -> Any:
 
 @dataclass(frozen=True)
 class Row:
-    """Designs in a row: parameters (d, 1), true rates, passed of ``trials`` of one car each, simulation's rates (d,)."""
+    """Designs in a row: parameters (d, 1), true rates (d,), ``passed`` of so many trials of each car (d, cars).
+
+    ``simulated`` (d,) are simulation's rates, ``twins`` (d, SIMULATED_CARS) how many of ten environments its cars passed.
+    """
 
     parameters: Any
     rates: Any
     passed: Any
-    trials: int
     simulated: Any
+    twins: Any
+
+
+def of_built(random: numpy.random.Generator, rates: Any, spread: Any, cars: int, trials: int) -> Any:
+    """How many of ``trials`` each of so many cars (d, cars) of designs of these ``rates`` (d,) passes."""
+    centres_of = centre_of(rates, spread)[:, None]
+    return random.binomial(trials, logistic(centres_of + spread * random.standard_normal((len(rates), cars))))
 
 
 def rows(
-    random: numpy.random.Generator, designs: int, trials: int, rough: bool, spread: float, count: int
+    random: numpy.random.Generator, designs: int, cars: int, trials: int, rough: bool, spread: float, count: int
 ) -> Iterator[Row]:
     """Rows of designs of which the middle ones pass; trial and simulation differ smoothly, or by each design's own."""
     x = numpy.linspace(0, 1, designs)
@@ -133,6 +142,6 @@ def rows(
         waves = random.uniform(0, 1.5) * numpy.sin(2 * numpy.pi * (random.uniform(0.2, 1) * x + random.uniform()))
         difference = random.normal(-0.5, 1) + (random.standard_normal(designs) if rough else waves)
         simulated, true = logistic(log_odds), logistic(log_odds + difference)
-        cars = logistic(centre_of(true, spread) + spread * random.standard_normal(designs))
         runs = random.binomial(ENVIRONMENTS, simulated) / ENVIRONMENTS
-        yield Row(x[:, None], true, random.binomial(trials, cars), trials, runs)
+        passed = of_built(random, true, spread, cars, trials)
+        yield Row(x[:, None], true, passed, runs, of_built(random, simulated, spread, SIMULATED_CARS, 10))

@@ -6,7 +6,7 @@ from scipy.optimize import brentq
 from scipy.special import expit
 from scipy.stats import binom, norm
 
-from foldcar.analysis.built_cars import PRIOR, SLOPE, SPREADS, BuiltCars, likelihood, simulated_weights
+from foldcar.analysis.built_cars import PRIOR, RANGES, SLOPE, SPREADS, BuiltCars, likelihood, simulated_weights
 from foldcar.analysis.rate import jeffreys_interval
 
 Z = numpy.linspace(-9, 9, 3001)
@@ -23,7 +23,7 @@ def test_the_likelihood_is_the_mean_over_the_cars_that_there_may_be() -> None:
     cars = BuiltCars(numpy.array([3.0, 9.0]), numpy.array([4.0, 9.0]), numpy.array([0.3, -1.0]), PRIOR)
     at = numpy.array([-2.0, 0.4, 3.0])
 
-    found = likelihood([cars])
+    ((_, found),) = likelihood([cars])
     value, slope, curvature = (found(at, order)[:, 0] for order in range(3))
 
     def expected(m: float) -> float:
@@ -44,8 +44,12 @@ def test_the_likelihood_is_the_mean_over_the_cars_that_there_may_be() -> None:
     assert curvature == pytest.approx(bent, abs=2e-2)
     # Several designs at a time are each as alone.
     other = BuiltCars.one(1, 5)
-    both = likelihood([other, cars])(at)
-    assert both == pytest.approx(numpy.column_stack([likelihood([other])(at)[:, 0], value]))
+    ((_, both),), ((_, alone),) = likelihood([other, cars]), likelihood([other])
+    assert both(at) == pytest.approx(numpy.column_stack([alone(at)[:, 0], value]))
+    # Of one design the ranges' mixture is the whole.
+    ranges = likelihood([cars], RANGES)
+    mixed = numpy.log(sum(part * numpy.exp(spline(at)[:, 0]) for part, spline in ranges))
+    assert sum(part for part, _ in ranges) == pytest.approx(1) and mixed == pytest.approx(value, abs=2e-3)
 
 
 @pytest.mark.parametrize("spread", [1.0, 2.0])

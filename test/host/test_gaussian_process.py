@@ -11,7 +11,7 @@ from sklearn.gaussian_process import GaussianProcessClassifier
 from sklearn.gaussian_process.kernels import ConstantKernel, Matern
 
 from foldcar.analysis import gaussian_process
-from foldcar.analysis.built_cars import PRIOR, SPREADS, BuiltCars
+from foldcar.analysis.built_cars import PRIOR, RANGES, SPREADS, BuiltCars
 from foldcar.analysis.built_cars import SLOPE as CAR_SLOPE
 from foldcar.analysis.gaussian_process import CONSTANT, Candidate, Factors, SuccessModel, binomial, laplace, success_model
 from foldcar.analysis.pooled_bias import ALONE, LENGTHS, SLOPE, SMOOTH, pooled_bias
@@ -60,7 +60,10 @@ def test_newtons_steps_find_the_mode_from_far_away() -> None:
 
 
 def sampled(x: Any, runs: Any, trials: Any) -> tuple[Any, Any, Any]:
-    """Draws of log-odds (kernels, draws, designs) from the prior, the trials' likelihoods, and the kernels."""
+    """Draws of log-odds (kernels, draws, designs) from the prior, the kernels, and the trials' likelihoods.
+
+    These (kernels, ranges, draws) are if the spread of all cars is in one of the ranges, times that range's probability.
+    """
     successes, failures = runs[:, 0] + 0.5, runs[:, 1] - runs[:, 0] + 0.5
     log_odds, errors = numpy.log(successes / failures), 1 / successes + 1 / failures
     shares = (x - x.min(axis=0)) / numpy.where(numpy.ptp(x, axis=0) > 0, numpy.ptp(x, axis=0), 1)
@@ -73,12 +76,15 @@ def sampled(x: Any, runs: Any, trials: Any) -> tuple[Any, Any, Any]:
     draws = numpy.array([random.multivariate_normal(log_odds, kernel, 20_000) for kernel in kernels])
     # Trials are of one car of each design, which is one of many.
     grid, z = numpy.linspace(-12, 12, 481)[:, None, None], stats.norm.ppf((numpy.arange(50) + 0.5) / 50)[:, None]
-    chances = numpy.zeros((len(grid), len(trials)))
-    for spread, weight in zip(SPREADS, PRIOR, strict=True):
-        rates = expit(math.sqrt(1 + CAR_SLOPE * spread**2) * grid + spread * z)
-        chances += weight * stats.binom.pmf(trials[:, 0], trials[:, 1], rates).mean(axis=1)
-    each = [numpy.interp(draws[..., at], grid[:, 0, 0], chances[:, at]) for at in range(len(trials))]
-    return draws, numpy.prod(each, axis=0), kernels
+    likelihood = []
+    for some in RANGES:
+        chances, within = numpy.zeros((len(grid), len(trials))), PRIOR[numpy.isin(SPREADS, some)]
+        for spread, weight in zip(some, within, strict=True):
+            rates = expit(math.sqrt(1 + CAR_SLOPE * spread**2) * grid + spread * z)
+            chances += weight / within.sum() * stats.binom.pmf(trials[:, 0], trials[:, 1], rates).mean(axis=1)
+        each = [numpy.interp(draws[..., at], grid[:, 0, 0], chances[:, at]) for at in range(len(trials))]
+        likelihood.append(within.sum() * numpy.prod(each, axis=0))
+    return draws, numpy.stack(likelihood, axis=1), kernels
 
 
 def test_pooled_rates_and_draws_are_those_of_importance_sampling() -> None:
@@ -88,12 +94,12 @@ def test_pooled_rates_and_draws_are_those_of_importance_sampling() -> None:
 
     found = pooled_bias(x, runs, trials)
 
-    for one, kernel in zip(found.candidates, kernels, strict=True):
+    for one, kernel in zip(found.candidates[:: len(RANGES)], kernels, strict=True):
         assert one.common @ one.common.T + numpy.diag(one.own**2) == pytest.approx(kernel, abs=1e-6)
-    # How probable the trials are under each kernel, all alike beforehand.
-    evidence = likelihood.mean(axis=1)
+    # How probable the trials are under each kernel, all alike beforehand, and range of spreads.
+    evidence = likelihood.mean(axis=2).ravel()
     assert found.weights == pytest.approx(evidence / evidence.sum(), rel=0.15)
-    flat, masses = draws.reshape(-1, 3), likelihood.ravel() / likelihood.sum()
+    flat, masses = draws.reshape(-1, 3), likelihood.sum(axis=1).ravel() / likelihood.sum()
     for design, rate in enumerate(found.rates()):
         order = numpy.argsort(flat[:, design])
         expected = flat[order, design][numpy.searchsorted(masses[order].cumsum(), [0.025, 0.5, 0.975])]
@@ -114,7 +120,8 @@ def test_many_designs_are_spanned_and_keep_the_variance_between() -> None:
 
     found = pooled_bias(x, runs, trials)
 
-    for one, (length, smooth, alone) in zip(found.candidates, product(LENGTHS, SMOOTH, ALONE), strict=True):
+    every = found.candidates[:: len(RANGES)]
+    for one, (length, smooth, alone) in zip(every, product(LENGTHS, SMOOTH, ALONE), strict=True):
         total = (one.common**2).sum(axis=1) + one.own**2
         log_odds = math.log(100.5 / 0.5)
         assert total == pytest.approx(COMMON**2 + SLOPE**2 * log_odds**2 + 1 / 100.5 + 2 + smooth**2 + alone**2)

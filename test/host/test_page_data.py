@@ -9,6 +9,7 @@ import numpy
 import pandas
 import pytest
 
+from foldcar.advice.comparison import compare
 from foldcar.analysis.rate import wilson_interval
 from foldcar.api.study import Study
 from foldcar.report import page_data as module
@@ -142,6 +143,11 @@ def test_trials_that_refute_simulation_make_a_design_bad(store: Path, tmp_path: 
     assert after["belief_high"][best] < 0.5 <= designs["belief_high"][best]
     assert after["verdict"][best] == "bad"
     assert after["refuted"][best] == ("optimistic" if designs["low"][best] > 0.3 else None)
+    # The page and `foldcar compare` name the same.
+    with Store.open(again) as opened:
+        compared = {one.label: one.verdict for one in compare(opened, "1").experiments[0].designs}
+    said = {name: how for name, how in zip(after["name"], after["refuted"], strict=True) if how}
+    assert said == {name: how for name, how in compared.items() if how in ("optimistic", "pessimistic")}
 
 
 def test_environment_values_and_effects_are_of_every_environment_and_parameter(store: Path) -> None:

@@ -114,7 +114,7 @@ def test_within_the_zone_no_side_is_wrong() -> None:
     assert value_of_trials(draws, 0.75, 10, 0.1).threshold == pytest.approx([0, 0.5 / 3, 0], abs=0.02)
     assert value_of_trials(draws, 0.75, 10).threshold[0] > 0.02
     # 10 trials of 3 min and a car of 60 min are 1.5 h; of three designs each counts as one of 20.
-    one = gain_per_hour(draws, 0.75, 0.1, [60.0, 60.0, 60.0], [3.0] * 3)
+    one = gain_per_hour(draws, 0.75, 0.1, [[60.0 + 10 * 3.0] * 3, [1e9] * 3])
     assert one == pytest.approx(value_of_trials(draws, 0.75, 10, 0.1).threshold[1] * 3 / 20 / 1.5)
 
 

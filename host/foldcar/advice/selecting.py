@@ -20,6 +20,7 @@ from foldcar.analysis.built_cars import PRIOR, SPREADS
 from foldcar.analysis.pooled_bias import MOST_POOLED
 from foldcar.analysis.rate import Rate, rate_interval
 from foldcar.analysis.selection import (
+    BATCHES,
     Effort,
     Placed,
     choose,
@@ -28,6 +29,7 @@ from foldcar.analysis.selection import (
     first_designs,
     gain_per_hour,
     honest_best,
+    independent_trials,
     least_effort,
     telling_environments,
     trials_needed,
@@ -44,8 +46,9 @@ from foldcar.store.reader import Store
 BUILD, THRESHOLD, PRECISION = 4, 0.75, 0.15
 # Trials whose information is compared between designs: what an afternoon allows.
 ROUND_TRIALS = 10
-# It is enough when an hour of work wins less (0 to 1) of success by a better leader, or of designs put right.
-LEAST_GAIN = 0.01
+# It is enough when the leader lacks no more on average (0 to 1; or the precision, if that is less), and an hour of work
+# wins less of success by a better leader, or of designs put right.
+MOST_LOSS, LEAST_GAIN = 0.05, 0.01
 NEXT = "next"
 MACHINE = "silhouette"
 # Assumptions, to be replaced by one's own experience: a desktop cutter in film (mm/s), folding, wiring and finding the
@@ -180,7 +183,7 @@ class _Choice:
         if seen.driven:
             best, loss = expected_loss(seen.draws)
             leader, gain = seen.designs[best].design, self._gain
-            enough = seen.pooled is not None and loss <= self.precision and gain < LEAST_GAIN
+            enough = seen.pooled is not None and loss <= min(MOST_LOSS, self.precision) and gain < LEAST_GAIN
         placed = [] if enough else self._placed(build)
         recommended = tuple(self._recommendation(one, with_cost) for one in placed)
         rows = [one.index for one in placed]
@@ -234,9 +237,18 @@ class _Choice:
     @cached_property
     def _gain(self) -> float:
         """What an hour of work wins at most."""
-        car_min = numpy.where(self.seen.trials[:, 1] > 0, 0.0, ASSEMBLY_MIN)
         each_min = [trial_min(one.mean_time_s) for one in self.seen.designs]
-        return gain_per_hour(self.seen.draws, self.threshold, self.precision, car_min, each_min)
+        work = [[self._effort(at, n).work_min(ASSEMBLY_MIN, one) for at, one in enumerate(each_min)] for n in BATCHES]
+        return gain_per_hour(self.seen.draws, self.threshold, self.precision, work)
+
+    def _effort(self, index: int, further: int, least: int = 0) -> Effort:
+        """The work for so many further independent trials of a design, or ``least`` in all."""
+        one = self.seen.designs[index]
+        spread, driven = self._car_sd(one), [] if one.cars is None else one.cars.counted.astype(int).tolist()
+        # Some of the draws are enough.
+        alike = 0.0 if spread is None else correlation_within_cars(self.seen.draws[::10, index], spread)
+        wanted = max(least, independent_trials(driven, alike) + further)
+        return least_effort(wanted, alike, ASSEMBLY_MIN, trial_min(one.mean_time_s), driven)
 
     @cached_property
     def _undecided(self) -> tuple[Undecided, ...]:
@@ -264,12 +276,7 @@ class _Choice:
         one = seen.designs[index]
         expected = None if seen.pooled is None else seen.pooled[index]
         done = len(one.trials)
-        needed, spread = trials_needed(seen.draws[:, index], self.precision), self._car_sd(one)
-        alike = 0.0 if spread is None else correlation_within_cars(seen.draws[:, index], spread)
-        driven = [] if one.cars is None else one.cars.counted.astype(int).tolist()
-        known = sum(each / (1 + (each - 1) * alike) for each in driven)
-        each_min = trial_min(one.mean_time_s)
-        effort = least_effort(max(needed, int(known) + 1), alike, ASSEMBLY_MIN, each_min, driven)
+        effort = self._effort(index, 1, trials_needed(seen.draws[:, index], self.precision))
         if placed.place == NEXT:
             reason = next_reason(seen, index, self.threshold, self._parted(one))
         else:

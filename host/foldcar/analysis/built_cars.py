@@ -2,15 +2,15 @@
 
 On the log-odds scale a car passes with centre + spread z, z standard normal over the cars of a design; its trials are
 binomial. A design's rate is that of a further car of it, averaged over z. With a logistic function of slope 1 and a
-standard deviation s that average is a logistic function of slope 1 / sqrt(1 + C s^2), within 0.011 (Zeger, Liang and
-Albert 1988, doi:10.2307/2531734, C = 0.346): so a design of log-odds m has cars around sqrt(1 + C s^2) m.
+standard deviation s that average is a logistic function of slope 1 / :func:`centre_factor`, within 0.011 (Zeger, Liang
+and Albert 1988, doi:10.2307/2531734): so a design of log-odds m has cars around centre_factor(s) m.
 
 The spread is unknown: SPREADS with weights. Beforehand it is half-normal (Gelman 2006), as wide as simulated cars with
 the workshop's imperfections have it (0.6 to 1.9 in the width study); simulated cars of the design sharpen that, and
 trials of several cars do.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,8 +25,11 @@ SPREADS = numpy.array([0.0, 0.5, 1.0, 1.5, 2.0, 3.0])
 SPREAD_SCALE = 1.3
 PRIOR = numpy.array([0.5, 1.0, 1.0, 1.0, 1.5, 2.0]) * numpy.exp(-0.5 * (SPREADS / SPREAD_SCALE) ** 2)
 PRIOR = PRIOR / PRIOR.sum()
+# Ranges of SPREADS, in one of which those of all designs of a workshop are.
+RANGES = SPREADS.reshape(3, 2)
 # The part of the prior that stays beside what simulated cars say: the workshop's imperfections are assumptions.
 UNTOLD = 0.2
+# (16 sqrt(3) / 15 pi)^2 of Zeger, Liang and Albert.
 SLOPE = 0.346
 # How much of what simulation finds of environments is believed: where it errs about single ones, all of it is worse than
 # nothing (docs/statistics.md).
@@ -39,6 +42,11 @@ STEPS = 8
 COARSE, FINE = numpy.linspace(-16, 16, 97), numpy.linspace(-16, 16, 1601)
 # Jeffreys' Beta(1/2, 1/2) of the rate, as a log density of its log-odds.
 JEFFREYS = -(numpy.logaddexp(0, FINE) + numpy.logaddexp(0, -FINE)) / 2
+
+
+def centre_factor(spread: float | NDArray[Any]) -> Any:
+    """By what factor the log-odds of a design's middle car are farther from 0 than those of its rate."""
+    return numpy.sqrt(1 + SLOPE * spread**2)
 
 
 @dataclass(frozen=True)
@@ -88,36 +96,50 @@ class BuiltCars:
 
     def count_draws(self, rates: NDArray[Any], random: numpy.random.Generator) -> NDArray[Any]:
         """Draws (n,) of how many of as many trials of as many other cars pass, by rates (n,) of the design."""
-        spread = random.choice(SPREADS, (len(rates), len(self.counted)), p=self.weights)
-        centre = numpy.sqrt(1 + SLOPE * spread**2) * numpy.log(rates / (1 - rates))[:, None]
-        log_odds = centre + self.shift + spread * random.standard_normal(spread.shape)
+        spread = random.choice(SPREADS, (len(rates), 1), p=self.weights)
+        centre = centre_factor(spread) * numpy.log(rates / (1 - rates))[:, None]
+        log_odds = centre + self.shift + spread * random.standard_normal((len(rates), len(self.shift)))
         found: NDArray[Any] = random.binomial(self.counted.astype(int), 1 / (1 + numpy.exp(-log_odds))).sum(axis=1)
         return found
 
     def _quantiles(self, parts: Sequence[float] | NDArray[Any]) -> NDArray[Any]:
-        logs = likelihood([self])(FINE)[:, 0] + JEFFREYS
+        ((_, spline),) = likelihood([self])
+        logs = spline(FINE)[:, 0] + JEFFREYS
         density = numpy.exp(logs - logs.max())
         mass = density.cumsum() - density / 2
         found: NDArray[Any] = 1 / (1 + numpy.exp(-numpy.interp(parts, mass / density.sum(), FINE)))
         return found
 
 
-def likelihood(designs: Sequence[BuiltCars]) -> Any:
-    """The log likelihood of designs given their cars: a scipy CubicSpline of log-odds, (m,) -> (m, designs)."""
+def likelihood(designs: Sequence[BuiltCars], ranges: Iterable[NDArray[Any]] = (SPREADS,)) -> list[tuple[float, Any]]:
+    """The log likelihood of designs given their cars: CubicSplines of log-odds, (m,) -> (m, designs), with probabilities.
+
+    One for each of ``ranges`` in which what is assumed of the spread may be: cars of all designs are made in the same
+    workshop. Were it drawn for each design, its mean over many designs would be taken for known. Of what a design's
+    weights are, the largest part that is the PRIOR is the assumption.
+    """
     from scipy.interpolate import CubicSpline
 
+    if not designs:
+        return [(1.0, CubicSpline(COARSE, numpy.zeros((len(COARSE), 0))))]
     k, n, shifts = (numpy.concatenate([getattr(one, name) for one in designs]) for name in ("passed", "counted", "shift"))
     starts = numpy.cumsum([0, *(len(one.passed) for one in designs[:-1])])
-    some = numpy.array([_given(COARSE[:, None] + shifts, k, n, spread) for spread in SPREADS.tolist()])
-    with numpy.errstate(divide="ignore"):
-        logs = numpy.add.reduceat(some, starts, axis=2) + numpy.log([one.weights for one in designs]).T[:, None]
-    top = logs.max(axis=0)
-    return CubicSpline(COARSE, top + numpy.log(numpy.exp(logs - top).sum(axis=0)))
+    each = numpy.array([_given(COARSE[:, None] + shifts, k, n, spread) for spread in SPREADS.tolist()])
+    some, found = numpy.add.reduceat(each, starts, axis=2), []
+    weights = numpy.array([one.weights for one in designs])
+    assumed = (weights / PRIOR).min(axis=1, keepdims=True)
+    for one in ranges if assumed.any() else (SPREADS,):
+        part = numpy.where(numpy.isin(SPREADS, one), PRIOR, 0)
+        with numpy.errstate(divide="ignore"):
+            logs = some + numpy.log((weights + assumed * (part / part.sum() - PRIOR)).clip(0)).T[:, None]
+        top = logs.max(axis=0)
+        found.append((float(part.sum()), CubicSpline(COARSE, top + numpy.log(numpy.exp(logs - top).sum(axis=0)))))
+    return found
 
 
 def _given(log_odds: NDArray[Any], k: NDArray[Any], n: NDArray[Any] | float, spread: float) -> NDArray[Any]:
     """The log likelihood of designs' log-odds (m, cars) of which a car passed k of n (cars,)."""
-    centre, z = numpy.sqrt(1 + SLOPE * spread**2) * log_odds, numpy.zeros(1)
+    centre, z = centre_factor(spread) * log_odds, numpy.zeros(1)
     for _ in range(STEPS if spread else 0):
         rate = 1 / (1 + numpy.exp(-(centre + spread * z)))
         z = z + numpy.clip((spread * (k - n * rate) - z) / (1 + spread**2 * n * rate * (1 - rate)), -2, 2)

@@ -67,14 +67,14 @@ class Matern:
 
 @dataclass(frozen=True)
 class Factors:
-    """The posterior of the functions' factors: mode (p,), a root (p, p) of their covariance, the log evidence.
+    """The posterior of functions' factors: mode (..., p), a root (..., p, p) of their covariance, log evidence (...).
 
     The evidence is but for the binomial coefficients, which all candidates share.
     """
 
     mode: NDArray[Any]
     root: NDArray[Any]
-    evidence: float
+    evidence: Any
 
 
 def spread_designs(scaled: NDArray[Any], most: int = SPANNING) -> NDArray[Any]:
@@ -95,7 +95,7 @@ def unit_range(parameters: NDArray[Any]) -> NDArray[Any]:
     return found
 
 
-# Of log-odds (d,) the log likelihood of each design, its slope and its curvature, at most 0.
+# Of log-odds (..., d) the log likelihood of each design, its slope and its curvature, at most 0.
 Likelihood = Callable[[NDArray[Any]], tuple[NDArray[Any], NDArray[Any], NDArray[Any]]]
 
 
@@ -111,30 +111,41 @@ def binomial(passed: NDArray[Any], counted: NDArray[Any]) -> Likelihood:
 
 
 def laplace(functions: NDArray[Any], prior: NDArray[Any], likelihood: Likelihood) -> Factors:
-    """The factors of functions (d, p), given the likelihood of log-odds that are ``prior`` (d,) plus the process."""
-    factors = numpy.zeros(functions.shape[1])
+    """The factors of functions (..., d, p), given the likelihood of log-odds that are ``prior`` (d,) plus the process.
 
-    def log_density(at: NDArray[Any]) -> float:
-        return float(likelihood(prior + functions @ at)[0].sum() - at @ at / 2)
+    All candidates along the first axes at once.
+    """
+    factors = numpy.zeros((*functions.shape[:-2], functions.shape[-1]))
+
+    def log_odds(at: NDArray[Any]) -> NDArray[Any]:
+        found: NDArray[Any] = prior + (functions @ at[..., None])[..., 0]
+        return found
+
+    def log_density(at: NDArray[Any]) -> NDArray[Any]:
+        found: NDArray[Any] = likelihood(log_odds(at))[0].sum(axis=-1) - (at**2).sum(axis=-1) / 2
+        return found
 
     def slope_and_curvature(at: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
-        _, slope, curvature = likelihood(prior + functions @ at)
-        return functions.T @ slope - at, (functions * -curvature[:, None]).T @ functions + numpy.eye(len(at))
+        _, slope, curvature = likelihood(log_odds(at))
+        across = functions.swapaxes(-1, -2)
+        curved = across @ (functions * -curvature[..., None]) + numpy.eye(at.shape[-1])
+        return (across @ slope[..., None])[..., 0] - at, curved
 
     value = log_density(factors)
     for _ in range(NEWTON_STEPS):
-        step = numpy.linalg.solve(*slope_and_curvature(factors)[::-1])
-        size = 1.0
+        slope, curvature = slope_and_curvature(factors)
+        step = numpy.linalg.solve(curvature, slope[..., None])[..., 0]
+        size = numpy.ones((*value.shape, 1))
         # A full step may overshoot where the likelihood is flat.
-        while (new := log_density(factors + size * step)) < value - TOLERANCE and size > 1e-4:
-            size /= 2
+        while (over := ((new := log_density(factors + size * step)) < value - TOLERANCE) & (size[..., 0] > 1e-4)).any():
+            size[over] /= 2
         factors, gain, value = factors + size * step, new - value, new
-        if abs(gain) < TOLERANCE:
+        if (numpy.abs(gain) < TOLERANCE).all():
             break
     # The covariance is the inverse of the curvature, L L': its root is L'^-1.
     lower = numpy.linalg.cholesky(slope_and_curvature(factors)[1])
-    evidence = value - float(numpy.log(numpy.diagonal(lower)).sum())
-    return Factors(factors, numpy.linalg.inv(lower).T, evidence)
+    evidence = value - numpy.log(numpy.diagonal(lower, axis1=-2, axis2=-1)).sum(axis=-1)
+    return Factors(factors, numpy.linalg.inv(lower).swapaxes(-1, -2), evidence)
 
 
 def shares_of(evidence: ArrayLike) -> NDArray[Any]:

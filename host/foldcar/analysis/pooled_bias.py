@@ -15,7 +15,7 @@ from typing import Any
 import numpy
 from numpy.typing import ArrayLike, NDArray
 
-from foldcar.analysis.built_cars import COARSE, BuiltCars, likelihood
+from foldcar.analysis.built_cars import COARSE, RANGES, BuiltCars, likelihood
 from foldcar.analysis.gaussian_process import Factors, Likelihood, Matern, laplace, shares_of, spread_designs, unit_range
 from foldcar.analysis.rate import Rate, check_confidence
 from foldcar.errors import FoldcarError
@@ -34,11 +34,15 @@ LOG_ODDS = numpy.linspace(-9.2, 9.2, 921)
 
 @dataclass(frozen=True)
 class Candidate:
-    """One point of the grid: the common functions (d, p), each design's own deviation (d,), the factors of both."""
+    """One point of the grid: the common functions (d, p), each design's own deviation (d,), the factors of both.
+
+    ``trials`` is the likelihood of the driven designs, a spline.
+    """
 
     common: NDArray[Any]
     own: NDArray[Any]
     factors: Factors
+    trials: Any
 
 
 @dataclass(frozen=True)
@@ -96,18 +100,17 @@ class PooledBias:
 
     def _densities(self) -> NDArray[Any]:
         """The densities (d, log-odds) at LOG_ODDS: likelihood of the own trials times what all else says, normal."""
-        seen, driven = self._seen, [one for one in self.cars if one is not None]
-        own = numpy.zeros((len(self.cars), len(LOG_ODDS)))
-        own[seen], of_trials = likelihood(driven)(LOG_ODDS).T, _each(driven)
-        found = numpy.zeros(own.shape)
+        seen, own = self._seen, numpy.zeros((len(self.cars), len(LOG_ODDS)))
+        found, tabulated = numpy.zeros(own.shape), {id(one.trials): one.trials(LOG_ODDS).T for one in self.candidates}
         for one, weight in zip(self.candidates, self.weights, strict=True):
+            own[seen], of_trials = tabulated[id(one.trials)], _each([one.trials])
             functions = numpy.hstack([one.common, numpy.zeros((len(one.own), len(seen)))])
             functions[seen, one.common.shape[1] + numpy.arange(len(seen))] = one.own[seen]
             middle = (self.simulated + functions @ one.factors.mode)[:, None]
             variance = ((functions @ one.factors.root) ** 2).sum(axis=1) + one.own**2
             variance[seen] -= one.own[seen] ** 2
             slope, curvature = numpy.zeros_like(middle), numpy.zeros_like(middle)
-            slope[seen, 0], curvature[seen, 0] = of_trials(middle[seen, 0])[1:]
+            slope[seen], curvature[seen] = (part.T for part in of_trials(middle[seen].T)[1:])
             # The own trials' part of the approximation is taken out again.
             variance = 1 / (1 / variance[:, None] + curvature)
             middle = middle - variance * slope
@@ -138,30 +141,33 @@ def pooled_bias(
         return PooledBias(log_odds, built, (), numpy.zeros(0))
     scaled = unit_range(x)
     spanning, seen = spread_designs(scaled), y[:, 1] > 0
-    of_trials = _each([one for one in built if one is not None])
-    candidates = []
+    of_trials = likelihood([one for one in built if one is not None], RANGES)
+    candidates, evidence, constant = [], [], (numpy.full(len(x), CONSTANT), SLOPE * log_odds)
     for length in LENGTHS:
         process = Matern(spanning, length).functions(scaled)
         left = numpy.maximum(1 - (process**2).sum(axis=1), 0)
-        for smooth, alone in product(SMOOTH, ALONE):
-            common = numpy.column_stack([numpy.full(len(x), CONSTANT), SLOPE * log_odds, smooth * process])
-            own = numpy.sqrt(errors + alone**2 + smooth**2 * left)
-            functions = numpy.hstack([common[seen], numpy.diag(own[seen])])
-            candidates.append(Candidate(common, own, laplace(functions, log_odds[seen], of_trials)))
-    weights = shares_of([one.factors.evidence for one in candidates])
-    return PooledBias(log_odds, built, tuple(candidates), weights)
+        grid = list(product(SMOOTH, ALONE, of_trials))
+        commons = [numpy.column_stack([*constant, smooth * process]) for smooth, _, _ in grid]
+        owns = [numpy.sqrt(errors + alone**2 + smooth**2 * left) for smooth, alone, _ in grid]
+        functions = [numpy.hstack([one[seen], numpy.diag(own[seen])]) for one, own in zip(commons, owns, strict=True)]
+        found = laplace(numpy.array(functions), log_odds[seen], _each([trials for _, _, (_, trials) in grid]))
+        for at, (_, _, (prior, trials)) in enumerate(grid):
+            factors = Factors(found.mode[at], found.root[at], found.evidence[at])
+            candidates.append(Candidate(commons[at], owns[at], factors, trials))
+            evidence.append(factors.evidence + numpy.log(prior))
+    return PooledBias(log_odds, built, tuple(candidates), shares_of(evidence))
 
 
-def _each(driven: Sequence[BuiltCars]) -> Likelihood:
-    """The likelihood of each of the designs at log-odds of its own."""
-    if not driven:
-        return lambda log_odds: (log_odds, log_odds, log_odds)
-    spline = likelihood(driven)
+def _each(splines: Sequence[Any]) -> Likelihood:
+    """The likelihood of each of the driven designs at log-odds of its own; a spline for each candidate."""
+    coefficients = numpy.array([spline.c for spline in splines])
+    candidates, designs, step = *numpy.ogrid[: len(splines), : coefficients.shape[3]], COARSE[1] - COARSE[0]
 
     def at(log_odds: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
         inside = numpy.clip(log_odds, COARSE[0], COARSE[-1])
-        value, slope, curvature = (numpy.diagonal(spline(inside, order)) for order in range(3))
+        place = ((inside - COARSE[0]) / step).astype(int).clip(0, len(COARSE) - 2)
+        x, (a, b, c, d) = inside - COARSE[place], numpy.moveaxis(coefficients[candidates, :, place, designs], -1, 0)
         # A mixture of spreads may curve upwards far from its mode.
-        return value, slope, numpy.minimum(curvature, 0)
+        return ((a * x + b) * x + c) * x + d, (3 * a * x + 2 * b) * x + c, numpy.minimum(6 * a * x + 2 * b, 0)
 
     return at

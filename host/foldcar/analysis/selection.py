@@ -13,6 +13,7 @@ from typing import Any
 import numpy
 from numpy.typing import ArrayLike, NDArray
 
+from foldcar.analysis.built_cars import centre_factor
 from foldcar.analysis.gaussian_process import unit_range
 from foldcar.errors import FoldcarError
 
@@ -23,7 +24,7 @@ MOST_TRIALS = 10_000
 # The most trials of one car that may stand for a trial of many.
 MOST_EACH = 10
 LEAST_DESIGNS, MOST_WEIGHED = 20, 240_000
-# Numbers of trials of one car whose worth is weighed.
+# Numbers of independent trials of one design whose worth is weighed.
 BATCHES = (10, 40)
 # The normal quantile of 0.975.
 Z = 1.959963984540054
@@ -153,20 +154,21 @@ def value_of_trials(draws: ArrayLike, threshold: float, trials: int, zone: float
     return Value(choice.clip(0), right.clip(0))
 
 
-def gain_per_hour(draws: ArrayLike, threshold: float, zone: float, car_min: ArrayLike, trial_min: ArrayLike) -> float:
+def gain_per_hour(draws: ArrayLike, threshold: float, zone: float, work_min: ArrayLike) -> float:
     """What an hour of work wins at most, 0 to 1: the :class:`Value` of one design's trials by their time.
 
-    ``car_min`` (designs,) minutes to build the car, 0 if it is built, ``trial_min`` (designs,) those of a trial. The best
-    of several numbers of trials: one trial may be worth nothing where many are (Frazier and Powell 2010,
-    doi:10.1287/deca.1100.0188). Of a small family a design is a share of 1/LEAST_DESIGNS.
+    ``work_min`` (BATCHES, designs): the minutes that so many further independent trials of each design take, cars that
+    are to be built for them among these (:func:`least_effort`). The best of several numbers of trials: one trial may be
+    worth nothing where many are (Frazier and Powell 2010, doi:10.1287/deca.1100.0188). Of a small family a design is a
+    share of 1/LEAST_DESIGNS.
     """
     p, found = numpy.asarray(draws, dtype=float), []
     number = p.shape[1]
-    for trials in BATCHES:
+    for trials, minutes in zip(BATCHES, numpy.asarray(work_min), strict=True):
         # Of many designs some draws are enough.
         value = value_of_trials(p[:: max(1, p.size // MOST_WEIGHED)], threshold, trials, zone)
-        hours = (numpy.asarray(car_min) + trials * numpy.asarray(trial_min)) / 60
-        found.append(((value.choice + value.threshold * number / max(number, LEAST_DESIGNS)) / hours).max())
+        worth = value.choice + value.threshold * number / max(number, LEAST_DESIGNS)
+        found.append((60 * worth / minutes).max())
     return float(max(found))
 
 
@@ -250,41 +252,50 @@ class Effort:
     trials: int
     each: int
 
+    def work_min(self, car_min: float, trial_min: float) -> float:
+        """How many minutes that takes, by those of a car and of a trial."""
+        return self.cars * car_min + self.trials * trial_min
+
 
 def correlation_within_cars(rates: ArrayLike, car_sd: float) -> float:
     """The correlation of two trials of one car: the part of a trial's variance that lies between cars of a design.
 
     A car passes with log-odds that are normal over cars, of deviation ``car_sd``; a design's rate, one of ``rates``, is
-    the mean of its cars'. By quadrature about MacKay's centre of the log-odds (1992, doi:10.1162/neco.1992.4.5.720).
+    the mean of its cars'. By quadrature.
     """
     p = numpy.asarray(rates, dtype=float).ravel().clip(1e-6, 1 - 1e-6)
     nodes, weights = numpy.polynomial.hermite_e.hermegauss(40)
-    centre = numpy.log(p / (1 - p)) * numpy.sqrt(1 + numpy.pi * car_sd**2 / 8)
+    centre = numpy.log(p / (1 - p)) * centre_factor(car_sd)
     cars = 1 / (1 + numpy.exp(-(centre[:, None] + car_sd * nodes)))
     mean, square = (one @ weights / weights.sum() for one in (cars, cars**2))
     return float((square - mean**2).mean() / (mean * (1 - mean)).mean())
 
 
+def independent_trials(done: ArrayLike, correlation: float) -> Any:
+    """As how many independent trials those of each car (..., cars) count together, by the ``correlation`` within cars.
+
+    m cars with n trials each give a design's rate a variance of p (1 - p) (1 + (n - 1) ρ) / (m n) (Kish 1965, design
+    effect).
+    """
+    number = numpy.asarray(done, dtype=float)
+    return (number / (1 + (number - 1) * correlation)).sum(axis=-1)
+
+
 def least_effort(
-    independent: int, correlation: float, car_min: float, trial_min: float, done: Sequence[int] = ()
+    independent: float, correlation: float, car_min: float, trial_min: float, done: Sequence[int] = ()
 ) -> Effort:
     """The quickest way to know a design's rate as well as from so many ``independent`` trials, each of another car.
 
-    m cars with n trials each give the rate a variance of p (1 - p) (1 + (n - 1) ρ) / (m n), ρ being the ``correlation``
-    within cars (Kish 1965, design effect): n trials of one car count as n / (1 + (n - 1) ρ). ``done``: trials of each car
-    that is built; a further one takes ``car_min`` minutes, a trial ``trial_min``.
+    ``correlation`` is that within cars, below 1, ``done`` trials of each car that is built; a further one takes
+    ``car_min`` minutes, a trial ``trial_min``.
     """
-
-    def worth(number: int) -> float:
-        return number / (1 + (number - 1) * correlation)
-
-    found = []
-    for each in range(1, MOST_EACH * independent + 1):
-        left = independent - sum(worth(max(each, number)) for number in done)
-        cars = max(0, math.ceil(left / worth(each) - 1e-9))
-        trials = cars * each + sum(max(0, each - number) for number in done)
-        found.append((cars * car_min + trials * trial_min, Effort(cars, trials, each)))
-    return min(found, key=lambda one: one[0])[1]
+    each = numpy.arange(1, MOST_EACH * math.ceil(independent) + 1)[:, None]
+    built = numpy.array(done, dtype=int)[None]
+    left = independent - independent_trials(numpy.maximum(each, built), correlation)
+    cars = numpy.ceil(left / independent_trials(each, correlation) - 1e-9).clip(0).astype(int)
+    trials = cars * each[:, 0] + (each - built).clip(0).sum(axis=1)
+    best = int((cars * car_min + trials * trial_min).argmin())
+    return Effort(int(cars[best]), int(trials[best]), int(each[best, 0]))
 
 
 def _mean_half_width(rates: NDArray[Any], number: int) -> float:

@@ -23,6 +23,7 @@ from scipy.special import expit, log_softmax, logsumexp, ndtri
 from scipy.stats import qmc
 from threadpoolctl import threadpool_limits
 
+from foldcar.analysis.built_cars import centre_factor
 from foldcar.calibration.drive_features import ENDS, FEATURES
 from foldcar.calibration.experiment import CalibrationRun, Simulator, SweptExperiment
 from foldcar.calibration.observations import BoolArray, Cell, Observations
@@ -77,8 +78,8 @@ class Emulator:
 
     @property
     def middle(self) -> float:
-        """By what factor the logit of the middle car is farther from 0 than that of the cars' mean rate (MacKay 1992)."""
-        return float(np.sqrt(1 + np.pi / 8 * self.car_sd**2))
+        """By what factor the logit of the middle car is farther from 0 than that of the cars' mean rate."""
+        return float(centre_factor(self.car_sd))
 
     def end_chances(self, scores: FloatArray, inputs: FloatArray) -> FloatArray:
         """Log probabilities (n, cells, ENDS) of how a drive ends, by scores (n, parameters) and inputs (cells, k)."""

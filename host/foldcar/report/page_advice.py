@@ -89,7 +89,7 @@ class Advice:
             return f"In {info.simulation} {self._reaching()}.{driven}"
         said = []
         for how in (OPTIMISTIC, PESSIMISTIC):
-            names = [designs.names[at] for at, one in enumerate(designs.refuted) if one == how]
+            names = [name for name, one in designs.refuted.items() if one == how]
             said += [f"{how} at {listed(names)}"] if names else []
         wrong = f"Trials contradict {info.simulation}: it is {' and '.join(said)}. " if said else ""
         return f"{wrong}By {info.simulation} and {count(trials, 'trial')} together {self._reaching()}."

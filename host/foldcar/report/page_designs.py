@@ -11,15 +11,14 @@ from typing import Any
 import numpy
 from numpy.typing import NDArray
 
-from foldcar.advice.comparison import MARGIN
-from foldcar.advice.evidence import PairedTrial, by_car, car_remarks, simulated_spread
+from foldcar.advice.comparison import compare_evidence
+from foldcar.advice.evidence import PairedTrial, by_car, car_remarks, read_evidence, simulated_spread
 from foldcar.advice.resimulation import Resimulation
 from foldcar.analysis import rate
 from foldcar.analysis.built_cars import BuiltCars
 from foldcar.analysis.contradictions import NONE, Contradictions, contradictions
-from foldcar.analysis.gap import OPTIMISTIC, PESSIMISTIC, mean_gap
+from foldcar.analysis.gap import OPTIMISTIC, PESSIMISTIC
 from foldcar.analysis.pooled_bias import MOST_POOLED, PooledBias, pooled_bias
-from foldcar.analysis.rate import Rate
 from foldcar.analysis.words import design_text, label_and_unit
 from foldcar.report.page_measures import measures
 from foldcar.simulation.results import NUMBERS, OUTCOMES, REJECTED
@@ -160,7 +159,7 @@ class Designs:
                 "open" if one is not None and at in self.contradicting.beside else verdict(one, threshold)
                 for at, one in enumerate(believed)
             ],
-            "refuted": self.refuted,
+            "refuted": [self.refuted.get(name) for name in self.names],
             "measures": measures(self.store, self.info, self.designs, self.swept, self.runs),
         }
 
@@ -228,20 +227,12 @@ class Designs:
         return pooled_bias(self._parameters(known), self.counted[known], trials, cars)
 
     @cached_property
-    def refuted(self) -> list[str | None]:
-        """Where a design's own trials contradict simulation, and how; all these statements hold together with 95 %."""
-        both = [(at, car) for at, car in enumerate(self.cars) if car is not None and self.counted[at, 1]]
-        found: list[str | None] = [None] * len(self.designs)
-        if not self.info.success_defined:
-            return found
-        level = 1 - (1 - 0.95) / max(1, len(both))
-        for index, car in both:
-            passed, runs = self.counted[index].tolist()
-            simulated = Rate.counted(passed, runs, "", self.info.until is not None, level)
-            gap = mean_gap([simulated], [car.rate(level)])
-            verdict = gap.verdict(MARGIN)
-            found[index] = verdict if verdict in (OPTIMISTIC, PESSIMISTIC) else None
-        return found
+    def refuted(self) -> dict[str, str]:
+        """How trials contradict simulation, by the name of the design, as `foldcar compare` has it: all hold together."""
+        if not self.swept or not self.trials:
+            return {}
+        (found,) = compare_evidence(read_evidence(self.store, self.info.id)).experiments
+        return {one.label: one.verdict for one in found.designs if one.verdict in (OPTIMISTIC, PESSIMISTIC)}
 
     def intervals(self, counts: NDArray[Any], stopped: bool = False) -> list[tuple[float, float] | None]:
         """The 95 % interval of each rate of (designs, 2) passed and all; None where success or the rate is undefined."""

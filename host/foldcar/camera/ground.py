@@ -44,6 +44,7 @@ FLOOR_M = 0.0005
 MOST_OBSTACLES = 26
 # Built obstacles against planned ones, as shares of the height: all of a course alike, each by itself.
 HEIGHT_ALIKE, HEIGHT_OWN = 0.2, 0.1
+HEIGHT_SHARE = math.hypot(HEIGHT_ALIKE, HEIGHT_OWN)
 SHIFTS_M = numpy.array([(0.0, 0.0), (-REACH_M, 0.0), (REACH_M, 0.0), (0.0, -ASIDE_M), (0.0, ASIDE_M)])
 # Places along a wheel, and across it in its widths.
 ALONG = numpy.linspace(-0.98, 0.98, 25)
@@ -184,6 +185,6 @@ def standing(scene: Mapping[str, Any], heights: Heights, body: Mapping[str, Any]
     obstacle, count = label(raised)
     if count > MOST_OBSTACLES:
         obstacle, count = raised.astype(numpy.int32), 1
-    errors = numpy.array([0.0] + count * [math.hypot(HEIGHT_ALIKE, HEIGHT_OWN)])
+    errors = numpy.array([0.0] + count * [HEIGHT_SHARE])
     width_m, hinged = wheels[0]["width_m"], bool(body["hinges"])
     return Standing(ground, obstacle, numpy.ones(count + 1), errors, ahead, left, radius_m, width_m, hinged)

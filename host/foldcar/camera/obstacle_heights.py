@@ -7,7 +7,8 @@ that is glued on askew, a camera that is off), most probable given
 
     m = g(s) + b + noise,   covariance C + R.
 
-Errors of neighbouring pictures are alike: each counts as ALIKE of one.
+Errors of neighbouring pictures are alike: each counts as ALIKE of one. A car that hangs on its belly stands higher than
+its wheels say: the factor takes that up, so that the path is right, but it is not the obstacle's then.
 """
 
 from collections.abc import Sequence
@@ -59,12 +60,13 @@ def fit_heights(poses: Sequence[Pose], ground: Standing, pixel: float) -> Standi
 
 
 def height_remarks(ground: Standing) -> list[str]:
-    """A remark on each obstacle that is not as high as planned."""
+    """A remark on each obstacle that seems not to be as high as planned."""
     remarks = []
     for k, (factor, error) in enumerate(zip(ground.factors, ground.factor_errors, strict=True)):
         if error < TOLD and abs(factor - 1) > max(TOLD, 2 * error):
             x_mm, y_mm = (1000 * at for at in ground.middle(k))
             remarks.append(
-                f"the obstacle at {x_mm:.0f}, {y_mm:.0f} mm is {factor:.2f} ± {error:.2f} times as high as planned"
+                f"the car rode as if the obstacle at {x_mm:.0f}, {y_mm:.0f} mm were {factor:.2f} ± {error:.2f} times as "
+                "high as planned: measure it, unless the car hung on its belly"
             )
     return remarks

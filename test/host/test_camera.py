@@ -19,7 +19,9 @@ from foldcar.camera.filming import car_marker
 from foldcar.camera.ground import standing
 from foldcar.camera.lens import BOARD_SQUARES, SQUARE_M, board, calibrate
 from foldcar.camera.markers import FIRST_OBSTACLE_ID, FloorMarker, course_json, rectangle
+from foldcar.camera.obstacle_heights import fit_heights, height_remarks
 from foldcar.camera.photo import find_placed
+from foldcar.camera.poses import find_pose
 from foldcar.camera.smoother import smooth
 from foldcar.camera.view import find_view
 from foldcar.errors import FoldcarError
@@ -111,6 +113,62 @@ def test_a_film_gives_path_start_and_outcome(trial: Any) -> None:
     assert kept is not None and len(kept.rows) == len(rows) and kept.film == "trial.mp4"
 
 
+def pictures(scene: Any) -> tuple[list[tuple[Any, Any]], Any, Any]:
+    """True poses and corners of the car's marker as a camera sees them, of a drive there; the view, the car's body."""
+    body, settings = car_texts(95, 8)
+    request = RunRequest("car", "scene", json.dumps({**json.loads(settings), "path_interval_s": 0.033}), "t", 0)
+    (answer,) = Carsim().run({"car": body}, {"scene": json.dumps(scene)}, [request])
+    filming, chance = Filming(k1=-0.02), numpy.random.default_rng(4)
+    camera, course, car = Camera(filming), rectangle(), Car()
+
+    def corners(thing: Thing) -> Any:
+        side = thing.half[0] / 1.4
+        flat = numpy.array([(-side, side, 0), (side, side, 0), (side, -side, 0), (-side, -side, 0)])
+        return camera.pixels(thing.place + flat @ thing.turn.T) + chance.normal(0, 0.15, (4, 2))
+
+    floor = {one.id: corners(thing) for one, thing in zip(course.floor, floor_markers(course), strict=True)}
+    view = find_view(floor, course, (filming.width, filming.height), None, "picture")
+    shown = [(numpy.array(row[1:7]), corners(car.things(row[1:7])[-1])) for row in answer["path"]]
+    return shown, view, json.loads(body)
+
+
+@pytest.mark.parametrize("factor", [0.8, 1.0, 1.2])
+def test_obstacles_are_as_high_as_the_car_shows(factor: float) -> None:
+    box = {**BOX, "x_m": 0.7, "height_m": 0.03}
+    shown, view, body = pictures({**SCENE, "terrain": [{**box, "height_m": 0.03 * factor}]})
+    planned, car = standing({**SCENE, "terrain": [box]}, carsim_heights(Carsim()), body), car_marker(body, COURSE)
+
+    poses = [find_pose(seen, view, car, planned) for _, seen in shown]
+    found = fit_heights([pose for pose in poses if pose], planned, 0.15)
+
+    height, error = found.factors[1], found.factor_errors[1]
+    assert abs(height - factor) < 2 * error < 0.15
+    told = [f"obstacle at 700, 90 mm were {height:.2f} ± {error:.2f} times as high as planned"] if factor != 1 else []
+    remarks = height_remarks(found)
+    assert len(remarks) == len(told) and all(one in remark for one, remark in zip(told, remarks, strict=True))
+    off = numpy.array([find_pose(seen, view, car, found).values - true for true, seen in shown])
+    place_m = numpy.hypot(off[:, 0], off[:, 1])
+    assert numpy.median(place_m) < 0.003 and numpy.quantile(place_m, 0.95) < 0.006
+
+
+def test_a_car_with_a_wheel_on_a_step_stands_on_a_diagonal() -> None:
+    body = json.loads(car_texts(95, 8)[0])
+    ahead, left = body["wheels"][0]["x_m"], body["track_m"] / 2
+    box = {**BOX, "x_m": 0.5 + ahead, "y_m": left, "heading_rad": 0.0, "length_m": 0.06, "width_m": 0.06}
+    ground = standing({**SCENE, "terrain": [box]}, carsim_heights(Carsim()), body)
+    sure = ground.rescaled(ground.factors, 0 * ground.factors)
+
+    stance = sure.at(0.5, 0.0, 0.0)
+
+    # It leans between two planes: one has the other front wheel on the floor, one the other rear wheel.
+    height, slope, bank = 0.025 / 2, 0.025 / 2 / ahead, 0.025 / 2 / left
+    assert stance.values == pytest.approx([body["wheels"][0]["radius_m"] + height, slope / 2, bank / 2], abs=1e-3)
+    for pitch, roll in ((0.0, bank), (slope, 0.0)):
+        off = numpy.array([0.0, pitch, roll]) - [0.0, slope / 2, bank / 2]
+        assert off @ numpy.linalg.inv(stance.covariance) @ off < 2
+    assert numpy.sqrt(stance.covariance[0, 0]) < 0.005
+
+
 def _off(path: Any, truth: Any, shift_s: float) -> tuple[Any, Any]:
     off = numpy.array([row[1:] - truth(row[0] + START_S + shift_s) for row in path])
     off[:, 3:] = numpy.remainder(off[:, 3:] + numpy.pi, 2 * numpy.pi) - numpy.pi
@@ -163,7 +221,7 @@ def test_a_card_on_a_hill_or_a_hole_lies_as_high_as_these_carry_it() -> None:
     for name, true in {"A": (0.01, -0.015, 0.05), "B": (-0.01, 0.02, 0.0)}.items():
         off = numpy.abs(numpy.subtract(found.deviations[name], true))
         assert (off < 3 * numpy.array(found.errors[name])).all() and off[:2].max() < 0.004 and off[2] < 0.012, name
-        assert 0.002 < max(found.errors[name][:2]) < 0.006
+        assert 0.002 < max(found.errors[name][:2]) < {"A": 0.012, "B": 0.006}[name]
 
 
 def test_places_by_a_photo_are_a_correction_of_the_trial(trial: Any, tmp_path: Path) -> None:

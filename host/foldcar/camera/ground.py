@@ -1,22 +1,29 @@
 """How a car stands at a place of a scene: what one camera sees worst, height and tilt, the ground tells best.
 
 Input: a scene as it was placed, heights of its ground, a car's body, a place. Output: height of the car's origin, pitch
-and roll, with standard deviations. A wheel of radius r at x rests where ground h touches it first: its axle is at
+and roll, with their covariance. A wheel of radius r rests where ground h touches its tread first: its axle is at
 
-    max over d of h(x + d) + sqrt(r² - d²),   -r < d < r along the car.
+    max over d of h(x + d) + sqrt(r² - d²),   -r < d < r along the car,
 
-The car is the plane that fits the axles of its wheels best; three carry it, so that the fourth's distance from the
-plane is a measure of doubt, as is how much all of it changes within the next REACH_M, where a car climbs or drops.
+the highest of its width. A rigid car rests on three wheels around its middle, no other wheel in the ground. Often more
+than one three will do: with a wheel on a step the car stands on a diagonal and leans to either side. The mean and the
+covariance are those of all these planes, here and beside (REACH_M, ASIDE_M), where a car climbs or drops. Hinged cars do
+the same, less exactly. The body of one whose wheels do not surround its middle drags: its slope is not known.
+
+Obstacles are not as high as planned: each has a factor of its own, with a standard deviation, which `obstacle_heights.py`
+finds. What touches is one obstacle, as the ground itself shows; rough ground is one with all that stands on it.
 """
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import combinations
 from typing import Any
 
 import numpy
-from scipy.ndimage import map_coordinates
+from numpy.typing import NDArray
+from scipy.ndimage import label, map_coordinates
 
 from foldcar.camera.detection import Floats
 from foldcar.figures.ground import Extent, HeightMap, height_map
@@ -26,69 +33,142 @@ from foldcar.simulation.heights import Heights
 CELL_M = 0.005
 MOST_CELLS = 1200
 MARGIN_M = 0.4
-REACH_M = 0.012
+# Ahead and aside: how much a car may have climbed, how well it is known where an obstacle lies.
+REACH_M, ASIDE_M = 0.012, 0.003
 # On flat ground: tyres are pressed in, wheels are not round, lids bend.
 FLAT_M, FLAT_RAD = 0.0015, 0.012
-# Places along a wheel.
+# Slope of a car whose body drags.
+DRAGS = 0.3
+# Ground nearer to the floor's height is floor.
+FLOOR_M = 0.0005
+MOST_OBSTACLES = 26
+# Built obstacles against planned ones, as shares of the height: all of a course alike, each by itself.
+HEIGHT_ALIKE, HEIGHT_OWN = 0.2, 0.1
+HEIGHT_SHARE = math.hypot(HEIGHT_ALIKE, HEIGHT_OWN)
+SHIFTS_M = numpy.array([(0.0, 0.0), (-REACH_M, 0.0), (REACH_M, 0.0), (0.0, -ASIDE_M), (0.0, ASIDE_M)])
+# Places along a wheel, and across it in its widths.
 ALONG = numpy.linspace(-0.98, 0.98, 25)
+ACROSS = numpy.array([-0.45, 0.0, 0.45])
+# The centre of mass, which three wheels surround, is so near to the car's middle, as a share of the wheels' distances.
+MIDDLE = 0.1
 
 
 @dataclass(frozen=True)
 class Stance:
-    """Height of the origin (m), pitch and roll (rad), and standard deviations of the height and of both tilts."""
+    """Height of the origin (m), pitch and roll (rad), and their covariance."""
 
-    z_m: float
-    pitch_rad: float
-    roll_rad: float
-    height_error_m: float
-    tilt_error_rad: float
+    values: Floats
+    covariance: Floats
 
 
 @dataclass(frozen=True)
 class Standing:
-    """The ground, and the wheels of the car: places ahead and to the left of the origin, and their radius (m)."""
+    """The ground, and the wheels of the car: places ahead and to the left of the origin, radius and width (m).
+
+    ``obstacle`` has the number of each cell's obstacle, 0 for floor. ``factors`` are their heights relative to the
+    planned ones, ``factor_errors`` the standard deviations; the floor's are 1 and 0.
+    """
 
     ground: HeightMap
+    obstacle: NDArray[numpy.int32]
+    factors: Floats
+    factor_errors: Floats
     ahead_m: Floats
     left_m: Floats
     radius_m: float
+    width_m: float
     hinged: bool
 
     def at(self, x_m: float, y_m: float, heading_rad: float) -> Stance:
         """How the car stands there."""
-        planes = [self._plane(x_m, y_m, heading_rad, shift) for shift in (0.0, -REACH_M, REACH_M)]
-        (z, slope, bank), off = planes[0]
-        changes = numpy.ptp([plane for plane, _ in planes], axis=0)
-        doubt = off * (2.0 if self.hinged else 1.0)
-        base, track = float(numpy.ptp(self.ahead_m)), float(numpy.ptp(self.left_m))
-        height_error = FLAT_M + 0.7 * doubt + 0.5 * changes[0]
-        tilt_error = FLAT_RAD + 2 * doubt / max(min(base, track), 0.03) + 0.5 * float(changes[1:].max())
-        return Stance(z, math.atan(slope), math.atan(bank), height_error, tilt_error)
+        planes = self.planes(x_m, y_m, heading_rad, SHIFTS_M)
+        values = planes[0].mean(axis=0)
+        off = numpy.concatenate(planes) - values
+        # Heights and tilts are proportional to the factor.
+        under = self.under(x_m, y_m, heading_rad)
+        share = max((float(self.factor_errors[k] / self.factors[k]) for k in under), default=0.0)
+        raised = share * (values - (self.radius_m, 0.0, 0.0))
+        flat = (2.0 if self.hinged else 1.0) * numpy.array([FLAT_M, FLAT_RAD, FLAT_RAD])
+        covariance = numpy.diag(flat**2) + off.T @ off / len(off) + numpy.outer(raised, raised)
+        return Stance(numpy.array([values[0], *numpy.arctan(values[1:])]), covariance)
 
-    def _plane(self, x_m: float, y_m: float, heading_rad: float, shift_m: float) -> tuple[Floats, float]:
-        """Height, slope ahead and bank to the left of the plane of the axles, and how far they are from it (rms, m)."""
+    def planes(self, x_m: float, y_m: float, heading_rad: float, shifts_m: Floats = SHIFTS_M[:1]) -> list[Floats]:
+        """For each shift of the car, ahead and to the left, the planes (n, 3) on which the axles may be.
+
+        A plane is the height at the origin, the slope ahead and the bank to the left.
+        """
+        below = self.heights(*self._below(x_m, y_m, heading_rad, shifts_m))
+        all_axles = (below + self.radius_m * numpy.sqrt(1 - ALONG**2)).max(axis=(2, 3))
+        threes, inverses = self._threes
+        if not len(threes):
+            return [self._dragging(axles) for axles in all_axles]
+        all_planes = numpy.einsum("tij,stj->sti", inverses, all_axles[:, threes])
+        above = (all_planes @ self._places.T >= all_axles[:, None] - 1e-6).all(axis=2)
+        return [planes[stand] for planes, stand in zip(all_planes, above, strict=True)]
+
+    def _dragging(self, axles: Floats) -> Floats:
+        slopes = numpy.array([-DRAGS, DRAGS])
+        across = numpy.linalg.pinv(self._places[:, [0, 2]])
+        height, bank = across @ (axles[:, None] - self.ahead_m[:, None] * slopes)
+        return numpy.column_stack([height, slopes, bank])
+
+    def under(self, x_m: float, y_m: float, heading_rad: float) -> list[int]:
+        """Numbers of the obstacles below the wheels of a car there."""
+        numbers = self._numbers(*self._cells(*self._below(x_m, y_m, heading_rad, SHIFTS_M[:1])))
+        return [number for number in numpy.unique(numbers).tolist() if number]
+
+    def middle(self, number: int) -> tuple[float, float]:
+        """Where an obstacle is (m)."""
+        row, column = (float(at.mean()) + 0.5 for at in numpy.nonzero(self.obstacle == number))
+        extent, cell = self.ground.extent, self.ground.cell_m
+        return extent.x_min_m + cell * column, extent.y_min_m + cell * row
+
+    def rescaled(self, factors: Floats, errors: Floats) -> "Standing":
+        """The same with other heights."""
+        return replace(self, factors=factors, factor_errors=errors)
+
+    def _below(self, x_m: float, y_m: float, heading_rad: float, shifts_m: Floats) -> tuple[Floats, Floats]:
+        """Places (shifts, wheels, ACROSS, ALONG) below the wheels of the car."""
         cos, sin = math.cos(heading_rad), math.sin(heading_rad)
-        along = self.ahead_m[:, None] + shift_m + self.radius_m * ALONG
-        x = x_m + along * cos - self.left_m[:, None] * sin
-        y = y_m + along * sin + self.left_m[:, None] * cos
-        axles = (self.heights(x, y) + self.radius_m * numpy.sqrt(1 - ALONG**2)).max(axis=1)
-        plane = self._solve @ axles
-        return plane, float(numpy.sqrt(numpy.mean((axles - self._places @ plane) ** 2)))
+        ahead, left = (at[:, None, None, None] for at in shifts_m.T)
+        ahead = ahead + self.ahead_m[:, None, None] + self.radius_m * ALONG
+        left = left + self.left_m[:, None, None] + self.width_m * ACROSS[:, None]
+        return x_m + ahead * cos - left * sin, y_m + ahead * sin + left * cos
+
+    def _cells(self, x: Floats, y: Floats) -> tuple[Floats, Floats]:
+        extent, cell = self.ground.extent, self.ground.cell_m
+        return (y - extent.y_min_m) / cell - 0.5, (x - extent.x_min_m) / cell - 0.5
+
+    def _numbers(self, rows: Floats, columns: Floats) -> NDArray[numpy.int32]:
+        last_row, last_column = (size - 1 for size in self.obstacle.shape)
+        nearest = numpy.rint(rows).clip(0, last_row).astype(int), numpy.rint(columns).clip(0, last_column).astype(int)
+        numbers: NDArray[numpy.int32] = self.obstacle[nearest]
+        return numbers
 
     @cached_property
     def _places(self) -> Floats:
         return numpy.column_stack([numpy.ones_like(self.ahead_m), self.ahead_m, self.left_m])
 
     @cached_property
-    def _solve(self) -> Floats:
-        return numpy.asarray(numpy.linalg.pinv(self._places), float)
+    def _threes(self) -> tuple[NDArray[numpy.intp], Floats]:
+        """Wheels (n, 3) that surround the car's middle, and what makes planes of their axles (n, 3, 3)."""
+        found = []
+        for three in combinations(range(len(self.ahead_m)), 3):
+            places = self._places[list(three)]
+            if abs(numpy.linalg.det(places)) > 1e-6:
+                found.append((three, numpy.linalg.inv(places)))
+        # The first row has the shares of the weight that the three would carry.
+        if not any(inverse[0].min() > -1e-9 for _, inverse in found):
+            found = []
+        around = [(three, inverse) for three, inverse in found if inverse[0].min() >= -MIDDLE]
+        threes, inverses = [three for three, _ in around], [inverse for _, inverse in around]
+        return numpy.array(threes, dtype=int).reshape(-1, 3), numpy.array(inverses).reshape(-1, 3, 3)
 
     def heights(self, x: Floats, y: Floats) -> Floats:
         """Of the ground at places of any shape (m)."""
-        extent, cell = self.ground.extent, self.ground.cell_m
-        rows, columns = (y - extent.y_min_m) / cell - 0.5, (x - extent.x_min_m) / cell - 0.5
-        found: Floats = map_coordinates(self.ground.z_m, [rows, columns], order=1, mode="nearest")
-        return found
+        cells = self._cells(x, y)
+        planned: Floats = map_coordinates(self.ground.z_m, cells, order=1, mode="nearest")
+        return planned * self.factors[self._numbers(*cells)]
 
 
 def standing(scene: Mapping[str, Any], heights: Heights, body: Mapping[str, Any]) -> Standing:
@@ -100,4 +180,11 @@ def standing(scene: Mapping[str, Any], heights: Heights, body: Mapping[str, Any]
     ahead = numpy.array([wheel["x_m"] for wheel in wheels])
     left = numpy.array([body["track_m"] / 2 * (1 if wheel["side"] == "left" else -1) for wheel in wheels])
     radius_m = max(wheel["radius_m"] for wheel in wheels)
-    return Standing(height_map(heights, scene, extent, cells), ahead, left, radius_m, bool(body["hinges"]))
+    ground = height_map(heights, scene, extent, cells)
+    raised = numpy.abs(ground.z_m) > FLOOR_M
+    obstacle, count = label(raised)
+    if count > MOST_OBSTACLES:
+        obstacle, count = raised.astype(numpy.int32), 1
+    errors = numpy.array([0.0] + count * [HEIGHT_SHARE])
+    width_m, hinged = wheels[0]["width_m"], bool(body["hinges"])
+    return Standing(ground, obstacle, numpy.ones(count + 1), errors, ahead, left, radius_m, width_m, hinged)

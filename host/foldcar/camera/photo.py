@@ -13,7 +13,7 @@ from typing import Any
 import numpy
 
 from foldcar.camera.detection import Detector, Floats, Grey
-from foldcar.camera.ground import Standing
+from foldcar.camera.ground import HEIGHT_SHARE, Standing
 from foldcar.camera.lens import Lens
 from foldcar.camera.markers import CAR_ID, FIRST_OBSTACLE_ID, MOST_OBSTACLES, Course, card_of
 from foldcar.camera.poses import PIXEL, CarMarker, find_pose
@@ -23,7 +23,8 @@ from foldcar.scenes.obstacles import CAR, Obstacle
 
 # How well a person lays a card against an obstacle, and glues a marker onto a lid.
 LAID_M, LAID_RAD = 0.001, 0.01
-# How well the height of a card on a hill or a hole is known, and places below it (m, as shares of its side).
+# How well the height of a card on a hill or a hole is known besides the hill's own (m), and places below it, as shares of
+# its side.
 HEIGHT_M = 0.003
 BELOW = numpy.linspace(-0.5, 0.5, 13)
 # What stands farther from its place is another obstacle.
@@ -66,7 +67,8 @@ def find_placed(
         laid = (math.hypot(LAID_M, LAID_RAD * card.left_m), LAID_M, LAID_RAD)
         if card.on_ground:
             middle = seen.mean(axis=0, keepdims=True)
-            lower, higher = (view.on_plane(middle, height_m + by) for by in (0.0, HEIGHT_M))
+            error_m = math.hypot(HEIGHT_M, HEIGHT_SHARE * height_m)
+            lower, higher = (view.on_plane(middle, height_m + by) for by in (0.0, error_m))
             off_m = math.hypot(LAID_M, float(numpy.linalg.norm(higher - lower)))
             laid = (off_m, off_m, LAID_RAD)
         errors[name] = _errors(view, seen, height_m, laid)

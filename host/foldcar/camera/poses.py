@@ -3,7 +3,7 @@
 Sought are x, y, z of the car's origin, heading, pitch (nose up), roll (left side up), most probable given the corners,
 p = projection(pose) + noise, and how a car stands on that ground (`ground.py`): Gauss-Newton on
 
-    sum |p - projection(pose)|² / pixel² + (z - z_g)² / σ_z² + ((pitch - p_g)² + (roll - r_g)²) / σ_tilt².
+    sum |p - projection(pose)|² / pixel² + (g - g_0)ᵀ Σ⁻¹ (g - g_0),   g = (z, pitch, roll).
 
 A flat marker far away looks the same tilted to either side: both poses of OpenCV's IPPE are tried. A car that has tipped
 does not stand as the ground says: where the corners contradict that by more than SURPRISE, they alone count.
@@ -27,6 +27,8 @@ ROUNDS = 8
 STEP = 1e-5
 # A pose and its six neighbours.
 STEPS = STEP * numpy.vstack([numpy.zeros(6), numpy.eye(6)])
+# What the ground tells: z, pitch, roll.
+GROUND = [2, 4, 5]
 # The print's right, top and front in the car's frame.
 PRINTED = numpy.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 
@@ -50,24 +52,30 @@ class CarMarker:
 class Pose:
     """x, y, z (m), heading, pitch, roll (rad), and what the corners are off by (pixels).
 
-    ``information`` is that of the corners at a noise of one pixel, ``weights`` that of the ground; ``stands``: as the
-    ground says.
+    ``information`` is that of the corners at a noise of one pixel, ``weights`` that of the ground, which has
+    ``expected``; ``stands``: as the ground says.
     """
 
     values: Floats
     information: Floats
     weights: Floats
+    expected: Floats
     residuals_px: Floats
     stands: bool
 
     def covariance(self, pixel: float) -> Floats:
         """The covariance of the values where corners have that noise (pixels)."""
-        whole = self.information / pixel**2 + numpy.diag(self.weights)
+        whole = self.information / pixel**2 + self.weights
         return numpy.asarray(numpy.linalg.pinv(whole, hermitian=True), float)
+
+    def by_corners(self, pixel: float) -> tuple[Floats, Floats]:
+        """Values and covariance by the corners alone: at the optimum what pulls at the corners balances the ground."""
+        spread = numpy.asarray(pixel**2 * numpy.linalg.pinv(self.information, hermitian=True), float)
+        return self.values + spread @ self.weights @ (self.values - self.expected), spread
 
     def freedom(self, pixel: float) -> float:
         """Of how many numbers the residuals tell the noise: 8 less what the values took."""
-        return 2.0 + float(self.weights @ numpy.diag(self.covariance(pixel)))
+        return 2.0 + float(numpy.trace(self.weights @ self.covariance(pixel)))
 
 
 def rotation(heading: float, pitch: float, roll: float) -> Floats:
@@ -159,14 +167,14 @@ def _refined(
         points = corners @ rotations(poses[:, 3:]).transpose(0, 2, 1) + poses[:, None, :3]
         return view.pixels(points.reshape(-1, 3)).reshape(len(poses), 8)
 
-    values, weights, expected = start.copy(), numpy.zeros(6), numpy.zeros(6)
+    values, weights, expected = start.copy(), numpy.zeros((6, 6)), numpy.zeros(6)
     if stands is not None:
-        expected[[2, 4, 5]] = stands.z_m, stands.pitch_rad, stands.roll_rad
-        weights[[2, 4, 5]] = numpy.array([stands.height_error_m, stands.tilt_error_rad, stands.tilt_error_rad]) ** -2.0
+        expected[GROUND] = stands.values
+        weights[numpy.ix_(GROUND, GROUND)] = numpy.linalg.inv(stands.covariance)
 
     def cost_of(values: Floats, at: Floats) -> float:
-        off = (at - wanted) / pixel
-        return float(off @ off + weights @ (values - expected) ** 2)
+        off, against = (at - wanted) / pixel, values - expected
+        return float(off @ off + against @ weights @ against)
 
     damping = 1e-6
     shown = projected(values + STEPS)
@@ -174,8 +182,8 @@ def _refined(
     for _ in range(ROUNDS):
         jacobian = (shown[1:] - shown[0]).T / (STEP * pixel)
         information = jacobian.T @ jacobian
-        normal = information + numpy.diag(weights)
-        gradient = jacobian.T @ ((wanted - shown[0]) / pixel) + weights * (expected - values)
+        normal = information + weights
+        gradient = jacobian.T @ ((wanted - shown[0]) / pixel) + weights @ (expected - values)
         step = numpy.linalg.solve(normal + damping * numpy.diag(numpy.diag(normal)), gradient)
         there = projected(values + step + STEPS)
         new = cost_of(values + step, there[0])
@@ -188,4 +196,5 @@ def _refined(
             if damping > 1e3:
                 break
     values[3:] = [math.remainder(angle, math.tau) for angle in values[3:]]
-    return cost, Pose(values, information * pixel**2, weights, (shown[0] - wanted).reshape(4, 2), stands is not None)
+    residuals = (shown[0] - wanted).reshape(4, 2)
+    return cost, Pose(values, information * pixel**2, weights, expected, residuals, stands is not None)

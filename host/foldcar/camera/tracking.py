@@ -13,6 +13,7 @@ from foldcar.camera.detection import Detector, Floats, Grey
 from foldcar.camera.ground import Standing
 from foldcar.camera.lens import READOUT_S, Lens
 from foldcar.camera.markers import CAR_ID, Course
+from foldcar.camera.obstacle_heights import fit_heights, height_remarks
 from foldcar.camera.poses import PIXEL, CarMarker, Pose, find_pose
 from foldcar.camera.smoother import smooth
 from foldcar.camera.view import View, find_view, moved_view
@@ -87,7 +88,7 @@ def track(
             "are needed"
         )
 
-    def poses_of(some: Sequence[tuple[int, Floats]], pixel: float) -> list[tuple[float, Pose]]:
+    def poses_of(some: Sequence[tuple[int, Floats]], pixel: float, ground: Standing) -> list[tuple[float, Pose]]:
         found, guess = [], None
         for frame, corners in some:
             pose = find_pose(corners, views.get(frame, first), car, ground, guess, pixel)
@@ -100,10 +101,14 @@ def track(
     # A first look at some frames tells how well corners are known in this film.
     pixel_error = PIXEL
     for _ in range(2):
-        some = [pose for _, pose in poses_of(shown[:: max(1, len(shown) // SOME_FRAMES)], pixel_error)]
+        some = [pose for _, pose in poses_of(shown[:: max(1, len(shown) // SOME_FRAMES)], pixel_error, ground)]
         squares = [float((pose.residuals_px**2).sum()) / pose.freedom(pixel_error) for pose in some]
         pixel_error = float(numpy.clip(numpy.sqrt(numpy.mean(squares)), LEAST_PIXEL, MOST_PIXEL))
-    found = poses_of(shown, pixel_error)
+    found = poses_of(shown, pixel_error, ground)
+    if len(ground.factors) > 1:
+        ground = fit_heights([pose for _, pose in found], ground, pixel_error)
+        remarks += height_remarks(ground)
+        found = poses_of(shown, pixel_error, ground)
     times, poses = [time_s for time_s, _ in found], [pose for _, pose in found]
     path, rates, covariances, used = smooth(
         numpy.array(times), numpy.array([pose.values for pose in poses]),

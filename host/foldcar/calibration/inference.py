@@ -41,8 +41,10 @@ DRAWS = 100
 LEAST_RUNS = 500  # as `foldcar calibrate` says
 # Designs of the family whose rates are checked.
 MOST_CHECKED = 40
-# Of a discrepancy, this part is shared by designs that are alike, over this part of the family's range.
-ALIKE, LENGTH = 0.5, 0.4
+# Of a discrepancy, these parts are shared by all designs and by like ones, over this part of the family's range.
+COMMON, ALIKE, LENGTH = 0.35, 0.35, 0.4
+# Of that of paths, this part is each trial's own.
+ALONE = 0.3
 
 
 @dataclass(frozen=True)
@@ -122,9 +124,8 @@ class Problem:
         car = self.observed.car
         same = (car[:, None] == car).astype(float)
         errors = np.where(np.isfinite(observed), self.observed.errors, 0.0)
-        return Features(
-            observed, errors, self.emulator.covariance, self.emulator.shares, same, self.alike[np.ix_(car, car)]
-        )
+        alike = (1 - ALONE) * self.alike[np.ix_(car, car)] + ALONE * np.eye(len(car))
+        return Features(observed, errors, self.emulator.covariance, self.emulator.shares, same, alike)
 
     def residuals(self, scores: FloatArray) -> FloatArray | None:
         """What is left of the trials' features (n, trials, features), in standard deviations of runs; None without."""
@@ -257,8 +258,8 @@ def checked(
 def likeness(designs: FloatArray) -> FloatArray:
     """How far designs (designs, k) share a discrepancy (designs, designs): 1 with themselves."""
     scaled = unit_range(designs)
-    found: FloatArray = ALIKE * Matern(scaled, LENGTH).covariance(scaled, scaled) + (1 - ALIKE) * np.eye(len(designs))
-    return found
+    found: FloatArray = COMMON + ALIKE * Matern(scaled, LENGTH).covariance(scaled, scaled)
+    return found + (1 - COMMON - ALIKE) * np.eye(len(designs))
 
 
 def rate_error(problem: Problem, bank: Bank) -> float:

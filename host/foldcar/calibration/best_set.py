@@ -2,7 +2,7 @@
 
 Sets are simulated in the same scenes and with the same cars: first the posterior's draws that the emulator likes best,
 then, in each round, those that a smooth model of each design's rate over all sets so far likes best, among many around
-the best known ones, closer each time. The last ones are simulated in scenes that did not choose them. There is no
+the best known ones, closer each time. Of the last ones further runs choose one, and others tell its rates. There is no
 discrepancy: each trial of a design passes with the simulated rate.
 """
 
@@ -44,7 +44,7 @@ class BestSet:
 
 def best_set_runs(designs: int) -> int:
     """How many runs a search takes for so many designs with trials."""
-    return designs * ((FIRST + len(SPREADS) * NEW) * SCENES + LAST * LAST_SCENES)
+    return designs * ((FIRST + len(SPREADS) * NEW) * SCENES + (LAST + 1) * LAST_SCENES)
 
 
 def best_set(simulator: Simulator, inference: Inference, done: Callable[[int], None] = lambda runs: None) -> BestSet:
@@ -98,13 +98,14 @@ def best_set(simulator: Simulator, inference: Inference, done: Callable[[int], N
         fresh = liked(model, drawn, NEW)
         sets, good = np.vstack([sets, fresh]), np.vstack([good, simulated(fresh, 0, SCENES)])
     sets = liked(smooth(), sets, LAST)
-    last = simulated(sets, SCENES, LAST_SCENES)
-    chosen = int(np.argmax(told((last + 0.5) / (LAST_SCENES + 1))))
-    rates = (last[chosen] + 0.5) / (LAST_SCENES + 1)
+    judged = told((simulated(sets, SCENES, LAST_SCENES) + 0.5) / (LAST_SCENES + 1))
+    chosen = sets[[int(np.argmax(judged))]]
+    last = simulated(chosen, SCENES + LAST_SCENES, LAST_SCENES)[0]
+    rates = (last + 0.5) / (LAST_SCENES + 1)
     # By Jeffreys' posterior of each rate.
-    drawn = stream.beta(last[chosen] + 0.5, LAST_SCENES - last[chosen] + 0.5, (4000, len(designs)))
+    drawn = stream.beta(last + 0.5, LAST_SCENES - last + 0.5, (4000, len(designs)))
     low, high = np.quantile(binom.logpmf(passed, counted, drawn).sum(axis=1), [0.05, 0.95])
-    values = values_of(sets[[chosen]])[0]
+    values = values_of(chosen)[0]
     return BestSet(
         values, rates, float(binom.logpmf(passed, counted, rates).sum()), (float(low), float(high)), LAST_SCENES
     )

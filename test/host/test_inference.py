@@ -28,7 +28,7 @@ from foldcar.calibration.summary import summarise
 
 SCENES = 30
 WIDTHS = (65.0, 95.0, 115.0, 180.0)
-# Degrees of freedom with which Student's t is normal.
+# Degrees of freedom with which Student's t is normal, and trials that all count.
 NORMAL = 1e7
 FRICTION, SPEED = NAMES.index("friction"), NAMES.index("servo_speed")
 
@@ -305,6 +305,7 @@ def test_the_posterior_is_that_of_rejection(monkeypatch: pytest.MonkeyPatch) -> 
 
     monkeypatch.setattr(inference_module, "sample_posterior", partial(sample_posterior, particles=3000))
     monkeypatch.setattr(posterior, "TAILS", NORMAL)
+    monkeypatch.setattr(inference_module, "MOST_TRIALS", NORMAL)
     found = one.posterior(1)
 
     stream, draws = np.random.default_rng(5), 2_000_000

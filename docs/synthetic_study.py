@@ -85,7 +85,9 @@ def main() -> int:
     answer = select(study, setting)
     show(f"answer: {answer['sentence']}")
 
-    run("sweep", listing, "--store", folder / "truth.db", "--engine", "mujoco", "--reality", folder / "reality.json")
+    # So many that chance hardly chooses the best.
+    truth = ("--environments", str(4 * setting.environments), "--reality", folder / "reality.json")
+    run("sweep", listing, "--store", folder / "truth.db", "--engine", "mujoco", *truth)
     return judge(folder, answer)
 
 

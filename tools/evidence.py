@@ -3,7 +3,7 @@
 Usage: evidence.py FOLDER PAGE [--realities N]. FOLDER keeps what is simulated: a second call simulates nothing that is
 there. Each reality is MuJoCo with soft tyres, camber, a centre of mass aside and a supply that sags, and with parameters
 of the simulator drawn from their prior. Ten cars of five widths drive there; rates of the widths that no car has are
-predicted by multibody, calibrated by the first 4, 12 and 24 trials, and held against rates simulated in the reality.
+predicted by multibody, calibrated by the first 4, 12, 24 and 48 trials, and held against rates simulated in the reality.
 
 All calibrations share the runs of the prior; those of `foldcar calibrate` have some around their own posterior, too.
 """
@@ -50,10 +50,10 @@ WIDTHS = {"from": 65, "to": 185, "step": 10}
 BEYOND = {
     "wheel_camber_rad": 0.035, "tyre_contact_time_s": 0.015, "com_y_m": 0.006, "supply_resistance_ohm": 0.3,
 }  # fmt: skip
-DRIVEN, CARS, TRIALS, NUMBERS = (1, 4, 6, 9, 12), 2, 48, (4, 12, 24)
+DRIVEN, CARS, TRIALS, NUMBERS = (1, 4, 6, 9, 12), 2, 48, (4, 12, 24, 48)
 # The trials' scenes begin there; those before it are the rates'.
-FIRST_SCENE, RATE_SCENES = 60, 60
-SETS, SEED = 900, 1
+FIRST_SCENE, RATE_SCENES = 240, 240
+SETS, SEED = 3000, 1
 CONFIDENCE = 0.9
 # What a camera adds to a place (m) and to an angle (rad).
 CAMERA_M, CAMERA_RAD = 0.002, 0.005
@@ -106,7 +106,7 @@ def swept(folder: Path) -> Path:
     store, listing = folder / "study.db", folder / "study.json"
     if not store.exists():
         data = {
-            "experiments": {"1": {"veh_id": 1, "env_id": 1, "params": {"timeout": 60, "environments": 100}}},
+            "experiments": {"1": {"veh_id": 1, "env_id": 1, "params": {"timeout": 60, "environments": 300}}},
             "vehicles": {"1": {"type": "W_B_W", "params": [
                 {"common": {"width": WIDTHS, "height": 50, "radius": 60}}, {"W": {"length": 60}}, {"B": {"length": 80}},
             ]}},

@@ -8,7 +8,8 @@ import pytest
 from scipy.special import expit, logsumexp
 from scipy.stats import binom, norm
 
-from foldcar.calibration.drive_features import FEATURES
+from foldcar.calibration import posterior
+from foldcar.calibration.drive_features import FAMILY_OF, FEATURES
 from foldcar.calibration.posterior import DISCREPANCY, EFFECTIVE, Features, _next_step, outcomes, sample_posterior
 
 
@@ -87,7 +88,7 @@ def test_two_cars_of_a_design_share_what_is_not_their_own() -> None:
     assert math.sqrt(variance[0]) == pytest.approx(math.sqrt(masses @ (shared * z - middle) ** 2), rel=0.05)
 
 
-def test_features_of_one_car_count_as_one_where_they_are_its_own() -> None:
+def test_features_of_one_car_count_as_one_where_they_are_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
     """The density of trials' features, some unknown, is that of one normal vector with all parts of the covariance."""
     stream = np.random.default_rng(4)
     root = np.tril(stream.normal(size=(FEATURES, FEATURES))) * 0.1 + np.eye(FEATURES)
@@ -95,14 +96,24 @@ def test_features_of_one_car_count_as_one_where_they_are_its_own() -> None:
     observed = stream.normal(size=(5, FEATURES))
     car = np.array([[1.0, 1, 0, 0, 0], [1, 1, 0, 0, 0], [0, 0, 1, 1, 0], [0, 0, 1, 1, 0], [0, 0, 0, 0, 1]])
     alike = 0.4 + 0.6 * (np.kron(np.eye(2), np.ones((3, 3)))[:5, :5])
-    kappa, means = np.array([0.0, 0.7]), stream.normal(size=(2, 5, FEATURES)) * 0.3
+    kappa = np.array([[0.0] * 4, [0.7, 0.2, 1.3, 0.4]])
+    means = stream.normal(size=(2, 5, FEATURES)) * 0.3
 
-    found = Features(observed, np.zeros((5, FEATURES)), covariance, shares, car, alike).log_likelihood(means, kappa)
+    features = Features(observed, np.zeros((5, FEATURES)), covariance, shares, car, alike)
+    with monkeypatch.context() as patch:
+        patch.setattr(posterior, "TAILS", 1e7)
+        found = features.log_likelihood(means, kappa)
+        far = means.copy()
+        far[0, 4, 0] -= 3.5
+        normal = features.log_likelihood(far, kappa)
 
     whole = []
-    for sd, mean in zip(kappa, means, strict=True):
+    for sds, mean in zip(kappa, means, strict=True):
         # Independent parts, of which each has its share of the car and its discrepancy; then as features.
-        parts = [share * car + (1 - share) * np.eye(5) + sd**2 * alike for share in shares]
+        parts = [
+            share * car + (1 - share) * np.eye(5) + sds[family] ** 2 * alike
+            for share, family in zip(shares, FAMILY_OF, strict=True)
+        ]
         joint = np.zeros((5, FEATURES, 5, FEATURES))
         for feature, part in enumerate(parts):
             joint[:, feature, :, feature] = part
@@ -110,7 +121,10 @@ def test_features_of_one_car_count_as_one_where_they_are_its_own() -> None:
         joint = np.einsum("ia,satb,jb->sitj", chol, joint, chol).reshape(5 * FEATURES, 5 * FEATURES)
         left = (observed - mean).ravel()
         whole.append(-0.5 * (left @ np.linalg.solve(joint, left) + np.linalg.slogdet(joint)[1]))
-    assert found[1] - found[0] == pytest.approx(whole[1] - whole[0], rel=1e-6)
+    assert found[1] - found[0] == pytest.approx(whole[1] - whole[0], rel=1e-5)
+    # A car that hung for a while tells less than if features were normal.
+    near, outlier = (features.log_likelihood(at, kappa)[0] for at in (means, far))
+    assert near - outlier < 0.7 * (found[0] - normal[0])
 
 
 def test_draws_of_many_sharp_parameters_are_told_apart() -> None:

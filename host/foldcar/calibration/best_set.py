@@ -1,25 +1,28 @@
 """The one set of parameters that explains the numbers of passed trials best, searched by simulation alone.
 
-A population begins with the posterior's draws that the emulator likes best. In each round all are simulated in the same
-scenes and with the same cars; the best are kept, with the runs that they have, and others are drawn around them, closer
-each time. The last ones are simulated in scenes that did not choose them. There is no discrepancy: each trial of a design
-passes with the simulated rate.
+Sets are simulated in the same scenes and with the same cars: first the posterior's draws that the emulator likes best,
+then, in each round, those that a smooth model of each design's rate over all sets so far likes best, among many around
+the best known ones, closer each time. Of the last ones further runs choose one, and others tell its rates. There is no
+discrepancy: each trial of a design passes with the simulated rate.
 """
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import xlog1py, xlogy
+from scipy.special import expit, xlog1py, xlogy
 from scipy.stats import binom
 
+from foldcar.analysis.gaussian_process import SuccessModel, success_model
 from foldcar.calibration.experiment import CalibrationRun, Simulator
 from foldcar.calibration.inference import Inference
 from foldcar.calibration.parameters import LARGEST_SCORE, FloatArray, values_of
 
-POPULATION, KEPT, SCENES = 24, 6, 25
-# The spread of new sets about the kept ones, by round, in standard deviations of the prior.
-SPREADS = (0.5, 0.4, 0.3, 0.2, 0.15)
+FIRST, SCENES = 40, 40
+# The spread of new sets about the best ones, by round, in standard deviations of the prior.
+SPREADS = (0.6, 0.5, 0.4, 0.3, 0.25, 0.2, 0.15, 0.1)
+# Of each round: sets that are simulated, those about which others are drawn, and how many are drawn.
+NEW, PARENTS, DRAWN = 16, 5, 4000
 LAST, LAST_SCENES = 3, 300
 # Numbers of runs, beyond those of any calibration.
 FIRST_NUMBER = 10**9
@@ -41,7 +44,7 @@ class BestSet:
 
 def best_set_runs(designs: int) -> int:
     """How many runs a search takes for so many designs with trials."""
-    return designs * (len(SPREADS) * POPULATION * SCENES + LAST * LAST_SCENES)
+    return designs * ((FIRST + len(SPREADS) * NEW) * SCENES + (LAST + 1) * LAST_SCENES)
 
 
 def best_set(simulator: Simulator, inference: Inference, done: Callable[[int], None] = lambda runs: None) -> BestSet:
@@ -64,35 +67,45 @@ def best_set(simulator: Simulator, inference: Inference, done: Callable[[int], N
         table = np.array([one is not None and one.passed for one in drives], dtype=float)
         return np.asarray(table.reshape(len(scores), len(designs), scenes).sum(axis=2))
 
-    def score(good: FloatArray, all_runs: FloatArray) -> FloatArray:
-        rates = (good + 0.5) / (all_runs[:, None] + 1)
+    def told(rates: FloatArray) -> FloatArray:
         return np.asarray((xlogy(passed, rates) + xlog1py(counted - passed, -rates)).sum(axis=1))
 
-    draws = inference.posterior.scores
-    cells = len(inference.problem.observed.cells)
+    draws, cells = inference.posterior.scores, len(inference.problem.observed.cells)
     logits = inference.problem.emulator.logits(draws, inference.problem.inputs[cells + designs])
-    rates = 1 / (1 + np.exp(-logits))
-    liked = np.argsort(-(xlogy(passed, rates) + xlog1py(counted - passed, -rates)).sum(axis=1))
-    sets = draws[liked[:POPULATION]]
-    good, number = np.zeros((0, len(designs))), np.zeros(0)
-    for turn, spread in enumerate(SPREADS):
-        fresh = sets[len(good) :]
-        # Those that are kept meet further scenes, new ones as many from the first on.
-        good = np.vstack([good + simulated(sets[: len(good)], turn * SCENES, SCENES), simulated(fresh, 0, SCENES)])
-        number = np.append(number + SCENES, np.full(len(fresh), float(SCENES)))
-        best = np.argsort(-score(good, number))[:KEPT]
-        sets, good, number = sets[best], good[best], number[best]
-        parents = sets[stream.integers(0, KEPT, POPULATION - KEPT)]
-        near = parents + spread * stream.standard_normal(parents.shape)
-        near[:, list(inference.problem.known)] = parents[:, list(inference.problem.known)]
-        sets = np.vstack([sets, near.clip(-LARGEST_SCORE, LARGEST_SCORE)])
-    last = simulated(sets[:LAST], len(SPREADS) * SCENES, LAST_SCENES)
-    chosen = int(np.argmax(score(last, np.full(LAST, float(LAST_SCENES)))))
-    rates = (last[chosen] + 0.5) / (LAST_SCENES + 1)
+    sets = draws[np.argsort(-told(expit(logits)))[:FIRST]].clip(-LARGEST_SCORE, LARGEST_SCORE)
+    free = [one for one in range(draws.shape[1]) if one not in inference.problem.known]
+    # The edges belong to the range of the model, which has no rates beyond that of the sets.
+    edges = np.tile(sets[0], (2, 1))
+    edges[:, free] = [[-LARGEST_SCORE], [LARGEST_SCORE]]
+    sets = np.vstack([sets[:-2], edges])
+    good = simulated(sets, 0, SCENES)
+
+    def liked(model: list[SuccessModel], some: FloatArray, most: int) -> FloatArray:
+        """At most so many of the sets, the best first."""
+        rates = np.column_stack([of_design.rates(some[:, free])[0] for of_design in model])
+        return some[np.argsort(-told(rates))[:most]]
+
+    def smooth() -> list[SuccessModel]:
+        runs = np.full(len(sets), float(SCENES))
+        return [success_model(sets[:, free], column, runs) for column in good.T]
+
+    for spread in SPREADS:
+        model = smooth()
+        parents = liked(model, sets, PARENTS)
+        drawn = parents[stream.integers(0, PARENTS, DRAWN)]
+        drawn[:, free] += spread * stream.standard_normal((DRAWN, len(free)))
+        drawn = drawn.clip(-LARGEST_SCORE, LARGEST_SCORE)
+        fresh = liked(model, drawn, NEW)
+        sets, good = np.vstack([sets, fresh]), np.vstack([good, simulated(fresh, 0, SCENES)])
+    sets = liked(smooth(), sets, LAST)
+    judged = told((simulated(sets, SCENES, LAST_SCENES) + 0.5) / (LAST_SCENES + 1))
+    chosen = sets[[int(np.argmax(judged))]]
+    last = simulated(chosen, SCENES + LAST_SCENES, LAST_SCENES)[0]
+    rates = (last + 0.5) / (LAST_SCENES + 1)
     # By Jeffreys' posterior of each rate.
-    drawn = stream.beta(last[chosen] + 0.5, LAST_SCENES - last[chosen] + 0.5, (4000, len(designs)))
+    drawn = stream.beta(last + 0.5, LAST_SCENES - last + 0.5, (4000, len(designs)))
     low, high = np.quantile(binom.logpmf(passed, counted, drawn).sum(axis=1), [0.05, 0.95])
-    values = values_of(sets[[chosen]])[0]
+    values = values_of(chosen)[0]
     return BestSet(
         values, rates, float(binom.logpmf(passed, counted, rates).sum()), (float(low), float(high)), LAST_SCENES
     )

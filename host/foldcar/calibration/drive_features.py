@@ -25,6 +25,8 @@ FAMILIES = (
     CLIMBING, TIPPING, SPEED,
 )  # fmt: skip
 FEATURES = len(FAMILIES)
+FAMILY_NAMES = tuple(dict.fromkeys(FAMILIES))
+FAMILY_OF = tuple(FAMILY_NAMES.index(family) for family in FAMILIES)
 PITCH, ROLL, TIME = FEATURES - 3, FEATURES - 2, FEATURES - 1
 # Parts of the way are driven in at least this time (s), and angles below this one (rad) are as good as none.
 LEAST_S, LEAST_RAD = 1e-3, 0.02

@@ -41,8 +41,13 @@ DRAWS = 100
 LEAST_RUNS = 500  # as `foldcar calibrate` says
 # Designs of the family whose rates are checked.
 MOST_CHECKED = 40
-# Of a discrepancy, this part is shared by designs that are alike, over this part of the family's range.
-ALIKE, LENGTH = 0.5, 0.4
+# Of a discrepancy, these parts are shared by all designs and by like ones, over this part of the family's range.
+COMMON, ALIKE, LENGTH = 0.35, 0.35, 0.4
+# Of that of paths, this part is each trial's own.
+ALONE = 0.3
+# Any number of trials tells by their paths and ways to fail as much as so many would if the simulator were right but for
+# the discrepancies (a coarsened posterior: Miller and Dunson 2019, doi:10.1080/01621459.2018.1469995).
+MOST_TRIALS = 24.0
 
 
 @dataclass(frozen=True)
@@ -81,10 +86,11 @@ class Problem:
             scores = self.pinned(scores)
             by_cell = self.emulator.end_chances(scores, cells)
             chances = by_cell[:, self.observed.cell]
-            found = self._outcomes(success_logits(by_cell), tau).evidence + self._ways(chances)
+            paths = self._ways(chances)
             if features is not None:
-                found = found + features.log_likelihood(self._means(scores), kappa)
-            return found
+                paths = paths + features.log_likelihood(self._means(scores), kappa)
+            weight = MOST_TRIALS / (MOST_TRIALS + len(self.observed.cell))
+            return self._outcomes(success_logits(by_cell), tau).evidence + weight * paths
 
         found = sample_posterior(likelihood, len(PARAMETERS), seed)
         return replace(found, scores=self.pinned(found.scores))
@@ -122,9 +128,8 @@ class Problem:
         car = self.observed.car
         same = (car[:, None] == car).astype(float)
         errors = np.where(np.isfinite(observed), self.observed.errors, 0.0)
-        return Features(
-            observed, errors, self.emulator.covariance, self.emulator.shares, same, self.alike[np.ix_(car, car)]
-        )
+        alike = (1 - ALONE) * self.alike[np.ix_(car, car)] + ALONE * np.eye(len(car))
+        return Features(observed, errors, self.emulator.covariance, self.emulator.shares, same, alike)
 
     def residuals(self, scores: FloatArray) -> FloatArray | None:
         """What is left of the trials' features (n, trials, features), in standard deviations of runs; None without."""
@@ -257,8 +262,8 @@ def checked(
 def likeness(designs: FloatArray) -> FloatArray:
     """How far designs (designs, k) share a discrepancy (designs, designs): 1 with themselves."""
     scaled = unit_range(designs)
-    found: FloatArray = ALIKE * Matern(scaled, LENGTH).covariance(scaled, scaled) + (1 - ALIKE) * np.eye(len(designs))
-    return found
+    found: FloatArray = COMMON + ALIKE * Matern(scaled, LENGTH).covariance(scaled, scaled)
+    return found + (1 - COMMON - ALIKE) * np.eye(len(designs))
 
 
 def rate_error(problem: Problem, bank: Bank) -> float:

@@ -13,7 +13,7 @@ from scipy.stats import binom
 
 from foldcar.analysis.words import design_text, listed, percent
 from foldcar.calibration.best_set import BestSet
-from foldcar.calibration.drive_features import CLIMBING, FAMILIES, PITCH, SPEED, TIME, TIPPING, TURNING
+from foldcar.calibration.drive_features import CLIMBING, FAMILIES, FAMILY_NAMES, PITCH, SPEED, TIME, TIPPING, TURNING
 from foldcar.calibration.experiment import SweptExperiment
 from foldcar.calibration.inference import TOLERATED, Inference, Problem
 from foldcar.calibration.parameters import NAMES, PARAMETERS, FloatArray, Parameter
@@ -138,7 +138,7 @@ def misfits(inference: Inference) -> list[dict[str, Any]]:
     if left is None:
         return []
     found = []
-    for family in dict.fromkeys(FAMILIES):
+    for family in FAMILY_NAMES:
         columns = left[..., [one == family for one in FAMILIES]]
         known = np.isfinite(columns[0]).any(axis=-1)
         if not known.any():
@@ -178,7 +178,9 @@ def _parameters(inference: Inference) -> list[dict[str, Any]]:
             rows.append(_parameter(parameter, values, scores))
     rows.append(_parameter(DISCREPANCY, inference.posterior.discrepancy, None))
     if inference.problem.features is not None:
-        rows.append(_parameter(PATH_DISCREPANCY, inference.posterior.path_discrepancy, None))
+        for family, values in zip(FAMILY_NAMES, inference.posterior.path_discrepancy.T, strict=True):
+            named = replace(PATH_DISCREPANCY, name=f"{PATH_DISCREPANCY.name} {family}")
+            rows.append(_parameter(named, values, None))
     return rows
 
 
@@ -298,10 +300,9 @@ def _fit(summary: Mapping[str, Any]) -> Iterator[str]:
         )
     else:
         yield f"The calibrated simulator's 95 % intervals cover the trials of all {len(designs)} designs."
-    for name, lacks in (("discrepancy", "Rates"), ("path_discrepancy", "Paths")):
-        for one in summary["parameters"]:
-            if one["name"] == name and one["posterior"]["median"] > 1.3 * one["prior"]["median"]:
-                yield f"{lacks} need a larger {name} than assumed before: the simulator lacks what cars have."
+    tau = next(one for one in summary["parameters"] if one["name"] == DISCREPANCY.name)
+    if tau["posterior"]["median"] > 1.3 * tau["prior"]["median"]:
+        yield "Rates need a larger discrepancy than assumed before: the simulator lacks what cars have."
     off = [one for one in summary["misfits"] if one["size"] > one["by_chance"] and one["size"] > WORTH]
     for one in sorted(off, key=lambda one: -one["size"]):
         yield (

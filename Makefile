@@ -12,10 +12,9 @@ unexport PYTHONPATH PYTHONHOME PYTHONSTARTUP PYTHONDONTWRITEBYTECODE VIRTUAL_ENV
 # foldcar and the tools write into the source tree only what is asked for.
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-# What pip installs: every package with its version and hashes.
+# What is installed: every package with its version and hashes.
 LOCK := host/requirements.txt
 RELEASE_LOCK := host/requirements-release.txt
-UV_VERSION := 0.13.9
 
 CARSIM := .pio/build/carsim/program
 CARSIM_MUJOCO := .pio/build/carsim_mujoco/program
@@ -257,11 +256,15 @@ clean:
 system-packages:
 	@tools/install_system_packages.sh
 
+# uv needs a fraction of pip's time; pip stays for where packages come from a place that only its own settings name.
 .venv/installed: pyproject.toml $(LOCK) | system-packages
 	@"$(PYTHON)" -c 'import sys; sys.exit(sys.version_info < (3, 10))' || { \
 	  echo 'make: PYTHON=$(PYTHON) is missing or older than Python 3.10; name a newer one' >&2; exit 2; }
 	"$(PYTHON)" -m venv .venv
-	$(BIN)/pip install --quiet --no-deps --require-hashes -r $(LOCK)
+	sed -n '/^uv==/,/[^\\]$$/p' $(LOCK) >.venv/uv.txt
+	$(BIN)/pip install --quiet --no-deps --require-hashes -r .venv/uv.txt
+	$(BIN)/uv pip install --quiet --python $(BIN)/python $(if $(PIP_INDEX_URL),--index-url $(PIP_INDEX_URL)) --no-deps --require-hashes -r $(LOCK) || \
+	  $(BIN)/pip install --quiet --no-deps --require-hashes -r $(LOCK)
 	$(BIN)/pip install --quiet --no-deps --no-build-isolation --editable .
 	@touch $@
 
@@ -275,10 +278,10 @@ docs: .pio/release/installed
 	@echo "The site is $(CURDIR)/out/site/index.html; with search: $(BIN)/python -m http.server --directory out/site"
 
 # One lock for every supported Python; what it names stays as it is where it still fits (LOCK_FLAGS=--upgrade renews it).
-lock: .pio/lock/bin/uv
-	.pio/lock/bin/uv pip compile --universal --python-version 3.10 --generate-hashes --no-emit-index-url \
+lock: .venv/installed
+	$(BIN)/uv pip compile --universal --python-version 3.10 --generate-hashes --no-emit-index-url \
 	  --no-annotate --custom-compile-command 'make lock' --quiet $(LOCK_FLAGS) --extra dev pyproject.toml -o $(LOCK)
-	.pio/lock/bin/uv pip compile --universal --python-version 3.10 --generate-hashes --no-emit-index-url --no-annotate \
+	$(BIN)/uv pip compile --universal --python-version 3.10 --generate-hashes --no-emit-index-url --no-annotate \
 	  --custom-compile-command 'make lock' --quiet $(LOCK_FLAGS) --group pyproject.toml:release -o $(RELEASE_LOCK)
 
 # A wheel with carsim: the archive of the sources, then the wheel from nothing but that archive.
@@ -299,10 +302,6 @@ installed:
 	"$(PYTHON)" -m venv .pio/release
 	.pio/release/bin/pip install --quiet --no-deps --require-hashes -r $(RELEASE_LOCK)
 	@touch $@
-
-.pio/lock/bin/uv:
-	"$(PYTHON)" -m venv .pio/lock
-	.pio/lock/bin/pip install --quiet uv==$(UV_VERSION)
 
 # Quick where all is there already; see the script for when it does something.
 platformio: .venv/installed

@@ -82,7 +82,7 @@ def main() -> int:
     run("compare", study, "--simulated-trials", "--experiment", "1")
     run("calibrate", study, "--simulated-trials", "--runs", str(setting.runs), "--name", "trials")
     run("sweep", listing, "--store", study, "--calibration", "trials")
-    answer = select(study, setting)
+    answer = select(study, setting, "calibrated")
     show(f"answer: {answer['sentence']}")
 
     # So many that chance hardly chooses the best.
@@ -108,9 +108,10 @@ def write_listing(folder: Path, setting: Setting) -> Path:
     return file
 
 
-def select(study: Path, setting: Setting) -> Any:
-    """What `foldcar select` says, as it prints it with --json."""
-    words = ("select", study, "--build", str(setting.designs), "--simulated-trials", "--experiment", "1", "--json")
+def select(study: Path, setting: Setting, simulated: str = "nominal") -> Any:
+    """What `foldcar select` says by the nominal or the calibrated sweep, as it prints it with --json."""
+    of = ("--experiment", EXPERIMENTS[simulated])
+    words = ("select", study, "--build", str(setting.designs), "--simulated-trials", *of, "--json")
     return json.loads(run(*words, quiet=True))["experiments"][0]
 
 

@@ -2,8 +2,9 @@
 
 Sets are simulated in the same scenes and with the same cars: first the posterior's draws that the emulator likes best,
 then, in each round, those that a smooth model of each design's rate over all sets so far likes best, among many around
-the best known ones, closer each time. Of the last ones further runs choose one, and others tell its rates. There is no
-discrepancy: each trial of a design passes with the simulated rate.
+each of the best known ones, closer each time. These lie apart: unlike sets may explain the trials alike. Of the last ones
+further runs choose one, and others tell its rates. There is no discrepancy: each trial of a design passes with the
+simulated rate.
 """
 
 from collections.abc import Callable, Mapping
@@ -18,11 +19,11 @@ from foldcar.calibration.experiment import CalibrationRun, Simulator
 from foldcar.calibration.inference import Inference
 from foldcar.calibration.parameters import LARGEST_SCORE, FloatArray, values_of
 
-FIRST, SCENES = 40, 40
+FIRST, SCENES = 60, 40
 # The spread of new sets about the best ones, by round, in standard deviations of the prior.
 SPREADS = (0.6, 0.5, 0.4, 0.3, 0.25, 0.2, 0.15, 0.1)
-# Of each round: sets that are simulated, those about which others are drawn, and how many are drawn.
-NEW, PARENTS, DRAWN = 16, 5, 4000
+# Of each round: best sets, at least so far apart, about each of which some are drawn and the likeliest are simulated.
+PARENTS, APART, DRAWN, NEW = 6, 2.0, 1000, 4
 LAST, LAST_SCENES = 3, 300
 # Numbers of runs, beyond those of any calibration.
 FIRST_NUMBER = 10**9
@@ -44,7 +45,7 @@ class BestSet:
 
 def best_set_runs(designs: int) -> int:
     """How many runs a search takes for so many designs with trials."""
-    return designs * ((FIRST + len(SPREADS) * NEW) * SCENES + (LAST + 1) * LAST_SCENES)
+    return designs * ((FIRST + len(SPREADS) * PARENTS * NEW) * SCENES + (LAST + 1) * LAST_SCENES)
 
 
 def best_set(simulator: Simulator, inference: Inference, done: Callable[[int], None] = lambda runs: None) -> BestSet:
@@ -89,13 +90,16 @@ def best_set(simulator: Simulator, inference: Inference, done: Callable[[int], N
         runs = np.full(len(sets), float(SCENES))
         return [success_model(sets[:, free], column, runs) for column in good.T]
 
+    def around(parent: FloatArray, spread: float) -> FloatArray:
+        drawn = np.tile(parent, (DRAWN, 1))
+        drawn[:, free] += spread * stream.standard_normal((DRAWN, len(free)))
+        return drawn.clip(-LARGEST_SCORE, LARGEST_SCORE)
+
     for spread in SPREADS:
         model = smooth()
-        parents = liked(model, sets, PARENTS)
-        drawn = parents[stream.integers(0, PARENTS, DRAWN)]
-        drawn[:, free] += spread * stream.standard_normal((DRAWN, len(free)))
-        drawn = drawn.clip(-LARGEST_SCORE, LARGEST_SCORE)
-        fresh = liked(model, drawn, NEW)
+        fresh = np.vstack([
+            liked(model, around(parent, spread), NEW) for parent in _apart(liked(model, sets, len(sets)))
+        ])  # fmt: skip
         sets, good = np.vstack([sets, fresh]), np.vstack([good, simulated(fresh, 0, SCENES)])
     sets = liked(smooth(), sets, LAST)
     judged = told((simulated(sets, SCENES, LAST_SCENES) + 0.5) / (LAST_SCENES + 1))
@@ -109,3 +113,12 @@ def best_set(simulator: Simulator, inference: Inference, done: Callable[[int], N
     return BestSet(
         values, rates, float(binom.logpmf(passed, counted, rates).sum()), (float(low), float(high)), LAST_SCENES
     )
+
+
+def _apart(sets: FloatArray) -> FloatArray:
+    """The first PARENTS of the sets that are at least APART; if there are fewer, the first ones again."""
+    chosen = sets[:1]
+    for one in sets[1:]:
+        if len(chosen) < PARENTS and np.linalg.norm(chosen - one, axis=1).min() >= APART:
+            chosen = np.vstack([chosen, one])
+    return np.resize(chosen, (PARENTS, sets.shape[1]))

@@ -13,7 +13,7 @@ from scipy.special import expit
 from scipy.stats import binom, norm
 
 from foldcar.calibration import best_set as best_set_module
-from foldcar.calibration import emulator, posterior
+from foldcar.calibration import emulator
 from foldcar.calibration import inference as inference_module
 from foldcar.calibration.best_set import LAST_SCENES, best_set, best_set_runs
 from foldcar.calibration.drive_features import ENDS, FEATURES, PITCH, TIME, possible_ends
@@ -28,8 +28,6 @@ from foldcar.calibration.summary import summarise
 
 SCENES = 30
 WIDTHS = (65.0, 95.0, 115.0, 180.0)
-# Degrees of freedom with which Student's t is normal, and trials that all count.
-NORMAL = 1e7
 FRICTION, SPEED = NAMES.index("friction"), NAMES.index("servo_speed")
 
 
@@ -304,8 +302,7 @@ def test_the_posterior_is_that_of_rejection(monkeypatch: pytest.MonkeyPatch) -> 
     one = problem(swept, observed, emulated)
 
     monkeypatch.setattr(inference_module, "sample_posterior", partial(sample_posterior, particles=3000))
-    monkeypatch.setattr(posterior, "TAILS", NORMAL)
-    monkeypatch.setattr(inference_module, "MOST_TRIALS", NORMAL)
+    monkeypatch.setattr(inference_module, "MOST_TRIALS", 1e9)
     found = one.posterior(1)
 
     stream, draws = np.random.default_rng(5), 2_000_000

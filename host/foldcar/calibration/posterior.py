@@ -6,10 +6,10 @@ shares with the other cars of its design, and in part with cars of like designs,
 which is what no parameter explains. The e_c are integrated out by Laplace's method (Rasmussen and Williams 2006,
 algorithm 3.1).
 
-Model of features of a path: Student's t about the simulator's mean, with the covariance that simulated runs have. A part
-of it is the car's, the same in all its drives, and here, too, a discrepancy is added: of each family of features κ times
-as large as the scatter of runs (:class:`Features`). τ and all κ are inferred, so that a misfit widens the posterior
-rather than biases it, and what the simulator has wrong in one family does not spoil the others.
+Model of features of a path: normal about the simulator's mean, with the covariance that simulated runs have. A part of
+it is the car's, the same in all its drives, and here, too, a discrepancy is added: of each family of features κ times as
+large as the scatter of runs (:class:`Features`). τ and all κ are inferred, so that a misfit widens the posterior rather
+than biases it, and what the simulator has wrong in one family does not spoil the others.
 
 Draws are made by sequential Monte Carlo with tempering (Chopin and Papaspiliopoulos 2020, chapter 17) and preconditioned
 Crank-Nicolson moves, which leave the normal prior of the scores as it is.
@@ -42,8 +42,6 @@ ACCEPTED = 0.3
 NEWTON_STEPS = 8
 # A feature farther off than this many standard deviations says no more than one at them.
 FARTHEST = 4.0
-# Degrees of freedom of Student's t: simulated features have such tails, too, as cars hang for a while or do not.
-TAILS = 4.0
 
 IntArray = np.ndarray[tuple[int], np.dtype[np.int64]]
 # The log-likelihood (n,) of scores (n, parameters) with discrepancies τ (n,) and κ (n, families).
@@ -191,8 +189,7 @@ class Features:
         found = np.zeros(len(means))
         for feature, rows, turn, spread in self._parts:
             variance = 1 + kappa[:, [FAMILY_OF[feature]]] ** 2 * spread
-            squares = (left[:, rows, feature] @ turn.T) ** 2 / variance
-            found -= 0.5 * ((TAILS + 1) * np.log1p(squares / (TAILS - 2)) + np.log(variance)).sum(axis=1)
+            found -= 0.5 * ((left[:, rows, feature] @ turn.T) ** 2 / variance + np.log(variance)).sum(axis=1)
         return found
 
 

@@ -13,6 +13,7 @@ from foldcar.advice.comparison import _verdict
 from foldcar.advice.evidence import Evidence, _pair_remarks
 from foldcar.advice.reasons import Parting, first_reason, next_reason
 from foldcar.advice.selecting import _Choice
+from foldcar.analysis.built_cars import PRIOR
 from foldcar.analysis.gap import AGREES, TOO_FEW, Gap, rank_agreement
 from foldcar.analysis.gaussian_process import success_model
 from foldcar.analysis.rate import Rate
@@ -78,9 +79,13 @@ def test_a_first_design_is_told_of_its_share_in_simulation() -> None:
 def test_a_loss_as_large_as_the_precision_is_small_enough(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of two draws the first has the second design better by 0.25; each of both reaches the threshold surely."""
     designs: Any = [
-        SimpleNamespace(label=f"{w} mm", design={"width_mm": w}, trials=range(10), mean_time_s=30.0) for w in (65.0, 95.0)
+        SimpleNamespace(
+            label=f"{w} mm", design={"width_mm": w}, trials=range(10), cars=None, mean_time_s=30.0, spread=PRIOR
+        )
+        for w in (65.0, 95.0)
     ]
     monkeypatch.setattr(costs, "LEAST_GAIN", 1.0)
+    monkeypatch.setattr(costs, "MOST_LOSS", 0.125)
     known = Rate(0.9, 0.8, 0.95, 0.95, "")
     seen = outlook.Outlook(
         tuple(designs), numpy.array([[65.0], [95.0]]), numpy.full((2, 2), 20), numpy.array([[9, 10]] * 2),

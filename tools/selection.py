@@ -31,9 +31,8 @@ from foldcar.analysis.selection import (
     correlation_within_cars,
     expected_loss,
     first_designs,
+    further_effort,
     gain_per_hour,
-    independent_trials,
-    least_effort,
     trials_needed,
 )
 
@@ -172,7 +171,7 @@ def planned(index: int, draws: numpy.ndarray, widths: dict[int, Width], further:
     spread = float(widths[index].weights @ SPREADS) if index in widths else float(numpy.mean(some))
     done = widths[index].counted if index in widths else []
     alike = correlation_within_cars(draws[:, index], spread)
-    return least_effort(max(least, independent_trials(done, alike) + further), alike, ASSEMBLY_MIN, TRIAL_MIN, done)
+    return further_effort(further, alike, ASSEMBLY_MIN, TRIAL_MIN, done, least)
 
 
 def selected(runs: numpy.ndarray, draws: numpy.ndarray, number: int) -> Sequence[int]:

@@ -27,10 +27,9 @@ from foldcar.analysis.selection import (
     correlation_within_cars,
     expected_loss,
     first_designs,
+    further_effort,
     gain_per_hour,
     honest_best,
-    independent_trials,
-    least_effort,
     telling_environments,
     trials_needed,
     trials_to_tell,
@@ -244,11 +243,19 @@ class _Choice:
     def _effort(self, index: int, further: int, least: int = 0) -> Effort:
         """The work for so many further independent trials of a design, or ``least`` in all."""
         one = self.seen.designs[index]
-        spread, driven = self._car_sd(one), [] if one.cars is None else one.cars.counted.astype(int).tolist()
+        driven = [] if one.cars is None else one.cars.counted.astype(int).tolist()
+        return further_effort(further, self._alike[index], ASSEMBLY_MIN, trial_min(one.mean_time_s), driven, least)
+
+    @cached_property
+    def _alike(self) -> list[float]:
+        """The correlation of trials of one car, by design."""
+        spreads = [self._car_sd(one) for one in self.seen.designs]
         # Some of the draws are enough.
-        alike = 0.0 if spread is None else correlation_within_cars(self.seen.draws[::10, index], spread)
-        wanted = max(least, independent_trials(driven, alike) + further)
-        return least_effort(wanted, alike, ASSEMBLY_MIN, trial_min(one.mean_time_s), driven)
+        some = self.seen.draws[::10].T
+        return [
+            0.0 if spread is None else correlation_within_cars(rates, spread)
+            for rates, spread in zip(some, spreads, strict=True)
+        ]
 
     @cached_property
     def _undecided(self) -> tuple[Undecided, ...]:

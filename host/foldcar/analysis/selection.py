@@ -298,6 +298,14 @@ def least_effort(
     return Effort(int(cars[best]), int(trials[best]), int(each[best, 0]))
 
 
+def further_effort(
+    further: int, correlation: float, car_min: float, trial_min: float, done: Sequence[int] = (), least: int = 0
+) -> Effort:
+    """The quickest way to so many ``further`` independent trials, or to ``least`` in all; else as least_effort."""
+    wanted = max(least, independent_trials(done, correlation) + further)
+    return least_effort(wanted, correlation, car_min, trial_min, done)
+
+
 def _mean_half_width(rates: NDArray[Any], number: int) -> float:
     """The mean over rates of the half-width of Wilson's interval when a share of the rate has passed."""
     widths = numpy.sqrt(rates * (1 - rates) / number + (Z / (2 * number)) ** 2) * Z / (1 + Z**2 / number)

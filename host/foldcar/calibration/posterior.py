@@ -2,9 +2,9 @@
 
 Model of outcomes: car c of design d passes in scene s with probability logistic(l_ds(θ) + e_c). l_ds(θ) is the
 simulator's. e_c are normal: each car has a part of its own, with the standard deviation that simulated cars have, and
-shares with the other cars of its design, and in part with cars of like designs, a discrepancy with standard deviation τ,
-which is what no parameter explains. The e_c are integrated out by Laplace's method (Rasmussen and Williams 2006,
-algorithm 3.1).
+shares with the other cars of its design, and in parts with cars of like designs and with all cars, a discrepancy with
+standard deviation τ, which is what no parameter explains. The e_c are integrated out by Laplace's method (Rasmussen and
+Williams 2006, algorithm 3.1).
 
 Model of features of a path: normal about the simulator's mean, with the covariance that simulated runs have. A part of
 it is the car's, the same in all its drives, and here, too, a discrepancy is added: of each family of features κ times as

@@ -93,7 +93,6 @@ def tap(tab: Tab, person: Typist, label: str) -> None:
     tab.ask(f"{button}.click()")
 
 
-@pytest.mark.slow
 def test_a_phone_beside_the_course_drives_a_session(tmp_path: Path, free_course: Path) -> None:
     # Time enough for a busy machine's browser.
     free_course.write_text(free_course.read_text().replace('"timeout": 3', '"timeout": 60'))

@@ -4,6 +4,7 @@ Usage: evidence.py FOLDER PAGE [--realities N]. FOLDER keeps what is simulated: 
 there. Each reality is MuJoCo with soft tyres, camber, a centre of mass aside and a supply that sags, and with parameters
 of the simulator drawn from their prior. Ten cars of five widths drive there; rates of the widths that no car has are
 predicted by multibody, calibrated by the first 4, 12, 24 and 48 trials, and held against rates simulated in the reality.
+Of some calibrations obstacles, track and centre of mass were measured. Last, multibody has the true parameters.
 
 All calibrations share the runs of the prior; those of `foldcar calibrate` have some around their own posterior, too.
 """
@@ -13,6 +14,7 @@ import json
 import os
 import subprocess
 import sys
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -36,7 +38,6 @@ from foldcar.calibration.inference import Inference, Problem, checked
 from foldcar.calibration.observations import EVIDENCE, OUTCOMES, PATHS, Cell, Observations
 from foldcar.calibration.parameters import PARAMETERS, FloatArray, values_of
 from foldcar.calibration.predictions import rates_of
-from foldcar.calibration.summary import misfits
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.compact_path import answered_path
 from foldcar.simulation.engines import MUJOCO
@@ -54,6 +55,9 @@ DRIVEN, CARS, TRIALS, NUMBERS = (1, 4, 6, 9, 12), 2, 48, (4, 12, 24, 48)
 # The trials' scenes begin there; those before it are the rates'.
 FIRST_SCENE, RATE_SCENES = 240, 240
 SETS, SEED = 3000, 1
+# What can be measured of obstacles (a share) and a car (m), with a standard deviation, and by what evidence besides.
+MEASURED = {"obstacle_height": 0.02, "com_height_m": 0.002, "track_m": 0.0005}
+WAYS = (*((evidence, False) for evidence in EVIDENCE), (OUTCOMES, True), (PATHS, True))
 CONFIDENCE = 0.9
 # What a camera adds to a place (m) and to an angle (rad).
 CAMERA_M, CAMERA_RAD = 0.002, 0.005
@@ -175,7 +179,29 @@ def trials_of(one: Reality, number: int, evidence: str, experiment: SweptExperim
     )
 
 
-def calibrated(simulator: Simulator, observed: Observations, emulator: Emulator) -> Inference:
+def measured(one: Reality, number: int) -> dict[int, float]:
+    """The scores of MEASURED parameters by index, each with an error."""
+    stream = np.random.default_rng(2000 + number)
+    return {
+        index: float(one.scores[index] + MEASURED[parameter.name] / parameter.sd * stream.standard_normal())
+        for index, parameter in enumerate(PARAMETERS)
+        if parameter.name in MEASURED
+    }
+
+
+def true_rates(simulator: Simulator, one: Reality) -> FloatArray:
+    """The rates (designs,) that the simulator has with the reality's parameters, without what is beyond it."""
+    experiment, (values,) = simulator.experiment, values_of(one.scores[None])
+    designs, scenes = len(experiment.designs), experiment.scenes[:RATE_SCENES]
+    numbers = range(designs * len(scenes))
+    runs = [CalibrationRun(i // len(scenes), values, scenes[i % len(scenes)], i, i) for i in numbers]
+    passed = [drive is not None and drive.passed for drive in simulator.drives(runs)]
+    return np.asarray(np.reshape(passed, (designs, -1)).mean(axis=1))
+
+
+def calibrated(
+    simulator: Simulator, observed: Observations, emulator: Emulator, known: Mapping[int, float]
+) -> Inference:
     """As the first round of `foldcar calibrate`, with an emulator that is there; rates are simulated afterwards."""
     experiment = simulator.experiment
     inputs, _ = cell_inputs(experiment, observed.cells)
@@ -183,7 +209,7 @@ def calibrated(simulator: Simulator, observed: Observations, emulator: Emulator)
     inputs = np.vstack([inputs[used], inputs[len(observed.cells) :]])
     cells = tuple(observed.cells[one] for one in used)
     observed = replace(observed, cells=cells, cell=np.searchsorted(used, observed.cell))
-    problem = Problem(observed, emulator, inputs, {})
+    problem = Problem(observed, emulator, inputs, known)
     designs = np.arange(len(experiment.designs))
     return checked(simulator, problem, problem.posterior(SEED), designs, 1, 10**7, silent)
 
@@ -193,13 +219,14 @@ def rows_of(folder: Path, simulator: Simulator, realities: list[Reality], emulat
     rows, experiment = [], simulator.experiment
     undriven = np.setdiff1d(np.arange(len(experiment.designs)), DRIVEN)
     for number in NUMBERS:
-        for evidence in EVIDENCE:
-            errors, covered, explained, off = [], [], [], []
+        for evidence, with_measures in WAYS:
+            name = f"{evidence}, measured" if with_measures else evidence
+            errors, covered, explained = [], [], []
             for index, one in enumerate(realities):
                 observed = trials_of(one, number, evidence, experiment)
-                found = kept(
-                    folder / f"{index}-{number}-{evidence}.pickle", partial(calibrated, simulator, observed, emulator)
-                )
+                known = measured(one, index) if with_measures else {}
+                make = partial(calibrated, simulator, observed, emulator, known)
+                found = kept(folder / f"{index}-{number}-{name}.pickle", make)
                 rates = rates_of(found, experiment, SEED)
                 ends = np.quantile(rates.predicted, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2], axis=0)
                 # The truth was counted, too.
@@ -209,11 +236,16 @@ def rows_of(folder: Path, simulator: Simulator, realities: list[Reality], emulat
                 )
                 covered.append(((ends[0] - noise <= one.rates) & (one.rates <= ends[1] + noise))[undriven].mean())
                 explained.append(1 - found.posterior.scores.var(axis=0))
-                off += [m["family"] for m in misfits(found) if m["size"] > m["by_chance"]]
-                print(number, evidence, index, np.round(errors[-1], 3), round(float(covered[-1]), 2), flush=True)
+                print(number, name, index, np.round(errors[-1], 3), round(float(covered[-1]), 2), flush=True)
             told = [f"{100 * value:.0f}" for value in np.maximum(np.mean(explained, axis=0)[:4], 0)]
             error = [f"{100 * value:.1f}" for value in np.mean(errors, axis=0)]
-            rows.append([str(number), evidence, *error, f"{100 * np.mean(covered):.0f}", *told])
+            rows.append([str(number), name, *error, f"{100 * np.mean(covered):.0f}", *told])
+    floor = []
+    for index, one in enumerate(realities):
+        rates = kept(folder / f"true{index}.pickle", partial(true_rates, simulator, one))
+        floor.append(np.abs(rates - one.rates)[undriven].mean())
+    print("true parameters", np.round(floor, 3))
+    rows.append(["", "true parameters", f"{100 * np.mean(floor):.1f}", *[""] * 6])
     head = ["trials", "by", "error", "with discrepancy", "covered %", "friction", "torque", "speed", "height"]
     return table(head, rows)
 

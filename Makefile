@@ -12,6 +12,10 @@ unexport PYTHONPATH PYTHONHOME PYTHONSTARTUP PYTHONDONTWRITEBYTECODE VIRTUAL_ENV
 # foldcar and the tools write into the source tree only what is asked for.
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
+# Debian's ccache, if it is there, compiles once what several environments compile alike.
+export PATH := /usr/lib/ccache:$(PATH)
+export CCACHE_DIR ?= $(CURDIR)/.pio/ccache
+
 # What is installed: every package with its version and hashes.
 LOCK := host/requirements.txt
 RELEASE_LOCK := host/requirements-release.txt
@@ -64,7 +68,7 @@ HEADER_FLAGS := -fsyntax-only -std=gnu++17 -Wall -Wextra -Werror -pthread -DUNIT
 HEADER_COMPILERS := g++ $(shell command -v clang++)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup mujoco study pyramids calibration fidelity statistics dear_runs test test-native headers test-host lint bench fuzz races fresh container-check clean wheel release lock system-packages platformio cluster-check torture installed fuzz-packages check docs tidy determinism golden
+.PHONY: help setup mujoco study pyramids calibration fidelity statistics dear_runs test test-packages test-native headers test-host lint bench fuzz races fresh container-check clean wheel release lock system-packages platformio cluster-check torture installed fuzz-packages check docs tidy determinism golden
 .DELETE_ON_ERROR:
 # Else make removes them as intermediate.
 .PRECIOUS: .pio/fuzz/obj/%.o
@@ -131,12 +135,15 @@ dear_runs: setup mujoco
 
 # All else runs beside the host's tests, in the time in which these wait for cars and browsers. What fails stands last, also
 # under make -j; a shell's background ignores Ctrl-C, hence the trap, and timeout ends all that it started.
-test: setup mujoco
-	@tools/install_system_packages.sh tests
+test: test-packages
+	@$(MAKE) --no-print-directory setup mujoco
 	@timeout 2h nice $(MAKE) -k lint test-native >.pio/beside.txt 2>&1 & beside=$$!; trap 'kill $$beside; exit 130' INT TERM; \
 	  $(MAKE) test-host; host=$$?; wait $$beside; others=$$?; \
 	  [ $$others = 0 ] && echo 'ruff, mypy, the C++ suites and their headers find nothing: .pio/beside.txt' || cat .pio/beside.txt; \
 	  exit $$((host | others))
+
+test-packages:
+	@tools/install_system_packages.sh tests
 
 lint: .venv/installed .pio/types/numpy
 	$(BIN)/ruff check host tools test $(wildcard bench)

@@ -12,8 +12,10 @@ set -eu
 packages='g++ make python3 python3-venv ca-certificates git nlohmann-json3-dev libgl1 libglib2.0-0 libxcb1'
 case ${1:-} in
 '') ;;
-# The browser in which tests open pages. Ubuntu has no such package, only a snap that reads no temporary files.
+# ccache compiles once what several environments compile alike; Chromium is the browser in which tests open pages: Ubuntu
+# has no such package, only a snap that reads no temporary files.
 tests)
+  packages="$packages ccache"
   command -v google-chrome >/dev/null || grep -q '^ID=ubuntu$' /etc/os-release || packages="$packages chromium"
   ;;
 check)

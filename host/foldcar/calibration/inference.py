@@ -47,7 +47,7 @@ COMMON, ALIKE, LENGTH = 0.35, 0.35, 0.4
 ALONE = 0.3
 # Any number of trials tells by their paths and ways to fail as much as so many would if the simulator were right but for
 # the discrepancies (a coarsened posterior: Miller and Dunson 2019, doi:10.1080/01621459.2018.1469995).
-MOST_TRIALS = 24.0
+MOST_TRIALS = 12.0
 
 
 @dataclass(frozen=True)

@@ -270,7 +270,7 @@ def test_the_lens_of_a_board_is_that_of_the_camera(tmp_path: Path) -> None:
         *((0.0, -0.12, 0.3), (0.15, -0.1, 0.25), (-0.15, -0.12, 0.28), (0.05, 0.2, 0.25), (0.0, -0.25, 0.2)),
         *((0.2, 0.02, 0.22), (-0.2, 0.05, 0.25), (0.1, -0.02, 0.35), (-0.08, 0.1, 0.33), (0.12, 0.14, 0.24)),
     ]
-    filming = Filming(width=800, height=450, k1=-0.05, k2=0.01)
+    filming = Filming(width=800, height=450, k1=-0.05, k2=0.01, moments=1)
     for at, place in enumerate(places):
         one = replace(filming, place_m=place, aim_m=(0.02 * (at % 3 - 1), 0.015 * (at % 4 - 1), 0.0))
         cv2.imwrite(str(tmp_path / f"{at}.png"), Film(one, [plate], None, None).frame(0.0))

@@ -168,6 +168,7 @@ def test_trials_that_fail_raise_obstacles_and_predict_failures(swept: Path) -> N
     assert all(one["track_m"] == pytest.approx(0, abs=1e-9) for one in told["draws"])
     assert not any("track_m" in pair["parameters"] for pair in told["correlations"])
     assert any(line.startswith("Most would be learned by 10 trials of 4") for line in told["findings"])
+    assert "Measuring often tells more than trials: obstacle_height and com_height_m (--known)." in told["findings"]
 
 
 def calibration(folder: Path, name: str = "mine", store: str = "s.db") -> Calibration:

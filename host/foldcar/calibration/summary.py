@@ -35,6 +35,8 @@ SHOWN_TRIALS = 3
 UNTOLD, TOLD = 0.1, 0.3
 # Correlations from here on are told; at most this many.
 CORRELATED, MOST_PAIRS = 0.25, 3
+# What a rule and a tilted board measure.
+MEASURABLE = ("obstacle_height", "com_height_m", "track_m")
 # Misfits of paths from this size on are told.
 WORTH = 1.15
 _LACKS = {
@@ -283,6 +285,9 @@ def findings(summary: Mapping[str, Any]) -> list[str]:
     if found := summary["next_trials"]:
         trials = "; of ".join(_trials(one) for one in found)
         told.append(f"Most would be learned by {found[0]['trials']} trials of {trials}.")
+    inferred = [one["name"] for one in summary["parameters"] if one["explained"] is not None]
+    if measurable := [name for name in MEASURABLE if name in inferred]:
+        told.append(f"Measuring often tells more than trials: {listed(measurable)} (--known).")
     return told
 
 

@@ -122,6 +122,7 @@ def start(listing: Path, store: Path, carsim: Path, environments: int) -> Forked
     return original().start(words, listing.parent, {**os.environ, "FOLDCAR_CARSIM": str(carsim)})
 
 
+@pytest.mark.slow
 def test_killed_at_random_and_resumed_the_rows_are_the_same(
     tmp_path: Path, write_listing: WriteListing, listing_data: Any, carsim_binary: Path
 ) -> None:

@@ -146,6 +146,7 @@ def test_a_record_replays_to_the_same_bytes(start: Callable[..., Car], tmp_path:
     assert again.stdout.count(b"from_car") > 30
 
 
+@pytest.mark.slow
 def test_half_an_hour_of_telemetry_loses_nothing_over_tcp(start: Callable[..., Car]) -> None:
     car = start("--tcp", "0", "--speedup", "1000")
     _, host, port = car.port.split(":")

@@ -94,6 +94,7 @@ def listing(listing_data: Any, write_listing: Any) -> Path:
     return file
 
 
+@pytest.mark.slow
 def test_a_sweep_gives_the_same_numbers_over_jobs_and_stands_beside_the_multibody(
     tmp_path: Path, foldcar: Command, listing: Path
 ) -> None:

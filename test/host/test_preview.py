@@ -5,6 +5,7 @@ import itertools
 import struct
 
 import numpy as np
+import pytest
 from matplotlib.image import imread
 from numpy.typing import NDArray
 
@@ -51,6 +52,7 @@ def test_every_sheet_is_shown_once_to_one_scale_in_the_layers_colours() -> None:
     assert not (blue > red + 50).any()
 
 
+@pytest.mark.slow
 def test_a_picture_of_many_sheets_stays_small_enough_to_open() -> None:
     # Six sheets in a row.
     png = preview([sheet(i, "SCORE") for i in range(1, 27)], "a car")

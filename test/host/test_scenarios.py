@@ -43,7 +43,10 @@ def test_carsim_takes_every_scene(name: str, carsim_binary: Path) -> None:
         assert abs(heights(scene, x_m, y_m)) < 5e-3
 
 
-@pytest.mark.parametrize("name", LISTINGS)
+# Two have a dozen environments each.
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slow if name in ("fidelity", "across") else ()) for name in LISTINGS]
+)
 def test_listings_are_sound_and_small(name: str) -> None:
     study = read_study(SCENARIOS / f"{name}.json")
     # Of all designs, as it takes seconds to see which of a thousand cannot be built.

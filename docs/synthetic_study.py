@@ -32,6 +32,8 @@ REALITY = {
     "wheel_camber_rad": -0.035, "tyre_contact_time_s": 0.02, "com_y_m": 0.006, "supply_resistance_ohm": 0.3,
 }  # fmt: skip
 THRESHOLD = 0.5
+# The listed experiment, as the store has it under the nominal simulator.
+NOMINAL = "1"
 # The chosen design may pass by so much less often than the best one.
 LOSS = 0.05
 CARS_OF_A_DESIGN = 2
@@ -76,7 +78,7 @@ def main() -> int:
     study = folder / "study.db"
 
     run("sweep", listing, "--store", study)
-    experiment = EXPERIMENTS["nominal"]
+    experiment = NOMINAL
     for number, designs in enumerate(setting.designs, 1):
         chosen = select(study, designs, experiment)
         show(f"to build: {chosen['sentence']}")
@@ -85,12 +87,12 @@ def main() -> int:
         run("calibrate", study, "--simulated-trials", "--runs", str(setting.runs), "--name", name)
         run("sweep", listing, "--store", study, "--calibration", name)
         experiment = f"1 (calibrated {name})"
-    run("compare", study, "--simulated-trials", "--experiment", EXPERIMENTS["nominal"])
+    run("compare", study, "--simulated-trials", "--experiment", NOMINAL)
     answer = select(study, setting.designs[-1], experiment)
     show(f"answer: {answer['sentence']}")
 
     sweep_truth(listing, folder / "truth.db", 4 * setting.environments)
-    return judge(folder, setting, answer)
+    return judge(folder, setting, experiment, answer)
 
 
 def write_listing(folder: Path, setting: Setting) -> Path:
@@ -207,10 +209,11 @@ def sweep_truth(listing: Path, store: Path, environments: int) -> None:
     run("sweep", listing, "--store", store, "--environments", str(environments), *reality)
 
 
-def judge(folder: Path, setting: Setting, answer: Any) -> int:
-    """Hold the answer and the calibration against the true rates. Returns the exit code."""
+def judge(folder: Path, setting: Setting, calibrated: str, answer: Any) -> int:
+    """Hold the answer and the ``calibrated`` experiment against the true rates. Returns the exit code."""
     true = rates(folder / "truth.db", None)
-    found = {name: rates(folder / "study.db", one) for name, one in EXPERIMENTS.items()}
+    experiments = {"nominal": NOMINAL, "calibrated": calibrated}
+    found = {name: rates(folder / "study.db", one) for name, one in experiments.items()}
     show("width  true" + "".join(f"{name:>12}" for name in found) + " (%)")
     for width, rate in true.items():
         show(f"{width:5g} {100 * rate.value:5.0f}" + "".join(f"{100 * one[width].value:12.0f}" for one in found.values()))
@@ -242,10 +245,6 @@ def judge(folder: Path, setting: Setting, answer: Any) -> int:
     right = loss <= LOSS and errors["calibrated"] < errors["nominal"]
     show("right" if right else "WRONG")
     return 0 if right else 1
-
-
-# What the study's experiments are called, and how they are in the store.
-EXPERIMENTS = {"nominal": "1", "calibrated": f"1 (calibrated round{len(Setting().designs)})"}
 
 
 def rates(store: Path, experiment: str | None) -> dict[float, Any]:

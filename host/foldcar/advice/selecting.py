@@ -311,7 +311,7 @@ class _Choice:
             driven = sum(bool(one.trials) for one in seen.designs)
             most = f"; of the driven ones the {MOST_POOLED} with most trials count" if driven == MOST_POOLED else ""
             remarks.append(f"{left}{most}.")
-        if any(self._car_sd(one) is None for one in seen.designs):
+        if all(one.spread is PRIOR for one in seen.designs):
             remarks.append(
                 "Cars and trials are planned as if all cars of a design were alike: how they differ is not simulated."
             )

@@ -81,12 +81,10 @@ help:
 	@echo 'make bench     set up and measure the speed'
 	@echo 'make cluster-check  as root: sweep over network namespaces with delay, loss, deaths and a partition, and over TLS'
 	@echo 'make fuzz      fuzz every parser of the C++ programs under sanitizers, each for FUZZ_S=$(FUZZ_S) seconds'
-	@echo 'make check     the C++ suites under sanitizers, coverage of C++ and Python, clang-tidy (make tidy)'
+	@echo 'make check     the C++ suites under sanitizers, coverage of C++ and Python, headers alone, clang-tidy'
 	@echo 'make determinism  build the simulator with g++ and clang++ at -O0 to -O3 and compare its numbers bit by bit'
 	@echo 'make golden    renew the golden numbers of test/determinism after a change of the physics'
 	@echo 'make races     record and store a log in two threads under ThreadSanitizer'
-	@echo 'make mutation  plant faults in the car'"'"'s physics and firmware and see whether the suites notice (MUTANTS=, MUTATION_SEED=)'
-	@echo 'make mutation-host  the same in the statistics of the host, by cosmic-ray (MUTANTS= of each file, MUTATION_SEED=)'
 	@echo 'make torture   disturb sweeps, stores and trials at random for TORTURE_S=$(TORTURE_S) s: is anything lost? (TORTURE_SEED=)'
 	@echo 'make fidelity  set up, compare with MuJoCo and bring docs/fidelity.md up to date'
 	@echo 'make pyramids  set up, search sizes of the step pyramids that fit the publication, bring docs/scenarios.md up to date'
@@ -139,7 +137,7 @@ test: test-packages
 	@$(MAKE) --no-print-directory setup mujoco
 	@timeout 2h nice $(MAKE) -k lint test-native >.pio/beside.txt 2>&1 & beside=$$!; trap 'kill $$beside; exit 130' INT TERM; \
 	  $(MAKE) test-host; host=$$?; wait $$beside; others=$$?; \
-	  [ $$others = 0 ] && echo 'ruff, mypy, the C++ suites and their headers find nothing: .pio/beside.txt' || cat .pio/beside.txt; \
+	  [ $$others = 0 ] && echo 'ruff, mypy and the C++ suites find nothing: .pio/beside.txt' || cat .pio/beside.txt; \
 	  exit $$((host | others))
 
 test-packages:
@@ -158,9 +156,8 @@ lint: .venv/installed .pio/types/numpy
 
 test-native: setup
 	$(BIN)/pio test -e native -e native_mujoco
-	$(MAKE) headers
 
-# Each header compiles alone: what it needs it includes itself. After the tests' build, which fetches Unity.
+# Each header compiles alone: what it needs it includes itself. After a build of the tests, which fetches Unity.
 headers: setup
 	@for compiler in $(HEADER_COMPILERS); do printf '%s\n' $(filter-out $(PROVED_HEADERS),$(HEADERS)) | \
 	  xargs -P 2 -I '{}' $$compiler $(HEADER_FLAGS) -isystem $(BOX2D)/include -x c++ -include '{}' /dev/null || exit 1; \
@@ -204,7 +201,7 @@ check: setup mujoco
 	$(BIN)/pio test -e native_check
 	$(BIN)/gcovr --root . --filter 'firmware/lib/' --filter 'sim2d/lib/' --exclude-throw-branches --gcov-ignore-parse-errors \
 	  --fail-under-line $(LEAST_COVERAGE) .pio/build/native_check
-	$(MAKE) tidy
+	$(MAKE) headers tidy
 	$(BIN)/coverage erase --rcfile pyproject.toml
 	$(BIN)/coverage run --rcfile pyproject.toml -m pytest -n 3 --dist worksteal test/host
 	$(BIN)/coverage combine --rcfile pyproject.toml --quiet
@@ -320,23 +317,4 @@ $(CARSIM): $(CARSIM_SOURCES) | platformio
 
 $(CARSIM_MUJOCO): $(CARSIM_SOURCES) tools/mujoco_library.py | platformio
 	$(BIN)/pio run -e carsim_mujoco
-	@touch $@
-
-# Plants small faults in the C++ sources and sees whether the tests notice them: MUTANTS of each file, or all.
-MUTANTS := 10
-MUTATION_SEED := 1
-# What plants them in Python; in an environment of its own, as nothing else needs it.
-COSMIC_RAY_VERSION := 8.7.0
-.PHONY: mutation mutation-host
-mutation: setup
-	$(BIN)/python tools/mutation.py --mutants $(MUTANTS) --seed $(MUTATION_SEED)
-
-# The same in host/foldcar/analysis, advice and calibration, some seconds for each mutant.
-mutation-host: MUTANTS := 4
-mutation-host: setup .pio/cosmic_ray/installed
-	.pio/cosmic_ray/bin/python tools/mutation.py --host --mutants $(MUTANTS) --seed $(MUTATION_SEED)
-
-.pio/cosmic_ray/installed:
-	"$(PYTHON)" -m venv .pio/cosmic_ray
-	.pio/cosmic_ray/bin/pip install --quiet cosmic-ray==$(COSMIC_RAY_VERSION)
 	@touch $@

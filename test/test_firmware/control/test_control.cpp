@@ -1,0 +1,186 @@
+// The controller: wheel speeds, pulses, slew, stagger, mirror symmetry, all against closed forms.
+#include "../../suite.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "differential_drive.h"
+
+using namespace foldcar;
+
+namespace {
+
+constexpr std::uint32_t kTick = 20000;
+
+// The pulses after 10 s, when every ramp and stagger of the tests has ended.
+PulsesUs settled(const Parameters& parameters, const SetPoint& set_point) {
+  const Calibration calibration = calibrate(parameters);
+  DriveState state;
+  PulsesUs pulses_us{};
+  for (int i = 0; i < 500; ++i) pulses_us = drive(calibration, state, set_point, kTick);
+  return pulses_us;
+}
+
+}  // namespace
+
+TEST(wheel_speeds_add_up_to_the_set_point) {
+  Parameters parameters;
+  parameters.set("WHEEL_RADIUS_M", 0.05f);
+  parameters.set("TRACK_M", 0.2f);
+  const WheelSpeeds speeds = wheel_speeds(calibrate(parameters), {0.3f, 1.0f});
+  // Rolling: the car's speed is the mean of the rims' speeds, its yaw rate their difference over the track.
+  const double left_m_s = 0.05 * static_cast<double>(speeds.left_rad_s);
+  const double right_m_s = 0.05 * static_cast<double>(speeds.right_rad_s);
+  TEST_ASSERT_FLOAT_WITHIN(1e-6f, 0.3f, static_cast<float>(0.5 * (left_m_s + right_m_s)));
+  TEST_ASSERT_FLOAT_WITHIN(1e-5f, 1.0f, static_cast<float>((right_m_s - left_m_s) / 0.2));
+}
+
+TEST(a_positive_yaw_rate_turns_left) {
+  const WheelSpeeds speeds = wheel_speeds(calibrate(Parameters()), {0.0f, 2.0f});
+  TEST_ASSERT_TRUE(speeds.right_rad_s > 0.0f);
+  TEST_ASSERT_TRUE(speeds.left_rad_s == -speeds.right_rad_s);
+}
+
+TEST(scaling_back_keeps_the_curvature) {
+  const Calibration calibration = calibrate(Parameters());
+  for (const float speed_m_s : {1.0f, -3.0f, 5.0f}) {
+    for (const float yaw_rate_rad_s : {-20.0f, 4.0f}) {
+      const WheelSpeeds speeds = wheel_speeds(calibration, {speed_m_s, yaw_rate_rad_s});
+      const double fastest = std::max(std::fabs(speeds.left_rad_s), std::fabs(speeds.right_rad_s));
+      TEST_ASSERT_FLOAT_WITHIN(1e-4f, 11.5f, static_cast<float>(fastest));
+      const double left_m_s = 0.06 * static_cast<double>(speeds.left_rad_s);
+      const double right_m_s = 0.06 * static_cast<double>(speeds.right_rad_s);
+      const double curvature_1_m = (right_m_s - left_m_s) / 0.111 / (0.5 * (left_m_s + right_m_s));
+      TEST_ASSERT_FLOAT_WITHIN(1e-3f, yaw_rate_rad_s / speed_m_s, static_cast<float>(curvature_1_m));
+    }
+  }
+}
+
+TEST(full_speed_forward_is_two_hundred_microseconds_from_neutral_and_mirrored_on_the_right) {
+  const PulsesUs pulses_us = settled(Parameters(), {0.69f, 0.0f});
+  TEST_ASSERT_FLOAT_WITHIN(0.01f, 1700.0f, pulses_us[0]);
+  TEST_ASSERT_FLOAT_WITHIN(0.01f, 1300.0f, pulses_us[1]);
+  TEST_ASSERT_FLOAT_WITHIN(0.01f, 1700.0f, pulses_us[2]);
+  TEST_ASSERT_FLOAT_WITHIN(0.01f, 1300.0f, pulses_us[3]);
+  for (std::size_t channel = 4; channel < kChannelCount; ++channel) {
+    TEST_ASSERT_TRUE(pulses_us[channel] == kNoPulse);
+  }
+}
+
+TEST(every_wheel_has_its_own_neutral_deadband_direction_and_gain) {
+  Parameters parameters;
+  parameters.set("WHEEL_RADIUS_M", 0.05f);
+  const float neutral_us[] = {1480.0f, 1510.0f, 1523.5f, 1499.0f};
+  const float deadband_us[] = {5.0f, 45.0f, 20.0f, 0.0f};
+  const float direction[] = {-1.0f, 1.0f, 1.0f, -1.0f};
+  const float gain_us[] = {10.0f, 20.0f, 15.0f, 8.0f};
+  for (std::size_t channel = 0; channel < 4; ++channel) {
+    parameters.set(channel_parameter(channel, ChannelParameter::kNeutralUs), neutral_us[channel]);
+    parameters.set(channel_parameter(channel, ChannelParameter::kDeadbandUs), deadband_us[channel]);
+    parameters.set(channel_parameter(channel, ChannelParameter::kDirection), direction[channel]);
+    parameters.set(channel_parameter(channel, ChannelParameter::kGainUs), gain_us[channel]);
+  }
+  // 0.2 m/s on wheels of 50 mm is 4 rad/s.
+  const PulsesUs forward_us = settled(parameters, {0.2f, 0.0f});
+  const PulsesUs backward_us = settled(parameters, {-0.2f, 0.0f});
+  for (std::size_t channel = 0; channel < 4; ++channel) {
+    const float distance_us = direction[channel] * (deadband_us[channel] + 4.0f * gain_us[channel]);
+    TEST_ASSERT_FLOAT_WITHIN(0.01f, neutral_us[channel] + distance_us, forward_us[channel]);
+    TEST_ASSERT_FLOAT_WITHIN(0.01f, neutral_us[channel] - distance_us, backward_us[channel]);
+  }
+}
+
+TEST(zero_speed_is_the_neutral_pulse) {
+  Parameters parameters;
+  parameters.set("CH2_NEUTRAL_US", 1530.0f);
+  const PulsesUs pulses_us = settled(parameters, {0.0f, 0.0f});
+  TEST_ASSERT_TRUE(pulses_us[0] == 1500.0f);
+  TEST_ASSERT_TRUE(pulses_us[1] == 1530.0f);
+}
+
+TEST(pulses_stay_within_what_servos_understand) {
+  Parameters parameters;
+  for (const char* name : {"CH1_GAIN_US", "CH2_GAIN_US"}) parameters.set(name, 500.0f);
+  const PulsesUs pulses_us = settled(parameters, {0.69f, 0.0f});
+  TEST_ASSERT_TRUE(pulses_us[0] == 2000.0f);
+  TEST_ASSERT_TRUE(pulses_us[1] == 1000.0f);
+}
+
+// The n-th axle's ramp is slew × (time − n × stagger) for any length of the ticks.
+TEST(axles_start_one_after_the_other_and_ramp_at_the_slew_rate) {
+  for (const std::uint32_t step_us : {5000u, 20000u, 33333u}) {
+    Parameters parameters;
+    parameters.set("STAGGER_MS", 70.0f);
+    parameters.set("SLEW_US_PER_S", 400.0f);
+    const Calibration calibration = calibrate(parameters);
+    DriveState state;
+    PulsesUs pulses_us = drive(calibration, state, {0.69f, 0.0f}, 0);
+    for (std::size_t channel = 0; channel < 4; ++channel) TEST_ASSERT_TRUE(pulses_us[channel] == 1500.0f);
+    for (std::uint32_t time_us = step_us; time_us < 600000; time_us += step_us) {
+      pulses_us = drive(calibration, state, {0.69f, 0.0f}, step_us);
+      for (std::size_t axle = 0; axle < 2; ++axle) {
+        const double ramp_us = 400e-6 * (static_cast<double>(time_us) - 70000.0 * static_cast<double>(axle));
+        const double expected_us = ramp_us <= 0.0 ? 1500.0 : 1545.0 + std::min(ramp_us, 155.0);
+        TEST_ASSERT_FLOAT_WITHIN(0.02f, static_cast<float>(expected_us), pulses_us[2 * axle]);
+        TEST_ASSERT_FLOAT_WITHIN(0.02f, static_cast<float>(3000.0 - expected_us), pulses_us[2 * axle + 1]);
+      }
+    }
+  }
+}
+
+TEST(the_stagger_counts_only_channels_in_use) {
+  Parameters parameters;
+  for (const char* name : {"CH1_SIDE", "CH2_SIDE", "CH3_SIDE", "CH4_SIDE"}) parameters.set(name, 0.0f);
+  parameters.set("CH3_SIDE", 2.0f);
+  parameters.set("CH5_SIDE", 1.0f);
+  parameters.set("CH6_SIDE", 2.0f);
+  parameters.set("CH8_SIDE", 1.0f);
+  parameters.set("STAGGER_MS", 30.0f);
+  const Calibration calibration = calibrate(parameters);
+  TEST_ASSERT_EQUAL_UINT32(0, calibration.wheels[2].starts_at_us);
+  TEST_ASSERT_EQUAL_UINT32(0, calibration.wheels[4].starts_at_us);
+  TEST_ASSERT_EQUAL_UINT32(30000, calibration.wheels[5].starts_at_us);
+  TEST_ASSERT_EQUAL_UINT32(30000, calibration.wheels[7].starts_at_us);
+}
+
+TEST(a_reversal_ramps_through_neutral) {
+  Parameters parameters;
+  parameters.set("SLEW_US_PER_S", 1000.0f);
+  const Calibration calibration = calibrate(parameters);
+  DriveState state;
+  for (int i = 0; i < 50; ++i) drive(calibration, state, {0.69f, 0.0f}, kTick);
+  // From +155 to -155 us beyond the deadband at 20 us a tick.
+  for (int i = 1; i <= 20; ++i) {
+    const PulsesUs pulses_us = drive(calibration, state, {-0.69f, 0.0f}, kTick);
+    const float excess_us = std::max(155.0f - 20.0f * static_cast<float>(i), -155.0f);
+    const float expected_us = 1500.0f + excess_us + (excess_us > 0.0f ? 45.0f : -45.0f);
+    TEST_ASSERT_FLOAT_WITHIN(0.02f, expected_us, pulses_us[0]);
+  }
+}
+
+// A mirrored set-point drives the left side exactly as the other drove the right, at every step of the ramp.
+TEST(mirrored_set_points_give_mirrored_pulses_to_the_last_bit) {
+  const Calibration calibration = calibrate(Parameters());
+  DriveState state;
+  DriveState mirrored_state;
+  for (int i = 0; i < 40; ++i) {
+    const std::uint32_t step_us = 19000u + 137u * static_cast<std::uint32_t>(i % 7);
+    const PulsesUs pulses_us = drive(calibration, state, {0.37f, 1.7f}, step_us);
+    const PulsesUs mirrored_us = drive(calibration, mirrored_state, {0.37f, -1.7f}, step_us);
+    for (const std::size_t left : {0u, 2u}) {
+      TEST_ASSERT_TRUE(state.excess_us[left] == mirrored_state.excess_us[left + 1]);
+      TEST_ASSERT_TRUE(state.excess_us[left + 1] == mirrored_state.excess_us[left]);
+      TEST_ASSERT_FLOAT_WITHIN(1e-3f, pulses_us[left] - 1500.0f, 1500.0f - mirrored_us[left + 1]);
+    }
+  }
+}
+
+TEST(the_same_input_gives_the_same_bits) {
+  DriveState first;
+  DriveState second;
+  for (int i = 0; i < 30; ++i) {
+    const PulsesUs a_us = drive(calibrate(Parameters()), first, {0.4f, 0.3f}, kTick);
+    const PulsesUs b_us = drive(calibrate(Parameters()), second, {0.4f, 0.3f}, kTick);
+    TEST_ASSERT_TRUE(a_us == b_us);
+  }
+}

@@ -1,0 +1,211 @@
+// Who may drive the car, and when it stops by itself: link loss, manual control, unknown hosts.
+#include "../../suite.h"
+
+#include <random>
+
+#include "link_bench.h"
+
+using namespace foldcar;
+
+// In each of a thousand trials the host falls silent at a random time, between ticks too.
+TEST(pulses_are_off_within_half_a_second_of_link_loss_a_thousand_times) {
+  std::mt19937_64 random(2);
+  std::uniform_int_distribution<std::uint64_t> any_us(0, 3000000);
+  for (int trial = 0; trial < 1000; ++trial) {
+    LinkBench bench;
+    bench.start(kStart);
+    const std::uint64_t lost_us = bench.board.clock.time_us + any_us(random);
+    std::uint64_t last_heard_us = bench.board.clock.time_us, off_us = 0;
+    const std::uint64_t step_us = 1000 + any_us(random) % 6000;
+    for (std::uint64_t next_us = 0; off_us == 0; bench.board.clock.time_us += step_us) {
+      const std::uint64_t now_us = bench.board.clock.time_us;
+      if (now_us >= next_us && now_us < lost_us) {
+        bench.board.link.incoming += bench.host.heartbeat();
+        last_heard_us = now_us;
+        next_us = now_us + 200000;
+      }
+      bench.firmware.poll();
+      if (bench.last_us() == kOff) off_us = now_us;
+      TEST_ASSERT_TRUE(now_us < lost_us + 2000000);
+    }
+    TEST_ASSERT_TRUE(bench.fault() == Fault::kCommandStale);
+    TEST_ASSERT_TRUE(off_us > last_heard_us + 400000);
+    TEST_ASSERT_TRUE(off_us <= last_heard_us + 500000);
+  }
+}
+
+TEST(only_the_host_that_drives_keeps_a_trial_alive) {
+  LinkBench bench;
+  MavlinkHost other(200);
+  bench.start(kStart);
+  for (int i = 0; i < 5; ++i) bench.run(100, other.heartbeat());
+  TEST_ASSERT_TRUE(bench.fault() == Fault::kCommandStale);
+  TEST_ASSERT_EQUAL_STRING("fault: no command from the host", bench.last_text().c_str());
+  bench.expect(MAV_RESULT_TEMPORARILY_REJECTED, Refusal::kFaultLatched, MAV_CMD_COMPONENT_ARM_DISARM, {1});
+  bench.expect(MAV_RESULT_ACCEPTED, Refusal::kNone, MAV_CMD_FOLDCAR_ACKNOWLEDGE_FAULT, {});
+  TEST_ASSERT_TRUE(bench.state() == State::kDisarmed);
+}
+
+TEST(the_stick_drives_and_its_silence_stops) {
+  LinkBench bench;
+  bench.run(100, bench.host.stick(500));
+  TEST_ASSERT_TRUE(bench.state() == State::kDisarmed);
+  bench.answer(MAV_CMD_COMPONENT_ARM_DISARM, {1});
+  bench.run(100, bench.host.stick(500));
+  TEST_ASSERT_TRUE(bench.state() == State::kManual);
+  for (int i = 0; i < 10; ++i) bench.run(100, bench.host.stick(500));
+  TEST_ASSERT_FLOAT_WITHIN(0.1f, 1500.0f + 45.0f + 77.5f, bench.last_us()[0]);
+  for (int i = 0; i < 10; ++i) bench.run(100, bench.host.stick(INT16_MAX));  // "axis is invalid"
+  TEST_ASSERT_EQUAL_FLOAT(1500.0f, bench.last_us()[0]);
+  bench.run(500);
+  TEST_ASSERT_TRUE(bench.state() == State::kFault);
+  TEST_ASSERT_TRUE(bench.last_us() == kOff);
+}
+
+TEST(a_single_packet_sets_nothing_in_motion) {
+  LinkBench bench;
+  bench.answer(MAV_CMD_COMPONENT_ARM_DISARM, {1});
+  bench.run(2100);
+  bench.run(40, bench.host.command(MAV_CMD_FOLDCAR_START_TRIAL, kStart));
+  TEST_ASSERT_TRUE(bench.last_refusal() == Refusal::kUnknownHost);
+  TEST_ASSERT_TRUE(bench.last_us() == kOff);
+  bench.run(2100);
+  bench.run(40, bench.host.stick(500));
+  TEST_ASSERT_TRUE(bench.last_us() == kOff);
+  bench.answer(MAV_CMD_COMPONENT_ARM_DISARM, {0});
+  bench.run(2100);
+  bench.run(40, bench.host.command(MAV_CMD_ACTUATOR_TEST, {0, 1, 0, 0, ACTUATOR_OUTPUT_FUNCTION_SERVO1}));
+  TEST_ASSERT_TRUE(bench.last_refusal() == Refusal::kUnknownHost);
+  TEST_ASSERT_TRUE(bench.last_us() == kOff);
+}
+
+namespace {
+
+// Random and damaged bytes for the firmware's MAVLink connection. None of them may set wheels in motion: half of the sessions
+// feed a disarmed car with noise and damaged packets of every kind, those that arm and start included; the other half feed
+// an armed car with noise and damaged packets that request no motion.
+class LinkFuzz {
+ public:
+  explicit LinkFuzz(std::uint64_t seed) : random_(seed) {}
+
+  // Feeds byte_count bytes. Returns false as soon as a pulse is written, or an armed car is not armed any more.
+  bool run(std::uint64_t byte_count) {
+    while (fed_ < byte_count) {
+      if (!session(sessions_++ % 2 == 0)) return false;
+    }
+    return true;
+  }
+  std::uint64_t fed() const { return fed_; }
+  std::uint64_t accepted_count() const { return accepted_count_; }
+
+ private:
+  static constexpr std::size_t kSessionBytes = 200000;
+
+  bool session(bool armed) {
+    RecordingHal board;
+    board.fit_imu();
+    board.link.room = 100000;
+    Firmware firmware(board.hal(), "0123456789abcdef");
+    firmware.begin({});
+    MavlinkHost host;
+    if (armed) {
+      board.link.incoming = host.command(MAV_CMD_COMPONENT_ARM_DISARM, {1});
+      firmware.poll();
+    }
+    const std::vector<std::string> packets = sound_packets(host, armed);
+    std::uint64_t next_heartbeat_us = 0;
+    for (std::size_t fed = 0; fed < kSessionBytes;) {
+      // An armed car that is left alone disarms.
+      if (armed && board.clock.time_us >= next_heartbeat_us) {
+        next_heartbeat_us += 1000000;
+        board.link.incoming = host.heartbeat();
+        firmware.poll();
+      }
+      board.link.incoming = below(4) == 0 ? noise() : damaged(packets[below(packets.size())]);
+      fed += board.link.incoming.size();
+      fed_ += board.link.incoming.size();
+      board.clock.time_us += 1 + below(10000);
+      firmware.poll();
+      for (const PulsesUs& pulses_us : board.servos.writes) {
+        if (pulses_us != PulsesUs{}) return false;
+      }
+      board.servos.writes.clear();
+      count_answers(board.link.outgoing);
+      board.link.outgoing.clear();
+    }
+    return firmware.application().is_armed() == armed;
+  }
+
+  static std::vector<std::string> sound_packets(MavlinkHost& host, bool armed) {
+    mavlink_log_request_data_t data{};
+    data.target_system = 1;
+    data.count = 1000;
+    mavlink_param_request_read_t read{};
+    read.target_system = 1;
+    read.param_index = 7;
+    std::vector<std::string> packets = {
+        host.heartbeat(), host.request_list(), host.set_parameter("TRACK_M", 0.2f),
+        host.command(MAV_CMD_SET_MESSAGE_INTERVAL, {30, 20000}), host.command(MAV_CMD_REQUEST_MESSAGE, {148}),
+        host.pack(mavlink_msg_log_request_data_encode_status, data),
+        host.pack(mavlink_msg_param_request_read_encode_status, read),
+        host.pack(mavlink_msg_timesync_encode_status, mavlink_timesync_t{}),
+        host.pack(mavlink_msg_ping_encode_status, mavlink_ping_t{}),
+        host.pack(mavlink_msg_log_request_list_encode_status, mavlink_log_request_list_t{})};
+    if (armed) return packets;
+    packets.insert(packets.end(), {host.stick(1000), host.command(MAV_CMD_COMPONENT_ARM_DISARM, {1}),
+                                   host.command(MAV_CMD_FOLDCAR_START_TRIAL, {0.5f, 0, 10, 1, 1}),
+                                   host.command(MAV_CMD_ACTUATOR_TEST, {1, 3, 0, 0, 33})});
+    return packets;
+  }
+
+  std::string noise() {
+    std::string bytes;
+    for (std::size_t size = 1 + below(300); size > 0; --size) bytes += static_cast<char>(below(256));
+    if (below(2) == 0) bytes[0] = static_cast<char>(MAVLINK_STX);
+    return bytes;
+  }
+
+  // The packet with bytes changed, removed or inserted, or cut off; it never contains the whole packet.
+  std::string damaged(const std::string& packet) {
+    std::string bytes = packet;
+    while (bytes.find(packet) != std::string::npos) {
+      for (std::size_t count = 1 + below(4); count > 0 && !bytes.empty(); --count) {
+        const std::size_t at = below(bytes.size());
+        switch (below(4)) {
+          case 0: bytes[at] = static_cast<char>(below(256)); break;
+          case 1: bytes.erase(at, 1); break;
+          case 2: bytes.insert(at, 1, static_cast<char>(below(256))); break;
+          default: bytes.resize(at); break;
+        }
+      }
+    }
+    return bytes;
+  }
+
+  // Counts the answers of the car, which show how many damaged packets it accepted.
+  void count_answers(const std::string& bytes) {
+    reader_.received.clear();
+    reader_.receive(bytes);
+    for (const mavlink_message_t& message : reader_.received) {
+      const std::uint32_t id = message.msgid;
+      if (id == MAVLINK_MSG_ID_COMMAND_ACK || id == MAVLINK_MSG_ID_PARAM_VALUE) ++accepted_count_;
+    }
+  }
+
+  std::size_t below(std::size_t limit) { return static_cast<std::size_t>(random_() % limit); }
+
+  std::mt19937_64 random_;
+  std::uint64_t sessions_ = 0;
+  std::uint64_t fed_ = 0;
+  std::uint64_t accepted_count_ = 0;
+  MavlinkHost reader_;
+};
+
+}  // namespace
+
+// `make fuzz` looks for such bytes by coverage, under sanitizers.
+TEST(a_million_random_and_damaged_bytes_move_nothing) {
+  LinkFuzz fuzz(1);
+  TEST_ASSERT_TRUE(fuzz.run(1000000));
+  TEST_ASSERT_TRUE(fuzz.fed() >= 1000000);
+}

@@ -1,0 +1,116 @@
+// Logs of untethered trials: what is recorded, fetched, kept and erased.
+#include "../../suite.h"
+
+#include <random>
+#include <string>
+
+#include "link_bench.h"
+#include "log_packing.h"
+
+using namespace foldcar;
+
+TEST(an_untethered_trial_is_recorded_and_can_be_fetched) {
+  LinkBench bench;
+  bench.start(kStartUntethered);
+  bench.run(19000);
+  TEST_ASSERT_TRUE(bench.state() == State::kRunning);
+  bench.run(2000);
+  TEST_ASSERT_TRUE(bench.state() == State::kFinished);
+  TEST_ASSERT_EQUAL_UINT(1, bench.board.logs.logs.size());
+  const std::string& stored = bench.board.logs.logs[1];
+
+  bench.host.received.clear();
+  bench.run(40, bench.host.request_log_list());
+  const auto entries = bench.host.all<mavlink_log_entry_t>(MAVLINK_MSG_ID_LOG_ENTRY, mavlink_msg_log_entry_decode);
+  TEST_ASSERT_EQUAL_UINT(1, entries.size());
+  TEST_ASSERT_EQUAL_UINT(1, entries[0].num_logs);
+  TEST_ASSERT_EQUAL_UINT(stored.size(), entries[0].size);
+
+  bench.run(8000, bench.host.request_log_data(entries[0].id));
+  std::string fetched;
+  for (const auto& part : bench.host.all<mavlink_log_data_t>(MAVLINK_MSG_ID_LOG_DATA, mavlink_msg_log_data_decode)) {
+    TEST_ASSERT_EQUAL_UINT(fetched.size(), part.ofs);
+    fetched.append(reinterpret_cast<const char*>(part.data), part.count);
+  }
+  TEST_ASSERT_TRUE(fetched == stored);
+
+  MavlinkHost reader;
+  TEST_ASSERT_TRUE(reader.receive_log(fetched));
+  TEST_ASSERT_EQUAL_UINT32(MAVLINK_MSG_ID_FOLDCAR_DESIGN, reader.received.front().msgid);
+  TEST_ASSERT_UINT_WITHIN(2, 5 * 20, count_of(reader, MAVLINK_MSG_ID_SERVO_OUTPUT_RAW));
+  TEST_ASSERT_EQUAL_UINT8(FOLDCAR_END_TIME_LIMIT, reader.trials().back().end);
+  TEST_ASSERT_EQUAL_UINT32(8, reader.trials().back().trial_id);
+}
+
+TEST(the_newest_logs_are_kept_and_all_can_be_erased) {
+  LinkBench bench;
+  for (int i = 0; i < 6; ++i) {
+    bench.start(kStartUntethered);
+    bench.run(300);
+    bench.answer(MAV_CMD_FOLDCAR_STOP_TRIAL, {});
+    bench.run(60);
+  }
+  TEST_ASSERT_EQUAL_UINT(kLogsKept, bench.board.logs.logs.size());
+  TEST_ASSERT_EQUAL_UINT(3, bench.board.logs.logs.begin()->first);
+  bench.run(100, bench.host.erase_logs());
+  TEST_ASSERT_EQUAL_UINT(0, bench.board.logs.logs.size());
+}
+
+// Random messages, of which most bytes are zero, as MAVLink packs them, some after hours.
+TEST(a_message_in_a_log_is_as_it_was_sent) {
+  LogPacker packer;
+  LogUnpacker unpacker;
+  std::mt19937 random(1);
+  PacketNumbers numbers;
+  std::uint64_t time_us = 0;
+  for (int i = 0; i < 3000; ++i) {
+    mavlink_message_t message;
+    message.msgid = kLogged[random() % kLogged.size()];
+    const mavlink_msg_entry_t& entry = *mavlink_get_msg_entry(message.msgid);
+    for (std::size_t byte = 0; byte < entry.max_msg_len; ++byte) {
+      _MAV_PAYLOAD_NON_CONST(&message)[byte] = static_cast<char>(random() % 3 == 0 ? random() : 0);
+    }
+    const bool is_own = random() % 2 == 0;
+    mavlink_finalize_message_buffer(&message, kCarSystem, is_own ? kOwnComponent : kCarComponent,
+                                    is_own ? &numbers.own : &numbers.car, entry.min_msg_len, entry.max_msg_len,
+                                    entry.crc_extra);
+    time_us += random() % 3 == 0 ? random() : random() % 300;
+    std::string sent(MAVLINK_MAX_PACKET_LEN, '\0');
+    sent.resize(mavlink_msg_to_send_buffer(reinterpret_cast<std::uint8_t*>(sent.data()), &message));
+
+    std::uint8_t packed[kLargestPacked], left_out[kLargestPacked], record[kLargestRecord];
+    packer.pack(time_us + 5, message, left_out);  // one that found no room is no part of the log
+    const std::size_t packed_size = packer.pack(time_us, message, packed);
+    packer.keep(time_us, message);
+    const LogFormat::Unpacked unpacked = unpacker.unpack(packed, record);
+
+    TEST_ASSERT_EQUAL_UINT(packed_size, unpacked.packed_size);
+    std::uint64_t told_us = 0;
+    for (std::size_t byte = 0; byte < 8; ++byte) told_us = (told_us << 8) | record[byte];
+    TEST_ASSERT_EQUAL_UINT64(time_us, told_us);
+    TEST_ASSERT_TRUE(sent == std::string(record + 8, record + unpacked.size));
+  }
+}
+
+TEST(the_longest_trial_fits_its_log) {
+  LinkBench bench;
+  bench.board.imu.fitted = true;
+  bench.board.imu.now.acceleration_m_s2 = {0.3f, -0.2f, 9.81f};
+  bench.run(20, bench.host.set_parameter("TRIAL_MAX_S", 3600));
+  bench.answer(MAV_CMD_COMPONENT_ARM_DISARM, {1});
+  bench.answer(MAV_CMD_FOLDCAR_START_TRIAL, {0.3f, 0, 3600, 1, 9});
+  for (int s = 0; s < 3602; ++s) {
+    bench.run(1000);
+    bench.host.received.clear();
+    bench.board.servos.writes.resize(1);
+  }
+  const std::string& stored = bench.board.logs.logs[1];
+  // Four of them have room in flash (firmware/partitions.csv).
+  TEST_ASSERT_TRUE(stored.size() < 300000);
+  MavlinkHost reader;
+  reader.receive(stored.substr(stored.size() - 12 - MAVLINK_MSG_ID_FOLDCAR_TRIAL_LEN));
+  TEST_ASSERT_EQUAL_UINT8(FOLDCAR_END_TIME_LIMIT, reader.trials().back().end);
+  TEST_ASSERT_EQUAL_UINT32(0, reader.trials().back().log_lost);
+  bench.run(1000);
+  TEST_ASSERT_EQUAL_UINT8(FOLDCAR_LOG_STORED, bench.host.trials().back().log);
+}

@@ -1,0 +1,374 @@
+// Flash that is slow, full or busy: no tick waits for it, and what is lost is told.
+#include "../../suite.h"
+
+#include <random>
+#include <string>
+
+#include "../../log_threads.h"
+#include "link_bench.h"
+
+using namespace foldcar;
+
+namespace {
+
+// A model of the board's flash: writing takes its time, and there may be too little room.
+// Each write of a log takes 65 to 100 ms, one in ten 0.6 s, as measured on LittleFS: it copies a file's last block at every
+// flush. Reading takes 10 ms, an assumption. Whoever writes or reads loses that time on the clock.
+struct SlowLogs : SimLogs {
+  explicit SlowLogs(SimClock& clock) : clock_(clock) { fitted = true; }
+
+  double slowness = 1.0;             // factor on all times
+  std::size_t capacity = 1441792;    // bytes
+  int write_count = 0;
+
+  bool create(std::uint16_t id) override { return write() && SimLogs::create(id); }
+  bool append(const std::uint8_t* data, std::size_t size) override {
+    std::size_t used = size;
+    for (const auto& [id, log] : logs) used += log.size();
+    return write() && used <= capacity && SimLogs::append(data, size);
+  }
+  bool close() override { return write() && SimLogs::close(); }
+  bool remove(std::uint16_t id) override { return write() && SimLogs::remove(id); }
+  std::size_t size(std::uint16_t id) override {
+    read_flash();
+    return SimLogs::size(id);
+  }
+  std::size_t read(std::uint16_t id, std::size_t offset, std::uint8_t* data, std::size_t size) override {
+    read_flash();
+    return SimLogs::read(id, offset, data, size);
+  }
+
+ private:
+  void read_flash() { clock_.time_us += static_cast<std::uint64_t>(10000.0 * slowness); }
+  bool write() {
+    const double ms = ++write_count % 10 == 0 ? 600.0 : std::uniform_real_distribution<double>(65.0, 100.0)(random_);
+    clock_.time_us += static_cast<std::uint64_t>(1000.0 * slowness * ms);
+    return true;
+  }
+
+  SimClock& clock_;
+  std::mt19937 random_{1};
+};
+
+// Saving a number takes 5 ms, one in ten 100 ms.
+struct SlowStorage : SimStorage {
+  explicit SlowStorage(SimClock& clock) : clock_(clock) {}
+
+  double slowness = 1.0;  // factor on all times
+  int save_count = 0;
+
+  bool save(const char* name, float value) override {
+    const double ms = ++save_count % 10 == 0 ? 100.0 : 5.0;
+    clock_.time_us += static_cast<std::uint64_t>(1000.0 * slowness * ms);
+    return SimStorage::save(name, value);
+  }
+
+ private:
+  SimClock& clock_;
+};
+
+struct SlowBench {
+  RecordingHal board;
+  SlowLogs logs{board.clock};
+  SlowStorage storage{board.clock};
+  Firmware firmware{Hal{board.clock, board.servos, board.battery, board.link, storage, board.imu, logs, board.board},
+                    kBuild};
+  MavlinkHost host;
+  bool erasing_stops_both_cores = false;  // as on the ESP32; else the task that writes is alone in waiting
+  std::uint64_t writer_free_us = 0;       // when the task that stores the log has time again
+  std::mt19937 random{1};
+  float noise = 1.0f;  // factor on what the IMU measures
+  int writes_while_driving = 0;
+  std::uint64_t ticked_us = 0;                     // when the last tick was
+  std::uint64_t longest_gap_while_driving_us = 0;  // between two ticks
+
+  SlowBench() {
+    board.link.room = 100000;
+    board.imu.fitted = true;
+    firmware.begin({});
+  }
+  // As LinkBench::run, every millisecond and with a sign of life five times a second; the log is stored by another task.
+  void run(std::uint64_t time_ms, const std::string& bytes = "") {
+    board.link.incoming += bytes;
+    const std::uint64_t end_us = board.clock.time_us + 1000 * time_ms;
+    for (std::uint64_t polls = 0; board.clock.time_us < end_us; ++polls) {
+      if (polls % 200 == 0) board.link.incoming += host.heartbeat();
+      board.clock.time_us += 1000;
+      if (polls % 20 == 0) shake();
+      const std::size_t writes = board.servos.writes.size();
+      const bool was_driving = firmware.application().is_driving();
+      firmware.poll();
+      if (board.servos.writes.size() > writes) note_tick(was_driving);
+      if (board.clock.time_us >= writer_free_us) store_log();
+    }
+    host.receive(board.link.outgoing);
+    board.link.outgoing.clear();
+    board.servos.writes.clear();
+  }
+  // What an IMU measures on a moving car.
+  void shake() {
+    std::normal_distribution<float> acceleration(0.0f, 0.5f * noise), rate(0.0f, 0.05f * noise);
+    board.imu.now.acceleration_m_s2 = {acceleration(random), acceleration(random), 9.81f + acceleration(random)};
+    board.imu.now.rate_rad_s = {rate(random), rate(random), rate(random)};
+  }
+  // Every tick writes pulses, as does a stop.
+  void note_tick(bool was_driving) {
+    const std::uint64_t gap_us = board.clock.time_us - ticked_us;
+    ticked_us = board.clock.time_us;
+    if (was_driving && gap_us > longest_gap_while_driving_us) longest_gap_while_driving_us = gap_us;
+  }
+  void store_log() {
+    const std::uint64_t before_us = board.clock.time_us;
+    const int writes = logs.write_count;
+    firmware.store_log();
+    if (firmware.application().is_driving()) writes_while_driving += logs.write_count - writes;
+    writer_free_us = board.clock.time_us;
+    if (!erasing_stops_both_cores) board.clock.time_us = before_us;
+  }
+  // An untethered trial of that length (s), driven to its end.
+  void drive(float time_s) {
+    run(20, host.command(MAV_CMD_COMPONENT_ARM_DISARM, {1}));
+    run(20, host.command(MAV_CMD_FOLDCAR_START_TRIAL, {0.3f, 0, time_s, 1, 8}));
+    TEST_ASSERT_TRUE(firmware.application().is_driving());
+    while (firmware.application().is_driving()) run(20);
+    TEST_ASSERT_TRUE(firmware.application().trial_end() == TrialEnd::kTimeLimit);
+  }
+  MAV_RESULT answer(std::uint16_t command, const std::vector<float>& values) {
+    run(20, host.command(command, values));
+    return static_cast<MAV_RESULT>(host.acks().back().result);
+  }
+  mavlink_foldcar_trial_t told() {
+    run(200);
+    return host.trials().back();
+  }
+  // What the car says once the log is closed.
+  mavlink_foldcar_trial_t closed() {
+    mavlink_foldcar_trial_t trial = told();
+    while (trial.log == FOLDCAR_LOG_OPEN) trial = told();
+    return trial;
+  }
+  mavlink_foldcar_loop_t loop() {
+    run(1100);
+    return host.all<mavlink_foldcar_loop_t>(MAVLINK_MSG_ID_FOLDCAR_LOOP, mavlink_msg_foldcar_loop_decode).back();
+  }
+};
+
+// The packets of a log, which must be whole.
+MavlinkHost read(const std::string& log) {
+  MavlinkHost reader;
+  TEST_ASSERT_TRUE(reader.receive_log(log));
+  return reader;
+}
+
+// The size (bytes) of the log of such a trial with a flash that takes no time. Records that tell of a loss are up to 5 bytes
+// longer.
+std::size_t whole_size(float time_s) {
+  SlowBench bench;
+  bench.logs.slowness = 0.0;
+  bench.drive(time_s);
+  TEST_ASSERT_EQUAL_UINT8(FOLDCAR_LOG_STORED, bench.closed().log);
+  return bench.logs.logs[1].size();
+}
+
+}  // namespace
+
+// A tick takes no time on this clock, unless it waits for flash.
+TEST(no_tick_waits_for_the_log) {
+  SlowBench bench;
+  bench.drive(170.0f);
+  TEST_ASSERT_EQUAL_INT(0, bench.writes_while_driving);
+  TEST_ASSERT_EQUAL_UINT64(20000, bench.longest_gap_while_driving_us);
+  TEST_ASSERT_EQUAL_UINT8(FOLDCAR_LOG_STORED, bench.closed().log);
+  const mavlink_foldcar_loop_t loop = bench.loop();
+  TEST_ASSERT_EQUAL_UINT32(0, loop.worst_us);
+  TEST_ASSERT_EQUAL_UINT32(0, loop.missed_count);
+  const MavlinkHost reader = read(bench.logs.logs[1]);
+  TEST_ASSERT_UINT_WITHIN(2, 5 * 170, count_of(reader, MAVLINK_MSG_ID_SERVO_OUTPUT_RAW));
+  TEST_ASSERT_UINT_WITHIN(2, 5 * 170, count_of(reader, MAVLINK_MSG_ID_ATTITUDE));
+  TEST_ASSERT_EQUAL_UINT8(FOLDCAR_END_TIME_LIMIT, reader.trials().back().end);
+}
+
+TEST(a_trial_that_may_last_longer_is_recorded_less_often) {
+  SlowBench bench;
+  bench.erasing_stops_both_cores = true;
+  bench.drive(600.0f);
+  TEST_ASSERT_EQUAL_INT(0, bench.writes_while_driving);
+  TEST_ASSERT_EQUAL_UINT64(20000, bench.longest_gap_while_driving_us);
+  TEST_ASSERT_EQUAL_UINT8(FOLDCAR_LOG_STORED, bench.closed().log);
+  const MavlinkHost reader = read(bench.logs.logs[1]);
+  TEST_ASSERT_UINT_WITHIN_MESSAGE(2, 750, count_of(reader, MAVLINK_MSG_ID_ATTITUDE), "600 s are 3.5 times 170 s: 5/4 Hz");
+  TEST_ASSERT_EQUAL_UINT8(FOLDCAR_END_TIME_LIMIT, reader.trials().back().end);
+}
+
+// Whoever writes flash on the ESP32 stops both cores; so does who reads it. Everything that could is asked for before and
+// while wheels turn: nothing is done until they stand, and all that was accepted then is.
+TEST(no_tick_is_late_while_wheels_turn_whatever_a_host_asks) {
+  for (const float time_s : {5.0f, 60.0f, 170.0f}) {
+    SlowBench bench;
+    bench.erasing_stops_both_cores = true;
+    bench.drive(3.0f);
+    TEST_ASSERT_EQUAL_UINT8(FOLDCAR_LOG_STORED, bench.closed().log);
+    bench.longest_gap_while_driving_us = 0;
+    bench.storage.slowness = 10.0;
+    bench.run(20, bench.host.set_parameter("STAGGER_MS", 7) + bench.host.set_parameter("BATT_LOW_MS", 400) +
+                      bench.host.set_parameter("TILT_MS", 300));
+    bench.run(20, bench.host.command(MAV_CMD_COMPONENT_ARM_DISARM, {1}) +
+                      bench.host.command(MAV_CMD_FOLDCAR_START_TRIAL, {0.3f, 0, time_s, 1, 9}));
+    TEST_ASSERT_TRUE(bench.firmware.application().is_driving());
+    const int saved = bench.storage.save_count;
+    TEST_ASSERT_TRUE(saved < 3);
+    bench.host.received.clear();
+    while (bench.firmware.application().is_driving()) {
+      bench.run(500, bench.host.set_parameter("STAGGER_MS", 50) + bench.host.request_log_list() +
+                         bench.host.request_log_data(1) + bench.host.erase_logs() +
+                         bench.host.command(MAV_CMD_PREFLIGHT_STORAGE, {2}));
+      if (bench.firmware.application().is_driving()) TEST_ASSERT_EQUAL_INT(saved, bench.storage.save_count);
+    }
+    TEST_ASSERT_EQUAL_INT(0, bench.writes_while_driving);
+    TEST_ASSERT_TRUE_MESSAGE(bench.longest_gap_while_driving_us <= 40000, "no tick is more than 20 ms late");
+    TEST_ASSERT_EQUAL_FLOAT_MESSAGE(7.0f, bench.host.parameters().front().param_value, "not set while wheels turn");
+    TEST_ASSERT_TRUE(bench.host.said("refused: logs are not read or erased while wheels are driven"));
+    TEST_ASSERT_EQUAL_UINT8(FOLDCAR_LOG_STORED, bench.closed().log);
+    bench.run(100);
+    TEST_ASSERT_EQUAL_FLOAT_MESSAGE(7.0f, bench.storage.values["STAGGER_MS"], "saved when wheels stand");
+    TEST_ASSERT_EQUAL_FLOAT(300.0f, bench.storage.values["TILT_MS"]);
+    TEST_ASSERT_EQUAL_UINT(2, bench.logs.logs.size());
+    TEST_ASSERT_EQUAL_UINT8(FOLDCAR_END_TIME_LIMIT, read(bench.logs.logs[2]).trials().back().end);
+  }
+}
+
+TEST(a_log_waits_to_be_stored_while_wheels_turn_again) {
+  SlowBench bench;
+  bench.erasing_stops_both_cores = true;
+  bench.drive(60.0f);
+  bench.longest_gap_while_driving_us = 0;
+  bench.run(20, bench.host.command(MAV_CMD_COMPONENT_ARM_DISARM, {1}) + bench.host.set_parameter("STAGGER_MS", 7));
+  TEST_ASSERT_EQUAL_UINT8(FOLDCAR_LOG_OPEN, bench.told().log);
+  TEST_ASSERT_EQUAL_UINT(MAV_RESULT_TEMPORARILY_REJECTED, bench.answer(MAV_CMD_PREFLIGHT_STORAGE, {2}));
+  TEST_ASSERT_EQUAL_INT(static_cast<int>(Refusal::kStoring), bench.host.acks().back().result_param2);
+  TEST_ASSERT_EQUAL_UINT(MAV_RESULT_ACCEPTED, bench.answer(MAV_CMD_FOLDCAR_START_TRIAL, {0.3f, 0, 5, 0, 9}));
+  bench.run(4900);
+  TEST_ASSERT_TRUE(bench.firmware.application().is_driving());
+  TEST_ASSERT_EQUAL_INT(0, bench.writes_while_driving);
+  TEST_ASSERT_TRUE(bench.longest_gap_while_driving_us <= 40000);
+  TEST_ASSERT_EQUAL_INT_MESSAGE(0, bench.storage.save_count, "nor is a parameter saved, as long as the log is not stored");
+  TEST_ASSERT_EQUAL_UINT8(FOLDCAR_LOG_STORED, bench.closed().log);
+  bench.run(100);
+  TEST_ASSERT_EQUAL_FLOAT(7.0f, bench.storage.values["STAGGER_MS"]);
+}
+
+// Each takes up to 0.6 s, and a loop that stands still for a second is reset.
+TEST(logs_are_erased_one_in_a_tick) {
+  SlowBench bench;
+  for (int i = 0; i < 4; ++i) {
+    bench.drive(1.0f);
+    bench.closed();
+  }
+  TEST_ASSERT_EQUAL_UINT(4, bench.logs.logs.size());
+  bench.run(5, bench.host.erase_logs());
+  while (!bench.logs.logs.empty()) {
+    const int writes = bench.logs.write_count;
+    bench.board.clock.time_us += 1000;
+    bench.firmware.poll();
+    TEST_ASSERT_TRUE(bench.logs.write_count <= writes + 1);
+  }
+}
+
+TEST(the_noisiest_trial_fits_in_memory) {
+  SlowBench bench;
+  bench.noise = 1e3f;  // hardly a byte of a record is that of the one before
+  bench.run(20, bench.host.set_parameter("TILT_MAX_RAD", 3.2f));
+  bench.drive(170.0f);
+  const mavlink_foldcar_trial_t told = bench.closed();
+  TEST_ASSERT_EQUAL_UINT8(FOLDCAR_LOG_STORED, told.log);
+  TEST_ASSERT_EQUAL_UINT32(0, told.log_lost);
+}
+
+TEST(a_flash_that_is_full_keeps_what_it_has_and_says_what_is_missing) {
+  for (const std::size_t capacity : {std::size_t{0}, std::size_t{33000}}) {
+    SlowBench bench;
+    bench.logs.capacity = capacity;
+    bench.drive(60.0f);
+    const mavlink_foldcar_trial_t told = bench.closed();
+    TEST_ASSERT_EQUAL_UINT8(FOLDCAR_LOG_INCOMPLETE, told.log);
+    TEST_ASSERT_EQUAL_STRING(("the trial's log lacks " + std::to_string(told.log_lost) + " bytes").c_str(),
+                             bench.host.texts().back().c_str());
+    TEST_ASSERT_UINT_WITHIN(LogWriter::kSlice, capacity, bench.logs.logs[1].size() + LogWriter::kSlice);
+    TEST_ASSERT_UINT_WITHIN(5 * 300, whole_size(60.0f), bench.logs.logs[1].size() + told.log_lost);
+    TEST_ASSERT_EQUAL_UINT32(0, bench.loop().worst_us);
+  }
+}
+
+// A log is not closed before all of it is in flash, and nothing else touches flash until then.
+TEST(a_log_is_closed_when_all_is_stored) {
+  SlowBench bench;
+  bench.logs.slowness = 10.0;
+  bench.drive(10.0f);
+  TEST_ASSERT_EQUAL_UINT8(FOLDCAR_LOG_OPEN, bench.told().log);
+  TEST_ASSERT_EQUAL_UINT(MAV_RESULT_ACCEPTED, bench.answer(MAV_CMD_COMPONENT_ARM_DISARM, {1}));
+  TEST_ASSERT_EQUAL_UINT(MAV_RESULT_TEMPORARILY_REJECTED,
+                         bench.answer(MAV_CMD_FOLDCAR_START_TRIAL, {0.3f, 0, 5, 1, 9}));
+  TEST_ASSERT_EQUAL_INT(static_cast<int>(Refusal::kNoLog), bench.host.acks().back().result_param2);
+  bench.run(40, bench.host.request_log_list());
+  TEST_ASSERT_EQUAL_UINT(0, count_of(bench.host, MAVLINK_MSG_ID_LOG_ENTRY));
+  TEST_ASSERT_EQUAL_STRING("refused: the log of the last trial is being stored", bench.host.texts().back().c_str());
+  TEST_ASSERT_EQUAL_UINT(MAV_RESULT_ACCEPTED, bench.answer(MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, {1}));
+  TEST_ASSERT_FALSE(bench.board.board.restart_is_requested);
+  while (!bench.board.board.restart_is_requested) bench.run(20);
+  TEST_ASSERT_EQUAL_INT_MESSAGE(5, bench.logs.write_count, "created, stored in three slices, closed");
+  TEST_ASSERT_EQUAL_UINT8(FOLDCAR_END_TIME_LIMIT, read(bench.logs.logs[1]).trials().back().end);
+  TEST_ASSERT_EQUAL_UINT8(FOLDCAR_LOG_STORED, bench.told().log);
+}
+
+TEST(without_storage_for_logs_an_untethered_trial_is_refused) {
+  SlowBench bench;
+  bench.logs.fitted = false;
+  bench.answer(MAV_CMD_COMPONENT_ARM_DISARM, {1});
+  TEST_ASSERT_EQUAL_UINT(MAV_RESULT_TEMPORARILY_REJECTED,
+                         bench.answer(MAV_CMD_FOLDCAR_START_TRIAL, {0.3f, 0, 5, 1, 9}));
+  TEST_ASSERT_EQUAL_UINT(MAV_RESULT_ACCEPTED, bench.answer(MAV_CMD_FOLDCAR_START_TRIAL, {0.3f, 0, 5, 0, 9}));
+}
+
+// They arrive at once. Between two polls there is a tick wherever one is due, and a tick saves one value at most.
+TEST(sixty_settings_at_once_neither_keep_the_tick_waiting_nor_are_saved_sixty_times) {
+  SlowBench bench;
+  bench.run(2000);
+  const std::uint32_t ticks_before = bench.loop().tick_count;
+  bench.host.received.clear();
+  const std::uint64_t start_us = bench.board.clock.time_us;
+  for (int i = 1; i <= 60; ++i) {
+    bench.board.link.incoming += bench.host.set_parameter("STAGGER_MS", static_cast<float>(i));
+  }
+  for (int polls = 0; bench.host.parameters().size() < 60 || polls < 40; ++polls) {
+    const int saved_before = bench.storage.save_count;
+    bench.board.clock.time_us += 1000;
+    bench.firmware.poll();
+    TEST_ASSERT_TRUE(bench.storage.save_count - saved_before <= 1);
+    bench.host.receive(bench.board.link.outgoing);
+    TEST_ASSERT_TRUE(bench.host.parameters().size() <= 4u * static_cast<unsigned>(polls + 1));
+    bench.board.link.outgoing.clear();
+  }
+  const std::uint64_t elapsed_ms = (bench.board.clock.time_us - start_us) / 1000;
+  TEST_ASSERT_TRUE_MESSAGE(elapsed_ms < 100, "sixty settings are handled within five ticks");
+  TEST_ASSERT_TRUE(bench.storage.save_count <= 2);
+  TEST_ASSERT_EQUAL_FLOAT(60.0f, bench.storage.values["STAGGER_MS"]);
+  TEST_ASSERT_EQUAL_FLOAT(60.0f, bench.host.parameters().back().param_value);
+  bench.run(900);
+  TEST_ASSERT_UINT_WITHIN(2, (900 + elapsed_ms) / 20 + 55, bench.loop().tick_count - ticks_before);
+}
+
+TEST(every_value_that_was_set_is_saved_before_a_restart) {
+  SlowBench bench;
+  std::string settings;
+  for (std::size_t channel = 0; channel < kChannelCount; ++channel) {
+    settings += bench.host.set_parameter(parameter_info(channel_parameter(channel, ChannelParameter::kGainUs)).name, 7.0f);
+  }
+  bench.run(20, settings + bench.host.command(MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, {1}));
+  TEST_ASSERT_TRUE(bench.storage.values.size() < kChannelCount);
+  while (!bench.board.board.restart_is_requested) bench.run(20);
+  TEST_ASSERT_EQUAL_UINT(kChannelCount, bench.storage.values.size());
+}
+
+TEST(two_threads_record_and_store_a_log) {
+  TEST_ASSERT_EQUAL_STRING("", record_and_store_in_two_threads(4, 1).c_str());
+}

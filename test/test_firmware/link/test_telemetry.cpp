@@ -1,0 +1,128 @@
+// Telemetry: intervals, order, requested messages, and which packets a slow link leaves out.
+#include "../../suite.h"
+
+#include <cmath>
+#include <cstring>
+#include <map>
+
+#include "link_bench.h"
+
+using namespace foldcar;
+
+TEST(messages_come_at_their_intervals_without_drift) {
+  LinkBench bench;
+  bench.board.fit_imu();
+  constexpr std::uint64_t kTimeS = 1800;
+  for (std::uint64_t s = 0; s < kTimeS; ++s) {
+    bench.run(1000);
+    if (s == 0) bench.host.received.clear();
+    bench.board.servos.writes.clear();
+  }
+  TEST_ASSERT_EQUAL_INT(0, bench.host.bad_count);
+  const std::size_t seconds = kTimeS - 1;
+  TEST_ASSERT_EQUAL_UINT(seconds, count_of(bench.host, MAVLINK_MSG_ID_HEARTBEAT));
+  TEST_ASSERT_EQUAL_UINT(50 * seconds, count_of(bench.host, MAVLINK_MSG_ID_SERVO_OUTPUT_RAW));
+  TEST_ASSERT_EQUAL_UINT(10 * seconds, count_of(bench.host, MAVLINK_MSG_ID_FOLDCAR_TRIAL));
+  TEST_ASSERT_EQUAL_UINT(2 * seconds, count_of(bench.host, MAVLINK_MSG_ID_SYS_STATUS));
+  TEST_ASSERT_EQUAL_UINT(10 * seconds, count_of(bench.host, MAVLINK_MSG_ID_ATTITUDE));
+  TEST_ASSERT_EQUAL_UINT(10 * seconds, count_of(bench.host, MAVLINK_MSG_ID_SCALED_IMU));
+  TEST_ASSERT_EQUAL_UINT(seconds, count_of(bench.host, MAVLINK_MSG_ID_FOLDCAR_LOOP));
+  // A ground station counts what is missing among the messages that it knows, for each component.
+  std::map<std::uint8_t, std::uint8_t> next;
+  for (const mavlink_message_t& message : bench.host.received) {
+    const bool own = message.msgid >= MAVLINK_MSG_ID_FOLDCAR_TRIAL;
+    TEST_ASSERT_EQUAL_UINT8(own ? kOwnComponent : kCarComponent, message.compid);
+    const auto number = next.emplace(message.compid, message.seq).first;
+    TEST_ASSERT_EQUAL_UINT8(number->second++, message.seq);
+  }
+  const auto pulses = bench.host.all<mavlink_servo_output_raw_t>(MAVLINK_MSG_ID_SERVO_OUTPUT_RAW,
+                                                                 mavlink_msg_servo_output_raw_decode);
+  for (std::size_t i = 1; i < pulses.size(); ++i) {
+    TEST_ASSERT_EQUAL_UINT32(20000, pulses[i].time_usec - pulses[i - 1].time_usec);
+  }
+}
+
+TEST(a_car_without_an_imu_sends_no_attitude) {
+  LinkBench bench;
+  bench.run(1000);
+  TEST_ASSERT_EQUAL_UINT(0, count_of(bench.host, MAVLINK_MSG_ID_ATTITUDE));
+  bench.expect(MAV_RESULT_DENIED, Refusal::kMessage, MAV_CMD_REQUEST_MESSAGE, {MAVLINK_MSG_ID_ATTITUDE});
+}
+
+TEST(messages_can_be_asked_for_and_their_intervals_set) {
+  LinkBench bench;
+  bench.expect(MAV_RESULT_ACCEPTED, Refusal::kNone, MAV_CMD_REQUEST_MESSAGE, {MAVLINK_MSG_ID_AUTOPILOT_VERSION});
+  const auto version = bench.host.all<mavlink_autopilot_version_t>(MAVLINK_MSG_ID_AUTOPILOT_VERSION,
+                                                                   mavlink_msg_autopilot_version_decode);
+  TEST_ASSERT_EQUAL_UINT(1, version.size());
+  TEST_ASSERT_EQUAL_HEX8(0x00, version[0].flight_custom_version[0]);
+  TEST_ASSERT_EQUAL_HEX8(0x11, version[0].flight_custom_version[1]);
+  TEST_ASSERT_EQUAL_HEX8(0xFF, version[0].flight_custom_version[7]);
+  bench.expect(MAV_RESULT_ACCEPTED, Refusal::kNone, MAV_CMD_SET_MESSAGE_INTERVAL,
+               {MAVLINK_MSG_ID_SERVO_OUTPUT_RAW, 100000});
+  bench.host.received.clear();
+  bench.run(1000);
+  TEST_ASSERT_EQUAL_UINT(10, count_of(bench.host, MAVLINK_MSG_ID_SERVO_OUTPUT_RAW));
+  bench.expect(MAV_RESULT_ACCEPTED, Refusal::kNone, MAV_CMD_SET_MESSAGE_INTERVAL, {MAVLINK_MSG_ID_HEARTBEAT, -1});
+  bench.host.received.clear();
+  bench.run(3000);
+  TEST_ASSERT_EQUAL_UINT(0, count_of(bench.host, MAVLINK_MSG_ID_HEARTBEAT));
+  bench.expect(MAV_RESULT_DENIED, Refusal::kMessage, MAV_CMD_SET_MESSAGE_INTERVAL, {MAVLINK_MSG_ID_HEARTBEAT, 19999});
+  bench.expect(MAV_RESULT_DENIED, Refusal::kMessage, MAV_CMD_SET_MESSAGE_INTERVAL, {MAVLINK_MSG_ID_HEARTBEAT, NAN});
+  bench.expect(MAV_RESULT_DENIED, Refusal::kMessage, MAV_CMD_SET_MESSAGE_INTERVAL, {33, 100000});
+}
+
+TEST(a_link_that_takes_little_gets_whole_packets_and_answers_first) {
+  LinkBench bench;
+  bench.run(1000);
+  bench.host.received.clear();
+  bench.board.link.room = 5;  // 1250 bytes a second are fewer than the telemetry
+  bench.board.fit_imu();
+  for (int i = 0; i < 50; ++i) bench.run(100, bench.host.command(MAV_CMD_FOLDCAR_STOP_TRIAL, {}));
+  bench.board.link.room = 100000;
+  bench.run(100);
+  TEST_ASSERT_EQUAL_INT(0, bench.host.bad_count);
+  TEST_ASSERT_EQUAL_UINT(50, bench.host.acks().size());
+  bench.answer(MAV_CMD_REQUEST_MESSAGE, {MAVLINK_MSG_ID_FOLDCAR_LOOP});
+  const auto loops = bench.host.all<mavlink_foldcar_loop_t>(MAVLINK_MSG_ID_FOLDCAR_LOOP, mavlink_msg_foldcar_loop_decode);
+  TEST_ASSERT_TRUE(loops.back().unsent_count > 10);
+}
+
+TEST(a_refused_design_is_told_in_full_and_other_designs_by_name) {
+  DesignResult design;
+  design.source = DesignSource::kRefused;
+  std::strcpy(design.problem, "car.json: wheels[1].channel is not a whole number from 1 to 8, and more than 50 bytes");
+  LinkBench bench(design);
+  bench.run(20);
+  TEST_ASSERT_EQUAL_STRING(design.problem, bench.last_text().c_str());
+  bench.answer(MAV_CMD_FOLDCAR_ACKNOWLEDGE_FAULT, {});
+  bench.host.received.clear();
+  bench.expect(MAV_RESULT_TEMPORARILY_REJECTED, Refusal::kDesign, MAV_CMD_COMPONENT_ARM_DISARM, {1});
+  TEST_ASSERT_EQUAL_STRING((std::string("refused: ") + design.problem).c_str(), bench.last_text().c_str());
+  bench.host.received.clear();
+  bench.expect(MAV_RESULT_ACCEPTED, Refusal::kNone, MAV_CMD_REQUEST_MESSAGE, {MAVLINK_MSG_ID_FOLDCAR_DESIGN});
+  TEST_ASSERT_EQUAL_STRING(design.problem, bench.last_text().c_str());
+  const auto told =
+      bench.host.all<mavlink_foldcar_design_t>(MAVLINK_MSG_ID_FOLDCAR_DESIGN, mavlink_msg_foldcar_design_decode);
+  TEST_ASSERT_EQUAL_UINT8(FOLDCAR_DESIGN_SOURCE_REFUSED, told[0].source);
+  TEST_ASSERT_EQUAL_UINT8(FOLDCAR_HARDWARE_SIMULATED, told[0].hardware);
+  TEST_ASSERT_EQUAL_STRING_LEN(kBuild, told[0].build, 16);
+}
+
+TEST(clocks_are_compared_and_pings_answered) {
+  LinkBench bench;
+  mavlink_timesync_t sync{};
+  sync.ts1 = 123456789;
+  bench.run(4, bench.host.pack(mavlink_msg_timesync_encode_status, sync));
+  const auto syncs = bench.host.all<mavlink_timesync_t>(MAVLINK_MSG_ID_TIMESYNC, mavlink_msg_timesync_decode);
+  TEST_ASSERT_EQUAL_UINT(1, syncs.size());
+  TEST_ASSERT_EQUAL_INT64(123456789, syncs[0].ts1);
+  TEST_ASSERT_EQUAL_INT64(1000 * static_cast<std::int64_t>(bench.board.clock.time_us), syncs[0].tc1);
+  mavlink_ping_t ping{};
+  ping.seq = 42;
+  bench.run(4, bench.host.pack(mavlink_msg_ping_encode_status, ping));
+  const auto pings = bench.host.all<mavlink_ping_t>(MAVLINK_MSG_ID_PING, mavlink_msg_ping_decode);
+  TEST_ASSERT_EQUAL_UINT(1, pings.size());
+  TEST_ASSERT_EQUAL_UINT(42, pings[0].seq);
+  TEST_ASSERT_EQUAL_UINT(255, pings[0].target_system);
+}

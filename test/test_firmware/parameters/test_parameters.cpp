@@ -1,0 +1,169 @@
+// The parameter table and the values: names, limits, refusals, storage.
+#include "../../suite.h"
+
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <string>
+
+#include "../../recording_hal.h"
+#include "parameters.h"
+
+using namespace foldcar;
+
+TEST(names_are_unique_upper_case_and_fit_a_flash_key) {
+  for (const ParameterInfo& info : parameter_table()) {
+    const std::size_t length = std::strlen(info.name);
+    TEST_ASSERT_TRUE_MESSAGE(length >= 1 && length <= 15, info.name);
+    const std::size_t allowed_length = std::strspn(info.name, "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_");
+    TEST_ASSERT_EQUAL_UINT_MESSAGE(length, allowed_length, info.name);
+    int count = 0;
+    for (const ParameterInfo& other : parameter_table()) count += std::strcmp(info.name, other.name) == 0;
+    TEST_ASSERT_EQUAL_INT_MESSAGE(1, count, info.name);
+  }
+}
+
+TEST(every_parameter_is_explained) {
+  for (const ParameterInfo& info : parameter_table()) {
+    TEST_ASSERT_TRUE_MESSAGE(std::strlen(info.help) > 10, info.name);
+    TEST_ASSERT_NOT_NULL_MESSAGE(info.unit, info.name);
+  }
+}
+
+TEST(a_name_leads_to_its_typed_index) {
+  const auto is = [](const char* name, Parameter parameter) {
+    TEST_ASSERT_TRUE_MESSAGE(find_parameter(name) == parameter, name);
+    TEST_ASSERT_EQUAL_STRING(name, parameter_info(parameter).name);
+  };
+  is("WHEEL_RADIUS_M", Parameter::kWheelRadiusM);
+  is("TRACK_M", Parameter::kTrackM);
+  is("WHEEL_MAX_RAD_S", Parameter::kWheelMaxRadS);
+  is("SLEW_US_PER_S", Parameter::kSlewUsPerS);
+  is("STAGGER_MS", Parameter::kStaggerMs);
+  is("BATT_MIN_V", Parameter::kBattMinV);
+  is("BATT_LOW_MS", Parameter::kBattLowMs);
+  is("CMD_TIMEOUT_MS", Parameter::kCmdTimeoutMs);
+  is("ARM_TIMEOUT_S", Parameter::kArmTimeoutS);
+  is("TRIAL_MAX_S", Parameter::kTrialMaxS);
+  is("PWM_OSC_HZ", Parameter::kPwmOscHz);
+  is("OE_WIRED", Parameter::kOeWired);
+  for (std::size_t channel = 0; channel < kChannelCount; ++channel) {
+    const std::string prefix = "CH" + std::to_string(channel + 1) + "_";
+    is((prefix + "SIDE").c_str(), channel_parameter(channel, ChannelParameter::kSide));
+    is((prefix + "DIRECTION").c_str(), channel_parameter(channel, ChannelParameter::kDirection));
+    is((prefix + "NEUTRAL_US").c_str(), channel_parameter(channel, ChannelParameter::kNeutralUs));
+    is((prefix + "DEADBAND_US").c_str(), channel_parameter(channel, ChannelParameter::kDeadbandUs));
+    is((prefix + "GAIN_US").c_str(), channel_parameter(channel, ChannelParameter::kGainUs));
+  }
+  TEST_ASSERT_EQUAL_UINT(14 + 8 * 5, parameter_table().size());
+}
+
+TEST(a_new_object_describes_the_study_car) {
+  const Parameters parameters;
+  TEST_ASSERT_EQUAL_FLOAT(0.06f, parameters.get(Parameter::kWheelRadiusM));
+  TEST_ASSERT_EQUAL_FLOAT(0.111f, parameters.get(Parameter::kTrackM));
+  TEST_ASSERT_EQUAL_FLOAT(11.5f, parameters.get(Parameter::kWheelMaxRadS));
+  const float sides[] = {1, 2, 1, 2, 0, 0, 0, 0};
+  const float directions[] = {1, -1, 1, -1};
+  for (std::size_t channel = 0; channel < kChannelCount; ++channel) {
+    TEST_ASSERT_EQUAL_FLOAT(sides[channel], parameters.get(channel, ChannelParameter::kSide));
+    if (channel >= 4) continue;
+    TEST_ASSERT_EQUAL_FLOAT(directions[channel], parameters.get(channel, ChannelParameter::kDirection));
+    // Full speed of the servo, 11.5 rad/s, is 200 us from neutral: 45 of deadband and 155 of gain.
+    const float full_us = parameters.get(channel, ChannelParameter::kDeadbandUs) +
+                          11.5f * parameters.get(channel, ChannelParameter::kGainUs);
+    TEST_ASSERT_FLOAT_WITHIN(1e-3f, 200.0f, full_us);
+  }
+}
+
+TEST(limits_are_allowed_and_what_is_beyond_them_is_not) {
+  for (const ParameterInfo& info : parameter_table()) {
+    Parameters parameters;
+    const Parameter index = *find_parameter(info.name);
+    const float infinity = std::numeric_limits<float>::infinity();
+    TEST_ASSERT_TRUE_MESSAGE(parameters.set(info.name, info.minimum) == SetResult::kOk, info.name);
+    TEST_ASSERT_TRUE_MESSAGE(parameters.get(index) == info.minimum, info.name);
+    TEST_ASSERT_TRUE_MESSAGE(parameters.set(info.name, info.maximum) == SetResult::kOk, info.name);
+    const SetResult below = parameters.set(info.name, std::nextafter(info.minimum, -infinity));
+    const SetResult above = parameters.set(info.name, std::nextafter(info.maximum, infinity));
+    TEST_ASSERT_TRUE_MESSAGE(below == SetResult::kBelowMinimum, info.name);
+    TEST_ASSERT_TRUE_MESSAGE(above == SetResult::kAboveMaximum, info.name);
+    TEST_ASSERT_TRUE_MESSAGE(parameters.set(info.name, NAN) == SetResult::kNotANumber, info.name);
+    TEST_ASSERT_TRUE_MESSAGE(parameters.set(info.name, infinity) == SetResult::kAboveMaximum, info.name);
+    TEST_ASSERT_TRUE_MESSAGE(parameters.get(index) == info.maximum, "a refused value changed the old one");
+  }
+}
+
+TEST(a_side_is_whole_and_a_direction_is_a_sign) {
+  Parameters parameters;
+  TEST_ASSERT_TRUE(parameters.set("CH1_SIDE", 1.5f) == SetResult::kNotAnInteger);
+  TEST_ASSERT_TRUE(parameters.set("CH1_DIRECTION", 0.0f) == SetResult::kNotASign);
+  TEST_ASSERT_TRUE(parameters.set("CH1_DIRECTION", 0.5f) == SetResult::kNotASign);
+  TEST_ASSERT_TRUE(parameters.set("CH1_DIRECTION", -1.0f) == SetResult::kOk);
+}
+
+TEST(an_unknown_name_is_refused) {
+  Parameters parameters;
+  for (const char* name : {"", "TRACK", "track_m", "CH0_SIDE", "CH9_SIDE", "TRACK_M_AND_MORE_THAN_FITS"}) {
+    TEST_ASSERT_TRUE_MESSAGE(parameters.set(name, 1.0f) == SetResult::kUnknownName, name);
+  }
+}
+
+TEST(values_survive_storage) {
+  SimStorage storage;
+  Parameters written;
+  written.set("TRACK_M", 0.2f);
+  written.set("CH3_NEUTRAL_US", 1512.5f);
+  TEST_ASSERT_TRUE(written.save(storage, Parameter::kTrackM));
+  TEST_ASSERT_TRUE(written.save(storage, channel_parameter(2, ChannelParameter::kNeutralUs)));
+  TEST_ASSERT_EQUAL_UINT(2, storage.values.size());
+
+  Parameters read;
+  TEST_ASSERT_EQUAL_UINT(0, read.load(storage));
+  for (const ParameterInfo& info : parameter_table()) {
+    const Parameter index = *find_parameter(info.name);
+    TEST_ASSERT_TRUE_MESSAGE(read.get(index) == written.get(index), info.name);
+  }
+}
+
+TEST(empty_storage_leaves_values_alone) {
+  SimStorage storage;
+  Parameters parameters;
+  parameters.set("TRACK_M", 0.2f);
+  TEST_ASSERT_EQUAL_UINT(0, parameters.load(storage));
+  TEST_ASSERT_EQUAL_FLOAT(0.2f, parameters.get(Parameter::kTrackM));
+}
+
+TEST(stored_values_beyond_the_limits_are_counted_and_not_taken) {
+  SimStorage storage;
+  storage.values = {{"TRACK_M", -1.0f}, {"STAGGER_MS", NAN}, {"BATT_MIN_V", 3.0f}};
+  Parameters parameters;
+  TEST_ASSERT_EQUAL_UINT(2, parameters.load(storage));
+  TEST_ASSERT_EQUAL_FLOAT(0.111f, parameters.get(Parameter::kTrackM));
+  TEST_ASSERT_EQUAL_FLOAT(3.0f, parameters.get(Parameter::kBattMinV));
+}
+
+TEST(a_storage_that_takes_nothing_is_noticed) {
+  SimStorage storage;
+  storage.accepts = false;
+  TEST_ASSERT_FALSE(Parameters().save(storage, Parameter::kTrackM));
+}
+
+TEST(a_fixed_value_is_neither_set_nor_loaded) {
+  SimStorage storage;
+  storage.values = {{"TRACK_M", 0.3f}};
+  Parameters parameters;
+  TEST_ASSERT_TRUE(parameters.fix(Parameter::kTrackM, -1.0f) == SetResult::kBelowMinimum);
+  TEST_ASSERT_TRUE(parameters.set("TRACK_M", 0.25f) == SetResult::kOk);
+  TEST_ASSERT_TRUE(parameters.fix(Parameter::kTrackM, 0.2f) == SetResult::kOk);
+  TEST_ASSERT_TRUE(parameters.set("TRACK_M", 0.25f) == SetResult::kFixed);
+  TEST_ASSERT_EQUAL_UINT(0, parameters.load(storage));
+  TEST_ASSERT_EQUAL_FLOAT(0.2f, parameters.get(Parameter::kTrackM));
+}
+
+TEST(objects_do_not_share_values) {
+  Parameters first;
+  Parameters second;
+  first.set("TRACK_M", 0.3f);
+  TEST_ASSERT_EQUAL_FLOAT(0.111f, second.get(Parameter::kTrackM));
+}

@@ -1,0 +1,172 @@
+// The simulator's elementary functions against the C library's in long double, whose 11 more bits make them a reference.
+#include "../../suite.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <random>
+
+#include "elementary_functions.h"
+
+using namespace foldcar;
+
+namespace {
+
+constexpr int kSamples = 300000;
+
+// Unity takes the standard's names.
+bool is_nan(double x) { return x != x; }
+bool is_infinite(double x) { return std::abs(x) == std::numeric_limits<double>::infinity(); }
+
+// By how many units in the last place of the true value the computed one is wrong.
+double error_ulp(double computed, long double expected) {
+  const int exponent = std::max(std::ilogb(expected), -1022);
+  return static_cast<double>(std::abs((computed - expected) / std::scalbn(1.0L, exponent - 52)));
+}
+
+template <typename Function>
+double largest(Function error_of_sample) {
+  std::mt19937_64 random(1);
+  double most = 0;
+  for (int i = 0; i < kSamples; ++i) most = std::max(most, error_of_sample(random));
+  return most;
+}
+
+double between(std::mt19937_64& random, double least, double most) {
+  return std::uniform_real_distribution<double>(least, most)(random);
+}
+
+// Of every magnitude and both signs.
+double of_any_size(std::mt19937_64& random, int least_exponent, int most_exponent) {
+  const double sign = random() % 2 == 0 ? 1 : -1;
+  return sign * std::scalbn(between(random, 1, 2), static_cast<int>(between(random, least_exponent, most_exponent)));
+}
+
+}  // namespace
+
+TEST(test_sine_and_cosine_are_within_the_stated_error) {
+  const double error = largest([](std::mt19937_64& random) {
+    const double x = random() % 2 == 0 ? between(random, -7, 7) : of_any_size(random, -30, 19);
+    return std::max(error_ulp(sine(x), std::sin(static_cast<long double>(x))),
+                    error_ulp(cosine(x), std::cos(static_cast<long double>(x))));
+  });
+  TEST_ASSERT_DOUBLE_WITHIN(1, 0, error);
+}
+
+TEST(test_sine_and_cosine_are_exact_to_the_bit_count_next_to_their_zeros) {
+  double error = 0;
+  for (int quarter = 1; quarter < 600000; ++quarter) {
+    const double x = quarter * 1.5707963267948966;
+    const long double s = std::sin(static_cast<long double>(x)), c = std::cos(static_cast<long double>(x));
+    // The reference itself is reduced by 66 bits of pi: only its absolute error is known.
+    error = std::max(error, std::abs(static_cast<double>(sine(x) - s)));
+    error = std::max(error, std::abs(static_cast<double>(cosine(x) - c)));
+  }
+  TEST_ASSERT_DOUBLE_WITHIN(1.2e-16, 0, error);
+}
+
+TEST(test_large_angles_give_a_point_of_the_unit_circle) {
+  for (const double x : {1e7, -3e12, 1e100, std::numeric_limits<double>::max()}) {
+    TEST_ASSERT_DOUBLE_WITHIN(4e-16, 1, sine(x) * sine(x) + cosine(x) * cosine(x));
+  }
+}
+
+TEST(test_exponential_is_within_the_stated_error) {
+  const double error = largest([](std::mt19937_64& random) {
+    const double x = random() % 2 == 0 ? between(random, -2, 2) : between(random, -708, 709);
+    return error_ulp(exponential(x), std::exp(static_cast<long double>(x)));
+  });
+  TEST_ASSERT_DOUBLE_WITHIN(1.5, 0, error);
+}
+
+TEST(test_arc_tangent_is_within_the_stated_error) {
+  const double error = largest([](std::mt19937_64& random) {
+    const double y = of_any_size(random, -30, 30);
+    const double x = random() % 2 == 0 ? of_any_size(random, -30, 30) : y * between(random, -3, 3);
+    return error_ulp(arc_tangent(y, x), std::atan2(static_cast<long double>(y), static_cast<long double>(x)));
+  });
+  TEST_ASSERT_DOUBLE_WITHIN(kElementaryError_ulp, 0, error);
+}
+
+TEST(test_arc_sine_and_arc_cosine_are_within_the_stated_error) {
+  const double error = largest([](std::mt19937_64& random) {
+    const double x = between(random, -1, 1);
+    return std::max(error_ulp(std::asin(x), std::asin(static_cast<long double>(x))),
+                    error_ulp(std::acos(x), std::acos(static_cast<long double>(x))));
+  });
+  TEST_ASSERT_DOUBLE_WITHIN(kElementaryError_ulp, 0, error);
+}
+
+TEST(test_hypotenuse_is_within_the_stated_error) {
+  const double error = largest([](std::mt19937_64& random) {
+    const double x = of_any_size(random, -600, 600), y = x * between(random, -4, 4);
+    return error_ulp(hypotenuse(x, y), std::hypot(static_cast<long double>(x), static_cast<long double>(y)));
+  });
+  TEST_ASSERT_DOUBLE_WITHIN(kElementaryError_ulp, 0, error);
+}
+
+TEST(test_sine_and_cosine_together_are_those_alone) {
+  int differing = 0;
+  std::mt19937_64 random(1);
+  for (int i = 0; i < kSamples; ++i) {
+    const double x = i == 0 ? -0.0 : of_any_size(random, -40, 30);
+    double s = 0, c = 0;
+    ::sincos(x, &s, &c);
+    if (s != sine(x) || c != cosine(x) || std::signbit(s) != std::signbit(sine(x))) ++differing;
+  }
+  TEST_ASSERT_EQUAL(0, differing);
+}
+
+// Computed with more bits than a float has: the rounded result is nearly always the nearest float.
+TEST(test_single_precision_results_are_rounded_once) {
+  const auto error_of = [](float computed, double expected) {
+    return std::abs(static_cast<double>(computed) - expected) / std::scalbn(1.0, std::ilogb(expected) - 23);
+  };
+  const double error = largest([&](std::mt19937_64& random) {
+    const auto x = static_cast<float>(between(random, -1000, 1000));
+    float s = 0, c = 0;
+    ::sincosf(x, &s, &c);
+    return std::max(error_of(s, std::sin(static_cast<double>(x))), error_of(c, std::cos(static_cast<double>(x))));
+  });
+  TEST_ASSERT_DOUBLE_WITHIN(0.501, 0, error);
+  float s = 0, c = 0;
+  ::sincosf(-0.0F, &s, &c);
+  TEST_ASSERT_TRUE(std::signbit(s) && c == 1);
+}
+
+TEST(test_special_values_are_those_of_the_standard) {
+  const double infinity = std::numeric_limits<double>::infinity(), nan = std::nan("");
+  for (const double x : {infinity, -infinity, nan}) {
+    TEST_ASSERT_TRUE(is_nan(sine(x)));
+    TEST_ASSERT_TRUE(is_nan(cosine(x)));
+  }
+  TEST_ASSERT_TRUE(std::signbit(sine(-0.0)));
+  TEST_ASSERT_EQUAL_DOUBLE(1, cosine(0));
+  TEST_ASSERT_EQUAL_DOUBLE(1, exponential(0));
+  TEST_ASSERT_EQUAL_DOUBLE(0, exponential(-1000));
+  TEST_ASSERT_EQUAL_DOUBLE(0, exponential(-infinity));
+  TEST_ASSERT_TRUE(is_infinite(exponential(1000)));
+  TEST_ASSERT_TRUE(is_nan(exponential(nan)));
+  TEST_ASSERT_TRUE(is_nan(std::asin(1.5)));
+  TEST_ASSERT_EQUAL_DOUBLE(M_PI, arc_tangent(0.0, -0.0));
+  TEST_ASSERT_EQUAL_DOUBLE(-M_PI, arc_tangent(-0.0, -1));
+  TEST_ASSERT_EQUAL_DOUBLE(M_PI_2, arc_tangent(1, 0));
+  TEST_ASSERT_EQUAL_DOUBLE(3 * M_PI_4, arc_tangent(infinity, -infinity));
+  TEST_ASSERT_EQUAL_DOUBLE(0, hypotenuse(0, 0));
+  TEST_ASSERT_TRUE(is_nan(hypotenuse(nan, 0)));
+  TEST_ASSERT_TRUE(is_infinite(hypotenuse(nan, infinity)));
+}
+
+// The linker found these before the C library's.
+TEST(test_the_c_library_s_names_mean_these_functions) {
+  volatile double x = 0.7;
+  int differing = 0;
+  for (int i = 0; i < 100000; ++i) {
+    x = x + 1e-4;
+    if (std::sin(x) != sine(x) || std::cos(x) != cosine(x) || std::exp(x) != exponential(x) ||
+        std::hypot(x, 1.0) != hypotenuse(x, 1) || std::atan2(x, 2.0) != arc_tangent(x, 2)) {
+      ++differing;
+    }
+  }
+  TEST_ASSERT_EQUAL(0, differing);
+}

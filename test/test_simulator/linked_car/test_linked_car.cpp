@@ -1,0 +1,173 @@
+// The car of `carsim link`, without its port: it drives when a host says so, shows every fault, and repeats its record.
+#include "../../mavlink_host.h"
+#include "../../study_car.h"
+#include "link_record.h"
+#include "linked_car.h"
+#include "multibody_engine.h"
+
+#include <sstream>
+#include <string>
+#include <vector>
+
+// After the rest: Unity hides std::isnan behind a macro.
+#include "../../suite.h"
+
+using namespace foldcar;
+using nlohmann::json;
+
+namespace {
+
+const char* const kFirmware = "0123456789abcdef";
+
+// A car on a cable with a host that sends a heartbeat every 0.2 s, and the record of both.
+struct Bench {
+  MultibodyEngine engine;
+  BodySpec body = study_car(0.095);
+  SceneSpec scene;
+  std::ostringstream lines;
+  LinkRecord record{lines};
+  MavlinkHost host;
+  LinkedCarOptions options;
+  std::unique_ptr<LinkedCar> car;
+
+  explicit Bench(bool put_back = false) {
+    scene.id = "flat";
+    scene.friction = 0.6;
+    scene.course = {-5, 5, -5, 5};
+    options.design.source = DesignSource::kNone;
+    options.put_back = put_back;
+    car = std::make_unique<LinkedCar>(engine, body, scene, options, kFirmware);
+  }
+  void send(const std::string& packet) {
+    const std::vector<std::uint8_t> bytes(packet.begin(), packet.end());
+    record.to_car(car->now_us(), bytes, false);
+    car->receive(bytes, false);
+  }
+  void inject(const char* line) {
+    record.inject(car->now_us(), json::parse(line));
+    car->inject(read_injection(json::parse(line)));
+  }
+  void run(double seconds) {
+    const std::uint64_t end_us = car->now_us() + static_cast<std::uint64_t>(1e6 * seconds);
+    for (int step = 0; car->now_us() < end_us; ++step) {
+      if (step % 48 == 0) send(host.heartbeat());
+      const std::vector<std::uint8_t> sent = car->step();
+      record.from_car(car->now_us(), sent);
+      host.receive({sent.begin(), sent.end()});
+    }
+  }
+  void start_trial() {
+    run(0.5);
+    send(host.command(MAV_CMD_COMPONENT_ARM_DISARM, {1}));
+    run(0.1);
+    send(host.command(MAV_CMD_FOLDCAR_START_TRIAL, {0.5f, 0, 30, 0, 7}));
+    run(1);
+  }
+  float x_m() const {
+    return host.all<mavlink_foldcar_truth_t>(MAVLINK_MSG_ID_FOLDCAR_TRUTH, mavlink_msg_foldcar_truth_decode).back().x;
+  }
+  mavlink_foldcar_trial_t trial() const { return host.trials().back(); }
+};
+
+}  // namespace
+
+TEST(test_a_trial_moves_the_car_and_its_truth_says_so) {
+  Bench bench;
+  bench.start_trial();
+  TEST_ASSERT_EQUAL_INT(FOLDCAR_STATE_RUNNING, bench.trial().state);
+  TEST_ASSERT_EQUAL_UINT(7, bench.trial().trial_id);
+  TEST_ASSERT_TRUE(bench.x_m() > 0.2f && bench.x_m() < 0.6f);
+  const auto scenes =
+      bench.host.all<mavlink_foldcar_scene_t>(MAVLINK_MSG_ID_FOLDCAR_SCENE, mavlink_msg_foldcar_scene_decode);
+  TEST_ASSERT_EQUAL_STRING("flat", scenes.front().id);
+}
+
+TEST(test_each_fault_stops_the_car_with_its_name) {
+  const struct {
+    const char* line;
+    int fault;
+  } kFaults[] = {
+      {R"({"inject": "battery", "volts": 2.0})", FOLDCAR_FAULT_BATTERY_LOW},
+      {R"({"inject": "battery_unreadable"})", FOLDCAR_FAULT_BATTERY_UNREADABLE},
+      {R"({"inject": "bus_error"})", FOLDCAR_FAULT_BUS},
+      {R"({"inject": "imu_error"})", FOLDCAR_FAULT_IMU},
+      {R"({"inject": "brown_out"})", FOLDCAR_FAULT_BROWN_OUT},
+      {R"({"inject": "watchdog"})", FOLDCAR_FAULT_WATCHDOG},
+      {R"({"inject": "unplug", "for_s": 1})", FOLDCAR_FAULT_COMMAND_STALE},
+      {R"({"inject": "drop", "share": 1, "for_s": 1})", FOLDCAR_FAULT_COMMAND_STALE},
+      {R"({"inject": "corrupt", "share": 1, "for_s": 1})", FOLDCAR_FAULT_COMMAND_STALE},
+  };
+  for (const auto& fault : kFaults) {
+    Bench bench;
+    bench.start_trial();
+    bench.inject(fault.line);
+    bench.run(2);
+    TEST_ASSERT_EQUAL_INT_MESSAGE(FOLDCAR_STATE_FAULT, bench.trial().state, fault.line);
+    TEST_ASSERT_EQUAL_INT_MESSAGE(fault.fault, bench.trial().fault, fault.line);
+  }
+}
+
+TEST(test_a_battery_fault_ends_in_time) {
+  Bench bench;
+  bench.start_trial();
+  bench.inject(R"({"inject": "battery", "volts": 2.0, "for_s": 0.1})");
+  bench.run(1);
+  TEST_ASSERT_EQUAL_INT(FOLDCAR_STATE_RUNNING, bench.trial().state);
+}
+
+TEST(test_the_car_can_be_put_back) {
+  Bench by_hand;
+  by_hand.start_trial();
+  by_hand.inject(R"({"inject": "put_back"})");
+  by_hand.run(0.02);
+  TEST_ASSERT_FLOAT_WITHIN(0.02f, 0.0f, by_hand.x_m());
+  Bench when_armed(true);
+  when_armed.start_trial();
+  when_armed.send(when_armed.host.command(MAV_CMD_FOLDCAR_STOP_TRIAL, {}));
+  when_armed.run(1);
+  TEST_ASSERT_TRUE(when_armed.x_m() > 0.2f);
+  when_armed.send(when_armed.host.command(MAV_CMD_COMPONENT_ARM_DISARM, {1}));
+  when_armed.run(0.2);
+  TEST_ASSERT_FLOAT_WITHIN(0.02f, 0.0f, when_armed.x_m());
+}
+
+TEST(test_a_record_repeats_itself) {
+  Bench bench;
+  bench.start_trial();
+  bench.inject(R"({"inject": "corrupt", "share": 0.01, "for_s": 0.5})");
+  bench.run(1);
+  bench.record.end(bench.car->now_us());
+  const std::string first = bench.lines.str();
+  TEST_ASSERT_TRUE(first.find("from_car") != std::string::npos);
+  LinkedCar again(bench.engine, bench.body, bench.scene, bench.options, kFirmware);
+  std::istringstream lines(first);
+  std::ostringstream second;
+  LinkRecord record(second);
+  replay(lines, again, record);
+  TEST_ASSERT_TRUE(first == second.str());
+}
+
+TEST(test_a_wrong_record_is_refused_by_its_line) {
+  const struct {
+    const char* text;
+    const char* words;
+  } kRecords[] = {
+      {"{\"t_us\": 9000, \"to_car\": \"00\"}\n{\"t_us\": 1, \"to_car\": \"00\"}\n", "line 2: line.t_us: 1 is before"},
+      {"{\"t_us\": 0, \"to_car\": \"0g\"}\n", "line 1: line.to_car: is not bytes"},
+      {"{\"t_us\": 0, \"to_car\": \"000\"}\n", "line 1: line.to_car: is not bytes"},
+      {"{\"t_us\": 0, \"inject\": \"rain\"}\n", "line 1: line.inject: "},
+      {"{\"t_us\": 0, \"inject\": \"drop\", \"share\": 2}\n", "line 1: line.share: 2.0 is above the limit 1"},
+      {"{\"t_us\": 0, \"to_car_late\": \"00\"}\n", "the record has no end"},
+  };
+  for (const auto& wrong : kRecords) {
+    Bench bench;
+    std::istringstream lines(wrong.text);
+    std::string message;
+    try {
+      replay(lines, *bench.car, bench.record);
+    } catch (const InputError& error) {
+      message = error.what();
+    }
+    TEST_ASSERT_TRUE_MESSAGE(message.find(wrong.words) != std::string::npos, message.c_str());
+  }
+}

@@ -136,7 +136,7 @@ void CarDesignReader::fail(const DesignPlace& place, const char* problem) {
   } else if (place.index < 0) {
     std::snprintf(problem_, sizeof problem_, "car.json: %.20s.%.40s %s", place.section, place.key, problem);
   } else {
-    std::snprintf(problem_, sizeof problem_, "car.json: %.20s[%d].%.40s %s", place.section, place.index, place.key,
+    std::snprintf(problem_, sizeof problem_, "car.json: %.16s[%d].%.24s %s", place.section, place.index, place.key,
                   problem);
   }
 }

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import shapely
 
-from foldcar.car.folded.pose import compose, rotation, translation
+from foldcar.car.folded.pose import translation
 from foldcar.car.proof.blocks import SKIN_MM, Blocks, blocks_of, box, hit, plate, prism, way_out
 
 FILM_MM = 0.25
@@ -18,9 +18,7 @@ def slotted(width_mm: float, height_mm: float) -> Blocks:
     return plate(wall, FILM_MM, "wall")
 
 
-@pytest.mark.parametrize(
-    ("each_side_mm", "free"), [(0.05, True), (-0.05, True), (-0.09, True), (-0.11, False), (-0.15, False)]
-)
+@pytest.mark.parametrize(("each_side_mm", "free"), [(0.05, True), (-0.09, True), (-0.11, False)])
 def test_a_box_passes_a_slot_up_to_the_tolerated_overlap_of_0_1_mm(each_side_mm: float, free: bool) -> None:
     assert pytest.approx(0.1) == 2 * SKIN_MM
     moving = blocks_of([box((20.0, 8.0, 15.0))], "box").moved(translation(0, 0, -20))
@@ -29,19 +27,10 @@ def test_a_box_passes_a_slot_up_to_the_tolerated_overlap_of_0_1_mm(each_side_mm:
         assert (hit(moving, slotted(*size), (0, 0, 40)) is None) is free
 
 
-def test_a_turned_box_passes_a_slot_as_wide_as_its_diagonal_allows() -> None:
-    # A box of 10 x 10 turned by 30 degrees needs 10 (cos 30 + sin 30) = 13.66 mm.
-    moving = blocks_of([box((10.0, 10.0, 15.0))], "box").moved(compose(translation(0, 0, -20), rotation("z", np.pi / 6)))
-    needed = 10 * (np.cos(np.pi / 6) + np.sin(np.pi / 6))
-
-    for over, free in ((0.02, True), (-0.5, False)):
-        assert (hit(moving, slotted(needed + over, needed + over), (0, 0, 40)) is None) is free
-
-
 def test_film_of_any_thickness_is_not_stepped_over() -> None:
     rng = np.random.default_rng(3)
-    for thickness in (0.127, 0.19, 0.25):
-        for _ in range(30):
+    for thickness in (0.127, 0.25):
+        for _ in range(20):
             x, y, z = rng.uniform((-40, -40, 1), (40, 40, 400))
             small = blocks_of([box((0.5, 0.5, 0.5))], "grain").moved(translation(x, y, -z))
             wall = plate(shapely.box(-50, -50, 50, 50), thickness, "wall")

@@ -28,9 +28,7 @@ def corners(car: FoldedCar, piece: str, face: str) -> list[tuple[float, float, f
     return [apply(pose, *point) for one in shape.faces if one.name == face for point in one.outline_mm]
 
 
-@pytest.mark.parametrize(
-    ("film", "t"), [("0.127", 0.127), ("0.19", 0.19), ("0.25", 0.25), ("card_300", 0.38), ("pp_0.8", 0.8)]
-)
+@pytest.mark.parametrize(("film", "t"), [("0.127", 0.127), ("card_300", 0.38), ("pp_0.8", 0.8)])
 def test_caps_fit_inside_the_walls(film: str, t: float) -> None:
     car = folded_car(compose("W_B_W", {}, PartChoices(film=film)))
     tabs = [f"cap tab to {wall}" for wall in ("floor", "left", "right")]
@@ -87,7 +85,7 @@ def test_where_a_usb_plug_does_not_pass_the_design_is_refused_with_what_would_do
     assert folded_car(compose("W_B", {"radius": 66.0, "B.length": 100.0}))
 
 
-@pytest.mark.parametrize("film", ["0.127", "0.25", "pp_0.8"])
+@pytest.mark.parametrize("film", ["0.127", "pp_0.8"])
 def test_the_least_body_is_one_that_can_be_built(film: str) -> None:
     choices = PartChoices(film=film)
     least = {}

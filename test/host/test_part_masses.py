@@ -141,7 +141,7 @@ def test_every_data_file_is_used_and_every_number_has_a_source() -> None:
     }  # fmt: skip
 
 
-@pytest.mark.parametrize("width", [65.0, 95.0, 115.0, 180.0])
+@pytest.mark.parametrize("width", [65.0, 180.0])
 def test_parts_laid_into_their_outlines_move_the_centre_as_said_and_as_cars_vary(width: float) -> None:
     car, body = folded_car(compose("W_B_W", {"width": width})), body_json(compose("W_B_W", {"width": width}))
     whole = sum(part["mass_kg"] for part in (*body["segments"], *body["wheels"]))

@@ -20,10 +20,9 @@ from foldcar.car.folded.pose import rotation, translation
 from foldcar.car.folded.weight import body_properties
 from foldcar.car.folded_car import folded_car
 from foldcar.car.parts.catalogue import PartChoices, chosen
-from foldcar.car.proof.check_film import check_crossings, check_flat
-from foldcar.car.proof.check_parts import check_wheels, roundness_mm
+from foldcar.car.proof.check_clear import check_film_apart
+from foldcar.car.proof.check_film import check_flat
 from foldcar.car.proof.prove import assembly_steps
-from foldcar.car.verify import check_design
 from foldcar.fabrication.assembly.operations import turned as discs_turned
 from foldcar.fabrication.patterns.flat_piece import flat_piece
 from foldcar.fabrication.patterns.options import options
@@ -71,12 +70,15 @@ def test_a_wheel_is_made_in_few_operations(car: FoldedCar) -> None:
     assert (pieces, joins, parts, folds, turns) == (5, 14, 5, 3, 1)
 
 
-def test_the_circle_is_as_even_as_its_strip_is_a_polygon(car: FoldedCar) -> None:
+def test_the_circle_is_as_even_as_its_strip_is_a_polygon(car: FoldedCar, wheel: dict[str, PlacedFace]) -> None:
     # The strip's middle surface is 2 pi (59 - t / 2) long in 44 facets; their middles lie inside the circle.
     facet = 2 * math.pi * (60 - TYRE_MM - FILM_MM / 2) / 44
     apothem = facet / 2 / math.tan(math.pi / 44)
+    facets = [face for title, face in wheel.items() if title.startswith("wheel rim") and "tongue" not in title]
+    ends = np.concatenate([face.corners_mm[[0]] for face in facets]) - car.axles[0].center_mm
 
-    assert roundness_mm(car, place(car)) == pytest.approx(60 - TYRE_MM - FILM_MM / 2 - apothem, abs=1e-6)
+    assert np.linalg.norm(ends[:, [0, 2]], axis=1).max() == pytest.approx(math.hypot(apothem, facet / 2), abs=1e-6)
+    assert 59 - FILM_MM / 2 - apothem < 0.11
 
 
 def test_the_strips_are_as_long_as_the_circle_and_fit_on_a4(car: FoldedCar) -> None:
@@ -118,42 +120,6 @@ def test_the_outer_disc_goes_on_turned_and_is_held(car: FoldedCar, wheel: dict[s
     # The heads pass the disc turned by about 6 degrees. Seen from the disc's unprinted side, which is outside, it is then
     # turned clockwise: the guide says so.
     assert fits and all(-9 < angle < -4 for angle in fits)
-
-
-@pytest.mark.parametrize(
-    ("piece", "shift", "words"),
-    [
-        ("wheel hub", (0.15, 0, 0), "of play, the limit is 0.1 mm"),
-        ("wheel rim 1", (1.0, 0, 0), "its neck has"),
-        ("wheel outer disc", (0, 3.0, 0), "no neck passes its notch or slot"),
-    ],
-)
-def test_hooks_that_do_not_hold_are_found(
-    car: FoldedCar, piece: str, shift: tuple[float, float, float], words: str
-) -> None:
-    moved = tuple(
-        replace(one, pose=chain(translation(*shift), one.pose)) if one.piece == piece and one.body == "wheel0" else one
-        for one in car.placed
-    )
-
-    findings = [str(one) for one in check_wheels(car, place(replace(car, placed=moved)))]
-
-    assert not list(check_wheels(car, place(car)))
-    assert any(words in one for one in findings), findings
-
-
-def test_a_disc_that_is_not_round_is_found(car: FoldedCar) -> None:
-    def oval(piece: Any) -> Any:
-        first, *others = piece.faces
-        outline = tuple((x * 1.012, y) for x, y in first.outline_mm)
-        return replace(piece, faces=(replace(first, outline_mm=outline), *others))
-
-    pieces = tuple(oval(piece) if piece.name == "wheel outer disc" else piece for piece in car.pieces)
-    spoilt = replace(car, pieces=pieces)
-
-    # 59 mm times 1.2 %.
-    found = [str(one) for one in check_design(spoilt).findings if one.check == "round"]
-    assert found == ["round: wheels: deviate from their circle by 0.71 mm, the limit is 0.5 mm"]
 
 
 def test_a_wheel_weighs_its_film_and_parts(car: FoldedCar) -> None:
@@ -209,7 +175,7 @@ def test_wheels_are_made_with_every_horn_from_the_least_radius_on(horn: str, fil
         car = alone(radius, width, choices)
         bodies = place(car)
 
-        assert not [*check_wheels(car, bodies), *check_crossings(bodies["wheel0"])], (radius, least)
+        assert not list(check_film_apart(car)), (radius, least)
         # Every screw's driver passes the access hole, and the hub's layer reaches past every screw's head.
         disc = next(face for face in bodies["wheel0"] if face.face.name == "outer")
         hub = next(face for face in bodies["wheel0"] if face.face.name == "hub")
@@ -256,7 +222,7 @@ def critical_n_m(outer_m: float, ties: int) -> float:
     return float(1 / scipy.linalg.eigh(*matrices, eigvals_only=True)[-1])
 
 
-@pytest.mark.parametrize("radius", [25.0, 30.0, 45.0, 60.0, 80.0, 120.0, 150.0])
+@pytest.mark.parametrize("radius", [25.0, 60.0, 150.0])
 def test_a_rubber_band_does_not_make_discs_wavy(radius: float) -> None:
     size = WheelSize(radius, 12.0, chosen(PartChoices()))
     disc_m = size.disc_radius_mm * 1e-3

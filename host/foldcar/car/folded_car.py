@@ -39,10 +39,10 @@ class Car(Component):
         subs = []
         for i, letter in enumerate(self.design.modules):
             kind: type[Component] = ElectronicsModule if i == electronics(self.design) else MODULES[letter]
-            shared = tuple(parameter.name for parameter in kind.parameters if parameter.shared)
-            settings = {} if letter == HINGE else around(self.design, i)
-            body = f"segment{self.design.segment_at(i)}"
-            subs.append(Sub(self.names[i], kind, shared, letter, i == 0, settings, body))
+            keys = {one.name: one.name if one.shared else f"{letter}.{one.name}" for one in kind.parameters}
+            values = {name: self[key] for name, key in keys.items()}
+            known = {} if letter == HINGE else around(self.design, i)
+            subs.append(Sub(self.names[i], kind, values | known, keys, f"segment{self.design.segment_at(i)}"))
         return subs
 
     def build(self, shape: Shape) -> None:

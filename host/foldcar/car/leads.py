@@ -1,6 +1,6 @@
 """How long every lead of a car must be along its way, how long it is, and the servo extensions that make up for it.
 
-Input: a FoldedCar. Output: Leads; the car with its extensions; findings. A lead is laid along floor and walls, so that
+Input: a FoldedCar. Output: Leads; the car with its extensions. A lead is laid along floor and walls, so that
 a stretch of its way is as long as its parts along x, y and z together; from segment to segment it passes the slits of
 the caps, with the hinge where these are farthest apart. Lengths are in mm, in the car's frame.
 """
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from foldcar.car.design import DesignError
 from foldcar.car.folded.model import FoldedCar, Mount, Wire
-from foldcar.car.folded.placed import Finding, PlacedFace, place
+from foldcar.car.folded.placed import PlacedFace, place
 from foldcar.car.folded.pose import apply, folded_back, translation
 from foldcar.car.parts.quantity import Bought, BoxPart, PartData
 
@@ -56,14 +56,6 @@ def leads(car: FoldedCar) -> tuple[Lead, ...]:
         return ()
     ways = _Ways(car)
     return (*ways.servos(), ways.lipo(), *ways.supply())
-
-
-def check_leads(car: FoldedCar) -> Iterator[Finding]:
-    """A finding for each lead with a plug that does not reach its socket."""
-    for lead in leads(car):
-        if lead.kind == "plug" and lead.missing_mm > 0:
-            told = f"needs a lead of {lead.needed_mm:.0f} mm to {lead.end}, has at least {lead.there_mm:.0f} mm"
-            yield Finding("leads", lead.start, told)
 
 
 def wire_mm(several: Iterable[Lead]) -> float:

@@ -1,8 +1,7 @@
 """Components: their parameters and subcomponents, from the top down.
 
-A component declares its parameters and its subcomponents; ``build`` then makes its faces and connects them (shape.py). A
-parameter of a subcomponent is the parent's parameter of the same name (``inherit``), a parameter of the parent named
-``prefix.name`` (``prefix``), or set to a number or an expression of the parent's parameters (``settings``).
+A component declares its parameters and its subcomponents, whose values it computes from its own; ``build`` then makes
+its faces and connects them (shape.py).
 """
 
 import math
@@ -84,24 +83,22 @@ class ComponentError(FoldcarError):
 
 @dataclass(frozen=True)
 class Sub:
-    """A subcomponent of class ``kind``; ``body`` names its rigid body, by default the parent's.
+    """A subcomponent of class ``kind`` with these values; ``body`` names its rigid body, by default the parent's.
 
-    The one with ``root`` is built first, so that its first face is the parent's first face.
+    ``keys`` tell which of the parent's parameters a value is, if that has another name.
     """
 
     name: str
     kind: "type[Component]"
-    inherit: tuple[str, ...] = ()
-    prefix: str | None = None
-    root: bool = False
-    settings: Mapping[str, float | Callable[["Component"], float]] = field(default_factory=dict)
+    values: Mapping[str, float] = field(default_factory=dict)
+    keys: Mapping[str, str] = field(default_factory=dict)
     body: str | None = None
 
 
 class Component:
     """The base class of all that is folded, cut or bought: subclasses declare parameters and override ``build``.
 
-    ``parts`` are the chosen parts, those of the whole car. ``settings`` of the parent may give values beside parameters.
+    ``parts`` are the chosen parts, those of the whole car. A parent may give values beside parameters.
     """
 
     parameters: tuple[Parameter, ...] = ()
@@ -120,10 +117,13 @@ class Component:
             if complaint:
                 raise self.misfit(one.name, complaint)
         self.children: dict[str, Component] = {}
-        for sub in sorted(self.subcomponents(), key=lambda sub: not sub.root):
+        for sub in self.subcomponents():
             if sub.name in self.children:
                 raise ComponentError(path, f'two subcomponents are called "{sub.name}"')
-            self.children[sub.name] = self._made(sub)
+            known = {name: self.keys.get(sub.keys.get(name, name)) for name in sub.values}
+            outermost = {name: key for name, key in known.items() if key is not None}
+            made = sub.kind(sub.values, self._under(sub.name), sub.body or self.body, self.parts, outermost)
+            self.children[sub.name] = made
 
     def subcomponents(self) -> Sequence[Sub]:
         """The subcomponents; none by default."""
@@ -141,16 +141,6 @@ class Component:
     def misfit(self, name: str, message: str) -> ComponentError:
         """A ComponentError whose cause is the parameter ``name``."""
         return ComponentError(self._under(name), message, self.keys.get(name))
-
-    def _made(self, sub: Sub) -> "Component":
-        mine = {name: name for name in sub.inherit}
-        if sub.prefix is not None:
-            own = (one.name for one in sub.kind.parameters if one.name not in (*mine, *sub.settings))
-            mine |= {name: f"{sub.prefix}.{name}" for name in own if f"{sub.prefix}.{name}" in self.values}
-        settings = {name: one(self) if callable(one) else one for name, one in sub.settings.items()}
-        values = {name: self[above] for name, above in mine.items()} | settings
-        keys = {name: key for name, above in mine.items() if (key := self.keys.get(above)) is not None}
-        return sub.kind(values, self._under(sub.name), sub.body or self.body, self.parts, keys)
 
     def _under(self, name: str) -> str:
         return f"{self.path}.{name}" if self.path else name

@@ -33,7 +33,7 @@ class Module(Component):
 
     def subcomponents(self) -> Sequence[Sub]:
         """The beam; a subclass adds to it with ``(*super().subcomponents(), Sub(…))``."""
-        return (Sub("beam", BoxBeam, inherit=tuple(self.values), root=True),)
+        return (Sub("beam", BoxBeam, self.values),)
 
 
 def _least_wheel_module(parts: Catalogue) -> float:

@@ -14,9 +14,6 @@ from numpy.typing import NDArray
 from foldcar.car.folded.model import Face, FoldedCar, Piece, Point, Pose
 from foldcar.car.folded.pose import compose, folded
 
-# Beyond every face.
-FAR_MM = 1e4
-
 
 @dataclass(frozen=True)
 class PlacedFace:
@@ -66,20 +63,6 @@ class PlacedFace:
     def in_face(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Points of the car, (n, 3) in mm, in the face's frame: z is their height above the face."""
         return (points - self.matrix[:3, 3]) @ self.matrix[:3, :3]
-
-    def cut(self, normal: NDArray[np.float64], height_mm: float, shrink_mm: float = 0.0) -> NDArray[np.float64]:
-        """The ends of the lines, (2 n, 3) in mm, along which the shrunk face passes the plane normal · p = height."""
-        heights = self.corners_mm @ normal - height_mm
-        if heights.min() > -1e-9 or heights.max() < 1e-9:
-            return np.zeros((0, 3))
-        # The height over the plane is a linear function of the face's x and y.
-        origin, slope = float(normal @ self.matrix[:3, 3]) - height_mm, normal @ self.matrix[:3, :2]
-        foot = -origin * slope / (slope @ slope)
-        along = np.array([-slope[1], slope[0]]) / np.linalg.norm(slope)
-        line = shapely.LineString([foot - FAR_MM * along, foot + FAR_MM * along])
-        shape = self.polygon.buffer(-shrink_mm) if shrink_mm else self.polygon
-        parts = [part for part in shapely.get_parts(line.intersection(shape)) if part.length > 1e-6]
-        return self.in_car([end for part in parts for end in part.coords]) if parts else np.zeros((0, 3))
 
 
 # Placed faces by the body's name.

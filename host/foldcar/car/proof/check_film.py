@@ -1,43 +1,33 @@
-"""Checks of film: pieces as they are cut, and that none passes through other film of the folded car but through slots.
+"""Checks of film: pieces as they are cut; joins of the folded car: edges meet, layers lie flat, tongues pass their slots.
 
-Input: a piece; placed faces, hinges flat. Output: findings.
+Input: a piece; placed faces and the car's joins. Output: findings. A body opens: its lid and what is tucked into it need
+not be tight.
 """
 
-import math
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Iterator
 
 import numpy as np
 import shapely
 from shapely.affinity import affine_transform
 
-from foldcar.car.folded.model import Face, FoldedCar, Piece
+from foldcar.car.folded.model import Face, FoldedCar, Join, Piece
 from foldcar.car.folded.placed import Bodies, Finding, PlacedFace, polygon
-from foldcar.car.folded.pose import apply, compose, edge, folded, folded_back
+from foldcar.car.folded.pose import edge, folded
 
 # Without a grid, an edge that two faces share but for rounding can make GEOS return the wrong side of it.
 GRID_MM = 1e-6
 # Overlaps up to this are rounding errors.
 OVERLAP_MM2 = 1e-3
-EDGE_TOLERANCE_MM = 0.05
-CUT_TWICE_MM = 1e-3
 
 
 def check_flat(piece: Piece, hole_to_fold_mm: float) -> Iterator[Finding]:
     """Findings about the flat piece; every hole must be ``hole_to_fold_mm`` or more from every fold."""
     unsound = [finding for face in piece.faces for finding in _outlines(piece, face)]
     yield from unsound
-    faces = {face.name: face for face in piece.faces}
-    for crease in piece.creases:
-        parent, child = (math.dist(*edge(faces, ref)) for ref in (crease.parent, crease.child))
-        if abs(parent - child) > EDGE_TOLERANCE_MM:
-            told = f"its edges are {parent:.3f} and {child:.3f} mm long, {abs(parent - child):.3f} mm apart"
-            yield Finding("fold", f"{piece.name}: {crease.name}", f"{told}; limit {EDGE_TOLERANCE_MM:g} mm")
     yield from _holes_at_folds(piece, hole_to_fold_mm)
     if not unsound:
         yield from _overlaps(piece)
-    yield from _cut_twice(piece)
 
 
 def flat_polygons(piece: Piece) -> dict[str, shapely.Polygon]:
@@ -92,105 +82,123 @@ def _overlaps(piece: Piece) -> Iterator[Finding]:
             yield Finding("overlap", f"{piece.name}: {names[i]}", f"overlaps {names[k]} by {area:.2f} mm² in the flat")
 
 
-def _cut_twice(piece: Piece) -> Iterator[Finding]:
-    """Findings for outer edges that coincide, which the cutter would cut twice."""
-    creased = {(ref.face, ref.index) for crease in piece.creases for ref in (crease.parent, crease.child)}
-    poses = folded(piece, 0.0)
-    seen: dict[tuple[tuple[int, int], ...], str] = {}
-    for face in piece.faces:
-        points = [apply(poses[face.name], *point) for point in face.outline_mm]
-        for index in range(len(points)):
-            if (face.name, index) in creased:
-                continue
-            ends = points[index], points[(index + 1) % len(points)]
-            key = tuple(sorted((round(x / CUT_TWICE_MM), round(y / CUT_TWICE_MM)) for x, y, _ in ends))
-            if key in seen:
-                yield Finding("duplicate", f"{piece.name}: {face.name}", f"shares a cut with {seen[key]} but no fold")
-            seen[key] = face.name
+CLOSURE_MM = 0.05
+# Between films that lie on or inside each other.
+FIT_MM = 0.3
+# The area of a tab that may lie beside its face or over a hole in it.
+TAB_OVER_MM2 = 0.05
+
+Index = defaultdict[tuple[str, str], list[PlacedFace]]
 
 
-# Faces are shrunk by this before they are intersected, so that faces that meet at an edge do not cross.
-SHRINK_MM = 0.3
-LEAST_MM = 0.2
-PARALLEL = 1e-3
-TOUCH_MM = 1e-6
-# Layers lie on each other closer than their thickness by less than this.
-LAYER_MM = 0.01
-LEAST_MM2 = 0.2
+def check_joins(car: FoldedCar, bodies: Bodies) -> Iterator[Finding]:
+    """Findings about every join, in each body that has both its faces."""
+    checks = {"tab": _tab, "lap": _tab, "tuck": _tucked, "tab_slot": _tongue, "lock": _tongue}
+    index = _index(bodies)
+    for join in car.joins:
+        if not index[join.piece_a, join.a.face] or not index[join.piece_b, join.b.face]:
+            yield Finding("join", f"join {join.number}", f"{join.a.face} or {join.b.face} is nowhere in the car")
+        elif join.kind in checks:
+            for a, b in _pairs(join, index):
+                # Hooks of wheels turn behind the film.
+                if join.kind not in ("tab_slot", "lock") or not a.body.startswith("wheel"):
+                    yield from checks[join.kind](join, a, b)
+    layers: dict[tuple[str, str], list[PlacedFace]] = defaultdict(list)
+    for join in (join for join in car.joins if join.kind == "laminate"):
+        layers[join.piece_a, join.a.face] += index[join.piece_b, join.b.face]
+    for key, onto in layers.items():
+        others = ", ".join(sorted({b.title for b in onto}))
+        for a in (a for a in index[key] if not any(_lies_on(a, b) for b in onto)):
+            yield Finding("laminate", a.title, f"does not lie flat, holes on holes, on {others}")
 
 
-def check_crossings(faces: Sequence[PlacedFace]) -> Iterator[Finding]:
-    """A finding for each pair of a body's faces that cross, or of parallel ones of which one lies in the other's film."""
-    for one, other, length in crossings(faces, faces):
-        yield Finding("crossing", one.title, f"runs through {other.title} over {length:.2f} mm")
-    thickest = max(face.piece.thickness_mm for face in faces)
-    for one, other in _near(faces, faces, thickest, parallel=True):
-        local = one.in_face(other.corners_mm)
-        apart = (one.piece.thickness_mm + other.piece.thickness_mm) / 2
-        if float(np.abs(local[:, 2]).max()) <= apart - LAYER_MM:
-            shape = shapely.Polygon(local[:, :2]).buffer(-SHRINK_MM)
-            area = shape.intersection(one.polygon.buffer(-SHRINK_MM)).area
-            if area > LEAST_MM2:
-                yield Finding("crossing", one.title, f"lies in the film of {other.title} over {area:.1f} mm²")
+def _index(bodies: Bodies) -> Index:
+    """All copies of each face, by the names of piece and face."""
+    index: Index = defaultdict(list)
+    for face in (face for faces in bodies.values() for face in faces):
+        index[face.piece.name, face.face.name].append(face)
+    return index
 
 
-def crossings(
-    first: Sequence[PlacedFace], second: Sequence[PlacedFace]
-) -> Iterator[tuple[PlacedFace, PlacedFace, float]]:
-    """Pairs of crossing faces, one of each group, and the crossing's length (mm); each pair once within one group."""
-    for a, b in _near(first, second, TOUCH_MM, parallel=False):
-        heights = b.in_face(a.corners_mm)[:, 2], a.in_face(b.corners_mm)[:, 2]
-        # A face that lies on one side of the other's plane cannot cross it.
-        if any(np.min(h) > -SHRINK_MM or np.max(h) < SHRINK_MM for h in heights):
-            continue
-        direction = np.cross(a.normal, b.normal)
-        spans = []
-        for one, other in ((a, b), (b, a)):
-            ends = one.cut(other.normal, float(other.normal @ other.matrix[:3, 3]), SHRINK_MM) @ direction
-            spans.append(shapely.union_all([shapely.LineString([(x, 0.0), (y, 0.0)]) for x, y in ends.reshape(-1, 2)]))
-        length = float(shapely.intersection(*spans).length / np.linalg.norm(direction))
-        if length > LEAST_MM:
-            yield a, b, length
+def _pairs(join: Join, index: Index) -> list[tuple[PlacedFace, PlacedFace]]:
+    """The pairs of copies of a join's faces in the same body."""
+    first, second = index[join.piece_a, join.a.face], index[join.piece_b, join.b.face]
+    return [(a, b) for a in first for b in second if a.body == b.body]
 
 
-def check_hinges(car: FoldedCar, bodies: Bodies, wheel_distance_mm: float) -> Iterator[Finding]:
-    """Findings for each hinge at both limits, all others flat: segments collide, wheels come closer than that distance.
+def _gap_mm(join: Join, a: PlacedFace, b: PlacedFace) -> float:
+    """The larger distance between the ends of two edges (mm), in the better of the two directions.
 
-    Hinge strips bend and are not checked.
+    A tab lies on the inside of a wall and may be narrower: its edge must lie along the wall's, seen across the wall.
     """
-    strips = {piece.name for piece in car.pieces if any(crease.flexure for crease in piece.creases)}
-    for hinge in car.hinges:
-        front, rear = (
-            [face for face in bodies[body] if face.piece.name not in strips] for body in (hinge.front, hinge.rear)
-        )
-        for angle in (hinge.min_rad, hinge.max_rad):
-            turn = folded_back(hinge, angle)
-            moved = [replace(face, pose=compose(turn, face.pose)) for face in rear]
-            place = f"between {hinge.front} and {hinge.rear}, folded by {math.degrees(angle):.1f} degrees"
-            for one, other, length in crossings(front, moved):
-                yield Finding("hinge", place, f"{one.title} runs through {other.title} over {length:.2f} mm")
-            for a, b in ((a, b) for a in car.axles for b in car.axles if a.side == b.side):
-                if (a.body, b.body) == (hinge.front, hinge.rear):
-                    x, _, z = apply(turn, *b.center_mm)
-                    gap = math.hypot(x - a.center_mm[0], z - a.center_mm[2]) - a.radius_mm - b.radius_mm
-                    if gap < wheel_distance_mm - 1e-6:
-                        told = f"{a.wheel} is {gap:.2f} mm from {b.wheel}, the limit is {wheel_distance_mm:g} mm"
-                        yield Finding("hinge", place, told)
+    first, second = a.edge_mm(join.a.index), b.edge_mm(join.b.index)
+    if join.kind == "tab":
+        line = shapely.LineString(b.in_face(second)[:, :2])
+        return float(line.distance(shapely.points(b.in_face(first)[:, :2])).max())
+    return float(min(np.max(np.linalg.norm(first - other, axis=1)) for other in (second, second[::-1])))
 
 
-def _near(
-    first: Sequence[PlacedFace], second: Sequence[PlacedFace], margin_mm: float, parallel: bool
-) -> Iterator[tuple[PlacedFace, PlacedFace]]:
-    """Pairs of faces, parallel or not, whose bounds are no farther apart; each pair once within one group."""
-    if not first or not second:
+def _tab(join: Join, a: PlacedFace, b: PlacedFace) -> Iterator[Finding]:
+    place = f"join {join.number}: {a.title} on {b.title}"
+    gap = _gap_mm(join, a, b)
+    if gap > CLOSURE_MM:
+        yield Finding("closure", place, f"the edges are {gap:.3f} mm apart, the limit is {CLOSURE_MM:g} mm")
+    local = b.in_face(a.corners_mm)
+    # A tab lies inside the wall, one film above it.
+    layer = (a.piece.thickness_mm + b.piece.thickness_mm) / 2 if join.kind == "tab" else 0.0
+    height = float(np.abs(local[:, 2] - layer).max())
+    limit = FIT_MM if join.kind == "tab" else CLOSURE_MM
+    if height > limit:
+        told = f"the tab stands {height:.3f} mm off the face it is glued to, the limit is {limit:g} mm"
+        yield Finding("tab", place, told)
         return
-    low, high = (np.array([pick(face.corners_mm, axis=0) for face in second]) for pick in (np.min, np.max))
-    normals = np.array([face.normal for face in second])
-    for i, face in enumerate(first):
-        least, most = face.corners_mm.min(axis=0) - margin_mm, face.corners_mm.max(axis=0) + margin_mm
-        near = (low <= most).all(axis=1) & (high >= least).all(axis=1)
-        near &= (np.linalg.norm(np.cross(normals, face.normal), axis=1) <= PARALLEL) == parallel
-        if first is second:
-            near[: i + 1] = False
-        for k in np.flatnonzero(near).tolist():
-            yield face, second[k]
+    over = shapely.Polygon(local[:, :2]).difference(b.polygon)
+    # Shrinking removes the slivers that a tab as wide as its face leaves.
+    if over.buffer(-CLOSURE_MM).area > TAB_OVER_MM2:
+        yield Finding("tab", place, f"{over.area:.2f} mm² of the tab lie beside its face or over a hole in it")
+
+
+def _tucked(join: Join, a: PlacedFace, b: PlacedFace) -> Iterator[Finding]:
+    """A finding if the edge of a is farther from the edge of b than the film between them and a clearance."""
+    ends, (start, end) = a.edge_mm(join.a.index), b.edge_mm(join.b.index)
+    length = float(np.linalg.norm(end - start))
+    along = (end - start) / length
+    share = np.clip((ends - start) @ along, 0.0, length)
+    gap = float(np.max(np.linalg.norm(ends - start - share[:, None] * along, axis=1)))
+    limit = max(a.piece.thickness_mm, b.piece.thickness_mm) + FIT_MM
+    if gap > limit:
+        place = f"join {join.number}: {a.title} inside {b.title}"
+        yield Finding("tuck", place, f"the edges are {gap:.3f} mm apart, the limit is {limit:g} mm")
+
+
+def _tongue(join: Join, a: PlacedFace, b: PlacedFace) -> Iterator[Finding]:
+    place = f"join {join.number}: {a.title} through {b.title}"
+    slot = next((hole for hole in b.face.holes if hole.name == join.slot), None)
+    local = b.in_face(a.edge_mm(join.a.index))
+    end_mm = float(np.max(local[:, 2]))
+    if slot is None:
+        yield Finding("slot", place, f'there is no slot "{join.slot}"')
+    elif end_mm > -b.piece.thickness_mm / 2:
+        yield Finding("slot", place, f"the tongue ends {end_mm:.2f} mm inside the slot")
+    else:
+        section = shapely.LineString(local[:, :2]).buffer(a.piece.thickness_mm / 2, cap_style="flat")
+        over = section.difference(shapely.Polygon(slot.outline_mm)).area
+        if over > 1e-6:
+            yield Finding("slot", place, f"{over:.3f} mm² of the tongue's section do not go through {slot.name}")
+
+
+def _lies_on(a: PlacedFace, b: PlacedFace) -> bool:
+    """Whether a face lies on another one, or on layers on that, with their holes aligned."""
+    heights = b.in_face(a.corners_mm)[:, 2]
+    layers = np.abs(heights).mean() / ((a.piece.thickness_mm + b.piece.thickness_mm) / 2)
+    if np.ptp(heights) > CLOSURE_MM or not 0.8 < layers < 10:
+        return False
+    outline, *holes = (
+        shapely.Polygon(b.in_face(a.in_car(one))[:, :2])
+        for one in (a.face.outline_mm, *(hole.outline_mm for hole in a.face.holes))
+    )
+    mine = outline.difference(shapely.union_all(holes))
+    shared = outline.intersection(shapely.Polygon(b.face.outline_mm))
+    # Within the shared area the holes of both must agree.
+    pairs = ((mine, b.polygon), (b.polygon, mine))
+    return shared.area >= 1 and all(one.intersection(shared).difference(other).area < 1 for one, other in pairs)

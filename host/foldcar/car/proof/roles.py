@@ -11,14 +11,15 @@ from functools import cache, lru_cache
 import numpy as np
 import shapely
 
-from foldcar.car.folded.model import Access, Face, FoldedCar, Join, Mount, Piece, PlacedPiece, Pose
+from foldcar.car.folded.model import Access, Face, FoldedCar, Join, Mount, Piece, PlacedPiece, Pose, Solid
 from foldcar.car.folded.placed import polygon
 from foldcar.car.folded.pose import apply, compose, folded, inverse
 from foldcar.car.parts.bought import Screw
-from foldcar.car.proof.check_parts import stands_in
 from foldcar.car.proof.step import Thing
 
 PARALLEL = 0.999
+# A shank stands in a bore if it reaches no farther into its wall than this.
+TOUCH_MM = 0.1
 # Layers lie closer than this to the face they are glued to.
 LAYER_MM = 1.5
 # A piece, and a face of it that something is fixed to.
@@ -248,3 +249,14 @@ def _glued_elsewhere(car: FoldedCar, base: Piece, faces: set[str]) -> bool:
         if len(outside) == 1 and (join.kind != "laminate" or outside[0] not in layers):
             return True
     return False
+
+
+def stands_in(one: Mount, solid: Solid, other: Mount, held: Solid) -> bool:
+    """Whether a cylinder of one part, a screw's shank, stands in a bore of a solid of another part."""
+    if solid.kind != "cylinder" or not held.bores:
+        return False
+    onto = np.array(compose(inverse(compose(other.pose, held.pose)), one.pose, solid.pose))
+    x, y, z = onto[:3, 3]
+    if abs(onto[2, 2]) < PARALLEL or abs(z) >= (solid.size_mm[2] + held.size_mm[2]) / 2:
+        return False
+    return any(np.hypot(x - u, y - v) + solid.size_mm[0] / 2 <= wide / 2 + TOUCH_MM for u, v, wide in held.bores)

@@ -6,14 +6,14 @@ film bends; tongues are cut off where they reach into what they lock into.
 
 import itertools
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from functools import cache
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from foldcar.car.folded.model import IDENTITY, Access, Join, Mount, PlacedPiece, Pose
+from foldcar.car.folded.model import IDENTITY, Access, Join, JoinKind, Mount, PlacedPiece, Pose
 from foldcar.car.folded.placed import polygon
 from foldcar.car.folded.pose import apply, compose, edge, folded, inverse, side
 from foldcar.car.proof.blocks import Blocks, Ignored, access_blocks, plate, solid_blocks, together
@@ -82,16 +82,16 @@ def title(piece: str, face: str) -> str:
 
 
 class Scene:
-    """Solids of one car."""
+    """Solids of one car, without its ``tongues`` where they are in their slots, or with them."""
 
-    def __init__(self, roles: Roles) -> None:
+    def __init__(self, roles: Roles, tongues: bool = False) -> None:
         self.roles = roles
         # The solids of pieces and mounts at the poses where they were last.
         self._last: dict[Thing, tuple[dict[str, Pose], Blocks]] = {}
         self._tongues: dict[tuple[str, str], list[shapely.Geometry]] = defaultdict(list)
         # A tongue's piece is cut whole where it meets a face of another one.
         cuts = {(j.piece_a, j.piece_b, j.b.face, j.a.face if j.piece_a == j.piece_b else ""): j for j in roles.car.joins}
-        for join in (join for join in cuts.values() if join.kind in TONGUES):
+        for join in (join for join in cuts.values() if join.kind in TONGUES and not tongues):
             for face, tongue in self._through(join):
                 self._tongues[join.piece_a, face].append(tongue)
         self._face = cache(self._made_face)
@@ -126,9 +126,9 @@ class Scene:
             pose = stage.faces(self.roles.copies[reach.piece, 0])[reach.name]
         return access, access_blocks(access, name).moved(pose)
 
-    def ignored(self) -> Ignored:
+    def ignored(self, kinds: Collection[JoinKind] = ("tab", "lap", "rim")) -> Ignored:
         """The pairs of faces that tabs join: a tab is modelled in the plane it is glued to, or on it."""
-        glued = (join for join in self.roles.car.joins if join.kind in ("tab", "lap", "rim"))
+        glued = (join for join in self.roles.car.joins if join.kind in kinds)
         ends = [(title(join.piece_a, join.a.face), title(join.piece_b, join.b.face)) for join in glued]
         return frozenset(ends) | {(b, a) for a, b in ends}
 

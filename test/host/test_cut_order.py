@@ -10,7 +10,7 @@ import ezdxf
 import pytest
 import svgelements
 
-from foldcar.fabrication.patterns.drawing import Path, Point, Sheet, bounds
+from foldcar.fabrication.patterns.drawing import Path, Point, Sheet
 from foldcar.fabrication.patterns.dxf import dxf
 from foldcar.fabrication.patterns.lbrn import lbrn
 from foldcar.fabrication.patterns.svg import svg
@@ -90,16 +90,3 @@ def test_files_have_openings_before_outlines_small_before_large_near_to_near(
                 # The one that is cut now is as near as any that is left.
                 assert ways[0] == pytest.approx(min(ways), abs=1e-6)
                 place = left.pop(0)[2]
-
-
-def test_a_pieces_open_lines_are_cut_together() -> None:
-    """Those of an outline with holding tabs, of which a part alone would be loose."""
-    halves = [
-        [Path("CUT_OUTER", ((x, 0.0), (x + 30.0, 0.0))), Path("CUT_OUTER", ((x, 20.0), (x + 30.0, 20.0)))]
-        for x in (60.0, 0.0)
-    ]
-    sheet = Sheet("sheet_1", 100.0, 100.0, tuple(map(tuple, halves)))
-
-    starts = [bounds([line])[0] for group in sheet.on("CUT_OUTER") for line in group]
-
-    assert starts == [0.0, 0.0, 60.0, 60.0]

@@ -9,11 +9,9 @@ import shapely
 
 import published_cars
 from foldcar.car.folded.model import FoldedCar
-from foldcar.car.proof.plan import planned
 from foldcar.car.proof.prove import assembly_steps
 from foldcar.fabrication.assembly.operations import (
     Operations,
-    by_step,
     is_screw,
     kinds,
     of_sheets,
@@ -78,15 +76,13 @@ def test_operations_are_those_of_pieces_joins_parts_and_wires(car: FoldedCar) ->
     assert found.part == len(car.mounts) - screws - wiring + len(units)
 
 
-@pytest.mark.parametrize(
-    ("car", "machine"), [("three segments", "silhouette"), ("four wheels", "scissors")], indirect=["car"]
-)
+@pytest.mark.parametrize("car", ["four wheels"], indirect=True)
 def test_openings_weeded_are_the_closed_inner_contours_of_the_sheets(
-    car: FoldedCar, machine: str, monkeypatch: pytest.MonkeyPatch
+    car: FoldedCar, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # The first layout does: where pieces lie changes no opening.
     monkeypatch.setattr(nesting, "MOST_TRIES", 0)
-    chosen = options(machine)
+    chosen = options("scissors")
     cut = cut_car(car, chosen)
     sheets = pattern_of(cut, chosen, "a car").sheets
 
@@ -122,28 +118,6 @@ def test_every_hook_and_tongue_on_the_sheets_is_counted() -> None:
     }  # fmt: skip
     on_wheels = sum(piece.count * of_wheels.get(piece.name, 0) for piece in cut.pieces)
     assert operations(car, cut).tongue == on_wheels + narrow == 52 + 3
-
-
-def test_another_hook_and_another_hole_are_more_to_do() -> None:
-    car = published_cars.car("w95")
-    before = operations(car, cut_car(car, options("laser")))
-
-    hook = next(join for join in car.joins if join.kind == "rim")
-    hooked = replace(car, joins=(*car.joins, replace(hook, number=99)))
-    step = next(i for i, one in enumerate(planned(hooked)) if 99 in one.joins)
-    bridge = next(piece for piece in car.pieces if piece.name == "bridge")
-    shelf = bridge.faces[0]
-    hole = replace(shelf.holes[0], name="planted", center_mm=(12.0, 26.0))
-    drilled = replace(bridge, faces=(replace(shelf, holes=(*shelf.holes, hole)), *bridge.faces[1:]))
-    pierced = replace(car, pieces=tuple(drilled if piece is bridge else piece for piece in car.pieces))
-
-    more = by_step(hooked)[step][1]
-    weeded = operations(pierced, cut_car(pierced, options("laser")))
-
-    # One on each of four wheels.
-    assert more.tongue == by_step(car)[step][1].tongue + 4
-    assert (weeded.weed, weeded.total) == (before.weed + 1, before.total)
-    assert weeded.minutes == pytest.approx(before.minutes + 4 * 2 / 60)
 
 
 def test_minutes_are_seconds_of_each_kind_at_the_pace_of_a_first_build() -> None:

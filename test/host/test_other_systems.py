@@ -87,7 +87,6 @@ REST = (
             ("--help",),
             ("report", "s.db", "-o", "report"),
             ("sweep", "study.json", "--store", "yard.db", "--environments", "2"),
-            ("pattern", "study.json", "--vehicle", "mine", *CAR, "--mockup", "0.5", "-o", "paper"),
         ),
         pytest.param(REST, marks=pytest.mark.slow),
     ],

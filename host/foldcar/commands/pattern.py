@@ -12,13 +12,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from foldcar.commands.options import Components, Json, Listing, Machine, OutputFolder, Settings, Sheet, tell
-from foldcar.errors import FoldcarError
 from foldcar.installation import require
 from foldcar.shown_text import decoded
 
 if TYPE_CHECKING:
     from foldcar.car.design import Design
-    from foldcar.fabrication.make_car import MadeCar, MadeMockUp
+    from foldcar.fabrication.make_car import MadeCar
     from foldcar.fabrication.patterns.options import Options
     from foldcar.study.family import Family
 
@@ -47,13 +46,6 @@ def pattern(
     ] = None,
     margin: Annotated[float | None, typer.Option(metavar="MM", help="Blank edge of a sheet.")] = None,
     gap: Annotated[float | None, typer.Option(metavar="MM", help="Film between two pieces.")] = None,
-    holding_tabs: Annotated[
-        float | None, typer.Option(metavar="MM", help="Bridges that hold the pieces in the sheet; 0: none.")
-    ] = None,
-    mockup: Annotated[
-        float | None,
-        typer.Option(metavar="SCALE", help="Paper prototype to try the fold, 0.25 to 1: body and discs, for scissors."),
-    ] = None,
     components: Components = None,
     as_json: Json = False,
 ) -> None:
@@ -64,46 +56,28 @@ def pattern(
     \b
     Example: foldcar pattern patterns/published_cars.json --vehicle w95 -o car
              foldcar pattern patterns/published_cars.json --all -o cars
-             foldcar pattern patterns/published_cars.json --vehicle w95 --mockup 0.5 -o paper
     """
     require("fabricate")
     from foldcar.commands.listed_run import listed_families
-    from foldcar.fabrication.make_car import MANIFEST, make_car, make_mock_up
+    from foldcar.fabrication.make_car import MANIFEST, make_car
     from foldcar.fabrication.patterns.options import options
     from foldcar.outputs import atomic_folder
 
-    if mockup is not None:
-        # The silhouette is the default machine.
-        if machine not in ("silhouette", "scissors") or every:
-            much = "--all" if every else f"--machine {machine}"
-            raise FoldcarError(f"--mockup: makes one car's prototype for scissors, without {much}")
-        machine = "scissors"
     chosen = options(
         machine, sheet=sheet, fold=fold, kerf_mm=kerf, tab_clearance_mm=tab_clearance, dash_cut_mm=dash_cut,
         dash_bridge_mm=dash_bridge, bend_radius_mm=bend_radius, k_factor=k_factor, margin_mm=margin,
-        gap_mm=gap, holding_tabs_mm=holding_tabs,
+        gap_mm=gap,
     )  # fmt: skip
     families = listed_families(listing, vehicle, settings, every)[1]
     places = list(_places(families)) if every else [_Place(families[0].vehicle, "", families[0].single(), ())]
     skipped = [f"skipped, as it cannot be built: {one}" for family in families for one in family.skipped if every]
 
-    def command(place: _Place) -> str:
-        words = [*(settings or []), *place.settings]
-        return car_command(listing, place.vehicle, words, chosen, components or [], mockup)
-
-    if mockup is not None:
-        prototype = make_mock_up(places[0].design, chosen, mockup, command(places[0]))
-        with atomic_folder(output, MANIFEST) as folder:
-            for file, content in prototype.files.items():
-                (folder / file).write_bytes(content)
-        manifest = json.loads(prototype.files[MANIFEST])
-        tell(as_json, {"folder": output, **manifest}, *_mock_up_lines(prototype, output))
-        return
     cars, lines = [], []
     with atomic_folder(output, MANIFEST) as folder:
         listed = []
         for place in _with_progress(places):
-            made = make_car(place.design, chosen, command(place))
+            words = [*(settings or []), *place.settings]
+            made = make_car(place.design, chosen, car_command(listing, place.vehicle, words, chosen, components or []))
             for file, content in made.files.items():
                 target = folder / place.folder / file
                 target.parent.mkdir(parents=True, exist_ok=True)
@@ -113,10 +87,14 @@ def pattern(
             manifest = json.loads(made.files[MANIFEST])
             of_car = {"vehicle": place.vehicle, "folder": output / place.folder, "title": made.title}
             cars.append({**of_car, **manifest, "checks": list(made.checks)})
-            lines += [_car_line(place.folder, made)] if every else _car_lines(made, chosen, output)
+            warned = f", {len(manifest['warnings'])} warnings" if manifest["warnings"] else ""
+            of_many = [f"{place.folder}: {_amounts([manifest])}{warned}"]
+            lines += of_many if every else _car_lines(made, chosen, output)
         if every:
             (folder / MANIFEST).write_text(json.dumps({"files": [*listed, MANIFEST]}, indent=2) + "\n", encoding="utf-8")
-            lines += [*skipped, _total_line(cars, output)]
+            vehicles = len({place.vehicle for place in places})
+            of_vehicles = f" of {vehicles} vehicles" if vehicles > 1 else ""
+            lines += [*skipped, f"{len(cars)} cars{of_vehicles} in {output}: {_amounts(cars)}"]
     # The folder has been written by now.
     tell(as_json, {"folder": output, "cars": cars, "skipped": skipped}, *lines)
 
@@ -172,33 +150,15 @@ def _with_progress(places: "list[_Place]") -> "Iterator[_Place]":
 
 
 def car_command(
-    listing: Path, vehicle: str, settings: Sequence[str], chosen: "Options", components: Sequence[Path],
-    mockup: float | None = None,
-) -> str:  # fmt: skip
-    """The command that makes this car alone, or its paper prototype of a scale, in a folder ``car``."""
+    listing: Path, vehicle: str, settings: Sequence[str], chosen: "Options", components: Sequence[Path]
+) -> str:
+    """The command that makes this car alone in a folder ``car``."""
     from foldcar.fabrication.patterns.options import arguments
 
     words = ["foldcar", "pattern", listing.as_posix(), "--vehicle", vehicle]
     words += [word for setting in settings for word in ("--set", setting)]
     words += [word for file in components for word in ("--components", file.as_posix())]
-    words = [*words, *arguments(chosen)]
-    words += [] if mockup is None else ["--mockup", f"{mockup:g}"]
-    return decoded(shlex.join([*words, "-o", "car"]))
-
-
-def _car_line(folder: str, made: "MadeCar") -> str:
-    """One of several cars."""
-    cut = made.pattern
-    warned = f", {len(cut.warnings)} warnings" if cut.warnings else ""
-    return f"{folder}: {_amounts(len(cut.sheets), cut.cut_length_mm, made.mass_kg, made.cost_usd)}{warned}"
-
-
-def _total_line(cars: Sequence[Mapping[str, Any]], output: Path) -> str:
-    """All cars together."""
-    vehicles = len({car["vehicle"] for car in cars})
-    of_vehicles = f" of {vehicles} vehicles" if vehicles > 1 else ""
-    sums = (sum(car[key] for car in cars) for key in ("sheets", "cut_length_mm", "mass_kg", "cost_usd"))
-    return f"{len(cars)} cars{of_vehicles} in {output}: {_amounts(*sums)}"
+    return decoded(shlex.join([*words, *arguments(chosen), "-o", "car"]))
 
 
 def _car_lines(made: "MadeCar", chosen: "Options", output: Path) -> list[str]:
@@ -223,18 +183,9 @@ def _car_lines(made: "MadeCar", chosen: "Options", output: Path) -> list[str]:
     ]
 
 
-def _mock_up_lines(made: "MadeMockUp", output: Path) -> list[str]:
-    """A paper prototype."""
-    cut = made.pattern
-    width, height = cut.options.sheet_size_mm
-    return [
-        cut.title,
-        f"  pages     {len(cut.sheets)} of {width:g} x {height:g} mm",
-        f"  pieces    {sum(piece.count for piece in cut.pieces)} of {len(cut.pieces)} kinds",
-        *(f"  warning   {text}" for text in cut.warnings),
-        f"  made      {len(made.files)} files in {output}",
-    ]
-
-
-def _amounts(sheets: int, cut_length_mm: float, mass_kg: float, cost_usd: float) -> str:
-    return f"{sheets} sheets, cut {cut_length_mm / 1000:.1f} m, {mass_kg * 1000:.0f} g, {cost_usd:.0f} USD"
+def _amounts(cars: Sequence[Mapping[str, Any]]) -> str:
+    """What these cars take together, by their manifests."""
+    sheets, cut_mm, mass_kg, usd = (
+        sum(car[key] for car in cars) for key in ("sheets", "cut_length_mm", "mass_kg", "cost_usd")
+    )
+    return f"{sheets} sheets, cut {cut_mm / 1000:.1f} m, {mass_kg * 1000:.0f} g, {usd:.0f} USD"

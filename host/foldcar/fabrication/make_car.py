@@ -30,7 +30,6 @@ from foldcar.fabrication.patterns.cutting import coupon, how_to_cut
 from foldcar.fabrication.patterns.drawing import Sheet
 from foldcar.fabrication.patterns.dxf import dxf, read_dxf
 from foldcar.fabrication.patterns.lbrn import lbrn, read_lbrn
-from foldcar.fabrication.patterns.mock_up import how_to_fold, mock_up
 from foldcar.fabrication.patterns.nesting import NestingError
 from foldcar.fabrication.patterns.options import MACHINES, Options
 from foldcar.fabrication.patterns.pdf import pdf
@@ -105,7 +104,7 @@ def make_car(design: Design, chosen: Options, command: str = "") -> MadeCar:
     endings = ["svg", "dxf", *(["lbrn2"] if MACHINES[chosen.machine].files == "lbrn2" else [])]
     files, findings = _written(pages, title, endings, chosen)
     verified = verify(design)
-    _refuse(title, [*map(str, verified.findings), *cut.torn, *findings])
+    refuse(title, [*map(str, verified.findings), *cut.torn, *findings])
     # matplotlib is slow to import, and other commands import this module.
     from foldcar.fabrication.patterns.preview import preview
 
@@ -127,65 +126,38 @@ def make_car(design: Design, chosen: Options, command: str = "") -> MadeCar:
     files |= obj_files([*film, *map(mount_solid, folded.mounts)], "car")
     lines = sum(len(sheet.shapes) for sheet in cut.sheets)
     formats = "SVG, PDF, DXF and LightBurn projects" if "lbrn2" in endings else "SVG, PDF and DXF"
-    held = " but for their holding tabs" if chosen.holding_tabs_mm else ""
     checks = (
         *verified.lines(),
         f"{lines} lines on {len(cut.sheets)} sheets read back from {formats}: as meant within "
-        f"{TOLERANCE_MM:g} mm, inside their sheets, outlines closed{held}, none twice",
+        f"{TOLERANCE_MM:g} mm, inside their sheets, outlines closed, none twice",
         f"film between two cuts at least {cut.least_film_mm:.2f} mm, bridges in folds aside",
     )
     rows = parts_list(folded, cut.sheets)
     made = MadeCar(title, cut, total_mass_kg(rows), total_cost_usd(rows), done, files, checks)
-    files[MANIFEST] = _manifest(
-        cut,
-        command,
-        files,
-        type=design.type,
-        parameters=dict(design.values),
-        options=asdict(chosen),
-        least_film_mm=round(cut.least_film_mm, 2),
-        cut_length_mm=round(cut.cut_length_mm, 1),
-        mass_kg=round(made.mass_kg, 6),
-        cost_usd=round(made.cost_usd, 2),
-        operations={**done.counts, "total": done.total},
-        assembly_min=round(done.minutes),
-        assembly_min_between=[round(end) for end in done.minutes_between],
-    )
-    return made
-
-
-@dataclass(frozen=True, slots=True)
-class MadeMockUp:
-    """A paper prototype; ``files`` are names and contents."""
-
-    pattern: Pattern
-    files: Mapping[str, bytes]
-
-
-def make_mock_up(design: Design, chosen: Options, scale: float, command: str = "") -> MadeMockUp:
-    """A car's paper prototype; CheckError if something is wrong with a file, FoldcarError if it cannot be made."""
-    cut = mock_up(design, chosen, scale, command)
-    files, findings = _written({SHEETS: cut.sheets}, cut.title, [], chosen)
-    _refuse(cut.title, findings)
-    files["how_to_fold.md"] = how_to_fold(cut, scale).encode()
-    files[MANIFEST] = _manifest(cut, command, files, mockup=scale)
-    return MadeMockUp(cut, files)
-
-
-def _refuse(title: str, findings: Sequence[str]) -> None:
-    if findings:
-        more = f" (and {len(findings) - 1} more)" if len(findings) > 1 else ""
-        raise CheckError(f"{title}: {findings[0]}{more}")
-
-
-def _manifest(cut: Pattern, command: str, files: Mapping[str, bytes], **facts: object) -> bytes:
-    """What was made, and of what: to make it again, and to know which files may be replaced."""
-    document = {
+    # To make it again, and to know which files may be replaced.
+    manifest = {
         "foldcar": __version__,
         "command": command,
-        **facts,
+        "type": design.type,
+        "parameters": dict(design.values),
+        "options": asdict(chosen),
+        "least_film_mm": round(cut.least_film_mm, 2),
+        "cut_length_mm": round(cut.cut_length_mm, 1),
+        "mass_kg": round(made.mass_kg, 6),
+        "cost_usd": round(made.cost_usd, 2),
+        "operations": {**done.counts, "total": done.total},
+        "assembly_min": round(done.minutes),
+        "assembly_min_between": [round(end) for end in done.minutes_between],
         "sheets": len(cut.sheets),
         "warnings": list(cut.warnings),
         "files": sorted([*files, MANIFEST]),
     }
-    return (json.dumps(document, indent=2) + "\n").encode()
+    files[MANIFEST] = (json.dumps(manifest, indent=2) + "\n").encode()
+    return made
+
+
+def refuse(title: str, findings: Sequence[str]) -> None:
+    """CheckError, with the first of them, if there are any."""
+    if findings:
+        more = f" (and {len(findings) - 1} more)" if len(findings) > 1 else ""
+        raise CheckError(f"{title}: {findings[0]}{more}")

@@ -101,7 +101,7 @@ def out_of_sheets(cut: CutCar, machine: str) -> Step:
 
 
 def parted(folded: FoldedCar, cut: CutCar) -> Iterator[Step]:
-    """The step that joins pieces split to fit the sheets, along folds and across."""
+    """The step that joins pieces split along folds to fit the sheets."""
     known = {join.number for join in folded.joins}
     cut_names = {piece.name for piece in cut.car.pieces}
     lines, pictures = [], []
@@ -118,14 +118,6 @@ def parted(folded: FoldedCar, cut: CutCar) -> Iterator[Step]:
             marks = [mark for mark in join_marks(cut.car, part, np.eye(4), 0.5) if int(mark.text) in new]
             text = f"{part.label}, half folded"
             pictures.append(Drawing(film_shape(part, np.eye(4), 0.5), ASLANT, text, marks, caption=text))
-    for name, count in cut.strips.items():
-        parts_across = [flat for flat in cut.pieces if flat.origin == name]
-        seams = {number for flat in parts_across for number, _ in flat.seams}
-        copies = parts_across[0].count
-        lines.append(
-            f"The {name} is cut across, in {count} parts{f', {copies} times' if copies > 1 else ''}: lay the edge of one "
-            f"onto the line of the part with the same number, printed side up, and tape it there: join {numbers(seams)}."
-        )
     if lines:
         yield Step("Join the parts of pieces", tuple(lines), tuple(pictures), of_parting(folded, cut))
 

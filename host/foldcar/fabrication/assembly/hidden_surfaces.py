@@ -18,9 +18,8 @@ from shapely.geometry.base import BaseGeometry
 # Faces closer to each other than this are in contact: neither hides the other.
 TOUCHING_MM = 0.05
 LEAST_AREA_MM2 = 0.02
-# Without a grid, outlines that coincide up to rounding can give wrong intersections.
+# Rounded, so that outlines that coincide do so exactly.
 GRID_DECIMALS = 4
-GRID_MM = 10**-GRID_DECIMALS
 SLIVER_MM = 0.02
 
 Vector = NDArray[np.float64]
@@ -85,43 +84,32 @@ def seen_facets(facets: Sequence[Facet], view: Camera) -> list[Seen]:
     kept = np.flatnonzero(shapely.area(outlines) > LEAST_AREA_MM2)
     # Rounding can make holes touch the outlines of faces seen almost edge-on.
     shapes = shapely.make_valid(outlines[kept])
-    hidden = _hidden(shapes, np.array([_depth(facets[i], view) for i in kept]).reshape(-1, 3))
+    planes = np.array([_depth(facets[i], view) for i in kept]).reshape(-1, 3)
     found = []
-    for place, index in enumerate(kept):
-        region, rest = shapes[place], shapes[place]
-        # The largest first, since most faces are soon hidden.
-        for part in sorted(hidden[place], key=shapely.area, reverse=True):
-            if not shapely.intersects(rest, part):
-                continue
-            rest = _polygons(shapely.difference(rest, part, grid_size=GRID_MM))
-            if rest.is_empty:
-                break
+    for place, hidden in _hidden(shapes, planes).items():
+        facet, region = facets[kept[place]], shapes[place]
+        rest = _polygons(shapely.difference(region, shapely.union_all(hidden)))
         whole = region.area - rest.area < LEAST_AREA_MM2
         if not whole:
             # Rounding leaves slivers between adjacent hiding faces.
             region = rest.buffer(-SLIVER_MM, join_style="mitre").buffer(SLIVER_MM, join_style="mitre")
         if region.area > LEAST_AREA_MM2:
-            found.append(_seen(facets[index], region, whole, view))
+            found.append(_seen(facet, region, whole, view))
     return sorted(found, key=lambda seen: float((seen.facet.rings_mm[0] @ view.toward).mean()))
 
 
-def _hidden(shapes: NDArray[np.object_], planes: Vector) -> list[list[BaseGeometry]]:
-    """For each outline the regions that hide it: outlines of nearer faces, or their nearer parts."""
-    hidden: list[list[BaseGeometry]] = [[] for _ in shapes]
+def _hidden(shapes: NDArray[np.object_], planes: Vector) -> dict[int, list[BaseGeometry]]:
+    """The regions that hide each outline, nearer ones or their nearer parts; by its number, without those all covered."""
     behind, ahead, wholly = _overlapping(shapes, planes)
     # A face completely behind another one is invisible, and hides nothing that the other one does not hide.
-    covered = np.zeros(len(shapes), dtype=bool)
-    covered[behind[wholly][shapely.covers(shapes[ahead[wholly]], shapes[behind[wholly]])]] = True
-    for one in np.flatnonzero(covered):
-        hidden[one].append(shapes[one])
-    wanted = ~covered[behind] & ~covered[ahead]
+    covered = behind[wholly][shapely.covers(shapes[ahead[wholly]], shapes[behind[wholly]])]
+    hidden: dict[int, list[BaseGeometry]] = {int(one): [] for one in np.setdiff1d(range(len(shapes)), covered)}
+    wanted = ~np.isin(behind, covered) & ~np.isin(ahead, covered)
     for one, other, whole in zip(behind[wanted], ahead[wanted], wholly[wanted], strict=True):
         part = shapes[other]
         if not whole:
-            shared = _polygons(shapely.intersection(shapes[one], part, grid_size=GRID_MM))
-            part = _nearer(shared, planes[other] - planes[one])
-        if not part.is_empty:
-            hidden[one].append(part)
+            part = _nearer(_polygons(shapely.intersection(shapes[one], part)), planes[other] - planes[one])
+        hidden[one].append(part)
     return hidden
 
 
@@ -170,7 +158,7 @@ def _nearer(region: BaseGeometry, ahead: Vector) -> BaseGeometry:
     middle = middle - inward * (ahead[0] + middle @ ahead[1:] - TOUCHING_MM) / slope
     size = 4 * (np.ptp(corners, axis=0).sum() + abs(lead).max() / slope)
     square = [middle + s * size * along + t * size * inward for s, t in ((-1, 0), (1, 0), (1, 1), (-1, 1))]
-    return _polygons(shapely.intersection(region, Polygon(square), grid_size=GRID_MM))
+    return _polygons(shapely.intersection(region, Polygon(square)))
 
 
 def _polygons(geometry: BaseGeometry) -> BaseGeometry:

@@ -104,13 +104,11 @@ def of_sheets(cut: CutCar) -> Operations:
 
 
 def of_parting(car: FoldedCar, cut: CutCar) -> Operations:
-    """What joins pieces that the sheets have in parts: tabs along folds, with their folds; seams across."""
+    """What joins pieces that the sheets have in parts: tabs along folds, with their folds."""
     known = {join.number for join in car.joins}
     new = [join for join in cut.car.joins if join.number not in known]
     more = sum(p.count * len(_by_hand(p)) for p in cut.car.pieces) - sum(p.count * len(_by_hand(p)) for p in car.pieces)
-    seams = {(piece.origin, number): piece.count for piece in cut.pieces for number, _ in piece.seams}
-    tabs = sum(_times(cut.car, join) for join in new if join.kind in TAPED)
-    return Operations(fold=max(more, 0), tape=tabs + sum(seams.values()))
+    return Operations(fold=max(more, 0), tape=sum(_times(cut.car, join) for join in new if join.kind in TAPED))
 
 
 def by_step(car: FoldedCar) -> list[tuple[AssemblyStep, Operations]]:

@@ -10,8 +10,6 @@ import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
-from importlib.resources import files
 from typing import Any
 
 from foldcar.car.fits import fits
@@ -20,7 +18,7 @@ from foldcar.car.folded.weight import assemble, body_properties, placing_mm
 from foldcar.car.leads import leads, more_wire_m, wire_mm
 from foldcar.car.parts.bought import Tyre
 from foldcar.car.parts.catalogue import film_of
-from foldcar.car.parts.quantity import Bought, Quantity
+from foldcar.car.parts.quantity import Bought
 from foldcar.car.proof.plan import planned
 from foldcar.fabrication.assembly.faces import piece_area_mm2
 from foldcar.fabrication.assembly.operations import Operations, is_wound, kinds, minutes
@@ -60,16 +58,7 @@ def total_cost_usd(rows: tuple[Row, ...]) -> float:
     return sum(row.cost_usd or 0.0 for row in rows)
 
 
-@cache
-def eur_per_usd() -> Quantity:
-    """Euros for a US dollar, without tax; its source says of when."""
-    text = files("foldcar.fabrication.assembly").joinpath("euro.json").read_text(encoding="utf-8")
-    return Quantity.model_validate_json(text)
-
-
-def parts_list_text(
-    folded: FoldedCar, title: str, sheets: Sequence[Sheet] = (), done: Operations | None = None
-) -> str:
+def parts_list_text(folded: FoldedCar, title: str, sheets: Sequence[Sheet] = (), done: Operations | None = None) -> str:
     """The parts list as Markdown: parts to buy, pieces to cut, the worst case of every fit, the work by hand."""
     rows = parts_list(folded, sheets)
     return page_template("foldcar.fabrication.assembly", "parts.md").render(
@@ -77,7 +66,6 @@ def parts_list_text(
         rows=rows,
         mass_kg=total_mass_kg(rows),
         cost_usd=total_cost_usd(rows),
-        euro=eur_per_usd(),
         balance=_balance(folded),
         parts=folded.parts,
         pieces=[(piece, piece_area_mm2(piece), _folds(piece)) for piece in folded.pieces],

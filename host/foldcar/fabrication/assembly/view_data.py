@@ -5,14 +5,12 @@ folding (docs/patterns.md).
 """
 
 import math
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from foldcar.car.folded.model import Crease, EdgeRef, Face, FoldedCar, Mount, Piece, Pose
 from foldcar.car.folded.pose import edge
-from foldcar.car.proof.step import AssemblyStep
 from foldcar.fabrication.assembly.faces import face_points, face_poses, face_triangles, mount_material, moved
 from foldcar.fabrication.assembly.facets import NUT_OF, shank_and_nut
 from foldcar.fabrication.assembly.view_steps import NUT, Part, ViewSteps, view_steps
@@ -21,9 +19,9 @@ DECIMALS = 4
 GAP_MM = 12.0
 
 
-def view_data(folded: FoldedCar, planned: Sequence[AssemblyStep] | None = None) -> dict[str, Any]:
-    """The object of a car that the page's scripts read; ``planned`` are other steps than those of its guide."""
-    steps = view_steps(folded, planned)
+def view_data(folded: FoldedCar) -> dict[str, Any]:
+    """The object of a car that the page's scripts read."""
+    steps = view_steps(folded)
     # Laminated pieces lie on the printed, inner side.
     layers = {join.piece_a for join in folded.joins if join.kind == "laminate"}
     glued = {(join.piece_a, join.a.face) for join in folded.joins if join.kind in ("tab", "lap", "rim")}

@@ -1,7 +1,7 @@
 """The view page: one HTML file with the flat sheets and a model of the car that is put together, without network access.
 
-Input: a FoldedCar, drawings of its flat sheets; for a car that drives or can be changed, what the page needs for it.
-Output: the page's text, which contains its script with three.js (tools/web_bundles.py).
+Input: a FoldedCar, drawings of its flat sheets; for a car that drives, its run. Output: the page's text, which contains
+its script with three.js (tools/web_bundles.py).
 """
 
 from collections.abc import Mapping, Sequence
@@ -26,9 +26,8 @@ def view_page(
     title: str,
     sheets: Sequence[Sheet] = (),
     run: Mapping[str, Any] | None = None,
-    live: Mapping[str, Any] | None = None,
 ) -> str:
-    """The page's text, with the ``sheets``. ``run`` and ``live`` are objects that run.js and live.js read."""
+    """The page's text, with the ``sheets``. ``run`` is the object that run.js reads."""
     return page_template(ROOM, "web/view.html").render(
         title=title,
         facts=facts(folded, sheets),
@@ -37,8 +36,7 @@ def view_page(
             for number, sheet in enumerate(sheets, 1)
         ],
         run=run,
-        live=live,
-        data=script_json({"car": view_data(folded), "run": run, "live": live}),
+        data=script_json({"car": view_data(folded), "run": run}),
         style=Markup(files(ROOM).joinpath("web/view.css").read_text(encoding="utf-8")),
         program=bundle("view.js"),
     )
@@ -54,4 +52,3 @@ def facts(folded: FoldedCar, sheets: Sequence[Sheet] = ()) -> str:
         f"{total_mass_kg(rows) * 1e3:.0f} g, {count} pieces of film with {area_cm2:.0f} cm², "
         f"{len(folded.axles)} driven wheels, about {total_cost_usd(rows):.0f} USD of parts{waste}"
     )
-

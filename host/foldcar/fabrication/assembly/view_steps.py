@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from foldcar.car.folded.model import FoldedCar, Mount, PlacedPiece
 from foldcar.car.proof.prove import assembly_steps
 from foldcar.car.proof.roles import roles_of
-from foldcar.car.proof.step import AssemblyStep
 
 Vector = tuple[float, float, float]
 Part = tuple[str, str, int]  # piece, mount or a screw's nut, its name, copy
@@ -23,8 +22,6 @@ Ways = list[tuple[int, tuple[Vector, ...], float, float]]
 
 # Beyond its way out a part meets nothing more: it is drawn coming from at least so far.
 LEAST_WAY_MM = 30.0
-# Of a unit without a way, which is drawn so in a plan that is not proved.
-UNIT_MM = 70.0
 # The last part of a step begins to go in at this share of the time for all.
 TOGETHER = 0.5
 # How far out the first part is drawn in the exploded view, and how much farther each that goes the same way after it.
@@ -50,12 +47,12 @@ class ViewSteps:
     rides: dict[Part, tuple[Part, str]] = field(default_factory=dict)
 
 
-def view_steps(folded: FoldedCar, planned: Sequence[AssemblyStep] | None = None) -> ViewSteps:
-    """What the steps of the car's guide, or the ``planned`` ones, do to every part and crease.
+def view_steps(folded: FoldedCar) -> ViewSteps:
+    """What the steps of the car's guide do to every part and crease.
 
     What none of them names is there, and folded, from the first one on.
     """
-    steps = assembly_steps(folded) if planned is None else planned
+    steps = assembly_steps(folded)
     roles = roles_of(folded)
     bases = {body: _key(one) for body, one in roles.base.items()}
     found = ViewSteps([step.title for step in steps], bases, {name: lid.creases for name, lid in roles.lids.items()})
@@ -82,8 +79,6 @@ def view_steps(folded: FoldedCar, planned: Sequence[AssemblyStep] | None = None)
             alone = [(added.kind, added.name, added.copy)]
             for part in units[added.name, added.body] if added.kind == "unit" else alone:
                 way = _out(added.way_mm)
-                if added.kind == "unit" and not way:
-                    way = (_usual(folded, added.body, UNIT_MM),)
                 found.ways.setdefault(part, []).append((number, way, begin, begin + 1 - TOGETHER))
         for piece, folds in step.folds.items():
             for crease, share in folds.items():
@@ -108,12 +103,12 @@ def _out(way_mm: Sequence[Vector]) -> tuple[Vector, ...]:
     return tuple(_vector(move) for move in way)
 
 
-def _usual(folded: FoldedCar, body: str, length_mm: float = 1.0) -> Vector:
+def _usual(folded: FoldedCar, body: str) -> Vector:
     """Out along the axle for what is of a wheel, else up."""
     axle = next((axle for axle in folded.axles if axle.wheel == body), None)
     if axle is None:
-        return (0.0, 0.0, length_mm)
-    return (0.0, length_mm if axle.side == "left" else -length_mm, 0.0)
+        return (0.0, 0.0, 1.0)
+    return (0.0, 1.0 if axle.side == "left" else -1.0, 0.0)
 
 
 def _exploded(

@@ -39,11 +39,6 @@ def how_to_cut(made: Pattern, command: str) -> str:
     """The page, in Markdown."""
     chosen = made.options
     used = {shape.layer for sheet in made.sheets for shape in sheet.shapes}
-    parted = []
-    for name in dict.fromkeys(piece.origin for piece in made.pieces if piece.seams):
-        parts = [piece for piece in made.pieces if piece.origin == name]
-        numbers = sorted({number for part in parts for number, _ in part.seams})
-        parted.append(([part.label for part in parts], numbers))
     return page_template("foldcar.fabrication.patterns", "how_to_cut.md").render(
         made=made,
         command=command,
@@ -55,7 +50,6 @@ def how_to_cut(made: Pattern, command: str) -> str:
         meanings=MEANINGS,
         drawn={"CONTINUOUS": "", "DASHED": ", dashed", "DASHDOT": ", dash-dotted"},
         scored=chosen.fold == "score" and chosen.machine != "scissors",
-        parted=parted,
     )
 
 
@@ -91,7 +85,7 @@ def coupon(chosen: Options, parts: Catalogue) -> Sheet:
 
 
 def _piece(label: str, outline: Polygon) -> FlatPiece:
-    return FlatPiece(label, label, outline, (), (), (), (), label)
+    return FlatPiece(label, label, outline, (), (), (), ())
 
 
 def _text(text: str, x: float, y: float, height: float = TEXT_MM) -> list[Shape]:

@@ -135,7 +135,6 @@ class Sheet:
     """One sheet of film, whose title is ``film``. Each group has the shapes that move together: a piece with its labels.
 
     ``dashed``: folds are drawn in their dashed line types, because nothing is cut or scored along them by a machine.
-    ``tab_gap_mm`` is the width of the gaps in outlines that leave holding tabs, 0 if outlines are closed.
     """
 
     name: str
@@ -144,7 +143,6 @@ class Sheet:
     groups: tuple[tuple[Shape, ...], ...]
     dashed: bool = False
     film: str = ""
-    tab_gap_mm: float = 0.0
 
     @property
     def shapes(self) -> tuple[Shape, ...]:

@@ -80,11 +80,10 @@ def _row(low: float, high: float, cut_mm: float, bridge_mm: float) -> Iterator[t
 
 @dataclass(frozen=True, slots=True)
 class Film:
-    """The narrowest film of a piece (mm), what it lies between, and where in the piece's frame."""
+    """The narrowest film of a piece (mm), and what it lies between."""
 
     width_mm: float
     between: tuple[str, str]
-    at_mm: Point
 
     @property
     def narrow(self) -> bool:
@@ -132,8 +131,7 @@ def narrowest_film(flat: FlatPiece, chosen: Options) -> Film | None:
     if best is None:
         return None
     width, i, k = best
-    middle = shapely.shortest_line(shapes[i], shapes[k]).centroid
-    return Film(width, (cuts[k][0], cuts[i][0]), (float(middle.x), float(middle.y)))
+    return Film(width, (cuts[k][0], cuts[i][0]))
 
 
 def _openings(flat: FlatPiece) -> Iterator[tuple[str, BaseGeometry]]:

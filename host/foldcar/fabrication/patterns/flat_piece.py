@@ -11,12 +11,12 @@ from dataclasses import dataclass, field, fields, replace
 from functools import lru_cache, partial
 from typing import Any, Literal
 
-import shapely
+import shapely.affinity
 from shapely.geometry import LineString, MultiPoint, Polygon
 
 from foldcar.car.folded.model import Crease, Face, Piece, Pose
 from foldcar.car.folded.pose import edge, folded
-from foldcar.fabrication.patterns.drawing import Motion, Point
+from foldcar.fabrication.patterns.drawing import Point
 from foldcar.fabrication.patterns.options import Options
 
 # Outlines are united on a grid of 0.1 µm, so that common corners of two faces become one point.
@@ -67,10 +67,8 @@ class FlatPiece:
     """A piece to cut; all lengths in mm.
 
     ``outline`` has the polygonal openings as its holes; ``circles`` are (centre, diameter); ``slits`` are open cuts.
-    ``origin`` is the name of the car's piece that it is, or is a part of; ``marks`` are lines that another part is
-    laid against. ``bends`` are the lines between facets of a smooth bend, which are not drawn. ``seams`` are numbers
-    of joins that the piece was parted at, each with the edges beside which it may stand, film on their left.
-    ``thickness_mm`` is the film's.
+    ``marks`` are lines that another part is laid against. ``bends`` are the lines between facets of a smooth
+    bend, which are not drawn. ``thickness_mm`` is the film's.
     """
 
     name: str
@@ -80,11 +78,9 @@ class FlatPiece:
     slits: tuple[tuple[Point, ...], ...]
     folds: tuple[Fold, ...]
     faces: tuple[FlatFace, ...]
-    origin: str
     count: int = 1
     marks: tuple[Edge, ...] = ()
     bends: tuple[Edge, ...] = ()
-    seams: tuple[tuple[int, tuple[Edge, ...]], ...] = ()
     thickness_mm: float = 0.0
 
     @property
@@ -134,7 +130,6 @@ def flat_piece(piece: Piece, chosen: Options) -> FlatPiece:
         slits,
         folds,
         flat,
-        piece.name,
         piece.count,
         marks=tuple(corner for face in flat for edges in face.laid.values() for corner in _corners(edges)),
         bends=bends,
@@ -245,30 +240,24 @@ def _slits(outline: Polygon, faces: Sequence[FlatFace], folds: Sequence[Fold]) -
 
 def moved_to_origin(flat: FlatPiece) -> FlatPiece:
     """The piece with its lower left corner at the origin."""
-    return moved(flat, Motion(0, (-flat.outline.bounds[0], -flat.outline.bounds[1])))
-
-
-def moved(flat: FlatPiece, motion: Motion) -> FlatPiece:
-    """The piece after a motion."""
-    found: FlatPiece = _moved(flat, motion.apply)
+    x0, y0, *_ = flat.outline.bounds
+    found: FlatPiece = _shifted(flat, -x0, -y0)
     return found
 
 
-def _moved(value: Any, move: Callable[[Point], Point]) -> Any:
-    """The value with all points in it moved."""
+def _shifted(value: Any, x: float, y: float) -> Any:
+    """The value with all points in it moved by (x, y)."""
     match value:
         case float(), float():
-            return move(value)
+            return value[0] + x, value[1] + y
         case tuple():
-            return tuple(_moved(one, move) for one in value)
+            return tuple(_shifted(one, x, y) for one in value)
         case dict():
-            return {key: _moved(one, move) for key, one in value.items()}
+            return {key: _shifted(one, x, y) for key, one in value.items()}
         case Polygon():
-            return Polygon(
-                [move(p) for p in value.exterior.coords], [[move(p) for p in r.coords] for r in value.interiors]
-            )
+            return shapely.affinity.translate(value, x, y)
         case FlatPiece() | FlatFace() | Fold():
-            return replace(value, **{one.name: _moved(getattr(value, one.name), move) for one in fields(value)})
+            return replace(value, **{one.name: _shifted(getattr(value, one.name), x, y) for one in fields(value)})
     return value
 
 

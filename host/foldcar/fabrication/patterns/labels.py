@@ -159,17 +159,16 @@ def _in_faces(flat: FlatPiece, turn: float) -> list[_Place]:
 
 
 def join_marks(piece: FlatPiece, car: FoldedCar, whole: FoldedCar) -> Iterator[EdgeMark]:
-    """The numbers of all joins of the piece, those that it was parted at first; the names of parts laid onto it.
+    """The numbers of all joins of the piece; the names of parts laid onto it.
 
     ``car`` has pieces parted to fit the sheets, ``whole`` has them whole, as they are placed in the car.
     """
-    yield from (EdgeMark(str(number), beside) for number, beside in piece.seams)
     faces = {face.name: face for face in piece.faces}
     seen: set[tuple[int, str]] = set()
     around: dict[tuple[int, bool], list[Edge]] = {}
     for join in car.joins:
         for name, ref, slot in ((join.piece_a, join.a, None), (join.piece_b, join.b, join.slot)):
-            if name != piece.origin or ref.face not in faces:
+            if name != piece.name or ref.face not in faces:
                 continue
             if join.kind == "laminate" and ref is join.b:
                 if (join.number, ref.face) not in seen:

@@ -40,7 +40,6 @@ LIMITS = {
     "dash_bridge_mm": (0.3, 50.0, "a bridge that does not tear when it is folded"),
     "bend_radius_mm": (0.0, 5.0, "a fold's inner radius"),
     "k_factor": (0.0, 1.0, "inner to outer side of the film"),
-    "holding_tabs_mm": (0.0, 2.0, "a bridge that is cut with scissors"),
 }
 
 
@@ -55,8 +54,7 @@ class Options:
     ``kerf_mm`` is the width that the cut removes, ``margin_mm`` the sheet's border that the machine cannot reach,
     ``gap_mm`` the distance of two pieces. ``bend_radius_mm`` is a fold's inner radius, ``k_factor`` the position of its
     neutral layer from the inner side per thickness. ``fold``: dashes of ``dash_cut_mm`` with bridges of
-    ``dash_bridge_mm``, or a scored line. ``holding_tabs_mm`` is the width of the bridges that hold a cut piece in its
-    sheet, 0 for none.
+    ``dash_bridge_mm``, or a scored line.
     """
 
     machine: str
@@ -70,7 +68,6 @@ class Options:
     dash_bridge_mm: float = 1.0
     bend_radius_mm: float = 0.0
     k_factor: float = 0.5
-    holding_tabs_mm: float = 0.0
 
     @property
     def sheet_size_mm(self) -> tuple[float, float]:

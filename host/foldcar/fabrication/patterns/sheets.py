@@ -6,7 +6,6 @@ not fit on a sheet.
 
 import itertools
 import math
-from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
@@ -18,12 +17,12 @@ from foldcar.car.parts.bought import Film as SoldFilm
 from foldcar.car.parts.catalogue import film_of
 from foldcar.fabrication.patterns.drawing import LAYERS, Motion, Path, Point, Shape, Sheet
 from foldcar.fabrication.patterns.film import Film, narrowest_film
-from foldcar.fabrication.patterns.flat_piece import FlatPiece, flat_piece
+from foldcar.fabrication.patterns.flat_piece import FlatPiece, flat_piece, moved_to_origin
 from foldcar.fabrication.patterns.labels import join_marks, text_strokes
 from foldcar.fabrication.patterns.nesting import NestingError, advice, all_fit, nest
 from foldcar.fabrication.patterns.options import TORN_FILM_MM, OptionError, Options
 from foldcar.fabrication.patterns.piece_shapes import outer_cut, piece_shapes
-from foldcar.fabrication.patterns.splitting import as_cut, split_to_fit
+from foldcar.fabrication.patterns.splitting import as_cut
 
 # Length of the bar by which the scale of a cut or printed sheet is checked.
 REFERENCE_MM = 100.0
@@ -141,23 +140,15 @@ class Pattern:
 
 @dataclass(frozen=True, slots=True)
 class CutCar:
-    """A car split to fit the sheets: ``car`` has pieces split along folds, ``pieces`` are flat, some cut across.
-
-    ``whole`` is the car before.
-    """
+    """A car split along folds to fit the sheets, and its flat ``pieces``; ``whole`` is the car before."""
 
     car: FoldedCar
     pieces: tuple[FlatPiece, ...]
     whole: FoldedCar
 
-    @property
-    def strips(self) -> dict[str, int]:
-        """The number of parts of each piece that is cut across, by its name."""
-        return {name: count for name, count in Counter(piece.origin for piece in self.pieces).items() if count > 1}
-
 
 def cut_car(folded: FoldedCar, chosen: Options) -> CutCar:
-    """The car's pieces, split to fit the sheet as far as possible; no disc is, whose halves would run out of true.
+    """The car's pieces, split to fit the sheet as far as possible.
 
     OptionError if the machine does not cut the car's film.
     """
@@ -166,12 +157,11 @@ def cut_car(folded: FoldedCar, chosen: Options) -> CutCar:
         others = " or ".join(name for name, how in film.cutting if how is not None)
         raise OptionError(f"--machine {chosen.machine}: does not cut {film.title}; only {others} would do")
     car = as_cut(folded, chosen)
-    numbers = itertools.count(max((join.number for join in car.joins), default=0) + 1)
     turning = {placed.piece for placed in car.placed if placed.body.startswith("wheel")}
-    pieces: list[FlatPiece] = []
-    for flat in (flat_piece(piece, chosen) for piece in car.pieces):
-        pieces += [flat] if flat.name in turning and not flat.bends else split_to_fit(flat, chosen, numbers)
-    return CutCar(car, tuple(pieces), folded)
+    flat = (flat_piece(piece, chosen) for piece in car.pieces)
+    # Discs stay around their centres.
+    pieces = tuple(one if one.name in turning and not one.bends else moved_to_origin(one) for one in flat)
+    return CutCar(car, pieces, folded)
 
 
 def pattern(folded: FoldedCar, chosen: Options, title: str, command: str = "") -> Pattern:
@@ -183,7 +173,6 @@ def pattern_of(cut: CutCar, chosen: Options, title: str, command: str = "") -> P
     """The sheets of a car whose pieces are split already; NestingError."""
     films = {piece.label: film for piece in cut.pieces if (film := narrowest_film(piece, chosen)) is not None}
     narrow = [f"{label}: {_narrow(film)}" for label, film in films.items() if film.narrow]
-
     try:
         sheets, unmarked = _lay_out(cut, chosen, title, command)
     except NestingError as error:
@@ -246,9 +235,8 @@ def _lay_out(cut: CutCar, chosen: Options, title: str, command: str) -> tuple[tu
             on_sheets[index].append([shape.moved(free) for shape in code_shapes(command)])
     if command and not any(free for _, free in boxes):
         warnings.append("no sheet has room for the QR code of its command; how_to_cut.md has the command")
-    gap_mm = chosen.holding_tabs_mm + chosen.kerf_mm if chosen.holding_tabs_mm else 0.0
     sheets = tuple(
-        Sheet(f"sheet_{i + 1}", width, height, tuple(map(tuple, map(rounded, on_sheet))), chosen.dashed, film, gap_mm)
+        Sheet(f"sheet_{i + 1}", width, height, tuple(map(tuple, map(rounded, on_sheet))), chosen.dashed, film)
         for i, (on_sheet, film) in enumerate(zip(on_sheets, films, strict=True))
     )
     return sheets, warnings

@@ -3,12 +3,9 @@
 Input: the intended sheets and the text or bytes of the written files. Output: findings as texts, none for correct files.
 """
 
-import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import replace
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
@@ -26,10 +23,7 @@ def check_sheet(sheet: Sheet, margin_mm: float) -> list[str]:
     """Findings about open outlines, duplicate lines, lines outside the usable area, lines of length 0."""
     findings = []
     outer = [shape for shape in sheet.shapes if isinstance(shape, Path) and shape.layer == "CUT_OUTER"]
-    if sheet.tab_gap_mm:
-        findings += _unheld(outer, sheet.tab_gap_mm)
-    else:
-        findings += [f"an outline at {_at(shape)} is not closed" for shape in outer if not shape.closed]
+    findings += [f"an outline at {_at(shape)} is not closed" for shape in outer if not shape.closed]
     for shape in sheet.shapes:
         if not shape.length_mm > TOLERANCE_MM:
             findings.append(f"a line of no length on {shape.layer} at {_at(shape)}")
@@ -46,21 +40,6 @@ def check_sheet(sheet: Sheet, margin_mm: float) -> list[str]:
     return _short(findings)
 
 
-def _unheld(outer: Sequence[Path], gap_mm: float) -> list[str]:
-    """Findings about outlines without holding tabs, and about ends of cuts that have not one other a gap away."""
-    findings = [f"an outline at {_at(shape)} has no holding tabs" for shape in outer if shape.closed]
-    ends = [end for shape in outer if not shape.closed for end in (shape.points_mm[0], shape.points_mm[-1])]
-    # A gap in a curve of facets is a little shorter than along them.
-    near = shapely.STRtree([shapely.Point(end) for end in ends])
-    for end in ends:
-        around = near.query(shapely.Point(end), predicate="dwithin", distance=gap_mm + TOLERANCE_MM)
-        apart = [math.dist(end, ends[other]) for other in around.tolist()]
-        if sum(distance > 0.8 * gap_mm for distance in apart) != 1 or len(apart) != 2:
-            place = f"{end[0]:.2f}, {end[1]:.2f}"
-            findings.append(f"a cut's end at {place} leaves no holding tab of {gap_mm:g} mm, kerf included")
-    return findings
-
-
 def check_same(meant: Sheet, read: Sheet) -> list[str]:
     """Findings about differences between the intended sheet and the one read: size, and every segment on its layer."""
     findings = []
@@ -74,7 +53,7 @@ def check_same(meant: Sheet, read: Sheet) -> list[str]:
 def check_text(read: Callable[[str], Sheet], meant: Sheet, text: str, chosen: Options) -> list[str]:
     """Findings about a written sheet, by the reader of its format."""
     try:
-        found = replace(read(text), tab_gap_mm=meant.tab_gap_mm)
+        found = read(text)
     except ReadingError as error:
         return [str(error)]
     return [*check_same(meant, found), *check_sheet(found, chosen.margin_mm)]

@@ -31,13 +31,6 @@ export class Bought {
   light(on) {
     for (const mesh of this.meshes) mesh.material = (on ? LIT : PAINTS)[this.part.material][0];
   }
-
-  dispose() {
-    for (const mesh of this.meshes) {
-      mesh.geometry.dispose();
-      for (const lines of mesh.children) lines.geometry.dispose();
-    }
-  }
 }
 
 // A little (mm) smaller than the part: its edges must not show through film that it lies against.

@@ -12,7 +12,6 @@ export class Car {
   constructor(data, scene) {
     this.data = data;
     this.steps = data.steps.length;
-    this.scene = scene;
     this.bodies = new Map();
     this.parts = data.parts.map(part => (part.solids ? new Bought(part) : new Film(part, data.pieces[part.piece])));
     for (const one of this.parts) {
@@ -121,11 +120,6 @@ export class Car {
 
   light(part) {
     for (const one of this.parts) one.light(one === part);
-  }
-
-  dispose() {
-    for (const body of this.bodies.values()) this.scene.remove(body);
-    for (const one of this.parts) one.dispose();
   }
 }
 

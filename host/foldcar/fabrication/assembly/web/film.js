@@ -117,11 +117,6 @@ export class Film {
     const paints = (on ? LIT : PAINTS)[this.piece.material];
     this.meshes.forEach((mesh, side) => { mesh.material = paints[side]; });
   }
-
-  dispose() {
-    this.surface.dispose();
-    for (const line of Object.values(this.lines)) line.geometry.dispose();
-  }
 }
 
 function buffers(vertices, names) {

@@ -1,42 +1,28 @@
-// The view page: window.foldcar is {car, run, live}. The address's fragment sets what is shown: #step=3.5 (0 is all pieces
-// flat), explode=0.5, lid=1, time=2.0 of a run, part=NAME; with sliders also their values, width=95. For tests,
-// document.body.dataset tells what is shown: state, mode, step, named, error and the film's bounding box.
+// The view page: window.foldcar is {car, run}. The address's fragment sets what is shown: #step=3.5 (0 is all pieces flat),
+// explode=0.5, lid=1, time=2.0 of a run. For tests, document.body.dataset tells what is shown: state, mode, step, named and
+// the film's bounding box.
 
 import { Car, smooth } from "./car.js";
-import { Live } from "./live.js";
 import { Names } from "./names.js";
 import { seeThrough } from "./paints.js";
-import { Run } from "./run.js";
+import { sceneOfRun } from "./run.js";
 import { Stage } from "./stage.js";
 
 const STEP_S = 2.5;
 const find = id => document.getElementById(id);
 
 class View {
-  constructor(data) {
+  constructor({ car, run }) {
     this.stage = new Stage(find("model"));
-    this.names = new Names(this.stage, { canvas: find("model"), tip: find("tip"), list: find("find") }, () => this.tint());
     this.mode = "build";
     this.t = Infinity;
     this.playing = null;
-    this.use(data);
-    this.listen();
-    if (data.live) {
-      const good = { ...data, title: find("title").textContent, facts: find("facts").textContent, command: data.live.command };
-      this.live = new Live(data.live, find("live"), good, answer => this.replace(answer));
-    }
-  }
-
-  // A car and its run, if there is one.
-  use({ car, run }) {
-    if (this.car) this.car.dispose();
     this.car = new Car(car, this.stage.scene);
+    new Names(this.stage, this.car, find("model"), find("tip"));
     if (run) {
-      this.run ??= new Run(find("scene"), t => { document.body.dataset.time = t.toFixed(3); });
-      this.run.use(run);
+      this.run = sceneOfRun(find("scene"), run, t => { document.body.dataset.time = t.toFixed(3); });
       find("told").textContent = run.told;
     }
-    this.names.use(this.car);
     find("step").max = this.car.steps;
     find("lid").parentElement.hidden = !Object.keys(car.lid).length;
     find("steps").replaceChildren(...["All pieces, flat", ...car.steps].map((title, step) => {
@@ -46,16 +32,7 @@ class View {
       item.append(button);
       return item;
     }));
-  }
-
-  // Another design in the place of this one, at the same step from the end or the start.
-  replace(answer) {
-    const last = this.t >= this.car.steps;
-    this.use(answer);
-    find("title").textContent = answer.title;
-    find("facts").textContent = answer.facts;
-    if (last) this.t = Infinity;
-    this.show();
+    this.listen();
   }
 
   listen() {
@@ -65,7 +42,10 @@ class View {
     on("forth", "click", () => { this.stop(); this.play(Math.floor(this.t) + 1); });
     on("play", "click", () => (this.playing ? this.stop() : this.play(this.car.steps)));
     on("reset", "click", () => { this.stage.held = false; this.show(); });
-    on("through", "change", () => this.tint());
+    on("through", "change", () => {
+      seeThrough(find("through").checked);
+      this.stage.draw();
+    });
     for (const id of ["explode", "lid", "parts"]) on(id, "input", () => this.show());
     for (const radio of document.querySelectorAll("input[name=mode]")) {
       radio.addEventListener("change", () => { this.stop(); this.stage.held = false; this.turn(radio.value); });
@@ -79,11 +59,9 @@ class View {
     const number = (name, otherwise) => (wanted.has(name) && Number.isFinite(Number(wanted.get(name))) ? Number(wanted.get(name)) : otherwise);
     find("explode").value = number("explode", 0);
     find("lid").value = number("lid", 0);
-    if (this.run) this.run.scene.time(number("time", 0));
+    if (this.run) this.run.time(number("time", 0));
     this.t = Math.max(0, number("step", Infinity));
     this.turn(this.run && !wanted.has("step") ? "run" : "build");
-    if (wanted.has("part")) this.names.find(wanted.get("part"));
-    if (this.live) for (const [key, value] of wanted) this.live.choose(key, value);
     document.body.dataset.state = "ready";
   }
 
@@ -102,15 +80,10 @@ class View {
 
   show() {
     if (this.mode === "run") {
-      this.run.scene.time(this.run.scene.now());
+      this.run.time(this.run.now());
       return;
     }
     this.showStep();
-    this.stage.draw();
-  }
-
-  tint() {
-    seeThrough(find("through").checked || this.names.sought);
     this.stage.draw();
   }
 

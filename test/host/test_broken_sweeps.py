@@ -1,7 +1,6 @@
 """Sweeps that do not end as planned: broken simulators, studies that cannot run, kills, full disks."""
 
 import os
-import random
 import resource
 import shlex
 import signal
@@ -29,7 +28,6 @@ def simulator(tmp_path: Path, carsim: Path, batch: str) -> Path:
     ("batch", "message"),
     [
         ("cat > /dev/null; echo oops >&2; exit 3", "exit code 3 (oops) after 0 of "),
-        ("cat > /dev/null", "exit code 0 after 0 of "),
         ("cat > /dev/null; echo '[]'", "answered what is no result: []"),
         ('cat > /dev/null; echo \'{"outcome": "flew"}\'', "answered an impossible result: "),
     ],
@@ -99,11 +97,8 @@ def test_a_run_that_crashes_is_a_result_and_the_rest_goes_on(
     ("path", "value", "message"),
     [
         ("vehicles.1.params.0.common.width", [20], "width: 20 is below the minimum"),
-        ("vehicles.1.params.0.common.width", [50, 55], "width"),
         ("environments.1.scenic_params", {"no_such_param": 1}, "param no_such_param: unknown"),
-        ("environments.1.scenic_params", {"friction": 1e6}, "param friction"),
         ("experiments.1.params.timeout", 1e9, r"experiments\.1\.params\.timeout: 1e\+09 is above"),
-        ("experiments.1.params.speed", 2.0, r"experiments\.1\.params\.speed: 2 is above 0\."),
     ],
 )
 def test_a_study_that_cannot_run_is_refused_and_leaves_no_store(
@@ -120,30 +115,6 @@ def test_a_study_that_cannot_run_is_refused_and_leaves_no_store(
 def start(listing: Path, store: Path, carsim: Path, environments: int) -> ForkedProcess:
     words = ["sweep", str(listing), "--store", str(store), "--environments", str(environments), "--jobs", "2"]
     return original().start(words, listing.parent, {**os.environ, "FOLDCAR_CARSIM": str(carsim)})
-
-
-@pytest.mark.slow
-def test_killed_at_random_and_resumed_the_rows_are_the_same(
-    tmp_path: Path, write_listing: WriteListing, listing_data: Any, carsim_binary: Path
-) -> None:
-    listing_data["vehicles"]["1"]["params"][0]["common"]["width"] = {"from": 65, "to": 245, "step": 90}
-    listing, environments, pause = write_listing(listing_data), 60, random.Random(1)
-    swept(listing, tmp_path / "alone.db", carsim_binary, environments=environments)
-
-    seen = 0
-    for _ in range(3):
-        process = start(listing, tmp_path / "killed.db", carsim_binary, environments)
-        while process.poll() is None and stored_runs(tmp_path / "killed.db") <= seen:
-            time.sleep(0.02)
-        time.sleep(0.2 * pause.random())
-        process.kill()
-        process.communicate()
-        assert stored_runs(tmp_path / "killed.db") >= seen
-        seen = stored_runs(tmp_path / "killed.db")
-    counts = swept(listing, tmp_path / "killed.db", carsim_binary, environments=environments)
-
-    assert counts.there == seen > 0
-    assert rows(tmp_path / "killed.db") == rows(tmp_path / "alone.db")
 
 
 def test_ctrl_c_stops_keeps_and_says_how_to_go_on(

@@ -18,7 +18,7 @@ import pytest
 
 from foldcar.cluster import connection, workers
 from foldcar.cluster.chunk import Simulated, Trouble, recipe_of, run_chunk
-from foldcar.cluster.connection import open_cluster
+from foldcar.cluster.connection import check_scheduler, open_cluster
 from foldcar.cluster.local_cluster import local_cluster
 from foldcar.errors import FoldcarError
 from foldcar.simulation.carsim import Carsim
@@ -257,6 +257,8 @@ def test_without_scheduler_or_workers_or_with_other_versions_one_line_says_so(
 
     with pytest.raises(FoldcarError, match=r"--scheduler: tcp://127.0.0.1:1: no Dask scheduler answers there: "):
         opened("tcp://127.0.0.1:1")
+    with pytest.raises(FoldcarError, match="--jobs: says nothing with --scheduler"):
+        check_scheduler("local:1", 2)
     for wrong in ("nowhere", "local:0", "local:x", "tcp://host", "local:257"):
         with pytest.raises(FoldcarError, match="--scheduler: "):
             opened(wrong)
@@ -267,13 +269,6 @@ def test_without_scheduler_or_workers_or_with_other_versions_one_line_says_so(
         with pytest.raises(FoldcarError, match="there is no worker for 1 s; the same command resumes"):
             opened(empty.address)
         assert said == [f"scheduler {empty.address}: there is no worker; waiting up to 1 s"]
-
-
-def test_options_that_contradict_are_refused(listing: Path, tmp_path: Path, refused: Callable[..., str]) -> None:
-    told = refused("sweep", listing, "--store", "s.db", "--scheduler", "local:1", "--jobs", "2")
-
-    assert told.startswith("--jobs: says nothing with --scheduler")
-    assert not (tmp_path / "s.db").exists()
 
 
 def test_the_workers_of_this_machine_import_nothing_from_the_working_directory(
@@ -290,7 +285,7 @@ def test_the_workers_of_this_machine_import_nothing_from_the_working_directory(
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
 def test_the_workers_of_this_machine_end_with_the_command(listing: Path, tmp_path: Path, number: signal.Signals) -> None:
     process = subprocess.Popen(
-        [sys.executable, "-m", "foldcar", "sweep", str(listing), "--store", "s.db", "--environments", "500",
+        [sys.executable, "-m", "foldcar", "sweep", str(listing), "--store", "s.db", "--environments", "100",
          "--scheduler", "local:1"],
         cwd=tmp_path, stderr=subprocess.PIPE, text=True, start_new_session=True, preexec_fn=like_a_shell,
         env={**os.environ, MARK: str(tmp_path)},

@@ -28,15 +28,13 @@ Start = Callable[..., "subprocess.Popen[str]"]
 MARK = "FOLDCAR_TEST_MARK"
 RUN = ["--experiment", "1", "--set", "width=95"]
 # Everything that a command passes on its way is interrupted by some of these: imports, Scenic, sampling, simulating.
-MOMENTS_S = (0.0, 0.2, 0.5, 1.2)
+MOMENTS_S = (0.0, 0.4, 1.2)
 COMMANDS = {
     "run": ["run", "flat.json", *RUN],
     "sweep": ["sweep", "beside.json", "--store", "s.db", "--jobs", "2"],
     "report": ["report", "full.db", "-o", "page"],
-    "pattern": ["pattern", "flat.json", "--set", "width=95", "-o", "sheets"],
     "link": ["link", "flat.json", *RUN],
     "log": ["log", "flat.json", "--experiment", "1", "--port", "nowhere"],
-    "crosscheck": ["crosscheck", "flat.json", "-o", "check", "--jobs", "2"],
 }
 
 
@@ -116,7 +114,7 @@ def test_ctrl_c_ends_a_command_at_any_moment_with_one_line(study: Path, started:
         process = started(*COMMANDS[command])
         time.sleep(moment_s)
         ended = process.poll() is not None
-        process.send_signal((signal.SIGINT, signal.SIGTERM, signal.SIGINT, signal.SIGHUP)[index % 4])
+        process.send_signal((signal.SIGTERM, signal.SIGHUP, signal.SIGINT)[index])
         errors = process.communicate(timeout=100)[1]
         # What a command says before it stops: how `link` is ended, when a sweep's run has passed.
         lines = [line for line in errors.splitlines() if not line.endswith(("Ctrl-C ends", "within the time limit"))]
@@ -142,9 +140,8 @@ def test_what_the_caller_ignores_stays_ignored(started: Start) -> None:
     assert process.returncode == 0 and process.communicate()[0].startswith("foldcar ")
 
 
-@pytest.mark.parametrize("command", ["sweep", "crosscheck", "link"])
-def test_a_killed_command_leaves_no_process(study: Path, started: Start, command: str) -> None:
-    process = started(*COMMANDS[command])
+def test_a_killed_sweep_leaves_no_process(study: Path, started: Start) -> None:
+    process = started(*COMMANDS["sweep"])
     end_s = time.monotonic() + 300
     # What was seen once counts: some processes live for a moment only.
     while len(running := marked(str(study))) < 2 and process.poll() is None and time.monotonic() < end_s:

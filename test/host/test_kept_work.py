@@ -8,9 +8,10 @@ from typing import Any
 
 import pytest
 
+from foldcar.errors import FoldcarError
 from foldcar.store.calibrations import Calibration, calibration_named
 from foldcar.store.errors import StoreError
-from foldcar.store.kept_work import keep_calibration, keep_trial
+from foldcar.store.kept_work import keep_calibration, keep_trial, take_in
 from foldcar.store.reader import Store
 from foldcar.store.trial_records import RUNNING, Ending, Trial
 from foldcar.store.trial_writer import TrialWriter, write_trials
@@ -89,13 +90,12 @@ def test_a_kept_trial_is_taken_in_once_and_only_by_its_store(begun: Path, foldca
     assert kept.read_text() == content and first(begun).log_sha256 == END.log_sha256
 
 
-@pytest.mark.parametrize("text", ["{", "[]", '{"foldcar_kept_trial": 1}', '{"foldcar_kept_trial": NaN}', "\u0000"])
-def test_a_file_that_is_no_kept_work_is_refused_in_one_line(begun: Path, foldcar: Any, text: str) -> None:
-    (begun.parent / "k.json").write_text(text)
-    answer = foldcar("import", "k.json", "--store", "s.db")
-
-    assert answer.returncode == 2 and answer.stderr.startswith("foldcar: error: k.json: is ")
-    assert answer.stderr.count("\n") == 1
+def test_a_file_that_is_no_kept_work_is_refused_in_one_line(begun: Path) -> None:
+    file = begun.with_name("k.json")
+    for text in ("{", "[]", '{"foldcar_kept_trial": 1}', '{"foldcar_kept_trial": NaN}', "\u0000"):
+        file.write_text(text)
+        with pytest.raises(FoldcarError, match=r"k\.json: is neither an exported folder nor work"):
+            take_in(file, begun)
 
 
 def test_where_no_file_can_be_written_the_text_itself_is_told(

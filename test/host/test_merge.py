@@ -11,18 +11,14 @@ import pytest
 from foldcar.store.check import check_store, store_digest
 from foldcar.store.errors import StoreError
 from foldcar.store.merge import merge_stores
-from foldcar.store.migrations import VERSION
-from foldcar.store.opening import UNRELEASED
 from foldcar.store.reader import Store
-from foldcar.store.tables import EXPERIMENT, RUN, TRIAL, Table
+from foldcar.store.tables import EXPERIMENT, RUN, TRIAL, VERSION, Table
 from foldcar.store.trial_records import Ending
 from foldcar.store.trial_writer import write_trials
 from old_stores import alter, change, contents, old_store
 from swept_listing import swept
 from test_store import answer, fill
 from test_trial_store import begin
-
-OLD = "was made before foldcar's first release, which cannot read it: sweep again"
 
 
 def digest(store: Path) -> tuple[str, int]:
@@ -76,15 +72,14 @@ def thresholded(listing_data: dict[str, Any], write_listing: Callable[[Any], Pat
     return write_listing(listing_data)
 
 
-def test_a_sweep_that_stopped_is_a_part_of_one_that_did_not(
+def test_a_sweep_that_stopped_is_a_part_of_one_that_did_not_and_two_rules_are_none(
     tmp_path: Path, thresholded: Path, carsim_binary: Path
 ) -> None:
-    whole = made(thresholded, tmp_path / "whole.db", carsim_binary)
-    part = made(thresholded, tmp_path / "part.db", carsim_binary, environments=2)
-    stopped = made(thresholded, tmp_path / "stopped.db", carsim_binary, until="decided")
+    whole, part = (made(thresholded, tmp_path / f"{n}.db", carsim_binary, environments=n) for n in (12, 2))
+    stopped, other = (made(thresholded, tmp_path / name, carsim_binary, until=name) for name in ("decided", "40pp"))
     both = made(thresholded, Path(shutil.copy(whole, tmp_path / "both.db")), carsim_binary, until="decided")
 
-    for name, stores in {"m1": [whole, stopped], "m2": [stopped, whole], "m3": [whole, both]}.items():
+    for name, stores in {"m1": [whole, stopped], "m2": [stopped, other, whole], "m3": [whole, both]}.items():
         merge_stores(stores, tmp_path / name)
         assert shown(tmp_path / name) == shown(whole)
     merge_stores([part, stopped], tmp_path / "m4")
@@ -98,17 +93,9 @@ def test_a_sweep_that_stopped_is_a_part_of_one_that_did_not(
     assert info.until == few.until and info.stored_runs > few.stored_runs
     assert check_store(tmp_path / "m5").findings == []
 
-
-def test_two_rules_of_stopping_are_no_one_rule(tmp_path: Path, thresholded: Path, carsim_binary: Path) -> None:
-    rules = {"a.db": "decided", "b.db": "40pp"}
-    stores = [made(thresholded, tmp_path / name, carsim_binary, until=rule) for name, rule in rules.items()]
-
-    with pytest.raises(StoreError, match=r'experiment "1": until is .* in .*b\.db, .* in .*a\.db: no one rule'):
-        merge_stores(stores, tmp_path / "m.db")
-
+    with pytest.raises(StoreError, match=r'experiment "1": until is .* in .*40pp, .* in .*decided: no one rule'):
+        merge_stores([stopped, other], tmp_path / "m.db")
     assert not (tmp_path / "m.db").exists()
-    merge_stores([*stores, made(thresholded, tmp_path / "whole.db", carsim_binary)], tmp_path / "m.db")
-    assert shown(tmp_path / "m.db") == shown(tmp_path / "whole.db")
 
 
 def test_a_store_with_itself_is_itself(tmp_path: Path) -> None:
@@ -148,7 +135,7 @@ def test_trials_are_kept_with_their_logs_and_corrections(tmp_path: Path) -> None
     ("table", "where", "values", "told"),
     [
         (RUN, "body_id = 1 AND scene_id = 1", {"outcome": "stuck"},
-         r"^run \(build \S+, body \w{12}, .*\): outcome is stuck in .*b\.db, \w+ in .*a\.db: the same build gave two"),
+         r"^run \(build_id \S+, body_id \w{12}, .*\): outcome is stuck in .*b\.db, \w+ in .*a\.db: the same build"),
         (RUN, "body_id = 1 AND scene_id = 1", {"elapsed_time_s": 0.125}, "elapsed_time_s is 0.125 in .*b.db, "),
         (EXPERIMENT, "position = 0", {"vehicle": "other"},
          '^experiment "1": vehicle is other in .*b.db, .* another name'),
@@ -167,35 +154,28 @@ def test_contradictions_are_refused_and_nothing_is_written(
     assert sorted(file.name for file in tmp_path.iterdir()) == ["a.db", "b.db"]
 
 
-def test_a_family_that_is_not_the_same_is_another_experiment(
-    tmp_path: Path, listing_data: dict[str, Any], write_listing: Callable[[Any], Path], carsim_binary: Path
-) -> None:
-    one = made(write_listing(listing_data), tmp_path / "a.db", carsim_binary, environments=1)
-    listing_data["vehicles"]["1"]["params"][0]["common"]["width"] = [95, 120, 245]
-    two = made(write_listing(listing_data), tmp_path / "b.db", carsim_binary, environments=1)
-
-    with pytest.raises(StoreError, match='experiment "1": '):
-        merge_stores([one, two], tmp_path / "m.db")
-    with pytest.raises(StoreError, match='experiment "1": '):
-        merge_stores([two, one], tmp_path / "m.db")
-
-
-def test_a_trial_that_one_store_has_corrected_is_refused(tmp_path: Path) -> None:
+def test_other_designs_and_a_trial_that_one_store_has_corrected_are_refused(tmp_path: Path) -> None:
+    fill(tmp_path / "a.db")
+    fill(tmp_path / "c.db", widths=(65, 95, 120))
     store = old_store(VERSION, tmp_path / "s.db")
     shutil.copy(store, tmp_path / "b.db")
-    with Store.open(store) as opened:
-        logged = next(trial.id for trial in opened.trials() if trial.log_sha256)
-    change(tmp_path / "b.db", TRIAL, f"id = {logged}", note="other")
+    # It has a log, which tells it.
+    change(tmp_path / "b.db", TRIAL, "id = 1", note="other")
 
-    with pytest.raises(StoreError, match=r"^trial \(id \d+\): note is other in .*b\.db, "):
-        merge_stores([store, tmp_path / "b.db"], tmp_path / "m.db")
+    for names, message in {
+        ("a", "c"): 'experiment "1": ',
+        ("c", "a"): 'experiment "1": ',
+        ("s", "b"): r"^trial \(id 1\): note is other in .*b\.db, ",
+    }.items():
+        with pytest.raises(StoreError, match=message):
+            merge_stores([tmp_path / f"{name}.db" for name in names], tmp_path / "m.db")
 
 
 def test_what_cannot_be_merged_is_said_in_one_line(tmp_path: Path, foldcar: Callable[..., Any]) -> None:
-    alter(old_store(VERSION, tmp_path / "old.db"), f"PRAGMA application_id = {UNRELEASED}")
+    alter(old_store(VERSION, tmp_path / "old.db"), "PRAGMA application_id = 1")
     fill(tmp_path / "a.db")
     told = {
-        ("a.db", "old.db", "-o", "m.db"): f"old.db: {OLD}",
+        ("a.db", "old.db", "-o", "m.db"): "old.db: is no foldcar store",
         ("a.db", "none.db", "-o", "m.db"): "none.db: no such store",
         ("a.db", "-o", "m.db"): "merge: name two stores or more",
         ("a.db", "old.db", "-o", "a.db"): "a.db: is read by this command; name another file to write",

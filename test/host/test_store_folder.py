@@ -3,12 +3,11 @@
 import csv
 import json
 import shutil
-import sqlite3
 import zlib
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
@@ -16,9 +15,9 @@ from foldcar.errors import FoldcarError
 from foldcar.store.check import check_store
 from foldcar.store.errors import StoreError
 from foldcar.store.folder import export_folder, import_folder
-from foldcar.store.migrations import VERSION
 from foldcar.store.reader import Store
-from foldcar.store.tables import TABLES
+from foldcar.store.rows import checksum
+from foldcar.store.tables import TABLES, TRIAL, VERSION
 from foldcar.store.trial_records import Ending
 from foldcar.store.trial_writer import write_trials
 from foldcar.store.writer import PlannedRun
@@ -99,16 +98,8 @@ def test_the_folder_explains_itself(tmp_path: Path, store: Path) -> None:
     assert set(listing["experiments"]) == {"1", "recorded"}
 
 
-def test_others_read_the_tables_and_can_verify_them(tmp_path: Path, store: Path) -> None:
-    """With Python's csv and pyarrow alone: the numbers of runs, and the checksum as README.txt tells it."""
-    with sqlite3.connect(store) as connection:
-        expected = connection.execute("SELECT elapsed_time_s FROM run ORDER BY build_id, body_id, scene_id").fetchall()
-    with (exported(store, tmp_path / "c") / "run.csv").open(newline="", encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
+def test_others_verify_the_tables_as_the_readme_tells_it(tmp_path: Path, store: Path) -> None:
     table = pq.read_table(exported(store, tmp_path / "p", "parquet") / "run.parquet")
-
-    assert [(float(row["elapsed_time_s"]) if row["elapsed_time_s"] else None,) for row in rows] == expected
-    assert [(value,) for value in table["elapsed_time_s"].to_pylist()] == expected
     for row in table.to_pylist():
         told = row.pop("checksum")
         there = {name: value for name, value in row.items() if value is not None}
@@ -157,101 +148,78 @@ def test_an_export_that_fails_leaves_the_old_folder(tmp_path: Path, store: Path,
     assert sorted(file.name for file in tmp_path.iterdir()) == ["out", "s-logs", "s.db"]
 
 
-def replace(file: str, old: str, new: str) -> Callable[[Path], None]:
-    def change(folder: Path) -> None:
-        text = (folder / file).read_bytes().decode()
-        assert old in text
-        (folder / file).write_bytes(text.replace(old, new, 1).encode())
-
-    return change
-
-
-def remove(file: str) -> Callable[[Path], None]:
-    return lambda folder: (folder / file).unlink()
-
-
-def outside_log(folder: Path) -> None:
-    log = next(iter(json.loads((folder / "manifest.json").read_text())["logs"]))
-    (folder / "logs" / log).unlink()
-    (folder / "logs" / log).symlink_to("/etc/passwd")
-
-
-def damaged_log(folder: Path) -> None:
-    file = next((folder / "logs").rglob("*.tlog"))
-    file.write_bytes(file.read_bytes() + b"x")
-
-
-def cut(file: str) -> Callable[[Path], None]:
-    def change(folder: Path) -> None:
-        lines = (folder / file).read_bytes().splitlines(keepends=True)
-        (folder / file).write_bytes(b"".join(lines[:-1]))
-
-    return change
-
-
-def not_text(folder: Path) -> None:
-    (folder / "trial.csv").write_bytes((folder / "trial.csv").read_bytes().replace(b"goal", b"g\xffal", 1))
-
-
 @pytest.mark.parametrize(
-    ("change", "message"),
+    ("file", "old", "new", "message"),
     [
-        (remove("run.csv"), "run.csv: is missing"),
-        (remove("manifest.json"), "manifest.json: cannot be read: No such file"),
-        (remove("listing.json"), "listing.json: is missing"),
-        (replace("manifest.json", '"kind"', '"kin"'), "manifest.json: is no manifest"),
-        (replace("manifest.json", f'"version": {VERSION}', '"version": 99'), "manifest.json: version: is 99, this"),
-        (replace("manifest.json", '"run.csv"', '"../s.db"'), 'manifest.json: files: "../s.db" leads out of the folder'),
-        (replace("run.csv", "max_roll_rad", "roll_rad"), 'run.csv: unknown column "roll_rad"; known: build_id'),
-        (replace("run.csv", "outcome,", ""), 'run.csv: has no column "outcome"'),
-        (replace("run.csv", '"passed"', '"flew"'), "run.csv: row 1: outcome: 'flew' is none of passed, tipped"),
-        (replace("run.csv", '"passed",0.', '"passed",1.'), "run.csv: row 1: checksum: does not match the row"),
-        (replace("run.csv", '"passed",0.', '"passed",x'), "run.csv: row 1: elapsed_time_s: 'x"),
-        (replace("run.csv", '"failed",,', '"failed",'), "run.csv: row 2: has "),
-        (replace("run.csv", '"passed"', '"passed'), "run.csv: row 1: ',' expected after '\"'"),
-        (replace("sample.csv", "1,0,1", "1,0,"), "sample.csv: row 1: scene_id: is empty"),
-        (replace("sample.csv", "1,0,1", "1,0,1.5"), "sample.csv: row 1: scene_id: '1.5' is no whole number"),
-        (replace("design.csv", "}", "]"), "design.csv: row 1: parameters: is no JSON"),
-        (replace("correction.csv", '"Bo"', '"Bob"'), "correction.csv: row 1: checksum: does not match"),
-        (cut("trial.csv"), "trial.csv: has 4 rows, manifest.json says 5"),
-        (not_text, "trial.csv: row 1 or later: is no UTF-8 text"),
-        (replace("trial.csv", '"s-logs/', '"../../'), "trial.csv: row 1: checksum: does not match the row"),
-        (outside_log, "leads out of the folder"),
-        (damaged_log, "does not match its SHA-256 in manifest.json"),
+        ("manifest.json", '"kind"', '"kin"', "manifest.json: is no manifest"),
+        ("manifest.json", f'"version": {VERSION}', '"version": 99', "manifest.json: version: is 99, this"),
+        ("manifest.json", '"run.csv"', '"../s.db"', 'manifest.json: files: "../s.db" leads out of the folder'),
+        ("run.csv", "max_roll_rad", "roll_rad", 'run.csv: column "roll_rad" is unknown or there twice; known: build_id'),
+        ("run.csv", "outcome,", "", 'run.csv: has no column "outcome"'),
+        ("run.csv", '"passed"', '"flew"', "run.csv: row 1: outcome: 'flew' is none of passed, tipped"),
+        ("run.csv", '"passed",0.', '"passed",1.', "run.csv: row 1: checksum: does not match the row"),
+        ("run.csv", '"passed",0.', '"passed",x', "run.csv: row 1: elapsed_time_s: 'x"),
+        ("run.csv", '"failed",,', '"failed",', "run.csv: row 2: has "),
+        ("run.csv", '"passed"', '"passed', "run.csv: row 1: ',' expected after '\"'"),
+        ("sample.csv", "1,0,1", "1,0,", "sample.csv: row 1: scene_id: is empty"),
+        ("design.csv", "}", "]", "design.csv: row 1: parameters: is no JSON"),
+        ("trial.csv", "goal", "g\xffal", "trial.csv: row 1 or later: is no UTF-8 text"),
+        ("correction.csv", "\n1,", "\n9,", "correction.csv: row 1: checksum: does not match"),
     ],
 )
-def test_bad_folders_are_refused_whole(
-    tmp_path: Path, store: Path, foldcar: Any, change: Callable[[Path], None], message: str
+def test_a_changed_file_is_refused_whole(
+    tmp_path: Path, store: Path, file: str, old: str, new: str, message: str
 ) -> None:
-    change(exported(store, tmp_path / "out"))
+    folder = exported(store, tmp_path / "out")
+    content = (folder / file).read_bytes()
+    assert old.encode() in content
+    (folder / file).write_bytes(content.replace(old.encode(), new.encode("latin-1"), 1))
 
-    refused = foldcar("import", "out", "--store", "new/s.db")
+    with pytest.raises(StoreError) as caught:
+        import_folder(folder, tmp_path / "new" / "s.db")
 
-    assert refused.returncode == 2 and refused.stderr.count("\n") == 1, refused.stderr
-    assert refused.stderr.startswith("foldcar: error: out/") and message in refused.stderr
+    assert message in str(caught.value) and "\n" not in str(caught.value)
     assert files(tmp_path / "new") == {}
 
 
-def test_a_log_that_leads_out_is_refused_though_its_checksum_fits(tmp_path: Path, store: Path) -> None:
-    folder = exported(store, tmp_path / "out")
-    with (folder / "trial.csv").open(newline="", encoding="utf-8") as file:
-        header, first, *others = csv.reader(file)
-    row: dict[str, Any] = {name: value for name, value in zip(header[:-1], first, strict=False) if value}
-    row |= {name: int(row[name]) for name in row if name in ("sample", "withdrawn") or name.endswith("id")}
-    row |= {"elapsed_time_s": float(row["elapsed_time_s"]), "note": "n", "log": "../../etc/passwd"}
-    told = zlib.crc32(b"trial" + json.dumps(row, sort_keys=True, separators=(",", ":")).encode())
-    values = [row.get(name, "") for name in header[:-1]]
-    cells = ['"' + value.replace('"', '""') + '"' if value and isinstance(value, str) else str(value) for value in values]
-    text = (folder / "trial.csv").read_text().split("\n")
-    text[1] = ",".join([*cells, str(told)])
-    (folder / "trial.csv").write_text("\n".join(text))
-    assert len(others) == 4
+def test_what_is_missing_or_leads_out_is_refused_whole(tmp_path: Path, store: Path, foldcar: Any) -> None:
+    def refused() -> str:
+        answer = foldcar("import", "out", "--store", "new/s.db")
+        assert answer.returncode == 2 and answer.stderr.count("\n") == 1, answer.stderr
+        assert answer.stderr.startswith("foldcar: error: out/") and files(tmp_path / "new") == {}
+        return str(answer.stderr)
 
-    with pytest.raises(StoreError, match=r'trial\.csv: row 1: log: "\.\./\.\./etc/passwd" leads out of the folder'):
+    folder = exported(store, tmp_path / "out")
+    log = next((folder / "logs").rglob("*.tlog"))
+    content = log.read_bytes()
+    log.write_bytes(content + b"x")
+    assert "does not match its SHA-256 in manifest.json" in refused()
+    log.unlink()
+    log.symlink_to("/etc/passwd")
+    assert "leads out of the folder" in refused()
+    log.unlink()
+    log.write_bytes(content)
+    lines = (folder / "trial.csv").read_bytes().splitlines(keepends=True)
+    (folder / "trial.csv").write_bytes(b"".join(lines[:-1]))
+    assert "trial.csv: has 4 rows, manifest.json says 5" in refused()
+    (folder / "run.csv").unlink()
+    assert "run.csv: is missing" in refused()
+    (folder / "manifest.json").unlink()
+    assert "manifest.json: cannot be read: No such file" in refused()
+
+
+def test_a_log_that_leads_out_is_refused_though_its_checksum_fits(tmp_path: Path, store: Path) -> None:
+    folder = exported(store, tmp_path / "out", "parquet")
+    rows = pq.read_table(folder / "trial.parquet")
+    changed = [{**rows.to_pylist()[0], "log": "../../etc/passwd"}, *rows.to_pylist()[1:]]
+    changed[0]["checksum"] = checksum(TRIAL, changed[0])
+    pq.write_table(pa.Table.from_pylist(changed, schema=rows.schema), folder / "trial.parquet")
+
+    with pytest.raises(StoreError, match=r'trial\.parquet: row 1: log: "\.\./\.\./etc/passwd" leads out of the folder'):
         import_folder(folder, tmp_path / "new" / "s.db")
 
 
-@pytest.mark.parametrize("place", range(0, 100, 20))
+@pytest.mark.parametrize("place", (20, 80))
 def test_damaged_parquet_is_refused(tmp_path: Path, store: Path, place: int) -> None:
     folder = exported(store, tmp_path / "out", "parquet")
     content = bytearray((folder / "trial.parquet").read_bytes())

@@ -23,19 +23,14 @@ RESUMED = 0.05
 Damage = Callable[[bytearray, random.Random], str]
 
 
-def flipped_bit(content: bytearray, chance: random.Random) -> str:
-    """One bit, in the file's first page every fourth time: its header and schema are there."""
-    place = chance.randrange(min(len(content), 4096) if chance.random() < 0.25 else len(content))
-    content[place] ^= 1 << chance.randrange(8)
-    return f"a bit of byte {place}"
-
-
 def flipped_bits(content: bytearray, chance: random.Random) -> str:
-    """Up to 50 bits."""
-    count = chance.randint(2, 50)
-    for _ in range(count):
-        content[chance.randrange(len(content))] ^= 1 << chance.randrange(8)
-    return f"{count} bits"
+    """One bit, in the first page every fourth time, where header and schema are; every other time up to 50."""
+    places = [chance.randrange(min(len(content), 4096) if chance.random() < 0.25 else len(content))]
+    if chance.random() < 0.5:
+        places += [chance.randrange(len(content)) for _ in range(chance.randint(1, 49))]
+    for place in places:
+        content[place] ^= 1 << chance.randrange(8)
+    return f"{len(places)} bits from byte {places[0]} on"
 
 
 def zeroed_block(content: bytearray, chance: random.Random) -> str:

@@ -2,16 +2,18 @@
 
 import os
 import random
+import resource
 import signal
 import subprocess
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
 from study import FOLDCAR, LossError
 
 import foldcar
+from shell_signals import like_a_shell
 
 MARK = "FOLDCAR_TORTURE_MARK"
 # Ends a command that hangs; far beyond what a busy machine makes of any.
@@ -20,27 +22,18 @@ HANGS_S = 600.0
 sweep_s = 5.0
 
 
-def start(
-    folder: Path, words: Sequence[str], env: dict[str, str] | None = None, limit_bytes: int | None = None
-) -> "subprocess.Popen[str]":
+def start(folder: Path, words: Sequence[str], limit_bytes: int | None = None) -> "subprocess.Popen[str]":
     """Start foldcar as a shell would; what it starts carries the folder as a mark."""
-    return subprocess.Popen(
-        [*FOLDCAR, *words], cwd=folder, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-        text=True, env={**os.environ, **(env or {}), MARK: str(folder)}, start_new_session=True,
-        preexec_fn=_like_a_shell(limit_bytes),
-    )  # fmt: skip
 
-
-def _like_a_shell(limit_bytes: int | None) -> Callable[[], None]:
     def prepare() -> None:
-        import resource
-
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-            signal.signal(number, signal.SIG_DFL)
+        like_a_shell()
         if limit_bytes is not None:
             resource.setrlimit(resource.RLIMIT_FSIZE, (limit_bytes, limit_bytes))
 
-    return prepare
+    return subprocess.Popen(
+        [*FOLDCAR, *words], cwd=folder, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        text=True, env={**os.environ, MARK: str(folder)}, start_new_session=True, preexec_fn=prepare,
+    )  # fmt: skip
 
 
 def marked(folder: Path) -> list[int]:
@@ -51,11 +44,6 @@ def marked(folder: Path) -> list[int]:
             if entry.name.isdigit() and f"{MARK}={folder}\0".encode() in (entry / "environ").read_bytes() + b"\0":
                 found.append(int(entry.name))
     return found
-
-
-def children(folder: Path, process: "subprocess.Popen[str]") -> list[int]:
-    """The simulators and workers of a command."""
-    return [pid for pid in marked(folder) if pid != process.pid]
 
 
 def kill(pid: int) -> None:
@@ -85,12 +73,6 @@ def require_no_process(folder: Path) -> None:
         if time.monotonic() > end_s:
             raise LossError(f"processes are left: {marked(folder)}")
         time.sleep(0.02)
-
-
-def end_all(folder: Path) -> None:
-    """End what is left of that folder's processes."""
-    for pid in marked(folder):
-        kill(pid)
 
 
 def moment(chance: random.Random, share: float = 1.0) -> float:

@@ -25,20 +25,18 @@ import processes
 import sweeps
 from study import SWEEP, LossError, digest, require_sound, write_listing
 
-from foldcar.store.migrations import VERSION
+from foldcar.store.tables import VERSION
 from old_stores import old_store
 
 DISTURBANCES = {
     "sweep killed": sweeps.killed_client,
     "simulators and workers killed": sweeps.killed_simulators,
-    "Ctrl-C, SIGTERM, SIGHUP": sweeps.interrupted,
-    "clock steps": sweeps.stepping_clock,
-    "two sweeps, one store": sweeps.two_sweeps,
+    "Ctrl-C or another signal": sweeps.interrupted,
+    "two sweeps into one store": sweeps.two_sweeps,
     "file too large": disks.limited_file,
     "disk full": disks.full_disk,
     "disk read-only": disks.read_only_disk,
     "output killed or too large": disks.outputs,
-    "a bit flips": damage.damaged(damage.flipped_bit),
     "bits flip": damage.damaged(damage.flipped_bits),
     "a block is zero": damage.damaged(damage.zeroed_block),
     "cut short": damage.damaged(damage.cut_short),
@@ -52,8 +50,7 @@ def main() -> int:
     """Disturb until the time is over."""
     seconds, seed = float(os.environ.get("TORTURE_S", "1800")), os.environ.get("TORTURE_SEED", "1")
     only = [name for name in os.environ.get("TORTURE_ONLY", "").split(",") if name]
-    unknown = set(only) - set(DISTURBANCES)
-    if unknown:
+    if unknown := set(only) - set(DISTURBANCES):
         print(f"TORTURE_ONLY: {', '.join(sorted(unknown))}: none of {', '.join(DISTURBANCES)}", file=sys.stderr)
         return 2
     base = Path(tempfile.mkdtemp(prefix="foldcar-torture-"))
@@ -77,7 +74,8 @@ def main() -> int:
                 print(f"again: make torture TORTURE_SEED={seed} TORTURE_ROUND={number}")
                 return 1
             finally:
-                processes.end_all(folder)
+                for pid in processes.marked(folder):
+                    processes.kill(pid)
             (skipped if text.startswith("skipped") else counts)[name] += 1
             print(f"{number:4} {time.monotonic() - begin_s:5.1f} s  {name}: {text}", flush=True)
             shutil.rmtree(folder)
@@ -101,17 +99,15 @@ def plan(seed: str, only: list[str]):
         order.shuffle(names)
         for name in names:
             number += 1
-            if wanted is None and (not only or name in only):
+            if wanted == str(number) or (wanted is None and (not only or name in only)):
                 yield number, name
-            elif wanted is not None and number == int(wanted):
-                yield number, name
+            if wanted == str(number):
                 return
 
 
 def prepare(folder: Path) -> Path:
     """The undisturbed store and those that are damaged later."""
     folder.mkdir()
-    sweeps.build_clock(folder)
     write_listing(folder)
     start_s = time.monotonic()
     code, _, errors = processes.ended(processes.start(folder, SWEEP))

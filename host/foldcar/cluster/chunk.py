@@ -133,8 +133,8 @@ class Simulated:
 class Trouble:
     """Why a chunk has no answers from the worker on ``host``.
 
-    Unfit: it cannot make the sweep's runs at all. Late: it ended the chunk at its limit. Refused: the simulator refused
-    the chunk, or broke down over it.
+    Unfit: it cannot make the sweep's runs at all. Late: it ended the chunk at its limit. Refused: its simulator refused
+    the chunk, or broke down over it, as would the sweep's own.
     """
 
     kind: Literal["unfit", "late", "refused"]

@@ -58,25 +58,19 @@ class Places:
         """How many places there are."""
         return len(self._all)
 
-    def take(self, avoided: Collection[str] = (), strictly: bool = False) -> Place | None:
-        """Wait for a free place, best not one of the ``avoided`` workers'; None if they are to be avoided ``strictly``
-        and there are no others.
-        """
+    def take(self, avoided: Collection[str]) -> Place:
+        """Wait for a free place, best not one of the ``avoided`` workers'."""
         with self._changed:
-            while True:
-                if self._failure:
-                    raise FoldcarError(self._failure)
+            while not self._failure:
                 others = [place for place in self._free if place.worker not in avoided]
                 no_others = all(place.worker in avoided for place in self._all)
-                if strictly and self._all and no_others:
-                    return None
-                chosen = others or (self._free if no_others else [])
-                if chosen:
+                if chosen := others or (self._free if no_others else []):
                     place = chosen[0]
                     self._free.remove(place)
                     place.changed.clear()
                     return place
                 self._changed.wait()
+            raise FoldcarError(self._failure)
 
     def give(self, place: Place) -> None:
         """The place is free again."""

@@ -37,12 +37,17 @@ GATHER_S = 60.0
 
 @dataclass
 class _Part:
-    """Runs of a chunk that are simulated together, how many workers they cost, and which have refused them."""
+    """Runs of a chunk that are simulated together, how many workers they cost, and which those are."""
 
     requests: Sequence[RunRequest]
     losses: int = 0
     avoided: set[str] = field(default_factory=set)
-    refusals: dict[str, Trouble] = field(default_factory=dict)
+
+    def has_cost(self, worker: str, how: str) -> str:
+        """Count the loss; gives ``how`` the simulation did it."""
+        self.losses += 1
+        self.avoided.add(worker)
+        return how
 
 
 class ClusterSimulators:
@@ -80,8 +85,6 @@ class ClusterSimulators:
             if isinstance(found, Simulated):
                 answers += found.answers
                 seconds += found.seconds
-            elif isinstance(found, Trouble):
-                raise CarsimError(found.why)
             elif len(part.requests) == 1 and part.losses >= LOSSES:
                 answers.append({"error": f"the simulation {found}, {part.losses} times"})
             elif len(part.requests) > 1 and part.losses >= CHUNK_LOSSES:
@@ -99,12 +102,9 @@ class ClusterSimulators:
 
     def _attempt(
         self, recipe: Recipe, bodies: Mapping[str, str], scenes: Mapping[str, str], part: _Part
-    ) -> Simulated | Trouble | str:
+    ) -> Simulated | str:
         """The part's runs at one place; else, with its losses counted, what the simulation did to its worker."""
-        place = self._places.take({*part.avoided, *part.refusals}, strictly=bool(part.refusals))
-        if place is None:
-            # Whoever else is there has refused it too: then it is the input that is at fault.
-            return next(iter(part.refusals.values()))
+        place = self._places.take(part.avoided)
         limit_s = _limit_s(part.requests)
         needed = {one.body for one in part.requests}, {one.scene for one in part.requests}
         try:
@@ -118,48 +118,35 @@ class ClusterSimulators:
             self._places.give(place)
             return ""
         future.add_done_callback(lambda _: place.changed.set())
-        keeps = False
+        if not place.changed.wait(limit_s + SILENCE_S):
+            self._places.await_answer(place, future, limit_s + SILENCE_S)
+            return part.has_cost(place.worker, "made its worker hang")
         try:
-            if not place.changed.wait(limit_s + SILENCE_S):
-                keeps = True
-                self._places.await_answer(place, future, limit_s + SILENCE_S)
-                part.losses += 1
-                part.avoided.add(place.worker)
-                return "made its worker hang"
             return self._ending(place, future, part)
         finally:
-            if not keeps:
-                future.cancel()
-                self._places.give(place)
+            future.cancel()
+            self._places.give(place)
 
-    def _ending(self, place: Place, future: Any, part: _Part) -> Simulated | Trouble | str:
-        """What has come of a chunk that has ended or whose worker is gone."""
+    def _ending(self, place: Place, future: Any, part: _Part) -> Simulated | str:
+        """What has come of a chunk that has ended or whose worker is gone. CarsimError if the simulator refused it."""
         try:
             found = future.result(GATHER_S) if future.status == "finished" else None
         except Exception:
             # The worker has gone with its answers, or the scheduler.
             found = None
         if isinstance(found, Simulated) and _sound(found, part.requests):
-            for worker, refused in part.refusals.items():
-                self._places.refuse(worker, refused.host, refused.why)
             return found
         if isinstance(found, Trouble):
             if found.kind == "refused":
-                part.refusals[place.worker] = found
-            elif found.kind == "unfit":
-                self._places.refuse(place.worker, found.host, found.why)
-            else:
-                part.losses += 1
-                part.avoided.add(place.worker)
-                return found.why
+                raise CarsimError(f"worker {place.worker} ({found.host}): {found.why}")
+            if found.kind == "late":
+                return part.has_cost(place.worker, found.why)
+            self._places.refuse(place.worker, found.host, found.why)
         elif place.gone:
-            part.losses += 1
-            return "ended its worker"
-        elif found is not None:
-            self._places.refuse(place.worker, "another foldcar", "its answers are no results")
-        elif future.status == "error":
-            why = future.exception()
-            self._places.refuse(place.worker, "another foldcar", f"it cannot run chunks: {type(why).__name__}: {why}")
+            return part.has_cost(place.worker, "ended its worker")
+        elif found is not None or future.status == "error":
+            why = "its answers are no results" if found is not None else f"it cannot run chunks: {future.exception()!r}"
+            self._places.refuse(place.worker, "another foldcar", why)
         else:
             # The connection to the scheduler was lost, and the chunk with it: once more, and nobody's fault.
             time.sleep(RETRY_S)

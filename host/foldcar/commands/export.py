@@ -60,8 +60,7 @@ def export(
     \b
     Example: foldcar export study.db --csv study.csv
     """
-    from foldcar.report.export import export_csv, export_parquet, write_csv
-    from foldcar.report.export_trials import export_trials
+    from foldcar.report.export import export_csv, export_parquet, export_trials, write_csv
     from foldcar.shown_text import data_output
     from foldcar.store.check import store_digest
     from foldcar.store.folder import export_folder
@@ -92,9 +91,9 @@ def export(
             messages += [f"{trials}: {left_out}"] if left_out else []
         if folder is not None:
             manifest = export_folder(opened, folder, table_format)
-            gone = [log for log, digest in manifest["logs"].items() if digest is None]
+            gone = [log for log, digest in manifest.logs.items() if digest is None]
             messages += [f"{store}: log {log} is gone" for log in gone]
-            rows, logs = manifest["rows"], len(manifest["logs"]) - len(gone)
+            rows, logs = manifest.rows, len(manifest.logs) - len(gone)
             written.append({"path": folder, "runs": rows["run"], "trials": rows["trial"], "logs": logs})
         if digest:
             told = dict(zip(("digest", "runs"), store_digest(opened), strict=True))

@@ -1,31 +1,37 @@
-"""A store's runs as CSV or Parquet: a row per run, in the store's order.
+"""A store's runs, and its trials that count, as CSV or Parquet: a row each, in the store's order.
 
-There is a column for each design parameter, each recorded value, and each sampled value of scene and built car
-(:mod:`foldcar.report.environment_values`). `passed` is true or false, and empty where the
-experiment does not define success. Values recorded as numbers, texts or
-truths stay so; series and all else are JSON text, in Parquet lists where all of that name are alike.
+Runs have a column for each design parameter, each recorded value, and each sampled value of scene and built car
+(:mod:`foldcar.report.environment_values`); `passed` is true or false, and empty where the experiment does not define
+success. Values recorded as numbers, texts or truths stay so; series and all else are JSON text, in Parquet lists where
+all of that name are alike. Trials, aborted ones too, have a column for each design parameter. What is not known is empty.
 
-Input: an open Store. Output: a file, written whole or not at all, or a text stream. Rows are streamed.
+Input: an open Store. Output: a file, written whole or not at all, or a text stream. Runs are streamed.
 """
 
 import csv
 import io
 import itertools
 import json
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, TextIO
 
 from foldcar.outputs import atomic_file
 from foldcar.report.environment_values import environment_values
-from foldcar.report.parquet import field, list_cell, list_type
-from foldcar.simulation.results import NUMBERS, Result, has_passed
+from foldcar.simulation.results import METRICS, NUMBERS, Recorded, Result, has_passed
 from foldcar.store.reader import Store
+from foldcar.store.trial_records import left_out_text, select_trials
 
 TEXT_COLUMNS = ("experiment", "vehicle", "environment")
 RESULT_COLUMNS = (*TEXT_COLUMNS, "sample", "outcome", "passed", *NUMBERS, "message")
 RECORDED_PREFIX = "recorded_"
 BATCH_ROWS = 10_000
+# Columns of trials before and after those of the design.
+TRIAL_HEAD = ("id", "experiment", "vehicle_type")
+TRIAL_TAIL = (
+    "sample", "outcome", "ending", "elapsed_time_s", "note", "operator", "started_utc", "ended_utc", "firmware_build",
+    "design_hash", "log", "log_sha256", "source", "car", "car_name", "scenic_program", "corrections",
+)  # fmt: skip
 
 # What a recorded value is in a file, by the types of all its values; whatever mixes or nests is JSON.
 RECORDED_KINDS = {
@@ -33,8 +39,9 @@ RECORDED_KINDS = {
     "text": {"text", "null"},
     "truth": {"true", "false", "null"},
 }
-
-Cell = str | float | int | None
+UNITS = {**{metric.name: metric.unit for metric in METRICS}, "elapsed_time_s": "s"}
+# Units that names of parameters and sampled values end in.
+SUFFIXES = ("mm", "deg", "m", "rad", "v", "us")
 
 
 def export_csv(store: Store, file: Path, failed: bool = False) -> int:
@@ -51,11 +58,11 @@ def export_csv(store: Store, file: Path, failed: bool = False) -> int:
 
 def write_csv(store: Store, text: TextIO, failed: bool = False) -> int:
     """Write the runs, or the ``failed`` ones, as CSV to an open text stream; returns the number of rows."""
+    table = _RunTable(store, failed)
     writer = csv.writer(text, lineterminator="\n")
-    design, recorded, sampled = store.design_columns(), _recorded_kinds(store), _Sampled(store)
-    writer.writerow([*_columns(design, recorded), *sampled.names])
+    writer.writerow(table.columns)
     count = 0
-    for cells in _rows(store, design, recorded, sampled, failed):
+    for cells in table.rows():
         writer.writerow([_csv_cell(cell) for cell in cells])
         count += 1
     text.flush()
@@ -67,8 +74,8 @@ def export_parquet(store: Store, file: Path, failed: bool = False) -> int:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    design, recorded, sampled = store.design_columns(), _recorded_kinds(store), _Sampled(store)
-    nested = [name for name, kind in recorded.items() if kind == "json"]
+    table = _RunTable(store, failed)
+    nested = [name for name, kind in table.recorded.items() if kind == "json"]
     found = {name: list_type(result.recorded.get(name) for result in store.results()) for name in nested}
     lists = {name: kind for name, kind in found.items() if kind is not None}
     of_kind = {"number": pa.float64(), "text": pa.string(), "truth": pa.bool_(), "json": pa.string()}
@@ -76,96 +83,164 @@ def export_parquet(store: Store, file: Path, failed: bool = False) -> int:
         **dict.fromkeys((*TEXT_COLUMNS, "outcome", "message"), pa.string()),
         "sample": pa.int64(),
         "passed": pa.bool_(),
-        **{f"{RECORDED_PREFIX}{name}": lists.get(name, of_kind[kind]) for name, kind in recorded.items()},
+        **{f"{RECORDED_PREFIX}{name}": lists.get(name, of_kind[kind]) for name, kind in table.recorded.items()},
     }
-    columns = [*_columns(design, recorded), *sampled.names]
-    schema = pa.schema([field(column, types.get(column, pa.float64())) for column in columns])
-    count = 0
+    schema = pa.schema([_field(column, types.get(column, pa.float64())) for column in table.columns])
+    count, rows = 0, table.rows(lists)
     with atomic_file(file) as binary, pq.ParquetWriter(binary, schema) as writer:
-        for batch in _batches(_rows(store, design, recorded, sampled, failed, lists)):
-            writer.write_table(pa.table(dict(zip(columns, zip(*batch, strict=True), strict=True)), schema=schema))
+        while batch := list(itertools.islice(rows, BATCH_ROWS)):
+            writer.write_table(pa.table(list(zip(*batch, strict=True)), schema=schema))
             count += len(batch)
     return count
 
 
-class _Sampled:
-    """The sampled values of runs; ``names`` are the columns of all experiments."""
+def export_trials(store: Store, file: Path, simulated_trials: bool) -> tuple[int, str | None]:
+    """Write trials of built cars, with ``simulated_trials`` of simulated ones too: Parquet to .parquet, else CSV.
 
-    def __init__(self, store: Store) -> None:
-        infos = store.info().experiments.values() if store.holds_study() else ()
-        self._tables = {info.id: environment_values(store, info) for info in infos}
-        self.names = list(dict.fromkeys(one.name for table in self._tables.values() for one in table.columns))
-        places = {id: {one.name: at for at, one in enumerate(table.columns)} for id, table in self._tables.items()}
-        self._places = {id: [at.get(name) for name in self.names] for id, at in places.items()}
-
-    def cells(self, result: Result) -> list[float | None]:
-        """A run's values, in the order of the names; None for what its environment lacks."""
-        row = self._tables[result.experiment].values[result.sample].tolist()
-        found = (None if at is None else row[at] for at in self._places[result.experiment])
-        return [None if value is None or value != value else value for value in found]
-
-
-def _recorded_kinds(store: Store) -> dict[str, str]:
-    """The kind of each recorded value by name: ``number``, ``text``, ``truth`` (boolean) or ``json``."""
-    return {
-        name: next((kind for kind, takes in RECORDED_KINDS.items() if types <= takes), "json")
-        for name, types in store.recorded_types().items()
-    }
-
-
-def _columns(design: list[str], recorded: Mapping[str, str]) -> list[str]:
-    return [*RESULT_COLUMNS, *design, *(f"{RECORDED_PREFIX}{name}" for name in recorded)]
-
-
-def _rows(
-    store: Store,
-    design: list[str],
-    recorded: Mapping[str, str],
-    sampled: "_Sampled",
-    failed: bool,
-    lists: Collection[str] = (),
-) -> Iterator[list[Any]]:
-    defined = store.judged_experiments()
-    for result in store.results():
-        if not failed or result.outcome == "failed":
-            passed = has_passed(result.outcome) if result.experiment in defined else None
-            yield [*_cells(result, passed, design, recorded, lists), *sampled.cells(result)]
-
-
-def _cells(
-    result: Result, passed: bool | None, design: list[str], recorded: Mapping[str, str], lists: Collection[str]
-) -> list[Any]:
-    return [
-        result.experiment,
-        result.vehicle,
-        result.environment,
-        result.sample,
-        result.outcome,
-        passed,
-        *(result.metrics[name] for name in NUMBERS),
-        result.message,
-        *(result.design.get(column) for column in design),
-        *(
-            list_cell(result.recorded.get(name)) if name in lists else _recorded_cell(result, name, kind)
-            for name, kind in recorded.items()
-        ),
+    Returns the number of rows and a sentence that says which trials are left out, None if all are there. The file is
+    written atomically. Deviations in CSV are JSON: {name: [x in m, y in m, heading in rad]}; in Parquet a list of name,
+    x_m, y_m, heading_rad. FoldcarError.
+    """
+    trials, left_out = select_trials(store.trials(), simulated_trials)
+    design = list(dict.fromkeys(name for trial in trials for name in trial.design))
+    names = ["trial", *TRIAL_HEAD[1:], *design, *TRIAL_TAIL]
+    columns: list[list[Any]] = [
+        *([getattr(trial, name) for trial in trials] for name in TRIAL_HEAD),
+        *([trial.design.get(name) for trial in trials] for name in design),
+        *([getattr(trial, name) for trial in trials] for name in TRIAL_TAIL),
     ]
+    deviations = [trial.deviations for trial in trials]
+    with atomic_file(file) as binary:
+        if file.suffix.lower() == ".parquet":
+            import pyarrow as pa
+            import pyarrow.parquet as pq
+
+            types = dict.fromkeys(("trial", "sample", "corrections"), pa.int64())
+            types |= dict.fromkeys(("elapsed_time_s", *design), pa.float64())
+            place = ("x_m", "y_m", "heading_rad")
+            moved = pa.struct([("name", pa.string()), *(_field(name, pa.float64()) for name in place)])
+            fields = [_field(name, types.get(name, pa.string())) for name in names]
+            columns.append(
+                [[{"name": name, **dict(zip(place, by, strict=True))} for name, by in one.items()] for one in deviations]
+            )
+            schema = pa.schema([*fields, ("deviations", pa.list_(moved))])
+            pq.write_table(pa.table(columns, schema=schema), binary)
+        else:
+            text = io.TextIOWrapper(binary, encoding="utf-8", newline="")
+            writer = csv.writer(text, lineterminator="\n")
+            writer.writerow([*names, "deviations"])
+            writer.writerows(zip(*columns, map(json.dumps, deviations), strict=True))
+            text.detach()
+    return len(trials), left_out_text(left_out)
 
 
-def _recorded_cell(result: Result, name: str, kind: str) -> Cell:
-    if name not in result.recorded:
+class _RunTable:
+    """The runs of a store as rows of cells; ``recorded`` has a key of RECORDED_KINDS, or ``json``, by name."""
+
+    def __init__(self, store: Store, failed: bool) -> None:
+        self._store, self._failed = store, failed
+        self._design = store.design_columns()
+        self.recorded = {
+            name: next((kind for kind, takes in RECORDED_KINDS.items() if types <= takes), "json")
+            for name, types in store.recorded_types().items()
+        }
+        infos = store.info().experiments.values() if store.holds_study() else ()
+        self._sampled = {info.id: environment_values(store, info) for info in infos}
+        # Where the sampled values stand in the table of each experiment.
+        at = {id: {one.name: k for k, one in enumerate(table.columns)} for id, table in self._sampled.items()}
+        names = list(dict.fromkeys(name for places in at.values() for name in places))
+        self._places = {id: [places.get(name) for name in names] for id, places in at.items()}
+        recorded = (f"{RECORDED_PREFIX}{name}" for name in self.recorded)
+        self.columns = [*RESULT_COLUMNS, *self._design, *recorded, *names]
+
+    def rows(self, lists: Collection[str] = ()) -> Iterator[list[Any]]:
+        """The cells of each run; recorded values named in ``lists`` are lists."""
+        defined = self._store.judged_experiments()
+        for result in self._store.results():
+            if self._failed and result.outcome != "failed":
+                continue
+            passed = has_passed(result.outcome) if result.experiment in defined else None
+            yield [
+                *(result.experiment, result.vehicle, result.environment, result.sample, result.outcome, passed),
+                *(result.metrics[name] for name in NUMBERS),
+                result.message,
+                *(result.design.get(column) for column in self._design),
+                *(
+                    list_cell(result.recorded.get(name)) if name in lists else _recorded_cell(result.recorded, name, kind)
+                    for name, kind in self.recorded.items()
+                ),
+                *self._sampled_cells(result),
+            ]
+
+    def _sampled_cells(self, result: Result) -> Iterator[float | None]:
+        """A run's sampled values; None for what its environment lacks."""
+        row = self._sampled[result.experiment].values[result.sample].tolist()
+        for at in self._places[result.experiment]:
+            # NaN, which is unequal to itself, is what is not known.
+            yield None if at is None or row[at] is None or row[at] != row[at] else row[at]
+
+
+def _recorded_cell(recorded: Mapping[str, Recorded], name: str, kind: str) -> Any:
+    if name not in recorded:
         return None
-    value = result.recorded[name].value
-    cell: Cell = json.dumps(value) if kind == "json" else value
-    return cell
+    value = recorded[name].value
+    return json.dumps(value) if kind == "json" else value
 
 
-def _csv_cell(cell: Cell) -> Cell:
+def _csv_cell(cell: Any) -> Any:
     if isinstance(cell, bool):
         return json.dumps(cell)
     return repr(cell).removesuffix(".0") if isinstance(cell, float) else cell
 
 
-def _batches(rows: Iterator[list[Any]]) -> Iterator[list[list[Any]]]:
-    while batch := list(itertools.islice(rows, BATCH_ROWS)):
-        yield batch
+def _field(name: str, kind: Any) -> Any:
+    """A column of that type of pyarrow's, with its unit, if it has one, as the metadata ``unit``."""
+    import pyarrow as pa
+
+    suffix = name.rpartition("_")[2]
+    unit = UNITS.get(name, suffix if suffix in SUFFIXES else None)
+    return pa.field(name, kind, metadata=None if unit is None else {"unit": unit})
+
+
+def list_type(recorded: Iterable[Recorded | None]) -> Any:
+    """The type of pyarrow's that holds all values of a name as lists; None if only JSON does.
+
+    A list of numbers is list<double>, a series list<struct<time_s, value>>.
+    """
+    import pyarrow as pa
+
+    found = [one for one in recorded if one is not None and one.value is not None]
+    if not found or not all(isinstance(one.value, list) for one in found):
+        return None
+    series = [one.kind == "series" for one in found]
+    if not any(series):
+        return _type_of([one.value for one in found])
+    inner = _type_of([entry[1] for one in found for entry in one.value]) if all(series) else None
+    return inner and pa.list_(pa.struct([pa.field("time_s", pa.float64(), metadata={"unit": "s"}), ("value", inner)]))
+
+
+def list_cell(recorded: Recorded | None) -> Any:
+    """A value as a cell of a column of :func:`list_type`."""
+    if recorded is None or recorded.kind != "series":
+        return None if recorded is None else recorded.value
+    return [{"time_s": time_s, "value": value} for time_s, value in recorded.value or ()]
+
+
+def _type_of(values: list[Any]) -> Any:
+    """The type of numbers, truths, texts, or lists of one of them; None for anything else, or a mixture."""
+    import pyarrow as pa
+
+    try:
+        kind = pa.array(values).type
+    except (pa.ArrowException, OverflowError):
+        return None
+    depth = 0
+    while pa.types.is_list(kind):
+        kind, depth = kind.value_type, depth + 1
+    if pa.types.is_integer(kind) or pa.types.is_null(kind):
+        kind = pa.float64()
+    if not (pa.types.is_floating(kind) or pa.types.is_boolean(kind) or pa.types.is_string(kind)):
+        return None
+    for _ in range(depth):
+        kind = pa.list_(kind)
+    return kind

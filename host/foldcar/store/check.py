@@ -18,12 +18,11 @@ from pathlib import Path
 from foldcar.simulation.results import NUMBERS
 from foldcar.store.errors import SQLITE_ERRORS, StoreError
 from foldcar.store.log_files import log_file, logs_folder, sha256_of
-from foldcar.store.migrations import VERSION
 from foldcar.store.opening import beside, connect_reading, require_version
 from foldcar.store.reader import Store
 from foldcar.store.rows import columns_sql, is_intact, is_there, key_text
 from foldcar.store.salvage import log_damage
-from foldcar.store.tables import BY_NAME, CHECKSUM, PATH, RECORDED, RUN, TABLES, VIEWS, Table
+from foldcar.store.tables import BY_NAME, CHECKSUM, PATH, RECORDED, RUN, TABLES, VERSION, VIEWS, Table
 
 
 @dataclass(slots=True)
@@ -50,27 +49,22 @@ def check_store(path: Path) -> StoreCheck:
 
 def findings_of(connection: sqlite3.Connection) -> list[str]:
     """What is damaged of a store, the logs of its trials aside."""
-    done = StoreCheck(0, 0, [])
-    _read(connection, done)
-    return done.findings
+    return _read(connection, StoreCheck(0, 0, [])).findings
 
 
-def _read(connection: sqlite3.Connection, done: StoreCheck) -> None:
-    done.findings += _structure(connection)
+def _read(connection: sqlite3.Connection, done: StoreCheck) -> StoreCheck:
+    try:
+        lines = [str(line) for (line,) in connection.execute("PRAGMA integrity_check")]
+    except SQLITE_ERRORS as error:
+        lines = [str(error)]
+    done.findings += [f"SQLite's structure: {' '.join(line.split())}" for line in lines if line != "ok"]
     # A text whose bytes are damaged must be read to be named.
     connection.text_factory = lambda content: content.decode("utf-8", "surrogateescape")
     done.findings += _schema(connection)
     for table in TABLES:
         done.findings += _damaged_rows(connection, table, done)
     done.findings += references(connection)
-
-
-def _structure(connection: sqlite3.Connection) -> list[str]:
-    try:
-        lines = [str(line) for (line,) in connection.execute("PRAGMA integrity_check")]
-    except SQLITE_ERRORS as error:
-        return [f"SQLite's structure: {error}"]
-    return [] if lines == ["ok"] else [f"SQLite's structure: {' '.join(line.split())}" for line in lines]
+    return done
 
 
 def _schema(connection: sqlite3.Connection) -> Iterator[str]:

@@ -15,22 +15,23 @@ import json
 import shutil
 import sqlite3
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
+
+from pydantic import TypeAdapter, ValidationError
 
 from foldcar.outputs import atomic_folder
 from foldcar.store.connection import transaction
 from foldcar.store.errors import StoreError
 from foldcar.store.log_files import log_file, log_inside, sha256_of
-from foldcar.store.migrations import VERSION
 from foldcar.store.opening import check_new, new_store
 from foldcar.store.reader import Store
 from foldcar.store.rows import Row, check_json, insert_sql, stored
-from foldcar.store.tables import CHECKSUM, STUDY, TABLES, TRIAL, Column, Table
+from foldcar.store.tables import BY_NAME, CHECKSUM, STUDY, TABLES, TRIAL, VERSION, Column, Table
 from foldcar.typed import decimal_number, whole_number
 
 MANIFEST, README, LISTING, LOGS = "manifest.json", "README.txt", "listing.json", "logs"
-KIND = "foldcar store"
 BATCH_ROWS = 10_000
 
 _HEAD = """A results store of foldcar: designs of folding cars, the environments they were simulated in, the results, and
@@ -60,38 +61,47 @@ _NOTATION = {
 }
 
 
-def export_folder(store: Store, folder: Path, kind: str) -> dict[str, Any]:
-    """Write ``folder``, tables as ``csv`` or ``parquet``; gives its manifest.
+@dataclass(frozen=True)
+class Manifest:
+    """What manifest.json holds: ``rows`` by table, ``logs`` with their SHA-256, None if they are gone."""
+
+    kind: Literal["foldcar store"]
+    version: int
+    format: Literal["csv", "parquet"]
+    rows: dict[str, int]
+    logs: dict[str, str | None]
+    files: list[str]
+
+
+_MANIFEST = TypeAdapter(Manifest)
+
+
+def export_folder(store: Store, folder: Path, kind: Literal["csv", "parquet"]) -> Manifest:
+    """Write ``folder``, tables as ``csv`` or ``parquet``.
 
     FoldcarError if the folder holds anything but an earlier export, cannot be written, or if a row is damaged. Logs
     that are gone are null in the manifest's ``logs``; the others are copied as they are.
     """
     write = _write_csv if kind == "csv" else _write_parquet
     with atomic_folder(folder, MANIFEST) as target:
-        rows = {}
+        rows = dict.fromkeys((table.name for table in TABLES), 0)
         for table in TABLES:
-            rows[table.name] = write(table, _rows(store, table), target / f"{table.name}.{kind}")
+            write(table, _rows(store, table, rows), target / f"{table.name}.{kind}")
         logs = {row["log"]: _copy_log(store, row["log"], target) for row in store.rows(TRIAL, "WHERE log IS NOT NULL")}
         (target / README).write_text(_readme(kind), encoding="utf-8")
         for row in store.rows(STUDY, "WHERE key = 'listing_text'"):
             (target / LISTING).write_text(row["value"], encoding="utf-8", newline="")
-        written = [str(file.relative_to(target)) for file in target.rglob("*") if file.is_file()]
-        manifest = {
-            "kind": KIND,
-            "version": VERSION,
-            "format": kind,
-            "rows": rows,
-            "logs": logs,
-            "files": sorted([MANIFEST, *written]),
-        }
-        (target / MANIFEST).write_text(json.dumps(manifest, indent=1) + "\n", encoding="utf-8")
+        files = [str(file.relative_to(target)) for file in target.rglob("*") if file.is_file()]
+        manifest = Manifest("foldcar store", VERSION, kind, rows, logs, sorted([MANIFEST, *files]))
+        (target / MANIFEST).write_text(json.dumps(asdict(manifest), indent=1) + "\n", encoding="utf-8")
     return manifest
 
 
-def _rows(store: Store, table: Table) -> Iterator[Row]:
-    """The rows as files have them."""
+def _rows(store: Store, table: Table, counts: dict[str, int]) -> Iterator[Row]:
+    """The rows as files have them, which are counted."""
     mixed = _mixed(table)
     for row in store.rows(table, f"ORDER BY {', '.join(table.key)}"):
+        counts[table.name] += 1
         yield {**row, **{name: json.dumps(row[name]) for name in mixed if row[name] is not None}}
 
 
@@ -118,7 +128,7 @@ def _readme(kind: str) -> str:
     return "\n".join([*lines, _TAIL.format(kind=kind)])
 
 
-def import_folder(folder: Path, store: Path) -> dict[str, Any]:
+def import_folder(folder: Path, store: Path) -> Manifest:
     """Make the store at ``store``, which must not exist, and the logs beside it; gives the folder's manifest.
 
     Every value is checked; what is missing, damaged or leads out of the folder is a StoreError that names file, row and
@@ -130,8 +140,8 @@ def import_folder(folder: Path, store: Path) -> dict[str, Any]:
         for table in TABLES:
             _import_table(connection, table, folder, manifest)
         for name, _, referred, _ in connection.execute("PRAGMA foreign_key_check"):
-            raise StoreError(f"{folder / name}.{manifest['format']}: refers to a row of {referred} that is not there")
-        for log, digest in manifest["logs"].items():
+            raise StoreError(f"{folder / name}.{manifest.format}: refers to a row of {referred} that is not there")
+        for log, digest in manifest.logs.items():
             if digest is not None:
                 source = folder / LOGS / log_inside(folder / LOGS, log, f"{folder / MANIFEST}: logs")
                 if sha256_of(source) != digest:
@@ -140,45 +150,37 @@ def import_folder(folder: Path, store: Path) -> dict[str, Any]:
     return manifest
 
 
-def _manifest(folder: Path) -> dict[str, Any]:
+def _manifest(folder: Path) -> Manifest:
     file = folder / MANIFEST
     if not folder.is_dir():
         raise StoreError(f"{folder}: not a folder")
     try:
-        manifest: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
-        sound = (
-            manifest["kind"] == KIND
-            and manifest["format"] in _NOTATION
-            and set(manifest["rows"]) == {table.name for table in TABLES}
-            and all(digest is None or isinstance(digest, str) for digest in manifest["logs"].values())
-            and all(isinstance(name, str) for name in manifest["files"])
-        )
-        version = manifest["version"]
+        manifest = _MANIFEST.validate_json(file.read_bytes())
     except OSError as error:
         raise StoreError(f"{file}: cannot be read: {error.strerror}") from None
-    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
-        sound = False
-    if not sound:
-        raise StoreError(f"{file}: is no manifest of an exported store")
-    if version != VERSION:
-        raise StoreError(f"{file}: version: is {version!r}, this foldcar imports folders of version {VERSION}")
-    for name in manifest["files"]:
+    except ValidationError:
+        raise StoreError(f"{file}: is no manifest of an exported store") from None
+    if manifest.version != VERSION:
+        raise StoreError(f"{file}: version: is {manifest.version}, this foldcar imports folders of version {VERSION}")
+    if manifest.rows.keys() != BY_NAME.keys():
+        raise StoreError(f"{file}: rows: does not name the tables of version {VERSION}")
+    for name in manifest.files:
         if not (folder / log_inside(folder, name, f"{file}: files")).is_file():
             raise StoreError(f"{folder / name}: is missing")
     return manifest
 
 
-def _import_table(connection: sqlite3.Connection, table: Table, folder: Path, manifest: dict[str, Any]) -> None:
-    file = folder / f"{table.name}.{manifest['format']}"
+def _import_table(connection: sqlite3.Connection, table: Table, folder: Path, manifest: Manifest) -> None:
+    file = folder / f"{table.name}.{manifest.format}"
     log_inside(folder, file.name, f"{file}")
     count = 0
 
     def rows() -> Iterator[tuple[Any, ...]]:
         nonlocal count
-        for count, row in enumerate(_read_table(table, file, manifest["format"]), 1):
+        for count, row in enumerate(_read_table(table, file, manifest.format), 1):
             if table is TRIAL and row["log"] is not None:
                 log_inside(folder / LOGS, row["log"], f"{file}: row {count}: log")
-                if row["log"] not in manifest["logs"]:
+                if row["log"] not in manifest.logs:
                     raise StoreError(f"{file}: row {count}: log: {MANIFEST} does not know it")
             yield tuple(row.values())
 
@@ -186,8 +188,8 @@ def _import_table(connection: sqlite3.Connection, table: Table, folder: Path, ma
         connection.executemany(insert_sql(table), rows())
     except sqlite3.IntegrityError:
         raise StoreError(f"{file}: row {count}: {', '.join(table.key)}: is there twice") from None
-    if count != manifest["rows"][table.name]:
-        raise StoreError(f"{file}: has {count} rows, {MANIFEST} says {manifest['rows'][table.name]}")
+    if count != manifest.rows[table.name]:
+        raise StoreError(f"{file}: has {count} rows, {MANIFEST} says {manifest.rows[table.name]}")
 
 
 def _read_table(table: Table, file: Path, kind: str) -> Iterator[Row]:
@@ -217,10 +219,10 @@ def _check_columns(table: Table, file: Path, found: list[str]) -> None:
     expected = [*table.names, CHECKSUM]
     for name in found:
         if name not in expected or found.count(name) > 1:
-            what = "twice the" if name in expected else "unknown"
-            raise StoreError(f'{file}: {what} column "{name[:80]}"; known: {", ".join(expected)}')
+            raise StoreError(f'{file}: column "{name[:80]}" is unknown or there twice; known: {", ".join(expected)}')
+    late = [column.name for column in table.columns if column.late]
     for name in expected:
-        if name not in found and not any(column.name == name and column.late for column in table.columns):
+        if name not in found and name not in late:
             raise StoreError(f'{file}: has no column "{name}"')
 
 
@@ -229,14 +231,10 @@ def _mixed(table: Table) -> list[str]:
     return [column.name for column in table.columns if column.type == "VALUE"]
 
 
-def _write_csv(table: Table, rows: Iterable[Row], file: Path) -> int:
-    count = 0
+def _write_csv(table: Table, rows: Iterable[Row], file: Path) -> None:
     with file.open("w", encoding="utf-8", newline="") as text:
         text.write(",".join((*table.names, CHECKSUM)) + "\n")
-        for row in rows:
-            text.write(",".join(map(_csv_cell, row.values())) + "\n")
-            count += 1
-    return count
+        text.writelines(",".join(map(_csv_cell, row.values())) + "\n" for row in rows)
 
 
 def _csv_cell(value: Any) -> str:
@@ -272,7 +270,7 @@ def _value(column: Column, cell: str) -> Any:
         raise ValueError(f"{column.name}: {cell[:80]!r} is no {whole}number") from None
 
 
-def _write_parquet(table: Table, rows: Iterable[Row], file: Path) -> int:
+def _write_parquet(table: Table, rows: Iterable[Row], file: Path) -> None:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -282,12 +280,10 @@ def _write_parquet(table: Table, rows: Iterable[Row], file: Path) -> int:
         for column in table.columns
     ]
     schema = pa.schema([*fields, pa.field(CHECKSUM, pa.int64())])
-    count, source = 0, iter(rows)
+    source = iter(rows)
     with pq.ParquetWriter(file, schema, write_page_checksum=True) as writer:
         while batch := list(itertools.islice(source, BATCH_ROWS)):
             writer.write_table(pa.Table.from_pylist(batch, schema=schema))
-            count += len(batch)
-    return count
 
 
 def _read_parquet(table: Table, file: Path) -> Iterator[Row]:

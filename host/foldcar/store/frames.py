@@ -18,6 +18,7 @@ from foldcar.store.tables import EXPERIMENT
 
 # Columns of texts, and where they stand in the row of an experiment.
 HEAD = {"experiment": "id", "vehicle": "vehicle", "environment": "environment"}
+COLUMNS = (*HEAD, "sample", "outcome", "passed", *NUMBERS)
 
 
 @dataclass(frozen=True)
@@ -53,12 +54,17 @@ def runs_frame(store: Store, experiment: str | None = None) -> pd.DataFrame:
     metrics of :mod:`foldcar.simulation.results` (float64). StoreError.
     """
     names = store.experiment_ids(experiment)
-    judged = store.judged_experiments()
-    parameters = dict.fromkeys(name for one in names for design in store.designs(one).values() for name in design)
-    tables = [_table(store, name, list(parameters), name in judged) for name in names]
-    if len(tables) == 1:
-        return tables[0].copy(deep=False)
-    return pd.concat(tables or [_no_runs()], ignore_index=True)
+    if len(names) == 1:
+        return store.once(("frame", names[0]), lambda: _frame(store, names[0])).copy(deep=False)
+    if names:
+        tables = [runs_frame(store, name) for name in names]
+        found = pd.concat(tables, ignore_index=True)
+        # The parameters of all experiments stand together, as those of one do.
+        parameters = dict.fromkeys(column for one in tables for column in one if column not in COLUMNS)
+        return found[[*HEAD, *parameters, *COLUMNS[len(HEAD) :]]]
+    texts, none = _texts([]), np.empty(0)
+    empty = {**dict.fromkeys(HEAD, texts), "sample": none.astype(np.int64), "outcome": texts}
+    return pd.DataFrame({**empty, "passed": _truths(none, none), **dict.fromkeys(NUMBERS, none)})
 
 
 def trials_frame(store: Store, experiment: str | None = None) -> pd.DataFrame:
@@ -90,36 +96,21 @@ def trials_frame(store: Store, experiment: str | None = None) -> pd.DataFrame:
     )
 
 
-def _no_runs() -> pd.DataFrame:
-    """The table of a store without runs."""
-    texts, none = _texts([]), np.empty(0)
-    columns = {**dict.fromkeys(HEAD, texts), "sample": none.astype(np.int64), "outcome": texts}
-    return pd.DataFrame({**columns, "passed": _truths(none, none), **dict.fromkeys(NUMBERS, none)})
-
-
-def _table(store: Store, name: str, parameters: list[str], judged: bool) -> pd.DataFrame:
-    """The table of one experiment's runs, read once from an open store."""
-    return store.once(
-        ("runs", name, *parameters), lambda: pd.DataFrame(_run_columns(store, name, parameters, judged), copy=False)
-    )
-
-
-def _run_columns(store: Store, name: str, parameters: Sequence[str], judged: bool) -> dict[str, Any]:
-    """The columns of one experiment's runs."""
+def _frame(store: Store, name: str) -> pd.DataFrame:
+    """The table of one experiment's runs."""
     (experiment,) = store.rows(EXPERIMENT, "WHERE id = ?", name)
-    designs, runs = store.designs(name), run_arrays(store, name)
-    return {
+    designs, runs = list(store.designs(name).values()), run_arrays(store, name)
+    parameters = dict.fromkeys(column for design in designs for column in design)
+    known = (runs.outcome != OUTCOMES.index(REJECTED)) & (name in store.judged_experiments())
+    columns = {
         **{column: _texts([experiment[key]]).repeat(len(runs.design)) for column, key in HEAD.items()},
-        **{
-            column: _numbers([design.get(column) for design in designs.values()])[runs.design] for column in parameters
-        },
+        **{column: _numbers([design.get(column) for design in designs])[runs.design] for column in parameters},
         "sample": runs.sample,
         "outcome": _texts(OUTCOMES).take(runs.outcome),
-        "passed": _truths(
-            runs.outcome == OUTCOMES.index("passed"), judged & (runs.outcome != OUTCOMES.index(REJECTED))
-        ),
+        "passed": _truths(runs.outcome == OUTCOMES.index("passed"), known),
         **{metric: runs.metrics[:, index] for index, metric in enumerate(NUMBERS)},
     }
+    return pd.DataFrame(columns, copy=False)
 
 
 def _read_runs(store: Store, name: str) -> RunArrays:

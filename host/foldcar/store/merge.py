@@ -20,6 +20,7 @@ from foldcar.store.log_files import log_file, reference, referred_file, sha256_o
 from foldcar.store.opening import check_new, connect_reading, new_store, refuse_damaged_log, require_version
 from foldcar.store.rows import Row, insert_sql, read_rows, stored
 from foldcar.store.tables import (
+    BUILD,
     BY_NAME,
     CHECKSUM,
     CORRECTION,
@@ -37,6 +38,9 @@ from foldcar.store.tables import (
 )
 
 LOG_NUMBERS = 10_000
+DESIGN_COUNTS = "SELECT id, (SELECT count(*) FROM design WHERE experiment = e.id) FROM experiment e"
+# The columns of a run's key, and which tables' rows their numbers are: `recorded` and `path` refer to runs by them.
+REFERENCES = {column.name: column.refers for column in RUN.columns if column.refers}
 # An experiment's facts of ExperimentInfo on its end.
 ENDING_FACTS = ("until", "ended_runs")
 
@@ -60,23 +64,13 @@ def merge_stores(stores: Sequence[Path], merged: Path) -> dict[str, int]:
                     raise StoreError(f"{path}: {lost}")
                 merge.add(path, source)
         merge.end()
-        return {
-            table.name: connection.execute(f"SELECT count(*) FROM {table.name}").fetchone()[0] for table in TABLES
-        }
-
-
-def _references(table: Table) -> dict[str, str]:
-    """The columns that hold numbers of rows of other tables; `recorded` refers to runs by all of their key."""
-    referred = {column.name: column.refers for column in (*table.columns, *RUN.columns) if column.type == "INTEGER"}
-    return {name: table_name for name in table.names if (table_name := referred.get(name))}
+        return {table.name: connection.execute(f"SELECT count(*) FROM {table.name}").fetchone()[0] for table in TABLES}
 
 
 class _Merge:
     """Adds stores to a new one, one after the other."""
 
-    def __init__(
-        self, connection: sqlite3.Connection, merged: Path, logs: list[tuple[Path, Path, str | None]]
-    ) -> None:
+    def __init__(self, connection: sqlite3.Connection, merged: Path, logs: list[tuple[Path, Path, str | None]]) -> None:
         self._connection = connection
         self._merged = merged
         self._logs = logs
@@ -96,9 +90,11 @@ class _Merge:
         there = {tuple(row.values())[1:] for row in self._there(CORRECTION)}
         # The rows of the stores before: each trial among them is at most one of this store's.
         trials = self._there(TRIAL, "ORDER BY id DESC")
+        designs = dict(self._connection.execute(DESIGN_COUNTS).fetchall())
         for table in TABLES:
             order = ("position",) if table is EXPERIMENT else table.order or table.key
-            references = _references(table)
+            referring = ((one.name, one.refers or REFERENCES.get(one.name)) for one in table.columns)
+            references = {name: referred for name, referred in referring if referred not in (None, EXPERIMENT.name)}
             for row in read_rows(path, source, table, f"ORDER BY {', '.join(order)}"):
                 del row[CHECKSUM]
                 before = tuple(map(row.get, RUN.key))
@@ -116,13 +112,9 @@ class _Merge:
                     self._add_row(table, row, before)
                 elif tuple(row.values())[1:] not in there:
                     self._add_numbered(table, row)
-        for (name,) in source.execute("SELECT id FROM experiment"):
-            counts = [
-                one.execute("SELECT count(*) FROM design WHERE experiment = ?", (name,)).fetchone()[0]
-                for one in (source, self._connection)
-            ]
-            if counts[0] != counts[1]:
-                self._differs(EXPERIMENT, {"id": name}, "designs", *counts)
+        for name, count in source.execute(DESIGN_COUNTS):
+            if designs.get(name, count) != count:
+                self._differs(EXPERIMENT, {"id": name}, "designs", count, designs[name])
 
     def _add_row(self, table: Table, row: Row, before: tuple[Any, ...]) -> None:
         """A row that its number does not tell apart: if it is there already, it must be the same.
@@ -163,9 +155,8 @@ class _Merge:
         query = f"SELECT name FROM recorded WHERE {' AND '.join(f'{name} = ?' for name in RUN.key)}"
         new = {name for (name,) in self._source.execute(query, before)}
         old = {name for (name,) in self._connection.execute(query, tuple(map(run.get, RUN.key)))}
-        for name in sorted(new ^ old):
-            told = ("there", "missing") if name in new else ("missing", "there")
-            self._differs(RECORDED, run, f'record "{name}"', *told)
+        if new != old:
+            self._differs(RECORDED, run, "records", sorted(new), sorted(old))
 
     def _insert(self, table: Table, row: Row, otherwise: str = "") -> bool:
         """Whether the row was added; with ``OR IGNORE`` not if its key is there."""
@@ -243,27 +234,24 @@ class _Merge:
     def _differs(self, table: Table, row: Row, name: str, value: Any, before: Any) -> None:
         """Raise the StoreError that says which store says what."""
         new, old = self._stores[-1], ", ".join(map(str, self._stores[:-1]))
-        if name.endswith("_id"):
-            name = name.removesuffix("_id")
-            value, before = self._named(name, value), self._named(name, before)
-        values = f"{name} is {_short(value)} in {new}, {_short(before)} in {old}"
+        values = f"{name} is {self._told(name, value)} in {new}, {self._told(name, before)} in {old}"
         if table in (EXPERIMENT, DESIGN):
             experiment = row["id"] if table is EXPERIMENT else row["experiment"]
             place = "" if table is EXPERIMENT else f"design {row['position'] + 1}: "
             raise StoreError(f'experiment "{experiment}": {place}{values}: give one of them another name and sweep it')
         is_run = table in (RUN, RECORDED, PATH)
-        keys = [key.removesuffix("_id") for key in (RUN if is_run else table).key]
-        told = ", ".join(f"{key} {self._named(key, row.get(f'{key}_id', row.get(key)))}" for key in keys)
+        key = ", ".join(f"{one} {self._told(one, row.get(one))}" for one in (RUN if is_run else table).key)
         why = ": the same build gave two results, so one of them is not that build" if is_run else ""
-        raise StoreError(f"{'run' if is_run else table.name} ({told}): {values}{why}")
+        raise StoreError(f"{'run' if is_run else table.name} ({key}): {values}{why}")
 
-    def _named(self, table: str, number: Any) -> str:
-        """What a row is called in messages instead of its number: a build's name, a hash's beginning."""
-        unique = BY_NAME[table].unique if table in BY_NAME else None
-        if unique is None or number is None:
-            return str(number)
-        (text,) = self._connection.execute(f"SELECT {unique} FROM {table} WHERE id = ?", (number,)).fetchone()
-        return str(text) if table == "build" else str(text)[:12]
+    def _told(self, column: str, value: Any) -> str:
+        """A value for messages; instead of a row's number what tells it: a build's name, the beginning of a hash."""
+        referred = BY_NAME.get(column.removesuffix("_id")) if column.endswith("_id") else None
+        if value is not None and referred is not None and referred.unique:
+            query = f"SELECT substr({referred.unique}, 1, ?) FROM {referred.name} WHERE id = ?"
+            (value,) = self._connection.execute(query, (80 if referred is BUILD else 12, value)).fetchone()
+        text = value if isinstance(value, str) else json.dumps(value)
+        return text if len(text) <= 80 else f"{text[:77]}…"
 
 
 def _merged_ending(name: str, endings: Sequence[Ending], environments: int, designs: int, runs: int) -> dict[str, Any]:
@@ -286,8 +274,3 @@ def _merged_ending(name: str, endings: Sequence[Ending], environments: int, desi
             )
     ended = any(until and (most, made) == (environments, runs) for _, most, until, made in endings)
     return {"until": first, **({"ended_runs": runs} if ended else {})}
-
-
-def _short(value: Any) -> str:
-    text = value if isinstance(value, str) else json.dumps(value)
-    return text if len(text) <= 80 else f"{text[:77]}…"

@@ -14,7 +14,7 @@ from foldcar.store.designs import DesignCounts, design_counts
 from foldcar.store.errors import StoreError, store_errors
 from foldcar.store.info import ExperimentInfo, StudyInfo
 from foldcar.store.opening import open_reading
-from foldcar.store.rows import Row, columns_sql, key_text, parsed, read_rows, verify_cells
+from foldcar.store.rows import Row, columns_sql, key_text, parsed, read_rows, verified, verify_cells
 from foldcar.store.tables import (
     BY_NAME,
     CHECKSUM,
@@ -99,9 +99,7 @@ class Store:
         if experiment is None:
             return known
         if experiment not in known:
-            raise StoreError(
-                f'{self.path}: has no experiment "{experiment}"; it has {", ".join(known) or "none"}'
-            )
+            raise StoreError(f'{self.path}: has no experiment "{experiment}"; it has {", ".join(known) or "none"}')
         return [experiment]
 
     def results(self, experiment: str | None = None) -> Iterator[Result]:
@@ -136,13 +134,13 @@ class Store:
 
     def kept_paths(self, name: str) -> Iterator[tuple[int, int, int, str]]:
         """The paths kept of an experiment's runs: the design's position, the sample, how many rows, the compact path."""
-        names = (*sorted(PATH.names), CHECKSUM)
-        at = names.index("row_count"), names.index("compact")
-        columns = columns_sql(self._connection, PATH, "p", names[:-1])
-        rows = self._rows(f"SELECT d.position, s.sample, {columns} {PATH_JOIN} AND e.id = ?", name)
-        while batch := list(itertools.islice(rows, BATCH_ROWS)):
-            verify_cells(self.path, PATH, [row[2:] for row in batch])
-            yield from ((row[0], row[1], row[2 + at[0]], row[2 + at[1]]) for row in batch)
+        names = (*PATH.names, CHECKSUM)
+        columns = columns_sql(self._connection, PATH, "p")
+        for design, sample, *cells in self._rows(
+            f"SELECT d.position, s.sample, {columns} {PATH_JOIN} AND e.id = ?", name
+        ):
+            row = verified(self.path, PATH, dict(zip(names, cells, strict=True)))
+            yield design, sample, row["row_count"], row["compact"]
 
     def run_rows(self, name: str) -> Iterator[tuple[int, int, Row]]:
         """The runs that an experiment shows, by design and sample: the design's position, the sample, the row."""
@@ -219,14 +217,13 @@ class Store:
 
     def trial_drive(self, number: int) -> tuple[str, str, str] | None:
         """Body, settings and scene (as placed) of a trial as JSON; None if they are not known."""
-        for row in self.rows(TRIAL, "WHERE id = ?", number):
+        for trial in self.rows(TRIAL, "WHERE id = ?", number):
             texts = []
-            for name in ("body", "settings", "scene"):
-                for text in self.rows(BY_NAME[name], "WHERE id = ?", row[f"{name}_id"]):
-                    parsed(self.path, BY_NAME[name], text, "json")
-                    texts.append(text["json"])
-            if len(texts) == 3:
-                return texts[0], texts[1], texts[2]
+            for table in (BY_NAME["body"], BY_NAME["settings"], BY_NAME["scene"]):
+                for row in self.rows(table, "WHERE id = ?", trial[f"{table.name}_id"]):
+                    parsed(self.path, table, row, "json")
+                    texts.append(row["json"])
+            return (texts[0], texts[1], texts[2]) if len(texts) == 3 else None
         return None
 
     def rows(self, table: Table, rest: str = "", *values: Any) -> Iterator[Row]:
@@ -294,7 +291,10 @@ class Store:
                 {metric: run[metric] for metric in NUMBERS},
                 run["message"],
                 designs[design],
-                self._recorded(run) if with_recorded else {},
+                {
+                    row["name"]: Recorded(row["kind"], parsed(self.path, RECORDED, row, "value", object))
+                    for row in (self.recorded_rows(run) if with_recorded else ())
+                },
             )
 
     def _experiment(self, name: str) -> Row:
@@ -308,12 +308,6 @@ class Store:
         """What was recorded in a run, by name."""
         where = " AND ".join(f"{column} = ?" for column in RUN.key)
         return self.rows(RECORDED, f"WHERE {where} ORDER BY name", *(run[column] for column in RUN.key))
-
-    def _recorded(self, run: Row) -> dict[str, Recorded]:
-        return {
-            row["name"]: Recorded(row["kind"], parsed(self.path, RECORDED, row, "value", object))
-            for row in self.recorded_rows(run)
-        }
 
     def _experiments(self) -> Iterator[ExperimentInfo]:
         builds = {row["id"]: row["name"] for row in self.rows(BY_NAME["build"])}

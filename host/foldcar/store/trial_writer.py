@@ -6,7 +6,6 @@ a killed program loses at most the answer being typed.
 
 import contextlib
 import json
-import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass
@@ -23,13 +22,11 @@ from foldcar.store.rows import Row
 from foldcar.store.tables import CORRECTION, EXPERIMENT, MEDIA, TRACK, TRIAL
 from foldcar.store.trial_records import (
     BUILT,
-    CARS,
     CORRECTABLE,
     INTERRUPTED,
     LONGEST_S,
     MOST_ID,
     RUNNING,
-    TRIAL_OUTCOMES,
     Correction,
     Ending,
     Media,
@@ -112,7 +109,6 @@ class TrialWriter(StoreConnection):
 
     def complete(self, trial: int, ending: Ending, ended_utc: str | None = None) -> None:
         """Store the end of a begun trial, which is now if nothing else is said."""
-        _check_outcome(self.path, ending.outcome)
         with self._transaction():
             ended = {**asdict(ending), "ended_utc": ended_utc or now_utc()}
             self._update(TRIAL, {**self._row(TRIAL, id=trial), **ended})
@@ -158,9 +154,7 @@ class TrialWriter(StoreConnection):
         )
         return dict(Counter(row["sample"] for row in rows))
 
-    def correct(
-        self, trial: int, changes: Mapping[str, str | float], reason: str, operator: str
-    ) -> list[Correction]:
+    def correct(self, trial: int, changes: Mapping[str, str | float], reason: str, operator: str) -> list[Correction]:
         """Change fields of a trial and record their old values; StoreError if there is no such trial or field."""
         made = []
         with self._transaction():
@@ -168,15 +162,14 @@ class TrialWriter(StoreConnection):
                 if field not in CORRECTABLE:
                     known = ", ".join(CORRECTABLE)
                     raise StoreError(f"{self.path}: trial {trial}: {field} cannot be corrected, only {known}")
-                if field == "outcome":
-                    _check_outcome(self.path, str(after))
-                if isinstance(after, float) and not math.isfinite(after):
-                    raise StoreError(f"{self.path}: trial {trial}: {field}: {after} is no finite number")
-                if isinstance(after, float) and after > LONGEST_S:
-                    raise StoreError(f"{self.path}: trial {trial}: {field}: {after:g} is above the maximum {LONGEST_S:g}")
+                if isinstance(after, float) and not after <= LONGEST_S:
+                    raise StoreError(f"{self.path}: trial {trial}: {field}: {after:g} is not at most {LONGEST_S:g}")
                 found = self._trial(trial)
-                if field == "car":
-                    self._check_car(found, after)
+                # A person may say what drove where no car has said it.
+                said = self._rows(CORRECTION, "WHERE trial_id = ? AND field = 'car'", trial)
+                if field == "car" and found["car"] is not None and found["source"] is None and not said:
+                    told = f"the car itself told that it is {found['car']}; this cannot be corrected"
+                    raise StoreError(f"{self.path}: trial {trial}: car: {told}")
                 if found[field] == after:
                     raise StoreError(f"{self.path}: trial {trial}: {field} is {after!r} already")
                 made.append(self._change(found, field, after, reason, operator))
@@ -206,15 +199,6 @@ class TrialWriter(StoreConnection):
         self._add(CORRECTION, {**row, "trial_id": row.pop("trial")})
         self._update(TRIAL, {**trial, field: after})
         return made
-
-    def _check_car(self, trial: Row, after: str | float) -> None:
-        """A person may say what drove where no car has said it."""
-        where = f"{self.path}: trial {trial['id']}: car"
-        if after not in CARS:
-            raise StoreError(f'{where}: "{after}" is none of {", ".join(CARS)}')
-        said = self._rows(CORRECTION, "WHERE trial_id = ? AND field = 'car'", trial["id"])
-        if trial["car"] is not None and trial["source"] is None and not said:
-            raise StoreError(f"{where}: the car itself told that it is {trial['car']}; this cannot be corrected")
 
     def put_track(self, track: Track) -> None:
         """Store where a camera saw the car, in place of what it saw before; StoreError if there is no such trial."""
@@ -263,7 +247,6 @@ class TrialWriter(StoreConnection):
         with self._transaction():
             places: dict[str, tuple[int | None, str | None]] = {}
             for trial in trials:
-                _check_outcome(self.path, trial["outcome"])
                 name = trial["experiment"]
                 if name not in places:
                     places[name] = self._place(name)
@@ -301,8 +284,3 @@ def write_trials(path: Path) -> Iterator[TrialWriter]:
 def now_utc() -> str:
     """The current date and time in UTC as stored, with a resolution of 1 s."""
     return datetime.now(timezone.utc).isoformat(timespec="seconds")
-
-
-def _check_outcome(path: Path, outcome: str) -> None:
-    if outcome not in TRIAL_OUTCOMES:
-        raise StoreError(f'{path}: outcome "{outcome}" is none of {", ".join(TRIAL_OUTCOMES)}')

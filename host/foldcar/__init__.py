@@ -57,7 +57,7 @@ def __dir__() -> list[str]:
 
 
 def condition(
-    scenario: object, scene: object, objects: "Collection[object] | None" = None, params: "Collection[str] | None" = None
+    scenario: object, scene: object, objects: "Collection[str] | None" = None, params: "Collection[str] | None" = None
 ) -> None:
     """Call :func:`foldcar.scenes.conditioning.condition`; Scenic is imported on the first call."""
     from foldcar.scenes.conditioning import condition as freeze

@@ -59,7 +59,6 @@ def swept(
     experiment: str | None = None,
     until: str | None = None,
     stop_at: float = math.inf,
-    announce: Callable[[str], None] = lambda line: None,
 ) -> Progress:
     """Sweep, or begin to: InterruptedError once ``stop_at`` runs are new. ``until`` is the option of that name."""
     simulator = Carsim(carsim) if isinstance(carsim, Path) else carsim
@@ -70,7 +69,7 @@ def swept(
             raise InterruptedError
 
     rules = stopping_rules(until, study) if until else {}
-    return Sweep(study, store, simulator, "foldcar sweep …", until=rules).run(jobs, stop, announce)
+    return Sweep(study, store, simulator, "foldcar sweep …", until=rules).run(jobs, stop)
 
 
 def rows(store: Path) -> list[Result]:

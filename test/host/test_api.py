@@ -12,7 +12,6 @@ import pytest
 import foldcar
 from conftest import STEP_PYRAMIDS
 from foldcar.analysis.rate import wilson_interval
-from foldcar.api.environment import simulator
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.results import NUMBERS
 from foldcar.study.experiments import read_study
@@ -76,19 +75,6 @@ def test_the_oracle_gives_the_numbers_of_a_sweep(study: foldcar.Study) -> None:
     assert [one.passed for one in singly] == plain["passed"].to_list()
 
 
-def test_the_simulator_is_kept_and_replaced_when_it_dies() -> None:
-    car, scene = foldcar.design("W_B_W", width=95), foldcar.environment(STEP_PYRAMIDS, seed=SEED).scene(0)
-    first = foldcar.simulate(car, scene)
-    (process,) = simulator()._idle[-1:]
-
-    assert foldcar.simulate(car, scene) == first
-    assert simulator()._idle[-1] is process
-    process._process.kill()
-    process._process.wait()
-    assert foldcar.simulate(car, scene) == first
-    assert process not in simulator()._idle
-
-
 def test_a_path_goes_from_start_to_end() -> None:
     place = foldcar.environment(STEP_PYRAMIDS, seed=SEED)
     start = json.loads(place.scene(1).json)["start"]
@@ -120,7 +106,7 @@ MISTAKES = {
     'design("W_B_W"): length may be W_length_mm or B_length_mm': lambda s: foldcar.design("W_B_W", length=95),
     "design(\"W_B_W\"): width: '95' is not a number": lambda s: foldcar.design("W_B_W", width="95"),
     "width: 3 is below the minimum": lambda s: foldcar.design("W_B_W", width=3),
-    'unknown key "parms"': lambda s: foldcar.evaluate({"type": "W_B_W", "parms": []}, STEP_PYRAMIDS, 1),
+    "parms: unknown key": lambda s: foldcar.evaluate({"type": "W_B_W", "parms": []}, STEP_PYRAMIDS, 1),
     "has 2 values (65, 95)": lambda s: foldcar.evaluate(
         {"type": "W_B_W", "params": [{"common": {"width": [65, 95]}}]}, STEP_PYRAMIDS, 1
     ),

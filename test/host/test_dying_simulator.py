@@ -1,8 +1,9 @@
-"""Simulator processes that die in the middle of a chunk: killed from outside."""
+"""Simulator processes that die in the middle of a chunk: killed from outside or by a limit of the system."""
 
 import contextlib
 import json
 import os
+import shlex
 import signal
 import time
 from collections.abc import Callable, Iterator
@@ -13,7 +14,7 @@ from typing import Any
 import pytest
 
 from foldcar.scenes.source import open_environment
-from foldcar.simulation.carsim import Carsim, KeptCarsim
+from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.runner import CarsimError, RunRequest
 from foldcar.simulation.scenic_runner import ScenicRunner
 from study_car import car_texts, empty_scene
@@ -81,16 +82,12 @@ def at_the_long_run(process: int) -> None:
     awaited(computed, "the process did not run")
 
 
-@pytest.fixture(params=["batch", "kept"])
-def carsim(request: pytest.FixtureRequest, carsim_binary: Path) -> Iterator[Carsim | KeptCarsim]:
-    """A simulator in a process for a chunk, and one whose process stays."""
-    with contextlib.closing(KeptCarsim(Carsim(carsim_binary))) as kept:
-        yield kept.carsim if request.param == "batch" else kept
+@pytest.fixture
+def carsim(carsim_binary: Path) -> Carsim:
+    return Carsim(carsim_binary)
 
 
-def test_a_process_killed_once_costs_nothing(
-    carsim: Carsim | KeptCarsim, carsim_binary: Path, chunk: dict[str, Any]
-) -> None:
+def test_a_process_killed_once_costs_nothing(carsim: Carsim, carsim_binary: Path, chunk: dict[str, Any]) -> None:
     whole = Carsim(carsim_binary).run(**chunk)
 
     with under_way(lambda: carsim.run(**chunk)) as (answers, next_process):
@@ -103,7 +100,7 @@ def test_a_process_killed_once_costs_nothing(
     assert "error" not in whole[1]
 
 
-def test_a_run_whose_process_is_killed_twice_has_failed(carsim: Carsim | KeptCarsim, chunk: dict[str, Any]) -> None:
+def test_a_run_whose_process_is_killed_twice_has_failed(carsim: Carsim, chunk: dict[str, Any]) -> None:
     with under_way(lambda: carsim.run(**chunk)) as (answers, next_process):
         for _ in range(2):
             process = next_process()
@@ -116,9 +113,23 @@ def test_a_run_whose_process_is_killed_twice_has_failed(carsim: Carsim | KeptCar
     assert "error" not in first
 
 
-def test_stopping_ends_a_chunk_at_once_and_starts_nothing_anew(
-    carsim: Carsim | KeptCarsim, chunk: dict[str, Any]
+def test_a_limit_of_the_system_takes_only_the_run_that_breaks_it(
+    tmp_path: Path, carsim_binary: Path, chunk: dict[str, Any]
 ) -> None:
+    limited = tmp_path / "limited-carsim"
+    limited.write_text(f'#!/bin/sh\nulimit -c 0\nulimit -S -t 1\nexec {shlex.quote(str(carsim_binary))} "$@"\n')
+    limited.chmod(0o755)
+    first, slow, last = chunk["requests"]
+    longest = json.dumps({"speed_m_s": 0.2, "time_limit_s": 3600, "parameters": {"TRIAL_MAX_S": 3600}})
+    endless = RunRequest("b", "long", longest, slow.label, 0)
+
+    answers = Carsim(limited).run(chunk["bodies"], chunk["scenes"], [first, endless, last])
+
+    assert answers[1] == {"error": "the simulation crashed (killed by SIGXCPU)"}
+    assert answers[0]["outcome"] == answers[2]["outcome"] == "passed"
+
+
+def test_stopping_ends_a_chunk_at_once_and_starts_nothing_anew(carsim: Carsim, chunk: dict[str, Any]) -> None:
     before = children()
 
     with under_way(lambda: carsim.run(**chunk)) as (answers, next_process):
@@ -163,24 +174,29 @@ def simulator_of(worker: int, other_than: int = 0) -> int:
     return int(process)
 
 
-def test_beside_scenic_too_a_process_killed_once_costs_nothing_and_a_simulator_killed_twice_is_a_failed_run(
-    beside: tuple[ScenicRunner, dict[str, Any]],
-) -> None:
+def test_beside_scenic_too_a_process_killed_once_costs_nothing(beside: tuple[ScenicRunner, dict[str, Any]]) -> None:
     runner, chunk = beside
-    before = children()
     (whole,) = runner.run(**chunk)
-    (worker,) = children() - before
-    assert len(whole["recorded"]["x"]["value"]) > 40
 
-    with under_way(lambda: runner.run(**chunk)) as (answers, _):
-        os.kill(simulator_of(worker), signal.SIGKILL)
-        assert answers.result(WAIT_S) == [whole]
-    with under_way(lambda: runner.run(**chunk)) as (answers, _):
+    runner.close()
+    with under_way(lambda: runner.run(**chunk)) as (answers, next_process):
+        worker = next_process()
+        simulator_of(worker)
+        time.sleep(0.3)
+        os.kill(worker, signal.SIGKILL)
+        (disturbed,) = answers.result(WAIT_S)
+
+    assert disturbed == whole and len(whole["recorded"]["x"]["value"]) > 40
+
+
+def test_beside_scenic_too_a_simulator_killed_twice_is_a_failed_run(beside: tuple[ScenicRunner, dict[str, Any]]) -> None:
+    runner, chunk = beside
+
+    with under_way(lambda: runner.run(**chunk)) as (answers, next_process):
+        worker = next_process()
         first = simulator_of(worker)
         os.kill(first, signal.SIGKILL)
         os.kill(simulator_of(worker, other_than=first), signal.SIGKILL)
-        assert answers.result(WAIT_S) == [{"error": "the simulation crashed (killed by SIGKILL)"}]
-    with under_way(lambda: runner.run(**chunk)) as (answers, _):
-        simulator_of(worker)
-        os.kill(worker, signal.SIGKILL)
-        assert answers.result(WAIT_S) == [whole]
+        (answer,) = answers.result(WAIT_S)
+
+    assert answer == {"error": "the simulation crashed (killed by SIGKILL)"}

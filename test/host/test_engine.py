@@ -2,9 +2,7 @@
 
 import json
 import os
-import shutil
 import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,17 +10,12 @@ from typing import Any
 import mujoco
 import pytest
 
-from foldcar.advice.selecting import select
-from foldcar.car.body import body_json, car_json
-from foldcar.car.design import compose
-from foldcar.link.simulated_car import simulated_car
 from foldcar.models.mjcf import mjcf
 from foldcar.models.webots_world import drive_fraction
 from foldcar.simulation.carsim import Carsim, ask_pulses
-from foldcar.simulation.engines import engine_of, engine_title, find_carsim
+from foldcar.simulation.engines import engine_of, engine_title
 from foldcar.simulation.runner import RunRequest
 from foldcar.store.reader import Store
-from live_car import free_course_scene
 from page_check import study_of
 from study_car import car_body, empty_scene, hinged_body
 
@@ -108,44 +101,15 @@ def test_a_sweep_gives_the_same_numbers_over_jobs_and_stands_beside_the_multibod
         with Store.open(tmp_path / f"{jobs}.db") as store:
             found.append([(r.sample, r.outcome, r.metrics) for r in store.results("1 (MuJoCo)")])
             infos = store.info().experiments
-            said = [one.recommendations for one in select(store, with_cost=False)] if jobs == "2" else []
     assert found[0] == found[1] and len(found[0]) == 4
     assert [info.engine.partition(" ")[0] for info in infos.values()] == ["MuJoCo", ""]
     assert {info.listed_id for info in infos.values()} == {"1"}
-    rates = {}
-    with Store.open(tmp_path / "2.db") as store:
-        for name in ("1", "1 (MuJoCo)"):
-            for result in store.results(name):
-                passed = result.outcome == "passed"
-                rates.setdefault((name, result.design["width_mm"]), []).append(passed)
-    for recommended in said[1]:
-        width = recommended.design["width_mm"]
-        first, second = (sum(rates[name, width]) / 2 for name in ("1", "1 (MuJoCo)"))
-        parted = f"part by {100 * abs(first - second):.0f} points"
-        assert (parted in recommended.reason and "MuJoCo" in recommended.reason) is (first != second)
     page = foldcar("report", "2.db", "-o", "page", "--no-replay")
     assert page.returncode == 0, page.stderr
     first, second = study_of(tmp_path / "page")["experiments"]
     assert dict(first["provenance"])["engine"].startswith("MuJoCo ")
     assert "engine" not in dict(second["provenance"])
     assert first["headline"].startswith("In MuJoCo ") and second["headline"].startswith("In simulation ")
-    alone = foldcar("select", "1.db").stdout
-    assert " in MuJoCo" in alone and "in simulation" not in alone
-
-
-def test_without_its_program_one_line_says_how_to_build_it(tmp_path: Path, foldcar: Command, listing: Path) -> None:
-    bare = tmp_path / "bare" / "host"
-    shutil.copytree(Path(__file__).resolve().parents[2] / "host" / "foldcar", bare / "foldcar")
-    # What makes it a checkout.
-    (bare.parent / "platformio.ini").touch()
-    env = {**os.environ, "PYTHONPATH": str(bare), "FOLDCAR_CARSIM_MUJOCO": "", "FOLDCAR_CARSIM": str(find_carsim())}
-    code = f"import sys; sys.path.insert(0, {str(bare)!r}); from foldcar.cli import main; main()"
-    words = [sys.executable, "-c", code, "sweep", str(listing), "--store", "s.db", "--engine", "mujoco"]
-    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, env=env, check=False)
-
-    assert done.returncode == 2
-    assert "run `make mujoco`" in done.stderr and done.stderr.count("\n") == 1
-    assert not (tmp_path / "s.db").exists()
 
 
 def test_another_program_in_its_place_is_refused(foldcar: Command, listing: Path, carsim_binary: Path) -> None:
@@ -154,22 +118,3 @@ def test_another_program_in_its_place_is_refused(foldcar: Command, listing: Path
 
     assert done.returncode == 2
     assert "its engine is multibody, not mujoco" in done.stderr and done.stderr.count("\n") == 1
-
-
-def test_an_unknown_engine_is_refused(foldcar: Command, listing: Path) -> None:
-    done = foldcar("sweep", listing, "--store", "s.db", "--engine", "mujocco")
-
-    assert done.returncode == 2 and 'did you mean "mujoco"?' in " ".join(done.stderr.split())
-
-
-def test_a_simulated_car_in_three_dimensions_answers(native: Carsim) -> None:
-    from foldcar.link.dialect import load_dialect
-
-    load_dialect()
-    from pymavlink import mavutil
-
-    design = compose("W_B_W", {"width": 95.0})
-    with simulated_car(native.command, body_json(design), free_course_scene(), car_json(design)) as car:
-        client = mavutil.mavlink_connection(car.port, source_system=255, dialect="foldcar")
-        assert client.wait_heartbeat(timeout=60) is not None
-        client.close()

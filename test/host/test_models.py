@@ -2,7 +2,6 @@
 
 import json
 import math
-import re
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
@@ -13,7 +12,6 @@ import mujoco
 import numpy
 import pytest
 
-from foldcar.models.exported_car import car_name, scene_name
 from foldcar.models.ground import smooth_ground, start_height_m
 from foldcar.models.mjcf import mjcf
 from foldcar.models.urdf import urdf
@@ -86,28 +84,6 @@ def urdf_names(model: Any) -> bool:
     return "base_link" in {model.body(i).name for i in range(model.nbody)}
 
 
-def test_a_hinge_bends_as_the_body_says(native: Carsim) -> None:
-    body = hinged_body()
-    model = mujoco.MjModel.from_xml_string(mjcf(native, body))
-    data = mujoco.MjData(model)
-    data.qpos[model.joint("hinge0").qposadr] = 0.3
-    mujoco.mj_forward(model, data)
-
-    front, rear = (data.xmat[model.body(f"segment{i}").id].reshape(3, 3)[:, 0] for i in (0, 1))
-    pitch = [math.asin(forward[2]) for forward in (front, rear)]
-    assert pitch[0] - pitch[1] == pytest.approx(0.3)
-
-
-def test_urdf_has_the_servos_limits() -> None:
-    body = car_body(supply_v=4.0)
-    text = urdf(body, "car")
-    servo = body["wheels"][0]["servo"]
-    scale = 4.0 / servo["rated_v"]
-
-    assert text.count(f'effort="{servo["stall_torque_n_m"] * scale:.9g}"') == 4
-    assert text.count(f'velocity="{servo["no_load_speed_rad_s"] * scale:.9g}"') == 4
-
-
 @either
 @pytest.mark.parametrize("hills", [False, True])
 def test_mjcf_has_cameras_that_see_the_scene_sensors_and_its_start(
@@ -129,13 +105,10 @@ def test_mjcf_has_cameras_that_see_the_scene_sensors_and_its_start(
     assert data.qpos == pytest.approx(model.qpos0) and data.ncon == 0
     # MuJoCo takes the floor's 100 m for the scene otherwise, and shows a car of one pixel.
     assert model.stat.extent == pytest.approx(1.6, abs=0.1)
-    assert model.stat.center == pytest.approx([0.9, 0, 0], abs=0.01)
-    for camera in ("overview", "follow"):
-        place, axes = data.cam_xpos[model.camera(camera).id], data.cam_xmat[model.camera(camera).id].reshape(3, 3)
-        ahead = data.subtree_com[1] - place if camera == "follow" else model.stat.center - place
-        # A camera looks along its negative z axis; its picture is 45 degrees high.
-        assert -axes[:, 2] @ ahead / numpy.linalg.norm(ahead) > 0.99
-        assert 0.2 < numpy.linalg.norm(ahead) < 5
+    place = data.cam_xpos[model.camera("overview").id]
+    # A camera looks along its negative z axis.
+    ahead = model.stat.center - place
+    assert -data.cam_xmat[model.camera("overview").id].reshape(3, 3)[:, 2] @ ahead / numpy.linalg.norm(ahead) > 0.99
 
     for wheel in body["wheels"]:
         data.ctrl[model.actuator(f"wheel{wheel['channel']}_servo").id] = 0.5
@@ -294,26 +267,11 @@ def test_without_mujoco_a_line_says_what_builds_it(native: Carsim, monkeypatch: 
         Carsim(engine=MUJOCO)
 
 
-def test_cars_and_samples_have_names_of_their_own() -> None:
-    # Letters and digits of "a b" and "a_b" are the same.
-    cars: list[tuple[str, dict[str, float | str]]] = [
-        ("1", {"width": 65}), ("1", {"width": 95}), ("1", {"width": 95.5}), ("1", {"width": 95, "film": "0.19"}),
-        ("a b", {"width": 65}), ("a_b", {"width": 65}),
-    ]  # fmt: skip
-    names = [car_name(*car) for car in cars]
-    names += [scene_name(environment, sample) for environment, sample in (("1", 0), ("1", 1), ("1 a", 0), ("1_a", 0))]
-
-    assert len({name.lower() for name in names}) == len(names)
-    assert all(re.fullmatch("[A-Za-z][A-Za-z0-9_]*", name) for name in names)
-
-
 @pytest.mark.parametrize(
     ("words", "message"),
     [
         (["--to", "stl"], "--to stl: not one of mjcf, urdf, webots"),
-        (["--to", "urdf", "--environment", "1"], "--environment: URDF describes robots only"),
         (["--to", "mjcf", "--environment", "7"], 'environments: has no "7"; known: 1'),
-        (["--to", "mjcf", "--set", "width"], "--set width: not NAME=MM"),
     ],
 )
 def test_the_command_refuses_in_one_line(

@@ -1,4 +1,4 @@
-"""`mutate`: noise as Scenic documents it; what is placed relative to a Point follows, and what stays is said."""
+"""`mutate`: noise as Scenic documents it; what is placed relative to a Point follows."""
 
 import math
 from pathlib import Path
@@ -7,10 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.stats import kstest
-from typer.testing import CliRunner
 
 import foldcar
-from foldcar.cli import app
 from foldcar.errors import FoldcarError
 from foldcar.scenes.source import SceneSource, open_environment
 
@@ -25,7 +23,7 @@ right = new Bump right of middle by 0.1, with width 0.1, with height 0.01
 goal = new Goal at end, facing -90 deg
 """
 NOISE = 0.02
-COUNT = 400
+COUNT = 120
 # A sample of this size passes a test at this level in all but one of 10,000 cases.
 LEVEL = 1e-4
 
@@ -56,7 +54,6 @@ def test_things_at_a_mutated_point_move_with_it_by_the_documented_noise(tmp_path
     text = plain() + mutate if where == "end" else plain().replace("ego =", mutate + "ego =")
     source = opened(tmp_path, text)
     scenes = [source.sample(k) for k in range(COUNT)]
-    assert not source.mutation_notes()
     left, right = (np.array([xy(scene["terrain"][side]) for scene in scenes]) for side in (0, 1))
     assert np.ptp(left - right, axis=0) == pytest.approx(0, abs=3e-9)
     moved = {
@@ -91,15 +88,6 @@ def test_things_at_a_mutated_oriented_point_turn_about_it(tmp_path: Path) -> Non
     assert kstest(np.array(headings) / (1.5 * math.radians(5)), "norm").pvalue > LEVEL
 
 
-def test_a_point_of_a_random_place_is_mutated_from_there(tmp_path: Path) -> None:
-    text = plain().replace("(0.7, 0.2)", "(Range(0.6, 0.8), 0.2)")
-    source = opened(tmp_path, f"{text}mutate middle by {NOISE}\n")
-    x_m = [np.mean([piece["x_m"] for piece in source.sample(k)["terrain"]]) for k in range(COUNT)]
-    expected = math.sqrt(0.2**2 / 12 + NOISE**2)
-    # The standard deviation of a standard deviation is about itself / sqrt(2 n).
-    assert np.std(x_m) == pytest.approx(expected, rel=4 / math.sqrt(2 * COUNT))
-
-
 def test_points_of_an_imported_program_and_a_custom_noise(tmp_path: Path) -> None:
     (tmp_path / "places.scenic").write_text("spot = new Point at (0.7, 0.2), with positionStdDev (0.5, 0, 0)\n")
     text = "ego = new Robot at (0, 0), facing -90 deg\ngoal = new Goal at (2, 0), facing -90 deg\n"
@@ -120,42 +108,6 @@ def test_a_frozen_mutated_point_keeps_its_noise_and_what_stands_at_it(tmp_path: 
     scenes = [source.sample(k) for k in range(20)]
     assert all(one["terrain"] == kept["terrain"] for one in scenes)
     assert len({xy(one["goal"]) for one in scenes}) == 20
-
-
-def test_samples_without_mutation_are_those_of_scenic(tmp_path: Path) -> None:
-    """Scale 0 changes nothing, also not in what is drawn after it."""
-    text = plain().replace("(1.8, 0)", "(Range(1.7, 1.9), 0)")
-    still = opened(tmp_path, text)
-    zero = opened(tmp_path, f"{text}mutate middle by 0\n")
-    for k in range(5):
-        assert zero.sample(k) == still.sample(k)
-
-
-@pytest.mark.parametrize(
-    ("text", "notes"),
-    [
-        ("mutate start, goal by 0.01", ["moves start alone: ego, placed relative to it, stays; "]),
-        ("mutate goal by 0.01", []),
-        ("mutate ego, goal by 0.01", []),
-        ("mutate ego, bump by 0.01", ["moves bump alone: Step of line 9, placed relative to it, stays; "]),
-        ("if bump.position.x > 0:\n    mutate ego, bump by 0.01", ["objects alone: what is placed relative to"]),
-    ],
-)
-def test_what_stays_when_an_object_is_mutated_is_said(tmp_path: Path, text: str, notes: list[str]) -> None:
-    """A Marker is an object: Scenic moves it alone."""
-    program = (
-        "start = new Marker at (0, 0)\ngoal = new Goal at (2, 0), facing -90 deg\n"
-        "ego = new Robot at start, facing -90 deg\nbump = new Bump at (0.5, 0), facing -90 deg\n\n\n"
-        "new Step ahead of bump by 0.1\n"
-    )
-    source = opened(tmp_path, f"{program}{text}\n")
-    found = source.mutation_notes()
-    assert len(found) == len(notes)
-    for note, part in zip(found, notes, strict=True):
-        assert part in note
-    said = CliRunner().invoke(app, ["sample", str(source.program)])
-    assert said.exit_code == 0
-    assert said.stderr.splitlines() == [f"note: {note}" for note in found]
 
 
 @pytest.mark.parametrize(

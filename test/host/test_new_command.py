@@ -75,13 +75,6 @@ def test_a_folder_with_anything_in_it_is_refused_and_left_alone(refused: Any, tm
     assert [(file.name, file.read_text()) for file in (tmp_path / "full").iterdir()] == [(content, "mine")]
 
 
-def test_a_place_that_cannot_be_written_is_one_line(refused: Any, tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("", encoding="utf-8")
-    assert refused("new", "file") == "file: not a folder"
-    assert refused("new", "no/yard").startswith("no/yard: cannot be written: there is no folder")
-    assert refused("new", ".")
-
-
 def test_a_full_disk_leaves_nothing_half_written(tmp_path: Path) -> None:
     # The largest file that the process may write is shorter than the listing.
     done = subprocess.run(

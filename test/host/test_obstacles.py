@@ -7,12 +7,9 @@ from typing import Any
 import numpy
 import pytest
 
-from foldcar.figures.placement import draw_placement
 from foldcar.scenes.obstacles import Obstacle, obstacles_of
 from foldcar.scenes.source import open_environment
 from foldcar.scenes.terrain_kinds import KINDS
-from foldcar.simulation.carsim import Carsim
-from foldcar.simulation.heights import carsim_heights
 from foldcar.trials.placement import CAR, instructions, lettered, parse_deviation, placed
 from study_car import empty_scene
 
@@ -78,22 +75,6 @@ def test_a_tape_finds_the_edge_that_is_nearest_to_the_mark() -> None:
         assert [abs(end) for end in told] == pytest.approx([float(far) for far in row[5].split(" and ")], abs=1.3)
 
 
-def test_ground_is_named_with_its_size_and_height() -> None:
-    rough = {"kind": "rough", "x_m": 0.8, "y_m": 0.1, "heading_rad": 0.0, "length_m": 0.4, "width_m": 0.6,
-             "height_sd_m": 0.004, "correlation_m": 0.03, "seed": 1}  # fmt: skip
-    hill = {"kind": "hill", "x_m": 0.5, "y_m": 0.0, "heading_rad": 0.0, "sd_along_m": 0.05, "sd_across_m": 0.03,
-            "height_m": 0.02}  # fmt: skip
-    scene = empty_scene([rough, hill])
-    things = lettered(obstacles_of(scene["terrain"], [("RoughGround", 0.0, [0]), ("Hill", 0.0, [1])]))
-
-    rows = [(row[0], row[4], row[-1]) for row in instructions(scene, things)]
-
-    # A hill is cut off at four standard deviations.
-    assert ("A", "300, -120 to 700, -120", "hill 20.0 mm high, 400 × 240 mm at its foot") in rows
-    assert ("floor", "600, -200 to 600, 400", "rough ground 400 × 600 mm: heights of standard deviation 4.0 mm, "
-            "correlation length 30 mm") in rows  # fmt: skip
-
-
 def corners(piece: dict[str, Any]) -> numpy.ndarray:
     """The four corners of a block in the world, (4, 2) in m."""
     c, s = math.cos(piece["heading_rad"]), math.sin(piece["heading_rad"])
@@ -120,20 +101,6 @@ def test_a_deviation_moves_a_ramp_rigidly(sampled: tuple[dict[str, Any], dict[st
     assert moved["start"] == scene["start"]
 
 
-def test_the_picture_has_a_letter_for_each_obstacle_and_a_number_for_each_marker(
-    tmp_path: Path, sampled: tuple[dict[str, Any], dict[str, Obstacle]], carsim_binary: Path
-) -> None:
-    scene, things = sampled
-    heights = carsim_heights(Carsim(carsim_binary))
-    # A camera's marker beyond all obstacles is in sight, too.
-    markers = [(3, -0.3, -0.9, 0.5, 0.12)]
-    draw_placement(scene, things, 0.2, 0.1, heights, tmp_path / "p.svg", "where", markers)
-
-    text = (tmp_path / "p.svg").read_text()
-    assert [text.count(f">{letter}</text>") for letter in "ABCDEF3"] == [1, 1, 1, 1, 1, 0, 1]
-    assert ">-300, -900 mm</text>" in text
-
-
 def things_of(terrain: list[dict[str, Any]]) -> dict[str, Obstacle]:
     """Each piece an object of its own."""
     return lettered(obstacles_of(terrain, [("Bump", 0.0, [k]) for k in range(len(terrain))]))
@@ -151,25 +118,3 @@ def test_what_stands_on_one_middle_is_one_obstacle() -> None:
     # A tape from the mark to the hole's middle passes its edge 100 mm before that.
     assert rows["B"] == ("900", "-50", "0.0", "800, -44", "801", "hole 20.0 mm deep, radius 100 mm")
     assert rows["goal"][0] == "1300"
-
-
-def test_the_27th_obstacle_is_AA() -> None:  # noqa: N802
-    things = things_of([{**BOX, "x_m": k / 10, "y_m": 0.0} for k in range(28)])
-
-    assert list(things)[24:] == ["Y", "Z", "AA", "AB"]
-
-
-def test_deviations_move_an_obstacle_as_a_whole() -> None:
-    scene = empty_scene([*PYRAMID, HOLE])
-    things = things_of(scene["terrain"])
-    moves = dict(parse_deviation(text, [CAR, *things]) for text in ("A 10 -5 90", "car -2.5 0", "B 1 1 45"))
-
-    moved = placed(scene, things, moves)
-
-    for before, after in zip(scene["terrain"][:2], moved["terrain"][:2], strict=True):
-        assert after["x_m"] - before["x_m"] == pytest.approx(0.010)
-        assert after["y_m"] - before["y_m"] == pytest.approx(-0.005)
-        assert after["heading_rad"] - before["heading_rad"] == pytest.approx(math.pi / 2)
-    assert moved["terrain"][2]["x_m"] == pytest.approx(0.901) and "heading_rad" not in moved["terrain"][2]
-    assert moved["start"]["x_m"] == pytest.approx(-0.0025)
-    assert scene["terrain"][0]["x_m"] == 0.45

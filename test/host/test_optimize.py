@@ -6,7 +6,7 @@ import random
 import subprocess
 import sys
 from collections.abc import Callable
-from itertools import permutations, product
+from itertools import permutations
 from pathlib import Path
 from typing import Any
 
@@ -22,10 +22,8 @@ from foldcar.car.folded_car import folded_car
 from foldcar.car.proof.check_film import flat_polygons
 from foldcar.search.design_simulator import Row
 from foldcar.search.objectives import OBJECTIVES, film_area_cm2
-from foldcar.search.proposals import Proposals, grid
+from foldcar.search.proposals import Proposals
 from foldcar.store.calibrations import new_calibration, write_calibrations
-from foldcar.store.reader import Store
-from foldcar.store.tables import BY_NAME
 from foldcar.study.experiments import read_study
 
 Command = Callable[..., "subprocess.CompletedProcess[str]"]
@@ -117,18 +115,6 @@ def test_a_search_under_a_calibration_shares_the_runs_of_such_a_sweep(
     # No car climbs steps of 48 mm; in the fresh environments one may slide off them.
     assert swept["passed"] == 0 and found["best"][0]["fresh"]["success"]["value"] < 0.5
     assert list(foldcar.Study(tmp_path / "s.db").experiments) == ["1 (calibrated high)", "1 fresh (calibrated high)"]
-
-
-def test_fresh_environments_are_others(foldcar_command: Command, listing: Path, tmp_path: Path) -> None:
-    optimized(foldcar_command, listing, "s.db", "--designs", "1")
-
-    with Store.open(tmp_path / "s.db") as store:
-        environments: dict[int, set[int]] = {}
-        for row in store.rows(BY_NAME["sample"]):
-            environments.setdefault(row["environment_id"], set()).add(row["scene_id"])
-    searched, fresh = environments.values()
-    assert (len(searched), len(fresh)) == (3, 4)
-    assert not searched & fresh
 
 
 # The command, interrupted when nine runs or more are stored.
@@ -243,19 +229,6 @@ def test_the_film_is_that_of_the_flat_pieces() -> None:
         area += piece.count * shapely.union_all(faces).area
 
     assert film_area_cm2(design) == pytest.approx(area / 100, rel=1e-6)
-
-
-def test_a_grid_divides_all_parameters_alike() -> None:
-    draw = random.Random(3)
-    for _ in range(50):
-        levels, points = [draw.randint(1, 9) for _ in range(draw.randint(1, 4))], draw.randint(1, 200)
-        places = grid(levels, points)
-        assert 1 <= len(places) == len(set(places)) <= points
-        assert set(places) <= set(product(*map(range, levels)))
-        assert len(places) == math.prod(len({place[axis] for place in places}) for axis in range(len(levels)))
-        if points >= math.prod(levels):
-            assert len(places) == math.prod(levels)
-    assert grid([10, 10], 4) == [(2, 2), (2, 7), (7, 2), (7, 7)]
 
 
 def test_nsga2_and_a_grid_propose_each_design_once(listing: Path) -> None:

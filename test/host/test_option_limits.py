@@ -11,17 +11,12 @@ SETTINGS = ("--set", "width=95", "--set", "height=50", "--set", "width=115")
     ("words", "limit"),
     [
         (("sweep", "l.json", "--store", "s.db", "--environments", "2000000"), "1000000"),
-        (("crosscheck", "l.json", "-o", "out", "--environments", "1000001"), "1000000"),
-        (("crosscheck", "l.json", "-o", "out", "--baseline", "1000001"), "1000000"),
         (("sweep", "l.json", "--store", "s.db", "--jobs", "257"), "256"),
         (("sample", "p.scenic", "-n", "1000001"), "1000000"),
         (("sample", "p.scenic", "--seed", "-1"), "0"),
         (("sample", "p.scenic", "--seed", str(2**63)), "9223372036854775807"),
-        (("gallery", "p.scenic", "-o", "out", "--seed", "-1"), "0"),
         (("run", "l.json", "--experiment", "1", "--sample", "1000000"), "999999"),
         (("link", "l.json", "--experiment", "1", "--sample", str(2**63)), "999999"),
-        (("log", "l.json", "--experiment", "1", "--sample", "1000000"), "999999"),
-        (("model", "l.json", "--vehicle", "1", "--to", "urdf", "-o", "o", "--sample", "1000000"), "999999"),
     ],
 )
 def test_options_have_the_limits_of_the_listing(foldcar: Any, words: tuple[str, ...], limit: str) -> None:
@@ -37,11 +32,7 @@ def test_options_have_the_limits_of_the_listing(foldcar: Any, words: tuple[str, 
     "words",
     [
         ("run", "l.json", "--experiment", "1"),
-        ("link", "l.json", "--experiment", "1"),
-        ("log", "l.json", "--experiment", "1"),
-        ("flash", "l.json", "--experiment", "1", "--file", "car.json"),
         ("pattern", "l.json", "-o", "out"),
-        ("view", "l.json", "-o", "out.html"),
         ("model", "l.json", "--vehicle", "1", "--to", "urdf", "-o", "out"),
     ],
 )
@@ -57,13 +48,11 @@ def test_a_parameter_of_a_program_that_is_given_twice_is_refused(tmp_path: Any, 
     assert len(refused("sample", "p.scenic", "--param", "x=" + "9" * 5000)) < 400
 
 
-@pytest.mark.parametrize("number", ["9_5", "９５", "٣", "0x10"])
+@pytest.mark.parametrize("number", ["9_5", "９５"])
 @pytest.mark.parametrize(
     ("words", "named"),
     [
         (("sweep", "l.json", "--store", "s.db", "--jobs"), "'--jobs'"),
-        (("sample", "p.scenic", "-n"), "'--count'"),
-        (("trials", "withdraw", "s.db", "1", "--reason", "x"), "'TRIAL...'"),
         (("params", "set", "TRIAL_MAX_S"), "'VALUE'"),
         (("report", "s.db", "-o", "r", "--threshold", "0.5", "--threshold"), "'--threshold'"),
         (("pattern", "l.json", "-o", "out", "--kerf"), "'--kerf'"),
@@ -76,10 +65,3 @@ def test_digits_of_other_scripts_and_underscores_are_no_numbers(
 
     assert answer.returncode == 2
     assert f"{named}: '{number}' is no " in answer.stderr, answer.stderr
-
-
-@pytest.mark.parametrize("number", ["9_5", "９５"])
-def test_settings_are_typed_numbers(listing: Any, refused: Any, number: str) -> None:
-    told = refused("pattern", listing, "-o", "out", "--set", f"width={number}")
-
-    assert told.startswith(f"--set width={number}: not NAME=MM")

@@ -14,7 +14,6 @@ from typing import Any
 
 import pytest
 
-import foldcar
 from conftest import STEP_PYRAMIDS
 from foldcar.errors import FoldcarError
 from foldcar.scenes.source import open_environment
@@ -87,16 +86,13 @@ def test_a_program_beside_the_simulation_that_is_edited_during_a_sweep_is_refuse
     assert not rows(tmp_path / "s.db")
 
 
-@pytest.mark.parametrize("at_once", [True, False])
-def test_each_program_has_its_own_neighbour_of_a_name(
-    tmp_path: Path, at_once: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_each_program_has_its_own_neighbour_of_a_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Also where it imports it no sooner than it is sampled; the caller's own module of that name stays."""
     (tmp_path / "helper.py").write_text("value = 'mine'\n")
     monkeypatch.syspath_prepend(tmp_path)
     mine = importlib.import_module("helper")
     sources = {}
-    text = "from helper import value\n" if at_once else "def value(x):\n    import helper\n    return helper.value(x)\n"
+    text = "def value(x):\n    import helper\n    return helper.value(x)\n"
     for folder, number in (("a", 0.3), ("b", 0.4)):
         (tmp_path / folder).mkdir()
         (tmp_path / folder / "p.scenic").write_text(HEAD + text + SAMPLED)
@@ -115,17 +111,6 @@ def test_a_neighbour_that_was_edited_is_read_again_whatever_its_size_and_time(pr
         os.utime(helper, (1, 1))
         importlib.invalidate_caches()
         assert friction(program) == float(number)
-
-
-def test_in_one_python_an_edited_neighbour_is_another_environment(program: Path) -> None:
-    program.write_text("from helper import number\n" + HEAD + "param friction = number\n")
-    helper = program.with_name("helper.py")
-    helper.write_text("number = 0.3\n")
-    first = foldcar.environment(program)
-    assert '"friction":0.3' in first.scene(0).json
-    assert foldcar.environment(program) is first
-    helper.write_text("number = 0.4\n")
-    assert '"friction":0.4' in foldcar.environment(program).scene(0).json
 
 
 def test_what_a_program_reads_is_part_of_its_fingerprint(experiment: Experiment, tmp_path: Path) -> None:
@@ -161,16 +146,6 @@ def test_the_command_itself_is_no_part_of_the_fingerprint(
     subprocess.run(command, cwd=tmp_path, capture_output=True, check=True)
     with contextlib.closing(sqlite3.connect(tmp_path / "s.db")) as store:
         assert store.execute("SELECT fingerprint FROM environment").fetchall() == [(Environment(experiment).fingerprint,)]
-
-
-def test_more_environments_after_an_edit_are_no_mixture(listing: Path, program: Path, foldcar: Run) -> None:
-    program.write_text("from lib.places import FAR\n" + HEAD.replace("0.6", "FAR") + "param course_x_max = 12\n")
-    (program.parent / "lib").mkdir()
-    places = program.parent / "lib" / "places.py"
-    for far, share in ((0.6, "100.0 %"), (11, "0.0 %")):
-        places.write_text(f"FAR = {far}\n")
-        done = foldcar("sweep", listing, "--store", "s.db", "--environments", "2" if share == "100.0 %" else "4")
-        assert f" {share} passed" in done.stdout, done.stderr
 
 
 def test_a_program_is_not_compiled_if_its_files_and_all_results_are_there(

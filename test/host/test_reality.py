@@ -81,12 +81,9 @@ def test_what_no_calibration_knows_reaches_the_car_in_mujoco(tmp_path: Path) -> 
         ('{"frction": 1}', 'unknown parameter "frction"; did you mean "friction"?'),
         ('{"friction": "low"}', "friction: 'low' is not a number"),
         ('{"friction": 100}', "friction: 100 is outside"),
-        ('{"friction": true}', "friction: True is not a number"),
-        ('{"com_y": 0}', 'unknown parameter "com_y"; did you mean "com_y_m"?'),
         ('{"com_y_m": 1}', "com_y_m: 1 is outside -0.05 to 0.05 (m)"),
         ('{"wheel_camber_rad": 0.03}', "wheel_camber_rad: multibody has no such tyres; --engine mujoco has them"),
         ("[1]", "is not a JSON object"),
-        ("{", "is not JSON"),
     ],
 )
 def test_a_mistake_in_a_reality_is_named(tmp_path: Path, text: str, message: str) -> None:

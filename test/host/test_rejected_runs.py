@@ -13,7 +13,6 @@ from foldcar.analysis.rate import anytime_interval
 from foldcar.analysis.stopping import StoppingRule
 from foldcar.api.oracle import evaluate
 from foldcar.api.study import Study
-from foldcar.errors import FoldcarError
 from foldcar.report.page_data import page_data
 from foldcar.scenes.source import open_environment
 from foldcar.simulation.results import OUTCOMES
@@ -54,17 +53,6 @@ def test_a_report_counts_them_apart(store: Path) -> None:
     # A run that got stuck counts with the limit of 120 s; none of 80 mm tells of its time.
     (time,) = (one["value"] for one in designs["measures"] if one["key"] == "time")
     assert time[0] is None and time[3] == pytest.approx((8 * 12.5 + 120) / 9, rel=1e-4)
-
-
-def test_tables_in_python_leave_them_out(store: Path) -> None:
-    study = Study(store)
-
-    rejected = study.runs["outcome"] == "rejected"
-    assert rejected.sum() == 53 and study.runs["passed"].isna().equals(rejected)
-    found = study.rate(width=140)
-    assert found.value == pytest.approx(8 / 9) and "8 of 9 simulated runs" in found.method
-    with pytest.raises(FoldcarError, match="there is no rate: all 20 runs were rejected"):
-        study.rate(width=80)
 
 
 def test_advice_goes_by_the_others_and_says_so(store: Path, tmp_path: Path) -> None:
@@ -113,17 +101,6 @@ def test_a_sweep_counts_them_apart(listing: Path, tmp_path: Path, foldcar: Any) 
     assert "every one of 2 designs passes more than 50 % of the environments" in " ".join(report.stdout.split())
     found = evaluate({"type": "W_B_W", "params": [{"common": {"width": 95}}]}, tmp_path / "p.scenic", 10, jobs=1)
     assert found.rate.value == 1 and found.runs["passed"].isna().sum() == 4
-
-
-def test_a_report_of_rejected_runs_alone_says_that_there_is_no_rate(tmp_path: Path, foldcar: Any) -> None:
-    varied = WIDTHS | {"radius_mm": [44.0, 60.0]}
-    write_study(tmp_path / "s.db", varied, 3, lambda _design, _sample: "rejected")
-
-    report = foldcar("report", "s.db", "-o", "report", "--no-replay")
-
-    assert report.returncode == 0, report.stderr
-    assert "24 of 24 runs were rejected" in report.stdout
-    assert "there is no rate: all 24 runs were rejected" in (tmp_path / "report" / "index.html").read_text()
 
 
 def test_a_sweep_until_decided_and_a_search_go_by_the_others(listing: Path, foldcar: Any) -> None:
@@ -187,9 +164,3 @@ def test_three_failed_runs_of_ten_are_said_everywhere(failing: Path, tmp_path: P
     assert run.returncode == 1 and "division by zero" in run.stdout
     good = min(set(range(10)) - set(bad))
     assert foldcar("run", failing, "--experiment", "1", "--sample", str(good)).returncode == 0
-
-
-def test_only_failed_runs_need_a_file(foldcar: Any) -> None:
-    answer = foldcar("export", "s.db", "--failed", "--trials", "t.csv")
-    assert (answer.returncode, answer.stderr.count("\n")) == (2, 1)
-    assert "--failed: says nothing without --csv FILE or --parquet FILE" in answer.stderr

@@ -33,7 +33,7 @@ def test_mistakes_are_one_line_and_leave_no_file(refused: Any, tmp_path: Path) -
     for arguments, part in (
         (["--param", "step_height=high"], "param step_height: 'high' is not a number"),
         (["--param", "friction"], "--param friction: not NAME=VALUE"),
-        (["--param", "step_height=-1"], "height_m: -1 is below the limit 0.0001"),
+        (["--param", "step_height=-1"], "height_m: -1 is not within 0.0001 to 1"),
         (["--plot", "a.gif"], "a picture's name ends in one of .png, .svg, .pdf"),
         (["--plot", "nowhere/deeper/a.png"], "there is no folder"),
     ):

@@ -31,14 +31,11 @@ def samples(name: str, count: int, params: dict[str, Any] | None = None) -> list
     return [source.sample(k) for k in range(count)]
 
 
-def test_every_program_has_a_listing_of_its_own() -> None:
-    assert set(PROGRAMS) <= set(LISTINGS)
-
-
 @pytest.mark.parametrize("name", PROGRAMS)
-def test_carsim_takes_every_scene(name: str, carsim_binary: Path) -> None:
-    heights = carsim_heights(Carsim(carsim_binary))
-    for scene in samples(name, 3):
+def test_carsim_takes_every_scene_and_success_is_defined(name: str, carsim_binary: Path) -> None:
+    heights, source = carsim_heights(Carsim(carsim_binary)), open_environment(SCENARIOS / f"{name}.scenic", {}, 42)
+    assert source.success.defined
+    for scene in (source.sample(k) for k in range(3)):
         x_m, y_m = (numpy.array([scene["start"][key]]) for key in ("x_m", "y_m"))
         assert abs(heights(scene, x_m, y_m)) < 5e-3
 
@@ -95,100 +92,6 @@ def test_every_experiment_runs_in_both_engines(name: str, tmp_path: Path) -> Non
         assert one.metrics != other.metrics
 
 
-@pytest.mark.parametrize("name", ["two_bumps", "two_bumps_mutated"])
-def test_the_bumps_rise_from_6_to_30_mm_in_five_steps(name: str) -> None:
-    study = read_study(SCENARIOS / f"{name}.json")
-    heights = []
-    for experiment in study.experiments:
-        source = open_environment(experiment.program, dict(experiment.scenic_params), experiment.seed)
-        near, far = source.sample(0)["terrain"]
-        assert near["height_m"] == far["height_m"]
-        heights.append(near["height_m"])
-    assert heights == pytest.approx([0.006, 0.012, 0.018, 0.024, 0.030])
-
-
-def test_hills_are_spread_over_their_field() -> None:
-    hills = [hill for scene in samples("gaussian_hills", 20) for hill in scene["terrain"]]
-    assert len(hills) == 20 * 20
-    for key, low, high in (
-        ("x_m", 0.35, 1.35),
-        ("y_m", -0.6, 0.6),
-        ("height_m", 0.01, 0.04),
-        ("sd_along_m", 0.05, 0.12),
-        ("sd_across_m", 0.05, 0.12),
-    ):
-        values = [hill[key] for hill in hills]
-        assert low <= min(values) <= max(values) <= high
-        # The mean of n uniform draws has a standard deviation of width / sqrt(12 n).
-        tolerance = 5 * (high - low) / math.sqrt(12 * len(values))
-        assert sum(values) / len(values) == pytest.approx((low + high) / 2, abs=tolerance)
-    assert len(samples("gaussian_hills", 1, {"hills": 3})[0]["terrain"]) == 3
-
-
-def test_the_obstacle_course_uses_the_vocabulary() -> None:
-    one, other = samples("obstacle_course", 2)
-    assert len({piece["kind"] for piece in one["terrain"]}) >= 7
-    assert [piece["kind"] for piece in one["terrain"]] == [piece["kind"] for piece in other["terrain"]]
-    for mine, its in zip(one["terrain"], other["terrain"], strict=True):
-        assert mine["x_m"] != its["x_m"]
-        assert abs(mine["x_m"] - its["x_m"]) < 0.1
-
-
-# The figures as printed, without comments.
-FIGURE_10 = """
-bumpCenter = Point at (0,0)
-startPos = Point at (0,1)
-endPos = Point at (0,-1)
-Bump left of bumpCenter by 0.05,
-with width 0.1,
-with length 0.1,
-with height 0.03
-Bump right of bumpCenter by 0.05,
-with width 0.1,
-with length 0.1,
-with height 0.03
-ego = Robot at startPos facing endPos
-terminate when distance from ego to target <= 0.05
-terminate after simulationTimeLimit seconds
-record final (distance to target) as distanceToTarget
-record final ego.consumedEnergy as consumedEnergy
-record final simulation().currentRealTime as elapsedTime
-"""
-FIGURE_11 = FIGURE_10 + "mutate bumpCenter, startPos, endPos by 0.01\n"
-FIGURE_12 = """
-startPos = Point at (0,1)
-endPos = Point at (0,-1)
-bump_region = RectangularRegion((0,0), 0, 2, 0.5)
-for _ in range(10):
-Bump in bump_region,
-with width Range(0.05,0.1),
-with length Range(0.05,0.1),
-with height Range(0.01,0.03)
-ego = Robot at startPos facing endPos
-"""
-# What Scenic 3 demands, as (new, printed).
-DEMANDED = (("new ", ""), ("startPos, facing toward endPos", "startPos facing endPos"))
-
-
-@pytest.mark.parametrize(
-    ("name", "printed"),
-    [("paper_bumps", FIGURE_10), ("paper_bumps_mutated", FIGURE_11), ("ten_random_bumps", FIGURE_12)],
-)
-def test_the_figures_differ_from_print_where_scenic_or_a_comment_says(name: str, printed: str) -> None:
-    text = (SCENARIOS / f"{name}.scenic").read_text().split('"""')[2]
-    for new, old in DEMANDED:
-        text = text.replace(new, old)
-    lines = [line.strip() for line in text.splitlines() if line.strip()]
-    expected = printed.split("\n")[1:-1]
-    assert [line for line in lines if line in expected] == expected
-    explained = 0
-    for before, line in zip(["", *lines], lines, strict=False):
-        added = line not in expected and not line.startswith("#")
-        # A comment explains the added lines that follow it directly.
-        explained = added and (before.startswith("#") or explained)
-        assert explained or not added, line
-
-
 def test_figure_10_has_a_bump_for_each_side() -> None:
     (scene,) = samples("paper_bumps", 1)
     assert scene["goal"] is None
@@ -200,7 +103,7 @@ def test_figure_10_has_a_bump_for_each_side() -> None:
 
 
 def test_figure_11_moves_the_start_and_both_bumps_and_turns_the_car_to_the_end() -> None:
-    scenes = samples("paper_bumps_mutated", 300)
+    scenes = samples("paper_bumps_mutated", 100)
     for scene in scenes:
         left, right = scene["terrain"]
         assert (right["x_m"] - left["x_m"], right["y_m"] - left["y_m"]) == pytest.approx((0.2, 0), abs=3e-9)
@@ -218,7 +121,7 @@ def test_figure_11_moves_the_start_and_both_bumps_and_turns_the_car_to_the_end()
 
 
 def test_figure_12_has_ten_bumps_in_their_region_that_never_intersect() -> None:
-    for scene in samples("ten_random_bumps", 100):
+    for scene in samples("ten_random_bumps", 30):
         bumps = scene["terrain"]
         assert len(bumps) == 10
         limits = {"x_m": (-1, 1), "y_m": (-0.25, 0.25), "height_m": (0.01, 0.03)}

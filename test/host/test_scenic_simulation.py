@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from scenic.core.errors import InvalidScenarioError
 
 from foldcar.errors import FoldcarError
 from foldcar.scenes.source import SceneSource, open_environment
@@ -15,7 +14,6 @@ from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.carsim_step import SteppedCarsim, TrialFailedError
 from foldcar.simulation.runner import RunRequest
 from foldcar.simulation.scenic_simulator import CarSimulator
-from foldcar.simulation.scenic_statements import is_pure
 from study_car import car_texts
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
@@ -51,9 +49,7 @@ def opened(folder: Path, text: str) -> SceneSource:
     return open_environment(program, {}, 1)
 
 
-def simulator(
-    stepped: SteppedCarsim, source: SceneSource, k: int = 0, **options: Any
-) -> tuple[CarSimulator, Any, str]:
+def simulator(stepped: SteppedCarsim, source: SceneSource, k: int = 0, **options: Any) -> tuple[CarSimulator, Any, str]:
     """A simulator of sample ``k``, its Scenic scene and carsim's."""
     scene = source.scenic_scene(k)
     described = json.dumps(source.describe(scene, k))
@@ -99,13 +95,9 @@ def test_scenic_and_the_batch_agree_to_the_last_bit(program: str, stepped: Stepp
     [
         "mutate goal\nrequire ego.position.x < 3",
         "terminate when ego.position.x > 1",
-        "terminate simulation when ego.position.x > 1",
         "terminate after 10 seconds",
-        "record ego.position.x as x",
-        "record initial ego.position.x as x",
         "record final ego.position.x as x",
         "require always ego.position.x < 3",
-        "require eventually ego.position.x > 3",
         "monitor M():\n    wait\nrequire monitor M()",
         "behavior B():\n    wait\nnew Marker at (0, 1), with behavior B",
     ],
@@ -115,7 +107,7 @@ def test_what_needs_a_running_simulation_is_told_from_what_does_not(tmp_path: Pa
     assert opened(tmp_path, f"{HEAD}{GOAL}{statement}\n").dynamic != is_sampled
 
 
-@pytest.mark.parametrize("outer_step_s", [STEP_S, 0.1, 0.25, 1])
+@pytest.mark.parametrize("outer_step_s", [STEP_S, 0.25])
 def test_a_stop_is_traced_back_to_its_step(run: Run, carsim_binary: Path, outer_step_s: float) -> None:
     result = run(
         f"{HEAD}param outer_step_s = {outer_step_s!r}\nterminate when ego.position.x > 0.4\n"
@@ -128,15 +120,6 @@ def test_a_stop_is_traced_back_to_its_step(run: Run, carsim_binary: Path, outer_
     assert result["max_pitch_rad"] == max(abs(row[5]) for row in path if row[0] <= t_s)
 
 
-def test_a_condition_that_holds_only_for_a_while_is_found_where_it_begins(run: Run) -> None:
-    """The condition holds at the end of the outer step and before, but not in between."""
-    text = f"{HEAD}terminate when not 0.002 < ego.position.x < 0.03\nparam outer_step_s = 0.5\n"
-    assert run(text)["elapsed_time_s"] == 0
-    moving = f"{HEAD}terminate when 0.02 < ego.position.x < 0.03 or ego.position.x > 0.1\n"
-    result = run(f"{moving}param outer_step_s = 0.5\nrecord final ego.position.x as x\n")
-    assert 0.02 < value(result, "x") < 0.03
-
-
 def test_the_earlier_ending_wins(run: Run) -> None:
     goal = "new Goal at (0.5, 0), facing -90 deg\n"
     first = run(f"{HEAD}{goal}terminate when ego.position.x > 0.49\n")
@@ -147,9 +130,7 @@ def test_the_earlier_ending_wins(run: Run) -> None:
     assert first["elapsed_time_s"] < later["elapsed_time_s"] == at_once["elapsed_time_s"]
 
 
-@pytest.mark.parametrize(
-    ("limit", "elapsed_s"), [("0.4 seconds", 0.4), ("1.1 seconds", 1.1), ("3 steps", 0.75), ("2 seconds", 2)]
-)
+@pytest.mark.parametrize(("limit", "elapsed_s"), [("1.1 seconds", 1.1), ("3 steps", 0.75)])
 def test_terminate_after_is_exact(run: Run, limit: str, elapsed_s: float) -> None:
     result = run(f"{HEAD}param course_x_max = 5\nterminate after {limit}\nrecord ego.speed as speed\n")
     assert (result["outcome"], result["elapsed_time_s"]) == ("terminated", pytest.approx(elapsed_s, abs=1e-12))
@@ -162,13 +143,10 @@ def test_terminate_after_is_exact(run: Run, limit: str, elapsed_s: float) -> Non
     [
         # At the look after the ending the car is at 0.45 m, at the look before it at 0.28 m.
         ("require eventually ego.position.x > 0.36\nterminate when ego.position.x > 0.35\n", "rejected"),
-        ("require eventually ego.position.x > 0.36\nterminate when ego.position.x > 0.37\n", "terminated"),
         ("require eventually ego.position.x > 0.5\nterminate after 0.8 seconds\n", "rejected"),
         ("require eventually 0.35 < ego.position.x < 0.36\nterminate after 0.8 seconds\n", "terminated"),
         ("require always ego.position.x < 0.36\nterminate when ego.position.x > 0.35\n", "terminated"),
-        ("require always ego.position.x < 0.36\nterminate when ego.position.x > 0.37\n", "rejected"),
         ("require always not 0.35 < ego.position.x < 0.36\nterminate simulation when ego.position.x > 1\n", "rejected"),
-        ("require always ego.position.x < 0.6\nnew Goal at (0.5, 0), facing -90 deg\n", "passed"),
         ("require eventually ego.position.x > 0.51\nnew Goal at (0.5, 0), facing -90 deg\n", "rejected"),
         ("require (ego.position.x < 0.36 until ego.position.x > 0.35)\nterminate after 1 seconds\n", "terminated"),
         # Terrain has a method, the program's own as well.
@@ -182,73 +160,6 @@ def test_requirements_do_not_depend_on_when_scenic_looks(run: Run, statements: s
         results.append(run(text, again=True))
     assert results == results[:1] * 2
     assert results[0]["outcome"] == outcome
-
-
-COUNT = "seen = []\ndef count():\n    seen.append(1)\n    return len(seen)\n"
-
-
-@pytest.mark.parametrize(
-    ("statements", "recorded", "elapsed_s"),
-    [
-        # A function that changes something is evaluated once a look, also where another condition ends the run.
-        ("terminate when count() in [4]\nrecord final len(seen) as n\n", 4, 0.75),
-        ("terminate simulation when count() in [4]\nrecord final len(seen) as n\n", 4, 0.75),
-        # And once while sampling.
-        ("require always count() in range(9)\nterminate after 0.8 seconds\nrecord final len(seen) as n\n", 6, 0.8),
-        ("terminate simulation when ego.position.x > 0.4\nrecord count() as n\n", [1, 2, 3, 4], 0.74),
-        ("terminate when ego.position.x > 0.4\nrecord count() as n\n", [1, 2, 3, 4], 0.74),
-        (
-            "class Counter(object):\n    @property\n    def v(self):\n        return count()\n"
-            "post = new Marker at (1, 0.5), with counter Counter()\n"
-            "terminate when post.counter.v in [4]\nrecord final len(seen) as n\n",
-            4,
-            0.75,
-        ),
-    ],
-)
-def test_what_counts_its_evaluations_is_evaluated_once_a_look(
-    tmp_path: Path, stepped: SteppedCarsim, statements: str, recorded: Any, elapsed_s: float
-) -> None:
-    own, scene, _ = simulator(stepped, opened(tmp_path, f"{HEAD}{COUNT}{statements}"))
-    result = own.run(scene)
-    seen = value(result, "n")
-    assert recorded == ([number for _, number in seen] if isinstance(seen, list) else seen)
-    assert result["outcome"] == "terminated"
-    assert result["elapsed_time_s"] == pytest.approx(elapsed_s, abs=0.01)
-
-
-PURE = (
-    "(distance from ego to goal) <= 0.05 and math.hypot(ego.position.x, 2) < 3",
-    "ego in region or region.containsPoint(ego.position)",
-    "ego.position.distanceTo(goal.position) < 1",
-    "near(ego) or any(abs(v) > 3 for v in ego.position)",
-    "numpy.linalg.norm([1, 2]) > ego.roll",
-    "seen == [] or not seen",
-    "simulation().currentRealTime > 3",
-)
-IMPURE = (
-    *("1 in numbers", "count() > 3", "through() > 3", "seen.append(1)", "(lambda f: f(1))(seen.append)"),
-    *("random.random() > 0.9", "Range(0, 1) > 0.9", "numpy.random.rand() > 0.9", "post.note()", "bumped(post)"),
-    *("print(ego)", "(lambda call: call())(post.pieces)", "counter.v > 3", "counter[0] > 3", "not counter"),
-    *("any(one.v > 3 for one in [counter])", "len(f'{counter}') > 3", "pole.v > 3", "calls[0]() > 3"),
-    "getattr(seen, 'append')(1)",
-)
-
-
-def test_conditions_that_are_certain_to_change_nothing(tmp_path: Path) -> None:
-    source = opened(
-        tmp_path,
-        f"{HEAD}{GOAL}{COUNT}import math, random, numpy\nregion = CircularRegion((1, 0), 0.2)\n"
-        "numbers = iter([1, 2])\npost = new Marker at (1, 0.5)\n"
-        "def near(thing):\n    return thing.position.x > goal.position.x - 1\n"
-        "def through():\n    return count()\ndef bumped(thing):\n    thing.visits = 1\n"
-        "class Counter(object):\n    @property\n    def v(self):\n        return count()\ncounter = Counter()\n"
-        "class Pole(Marker):\n    @property\n    def v(self):\n        return count()\n"
-        "pole = new Pole at (1, -0.5)\ncalls = [count]\n"
-        + "".join(f"terminate when {condition}\n" for condition in (*PURE, *IMPURE)),
-    )
-    found = [is_pure(ending) for ending in source.scenario.terminationConditions]
-    assert found == [True] * len(PURE) + [False] * len(IMPURE)
 
 
 def test_records_are_what_the_car_did(run: Run, carsim_binary: Path) -> None:
@@ -343,27 +254,11 @@ def test_terrain_cannot_appear_while_the_car_drives(run: Run) -> None:
         run(text)
 
 
-def test_what_is_no_action_is_named(run: Run) -> None:
-    text = (
-        f"{HEAD}{GOAL}three = 3\nbehavior B():\n    do C()\n"
-        "behavior C():\n    take three\nnew Marker at (0, 0.5), with behavior B()\n"
-    )
-    with pytest.raises(InvalidScenarioError, match="a Marker takes 3, which is no action") as raised:
-        run(text)
-    assert (raised.value.lineno, Path(raised.value.filename).name) == (8, "program.scenic")
-
-
 def test_a_temporal_requirement_of_an_imported_program_holds_in_the_run(run: Run, tmp_path: Path) -> None:
     (tmp_path / "other.scenic").write_text(f"{HEAD}{GOAL}require always ego.position.x < 0.5\n")
     imported = "model model\nfrom other import ego, goal\n"
     assert run(f"{imported}terminate when ego.position.x > 0.4\n")["outcome"] == "terminated"
     assert run(f"{imported}terminate when ego.position.x > 0.6\n")["outcome"] == "rejected"
-
-
-def test_a_program_that_fails_leaves_the_simulator_usable(run: Run) -> None:
-    with pytest.raises(ZeroDivisionError):
-        run(f"{HEAD}terminate when 1 / (ego.position.x > 0.2) > 2\nrecord 1 / (ego.position.x < 0.2) as y\n")
-    assert run(f"{HEAD}terminate after 1 seconds\n")["outcome"] == "terminated"
 
 
 def test_a_refused_trial_is_that_runs_failure(run: Run) -> None:

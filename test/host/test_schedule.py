@@ -8,7 +8,6 @@ from typing import Any
 import numpy
 import pytest
 
-from foldcar.analysis.engine_bias import RATES, pooled_difference, predicted_rates
 from foldcar.analysis.rate import anytime_interval
 from foldcar.analysis.stopping import LEAST_CHANCE, StoppingRule
 from foldcar.simulation.carsim import Carsim
@@ -91,25 +90,6 @@ def test_a_prediction_orders_runs_and_changes_no_verdict_of_plain_designs() -> N
     assert contrary.runs.sum() > schedule.runs.sum()
 
 
-def test_how_far_engines_parted_so_far_moves_predictions() -> None:
-    counts = numpy.array([0, 20, 40, 60, 80, 100])
-    assert pooled_difference([], [], [], []) == pytest.approx((0, 2), abs=0.05)
-    # Half the odds in every design: a difference of log 2, and little spread.
-    odds = counts / (100.5 - counts) / 2
-    lower = 100 * odds / (1 + odds)
-    mean, variance = pooled_difference(lower[1:-1], [100] * 4, counts[1:-1], [100] * 4)
-    assert mean == pytest.approx(-numpy.log(2), abs=0.15) and variance < 0.3
-
-    here = numpy.array([*lower[1:-1].round(), 0])
-    runs = numpy.array([100] * 4 + [0])
-    other = numpy.array([*counts[1:-1], 75])
-    masses = predicted_rates(here, runs, other, [100] * 5)
-    assert masses.sum(axis=1) == pytest.approx(1)
-    # Odds of 3 halved.
-    assert float(masses[-1] @ RATES) == pytest.approx(0.6, abs=0.05)
-    assert float(predicted_rates([0], [0], [75], [100])[0] @ RATES) == pytest.approx(0.72, abs=0.04)
-
-
 def test_a_design_is_left_when_the_rest_would_hardly_decide_it() -> None:
     """The chance by simulation of the rest, the rate drawn of what Jeffreys' prior and the runs leave."""
     random = numpy.random.default_rng(1)
@@ -161,11 +141,10 @@ def listing(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_sweep_in_mujoco_makes_the_runs_of_the_schedule(
     listing: Path, native: Carsim, carsim_binary: Path, tmp_path: Path
 ) -> None:
-    said: list[str] = []
     stores = [tmp_path / name for name in ("one.db", "stopped.db")]
     for store in stores:
         swept(listing, store, carsim_binary, until="decided")
-    counts = swept(listing, stores[0], native, 1, until="decided", announce=said.append)
+    counts = swept(listing, stores[0], native, 1, until="decided")
     with pytest.raises(InterruptedError):
         swept(listing, stores[1], native, until="decided", stop_at=12)
     with Store.open(stores[1]) as store:
@@ -173,7 +152,6 @@ def test_a_sweep_in_mujoco_makes_the_runs_of_the_schedule(
         assert 12 <= info.stored_runs < info.planned_runs
     resumed = swept(listing, stores[1], native, 3, until="decided")
 
-    assert not any("no multibody runs" in line for line in said)
     found = []
     for path in stores:
         with Store.open(path) as store:
@@ -192,13 +170,4 @@ def test_a_sweep_in_mujoco_makes_the_runs_of_the_schedule(
     assert [(state.runs, state.passed, state.decided) for state in counts.states] == list(
         zip(schedule.runs.tolist(), schedule.passed.tolist(), schedule.decided.tolist(), strict=True)
     )
-    assert counts.states[0].decided and counts.states[2].decided
-
-
-def test_without_multibody_runs_one_line_says_so(listing: Path, native: Carsim, tmp_path: Path) -> None:
-    said: list[str] = []
-    counts = swept(listing, tmp_path / "s.db", native, until="decided", announce=said.append)
-
-    told = [line for line in said if "multibody" in line]
-    assert told == ["experiment 1 (MuJoCo): no multibody runs in the store: designs in the listing's order"]
     assert counts.states[0].decided and counts.states[2].decided

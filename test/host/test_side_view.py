@@ -8,10 +8,8 @@ from typing import Any
 
 import pytest
 
-from foldcar.simulation.engines import MUJOCO, SIDE_VIEW, find_carsim
 from foldcar.store.reader import Store
 from foldcar.study.unlike_sides import one_sided
-from forked_foldcar import original
 from study_car import asked, car_body, empty_scene
 
 Command = Callable[..., "subprocess.CompletedProcess[str]"]
@@ -63,10 +61,9 @@ TURNED = ACROSS.replace("-90 deg", "-80 deg")
 @pytest.mark.parametrize(
     ("obstacle", "named"),
     [
-        (ACROSS.replace("(0.4, 0)", "(0.4, 0.5)"), "obstacle (box not the same under both tracks"),
-        (TURNED, "heading (box met at 10.0°"),
+        (TURNED, "ground (not the same under both tracks in sample 0)"),
         ("ramp = new Ramp at (0.9, 0), facing -90 deg, with height 0.06", "off a crest (ramp of 60 mm in sample 0)"),
-        (f"{PATCH}, with length 0.5, with width 1, with friction 0.1", "friction (patch not"),
+        (f"{PATCH}, with length 0.5, with width 1, with friction 0.1", "ground (not the same"),
     ],
 )
 def test_what_differs_from_side_to_side_is_named(
@@ -81,7 +78,7 @@ def test_what_differs_from_side_to_side_is_named(
 def test_it_is_named_by_the_sweep_and_wherever_its_rates_are_shown(
     tmp_path: Path, foldcar: Command, listing_of: Callable[..., Path]
 ) -> None:
-    listing, named = listing_of(TURNED), "heading (box met at 10.0°"
+    listing, named = listing_of(TURNED), "ground (not the same under both tracks"
 
     done = swept(foldcar, listing, "s.db")
 
@@ -95,26 +92,6 @@ def test_it_is_named_by_the_sweep_and_wherever_its_rates_are_shown(
     assert warning in json.loads(told.stdout)["experiments"][0]["remarks"]
     assert named in " ".join(foldcar("select", "s.db", "--build", "1").stdout.split())
     assert "which matter here" not in foldcar("sweep", listing, "--store", "s.db").stderr
-
-
-def test_a_simulated_car_on_a_port_says_so_too(tmp_path: Path, listing_of: Callable[..., Path]) -> None:
-    listing = listing_of(TURNED)
-    words = ["link", str(listing), "--experiment", "1", "--set", "width=95", "--engine"]
-    for engine in ("side-view", "multibody"):
-        process = original().start([*words, engine], tmp_path)
-        said = [process.stderr.readline()]
-        while "Ctrl-C ends" not in said[-1]:
-            said.append(process.stderr.readline())
-        process.terminate()
-        process.communicate()
-
-        assert ("heading (box met at 10.0°" in said[0]) == (engine == "side-view")
-
-
-def test_help_names_the_words_that_choose_an_engine() -> None:
-    for engine, option in ((SIDE_VIEW, "--side-view"), (MUJOCO, "--half-step")):
-        told = subprocess.run([find_carsim(engine), "--help"], capture_output=True, text=True, check=True).stdout
-        assert option in told
 
 
 def test_a_segment_too_heavy_for_its_wheels_fails_with_its_numbers(carsim_binary: Path) -> None:
@@ -141,11 +118,11 @@ def test_a_body_is_one_sided_by_its_mass_or_any_pair_of_wheels() -> None:
     assert one_sided(body) == ""
     aside = json.loads(json.dumps(body))
     aside["segments"][0]["com_y_m"] = -0.05 * body["track_m"]
-    assert one_sided(aside).endswith("mm to the right")
+    assert one_sided(aside) == "the centre of mass"
     for change, named in (
-        ({"radius_m": 0.0605}, "wheel radii"),
-        ({"grip": 0.9}, "wheels of unlike grip"),
-        ({"servo": {**body["wheels"][0]["servo"], "stall_torque_n_m": 0.12}}, "wheels of unlike stall"),
+        ({"radius_m": 0.0605}, "radius"),
+        ({"grip": 0.9}, "grip"),
+        ({"servo": {**body["wheels"][0]["servo"], "stall_torque_n_m": 0.12}}, "stall"),
     ):
         other = json.loads(json.dumps(body))
         other["wheels"][0] |= change

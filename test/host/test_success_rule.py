@@ -8,7 +8,6 @@ from typing import Any
 
 import pytest
 
-from conftest import PROJECT
 from foldcar.scenes.source import open_environment
 from page_check import study_of
 
@@ -48,23 +47,17 @@ def listing(write_listing: WriteListing, listing_data: Any, program: Path) -> Pa
         ),
         (f"{TARGET}terminate simulation when 0.05 > (distance to target)\n", "(line 4) ends it"),
         ("terminate when (distance from ego to (0.6, 0)) <= 0.05 and ego.speed > 0\n", "(line 3) ends it"),
-        ("terminate when (distance to 0.6 @ 0) <= 0.05\n", "(line 3) ends it"),
         (f"end = new Marker at (1, 1)\n{TARGET}{ARRIVAL}terminate when (distance to end) < 1\n", "(line 5) ends it"),
         (f"{TARGET}{ARRIVAL}record final ego.speed > 0 as passed\n", "passed if the program ends it and its record"),
-        (f"{TARGET}{ARRIVAL}record ego.speed > 0 as passed\n", "passed if the program ends it and its record"),
-        (f"{GOAL}{TARGET}{ARRIVAL}", "a run has passed if it reaches its Goal, within the time limit"),
         (f"{GOAL}terminate when (distance to goal) <= 0.05\n", "it reaches its Goal, or if `terminate when (distance"),
         (f"{TARGET}terminate when (distance to target) >= 0.05\n", UNDEFINED),
         (f"{TARGET}terminate when (distance to target) <= 0.05 or ego.speed < 0\n", UNDEFINED),
-        ("post = new Bump at (0.6, 0)\nterminate when (distance to post.position) <= 0.2\n", UNDEFINED),
         (
             "a = new Marker at (1, 1)\nb = new Marker at (1, 0)\nterminate when (distance to a) < 1\n"
             "terminate when (distance to b) < 1\n",
             f"{UNDEFINED} on the distance of the car to its target (it measures",
         ),
         (MONITOR, UNDEFINED),
-        ("terminate after 1 seconds\n", UNDEFINED),
-        (f"{TARGET}{ARRIVAL}record initial ego.speed > 0 as passed\n", "(line 4) ends it"),
     ],
 )
 def test_the_rule_is_read_from_the_program(program: Path, text: str, rule: str) -> None:
@@ -72,13 +65,6 @@ def test_the_rule_is_read_from_the_program(program: Path, text: str, rule: str) 
     success = open_environment(program, {}, 0).success
     assert rule in success.text
     assert success.defined is not success.text.startswith("success is undefined")
-
-
-def test_the_shipped_programs_define_success() -> None:
-    programs = list((PROJECT / "scenarios").glob("*.scenic"))
-    assert len(programs) >= 7
-    for one in programs:
-        assert open_environment(one, {}, 42).success.defined, one
 
 
 def test_the_publications_own_ending_passes(listing: Path, program: Path, foldcar: Any) -> None:
@@ -99,17 +85,6 @@ def told_of_run(foldcar: Any, listing: Path) -> dict[str, str]:
     said = foldcar("run", listing, "--experiment", "1", "--set", "width=95")
     assert said.returncode == 0, said.stderr
     return dict(line.split(maxsplit=1) for line in said.stdout.splitlines())
-
-
-def test_a_run_that_ends_otherwise_has_not_passed(listing: Path, program: Path, foldcar: Any) -> None:
-    program.write_text(f"{HEAD}{TARGET}{ARRIVAL}terminate after 0.3 seconds\n")
-    told = told_of_run(foldcar, listing)
-    assert told["outcome"] == "terminated"
-    assert told["success"].startswith("a run has passed if `terminate when distance")
-
-    program.write_text(f"{HEAD}{TARGET}{ARRIVAL}terminate after 10 seconds\n")
-    listing.write_text(listing.read_text().replace('"timeout": 20', '"timeout": 0.3'))
-    assert told_of_run(foldcar, listing)["outcome"] == "timeout"
 
 
 @pytest.mark.parametrize("text", [MONITOR, f"{MONITOR}record final ego.speed > 0 as passed\n"])

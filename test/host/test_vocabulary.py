@@ -109,27 +109,6 @@ def test_rough_ground_differs_from_sample_to_sample_unless_it_has_a_seed(tmp_pat
     assert {given for _, given in seeds} == {4}
 
 
-def test_every_class_takes_random_sizes_and_mutation(tmp_path: Path) -> None:
-    text = "\n".join(
-        f"thing_{name} = new {name} at (0.8, 0), with width Range(0.2, 0.3), with allowCollisions True\n"
-        f"mutate thing_{name} by 0.01"
-        for name in ("Bump", "RoundBump", "Step", "Kerb", "Ramp", "FrictionPatch", "RoughGround")
-    )
-    text += "\nhill = new GaussianHill at (0.8, 0), with sd_along Range(0.05, 0.06)\nmutate hill by 0.01"
-    text += "\nhole = new Pothole at (0.8, 0), with diameter Range(0.1, 0.2)\nmutate hole by 0.01"
-    one, other = terrain(tmp_path, text, 0), terrain(tmp_path, text, 1)
-    assert [piece["kind"] for piece in one] == [piece["kind"] for piece in other]
-    for mine, its in zip(one, other, strict=True):
-        sizes = [key for key in mine if key in ("width_m", "sd_along_m", "radius_m")]
-        assert all(mine[key] != its[key] for key in ("x_m", "y_m", *sizes))
-
-
-def test_neighbours_can_be_placed_by_their_edges(tmp_path: Path) -> None:
-    ramp = f"ramp = new Ramp {EAST}, with run_up 0.2, with run_down 0.2"
-    pieces = terrain(tmp_path, f"{ramp}\nnew Kerb ahead of ramp by 0.1, facing -90 deg")
-    assert pieces[-1]["x_m"] + pieces[-1]["length_m"] / 2 == pytest.approx(0.5 + 0.2 + 0.1 + 0.3)
-
-
 def test_a_copy_of_the_model_beside_the_program_is_used(tmp_path: Path) -> None:
     model = VOCABULARY_DIR / "model.scenic"
     (tmp_path / "model.scenic").write_text(model.read_text().replace("friction = 0.6", "friction = 0.3"))

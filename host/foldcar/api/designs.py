@@ -71,7 +71,7 @@ def built_cars(body: str, count: int, spread: str | Mapping[str, float], seed: i
     """The bodies of ``count`` built cars by name, in order, as a listing's ``variation`` makes them. FoldcarError."""
     chosen = spread_named(spread, "variation")
     number = whole("variation_seed", seed, 0, GREATEST_SEED)
-    nominal, limits = json.loads(body), simulator().carsim.limits().numbers
+    nominal, limits = json.loads(body), simulator().limits().numbers
     return {f"car {k}": canonical_json(vary_body(nominal, draw(chosen, number, k), limits)) for k in range(count)}
 
 
@@ -93,4 +93,4 @@ def _prepared(type_string: str, values: tuple[tuple[str, float], ...], *argument
 
 @cache
 def _table() -> dict[str, TableRow]:
-    return simulator().carsim.parameter_table()
+    return simulator().parameter_table()

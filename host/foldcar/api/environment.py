@@ -14,7 +14,7 @@ from typing import Any
 from foldcar.api.arguments import whole
 from foldcar.errors import FoldcarError
 from foldcar.scenes.source import SceneSource, open_environment
-from foldcar.simulation.carsim import Carsim, KeptCarsim
+from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.runner import Runner
 from foldcar.simulation.scenic_runner import ScenicRunner
 from foldcar.store.writer import canonical_json
@@ -64,7 +64,7 @@ class Environment:
         """What simulates in this environment: carsim, or Scenic beside it for a dynamic program."""
         if not self._source.dynamic:
             return simulator()
-        files, command = self._source.fixed_files(), simulator().carsim.command
+        files, command = self._source.fixed_files(), simulator().command
         runner = ScenicRunner(self.program, self.params, self.seed, None, files, command)
         atexit.register(runner.close)
         return runner
@@ -101,8 +101,6 @@ def environment(program: str | Path, *, seed: int = 0, params: Mapping[str, Any]
 
 
 @cache
-def simulator() -> KeptCarsim:
-    """The simulator of this process, which keeps running until Python ends."""
-    kept = KeptCarsim(Carsim())
-    atexit.register(kept.close)
-    return kept
+def simulator() -> Carsim:
+    """The simulator of this process."""
+    return Carsim()

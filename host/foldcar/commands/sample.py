@@ -18,7 +18,6 @@ from foldcar.commands.options import (
     Picture,
     Seed,
     check_distinct,
-    note,
     output_file,
     tell,
 )
@@ -61,8 +60,6 @@ def sample(
 
     check_distinct([scenario], [output, plot])
     source = open_environment(scenario, _parse_params(param or []), seed)
-    for one in source.mutation_notes():
-        note(one)
     shown: list[dict[str, Any]] = []
     result: dict[str, Any] = {"scenario": scenario, "seed": seed, "count": count}
     if output == STANDARD_OUTPUT and as_json:

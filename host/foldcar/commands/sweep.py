@@ -23,7 +23,6 @@ from foldcar.commands.options import (
     UnderCalibration,
     check_scheduler_option,
     command_line,
-    note,
     simulators,
     tell,
 )
@@ -82,14 +81,11 @@ def sweep(
         raise FoldcarError("--port: only --live serves the page")
     check_scheduler_option(scheduler, jobs)
     from foldcar.api.sweeping import planned_sweep
-    from foldcar.study.environments import mutation_notes
 
     asked = planned_sweep(
         listing, store, command_line(), experiment=experiment, environments=environments, until=until,
         calibration=calibration, reality=reality, engine=engine,
     )  # fmt: skip
-    for one in mutation_notes(asked.environments):
-        note(one)
     with served_beside(store, PORT if port is None else port, SWEEP) if live else nullcontext():
         _sweep(asked, scheduler, jobs, as_json)
 
@@ -152,8 +148,6 @@ def _success(progress: "Progress") -> str:
 
 def stopping_lines(experiment: "Experiment", rule: "StoppingRule", states: "Sequence[DesignState]") -> Iterator[str]:
     """How many designs of the experiment are decided, what that means, and which are not."""
-    # Here, because it imports numpy, which other commands do without.
-    from foldcar.analysis.stopping import LEAST_CHANCE
     from foldcar.analysis.words import design_text, listed
 
     mine = [state for state in states if state.experiment == experiment.id]
@@ -169,10 +163,6 @@ def stopping_lines(experiment: "Experiment", rule: "StoppingRule", states: "Sequ
         names = listed(design_text({name: state.design[name] for name in experiment.family.varied}) for state in shown)
         more = f" and {len(undecided) - len(shown)} more" if len(undecided) > len(shown) else ""
         yield f"  undecided: {names}{more}; --environments N allows more runs"
-        left = sum(state.runs < experiment.environments for state in undecided)
-        if left:
-            chance = f"with a chance below {100 * LEAST_CHANCE:g} %"
-            yield f"  {left} of these were left early: {experiment.environments} environments would decide them {chance}"
 
 
 def _say_failed(store: Path, experiments: Sequence[str], failed: int, total: int) -> None:

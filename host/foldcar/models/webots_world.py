@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy
+from scipy.spatial.transform import Rotation
 
 from foldcar.errors import FoldcarError
 from foldcar.models.exported_car import wheel_name
@@ -134,11 +135,10 @@ def _looking() -> tuple[float, float, float, float]:
     forward = forward / numpy.linalg.norm(forward)
     left = numpy.cross((0, 0, 1), forward)
     left = left / numpy.linalg.norm(left)
-    turn = numpy.stack([forward, left, numpy.cross(forward, left)], axis=1)
-    angle = math.acos((numpy.trace(turn) - 1) / 2)
-    axis = numpy.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
-    x, y, z = axis / (2 * math.sin(angle))
-    return float(x), float(y), float(z), angle
+    turn = Rotation.from_matrix(numpy.stack([forward, left, numpy.cross(forward, left)], axis=1)).as_rotvec()
+    angle = float(numpy.linalg.norm(turn))
+    x, y, z = (turn / angle).tolist()
+    return x, y, z, angle
 
 
 def controller_program() -> str:

@@ -10,16 +10,14 @@ from typing import Any
 
 from shapely import affinity, box
 
-from foldcar.scenes.reading import UnusableError, finite, scenic_degrees
+from foldcar.scenes.reading import UnusableError, finite
 from foldcar.scenes.terrain_kinds import bounds_m, kind_of, reach_m
 
 # Scenic's specifiers such as `on` leave a gap of its contact tolerance.
 STANDING_TOLERANCE_M = 1e-3
 LEVEL_TOLERANCE_RAD = 1e-6
 # What touches does not overlap.
-ROUNDING_M, ROUNDING_M2 = 1e-9, 1e-9
-# The largest wheel radius of a design. A wheel cannot climb a step higher than its radius.
-GREATEST_WHEEL_RADIUS_M = 0.15
+ROUNDING_M2 = 1e-9
 FARTHEST_M = 1000.0
 
 Pose = Mapping[str, Any]
@@ -71,15 +69,7 @@ def check_free_start(start: Pose, ego: Any, terrain: Sequence[Pose], owners: Seq
         if apart > math.hypot(*reach) + math.hypot(*half) or _stands_level(start, half, piece):
             continue
         what = f"{piece['kind']} at ({piece['x_m']:.4g}, {piece['y_m']:.4g})"
-        where = f"the car would stand across the edge of a {what}"
-        other = _turned(piece)
-        if _stands_level(start, half, other):
-            raise UnusableError(f"the start is inside an obstacle{_because('obstacle', piece, other)}: {where}", owner)
-        other = _turned(start)
-        # The car's heading is the cause only if the program does not say one.
-        if scenic_degrees(start) == 0 and _stands_level(other, half, piece):
-            raise UnusableError(f"the start is inside an obstacle{_because('car', start, other)}: {where}", ego)
-        raise UnusableError(f"the start is inside an obstacle: {where}", ego)
+        raise UnusableError(f"the start is inside an obstacle: the car would stand across the edge of a {what}", owner)
 
 
 def _stands_level(start: Pose, half: tuple[float, float], piece: Pose) -> bool:
@@ -88,18 +78,8 @@ def _stands_level(start: Pose, half: tuple[float, float], piece: Pose) -> bool:
     return bool(shared_m2 < ROUNDING_M2 or shared_m2 > car.area - ROUNDING_M2)
 
 
-def _turned(place: Pose) -> Pose:
-    """The place after a quarter turn."""
-    return {**place, "heading_rad": place["heading_rad"] - math.pi / 2}
-
-
-def _because(what: str, place: Pose, other: Pose) -> str:
-    degrees, free = scenic_degrees(place), scenic_degrees(other)
-    return f" because of the {what}'s heading, {degrees:.4g} deg, and would not be if it faced {free:.4g} deg"
-
-
-def check_goal_ahead(start: Pose, goal: Pose, terrain: Sequence[Pose], thing: Any) -> None:
-    """The goal is not reached at the start already, is ahead of it if it is a line, and is not inside a high box."""
+def check_goal_ahead(start: Pose, goal: Pose, thing: Any) -> None:
+    """The goal is not reached at the start already, and is ahead of it if it is a line."""
     dx_m, dy_m = goal["x_m"] - start["x_m"], goal["y_m"] - start["y_m"]
     if goal["kind"] == "line":
         if dx_m * math.cos(goal["heading_rad"]) + dy_m * math.sin(goal["heading_rad"]) <= STANDING_TOLERANCE_M:
@@ -111,15 +91,6 @@ def check_goal_ahead(start: Pose, goal: Pose, terrain: Sequence[Pose], thing: An
     radius = goal["radius_m"]
     if math.hypot(dx_m, dy_m) <= radius:
         raise UnusableError(f"the start is within the goal's reach of {radius} m", thing)
-    for piece in terrain:
-        wall = piece["kind"] == "box" and piece["height_m"] > GREATEST_WHEEL_RADIUS_M
-        square = rectangle({**goal, "heading_rad": 0.0}, (radius, radius))
-        if wall and rectangle(piece, reach_m(piece)).buffer(ROUNDING_M).covers(square):
-            raise UnusableError(
-                f"no car can reach it: it is inside a box {piece['height_m']:g} m high, "
-                f"and no wheel climbs more than {GREATEST_WHEEL_RADIUS_M:g} m",
-                thing,
-            )
 
 
 def _check_overlap(course: Mapping[str, float], place: Pose, bounds: Sequence[float], thing: Any) -> None:

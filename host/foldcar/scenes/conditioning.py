@@ -8,27 +8,26 @@ frozen, and an object's random values with it.
 """
 
 import copy
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from typing import Any
 
 from scenic.core.distributions import ConstantSamplable, Samplable, needsSampling
 from scenic.core.object_types import Constructible, Object
 
 from foldcar.errors import FoldcarError
-from foldcar.scenes.mutation import called, reachable
 from foldcar.scenes.program import named_things
 
 
 def condition(
     scenario: Any,
     scene: Any,
-    objects: Collection[Any] | None = None,
+    objects: Collection[str] | None = None,
     params: Collection[str] | None = None,
 ) -> None:
     """Freeze parts of ``scenario`` as they are in ``scene``, for all scenes it generates from now on.
 
-    ``objects`` are objects of the scene, or names that the program gives to objects, points or lists of them;
-    ``params`` are names of global parameters. With neither, everything is frozen; with one of them, only what it
+    ``objects`` are names that the program gives to objects, points or lists of them; ``params`` are names of global
+    parameters. With neither, everything is frozen; with one of them, only what it
     names, with the random values beneath it: what else depends on these follows. A random value of several belongs to
     the parameter that it is, else to the first parameter that depends on it, else to the first object or named point.
 
@@ -39,15 +38,15 @@ def condition(
     if objects is None and params is None:
         _freeze(scenario.dependencies, scene.sample)
         return
-    things = _chosen_things(scenario, scene, objects or ())
-    values = [scenario.params[name] for name in _chosen_params(scenario, params or ())]
-    _refuse_shared(scenario, [*values, *things])
-    _freeze([*values, *things], scene.sample)
+    values = {name: [value] for name, value in scenario.params.items()}
+    chosen = [*_named("params", values, params or ()), *_named("objects", _named_instances(scenario), objects or ())]
+    _refuse_shared(scenario, chosen)
+    _freeze(chosen, scene.sample)
 
 
 def _freeze(roots: Collection[Any], sample: Any) -> None:
     """Fix the roots and what they depend on at their values in ``sample``."""
-    for node in [node for root in roots for node in reachable(root)]:
+    for node in [node for root in roots for node in _reachable(root)]:
         if node not in sample:
             continue
         value = sample[node]
@@ -86,7 +85,21 @@ def _ownership(scenario: Any) -> dict[int, Any]:
 
 def _random_now(root: Any) -> Iterator[Any]:
     """Every random value on which ``root`` depends, itself included, but for what is frozen already."""
-    return reachable(root, stop=lambda node: not needsSampling(node._conditioned))
+    return _reachable(root, stop=lambda node: not needsSampling(node._conditioned))
+
+
+def _reachable(root: Any, stop: Callable[[Any], bool] = lambda node: False) -> Iterator[Any]:
+    """Every random value on which ``root`` depends, itself included, each once, but for those at which to ``stop``."""
+    seen: set[int] = set()
+    waiting = [root]
+    while waiting:
+        node = waiting.pop()
+        if id(node) in seen or not isinstance(node, Samplable) or not needsSampling(node) or stop(node):
+            continue
+        seen.add(id(node))
+        # Scenic's pruning conditions distributions too, in order to narrow them.
+        waiting += [*node._dependencies, *node._conditioned._dependencies]
+        yield node
 
 
 def _names(scenario: Any) -> dict[int, str]:
@@ -96,7 +109,8 @@ def _names(scenario: Any) -> dict[int, str]:
 
 
 def _called(thing: Any, names: Mapping[int, str]) -> str:
-    return names.get(id(thing)) or f"the {called(thing, names)}, which has no name"
+    line = getattr(thing, "creationLine", ("", 0))[1]
+    return names.get(id(thing)) or f"the {type(thing).__name__} of line {line}, which has no name"
 
 
 def _without_noise(thing: Any) -> Any:
@@ -110,21 +124,13 @@ def _without_noise(thing: Any) -> Any:
     return twin
 
 
-def _chosen_things(scenario: Any, scene: Any, chosen: Collection[Any]) -> list[Any]:
-    known = _named_instances(scenario)
-    of_sampled = {id(scene.sample[thing]): thing for thing in scenario._instances}
-    things: list[Any] = []
-    for one in chosen:
-        if isinstance(one, str):
-            if one not in known:
-                names = ", ".join(sorted(known)) or "none"
-                raise FoldcarError(f'condition: objects: no "{one}"; the program names: {names}')
-            things += known[one]
-        elif id(one) in of_sampled:
-            things.append(of_sampled[id(one)])
-        else:
-            raise FoldcarError(f"condition: objects: {one} is neither a name nor an object of the scene")
-    return things
+def _named(kind: str, known: Mapping[str, list[Any]], names: Collection[str]) -> list[Any]:
+    """What the program calls by these names; FoldcarError if it does not."""
+    for name in names:
+        if name not in known:
+            told = ", ".join(sorted(known)) or "none"
+            raise FoldcarError(f'condition: {kind}: no "{name}"; the program names: {told}')
+    return [thing for name in names for thing in known[name]]
 
 
 def _named_instances(scenario: Any) -> dict[str, list[Any]]:
@@ -143,11 +149,3 @@ def _unsampled(thing: Any) -> Any:
     while isinstance(thing, Constructible) and thing._sampleParent is not None:
         thing = thing._sampleParent
     return thing
-
-
-def _chosen_params(scenario: Any, chosen: Collection[str]) -> list[str]:
-    for name in chosen:
-        if name not in scenario.params:
-            known = ", ".join(sorted(scenario.params)) or "none"
-            raise FoldcarError(f'condition: params: no "{name}"; the program\'s parameters are: {known}')
-    return list(chosen)

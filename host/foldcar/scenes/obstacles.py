@@ -9,6 +9,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+import shapely
+from shapely import affinity
+
+from foldcar.scenes.checks import rectangle
 from foldcar.scenes.reading import rounded
 from foldcar.scenes.terrain_kinds import kind_of, reach_m
 
@@ -87,23 +91,10 @@ def footprint(name: str, terrain: Sequence[Mapping[str, Any]], index: int) -> Ob
 def _obstacle(name: str, heading_rad: float, indices: tuple[int, ...], terrain: Sequence[Mapping[str, Any]]) -> Obstacle:
     if len(indices) == 1:
         return footprint(name, terrain, *indices)
-    cos, sin = math.cos(heading_rad), math.sin(heading_rad)
-    ahead, left = [], []
-    for index in indices:
-        piece = terrain[index]
-        along, across = reach_m(piece)
-        turn_rad = piece.get("heading_rad", heading_rad) - heading_rad
-        c, s = abs(math.cos(turn_rad)), abs(math.sin(turn_rad))
-        x, y = piece["x_m"] * cos + piece["y_m"] * sin, piece["y_m"] * cos - piece["x_m"] * sin
-        ahead += [x - along * c - across * s, x + along * c + across * s]
-        left += [y - along * s - across * c, y + along * s + across * c]
-    x, y = (min(ahead) + max(ahead)) / 2, (min(left) + max(left)) / 2
-    return Obstacle(
-        name,
-        indices,
-        rounded(x * cos - y * sin),
-        rounded(x * sin + y * cos),
-        heading_rad,
-        max(ahead) - min(ahead),
-        max(left) - min(left),
-    )
+    # The box around all pieces along the object's heading, from which the middle is turned back.
+    places = ({"heading_rad": heading_rad, **terrain[index]} for index in indices)
+    ground = shapely.union_all([rectangle(place, reach_m(place)) for place in places])
+    x_min, y_min, x_max, y_max = affinity.rotate(ground, -heading_rad, (0, 0), use_radians=True).bounds
+    x, y, cos, sin = (x_min + x_max) / 2, (y_min + y_max) / 2, math.cos(heading_rad), math.sin(heading_rad)
+    x_m, y_m = rounded(x * cos - y * sin), rounded(x * sin + y * cos)
+    return Obstacle(name, indices, x_m, y_m, heading_rad, x_max - x_min, y_max - y_min)

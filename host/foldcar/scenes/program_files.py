@@ -1,27 +1,44 @@
-"""The files of a Scenic program: what its samples and runs follow from besides its parameters and seed.
+"""The files and modules of a Scenic program: what its samples and runs follow from besides its parameters and seed.
 
 Input: blocks of code of a program. Output: the SHA-256 of each file that was read in them, and of the Scenic and Python
 files beside the program, which it may import at any time; FoldcarError if one has changed meanwhile. Files are named
 relative to the program's folder, those outside by their whole path. Installed code is not among them. What Python opens
 is heard (its audit event `open`); a file that a library in C opens by itself is not.
+
+Within the blocks sys.modules and sys.path are as if the program were alone in a new Python: two programs may each have a
+`helper.py`, and one that is compiled again gets its modules as they are now. They are compiled from their source: Python
+takes compiled code for current if its source had the same size and second.
 """
 
 import hashlib
+import importlib
+import importlib.util
 import os
+import site
 import stat
 import sys
+import sysconfig
 import threading
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import cache
+from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
 from pathlib import Path
+from types import CodeType, ModuleType
 from typing import Any
 
 from foldcar.errors import FoldcarError
-from foldcar.scenes.own_modules import OwnModules, is_own
 
 Files = Mapping[str, str]
 NEIGHBOURS = (".scenic", ".py")
+
+PACKAGE = Path(__file__).resolve().parents[1]
+# What belongs to the system and to its user's libraries.
+SYSTEM = ("/etc", "/proc", "/sys", "/usr/share")
+USERS = (".cache", ".config")
+
+# Names in sys.modules that are known to be no program's modules.
+_installed: set[str] = set()
 
 # What tells a file from a changed one without reading it: its node, size and time of change.
 _State = tuple[int, int, int]
@@ -35,22 +52,13 @@ class ProgramFiles:
         self._folder = program.parent.absolute()
         self._fixed = fixed is not None
         self._digests = dict(fixed) if fixed is not None else self._neighbours()
-        self._modules = OwnModules(self._folder)
+        self._modules = _Modules(self._folder)
         self._written: set[Path] = set()
-
-    @property
-    def fixed(self) -> Files | None:
-        """The files, if there will be no others."""
-        return self._digests if self._fixed else None
 
     def fix(self) -> Files:
         """The files. From now on a block must not read others."""
         self._fixed = True
         return self._digests
-
-    def apart(self) -> "ProgramFiles":
-        """The same files, for another compilation."""
-        return ProgramFiles(self._program, self.fixed)
 
     def unchanged(self) -> bool:
         """Whether the files are as they were, and no more of them stand beside the program."""
@@ -136,7 +144,7 @@ class _Heard:
 
 
 def _is_shown() -> bool:
-    """Whether a line of source is read to be shown, as tracebacks do for every file that runs, foldcar's command too."""
+    """Whether source is read to be shown, as Scenic's stacks do of every file that runs, foldcar's command too."""
     frame = sys._getframe(3)
     callers = (frame, frame.f_back)
     return any(one is not None and one.f_globals.get("__name__") == "linecache" for one in callers)
@@ -186,3 +194,103 @@ def _read_digest(path: Path, state: _State) -> str | None:
     with suppress(OSError):
         return hashlib.sha256(path.read_bytes()).hexdigest()
     return None
+
+
+class _Modules:
+    """The modules of one compiled program, which is in ``folder``."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self.forget()
+
+    def forget(self) -> None:
+        """What the program imports is loaded anew."""
+        self._modules: dict[str, ModuleType] = {}
+        self._path: list[str] | None = None
+        importlib.invalidate_caches()
+
+    @contextmanager
+    def loaded(self) -> Iterator[None]:
+        """Within the block the program's modules are loaded, and no others that are not installed."""
+        others, path = _taken(self._folder), list(sys.path)
+        sys.modules.update(self._modules)
+        # Without the working directory: a program finds the same wherever it is started.
+        sys.path[:] = self._path or [str(self._folder), *filter(None, path)]
+        finder: Any = _Finder(self._folder)
+        sys.meta_path.insert(sys.meta_path.index(PathFinder) if PathFinder in sys.meta_path else 0, finder)
+        try:
+            yield
+        finally:
+            sys.meta_path.remove(finder)
+            self._path, sys.path[:] = list(sys.path), path
+            self._modules = _taken(self._folder)
+            sys.modules.update(others)
+
+
+@cache
+def is_own(path: Path, folder: Path) -> bool:
+    """Whether what has this absolute path is, for a program in ``folder``, neither installed nor the system's.
+
+    A program may itself be among these, or have them in its folder.
+    """
+    return not any(
+        one.is_relative_to(root) and not (root in base.parents and one.is_relative_to(base))
+        for one, base in ((path, folder), (path.resolve(), folder.resolve()))
+        for root in _roots()
+    )
+
+
+@cache
+def _roots() -> set[Path]:
+    """The folders of installed code, Scenic's and foldcar's own among them."""
+    scenic = importlib.util.find_spec("scenic")
+    folders = [sysconfig.get_paths()[name] for name in ("stdlib", "platstdlib", "purelib", "platlib")]
+    folders += [*site.getsitepackages(), site.getusersitepackages(), str(PACKAGE), *SYSTEM]
+    with suppress(RuntimeError):
+        # A user without a home has none of these.
+        folders += [str(Path.home() / name) for name in USERS]
+    folders += (scenic.submodule_search_locations if scenic is not None else None) or []
+    roots = [Path(folder) for folder in folders]
+    return {*roots, *(root.resolve() for root in roots)}
+
+
+def _taken(folder: Path) -> dict[str, ModuleType]:
+    """The modules that are not installed, taken out of sys.modules."""
+    names = sys.modules.keys() - _installed
+    own = {name for name in names if _is_own_module(sys.modules[name], folder)} - {"__main__"}
+    _installed.update(names - own)
+    if own:
+        # Compiled code cannot be loaded twice: a library under development stays as a whole.
+        stay = {name.partition(".")[0] for name in _installed}
+        own = {name for name in own if name.partition(".")[0] not in stay}
+    return {name: sys.modules.pop(name) for name in own}
+
+
+def _is_own_module(module: object, folder: Path) -> bool:
+    told = vars(module) if isinstance(module, ModuleType) else {}
+    spec, file = told.get("__spec__"), told.get("__file__")
+    if isinstance(file, str):
+        return spec is not None and isinstance(spec.loader, SourceFileLoader) and is_own(Path(file).absolute(), folder)
+    # A folder that is no package.
+    return any(is_own(Path(one).absolute(), folder) for one in told.get("__path__", ()))
+
+
+class _Finder:
+    """Python's own finder, for modules that are not installed without their compiled code."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+
+    def find_spec(self, name: str, path: Any = None, target: ModuleType | None = None) -> ModuleSpec | None:
+        spec = PathFinder.find_spec(name, path, target)
+        if spec is not None and type(spec.loader) is SourceFileLoader:
+            file = spec.loader.path
+            if is_own(Path(file).absolute(), self._folder):
+                spec.loader, spec.cached = _FromSource(name, file), None
+        return spec
+
+
+class _FromSource(SourceFileLoader):
+    def get_code(self, fullname: str) -> CodeType:
+        code: CodeType = self.source_to_code(self.get_data(self.path), self.path)
+        return code

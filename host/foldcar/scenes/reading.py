@@ -5,7 +5,6 @@ simulator's (0 along +x) here and nowhere else.
 """
 
 import math
-from collections.abc import Mapping
 from typing import Any
 
 # Scenes are hashed and compared as text: rounding removes the last bits, in which machines may differ.
@@ -52,12 +51,6 @@ def pose(thing: Any) -> dict[str, float]:
         "y_m": finite("y", thing.position.y, thing),
         "heading_rad": rounded(heading_rad),
     }
-
-
-def scenic_degrees(place: Mapping[str, float]) -> float:
-    """The heading of a pose in the simulator's frame as a program writes it: degrees from +y, within ±180."""
-    # The pose is rounded to 1e-9 rad, hence degrees to 1e-6.
-    return round(math.degrees(math.remainder(place["heading_rad"] - math.pi / 2, 2 * math.pi)), 6) + 0.0
 
 
 def param(scene: Any, name: str) -> float:

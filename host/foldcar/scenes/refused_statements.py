@@ -1,20 +1,32 @@
 """Refuses statements of a program that do not mean what they say: Scenic would notice in each run, or never.
 
-Headings in degrees: Scenic's angles are radians, and `facing -90` means -90 rad. Statements about a run in a program that
-another one imports: Scenic 3.1 takes over its objects, parameters and requirements, and a modular scenario those of the
-top level of its file, but no `terminate`, `record` or `require monitor`. What can only fail or lose something in a run.
+Properties and parameters that resemble a known one (`heigth`): Scenic takes any. Headings in degrees: Scenic's angles are
+radians, and `facing -90` means -90 rad. Names that are defined nowhere: Python looks for those of a condition in a run.
+Statements about a run in a program that another one imports: Scenic 3.1 takes over its objects, parameters and
+requirements (a modular scenario those of its file's top level), but no `terminate`, `record` or `require monitor`.
 """
 
 import ast
+import builtins
+import difflib
+import dis
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import cache
 from pathlib import Path
+from types import CodeType, FrameType
 from typing import Any
 
-from scenic.core.errors import InvalidScenarioError
+from scenic.core.errors import InvalidScenarioError, SpecifierError
 from scenic.syntax import ast as scenic_ast
 
+from foldcar.scenes.program import VOCABULARY
+
+# Names at least this similar (difflib's ratio) are taken for a mistake: `heigth`, `lenght`, `stepheight`, `heights`.
+SIMILARITY = 0.75
+# Scenic uses it where an object has it; no class declares it.
+NAME = "name"
 ANGLES = ("yaw", "pitch", "roll")
 DROPPED = (
     *("_terminationConditions", "_terminateSimulationConditions", "_monitorRequirements"),
@@ -29,6 +41,52 @@ def at(error: Any, file: str | None, line: int | None) -> Exception:
     return error  # type: ignore[no-any-return]
 
 
+def refuse_misspelt_properties(cls: Any, specifiers: Sequence[Any], caller: FrameType) -> None:
+    """Raise Scenic's SpecifierError if ``caller`` makes an object with a property that resembles one of ``cls``."""
+    for name in (name for one in specifiers for name in one.priorities if name != NAME):
+        _refuse_misspelt(SpecifierError, f"{cls.__name__} has no property {name}", name, cls._defaults, caller)
+
+
+def refuse_misspelt_parameters(names: Iterable[str], caller: FrameType) -> None:
+    """Raise Scenic's InvalidScenarioError if ``caller`` defines a `param` that resembles one of the vocabulary's."""
+    for name in names:
+        _refuse_misspelt(InvalidScenarioError, f"nothing reads param {name}", name, _vocabularys_parameters(), caller)
+
+
+def _refuse_misspelt(error: type[Exception], what: str, name: str, known: Iterable[str], caller: FrameType) -> None:
+    """Raise the error unless the name is known, resembles no known one, or the program reads it."""
+    near = [] if name in known else difflib.get_close_matches(name, known, n=1, cutoff=SIMILARITY)
+    file = caller.f_code.co_filename
+    if near and not re.search(rf"\.\s*{name}\b(?!\s*=(?!=))|(['\"]){name}\1", Path(file).read_text(encoding="utf-8")):
+        raise at(error(f"{what}; did you mean {near[0]}?"), file, caller.f_lineno)
+
+
+@cache
+def _vocabularys_parameters() -> frozenset[str]:
+    return frozenset(re.findall(r"^param (\w+)", VOCABULARY.read_text(encoding="utf-8"), re.MULTILINE))
+
+
+def refuse_undefined_names(code: CodeType, namespace: Mapping[str, Any]) -> None:
+    """Raise NameError, with file and line, for the first name in a nested block of ``code`` that is nowhere assigned."""
+    nested = list(_blocks(code))
+    known = {one.argval for block in nested for one in dis.get_instructions(block) if one.opname.startswith("STORE_")}
+    for block in nested[1:]:
+        lines = dict(dis.findlinestarts(block))
+        line: int | None = block.co_firstlineno
+        for one in dis.get_instructions(block):
+            line, name = lines.get(one.offset, line), one.argval
+            if one.opname == "LOAD_GLOBAL" and not (name in known or name in namespace or hasattr(builtins, name)):
+                raise at(NameError(f"name '{name}' is not defined", name=name), code.co_filename, line)
+
+
+def _blocks(code: CodeType) -> Iterator[CodeType]:
+    """The code and that of what is nested in it."""
+    yield code
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            yield from _blocks(constant)
+
+
 def refuse_degrees(node: ast.AST, file: str) -> None:
     """Raise Scenic's InvalidScenarioError, with file and line, if ``node`` gives a heading of more than one turn."""
     if isinstance(node, scenic_ast.FacingSpecifier):
@@ -39,9 +97,8 @@ def refuse_degrees(node: ast.AST, file: str) -> None:
         return
     for number in _numbers(angle):
         if abs(number) > 2 * math.pi:
-            what = f"`{statement}`: {number:g} is more than a turn of 2 pi radians; angles are in radians: "
-            error = InvalidScenarioError(f"{what}for degrees write {number:g} deg")
-            raise at(error, file, getattr(node, "lineno", 0))
+            what = f"`{statement}`: {number:g} is more than a turn of 2 pi radians; for degrees write {number:g} deg"
+            raise at(InvalidScenarioError(what), file, getattr(node, "lineno", 0))
 
 
 def _numbers(angle: ast.AST) -> Iterator[float]:
@@ -60,42 +117,15 @@ def _numbers(angle: ast.AST) -> Iterator[float]:
 
 def refuse_lost_statements(inherited: Any) -> None:
     """Raise Scenic's InvalidScenarioError if ``inherited``, the scenario that another one inherits, has any of them."""
-    file = (inherited._dummyNamespace or {}).get("__file__")
     lost = [(one.line, one.ty.value) for place in DROPPED for one in getattr(inherited, place)]
     if inherited._timeLimit is not None:
-        lost.append((_line_of_time_limit(file), "terminate after"))
-    if not lost:
-        return
-    named = ", ".join(f"`{kind}` (line {line})" for line, kind in sorted(lost))
-    error = InvalidScenarioError(
-        f"{named}: Scenic drops such statements from an imported program, and from the top level beside a `scenario`; "
-        "move them to the program, or into the scenario, that is run"
-    )
-    raise at(error, file, min(lost)[0])
-
-
-def _line_of_time_limit(file: str | None) -> int:
-    """The line of the first `terminate after`, which Scenic does not keep; 0 if it is not found."""
-    lines = Path(file).read_text(encoding="utf-8").splitlines() if file else []
-    found = (number for number, line in enumerate(lines, 1) if re.match(r"\s*terminate\s+after\b", line))
-    return next(found, 0)
-
-
-def refuse_actions(node: ast.AST, file: str) -> None:
-    """Raise Scenic's InvalidScenarioError, with file and line, if ``node`` takes a literal: `take [3]`."""
-    if not isinstance(node, scenic_ast.Take):
-        return
-    lists = (ast.List, ast.Tuple)
-    for action in [one for part in node.elts for one in (part.elts if isinstance(part, lists) else [part])]:
-        if isinstance(action, ast.Constant | ast.Dict | ast.JoinedStr | ast.List | ast.Set | ast.Tuple):
-            what = f"`take {ast.unparse(action)}`: an action is an object of a class of actions"
-            raise at(InvalidScenarioError(what), file, getattr(node, "lineno", 0))
-
-
-def refuse_time_limit(limit: Any) -> None:
-    """Raise Scenic's InvalidScenarioError if ``limit`` is a number with which `terminate after` makes no sense."""
-    if isinstance(limit, int | float) and not (math.isfinite(limit) and limit > 0):
-        raise InvalidScenarioError(f"`terminate after {limit}`: the time must be above 0")
+        # Scenic does not keep its line.
+        lost.append((0, "terminate after"))
+    if lost:
+        line, kind = max(lost)
+        what = "Scenic drops such statements from an imported program, and from the top level beside a `scenario`"
+        error = InvalidScenarioError(f"`{kind}`: {what}; move them to the program, or into the scenario, that is run")
+        raise at(error, (inherited._dummyNamespace or {}).get("__file__"), line)
 
 
 def refuse_same_names(scenario: Any) -> None:

@@ -5,8 +5,7 @@ vocabulary/model.scenic, from which a program may derive its own.
 """
 
 import math
-import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +32,12 @@ MOST_PIECES = 10_000
 # The simulator represents rough ground as a grid with cells of an eighth of the correlation length.
 GRID_FINENESS = 8
 MOST_NODES = 4_000_000
+# Sizes that others of the piece bound: the key, its largest value, what that is.
+BOUNDED: Mapping[str, tuple[str, Callable[[Mapping[str, Any]], float], str]] = {
+    "half_round": ("height_m", lambda piece: piece["length_m"] / 2, "half the length"),
+    "pothole": ("edge_m", lambda piece: piece["radius_m"], "the radius"),
+    "rough": ("correlation_m", lambda piece: min(piece["length_m"], piece["width_m"]), "the shorter side"),
+}
 COURSE_SIDES = ("x_min", "x_max", "y_min", "y_max")
 
 
@@ -49,7 +54,7 @@ def scene_with_obstacles(
     except UnusableError as problem:
         # Where the program, or one that it imports, creates the thing.
         file, number = getattr(problem.thing, "creationLine", (None, 0))
-        line = line_prefix(file, number, program) if number else _line_of_param(str(problem), program)
+        line = line_prefix(file, number, program) if number else ""
         raise FoldcarError(f"{program}: {where}: {line}{problem}") from None
 
 
@@ -93,7 +98,7 @@ def _scene_with_obstacles(scene: Any, needs_goal: bool) -> tuple[dict[str, Any],
     if len(goals) > 1:
         raise UnusableError("is a second Goal: the program must place exactly one", goals[1])
     if goal is not None:
-        check_goal_ahead(start, goal, terrain, goals[0])
+        check_goal_ahead(start, goal, goals[0])
     elif needs_goal:
         raise UnusableError("no Goal: the program must place one, or end the run: `terminate when …`")
     described = {"friction": friction, "terrain": terrain, "start": start, "goal": goal, "course": course}
@@ -108,15 +113,6 @@ def _goal(thing: Any) -> dict[str, Any]:
     if reach <= 0:
         raise UnusableError(f"reach: {thing.reach} is not above 0", thing)
     return {"kind": "disc", "x_m": place["x_m"], "y_m": place["y_m"], "radius_m": reach}
-
-
-def _line_of_param(message: str, program: Path) -> str:
-    """The line, as a prefix of ``message``, on which the program declares the parameter that the message begins with."""
-    named = re.match(r"param (\w+):", message)
-    text = program.read_text(encoding="utf-8").splitlines() if named else []
-    declared = re.compile(rf"\s*param\b.*\b{named[1]}\s*=") if named else None
-    lines = [number for number, line in enumerate(text, 1) if declared and declared.match(line)]
-    return f"line {lines[-1]}: " if lines else ""
 
 
 def terrain_pieces(thing: Any) -> list[dict[str, Any]]:
@@ -141,52 +137,26 @@ def _checked(part: Any, thing: Any) -> dict[str, Any]:
     if unknown:
         raise UnusableError(f"{kind}: unknown key {unknown[0]}; its keys are {', '.join(sizes)}", thing)
     checked: dict[str, Any] = {"kind": kind}
-    for key, limits in {**PLACE_KEYS, **sizes}.items():
-        if key in PLACE_KEYS and key not in part:
-            checked[key] = 0.0
-            continue
-        if key not in part:
+    for key, (low, high) in {**PLACE_KEYS, **sizes}.items():
+        if key in sizes and key not in part:
             raise UnusableError(f"{kind}: {key} is missing", thing)
-        checked[key] = _within(f"{kind}: {key}", part[key], limits, thing)
-    if kind == "half_round":
-        _not_above(checked, "height_m", checked["length_m"] / 2, "half the length", thing)
-    elif kind == "pothole":
-        _not_above(checked, "edge_m", checked["radius_m"], "the radius", thing)
-    elif kind == "rough":
-        _check_rough(checked, thing)
+        checked[key] = finite(f"{kind}: {key}", part.get(key, 0.0), thing)
+        if not low <= checked[key] <= high:
+            hint = "; lengths are in metres" if high == HEIGHT_M[1] else ""
+            raise UnusableError(f"{kind}: {key}: {part[key]} is not within {low:g} to {high:g}{hint}", thing)
+    if kind in BOUNDED:
+        key, limit, what = BOUNDED[kind]
+        if checked[key] > limit(checked):
+            raise UnusableError(f"{kind}: {key}: {checked[key]:g} is above {what}, {limit(checked):g}", thing)
+    if kind == "rough":
+        cells = GRID_FINENESS / checked["correlation_m"]
+        nodes = (checked["length_m"] * cells + 1) * (checked["width_m"] * cells + 1)
+        if nodes > MOST_NODES:
+            raise UnusableError(f"rough: correlation_m: makes {nodes:.3g} heights, the limit is {MOST_NODES:.3g}", thing)
+        if checked["seed"] != int(checked["seed"]):
+            raise UnusableError(f"rough: seed: {checked['seed']:g} is not a whole number", thing)
+        checked["seed"] = int(checked["seed"])
     return checked
-
-
-def _check_rough(piece: dict[str, Any], thing: Any) -> None:
-    length, width, correlation = piece["length_m"], piece["width_m"], piece["correlation_m"]
-    _not_above(piece, "correlation_m", min(length, width), "the shorter side", thing)
-    cells = GRID_FINENESS / correlation
-    nodes = (length * cells + 1) * (width * cells + 1)
-    if nodes > MOST_NODES:
-        raise UnusableError(
-            f"rough: correlation_m: {correlation:g} makes a grid of {nodes:.3g} heights, "
-            f"which is above the limit {MOST_NODES:.3g}; enlarge it or shrink the rectangle",
-            thing,
-        )
-    if piece["seed"] != int(piece["seed"]):
-        raise UnusableError(f"rough: seed: {piece['seed']:g} is not a whole number", thing)
-    piece["seed"] = int(piece["seed"])
-
-
-def _not_above(piece: Mapping[str, Any], key: str, limit: float, what: str, thing: Any) -> None:
-    if piece[key] > limit:
-        raise UnusableError(f"{piece['kind']}: {key}: {piece[key]:g} is above {what}, {limit:g}", thing)
-
-
-def _within(name: str, value: Any, limits: tuple[float, float], thing: Any) -> float:
-    low, high = limits
-    read = finite(name, value, thing)
-    if read < low:
-        raise UnusableError(f"{name}: {value} is below the limit {low:g}", thing)
-    if read > high:
-        hint = "; lengths are in metres" if limits[1] == HEIGHT_M[1] else ""
-        raise UnusableError(f"{name}: {value} is above the limit {high:g}{hint}", thing)
-    return read
 
 
 def _placed(part: dict[str, Any], place: Mapping[str, float]) -> dict[str, Any]:

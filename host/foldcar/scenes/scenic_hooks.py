@@ -1,9 +1,8 @@
 """What foldcar changes in Scenic's compiler while it compiles a program.
 
-`new` refuses unknown properties and `mutate` takes Points. Headings in degrees, names that are nowhere defined and
-statements that Scenic would drop are refused. Statements keep the lines that they are on: Scenic gives `ego = …` the
-line of the block around it. The vocabulary is parsed once. The names of Scenic 3.1 that are used here are not public;
-tests fail when they change.
+`mutate` takes Points, and what does not mean what it says is refused (see refused_statements). Statements keep the lines
+that they are on: Scenic gives `ego = …` the line of the block around it. The vocabulary is parsed once. The names of
+Scenic 3.1 that are used here are not public; tests fail when they change.
 """
 
 import ast
@@ -23,10 +22,15 @@ from scenic.syntax import translator, veneer
 from scenic.syntax.compiler import ScenicToPythonTransformer
 from scenic.syntax.parser import parse_string
 
-from foldcar.scenes.misspelt import check_module, check_parameters, check_properties, refuse_undefined_names
 from foldcar.scenes.mutation import Mutations
 from foldcar.scenes.program import VOCABULARY_DIR
-from foldcar.scenes.refused_statements import refuse_actions, refuse_degrees, refuse_lost_statements, refuse_time_limit
+from foldcar.scenes.refused_statements import (
+    refuse_degrees,
+    refuse_lost_statements,
+    refuse_misspelt_parameters,
+    refuse_misspelt_properties,
+    refuse_undefined_names,
+)
 
 
 @contextlib.contextmanager
@@ -38,36 +42,26 @@ def hooks(mutations: Mutations) -> Iterator[None]:
     compiler, scenario = ScenicToPythonTransformer, DynamicScenario
     scenics_new, scenics_mutate, scenics_visit = veneer.new, veneer.mutate, compiler.visit
     scenics_execute, scenics_inherit = translator.executeCodeIn, scenario._inherit
-    scenics_terminate_after, scenics_param = veneer.terminate_after, veneer.param
-    scenics_compile = PendingRequirement.compile
+    scenics_param, scenics_compile = veneer.param, PendingRequirement.compile
     compiling = True
 
     def new(cls: Any, specifiers: list[Any]) -> Any:
         if not (isinstance(cls, type) and issubclass(cls, Constructible)):
             return scenics_new(cls, specifiers)
-        check_properties(cls, specifiers, sys._getframe(1))
+        refuse_misspelt_properties(cls, specifiers, sys._getframe(1))
         return mutations.create(cls, specifiers) if compiling else scenics_new(cls, specifiers)
 
     def mutate(*things: Any, scale: Any = 1) -> None:
         objects = mutations.mutate_points(things, scale) if compiling else list(things)
-        if things and not objects:
-            return
-        scenics_mutate(*objects, scale=scale)
-        if compiling:
-            for thing in objects or veneer.currentScenario._objects:
-                mutations.note(thing)
+        if objects or not things:
+            scenics_mutate(*objects, scale=scale)
 
     def param(params: dict[str, Any]) -> None:
-        check_parameters(params, sys._getframe(1))
+        refuse_misspelt_parameters(params, sys._getframe(1))
         scenics_param(params)
-
-    def terminate_after(limit: Any, unit: Any = None) -> None:
-        refuse_time_limit(limit)
-        scenics_terminate_after(limit, unit)
 
     def visit(self: Any, node: Any) -> Any:
         refuse_degrees(node, self.filename)
-        refuse_actions(node, self.filename)
         made = scenics_visit(self, node)
         if isinstance(node, ast.AST) and hasattr(node, "lineno"):
             for one in made if isinstance(made, list) else [made]:
@@ -83,8 +77,6 @@ def hooks(mutations: Mutations) -> Iterator[None]:
     def execute(code: CodeType, namespace: dict[str, Any]) -> None:
         scenics_execute(code, namespace)
         refuse_undefined_names(code, namespace)
-        if Path(code.co_filename).parent != VOCABULARY_DIR:
-            check_module(code, namespace, sys._getframe(1))
 
     def inherit(self: Any, other: Any) -> None:
         refuse_lost_statements(other)
@@ -94,20 +86,21 @@ def hooks(mutations: Mutations) -> Iterator[None]:
         # Of its syntax Scenic infers where samples can be, also from what is said of the run, such as its endings.
         return scenics_compile(self, namespace, scenario, syntax if self.ty.constrainsSampling else None)
 
-    veneer.new, veneer.mutate, compiler.visit = new, mutate, visit
-    veneer.terminate_after, veneer.param = terminate_after, param
-    translator.executeCodeIn, scenario._inherit = execute, inherit
-    PendingRequirement.compile = compile_requirement
-    translator.parse_string = parse
+    changes: list[tuple[Any, str, Any]] = [
+        *((veneer, one.__name__, one) for one in (new, mutate, param)),
+        *((translator, "executeCodeIn", execute), (translator, "parse_string", parse)),
+        *((compiler, "visit", visit), (scenario, "_inherit", inherit)),
+        (PendingRequirement, "compile", compile_requirement),
+    ]
+    originals = [(owner, name, getattr(owner, name)) for owner, name, _ in changes]
+    for owner, name, changed in changes:
+        setattr(owner, name, changed)
     try:
         yield
     finally:
         compiling = False
-        veneer.new, veneer.mutate, compiler.visit = scenics_new, scenics_mutate, scenics_visit
-        veneer.terminate_after, veneer.param = scenics_terminate_after, scenics_param
-        translator.executeCodeIn, scenario._inherit = scenics_execute, scenics_inherit
-        PendingRequirement.compile = scenics_compile
-        translator.parse_string = parse_string
+        for owner, name, original in originals:
+            setattr(owner, name, original)
 
 
 @cache

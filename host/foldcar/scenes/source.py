@@ -8,11 +8,7 @@ their number and order. Scenic draws from the global generators of Python and nu
 import contextlib
 import hashlib
 import io
-import json
-import os
 import random
-import re
-import subprocess
 import sys
 from collections.abc import Iterator, Mapping
 from functools import cached_property
@@ -20,7 +16,6 @@ from pathlib import Path
 from typing import Any
 
 from foldcar.errors import FoldcarError
-from foldcar.installation import python_command
 from foldcar.interrupts import at_once
 from foldcar.scenes.contained import contained
 from foldcar.scenes.obstacles import Obstacle
@@ -31,22 +26,17 @@ from foldcar.scenes.success import SuccessRule, success_rule
 
 # Scenic's default. A program whose samples are rejected this often has requirements that are almost never fulfilled.
 MAX_ITERATIONS = 2000
-SAMPLE_LIMIT_S = 10.0
-# Samples that are drawn again with another order of sets, of programs that have any.
-REPEATED = 8
-TEXTS_AND_COMMENTS = re.compile(r"'''.*?'''|\"\"\".*?\"\"\"|'[^'\n]*'|\"[^\"\n]*\"|#[^\n]*", re.DOTALL)
-SETS = re.compile(r"\b(?:frozen)?set\(|\{[^{}:]+\}")
+SAMPLE_LIMIT_S = 40.0
 
 
 class SceneSource:
     """A compiled program from which scenes are sampled. Made by :func:`open_environment`."""
 
-    def __init__(self, program: Path, files: ProgramFiles, scenario: Any, seed: int, params: Mapping[str, Any]) -> None:
+    def __init__(self, program: Path, files: ProgramFiles, scenario: Any, seed: int) -> None:
         self.program = program
         self.files = files
         self.seed = seed
         self.scenario = scenario
-        self.params = params
         self._first: dict[str, Any] | None = None
 
     @property
@@ -65,13 +55,6 @@ class SceneSource:
         if self._first is None:
             self._first = self.sample(0)
         return self.files.fix()
-
-    def mutation_notes(self) -> list[str]:
-        """What `mutate` moves without what is placed relative to it (see mutation.py)."""
-        from foldcar.scenes.mutation import mutation_notes
-
-        with seeded(f"{self.seed}/compile"):
-            return mutation_notes(self.program, self.files.apart(), self.params, self.scenario)
 
     def sample(self, k: int) -> dict[str, Any]:
         """Sample ``k`` (0, 1, …) as the "scene" object of docs/carsim.md without its id.
@@ -157,12 +140,12 @@ def open_environment(
     {"sample": its number, "objects": names, "params": names}; without "objects" and "params", everything.
 
     Raises FoldcarError in one line if the file is missing or does not compile, if a parameter or a name is
-    unknown or of the wrong type, or if samples would depend on one another.
+    unknown or of the wrong type.
     """
     with at_once(), seeded(f"{seed}/compile"):
         found = ProgramFiles(program, files)
         scenario = compile_program(program, params, found)
-    source = SceneSource(program, found, scenario, seed, params)
+    source = SceneSource(program, found, scenario, seed)
     if condition is not None:
         from foldcar.scenes.conditioning import condition as freeze
 
@@ -171,7 +154,6 @@ def open_environment(
             freeze(scenario, scene, condition.get("objects"), condition.get("params"))
         except FoldcarError as error:
             raise FoldcarError(f"{program}: {error}") from None
-    _refuse_hash_dependence(source, condition)
     return source
 
 
@@ -198,49 +180,3 @@ def seeded(text: str) -> Iterator[None]:
     finally:
         random.setstate(python_state)
         numpy.random.set_state(numpy_state)
-
-
-def _refuse_hash_dependence(source: SceneSource, condition: Mapping[str, Any] | None) -> None:
-    """Raise FoldcarError if ``source`` gives other samples here than where sets of texts have their fixed order.
-
-    The command foldcar and its workers fix Python's hash seed (foldcar/__main__.py), other Pythons do not.
-    """
-    if not (sys.flags.hash_randomization and _has_sets(source.program.parent)):
-        return
-    opening = [str(source.program), source.params, source.seed, condition]
-    done = subprocess.run(
-        python_command("foldcar.scenes.source"),
-        input=json.dumps(opening),
-        env={**os.environ, "PYTHONHASHSEED": "0"},
-        stdout=subprocess.PIPE,
-        text=True,
-        check=False,
-    )
-    if done.returncode != 0 or json.loads(done.stdout) != _drawn(source):
-        raise FoldcarError(
-            f"{source.program}: its samples depend on the order of a set, which differs from one Python to the next: "
-            "take `sorted(…)` of the set, or start Python with PYTHONHASHSEED=0, as the command foldcar does"
-        )
-
-
-def main() -> None:
-    """In the other process: the program on standard input, its samples on standard output."""
-    program, *rest = json.load(sys.stdin)
-    print(json.dumps(_drawn(open_environment(Path(program), *rest))))
-
-
-def _has_sets(folder: Path) -> bool:
-    """Whether a program of the folder, or Python beside it, has sets, by the look of it."""
-    texts = (file.read_text(errors="replace") for file in folder.iterdir() if file.suffix in (".scenic", ".py"))
-    return any(SETS.search(TEXTS_AND_COMMENTS.sub("", text)) for text in texts)
-
-
-def _drawn(source: SceneSource) -> list[Any]:
-    """The first samples; what fails says why."""
-    drawn: list[Any] = []
-    for k in range(REPEATED):
-        try:
-            drawn.append(source.sample(k))
-        except FoldcarError as error:
-            drawn.append(str(error))
-    return drawn

@@ -35,15 +35,6 @@ class SuccessRule:
     endings: frozenset[str] = frozenset()
 
 
-@dataclass(frozen=True, slots=True)
-class _Approach:
-    """A condition to terminate on a small distance of the car from a place: its line, its text, the place's text."""
-
-    line: int
-    text: str
-    place: str
-
-
 def success_rule(scenario: Any, program: Path) -> SuccessRule:
     """The rule of a compiled program."""
     goal = any(is_a(thing, "Goal") for thing in scenario.objects)
@@ -56,16 +47,14 @@ def success_rule(scenario: Any, program: Path) -> SuccessRule:
     else:
         conditions = [*scenario.terminationConditions, *scenario.terminateSimulationConditions]
         lines = {condition.line for condition in conditions}
-        # Without conditions, as in most programs, it need not be parsed.
-        found = [one for one in _approaches(program, scenario, goal) if one.line in lines] if lines else []
-        named = [one for one in found if one.place.lower() == TARGET]
-        if len({one.place for one in found}) > 1 and named:
-            found = named
-        if len({one.place for one in found}) > 1:
-            ambiguous = " (it measures the distance to several places, and none is named `target`)"
-        else:
-            ways += [f"`{one.text}` (line {one.line}) ends it with the car upright" for one in found]
-            endings = frozenset(str(c) for c in conditions if c.line in {one.line for one in found})
+        # Without conditions, as in most programs, it need not be parsed. Of each its line, its text, the place's text.
+        found = [one for one in _approaches(program, scenario, goal) if one[0] in lines] if lines else []
+        if len({place for _, _, place in found}) > 1:
+            found = [one for one in found if one[2].lower() == TARGET]
+            if not found:
+                ambiguous = " (it measures the distance to several places, and none is named `target`)"
+        ways += [f"`{text}` (line {line}) ends it with the car upright" for line, text, _ in found]
+        endings = frozenset(str(c) for c in conditions if c.line in {line for line, _, _ in found})
     if ways:
         return SuccessRule(True, f"a run has passed if {', or if '.join(ways)}, within the time limit", endings)
     return SuccessRule(
@@ -75,8 +64,11 @@ def success_rule(scenario: Any, program: Path) -> SuccessRule:
     )
 
 
-def _approaches(program: Path, scenario: Any, goal: bool) -> Iterator[_Approach]:
-    """The program's conditions to terminate that hold when the car is close to its Goal or, without one, to a place."""
+def _approaches(program: Path, scenario: Any, goal: bool) -> Iterator[tuple[int, str, str]]:
+    """The program's conditions to terminate that hold when the car is close to its Goal or, without one, to a place.
+
+    Of each its line, its text and the place's text.
+    """
     source = program.read_text(encoding="utf-8")
     things = named_things(scenario)
     for node in ast.walk(_parsed(source)):
@@ -87,7 +79,7 @@ def _approaches(program: Path, scenario: Any, goal: bool) -> Iterator[_Approach]
             place = _approached(part)
             if place is not None and _is_target(place, things, goal):
                 text = " ".join((ast.get_source_segment(source, node) or "").split())
-                yield _Approach(condition.lineno, text, ast.get_source_segment(source, place) or ast.dump(place))
+                yield condition.lineno, text, ast.get_source_segment(source, place) or ast.dump(place)
 
 
 @cache

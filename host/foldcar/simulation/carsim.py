@@ -9,15 +9,13 @@ import math
 import subprocess
 from bisect import bisect_right
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
 from foldcar.car.body import TableRow
 from foldcar.simulation import results
 from foldcar.simulation.engines import ENGINES, MULTIBODY, engine_title, find_carsim
-from foldcar.simulation.kept import KeptRunner, RunProcess
 from foldcar.simulation.runner import KEPT_INTERVAL_S, CarsimError, RunRequest, process_ending
 
 T = TypeVar("T")
@@ -148,7 +146,7 @@ class Carsim:
         killed = answer.returncode < 0
         # A line without its end was being written.
         whole = [line for line in answer.stdout.splitlines(keepends=True) if line.endswith("\n")]
-        results = [self.read_answer(line, requests) for line in whole]
+        results = [self._read_answer(line, requests) for line in whole]
         if killed and len(results) < len(requests):
             return results, process_ending(answer.returncode, answer.stderr)
         expected = 2 if any("error" in result for result in results) else 0
@@ -157,7 +155,7 @@ class Carsim:
             raise CarsimError(f"{self.binary}: {ending} after {len(results)} of {len(requests)} runs")
         return results, ""
 
-    def read_answer(self, line: str, requests: Sequence[RunRequest]) -> dict[str, Any]:
+    def _read_answer(self, line: str, requests: Sequence[RunRequest]) -> dict[str, Any]:
         """The answer to one of ``requests``, whose index is its id; CarsimError if the simulator refuses its input."""
         try:
             answer = json.loads(line)
@@ -214,36 +212,6 @@ class Carsim:
         if self._stops != stops:
             raise CarsimError(f"{self.binary}: stopped")
         return subprocess.CompletedProcess(command, process.returncode, output, messages)
-
-
-class _KeptProcess(RunProcess):
-    """One `carsim batch`, which knows the last body and the last scene."""
-
-    def __init__(self, carsim: Carsim) -> None:
-        super().__init__([*carsim.command, "batch"], stderr=subprocess.DEVNULL)
-        self._carsim = carsim
-        self._known: dict[str, str] = {}
-
-    def answer(self, body: str, scene: str, request: RunRequest) -> dict[str, Any] | None:
-        """As in RunProcess."""
-        given = {"body": body, "scene": scene}
-        lines = [input_line(kind, kind, text) for kind, text in given.items() if self._known.get(kind) != text]
-        self._known = given
-        answer = self.ask(*lines, run_line("0", replace(request, body="body", scene="scene")))
-        return self._carsim.read_answer(answer, [request]) if answer else None
-
-    def close(self) -> int:
-        """As in LineProcess; it has nothing to tidy up."""
-        self.kill()
-        return super().close()
-
-
-class KeptCarsim(KeptRunner[_KeptProcess]):
-    """A Runner on ``carsim``'s program in processes that stay, for callers that want one run after another."""
-
-    def __init__(self, carsim: Carsim) -> None:
-        super().__init__(partial(_KeptProcess, carsim))
-        self.carsim = carsim
 
 
 def input_line(kind: str, name: str, object_text: str) -> str:

@@ -3,12 +3,12 @@
 Input: a body, a scene and settings as JSON text, then times to advance to. Output: states and the result.
 """
 
+import contextlib
 import json
+import subprocess
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from foldcar.scenes.contained import excused
-from foldcar.simulation.kept import LineProcess
 from foldcar.simulation.runner import CarsimError, process_ending
 
 
@@ -42,6 +42,37 @@ class SimulatorDiedError(TrialFailedError):
     """The simulator process ended in the middle of the trial, of itself or from outside."""
 
 
+class LineProcess:
+    """A process that answers lines; for one thread. CarsimError if it cannot be started."""
+
+    def __init__(self, command: Sequence[str], **options: Any) -> None:
+        try:
+            self._process = subprocess.Popen(
+                command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, encoding="utf-8", errors="replace", **options
+            )
+        except OSError as error:
+            raise CarsimError(f"{command[0]}: cannot be started: {error.strerror}") from error
+
+    def ask(self, *lines: str) -> str:
+        """The line that answers ``lines``; "" if the process has died before its end."""
+        assert self._process.stdin is not None and self._process.stdout is not None
+        with contextlib.suppress(OSError, ValueError):
+            self._process.stdin.write("\n".join(lines) + "\n")
+            self._process.stdin.flush()
+            answer: str = self._process.stdout.readline()
+            if answer.endswith("\n"):
+                return answer
+        return ""
+
+    def close(self) -> int:
+        """Ask nothing more and wait for its end: its return code."""
+        for pipe in (self._process.stdin, self._process.stdout):
+            assert pipe is not None
+            with contextlib.suppress(OSError):
+                pipe.close()
+        return self._process.wait()
+
+
 class SteppedCarsim:
     """A simulator process, started by ``command``. For one thread; a context manager, whose end ends the process."""
 
@@ -49,7 +80,6 @@ class SteppedCarsim:
         self._command = command
         self.binary = command[0]
         self._process: LineProcess | None = None
-        self._known: dict[str, str] = {}
         self._awaits_answer = False
 
     def __enter__(self) -> "SteppedCarsim":
@@ -71,15 +101,9 @@ class SteppedCarsim:
         if not self.alive:
             self.close()
             self._process = LineProcess([*self._command, "step"])
-            self._known = {}
-        lines = []
-        for kind, text in (("body", body), ("scene", scene)):
-            if self._known.get(kind) != text:
-                lines.append(f'{{"{kind}": {{"id": "{kind}", {text[1:]}}}')
+        lines = [f'{{"{kind}": {{"id": "{kind}", {text[1:]}}}' for kind, text in (("body", body), ("scene", scene))]
         lines.append(f'{{"run": {{"id": "run", "body": "body", "scene": "scene", {settings[1:]}}}')
-        answer = _advanced(self._ask(*lines))
-        self._known = {"body": body, "scene": scene}
-        return answer
+        return _advanced(self._ask(*lines))
 
     def advance(self, to_s: float) -> Advanced:
         """Advance to that time of the trial, or to its end if that comes first."""
@@ -105,8 +129,7 @@ class SteppedCarsim:
             raise CarsimError(f"{self.binary}: no trial is under way")
         # Stays set if an exception, such as a time limit's, comes in between.
         self._awaits_answer = True
-        with excused():
-            line = self._process.ask(*lines)
+        line = self._process.ask(*lines)
         if not line:
             raise SimulatorDiedError(f"the simulation crashed ({process_ending(self.close())})")
         answer: dict[str, Any] = json.loads(line)

@@ -2,37 +2,42 @@
 
 Input: bodies, scenes and settings as JSON text, and which sample each scene is. Output: one answer a run, in order: a
 result of carsim with "recorded" (see scenic_simulator), or ``{"error": message}`` for a run that failed. Scenic runs one
-simulation a process at a time, hence one worker for each call under way; each compiles the program once.
+simulation a process at a time, hence one worker for each call under way; each compiles the program once, and stays.
 """
 
+import contextlib
 import json
 import os
+import signal
+import threading
+import weakref
 from collections.abc import Mapping, Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 from foldcar.installation import python_command
 from foldcar.scenes.program_files import Files
-from foldcar.simulation.kept import KeptRunner, RunProcess
-from foldcar.simulation.runner import CarsimError, RunRequest
+from foldcar.simulation.carsim_step import LineProcess
+from foldcar.simulation.runner import CarsimError, RunRequest, process_ending
+
+# What has happened to a run of which a worker dies.
+CRASH = "the process that simulates with Scenic died"
 
 
-class _Worker(RunProcess):
-    """One scenic_worker; ``opening`` is the line with which it compiles the program."""
-
-    crash = "the process that simulates with Scenic died"
+class _Worker(LineProcess):
+    """One scenic_worker, for one thread, but for `kill`; ``opening`` is the line with which it compiles the program."""
 
     def __init__(self, opening: str) -> None:
         # As in foldcar/__main__.py, for those who call from Python. Threads for linear algebra would do nothing but make
         # every copy of the process slower.
         environment = {**os.environ, "PYTHONHASHSEED": "0", "OPENBLAS_NUM_THREADS": "1"}
         command = python_command("foldcar.simulation.worker", "foldcar.simulation.scenic_worker")
-        super().__init__(command, env=environment)
+        # A session of its own keeps Ctrl-C from it.
+        super().__init__(command, env=environment, start_new_session=True)
         self._opening: str | None = opening
 
     def answer(self, body: str, scene: str, request: RunRequest) -> dict[str, Any] | None:
-        """As in RunProcess."""
+        """The answer to a run, None if the process has died. CarsimError if it refuses what it is given."""
         if self._opening is not None:
             ready = json.loads(self.ask(self._opening) or "null")
             if ready is None:
@@ -46,9 +51,15 @@ class _Worker(RunProcess):
             raise CarsimError(f"{request.label}: {answer['refused']}")
         return answer if answer is None or "error" in answer else answer["result"]
 
+    def kill(self) -> None:
+        """Kill the process, with its copies and simulators: they are the process group of its session."""
+        if self._process.returncode is None:
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(self._process.pid, signal.SIGKILL)
 
-class ScenicRunner(KeptRunner[_Worker]):
-    """Worker processes for one environment. CarsimError of a run also if the program cannot be opened.
+
+class ScenicRunner:
+    """A Runner: workers for one environment, kept until `close`. CarsimError also if the program cannot be opened.
 
     ``condition`` is the listing's, or None; ``files`` are what the program must consist of (see open_environment);
     ``command`` starts carsim (see Carsim). ``environment`` holds what the environment is besides its program's place, by
@@ -71,5 +82,72 @@ class ScenicRunner(KeptRunner[_Worker]):
             "condition": None if condition is None else dict(condition),
             "files": None if files is None else dict(files),
         }
-        opening = {"program": str(program), **self.environment, "command": list(command)}
-        super().__init__(partial(_Worker, json.dumps(opening)))
+        self._opening = json.dumps({"program": str(program), **self.environment, "command": list(command)})
+        self._forget()
+        reference = weakref.ref(self)
+
+        def forget() -> None:
+            if (runner := reference()) is not None:
+                runner._forget()
+
+        # A forked process must not talk to its parent's.
+        os.register_at_fork(after_in_child=forget)
+
+    def _forget(self) -> None:
+        self._lock, self._idle, self._busy = threading.Lock(), list[_Worker](), set[_Worker]()
+
+    def run(
+        self, bodies: Mapping[str, str], scenes: Mapping[str, str], requests: Sequence[RunRequest]
+    ) -> list[dict[str, Any]]:
+        """As in Runner."""
+        answers: list[dict[str, Any]] = []
+        process: _Worker | None = None
+        try:
+            for request in requests:
+                answer, ending = None, ""
+                # A process that dies takes the run with it only if the next one dies of it too.
+                for _ in range(2):
+                    process = process or self._take()
+                    answer = process.answer(bodies[request.body], scenes[request.scene], request)
+                    if process not in self._busy:
+                        raise CarsimError("stopped")
+                    if answer is not None:
+                        break
+                    ending, process = f"{CRASH} ({process_ending(self._drop(process))})", None
+                answers.append({"error": ending} if answer is None else answer)
+        except BaseException:
+            if process is not None:
+                self._drop(process)
+            raise
+        with self._lock:
+            if process in self._busy:
+                self._busy.remove(process)
+                self._idle.append(process)
+        return answers
+
+    def stop(self) -> None:
+        """As in Runner."""
+        with self._lock:
+            busy, self._busy = self._busy, set()
+        for process in busy:
+            process.kill()
+
+    def close(self) -> None:
+        """End all processes; the next call starts new ones."""
+        self.stop()
+        with self._lock:
+            idle, self._idle = self._idle, []
+        for process in idle:
+            process.close()
+
+    def _take(self) -> _Worker:
+        with self._lock:
+            process = self._idle.pop() if self._idle else _Worker(self._opening)
+            self._busy.add(process)
+        return process
+
+    def _drop(self, process: _Worker) -> int:
+        with self._lock:
+            self._busy.discard(process)
+        process.kill()
+        return process.close()

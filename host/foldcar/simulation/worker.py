@@ -10,7 +10,6 @@ import gc
 import json
 import os
 import select
-import signal
 import sys
 import threading
 import traceback
@@ -88,18 +87,14 @@ class Forked:
         os.waitpid(self._process, 0)
 
     def ask(self, question: Answer) -> Answer:
-        """The copy's answer.
-
-        A copy that dies without one takes this process with it, in the same way, so that whoever started this one
-        learns how.
-        """
+        """The copy's answer. A copy that dies without one takes this process with it."""
         data = (json.dumps(question) + "\n").encode()
         with contextlib.suppress(BrokenPipeError):
             while data:
                 data = data[os.write(self._questions, data) :]
         line = self._reader.readline()
         if not line.endswith("\n"):
-            _die_of(os.waitpid(self._process, 0)[1])
+            os._exit(1)
         answer: Answer = json.loads(line)
         return answer
 
@@ -121,18 +116,3 @@ def _serve(answer: Callable[[Answer], Answer], asked: int, answered: int) -> NoR
         traceback.print_exc()
     finally:
         os._exit(code)
-
-
-def _die_of(status: int) -> NoReturn:
-    """End this process as a process with that wait status ended."""
-    # Not on Windows, which has no fork either.
-    import resource
-
-    if os.WIFSIGNALED(status):
-        # The first of the processes has written a core file, if any is wanted.
-        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-        with contextlib.suppress(OSError):
-            # SIGKILL needs no handler and takes none.
-            signal.signal(os.WTERMSIG(status), signal.SIG_DFL)
-        os.kill(os.getpid(), os.WTERMSIG(status))
-    os._exit(os.waitstatus_to_exitcode(status))

@@ -5,8 +5,7 @@ is compiled when first needed, which takes most of a second, and not at all if t
 """
 
 import contextlib
-import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -113,11 +112,6 @@ class Environment:
         with contextlib.closing(scenic) as runner:
             yield runner
 
-    def mutation_notes(self) -> list[str]:
-        """What `mutate` moves without what is placed relative to it; programs without the word are not compiled."""
-        text = self._experiment.program.read_text(encoding="utf-8", errors="replace")
-        return self._open().mutation_notes() if re.search(r"\b(mutate|import|model (?!model\b))", text) else []
-
     def _open(self) -> SceneSource:
         if self._source is None:
             e = self._experiment
@@ -129,9 +123,3 @@ class Environment:
         source = self._open()
         source.fixed_files()
         return source
-
-
-def mutation_notes(environments: Iterable[Environment]) -> list[str]:
-    """The notes on `mutate` for each of the environments' programs. FoldcarError."""
-    programs = {environment.program: environment for environment in environments}
-    return [note for one in programs.values() for note in one.mutation_notes()]

@@ -74,9 +74,6 @@ class StoredSamples:
             for k in sorted({self._scenes - 1, 0} if self._scenes else (), reverse=True):
                 self._confirm(k)
         for k in range(self._scenes, sample + 1):
-            if k.bit_count() == 1:
-                # Now and then, for what differs by chance: it raises if sample 0 is another than the first time.
-                environment.sample(0)
             scene = environment.sample(k)
             writer.put_sample(self._environment_id, k, scene, environment.scene_identity(k, self._dynamic))
             self._scenes = k + 1

@@ -111,25 +111,10 @@ class Family:
         return self._checked[values]
 
     def _errors(self, values: Mapping[str, float]) -> list[DesignError]:
-        """All that is wrong with a design: the values beyond their limits, and what is wrong beside them."""
+        """What is wrong with a design: all values beyond their limits or, with none, what else is wrong first."""
         beyond = design_errors(self.type, values, chosen(self.parts))
-        defaults = {key: parameters()[key].declared.default_with(chosen(self.parts)) for key in values}
-        # Beside defaults for the values beyond their limits: what is wrong whatever takes their place.
-        tried, others = {**values, **{key: defaults[key] for key in beyond}}, dict[str | None, DesignError]()
-        while (error := self._first_error(tried)) is not None:
-            key = error.parameter
-            if key is None or key not in values or tried[key] == parameters()[key].declared.maximum:
-                others.setdefault(key, error)
-                break
-            # The default may be too short for the parts as well.
-            tried[key] = parameters()[key].declared.maximum if key in others else defaults[key]
-            others.setdefault(key, error)
-        # At the limits the parts around may ask for more.
-        for key, (first, limit) in beyond.items():
-            error = self._first_error({**tried, key: limit})
-            if error is not None and error.parameter == key:
-                beyond[key] = (DesignError(key, f"{first.message}; at that limit: {error.message}"), limit)
-        return [*(error for error, _ in beyond.values()), *others.values()]
+        first = self._first_error(values)
+        return [error for error, _ in beyond.values()] or ([] if first is None else [first])
 
     def _first_error(self, values: Mapping[str, float]) -> DesignError | None:
         try:

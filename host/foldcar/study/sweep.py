@@ -94,7 +94,7 @@ class Sweep:
                 )
                 for one, environment in chosen
             ]  # fmt: skip
-            for line in self._announced(plans, unlike, writer):
+            for line in self._announced(plans, unlike):
                 announce(line)
             counts.judged = sum(
                 len(self.designs[plan.id]) * plan.environments for plan in plans if plan.facts["success_defined"]
@@ -130,9 +130,7 @@ class Sweep:
             if not environment.success.defined:
                 raise FoldcarError(f"{experiment.place}: --until has nothing to decide: {environment.success.text}")
 
-    def _announced(
-        self, plans: Sequence[PlannedExperiment], unlike: Mapping[str, str], writer: StoreWriter
-    ) -> Iterator[str]:
+    def _announced(self, plans: Sequence[PlannedExperiment], unlike: Mapping[str, str]) -> Iterator[str]:
         """What holds for the sweep: the rules of success, each with its experiments, and what is left out."""
         experiments: dict[str, list[str]] = {}
         for plan in plans:
@@ -142,9 +140,6 @@ class Sweep:
         for name, what in unlike.items():
             if what:
                 yield f"experiment {name}: {unlike_sides_text(what)}"
-        for plan in plans if self.until and self.carsim.engine else ():
-            if writer.multibody_counts(plan) is None:
-                yield f"experiment {plan.id}: no multibody runs in the store: designs in the listing's order"
         for one in self.study.experiments:
             skipped = one.family.skipped
             if skipped:

@@ -14,8 +14,15 @@ from page_block import replaced
 
 from foldcar.errors import FoldcarError
 from foldcar.outputs import atomic_file
-from foldcar.report.crosscheck_agreement import Agreement, Case, Pair, agreement
-from foldcar.report.crosscheck_page import COMPARISON_HEAD, column_name, comparison_row
+from foldcar.report.crosscheck_agreement import (
+    COMPARISON_HEAD,
+    Agreement,
+    Case,
+    Pair,
+    agreement,
+    column_name,
+    comparison_row,
+)
 from foldcar.simulation.engines import ELLIPSOID, HALF_STEP, MUJOCO, MULTIBODY, SIDE_VIEW
 from foldcar.simulation.results import NUMBERS
 

@@ -33,6 +33,10 @@ FLAGS = [
     "--window-size=1100,900",
 ]
 HANGS_S = 600
+# What goes wrong on a page is in ``errors``.
+ERRORS = """window.errors = [];
+addEventListener("error", event => errors.push("error: " + event.message));
+addEventListener("unhandledrejection", event => errors.push("rejected: " + event.reason));"""
 
 
 def browse(page: Path | str, fragment: str, *options: str) -> str:
@@ -81,6 +85,8 @@ class Tab:
         width, height = self._size
         metrics = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
         self.send("Emulation.setDeviceMetricsOverride", **metrics)
+        self.send("Page.enable")
+        self.send("Page.addScriptToEvaluateOnNewDocument", source=ERRORS)
         self.send("Page.navigate", url=self._address)
         return self
 

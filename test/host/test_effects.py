@@ -9,7 +9,6 @@ from scipy.stats import norm
 from threadpoolctl import threadpool_limits
 
 from foldcar.analysis.effects import Effects, fit_effects
-from foldcar.analysis.gaussian_process import success_model
 from foldcar.errors import FoldcarError
 
 ENVIRONMENTS = 60
@@ -36,22 +35,17 @@ def fitted(x: Any, seed: int, environments: int = ENVIRONMENTS) -> Effects:
         return fit_effects(x, design, environment, score(x)[design] > difficulty[environment])
 
 
-def held(effects: Effects, x: Any, parameter: int) -> Any:
-    """Whether the band holds the true effect at each value: the mean over the combinations of the others."""
-    found = effects.effect(parameter)
-    points = numpy.unique(numpy.delete(x, parameter, axis=1), axis=0)
-    truth = [
-        norm.cdf(score(numpy.insert(points, parameter, value, axis=1))).mean() for value in found.grid
-    ]
-    return (found.low <= truth) & (numpy.array(truth) <= found.high)
-
-
 def test_bands_hold_an_additive_truth_although_designs_share_environments() -> None:
-    x = family()
+    x, held = family(), []
+    points = numpy.unique(x[:, 1:], axis=0)
+    for seed in range(12):
+        found = fitted(x, seed).effect(0)
+        # The true effect at each value: the mean over the combinations of the others.
+        truth = numpy.array([norm.cdf(score(numpy.insert(points, 0, value, axis=1))).mean() for value in found.grid])
+        held.append((found.low <= truth) & (truth <= found.high))
 
-    share = numpy.mean([held(fitted(x, seed), x, parameter) for seed in range(25) for parameter in (0,)])
-
-    assert share > 0.88  # independent runs, as success_model takes them, would hold about half
+    # Independent runs, as success_model takes them, would hold about half.
+    assert numpy.mean(held) > 0.85
 
 
 def test_a_parameter_without_effect_is_flat_over_unequal_combinations() -> None:
@@ -67,19 +61,10 @@ def test_a_parameter_without_effect_is_flat_over_unequal_combinations() -> None:
     assert numpy.ptp(found.mean) < 0.03
     assert found.low.max() < found.high.min()
     assert effects.importance()[2].share < 0.02
-
-
-def test_success_over_some_parameters_is_a_mean_over_the_same_combinations_of_the_others() -> None:
-    x = family(unequal=True)
-    effects = fitted(x, seed=3)
-
+    # Success over some parameters is a mean over the same combinations of the others, too.
     rate, low, high = effects.standardised([2], [[100], [140]])
     both, _, _ = effects.standardised([0, 2], [[40, 100], [40, 140]])
-
-    assert rate == pytest.approx(effects.effect(2).mean[[0, 2]])
-    assert abs(rate[1] - rate[0]) < 0.03
-    assert (low < rate).all()
-    assert (rate < high).all()
+    assert rate == pytest.approx(found.mean[[0, 2]]) and (low < rate).all() and (rate < high).all()
     assert abs(both[1] - both[0]) < 0.05
     with pytest.raises(FoldcarError, match="only within the range"):
         effects.standardised([2], [[150]])
@@ -109,18 +94,3 @@ def test_without_pairs_that_differ_in_one_parameter_the_model_makes_them() -> No
     truth = [norm.cdf(score(numpy.insert(x[:, 1:], 0, value, axis=1))).mean() for value in found.grid]
     assert found.mean == pytest.approx(truth, abs=0.1)
     assert effects.importance()[2].share < 0.1 < effects.importance()[0].share
-
-
-def test_a_model_of_three_parameters_predicts_designs_it_has_not_seen() -> None:
-    x = family()
-    random = numpy.random.default_rng(0)
-    kept = random.permutation(len(x))[:45]
-    passed = random.binomial(200, norm.cdf(score(x)))
-
-    with threadpool_limits(1):
-        rate, low, high = success_model(x[kept], passed[kept], numpy.full(45, 200)).rates(x)
-
-    truth = norm.cdf(score(x))
-    unseen = numpy.setdiff1d(numpy.arange(len(x)), kept)
-    assert rate[unseen] == pytest.approx(truth[unseen], abs=0.12)
-    assert numpy.mean((low <= truth) & (truth <= high)) > 0.85

@@ -8,12 +8,11 @@ import numpy
 import pytest
 
 from foldcar.errors import FoldcarError
-from foldcar.figures.gallery import draw_gallery
-from foldcar.figures.ground import Extent, HeightMap, height_map
-from foldcar.figures.height_colours import height_scale, shaded
+from foldcar.figures import run, scenes
+from foldcar.figures.ground import Extent, HeightMap, height_map, height_scale, shaded
 from foldcar.figures.profile import ACROSS, driven_line, strip_heights_m, travelled_m
 from foldcar.figures.run import draw_run, poses_to_draw, segment_places
-from foldcar.figures.scenes import draw_scenes
+from foldcar.figures.scenes import draw_environment, draw_scenes
 from foldcar.figures.top_view import view_of
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.heights import Heights, carsim_heights
@@ -55,30 +54,28 @@ def heights(carsim_binary: Path) -> Heights:
     return carsim_heights(Carsim(carsim_binary))
 
 
+@pytest.fixture(autouse=True)
+def coarse(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pictures of few cells, which take less time."""
+    for room, name in ((run, "CELLS"), (scenes, "CELLS"), (scenes, "FINE_CELLS")):
+        monkeypatch.setattr(room, name, 60)
+
+
 def circle_path(radius_m: float, points: int) -> list[list[float]]:
     """Once round to the left from the origin, starting along +x."""
     angles = numpy.linspace(0.0, 2 * math.pi, points)
     return [[a, radius_m * math.sin(a), radius_m * (1 - math.cos(a)), 0.06, a, 0.0, 0.0] for a in angles]
 
 
-def test_way_round_a_circle_is_its_circumference() -> None:
+def test_the_way_is_driven_round_a_circle_and_backwards_and_goes_on_straight() -> None:
     assert travelled_m(circle_path(0.5, 721))[-1] == pytest.approx(math.pi, rel=1e-4)
 
-
-def test_rolling_back_counts_backwards_and_draws_no_new_ground() -> None:
-    x = [0.0, 0.1, 0.2, 0.3, 0.25, 0.2]
-    path = [[0.1 * i, value, 0.0, 0.06, 0.0, 0.0, 0.0] for i, value in enumerate(x)]
+    heading, x = 0.7, [0.0, 0.1, 0.2, 0.3, 0.25, 0.2]
+    path = [[0.1 * i, s * math.cos(heading), s * math.sin(heading), 0.06, heading, 0, 0] for i, s in enumerate(x)]
     assert travelled_m(path) == pytest.approx(x)
     line = driven_line(path, margin_m=0.05)
-    assert line.distance_m[0] == pytest.approx(-0.05)
-    assert line.distance_m[-1] == pytest.approx(0.35)
-    assert line.x_m == pytest.approx(line.distance_m)
-
-
-def test_a_line_over_a_turned_heading_goes_on_straight() -> None:
-    heading = 0.7
-    path = [[i, 0.1 * i * math.cos(heading), 0.1 * i * math.sin(heading), 0.06, heading, 0, 0] for i in range(4)]
-    line = driven_line(path, margin_m=0.2)
+    # Rolling back draws no new ground.
+    assert (line.distance_m[0], line.distance_m[-1]) == pytest.approx((-0.05, 0.35))
     assert line.x_m == pytest.approx(line.distance_m * math.cos(heading))
     assert line.y_m == pytest.approx(line.distance_m * math.sin(heading))
 
@@ -111,15 +108,6 @@ def highest_box(terrain: Any, line: Any, index: int, offset: Any, tolerance_m: f
         outside = max(abs(dx * cos + dy * sin) - piece["length_m"] / 2, abs(dy * cos - dx * sin) - piece["width_m"] / 2)
         found = max(found, piece["height_m"] if outside <= tolerance_m else 0.0)
     return found
-
-
-def test_a_strip_beside_a_box_is_flat_and_one_that_touches_it_is_not(heights: Heights) -> None:
-    line = driven_line(PATH, margin_m=0.0)
-    scene = {**SCENE, "terrain": [box(0.5, 0.1, 0.2, 0.1, 0.03)]}
-    assert strip_heights_m(heights, scene, line, 0.04, 0.018).max() == 0.0
-    strip = strip_heights_m(heights, scene, line, 0.04, 0.022)
-    high = line.distance_m[strip == 0.03]
-    assert (high[0], high[-1]) == pytest.approx((0.4, 0.6), abs=1.1e-3)
 
 
 def test_a_map_of_a_hill_is_its_formula_at_the_middles_of_cells(heights: Heights) -> None:
@@ -163,15 +151,14 @@ def test_poses_keep_their_distance_and_end_with_the_last() -> None:
     assert poses_to_draw([0.0], 0.3) == [0]
 
 
-@pytest.mark.parametrize("suffix", FIRST_BYTES)
-def test_runs_are_drawn_in_every_format_the_same_each_time(tmp_path: Path, suffix: str, heights: Heights) -> None:
-    files = [tmp_path / f"{name}{suffix}" for name in ("one", "two")]
-    for file in files:
-        draw_run(BODY, SCENE, {"outcome": "off_course", "elapsed_time_s": 2.55}, PATH, heights, file)
-    first, second = (file.read_bytes() for file in files)
-    assert first.startswith(FIRST_BYTES[suffix])
-    assert first == second
-    assert suffix != ".svg" or b"off course after 2.55 s, car w95, scene 1/0" in first
+def test_runs_are_drawn_in_every_format_the_same_each_time(tmp_path: Path, heights: Heights) -> None:
+    for suffix, start in FIRST_BYTES.items():
+        files = [tmp_path / f"{name}{suffix}" for name in ("one", "two")]
+        for file in files:
+            draw_run(BODY, SCENE, {"outcome": "off_course", "elapsed_time_s": 2.55}, PATH, heights, file)
+        first, second = (file.read_bytes() for file in files)
+        assert first.startswith(start) and first == second
+    assert b"off course after 2.55 s, car w95, scene 1/0" in (tmp_path / "one.svg").read_bytes()
 
 
 def test_a_run_without_a_path_or_with_another_suffix_is_refused(tmp_path: Path, heights: Heights) -> None:
@@ -189,8 +176,6 @@ def test_up_to_nine_scenes_are_drawn(tmp_path: Path, heights: Heights) -> None:
     draw_scenes([{**(disc if k == 1 else SCENE), "id": f"7/{k}"} for k in range(11)], file, heights, title="eleven")
     text = file.read_text()
     assert [f"scene 7/{k}" in text for k in range(11)] == [True] * 9 + [False] * 2
-    draw_scenes([disc], tmp_path / "flat.png", heights)
-    assert (tmp_path / "flat.png").read_bytes().startswith(FIRST_BYTES[".png"])
 
 
 def every_kind() -> list[dict[str, Any]]:
@@ -207,23 +192,16 @@ def every_kind() -> list[dict[str, Any]]:
     return [{"x_m": 0.3 * i, "y_m": 0.1, **shape} for i, shape in enumerate(shapes)]
 
 
-def test_every_kind_of_terrain_is_drawn_with_and_without_a_goal(tmp_path: Path, heights: Heights) -> None:
+def test_an_environment_shows_every_kind_of_terrain_and_equal_scenes_once(tmp_path: Path, heights: Heights) -> None:
     scene = {**SCENE, "terrain": every_kind()}
-    draw_gallery([scene, {**scene, "goal": None, "id": "1/1"}], tmp_path / "gallery.svg", heights, "every kind")
-    text = (tmp_path / "gallery.svg").read_text()
+    drawn = [scene, {**scene, "goal": None, "id": "1/1"}, {**scene, "id": "1/2"}]
+    draw_environment(drawn, tmp_path / "environment.svg", heights, "every kind")
+    text = (tmp_path / "environment.svg").read_text()
     assert text.count("friction 0.25") == 2
-    assert "scene 1/1" in text
-    draw_run(
-        BODY, {**scene, "goal": None}, {"outcome": "stuck", "elapsed_time_s": 2.5}, PATH, heights, tmp_path / "r.png"
-    )
-    draw_scenes([{**scene, "goal": None}], tmp_path / "s.png", heights)
-    assert all((tmp_path / name).read_bytes().startswith(FIRST_BYTES[".png"]) for name in ("r.png", "s.png"))
-
-
-def test_a_gallery_shows_equal_scenes_once(tmp_path: Path, heights: Heights) -> None:
-    draw_gallery([{**SCENE, "id": f"4/{k}"} for k in range(3)], tmp_path / "g.svg", heights, "bumps")
-    text = (tmp_path / "g.svg").read_text()
-    assert ["scene 4/0" in text, "scene 4/1" in text] == [True, False]
+    assert [f"scene 1/{k}" in text for k in range(3)] == [True, True, False]
+    stuck = {"outcome": "stuck", "elapsed_time_s": 2.5}
+    draw_run(BODY, {**scene, "goal": None}, stuck, PATH, heights, tmp_path / "r.png")
+    assert (tmp_path / "r.png").read_bytes().startswith(FIRST_BYTES[".png"])
 
 
 def test_segments_hang_together_in_their_hinges_and_fold_as_the_path_says() -> None:

@@ -1,11 +1,9 @@
 """The study page's data against the export of the same store."""
 
 import json
-from base64 import b64decode
 from pathlib import Path
 from typing import Any
 
-import numpy
 import pandas
 import pytest
 
@@ -47,10 +45,6 @@ def read(store: Path) -> dict[str, Any]:
     return dict(found)
 
 
-def array(packed: dict[str, str]) -> Any:
-    return numpy.frombuffer(b64decode(packed["data"]), dtype=numpy.dtype(packed["type"]).newbyteorder("<"))
-
-
 def designs_of(table: pandas.DataFrame, page: dict[str, Any]) -> pandas.Series:
     """The index of each row's design on the page."""
     places = {}
@@ -61,7 +55,7 @@ def designs_of(table: pandas.DataFrame, page: dict[str, Any]) -> pandas.Series:
     return table[names].apply(lambda row: places[tuple(row)], axis=1)
 
 
-def test_counts_intervals_and_runs_are_those_of_the_export(store: Path) -> None:
+def test_counts_intervals_and_runs_are_those_of_the_export(store: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     page, runs = read(store), Study(store).runs
     at = designs_of(runs, page)
     designs = page["designs"]
@@ -74,13 +68,14 @@ def test_counts_intervals_and_runs_are_those_of_the_export(store: Path) -> None:
         assert (designs["low"][index], designs["high"][index]) == pytest.approx((low, high), abs=1e-6)
         ends = mine["outcome"].value_counts()
         assert [column[index] for column in designs["outcomes"]] == [ends.get(name, 0) for name in OUTCOMES]
-    assert page["runs"]["n"] == len(runs) == 4 * SAMPLES
-    assert array(page["runs"]["design"]).tolist() == at.tolist()
-    assert array(page["runs"]["environment"]).tolist() == runs["sample"].tolist()
-    assert [OUTCOMES[code] for code in array(page["runs"]["outcome"])] == runs["outcome"].tolist()
-    assert array(page["runs"]["time_s"]) == pytest.approx(runs["elapsed_time_s"], rel=1e-6)
-    by_environment = runs.groupby("sample")["passed"].sum()
-    assert page["environment"]["passed"] == by_environment.tolist()
+    assert page["runs"]["design"] == at.tolist() and len(runs) == 4 * SAMPLES
+    assert page["runs"]["environment"] == runs["sample"].tolist()
+    assert [OUTCOMES[code] for code in page["runs"]["outcome"]] == runs["outcome"].tolist()
+    assert page["runs"]["time_s"] == pytest.approx(runs["elapsed_time_s"].tolist(), abs=1e-3)
+    # More runs than the page holds are counted.
+    monkeypatch.setattr(module, "MOST_RUNS", 4 * SAMPLES - 1)
+    again = read(store)
+    assert again["runs"] is None and "12 runs of 4 designs" in again["runs_omitted"]
 
 
 def test_time_counts_the_limit_and_energy_is_per_pass(store: Path) -> None:
@@ -113,16 +108,6 @@ def test_trials_stand_beside_their_designs_and_aborted_ones_do_not_count(store: 
     assert "150 mm" in designs["name"][4]
 
 
-def test_more_runs_than_the_page_holds_are_counted(store: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "MOST_RUNS", 4 * SAMPLES - 1)
-
-    page = read(store)
-
-    assert page["runs"] is None
-    assert "12 runs of 4 designs" in page["runs_omitted"]
-    assert sum(page["environment"]["runs"]) == 4 * SAMPLES
-
-
 def test_trials_that_refute_simulation_make_a_design_bad(store: Path, tmp_path: Path) -> None:
     """Belief is what simulation and trials together say: 1 of 21 trials of seven cars outweighs runs that all passed."""
     again = tmp_path / "s.db"
@@ -150,11 +135,9 @@ def test_trials_that_refute_simulation_make_a_design_bad(store: Path, tmp_path: 
     assert said == {name: how for name, how in compared.items() if how in ("optimistic", "pessimistic")}
 
 
-def test_environment_values_and_effects_are_of_every_environment_and_parameter(store: Path) -> None:
+def test_effects_are_of_every_parameter(store: Path) -> None:
     page = read(store)
-    table = array(page["environment"]["values"]).reshape(SAMPLES, -1)
 
-    assert len(page["environment"]["columns"]) == table.shape[1] > 2
     assert {one["parameter"] for one in page["effects"]} == {0, 1}
     for one in page["effects"]:
         assert len(one["grid"]) == len(one["mean"]) == 2
@@ -177,4 +160,4 @@ def test_an_experiment_that_has_trials_only_is_shown_with_them(tmp_path: Path) -
     assert page["designs"]["belief"] == [1.0, 0.0]
     assert page["designs"]["verdict"] == ["open", "open"]
     assert [trial["design"] for trial in page["trials"]] == [0, 1]
-    assert page["runs"]["n"] == 0
+    assert page["runs"]["design"] == []

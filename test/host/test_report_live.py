@@ -19,12 +19,10 @@ from typing import Any
 import pytest
 
 from browser import Tab
-from foldcar.report.figure_options import FigureOptions
 from foldcar.report.live import LiveStudy
 from foldcar.store.log_files import running_trial_file
-from live_car import car_at_port
+from study_car import listing_of
 from swept_listing import WriteListing, foldcar, stored_runs, swept
-from typist import Typist
 
 Command = Callable[..., "subprocess.CompletedProcess[str]"]
 FOLDCAR = [sys.executable, "-c", "from foldcar.cli import main; main()"]
@@ -36,11 +34,9 @@ SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
 
 
 @contextlib.contextmanager
-def started(carsim: Path, *words: object) -> Iterator["subprocess.Popen[str]"]:
-    with subprocess.Popen(
-        [*FOLDCAR, *map(str, words)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-        env={**os.environ, "FOLDCAR_CARSIM": str(carsim)},
-    ) as process:  # fmt: skip
+def started(*words: object) -> Iterator["subprocess.Popen[str]"]:
+    command = [*FOLDCAR, *map(str, words)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         try:
             yield process
         finally:
@@ -66,7 +62,7 @@ def test_page_follows_a_sweep_that_is_killed_and_resumed(
 ) -> None:
     store = tmp_path / "s.db"
     words = ["sweep", write_listing(listing_data), "--store", store, "--environments", "20000", "--jobs", "1", "--live"]
-    with started(carsim_binary, *words, "--port", "0") as sweep:
+    with started(*words, "--port", "0") as sweep:
         url = note_of(sweep)
         with Tab(url) as tab:
             tab.wait(f"{SHOWN} > 0 && {STATE} === 'running'")
@@ -91,7 +87,7 @@ def test_page_follows_a_sweep_that_is_killed_and_resumed(
             stored = stored_runs(store)
             assert tab.ask(SHOWN) == stored
             port = url.rstrip("/").rpartition(":")[2]
-            with started(carsim_binary, *words, "--port", port) as resumed:
+            with started(*words, "--port", port) as resumed:
                 assert note_of(resumed) == url
                 tab.wait(f"{SHOWN} > {stored} && {STATE} === 'running'")
                 assert tab.ask("window.mark") == "not loaded again"
@@ -112,21 +108,14 @@ def test_page_follows_a_sweep_that_is_killed_and_resumed(
 def store(tmp_path_factory: pytest.TempPathFactory, carsim_binary: Path) -> Path:
     """A store of a sweep that stopped when it knew."""
     folder = tmp_path_factory.mktemp("live")
-    listing = {
-        "experiments": {"1": {"veh_id": 1, "env_id": 1, "params": {"timeout": 60, "environments": 40}}},
-        "vehicles": {"1": {"type": "W_B_W", "params": [{"common": {"width": [80, 95, 245]}}]}},
-        "environments": {"1": {"scenic_filename": str(SCENARIOS / "two_bumps.scenic"), "seed": 1}},
-    }
+    listing = listing_of(SCENARIOS / "two_bumps.scenic", {"width": [80, 95, 245]}, timeout=60, environments=40)
     (folder / "l.json").write_text(json.dumps(listing))
-    words = ["sweep", folder / "l.json", "--store", folder / "s.db", "--until", "20pp"]
-    with started(carsim_binary, *words) as sweep:
-        _, errors = sweep.communicate(timeout=300)
-    assert sweep.returncode == 0, errors
+    foldcar("sweep", folder / "l.json", "--store", folder / "s.db", "--until", "20pp")
     return folder / "s.db"
 
 
 def test_report_live_serves_what_the_store_has_and_refuses_others(store: Path, carsim_binary: Path) -> None:
-    with started(carsim_binary, "report", store, "--live", "--port", "0") as report:
+    with started("report", store, "--live", "--port", "0") as report:
         assert report.stdout is not None
         port = int(url_of(report.stdout.readline()).rstrip("/").rpartition(":")[2])
 
@@ -165,21 +154,21 @@ def test_report_live_serves_what_the_store_has_and_refuses_others(store: Path, c
 def test_data_are_made_only_when_the_store_has_changed(
     tmp_path: Path, write_listing: WriteListing, listing_data: Any, carsim_binary: Path
 ) -> None:
-    live = LiveStudy(tmp_path / "s.db", ["foldcar"], FigureOptions(), False)
+    live = LiveStudy(tmp_path / "s.db")
     live.refresh()
     none = json.loads(live.poll(""))
     assert (none["state"], none["study"], none["done"]) == ("waiting", None, 0)
 
     listing = write_listing(listing_data)
     versions = []
-    for environments in (2, 2, 4):
+    for environments in (1, 2):
         swept(listing, tmp_path / "s.db", carsim_binary, environments=environments)
         before = (tmp_path / "s.db").stat().st_mtime_ns
         for _ in range(2):
             live.refresh()
             versions.append(json.loads(live.poll(""))["version"])
         assert (tmp_path / "s.db").stat().st_mtime_ns == before
-    assert versions[0] == versions[1] and versions[2] == versions[3] != versions[4] == versions[5]
+    assert versions[0] == versions[1] != versions[2] == versions[3]
     last = json.loads(live.poll(""))
     assert (last["done"], last["state"]) == (stored_runs(tmp_path / "s.db"), "done")
 
@@ -208,7 +197,6 @@ def test_live_refuses_what_it_cannot_serve_by_one_line(
             (["report", tmp_path / "none.db", "--live"], "no such store"),
             (["report", new, "--live"], "version 99"),
             (["report", store, "--live", "-o", tmp_path / "r"], "--live"),
-            (["report", store, "--live", "--sample", "1"], "--sample"),
             (["report", store], "-o DIR"),
         ]:
             done = (new_foldcar if words[0] == "sweep" else foldcar)(*words)
@@ -217,48 +205,8 @@ def test_live_refuses_what_it_cannot_serve_by_one_line(
     assert not (tmp_path / "n.db").exists()
 
 
-def test_page_shows_the_trial_that_a_person_drives(tmp_path: Path, free_course: Path, carsim_binary: Path) -> None:
-    words = ["log", free_course, "--experiment", "1", "--store", tmp_path / "s.db", "--countdown", "1"]
-    foldcar("sweep", free_course, "--store", tmp_path / "s.db")
-    with (
-        started(carsim_binary, "report", tmp_path / "s.db", "--live", "--port", "0") as server,
-        car_at_port(goal_x_m=None) as car,
-    ):
-        assert server.stdout is not None
-        with Tab(url_of(server.stdout.readline())) as tab, Typist(tmp_path, *words, "--port", car.port) as person:
-            running, now = "document.getElementById('running')", "document.querySelector('#running .now')?.textContent"
-            person.sees("deviation: ")
-            tab.wait(f"{now} === 'Put car and obstacles in place'")
-            tab.wait(f"{running}.querySelector('img')?.naturalWidth > 300 && {running}.querySelector('details').open")
-            rows = tab.ask(f"[...{running}.querySelectorAll('tbody tr')].map(row => row.innerText)")
-            (obstacle,) = (row for row in rows if row.startswith("A"))
-            assert "500\t600" in obstacle
-            assert "battery 4.00 V" in tab.ask(f"{running}.innerText")
-            person.types("\n")
-            person.sees("Enter starts")
-            person.types("\n")
-            person.watches_until(lambda: tab.ask(f"({now} || '').startsWith('Driving')"))
-            # The car's own clock, and a servo's pulse that drives.
-            person.watches_until(lambda: tab.ask(f"/time [1-9.]+.* of 3 s/.test({running}.innerText)"))
-            assert not re.search(r"pulses none|packets, silent", tab.ask(f"{running}.innerText"))
-            person.types("s")
-            person.sees("Outcome:")
-            person.watches_until(lambda: tab.ask(f"({now} || '').startsWith('Ended: stopped by key')"))
-            person.types("o\n")
-            person.sees("Enter: next")
-            person.types("\n")
-            person.sees("Trial 2: sample 0")
-            person.watches_until(lambda: tab.ask(f"{running}.innerText.startsWith('Trial 2')"))
-            person.types("\n")
-            person.sees("Enter starts")
-            person.types("q\n")
-            assert person.ends() == 0
-            tab.wait(f"{running}.hidden")
-            tab.wait("document.getElementById('remarks').innerText.includes('1 of a simulated car')")
-
-
 def test_what_a_killed_log_has_left_is_not_shown(tmp_path: Path) -> None:
-    live = LiveStudy(tmp_path / "s.db", (), FigureOptions(), False)
+    live = LiveStudy(tmp_path / "s.db")
     file = running_trial_file(tmp_path / "s.db")
     file.parent.mkdir()
     said = {"number": 1, "picture": "../../etc/passwd"}

@@ -5,6 +5,7 @@ import re
 import sqlite3
 import zlib
 from base64 import b64decode
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -12,15 +13,14 @@ import numpy
 import pytest
 
 from foldcar.figures.scene_data import HEIGHT_M, ground_data
-from foldcar.report.replay_choice import OutcomeGrid, choose_runs
-from foldcar.report.replay_paths import kept_paths, simulate_paths
+from foldcar.report import write
+from foldcar.report.replay_paths import choose_runs
 from foldcar.simulation.carsim import Carsim
-from foldcar.simulation.compact_path import ANGLE_RAD, PLACE_M, compact_path, twice_differenced, varints
+from foldcar.simulation.compact_path import ANGLE_RAD, PLACE_M, compact_path
 from foldcar.simulation.heights import carsim_heights
+from foldcar.simulation.results import NUMBERS
 from foldcar.simulation.runner import KEPT_INTERVAL_S as INTERVAL_S
-from foldcar.store.frames import run_arrays
-from foldcar.store.reader import Store
-from foldcar.store.stored_drives import read_drives
+from foldcar.store.frames import RunArrays
 from foldcar.study.kept_paths import MOST_DESIGNS, KeptPaths
 from swept_listing import foldcar, reported
 
@@ -28,9 +28,11 @@ WIDTHS, SAMPLES = (95, 245), 3
 
 
 @pytest.fixture(scope="module")
-def study(tmp_path_factory: pytest.TempPathFactory, carsim_binary: Path) -> Path:
-    """The folder of a swept store, s.db, with two trials, and of its report."""
-    return reported(tmp_path_factory.mktemp("page"), WIDTHS, SAMPLES)
+def study(tmp_path_factory: pytest.TempPathFactory, carsim_binary: Path) -> Iterator[Path]:
+    """The folder of a swept store, s.db, with two trials, and of its report; reports have no figures here."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(write, "_save_figures", lambda *_: None)
+        yield reported(tmp_path_factory.mktemp("page"), WIDTHS, SAMPLES)
 
 
 def blob_of(page: str, name: str) -> tuple[Any, bytes]:
@@ -51,13 +53,6 @@ def integers(content: bytes) -> list[int]:
             found.append(value >> 1 if value % 2 == 0 else -(value >> 1) - 1)
             value, shift = 0, 0
     return found
-
-
-def test_integers_and_differences_come_back() -> None:
-    values = numpy.array([0, -1, 1, 63, -64, 64, 8191, -8192, 2**40, -(2**40)], dtype=numpy.int64)
-
-    assert integers(varints(values)) == values.tolist()
-    assert numpy.cumsum(numpy.cumsum(twice_differenced(values))).tolist() == values.tolist()
 
 
 def test_a_path_comes_back_within_half_a_unit() -> None:
@@ -88,37 +83,24 @@ def test_carsims_compact_path_is_that_of_its_rows(study: Path, carsim_binary: Pa
     assert b64decode(few["compact"]) == compact_path(rows)
 
 
-def test_kept_paths_are_those_that_a_simulation_gives(study: Path) -> None:
-    with Store.open(study / "s.db") as store:
-        drives = read_drives(store, "1")
-        kept = kept_paths(drives)
-        grid = OutcomeGrid(drives.parameters, SAMPLES)
-        grid.enter(run_arrays(store, "1"))
-        again = simulate_paths(drives, grid, sorted(kept), Carsim(), jobs=1)
+def test_a_report_simulates_only_without_kept_paths_and_gives_the_same(
+    study: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "s.db").write_bytes((study / "s.db").read_bytes())
+    with sqlite3.connect(tmp_path / "s.db") as connection:
+        connection.execute("DELETE FROM path")
+    foldcar("report", tmp_path / "s.db", "-o", tmp_path / "report")
 
-    assert len(kept) == len(WIDTHS) * SAMPLES
-    assert again.paths == kept and again.differing == []
-
-
-def test_a_report_of_kept_paths_simulates_nothing(study: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(*_: object) -> None:
         raise AssertionError("a run is simulated")
 
     monkeypatch.setattr(Carsim, "run", refuse)
     foldcar("report", study / "s.db", "-o", study / "again")
 
-    pages = [(study / name / "index.html").read_text() for name in ("report", "again")]
-    assert [blob_of(page, "e0-runs-1") for page in pages] == [blob_of(pages[0], "e0-runs-1")] * 2
-
-
-def test_paths_of_a_store_without_them_are_simulated(study: Path, tmp_path: Path) -> None:
-    (tmp_path / "s.db").write_bytes((study / "s.db").read_bytes())
-    with sqlite3.connect(tmp_path / "s.db") as connection:
-        connection.execute("DELETE FROM path")
-    foldcar("report", tmp_path / "s.db", "-o", tmp_path / "report")
-
-    pages = [(folder / "report" / "index.html").read_text() for folder in (study, tmp_path)]
-    assert blob_of(pages[0], "e0-runs-0") == blob_of(pages[1], "e0-runs-0")
+    first, *others = (folder / "index.html" for folder in (study / "report", study / "again", tmp_path / "report"))
+    for name in ("e0-runs-0", "e0-runs-1"):
+        expected = blob_of(first.read_text(), name)
+        assert [blob_of(page.read_text(), name) for page in others] == [expected] * 2
 
 
 def test_kept_paths_are_bounded_but_for_the_first_of_each_ending() -> None:
@@ -138,15 +120,12 @@ def test_kept_paths_are_bounded_but_for_the_first_of_each_ending() -> None:
 
 def test_the_page_holds_every_run_as_stored(study: Path) -> None:
     page = (study / "report" / "index.html").read_text()
-    runs = (
-        sqlite3.connect(study / "s.db")
-        .execute("SELECT design_position, sample, outcome, elapsed_time_s, distance_to_target_m, scene_id FROM result")
-        .fetchall()
-    )
+    query = "SELECT design_position, sample, elapsed_time_s, distance_to_target_m FROM result"
+    runs = sqlite3.connect(study / "s.db").execute(query).fetchall()
 
     assert len(runs) == len(WIDTHS) * SAMPLES
     assert "No replay" not in page and "end otherwise" not in page
-    for design, sample, _, elapsed_s, distance_m, _ in runs:
+    for design, sample, elapsed_s, distance_m in runs:
         head, content = blob_of(page, f"e0-runs-{design}")
         goal = blob_of(page, f"e0-scene-{sample}")[0]["scene"]["goal"]
         at = [run[0] for run in head["runs"]].index(sample)
@@ -159,31 +138,17 @@ def test_the_page_holds_every_run_as_stored(study: Path) -> None:
         assert numpy.hypot(x - goal["x_m"], y - goal["y_m"]) == pytest.approx(distance_m, abs=1e-3)
 
 
-def scenes_of(study: Path, sample: int) -> list[tuple[str]]:
-    """The scene of a sample as JSON."""
-    query = "SELECT c.json FROM sample s JOIN scene c ON c.id = s.scene_id WHERE s.sample = ?"
-    return sqlite3.connect(study / "s.db").execute(query, (sample,)).fetchall()
-
-
-def grid_of(codes: "numpy.ndarray[Any, Any]") -> OutcomeGrid:
-    """A grid of runs of 5 s with these outcomes."""
-    grid = OutcomeGrid([{"width_mm": float(width)} for width in range(len(codes))], codes.shape[1])
-    grid.outcomes[:] = codes
-    grid.elapsed_s[:] = 5.0
-    return grid
-
-
 def test_a_page_that_cannot_hold_all_runs_keeps_every_kind_and_those_at_the_threshold() -> None:
-    codes = numpy.ones((20, 3000), dtype=numpy.uint8)
-    codes[7, 2900] = 2
-    codes[11, :800] = 3
-    grid = grid_of(codes)
+    designs, samples = (at.ravel() for at in numpy.indices((20, 3000)))
+    outcome = numpy.zeros(len(designs), dtype=numpy.uint8)
+    outcome[(designs == 7) & (samples == 2900)] = 1
+    outcome[(designs == 11) & (samples < 800)] = 2
+    metrics = numpy.full((len(designs), len(NUMBERS)), 5.0)
 
-    chosen = choose_runs(grid, most_bytes=1_000_000, most_runs=150)
+    chosen = choose_runs(RunArrays(designs, samples, outcome, metrics), most_bytes=1_000_000, most_runs=150)
 
-    assert len(grid.shown_samples()) == 200 and 2900 in grid.shown_samples()
-    assert len(chosen) == len(set(chosen)) <= 150
-    assert {(7, 2900), (11, 0)} <= set(chosen)
+    assert len(chosen) == 150 and list(chosen) == sorted(chosen)
+    assert (chosen[7, 2900], chosen[11, 0]) == (("tipped", 5.0), ("stuck", 5.0))
     # The design at 73 % success is nearest to the threshold of 75 %: after one run of each kind come its runs.
     assert sum(design == 11 for design, _ in chosen) > 100
 
@@ -191,7 +156,8 @@ def test_a_page_that_cannot_hold_all_runs_keeps_every_kind_and_those_at_the_thre
 def test_smooth_ground_is_the_simulators(study: Path, carsim_binary: Path) -> None:
     hill = {"kind": "hill", "x_m": 0.5, "y_m": 0.2, "heading_rad": 0.5}
     hill |= {"height_m": 0.05, "sd_along_m": 0.1, "sd_across_m": 0.06}
-    scene = {**json.loads(scenes_of(study, 1)[0][0]), "terrain": [hill]}
+    (text,) = sqlite3.connect(study / "s.db").execute("SELECT json FROM scene").fetchone()
+    scene = {**json.loads(text), "terrain": [hill]}
     head, content = ground_data(scene, carsim_heights(Carsim(carsim_binary)))
     grid = head["grid"]
     heights = numpy.cumsum(integers(content)).reshape(grid["rows"], grid["columns"]) * grid["height_m"]

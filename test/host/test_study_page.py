@@ -1,22 +1,15 @@
 """The study page in a browser, from a file without a network: a real study, its counts, filters, address and replay."""
 
-import json
 import re
 import sqlite3
-from base64 import b64decode
-from functools import partial
-from html import unescape
-from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from threading import Thread
 from typing import Any
 
-import numpy
 import pytest
 
-from browser import browse
+from browser import Tab
 from page_check import page_findings, study_of
-from swept_listing import foldcar, reported
+from swept_listing import reported
 
 WIDTHS, SAMPLES = (80, 95, 245), 4
 
@@ -37,70 +30,32 @@ def test_the_page_is_one_small_file_with_every_run_as_stored(study: Path) -> Non
     page = (study / "report" / "index.html").read_text()
     (one,) = study_of(study / "report")["experiments"]
 
-    packed = [one["runs"][name] for name in ("design", "environment", "outcome")]
-    columns = [numpy.frombuffer(b64decode(column["data"]), column["type"]).tolist() for column in packed]
+    columns = [one["runs"][name] for name in ("design", "environment", "outcome")]
     shown = [(design, sample, one["outcomes"][outcome]) for design, sample, outcome in zip(*columns, strict=True)]
     assert shown == stored(study) and len(shown) == len(WIDTHS) * SAMPLES
     assert page_findings(re.sub(r"<script.*?</script>", "", page, flags=re.DOTALL)) == []
-    assert not re.search(r'<(script|link|img)[^>]*(src|href)=|@import', page.partition("<script")[0])
+    assert not re.search(r"<(script|link|img)[^>]*(src|href)=|@import", page.partition("<script")[0])
     assert len(page) < 3e6
     for _, address in one["files"]:
         assert (study / "report" / address).read_text().startswith("<?xml")
 
 
-def test_the_same_store_gives_the_same_page(study: Path) -> None:
-    first = (study / "report" / "index.html").read_bytes()
-    foldcar("report", study / "s.db", "-o", study / "report")
-    assert (study / "report" / "index.html").read_bytes() == first
-
-
-# Runs in the page; `found` goes to the page around it, if there is one.
-PROBE = """
-<script>
-window.errors = [];
-addEventListener("error", event => errors.push("error: " + event.message));
-addEventListener("unhandledrejection", event => errors.push("rejected: " + event.reason));
-addEventListener("load", async () => {
-  const pause = time => new Promise(go => setTimeout(go, time));
-  const one = (css, of = document) => of.querySelector(css), found = {};
-  for (let turn = 0; turn < 100 && document.body.dataset.state !== "ready"; turn++) await pause(20);
-  await pause(200);
-  %s
-  found.width = document.documentElement.scrollWidth;
-  found.errors = errors;
-  parent.document.body.dataset.found = JSON.stringify(found);
-});
-</script>
-"""
-# A window of Chromium is at least 500 pixels wide.
-AROUND = """<!doctype html><body><iframe src="probe.html" style="width:%dpx;height:900px;border:0"></iframe></body>"""
 WIDE = 1280
 
 
 def probed(study: Path, script: str, fragment: str = "", width: int = WIDE) -> Any:
     """What the script puts into ``found``, of the page opened at ``fragment`` in a window of that width."""
-    page = (study / "report" / "index.html").read_text()
-    (study / "probe.html").write_text(page.replace("<head>", "<head>" + PROBE % script, 1), encoding="utf-8")
-    flags = ("--dump-dom", f"--window-size={WIDE},900", "--virtual-time-budget=20000")
-    if width == WIDE:
-        dom = browse(study / "probe.html", fragment, *flags)
-    else:
-        (study / "around.html").write_text(AROUND % width, encoding="utf-8")
-        # Files may not look into each other.
-        handler = partial(QuietHandler, directory=str(study))
-        with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
-            Thread(target=server.serve_forever, daemon=True).start()
-            dom = browse(f"http://127.0.0.1:{server.server_port}/around.html", "", *flags)
-            server.shutdown()
-    found = re.search(r'data-found="([^"]*)"', dom)
-    assert found is not None
-    told = json.loads(unescape(found[1]))
+    with Tab(f"{(study / 'report' / 'index.html').as_uri()}#{fragment}", width) as tab:
+        tab.wait("document.body?.dataset.state === 'ready'")
+        told = tab.ask(f"""(async () => {{
+          const pause = time => new Promise(go => setTimeout(go, time));
+          const one = (css, of = document) => of.querySelector(css), found = {{}};
+          await pause(200);
+          {script}
+          return {{ ...found, width: document.documentElement.scrollWidth, errors }};
+        }})()""")
     assert told.pop("errors") == []
     return told
-
-
-class QuietHandler(SimpleHTTPRequestHandler):
-    def log_message(self, format: str, *args: Any) -> None: ...
 
 
 # Without a screen Chromium tells of no scrolling.
@@ -124,17 +79,6 @@ LOOK = """
 """
 
 
-@pytest.mark.parametrize("width", [1280, 390])
-def test_every_chart_is_drawn_and_fits_and_every_control_has_a_name(study: Path, width: int) -> None:
-    found = probed(study, LOOK, width=width)
-
-    assert found["charts"] == [[name, True] for name in ("curve", "parallel", "scatter", "grid")]
-    assert found["clipped"] == found["unnamed"] == [] and found["unlabelled"] == 0
-    assert found["width"] <= width
-    # Five screens, but on a telephone.
-    assert width < 1000 or found["height"] <= 5 * 900
-
-
 FILTER = """
   const lists = () => one("#listed summary").textContent;
   found.all = lists();
@@ -151,30 +95,9 @@ FILTER = """
   found.rows = [...document.querySelectorAll("#listed tbody tr")].map(row => row.textContent);
   const behind = one("[data-chart=curve] details"); behind.open = true; await pause(50);
   found.table = [...behind.querySelectorAll("tbody tr")].map(row => [...row.children].map(cell => cell.textContent));
-  found.hash = location.hash;
+  found.filtered = location.hash;
+  study.set({ brushes: {}, outcomes: [] }); await pause(50);
 """
-
-
-def test_filters_keep_what_they_say_and_stand_in_the_address(study: Path) -> None:
-    found = probed(study, FILTER)
-    runs = stored(study)
-    wide = [run for run in runs if WIDTHS[run[0]] >= 90]
-    passed = [run for run in wide if run[2] == "passed"]
-
-    assert 0 < len(passed) < len(wide) < len(runs)
-    assert found["all"].startswith(f"{len(runs)} runs") and found["wide"].startswith(f"{len(wide)} runs")
-    assert found["passed"].startswith(f"{len(passed)} runs") and found["pressed"] == "true"
-    listed = [f"{WIDTHS[design]} mm, environment {sample}" for design, sample, _ in passed]
-    assert [row.split("passed")[0] for row in found["rows"]] == listed
-    assert "2 of 3 designs" in found["kept"]
-    counts = [f"{sum(run[0] == d and run[2] == 'passed' for run in runs)} of {SAMPLES}" for d in range(len(WIDTHS))]
-    assert [row[3] for row in found["table"]] == counts
-    assert "b.width_mm=90..245" in found["hash"] and "outcome=passed" in found["hash"]
-
-    again = probed(study, "found.listed = one('#listed summary').textContent;", found["hash"][1:])
-    assert again["listed"] == found["passed"]
-
-
 DRAG = """
   const chart = one("[data-chart=parallel] .chart");
   chart.scrollIntoView({ block: "center" }); dispatchEvent(new Event("scroll")); await pause(100);
@@ -187,19 +110,9 @@ DRAG = """
   for (let y = 60; y <= 120; y += 10) { send("mousemove", area.top + y, 1); await pause(20); }
   send("mouseup", area.top + 120, 0); await pause(100);
   found.brush = study.state.brushes.width_mm;
-  found.kept = one(".kept").textContent;
+  found.dragged = one(".kept").textContent;
+  study.set({ brushes: {} }); await pause(50);
 """
-
-
-def test_a_brush_along_an_axis_keeps_its_designs(study: Path) -> None:
-    found = probed(study, DRAG)
-
-    ((low, high),) = found["brush"]
-    assert WIDTHS[0] < low < high <= WIDTHS[-1]
-    kept = sum(low <= width <= high for width in WIDTHS)
-    assert found["kept"].startswith(f"{kept} of 3 designs: width ")
-
-
 KEYS = """
   const grid = one("[data-chart=grid] .chart");
   grid.focus();
@@ -211,50 +124,10 @@ KEYS = """
   found.first = one("#grid .told").textContent;
   await press("ArrowRight"); await press("ArrowUp"); await pause(1500);
   found.second = one("#grid .told").textContent;
-  found.hash = location.hash;
+  found.keyed = location.hash;
   found.panel = one("#design h3").textContent;
   found.end = Number(one("#replay").dataset.end);
-  const box = one("#grid input[type=checkbox]"); box.click(); await pause(50);
-  found.sorted = location.hash;
 """
-
-
-def test_arrow_keys_go_from_run_to_run_which_are_replayed(study: Path) -> None:
-    found = probed(study, KEYS)
-    outcomes = {(design, sample): outcome for design, sample, outcome in stored(study)}
-    (end_s,) = sqlite3.connect(study / "s.db").execute(
-        "SELECT elapsed_time_s FROM result WHERE design_position = 1 AND sample = 1"
-    ).fetchone()
-
-    assert found["first"].startswith("80 mm, environment 0: ")
-    words = {"passed": "passed", "tipped": "tipped over", "stuck": "stuck", "off_course": "off course"}
-    assert found["second"].startswith(f"95 mm, environment 1: {words[outcomes[1, 1]]} after ")
-    assert "design=95+mm" in found["hash"] and "env=1" in found["hash"]
-    assert found["panel"].startswith("95 mm")
-    assert found["end"] == pytest.approx(end_s)
-    assert "order=difficulty" in found["sorted"]
-
-
-OPENED = """
-  await pause(1500);
-  found.t = Number(one("#replay").dataset.t);
-  found.told = one("#grid .told").textContent;
-  found.top = Math.round(one("#runs").getBoundingClientRect().top);
-  found.ready = Number(document.body.dataset.readyMs);
-"""
-
-
-def test_an_address_opens_the_run_at_its_time_and_scrolls_there(study: Path) -> None:
-    found = probed(study, OPENED, "design=95+mm&env=2&t=0.75&at=runs")
-
-    assert found["t"] == 0.75
-    assert found["told"].startswith("95 mm, environment 2: ")
-    # Under the bar that stays at the top.
-    assert abs(found["top"]) < 120
-    # About a second; a loaded machine takes longer.
-    assert 0 < found["ready"] < 5000
-
-
 NEWS = """
   study.set({ design: "245 mm", env: 1, brushes: { width_mm: [[90, 245]] } }); await pause(50);
   const data = JSON.parse(one("script#study").textContent), { designs } = data.experiments[0];
@@ -265,16 +138,88 @@ NEWS = """
     else if (column.length < 4) column.push(["runs", "passed", "trials", "trials_passed"].includes(name) ? 0 : null);
   }
   study.use(data); await pause(200);
-  found.panel = one("#design h3").textContent;
+  found.news = [one("#design h3"), one("#grid .told"), one(".kept")].map(part => part.textContent);
   found.hash = location.hash;
-  found.told = one("#grid .told").textContent;
-  found.kept = one(".kept").textContent;
 """
 
 
-def test_new_data_are_drawn_and_what_was_chosen_stays(study: Path) -> None:
-    found = probed(study, NEWS)
+@pytest.fixture(scope="module")
+def used(study: Path) -> Any:
+    """What the page in a wide window tells while a person filters, drags, presses keys, and new data come."""
+    return probed(study, LOOK + FILTER + DRAG + KEYS + NEWS)
 
-    assert found["panel"].startswith("245 mm") and found["told"].startswith("245 mm, environment 1: ")
-    assert "2 of 4 designs" in found["kept"]
-    assert "design=245+mm" in found["hash"] and "b.width_mm=90..245" in found["hash"]
+
+def test_every_chart_is_drawn_and_fits_and_every_control_has_a_name(study: Path, used: Any) -> None:
+    for width, found in ((WIDE, used), (390, probed(study, LOOK, width=390))):
+        assert found["charts"] == [[name, True] for name in ("curve", "parallel", "scatter", "grid")]
+        assert found["clipped"] == found["unnamed"] == [] and found["unlabelled"] == 0
+        assert found["width"] <= width
+    # Five screens, but on a telephone.
+    assert used["height"] <= 5 * 900
+
+
+def test_filters_keep_what_they_say_and_stand_in_the_address(study: Path, used: Any) -> None:
+    runs = stored(study)
+    wide = [run for run in runs if WIDTHS[run[0]] >= 90]
+    passed = [run for run in wide if run[2] == "passed"]
+
+    assert 0 < len(passed) < len(wide) < len(runs)
+    assert used["all"].startswith(f"{len(runs)} runs") and used["wide"].startswith(f"{len(wide)} runs")
+    assert used["passed"].startswith(f"{len(passed)} runs") and used["pressed"] == "true"
+    listed = [f"{WIDTHS[design]} mm, environment {sample}" for design, sample, _ in passed]
+    assert [row.split("passed")[0] for row in used["rows"]] == listed
+    assert "2 of 3 designs" in used["kept"]
+    counts = [f"{sum(run[0] == d and run[2] == 'passed' for run in runs)} of {SAMPLES}" for d in range(len(WIDTHS))]
+    assert [row[3] for row in used["table"]] == counts
+    assert "b.width_mm=90..245" in used["filtered"] and "outcome=passed" in used["filtered"]
+
+
+def test_a_brush_along_an_axis_keeps_its_designs(used: Any) -> None:
+    ((low, high),) = used["brush"]
+    assert WIDTHS[0] < low < high <= WIDTHS[-1]
+    kept = sum(low <= width <= high for width in WIDTHS)
+    assert used["dragged"].startswith(f"{kept} of 3 designs: width ")
+
+
+def test_arrow_keys_go_from_run_to_run_which_are_replayed(study: Path, used: Any) -> None:
+    outcomes = {(design, sample): outcome for design, sample, outcome in stored(study)}
+    (end_s,) = (
+        sqlite3.connect(study / "s.db")
+        .execute("SELECT elapsed_time_s FROM result WHERE design_position = 1 AND sample = 1")
+        .fetchone()
+    )
+
+    assert used["first"].startswith("80 mm, environment 0: ")
+    words = {"passed": "passed", "tipped": "tipped over", "stuck": "stuck", "off_course": "off course"}
+    assert used["second"].startswith(f"95 mm, environment 1: {words[outcomes[1, 1]]} after ")
+    assert "design=95+mm" in used["keyed"] and "env=1" in used["keyed"]
+    assert used["panel"].startswith("95 mm")
+    assert used["end"] == pytest.approx(end_s)
+
+
+def test_new_data_are_drawn_and_what_was_chosen_stays(used: Any) -> None:
+    panel, told, kept = used["news"]
+
+    assert panel.startswith("245 mm") and told.startswith("245 mm, environment 1: ")
+    assert "2 of 4 designs" in kept
+    assert "design=245+mm" in used["hash"] and "b.width_mm=90..245" in used["hash"]
+
+
+OPENED = """
+  await pause(1500);
+  found.t = Number(one("#replay").dataset.t);
+  found.told = one("#grid .told").textContent;
+  found.top = Math.round(one("#runs").getBoundingClientRect().top);
+  found.listed = one("#listed summary").textContent;
+"""
+
+
+def test_an_address_opens_the_run_at_its_time_with_its_filters_and_scrolls_there(study: Path) -> None:
+    found = probed(study, OPENED, "design=95+mm&env=2&t=0.75&at=runs&b.width_mm=90..245&outcome=passed")
+
+    assert found["t"] == 0.75
+    assert found["told"].startswith("95 mm, environment 2: ")
+    # Under the bar that stays at the top, or as far up as the end of the page allows.
+    assert 0 <= found["top"] < 450
+    passed = sum(run[0] == 1 and run[2] == "passed" for run in stored(study))
+    assert found["listed"].startswith(f"{passed} runs of 95 mm")

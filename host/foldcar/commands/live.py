@@ -41,9 +41,9 @@ def serve(store: Path, port: int, make: "Callable[[], LiveStudy]", beside: str |
 
     ``beside`` is what :func:`served_beside` is told.
     """
+    from foldcar.figures.page import web_page
     from foldcar.figures.page_server import ADDRESS
     from foldcar.interrupts import said
-    from foldcar.report.page import page_html
 
     made, ended = threading.Event(), threading.Event()
     lives: list[LiveStudy] = []
@@ -57,7 +57,7 @@ def serve(store: Path, port: int, make: "Callable[[], LiveStudy]", beside: str |
         return lives[0].tap(said)
 
     address = lan_address() if beside == LAN else ADDRESS
-    page = page_html({"title": store.name, "experiments": []}, {})
+    page = web_page("foldcar.report", "study", data={"title": store.name, "experiments": []}, blobs={})
     with (
         _server(page, poll, tap, port, PATIENCE_S if beside else 0.0, address) as server,
         said(lambda: f"foldcar: {server.url} is closed"),

@@ -1,9 +1,10 @@
 """`foldcar report`: writes a page with figures of a store's study and prints a summary, or serves the page."""
 
 import sys
+from collections.abc import Iterator, Mapping
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -13,9 +14,15 @@ from foldcar.errors import FoldcarError
 from foldcar.installation import usable_processors
 
 if TYPE_CHECKING:
-    from foldcar.report.figure_options import FigureOptions
     from foldcar.report.live import LiveStudy
+    from foldcar.shown_console import ResultTable
     from foldcar.simulation.carsim import Carsim
+
+PIPED_WIDTH = 160
+# Designs that are listed; of more the export has all.
+MOST_DESIGNS = 60
+# What the summary as an object leaves to the page.
+PAGE_ONLY = ("runs", "runs_omitted", "replay", "replays", "files", "provenance", "outcome_labels")
 
 
 def report(
@@ -38,9 +45,6 @@ def report(
             help="Success of good designs, 0 to 1; may be repeated. Default: the listing's, or 0.5 and 0.75.",
         ),
     ] = None,
-    sample: Annotated[
-        int, typer.Option(metavar="K", min=0, help="The environment whose times to cross are drawn, counted from 0.")
-    ] = 0,
     replay: Annotated[
         bool, typer.Option("--replay/--no-replay", help="Simulate the runs again, to be watched on the page.")
     ] = True,
@@ -58,53 +62,49 @@ def report(
     Example: foldcar report study.db -o report --threshold 0.6 --threshold 0.8
              foldcar report study.db --live
     """
-    from foldcar.report.figure_options import figure_options
     from foldcar.store.opening import require_store
 
     if live == (output is not None):
         raise FoldcarError("-o: --live serves the page and writes none" if live else "-o DIR is missing (or --live)")
     if port is not None and not live:
         raise FoldcarError("--port: only --live serves the page")
-    if live and sample:
-        raise FoldcarError("--sample: chooses the environment of a figure, and --live draws no figures")
     where = ["--live"] if output is None else ["-o", str(output)]
     command = ["foldcar", "report", str(store), *where]
     if simulated_trials:
         command.append("--simulated-trials")
-    options = figure_options(threshold or [], sample)
-    command += [word for share in options.chosen for word in ("--threshold", f"{share:g}")]
+    thresholds = sorted(set(threshold or []))
+    command += [word for share in thresholds for word in ("--threshold", f"{share:g}")]
     if output is None:
         if beside is None:
             require_store(store)
-        make = partial(_live_study, store, command, options, simulated_trials, beside in (LOG, LAN))
+        make = partial(_live_study, store, command, thresholds, simulated_trials, beside in (LOG, LAN))
         serve(store, PORT if port is None else port, make, beside, as_json)
         return
     from foldcar.commands.progress_bar import TerminalBar
     from foldcar.report.replay import Replayer
-    from foldcar.report.terminal import print_summary, summary_object
     from foldcar.report.write import PAGE, write_report
     from foldcar.store.reader import Store
 
-    command += ["--sample", str(sample)] if sample else []
     if not replay:
         command.append("--no-replay")
     with Store.open(store) as opened, TerminalBar("replay", 0) as bar:
         replayer = Replayer(partial(_carsim, replay), usable_processors(), bar.plan, bar.done)
-        data = write_report(opened, output, command, simulated_trials, replayer, options)
+        data = write_report(opened, output, command, simulated_trials, replayer, thresholds)
     if as_json:
-        tell(True, {"store": store, "page": output / PAGE, "experiments": summary_object(data)})
+        told = [{key: value for key, value in one.items() if key not in PAGE_ONLY} for one in data["experiments"]]
+        tell(True, {"store": store, "page": output / PAGE, "experiments": told})
         return
-    print_summary(data)
+    _print_summary(data)
     typer.echo(f"report: {output / PAGE}")
 
 
 def _live_study(
-    store: Path, command: list[str], options: "FigureOptions", simulated_trials: bool, taps: bool
+    store: Path, command: list[str], thresholds: list[float], simulated_trials: bool, taps: bool
 ) -> "LiveStudy":
     # Its imports take longer than to serve the page.
     from foldcar.report.live import LiveStudy
 
-    return LiveStudy(store, command, options, simulated_trials, sys.stdout if taps else None)
+    return LiveStudy(store, command, thresholds, simulated_trials, sys.stdout if taps else None)
 
 
 def _carsim(replay: bool, engine: str) -> "Carsim | str":
@@ -119,3 +119,69 @@ def _carsim(replay: bool, engine: str) -> "Carsim | str":
         return Carsim(engine=engine_of(engine))
     except CarsimError as error:
         return str(error)
+
+
+def _print_summary(data: Mapping[str, Any]) -> None:
+    """Print every experiment's headline, advice, remarks and table of designs; plain text if not on a terminal."""
+    from foldcar.shown_console import shown_console
+
+    console = shown_console(PIPED_WIDTH)
+    for one in data["experiments"]:
+        console.print(f"Experiment {one['id']}", style="bold")
+        for line in _lines(one):
+            console.print(line)
+        if one["designs"]["name"]:
+            _table(one).print_on(console)
+
+
+def _lines(one: Mapping[str, Any]) -> Iterator[str]:
+    from foldcar.analysis.words import rate_text
+
+    yield one["headline"]
+    for label, said in (("Most likely to work", one["likely"]["text"]), ("To learn most, drive", one["learn"]["text"])):
+        if said:
+            yield f"{label}: {said}"
+    yield from one["edge"]
+    if one["importance"]:
+        shares = [
+            f"{one['parameters'][row['parameter']]['label']} {rate_text(row['share'], row['low'], row['high'])}"
+            for row in one["importance"]
+        ]
+        yield f"Importance (share of the variance of success): {', '.join(shares)}."
+    told = [row for row in one["causes"] if row["low"] > 0][:3]
+    if told:
+        names = [f"{row['label']} ({row['separation']:.2f})" for row in told]
+        yield f"What separates passed from failed runs of a design (0 to 1): {', '.join(names)}."
+    yield from one["remarks"]
+    number = len(one["designs"]["name"])
+    if number > MOST_DESIGNS:
+        yield f"The first {MOST_DESIGNS} of {number:,} designs; `foldcar export` has all runs."
+
+
+def _table(one: Mapping[str, Any]) -> "ResultTable":
+    from foldcar.shown_console import ResultTable
+
+    designs = one["designs"]
+    driven = any(designs["trials"])
+    seen = [code for code, column in enumerate(designs["outcomes"]) if code and any(column)]
+    titles = ["runs", "passed %", "95 % interval", *["trials", "cars", "trials and simulation %"] * driven]
+    table = ResultTable("design", *titles, *(one["outcome_labels"][code] for code in seen))
+    for at, name in enumerate(designs["name"][:MOST_DESIGNS]):
+        cells = [str(designs["runs"][at]), *_rate(one, at)]
+        if driven:
+            trials = designs["trials"][at]
+            believed = [designs[key][at] for key in ("belief", "belief_low", "belief_high")]
+            cells.append(f"{designs['trials_passed'][at]} of {trials}" if trials else "-")
+            cells.append(str(designs["cars"][at] or "-"))
+            cells.append("-" if believed[0] is None else "{:.0f} ({:.0f} - {:.0f})".format(*(100 * x for x in believed)))
+        table.add_row(name, *cells, *(str(designs["outcomes"][code][at]) for code in seen))
+    return table
+
+
+def _rate(one: Mapping[str, Any], at: int) -> tuple[str, str]:
+    designs = one["designs"]
+    if not one["judged"]:
+        return "undefined", "-"
+    if designs["low"][at] is None:
+        return "-", "-"
+    return f"{100 * designs['rate'][at]:.1f}", f"{100 * designs['low'][at]:.1f} - {100 * designs['high'][at]:.1f}"

@@ -129,7 +129,7 @@ def gallery(
     \b
     Example: foldcar gallery scenarios/two_bumps.scenic scenarios/gaussian_hills.scenic -o pictures
     """
-    from foldcar.figures.gallery import SAMPLES, draw_gallery
+    from foldcar.figures.scenes import SAMPLES, draw_environment
     from foldcar.scenes.source import open_environment
     from foldcar.simulation.carsim import Carsim
     from foldcar.simulation.heights import carsim_heights
@@ -145,6 +145,6 @@ def gallery(
         source = open_environment(program, {}, seed)
         scenes = [{"id": f"{seed}/{k}", **source.sample(k)} for k in range(SAMPLES)]
         file = output / f"{program.stem}.png"
-        draw_gallery(scenes, file, heights, program.stem)
+        draw_environment(scenes, file, heights, program.stem)
         files.append(file)
     tell(as_json, {"files": files}, *files)

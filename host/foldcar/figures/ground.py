@@ -1,12 +1,28 @@
-"""The height of a scene's ground over a rectangle of the plane, as pictures show it from above."""
+"""The height of a scene's ground over a rectangle of the plane, as pictures show it from above, and its colours.
 
-from collections.abc import Mapping
+One colour scale for the heights of several scenes: white at 0, brown above, blue below, with hill shading.
+"""
+
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import LinearSegmentedColormap, ListedColormap, Normalize
+from numpy.typing import NDArray
 
 from foldcar.simulation.heights import Floats, Heights
+
+ABOVE = LinearSegmentedColormap.from_list("above", ["#f7f7f5", "#f0dfb8", "#cfa65b", "#8a5a1c", "#3f2506"])
+BELOW = LinearSegmentedColormap.from_list("below", ["#f7f7f5", "#a9c9de", "#3a7ca8", "#123f5f"])
+COLOURS = 512
+# Light from the upper left; slopes are exaggerated, because hills of a few centimetres would look flat.
+AZIMUTH_RAD = numpy.radians(135)
+ALTITUDE_RAD = numpy.radians(45)
+STEEPER = 1.5
+SHADE = 0.45
+LEAST_RANGE_MM = 1.0
 
 
 @dataclass(frozen=True)
@@ -41,3 +57,27 @@ def height_map(heights: Heights, scene: Mapping[str, Any], extent: Extent, cells
     y = extent.y_min_m + cell * (numpy.arange(rows) + 0.5)
     covered = Extent(extent.x_min_m, extent.x_min_m + columns * cell, extent.y_min_m, extent.y_min_m + rows * cell)
     return HeightMap(covered, cell, heights(scene, *numpy.meshgrid(x, y)))
+
+
+def height_scale(maps: Sequence[HeightMap]) -> ScalarMappable:
+    """The scale (mm) over all heights of the maps, linear in height on both sides of 0."""
+    low = min((float(numpy.min(one.z_m)) for one in maps), default=0.0) * 1e3
+    high = max((float(numpy.max(one.z_m)) for one in maps), default=0.0) * 1e3
+    low, high = min(low, 0.0), max(high, 0.0)
+    high = max(high, LEAST_RANGE_MM + low)
+    values = numpy.linspace(low, high, COLOURS)
+    depth = max(-low, high / 2)
+    colours = [ABOVE(value / high) if value >= 0 else BELOW(-value / depth) for value in values]
+    return ScalarMappable(Normalize(low, high), ListedColormap(colours))
+
+
+def shaded(one: HeightMap, scale: ScalarMappable) -> NDArray[Any]:
+    """The map's colours, (rows, columns, 3); level ground has the scale's colour."""
+    colours = scale.to_rgba(one.z_m * 1e3)[..., :3]
+    slope_y, slope_x = numpy.gradient(one.z_m * STEEPER, one.cell_m)
+    towards = numpy.cos(ALTITUDE_RAD) * (slope_y * numpy.sin(AZIMUTH_RAD) + slope_x * numpy.cos(AZIMUTH_RAD))
+    level = numpy.sin(ALTITUDE_RAD)
+    # Lambert's cosine law, relative to level ground.
+    lit = (level - towards) / numpy.sqrt(1 + slope_x**2 + slope_y**2) - level
+    result: NDArray[Any] = numpy.clip(colours * (1 + SHADE * lit)[..., None], 0.0, 1.0)
+    return result

@@ -11,11 +11,7 @@ from foldcar.figures.style import RC
 from foldcar.outputs import atomic_file
 
 # Metadata to leave out, because they would make two drawings of the same data differ.
-UNDATED: dict[str, dict[str, Any]] = {
-    ".png": {},
-    ".svg": {"Date": None},
-    ".pdf": {"CreationDate": None},
-}
+UNDATED: dict[str, dict[str, Any]] = {".png": {}, ".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
 
 
 def check_format(file: Path) -> None:
@@ -42,16 +38,6 @@ def save_figure(figure: Any, file: Path, dpi: int | None = None, colours: int | 
             drawn = io.BytesIO()
             figure.savefig(drawn, **options)
             _with_fewer_colours(drawn, colours).save(binary, format="PNG", optimize=True)
-
-
-def svg_text(figure: Any) -> str:
-    """A matplotlib figure as the text of an SVG file, cut to what is drawn."""
-    import matplotlib
-
-    drawn = io.BytesIO()
-    with matplotlib.rc_context(RC):
-        figure.savefig(drawn, format="svg", metadata=UNDATED[".svg"], bbox_inches="tight", pad_inches=0.08)
-    return drawn.getvalue().decode("utf-8")
 
 
 def _with_fewer_colours(drawn: io.BytesIO, colours: int) -> Image.Image:

@@ -26,6 +26,13 @@ def page_template(package: str, file: str, filters: Mapping[str, Callable[..., A
     return environment.get_template(file)
 
 
+def web_page(package: str, name: str, **values: Any) -> str:
+    """The page web/NAME.html of a package, with its style NAME.css and its bundled script NAME.js. FoldcarError."""
+    style = files(package).joinpath(f"web/{name}.css").read_text(encoding="utf-8")
+    template = page_template(package, f"web/{name}.html", {"script_json": script_json})
+    return template.render(style=Markup(style), program=bundle(f"{name}.js"), **values)
+
+
 def bundle(name: str) -> Markup:
     """A page's script with the libraries that it needs, for a script element. FoldcarError if it was not bundled."""
     file = files("foldcar").joinpath(f"bundles/{name}")

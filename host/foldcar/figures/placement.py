@@ -9,8 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 from matplotlib.transforms import Affine2D
 
-from foldcar.figures.ground import height_map
-from foldcar.figures.height_colours import height_scale
+from foldcar.figures.ground import height_map, height_scale
 from foldcar.figures.output import check_format, save_figure
 from foldcar.figures.style import ACCENT, INK, RC
 from foldcar.figures.top_view import draw_top_view, view_of

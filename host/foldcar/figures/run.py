@@ -11,8 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon
 
 from foldcar.errors import FoldcarError
-from foldcar.figures.ground import height_map
-from foldcar.figures.height_colours import height_scale
+from foldcar.figures.ground import height_map, height_scale
 from foldcar.figures.output import check_format, save_figure
 from foldcar.figures.profile import driven_line, strip_heights_m, travelled_m
 from foldcar.figures.style import ACCENT, FAILURE, INK, OUTCOME_LABELS, RC
@@ -117,12 +116,7 @@ def _fit_height(figure: Figure, side: Axes, above: Axes) -> None:
 
 
 def _draw_side(
-    axes: Axes,
-    body: Mapping[str, Any],
-    scene: Mapping[str, Any],
-    result: Mapping[str, Any],
-    rows: Any,
-    heights: Heights,
+    axes: Axes, body: Mapping[str, Any], scene: Mapping[str, Any], result: Mapping[str, Any], rows: Any, heights: Heights
 ) -> None:
     wheels = body["wheels"]
     reach = max(abs(wheel["x_m"]) + wheel["radius_m"] for wheel in wheels)
@@ -134,22 +128,9 @@ def _draw_side(
         strip = strip_heights_m(heights, scene, line, left * body["track_m"], tyre)
         lowest, highest = min(lowest, float(numpy.min(strip))), max(highest, float(numpy.max(strip)))
         axes.fill_between(
-            line.distance_m,
-            strip,
-            -1.0,
-            color=colour,
-            linewidth=0,
-            zorder=order,
-            label=f"ground under the {name} wheels",
+            line.distance_m, strip, -1.0, color=colour, linewidth=0, zorder=order, label=f"ground under the {name} wheels"
         )
-        axes.plot(
-            line.distance_m,
-            strip,
-            color="#6b4a17",
-            linewidth=0.8,
-            linestyle="--" if left > 0 else "-",
-            zorder=3,
-        )
+        axes.plot(line.distance_m, strip, color="#6b4a17", linewidth=0.8, linestyle="--" if left > 0 else "-", zorder=3)
     travelled = travelled_m(rows)
     spacing_m = max(2.05 * reach, (line.distance_m[-1] - line.distance_m[0]) / MOST_POSES)
     chosen = poses_to_draw(list(travelled), spacing_m)

@@ -1,4 +1,4 @@
-"""Draws several scenes from above, side by side with one colour scale."""
+"""Draws scenes from above with one colour scale: side by side, or an environment's with the ground along wheel tracks."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -6,20 +6,32 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from foldcar.errors import FoldcarError
-from foldcar.figures.ground import height_map
-from foldcar.figures.height_colours import height_scale
+from foldcar.figures.ground import Extent, height_map, height_scale
 from foldcar.figures.output import check_format, save_figure
-from foldcar.figures.style import RC
-from foldcar.figures.top_view import draw_top_view, view_of
+from foldcar.figures.profile import straight_line, strip_heights_m
+from foldcar.figures.style import ACCENT, FAILURE, RC
+from foldcar.figures.top_view import VIEW_MARGIN_M, draw_top_view, view_of
 from foldcar.simulation.heights import Heights
 
 MOST_SCENES = 9
 PANEL_WIDTH_IN = 3.4
 # Cells along the longer side of a panel, which has half the usual width of a picture.
-CELLS = 320
+CELLS, FINE_CELLS = 320, 600
+# Of an environment: samples, the height of a profile, pixels per inch and colours of its PNG.
+SAMPLES, PROFILE_IN = 3, 1.0
+DPI, COLOURS = 95, 256
+# Track and tyre width of the width study's medium car: body 95 mm wide, tyres 12 mm.
+TRACK_M, TYRE_M = 0.111, 0.012
+
+
+def is_long(extent: Extent) -> bool:
+    """Whether pictures of that extent stand below each other."""
+    length, width = extent.size_m
+    return length > 2.5 * width
 
 
 def draw_scenes(scenes: Sequence[Mapping[str, Any]], file: Path, heights: Heights, title: str = "") -> None:
@@ -30,8 +42,7 @@ def draw_scenes(scenes: Sequence[Mapping[str, Any]], file: Path, heights: Height
         raise FoldcarError(f"{file}: no scene to draw")
     extent = view_of(shown)
     length, width = extent.size_m
-    # Long courses are arranged in one column.
-    columns = 1 if length > 2.5 * width else math.ceil(math.sqrt(len(shown)))
+    columns = 1 if is_long(extent) else math.ceil(math.sqrt(len(shown)))
     rows = math.ceil(len(shown) / columns)
     panel = PANEL_WIDTH_IN * (2.0 if columns == 1 else 1.0)
     size = (panel * columns + 1.0, (panel * min(width / length, 2.0) + 0.3) * rows + 0.7)
@@ -54,3 +65,75 @@ def draw_scenes(scenes: Sequence[Mapping[str, Any]], file: Path, heights: Height
         if title:
             figure.suptitle(title, x=0.01, ha="left", fontweight="bold")
         save_figure(figure, file)
+
+
+def draw_environment(scenes: Sequence[Mapping[str, Any]], file: Path, heights: Heights, title: str) -> None:
+    """Draw the distinct ``scenes`` (docs/carsim.md with ids), below each its ground profiles. Raises FoldcarError."""
+    check_format(file)
+    distinct: list[Mapping[str, Any]] = []
+    for scene in scenes:
+        if not any({**scene, "id": ""} == {**other, "id": ""} for other in distinct):
+            distinct.append(scene)
+    count, extent = len(distinct), view_of(distinct)
+    maps = [height_map(heights, scene, extent, FINE_CELLS) for scene in distinct]
+    scale = height_scale(maps)
+    length, width = extent.size_m
+    stacked = is_long(extent)
+    view_width_in = 8.5 if stacked else 2.9 if count > 1 else 4.2
+    view_in = view_width_in * width / length + (0.3 if stacked else 0.4)
+    with matplotlib.rc_context(RC):
+        if stacked:
+            figure = Figure(figsize=(view_width_in + 1.5, (view_in + PROFILE_IN) * count + 1.0), layout="constrained")
+            panels = figure.subplots(2 * count, 1, height_ratios=(view_in, PROFILE_IN) * count).reshape(count, 2).T
+        else:
+            figure = Figure(figsize=(view_width_in * count + 1.3, view_in + PROFILE_IN + 1.1), layout="constrained")
+            panels = figure.subplots(2, count, squeeze=False, height_ratios=(view_in, PROFILE_IN))
+        views, profiles = panels.tolist()
+        figure.suptitle(title, x=0.01, ha="left", fontweight="bold")
+        for scene, ground, view, profile in zip(distinct, maps, views, profiles, strict=True):
+            draw_top_view(view, scene, ground, scale)
+            view.set_title(f"scene {scene['id']}", fontsize=9)
+            _draw_profile(profile, scene, heights)
+        limits = [profile.get_ylim() for profile in profiles]
+        for profile in profiles:
+            profile.set_ylim(min(low for low, _ in limits), max(high for _, high in limits))
+        for axes in (*views, *profiles[:-1]) if stacked else ():
+            axes.set_xlabel("")
+        for axes in () if stacked else (*views[1:], *profiles[1:]):
+            axes.set_ylabel("")
+        beside, shrink = ([*views, *profiles], 0.5) if stacked else (views, 0.9)
+        figure.colorbar(scale, ax=beside, label="height (mm)", shrink=shrink, aspect=25)
+        places, names = views[0].get_legend_handles_labels()
+        tracks, track_names = profiles[0].get_legend_handles_labels()
+        figure.legend(places + tracks, names + track_names, loc="outside lower center", ncols=4)
+        save_figure(figure, file, DPI, COLOURS)
+
+
+def _draw_profile(axes: Axes, scene: Mapping[str, Any], heights: Heights) -> None:
+    """The ground under both wheel tracks from start straight to goal; heights (mm) are exaggerated."""
+    heading_rad, way_m = _way(scene)
+    line = straight_line({**scene["start"], "heading_rad": heading_rad}, -VIEW_MARGIN_M, way_m + VIEW_MARGIN_M)
+    for name, side, colour, look in (("left", 0.5, ACCENT, "-"), ("right", -0.5, FAILURE, "--")):
+        strip_mm = strip_heights_m(heights, scene, line, side * TRACK_M, TYRE_M) * 1e3
+        label = f"ground under the {name} wheels"
+        axes.plot(line.distance_m, strip_mm, look, color=colour, linewidth=1.0, label=label)
+    axes.margins(x=0)
+    axes.set_xlabel("distance from the start (m)")
+    axes.set_ylabel("height (mm)")
+
+
+def _way(scene: Mapping[str, Any]) -> tuple[float, float]:
+    """Heading and distance (m) from the start to the goal or its line; without a goal, ahead to the end of the course."""
+    start, goal, course = scene["start"], scene["goal"], scene["course"]
+    heading_rad = start["heading_rad"]
+    if goal is not None:
+        ahead = (goal["x_m"] - start["x_m"], goal["y_m"] - start["y_m"])
+        heading_rad = goal["heading_rad"] if goal["kind"] == "line" else math.atan2(ahead[1], ahead[0])
+        return heading_rad, ahead[0] * math.cos(heading_rad) + ahead[1] * math.sin(heading_rad)
+    slopes = {"x": math.cos(heading_rad), "y": math.sin(heading_rad)}
+    ways = [
+        (course[f"{axis}_{'max' if slope > 0 else 'min'}_m"] - start[f"{axis}_m"]) / slope
+        for axis, slope in slopes.items()
+        if abs(slope) > 1e-9
+    ]
+    return heading_rad, min(ways)

@@ -33,7 +33,6 @@ RC: Any = {
 INK = "#222222"
 ACCENT = "#0072b2"
 FAILURE = "#d62728"
-GROUND = "#8c7a5b"
 
 # The palette of Okabe and Ito, ordered so that neighbours in a stack also differ in lightness.
 OUTCOME_COLOURS = {
@@ -57,15 +56,4 @@ OUTCOME_LABELS = {
     "terminated": "ended by program",
     "rejected": "rejected",
     "failed": "failed",
-}
-OUTCOME_MARKERS = {
-    "passed": "o",
-    "tipped": "^",
-    "stuck": "s",
-    "off_course": "D",
-    "timeout": "X",
-    "fault": "P",
-    "terminated": "d",
-    "rejected": "v",
-    "failed": "*",
 }

@@ -10,8 +10,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.patches import Circle, Rectangle
 from matplotlib.transforms import Affine2D
 
-from foldcar.figures.ground import Extent, HeightMap
-from foldcar.figures.height_colours import shaded
+from foldcar.figures.ground import Extent, HeightMap, shaded
 from foldcar.figures.style import ACCENT, FAILURE, INK
 from foldcar.scenes.terrain_kinds import kind_of, reach_m
 
@@ -69,15 +68,7 @@ def draw_top_view(axes: Axes, scene: Mapping[str, Any], ground: HeightMap, scale
         _draw_goal(axes, scene)
     if len(path):
         rows = numpy.asarray(path, dtype=float)
-        axes.plot(
-            rows[:, 1],
-            rows[:, 2],
-            color=ACCENT,
-            linewidth=1.6,
-            zorder=5,
-            solid_capstyle="round",
-            label="path",
-        )
+        axes.plot(rows[:, 1], rows[:, 2], color=ACCENT, linewidth=1.6, zorder=5, solid_capstyle="round", label="path")
     start = scene["start"]
     _draw_arrow(axes, start["x_m"], start["y_m"], start["heading_rad"], ARROW_LENGTH_M, INK)
     axes.plot([start["x_m"]], [start["y_m"]], "o", color=INK, markersize=4, zorder=6, label="start")
@@ -92,14 +83,7 @@ def _draw_outline(axes: Axes, piece: Mapping[str, Any]) -> None:
     place = (piece["x_m"], piece["y_m"])
     kind = kind_of(piece)
     if kind.form == "patch":
-        look = {
-            "fill": False,
-            "edgecolor": PATCH_COLOUR,
-            "linewidth": 0.8,
-            "hatch": "////",
-            "zorder": 1.5,
-            "alpha": 0.5,
-        }
+        look = {"fill": False, "edgecolor": PATCH_COLOUR, "linewidth": 0.8, "hatch": "////", "zorder": 1.5, "alpha": 0.5}
         axes.add_patch(_rectangle(axes, piece, look))
         axes.annotate(
             f"friction {piece['friction']:g}",

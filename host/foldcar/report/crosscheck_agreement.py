@@ -1,7 +1,7 @@
 """The agreement of two engines: pass or fail of each run, success rates of each design.
 
-Input: a store into which a study was swept in all engines. Output: cases with their results by engine; numbers of pairs
-of results, shares between 0 and 1.
+Input: a store into which a study was swept in all engines. Output: cases with their results by engine; what pairs of
+results agree in, as numbers (shares 0 to 1) and as cells of a table.
 """
 
 from collections import Counter
@@ -13,10 +13,21 @@ import numpy
 
 from foldcar.analysis.rate import wilson_interval
 from foldcar.errors import FoldcarError
-from foldcar.simulation.engines import ENGINES
+from foldcar.simulation.engines import ELLIPSOID, ENGINES, HALF_STEP, MUJOCO, MULTIBODY, SIDE_VIEW
 from foldcar.simulation.results import NUMBERS, REJECTED
 from foldcar.store.info import engine_id
 from foldcar.store.reader import Store
+
+# Those of the baseline show how far MuJoCo agrees with itself.
+EVERY, BASELINE = (MULTIBODY, MUJOCO, SIDE_VIEW), (HALF_STEP, ELLIPSOID)
+NAMES = {
+    SIDE_VIEW: "side-view",
+    MULTIBODY: "multibody",
+    MUJOCO: "MuJoCo",
+    HALF_STEP: "MuJoCo, half the time step",
+    ELLIPSOID: "MuJoCo, ellipsoid tyres",
+}
+COMPARISON_HEAD = ["engines", "runs", "alike %", "95 % interval", "r of rates", "RMSE", "bias"]
 
 Results = dict[str, list[Mapping[str, Any] | None]]
 
@@ -29,11 +40,6 @@ class Case:
     design: int
     sample: int
     columns: Mapping[str, float]
-
-    @property
-    def label(self) -> str:
-        """The case as messages name it."""
-        return f"experiment {self.experiment}, design {self.design + 1}, sample {self.sample}"
 
 
 def stored_name(experiment: str, engine: str) -> str:
@@ -106,16 +112,6 @@ class Agreement:
         """Wilson's 95 % interval (low, high) of the share."""
         return wilson_interval(self.alike, self.runs)
 
-    @property
-    def kinds(self) -> list[tuple[tuple[str, str], int]]:
-        """Disagreements of pass and fail by their outcomes, the most frequent first."""
-        found = [
-            (pair, n)
-            for pair, n in self.confusion.items()
-            if REJECTED not in pair and (pair[0] == "passed") != (pair[1] == "passed")
-        ]
-        return sorted(found, key=lambda entry: (-entry[1], entry[0]))
-
 
 def agreement(pairs: Sequence[Pair]) -> Agreement:
     """The agreement of pairs; FoldcarError if no run of one engine can be compared with the other's."""
@@ -148,3 +144,57 @@ def agreement(pairs: Sequence[Pair]) -> Agreement:
 def passes(result: Mapping[str, Any]) -> bool:
     """Whether a run passed."""
     return bool(result["outcome"] == "passed")
+
+
+def comparisons(cases: Sequence[Case], results: Results, baseline: int) -> dict[str, Agreement]:
+    """Multibody, the side view where it was swept, and the first ``baseline`` samples' variants, each against MuJoCo.
+
+    By the names of both engines. FoldcarError if no run can be compared.
+    """
+    against = NAMES[MUJOCO]
+    found = {f"{NAMES[MULTIBODY]} – {against}": agreement(pairs_of(cases, results, MULTIBODY))}
+    in_plane = pairs_of(cases, results, SIDE_VIEW)
+    if in_plane:
+        found[f"{NAMES[SIDE_VIEW]} – {against}"] = agreement(in_plane)
+    few = min(baseline, max(case.sample for case in cases) + 1)
+    for engine in (MULTIBODY, *BASELINE) if few else ():
+        pairs = [pair for pair in pairs_of(cases, results, engine) if pair[0].sample < few]
+        found[f"{NAMES[engine]} – {against}, samples 0 to {few - 1}"] = agreement(pairs)
+    return found
+
+
+def pairs_of(cases: Sequence[Case], results: Results, engine: str) -> list[Pair]:
+    """Results of that engine and of MuJoCo for the cases that both have run."""
+    each = zip(cases, results[engine], results[MUJOCO], strict=True)
+    return [(case, one, other) for case, one, other in each if one is not None and other is not None]
+
+
+def comparison_row(name: str, one: Agreement) -> list[str]:
+    """A comparison as the cells of COMPARISON_HEAD."""
+    low, high = one.interval
+    return [
+        name,
+        str(one.runs),
+        f"{100 * one.share:.1f}",
+        f"{100 * low:.1f} – {100 * high:.1f}",
+        "–" if one.correlation is None else f"{one.correlation:.3f}",
+        f"{100 * one.rmse:.1f}",
+        f"{100 * one.bias:+.1f}",
+    ]
+
+
+def comparison_numbers(one: Agreement) -> Mapping[str, Any]:
+    """A comparison as in summary.json; shares are 0 to 1."""
+    return {
+        **{key: getattr(one, key) for key in ("runs", "alike", "share", "interval", "correlation", "rmse", "bias")},
+        "confusion": [[a, b, count] for (a, b), count in sorted(one.confusion.items())],
+        "designs": [
+            {"experiment": name, "design": number + 1, **d.columns, "runs": d.runs, "passed": [d.first, d.second]}
+            for (name, number), d in one.designs.items()
+        ],
+    }
+
+
+def column_name(engine: str) -> str:
+    """How the names of an engine's columns in runs.csv begin."""
+    return engine.replace("-", "_")

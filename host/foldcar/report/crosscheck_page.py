@@ -1,156 +1,89 @@
 """A cross-check's files: a page with its pictures, the runs as CSV, the numbers as JSON.
 
-Input: a store into which all engines were swept. Output: index.html, success_N.png and worst_N.png of the Nth
-experiment, runs.csv, summary.json.
+Input: a store into which all engines were swept. Output: index.html, success_N.png of the Nth experiment, runs.csv,
+summary.json.
 """
 
 import csv
 import io
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import matplotlib
+import numpy
+from matplotlib.figure import Figure
 
+from foldcar.analysis.rate import wilson_interval
 from foldcar.figures.output import save_figure
 from foldcar.figures.page import page_template
-from foldcar.figures.style import OUTCOME_LABELS, RC
+from foldcar.figures.style import ACCENT, OUTCOME_LABELS, RC
 from foldcar.outputs import atomic_file
-from foldcar.report.crosscheck_agreement import Agreement, Case, Pair, Results, agreement, read_cases
-from foldcar.report.crosscheck_charts import success_figure, worst_figure
-from foldcar.report.crosscheck_parted import CANDIDATES, Parted, parted
-from foldcar.report.crosscheck_sweeps import BASELINE
+from foldcar.report.crosscheck_agreement import (
+    COMPARISON_HEAD,
+    Agreement,
+    Case,
+    DesignRates,
+    Results,
+    column_name,
+    comparison_numbers,
+    comparison_row,
+    comparisons,
+    read_cases,
+)
+from foldcar.report.paper_figures import axis_label, error_percent
 from foldcar.shown_text import decoded
-from foldcar.simulation.carsim import Carsim
-from foldcar.simulation.engines import ELLIPSOID, HALF_STEP, MUJOCO, MULTIBODY, SIDE_VIEW
-from foldcar.simulation.heights import carsim_heights
 from foldcar.simulation.results import NUMBERS as METRICS
 from foldcar.simulation.results import OUTCOMES
 from foldcar.store.reader import Store
 
 PAGE, RUNS, NUMBERS = "index.html", "runs.csv", "summary.json"
-WORST = 3
-MOST_FAILURES = 10
 COLOURS = 256
-NAMES = {
-    SIDE_VIEW: "side-view",
-    MULTIBODY: "multibody",
-    MUJOCO: "MuJoCo",
-    HALF_STEP: "MuJoCo, half the time step",
-    ELLIPSOID: "MuJoCo, ellipsoid tyres",
-}
-BOTH = f"{NAMES[MULTIBODY]} – {NAMES[MUJOCO]}"
-COMPARISON_HEAD = ["engines", "runs", "alike %", "95 % interval", "r of rates", "RMSE", "bias"]
-EXPERIMENT_HEAD = ["experiment", "runs", "multibody passed %", "MuJoCo passed %", *COMPARISON_HEAD[2:]]
-SIDE_VIEW_HEAD = ["side-view passed %", "side-view alike %", "side-view RMSE"]
-BASELINE_HEAD = ["half step alike %", "ellipsoid alike %"]
-NOT_CLAIMED = "–"
-
-
-def pairs_of(cases: Sequence[Case], results: Results, first: str, second: str, samples: int) -> list[Pair]:
-    """Results of two engines for the cases of the first ``samples`` samples that both have run."""
-    return [
-        (case, a, b)
-        for case, a, b in zip(cases, results[first], results[second], strict=True)
-        if case.sample < samples and a is not None and b is not None
-    ]
+FIRST, SECOND = "multibody", "MuJoCo"
+LOOKS = ((FIRST, ACCENT, "o", "-"), (SECOND, "#d55e00", "s", "--"))
 
 
 def write_page(
-    folder: Path,
-    title: str,
-    store: Store,
-    experiments: Sequence[str],
-    baseline: int,
-    carsims: Mapping[str, Carsim],
-    jobs: int,
-    done: Callable[[int], None] = lambda experiments: None,
-) -> list[tuple[str, Agreement]]:
-    """Write all files; returns the comparisons of the page's first table with their names. FoldcarError.
+    folder: Path, title: str, store: Store, experiments: Sequence[str], engines: Sequence[str], baseline: int
+) -> dict[str, Agreement]:
+    """Write all files; returns the comparisons of the page's first table by their names. FoldcarError.
 
-    ``store`` holds the listed ``experiments`` in the engines of ``carsims``; ``done`` hears of each one's pictures.
+    ``store`` holds the listed ``experiments`` in the ``engines``.
     """
-    cases, results = read_cases(store, experiments, carsims)
-    everything = max(case.sample for case in cases) + 1
-    pairs = pairs_of(cases, results, MULTIBODY, MUJOCO, everything)
-    whole = agreement(pairs)
-    comparisons = [(BOTH, whole)]
-    in_plane = pairs_of(cases, results, SIDE_VIEW, MUJOCO, everything)
-    if in_plane:
-        comparisons.append((f"{NAMES[SIDE_VIEW]} – {NAMES[MUJOCO]}", agreement(in_plane)))
-    few = min(baseline, everything)
-    if few:
-        for engine in (MULTIBODY, *BASELINE):
-            name = f"{NAMES[engine]} – {NAMES[MUJOCO]}, samples 0 to {few - 1}"
-            comparisons.append((name, agreement(pairs_of(cases, results, engine, MUJOCO, few))))
-    selves = [pairs_of(cases, results, engine, MUJOCO, few) for engine in BASELINE if few]
-    by_experiment = {name: [agreement(_of(name, some)) for some in (pairs, *selves)] for name in experiments}
-    side_view = {name: agreement(some) for name in experiments if (some := _of(name, in_plane))}
-    sections = []
-    for number, (name, (one, *_)) in enumerate(by_experiment.items(), start=1):
-        both = {engine: carsims[engine] for engine in (MULTIBODY, MUJOCO)}
-        worst = parted(store, _of(name, pairs), both, jobs, WORST)
-        with matplotlib.rc_context(RC):
-            sections.append(_section(folder, number, name, one, worst, carsims[MULTIBODY]))
-        done(1)
+    cases, results = read_cases(store, experiments, engines)
+    whole = comparisons(cases, results, baseline)
+    by_experiment = {name: comparisons(*_of(name, cases, results), baseline) for name in experiments}
+    sections = [_section(folder, at, name, found) for at, (name, found) in enumerate(by_experiment.items(), start=1)]
+    rows = [comparison_row(name, next(iter(found.values()))) for name, found in by_experiment.items()]
     page = page_template("foldcar.report", "crosscheck.html").render(
         title=title,
-        comparisons=[COMPARISON_HEAD, *(comparison_row(name, one) for name, one in comparisons)],
-        by_experiment=experiment_table(by_experiment, side_view) if len(experiments) > 1 else [],
-        confusion=_confusion(whole),
-        kinds=[[OUTCOME_LABELS[a], OUTCOME_LABELS[b], str(count)] for (a, b), count in whole.kinds],
-        failures=_failures(cases, results),
+        comparisons=_table(whole),
+        by_experiment=[["experiment", *COMPARISON_HEAD[1:]], *rows] if len(rows) > 1 else [],
+        confusion=_confusion(next(iter(whole.values()))),
         sections=sections,
-        candidates=CANDIDATES,
     )
     _write(folder / PAGE, page)
     _write(folder / RUNS, _runs_csv(cases, results))
     numbers = {
-        "comparisons": {name: comparison_numbers(one) for name, one in comparisons},
-        "by_experiment": experiment_table(by_experiment, side_view),
+        "comparisons": _numbers(whole),
+        "by_experiment": {name: _numbers(found) for name, found in by_experiment.items()},
     }
     _write(folder / NUMBERS, json.dumps(numbers, indent=2, ensure_ascii=False) + "\n")
-    return comparisons
+    return whole
 
 
-def comparison_row(name: str, one: Agreement) -> list[str]:
-    """A comparison as the cells of COMPARISON_HEAD."""
-    low, high = one.interval
-    return [
-        name,
-        str(one.runs),
-        f"{100 * one.share:.1f}",
-        f"{100 * low:.1f} – {100 * high:.1f}",
-        "–" if one.correlation is None else f"{one.correlation:.3f}",
-        f"{100 * one.rmse:.1f}",
-        f"{100 * one.bias:+.1f}",
-    ]
+def _of(experiment: str, cases: Sequence[Case], results: Results) -> tuple[list[Case], Results]:
+    kept = [at for at, case in enumerate(cases) if case.experiment == experiment]
+    return [cases[at] for at in kept], {engine: [some[at] for at in kept] for engine, some in results.items()}
 
 
-def experiment_table(
-    experiments: Mapping[str, Sequence[Agreement]], side_view: Mapping[str, Agreement]
-) -> list[list[str]]:
-    """A row an experiment: multibody and MuJoCo, the side view against MuJoCo where it claims the scenes, and how far
-    MuJoCo agrees with itself if it was asked; a head above.
-    """
-    rows = []
-    for name, (one, *selves) in experiments.items():
-        _, runs, *cells = comparison_row(name, one)
-        passed = [sum(d.first for d in one.designs.values()), sum(d.second for d in one.designs.values())]
-        shares = [f"{100 * count / one.runs:.1f}" for count in passed]
-        flat = side_view.get(name)
-        plane = [NOT_CLAIMED] * len(SIDE_VIEW_HEAD)
-        if flat is not None:
-            went = sum(d.first for d in flat.designs.values())
-            plane = [f"{100 * share:.1f}" for share in (went / flat.runs, flat.share, flat.rmse)]
-        rows.append([name, runs, *shares, *cells, *plane, *(f"{100 * other.share:.1f}" for other in selves)])
-    head = [*EXPERIMENT_HEAD, *SIDE_VIEW_HEAD]
-    return [[*head, *(BASELINE_HEAD if rows and len(rows[0]) > len(head) else [])], *rows]
+def _table(found: Mapping[str, Agreement]) -> list[list[str]]:
+    return [COMPARISON_HEAD, *(comparison_row(name, one) for name, one in found.items())]
 
 
-def _of(experiment: str, pairs: Sequence[Pair]) -> list[Pair]:
-    return [pair for pair in pairs if pair[0].experiment == experiment]
+def _numbers(found: Mapping[str, Agreement]) -> dict[str, Mapping[str, Any]]:
+    return {name: comparison_numbers(one) for name, one in found.items()}
 
 
 def _confusion(one: Agreement) -> list[list[str]]:
@@ -160,39 +93,39 @@ def _confusion(one: Agreement) -> list[list[str]]:
     return [["", *(OUTCOME_LABELS[name] for name in names)], *rows]
 
 
-def _failures(cases: Sequence[Case], results: Results) -> list[str]:
-    found = [
-        f"{case.label}, {NAMES[engine]}: {result['message']}"
-        for engine in results
-        for case, result in zip(cases, results[engine], strict=True)
-        if result is not None and result["outcome"] == "failed"
-    ]
-    more = [f"and {len(found) - MOST_FAILURES} more"] if len(found) > MOST_FAILURES else []
-    return found[:MOST_FAILURES] + more
-
-
-def _section(
-    folder: Path, number: int, name: str, one: Agreement, worst: Sequence[Parted], carsim: Carsim
-) -> dict[str, Any]:
-    chart, picture = f"success_{number}.png", f"worst_{number}.png"
-    save_figure(success_figure(one, name), folder / chart, colours=COLOURS)
-    design = next(iter(one.designs.values()))
-    keys = [key for key in design.columns if len({d.columns[key] for d in one.designs.values()}) > 1]
+def _section(folder: Path, number: int, name: str, found: Mapping[str, Agreement]) -> dict[str, Any]:
+    """An experiment's part of the page; its picture is written."""
+    chart, designs = f"success_{number}.png", list(next(iter(found.values())).designs.values())
+    keys = [key for key in designs[0].columns if len({d.columns[key] for d in designs}) > 1]
+    with matplotlib.rc_context(RC):
+        save_figure(_success_figure(designs, keys, name), folder / chart, colours=COLOURS)
     rows = [
         [*(f"{d.columns[key]:g}" for key in keys), str(d.runs), *(f"{100 * n / d.runs:.1f}" for n in (d.first, d.second))]
-        for d in one.designs.values()
+        for d in designs
     ]
-    if worst:
-        save_figure(worst_figure(worst, carsim_heights(carsim)), folder / picture, colours=COLOURS)
-    else:
-        (folder / picture).unlink(missing_ok=True)
-    return {
-        "name": name,
-        "comparison": [COMPARISON_HEAD, comparison_row(BOTH, one)],
-        "chart": chart,
-        "designs": [[*keys, "runs", "multibody passed %", "MuJoCo passed %"], *rows],
-        "worst": picture if worst else None,
-    }
+    head = [*keys, "runs", "multibody passed %", "MuJoCo passed %"]
+    return {"name": name, "comparison": _table(found), "chart": chart, "designs": [head, *rows]}
+
+
+def _success_figure(designs: Sequence[DesignRates], keys: Sequence[str], experiment: str) -> Figure:
+    """Success rates of an experiment's designs in both engines, with Wilson 95 % intervals."""
+    figure = Figure(figsize=(7.2, 3.7), layout="constrained")
+    axes = figure.subplots()
+    # Designs of a family with several parameters are numbered.
+    places = [one.columns[keys[0]] for one in designs] if len(keys) == 1 else list(range(1, len(designs) + 1))
+    nudge = 0.12 * float(numpy.min(numpy.diff(places))) if len(places) > 1 else 0.05
+    for side, (name, colour, marker, line) in zip((-1, 1), LOOKS, strict=True):
+        counts = [(rates.first if name == FIRST else rates.second, rates.runs) for rates in designs]
+        bars = numpy.hstack([error_percent(n / runs, wilson_interval(n, runs)) for n, runs in counts])
+        look: dict[str, Any] = {"color": colour, "marker": marker, "linestyle": line, "markersize": 4, "linewidth": 1.3}
+        x, y = numpy.array(places) + side * nudge, [100 * n / runs for n, runs in counts]
+        axes.errorbar(x, y, yerr=bars, elinewidth=0.9, capsize=2, label=name, **look)
+    axes.set_ylim(-3, 103)
+    axes.set_ylabel("runs passed (%)")
+    axes.set_xlabel(axis_label(keys[0]) if len(keys) == 1 else "design")
+    axes.set_title(f"Experiment {experiment}: success in both engines, Wilson 95 % intervals")
+    figure.legend(loc="outside lower center", ncols=2)
+    return figure
 
 
 def _runs_csv(cases: Sequence[Case], results: Results) -> str:
@@ -209,23 +142,6 @@ def _runs_csv(cases: Sequence[Case], results: Results) -> str:
             row += [result.get(value) for value in values]
         writer.writerow(row)
     return text.getvalue()
-
-
-def column_name(engine: str) -> str:
-    """How the names of an engine's columns in runs.csv begin."""
-    return engine.replace("-", "_")
-
-
-def comparison_numbers(one: Agreement) -> Mapping[str, Any]:
-    """A comparison as in summary.json; shares are 0 to 1."""
-    return {
-        **{key: getattr(one, key) for key in ("runs", "alike", "share", "interval", "correlation", "rmse", "bias")},
-        "confusion": [[a, b, count] for (a, b), count in sorted(one.confusion.items())],
-        "designs": [
-            {"experiment": name, "design": number + 1, **d.columns, "runs": d.runs, "passed": [d.first, d.second]}
-            for (name, number), d in one.designs.items()
-        ],
-    }
 
 
 def _write(file: Path, text: str) -> None:

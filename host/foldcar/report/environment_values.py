@@ -141,17 +141,13 @@ def _car(drawn: Mapping[str, Any], wheels: Any) -> dict[str, float]:
 def _telling(values: NDArray[Any]) -> list[int]:
     """The columns that vary and are no line of one before them."""
     kept: list[int] = []
-    scaled: list[NDArray[Any]] = []
     for at, column in enumerate(values.T):
         there = ~numpy.isnan(column)
         if there.sum() < 2 or numpy.ptp(column[there]) <= 1e-9 * abs(column[there]).max():
             continue
-        centred = numpy.where(there, column - column[there].mean(), 0.0)
-        centred = numpy.where(there, centred / numpy.sqrt((centred**2).sum()), numpy.nan)
-        told = any(bool((numpy.isnan(one) == ~there).all()) and abs(numpy.nansum(one * centred)) > SAME for one in scaled)
-        if not told:
+        alike = [one for one in kept if (numpy.isnan(values[:, one]) != there).all()]
+        if all(abs(numpy.corrcoef(values[there, one], column[there])[0, 1]) <= SAME for one in alike):
             kept.append(at)
-            scaled.append(centred)
     return kept
 
 

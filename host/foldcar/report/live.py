@@ -9,14 +9,12 @@ import json
 import secrets
 import threading
 import time
-from collections import deque
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, TextIO
 
 from foldcar.errors import FoldcarError
 from foldcar.installation import usable_processors
-from foldcar.report.figure_options import FigureOptions
 from foldcar.report.page_data import page_data, read_experiments
 from foldcar.store.connection import is_written
 from foldcar.store.info import ExperimentInfo
@@ -34,29 +32,32 @@ LAST_POLL_S = 8.0
 SILENT_S = 15.0
 # Of an answer.
 MOST_LETTERS = 1000
-# The estimated end goes by the runs of so many seconds.
-PACE_S = 120.0
 
 
 class LiveStudy:
-    """The page's data of a store that is written. ``command`` is that of the report; ``options`` those of `report`.
+    """The page's data of a store that is written. ``command`` is that of the report, ``thresholds`` are its own.
 
     ``taps`` get what is tapped on the page, a JSON object a line; None: the page offers nothing to tap.
     """
 
     def __init__(
-        self, path: Path, command: Sequence[str], options: FigureOptions, simulated_trials: bool,
+        self,
+        path: Path,
+        command: Sequence[str] = (),
+        thresholds: Sequence[float] = (),
+        simulated_trials: bool = False,
         taps: TextIO | None = None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self._taps = taps
-        self._path, self._command, self._options, self._simulated = path, command, options, simulated_trials
+        self._path, self._command, self._thresholds, self._simulated = path, command, thresholds, simulated_trials
         self._study = b"null"
         # Another server's page has none of its versions.
         self._name, self._number = secrets.token_hex(4), 0
-        self._counts: dict[str, Any] = {"done": 0, "planned": None, "left_s": None, "designs": None, "decided": None}
         self._error = ""
         self._seen: tuple[Any, ...] | None = None
-        self._pace: deque[tuple[float, int]] = deque()
+        # When the sweep was first seen (s), and how many runs there were: the estimated end goes by the runs since.
+        self._first: tuple[float, int] | None = None
+        self._counts: dict[str, Any] = {"done": 0, "planned": None, "left_s": None, "designs": None, "decided": None}
         self._next_s = 0.0
         self._polled_s = -OPEN_S
         self._told = ""
@@ -121,18 +122,13 @@ class LiveStudy:
         begun_s, seen = time.process_time(), _stamp(self._path)
         if seen == self._seen:
             return
-        infos: list[ExperimentInfo] = []
-        study, error = b"null", ""
         try:
-            if self._path.exists():
-                study, infos = self._made()
+            study, infos = self._made() if self._path.exists() else (b"null", [])
         except FoldcarError as problem:
-            error = str(problem)
-        with self._lock:
-            self._error = error
-            if not error:
-                self._seen = seen
-                self._study = study
+            self._error = str(problem)
+        else:
+            with self._lock:
+                self._error, self._seen, self._study = "", seen, study
                 self._number += 1
                 self._counts = self._counted(infos)
         self._next_s = time.monotonic() + max(LEAST_S, (time.process_time() - begun_s) / (SHARE * usable_processors()))
@@ -140,14 +136,9 @@ class LiveStudy:
     def _made(self) -> tuple[bytes, list[ExperimentInfo]]:
         with Store.open(self._path) as store:
             infos = list(store.info().experiments.values()) if store.holds_study() else []
-            if not any(info.stored_runs for info in infos) and next(store.trials(), None) is None:
-                return b"null", infos
-            experiments = read_experiments(store, self._options, self._simulated)
+            experiments = read_experiments(store, self._thresholds, self._simulated)
             some = [one for one in experiments if one.trials or one.info.stored_runs]
-            if not some:
-                # Trials that do not count, of an experiment that was not swept.
-                return b"null", infos
-            data = page_data(store, self._command, some)
+            data = page_data(store, self._command, some) if some else None
         return json.dumps(data, separators=(",", ":"), allow_nan=False).encode(), infos
 
     def _counted(self, infos: Sequence[ExperimentInfo]) -> dict[str, Any]:
@@ -156,19 +147,14 @@ class LiveStudy:
         # A search plans nothing.
         open_end = not infos or any(info.searched for info in infos)
         now_s = time.monotonic()
-        if not is_written(self._path):
-            self._pace.clear()
-        self._pace.append((now_s, done))
-        while self._pace[0][0] < now_s - PACE_S:
-            self._pace.popleft()
-        left_s = None
-        if len(self._pace) > 1 and not open_end:
-            (first_s, first), (last_s, last) = self._pace[0], self._pace[-1]
-            left_s = (planned - done) * (last_s - first_s) / (last - first) if last > first else None
+        if self._first is None or not infos or not is_written(self._path):
+            self._first = now_s, done
+        first_s, first = self._first
+        pace = None if open_end or done == first else (now_s - first_s) / (done - first)
         return {
             "done": done,
             "planned": None if open_end else planned,
-            "left_s": left_s,
+            "left_s": None if pace is None else pace * (planned - done),
             "designs": sum(info.designs for info in until) if until else None,
             "decided": sum(info.decided for info in until) if until else None,
         }

@@ -50,14 +50,9 @@ class Advice:
         return percent(self.threshold)
 
     @cached_property
-    def known(self) -> NDArray[Any]:
-        """The designs with runs that count, by index."""
-        return numpy.flatnonzero(self.designs.counted[:, 1])
-
-    @cached_property
     def rates(self) -> NDArray[Any]:
         """What is believed of the known designs (known, 3): rate, low, high."""
-        return numpy.array([self.designs.believed[index] for index in self.known], dtype=float).reshape(-1, 3)
+        return numpy.array([self.designs.believed[index] for index in self.designs.known], dtype=float).reshape(-1, 3)
 
     @cached_property
     def draws(self) -> NDArray[Any]:
@@ -67,10 +62,10 @@ class Advice:
 
     @cached_property
     def unit(self) -> NDArray[Any]:
-        """The known designs' numeric parameters (known, k), each scaled to 0 to 1."""
+        """The known designs' parameters (known, k), each scaled to 0 to 1."""
         names = [list(self.designs.values)[place] for place in self.places]
-        some = [[float(self.designs.designs[index][name]) for name in names] for index in self.known]
-        return unit_range(numpy.array(some).reshape(len(self.known), len(names)))
+        some = [[float(self.designs.designs[index][name]) for name in names] for index in self.designs.known]
+        return unit_range(numpy.array(some).reshape(len(self.designs.known), len(names)))
 
     def headline(self) -> str:
         """The result in one or two sentences."""
@@ -82,7 +77,7 @@ class Advice:
             return f"{passed} of {count(trials, 'trial')} of built cars passed; nothing was simulated to compare with."
         if not info.success_defined:
             return f"No car is called good or bad: {info.success_rule}."
-        if not len(self.known):
+        if not len(self.designs.known):
             return f"Nothing can be said: {no_rate_text(info.stored_runs)}."
         if designs.pooled is None:
             driven = " No built car was driven yet." if not trials else ""
@@ -96,14 +91,14 @@ class Advice:
 
     def judged(self, fresh: "Advice") -> tuple[str, dict[str, Any]]:
         """Headline and likely designs of a search: of what its best are worth in ``fresh`` environments."""
-        found, number = fresh.likely(), count(len(self.known), "design")
+        found, number = fresh.likely(), count(len(self.designs.known), "design")
         if not found["designs"]:
             return f"A search tried {number}; none passes in fresh environments.", found
         best = found["designs"][0]
         leads = f"{fresh.designs.names[best]} leads with {found['why'][0]}"
         places = {fresh.designs.names[at]: at for at in found["designs"]}
         indices = [self.designs.names.index(name) for name in places]
-        judged = f"{len(fresh.known)} were judged in {fresh.designs.info.environments:,} fresh environments"
+        judged = f"{len(fresh.designs.known)} were judged in {fresh.designs.info.environments:,} fresh environments"
         said = {**found, "text": f"In fresh environments: {found['text']}", "designs": indices}
         return f"A search tried {number} and {judged}: {leads}.", said
 
@@ -116,7 +111,7 @@ class Advice:
             if self.rates[best, 0] == 0:
                 return "no design passes a single environment"
             return f"no design passes {share}; the best, {self._name(best)}, passes {percent(self.rates[best, 0])}"
-        sure = (self.rates[:, 1] > self.threshold) & ~numpy.isin(self.known, self.designs.contradicting.beside)
+        sure = (self.rates[:, 1] > self.threshold) & ~numpy.isin(self.designs.known, self.designs.contradicting.beside)
         if good.all():
             which = "the design passes" if len(good) == 1 else f"every one of {count(len(good), 'design')} passes"
         elif len(self.designs.info.varied) == 1:
@@ -131,12 +126,12 @@ class Advice:
         return f"{which} {share}, {ranges} surely (95 % each)"
 
     def _name(self, at: "int | numpy.integer[Any]") -> str:
-        return self.designs.names[int(self.known[at])]
+        return self.designs.names[int(self.designs.known[at])]
 
     def _ranges(self, chosen: NDArray[Any]) -> str:
         """Values of the one parameter as ranges of neighbours: ``75 to 150 mm``."""
         (name,) = self.designs.info.varied
-        values = [self.designs.designs[index][name] for index in self.known]
+        values = [self.designs.designs[index][name] for index in self.designs.known]
         order = sorted(range(len(values)), key=lambda at: values[at])
         runs: list[list[Any]] = []
         for before, at in zip([None, *order], order, strict=False):
@@ -148,7 +143,7 @@ class Advice:
 
     def likely(self) -> dict[str, Any]:
         """The designs most likely to work: the best by belief and some of its ties, varied."""
-        if not len(self.known) or not self.designs.info.success_defined or not self.rates[:, 0].any():
+        if not len(self.designs.known) or not self.designs.info.success_defined or not self.rates[:, 0].any():
             return {"text": "", "designs": [], "why": []}
         rates = self.rates[:, 0]
         ties = numpy.flatnonzero(rates >= rates.max() - TIE)
@@ -165,7 +160,7 @@ class Advice:
         else:
             text = f"{names[0]}: {why[0]}{together}"
         driven = self._best_driven(first)
-        return {"text": f"{text}.{driven}", "designs": [int(self.known[at]) for at in chosen], "why": why}
+        return {"text": f"{text}.{driven}", "designs": [int(self.designs.known[at]) for at in chosen], "why": why}
 
     @property
     def _smooth(self) -> NDArray[Any]:
@@ -176,7 +171,7 @@ class Advice:
 
     def _best_driven(self, best: int) -> str:
         """Of driven designs, the best one, unless it is ``best``."""
-        tried = self.designs.tried[self.known]
+        tried = self.designs.tried[self.designs.known]
         driven = numpy.flatnonzero(tried[:, 1])
         if not len(driven) or tried[best, 1]:
             return ""
@@ -185,7 +180,7 @@ class Advice:
 
     def _passed(self, at: "int | numpy.integer[Any]") -> str:
         """``9 of 12 trials of 1 car passed``; "" without trials."""
-        cars = self.designs.cars[int(self.known[at])]
+        cars = self.designs.cars[int(self.designs.known[at])]
         return "" if cars is None else f"{cars.passed.sum():.0f} of {cars.text} passed"
 
     def _spread(self, ties: Sequence[int]) -> list[int]:
@@ -201,12 +196,12 @@ class Advice:
 
     def learn(self) -> dict[str, Any]:
         """The designs whose trials would tell most, each with its chance to reach the threshold and why."""
-        if len(self.known) < 2 or not self.designs.info.success_defined or not self.unit.size:
+        if len(self.designs.known) < 2 or not self.designs.info.success_defined or not self.unit.size:
             return {"text": "", "designs": [], "why": []}
-        candidates = numpy.arange(len(self.known))
+        candidates = numpy.arange(len(self.designs.known))
         if len(candidates) > MOST_COMPARED:
             kept = numpy.linspace(0, len(candidates) - 1, MOST_COMPARED).round().astype(int)
-            candidates = numpy.union1d(candidates[kept], numpy.flatnonzero(self.designs.tried[self.known, 1]))
+            candidates = numpy.union1d(candidates[kept], numpy.flatnonzero(self.designs.tried[self.designs.known, 1]))
         # Neighbours are at most one value apart in every parameter.
         ranks = numpy.array([numpy.unique(column, return_inverse=True)[1] for column in self.unit[candidates].T]).T
         near = numpy.abs(ranks[:, None] - ranks[None, :]).max(axis=2) <= 1
@@ -215,7 +210,7 @@ class Advice:
         why = [self._why(at) for at in chosen]
         named = listed([f"{self._name(at)} ({reason})" for at, reason in zip(chosen, why, strict=True)])
         text = " ".join(filter(None, (f"{named}." if chosen else "", self._gap())))
-        return {"text": text, "designs": [int(self.known[at]) for at in chosen], "why": why}
+        return {"text": text, "designs": [int(self.designs.known[at]) for at in chosen], "why": why}
 
     def _why(self, at: int) -> str:
         chance = float((self.draws[:, at] > self.threshold).mean())
@@ -262,22 +257,12 @@ class Advice:
                 higher = one.mean[end] - one.mean[inner] >= LEAST_RISE and one.mean[end] == one.mean.max()
                 value = float(one.grid[end])
                 if higher and rises > 0.95 and self._extendable(name, value, end == -1):
-                    rises_at = f"Success still rises at {label_and_unit(name)[0]} {value_text(name, value)}"
-                    why = self._unbuilt_beyond(name, value, end == -1)
-                    where = f"the range's {'upper' if end else 'lower'} end: extend it"
-                    said.append(f"{rises_at}, the last that can be built ({why})." if why else f"{rises_at}, {where}.")
+                    where = f"{label_and_unit(name)[0]} {value_text(name, value)}"
+                    end_name = "upper" if end else "lower"
+                    said.append(
+                        f"Success still rises at {where}, the range's {end_name} end: extend it if it can be built."
+                    )
         return said
-
-    def _unbuilt_beyond(self, name: str, value: float, upwards: bool) -> str:
-        """Why no car of the family has a value further on; "" if none was asked for."""
-        key = next((key for key, one in parameters().items() if one.column == name), name)
-        reasons = {}
-        for text in self.designs.info.skipped:
-            car, _, reason = text.partition(": ")
-            asked = [float(word.partition("=")[2]) for word in car.split() if word.partition("=")[0] == key]
-            if asked and (asked[0] > value if upwards else asked[0] < value):
-                reasons[asked[0]] = reason
-        return reasons[min(reasons) if upwards else max(reasons)] if reasons else ""
 
     def _extendable(self, name: str, value: float, upwards: bool) -> bool:
         """Whether cars with a value beyond may be asked for."""

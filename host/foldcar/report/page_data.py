@@ -1,6 +1,6 @@
 """What the study page shows: one object of plain JSON values, from an open store. This text is its one description.
 
-``{"title", "made": when it was swept (UTC), "engine_notes": [text], "experiments": [experiment]}``; an experiment is
+``{"title", "engine_notes": [text], "experiments": [experiment]}``; an experiment is
 
 - ``id``, ``headline`` (a sentence), ``remarks`` (what a reader must know besides), ``thresholds`` (0 to 1, ascending: a
   design is good above the last), ``judged`` (whether success is defined), ``simulation`` (what sentences call its
@@ -8,7 +8,7 @@
   ``time_limit_s``.
 - ``likely`` (the designs most likely to work) and ``learn`` (those whose trials would tell most; a gap to sweep):
   ``{"text", "designs": [index], "why": [text for each]}``; ``edge``: sentences on ends of ranges.
-- ``parameters``: those that vary, ``{"name", "label", "unit", "values": all that occur, ascending, "numeric"}``;
+- ``parameters``: those that vary, ``{"name", "label", "unit", "values": all that occur, ascending}``;
   ``fixed``: [label, text] of the others.
 - ``designs``: columns, an entry per design, null for what is not known. ``value``: per design the indices into the
   parameters' values (null where the design lacks the parameter); ``name``: the one way in which a design is written;
@@ -19,21 +19,19 @@
   belief's interval and the last threshold; ``refuted``: "optimistic" or "pessimistic" where the design's own trials
   contradict simulation; ``measures``:
   ``{"key", "label", "unit", "better": "less" | "more" | null, "value": column}``.
-- ``environment``: ``{"columns": [{"name": that of the export, "label", "unit"}], "values": float32 of environments ×
-  columns in these units, NaN where the environment has none, "runs", "passed": of all designs in each environment}``.
-- ``runs``: ``{"n", "design", "environment", "outcome", "time_s"}`` in the order of design and environment, arrays as
-  below; null beyond MOST_RUNS, where ``runs_omitted`` says so and the columns of designs and environments tell the rest.
+- ``runs``: columns ``design``, ``environment``, ``outcome``, ``time_s`` in the order of design and environment; null
+  beyond MOST_RUNS, where ``runs_omitted`` says so.
 - ``outcomes``, ``outcome_labels``: what the numbers of ``outcome`` stand for.
 - ``replays``: ``{"design", "environment", "outcome", "blob"}``, the caller's.
 - ``trials``: ``{"number", "design": index or null, "car": the design's name, "car_name": that of the car itself or null,
   "standing": "built" | "simulated", "environment": index or null, "passed": null if aborted, "outcome", "time_s",
-  "when", "note", "replay": null}``.
-- ``effects``: for each numeric parameter ``{"parameter": its place, "grid": values, "mean", "low", "high": success in
+  "when", "note", "replay": null, or by replay.py what is drawn of it}``.
+- ``effects``: for each parameter ``{"parameter": its place, "grid": values, "mean", "low", "high": success in
   simulation, a mean over the same combinations of the other parameters for each value, with a 95 % band, "curves": at
   most 20 single combinations, "over": which combinations these are, in words}``. Raw averages are of unequal combinations
   and stand nowhere. ``importance``: ``{"parameter", "share", "low", "high"}``, the share of the variance of success over
   designs that would go if it were fixed (shares may add up to more than 1); empty with one parameter.
-- ``causes``: ``{"column": place in the environment's columns, "label", "unit", "separation": 0 to 1, "low", "high",
+- ``causes``: ``{"name": the export's column, "label", "unit", "separation": 0 to 1, "low", "high",
   "rises": whether greater values pass, "bins": [{"from", "to", "runs", "passed"}]}``, the best first: how well the value
   separates passed from failed runs of the same design. It tells something where ``low`` is above 0; all intervals of an
   experiment hold together with 95 %.
@@ -41,11 +39,8 @@
   "high", "fresh", "beaten"}]}``. Values of designs with ``fresh`` are of environments by which nothing was chosen; only
   of these one that is not ``beaten`` (by another of them, in all objectives) may be called best. The others are too good.
 - ``provenance``: [label, text]; ``files``: [label, relative address].
-
-Arrays are ``{"type": "uint8" | "uint16" | "uint32" | "float32", "data": base64 of little-endian numbers}``.
 """
 
-import base64
 import shlex
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -53,20 +48,17 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy
-from numpy.typing import ArrayLike
 from threadpoolctl import threadpool_limits
 
 from foldcar.analysis.effects import Effects
 from foldcar.analysis.words import label_and_unit, value_text
 from foldcar.figures.style import OUTCOME_LABELS
 from foldcar.report.environment_values import EnvironmentValues, environment_values
-from foldcar.report.figure_options import THRESHOLDS, FigureOptions
 from foldcar.report.page_advice import Advice
 from foldcar.report.page_designs import Designs, parameter_columns, read_designs
 from foldcar.report.page_effects import cause_rows, effect_rows, importance_rows, read_effects
 from foldcar.report.page_front import search_front
 from foldcar.report.page_remarks import remarks
-from foldcar.report.page_trials import trial_rows, unswept_experiments
 from foldcar.search.design_simulator import fresh_id
 from foldcar.simulation.results import NUMBERS, OUTCOMES
 from foldcar.store.info import ExperimentInfo, StudyInfo
@@ -75,7 +67,18 @@ from foldcar.store.trial_records import Trial, select_trials
 
 # Runs that the page holds one by one.
 MOST_RUNS = 50_000
-NO_OPTIONS = FigureOptions()
+OMITTED = (
+    "{:,} runs of {:,} designs are too many to list one by one: they are counted by design. "
+    "`foldcar export` has them all."
+)
+# Of the publication's figure 6.
+THRESHOLDS = (0.5, 0.75)
+# What is not known of an experiment that was not swept.
+UNKNOWN: dict[str, Any] = {
+    **dict.fromkeys(("speed_m_s", "seed", "condition", "variation_seed")),
+    **dict.fromkeys(("environments", "timeout_s", "yaw_rate_rad_s", "planned_runs", "stored_runs"), 0),
+    **dict.fromkeys(("vehicle", "environment", "carsim_build"), ""),
+}
 
 
 @dataclass(frozen=True)
@@ -101,25 +104,53 @@ class Experiment:
         return self.designs.info
 
 
-def read_experiments(
-    store: Store, options: FigureOptions = NO_OPTIONS, simulated_trials: bool = False
-) -> list[Experiment]:
+def read_experiments(store: Store, thresholds: Sequence[float] = (), simulated_trials: bool = False) -> list[Experiment]:
     """The experiments of a store in their order, then those with trials only. FoldcarError.
 
+    ``thresholds`` of success, 0 to 1; without any, each experiment has its listing's, or THRESHOLDS.
     ``simulated_trials``: show trials of simulated cars too; they count in no rate.
     """
     infos = store.info().experiments if store.holds_study() else {}
     everything = {name: (one, list(store.trials(one.listed_id))) for name, one in infos.items()}
     found = []
-    for name, (info, trials) in (everything | unswept_experiments(store)).items():
+    for name, (info, trials) in (everything | _unswept_experiments(store)).items():
         shown, left_out = select_trials(trials, simulated_trials)
         designs = read_designs(store, info, shown)
         effects, places = read_effects(designs)
         again = infos.get(fresh_id(name)) if info.searched else None
         fresh = None if again is None else read_designs(store, again, ())
-        thresholds = options.chosen or info.thresholds or THRESHOLDS
-        found.append(Experiment(name, designs, shown, left_out, tuple(thresholds), effects, places, fresh))
+        good = tuple(sorted(set(thresholds))) or info.thresholds or THRESHOLDS
+        found.append(Experiment(name, designs, shown, left_out, good, effects, places, fresh))
     return found
+
+
+def _unswept_experiments(store: Store) -> dict[str, tuple[ExperimentInfo, list[Trial]]]:
+    """The experiments that have trials only, one for each type of car, as if swept without a run, by their names."""
+    infos = store.info().experiments.values() if store.holds_study() else ()
+    known = {name for info in infos for name in (info.id, info.listed_id)}
+    groups: dict[tuple[str, str], list[Trial]] = {}
+    for trial in store.trials():
+        if trial.experiment not in known:
+            groups.setdefault((trial.experiment, trial.vehicle_type), []).append(trial)
+    return {f"{name}: {kind}, trials only": (_unswept(some), some) for (name, kind), some in groups.items()}
+
+
+def _unswept(trials: Sequence[Trial]) -> ExperimentInfo:
+    first, designs = trials[0], [trial.design for trial in trials]
+    values = {name: sorted({one[name] for one in designs if name in one}) for one in designs for name in one}
+    varied = {name: tuple(some) for name, some in values.items() if len(some) > 1}
+    return ExperimentInfo(
+        **UNKNOWN,
+        id=first.experiment,
+        vehicle_type=first.vehicle_type,
+        varied=varied,
+        fixed={name: some[0] for name, some in values.items() if name not in varied},
+        scenic_program=first.scenic_program or "an unknown program",
+        scenic_params={},
+        variation={},
+        success_rule="a trial has passed as its operator judged",
+        success_defined=True,
+    )
 
 
 def page_data(
@@ -136,7 +167,6 @@ def page_data(
         shown = [_experiment(store, study, one, command) for one in some]
     return {
         "title": study.listing_name if study is not None else store.path.name,
-        "made": study.created_utc if study is not None else "",
         "engine_notes": list(dict.fromkeys(one.info.warning for one in some if one.info.warning)),
         "experiments": shown,
     }
@@ -168,47 +198,29 @@ def _experiment(store: Store, study: StudyInfo | None, one: Experiment, command:
         "learn": advice.learn(),
         "edge": advice.edges(),
         "parameters": parameter_columns(designs),
-        "fixed": _fixed(info),
+        "fixed": [[label_and_unit(name)[0], value_text(name, value)] for name, value in info.fixed.items()],
         "designs": columns,
         "effects": [] if effects is None else effect_rows(designs, effects, places),
         "importance": [] if effects is None else importance_rows(effects, places),
-        "environment": {
-            "columns": [{"name": some.name, "label": some.label, "unit": some.unit} for some in values.columns],
-            "values": packed(values.shown, "float32"),
-            **designs.environments(),
-        },
         "causes": cause_rows(designs, values),
-        "runs": packed_runs(designs) if few else None,
-        "runs_omitted": "" if few else _omitted(info, designs),
+        "runs": _runs(designs) if few else None,
+        "runs_omitted": "" if few else OMITTED.format(info.stored_runs, designs.swept),
         "outcomes": list(OUTCOMES),
         "outcome_labels": [OUTCOME_LABELS[name] for name in OUTCOMES],
         "replays": [],
-        "trials": trial_rows(store, info, designs, one.trials),
+        "trials": _trial_rows(store, info, designs, one.trials),
         "front": search_front(designs, areas, one.fresh),
         "provenance": _provenance(study, info, command),
         "files": [],
     }
 
 
-def _omitted(info: ExperimentInfo, designs: Designs) -> str:
-    return (
-        f"{info.stored_runs:,} runs of {designs.swept:,} designs are too many to list one by one: they are counted "
-        "by design and by environment. `foldcar export` has them all."
-    )
-
-
-def _fixed(info: ExperimentInfo) -> list[list[str]]:
-    return [[label_and_unit(name)[0], value_text(name, value)] for name, value in info.fixed.items()]
-
-
 def _provenance(study: StudyInfo | None, info: ExperimentInfo, command: Sequence[str]) -> list[list[str]]:
     speed = "each car's full speed" if info.speed_m_s is None else f"{info.speed_m_s:g} m/s"
+    program = info.scenic_program + (f" with {_assigned(info.scenic_params)}" if info.scenic_params else "")
     rows: list[tuple[str, str]] = [
         ("vehicle", ": ".join(filter(None, (info.vehicle, info.vehicle_type)))),
-        (
-            "environment",
-            f"{info.environment + ': ' if info.environment else ''}{info.scenic_program}{_with(info.scenic_params)}",
-        ),
+        ("environment", ": ".join(filter(None, (info.environment, program)))),
         ("frozen", _frozen(info)),
         ("built cars", f"seed {info.variation_seed}; spread: {_assigned(info.variation)}" if info.variation else ""),
         ("sampled environments", f"{info.environments:,}, seed {info.seed}" if info.environments else ""),
@@ -232,10 +244,6 @@ def _provenance(study: StudyInfo | None, info: ExperimentInfo, command: Sequence
     return [[label, text] for label, text in rows if text]
 
 
-def _with(params: Mapping[str, Any]) -> str:
-    return f" with {_assigned(params)}" if params else ""
-
-
 def _assigned(values: Mapping[str, Any]) -> str:
     return ", ".join(f"{name} {f'{one:g}' if isinstance(one, float) else one}" for name, one in values.items())
 
@@ -247,24 +255,36 @@ def _frozen(info: ExperimentInfo) -> str:
     return f"as in sample {info.condition['sample']}: {', '.join(what) or 'everything'}"
 
 
-def packed(values: ArrayLike, kind: str) -> dict[str, str]:
-    """An array of numpy's type ``kind`` as the page reads it."""
-    found = numpy.ascontiguousarray(values, dtype=numpy.dtype(kind).newbyteorder("<"))
-    return {"type": kind, "data": base64.b64encode(found.tobytes()).decode("ascii")}
+def _trial_rows(store: Store, info: ExperimentInfo, designs: Designs, trials: Sequence[Trial]) -> list[dict[str, Any]]:
+    """A row for each trial, in their order; ``environment`` only where the runs have the same samples."""
+    here = store.trials_here(info) if designs.swept else set()
+    indices = [designs.index_of(trial) for trial in trials]
+    return [
+        {
+            "number": trial.id,
+            "design": index,
+            "car": designs.name_of(trial) if index is None else designs.names[index],
+            "car_name": trial.car_name,
+            "standing": trial.standing,
+            "environment": trial.sample if trial.id in here else None,
+            "passed": trial.outcome == "passed" if trial.completed else None,
+            "outcome": trial.outcome.replace("_", " "),
+            "time_s": trial.elapsed_time_s,
+            "when": trial.started_utc,
+            "note": trial.note or trial.source or "",
+            "replay": None,
+        }
+        for trial, index in zip(trials, indices, strict=True)
+    ]
 
 
-def least_kind(values: numpy.typing.NDArray[Any]) -> str:
-    """The smallest of the page's unsigned types, of two bytes at least, that holds whole numbers from 0."""
-    return "uint16" if not len(values) or values.max() < 1 << 16 else "uint32"
-
-
-def packed_runs(designs: Designs) -> dict[str, Any]:
+def _runs(designs: Designs) -> dict[str, list[Any]]:
     """The runs in the order of design and environment, with their outcomes and times (s)."""
     runs = designs.runs
+    times_s = runs.metrics[:, NUMBERS.index("elapsed_time_s")].round(3).tolist()
     return {
-        "n": len(runs.design),
-        "design": packed(runs.design, least_kind(runs.design)),
-        "environment": packed(runs.sample, least_kind(runs.sample)),
-        "outcome": packed(runs.outcome, "uint8"),
-        "time_s": packed(runs.metrics[:, NUMBERS.index("elapsed_time_s")], "float32"),
+        "design": runs.design.tolist(),
+        "environment": runs.sample.tolist(),
+        "outcome": runs.outcome.tolist(),
+        "time_s": [None if time_s != time_s else time_s for time_s in times_s],
     }

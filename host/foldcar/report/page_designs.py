@@ -19,6 +19,7 @@ from foldcar.analysis.built_cars import BuiltCars
 from foldcar.analysis.contradictions import NONE, Contradictions, contradictions
 from foldcar.analysis.gap import OPTIMISTIC, PESSIMISTIC
 from foldcar.analysis.pooled_bias import MOST_POOLED, PooledBias, pooled_bias
+from foldcar.analysis.rate import Rate
 from foldcar.analysis.words import design_text, label_and_unit
 from foldcar.report.page_measures import measures
 from foldcar.simulation.results import NUMBERS, OUTCOMES, REJECTED
@@ -27,7 +28,7 @@ from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
 from foldcar.store.trial_records import BUILT, SIMULATED, Trial
 
-Design = Mapping[str, float | str]
+Design = Mapping[str, float]
 NO_RUNS = RunArrays(
     numpy.empty(0, numpy.int64), numpy.empty(0, numpy.int64), numpy.empty(0, numpy.uint8), numpy.empty((0, len(NUMBERS)))
 )
@@ -46,10 +47,10 @@ class Designs:
     trials: Sequence[Trial]
 
     @cached_property
-    def values(self) -> dict[str, list[float | str]]:
-        """The values that occur of each parameter that varies, numbers ascending, then texts."""
+    def values(self) -> dict[str, list[float]]:
+        """The values that occur of each parameter that varies, ascending."""
         found = {name: {one[name] for one in self.designs if name in one} for name in self.info.varied}
-        return {name: sorted(some, key=_order) for name, some in found.items()}
+        return {name: sorted(some) for name, some in found.items()}
 
     @cached_property
     def ends(self) -> NDArray[Any]:
@@ -160,7 +161,7 @@ class Designs:
                 for at, one in enumerate(believed)
             ],
             "refuted": [self.refuted.get(name) for name in self.names],
-            "measures": measures(self.store, self.info, self.designs, self.swept, self.runs),
+            "measures": measures(self.store, self.info, self.designs, self.runs),
         }
 
     @cached_property
@@ -183,48 +184,55 @@ class Designs:
             None if ends is None else (round(passed / runs, 6), *ends)
             for (passed, runs), ends in zip(self.counted.tolist(), self.simulated, strict=True)
         ]
+        told: dict[int, Rate] = {}
         for index, (cars, ends) in enumerate(zip(self.cars, self.driven, strict=True)):
             if found[index] is None and ends is not None and cars is not None:
-                alone = cars.rate()
-                found[index] = (round(alone.value, 6), round(alone.low, 6), round(alone.high, 6))
+                told[index] = cars.rate()
         if self.pooled is not None:
-            rates = self.pooled.rates(least=1)
-            for index, one in zip(numpy.flatnonzero(self.counted[:, 1]).tolist(), rates, strict=True):
-                found[index] = (round(one.value, 6), round(one.low, 6), round(one.high, 6))
+            told |= dict(zip(self.known.tolist(), self.pooled.rates(least=1), strict=True))
+        for index, one in told.items():
+            found[index] = (round(one.value, 6), round(one.low, 6), round(one.high, 6))
         return found
+
+    @cached_property
+    def known(self) -> NDArray[Any]:
+        """The designs with runs that count, by index."""
+        return numpy.flatnonzero(self.counted[:, 1])
 
     @property
     def pooled(self) -> PooledBias | None:
         """What trials and simulation say together of the designs with runs; None if no such design was driven."""
-        known = self.counted[:, 1] > 0
-        return self.bias if self.tried[known, 1].any() else None
+        return self.bias if self.tried[self.known, 1].any() else None
 
     @cached_property
     def contradicting(self) -> Contradictions:
         """The driven designs whose trials contradict the others', and those beside them."""
-        known = numpy.flatnonzero(self.counted[:, 1])
+        known = self.known
         if not self.info.success_defined or not self.info.varied:
             return NONE
-        cars = [self.cars[index] for index in known.tolist()]
-        found = contradictions(self._parameters(known), self.counted[known], self.tried[known], cars)
+        found = contradictions(self._known_values, self.counted[known], self.tried[known], self._known_cars)
         return Contradictions(tuple(known[list(found.designs)].tolist()), tuple(known[list(found.beside)].tolist()))
-
-    def _parameters(self, chosen: NDArray[Any]) -> NDArray[Any]:
-        """The varied parameters (chosen, k) of designs by index."""
-        x = numpy.array([[float(self.designs[index][name]) for name in self.values] for index in chosen.tolist()])
-        return x.reshape(len(chosen), len(self.values))
 
     @cached_property
     def bias(self) -> PooledBias | None:
         """The difference of trials and simulation at the designs with runs, before trials that it may have."""
-        known = numpy.flatnonzero(self.counted[:, 1])
+        known = self.known
         if not len(known) or not self.info.success_defined:
             return None
         # Of many driven designs those with most trials tell most.
         told = known[numpy.argsort(-self.tried[known, 1], kind="stable")][:MOST_POOLED]
         trials = numpy.where(numpy.isin(known, told)[:, None], self.tried[known], 0)
-        cars = [self.cars[index] for index in known.tolist()]
-        return pooled_bias(self._parameters(known), self.counted[known], trials, cars)
+        return pooled_bias(self._known_values, self.counted[known], trials, self._known_cars)
+
+    @property
+    def _known_values(self) -> NDArray[Any]:
+        """The varied parameters (known, k) of the designs with runs."""
+        x = numpy.array([[self.designs[index][name] for name in self.values] for index in self.known.tolist()])
+        return x.reshape(len(self.known), len(self.values))
+
+    @property
+    def _known_cars(self) -> list[BuiltCars | None]:
+        return [self.cars[index] for index in self.known.tolist()]
 
     @cached_property
     def refuted(self) -> dict[str, str]:
@@ -244,21 +252,12 @@ class Designs:
             found.append(ends and (round(ends[0], 6), round(ends[1], 6)))
         return found
 
-    def environments(self) -> dict[str, list[int]]:
-        """The environments: how many designs met each with a run that counts, and how many passed there."""
-        runs, number = self.runs.counted, self.info.environments
-        passed = runs.sample[runs.outcome == OUTCOMES.index("passed")]
-        return {
-            "runs": numpy.bincount(runs.sample, minlength=number).tolist(),
-            "passed": numpy.bincount(passed, minlength=number).tolist(),
-        }
-
 
 def read_designs(store: Store, info: ExperimentInfo, trials: Sequence[Trial]) -> Designs:
     """The designs of an experiment and those of the same family that only ``trials`` have. StoreError."""
     # An experiment that has trials only is not among the swept ones.
     runs = run_arrays(store, info.id) if info.id in store.experiment_ids() else NO_RUNS
-    family = list(store.designs(info.id).values())
+    family: list[Design] = [{name: float(x) for name, x in one.items()} for one in store.designs(info.id).values()]
     known = {_key(info.vehicle_type, one) for one in family}
     others: dict[Any, Design] = {}
     for trial in trials:
@@ -276,8 +275,7 @@ def parameter_columns(designs: Designs) -> list[dict[str, Any]]:
     found = []
     for name, values in designs.values.items():
         label, unit = label_and_unit(name)
-        numeric = all(not isinstance(value, str) for value in values)
-        found.append({"name": name, "label": label, "unit": unit, "values": values, "numeric": numeric})
+        found.append({"name": name, "label": label, "unit": unit, "values": values})
     return found
 
 
@@ -287,10 +285,6 @@ def verdict(believed: tuple[float, float, float] | None, threshold: float) -> st
         return None
     _, low, high = believed
     return "good" if low > threshold else "bad" if high < threshold else "open"
-
-
-def _order(value: float | str) -> tuple[bool, float, str]:
-    return (True, 0.0, value) if isinstance(value, str) else (False, value, "")
 
 
 def _key(vehicle_type: str, design: Design) -> Any:

@@ -1,5 +1,6 @@
 """Why designs pass or fail, for the page: effects and importance of parameters, and what separates the environments."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy
@@ -17,12 +18,12 @@ DIGITS = 4
 
 
 def read_effects(designs: Designs) -> tuple[Effects | None, list[int]]:
-    """The smooth model of the numeric parameters of which runs have several values, and their places; None: too few."""
+    """The smooth model of the parameters of which runs have several values, and their places; None: too few."""
     known = designs.counted[:, 1] > 0
     places = []
     for place, name in enumerate(designs.values):
         values = {one.get(name) for one, has in zip(designs.designs, known, strict=True) if has}
-        if len(values) > 1 and all(isinstance(value, int | float) for value in values):
+        if len(values) > 1:
             places.append(place)
     names = [list(designs.values)[place] for place in places]
     # Fewer designs cannot tell so many parameters apart.
@@ -60,7 +61,7 @@ def over(effect: Effect, parameters: int) -> str:
     return f"mean over the same {number} by the smooth model: hardly any was run at every value"
 
 
-def importance_rows(effects: Effects, places: list[int]) -> list[dict[str, Any]]:
+def importance_rows(effects: Effects, places: Sequence[int]) -> list[dict[str, Any]]:
     """The importance of each parameter, the greatest first; none of a single parameter."""
     if len(places) < 2:
         return []
@@ -81,25 +82,11 @@ def cause_rows(designs: Designs, values: EnvironmentValues) -> list[dict[str, An
     shown, found = values.shown, []
     for one in separations(values.values, runs.design, runs.sample, passed):
         column = values.columns[one.column]
-        bins = binned(shown[:, one.column], runs.sample, passed)
-        found.append(
-            {
-                "column": one.column,
-                "label": column.label,
-                "unit": column.unit,
-                "separation": round(one.share, DIGITS),
-                "low": round(one.low, DIGITS),
-                "high": round(one.high, DIGITS),
-                "rises": one.difference > 0,
-                "bins": [
-                    {
-                        "from": float(f"{bin.first:.6g}"),
-                        "to": float(f"{bin.last:.6g}"),
-                        "runs": bin.runs,
-                        "passed": bin.passed,
-                    }
-                    for bin in bins
-                ],
-            }
-        )
+        bins = [
+            {"from": float(f"{bin.first:.6g}"), "to": float(f"{bin.last:.6g}"), "runs": bin.runs, "passed": bin.passed}
+            for bin in binned(shown[:, one.column], runs.sample, passed)
+        ]
+        told = {"name": column.name, "label": column.label, "unit": column.unit, "rises": one.difference > 0}
+        shares = {"separation": one.share, "low": one.low, "high": one.high}
+        found.append({**told, **{key: round(share, DIGITS) for key, share in shares.items()}, "bins": bins})
     return found

@@ -57,17 +57,14 @@ def _rows(designs: Designs) -> list[list[Row]]:
 def _point(
     index: int, objectives: Sequence[Objective], rows: list[Row], limit_s: float, area_cm2: float | None, fresh: bool
 ) -> dict[str, Any]:
-    values, low, high = [], [], []
+    found = []
     for one in objectives:
         if one.value is None or one.interval is None:
-            values.append(area_cm2)
-            low.append(area_cm2)
-            high.append(area_cm2)
+            found.append([area_cm2] * 3)
             continue
-        ends = one.interval(rows, limit_s)
-        for column, value in ((values, one.value(rows, limit_s)), (low, ends[0]), (high, ends[1])):
-            shown = value if one.unit else 100 * value
-            column.append(float(f"{shown:.5g}") if abs(value) != float("inf") else None)
+        numbers, unit = (one.value(rows, limit_s), *one.interval(rows, limit_s)), 1 if one.unit else 100
+        found.append([float(f"{unit * x:.5g}") if abs(x) != float("inf") else None for x in numbers])
+    values, low, high = map(list, zip(*found, strict=True))
     return {"design": index, "values": values, "low": low, "high": high, "fresh": fresh, "beaten": False}
 
 

@@ -25,9 +25,9 @@ MOST_FOLDED = 300
 
 
 def measures(
-    store: Store, info: ExperimentInfo, designs: Sequence[Mapping[str, Any]], swept: int, runs: RunArrays
+    store: Store, info: ExperimentInfo, designs: Sequence[Mapping[str, Any]], runs: RunArrays
 ) -> list[dict[str, Any]]:
-    """The measures of the designs, of which the first ``swept`` are the store's; StoreError."""
+    """The measures of the designs, the first of which are the store's; StoreError."""
     number, found = len(designs), []
     if info.success_defined:
         counted = runs.counted
@@ -44,27 +44,10 @@ def measures(
             _measure("time", "time to pass", "s", time),
             _measure("energy", "energy per pass", "J", _ratio(drawn * total, crossed)),
         ]
-    found += _recorded(store, info, number)
     found.append(_measure("mass", "mass", "g", _masses_g(store, info, number)))
     if number <= MOST_FOLDED:
         found.append(_measure("sheet_area", "sheet area", "cm²", numpy.array([_area_cm2(info, one) for one in designs])))
     return found
-
-
-def _recorded(store: Store, info: ExperimentInfo, number: int) -> list[dict[str, Any]]:
-    """The means of the numbers and truths that programs recorded, over the runs of each design."""
-    if not store.holds_recorded() or info.id not in store.experiment_ids():
-        return []
-    places = {tuple(sorted(one.items())): at for at, one in enumerate(store.designs(info.id).values())}
-    sums: dict[str, NDArray[Any]] = {}
-    for result in store.results(info.id):
-        at = places[tuple(sorted(result.design.items()))]
-        for name, recorded in result.recorded.items():
-            if isinstance(recorded.value, int | float) and recorded.kind != "series":
-                sums.setdefault(name, numpy.zeros((2, number)))[:, at] += float(recorded.value), 1
-    return [
-        {**_measure(f"recorded_{name}", name, "", _ratio(*one)), "better": None} for name, one in sorted(sums.items())
-    ]
 
 
 def _measure(key: str, label: str, unit: str, values: NDArray[Any]) -> dict[str, Any]:

@@ -1,24 +1,36 @@
-"""The paths of stored runs: those that the sweep kept, else simulated again, in several processes.
+"""Which runs a page replays, and their paths: those that the sweep kept, else simulated again, in several processes.
 
-Input: ids of the store, a carsim of the build that simulated the runs. Output: compact paths. A run that ends otherwise
-than the stored one is left out and counted: a page must never show another run than the one that counts.
+Input: an experiment's runs, ids of the store, a carsim of the build that simulated the runs. Output: compact paths. A
+run that ends otherwise than the stored one is left out and counted: a page must never show another one.
 """
 
 import base64
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+import pandas
+
 from foldcar.car.variation import vary_body
-from foldcar.report.replay_choice import OutcomeGrid
 from foldcar.simulation.carsim import Carsim
-from foldcar.simulation.runner import RunRequest, side_by_side
+from foldcar.simulation.compact_path import ROW_BYTES
+from foldcar.simulation.results import NUMBERS, OUTCOMES, REJECTED
+from foldcar.simulation.runner import KEPT_INTERVAL_S, RunRequest, side_by_side
+from foldcar.store.frames import RunArrays
 from foldcar.store.stored_drives import StoredDrives
+from foldcar.study.kept_paths import MOST_BYTES, MOST_RUNS, REPLAYED
 
 CHUNK_RUNS = 64
+# Each is a ground on the page.
+MOST_SAMPLES = 200
+# Runs of designs near this rate of success come first.
+THRESHOLD = 0.75
 
+# Design and sample.
 Key = tuple[int, int]
+# Outcome and time (s).
+End = tuple[str, float]
 
 
 @dataclass(frozen=True)
@@ -42,6 +54,30 @@ class Paths:
     differing: list[Key] = field(default_factory=list)
 
 
+def choose_runs(
+    runs: RunArrays, kept: Collection[Key] = (), most_bytes: int = MOST_BYTES, most_runs: int = MOST_RUNS
+) -> dict[Key, End]:
+    """The runs to replay in order of design and sample, of the ``kept`` ones if there are any, and how they ended.
+
+    Each design's first of each ending comes first, then the runs of those designs nearest to THRESHOLD, as many as fit.
+    """
+    time_s = runs.metrics[:, NUMBERS.index("elapsed_time_s")]
+    table = pandas.DataFrame({"design": runs.design, "sample": runs.sample, "outcome": runs.outcome, "time_s": time_s})
+    counted = table[table["outcome"] != OUTCOMES.index(REJECTED)]
+    success = (counted["outcome"] == OUTCOMES.index("passed")).groupby(counted["design"]).mean()
+    table["away"] = (table["design"].map(success) - THRESHOLD).abs()
+    table = table[table["outcome"].isin([OUTCOMES.index(name) for name in REPLAYED])]
+    if kept:
+        table = table[[key in kept for key in zip(table["design"], table["sample"], strict=True)]]
+    table["again"] = table.groupby(["design", "outcome"]).cumcount() > 0
+    table = table.sort_values(["again", "away", "design", "sample"])
+    table = table[table["sample"].isin(table["sample"].unique()[:MOST_SAMPLES])]
+    spent = (ROW_BYTES * (2 + table["time_s"] / KEPT_INTERVAL_S)).cumsum()
+    chosen = table[spent <= most_bytes][:most_runs].sort_values(["design", "sample"])
+    columns = (chosen[name].tolist() for name in ("design", "sample", "outcome", "time_s"))
+    return {(design, sample): (OUTCOMES[code], end_s) for design, sample, code, end_s in zip(*columns, strict=True)}
+
+
 def kept_paths(drives: StoredDrives) -> dict[Key, KeptPath]:
     """The paths that the sweep kept. StoreError."""
     places = {position: place for place, position in enumerate(drives.positions)}
@@ -51,19 +87,18 @@ def kept_paths(drives: StoredDrives) -> dict[Key, KeptPath]:
 
 def simulate_paths(
     drives: StoredDrives,
-    grid: OutcomeGrid,
-    chosen: Sequence[Key],
+    chosen: Mapping[Key, End],
     carsim: Carsim,
     jobs: int,
     done: Callable[[int], None] = lambda runs: None,
 ) -> Paths:
-    """The paths of the ``chosen`` (design, sample) pairs; ``done`` is told how many runs each chunk had. FoldcarError."""
-    found = Paths()
-    chunks = [chosen[start : start + CHUNK_RUNS] for start in range(0, len(chosen), CHUNK_RUNS)]
-    calls = (run_call(drives, chunk, carsim) for chunk in chunks)
+    """The paths of the ``chosen`` runs; ``done`` is told how many runs each chunk had. FoldcarError."""
+    found, keys = Paths(), list(chosen)
+    chunks = [keys[start : start + CHUNK_RUNS] for start in range(0, len(keys), CHUNK_RUNS)]
+    calls = (_run_call(drives, chunk, carsim) for chunk in chunks)
     for chunk, answers in zip(chunks, side_by_side(calls, jobs, carsim.stop), strict=True):
         for key, answer in zip(chunk, answers, strict=True):
-            if answer.get("outcome") == grid.outcome(*key) and answer.get("elapsed_time_s") == grid.elapsed_s[key]:
+            if (answer.get("outcome"), answer.get("elapsed_time_s")) == chosen[key]:
                 found.paths[key] = KeptPath(answer["path"]["rows"], answer["path"]["compact"])
             else:
                 found.differing.append(key)
@@ -71,13 +106,8 @@ def simulate_paths(
     return found
 
 
-def run_call(
-    drives: StoredDrives, chunk: Sequence[Key], carsim: Carsim, interval_s: float | None = None
-) -> Callable[[], list[dict[str, Any]]]:
-    """A function, for any thread, that simulates these (design, sample) pairs with paths and returns carsim's answers.
-
-    Paths are compact, or have rows each ``interval_s``.
-    """
+def _run_call(drives: StoredDrives, chunk: Sequence[Key], carsim: Carsim) -> Callable[[], list[dict[str, Any]]]:
+    """A function, for any thread, that simulates these runs with compact paths and returns carsim's answers."""
     bodies: dict[str, str] = {}
     scenes: dict[str, str] = {}
     settings: dict[int, str] = {}
@@ -91,15 +121,10 @@ def run_call(
             scenes[f"s{scene}"] = drives.text("scene", scene)
         number = drives.settings[design]
         if number not in settings:
-            text = drives.text("settings", number)
-            settings[number] = text if interval_s is None else _with_path(json.loads(text), interval_s)
+            settings[number] = drives.text("settings", number)
         label = f"design {design + 1}, sample {sample}"
-        requests.append(RunRequest(body, f"s{scene}", settings[number], label, sample, interval_s is None))
+        requests.append(RunRequest(body, f"s{scene}", settings[number], label, sample, True))
     return lambda: carsim.run(bodies, scenes, requests)
-
-
-def _with_path(settings: Mapping[str, Any], interval_s: float) -> str:
-    return json.dumps({**settings, "path_interval_s": interval_s})
 
 
 def _body(drives: StoredDrives, body: int, variation: int, carsim: Carsim) -> str:

@@ -46,7 +46,6 @@ export class DrivenCar {
     const materials = ghost === null
       ? [matt(), new THREE.LineBasicMaterial({ color: EDGE })]
       : [new THREE.MeshBasicMaterial({ color: ghost, transparent: true, opacity: 0.22, depthWrite: false }), new THREE.LineBasicMaterial({ color: ghost, transparent: true, opacity: 0.7 })];
-    this.materials = materials;
     const parts = shape ? shapeParts(shape) : bodyParts(body);
     for (const [name, group] of named) {
       const own = parts.filter(part => part.body === name);
@@ -93,11 +92,6 @@ export class DrivenCar {
       if (lowest.gap < reach_m) found.push({ kind: "tyre", point: lowest.point });
     }
     return found;
-  }
-
-  dispose() {
-    this.group.traverse(one => one.geometry?.dispose());
-    for (const one of this.materials) one.dispose();
   }
 }
 

@@ -1,20 +1,19 @@
 // A scene with cars that drive in it, as recorded: mountScene is all that pages need.
 //
 // ground: a Ground of ground.js. A run is {design, label, colour, path, car, ghost, outcome, attitude, pulses}: path of path.js or
-// null, car {body, shape} of car.js (the scene's own if it is left out), ghost: whether it is shown transparent, outcome: contact
+// null, car {body, shape} of car.js, ghost: whether it is shown transparent, outcome: contact
 // marks at its end show where a stuck car hangs and on what a tipped one lies; attitude: rows of time, pitch, roll of a trial
 // without a path; pulses: rows of time and eight widths. Metres, seconds, radians, microseconds.
 
 import * as THREE from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import { DrivenCar } from "./car.js";
-import { SideDrawing } from "./drawing.js";
 import { Strips } from "./strips.js";
 import { softwareOnly } from "./paint.js";
 import { groundGroup, lineOver } from "./surface.js";
 
-export { Ground, readGround } from "./ground.js";
-export { Path, compactPath, integerReader, pathOfRows } from "./path.js";
+export { readGround } from "./ground.js";
+export { compactPath, integerReader, pathOfRows } from "./path.js";
 
 const BACKS = { light: 0xf3f2ee, dark: 0x22252a };
 const CAMERAS = { orbit: "around", chase: "chase", side: "side" };
@@ -22,45 +21,36 @@ const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 4];
 const MARK = 0xd55e00, MARK_M = 0.006;
 const SEEN_M = 0.62, SIDE_M = 1.15;
 
-// Builds the picture, its controls and strips inside element. camera: "orbit", "chase" or "side"; onTime(t_s, playing) is called
-// after every picture. Gives {setRuns, setGround, time, play, pause, camera, dispose, now, end_s, drawn}; drawn is "webgl" or "drawing".
-export function mountScene(element, { car = null, ground, runs = [], camera = "orbit", onTime = () => {} }) {
-  return new Mounted(element, car, ground, runs, camera, onTime).face();
-}
+// Builds the picture, its controls and strips inside element; onTime(t_s, playing) is called after every picture. Pages use
+// setGround, time, play, pause, now and end_s.
+export const mountScene = (element, options) => new Mounted(element, options);
 
 class Mounted {
-  constructor(element, car, ground, runs, camera, onTime) {
-    Object.assign(this, { element, car, onTime, t: 0, end_s: 0, playing: false });
-    this.controls(camera);
+  constructor(element, { ground, runs = [], onTime = () => {} }) {
+    Object.assign(this, { element, onTime, t: 0, end_s: 0, playing: false });
+    this.controls();
     try {
       this.view = new View(this.picture);
-      this.drawn = "webgl";
     } catch {
-      this.view = new SideDrawing(this.picture);
-      this.drawn = "drawing";
+      this.view = NO_VIEW;
+      this.picture.textContent = "Without WebGL a browser draws no car; below are its roll and pitch.";
     }
-    this.cameras.hidden = this.drawn === "drawing";
-    element.dataset.drawn = this.drawn;
-    this.strips = new Strips(element, t => { this.pause(); this.seek(t); });
-    this.observer = new ResizeObserver(() => this.show());
-    this.observer.observe(element);
+    this.cameras.hidden = this.view === NO_VIEW;
+    this.strips = new Strips(element, t => { this.pause(); this.time(t); });
+    new ResizeObserver(() => this.show()).observe(element);
     this.setGround(ground, runs);
-    this.view.camera(camera);
+    this.view.camera("orbit");
   }
 
-  face() {
-    return {
-      setRuns: runs => this.setRuns(runs), setGround: (ground, runs) => this.setGround(ground, runs), time: t => this.seek(t),
-      play: () => this.play(), pause: () => this.pause(), camera: name => this.choose(name), dispose: () => this.dispose(),
-      drawn: this.drawn, cars: () => this.view.cars, lens: () => this.view.lens, now: () => this.t, end_s: () => this.end_s, frames: () => this.view.frames,
-    };
-  }
+  // Of the picture, for tests.
+  cars() { return this.view.cars; }
+  lens() { return this.view.lens; }
 
-  controls(camera) {
-    this.picture = document.createElement("div");
-    this.picture.className = "scene-picture";
-    const bar = document.createElement("p");
-    bar.className = "controls scene-controls";
+  now() { return this.t; }
+
+  controls() {
+    this.picture = make("div", { className: "scene-picture" });
+    const bar = make("p", { className: "controls scene-controls" });
     this.button = make("button", { type: "button", onclick: () => (this.playing ? this.pause() : this.play()) });
     this.clock = make("output", {});
     this.speed = make("select", {});
@@ -68,7 +58,7 @@ class Mounted {
     for (const one of SPEEDS) this.speed.add(new Option(`${one}×`, one, one === 1, one === 1));
     this.cameras = make("select", { onchange: () => this.choose(this.cameras.value) });
     this.cameras.setAttribute("aria-label", "camera");
-    for (const [name, text] of Object.entries(CAMERAS)) this.cameras.add(new Option(text, name, false, name === camera));
+    for (const [name, text] of Object.entries(CAMERAS)) this.cameras.add(new Option(text, name));
     this.legend = make("span", { className: "scene-legend" });
     bar.append(this.button, this.clock, this.speed, this.cameras, this.legend);
     this.element.replaceChildren(this.picture, bar);
@@ -77,13 +67,8 @@ class Mounted {
 
   // Another environment, with the cars that drive in it.
   setGround(ground, runs) {
-    this.ground = ground;
-    this.setRuns(runs);
-  }
-
-  setRuns(runs) {
     this.pause();
-    this.runs = runs.map(one => ({ ...one, car: one.car ?? this.car }));
+    this.runs = runs;
     this.end_s = Math.max(0.05, ...this.runs.map(one => one.path?.end_s ?? one.attitude?.at(-1)?.[0] ?? 0));
     this.legend.replaceChildren(...this.runs.map(({ label, colour, ghost }) => {
       const entry = make("span", { textContent: label ?? "" }), sign = make("i", {});
@@ -91,12 +76,12 @@ class Mounted {
       entry.prepend(sign);
       return entry;
     }));
-    this.view.load(this.ground, this.runs);
+    this.view.load(ground, runs);
     this.strips.load(this.runs.filter(one => one.path || one.attitude?.length), this.end_s);
-    this.seek(Math.min(this.t, this.end_s));
+    this.time(this.t);
   }
 
-  seek(t) {
+  time(t) {
     this.t = Math.min(this.end_s, Math.max(0, t));
     this.show();
   }
@@ -124,8 +109,7 @@ class Mounted {
       if (!this.playing) return;
       const passed = Math.max(0, now - before) / 1000;
       before = now;
-      this.view.hurry?.(passed);
-      this.seek(this.t + passed * Number(this.speed.value));
+      this.time(this.t + passed * Number(this.speed.value));
       if (this.t >= this.end_s) this.pause();
       else requestAnimationFrame(tick);
     };
@@ -133,31 +117,21 @@ class Mounted {
   }
 
   pause() {
-    const played = this.playing;
     this.playing = false;
     this.say();
-    if (played && this.view.sharpness < 1) {
-      this.view.sharpness = 1;
-      this.view.draw(this.t);
-    }
   }
 
   say() {
     this.button.textContent = this.playing ? "❚❚ pause" : "▶ play";
     this.button.setAttribute("aria-pressed", String(this.playing));
   }
-
-  dispose() {
-    this.pause();
-    this.observer.disconnect();
-    this.view.dispose();
-    this.element.replaceChildren();
-  }
 }
 
 function make(name, properties) {
   return Object.assign(document.createElement(name), properties);
 }
+
+const NO_VIEW = { load() {}, draw() {}, camera() {} };
 
 // The picture by WebGL; throws where there is none.
 class View {
@@ -169,9 +143,6 @@ class View {
     this.canvas.style.cssText = "display:block;width:100%;touch-action:none";
     this.renderer = new THREE.WebGLRenderer({ canvas: this.canvas, antialias: !softwareOnly() });
     element.append(this.canvas);
-    this.frames = 0;
-    // Below 1 while it plays on a machine that is too slow otherwise.
-    this.sharpness = 1;
     this.scene = new THREE.Scene();
     this.lens = new THREE.PerspectiveCamera(32, 1, 0.02, 60);
     this.lens.up.set(0, 0, 1);
@@ -179,11 +150,11 @@ class View {
     this.orbit.enableDamping = false;
     this.orbit.listenToKeyEvents(this.canvas);
     this.orbit.addEventListener("change", () => this.render());
-    this.theme = matchMedia("(prefers-color-scheme: dark)");
-    this.paint = () => { this.scene.background = new THREE.Color(BACKS[this.theme.matches ? "dark" : "light"]); this.render(); };
-    this.theme.addEventListener("change", this.paint);
+    const theme = matchMedia("(prefers-color-scheme: dark)");
+    const paint = () => { this.scene.background = new THREE.Color(BACKS[theme.matches ? "dark" : "light"]); this.render(); };
+    theme.addEventListener("change", paint);
     this.held = [];
-    this.paint();
+    paint();
   }
 
   load(ground, runs) {
@@ -269,7 +240,7 @@ class View {
       if (marks) marks.visible = t > run.path.end_s - 1;
     }
     const width = this.canvas.clientWidth || 320, height = Math.round(Math.min(520, Math.max(240, width * 0.56)));
-    const ratio = Math.min(2, window.devicePixelRatio || 1) * this.sharpness;
+    const ratio = Math.min(2, window.devicePixelRatio || 1);
     if (this.width !== width || this.height !== height || this.ratio !== ratio) {
       Object.assign(this, { width, height, ratio });
       this.renderer.setPixelRatio(ratio);
@@ -281,12 +252,6 @@ class View {
     const first = this.cars?.[0];
     if (first) this.follow(first.run.path.at(t));
     this.render();
-  }
-
-  // A picture that took longer than a 50th of a second is followed by coarser ones.
-  hurry(passed_s) {
-    this.late = passed_s > 0.02 ? (this.late ?? 0) + 1 : 0;
-    if (this.late >= 3 && this.sharpness > 0.5) [this.sharpness, this.late] = [this.sharpness - 0.125, 0];
   }
 
   follow({ x, y, z, heading }) {
@@ -314,15 +279,6 @@ class View {
 
   render() {
     if (!this.ratio) return;
-    this.frames++;
     this.renderer.render(this.scene, this.lens);
-  }
-
-  dispose() {
-    this.theme.removeEventListener("change", this.paint);
-    this.orbit.dispose();
-    this.drop([...this.held, ...(this.surface ? [this.surface] : [])]);
-    this.renderer.dispose();
-    this.canvas.remove();
   }
 }

@@ -35,7 +35,6 @@ export class Strips {
     });
     this.pulses = runs[0]?.pulses?.length ? runs[0].pulses : null;
     this.canvas.setAttribute("aria-valuemax", this.end_s.toFixed(2));
-    this.still = null;
   }
 
   timeAt(event) {
@@ -48,30 +47,18 @@ export class Strips {
     this.canvas.setAttribute("aria-valuenow", t.toFixed(2));
     this.canvas.setAttribute("aria-valuetext", `${t.toFixed(2)} s of ${this.end_s.toFixed(2)} s`);
     const width = this.canvas.clientWidth || 320, ratio = window.devicePixelRatio || 1;
-    const style = getComputedStyle(this.canvas), ink = style.color, rows = this.pulses ? this.pulsesRows().length : 0;
+    const ink = getComputedStyle(this.canvas).color, rows = this.pulses ? this.pulsesRows().length : 0;
     const height = HEIGHT + rows * PULSE_ROW;
-    // What does not change while it plays is drawn once.
-    const key = [width, ratio, ink].join();
-    if (!this.still || this.key !== key) {
-      this.key = key;
-      this.canvas.style.height = `${height}px`;
-      Object.assign(this.canvas, { width: Math.round(width * ratio), height: Math.round(height * ratio) });
-      this.still = document.createElement("canvas");
-      Object.assign(this.still, { width: this.canvas.width, height: this.canvas.height });
-      this.drawStill(this.still.getContext("2d"), width, ratio, ink);
-    }
+    this.canvas.style.height = `${height}px`;
+    Object.assign(this.canvas, { width: Math.round(width * ratio), height: Math.round(height * ratio) });
     const context = this.canvas.getContext("2d");
-    context.setTransform(1, 0, 0, 1, 0, 0);
-    context.clearRect(0, 0, this.canvas.width, this.canvas.height);
-    context.drawImage(this.still, 0, 0);
     context.setTransform(ratio, 0, 0, ratio, 0, 0);
-    const x = LEFT + t / this.end_s * (width - LEFT - 8);
+    this.drawAngles(context, width, ink);
     context.fillStyle = ink;
-    context.fillRect(x - 0.75, 2, 1.5, height - 2);
+    context.fillRect(LEFT + t / this.end_s * (width - LEFT - 8) - 0.75, 2, 1.5, height - 2);
   }
 
-  drawStill(context, width, ratio, ink) {
-    context.setTransform(ratio, 0, 0, ratio, 0, 0);
+  drawAngles(context, width, ink) {
     context.font = '12px "DejaVu Sans", Arial, Helvetica, sans-serif';
     const degrees = this.series.flatMap(one => one.points.map(point => Math.abs(point[1]) * 180 / Math.PI));
     const reach = Math.max(15, ...degrees.filter(Number.isFinite)) * 1.08, middle = (HEIGHT - FOOT) / 2;

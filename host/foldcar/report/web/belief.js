@@ -1,7 +1,7 @@
 // What simulation and trials together say: a curve over one parameter, a map over two of several, a search's front.
 
 import { Chart, axisStyle, band, intervals, successAxis, successColour, tipStyle } from "./charts.js";
-import { BELIEF, carsText, percent, valueText, withUnit } from "./data.js";
+import { evidence, percent, withUnit } from "./data.js";
 import { byId, make, select } from "./dom.js";
 
 // Values of a parameter that have cells of their own in the map.
@@ -18,14 +18,10 @@ const table = model => () => {
   };
 };
 
-export function tip(model, design) {
-  const { designs, axis } = model.e, lines = [`<b>${escaped(designs.name[design])}</b>`];
-  if (designs.belief[design] !== null) lines.push(`belief ${percent(designs.belief[design])} (${percent(designs.belief_low[design])} to ${percent(designs.belief_high[design])})`);
-  if (designs.runs[design]) lines.push(`simulation ${designs.passed[design] ?? "–"} of ${designs.runs[design]}`);
-  if (designs.trials[design]) lines.push(`trials ${designs.trials_passed[design]} of ${designs.trials[design]}, ${carsText(designs, design)}`);
-  for (const key of [model.state.x, model.state.y]) if (axis[key] && axis[key].parameter === undefined && key !== BELIEF) lines.push(`${escaped(axis[key].label)} ${valueText(axis[key], axis[key].values[design])}`);
-  return lines.join("<br>");
-}
+export const tip = ({ e }, design) => [`<b>${escaped(e.designs.name[design])}</b>`, ...evidence(e, design).map(row => row.join(" "))].join("<br>");
+
+// A tooltip of marks that have a design.
+const designTip = (model, theme) => ({ trigger: "item", formatter: ({ data }) => (data?.design !== undefined ? tip(model, data.design) : ""), ...tipStyle(theme) });
 
 const escaped = text => text.replace(/[&<>"]/g, letter => `&#${letter.charCodeAt(0)};`);
 
@@ -103,10 +99,10 @@ function curveFigure(model) {
     return {
       height: CURVE_HEIGHT,
       grid: { left: 58, right: 18, top: 24, bottom: 48 },
-      tooltip: { trigger: "item", formatter: ({ data }) => (data && data.design !== undefined ? tip(model, data.design) : ""), ...tipStyle(theme) },
+      tooltip: designTip(model, theme),
       xAxis: axisStyle(theme, axis ? withUnit(axis) : "", { type: "value", min: least - margin, max: most + margin,
-        axisLabel: { color: theme.soft, fontSize: 11, hideOverlap: true, ...(axis && axis.numeric ? { formatter: "{value}", showMinLabel: false, showMaxLabel: false } : { formatter: k => (axis ? axis.categories[k] : e.designs.name[k]) ?? "" }) },
-        ...(axis && axis.numeric ? {} : { minInterval: 1 }) }),
+        axisLabel: { color: theme.soft, fontSize: 11, hideOverlap: true, ...(axis ? { formatter: "{value}", showMinLabel: false, showMaxLabel: false } : { formatter: k => e.designs.name[k] ?? "" }) },
+        ...(axis ? {} : { minInterval: 1 }) }),
       yAxis: successAxis(theme),
       series: [
         band(order.filter(k => bl[k] !== null).map(k => [x[k], bl[k], bh[k]]), theme.accent, 0.22),
@@ -172,12 +168,12 @@ function mapFigure(model) {
     const axisOf = (k, more) => (apart
       ? axisStyle(theme, withUnit(axes[k]), { type: "value", min: -0.5, max: levels[k].length - 0.5, interval: 1, axisLabel: { show: false }, axisTick: { show: false }, splitLine: { show: false }, ...more })
       : axisStyle(theme, withUnit(axes[k]), { type: "value", scale: true, ...more }));
-    // Labels stand in the middle of the cells: an axis of categories beside the axis of places.
-    const labels = k => axisStyle(theme, withUnit(axes[k]), { type: "category", data: levels[k].map(value => (axes[k].categories ? axes[k].categories[value] : String(value))), position: k ? "left" : "bottom", nameGap: k ? 40 : 26, axisTick: { show: false }, splitLine: { show: false } });
+    // Labels stand in the middle of the cells: an axis of texts beside the axis of places.
+    const labels = k => axisStyle(theme, withUnit(axes[k]), { type: "category", data: levels[k].map(String), position: k ? "left" : "bottom", nameGap: k ? 40 : 26, axisTick: { show: false }, splitLine: { show: false } });
     return {
       height,
       grid: { left: 64, right: 14, top: 12, bottom: 50 },
-      tooltip: { trigger: "item", formatter: ({ data }) => (data?.design !== undefined ? tip(model, data.design) : ""), ...tipStyle(theme) },
+      tooltip: designTip(model, theme),
       xAxis: apart ? [labels(0), { ...axisOf(0), show: false }] : axisOf(0),
       yAxis: apart ? [labels(1), { ...axisOf(1), show: false }] : axisOf(1, { nameGap: 44 }),
       series: [{
@@ -216,7 +212,7 @@ function frontFigure(model) {
   const option = theme => ({
     height: 380,
     grid: { left: 64, right: 18, top: 16, bottom: 50 },
-    tooltip: { trigger: "item", formatter: ({ data }) => (data?.design !== undefined ? tip(model, data.design) : ""), ...tipStyle(theme) },
+    tooltip: designTip(model, theme),
     xAxis: axisStyle(theme, withUnit(first), { type: "value", scale: true }),
     yAxis: axisStyle(theme, second ? withUnit(second) : "", { type: "value", scale: true, nameGap: 44 }),
     series: [

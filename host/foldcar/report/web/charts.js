@@ -4,6 +4,7 @@ import { BarChart, CustomChart, HeatmapChart, LineChart, ParallelChart, ScatterC
 import { GridComponent, MarkAreaComponent, MarkLineComponent, ParallelComponent, TooltipComponent } from "echarts/components";
 import * as echarts from "echarts/core";
 import { CanvasRenderer, SVGRenderer } from "echarts/renderers";
+import { make } from "./dom.js";
 
 echarts.use([BarChart, CustomChart, HeatmapChart, LineChart, ParallelChart, ScatterChart, GridComponent, MarkAreaComponent,
   MarkLineComponent, ParallelComponent, TooltipComponent, CanvasRenderer, SVGRenderer]);
@@ -44,10 +45,7 @@ export class Chart {
   // option(colours, width): of ECharts; table(): {head, rows} of the same numbers, for readers of tables and of screens.
   constructor(figure, { label, option, table, renderer = "svg", drawn = () => {} }) {
     Object.assign(this, { figure, option, table, drawn });
-    this.place = document.createElement("div");
-    this.place.className = "chart";
-    this.place.setAttribute("role", "img");
-    this.place.setAttribute("aria-label", `${label}. The numbers are in the table below.`);
+    this.place = make("div", { class: "chart", role: "img", "aria-label": `${label}. The numbers are in the table below.` });
     const caption = figure.querySelector("figcaption");
     if (caption) caption.after(this.place);
     else figure.prepend(this.place);
@@ -91,36 +89,19 @@ export class Chart {
 
 // A table that is made when it is opened.
 export function tableBehind(table, title = "as a table") {
-  const details = document.createElement("details"), summary = document.createElement("summary");
-  details.className = "behind";
-  summary.textContent = title;
-  details.append(summary);
+  const details = make("details", { class: "behind" }, make("summary", { text: title }));
   details.addEventListener("toggle", () => {
     if (!details.open) return;
     details.querySelector("div")?.remove();
-    const { head, rows } = table(), wide = document.createElement("div");
-    wide.className = "wide";
-    wide.append(plainTable(head, rows));
-    details.append(wide);
+    const { head, rows } = table();
+    details.append(make("div", { class: "wide" }, plainTable(head, rows)));
   });
   return details;
 }
 
 export function plainTable(head, rows) {
-  const table = document.createElement("table");
-  const first = table.createTHead().insertRow();
-  for (const text of head) first.append(Object.assign(document.createElement("th"), { textContent: text, scope: "col" }));
-  const body = table.createTBody();
-  for (const row of rows) {
-    const line = body.insertRow();
-    row.forEach((cell, k) => {
-      const place = document.createElement(k ? "td" : "th");
-      if (!k) place.scope = "row";
-      place.append(cell);
-      line.append(place);
-    });
-  }
-  return table;
+  const line = row => make("tr", {}, ...row.map((cell, k) => (k ? make("td", {}, cell) : make("th", { scope: "row" }, cell))));
+  return make("table", {}, make("thead", {}, make("tr", {}, ...head.map(text => make("th", { scope: "col", text })))), make("tbody", {}, ...rows.map(line)));
 }
 
 // What the charts have in common.

@@ -3,13 +3,13 @@
 import { Experiment } from "./data.js";
 
 // Of the fragment: #e=2&design=95 mm&env=17&t=1.2&outcome=tipped,stuck&b.width_mm=65..95&at=runs
-const PLAIN = { e: "e", design: "design", env: "env", t: "t", x: "x", y: "y", mx: "mx", my: "my", order: "order", at: "at" };
+const PLAIN = { e: "e", design: "design", env: "env", t: "t", x: "x", y: "y", mx: "mx", my: "my", at: "at" };
 export const SECTIONS = ["summary", "belief", "parameters", "runs", "trials"];
 
 export class Model {
   constructor() {
     this.told = { data: [], state: [], hover: [] };
-    this.state = { e: null, design: null, env: null, t: null, outcomes: [], brushes: {}, order: "number", at: null, x: null, y: null, mx: null, my: null };
+    this.state = { e: null, design: null, env: null, t: null, outcomes: [], brushes: {}, at: null, x: null, y: null, mx: null, my: null };
     this.hovered = null;
     this.read();
     window.addEventListener("hashchange", () => {
@@ -101,7 +101,6 @@ export class Model {
     for (const [name, key] of Object.entries(PLAIN)) state[key] = asked.get(name) || null;
     for (const key of ["env", "t"]) state[key] = state[key] !== null && Number.isFinite(Number(state[key])) ? Number(state[key]) : null;
     state.env = state.env === null ? null : Math.max(0, Math.round(state.env));
-    state.order = state.order === "difficulty" ? "difficulty" : "number";
     if (!SECTIONS.includes(state.at)) state.at = null;
     state.outcomes = (asked.get("outcome") || "").split(",").filter(Boolean);
     state.brushes = {};
@@ -114,7 +113,7 @@ export class Model {
   get address() {
     const { state } = this, parts = new URLSearchParams();
     for (const [name, key] of Object.entries(PLAIN)) {
-      if (state[key] !== null && !(key === "order" && state.order === "number")) parts.set(name, state[key]);
+      if (state[key] !== null) parts.set(name, state[key]);
     }
     if (state.outcomes.length) parts.set("outcome", state.outcomes.join(","));
     for (const [key, intervals] of Object.entries(state.brushes)) parts.set(`b.${key}`, intervals.map(([low, high]) => `${low}..${high}`).join(";"));

@@ -51,7 +51,7 @@ export class Parameters {
     const options = usable.map(axis => [axis.key, axis.label]), pick = key => value => { model.set({ x: x.key, y: y.key, [key]: value }); this.use(); this.mark(); };
     const figure = make("figure", { "data-chart": "scatter" });
     place.append(make("div", { class: "controls" }, select("→", options, x.key, pick("x")), select("↑", options, y.key, pick("y")), scale()), figure);
-    const axisOf = (theme, axis, up) => (axis.key === BELIEF && up ? successAxis(theme) : axisStyle(theme, withUnit(axis), { type: axis.categories ? "category" : "value", data: axis.categories ?? undefined, scale: true, nameGap: up ? 46 : 26 }));
+    const axisOf = (theme, axis, up) => (axis.key === BELIEF && up ? successAxis(theme) : axisStyle(theme, withUnit(axis), { type: "value", scale: true, nameGap: up ? 46 : 26 }));
     this.points = new Chart(figure, {
       label: `${y.label} by ${x.label} of every design`, table: () => designTable(model),
       option: theme => ({
@@ -78,19 +78,19 @@ function importance(e) {
 }
 
 function effectFigure(e, { parameter, grid, mean, low, high, curves, over }) {
-  const axis = e.axes[parameter], x = axis.categories ? grid.map((_, k) => k) : grid, hundred = value => 100 * value;
+  const axis = e.axes[parameter], hundred = value => 100 * value;
   return {
     label: `Success by ${axis.label}, ${over}`,
     table: () => ({ head: [withUnit(axis), "success", "95 %"], rows: grid.map((value, k) => [String(value), percent(mean[k]), `${percent(low[k])} to ${percent(high[k])}`]) }),
     option: theme => ({
       height: 210, grid: { left: 52, right: 12, top: 12, bottom: 42 },
       tooltip: { trigger: "axis", formatter: ([one]) => `${axis.label} ${number(one.value[0])} ${axis.unit}<br>${percent(mean[one.dataIndex])} (${percent(low[one.dataIndex])} to ${percent(high[one.dataIndex])})`, ...tipStyle(theme) },
-      xAxis: axisStyle(theme, withUnit(axis), { type: "value", min: x[0], max: x[x.length - 1], ...(axis.categories ? { interval: 1, axisLabel: { color: theme.soft, formatter: k => axis.categories[k] ?? "" } } : {}) }),
+      xAxis: axisStyle(theme, withUnit(axis), { type: "value", min: grid[0], max: grid[grid.length - 1] }),
       yAxis: successAxis(theme),
       series: [
-        { type: "line", data: x.map((at, k) => [at, hundred(mean[k])]), symbol: "none", lineStyle: { color: theme.accent, width: 3 }, z: 4 },
-        band(x.map((at, k) => [at, hundred(low[k]), hundred(high[k])]), theme.accent, 0.22),
-        ...curves.map(curve => ({ type: "line", data: x.map((at, k) => [at, hundred(curve[k])]), symbol: "none", silent: true, lineStyle: { color: theme.soft, width: 1, opacity: 0.35 }, z: 2, tooltip: { show: false } })),
+        { type: "line", data: grid.map((at, k) => [at, hundred(mean[k])]), symbol: "none", lineStyle: { color: theme.accent, width: 3 }, z: 4 },
+        band(grid.map((at, k) => [at, hundred(low[k]), hundred(high[k])]), theme.accent, 0.22),
+        ...curves.map(curve => ({ type: "line", data: grid.map((at, k) => [at, hundred(curve[k])]), symbol: "none", silent: true, lineStyle: { color: theme.soft, width: 1, opacity: 0.35 }, z: 2, tooltip: { show: false } })),
       ],
     }),
   };
@@ -98,7 +98,7 @@ function effectFigure(e, { parameter, grid, mean, low, high, curves, over }) {
 
 function designTable({ e, within }) {
   const shown = [...Array(e.count).keys()].filter(k => within[k]).slice(0, MOST_ROWS);
-  return { head: ["design", "trials", ...e.axes.map(withUnit)], rows: shown.map(k => [e.designs.name[k], e.designs.trials[k] ? `${e.designs.trials_passed[k]} of ${e.designs.trials[k]}` : "–", ...e.axes.map(axis => (axis.values[k] === null ? "–" : axis.categories ? axis.categories[axis.values[k]] : number(axis.values[k])))]) };
+  return { head: ["design", "trials", ...e.axes.map(withUnit)], rows: shown.map(k => [e.designs.name[k], e.designs.trials[k] ? `${e.designs.trials_passed[k]} of ${e.designs.trials[k]}` : "–", ...e.axes.map(axis => number(axis.values[k]))]) };
 }
 
 // Axes of which something is known.
@@ -128,11 +128,11 @@ class Parallel {
     const dims = this.axes.map((axis, dim) => {
       const [least, most] = this.limits(axis);
       return {
-        dim, id: axis.key, name: upright ? withUnit(axis) : `${axis.label}${axis.unit ? `\n${axis.unit}` : ""}`, realtime: false, type: axis.categories ? "category" : "value", data: axis.categories ?? undefined,
-        ...(axis.categories ? {} : { min: least, max: most }), inverse: turned(axis, upright), nameLocation: turned(axis, upright) || upright ? "start" : "end",
+        dim, id: axis.key, name: upright ? withUnit(axis) : `${axis.label}${axis.unit ? `\n${axis.unit}` : ""}`, realtime: false, type: "value",
+        min: least, max: most, inverse: turned(axis, upright), nameLocation: turned(axis, upright) || upright ? "start" : "end",
       };
     });
-    const data = [...Array(e.count).keys()].map(k => ({ value: this.axes.map(axis => (axis.values[k] === null ? "-" : axis.categories ? axis.categories[axis.values[k]] : axis.values[k])), lineStyle: { color: successColour(e.designs.belief[k]) } }));
+    const data = [...Array(e.count).keys()].map(k => ({ value: this.valuesOf(k), lineStyle: { color: successColour(e.designs.belief[k]) } }));
     const many = e.count > 300;
     return {
       height: upright ? 64 * this.axes.length + 40 : 330,
@@ -152,7 +152,6 @@ class Parallel {
 
   // Round numbers that hold all values.
   limits(axis) {
-    if (axis.categories) return [0, axis.categories.length - 1];
     if (axis.key === BELIEF) return [0, 100];
     const known = axis.values.filter(value => value !== null), least = Math.min(...known), most = Math.max(...known);
     if (axis.parameter !== undefined) return least < most ? [least, most] : [least - 1, most + 1];
@@ -160,9 +159,11 @@ class Parallel {
     return [round(Math.floor(least / at) * at), round(Math.ceil(most / at) * at)];
   }
 
+  valuesOf(k) { return this.axes.map(axis => axis.values[k] ?? "-"); }
+
   line() {
     const k = this.model.design;
-    return k === null ? [] : [{ value: this.axes.map(axis => (axis.values[k] === null ? "-" : axis.categories ? axis.categories[axis.values[k]] : axis.values[k])) }];
+    return k === null ? [] : [{ value: this.valuesOf(k) }];
   }
 
   chosen() { if (!this.chart.stale) this.chart.chart.setOption({ series: [{ id: "all" }, { id: "chosen", data: this.line() }] }); }
@@ -203,7 +204,7 @@ class Parallel {
   fields() {
     const { model } = this;
     this.inputs = [];
-    const rows = this.axes.filter(axis => !axis.categories).map(axis => {
+    const rows = this.axes.map(axis => {
       const limits = this.limits(axis), ends = [0, 1].map(end => {
         const input = make("input", { type: "number", step: "any", "data-key": axis.key, "data-end": end, placeholder: number(limits[end]), "aria-label": `${axis.label} ${end ? "at most" : "at least"}` });
         this.inputs.push(input);

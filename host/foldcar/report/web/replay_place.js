@@ -1,10 +1,10 @@
 // Where the chosen run is shown as it moved, with other designs and trials of its environment laid over it.
 //
-// Of an experiment: replays, rows {design, environment, outcome, blob}; replay, {key, units, trials}, where key begins the names of
-// its blobs: KEY-runs-DESIGN, KEY-car-DESIGN, KEY-pieces, KEY-scene-ENVIRONMENT, KEY-trial-NUMBER (report/page_data.py).
+// Of an experiment: replays, rows {design, environment, outcome, blob}; replay, {key, units}, where key begins the names of its
+// blobs: KEY-runs-DESIGN, KEY-car-DESIGN, KEY-pieces, KEY-scene-ENVIRONMENT, KEY-trial-NUMBER (replay.py).
 
 import { compactPath, integerReader, mountScene, readGround } from "../../figures/web/scene.js";
-import { readBlob } from "./blobs.js";
+import { byId, make } from "./dom.js";
 
 const COLOUR = "#0072b2";
 const GHOSTS = ["#cc79a7", "#009e73", "#e69f00", "#56b4e9", "#d55e00"];
@@ -14,11 +14,10 @@ export class ReplayPlace {
   // model: {e: the experiment, state, write()}; e.replay of data.js maps "DESIGN/ENVIRONMENT" to rows of replays.
   constructor(element, model) {
     Object.assign(this, { element, model, over: new Set(), grounds: new Map(), scene: null });
-    this.note = Object.assign(document.createElement("p"), { className: "note" });
-    this.add = Object.assign(document.createElement("select"), { onchange: () => this.lay(this.add.value) });
-    this.label = Object.assign(document.createElement("label"), { className: "ghost", textContent: "lay over " });
-    this.label.append(this.add);
-    this.place = document.createElement("div");
+    this.note = make("p", { class: "note" });
+    this.add = make("select", { onchange: () => this.lay(this.add.value) });
+    this.label = make("label", { class: "ghost" }, "lay over ", this.add);
+    this.place = make("div");
     element.replaceChildren(this.note, this.place, this.label);
   }
 
@@ -48,7 +47,7 @@ export class ReplayPlace {
 
   entry(design, environment) { return this.model.e.replay.get(`${design}/${environment}`); }
 
-  trials() { return this.model.e.replayed.trials.filter(one => one.design === this.design && one.environment === this.environment); }
+  trials() { return this.model.e.trials.filter(one => one.design === this.design && one.environment === this.environment); }
 
   // Lays another run over this one, or takes it away.
   lay(name) {
@@ -79,7 +78,7 @@ export class ReplayPlace {
   }
 
   told(t, playing) {
-    Object.assign(this.element.dataset, { t: t.toFixed(3), end: this.scene?.end_s() ?? "" });
+    Object.assign(this.element.dataset, { t: t.toFixed(3), end: this.scene?.end_s ?? "" });
     if (playing || this.busy) return;
     clearTimeout(this.writing);
     this.writing = setTimeout(() => {
@@ -110,11 +109,11 @@ export class ReplayPlace {
   }
 
   async trial(number, colour) {
-    const { key, units, trials } = this.model.e.replayed, trial = trials.find(one => one.number === number);
-    const moved = trial.moved ? " Obstacles or car stood elsewhere than planned." : "", film = trial.film_error;
+    const { key, units } = this.model.e.replayed, trial = this.model.e.trials.find(one => one.number === number), drawn = trial.replay;
+    const moved = drawn.moved ? " Obstacles or car stood elsewhere than planned." : "", film = drawn.film_error;
     const label = `trial ${number}, ${film ? "filmed" : `${trial.standing} car`}`;
-    if (trial.attitude.length) return { label, colour, ghost: true, attitude: trial.attitude, note: `Trial ${number}: roll and pitch as its sensor felt them.${moved}` };
-    if (!trial.path) return { note: `Trial ${number} is not drawn: ${trial.missing}.` };
+    if (drawn.attitude.length) return { label, colour, ghost: true, attitude: drawn.attitude, note: `Trial ${number}: roll and pitch as its sensor felt them.${moved}` };
+    if (!drawn.path) return { note: `Trial ${number} is not drawn: ${drawn.missing}.` };
     const [blob, car] = await Promise.all([readBlob(`${key}-trial-${number}`), this.car(this.design)]);
     const source = film ? `as filmed: place known to ${(1000 * film[0]).toFixed(0)} mm, start to ${(1000 * film[1]).toFixed(0)} ms` : "from its log";
     return { label, colour, ghost: true, path: pathOf(blob, 0, units), car, note: `Trial ${number} of a ${trial.standing} car, ${source}.${moved}` };
@@ -124,7 +123,7 @@ export class ReplayPlace {
   offer() {
     const sign = name => (this.over.has(name) ? "✓ " : "");
     this.add.replaceChildren(new Option("…", ""), new Option("nothing", "none"),
-      ...this.trials().map(({ number, outcome }) => new Option(`${sign(`t${number}`)}trial ${number}: ${outcome.replaceAll("_", " ")}`, `t${number}`)),
+      ...this.trials().map(({ number, outcome }) => new Option(`${sign(`t${number}`)}trial ${number}: ${outcome}`, `t${number}`)),
       ...this.model.e.designs.name.flatMap((name, design) => (design !== this.design && this.entry(design, this.environment) ? [new Option(`${sign(`d${design}`)}${name}`, `d${design}`)] : [])));
   }
 }
@@ -136,4 +135,24 @@ function pathOf({ head, bytes }, sample, units) {
     for (let skipped = rows * (6 + head.hinges); skipped > 0; skipped--) read();
   }
   return null;
+}
+
+// Blobs of replay.py: base64 of a deflated JSON line and bytes, decoded when they are first wanted.
+const decoded = new Map();
+
+// {head, bytes} of a blob; null if the page has none of that name.
+function readBlob(name) {
+  if (!decoded.has(name)) {
+    const element = byId(name);
+    decoded.set(name, element ? inflate(element.textContent.trim()) : Promise.resolve(null));
+  }
+  return decoded.get(name);
+}
+
+async function inflate(base64) {
+  const packed = Uint8Array.from(atob(base64), letter => letter.charCodeAt(0));
+  const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate-raw"));
+  const whole = new Uint8Array(await new Response(stream).arrayBuffer());
+  const end = whole.indexOf(10);
+  return { head: JSON.parse(new TextDecoder().decode(whole.subarray(0, end))), bytes: whole.subarray(end + 1) };
 }

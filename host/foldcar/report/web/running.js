@@ -1,5 +1,6 @@
 // The trial that `foldcar log` drives now: where things stand, then the car's state as it tells it; buttons that answer.
 
+import { plainTable } from "./charts.js";
 import { number } from "./data.js";
 import { byId, make } from "./dom.js";
 
@@ -17,7 +18,7 @@ export function showRunning(trial, tap) {
   if (drawn !== `${n} ${sample}`) {
     place.replaceChildren(make("h2", { text: `Trial ${n}: sample ${sample}, ${car}` }), make("p", { class: "now", role: "status" }), make("div", { class: "taps" }),
       make("ul", { class: "facts-row", "aria-label": "The car's state" }), make("details", {}, make("summary", { text: "where to put things" }), make("div", { class: "placement" })));
-    place.querySelector(".placement").append(...(moves ? [make("p", { class: "moves", text: moves })] : []), placeTable(places));
+    place.querySelector(".placement").append(...(moves ? [make("p", { class: "moves", text: moves })] : []), make("div", { class: "wide" }, plainTable(places[0], places.slice(1))));
     [picture, drawn, asked] = ["", `${n} ${sample}`, 0];
   }
   if (png) {
@@ -70,9 +71,4 @@ function facts(now, { time_limit_s: limit_s }) {
     ["pulses", pulses.length ? `${pulses.map(([servo, width]) => `${servo}: ${width}`).join(" ")} µs` : "none"],
     ["link", `${(100 * now.lost).toFixed(1)} % lost of ${now.received.toLocaleString("en")} packets${now.silent_s > 1 ? `, silent for ${now.silent_s.toFixed(0)} s` : ""}`],
   ];
-}
-
-function placeTable([heads, ...places]) {
-  return make("div", { class: "wide" }, make("table", {}, make("thead", {}, make("tr", {}, ...heads.map(text => make("th", { scope: "col", text })))),
-    make("tbody", {}, ...places.map(([name, ...rest]) => make("tr", {}, make("th", { scope: "row", text: name }), ...rest.map(text => make("td", { text })))))));
 }

@@ -91,7 +91,7 @@ function endings(model) {
 // Runs that the filters keep.
 function* keptRuns({ e, state, within, design }) {
   const kept = new Set(state.outcomes.map(name => e.outcomes.indexOf(name))), { runs } = e;
-  for (let run = 0; run < runs.n; run++) {
+  for (let run = 0; run < runs.design.length; run++) {
     if (within[runs.design[run]] && (!kept.size || kept.has(runs.outcome[run])) && (design === null || runs.design[run] === design)) yield run;
   }
 }
@@ -122,13 +122,11 @@ class Grid {
   constructor(model, place) {
     this.model = model;
     const { e } = model;
-    const order = make("label", {}, make("input", { type: "checkbox", onchange: event => { model.set({ order: event.target.checked ? "difficulty" : "number" }); this.arrange(); this.chart.draw(); } }), " hardest first");
-    this.box = order.querySelector("input");
     this.told = make("p", { class: "told", role: "status", "aria-live": "polite" });
     const figure = make("figure", { "data-chart": "grid" });
-    place.append(make("div", { class: "controls" }, order, make("span", { class: "note", text: "Press a cell, or use the arrow keys: it is a run." })), figure, this.told);
+    place.append(make("p", { class: "note", text: "Press a cell, or use the arrow keys: it is a run." }), figure, this.told);
     this.arrange();
-    this.chart = new Chart(figure, { label: "Outcome of every run: a column for each design, a row for each environment", renderer: e.runs.n > MOST_DRAWN ? "canvas" : "svg", option: (theme, width) => this.option(theme, width) });
+    this.chart = new Chart(figure, { label: "Outcome of every run: a column for each design, a row for each environment", renderer: e.runs.design.length > MOST_DRAWN ? "canvas" : "svg", option: (theme, width) => this.option(theme, width) });
     this.chart.place.tabIndex = 0;
     this.chart.place.setAttribute("role", "application");
     this.chart.place.setAttribute("aria-label", "Outcomes: a column for each design, a row for each environment. Arrow keys move from run to run.");
@@ -142,7 +140,7 @@ class Grid {
   arrange() {
     const { model } = this, { e } = model;
     this.columns = [...Array(e.count).keys()].filter(design => e.designs.runs[design] && model.within[design]);
-    this.rows = e.environmentsIn(model.state.order);
+    this.rows = e.environmentsRun;
   }
 
   choose(design, environment) { this.model.set({ design: this.model.e.designs.name[design], env: environment, t: null }); }
@@ -176,7 +174,7 @@ class Grid {
         type: "category", data: texts, nameGap: gap, axisTick: { show: false },
         axisLabel: { show: named, color: theme.soft, fontSize: 11, hideOverlap: true, rotate: several ? 90 : 0 },
       }),
-      yAxis: axisStyle(theme, state.order === "difficulty" ? "environments, hardest below" : "environment", { type: "category", data: this.rows.map(String), nameGap: 36, axisTick: { show: false }, splitLine: { show: false } }),
+      yAxis: axisStyle(theme, "environment", { type: "category", data: this.rows.map(String), nameGap: 36, axisTick: { show: false }, splitLine: { show: false } }),
       series: [
         { type: "heatmap", data, progressive: 0, itemStyle: { borderWidth: cellWidth > 6 && cellHeight > 6 ? 0.5 : 0, borderColor: theme.paper }, emphasis: { itemStyle: { borderColor: theme.ink, borderWidth: 1.5 } } },
         { type: "scatter", silent: true, z: 5, symbol: "rect", symbolSize: [Math.max(8, cellWidth + 2), Math.max(8, cellHeight + 2)], data: at[0] >= 0 && at[1] >= 0 ? [at] : [], itemStyle: { color: "transparent", borderColor: theme.ink, borderWidth: 2.5 } },
@@ -189,7 +187,6 @@ class Grid {
   }
 
   mark() {
-    this.box.checked = this.model.state.order === "difficulty";
     this.arrange();
     this.chart.draw();
     this.tell(this.model.design, this.model.env);
@@ -203,4 +200,4 @@ class Grid {
   }
 }
 
-const valuesOf = (e, design) => e.parameters.map((_, k) => e.axes[k]).map(axis => { const value = axis.values[design]; return value === null ? "–" : axis.categories ? axis.categories[value] : String(value); }).join(" · ");
+const valuesOf = (e, design) => e.parameters.map((_, k) => e.axes[k]).map(axis => String(axis.values[design] ?? "–")).join(" · ");

@@ -7,8 +7,7 @@ import { Model, SECTIONS } from "./model.js";
 import { Parameters } from "./parameters.js";
 import { ReplayPlace } from "./replay_place.js";
 import { Runs } from "./runs.js";
-import { showDesign, showSummary } from "./summary.js";
-import { showTrials } from "./trials.js";
+import { showDesign, showSummary, showTrials } from "./summary.js";
 
 function chooser(model) {
   const several = model.study.experiments.length > 1;

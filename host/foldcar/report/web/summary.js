@@ -1,6 +1,8 @@
-// The first screen: the headline, the two lines of advice, remarks, and the design that is chosen or pointed at.
+// The first screen: the headline, the two lines of advice, remarks, and the design that is chosen or pointed at. The last
+// one: trials of cars, and where all numbers come from.
 
-import { BELIEF, carsText, percent, valueText } from "./data.js";
+import { plainTable } from "./charts.js";
+import { BELIEF, evidence, number, percent, valueText } from "./data.js";
 import { byId, make } from "./dom.js";
 
 const MOST_NAMED = 6;
@@ -40,18 +42,13 @@ function advice(model, title, { text, designs, why }) {
   designs.slice(0, MOST_NAMED).forEach((design, k) => {
     const name = e.designs.name[design], at = parts.findIndex(part => typeof part === "string" && part.includes(name));
     if (at < 0) {
-      unnamed.push(make("li", {}, designButton(model, design), ` ${(why && why[k]) || chance(e, design)}`));
+      unnamed.push(make("li", {}, designButton(model, design), ` ${why[k]}`));
       return;
     }
     const start = parts[at].indexOf(name);
     parts = [...parts.slice(0, at), parts[at].slice(0, start), designLink(model, design), parts[at].slice(start + name.length), ...parts.slice(at + 1)];
   });
   return make("section", { class: "card" }, make("h2", { text: title }), make("p", {}, ...parts), ...(unnamed.length ? [make("ul", { class: "named" }, ...unnamed)] : []));
-}
-
-function chance({ designs }, design) {
-  const share = designs.belief[design];
-  return share === null ? "" : `${percent(share)} (${percent(designs.belief_low[design])} to ${percent(designs.belief_high[design])})`;
 }
 
 export function designButton(model, design, text = model.e.designs.name[design]) {
@@ -73,11 +70,7 @@ export function showDesign(model) {
   const { e } = model, design = model.hovered ?? model.design ?? e.likely.designs[0] ?? 0, panel = byId("design");
   panel.hidden = !e.count;
   if (!e.count) return;
-  const { designs } = e, rows = [];
-  const interval = (low, high) => (low[design] === null ? "" : ` (${percent(low[design])} to ${percent(high[design])})`);
-  if (designs.belief[design] !== null) rows.push(["belief", percent(designs.belief[design]) + interval(designs.belief_low, designs.belief_high)]);
-  if (designs.runs[design]) rows.push(["simulation", `${designs.passed[design] ?? "–"} of ${designs.runs[design]}${interval(designs.low, designs.high)}`]);
-  if (designs.trials[design]) rows.push(["trials", `${designs.trials_passed[design]} of ${designs.trials[design]}, ${carsText(designs, design)}${interval(designs.trials_low, designs.trials_high)}`]);
+  const { designs } = e, rows = evidence(e, design);
   for (const axis of e.axes) if (axis.key !== BELIEF && axis.values[design] !== null) rows.push([axis.label, valueText(axis, axis.values[design])]);
   const endings = e.outcomes.map((name, k) => [e.outcome_labels[k], designs.outcomes[k][design]]).filter(([, count]) => count);
   if (endings.length) rows.push(["runs ended", endings.map(([label, count]) => `${label} ${count}`).join(", ")]);
@@ -92,4 +85,21 @@ export function showDesign(model) {
 export function verdict({ designs, threshold }, design) {
   const limit = percent(threshold);
   return { good: `above ${limit}`, bad: `below ${limit}`, open: `${limit}: undecided` }[designs.verdict[design]] ?? "";
+}
+
+export function showTrials(model) {
+  const { e } = model, place = byId("trials-table");
+  const named = e.trials.some(one => one.car_name);
+  const rows = e.trials.map(one => [
+    String(one.number), one.design === null ? one.car : designButton(model, one.design, one.car), ...(named ? [one.car_name || "–"] : []), one.standing,
+    one.environment === null || one.design === null ? "–" : make("button", { type: "button", class: "design", text: String(one.environment), title: "the simulated run", onclick: () => model.open(one.design, one.environment) }),
+    one.passed === null ? "aborted" : one.passed ? "passed" : (one.outcome || "not passed").replaceAll("_", " "),
+    one.time_s === null ? "–" : `${number(one.time_s)} s`, one.when || "–", one.note || "",
+  ]);
+  place.replaceChildren(...(rows.length
+    ? [make("details", { open: rows.length <= 12 }, make("summary", { text: `${rows.length} trial${rows.length > 1 ? "s" : ""} one by one` }), make("div", { class: "wide" }, plainTable(["trial", "car", ...(named ? ["name"] : []), "kind", "environment", "outcome", "after", "when", "note"], rows)))]
+    : [make("p", { class: "note" }, "No trial of this experiment is shown: ", make("code", { text: "foldcar log" }), " and ", make("code", { text: "foldcar trials import" }), " add them; what is left out stands above.")]));
+  byId("provenance").replaceChildren(make("table", { class: "facts" }, make("tbody", {}, ...e.provenance.map(([label, text]) => make("tr", {}, make("th", { scope: "row", text: label }), make("td", {}, text.includes("\n") ? make("pre", { text }) : text))))));
+  byId("files").replaceChildren(...e.files.map(([label, address]) => make("li", {}, make("a", { href: address, text: label.split(/[.;:]( |$)/)[0] }))));
+  byId("files").parentElement.hidden = !e.files.length;
 }

@@ -23,9 +23,8 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "test" / "host"))
 
 from filmed import Film, Filming, Thing, boxes, car_of, floor_markers, pose_at  # noqa: E402
-from foldcar.camera.clock import find_start  # noqa: E402
 from foldcar.camera.film import read_film  # noqa: E402
-from foldcar.camera.filming import car_marker  # noqa: E402
+from foldcar.camera.filming import car_marker, find_start  # noqa: E402
 from foldcar.camera.ground import standing  # noqa: E402
 from foldcar.camera.markers import rectangle  # noqa: E402
 from foldcar.camera.tracking import track  # noqa: E402
@@ -66,7 +65,6 @@ CONDITIONS = {
     "720p30, markers laid to 3 mm": SMALL,
     "720p30, camera 0.8 m high": replace(SMALL, place_m=(0.75, -1.9, 0.8)),
     "1080p30, camera 0.8 m high": replace(USUAL, place_m=(0.75, -1.9, 0.8)),
-    "720p30, held by hand (20 mm)": replace(SMALL, shake_m=0.02),
     "720p60": replace(SMALL, fps=60.0),
     "1080p60": replace(USUAL, fps=60.0),
     "1080p30, box 20 % higher than planned": USUAL,

@@ -38,7 +38,6 @@ class Filming:
     noise: float = 2.0
     light: float = 0.0
     blur_px: float = 0.5
-    shake_m: float = 0.0
     hand: tuple[float, float] | None = None
     dropped: tuple[int, ...] = ()
     moments: int = 4
@@ -180,15 +179,12 @@ class Camera:
         self.f = filming
         self.focal = filming.focal * max(filming.width, filming.height)
         self.middle = ((filming.width - 1) / 2 + 4.0, (filming.height - 1) / 2 - 3.0)
-        self.place, self.turn = self.stand(numpy.zeros(3))
-
-    def stand(self, moved: Array) -> tuple[Array, Array]:
-        place = numpy.array(self.f.place_m) + moved
-        ahead = numpy.array(self.f.aim_m) - place
+        self.place = numpy.array(filming.place_m)
+        ahead = numpy.array(filming.aim_m) - self.place
         ahead /= numpy.linalg.norm(ahead)
         right = numpy.cross(ahead, (0, 0, 1.0))
         right /= numpy.linalg.norm(right)
-        return place, numpy.array([right, numpy.cross(ahead, right), ahead])
+        self.turn = numpy.array([right, numpy.cross(ahead, right), ahead])
 
     def rays(self, u: Array, v: Array) -> Array:
         """Of pixels, the directions in the world: distortion is undone by fixed point steps."""
@@ -287,10 +283,6 @@ class Film:
 
     def frame(self, at_s: float) -> Array:
         f = self.f
-        if f.shake_m:
-            wave = numpy.sin(2 * numpy.pi * numpy.array([0.9, 1.3, 0.7]) * at_s + numpy.array([0, 1, 2]))
-            self.camera.place, self.camera.turn = self.camera.stand(f.shake_m * wave)
-            self.still = self._still()
         picture = self.still.copy()
         if self.car is not None and self.path is not None:
             moments = f.moments if f.exposure_s or f.readout_s else 1

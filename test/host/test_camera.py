@@ -3,7 +3,7 @@
 import csv
 import json
 import re
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,15 +14,14 @@ from pypdf import PdfReader
 
 from filmed import Camera, Car, Film, Filming, Thing, boxes, floor_markers, marker, pose_at, rotation
 from foldcar.camera.detection import Detector
-from foldcar.camera.ending import propose
-from foldcar.camera.filming import car_marker
+from foldcar.camera.filming import car_marker, propose
 from foldcar.camera.ground import standing
-from foldcar.camera.lens import BOARD_SQUARES, SQUARE_M, board, calibrate
+from foldcar.camera.lens import BOARD_SQUARES, SQUARE_M, Lens, board, calibrate
 from foldcar.camera.markers import FIRST_OBSTACLE_ID, FloorMarker, course_json, rectangle
 from foldcar.camera.obstacle_heights import fit_heights, height_remarks
 from foldcar.camera.photo import find_placed
-from foldcar.camera.poses import find_pose
-from foldcar.camera.smoother import smooth
+from foldcar.camera.poses import CarMarker, find_pose
+from foldcar.camera.tracking import smooth, track
 from foldcar.camera.view import find_view
 from foldcar.errors import FoldcarError
 from foldcar.link.mcap_export import export_mcap
@@ -48,7 +47,9 @@ SCENE = {
     "goal": {"kind": "line", "x_m": 1.0, "y_m": 0.0, "heading_rad": 0.0},
     "course": {"x_min_m": -0.5, "x_max_m": 2.0, "y_min_m": -1.0, "y_max_m": 1.0},
 }
-FILMING = Filming(place_m=(0.5, -1.3, 1.2), aim_m=(0.55, 0.02, 0.0), k1=-0.02, exposure_s=EXPOSURE_S, readout_s=0.02)
+FILMING = Filming(
+    960, 540, place_m=(0.5, -1.3, 1.2), aim_m=(0.55, 0.02, 0.0), k1=-0.02, exposure_s=EXPOSURE_S, readout_s=0.02
+)
 
 
 def floor_things(course: Any = COURSE, box: Any = BOX) -> list[Thing]:
@@ -132,7 +133,7 @@ def pictures(scene: Any) -> tuple[list[tuple[Any, Any]], Any, Any]:
     return shown, view, json.loads(body)
 
 
-@pytest.mark.parametrize("factor", [0.8, 1.0, 1.2])
+@pytest.mark.parametrize("factor", [1.0, 1.2])
 def test_obstacles_are_as_high_as_the_car_shows(factor: float) -> None:
     box = {**BOX, "x_m": 0.7, "height_m": 0.03}
     shown, view, body = pictures({**SCENE, "terrain": [{**box, "height_m": 0.03 * factor}]})
@@ -256,6 +257,8 @@ def test_missing_and_moved_floor_markers_are_told() -> None:
     assert abs(view.lens.focal_px / camera.focal - 1) < 0.02 and numpy.abs(view.place_m - camera.place).max() < 0.03
     (told,) = find_view(seen(pushed), COURSE, size, None, "photo").remarks
     assert re.fullmatch(r"floor marker 1 lies (3[89]|4[012]) mm from its place, at 11[34]\d, \d+ mm: left out", told)
+    turned = replace(COURSE, floor=(FloorMarker(0, 0.0, 0.4, 1.2), *COURSE.floor[1:]))
+    assert find_view(seen(turned), turned, size, None, "photo").remarks == ()
     with pytest.raises(FoldcarError, match=r"^photo: floor markers 1, 2 not seen: 3 of 4 are needed$"):
         find_view({number: whole[number] for number in (0, 3)}, COURSE, size, None, "photo")
     with pytest.raises(FoldcarError, match=r"^photo: the floor markers do not lie where the course has them"):
@@ -270,7 +273,7 @@ def test_the_lens_of_a_board_is_that_of_the_camera(tmp_path: Path) -> None:
         *((0.0, -0.12, 0.3), (0.15, -0.1, 0.25), (-0.15, -0.12, 0.28), (0.05, 0.2, 0.25), (0.0, -0.25, 0.2)),
         *((0.2, 0.02, 0.22), (-0.2, 0.05, 0.25), (0.1, -0.02, 0.35), (-0.08, 0.1, 0.33), (0.12, 0.14, 0.24)),
     ]
-    filming = Filming(width=800, height=450, k1=-0.05, k2=0.01, moments=1)
+    filming = Filming(width=640, height=360, k1=-0.05, k2=0.01, moments=1)
     for at, place in enumerate(places):
         one = replace(filming, place_m=place, aim_m=(0.02 * (at % 3 - 1), 0.015 * (at % 4 - 1), 0.0))
         cv2.imwrite(str(tmp_path / f"{at}.png"), Film(one, [plate], None, None).frame(0.0))
@@ -339,14 +342,13 @@ def test_the_smooth_path_leaves_wrong_readings_out() -> None:
     poses[40, :2] += 0.1
     spread = numpy.repeat(numpy.diag(noise**2)[None], len(poses), axis=0)
 
-    path, rates, spreads, used = smooth(times_s, poses, spread)
+    path, spreads, used = smooth(times_s, poses, spread)
 
     assert numpy.flatnonzero(~used).tolist() == [40]
     off = path[used] - true[used]
     assert numpy.sqrt(numpy.mean(off[:, 0] ** 2)) < 0.0018
     scores = off / numpy.sqrt(numpy.array([numpy.diag(one) for one in spreads[used]]))
     assert 0.6 < numpy.sqrt(numpy.mean(scores**2)) < 1.2
-    assert abs(numpy.median(rates[:, 0]) - 0.5) < 0.02
 
 
 def test_a_film_is_in_the_mcap_of_its_trial(tmp_path: Path) -> None:
@@ -363,46 +365,40 @@ def test_a_film_is_in_the_mcap_of_its_trial(tmp_path: Path) -> None:
     assert abs((found[-1][0] - found[0][0]) / 1e9 - 0.95) < 1e-6
 
 
-WRONG = {
-    "empty.mp4": b"",
-    "text.mp4": b"no film " * 100,
-    "text.jpg": b"no photo",
-}
-
-
 @pytest.mark.parametrize(
     ("words", "told"),
     [
         (("gone.mp4",), "gone.mp4: no such file"),
-        (("empty.mp4",), "empty.mp4: is no film that can be read (MP4, MOV, MKV, AVI)"),
         (("text.mp4",), "text.mp4: is no film that can be read (MP4, MOV, MKV, AVI)"),
         (("text.jpg", "--listing", "l.json"), "text.jpg: is no picture that can be read (JPEG, PNG)"),
         (("text.jpg",), "text.jpg: with a photo --listing names the listing, whose program knows the obstacles"),
-        (("gone.mp4", "--course", "c.json"), "c.json: floor[1]: id: 0 is not a number of its own from 0 to 3"),
-        (("gone.mp4", "--course", "text.mp4"), "text.mp4: is no JSON: Expecting value: line 1 column 1 (char 0)"),
-        (("gone.mp4", "--lens", "lens.json"), "lens.json: focal_px: -5 is not from 100 to 100000"),
+        (("gone.mp4", "--course", "c.json"), "c.json: floor: two markers have the id 0"),
+        (("gone.mp4", "--course", "text.mp4"), "text.mp4: Invalid JSON: expected ident at line 1 column 2"),
+        (
+            ("gone.mp4", "--lens", "lens.json"),
+            "lens.json: focal_px: Input should be greater than or equal to 100, not -5",
+        ),
     ],
 )
 def test_what_cannot_be_used_is_told_in_a_line(trial: Any, tmp_path: Path, foldcar: Any, words: Any, told: str) -> None:
-    for name, content in WRONG.items():
-        (tmp_path / name).write_bytes(content)
+    for name in ("text.mp4", "text.jpg"):
+        (tmp_path / name).write_bytes(b"no film or photo")
     course = course_json(COURSE)
     course["floor"][1]["id"] = 0
     (tmp_path / "c.json").write_text(json.dumps(course))
-    lens = {"width": 1280, "height": 720, "focal_px": -5, "middle_px": [640, 360], "distortion": [0] * 5}
-    lens |= {"readout_s": 0.01, "error_px": 0}
-    (tmp_path / "lens.json").write_text(json.dumps(lens))
+    lens = Lens(1280, 720, -5, (640, 360))
+    (tmp_path / "lens.json").write_text(json.dumps(asdict(lens)))
     (tmp_path / "s.db").write_bytes((trial[0] / "s.db").read_bytes())
 
     answer = foldcar("track", *words, "--trial", "1", "--store", "s.db")
 
     assert (answer.returncode, answer.stdout, answer.stderr) == (2, "", f"foldcar: error: {told}\n")
-    if "--course" in words:
-        logged = foldcar("log", "l.json", "--experiment", "1", *words[1:])
-        assert (logged.returncode, logged.stderr) == (2, f"foldcar: error: {told}\n")
 
 
-def test_a_floor_marker_may_lie_turned() -> None:
-    course = replace(COURSE, floor=(FloorMarker(0, 0.0, 0.4, 1.2), *COURSE.floor[1:]))
+def test_a_camera_that_moves_is_refused(tmp_path: Path) -> None:
+    pictures = [(0.0, photo(COURSE)), (0.5, photo(COURSE, place_m=(0.52, -1.3, 1.2)))]
+    # Each is shown long enough to be looked at.
+    frames = [(at_s + k / 30, grey) for at_s, grey in pictures for k in range(15)]
 
-    assert find_view(seen(course), course, (FILMING.width, FILMING.height), None, "photo").remarks == ()
+    with pytest.raises(FoldcarError, match=r"^film: the camera moved, .*: use a tripod$"):
+        track(frames, "film", COURSE, None, lambda scale: CarMarker(0.05, 0.0, 0.06), None)  # type: ignore[arg-type]

@@ -13,7 +13,7 @@ from foldcar.errors import FoldcarError
 from foldcar.link.car import greet
 from foldcar.link.parameters import read_file, read_parameters
 from foldcar.simulation.carsim import Carsim
-from foldcar.trials.identity import check_build
+from foldcar.trials.plugged_car import check_build
 from live_car import car_at_port, greeted
 from typist import Typist
 
@@ -54,8 +54,13 @@ def test_parameters_are_saved_compared_and_restored(tmp_path: Path, foldcar: Any
             ("CH1_NEUTRAL_US", "9999", "it stays 1512"),
             ("CH1_SIDE", "2", "is set by car.json"),
             ("NO_SUCH", "2", "NO_SUCH: the car refuses 2"),
+            ("TRIAL_MAX_S", "1e39", "TRIAL_MAX_S: 1e+39 is no number that a car keeps (32-bit floating point)"),
+            # A packet would hold the first 16 characters only.
+            ("CH1_DEADBAND_US_AND_MORE", "30", "CH1_DEADBAND_US_AND_MORE: no name of a parameter: those have 1 to "),
         ):
             assert why in refused("params", "set", name, value, *port)
+        assert refused("params", "get", "trial_max_s", *port).endswith('did you mean "TRIAL_MAX_S"?')
+        assert refused("params", "confirm", *port).startswith("the car has a design, W_B_W 95x200 r60: there is nothing")
         restored = foldcar("params", "load", "p.parm", *port)
         same = foldcar("params", "diff", "p.parm", *port).stdout
 
@@ -87,7 +92,7 @@ def test_a_servo_is_calibrated_by_looking_at_it(tmp_path: Path) -> None:
     assert found == pytest.approx((neutral, deadband), abs=2)
 
 
-@pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGHUP])
 def test_posing_as_a_car_ends_clean(tmp_path: Path, free_course: Path, end: signal.Signals) -> None:
     words = ("link", "l.json", "--experiment", "1", "--set", "width=120", "--tcp", "0", "--speedup", "4")
     with Typist(tmp_path, *words) as person:

@@ -22,28 +22,6 @@ ACCEPTED, NOT_NOW = mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_TEMPORARILY_
 HELD, LATE, NO_DESIGN = 18, 19, 20
 
 
-def is_armed(message: Any) -> bool:
-    return bool(message.state in (mavlink.FOLDCAR_STATE_ARMED, mavlink.FOLDCAR_STATE_RUNNING))
-
-
-def test_an_armed_car_that_is_left_alone_disarms_and_says_so(start: Callable[..., Car]) -> None:
-    car = start()
-    client = car.connect()
-    client.param_set_send("ARM_TIMEOUT_S", 1.0)
-    assert client.recv_match(type="PARAM_VALUE", blocking=True, timeout=100).param_value == 1.0
-    assert car.command(ARM, 1) == ACCEPTED
-    car.wait_for("FOLDCAR_TRIAL", is_armed)
-    for _ in range(4):
-        assert is_armed(car.wait_for("FOLDCAR_TRIAL", lambda message: True))
-        time.sleep(0.5)
-        car.show_life()
-
-    said = car.wait_for("STATUSTEXT", lambda message: "silent" in message.text, alive=False)
-    assert said.text == "disarmed: host 255/0 was silent for 1.0 s"
-    car.wait_for("FOLDCAR_TRIAL", lambda message: message.state == mavlink.FOLDCAR_STATE_DISARMED, alive=False)
-    assert car.command(START, 0.2, 0, 5, 0, 1) == NOT_NOW
-
-
 def test_two_hosts_at_once_and_only_the_one_that_armed_drives() -> None:
     with car_at_port() as simulated:
         ours = greet(simulated.port)
@@ -138,14 +116,6 @@ def test_a_car_without_a_design_arms_only_when_that_is_confirmed(
     car.connect()
     assert car.command(ARM, 1) == ACCEPTED
     assert car.command(START, 0.2, 0, 20, 0, 1) == ACCEPTED
-
-
-def test_a_car_with_a_design_needs_no_confirmation(refused: Any) -> None:
-    with car_at_port() as car:
-        told = refused("params", "confirm", "--port", car.port)
-        with greeted(car.port) as connected:
-            connected.arm()
-    assert told.startswith("the car has a design, W_B_W 95x200 r60: there is nothing to confirm")
 
 
 def test_a_refused_design_is_named_when_arming_is_refused(start: Callable[..., Car], tmp_path: Path) -> None:

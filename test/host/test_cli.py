@@ -13,13 +13,11 @@ import pytest
     ("words", "message"),
     [
         (("sweep", "none.json", "--store", "s.db"), "none.json: cannot be read: No such file or directory"),
-        (("run", "none.json", "--experiment", "1"), "none.json: cannot be read: No such file or directory"),
         (("run", "l.json", "--experiment", "9"), 'l.json: experiments: has no "9"; known: 1'),
         (
             ("run", "l.json", "--experiment", "1"),
             "l.json: vehicles.1.params.0.common.width: has 2 values (95, 245); choose one with --set width=…",
         ),
-        (("run", "l.json", "--experiment", "1", "--set", "width"), "--set width: not NAME=MM"),
         (("run", "l.json", "--experiment", "1", "--set", "width=x"), "--set width=x: not NAME=MM"),
         (("run", "l.json", "--experiment", "1", "--set", "w=1"), "--set w: W_B_W has no such parameter"),
         (("run", "l.json", "--experiment", "1", "--set", "width=20"), "--set width: 20 is below the minimum 53.65"),
@@ -34,9 +32,7 @@ def test_mistakes_are_one_line_and_leave_nothing(
     assert [file.name for file in tmp_path.iterdir()] == ["l.json"]
 
 
-@pytest.mark.parametrize(
-    "words", [("fly",), ("sweep",), ("sweep", "l.json", "--store", "s.db", "--jobs", "0"), ("run", "l.json", "--no")]
-)
+@pytest.mark.parametrize("words", [("fly",), ("sweep", "l.json", "--store", "s.db", "--jobs", "0")])
 def test_wrong_usage_is_told_without_traceback(foldcar: Any, words: tuple[str, ...]) -> None:
     answer = foldcar(*words)
 

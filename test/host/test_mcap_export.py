@@ -82,7 +82,7 @@ def test_every_message_conforms_to_its_schema(tmp_path: Path) -> None:
     assert len([topic for topic, *_ in rows if topic == "/tf"]) == 2
 
 
-@pytest.mark.parametrize("rate", [0.1, 1.0, 20.0])
+@pytest.mark.parametrize("rate", [0.1, 20.0])
 def test_times_are_the_cars_at_any_rate_of_the_simulation(tmp_path: Path, rate: float) -> None:
     dialect = load_dialect()
     rows = [(0.02 * i / rate, 1, 25, truth(5 + 0.02 * i, 0.01 * i)) for i in range(101)]

@@ -96,12 +96,8 @@ def test_an_ascii_locale_shows_what_it_has_no_letters_for(steering: str, tmp_pat
     def run(*words: str) -> "subprocess.CompletedProcess[bytes]":
         return subprocess.run([*COMMAND, *words], cwd=tmp_path, capture_output=True, env=environment)
 
-    missing, compared = run("sweep", "né.json", "--store", "s.db"), run("compare", "s.db")
-    swept = run("sweep", "étude.json", "--store", "e.db")
+    compared, swept = run("compare", "s.db"), run("sweep", "étude.json", "--store", "e.db")
 
-    assert (missing.returncode, missing.stderr) == (
-        2, b"foldcar: error: n\\xe9.json: cannot be read: No such file or directory\n",
-    )  # fmt: skip
     assert compared.returncode == 0 and b"\\u2013" in compared.stdout, compared.stderr
     assert swept.returncode == 0, swept.stderr
     with Store.open(tmp_path / "e.db") as store:

@@ -26,36 +26,27 @@ def column(name: str, *cells: str) -> str:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "contains no trials"),
         (HEADER, "contains no trials"),
         ("vehicle_type,outcome\nW_B_W,passed\n", 'has no column "source"'),
         ("vehicle_type,outcome,source,colour\n", 'unknown column "colour"; known: vehicle_type'),
         ("Vehicle_type,outcome,source\n", 'unknown column "Vehicle_type"; .*; did you mean "vehicle_type"'),
         ("vehicle_type;outcome;source\nW_B_W;passed;p\n", 'its columns are separated by ";"; separate them by commas'),
-        ("vehicle_type\toutcome\tsource\n", "its columns are separated by tabs; separate them by commas"),
         (HEADER + "W_B_W,95,passed,1\n", "line 2: has 4 cells, the header 5"),
         (HEADER + "# a comment\nW_B_W,95,flew,1,me\n", 'line 3: outcome: "flew" is not one of passed, '),
         (HEADER + "W_B_W,95,pased,1,me\n", 'line 2: outcome: "pased" is not .*; did you mean "passed"'),
-        (HEADER + "W_B_W,95,passed,x,me\n", 'line 2: count: "x" is not a whole number'),
         (HEADER + "W_B_W,95,passed,1_0,me\n", 'line 2: count: "1_0" is not a whole number'),
         (HEADER + "W_B_W,95,passed,0,me\n", "line 2: count: 0 is below the minimum 1"),
-        (HEADER + "W_B_W,95,passed,-1,me\n", "line 2: count: -1 is below the minimum 0"),
         (HEADER + "W_B_W,95,passed,200000,me\n", "line 2: count: 200000 is above the maximum 100000"),
         (HEADER + "W_B_W,20,passed,1,me\n", "line 2: width: 20 is below the minimum 53.65"),
         (HEADER + "W_B_W,9_5,passed,1,me\n", 'line 2: width_mm: "9_5" is not a number'),
-        (HEADER + "W_B_W,９５,passed,1,me\n", 'line 2: width_mm: "９５" is not a number'),
         (HEADER + "W_X,95,passed,1,me\n", 'line 2: "W_X" has unknown module "X"'),
         (HEADER + "W_B_W,95,passed,1,\n", "line 2: source: is empty"),
         (HEADER + "W_B_W,,passed,1,me\n", "line 2: does not tell the car: give its parameters, as width_mm, "),
         (column("car", "real"), 'line 2: car: "real" is not one of built, simulated'),
         (column("note", "x" * 140_000), r"line 2: field larger than field limit \(131072\)"),
-        (column("sample", "", "x"), 'line 3: sample: "x" is not a whole number'),
         (column("sample", str(2**63)), "line 2: sample: 9223372036854775808 is above the maximum 9223372036854775807"),
-        (column("sample", "9" * 400), "line 2: sample: 9+ is below the minimum 0 or not finite"),
         (column("elapsed_time_s", "", "1e300"), "line 3: elapsed_time_s: 1e300 is above the maximum 86400"),
-        (column("started_utc", "2026-13-45"), 'line 2: started_utc: "2026-13-45" is not a date'),
         (column("started_utc", "yesterday"), "line 2: started_utc: .* such as 2026-05-01T09:30:00"),
-        (column("started_utc", "0001-01-01T00:00:00+02:00"), "line 2: started_utc: .* is not a date"),
     ],
 )
 def test_what_cannot_be_is_named_with_line_and_column(tmp_path: Path, text: str, message: str) -> None:
@@ -72,16 +63,12 @@ def test_a_bad_row_keeps_the_others_out(tmp_path: Path, refused: Any) -> None:
     assert not (tmp_path / "s.db").exists()
 
 
-def test_outcomes_are_read_as_a_spreadsheet_capitalises_them(tmp_path: Path) -> None:
+def test_outcomes_are_read_as_a_spreadsheet_capitalises_them_and_times_in_utc(tmp_path: Path) -> None:
+    times = ("2026-05-01T09:30:00+02:00", "2026-05-01T09:30:00Z", "2026-05-01")
     cells = ("Passed,p,Built", "NOT_PASSED,p,", "stuck,p,simulated")
-    found = read(tmp_path, "vehicle_type,width_mm,outcome,source,car\n" + "".join(f"W_B_W,95,{one}\n" for one in cells))
+    rows = [f"W_B_W,95,{cell},{time}\n" for cell, time in zip(cells, times, strict=True)]
+    found = read(tmp_path, "vehicle_type,width_mm,outcome,source,car,started_utc\n" + "".join(rows))
 
     told = [("passed", "built"), ("not_passed", "built"), ("stuck", "simulated")]
     assert [(trial["outcome"], trial["car"]) for trial in found] == told
-
-
-def test_a_start_in_another_zone_is_stored_in_utc(tmp_path: Path) -> None:
-    times = ("2026-05-01T09:30:00+02:00", "2026-05-01T09:30:00Z", "2026-05-01")
-    found = [trial["started_utc"] for trial in read(tmp_path, column("started_utc", *times))]
-
-    assert found == ["2026-05-01T07:30:00+00:00", *times[1:]]
+    assert [trial["started_utc"] for trial in found] == ["2026-05-01T07:30:00+00:00", *times[1:]]

@@ -30,7 +30,7 @@ def test_a_person_drives_a_trial(tmp_path: Path, free_course: Path) -> None:
         person.answers(("deviation: ", "A 5 -3 90"), ("deviation: ", "Z 1 2"), ("does not begin with one of car, A", ""))
         person.answers(("Enter starts", ""))
         person.sees("Countdown 1 s")
-        person.sees("driving")
+        person.sees("DRIVING")
         person.watches_until(lambda: moving(tmp_path))
         person.types("s")
         person.sees("stopped by key")

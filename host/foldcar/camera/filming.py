@@ -1,7 +1,12 @@
-"""A trial's film and photo put together with the trial: what the store keeps of them.
+"""A trial's film put together with the trial: when the drive began, how it ended, what the store keeps.
 
-Input: a store, the number of a trial, a film or a photo, course, lens, a carsim. Output: a Track record of the store,
-or the deviations of car and obstacles. FoldcarError of one line.
+Input: a store, the number of a trial, a film, course, lens, a carsim. Output: a Track record of the store.
+
+The film's time of the trial's start is that of the car's first movement. The simulated car is driven by the same
+firmware: film and simulation are laid over each other between 3 and 40 mm from the start. Servos of one kind differ in
+how soon they turn by some 10 ms, which remains. The attitudes in a car's log come ten times a second and 15 to 30 ms
+late: they tell no better. The end is proposed by the rules that end the simulator's runs (docs/carsim.md), as far as a
+film shows it; a person decides.
 """
 
 import json
@@ -13,10 +18,9 @@ from typing import Any
 
 import numpy
 
-from foldcar.camera.clock import Start, find_start
-from foldcar.camera.ending import Ending, propose
+from foldcar.camera.detection import Floats
 from foldcar.camera.film import read_film
-from foldcar.camera.ground import Standing, standing
+from foldcar.camera.ground import standing
 from foldcar.camera.lens import Lens
 from foldcar.camera.markers import Course
 from foldcar.camera.photo import LAID_RAD
@@ -32,34 +36,37 @@ from foldcar.store.reader import Store
 from foldcar.store.trial_records import Track
 from foldcar.store.writer import canonical_json
 
-SETTING_OFF_S = 0.01
 # A car that stood farther from where the trial has it (m, rad) is told.
 ELSEWHERE_M, ELSEWHERE_RAD = 0.015, math.radians(4)
+SET_OFF_M = numpy.linspace(0.003, 0.040, 12)
+SERVOS_S = 0.015
+REST_S = 0.1
+# As in sim2d/lib/trial/ending.h.
+TIPPED_UP = 0.26
+STUCK_M, STUCK_RAD, STUCK_S = 0.010, 0.035, 4.0
+HELD_M, HELD_S = 0.050, 8.0
+# A marker that is last seen tilted like this, and never again, is under the car.
+TIPPING_UP = 0.6
+UNSEEN_S = 0.7
 
 
 @dataclass(frozen=True)
-class Drive:
-    """A trial's body, settings and scene as placed, and how its car stands and carries its marker."""
+class Start:
+    """The trial's start on the film's clock (s), and its standard deviation."""
 
-    body: Mapping[str, Any]
-    settings: Mapping[str, Any]
-    scene: Mapping[str, Any]
-    ground: Standing
-    marker: CarMarker
-
-    def printed(self, scale: float) -> CarMarker:
-        """The marker from a printer whose prints are larger by this factor."""
-        return CarMarker(self.marker.size_m * scale, self.marker.x_m, self.marker.z_m)
+    film_s: float
+    error_s: float
 
 
-def trial_drive(store: Store, number: int, course: Course, carsim: Carsim) -> Drive:
-    """The drive of a trial; FoldcarError if it was imported without a scene."""
-    store.trial(number)
-    texts = store.trial_drive(number)
-    if texts is None:
-        raise FoldcarError(f"{store.path}: trial {number} was imported without a scene: it cannot be filmed")
-    body, settings, scene = (json.loads(text) for text in texts)
-    return Drive(body, settings, scene, standing(scene, carsim_heights(carsim), body), car_marker(body, course))
+@dataclass(frozen=True)
+class Ending:
+    """``outcome`` is one of a trial's, None where the film does not tell; where and when (trial's time), and why."""
+
+    outcome: str | None
+    time_s: float
+    x_m: float
+    y_m: float
+    why: str
 
 
 def car_marker(body: Mapping[str, Any], course: Course) -> CarMarker:
@@ -72,20 +79,34 @@ def car_marker(body: Mapping[str, Any], course: Course) -> CarMarker:
 def track_trial(
     store: Store, number: int, film: Path, course: Course, lens: Lens | None, carsim: Carsim
 ) -> tuple[Track, tuple[str, ...]]:
-    """Where the car was in the trial by its film, and what to say of it."""
-    drive = trial_drive(store, number, course, carsim)
-    filmed = track(read_film(film), str(film), course, lens, drive.printed, drive.ground)
-    start = find_start(filmed.times_s, filmed.poses, _simulated(drive, carsim), str(film))
+    """Where the car was in the trial by its film, and what to say of it; FoldcarError of one line."""
+    texts = store.trial_drive(number)
+    if texts is None:
+        raise FoldcarError(f"{store.path}: trial {number} was imported without a scene: it cannot be filmed")
+    body, settings, scene = (json.loads(text) for text in texts)
+    ground = standing(scene, carsim_heights(carsim), body)
+    filmed = track(
+        read_film(film), str(film), course, lens, lambda scale: car_marker(body, course.printed(scale)), ground
+    )
+    start = find_start(filmed.times_s, filmed.poses, _simulated(body, settings, scene, carsim), str(film))
     times_s = filmed.times_s - start.film_s
-    settings = drive.settings
     turns = abs(settings["speed_m_s"]) <= 0.05 * abs(settings["yaw_rate_rad_s"])
-    ending = propose(times_s, filmed.poses, drive.scene, settings["time_limit_s"], turns, filmed.film_s - start.film_s)
-    remarks = [*filmed.remarks, *_elsewhere(filmed, times_s, drive.scene["start"])]
+    ending = propose(times_s, filmed.poses, scene, settings["time_limit_s"], turns, filmed.film_s - start.film_s)
+    remarks = [*filmed.remarks, *_elsewhere(filmed, times_s, scene["start"])]
     digest = sha256_of(film)
     assert digest is not None
     facts = _facts(filmed, start, ending, lens, remarks)
     record = Track(number, film.name, digest, round(start.film_s, 4), ending.outcome, facts, _rows(times_s, filmed))
     return record, tuple(remarks)
+
+
+def _simulated(body: Any, settings: Any, scene: Any, carsim: Carsim) -> Floats:
+    """Time, x and y of the simulated car's first seconds in the same trial."""
+    request = RunRequest("car", "scene", canonical_json({**settings, "path_interval_s": 0.01}), "film", 0)
+    (answer,) = carsim.run({"car": canonical_json(body)}, {"scene": canonical_json(scene)}, [request])
+    if "path" not in answer:
+        raise FoldcarError(f"the trial cannot be simulated: {answer.get('error', 'no path')}")
+    return numpy.array(answer["path"])[:, :3]
 
 
 def _facts(filmed: Filmed, start: Start, ending: Ending, lens: Lens | None, remarks: list[str]) -> dict[str, Any]:
@@ -115,17 +136,6 @@ def _rows(times_s: Any, filmed: Filmed) -> list[list[float]]:
     ]
 
 
-def _simulated(drive: Drive, carsim: Carsim) -> Any:
-    """Time, x and y of the simulated car's first seconds in the same trial."""
-    settings = canonical_json({**drive.settings, "path_interval_s": SETTING_OFF_S})
-    request = RunRequest("car", "scene", settings, "film", 0)
-    texts = canonical_json(drive.body), canonical_json(drive.scene)
-    (answer,) = carsim.run({"car": texts[0]}, {"scene": texts[1]}, [request])
-    if "path" not in answer:
-        raise FoldcarError(f"the trial cannot be simulated: {answer.get('error', 'no path')}")
-    return numpy.array(answer["path"])[:, :3]
-
-
 def _elsewhere(filmed: Filmed, times_s: Any, start: Mapping[str, float]) -> list[str]:
     """A remark if the car stood elsewhere than the trial says."""
     before = filmed.poses[times_s < 0]
@@ -140,3 +150,98 @@ def _elsewhere(filmed: Filmed, times_s: Any, start: Mapping[str, float]) -> list
         f"the car began {1000 * away_m:.0f} mm and {math.degrees(turned):+.1f}° from where the trial has it: at "
         f"{1000 * x:.0f}, {1000 * y:.0f} mm, {math.degrees(heading):.1f}°"
     ]
+
+
+def find_start(times_s: Floats, poses: Floats, simulated: Floats, where: str) -> Start:
+    """The start of the trial; ``simulated`` are rows of time in the trial, x, y.
+
+    FoldcarError, beginning with ``where``, if the car moves from the film's first frame on, or never.
+    """
+    resting = times_s < times_s[0] + REST_S
+    away = numpy.linalg.norm(poses[:, :2] - numpy.median(poses[resting, :2], axis=0), axis=1)
+    if numpy.ptp(poses[resting, :2], axis=0).max() > SET_OFF_M[0]:
+        raise FoldcarError(f"{where}: the car moves from the first frame on: begin to film before it starts")
+    beyond = numpy.flatnonzero(away > SET_OFF_M[-1])
+    simulated_away = numpy.linalg.norm(simulated[:, 1:3] - simulated[0, 1:3], axis=1)
+    if not len(beyond) or simulated_away.max() < SET_OFF_M[-1]:
+        raise FoldcarError(
+            f"{where}: the car does not move by {1000 * SET_OFF_M[-1]:.0f} mm: its start is not to be seen"
+        )
+    # What lies before is the last time that it stood still.
+    first = int(beyond[0])
+    reached = [_when(times_s[: first + 1], away[: first + 1], far) for far in SET_OFF_M]
+    end = int(numpy.argmax(simulated_away >= SET_OFF_M[-1]))
+    wanted = [_when(simulated[: end + 1, 0], simulated_away[: end + 1], far) for far in SET_OFF_M]
+    offsets = numpy.subtract(reached, wanted)
+    error = float(numpy.hypot(SERVOS_S, offsets.std()))
+    return Start(float(numpy.median(offsets)), error)
+
+
+def _when(times_s: Floats, away: Floats, far: float) -> float:
+    """The last time at which ``away`` rose through ``far``."""
+    at = int(numpy.flatnonzero(away < far)[-1]) if (away < far).any() else 0
+    if at + 1 >= len(away):
+        return float(times_s[-1])
+    share = (far - away[at]) / max(away[at + 1] - away[at], 1e-9)
+    return float(times_s[at] + share * (times_s[at + 1] - times_s[at]))
+
+
+def propose(
+    times_s: Floats, poses: Floats, scene: Mapping[str, Any], time_limit_s: float, turns: bool, film_end_s: float
+) -> Ending:
+    """The end of the drive; ``turns``: it was told to turn on the spot, or nearly."""
+    driving = numpy.flatnonzero((times_s >= 0) & (times_s <= time_limit_s))
+    if not len(driving):
+        return Ending(None, 0.0, float(poses[0, 0]), float(poses[0, 1]), "the film does not show the drive")
+    was_short = True
+    moved = left = int(driving[0])
+    for at in driving.tolist():
+        time_s, (x, y, _, heading, pitch, roll) = float(times_s[at]), poses[at]
+        if math.cos(pitch) * math.cos(roll) < TIPPED_UP:
+            return Ending("tipped", time_s, x, y, f"tilted by more than {math.degrees(math.acos(TIPPED_UP)):.0f}°")
+        short = _short_of_goal(scene["goal"], x, y)
+        if was_short and not short:
+            return _passed(times_s, poses, scene["goal"], at)
+        was_short = short
+        course = scene["course"]
+        if not (course["x_min_m"] <= x <= course["x_max_m"] and course["y_min_m"] <= y <= course["y_max_m"]):
+            return Ending("off_course", time_s, x, y, "its middle left the course")
+        if math.dist((x, y), poses[left, :2]) > HELD_M:
+            left = at
+        elif not turns and time_s - times_s[left] >= HELD_S:
+            return Ending("stuck", time_s, x, y, f"less than {1000 * HELD_M:.0f} mm in {HELD_S:g} s")
+        if math.dist((x, y), poses[moved, :2]) > STUCK_M or abs(heading - poses[moved, 3]) > STUCK_RAD:
+            moved = at
+        elif time_s - times_s[moved] >= STUCK_S:
+            return Ending("stuck", time_s, x, y, f"less than {1000 * STUCK_M:.0f} mm in {STUCK_S:g} s")
+    last = int(driving[-1])
+    time_s, (x, y, _, _, pitch, roll) = float(times_s[last]), poses[last]
+    end_s = min(film_end_s, time_limit_s)
+    if end_s - time_s > UNSEEN_S:
+        if math.cos(pitch) * math.cos(roll) < TIPPING_UP:
+            return Ending("tipped", time_s, x, y, "last seen as it tipped")
+        return Ending(None, time_s, x, y, "its marker is not seen any more")
+    if film_end_s >= time_limit_s:
+        return Ending("timeout", time_limit_s, x, y, f"the time limit of {time_limit_s:g} s")
+    return Ending(None, time_s, x, y, "the film ends before the drive")
+
+
+def _passed(times_s: Floats, poses: Floats, goal: Mapping[str, Any], at: int) -> Ending:
+    """The moment between two frames in which the car reached the goal."""
+    steps = numpy.linspace(0, 1, 21)
+    before = max(at - 1, 0)
+    share = next(
+        s for s in steps if not _short_of_goal(goal, *(poses[before, :2] + s * (poses[at, :2] - poses[before, :2])))
+    )
+    x, y = poses[before, :2] + share * (poses[at, :2] - poses[before, :2])
+    time_s = times_s[before] + share * (times_s[at] - times_s[before])
+    return Ending("passed", float(time_s), float(x), float(y), "its middle reached the goal")
+
+
+def _short_of_goal(goal: Mapping[str, Any] | None, x: float, y: float) -> bool:
+    if goal is None:
+        return True
+    dx, dy = goal["x_m"] - x, goal["y_m"] - y
+    if goal["kind"] == "disc":
+        return math.hypot(dx, dy) > float(goal["radius_m"])
+    return bool(dx * math.cos(goal["heading_rad"]) + dy * math.sin(goal["heading_rad"]) > 0)

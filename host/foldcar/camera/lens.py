@@ -8,14 +8,15 @@ import json
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import cv2
 import numpy
+from pydantic import BaseModel, Field
 
 from foldcar.camera.detection import Floats, Grey
 from foldcar.camera.film import read_film, read_photo
-from foldcar.camera.markers import read_object
+from foldcar.camera.markers import read_json
 from foldcar.errors import FoldcarError
 from foldcar.outputs import atomic_file
 
@@ -77,6 +78,21 @@ class Lens:
         return replace(self, width=width, height=height, focal_px=scale * self.focal_px, middle_px=(x, y))
 
 
+Pixels = Annotated[int, Field(ge=320, le=20_000)]
+Middle = Annotated[float, Field(ge=0, le=20_000)]
+Bend = Annotated[float, Field(ge=-10, le=10)]
+
+
+class _LensFile(BaseModel, extra="forbid"):
+    width: Pixels
+    height: Pixels
+    focal_px: Annotated[float, Field(ge=100, le=100_000)]
+    middle_px: tuple[Middle, Middle]
+    distortion: tuple[Bend, Bend, Bend, Bend, Bend]
+    readout_s: Annotated[float, Field(ge=0, le=0.1)]
+    error_px: Annotated[float, Field(ge=0, le=100)]
+
+
 def assumed_lens(width: int, height: int) -> Lens:
     """The lens of most phones' main camera, whose film is 65° wide: where a fit begins."""
     return Lens(width, height, 0.8 * max(width, height), ((width - 1) / 2, (height - 1) / 2))
@@ -88,12 +104,12 @@ def board() -> Any:
     return cv2.aruco.CharucoBoard(BOARD_SQUARES, SQUARE_M, BOARD_MARKER_M, dictionary)
 
 
-def calibrate(files: Sequence[Path], readout_s: float = READOUT_S) -> tuple[Lens, int]:
+def calibrate(files: Sequence[Path]) -> tuple[Lens, int]:
     """The lens by pictures of the board, and how many counted. FoldcarError."""
     detector = cv2.aruco.CharucoDetector(board())
     shape: tuple[int, int] | None = None
-    objects: list[Any] = []
-    images: list[Any] = []
+    # Of each view, the pixels of its corners by their numbers.
+    seen: list[dict[int, Any]] = []
     named = str(files[0]) if len(files) == 1 else f"{files[0]} and {len(files) - 1} more"
     for file, grey in _pictures(files):
         if shape is None:
@@ -103,22 +119,22 @@ def calibrate(files: Sequence[Path], readout_s: float = READOUT_S) -> tuple[Lens
                 f"{file}: has {grey.shape[1]} × {grey.shape[0]} pixels, {files[0]} {shape[1]} × {shape[0]}"
             )
         corners, ids, _, _ = detector.detectBoard(grey)
-        if ids is None or len(ids) < LEAST_CORNERS or not _is_new(corners, ids, objects, images, shape):
-            continue
-        points, pixels = board().matchImagePoints(corners, ids)
-        objects.append(points)
-        images.append(pixels)
-        if len(objects) == MOST_VIEWS:
+        here = {} if ids is None else dict(zip(ids.ravel().tolist(), corners.reshape(-1, 2), strict=True))
+        if len(here) >= LEAST_CORNERS and all(_differ(here, view, shape[1]) for view in seen):
+            seen.append(here)
+        if len(seen) == MOST_VIEWS:
             break
-    if shape is None or len(objects) < LEAST_VIEWS:
+    if shape is None or len(seen) < LEAST_VIEWS:
         raise FoldcarError(
-            f"{named}: {len(objects)} views show at least {LEAST_CORNERS} corners of the board and differ; "
+            f"{named}: {len(seen)} views show at least {LEAST_CORNERS} corners of the board and differ; "
             f"{LEAST_VIEWS} are needed: turn and tilt it, near and in the corners of the picture"
         )
     height, width = shape
     # Square pixels; without the third radial term, which few views tell.
     flags = cv2.CALIB_FIX_ASPECT_RATIO | cv2.CALIB_FIX_K3
     start = assumed_lens(width, height).matrix
+    places = numpy.array(board().getChessboardCorners(), numpy.float32)
+    objects, images = [places[list(view)] for view in seen], [numpy.array(list(view.values())) for view in seen]
     rms, matrix, distortion, *_ = cv2.calibrateCamera(
         objects, images, (width, height), start, numpy.zeros(5), flags=flags | cv2.CALIB_USE_INTRINSIC_GUESS
     )
@@ -126,7 +142,7 @@ def calibrate(files: Sequence[Path], readout_s: float = READOUT_S) -> tuple[Lens
         raise FoldcarError(f"{named}: the board fits to {rms:.1f} pixels only: lay it flat, lock focus and zoom")
     k1, k2, p1, p2, k3 = (float(value) for value in distortion.ravel()[:5])
     middle = (float(matrix[0, 2]), float(matrix[1, 2]))
-    return Lens(width, height, float(matrix[0, 0]), middle, (k1, k2, p1, p2, k3), readout_s, float(rms)), len(objects)
+    return Lens(width, height, float(matrix[0, 0]), middle, (k1, k2, p1, p2, k3), READOUT_S, float(rms)), len(seen)
 
 
 def _pictures(files: Sequence[Path]) -> Iterator[tuple[Path, Grey]]:
@@ -142,20 +158,10 @@ def _pictures(files: Sequence[Path]) -> Iterator[tuple[Path, Grey]]:
                 yield file, grey
 
 
-def _is_new(corners: Any, ids: Any, objects: list[Any], images: list[Any], shape: tuple[int, int]) -> bool:
-    """Whether the board's four outermost corners are elsewhere than in all views before."""
-    points, pixels = board().matchImagePoints(corners, ids)
-    limit = NEW_VIEW_PX * shape[1] / 1000
-    for old_points, old_pixels in zip(objects, images, strict=True):
-        old = {tuple(p.ravel().round(4)): q.ravel() for p, q in zip(old_points, old_pixels, strict=True)}
-        both = [
-            numpy.linalg.norm(q.ravel() - old[key])
-            for p, q in zip(points, pixels, strict=True)
-            if (key := tuple(p.ravel().round(4))) in old
-        ]
-        if both and max(both) < limit:
-            return False
-    return True
+def _differ(one: dict[int, Any], other: dict[int, Any], width: int) -> bool:
+    """Whether a corner that two views share is elsewhere."""
+    both = [numpy.linalg.norm(one[number] - other[number]) for number in one.keys() & other.keys()]
+    return not both or float(max(both)) >= NEW_VIEW_PX * width / 1000
 
 
 def write_lens(lens: Lens, file: Path) -> None:
@@ -166,25 +172,4 @@ def write_lens(lens: Lens, file: Path) -> None:
 
 def read_lens(file: Path) -> Lens:
     """The lens of a file; FoldcarError that names file, key, value and limit."""
-    data = read_object(file)
-    known = asdict(assumed_lens(1920, 1080))
-    for key in [*data, *known]:
-        if key not in known or key not in data:
-            raise FoldcarError(f"{file}: {key}: {'is missing' if key in known else 'is no key of a lens'}")
-    limits = {
-        "width": (320, 20_000), "height": (320, 20_000), "focal_px": (100, 100_000), "middle_px": (0, 20_000),
-        "distortion": (-10, 10), "readout_s": (0, 0.1), "error_px": (0, 100),
-    }  # fmt: skip
-    for key, (low, high) in limits.items():
-        values = data[key] if isinstance(known[key], list | tuple) else [data[key]]
-        if not isinstance(values, list) or len(values) != (len(known[key]) if isinstance(known[key], tuple) else 1):
-            raise FoldcarError(f"{file}: {key}: is no list of {len(known[key])} numbers")
-        for value in values:
-            if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
-                raise FoldcarError(f"{file}: {key}: {value!r} is not from {low:g} to {high:g}")
-    x, y = map(float, data["middle_px"])
-    k1, k2, p1, p2, k3 = map(float, data["distortion"])
-    return Lens(
-        int(data["width"]), int(data["height"]), float(data["focal_px"]), (x, y), (k1, k2, p1, p2, k3),
-        float(data["readout_s"]), float(data["error_px"]),
-    )  # fmt: skip
+    return Lens(**read_json(file, _LensFile).model_dump())

@@ -6,16 +6,19 @@ reader. Floor markers lie with x along the course; the car's with its top to the
 `card_of` has it.
 """
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, TypeVar
+
+from pydantic import BaseModel, Field, ValidationError
 
 from foldcar.errors import FoldcarError
 from foldcar.scenes.obstacles import Obstacle
 from foldcar.scenes.terrain_kinds import kind_of
+
+Read = TypeVar("Read", bound=BaseModel)
 
 FLOOR_IDS = (0, 1, 2, 3)
 CAR_ID = 10
@@ -24,10 +27,7 @@ FIRST_OBSTACLE_ID = 20
 MOST_OBSTACLES = 26
 MODULES = 8
 
-SIZE_MM = (20.0, 500.0)
-PLACE_MM = (-20_000.0, 20_000.0)
 SIDE_MM = (300.0, 10_000.0)
-HEIGHT_MM = (0.0, 200.0)
 # White around a marker on its card, as a share of its side: a detector needs one module.
 CARD_MARGIN = 0.2
 
@@ -94,8 +94,30 @@ def rectangle(length_m: float = 1.5, width_m: float = 1.0) -> Course:
     return Course(tuple(FloorMarker(k, x, side * width_m / 2) for k, (x, side) in zip(FLOOR_IDS, corners, strict=True)))
 
 
+Size = Annotated[float, Field(ge=20, le=500)]
+Place = Annotated[float, Field(ge=-20_000, le=20_000)]
+
+
+class _FloorFile(BaseModel, extra="forbid", strict=True):
+    id: Annotated[int, Field(ge=FLOOR_IDS[0], le=FLOOR_IDS[-1])]
+    x_mm: Place
+    y_mm: Place
+    turn_deg: Annotated[float, Field(ge=-360, le=360)]
+
+
+class _CourseFile(BaseModel, extra="forbid", strict=True):
+    """A course as its file has it: millimetres and degrees, as people measure."""
+
+    floor: Annotated[list[_FloorFile], Field(min_length=3, max_length=len(FLOOR_IDS))]
+    floor_size_mm: Size
+    car_size_mm: Size
+    car_x_mm: Annotated[float, Field(ge=-500, le=500)]
+    car_height_mm: Annotated[float, Field(ge=0, le=200)]
+    obstacle_size_mm: Size
+
+
 def course_json(course: Course) -> dict[str, Any]:
-    """The course as its file has it: millimetres and degrees, as people measure."""
+    """The course as its file has it."""
     floor = [
         {"id": one.id, "x_mm": _mm(one.x_m), "y_mm": _mm(one.y_m), "turn_deg": round(math.degrees(one.turn_rad), 3)}
         for one in course.floor
@@ -112,63 +134,26 @@ def course_json(course: Course) -> dict[str, Any]:
 
 def read_course(file: Path) -> Course:
     """The course of a file; FoldcarError that names file, key, value and limit."""
-    data = read_object(file)
-    known = course_json(rectangle())
-    _check_keys(f"{file}", data, known)
-    sizes = {
-        name.replace("_mm", "_m"): _number(f"{file}: {name}", data[name], limits) / 1000
-        for name, limits in (
-            ("floor_size_mm", SIZE_MM), ("car_size_mm", SIZE_MM), ("obstacle_size_mm", SIZE_MM),
-            ("car_x_mm", (-500.0, 500.0)), ("car_height_mm", HEIGHT_MM),
-        )
-    }  # fmt: skip
-    if not isinstance(data["floor"], list) or not 3 <= len(data["floor"]) <= len(FLOOR_IDS):
-        raise FoldcarError(f"{file}: floor: is no list of 3 or {len(FLOOR_IDS)} markers")
-    floor: list[FloorMarker] = []
-    for at, one in enumerate(data["floor"]):
-        where = f"{file}: floor[{at}]"
-        if not isinstance(one, dict):
-            raise FoldcarError(f"{where}: is no object")
-        _check_keys(where, one, known["floor"][0])
-        if one["id"] not in FLOOR_IDS or one["id"] in (other.id for other in floor):
-            raise FoldcarError(
-                f"{where}: id: {one['id']!r} is not a number of its own from {FLOOR_IDS[0]} to {FLOOR_IDS[-1]}"
-            )
-        x, y = (_number(f"{where}: {key}", one[key], PLACE_MM) / 1000 for key in ("x_mm", "y_mm"))
-        floor.append(
-            FloorMarker(one["id"], x, y, math.radians(_number(f"{where}: turn_deg", one["turn_deg"], (-360, 360))))
-        )
-    return Course(tuple(floor), **sizes)
+    data = read_json(file, _CourseFile)
+    ids = [one.id for one in data.floor]
+    if len(set(ids)) < len(ids):
+        raise FoldcarError(f"{file}: floor: two markers have the id {max(ids, key=ids.count)}")
+    floor = [FloorMarker(one.id, one.x_mm / 1000, one.y_mm / 1000, math.radians(one.turn_deg)) for one in data.floor]
+    sizes = data.model_dump(exclude={"floor"}).items()
+    return Course(tuple(floor), **{name.replace("_mm", "_m"): value / 1000 for name, value in sizes})
 
 
-def read_object(file: Path) -> dict[str, Any]:
-    """The JSON object of a file; FoldcarError."""
+def read_json(file: Path, model: type[Read]) -> Read:
+    """The JSON object of a file as a pydantic model; FoldcarError that names file, key, value and limit."""
     try:
-        data = json.loads(file.read_text(encoding="utf-8"))
+        return model.model_validate_json(file.read_bytes())
     except OSError as error:
         raise FoldcarError(f"{file}: cannot be read: {error.strerror}") from error
-    except (ValueError, RecursionError) as error:
-        raise FoldcarError(f"{file}: is no JSON: {error}") from None
-    if not isinstance(data, dict):
-        raise FoldcarError(f"{file}: is no JSON object")
-    return data
-
-
-def _check_keys(where: str, data: Mapping[str, Any], known: Mapping[str, Any]) -> None:
-    for key in data:
-        if key not in known:
-            raise FoldcarError(f'{where}: unknown key "{str(key)[:80]}"; known: {", ".join(known)}')
-    for key in known:
-        if key not in data:
-            raise FoldcarError(f"{where}: {key}: is missing")
-
-
-def _number(where: str, value: Any, limits: tuple[float, float]) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise FoldcarError(f"{where}: {str(value)[:80]!r} is no number")
-    if not limits[0] <= value <= limits[1]:
-        raise FoldcarError(f"{where}: {value:g} is not from {limits[0]:g} to {limits[1]:g}")
-    return float(value)
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(map(str, first["loc"]))
+        shown = f", not {str(first['input'])[:80]}" if place and first["type"] != "missing" else ""
+        raise FoldcarError(f"{file}: {f'{place}: ' if place else ''}{first['msg']}{shown}") from None
 
 
 def _mm(metres: float) -> float:

@@ -53,7 +53,6 @@ class View:
     unknowns: Floats
     covariance: Floats
     with_lens: bool
-    seen: tuple[int, ...]
 
     @cached_property
     def rotation(self) -> Floats:
@@ -134,21 +133,6 @@ def find_view(
             f"the markers are {100 * view.scale:.1f} % of their size: measure the printed bar, or their places"
         )
     return replace(view, remarks=tuple(remarks))
-
-
-def moved_view(view: View, corners: Mapping[int, Floats]) -> View | None:
-    """The view of a camera that has moved, by the floor markers that it sees now; None if they are too few."""
-    markers = [one for one in view.course.floor if one.id in corners and one.id in view.seen]
-    if len(markers) < 2:
-        return None
-    size_m = view.course.floor_size_m * view.scale
-    points = numpy.concatenate([floor_corners(one, size_m) for one in markers])
-    pixels = numpy.concatenate([corners[one.id] for one in markers])
-    ideal = ideal_pixels(view.lens, pixels)
-    ok, turn, shift = cv2.solvePnP(points, ideal, numpy.eye(3), None, view.turn.copy(), view.shift_m.copy(), True)
-    if not ok:
-        return None
-    return replace(view, turn=numpy.asarray(turn, float).ravel(), shift_m=numpy.asarray(shift, float).ravel())
 
 
 def ideal_pixels(lens: Lens, pixels: Floats) -> Floats:
@@ -243,15 +227,5 @@ def _fit(seen: Mapping[int, Floats], course: Course, size: tuple[int, int], lens
     best = least_squares(residuals, best.x, x_scale=scales, max_nfev=60)
     found, turn, shift, scale, floor = _split(best.x, start, lens is not None, here)
     covariance = numpy.linalg.pinv(best.jac.T @ best.jac)
-    return View(
-        found,
-        turn,
-        shift,
-        replace(here, floor=tuple(floor)),
-        scale,
-        (),
-        best.x,
-        covariance,
-        lens is not None,
-        tuple(seen),
-    )
+    there = replace(here, floor=tuple(floor))
+    return View(found, turn, shift, there, scale, (), best.x, covariance, lens is not None)

@@ -1,12 +1,13 @@
 """`foldcar doctor`: what is installed, what can be reached, which build; a line each."""
 
 import importlib.metadata
+import os
 import platform
 import shutil
 import sys
 import tempfile
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -15,7 +16,8 @@ import typer
 
 from foldcar import __version__
 from foldcar.commands.options import Json, tell
-from foldcar.installation import MODULES, PACKAGE, source_tree
+from foldcar.errors import FoldcarError
+from foldcar.installation import MODULES, PACKAGE, pio_program, source_tree
 
 if TYPE_CHECKING:
     from packaging.requirements import Requirement
@@ -60,30 +62,26 @@ def doctor(as_json: Json = False) -> None:
 
 
 def _findings() -> Iterator[Finding]:
-    """Look for everything; each step takes at most a few seconds."""
-    from foldcar.commands import doctor_programs as programs
-
+    """Look for everything."""
     checkout = source_tree()
-    yield _foldcar(checkout)
+    where = f"checkout {checkout}" if checkout is not None else str(PACKAGE)
+    yield Finding("foldcar", "ok", f"{__version__} in {where}; Python {platform.python_version()}, {sys.executable}")
     yield _packages()
     yield _scenic()
-    project = programs.read_project(checkout) if checkout is not None else None
-    yield programs.simulator(checkout, project)
-    yield _writable("results", Path.cwd, "change to a folder of yours, or name outputs elsewhere")
-    yield _writable("temporary", tempfile.gettempdir, "let TMPDIR name a folder that can be written")
-    yield programs.platformio(checkout, project)
-    if project is not None:
-        yield programs.toolchain(project)
-    yield programs.serial_ports()
-    yield programs.simulator_with_mujoco(checkout, project)
-    yield _mavproxy()
-    yield _browser()
+    yield _simulator(checkout)
+    yield _writable("results", ".", "change to a folder of yours, or name outputs elsewhere")
+    yield _writable("temporary", None, "let TMPDIR name a folder that can be written")
+    pio = pio_program() if checkout is not None else None
+    yield _tool("PlatformIO", pio, "no `pio`, or no checkout: no car can be flashed", "make setup in a checkout")
+    yield _serial_ports()
+    yield _simulator_with_mujoco(checkout)
+    yield _tool("MAVProxy", _version("MAVProxy"), "only for driving by hand and `make test`", "pip install MAVProxy")
+    browser = next(filter(None, map(shutil.which, BROWSERS)), None)
+    yield _tool("browser", browser, f"none of {', '.join(BROWSERS)}: only `make test` needs one", "make test")
 
 
-def _foldcar(checkout: Path | None) -> Finding:
-    """The version that runs, and by which Python."""
-    where = f"checkout {checkout}" if checkout is not None else str(PACKAGE)
-    return Finding("foldcar", "ok", f"{__version__} in {where}; Python {platform.python_version()}, {sys.executable}")
+def _tool(name: str, found: str | None, without: str, advice: str) -> Finding:
+    return Finding(name, "absent", without, advice) if found is None else Finding(name, "ok", found)
 
 
 def _packages() -> Finding:
@@ -94,16 +92,15 @@ def _packages() -> Finding:
         declared = [Requirement(text) for text in importlib.metadata.requires("foldcar") or []]
     except importlib.metadata.PackageNotFoundError:
         return Finding("packages", "missing", "foldcar itself is not installed as a package", AGAIN)
-
-    def wrong(extra: str) -> list[str]:
-        """What is wrong with the packages that the extra adds; "" is the core."""
-        core = [one for one in declared if one.marker is None or one.marker.evaluate({"extra": ""})]
-        added = [one for one in declared if one not in core and one.marker and one.marker.evaluate({"extra": extra})]
-        return [text for one in (added if extra else core) if (text := _mismatch(one))]
-
-    if wrong(""):
-        return Finding("packages", "missing", "; ".join(wrong("")), AGAIN)
-    absent = [extra for extra in MODULES if wrong(extra)]
+    core = [one for one in declared if one.marker is None or one.marker.evaluate({"extra": ""})]
+    wrong = [text for one in core if (text := _mismatch(one))]
+    if wrong:
+        return Finding("packages", "missing", "; ".join(wrong), AGAIN)
+    added = [one for one in declared if one not in core and one.marker is not None]
+    absent = [
+        extra for extra in MODULES
+        if any(one.marker.evaluate({"extra": extra}) and _mismatch(one) for one in added if one.marker)
+    ]  # fmt: skip
     if absent:
         text = f"as declared, without the extras {', '.join(absent)}: some commands need them"
         return Finding("packages", "absent", text, f"pip install 'foldcar[{','.join(absent)}]'")
@@ -139,31 +136,54 @@ def _scenic() -> Finding:
     return Finding("Scenic", "ok", str(importlib.metadata.version(scenic.__name__)))
 
 
-def _writable(name: str, find: Callable[[], Path | str], advice: str) -> Finding:
-    """A folder for results, or for temporary files."""
-    folder: Path | None = None
+def _simulator(checkout: Path | None) -> Finding:
+    from foldcar.simulation.carsim import Carsim
+    from foldcar.simulation.engines import BINARY_VARIABLE
+
     try:
-        folder = Path(find())
-        with tempfile.TemporaryFile(dir=folder):
+        carsim = Carsim()
+    except FoldcarError as error:
+        advice = "make setup" if checkout is not None else "pip install --force-reinstall foldcar-….whl"
+        if os.environ.get(BINARY_VARIABLE):
+            advice = f"let {BINARY_VARIABLE} name a carsim, or leave it out"
+        return Finding("carsim", "missing", str(error), advice)
+    return Finding("carsim", "ok", f"build {carsim.build}, firmware {carsim.firmware}, {carsim.binary}")
+
+
+def _simulator_with_mujoco(checkout: Path | None) -> Finding:
+    from foldcar.simulation.carsim import Carsim
+    from foldcar.simulation.engines import MUJOCO
+
+    try:
+        carsim = Carsim(engine=MUJOCO)
+    except FoldcarError as error:
+        advice = "make mujoco" if checkout else "pip install 'foldcar[mujoco]', which needs Python 3.11 or newer"
+        return Finding("MuJoCo", "absent", f"{error}; only --engine mujoco and foldcar crosscheck need it", advice)
+    return Finding("MuJoCo", "ok", f"build {carsim.build}, firmware {carsim.firmware}, {carsim.binary}")
+
+
+def _writable(name: str, folder: str | None, advice: str) -> Finding:
+    """A folder for results, or for temporary files."""
+    try:
+        chosen = Path(folder or tempfile.gettempdir()).absolute()
+        with tempfile.TemporaryFile(dir=chosen):
             pass
     except OSError as error:
-        what = f"{folder}: cannot be written" if folder else "no folder can be written"
-        return Finding(name, "missing", f"{what}: {error.strerror}", advice)
-    return Finding(name, "ok", f"{folder}: {shutil.disk_usage(folder).free / 1e9:.1f} GB free")
+        where = f"{Path(folder).absolute()}: cannot be written" if folder else "no folder can be written"
+        return Finding(name, "missing", f"{where}: {error.strerror}", advice)
+    return Finding(name, "ok", f"{chosen}: {shutil.disk_usage(chosen).free / 1e9:.1f} GB free")
 
 
-def _mavproxy() -> Finding:
-    """A ground station for the car."""
-    version = _version("MAVProxy")
-    if version is None:
-        text = "not installed: only driving by hand and `make test` needs it"
-        return Finding("MAVProxy", "absent", text, "pip install MAVProxy")
-    return Finding("MAVProxy", "ok", version)
+def _serial_ports() -> Finding:
+    """Cars on USB, and whether this user may open them."""
+    from foldcar.link.stream import usb_ports
 
-
-def _browser() -> Finding:
-    """Chromium, which opens pages in tests."""
-    found = next(filter(None, map(shutil.which, BROWSERS)), None)
-    if found is None:
-        return Finding("browser", "absent", f"none of {', '.join(BROWSERS)}: only `make test` needs one", "make test")
-    return Finding("browser", "ok", found)
+    ports = usb_ports()
+    if not ports:
+        return Finding("car on USB", "absent", "no USB serial port", "plug a car in, or let `foldcar link` pose as one")
+    shown = ", ".join(f"{port.path} ({port.description})" for port in ports)
+    closed = [port.path for port in ports if not os.access(port.path, os.R_OK | os.W_OK)]
+    if closed:
+        shown += f": no permission for {', '.join(closed)}"
+        return Finding("car on USB", "absent", shown, "sudo usermod -aG dialout $USER, then log in again")
+    return Finding("car on USB", "ok", shown)

@@ -72,7 +72,7 @@ def flash(
 
 def _board(port: str | None) -> str:
     """The serial port of the board; FoldcarError if there is none, or the named one is no board's."""
-    from foldcar.link.ports import SERIAL_PATHS, choose_port
+    from foldcar.link.stream import SERIAL_PATHS, choose_port
 
     if port is not None and not port.startswith((*SERIAL_PATHS, "COM")):
         raise FoldcarError(f"--port {port}: not the serial port of a board; `foldcar link` starts a simulated car")

@@ -1,5 +1,6 @@
 """`foldcar log`: drives trials of a built car over USB; logs each and stores it beside the simulated runs."""
 
+from collections.abc import Collection
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated
@@ -33,9 +34,6 @@ def log(
         ),
     ] = None,
     trials: Annotated[int | None, typer.Option(metavar="N", min=1, help="Stop after N trials.")] = None,
-    parameters: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Compare the car's parameters with this file.")
-    ] = None,
     deviation: Annotated[
         list[str] | None,
         typer.Option(metavar="TEXT", help='Measured deviation, "NAME X_MM Y_MM [HEADING_DEG]"; may be repeated.'),
@@ -69,12 +67,6 @@ def log(
     lan: Annotated[
         bool, typer.Option("--lan", help="Serve it to a phone in this machine's network instead, who has the address.")
     ] = False,
-    photo: Annotated[
-        list[Path] | None, typer.Option(metavar="FILE", help="A photo of the one trial; may be repeated.")
-    ] = None,
-    video: Annotated[
-        list[Path] | None, typer.Option(metavar="FILE", help="A film of the one trial; may be repeated.")
-    ] = None,
     media: Annotated[
         Path | None,
         typer.Option(metavar="DIR", help="A folder; photos and films that appear there are kept with their trials."),
@@ -90,23 +82,12 @@ def log(
     Example: foldcar log scenarios/width_study.json --experiment 1 --store study.db
     """
     from foldcar.camera.markers import read_course
-    from foldcar.commands.log_summary import print_session
     from foldcar.interrupts import raised, said
-    from foldcar.link.parameters import read_file
-    from foldcar.store.trial_records import FILM, PHOTO, TRIAL_OUTCOMES, checked_name
-    from foldcar.trials.media import media_kind
+    from foldcar.store.trial_records import TRIAL_OUTCOMES, checked_name
     from foldcar.trials.session import Session, SessionOptions
 
     if outcome is not None and outcome not in TRIAL_OUTCOMES:
         raise FoldcarError(f"--outcome {outcome}: not one of {', '.join(TRIAL_OUTCOMES)}")
-    if parameters is not None:
-        read_file(parameters)
-    files = [("--photo", PHOTO, file) for file in photo or []] + [("--video", FILM, file) for file in video or []]
-    for option, kind, file in files:
-        if media_kind(file) != kind:
-            raise FoldcarError(f"{option} {file}: is no {kind} by its name")
-        if trials != 1 and not (yes and trials is None):
-            raise FoldcarError(f"{option} {file}: is of one trial: add --trials 1; for several use --media DIR")
     if media is not None and not media.is_dir():
         raise FoldcarError(f"--media {media}: is no folder")
     store = store or Path(f"{listing.stem}.db")
@@ -117,7 +98,6 @@ def log(
         settings=design_settings(settings),
         sample=sample,
         trials=trials,
-        parameters=parameters,
         deviations=deviation,
         outcome=outcome,
         note=note,
@@ -128,7 +108,6 @@ def log(
         any_build=any_build,
         yes=yes,
         course=None if course is None else read_course(course),
-        media=tuple(file for _, _, file in files),
         media_folder=media,
     )
     served = served_beside(store, PORT, LAN if lan else LOG) if live or lan else nullcontext()
@@ -137,4 +116,38 @@ def log(
         session.run(port)
         typer.echo(f"{len(session.driven)} trials; store: {store}")
         if session.driven and not yes:
-            print_session(store, session.driven)
+            _print_session(store, session.driven)
+
+
+def _print_session(store: Path, numbers: Collection[int]) -> None:
+    """Print what the trials ``numbers`` of one experiment were, and what `compare` and `select` say with them."""
+    from foldcar.advice.comparison import compare_evidence
+    from foldcar.advice.evidence import read_evidence, swept_ids
+    from foldcar.advice.selecting import select_evidence
+    from foldcar.analysis.words import count
+    from foldcar.commands.progress_bar import working
+    from foldcar.shown_console import shown_console
+    from foldcar.store.reader import Store
+    from foldcar.store.trial_records import BUILT, SIMULATED
+
+    with Store.open(store) as opened, working("weighing the trials"):
+        mine = [trial for trial in opened.trials() if trial.id in numbers]
+        experiment = mine[0].experiment
+        # Trials of simulated cars are weighed, as such, where there are no others.
+        counted = SIMULATED if all(trial.standing != BUILT for trial in mine) else BUILT
+        swept = experiment in swept_ids(opened)
+        evidence = read_evidence(opened, experiment, counted == SIMULATED) if swept else []
+        compared, selections = compare_evidence(evidence), select_evidence(evidence, with_cost=False)
+    completed = [trial for trial in mine if trial.standing == counted and trial.completed]
+    passed, others = sum(trial.outcome == "passed" for trial in completed), len(mine) - len(completed)
+    more = f"; {count(others, 'more trial')} aborted or withdrawn" if others else ""
+    lines = [f"This session: {passed} of {len(completed)} passed in experiment {experiment}{more}"]
+    if counted == SIMULATED:
+        lines.append("SIMULATED trials: they count in no rate of built cars.")
+    driven = [trial.design for trial in mine]
+    rows = [row for one in compared.experiments for row in one.designs if row.design in driven]
+    lines += [f"{row.label}: {row.verdict or 'nothing to compare'}" for row in rows]
+    if not swept:
+        lines.append(f"Experiment {experiment} was not swept in {store}: there is no simulation to compare with.")
+    lines += [one.sentence for one in selections]
+    shown_console().print("\n".join(lines))

@@ -209,7 +209,7 @@ def _show(as_json: bool, values: Mapping[str, float], *lines: str, **more: Any) 
 @contextlib.contextmanager
 def _car(port: str | None) -> Iterator["Car"]:
     from foldcar.link.car import greet
-    from foldcar.link.ports import choose_port
+    from foldcar.link.stream import choose_port
 
     car = greet(choose_port(port))
     try:

@@ -1,10 +1,9 @@
 """A trial's log as an MCAP file of JSON messages, for Foxglove and PlotJuggler.
 
 Input: a .tlog, facts about the trial, a foxglove.SceneUpdate of car and ground. Output: the file, written atomically:
-one topic for each sender (/car, /simulator, /host) and type of message with a schema from the dialect, status texts
-also as foxglove.Log on /log, the scene on /scene, the simulated car's pose as foxglove.FrameTransform on /tf (a real
-car's as a film shows it, else at its start), a film's poses on /camera/pose, the facts as metadata. Fields that are not
-finite (NaN: not known) are left out.
+one topic for each sender (/car, /simulator, /host) and type of message with a schema from the dialect, the scene on
+/scene, the simulated car's pose as foxglove.FrameTransform on /tf (a real car's as a film shows it, else at its start), a
+film's poses on /camera/pose, the facts as metadata. Fields that are not finite (NaN: not known) are left out.
 
 Times are the car's, so that a simulation at another rate shows seconds of the car.
 """
@@ -19,12 +18,9 @@ import numpy
 
 from foldcar import __version__
 from foldcar.link.connection import CAR_SYSTEM, SIMULATOR_COMPONENT
-from foldcar.link.foxglove import FRAME_TRANSFORM, LOG, SCENE_UPDATE, frame_transform, time_stamp
 from foldcar.link.tlog import read_tlog, trial_start_s
 from foldcar.outputs import atomic_file
 
-# foxglove.Log levels by MAVLink severity, 0 (emergency) to 7 (debug).
-LEVELS = (5, 5, 5, 4, 3, 2, 2, 1)
 # Messages that come out of order by less do not mean that the car was reset.
 DISORDER_US = 1_000_000
 # Of a row of a film's track.
@@ -35,6 +31,48 @@ FILMED = (
 )  # fmt: skip
 _FILMED_SCHEMA = {"type": "object", "title": "camera.Pose", "properties": {name: {"type": "number"} for name in FILMED}}
 NO_START = {"x_m": 0.0, "y_m": 0.0, "heading_rad": 0.0}
+
+
+# Foxglove knows its messages by their names; the schemas have those fields of its own that foldcar writes.
+def _object(**properties: Any) -> dict[str, Any]:
+    return {"type": "object", "properties": properties, "required": list(properties)}
+
+
+def _list_of(items: Any) -> dict[str, Any]:
+    return {"type": "array", "items": items}
+
+
+_INTEGER, _NUMBER, _TEXT = {"type": "integer"}, {"type": "number"}, {"type": "string"}
+_TIME = {**_object(sec=_INTEGER, nsec=_INTEGER), "title": "time"}
+_VECTOR = _object(x=_NUMBER, y=_NUMBER, z=_NUMBER)
+_QUATERNION = _object(x=_NUMBER, y=_NUMBER, z=_NUMBER, w=_NUMBER)
+_POSE = _object(position=_VECTOR, orientation=_QUATERNION)
+_COLOUR = _object(r=_NUMBER, g=_NUMBER, b=_NUMBER, a=_NUMBER)
+_TRIANGLES = _object(
+    pose=_POSE, points=_list_of(_VECTOR), color=_COLOUR, colors=_list_of(_COLOUR), indices=_list_of(_INTEGER)
+)
+_ENTITY = _object(
+    timestamp=_TIME,
+    frame_id=_TEXT,
+    id=_TEXT,
+    lifetime={**_object(sec=_INTEGER, nsec=_INTEGER), "title": "duration"},
+    frame_locked={"type": "boolean"},
+    metadata=_list_of(_object(key=_TEXT, value=_TEXT)),
+    arrows=_list_of({"type": "object"}),
+    cubes=_list_of(_object(pose=_POSE, size=_VECTOR, color=_COLOUR)),
+    spheres=_list_of({"type": "object"}),
+    cylinders=_list_of(_object(pose=_POSE, size=_VECTOR, bottom_scale=_NUMBER, top_scale=_NUMBER, color=_COLOUR)),
+    lines=_list_of({"type": "object"}),
+    triangles=_list_of(_TRIANGLES),
+    texts=_list_of({"type": "object"}),
+    models=_list_of({"type": "object"}),
+)
+SCENE_UPDATE = _object(deletions=_list_of({"type": "object"}), entities=_list_of(_ENTITY))
+FRAME_TRANSFORM = _object(
+    timestamp=_TIME, parent_frame_id=_TEXT, child_frame_id=_TEXT, translation=_VECTOR, rotation=_QUATERNION
+)
+
+WORLD, CAR = "world", "car"
 
 
 def export_mcap(
@@ -67,29 +105,23 @@ def export_mcap(
             first_us = min(times_us)
             entities = [{**one, "timestamp": time_stamp(first_us)} for one in scene_update["entities"]]
             topics.add("/scene", "foxglove.SceneUpdate", SCENE_UPDATE, {**scene_update, "entities": entities}, first_us)
-            pose = (start["x_m"], start["y_m"], start.get("z_m", 0.0), start["heading_rad"], 0.0, 0.0)
-            topics.add("/tf", "foxglove.FrameTransform", FRAME_TRANSFORM, frame_transform(first_us, *pose), first_us)
+            topics.add_pose(first_us, start["x_m"], start["y_m"], start.get("z_m", 0.0), start["heading_rad"], 0.0, 0.0)
         for time_us, (_, message) in sorted(zip(times_us, known, strict=True), key=lambda pair: pair[0]):
             kind = message.get_type()
             topics.add(f"/{_sender(message)}/{kind}", kind, _schema(message), _content(message), time_us)
-            if kind == "STATUSTEXT":
-                topics.add("/log", "foxglove.Log", LOG, _log(message, time_us), time_us)
             if kind == "FOLDCAR_TRUTH":
                 pose = (message.x, message.y, message.z, message.heading, message.pitch, message.roll)
                 if all(map(math.isfinite, pose)):
-                    transform = frame_transform(time_us, *pose)
-                    topics.add("/tf", "foxglove.FrameTransform", FRAME_TRANSFORM, transform, time_us)
-        if known and filmed:
-            start_us = _trial_start_us(known, times_us)
+                    topics.add_pose(time_us, *pose)
+        start_us = _trial_start_us(known, times_us) if filmed else None
+        if start_us is not None:
             knows = any(message.get_type() == "FOLDCAR_TRUTH" for _, message in known)
-            for row in filmed if start_us is not None else ():
-                assert start_us is not None
+            for row in filmed:
                 time_us = start_us + round(1e6 * row[0])
                 content = dict(zip(FILMED, row, strict=True))
                 topics.add("/camera/pose", "camera.Pose", _FILMED_SCHEMA, content, time_us)
                 if not knows:
-                    transform = frame_transform(time_us, *row[1:7])
-                    topics.add("/tf", "foxglove.FrameTransform", FRAME_TRANSFORM, transform, time_us)
+                    topics.add_pose(time_us, *row[1:7])
         writer.finish()
     return len(known)
 
@@ -116,6 +148,10 @@ class _Topics:
             self._channels[topic] = self._writer.register_channel(topic, "json", schema_id)
         data = json.dumps(content, allow_nan=False).encode()
         self._writer.add_message(self._channels[topic], time_us * 1000, data, time_us * 1000)
+
+    def add_pose(self, time_us: int, *pose: float) -> None:
+        """Write the car's pose: x, y, z (m), heading, pitch, roll (rad)."""
+        self.add("/tf", "foxglove.FrameTransform", FRAME_TRANSFORM, frame_transform(time_us, *pose), time_us)
 
 
 def _sender(message: Any) -> str:
@@ -150,17 +186,6 @@ def _schema(message: Any) -> dict[str, Any]:
             whole["description"] = units[name].strip("[]")
         properties[name] = whole
     return {"type": "object", "title": message.get_type(), "properties": properties}
-
-
-def _log(message: Any, time_us: int) -> dict[str, Any]:
-    return {
-        "timestamp": time_stamp(time_us),
-        "level": LEVELS[message.severity] if message.severity < len(LEVELS) else 0,
-        "message": message.text,
-        "name": _sender(message),
-        "file": "",
-        "line": 0,
-    }
 
 
 def car_times_us(messages: Sequence[tuple[int, Any]]) -> list[int]:
@@ -209,3 +234,40 @@ def _since_boot_us(message: Any) -> int | None:
         return int(message.time_usec)
     boot_ms = getattr(message, "time_boot_ms", None)
     return None if boot_ms is None else 1000 * int(boot_ms)
+
+
+def time_stamp(time_us: int) -> dict[str, int]:
+    """A time (µs since 1970)."""
+    seconds, micros = divmod(time_us, 1_000_000)
+    return {"sec": seconds, "nsec": micros * 1000}
+
+
+def vector(x: float, y: float, z: float) -> dict[str, float]:
+    """A Vector3 or Point3."""
+    return {"x": x, "y": y, "z": z}
+
+
+def quaternion(heading_rad: float, pitch_rad: float = 0.0, roll_rad: float = 0.0) -> dict[str, float]:
+    """A turn about z, then nose up, then left side up."""
+    (cy, sy), (cp, sp), (cr, sr) = (
+        (math.cos(angle / 2), math.sin(angle / 2)) for angle in (heading_rad, -pitch_rad, roll_rad)
+    )
+    return {
+        "x": cy * cp * sr - sy * sp * cr,
+        "y": cy * sp * cr + sy * cp * sr,
+        "z": sy * cp * cr - cy * sp * sr,
+        "w": cy * cp * cr + sy * sp * sr,
+    }
+
+
+def frame_transform(
+    time_us: int, x_m: float, y_m: float, z_m: float, heading_rad: float, pitch_rad: float, roll_rad: float
+) -> dict[str, Any]:
+    """The car's frame in the world at a time."""
+    return {
+        "timestamp": time_stamp(time_us),
+        "parent_frame_id": WORLD,
+        "child_frame_id": CAR,
+        "translation": vector(x_m, y_m, z_m),
+        "rotation": quaternion(heading_rad, pitch_rad, roll_rad),
+    }

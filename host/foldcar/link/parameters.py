@@ -60,9 +60,7 @@ def set_parameter(car: Car, name: str, value: float) -> None:
     car.connection.said = None
     for _ in range(TRIES):
         car.connection.send(
-            d.MAVLink_param_set_message(
-                CAR_SYSTEM, CAR_COMPONENT, name.encode(), value, d.MAV_PARAM_TYPE_REAL32
-            )
+            d.MAVLink_param_set_message(CAR_SYSTEM, CAR_COMPONENT, name.encode(), value, d.MAV_PARAM_TYPE_REAL32)
         )
         answer = car.connection.wait_for(lambda m: m.get_type() == "PARAM_VALUE" and m.param_id == name, ANSWER_S)
         if answer is not None:
@@ -90,9 +88,7 @@ def value_text(value: float) -> str:
     return f"{shortest:.9g}"
 
 
-def differences(
-    car: Mapping[str, float], other: Mapping[str, float]
-) -> list[tuple[str, float | None, float | None]]:
+def differences(car: Mapping[str, float], other: Mapping[str, float]) -> list[tuple[str, float | None, float | None]]:
     """Name, the car's and the other value of each parameter that differs; None where one side lacks it."""
     names = dict.fromkeys([*car, *other])
     rows = [(name, car.get(name), other.get(name)) for name in names]

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy
 
-from foldcar.link.foxglove import CAR, WORLD, quaternion, vector
+from foldcar.link.mcap_export import CAR, WORLD, quaternion, vector
 from foldcar.models.exported_car import axle_m, tyre_center_m
 from foldcar.models.ground import HeightGrid
 from foldcar.scenes.terrain_kinds import kind_of

@@ -16,7 +16,7 @@ def logs_folder(store: Path) -> Path:
 
 
 def running_trial_file(store: Path) -> Path:
-    """What a running `foldcar log` says of its trial, for the live page (:mod:`foldcar.trials.running`)."""
+    """What a running `foldcar log` says of its trial, for the live page (:mod:`foldcar.trials.drive_view`)."""
     return logs_folder(store) / "running.json"
 
 

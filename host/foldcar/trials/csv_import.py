@@ -26,7 +26,7 @@ from foldcar.typed import decimal_number, did_you_mean, whole_number
 NEEDED = ("vehicle_type", "outcome", "source")
 OPTIONAL = ("experiment", "count", "car", "car_name", "sample", "elapsed_time_s", "note", "operator", "started_utc")
 MOST_COUNT = 100_000
-# Cars that are named.
+# Cars that are named, those with the most trials.
 SHOWN = 5
 NOTHING: Mapping[str, ExperimentInfo] = {}
 
@@ -123,20 +123,12 @@ def _trials(
     if "car_name" in row:
         trial["car_name"] = checked_name(row["car_name"], f"{place}: car_name")
     if "sample" in row:
-        trial["sample"] = _number(place, row, "sample", whole_number)
-        if trial["sample"] > MOST_ID:
-            raise FoldcarError(f"{place}: sample: {row['sample']} is above the maximum {MOST_ID}")
+        trial["sample"] = _number(place, row, "sample", whole_number, most=MOST_ID)
     if "elapsed_time_s" in row:
-        trial["elapsed_time_s"] = _number(place, row, "elapsed_time_s", decimal_number)
-        if trial["elapsed_time_s"] > LONGEST_S:
-            raise FoldcarError(f"{place}: elapsed_time_s: {row['elapsed_time_s']} is above the maximum {LONGEST_S:g}")
+        trial["elapsed_time_s"] = _number(place, row, "elapsed_time_s", decimal_number, most=LONGEST_S)
     if "started_utc" in row:
         trial["started_utc"] = _time_utc(place, row["started_utc"])
-    count = _number(place, row, "count", whole_number) if "count" in row else 1
-    if count < 1:
-        raise FoldcarError(f"{place}: count: {count} is below the minimum 1")
-    if count > MOST_COUNT:
-        raise FoldcarError(f"{place}: count: {count} is above the maximum {MOST_COUNT}")
+    count = _number(place, row, "count", whole_number, least=1, most=MOST_COUNT) if "count" in row else 1
     return [trial] * int(count)
 
 
@@ -162,17 +154,17 @@ def _design(
     return design
 
 
-def _number(place: str, row: Mapping[str, str], name: str, kind: Callable[[str], float]) -> float:
+def _number(
+    place: str, row: Mapping[str, str], name: str, kind: Callable[[str], float], least: int = 0, most: float = math.inf
+) -> float:
     try:
         value = kind(row[name])
-        finite = math.isfinite(value)
-    except OverflowError:
-        finite = False
     except ValueError:
         whole = "whole " if kind is whole_number else ""
         raise FoldcarError(f'{place}: {name}: "{row[name]}" is not a {whole}number') from None
-    if not finite or value < 0:
-        raise FoldcarError(f"{place}: {name}: {row[name]} is below the minimum 0 or not finite")
+    if not least <= value <= most or value == math.inf:
+        limit = f"above the maximum {most}" if value > most else f"below the minimum {least} or not finite"
+        raise FoldcarError(f"{place}: {name}: {row[name]} is {limit}")
     return value
 
 
@@ -208,35 +200,24 @@ def import_notes(store: Path, trials: Sequence[Mapping[str, Any]]) -> list[str]:
         samples = {trial["sample"] for trial in mine if "sample" in trial}
         if name not in swept:
             if swept:
-                known = ", ".join(swept)
-                notes.append(f'experiment "{name}" was not swept in {store}, only {known}; its trials stand alone')
+                notes.append(f'experiment "{name}" was not swept in {store}, only {", ".join(swept)}')
             if samples:
                 notes.append(
-                    f'experiment "{name}" was not swept yet: of which environment its samples are is not known, so '
-                    "that no run is ever paired with them; to pair them, sweep first and import then"
+                    f'experiment "{name}" was not swept yet: no run is ever paired with its samples; to pair them, sweep '
+                    "first and import then"
                 )
             continue
-        notes += _unknown_cars(store, swept[name], mine)
-        most = swept[name].environments
-        for sample in sorted(sample for sample in samples if sample >= most):
-            notes.append(f'experiment "{name}" was swept in samples 0 to {most - 1}; sample {sample} has no runs')
+        info = swept[name]
+        with Store.open(store) as opened:
+            known = {frozenset(design.items()) for design in opened.designs(info.id).values()}
+        strange: Counter[str] = Counter()
+        for trial in mine:
+            told = {key: value for key, value in trial["design"].items() if info.fixed.get(key) != value}
+            is_there = trial["vehicle_type"] == info.vehicle_type and frozenset(trial["design"].items()) in known
+            strange[design_text(told) or trial["vehicle_type"]] += not is_there
+        for car, number in (+strange).most_common(SHOWN):
+            notes.append(f'experiment "{name}" was swept without a car of {car}; it has {count(number, "trial")}')
+        for sample in sorted(sample for sample in samples if sample >= info.environments):
+            last = info.environments - 1
+            notes.append(f'experiment "{name}" was swept in samples 0 to {last}; sample {sample} has no runs')
     return notes
-
-
-def _unknown_cars(store: Path, info: ExperimentInfo, trials: Sequence[Mapping[str, Any]]) -> list[str]:
-    """A sentence for each car that is no design of the experiment, up to SHOWN."""
-    with Store.open(store) as opened:
-        known = {frozenset(design.items()) for design in opened.designs(info.id).values()}
-    counts: Counter[str] = Counter()
-    for trial in trials:
-        design = trial["design"]
-        if trial["vehicle_type"] != info.vehicle_type:
-            counts[f"a {trial['vehicle_type']}"] += 1
-        elif frozenset(design.items()) not in known:
-            told = {name: value for name, value in design.items() if info.fixed.get(name) != value}
-            counts[f"a car of {design_text(told)}"] += 1
-    more = [f"and {len(counts) - SHOWN} other cars that experiment \"{info.id}\" has not"] if len(counts) > SHOWN else []
-    return [
-        f'experiment "{info.id}" was swept without {car}; it has {count(number, "trial")}'
-        for car, number in list(counts.items())[:SHOWN]
-    ] + more

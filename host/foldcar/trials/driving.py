@@ -9,13 +9,14 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from foldcar.errors import FoldcarError
 from foldcar.link.car import Car, CommandRefusedError
 from foldcar.link.car_logs import fetch_log, list_logs
 from foldcar.link.stream import LinkLostError
 from foldcar.link.tlog import LogError, merge_records, messages_of, records_of
+from foldcar.trials.drive_view import DriveView
 
 # The car stops 0.5 s after the last heartbeat; silence of this length is not a brief disturbance.
 SILENCE_S = 2.0
@@ -38,94 +39,87 @@ class DriveEnd:
     error: FoldcarError | None = None
 
 
-class Watcher(Protocol):
-    """The observer of a drive: sees the car's messages, and may request a stop."""
-
-    # A file whose input ends the wait for messages early, or None.
-    other_input: Any
-
-    def look(self, car: Car) -> None:
-        """Display the car's state; called several times a second."""
-
-    def wants_stop(self) -> str | None:
-        """The reason for which the drive is to stop, or None."""
-
-
 def drive(
-    car: Car, settings: Mapping[str, Any], trial: int, countdown_s: int, watcher: Watcher, untethered: bool = False
+    car: Car, settings: Mapping[str, Any], trial: int, countdown_s: int, view: DriveView, untethered: bool = False
 ) -> DriveEnd:
     """Drive one trial. Errors of car, cable and disk and Ctrl-C are not raised, but returned in the result.
 
     ``settings`` has ``speed_m_s``, ``yaw_rate_rad_s`` and ``time_limit_s``. When the cable of an ``untethered`` drive
     is unplugged, the drive ends as DRIVES_ON and the car is not stopped.
     """
-    # Before the start, the car still tells of its last trial, which in another store may have had the same number.
     started = left_alone = False
+
+    def elapsed_s() -> float | None:
+        # Before the start, the car still tells of its last trial, which in another store may have had the same number.
+        return _elapsed_s(car, trial) if started else None
+
     try:
         with contextlib.suppress(CommandRefusedError):
             # Ends an earlier drive; a car in a state that forbids driving refuses to arm, with the reason.
             car.stop_trial()
         car.arm()
-        stop = _count_down(car, countdown_s, watcher)
+        stop = _count_down(car, countdown_s, view)
         if stop is not None:
             return DriveEnd(f"{stop} before the start", "aborted", None)
         if car.connection.silence_s() > SILENCE_S:
             # A start would wait in a buffer until the car reads again.
             raise LinkLostError(f"{car.port}: the car is silent for {SILENCE_S:g} s")
-        car.start_trial(
-            settings["speed_m_s"], settings["yaw_rate_rad_s"], settings["time_limit_s"], trial, untethered
-        )
+        car.start_trial(settings["speed_m_s"], settings["yaw_rate_rad_s"], settings["time_limit_s"], trial, untethered)
         started = True
-        return _watch(car, trial, watcher)
+        return _watch(car, trial, view)
     except LinkLostError as error:
         left_alone = untethered and started
         if left_alone:
             return DriveEnd(DRIVES_ON, None, None)
-        return DriveEnd("link lost", "aborted", _elapsed_s(car, trial) if started else None, error)
+        return DriveEnd("link lost", "aborted", elapsed_s(), error)
     except LogError as error:
         car.connection.log = None
-        return DriveEnd("log could not be written", "aborted", _elapsed_s(car, trial) if started else None, error)
+        return DriveEnd("log could not be written", "aborted", elapsed_s(), error)
     except CommandRefusedError as error:
         why = "; see what is wrong, then acknowledge it" if car.fault_text() else ""
         return DriveEnd("refused by the car", "aborted", None, FoldcarError(f"{error}{why}"))
     except KeyboardInterrupt:
-        elapsed_s = _elapsed_s(car, trial) if started else None
-        return DriveEnd(CTRL_C, "aborted", elapsed_s, FoldcarError("stopped by Ctrl-C"))
+        return DriveEnd(CTRL_C, "aborted", elapsed_s(), FoldcarError("stopped by Ctrl-C"))
     finally:
         if not left_alone:
             _stand_still(car)
 
 
-def _count_down(car: Car, countdown_s: int, watcher: Watcher) -> str | None:
+def _count_down(car: Car, countdown_s: int, view: DriveView) -> str | None:
     end_s = time.monotonic() + countdown_s
     while (left_s := end_s - time.monotonic()) > 0:
-        car.connection.receive(min(STEP_S, left_s), watcher.other_input)
-        watcher.look(car)
-        stop = watcher.wants_stop()
+        car.connection.receive(min(STEP_S, left_s), view.other_input)
+        view.look(car)
+        stop = view.wants_stop()
         if stop is not None:
             return stop
     return None
 
 
-def _watch(car: Car, trial: int, watcher: Watcher) -> DriveEnd:
+def _watch(car: Car, trial: int, view: DriveView) -> DriveEnd:
     dialect, connection = car.dialect, car.connection
     booted_ms = 0
+
+    def has_ended(message: Any) -> bool:
+        return _is_of(message, trial) and message.state != dialect.FOLDCAR_STATE_RUNNING
+
     while True:
-        for message in connection.receive(STEP_S, watcher.other_input):
+        for message in connection.receive(STEP_S, view.other_input):
             kind = message.get_type()
             if kind == "FOLDCAR_TRIAL":
                 if message.time_boot_ms < booted_ms:
                     return DriveEnd("the car restarted", "aborted", None)
                 booted_ms = message.time_boot_ms
-                if message.trial_id == trial and message.state != dialect.FOLDCAR_STATE_RUNNING:
+                if has_ended(message):
                     return _car_ended(car, message)
             elif kind == "FOLDCAR_TRUTH" and message.trial_id == trial and message.outcome:
                 return _simulated_outcome(car, message)
-        watcher.look(car)
-        stop = watcher.wants_stop()
+        view.look(car)
+        stop = view.wants_stop()
         if stop is not None:
             car.stop_trial()
-            _await_end(car, trial)
+            # Its message has the trial's final elapsed time.
+            connection.wait_for(has_ended, 1.0)
             return DriveEnd(stop, None, _elapsed_s(car, trial))
         if connection.silence_s() > SILENCE_S:
             raise LinkLostError(f"{car.port}: the car is silent for {SILENCE_S:g} s")
@@ -154,17 +148,6 @@ def _simulated_outcome(car: Car, message: Any) -> DriveEnd:
     return DriveEnd(ending, outcome, message.outcome_time)
 
 
-def _await_end(car: Car, trial: int) -> None:
-    """Wait for the message with the trial's final elapsed time."""
-
-    def ended(message: Any) -> bool:
-        if message.get_type() != "FOLDCAR_TRIAL" or message.trial_id != trial:
-            return False
-        return bool(message.state != car.dialect.FOLDCAR_STATE_RUNNING)
-
-    car.connection.wait_for(ended, 1.0)
-
-
 def _elapsed_s(car: Car, trial: int) -> float | None:
     last = car.connection.latest.get("FOLDCAR_TRIAL")
     return last.elapsed_ms / 1000 if last is not None and last.trial_id == trial else None
@@ -172,12 +155,13 @@ def _elapsed_s(car: Car, trial: int) -> float | None:
 
 def _stand_still(car: Car) -> None:
     """Stop and disarm if possible; a car in a fault refuses, and is at rest already."""
-    with contextlib.suppress(FoldcarError, KeyboardInterrupt):
-        car.stop_trial()
-    with contextlib.suppress(FoldcarError, KeyboardInterrupt):
-        car.disarm()
-    with contextlib.suppress(FoldcarError, KeyboardInterrupt):
+
+    def log_the_rest() -> None:
         car.connection.wait_for(lambda message: False, AFTERWARDS_S)
+
+    for step in (car.stop_trial, car.disarm, log_the_rest):
+        with contextlib.suppress(FoldcarError, KeyboardInterrupt):
+            step()
 
 
 def collect(car: Car, trial: int, log: Path) -> DriveEnd:
@@ -186,14 +170,18 @@ def collect(car: Car, trial: int, log: Path) -> DriveEnd:
     The car's times count from its boot; the offset to the host's clock is that of the first packet of the trial that
     the host received.
     """
-    offset_us = _clock_offset_us(log, trial)
-    told = car.connection.wait_for(lambda m: m.get_type() == "FOLDCAR_TRIAL" and _is_stored(car, m), STORING_S)
+    first = next((one for one in messages_of(records_of(log.read_bytes(), str(log))) if _is_of(one[1], trial)), None)
+    if first is None:
+        raise FoldcarError(f"{log}: contains no message of trial {trial} from before the cable was unplugged")
+    offset_us = first[0] - 1000 * first[1].time_boot_ms
+    is_open = car.dialect.FOLDCAR_LOG_OPEN
+    told = car.connection.wait_for(lambda m: m.get_type() == "FOLDCAR_TRIAL" and m.log != is_open, STORING_S)
     if told is None:
         raise FoldcarError(f"{car.port}: the car still stores its log after {STORING_S:g} s")
     lost_bytes = told.log_lost if told.trial_id == trial else 0
     for stored in reversed(list_logs(car)):
         records = records_of(fetch_log(car, stored), f"log {stored.id} of the car")
-        messages = [m for _, m in messages_of(records) if m.get_type() == "FOLDCAR_TRIAL" and m.trial_id == trial]
+        messages = [m for _, m in messages_of(records) if _is_of(m, trial)]
         if not messages:
             continue
         merge_records(log, [(time_us + offset_us, packet) for time_us, packet in records])
@@ -203,15 +191,8 @@ def collect(car: Car, trial: int, log: Path) -> DriveEnd:
     )
 
 
-def _is_stored(car: Car, message: Any) -> bool:
-    return bool(message.log != car.dialect.FOLDCAR_LOG_OPEN)
-
-
-def _clock_offset_us(log: Path, trial: int) -> int:
-    for time_us, message in messages_of(records_of(log.read_bytes(), str(log))):
-        if message.get_type() == "FOLDCAR_TRIAL" and message.trial_id == trial:
-            return int(time_us - 1000 * message.time_boot_ms)
-    raise FoldcarError(f"{log}: contains no message of trial {trial} from before the cable was unplugged")
+def _is_of(message: Any, trial: int) -> bool:
+    return bool(message.get_type() == "FOLDCAR_TRIAL" and message.trial_id == trial)
 
 
 def drive_end(dialect: Any, last: Any, lost_bytes: int) -> DriveEnd:

@@ -1,21 +1,35 @@
-"""The car at its port, through lost links and pulled cables: connected, connected again, asked for its log.
+"""The car at its port: connected, shown and checked before a trial, connected again after a pulled cable.
 
-Input: ports, answers of the person who plugs it in. Output: the connected car; how an untethered drive ended.
+Input: ports, the identity and the parameters that a car reports, answers of the person beside it. Output: the connected
+car, the design of the experiment, the sample of a simulated car; how an untethered drive ended; or a FoldcarError with a
+remedy.
 """
 
 import time
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
+from foldcar.car.body import body_json, design_hash
+from foldcar.car.design import Design
 from foldcar.errors import FoldcarError
-from foldcar.link.car import Car, greet
-from foldcar.link.ports import SERIAL_PATHS, choose_port
-from foldcar.link.stream import LinkLostError
+from foldcar.link.car import Car, CarIdentity, greet
+from foldcar.link.parameters import equal_float32, read_parameters, set_parameter
+from foldcar.link.stream import SERIAL_PATHS, LinkLostError, choose_port
+from foldcar.scenes.fingerprint import sample_in, scene_name
+from foldcar.simulation.carsim import Carsim
+from foldcar.study.experiments import TRIAL_LIMIT, Experiment
+from foldcar.study.family import Family
 from foldcar.trials.driving import DriveEnd, collect
-from foldcar.trials.person import Answers, Buttons, warn
+from foldcar.trials.person import Answers, Buttons, say, warn
 
+SIMULATED_TEXT = "SIMULATED CAR"
 # Without a person to ask, how long to wait for an untethered car after its time limit.
 COMES_BACK_S = 60.0
 PLUGGED: Buttons = (("", "It is plugged in"), ("q", "Give up"))
+
+# Endings of the names of parameters which may differ from the design's because they depend on servos and board.
+CALIBRATED = ("_NEUTRAL_US", "_DEADBAND_US", "_GAIN_US", "PWM_OSC_HZ", "OE_WIRED")
 
 
 class PluggedCar:
@@ -68,3 +82,118 @@ class PluggedCar:
                 elif time.monotonic() > end_s:
                     return DriveEnd("did not come back", "aborted", None, error)
             time.sleep(1.0)
+
+
+def welcome(
+    car: Car, experiment: Experiment, family: Family, carsim: Carsim, answers: Answers | None, any_build: bool
+) -> tuple[CarIdentity, Design]:
+    """Print the car's identity and state, and compare its parameters with the design's.
+
+    Without ``answers`` nothing is asked. FoldcarError with a remedy if it cannot drive the experiment's trials.
+    """
+    identity = car.identity()
+    battery = car.battery_v()
+    say(f"car       {identity.name or 'without a design'} ({identity.hash or 'no car.json'}) at {car.port}")
+    say(f"firmware  {identity.build}")
+    if identity.simulated:
+        say(f"{SIMULATED_TEXT}: its trials are stored as simulated and do not count as trials of built cars")
+    elif identity.simulated is None:
+        say("its firmware does not say whether it is simulated: its trials do not count until someone does")
+    say(f"battery   {'unreadable' if battery is None else f'{battery:.2f} V'}")
+    design = design_of(identity, experiment, family)
+    if not any_build:
+        check_build(identity, carsim.firmware)
+    _end_earlier_trial(car)
+    _clear_fault(car, answers)
+    values, table = read_parameters(car), carsim.parameter_table()
+    settings = experiment.settings(design, body_json(design), table)
+    expected = {name: row.default for name, row in table.items()} | settings["parameters"]
+    limit_s = settings["time_limit_s"]
+    if values.get(TRIAL_LIMIT, limit_s) < limit_s:
+        set_parameter(car, TRIAL_LIMIT, limit_s)
+        say(f"{TRIAL_LIMIT} set from {values[TRIAL_LIMIT]:g} to {limit_s:g} s for this experiment")
+    differing = {
+        name: wanted
+        for name, wanted in expected.items()
+        if name in values and not equal_float32(values[name], wanted) and name != TRIAL_LIMIT
+    }
+    say("parameters that differ from the design:" if differing else "parameters as in the design")
+    for name, wanted in differing.items():
+        calibrated = "  (calibrated)" if name.endswith(CALIBRATED) else ""
+        say(f"  {name:<16} {values[name]:g} instead of {wanted:g}{calibrated}")
+    return identity, design
+
+
+def _end_earlier_trial(car: Car) -> None:
+    """Stop a car that drives on because the program before was ended, and learn its state as it is now.
+
+    Left alone, it would latch the fault of a silent host at our next long pause, after faults were asked for.
+    """
+    car.connection.catch_up()
+    if car.request("FOLDCAR_TRIAL").state == car.dialect.FOLDCAR_STATE_RUNNING:
+        car.stop_trial()
+        say("driving   an earlier trial, which is stopped now")
+        car.connection.catch_up()
+        car.request("FOLDCAR_TRIAL")
+
+
+def _clear_fault(car: Car, answers: Answers | None) -> None:
+    fault = car.fault_text()
+    if fault is None:
+        return
+    say(f"fault     {fault}")
+    if answers is not None and answers.line("Acknowledge it? [Y/n] ").lower() not in ("", "y", "yes"):
+        raise FoldcarError(f"the car has a fault that is not acknowledged: {fault}")
+    car.acknowledge_fault()
+
+
+def design_of(identity: CarIdentity, experiment: Experiment, family: Family) -> Design:
+    """The design of ``family`` (the experiment's, or part of it) that has the car's hash; FoldcarError if none has."""
+    if identity.refused:
+        raise FoldcarError("the car refuses its own car.json: load the design again with `foldcar flash`")
+    if not identity.hash:
+        raise FoldcarError("the car has no design: load one with `foldcar flash LISTING --experiment ID --design-only`")
+    for design in family:
+        if design_hash(design) == identity.hash:
+            return design
+    several = f"one of the {len(family)} of experiment {experiment.id}"
+    chosen = "the one that --set chooses" if len(family) == 1 else several
+    raise FoldcarError(
+        f"the car is {identity.name} ({identity.hash}), which is not {chosen}: name its own listing, or load the "
+        "design that was built with `foldcar flash`"
+    )
+
+
+def check_build(identity: CarIdentity, simulated: str) -> None:
+    """FoldcarError if the car's firmware is not of the build that is simulated."""
+    if identity.build != simulated:
+        raise FoldcarError(
+            f"the car's firmware is build {identity.build}, the simulated one is {simulated}: load that with "
+            "`foldcar flash`, or drive anyway with --any-build"
+        )
+
+
+def simulated_sample(
+    said: str, asked: int | None, scene_of: Callable[[int], Mapping[str, Any]], experiment: Experiment
+) -> int:
+    """The sample that a simulated car drives in, whose scene has the id ``said``.
+
+    FoldcarError if that is not the sample ``asked`` for, or if its scene is not the one that ``scene_of`` gives.
+    """
+    sample = sample_in(said)
+    if sample is None:
+        raise FoldcarError(
+            f'the simulated car drives in the scene "{said}", which is no sample of experiment {experiment.id}: '
+            "simulate the car with `foldcar link`"
+        )
+    if asked is not None and asked != sample:
+        raise FoldcarError(
+            f"--sample {asked}: the simulated car drives in sample {sample}: leave the option out, or start "
+            f"`foldcar link` with --sample {asked}"
+        )
+    if scene_name(scene_of(sample), sample) != said:
+        raise FoldcarError(
+            f"the simulated car's scene is not sample {sample} of experiment {experiment.id}: start `foldcar link` "
+            f"with this experiment of {experiment.place.partition(': ')[0]} as it is now"
+        )
+    return sample

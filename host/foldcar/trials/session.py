@@ -21,8 +21,7 @@ from foldcar.errors import FoldcarError
 from foldcar.interrupts import at_once
 from foldcar.link.car import CarIdentity
 from foldcar.link.parameters import read_parameters
-from foldcar.link.ports import choose_port
-from foldcar.link.stream import LinkLostError
+from foldcar.link.stream import LinkLostError, choose_port
 from foldcar.link.tlog import TlogWriter
 from foldcar.outputs import make_output_folder
 from foldcar.scenes.obstacles import Obstacle
@@ -32,9 +31,8 @@ from foldcar.store.trial_records import BUILT, SIMULATED, Ending, TrialDesign
 from foldcar.store.trial_writer import CarFacts, Drive, TrialWriter, write_trials
 from foldcar.study.environments import Environment
 from foldcar.study.experiments import read_study
-from foldcar.trials.drive_view import KEYS, DriveView
+from foldcar.trials.drive_view import KEYS, DriveView, RunningTrial
 from foldcar.trials.driving import CTRL_C, DRIVES_ON, DriveEnd, drive
-from foldcar.trials.identity import SIMULATED_TEXT, simulated_sample, welcome
 from foldcar.trials.media import Arrivals, is_growing, media_kind
 from foldcar.trials.order import Standing, moves_text, next_sample, standing
 from foldcar.trials.person import IDLE_S, INPUT, Answers, Buttons, say, warn
@@ -47,9 +45,8 @@ from foldcar.trials.placement import (
     placed,
     show_placement,
 )
-from foldcar.trials.plugged_car import PLUGGED, PluggedCar
+from foldcar.trials.plugged_car import PLUGGED, SIMULATED_TEXT, PluggedCar, simulated_sample, welcome
 from foldcar.trials.recording import AGAIN, QUIT, afterwards, complete_interrupted, record_outcome
-from foldcar.trials.running import RunningTrial
 
 LEAST_FREE_BYTES = 20_000_000
 START: Buttons = (("", "Start"), ("q", "End the session"))
@@ -59,7 +56,7 @@ START: Buttons = (("", "Start"), ("q", "End the session"))
 class SessionOptions:
     """What `foldcar log` is told; what is None is asked for or determined during the session, unless ``yes``.
 
-    ``media`` are photos and films of the one trial, in ``media_folder`` those of each appear.
+    Photos and films of each trial appear in ``media_folder``.
     """
 
     listing: Path
@@ -68,7 +65,6 @@ class SessionOptions:
     settings: Mapping[str, float | str]
     sample: int | None
     trials: int | None
-    parameters: Path | None
     deviations: list[str] | None
     outcome: str | None
     note: str | None
@@ -79,7 +75,6 @@ class SessionOptions:
     yes: bool
     course: Course | None = None
     car: str | None = None
-    media: tuple[Path, ...] = ()
     media_folder: Path | None = None
 
 
@@ -142,8 +137,6 @@ class Session:
                         break
                     if trial.end.ending == CTRL_C:
                         raise KeyboardInterrupt
-                    for file in options.media:
-                        self._attach(writer, trial.number, file)
                     self._take_media(writer)
                     if trial.end.error is not None:
                         known = self._after_error(trial.end.error)
@@ -160,9 +153,8 @@ class Session:
         """The car, its design, and a simulated car's sample; FoldcarError if it cannot drive the trials."""
         options, experiment = self._options, self._experiment
         identity, design = welcome(
-            self._plugged.connected, experiment, self._family, self._carsim, self._asked, options.parameters,
-            options.any_build,
-        )  # fmt: skip
+            self._plugged.connected, experiment, self._family, self._carsim, self._asked, options.any_build
+        )
         sample = None
         if identity.scene is not None:
             sample = simulated_sample(identity.scene, options.sample, lambda k: self._scene(k)[0], experiment)

@@ -24,13 +24,11 @@ from synthetic_trials import ENVIRONMENTS, driven, of_built, placed, rows
 
 from foldcar.analysis import built_cars
 from foldcar.analysis.built_cars import PRIOR, BuiltCars, simulated_weights
-from foldcar.analysis.contradictions import contradictions
 from foldcar.analysis.gaussian_process import success_model
-from foldcar.analysis.pooled_bias import pooled_bias
+from foldcar.analysis.pooled_bias import contradictions, pooled_bias
 from foldcar.analysis.rate import (
     anytime_interval,
     clopper_pearson_interval,
-    jeffreys_interval,
     limited_mean,
     wilson_interval,
 )
@@ -225,7 +223,6 @@ def anytime(n: int) -> Cell:
 
 LINES: dict[str, Callable[[int], Cell]] = {
     "Wilson (counts in figures)": partial(exact, wilson_interval),
-    "Jeffreys (trials alone)": partial(exact, jeffreys_interval),
     "Clopper-Pearson": partial(exact, clopper_pearson_interval),
     **{pooled_name(*one): partial(pooled, *one) for one in POOLED},
     "restricted mean time": restricted,

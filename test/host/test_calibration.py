@@ -3,7 +3,6 @@
 import json
 import shutil
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,13 +10,11 @@ import pytest
 from scipy.stats import binom, halfnorm, lognorm, norm
 
 from foldcar.calibration.effects import calibrated_scene, calibrated_variation
-from foldcar.calibration.emulator import WIDER, prior_scores
-from foldcar.calibration.experiment import CalibrationRun, Simulator, SweptDesign, SweptExperiment
-from foldcar.calibration.parameters import NAMES, NOMINAL, PARAMETERS, Parameter, values_of
-from foldcar.calibration.predictions import expected_bits, interval, share_interval
+from foldcar.calibration.parameters import NAMES, NOMINAL, PARAMETERS
+from foldcar.calibration.predictions import interval, share_interval
 from foldcar.car.variation import draw, vary_body, workshop
 from foldcar.errors import FoldcarError
-from foldcar.simulation.carsim import Carsim, CarsimLimits
+from foldcar.simulation.carsim import CarsimLimits
 from foldcar.store.calibrations import Calibration, calibration_named
 from foldcar.store.reader import Store
 from forked_foldcar import original
@@ -39,18 +36,17 @@ TRIALS = """experiment,vehicle_type,radius_mm,outcome,count,source
 DRAWS = 100
 
 
-@pytest.mark.parametrize("parameter", PARAMETERS, ids=lambda one: str(one.name))
-def test_a_standard_normal_score_has_the_declared_prior(parameter: Parameter) -> None:
-    prior: Any = {
-        "log-normal": lognorm(parameter.sd, scale=parameter.middle or 1),
-        "normal": norm(parameter.middle, parameter.sd),
-        "half-normal": halfnorm(scale=parameter.sd),
-    }[parameter.prior]
+def test_a_standard_normal_score_has_the_declared_prior() -> None:
     scores = np.array([-2.5, -1.0, 0.0, 0.7, 3.0])
-
-    values = parameter.value(scores)
-    assert values == pytest.approx(prior.ppf(norm.cdf(scores)))
-    assert [parameter.score(value) for value in values] == pytest.approx(list(scores))
+    for parameter in PARAMETERS:
+        prior: Any = {
+            "log-normal": lognorm(parameter.sd, scale=parameter.middle or 1),
+            "normal": norm(parameter.middle, parameter.sd),
+            "half-normal": halfnorm(scale=parameter.sd),
+        }[parameter.prior]
+        values = parameter.value(scores)
+        assert values == pytest.approx(prior.ppf(norm.cdf(scores)))
+        assert [parameter.score(value) for value in values] == pytest.approx(list(scores))
 
 
 def test_effects_are_those_that_the_table_names(carsim_limits: CarsimLimits) -> None:
@@ -78,23 +74,6 @@ def test_effects_are_those_that_the_table_names(carsim_limits: CarsimLimits) -> 
         assert wheel["grip"] == drawn["grip"]
 
 
-def test_each_run_is_simulated_with_the_car_scene_and_settings_that_it_names(carsim_binary: Path) -> None:
-    cars = [{**car_body(), "track_m": track_m} for track_m in (0.08, 0.12)]
-    designs = tuple(SweptDesign({}, car, f"SPEED={k}") for k, car in enumerate(cars))
-    scene = {"terrain": [], "start": {"x_m": 0, "y_m": 0, "heading_rad": 0}}
-    scenes = tuple({**scene, "friction": friction} for friction in (0.5, 0.6, 0.7, 0.8, 0.9))
-    info: Any = SimpleNamespace(variation={}, id="1")
-    simulator = Simulator(SweptExperiment(info, designs, scenes), Carsim(carsim_binary), 1, 3)
-    runs = [CalibrationRun(1, {**NOMINAL, "friction": 0.5}, scenes[4], 0, 7), CalibrationRun(0, NOMINAL, scenes[2], 1, 8)]
-
-    bodies, drawn, requests = simulator._inputs(runs)
-
-    assert [request.settings for request in requests] == ["SPEED=1", "SPEED=0"]
-    assert [request.label for request in requests] == ["design 2, drive 7", "design 1, drive 8"]
-    assert [json.loads(bodies[one.body])["track_m"] for one in requests] == [0.12, 0.08]
-    assert [json.loads(drawn[one.scene])["friction"] for one in requests] == pytest.approx([0.45, 0.7])
-
-
 def test_scatter_has_its_spread_and_is_shared_by_all_values() -> None:
     scene = {"friction": 1, "terrain": [], "start": {"x_m": 0, "y_m": 0, "heading_rad": 0}}
     wide = {**NOMINAL, "start_position_sd_m": 0.02, "start_heading_sd_rad": 0.1, "wheel_spread": 2.0}
@@ -114,19 +93,10 @@ def test_scatter_has_its_spread_and_is_shared_by_all_values() -> None:
     assert torques == pytest.approx([0.7 * (1 + difference) for difference in doubled["servo_torque"]])
 
 
-def test_information_is_that_of_the_joint_table() -> None:
-    scores = np.array([[-1.0, 1.0] * 50, [0.0] * 100]).T
-    chances = np.log(np.array([[1 - 1e-15, 1e-15], [1e-15, 1 - 1e-15]] * 50))
+def test_shares_of_trials_have_the_quantiles_of_their_count() -> None:
+    chances = np.tile(binom.logpmf(np.arange(11), 10, 0.3), (100, 1))
 
-    bits, alone = expected_bits(chances, scores)
-
-    # One trial tells which half of the draws is true. Four of five groups of the first parameter lie in one half.
-    assert bits == pytest.approx(1.0) and alone == pytest.approx([0.8, 0.0], abs=1e-9)
-    nothing, _ = expected_bits(np.tile(binom.logpmf(np.arange(11), 10, 0.3), (100, 1)), scores)
-    assert nothing == pytest.approx(0.0, abs=1e-9)
-    # The share of ten trials: between counts of which 5 % or less lie beyond.
-    low, high = share_interval(np.tile(binom.logpmf(np.arange(11), 10, 0.3), (100, 1)), 0.9)
-    assert (low, high) == (binom.ppf(0.05, 10, 0.3) / 10, binom.ppf(0.95, 10, 0.3) / 10)
+    assert share_interval(chances, 0.9) == (binom.ppf(0.05, 10, 0.3) / 10, binom.ppf(0.95, 10, 0.3) / 10)
     assert interval(np.linspace(0, 1, 101), 0.9) == pytest.approx((0.05, 0.95))
 
 
@@ -214,20 +184,6 @@ def test_a_folder_keeps_calibrations(swept: Path) -> None:
     assert calibration(swept, store="back.db") == calibration(swept)
 
 
-def test_no_score_of_the_prior_lies_beyond_one_in_a_million() -> None:
-    """So many sets fill each parameter's range to a millionth from its ends."""
-    scores = prior_scores(2**20, 1)
-
-    assert (scores.min(), scores.max()) == pytest.approx((WIDER * norm.ppf(1e-6), WIDER * norm.isf(1e-6)))
-
-
-def test_draws_are_rounded_values_of_scores() -> None:
-    (values,) = values_of(np.zeros((1, len(PARAMETERS))))
-
-    assert values["servo_torque"] == 0.85 and values["track_m"] == 0.0
-    assert values["start_heading_sd_rad"] == pytest.approx(0.06 * halfnorm.median(), rel=1e-5)
-
-
 CSV = "experiment,vehicle_type,radius_mm,outcome,count,source,car\n"
 
 
@@ -237,13 +193,10 @@ CSV = "experiment,vehicle_type,radius_mm,outcome,count,source,car\n"
         ("", (), "holds no trials: drive some"),
         ("1,W_B_W,40,passed,3,x,simulated", (), "no trial to calibrate by: 3 of simulated cars (--simulated-trials"),
         ("1,W_B_W,33,passed,3,x,built", (), "3 of cars that are no designs of the experiment as swept"),
-        ("1,W_B_W,40,aborted,2,x,built", (), "no trial to calibrate by: 2 aborted"),
         ("2,W_B_W,40,passed,3,x,built", (), "experiment 2: was not swept into this store, which has 1"),
         ("1,W_B_W,40,passed,3,x,built\n2,W_B_W,40,passed,3,y,built", (), "has trials of experiments 1, 2: choose one"),
-        ("1,W_B_W,40,passed,3,x,built", ("--experiment", "7"), 'has no trials of experiment "7", only of 1'),
-        ("1,W_B_W,40,passed,3,x,built", ("--name", "a b"), '--name "a b": a name is at most 40 letters'),
+        ("", ("--name", "a b"), '--name "a b": a name is at most 40 letters'),
         ("", ("--known", "friction=9"), "--known friction: 9 is outside 0.472 to 2.12 (×)"),
-        ("", ("--known", "frictoin=1"), 'did you mean "friction"?'),
     ],
 )
 def test_trials_that_say_nothing_are_refused_in_a_sentence(

@@ -45,20 +45,6 @@ def test_mode_and_evidence_are_those_of_scikit_learns_classifier() -> None:
     assert functions @ found.root @ found.root.T @ functions.T == pytest.approx(covariance, abs=1e-6)
 
 
-def test_newtons_steps_find_the_mode_from_far_away() -> None:
-    """Of one design with a wide prior: scipy's mode of k x - n log(1 + e^x) - (x - m)^2 / 2v."""
-    from scipy.optimize import minimize_scalar
-
-    for k, n, m, v in ((0, 400, 9.0, 25.0), (900, 1000, -8.0, 16.0), (1, 1, 0.3, 0.5)):
-        trials = binomial(numpy.array([float(k)]), numpy.array([float(n)]))
-        found = laplace(numpy.array([[math.sqrt(v)]]), numpy.array([m]), trials)
-
-        def loss(x: float, k: int = k, n: int = n, m: float = m, v: float = v) -> float:
-            return float(n * numpy.logaddexp(0, x) - k * x + (x - m) ** 2 / (2 * v))
-
-        assert m + math.sqrt(v) * found.mode[0] == pytest.approx(minimize_scalar(loss, (-9, 9), tol=1e-12).x, abs=1e-5)
-
-
 def sampled(x: Any, runs: Any, trials: Any) -> tuple[Any, Any, Any]:
     """Draws of log-odds (kernels, draws, designs) from the prior, the kernels, and the trials' likelihoods.
 
@@ -128,18 +114,6 @@ def test_many_designs_are_spanned_and_keep_the_variance_between() -> None:
         # Neighbours two steps away are as close as the process says.
         near = (one.common[100] * one.common[102]).sum() - COMMON**2 - SLOPE**2 * log_odds**2
         assert near == pytest.approx(smooth**2 * Matern(length, nu=2.5)([[0.0]], [[2 / 299]])[0, 0], rel=0.01)
-
-
-def test_neighbours_narrow_a_design_and_a_design_without_trials_gets_a_wide_rate() -> None:
-    x = numpy.arange(65, 250, 10.0)[:, None]
-    trials = numpy.tile([7, 10], (len(x), 1))
-    trials[-1] = 0
-
-    rates = pooled_bias(x, numpy.tile([90, 100], (len(x), 1)), trials).rates()
-
-    alone = BuiltCars.one(7, 10).rate()
-    assert all(rate.half_width < 0.6 * alone.half_width for rate in rates[:-1])
-    assert rates[-1].half_width > rates[-2].half_width and "no trials of this design" in rates[-1].method
 
 
 def test_pooling_leaves_lone_designs_to_their_cars_and_many_trials_alone() -> None:

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from functools import partial
 from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ from foldcar.calibration import best_set as best_set_module
 from foldcar.calibration import emulator
 from foldcar.calibration import inference as inference_module
 from foldcar.calibration.best_set import LAST_SCENES, best_set, best_set_runs
-from foldcar.calibration.drive_features import ENDS, FEATURES, PITCH, TIME, possible_ends
+from foldcar.calibration.drive_features import FEATURES, PITCH, TIME, possible_ends
 from foldcar.calibration.emulator import MOST_CELLS, OTHERS, Emulator, cell_inputs, prior_scores, simulate_bank
 from foldcar.calibration.experiment import CalibrationRun, SimulatedDrive, SweptDesign, SweptExperiment
 from foldcar.calibration.inference import ALONE, DRAWS, Inference, Problem, infer, plan
@@ -27,6 +27,7 @@ from foldcar.calibration.predictions import HEIGHTS, TRIALS, rank_next_trials
 from foldcar.calibration.summary import summarise
 
 SCENES = 30
+RUNS = 2700
 WIDTHS = (65.0, 95.0, 115.0, 180.0)
 FRICTION, SPEED = NAMES.index("friction"), NAMES.index("servo_speed")
 
@@ -37,7 +38,7 @@ def quick() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(emulator, "NETWORKS", 1)
         patch.setattr(emulator, "STEPS", 600)
-        patch.setattr(inference_module, "sample_posterior", partial(sample_posterior, particles=500))
+        patch.setattr(inference_module, "sample_posterior", partial(sample_posterior, particles=300))
         yield
 
 
@@ -67,7 +68,7 @@ def observations(*cars: tuple[int, int, int], scene: Any = None) -> Observations
     cells = tuple(Cell(int(design), scene) for design in dict.fromkeys(designs.tolist()))
     unknown = np.full((len(car), FEATURES), np.nan)
     cell = np.array([[one.design for one in cells].index(design) for design in designs[car]])
-    return Observations(cells, cell, car, designs, np.array(ends), unknown, 0 * unknown, False, ())
+    return Observations(cells, cell, car, designs, np.array(ends), unknown, False, ())
 
 
 def problem(swept: SweptExperiment, observed: Observations, emulated: Emulator) -> Problem:
@@ -100,48 +101,16 @@ class Formula:
         return found
 
 
-def test_sets_have_scatter_of_their_own_and_one_car_for_all_its_drives() -> None:
-    """The check, too: it would otherwise repeat the accidents of the runs that the emulator has learned."""
-    simulator: Any = Formula(seed=7)
-    observed = observations((0, 2, 10), (3, 5, 6), (3, 4, 4))
-    told: list[int] = []
-
-    found = infer(simulator, observed, 1000, told.append)
-
-    for runs in (1000, 24_000):
-        assert plan(runs, observed, 4).runs == pytest.approx(runs, rel=0.25)
-    assert sum(told) == len(simulator.asked) and len(simulator.asked) <= plan(1000, observed, 4).runs
-    check = int(found.counted.sum())
-    learned = simulator.asked[:-check]
-    # No two drives scatter alike; one number of a car has one design or is of another design's car with the same values.
-    numbers = [run.number for run in learned]
-    assert len(set(numbers)) == len(numbers) and not set(numbers) & {run.number for run in simulator.asked[-check:]}
-    of_car: dict[int, set[Any]] = {}
-    for run in learned:
-        of_car.setdefault(run.car, set()).add((run.design, tuple(run.values.items())))
-    assert all(len(one) == 1 for one in of_car.values())
-    # Each set with the designs that have trials, then with others, any of the family.
-    sets = [[run.design for run in learned[i : i + 2 + OTHERS]] for i in range(0, len(learned), 2 + OTHERS)]
-    assert all(designs[:2] == [0, 3] for designs in sets)
-    assert {design for designs in sets for design in designs[2:]} == set(range(len(WIDTHS)))
-    # What is checked with few runs: the designs with trials with each of the published draws, as often.
-    assert found.designs.tolist() == [0, 3] and found.counted.tolist() == [check / 2] * 2
-    checked = simulator.asked[-check:]
-    assert [dict(run.values) for run in checked[:: check // DRAWS]] == found.draws
-
-
 def test_the_bank_tells_what_of_the_scatter_is_the_cars() -> None:
     simulator: Any = Formula(seed=7)
-    simulator.experiment = experiment()
-    scene: dict[str, Any] = {"terrain": []}
-    observed = replace(observations((3, 5, 6)), cells=tuple(Cell(3, {**scene, "k": k}) for k in range(6)))
-    observed = replace(observed, cell=np.arange(6))
-    bank = simulate_bank(simulator, prior_scores(800, 1), observed, 0, lambda runs: None)
+    cells = tuple(Cell(3, {"terrain": [], "k": k}) for k in range(6))
+    observed = replace(observations((3, 5, 6)), cells=cells, cell=np.arange(6))
+    bank = simulate_bank(simulator, prior_scores(500, 1), observed, 0, lambda runs: None)
     inputs, width = cell_inputs(simulator.experiment, observed.cells)
 
     found = bank.emulator(inputs, width, 1)
 
-    assert len(bank.scores) == 800 * (6 + OTHERS) and MOST_CELLS > 6
+    assert len(bank.scores) == 500 * (6 + OTHERS) and MOST_CELLS > 6
     assert math.sqrt(found.covariance[TIME, TIME]) == pytest.approx(0.1, rel=0.08)
     # Given pitch, which is the drive's scatter itself, nothing but the car's part is left.
     assert found.shares[TIME] == pytest.approx(0.95, abs=0.06) and found.shares[PITCH] < 0.05
@@ -198,18 +167,54 @@ def test_what_further_trials_tell_is_the_information_of_their_count() -> None:
     assert {found.height for found in flat} == {1.0}
 
 
+class Inferred(NamedTuple):
+    """An inference, the runs that it asked for, and how many it told of."""
+
+    found: Inference
+    asked: list[CalibrationRun]
+    told: int
+
+
 @pytest.fixture(scope="module")
-def inference() -> Inference:
+def inferred_once() -> Inferred:
     """By the formula, from trials of three designs, with a track that was measured."""
     simulator: Any = Formula(seed=7)
-    observed = replace(observations((0, 2, 10), (1, 0, 3), (3, 9, 10)), notes=("a note",))
-    return infer(simulator, observed, 3000, lambda runs: None, {NAMES.index("track_m"): 0.5})
+    observed = replace(observations((0, 2, 10), (1, 0, 3), (3, 5, 6), (3, 4, 4)), notes=("a note",))
+    told: list[int] = []
+    found = infer(simulator, observed, RUNS, told.append, {NAMES.index("track_m"): 0.5})
+    return Inferred(found, simulator.asked, sum(told))
 
 
-def test_a_summary_has_the_numbers_of_its_draws(inference: Inference) -> None:
-    nominal = {0: (30, 100), 1: (0, 100), 3: (100, 100)}
+def test_sets_have_scatter_of_their_own_and_one_car_for_all_its_drives(inferred_once: Inferred) -> None:
+    """The check, too: it would otherwise repeat the accidents of the runs that the emulator has learned."""
+    found, asked, told = inferred_once
+    observed = found.problem.observed
 
-    summary = summarise(inference, experiment(), nominal, 7, 3000, True)
+    for runs in (RUNS, 24_000):
+        assert plan(runs, observed, 4).runs == pytest.approx(runs, rel=0.25)
+    assert told == len(asked) <= plan(RUNS, observed, 4).runs
+    check = int(found.counted.sum())
+    learned, checked = asked[:-check], asked[-check:]
+    # No two drives scatter alike; one number of a car has one design or is of another design's car with the same values.
+    numbers = [run.number for run in learned]
+    assert len(set(numbers)) == len(numbers) and not set(numbers) & {run.number for run in checked}
+    of_car: dict[int, set[Any]] = {}
+    for run in learned:
+        of_car.setdefault(run.car, set()).add((run.design, tuple(run.values.items())))
+    assert all(len(one) == 1 for one in of_car.values())
+    # Each set with the designs that have trials, then with others, any of the family.
+    sets = [[run.design for run in learned[i : i + 3 + OTHERS]] for i in range(0, len(learned), 3 + OTHERS)]
+    assert all(designs[:3] == [0, 1, 3] for designs in sets)
+    assert {design for designs in sets for design in designs[3:]} == set(range(len(WIDTHS)))
+    # The check has the designs with each of the published draws, as often.
+    assert found.designs.tolist() == [0, 1, 2, 3] and found.counted.tolist() == [check / 4] * 4
+    assert [dict(run.values) for run in checked[:: check // DRAWS]] == found.draws
+
+
+def test_a_summary_has_the_numbers_of_its_draws(inferred_once: Inferred) -> None:
+    inference, nominal = inferred_once.found, {0: (30, 100), 1: (0, 100), 3: (100, 100)}
+
+    summary = summarise(inference, experiment(), nominal, 7, RUNS, True)
 
     posterior = inference.posterior
     shown = {one["name"]: one for one in summary["parameters"]}
@@ -229,7 +234,7 @@ def test_a_summary_has_the_numbers_of_its_draws(inference: Inference) -> None:
     assert "predicted" not in designs[2] and designs[2]["nominal"] is None
     for one, passed, counted in zip(designs, inference.passed, inference.counted, strict=True):
         # Few designs are not smoothed: the calibrated rate is the simulated share.
-        assert one["simulated"]["mean"] == pytest.approx((passed + 0.5) / (counted + 1), abs=0.02)
+        assert one["simulated"]["mean"] == pytest.approx((passed + 0.5) / (counted + 1), abs=0.04)
     likelihood = summary["log_likelihood"]
     best = sum(binom.logpmf(k, n, k / n) for k, n in ((2, 10), (0, 3), (9, 10)))
     assert likelihood["best"] == pytest.approx(best) and likelihood["best"] >= likelihood["best_draw"]
@@ -237,14 +242,14 @@ def test_a_summary_has_the_numbers_of_its_draws(inference: Inference) -> None:
     nominal_score = sum(binom.logpmf(k, n, (p + 0.5) / 101) for k, n, p in ((2, 10, 30), (0, 3, 0), (9, 10, 100)))
     assert likelihood["nominal"] == pytest.approx(nominal_score)
     assert summary["notes"] == ["a note"] and summary["misfits"] == []
-    assert summary["trials"] == {"cars": 3, "placed": 0, "timed": 0, "paths": 0}
+    assert summary["trials"] == {"cars": 4, "placed": 0, "timed": 0, "paths": 0}
     # Each design's trials given the others' are told no better than given all.
     assert len(summary["leave_one_out"]) == 3
     for left, one in zip(summary["leave_one_out"], (designs[0], designs[1], designs[3]), strict=True):
         assert left["predicted"]["high"] - left["predicted"]["low"] >= one["predicted"]["high"] - one["predicted"]["low"]
 
 
-def test_the_formulas_rates_are_found(inference: Inference) -> None:
+def test_the_formulas_rates_are_found(inferred_once: Inferred) -> None:
     """2 of 10, 0 of 3 and 9 of 10 with logits that rise by 1 a design: the posterior of friction, by plain sums."""
     z = np.linspace(-5, 5, 1001)
     logits = 2 * z[:, None] + np.array([-1.5, -0.5, 1.5])
@@ -252,12 +257,14 @@ def test_the_formulas_rates_are_found(inference: Inference) -> None:
     mean = (weights * z).sum() / weights.sum()
 
     # A discrepancy is allowed for, and the emulator learned by single runs.
-    assert inference.posterior.scores[:, FRICTION].mean() == pytest.approx(mean, abs=0.25)
+    found = inferred_once.found.posterior.scores[:, FRICTION].mean()
+    assert found == pytest.approx(mean, abs=0.25)
 
 
 def test_the_best_set_is_the_most_likely_one(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of friction, as all else is known or without effect: by the formula's own likelihood."""
-    monkeypatch.setattr(best_set_module, "SPREADS", (0.5, 0.25, 0.1))
+    monkeypatch.setattr(best_set_module, "SPREADS", (0.4, 0.1))
+    monkeypatch.setattr(best_set_module, "SCENES", 20)
     told, simulator = {0: (2, 10), 1: (3, 10), 3: (9, 10)}, cast(Any, Formula(seed=3))
     known = {index: 0.0 for index in range(len(PARAMETERS)) if index not in (FRICTION, SPEED)}
     observed = observations(*((design, *counts) for design, counts in told.items()))
@@ -298,10 +305,10 @@ def test_the_posterior_is_that_of_rejection(monkeypatch: pytest.MonkeyPatch) -> 
     for car, (design, _, _) in enumerate(cars):
         passed = np.flatnonzero((observed.car == car) & (observed.passed > 0))
         features[passed, TIME] = times[design]
-    observed = replace(observed, features=features, errors=np.zeros_like(features))
+    observed = replace(observed, features=features)
     one = problem(swept, observed, emulated)
 
-    monkeypatch.setattr(inference_module, "sample_posterior", partial(sample_posterior, particles=3000))
+    monkeypatch.setattr(inference_module, "sample_posterior", partial(sample_posterior, particles=2000))
     monkeypatch.setattr(inference_module, "MOST_TRIALS", 1e9)
     found = one.posterior(1)
 
@@ -314,6 +321,8 @@ def test_the_posterior_is_that_of_rejection(monkeypatch: pytest.MonkeyPatch) -> 
     logits = emulated.middle * (2 * z[:, :1] + emulated.logits(np.zeros((1, len(PARAMETERS))), one.inputs[:2]))
     passes = stream.binomial([10, 4], expit(logits + offsets))
     kept = (passes == [2, 4]).all(axis=1)
+    z, kappa, draws = z[kept], kappa[kept], int(kept.sum())
+    kept = np.ones(draws, dtype=bool)
     shared = stream.standard_normal((draws, 2)) @ both.T
     own = stream.standard_normal((draws, 2))
     for car, design in enumerate(times):
@@ -330,10 +339,3 @@ def test_the_posterior_is_that_of_rejection(monkeypatch: pytest.MonkeyPatch) -> 
         exact, scores = z[kept, column], found.scores[:, parameter]
         assert scores.mean() == pytest.approx(exact.mean(), abs=0.15)
         assert scores.std() == pytest.approx(exact.std(), rel=0.15)
-
-
-def test_ends_of_trials_are_those_of_their_outcome() -> None:
-    passed, tipped, stuck, any_failure = map(possible_ends, ("passed", "tipped", "stuck", "not_passed"))
-
-    assert passed.tolist() == [True] + [False] * (ENDS - 1)
-    assert (tipped | stuck == any_failure).all() and not (tipped & stuck).any() and not any_failure[0]

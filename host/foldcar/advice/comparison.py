@@ -7,16 +7,10 @@ one experiment and their mean hold together with 95 %: each is wider than a sing
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
-import numpy
-from numpy.typing import NDArray
-
-from foldcar.advice.evidence import Design, DesignEvidence, Evidence, read_evidence, swept_ids, unswept_trials
-from foldcar.analysis.contradictions import contradictions
+from foldcar.advice.evidence import Design, DesignEvidence, Evidence, columns, read_evidence, swept_ids, unswept_trials
 from foldcar.analysis.gap import (
     AGREES,
-    DRAWS,
     OPTIMISTIC,
     PESSIMISTIC,
     TOO_FEW,
@@ -25,7 +19,7 @@ from foldcar.analysis.gap import (
     mean_gap,
     rank_agreement,
 )
-from foldcar.analysis.pooled_bias import MOST_POOLED, pooled_bias
+from foldcar.analysis.pooled_bias import MOST_POOLED, contradictions, pooled_bias
 from foldcar.analysis.rate import Rate
 from foldcar.analysis.words import count, listed, points
 from foldcar.store.info import ExperimentInfo
@@ -124,8 +118,7 @@ def compare(
     """
     known = {trial.experiment for trial in store.trials()} - swept_ids(store)
     evidence = [] if experiment in known else read_evidence(store, experiment, simulated_trials)
-    alone = unswept_trials(store, experiment if experiment in known else None, simulated_trials)
-    found = compare_evidence(evidence, alone if experiment is None or experiment in known else [], margin)
+    found = compare_evidence(evidence, unswept_trials(store, experiment, simulated_trials), margin)
     return replace(found, sentence=f"SIMULATED trials. {found.sentence}") if simulated_trials else found
 
 
@@ -148,7 +141,11 @@ def _experiment(evidence: Evidence, margin: float) -> ExperimentComparison:
     both = [one for one in driven if one.runs]
     # Bonferroni: all gaps of the experiment and their mean hold together; of one design the mean is its gap.
     together = 1 - (1 - CONFIDENCE) / (len(both) + 1 if len(both) > 1 else 1)
-    pooled = _pooled(evidence)
+    cars = [one.cars for one in both if one.cars is not None]
+    some, counts, pooled = len(both) if evidence.parameters else 0, columns(both, evidence.parameters), {}
+    if 2 <= some <= MOST_POOLED:
+        rates = pooled_bias(*counts, cars).rates(CONFIDENCE)
+        pooled = {one.label: rate for one, rate in zip(both, rates, strict=True)}
     compared = tuple(_design(one, pooled.get(one.label), together, margin) for one in driven)
     if not both:
         why = (
@@ -157,19 +154,12 @@ def _experiment(evidence: Evidence, margin: float) -> ExperimentComparison:
             else "there are no trials of built cars yet. `foldcar select` says which cars to build."
         )
         return ExperimentComparison(info, compared, f"Nothing to compare: {why}", remarks)
-    cars = [one.cars for one in both if one.cars is not None]
     mean = mean_gap([one.simulated(together) for one in both], [one.rate(together) for one in cars])
-    random = numpy.random.default_rng(0)
-    ranks = rank_agreement(
-        [(one.runs_passed, one.runs) for one in both],
-        [(one.trials_passed, len(one.trials)) for one in both],
-        numpy.column_stack([one.draws(DRAWS, random) for one in cars]),
-    )
+    ranks = rank_agreement(*(one[:, 0] / one[:, 1] for one in counts[1:]))
     verdict, sentence = _verdict(compared, mean, margin, info.simulation)
-    some = _poolable(evidence)
-    against = contradictions(*_counts(evidence, some), [one.cars for one in some])
-    remarks = (*remarks, *against.remark([one.label for one in some]))
-    if len(some) > MOST_POOLED:
+    if some:
+        remarks = (*remarks, *contradictions(*counts, cars).remark([one.label for one in both]))
+    if some > MOST_POOLED:
         remarks = (*remarks, f"Rates are not pooled: more than {MOST_POOLED} designs of the family were driven.")
     return ExperimentComparison(info, compared, sentence, remarks, ranks, mean, verdict)
 
@@ -180,29 +170,6 @@ def _design(one: DesignEvidence, pooled: Rate | None, together: float, margin: f
         return DesignComparison(one, _driven(one), further_car=further)
     found = mean_gap([one.simulated(together)], [one.cars.rate(together)])
     return DesignComparison(one, _driven(one), one.simulated(CONFIDENCE), further, pooled, found, found.verdict(margin))
-
-
-def _pooled(evidence: Evidence) -> dict[str, Rate]:
-    """The pooled rates of the family's driven designs by label; none if there are fewer than two, or too many."""
-    some = _poolable(evidence)
-    if not 2 <= len(some) <= MOST_POOLED:
-        return {}
-    rates = pooled_bias(*_counts(evidence, some), [one.cars for one in some]).rates(CONFIDENCE)
-    return {one.label: rate for one, rate in zip(some, rates, strict=True)}
-
-
-def _counts(evidence: Evidence, some: Sequence[DesignEvidence]) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
-    """Parameters (designs, k) of ``some`` designs, their runs and trials (designs, 2)."""
-    x = [[float(one.design[name]) for name in evidence.parameters] for one in some]
-    runs, trials = [(one.runs_passed, one.runs) for one in some], [(one.trials_passed, len(one.trials)) for one in some]
-    parameters, *counts = (numpy.array(rows, dtype=float) for rows in (x, runs, trials))
-    found, counted = (one.reshape(len(some), 2) for one in counts)
-    return parameters.reshape(len(some), len(evidence.parameters)), found, counted
-
-
-def _poolable(evidence: Evidence) -> list[DesignEvidence]:
-    """The driven designs that differ in the varied parameters only."""
-    return [one for one in evidence.driven if one.runs and evidence.in_family(one)] if evidence.parameters else []
 
 
 def _driven(one: DesignEvidence) -> Rate:

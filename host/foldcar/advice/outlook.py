@@ -11,10 +11,9 @@ import numpy
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from foldcar.advice.evidence import DesignEvidence, Evidence
-from foldcar.analysis.contradictions import NONE, Contradictions, contradictions
+from foldcar.advice.evidence import DesignEvidence, Evidence, columns
 from foldcar.analysis.gaussian_process import can_be_smooth, success_model
-from foldcar.analysis.pooled_bias import MOST_POOLED, pooled_bias
+from foldcar.analysis.pooled_bias import MOST_POOLED, NONE, Contradictions, contradictions, pooled_bias
 from foldcar.analysis.rate import Rate
 
 # More designs are thinned out: information is counted for every pair of them.
@@ -46,12 +45,6 @@ class Outlook:
     contradicting: Contradictions = NONE
 
     @property
-    def rates(self) -> NDArray[Any]:
-        """The simulated rates (D,)."""
-        found: NDArray[Any] = self.runs[:, 0] / self.runs[:, 1]
-        return found
-
-    @property
     def driven(self) -> bool:
         """Whether there are trials that count."""
         return bool(self.trials[:, 1].any())
@@ -62,18 +55,12 @@ def outlook(evidence: Evidence) -> Outlook | None:
     family = [one for one in evidence.designs if one.swept and one.runs]
     if not family:
         return None
-    # Trials of designs that the sweep lacks inform their neighbours.
-    names = evidence.parameters
-    others = [one for one in evidence.driven if one.runs and not one.swept and evidence.in_family(one)]
     # Of many driven designs those with most trials tell most.
-    driven = sorted((one for one in (*family, *others) if one.trials), key=lambda one: -len(one.trials))
-    told = {id(one) for one in driven[:MOST_POOLED]}
-    designs = [*_thinned(family, told), *(one for one in others if id(one) in told)]
-    x = numpy.array([[float(one.design[name]) for name in names] for one in designs]).reshape(len(designs), len(names))
-    runs = numpy.array([(one.runs_passed, one.runs) for one in designs], dtype=float)
-    trials = numpy.array([(one.trials_passed, len(one.trials)) for one in designs], dtype=float)
+    driven = sorted((one for one in family if one.trials), key=lambda one: -len(one.trials))
+    designs = _thinned(family, {id(one) for one in driven[:MOST_POOLED]})
+    x, runs, trials = columns(designs, evidence.parameters)
     samples, passed = _matrix(designs)
-    thinned = len(family) + len(others) - len(designs)
+    thinned = len(family) - len(designs)
     # Threads for matrices of some tens of rows only wait for each other.
     with threadpool_limits(1):
         cars = [one.cars for one in designs]

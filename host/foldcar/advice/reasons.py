@@ -8,13 +8,8 @@ import numpy
 from foldcar.advice.evidence import DesignEvidence
 from foldcar.advice.outlook import Outlook
 from foldcar.analysis import selection
-from foldcar.analysis.gaussian_process import unit_range
 from foldcar.analysis.words import count, listed, percent, points, span_text
-from foldcar.simulation.engines import engine_title
-from foldcar.store.info import ExperimentInfo
 
-# Differences of rates that are worth a word.
-WORTH = 0.15
 # Undecided designs that are named.
 NAMED = 3
 
@@ -29,14 +24,6 @@ _FIRST = {
     selection.BEST: "the best in simulation, though no design reaches the threshold there",
     selection.END: "an end of the range, all of which is feasible in simulation: no border is in it",
 }
-
-
-@dataclass(frozen=True, slots=True)
-class Parting:
-    """How much more (0 to 1) another simulation of the same experiment passes; ``between`` names both."""
-
-    difference: float
-    between: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,20 +61,12 @@ def _rounded(number: int) -> str:
     return f"{-(-number // step) * step:,}"
 
 
-def between(one: ExperimentInfo, other: ExperimentInfo) -> str:
-    """What two simulations of the same experiment are to each other: other engines, or under other parameters."""
-    if one.engine != other.engine:
-        return " and ".join(engine_title(info.engine) or "multibody" for info in (one, other))
-    return " and ".join(info.under or "nominal simulation" for info in (one, other))
-
-
-def first_reason(place: str, one: DesignEvidence, simulation: str, parted: Parting | None) -> str:
+def first_reason(place: str, one: DesignEvidence, simulation: str) -> str:
     """Why a design is built before there are trials."""
-    passes = f"{simulation} passes {percent(one.runs_passed / one.runs)}"
-    return "; ".join([_FIRST[place], passes, *_parted_text(parted)])
+    return f"{_FIRST[place]}; {simulation} passes {percent(one.runs_passed / one.runs)}"
 
 
-def next_reason(seen: Outlook, index: int, threshold: float, parted: Parting | None) -> str:
+def next_reason(seen: Outlook, index: int, threshold: float) -> str:
     """Why a design is tried next, from what is believed of it."""
     parts = []
     above = float((seen.draws[:, index] >= threshold).mean())
@@ -102,8 +81,10 @@ def next_reason(seen: Outlook, index: int, threshold: float, parted: Parting | N
         parts.append(f"its rate is {percent(low)} to {percent(high)}, which bounds its neighbours'")
     if best >= 1.5 / len(seen.designs):
         parts.append(f"it is the best with a chance of {percent(best)}")
-    parts += _nearby(seen, index)
-    return "; ".join([*parts, *_parted_text(parted)])
+    one = seen.designs[index]
+    if one.trials:
+        parts.append(f"it was driven: {one.trials_passed} of {count(len(one.trials), 'trial')} passed")
+    return "; ".join(parts)
 
 
 def region_text(seen: Outlook, threshold: float, parameters: Sequence[str], simulation: str) -> str:
@@ -125,27 +106,3 @@ def region_text(seen: Outlook, threshold: float, parameters: Sequence[str], simu
         if inside[run[0]]:
             ranges.append(span_text(parameters[0], float(values[run[0]]), float(values[run[-1]])))
     return f"In {simulation} {limit} is reached at {listed(ranges)}."
-
-
-def _nearby(seen: Outlook, index: int) -> list[str]:
-    """What the nearest driven design says: that it is this one, that simulation was wrong there, or that it is far."""
-    one = seen.designs[index]
-    if one.trials:
-        return [f"it was driven: {one.trials_passed} of {count(len(one.trials), 'trial')} passed"]
-    driven = numpy.flatnonzero(seen.trials[:, 1])
-    if not len(driven):
-        return []
-    unit = unit_range(seen.parameters)
-    apart = numpy.sqrt(((unit[driven] - unit[index]) ** 2).sum(axis=1))
-    near = driven[int(apart.argmin())]
-    gap = seen.trials[near, 0] / seen.trials[near, 1] - seen.rates[near]
-    if abs(gap) > WORTH:
-        nearest = f"at {seen.designs[near].label}, the nearest driven one"
-        return [f"{nearest}, trials and simulation part by {points(gap)} points"]
-    return []
-
-
-def _parted_text(parted: Parting | None) -> list[str]:
-    if parted is None or abs(parted.difference) <= WORTH:
-        return []
-    return [f"{parted.between} part by {points(parted.difference, sign=False)} points"]

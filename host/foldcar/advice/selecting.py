@@ -13,9 +13,9 @@ from functools import cached_property
 import numpy
 from threadpoolctl import threadpool_limits
 
-from foldcar.advice.evidence import Design, DesignEvidence, Evidence, read_evidence
+from foldcar.advice.evidence import Design, Evidence, read_evidence
 from foldcar.advice.outlook import Outlook, outlook
-from foldcar.advice.reasons import Parting, Undecided, between, first_reason, next_reason, region_text, undecided_text
+from foldcar.advice.reasons import Undecided, first_reason, next_reason, region_text, undecided_text
 from foldcar.analysis.built_cars import PRIOR, SPREADS
 from foldcar.analysis.pooled_bias import MOST_POOLED
 from foldcar.analysis.rate import Rate, rate_interval
@@ -152,7 +152,7 @@ def select_evidence(
             nothing = None, None, None, (), _nothing(one)
             found.append(Selection(one.info, limit, precision, (), (), 0, False, *nothing, one.remarks))
         else:
-            choice = _Choice(one, evidence, seen, limit, precision)
+            choice = _Choice(one, seen, limit, precision)
             # Threads for matrices of some tens of rows only wait for each other.
             with threadpool_limits(1):
                 found.append(choice.selection(build, with_cost))
@@ -172,7 +172,6 @@ class _Choice:
     """What one experiment's selection is made of."""
 
     evidence: Evidence
-    all_evidence: Sequence[Evidence]
     seen: Outlook
     threshold: float
     precision: float
@@ -203,35 +202,14 @@ class _Choice:
         """The designs, the most useful first."""
         seen, first = self.seen, []
         if not seen.driven:
-            first = first_designs(seen.parameters, seen.smooth[:, 0], self._doubt(), self.threshold)[:build]
+            rate, low, high = seen.smooth.T
+            # How little is known of each design's side of the threshold.
+            doubt = 1 / (1 + numpy.abs(rate - self.threshold) / numpy.maximum(high - low, 1e-9))
+            first = first_designs(seen.parameters, rate, doubt, self.threshold)[:build]
         taken = [one.index for one in first]
         zone = self.precision if seen.driven else 0.0
         more = choose(seen.draws, self.threshold, ROUND_TRIALS, build - len(first), taken, zone=zone)
         return [*first, *(Placed(index, NEXT) for index in more)]
-
-    def _doubt(self) -> numpy.typing.NDArray[numpy.float64]:
-        """How little is known of each design's side of the threshold: chance, and simulations that part."""
-        found = []
-        for one, (rate, low, high) in zip(self.seen.designs, self.seen.smooth, strict=True):
-            apart = abs(rate - self.threshold) / max(high - low, 1e-9)
-            parted = self._parted(one)
-            found.append(1 / (1 + apart) + (abs(parted.difference) if parted is not None else 0.0))
-        return numpy.array(found)
-
-    def _parted(self, design: DesignEvidence) -> Parting | None:
-        """The other simulation of the same experiment (engine or calibration) from which this one parts most, if any."""
-        here, found = self.evidence.info, []
-        for other in self.all_evidence:
-            info = other.info
-            # Of what differs in both, neither could be named as the cause.
-            causes = (info.engine != here.engine) + (info.calibration != here.calibration)
-            if other is self.evidence or info.listed_id != here.listed_id or causes != 1:
-                continue
-            for one in other.designs:
-                if one.design == design.design and one.runs:
-                    difference = one.runs_passed / one.runs - design.runs_passed / design.runs
-                    found.append(Parting(difference, between(here, info)))
-        return max(found, key=lambda one: abs(one.difference), default=None)
 
     @cached_property
     def _gain(self) -> float:
@@ -248,14 +226,15 @@ class _Choice:
 
     @cached_property
     def _alike(self) -> list[float]:
-        """The correlation of trials of one car, by design."""
-        spreads = [self._car_sd(one) for one in self.seen.designs]
+        """The correlation of trials of one car, by design; where no cars were simulated, as the others' differ."""
+        own = [None if one.spread is PRIOR else float(one.spread @ SPREADS) for one in self.seen.designs]
+        known = [spread for spread in own if spread is not None]
+        if not known:
+            return [0.0] * len(own)
+        spreads = [sum(known) / len(known) if spread is None else spread for spread in own]
         # Some of the draws are enough.
         some = self.seen.draws[::10].T
-        return [
-            0.0 if spread is None else correlation_within_cars(rates, spread)
-            for rates, spread in zip(some, spreads, strict=True)
-        ]
+        return [correlation_within_cars(rates, spread) for rates, spread in zip(some, spreads, strict=True)]
 
     @cached_property
     def _undecided(self) -> tuple[Undecided, ...]:
@@ -269,15 +248,6 @@ class _Choice:
                 found.append(Undecided(one.label, one.design, at, more))
         return tuple(found)
 
-    def _car_sd(self, design: DesignEvidence) -> float | None:
-        """The standard deviation over cars of the log-odds, as simulated cars have it; None if none were simulated.
-
-        Of designs without simulated cars it is the mean of the others'.
-        """
-        known = [float(one.spread @ SPREADS) for one in self.seen.designs if one.spread is not PRIOR]
-        own = None if design.spread is PRIOR else float(design.spread @ SPREADS)
-        return own if own is not None or not known else sum(known) / len(known)
-
     def _recommendation(self, placed: Placed, with_cost: bool) -> Recommendation:
         seen, index = self.seen, placed.index
         one = seen.designs[index]
@@ -285,9 +255,9 @@ class _Choice:
         done = len(one.trials)
         effort = self._effort(index, 1, trials_needed(seen.draws[:, index], self.precision))
         if placed.place == NEXT:
-            reason = next_reason(seen, index, self.threshold, self._parted(one))
+            reason = next_reason(seen, index, self.threshold)
         else:
-            reason = first_reason(placed.place, one, self.evidence.info.simulation, self._parted(one))
+            reason = first_reason(placed.place, one, self.evidence.info.simulation)
         if effort.cars + bool(done) > 1:
             reason += f"; {effort.each} trials of each car, as cars of one design differ"
         price = cost(one.vehicle_type, one.design, effort, one.mean_time_s) if with_cost else None

@@ -99,16 +99,14 @@ class BuiltCars:
         spread = random.choice(SPREADS, (len(rates), 1), p=self.weights)
         centre = centre_factor(spread) * numpy.log(rates / (1 - rates))[:, None]
         log_odds = centre + self.shift + spread * random.standard_normal((len(rates), len(self.shift)))
-        found: NDArray[Any] = random.binomial(self.counted.astype(int), 1 / (1 + numpy.exp(-log_odds))).sum(axis=1)
-        return found
+        return numpy.asarray(random.binomial(self.counted.astype(int), 1 / (1 + numpy.exp(-log_odds))).sum(axis=1))
 
     def _quantiles(self, parts: Sequence[float] | NDArray[Any]) -> NDArray[Any]:
         ((_, spline),) = likelihood([self])
         logs = spline(FINE)[:, 0] + JEFFREYS
         density = numpy.exp(logs - logs.max())
         mass = density.cumsum() - density / 2
-        found: NDArray[Any] = 1 / (1 + numpy.exp(-numpy.interp(parts, mass / density.sum(), FINE)))
-        return found
+        return numpy.asarray(1 / (1 + numpy.exp(-numpy.interp(parts, mass / density.sum(), FINE))))
 
 
 def likelihood(designs: Sequence[BuiltCars], ranges: Iterable[NDArray[Any]] = (SPREADS,)) -> list[tuple[float, Any]]:
@@ -122,10 +120,12 @@ def likelihood(designs: Sequence[BuiltCars], ranges: Iterable[NDArray[Any]] = (S
 
     if not designs:
         return [(1.0, CubicSpline(COARSE, numpy.zeros((len(COARSE), 0))))]
-    k, n, shifts = (numpy.concatenate([getattr(one, name) for one in designs]) for name in ("passed", "counted", "shift"))
+    cars = numpy.hstack([(one.passed, one.counted, one.shift) for one in designs])
+    # Many cars have the same trials.
+    (k, n, shifts), which = numpy.unique(cars, axis=1, return_inverse=True)
     starts = numpy.cumsum([0, *(len(one.passed) for one in designs[:-1])])
     each = numpy.array([_given(COARSE[:, None] + shifts, k, n, spread) for spread in SPREADS.tolist()])
-    some, found = numpy.add.reduceat(each, starts, axis=2), []
+    some, found = numpy.add.reduceat(each[:, :, which.ravel()], starts, axis=2), []
     weights = numpy.array([one.weights for one in designs])
     assumed = (weights / PRIOR).min(axis=1, keepdims=True)
     for one in ranges if assumed.any() else (SPREADS,):
@@ -150,8 +150,7 @@ def _given(log_odds: NDArray[Any], k: NDArray[Any], n: NDArray[Any] | float, spr
     logs = k * theta - n * numpy.logaddexp(0, theta) + ((NODES[:, None, None] ** 2 - at**2) / 2)
     top = logs.max(axis=0)
     total = numpy.tensordot(WEIGHTS, numpy.exp(logs - top), axes=1)
-    found: NDArray[Any] = top + numpy.log(total * width / numpy.sqrt(2 * numpy.pi))
-    return found
+    return numpy.asarray(top + numpy.log(total * width / numpy.sqrt(2 * numpy.pi)))
 
 
 def shift(expected: Sequence[float | None], overall: float) -> float:
@@ -172,5 +171,4 @@ def simulated_weights(passed: ArrayLike, scenes: int) -> NDArray[Any]:
     some = [_given(COARSE[:, None], k, float(scenes), spread) @ cars for spread in SPREADS.tolist()]
     logs = CubicSpline(COARSE, numpy.array(some).T)(FINE)
     told = PRIOR * numpy.exp(logs + JEFFREYS[:, None] - logs.max()).sum(axis=0)
-    found: NDArray[Any] = (1 - UNTOLD) * told / told.sum() + UNTOLD * PRIOR
-    return found
+    return numpy.asarray((1 - UNTOLD) * told / told.sum() + UNTOLD * PRIOR)

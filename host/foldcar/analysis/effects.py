@@ -21,7 +21,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from foldcar.analysis.gaussian_process import SuccessModel, functions_of, success_model
 from foldcar.analysis.rate import check_confidence
-from foldcar.errors import FoldcarError
 
 DRAWS = 400
 # Fewer environments than these do not tell how runs depend on each other.
@@ -75,8 +74,7 @@ class Effects:
             functions = functions_of(one.process, one.strength, scaled)
             left = numpy.sqrt(numpy.maximum(one.strength**2 - (functions[:, 1:] ** 2).sum(axis=1), 0))
             found.append(drawn @ functions.T + left * random.standard_normal((len(drawn), len(scaled))))
-        rates: NDArray[Any] = 1 / (1 + numpy.exp(-numpy.concatenate(found)))
-        return rates
+        return numpy.asarray(1 / (1 + numpy.exp(-numpy.concatenate(found))))
 
     def effect(self, parameter: int) -> Effect:
         """The effect of the parameter with that index."""
@@ -99,14 +97,8 @@ class Effects:
         Means over the same combinations of the others, as :class:`Effect`. FoldcarError outside the range of the designs.
         """
         check_confidence(confidence)
-        x = numpy.asarray(values, dtype=float)
-        if x.ndim != 2 or x.shape[1] != len(places):
-            raise FoldcarError(f"this success model has {len(places)} parameters of each design")
-        at = list(places)
-        scaled = (x - self.model.low[at]) / self.model.span[at]
-        if not numpy.all((scaled > -1e-9) & (scaled < 1 + 1e-9)):
-            raise FoldcarError("a success model has rates only within the range of the designs that it was fitted to")
-        means = self._over(self._combinations(places)[0], places, x).mean(axis=1)
+        self.model.scaled(values, places)
+        means = self._over(self._combinations(places)[0], places, numpy.asarray(values, dtype=float)).mean(axis=1)
         low, high = numpy.quantile(means, [(1 - confidence) / 2, (1 + confidence) / 2], axis=0)
         return means.mean(axis=0), low, high
 
@@ -164,8 +156,7 @@ class Effects:
         number = numpy.maximum(sizes, 1)
         first = numpy.array([numpy.bincount(group, row) for row in drawn]) / number
         second = numpy.array([numpy.bincount(group, row) for row in drawn**2]) / number
-        found: NDArray[Any] = ((second - first**2) * sizes).sum(axis=1) / sizes.sum()
-        return found
+        return numpy.asarray(((second - first**2) * sizes).sum(axis=1) / sizes.sum())
 
 
 @dataclass(frozen=True)

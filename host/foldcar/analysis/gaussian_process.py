@@ -8,7 +8,7 @@ curvature, with the evidence by which candidates of lengths and strength are wei
 :func:`success_model` is success as a smooth function of design parameters: a constant and such a process.
 """
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 from itertools import product
@@ -48,21 +48,18 @@ class Matern:
 
         What the spanning designs leave open between them is missing: 1 less the sum of squares.
         """
-        found: NDArray[Any] = self.covariance(scaled, self.spanning) @ self._roots
-        return found
+        return numpy.asarray(self.covariance(scaled, self.spanning) @ self._roots)
 
     @cached_property
     def _roots(self) -> NDArray[Any]:
         values, vectors = numpy.linalg.eigh(self.covariance(self.spanning, self.spanning))
-        found: NDArray[Any] = vectors / numpy.sqrt(numpy.maximum(values, 1e-9 * values[-1]))
-        return found
+        return numpy.asarray(vectors / numpy.sqrt(numpy.maximum(values, 1e-9 * values[-1])))
 
     def covariance(self, one: NDArray[Any], other: NDArray[Any]) -> NDArray[Any]:
         """The covariance (m, n) of the process at two lists of parameters."""
         steps = (one[:, None] - other[None, :]) / numpy.asarray(self.lengths)
         r = numpy.sqrt(5 * (steps**2).sum(axis=-1))
-        found: NDArray[Any] = (1 + r + r**2 / 3) * numpy.exp(-r)
-        return found
+        return numpy.asarray((1 + r + r**2 / 3) * numpy.exp(-r))
 
 
 @dataclass(frozen=True)
@@ -91,8 +88,7 @@ def spread_designs(scaled: NDArray[Any], most: int = SPANNING) -> NDArray[Any]:
 def unit_range(parameters: NDArray[Any]) -> NDArray[Any]:
     """The parameters (designs, k), each scaled to 0 to 1 over its range; 0 where it does not vary."""
     low, span = parameters.min(axis=0), numpy.ptp(parameters, axis=0)
-    found: NDArray[Any] = (parameters - low) / numpy.where(span > 0, span, 1.0)
-    return found
+    return numpy.asarray((parameters - low) / numpy.where(span > 0, span, 1.0))
 
 
 # Of log-odds (..., d) the log likelihood of each design, its slope and its curvature, at most 0.
@@ -118,12 +114,10 @@ def laplace(functions: NDArray[Any], prior: NDArray[Any], likelihood: Likelihood
     factors = numpy.zeros((*functions.shape[:-2], functions.shape[-1]))
 
     def log_odds(at: NDArray[Any]) -> NDArray[Any]:
-        found: NDArray[Any] = prior + (functions @ at[..., None])[..., 0]
-        return found
+        return numpy.asarray(prior + (functions @ at[..., None])[..., 0])
 
     def log_density(at: NDArray[Any]) -> NDArray[Any]:
-        found: NDArray[Any] = likelihood(log_odds(at))[0].sum(axis=-1) - (at**2).sum(axis=-1) / 2
-        return found
+        return numpy.asarray(likelihood(log_odds(at))[0].sum(axis=-1) - (at**2).sum(axis=-1) / 2)
 
     def slope_and_curvature(at: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
         _, slope, curvature = likelihood(log_odds(at))
@@ -152,8 +146,7 @@ def shares_of(evidence: ArrayLike) -> NDArray[Any]:
     """The candidates' weights, which add up to 1, from their log evidence: all alike beforehand."""
     logs = numpy.asarray(evidence, dtype=float)
     weights = numpy.exp(logs - logs.max())
-    found: NDArray[Any] = weights / weights.sum()
-    return found
+    return numpy.asarray(weights / weights.sum())
 
 
 @dataclass(frozen=True)
@@ -179,16 +172,11 @@ class SuccessModel:
 
         Outside the range of the designs that were simulated there is no model.
         """
-        from scipy.stats import norm
+        from scipy.special import ndtri
 
         check_confidence(confidence)
-        x = numpy.asarray(parameters, dtype=float)
-        if x.ndim != 2 or x.shape[1] != len(self.low):
-            raise FoldcarError(f"this success model has {len(self.low)} parameters of each design")
-        scaled = (x - self.low) / self.span
-        if not numpy.all((scaled > -1e-9) & (scaled < 1 + 1e-9)):
-            raise FoldcarError("a success model has rates only within the range of the designs that it was fitted to")
-        first, second = numpy.zeros(len(x)), numpy.zeros(len(x))
+        scaled = self.scaled(parameters, range(len(self.low)))
+        first, second = numpy.zeros(len(scaled)), numpy.zeros(len(scaled))
         for one in self.candidates:
             here = functions_of(one.process, one.strength, scaled)
             middle = here @ one.factors.mode
@@ -196,9 +184,19 @@ class SuccessModel:
             left = numpy.maximum(one.strength**2 - (here[:, 1:] ** 2).sum(axis=1), 0)
             first += one.weight * middle
             second += one.weight * (middle**2 + ((here @ one.factors.root) ** 2).sum(axis=1) + left)
-        reach = norm.ppf((1 + confidence) / 2) * numpy.sqrt(numpy.maximum(second - first**2, 0))
+        reach = ndtri((1 + confidence) / 2) * numpy.sqrt(numpy.maximum(second - first**2, 0))
         rate, low, high = (1 / (1 + numpy.exp(-value)) for value in (first, first - reach, first + reach))
         return rate, low, high
+
+    def scaled(self, values: ArrayLike, places: Sequence[int]) -> NDArray[Any]:
+        """Values (m, k) of the parameters at ``places``, from 0 to 1 over the range. FoldcarError outside it."""
+        x, at = numpy.asarray(values, dtype=float), list(places)
+        if x.ndim != 2 or x.shape[1] != len(at):
+            raise FoldcarError(f"this success model has {len(at)} parameters of each design")
+        found: NDArray[Any] = (x - self.low[at]) / self.span[at]
+        if not numpy.all((found > -1e-9) & (found < 1 + 1e-9)):
+            raise FoldcarError("a success model has rates only within the range of the designs that it was fitted to")
+        return found
 
 
 def can_be_smooth(parameters: NDArray[Any]) -> bool:

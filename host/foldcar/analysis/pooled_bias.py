@@ -5,19 +5,25 @@ parameters: a constant, a slope on simulation's own log-odds, a smooth part and 
 O'Hagan 2001, doi:10.1111/1467-9868.00294, with binomial trials). How strong and how smooth it is, is averaged over a grid
 by the evidence, so that rough differences pool little. A design's rate is that of a further car of it; its trials are of
 cars that differ (:mod:`foldcar.analysis.built_cars`).
+
+That the difference is smooth is an assumption: a lone design that fails between good ones breaks it. So each driven
+design's trials are predicted from those of the others (:func:`contradictions`).
 """
 
+import pickle
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import product
 from typing import Any
 
 import numpy
 from numpy.typing import ArrayLike, NDArray
 
-from foldcar.analysis.built_cars import COARSE, RANGES, BuiltCars, likelihood
+from foldcar.analysis.built_cars import COARSE, RANGES, SPREADS, BuiltCars, likelihood
 from foldcar.analysis.gaussian_process import Factors, Likelihood, Matern, laplace, shares_of, spread_designs, unit_range
 from foldcar.analysis.rate import Rate, check_confidence
+from foldcar.analysis.words import listed
 from foldcar.errors import FoldcarError
 
 # Standard deviations, on the log-odds scale, of the constant difference and of its slope on simulation's log-odds.
@@ -28,6 +34,10 @@ LENGTHS = (0.15, 0.4, 1.0)
 ALONE = (0.1, 0.6, 1.3)
 # Designs with trials that are pooled at most: the work grows with the cube of their number.
 MOST_POOLED = 200
+# Results that the others' trials make less probable than this contradict them (both tails; docs/statistics.md).
+LEAST_PROBABILITY = 0.05
+# Fewer driven designs say nothing of each other; of more than MOST_CHECKED those with most trials are checked.
+LEAST_DRIVEN, MOST_CHECKED = 3, 24
 # Log-odds at which posteriors are tabulated, 1e-4 to 1 - 1e-4.
 LOG_ODDS = numpy.linspace(-9.2, 9.2, 921)
 
@@ -91,8 +101,7 @@ class PooledBias:
             alone = one.own * random.standard_normal((share, len(one.own)))
             alone[:, self._seen] = one.own[self._seen] * factors[:, shared:]
             found.append(self.simulated + factors[:, :shared] @ one.common.T + alone)
-        rates: NDArray[Any] = 1 / (1 + numpy.exp(-numpy.concatenate(found)))
-        return rates
+        return numpy.asarray(1 / (1 + numpy.exp(-numpy.concatenate(found))))
 
     @property
     def _seen(self) -> NDArray[Any]:
@@ -171,3 +180,77 @@ def _each(splines: Sequence[Any]) -> Likelihood:
         return ((a * x + b) * x + c) * x + d, (3 * a * x + 2 * b) * x + c, numpy.minimum(6 * a * x + 2 * b, 0)
 
     return at
+
+
+@dataclass(frozen=True)
+class Contradictions:
+    """Indices of driven ``designs`` that contradict the others, and of those not driven ``beside`` them."""
+
+    designs: tuple[int, ...] = ()
+    beside: tuple[int, ...] = ()
+
+    def remark(self, labels: Sequence[str]) -> list[str]:
+        """A sentence that names them, if there are any."""
+        if not self.designs:
+            return []
+        named, some = listed([labels[index] for index in self.designs]), [labels[index] for index in self.beside]
+        which = f" ({listed([*some[:3], *[f'{len(some) - 3} more'] * (len(some) > 3)])})" if some else ""
+        return [
+            f"The trials of {named} contradict those of the other designs: rates of designs not driven beside "
+            f"{'it' if len(self.designs) == 1 else 'them'}{which} are not to be trusted."
+        ]
+
+
+NONE = Contradictions()
+
+
+def contradictions(
+    parameters: ArrayLike, runs: ArrayLike, trials: ArrayLike, cars: Sequence[BuiltCars | None] | None = None
+) -> Contradictions:
+    """Check designs (d, k) with runs and trials (d, 2), passed and all, as :func:`pooled_bias` takes them.
+
+    ``cars`` (d,) drove the trials, None of designs without; else all cars of a design are alike.
+    """
+    x, f, y = (numpy.asarray(values, dtype=float) for values in (parameters, runs, trials))
+    driven = numpy.flatnonzero(y[:, 1])
+    if len(driven) < LEAST_DRIVEN or not x.size:
+        return NONE
+    told = driven[numpy.argsort(-y[driven, 1], kind="stable")][:MOST_CHECKED]
+    alike = (SPREADS == 0).astype(float)
+    built = [BuiltCars(y[at, :1], y[at, 1:], numpy.zeros(1), alike) if cars is None else cars[at] for at in told.tolist()]
+    probable = _probabilities(pickle.dumps((x[told], f[told], y[told], built)))
+    flagged = sorted(told[probable < LEAST_PROBABILITY].tolist())
+    if not flagged:
+        return NONE
+    return Contradictions(tuple(flagged), tuple(numpy.flatnonzero(_beside(unit_range(x), driven, flagged)).tolist()))
+
+
+# A page is made again and again while a sweep runs. Arrays have no hash, their bytes do.
+@lru_cache(32)
+def _probabilities(facts: bytes) -> NDArray[Any]:
+    """How probable each design's trials (d,), or less probable ones, are by the others'."""
+    x, f, y, built = pickle.loads(facts)
+    random, found = numpy.random.default_rng(1), []
+    for index, one in enumerate(built):
+        others = y.copy()
+        others[index] = 0
+        rate = pooled_bias(x, f, others, built).draws()[:, index].clip(1e-9, 1 - 1e-9)
+        counts = one.count_draws(rate, random)
+        tails = (counts <= one.passed.sum()).mean(), (counts >= one.passed.sum()).mean()
+        found.append(2 * float(min(tails)))
+    return numpy.array(found)
+
+
+def _beside(unit: NDArray[Any], driven: NDArray[Any], flagged: Sequence[int]) -> NDArray[Any]:
+    """Whether designs are not driven and no driven one lies between them and a flagged one.
+
+    Between: nearer to both than they are to each other (the relative neighbourhood of Toussaint 1980,
+    doi:10.1016/0031-3203(80)90066-7); of one parameter, between their values.
+    """
+    found = numpy.zeros(len(unit), dtype=bool)
+    apart = numpy.sqrt(((unit[:, None] - unit[driven][None]) ** 2).sum(axis=2))
+    for index in flagged:
+        away = numpy.sqrt(((unit - unit[index]) ** 2).sum(axis=1))
+        found |= ~((apart < away[:, None]) & (away[driven] < away[:, None]) & (driven != index)).any(axis=1)
+    found[driven] = False
+    return found

@@ -1,14 +1,13 @@
 """Success rates and mean times from independent runs, with the interval that holds for how the runs were stopped.
 
 For a number of runs that was fixed beforehand it is Wilson's, which covers 95 % on average over the true rate, and less
-at some rates. Jeffreys' takes fractions; Clopper and Pearson's covers at least 95 % at every rate, and is wider (Brown,
-Cai and DasGupta 2001, doi:10.1214/ss/1009213286). The anytime-valid one holds at whatever number of runs one stops.
+at some rates; that of means is Clopper and Pearson's, which covers at least 95 % at every rate, and is wider (Brown, Cai
+and DasGupta 2001, doi:10.1214/ss/1009213286). The anytime-valid one holds at whatever number of runs one stops.
 """
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any
 
 import numpy
@@ -70,12 +69,8 @@ def mean_interval(passed: Sequence[int], runs: Sequence[int], stopped: bool = Fa
     """
     if not len(passed):
         raise FoldcarError("the mean rate of no design has no interval")
-    level = 1 - (1 - 0.95) / len(passed)
-    if stopped:
-        low, high = anytime_interval(passed, runs, level)
-    else:
-        pairs = zip(passed, runs, strict=True)
-        low, high = numpy.array([clopper_pearson_interval(k, n, level) for k, n in pairs]).T
+    interval = anytime_interval if stopped else clopper_pearson_interval
+    low, high = interval(passed, runs, 1 - (1 - 0.95) / len(passed))
     return float(low.mean()), float(high.mean())
 
 
@@ -92,32 +87,15 @@ def wilson_interval(successes: int, runs: int, confidence: float = 0.95) -> tupl
     return 0.0 if successes == 0 else middle - reach, 1.0 if successes == runs else middle + reach
 
 
-# Thousands of designs have the same few counts, and an interval takes half a millisecond.
-@lru_cache(100_000)
-def clopper_pearson_interval(successes: int, runs: int, confidence: float = 0.95) -> tuple[float, float]:
-    """The interval (low, high), each 0 to 1, that covers at least ``confidence`` at every rate (1934)."""
-    from scipy.stats import binomtest
+def clopper_pearson_interval(successes: ArrayLike, runs: ArrayLike, confidence: float = 0.95) -> tuple[Any, Any]:
+    """The interval (low, high), each 0 to 1, that covers at least ``confidence`` at every rate (1934); of arrays, too."""
+    from scipy.special import betaincinv
 
-    check_counts(successes, runs)
-    check_confidence(confidence)
-    interval = binomtest(successes, runs).proportion_ci(confidence_level=confidence, method="exact")
-    return float(interval.low), float(interval.high)
-
-
-def jeffreys_interval(successes: float, runs: float, confidence: float = 0.95) -> tuple[float, float]:
-    """The interval (low, high) between quantiles of Beta(successes + 1/2, failures + 1/2); counts may be fractions.
-
-    It begins at 0 when no run succeeded, and ends at 1 when all did (Brown, Cai and DasGupta 2001, section 4.1.2).
-    """
-    from scipy.stats import beta
-
-    check_counts(successes, runs)
-    check_confidence(confidence)
-    tail = (1 - confidence) / 2
-    posterior = beta(successes + 0.5, runs - successes + 0.5)
-    low = float(posterior.ppf(tail)) if successes > 0 else 0.0
-    high = float(posterior.ppf(1 - tail)) if successes < runs else 1.0
-    return low, high
+    passed, total, tail = numpy.asarray(successes, float), numpy.asarray(runs, float), (1 - confidence) / 2
+    # Where there is no failure, or no success, the quantile is not defined.
+    low = betaincinv(numpy.maximum(passed, 1), total - passed + 1, tail)
+    high = betaincinv(passed + 1, numpy.maximum(total - passed, 1), 1 - tail)
+    return numpy.where(passed > 0, low, 0.0), numpy.where(passed < total, high, 1.0)
 
 
 def anytime_interval(

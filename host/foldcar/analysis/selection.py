@@ -6,6 +6,7 @@ not and from the ends of the range. Later ones go by draws of the true rates (:m
 """
 
 import math
+from bisect import bisect_left
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -15,7 +16,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from foldcar.analysis.built_cars import centre_factor
 from foldcar.analysis.gaussian_process import unit_range
-from foldcar.errors import FoldcarError
 
 MIDDLE, LOWER_EDGE, UPPER_EDGE, EDGE, BELOW, ABOVE, OUTSIDE, BEST, END = (
     "middle", "lower edge", "upper edge", "edge", "below", "above", "outside", "best", "end of the range",
@@ -96,8 +96,7 @@ def _edges(unit: NDArray[Any], feasible: NDArray[Any], step: NDArray[Any]) -> ND
 
 
 def _distances(one: NDArray[Any], other: NDArray[Any]) -> NDArray[Any]:
-    found: NDArray[Any] = numpy.sqrt(((one[:, None] - other[None, :]) ** 2).sum(axis=2))
-    return found
+    return numpy.asarray(numpy.sqrt(((one[:, None] - other[None, :]) ** 2).sum(axis=2)))
 
 
 def _opposite(
@@ -211,8 +210,7 @@ def _unexplained(draws: NDArray[Any], chosen: Sequence[int]) -> NDArray[Any]:
     basis, _ = numpy.linalg.qr(centred[:, list(chosen)])
     rest = centred - basis @ (basis.T @ centred)
     variance = (centred**2).sum(axis=0)
-    found: NDArray[Any] = (rest**2).sum(axis=0) / numpy.where(variance > 0, variance, 1.0)
-    return found
+    return numpy.asarray((rest**2).sum(axis=0) / numpy.where(variance > 0, variance, 1.0))
 
 
 def trials_needed(rates: ArrayLike, half_width: float) -> int:
@@ -220,17 +218,8 @@ def trials_needed(rates: ArrayLike, half_width: float) -> int:
 
     At most MOST_TRIALS.
     """
-    if not 0 < half_width < 0.5:
-        raise FoldcarError(f"a half-width must be between 0 and 0.5; it is {half_width:g}")
     p = numpy.asarray(rates, dtype=float).ravel()
-    low, high = 1, MOST_TRIALS
-    while low < high:
-        middle = (low + high) // 2
-        if _mean_half_width(p, middle) <= half_width:
-            high = middle
-        else:
-            low = middle + 1
-    return low
+    return bisect_left(range(MOST_TRIALS), -half_width, lo=1, key=lambda number: -_mean_half_width(p, number))
 
 
 def trials_to_tell(rates: ArrayLike, threshold: float) -> int:

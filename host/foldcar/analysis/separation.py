@@ -84,8 +84,7 @@ def separations(values: ArrayLike, design: ArrayLike, environment: ArrayLike, pa
 
 def _margins(table: NDArray[Any]) -> NDArray[Any]:
     """What each environment has part in: its row and its column."""
-    found: NDArray[Any] = table.sum(axis=0, dtype=float) + table.sum(axis=1, dtype=float)
-    return found
+    return numpy.asarray(table.sum(axis=0, dtype=float) + table.sum(axis=1, dtype=float))
 
 
 @dataclass(frozen=True)

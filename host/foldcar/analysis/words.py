@@ -87,15 +87,6 @@ def _sharing_unit(texts: Sequence[str]) -> list[str]:
 
 def rank_text(ranks: RankAgreement | None) -> str | None:
     """How well simulation ranks the driven designs; None for fewer than two."""
-    if ranks is None or ranks.designs < 2:
+    if ranks is None or ranks.mmrv is None:
         return None
-    said = []
-    for name, value, interval in (
-        ("Pearson", ranks.pearson, ranks.pearson_interval),
-        ("rank", ranks.spearman, ranks.spearman_interval),
-    ):
-        if value is not None and interval is not None:
-            said.append(f"{name} correlation {value:.2f} (95 %: {interval[0]:.2f} to {interval[1]:.2f})")
-    if ranks.mmrv is not None:
-        said.append(f"mean maximum rank violation {ranks.mmrv:.2f}")
-    return f"Over {ranks.designs} designs: {', '.join(said)}."
+    return f"Over {ranks.designs} designs: mean maximum rank violation {ranks.mmrv:.2f}."

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from foldcar.calibration import effects
-from foldcar.calibration.effects import REAL_ONLY, RealParameter, calibrated_scene, calibrated_variation
+from foldcar.calibration.effects import REAL_ONLY, calibrated_scene, calibrated_variation
 from foldcar.calibration.parameters import NAMES, NOMINAL, parameter_named
 from foldcar.car.variation import NumberLimits, named_car, vary_body
 from foldcar.errors import FoldcarError
@@ -113,20 +113,17 @@ def read_reality(file: Path, engine: str) -> dict[str, float]:
             raise FoldcarError(f"{file}: {name}: {value!r} is not a number")
         if name not in REAL_ONLY:
             parameter_named(name, value, f"{file}: {name}", MOST_SCORE, with_nominal=True, others=REAL_ONLY)
-        elif value == REAL_ONLY[name].nominal:
+            values[name] = float(value)
             continue
-        else:
-            _check_real_only(f"{file}: {name}", REAL_ONLY[name], value, engine)
-        values[name] = float(value)
+        one = REAL_ONLY[name]
+        if not one.least <= value <= one.largest:
+            limits = f"{one.least:g} to {one.largest:g} ({one.unit})"
+            raise FoldcarError(f"{file}: {name}: {value:g} is outside {limits}")
+        if value != one.nominal:
+            if one.mujoco_only and ENGINES[engine].environment != MUJOCO_ENVIRONMENT:
+                raise FoldcarError(f"{file}: {name}: {engine} has no such tyres; --engine {MUJOCO} has them")
+            values[name] = float(value)
     return values
-
-
-def _check_real_only(place: str, parameter: RealParameter, value: float, engine: str) -> None:
-    if not parameter.least <= value <= parameter.largest:
-        limits = f"{parameter.least:g} to {parameter.largest:g} ({parameter.unit})"
-        raise FoldcarError(f"{place}: {value:g} is outside {limits}")
-    if parameter.mujoco_only and ENGINES[engine].environment != MUJOCO_ENVIRONMENT:
-        raise FoldcarError(f"{place}: {engine} has no such tyres; --engine {MUJOCO} has them")
 
 
 def as_calibration(file: Path, values: Mapping[str, float]) -> Calibration:

@@ -4,7 +4,6 @@ Input: a store and the name of an experiment. Output: a SweptExperiment, without
 changed parameters went, in order, the same for any number of processes. FoldcarError.
 """
 
-import json
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -22,8 +21,7 @@ from foldcar.simulation.results import outcome_of
 from foldcar.simulation.runner import RunRequest, side_by_side
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
-from foldcar.store.rows import parsed
-from foldcar.store.tables import BY_NAME, DESIGN, ENVIRONMENT, EXPERIMENT
+from foldcar.store.stored_drives import read_drives
 from foldcar.store.writer import canonical_json
 
 # Fewer scenes are no sample of an environment.
@@ -74,49 +72,29 @@ def read_experiment(store: Store, name: str) -> SweptExperiment:
         raise FoldcarError(f"{place}: was swept under {info.under}: calibrate by experiment {listed} instead")
     if not info.success_defined:
         raise FoldcarError(f"{place}: {info.success_rule}")
-    (row,) = store.rows(EXPERIMENT, "WHERE id = ?", name)
-    (environment,) = store.rows(ENVIRONMENT, "WHERE id = ?", row["environment_id"])
-    if environment["dynamic"]:
+    drives = read_drives(store, name)
+    if drives.dynamic:
         raise FoldcarError(
             f"{place}: {info.scenic_program} runs beside the simulation, whose scenes cannot be changed; calibrate in an "
             "environment whose program only places things"
         )
-    scenes = [
-        _json(store, "scene", one["scene_id"])
-        for one in store.rows(BY_NAME["sample"], "WHERE environment_id = ? ORDER BY sample", environment["id"])
-    ]
+    scenes = [drives.value("scene", one) for one in drives.scenes.values()]
     if len(scenes) < LEAST_SCENES:
         raise FoldcarError(
             f"{place}: the store has {len(scenes)} scenes of its environment, a calibration needs {LEAST_SCENES}: "
             f"sweep with --environments {LEAST_SCENES} or more"
         )
     designs = [
-        SweptDesign(
-            parsed(store.path, DESIGN, one, "parameters"),
-            _json(store, "body", one["body_id"]),
-            json.dumps(_json(store, "settings", one["settings_id"])),
-        )
-        for one in store.rows(DESIGN, "WHERE experiment = ? ORDER BY position", name)
+        SweptDesign(parameters, drives.value("body", body), drives.text("settings", settings))
+        for parameters, body, settings in zip(drives.parameters, drives.bodies, drives.settings, strict=True)
     ]
     return SweptExperiment(info, tuple(designs), tuple(scenes))
 
 
 def nominal_counts(store: Store, experiment: SweptExperiment) -> dict[int, tuple[int, int]]:
-    """How many of how many nominal runs passed, by the design's index; failed ones do not count."""
-    found: dict[int, tuple[int, int]] = {}
-    for result in store.results(experiment.info.id):
-        index = experiment.design_of({name: float(value) for name, value in result.design.items()})
-        if index is not None and result.outcome != "failed":
-            passed, runs = found.get(index, (0, 0))
-            found[index] = (passed + (result.outcome == "passed"), runs + 1)
-    return found
-
-
-def _json(store: Store, table: str, number: int) -> dict[str, Any]:
-    for row in store.rows(BY_NAME[table], "WHERE id = ?", number):
-        found: dict[str, Any] = parsed(store.path, BY_NAME[table], row, "json")
-        return found
-    raise FoldcarError(f"{store.path}: {table} (id={number}) is missing; `foldcar check` names all that is")
+    """How many of how many nominal runs that belong in a rate passed, by the design's index."""
+    counts = store.design_counts(experiment.info.id)
+    return dict(enumerate(zip(counts.passed, counts.counted, strict=True)))
 
 
 @dataclass(frozen=True, slots=True)

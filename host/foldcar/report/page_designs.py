@@ -16,9 +16,8 @@ from foldcar.advice.evidence import PairedTrial, by_car, car_remarks, read_evide
 from foldcar.advice.resimulation import Resimulation
 from foldcar.analysis import rate
 from foldcar.analysis.built_cars import BuiltCars
-from foldcar.analysis.contradictions import NONE, Contradictions, contradictions
 from foldcar.analysis.gap import OPTIMISTIC, PESSIMISTIC
-from foldcar.analysis.pooled_bias import MOST_POOLED, PooledBias, pooled_bias
+from foldcar.analysis.pooled_bias import MOST_POOLED, NONE, Contradictions, PooledBias, contradictions, pooled_bias
 from foldcar.analysis.rate import Rate
 from foldcar.analysis.words import design_text, label_and_unit
 from foldcar.report.page_measures import measures
@@ -111,7 +110,7 @@ class Designs:
         for trials, (passed, runs) in zip(self._counting(BUILT), self.counted.tolist(), strict=True):
             simulated = again.cars(self.info, trials, here) if trials and self.swept else None
             shares = {} if simulated is None else simulated.shares
-            some = [PairedTrial(one.outcome, None, None, False, shares.get(one.id), one.car_name) for one in trials]
+            some = [PairedTrial(one.outcome, None, None, shares.get(one.id), one.car_name) for one in trials]
             found.append(by_car(some, simulated_spread(simulated), passed, runs) if some else None)
         return found
 

@@ -5,15 +5,18 @@
 
 using namespace foldcar;
 
-TEST(a_write_that_fails_is_a_bus_fault_and_is_followed_by_an_off_write) {
-  ApplicationBench bench;
-  bench.run();
-  bench.tick();
-  bench.board.servos.answers = false;
-  bench.tick();
-  TEST_ASSERT_TRUE(bench.fault() == Fault::kBus);
-  TEST_ASSERT_FALSE(any_pulse(bench.last_us()));
-  TEST_ASSERT_FALSE(any_pulse(bench.application.status().pulses_us));
+TEST(a_driver_or_an_imu_that_stops_answering_stops_the_car_with_an_off_write) {
+  for (const Fault fault : {Fault::kBus, Fault::kImu}) {
+    ApplicationBench bench;
+    bench.board.fit_imu();
+    bench.run();
+    bench.tick();
+    (fault == Fault::kBus ? bench.board.servos.answers : bench.board.imu.answers) = false;
+    bench.tick();
+    TEST_ASSERT_TRUE(bench.fault() == fault);
+    TEST_ASSERT_FALSE(any_pulse(bench.last_us()));
+    TEST_ASSERT_FALSE(any_pulse(bench.application.status().pulses_us));
+  }
 }
 
 TEST(a_bus_fault_comes_back_until_the_driver_answers) {
@@ -57,15 +60,4 @@ TEST(a_car_that_lies_on_its_side_stops_if_it_has_an_imu) {
   TEST_ASSERT_FALSE(any_pulse(bench.last_us()));
   // Gravity turns the estimate with a time constant of 0.5 s; then 0.3 s must pass.
   TEST_ASSERT_TRUE(ticks > 15 && ticks < 80);
-}
-
-TEST(an_imu_that_stops_answering_stops_the_car) {
-  ApplicationBench bench;
-  bench.board.fit_imu();
-  bench.run();
-  bench.tick();
-  bench.board.imu.answers = false;
-  bench.tick();
-  TEST_ASSERT_TRUE(bench.fault() == Fault::kImu);
-  TEST_ASSERT_FALSE(any_pulse(bench.last_us()));
 }

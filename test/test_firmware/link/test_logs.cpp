@@ -42,6 +42,7 @@ TEST(an_untethered_trial_is_recorded_and_can_be_fetched) {
   TEST_ASSERT_EQUAL_UINT32(8, reader.trials().back().trial_id);
 }
 
+// Without storage for logs an untethered trial is refused.
 TEST(the_newest_logs_are_kept_and_all_can_be_erased) {
   LinkBench bench;
   for (int i = 0; i < 6; ++i) {
@@ -54,6 +55,9 @@ TEST(the_newest_logs_are_kept_and_all_can_be_erased) {
   TEST_ASSERT_EQUAL_UINT(3, bench.board.logs.logs.begin()->first);
   bench.run(100, bench.host.erase_logs());
   TEST_ASSERT_EQUAL_UINT(0, bench.board.logs.logs.size());
+  bench.board.logs.fitted = false;
+  TEST_ASSERT_EQUAL_UINT(MAV_RESULT_TEMPORARILY_REJECTED, bench.start(kStartUntethered).result);
+  TEST_ASSERT_EQUAL_UINT(MAV_RESULT_ACCEPTED, bench.start(kStart).result);
 }
 
 // Random messages, of which most bytes are zero, as MAVLink packs them, some after hours.

@@ -22,18 +22,20 @@ static std::string through(const std::string& bytes, double loss, std::mt19937_6
   return arrived;
 }
 
+static void assert_default_of_the_table(std::size_t index, const mavlink_param_value_t& value) {
+  TEST_ASSERT_EQUAL_UINT(index, value.param_index);
+  TEST_ASSERT_EQUAL_UINT(kParameterCount, value.param_count);
+  TEST_ASSERT_EQUAL_UINT(MAV_PARAM_TYPE_REAL32, value.param_type);
+  TEST_ASSERT_EQUAL_STRING_LEN(parameter_table()[index].name, value.param_id, 16);
+  TEST_ASSERT_TRUE(value.param_value == parameter_table()[index].default_value);
+}
+
 TEST(the_parameter_list_is_that_of_the_table) {
   LinkBench bench;
   bench.run(200, bench.host.request_list());
   const auto values = bench.host.parameters();
   TEST_ASSERT_EQUAL_UINT(kParameterCount, values.size());
-  for (std::size_t i = 0; i < values.size(); ++i) {
-    TEST_ASSERT_EQUAL_UINT(i, values[i].param_index);
-    TEST_ASSERT_EQUAL_UINT(kParameterCount, values[i].param_count);
-    TEST_ASSERT_EQUAL_UINT(MAV_PARAM_TYPE_REAL32, values[i].param_type);
-    TEST_ASSERT_EQUAL_STRING_LEN(parameter_table()[i].name, values[i].param_id, 16);
-    TEST_ASSERT_TRUE(values[i].param_value == parameter_table()[i].default_value);
-  }
+  for (std::size_t i = 0; i < values.size(); ++i) assert_default_of_the_table(i, values[i]);
 }
 
 // 4 % of the requests and 0.03 % of the values arrive undamaged; the host repeats its request until it has all values. Some
@@ -43,7 +45,7 @@ TEST(the_parameter_list_is_complete_over_a_link_that_drops_a_fifth_of_the_bytes)
   std::mt19937_64 random(1);
   PacketParser reader;  // the reference parser loses whole packets behind each damaged one
   std::map<std::string, int> times_seen;
-  std::map<int, std::string> known;
+  std::map<std::size_t, mavlink_param_value_t> known;
   for (int polls = 0; known.size() < kParameterCount && polls < 5000000; ++polls) {
     bench.board.link.incoming += through(bench.host.request_list(), 0.2, random);
     bench.board.clock.time_us += 4000;
@@ -60,17 +62,12 @@ TEST(the_parameter_list_is_complete_over_a_link_that_drops_a_fifth_of_the_bytes)
         mavlink_param_value_t value;
         mavlink_msg_param_value_decode(&message, &value);
         const std::string content(reinterpret_cast<const char*>(&value), sizeof value);
-        if (++times_seen[content] == 2) known[value.param_index] = content;
+        if (++times_seen[content] == 2) known[value.param_index] = value;
       }
     }
   }
   TEST_ASSERT_EQUAL_UINT(kParameterCount, known.size());
-  for (std::size_t i = 0; i < kParameterCount; ++i) {
-    mavlink_param_value_t value;
-    std::memcpy(&value, known[static_cast<int>(i)].data(), sizeof value);
-    TEST_ASSERT_EQUAL_STRING_LEN(parameter_table()[i].name, value.param_id, 16);
-    TEST_ASSERT_TRUE(value.param_value == parameter_table()[i].default_value);
-  }
+  for (const auto& [index, value] : known) assert_default_of_the_table(index, value);
 }
 
 TEST(a_parameter_is_set_or_the_value_that_holds_comes_back_with_the_reason) {

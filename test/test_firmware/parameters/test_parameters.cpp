@@ -20,42 +20,29 @@ TEST(names_are_unique_upper_case_and_fit_a_flash_key) {
     int count = 0;
     for (const ParameterInfo& other : parameter_table()) count += std::strcmp(info.name, other.name) == 0;
     TEST_ASSERT_EQUAL_INT_MESSAGE(1, count, info.name);
-  }
-}
-
-TEST(every_parameter_is_explained) {
-  for (const ParameterInfo& info : parameter_table()) {
     TEST_ASSERT_TRUE_MESSAGE(std::strlen(info.help) > 10, info.name);
-    TEST_ASSERT_NOT_NULL_MESSAGE(info.unit, info.name);
   }
 }
 
-TEST(a_name_leads_to_its_typed_index) {
+TEST(a_name_leads_to_its_typed_index_and_an_unknown_one_is_refused) {
   const auto is = [](const char* name, Parameter parameter) {
     TEST_ASSERT_TRUE_MESSAGE(find_parameter(name) == parameter, name);
     TEST_ASSERT_EQUAL_STRING(name, parameter_info(parameter).name);
   };
   is("WHEEL_RADIUS_M", Parameter::kWheelRadiusM);
-  is("TRACK_M", Parameter::kTrackM);
-  is("WHEEL_MAX_RAD_S", Parameter::kWheelMaxRadS);
-  is("SLEW_US_PER_S", Parameter::kSlewUsPerS);
-  is("STAGGER_MS", Parameter::kStaggerMs);
   is("BATT_MIN_V", Parameter::kBattMinV);
-  is("BATT_LOW_MS", Parameter::kBattLowMs);
   is("CMD_TIMEOUT_MS", Parameter::kCmdTimeoutMs);
-  is("ARM_TIMEOUT_S", Parameter::kArmTimeoutS);
-  is("TRIAL_MAX_S", Parameter::kTrialMaxS);
-  is("PWM_OSC_HZ", Parameter::kPwmOscHz);
   is("OE_WIRED", Parameter::kOeWired);
   for (std::size_t channel = 0; channel < kChannelCount; ++channel) {
     const std::string prefix = "CH" + std::to_string(channel + 1) + "_";
     is((prefix + "SIDE").c_str(), channel_parameter(channel, ChannelParameter::kSide));
-    is((prefix + "DIRECTION").c_str(), channel_parameter(channel, ChannelParameter::kDirection));
     is((prefix + "NEUTRAL_US").c_str(), channel_parameter(channel, ChannelParameter::kNeutralUs));
-    is((prefix + "DEADBAND_US").c_str(), channel_parameter(channel, ChannelParameter::kDeadbandUs));
     is((prefix + "GAIN_US").c_str(), channel_parameter(channel, ChannelParameter::kGainUs));
   }
-  TEST_ASSERT_EQUAL_UINT(14 + 8 * 5, parameter_table().size());
+  Parameters parameters;
+  for (const char* name : {"", "TRACK", "track_m", "CH0_SIDE", "CH9_SIDE", "TRACK_M_AND_MORE_THAN_FITS"}) {
+    TEST_ASSERT_TRUE_MESSAGE(parameters.set(name, 1.0f) == SetResult::kUnknownName, name);
+  }
 }
 
 TEST(a_new_object_describes_the_study_car) {
@@ -102,13 +89,6 @@ TEST(a_side_is_whole_and_a_direction_is_a_sign) {
   TEST_ASSERT_TRUE(parameters.set("CH1_DIRECTION", -1.0f) == SetResult::kOk);
 }
 
-TEST(an_unknown_name_is_refused) {
-  Parameters parameters;
-  for (const char* name : {"", "TRACK", "track_m", "CH0_SIDE", "CH9_SIDE", "TRACK_M_AND_MORE_THAN_FITS"}) {
-    TEST_ASSERT_TRUE_MESSAGE(parameters.set(name, 1.0f) == SetResult::kUnknownName, name);
-  }
-}
-
 TEST(values_survive_storage) {
   SimStorage storage;
   Parameters written;
@@ -124,14 +104,8 @@ TEST(values_survive_storage) {
     const Parameter index = *find_parameter(info.name);
     TEST_ASSERT_TRUE_MESSAGE(read.get(index) == written.get(index), info.name);
   }
-}
-
-TEST(empty_storage_leaves_values_alone) {
-  SimStorage storage;
-  Parameters parameters;
-  parameters.set("TRACK_M", 0.2f);
-  TEST_ASSERT_EQUAL_UINT(0, parameters.load(storage));
-  TEST_ASSERT_EQUAL_FLOAT(0.2f, parameters.get(Parameter::kTrackM));
+  storage.accepts = false;
+  TEST_ASSERT_FALSE(written.save(storage, Parameter::kTrackM));
 }
 
 TEST(stored_values_beyond_the_limits_are_counted_and_not_taken) {
@@ -141,12 +115,6 @@ TEST(stored_values_beyond_the_limits_are_counted_and_not_taken) {
   TEST_ASSERT_EQUAL_UINT(2, parameters.load(storage));
   TEST_ASSERT_EQUAL_FLOAT(0.111f, parameters.get(Parameter::kTrackM));
   TEST_ASSERT_EQUAL_FLOAT(3.0f, parameters.get(Parameter::kBattMinV));
-}
-
-TEST(a_storage_that_takes_nothing_is_noticed) {
-  SimStorage storage;
-  storage.accepts = false;
-  TEST_ASSERT_FALSE(Parameters().save(storage, Parameter::kTrackM));
 }
 
 TEST(a_fixed_value_is_neither_set_nor_loaded) {
@@ -159,11 +127,4 @@ TEST(a_fixed_value_is_neither_set_nor_loaded) {
   TEST_ASSERT_TRUE(parameters.set("TRACK_M", 0.25f) == SetResult::kFixed);
   TEST_ASSERT_EQUAL_UINT(0, parameters.load(storage));
   TEST_ASSERT_EQUAL_FLOAT(0.2f, parameters.get(Parameter::kTrackM));
-}
-
-TEST(objects_do_not_share_values) {
-  Parameters first;
-  Parameters second;
-  first.set("TRACK_M", 0.3f);
-  TEST_ASSERT_EQUAL_FLOAT(0.111f, second.get(Parameter::kTrackM));
 }

@@ -4,13 +4,10 @@ import json
 from pathlib import Path
 from typing import Any
 
-import pytest
-
 from foldcar.calibration.environment import read_reality, real_run
 from foldcar.commands.listed_run import listed_run
 from foldcar.store.reader import Store
 from live_car import LOG, car_at_port, trials_in, write_free_course
-from old_stores import VERSIONS, old_store
 from study_car import listing_of
 
 STEP_PYRAMIDS = Path(__file__).resolve().parents[2] / "scenarios" / "step_pyramids.scenic"
@@ -55,19 +52,6 @@ def test_a_driven_trial_has_its_cars_name_which_a_correction_changes(tmp_path: P
     long = "--car: 'xxxxxxxxxx"
     assert refused(*LOG, "--port", "none", "--car", "x" * 50).startswith(long)
     assert "is no name of 1 to 40" in refused("trials", "correct", "s.db", "1", "--car-name", "", "--reason", "x")
-
-
-@pytest.mark.parametrize("version", VERSIONS)
-def test_older_stores_are_read_and_get_the_column_when_written(tmp_path: Path, version: int, foldcar: Any) -> None:
-    store = old_store(version, tmp_path / "s.db")
-    foldcar("migrate", "s.db")
-    number = trials_in(store)[0].id
-
-    corrected = foldcar("trials", "correct", "s.db", str(number), "--car-name", "Ada", "--reason", "on its lid")
-
-    assert corrected.returncode == 0, corrected.stderr
-    assert [trial.car_name for trial in trials_in(store)][:2] == ["Ada", None]
-    assert foldcar("check", "s.db").returncode == 0
 
 
 def test_a_design_is_judged_by_its_cars_and_by_what_simulation_finds_of_their_environments(

@@ -1,7 +1,9 @@
-"""The component model: derived parameters, equal edges, faces that fold to bodies, user modules."""
+"""The component model: derived parameters, equal edges, faces that fold to bodies, user modules, docs/compiler.md."""
 
 import math
+import re
 from collections.abc import Sequence
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -170,7 +172,6 @@ def test_every_parameter_says_what_it_is() -> None:
         assert declared.least_with(catalogue()) <= declared.default_with(catalogue()) <= declared.maximum
 
 
-# The example of docs/compiler.md.
 DOC = (Path(__file__).parents[2] / "docs" / "compiler.md").read_text(encoding="utf-8")
 TAIL = "\n" + DOC[DOC.index("from foldcar.car.components.component import Parameter\n") :].partition("```")[0]
 
@@ -273,3 +274,23 @@ def test_commands_accept_user_modules(
     assert (said.stdout if code == 0 else said.stderr).startswith("out/" + answer if code == 0 else answer)
     assert said.stderr.count("\n") == (code != 0)
     assert (tmp_path / "out").exists() == (code == 0)
+
+
+def test_the_parameter_table_is_that_of_the_components() -> None:
+    rows = {
+        f"|`{key}`|{' '.join(sorted(p.modules))}|{p.declared.unit}|{p.declared.default_with(catalogue()):g}"
+        f"|{p.declared.least_with(catalogue()):g}|{p.declared.maximum:g}|{p.declared.help}|"
+        for key, p in parameters().items()
+    }
+
+    written = set(re.findall(r"^\|`[\w.]+`\|[A-Z ]+\|(?:mm|deg)\|.*$", DOC, re.M))
+
+    assert written == rows
+
+
+def test_the_components_are_where_it_says() -> None:
+    found = re.findall(r"^\|`(\w+)`(?: \w)?\|`(\w+)\.py`\|", DOC, re.M)
+
+    assert len(found) == 5
+    for name, module in found:
+        assert hasattr(import_module(f"foldcar.car.components.{module}"), name), name

@@ -114,8 +114,6 @@ def test_the_largest_usb_plug_passes_however_high_its_socket_is() -> None:
         (lambda name: "horn screw" in name, (1.9, 1.9), "wheel's screws along their slots", 1.05),
         # A hole of 13.3 mm: plugs are up to 13.59 across, sockets off by 0.4, twice in a diameter, cuts 0.4.
         (lambda name: name.endswith("USB"), (13.3, 13.3), "USB plug in its hole", 1.49),
-        (lambda name: name.endswith("wall opening"), (23.2, 12.7), "servo's length in its opening", 0.2),
-        (lambda name: "switch opening" in name, (13.5, 8.8), "switch's body in its slot", 0.4),
     ],
 )
 def test_openings_without_room_for_tolerances_are_found(

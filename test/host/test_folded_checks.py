@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import pytest
 
@@ -64,16 +63,6 @@ def with_holes_moved(piece: str, face: str, kind: str, dx: float) -> Spoil:
     return lambda car: with_holes(car, shifted, piece, face)
 
 
-def with_axle_moved(wheel: str, x: float, y: float) -> Spoil:
-    """The car with a wheel's axle shifted."""
-
-    def moved(axle: Any) -> Any:
-        cx, cy, cz = axle.center_mm
-        return replace(axle, center_mm=(cx + x, cy + y, cz)) if axle.wheel == wheel else axle
-
-    return lambda car: replace(car, axles=tuple(moved(axle) for axle in car.axles))
-
-
 def with_a_tab_that_is_long(car: FoldedCar) -> FoldedCar:
     """The front cap's tab on the left side reaches over the servo's opening."""
     return with_face(
@@ -105,7 +94,6 @@ def test_cars_that_can_be_built_pass(type_string: str, values: dict[str, float])
     ("spoil", "check", "words"),
     [
         (with_face("front cap", "cap", stretched(1.5, 0)), "closure", "apart, the limit is 0.05 mm"),
-        (with_face("beam", "lid", stretched(0, -1.5)), "tuck", "apart, the limit is 0.55 mm"),
         (with_face("beam", "lid", stretched(0, 0.4)), "crossing", "beam: right: runs into beam: flap"),
         (with_angle("beam", "lid to flap", 80), "slot", "do not go through"),
         (with_angle("front cap", "cap tab to left", 85), "tab", "off the face it is glued to"),
@@ -118,9 +106,7 @@ def test_cars_that_can_be_built_pass(type_string: str, values: dict[str, float])
         (with_face("wheel inner disc", "inner", reversed_outline), "outline", "clockwise"),
         (with_holes_moved("beam", "right", "slot", 5.0), "slot", "do not go through"),
         (with_holes_moved("beam", "floor", "slot", 5.0), "crossing", "bridge: flange"),
-        (with_holes_moved("servo doubler", "doubler", "opening", 2.0), "laminate", "holes on holes"),
         (with_face("beam", "rear tongue", stretched(0, -2.2)), "slot", "inside the slot"),
-        (with_axle_moved("wheel1", 0, 20), "wheels", "runs into beam: right"),
     ],
 )  # fmt: skip
 def test_broken_designs_are_found(spoil: Spoil, check: str, words: str) -> None:

@@ -12,12 +12,12 @@ from typer.testing import CliRunner
 from foldcar.car.body import body_json
 from foldcar.car.design import DesignError, compose
 from foldcar.car.folded_car import folded_car
-from foldcar.car.parts.catalogue import OPTIONS, PartChoices, chosen
+from foldcar.car.parts.catalogue import OPTIONS
 from foldcar.car.verify import verify
 from foldcar.cli import app
 from foldcar.fabrication.assembly.faces import piece_area_mm2
-from foldcar.fabrication.assembly.guide import steps
 from foldcar.fabrication.assembly.parts_list import parts_list, parts_list_csv, parts_list_text
+from foldcar.fabrication.patterns import nesting
 from foldcar.fabrication.patterns.cutting import how_to_cut
 from foldcar.fabrication.patterns.options import MACHINES, OptionError, options
 from foldcar.fabrication.patterns.sheets import cut_car, pattern
@@ -93,7 +93,9 @@ def test_a_machine_that_does_not_cut_the_film_is_refused(tmp_path: Path) -> None
     assert isinstance(done.exception, OptionError) and not (tmp_path / "car").exists()
 
 
-def test_a_hinge_of_another_film_has_its_own_sheet_and_is_bought() -> None:
+def test_a_hinge_of_another_film_has_its_own_sheet_and_is_bought(monkeypatch: pytest.MonkeyPatch) -> None:
+    # The first layout is as good as the best here.
+    monkeypatch.setattr(nesting, "MOST_TRIES", 0)
     folded = folded_car(compose("W_B_H_W", {"W.length": 100, "H.thickness": 0.127}))
     made = pattern(folded, options("laser"), "a car")
     *others, last = made.sheets
@@ -116,8 +118,6 @@ def test_the_parts_list_says_what_is_curled_and_how_long_tyres_are() -> None:
     bent = {row[1].strip(): row[-2].strip() for row in cells if len(row) == 7}
 
     assert bent["wheel rim 1"] == "curl, do not crease" and bent["wheel hub"] == "3"
-    (cut, *_) = steps(folded, cut_car(folded, options("laser")), "laser")
-    assert "Do not crease the wheel rim 1 and wheel rim 2: they are curled." in cut.lines
     assert bent["beam 1"] == "7" and bent["hinge strip"] == "0 and a hinge: do not crease that"
     # A strip of that size has the tyre's volume.
     tyre = folded.parts.tyre
@@ -125,13 +125,3 @@ def test_the_parts_list_says_what_is_curled_and_how_long_tyres_are() -> None:
     length, width = (float(word) for word in told.rpartition("a strip of ")[2].split(" mm")[0].split(" x "))
     volume_m3 = length * width * tyre.thickness_mm.value * 1e-9
     assert volume_m3 * tyre.density_kg_m3.value == pytest.approx(tyre.mass_kg(50, 12), rel=0.003)
-    tube = chosen(PartChoices(tyre="shrink_tube")).tyre.cut(50, 12)
-    assert tube == "12 mm of a tube that is wider than 98.4 mm before it shrinks (155 mm flat)"
-
-
-def test_headers_have_a_price() -> None:
-    text = parts_list_text(folded_car(compose("W_B_W", {})), "a car")
-    (row,) = (line for line in text.splitlines() if "stacking headers" in line)
-
-    assert float(row.split("|")[4]) == 1.5
-    assert "soldering is not among the operations" in text

@@ -29,8 +29,6 @@ from foldcar.car.parts.catalogue import DEFAULT_CHOICES, Catalogue, PartChoices,
 from foldcar.errors import FoldcarError
 
 HINGE = HingeModule.letter
-# Every car has these.
-REQUIREDMODULES = (WheelModule.letter, BrainModule.letter)
 # Every known module by its letter or name.
 MODULES: dict[str, type[Module] | type[HingeModule]] = {
     kind.letter: kind for kind in (WheelModule, BrainModule, HingeModule)
@@ -251,17 +249,13 @@ def modules_of(type_string: str) -> tuple[str, ...]:
         if letter not in MODULES:
             known = ", ".join(f"{known} ({kind.title})" for known, kind in MODULES.items())
             raise DesignError(None, f'"{type_string}" has unknown module "{letter}"; known: {known}')
-    for letter in REQUIREDMODULES:
+    for letter in (WheelModule.letter, BrainModule.letter):
         if letter not in letters:
             raise DesignError(None, f'"{type_string}" has no module {letter} ({MODULES[letter].title})')
     if letters.count("W") > MAX_AXLES:
         raise DesignError(None, f'"{type_string}" has {letters.count("W")} axles, the servo driver serves {MAX_AXLES}')
-    # Every hinge joins two segments, and the simulator takes so many.
-    if letters[0] == "H" or letters[-1] == "H":
-        where = "begins" if letters[0] == "H" else "ends"
-        raise DesignError(None, f'"{type_string}" {where} with a hinge (H), which must join two segments')
-    if ("H", "H") in itertools.pairwise(letters):
-        raise DesignError(None, f'"{type_string}" has two hinges (H) in a row, with no segment between them')
+    if letters[0] == "H" or letters[-1] == "H" or ("H", "H") in itertools.pairwise(letters):
+        raise DesignError(None, f'"{type_string}" has a hinge (H) beside no segment: each must join two')
     segments = letters.count("H") + 1
     if segments > MAX_SEGMENTS:
         raise DesignError(None, f'"{type_string}" has {segments} segments, the simulator takes {MAX_SEGMENTS}')

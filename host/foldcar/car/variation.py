@@ -48,9 +48,7 @@ def spread_named(name_or_object: Any, place: str) -> Mapping[str, float]:
     ``"workshop"`` is the defaults; ``{"from": "workshop", "supply_v": 0.4}`` changes those named.
     """
     changes = dict(name_or_object) if isinstance(name_or_object, Mapping) else {"from": name_or_object}
-    if "from" not in changes:
-        raise FoldcarError(f'{place}: "from" is missing; known: "{WORKSHOP}"')
-    start = changes.pop("from")
+    start = changes.pop("from", None)
     if start != WORKSHOP:
         raise FoldcarError(f'{place}: unknown variation {start!r}; known: "{WORKSHOP}"')
     spread = {name: known.sd for name, known in workshop().items()}

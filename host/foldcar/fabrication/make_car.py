@@ -127,7 +127,7 @@ def make_car(design: Design, chosen: Options, command: str = "") -> MadeCar:
     lines = sum(len(sheet.shapes) for sheet in cut.sheets)
     formats = "SVG, PDF, DXF and LightBurn projects" if "lbrn2" in endings else "SVG, PDF and DXF"
     checks = (
-        *verified.lines(),
+        verified.checked,
         f"{lines} lines on {len(cut.sheets)} sheets read back from {formats}: as meant within "
         f"{TOLERANCE_MM:g} mm, inside their sheets, outlines closed, none twice",
         f"film between two cuts at least {cut.least_film_mm:.2f} mm, bridges in folds aside",

@@ -102,16 +102,17 @@ class HingeModule(Component):
         """
         film, (front, rear) = self.parts.film_mm, modules
         under, glue = -(film + self["thickness"]) / 2, self.parts.assembly.hinge_glue_mm.value
-        shape.laminate(f"{hinge}.front half", f"{front}.beam.floor", translation(-self["length"] / 2, 0, under))
+        at = translation(-self["length"] / 2, 0, under)
+        shape.place(f"{hinge}.front half", f"{front}.beam.floor", at, laminated=True)
         length = shape.face_size_mm(f"{rear}.beam.floor")[0]
-        shape.laminate(f"{hinge}.rear half", f"{rear}.beam.floor", translation(length - glue, 0, under))
+        shape.place(f"{hinge}.rear half", f"{rear}.beam.floor", translation(length - glue, 0, under), laminated=True)
         if self._stop_mm() >= LEAST_STOP_MM:
             width = shape.face_size_mm(f"{caps[0]}.cap")[0]
             top = wall_mm(self["height"], self.parts) - STOP_FROM_LID_MM - cap_inset_mm(self.parts)
             glue = self._web_mm() * GLUE_SHARE
             # A cap's printed side faces inwards, and the stop stands outside: it is turned over.
             corner = translation(width * (1 + STOP_SHARE) / 2, top - glue, -film)
-            shape.laminate(f"{hinge}.glue 1", f"{caps[0]}.cap", compose(corner, rotation("y", math.pi)))
+            shape.place(f"{hinge}.glue 1", f"{caps[0]}.cap", compose(corner, rotation("y", math.pi)), laminated=True)
 
     def _stop_mm(self) -> float:
         """Reach of the stop (mm) from the front segment's cap, such that it meets the other cap at the upper limit."""

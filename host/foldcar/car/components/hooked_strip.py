@@ -272,7 +272,7 @@ EVEN_MM = 0.02
 def build_hub(shape: Shape, size: WheelSize) -> None:
     """Faces ``hub`` and ``wall 1`` …; slots in the face ``outer``."""
     shape.face("hub", _layer(size), piece="wheel hub")
-    shape.laminate("hub", "inner", translation(0, 0, size.film_mm))
+    shape.place("hub", "inner", translation(0, 0, size.film_mm), laminated=True)
     length = 2 * size.hub_mm * math.tan(WALL_RAD / 2)
     hook = Hook(WALL_NECK_MM, WALL_HOOK_MM, 0.0, 2 * size.clearance_mm + size.film_mm)
     for i, direction in enumerate(DIRECTIONS_RAD, 1):

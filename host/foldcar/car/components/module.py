@@ -167,20 +167,18 @@ class ElectronicsModule(BrainModule):
 
         ComponentError if the battery would lie on a latch of the lid, or where fingers hold its tab, or without a lead.
         """
-        battery, laid = self.parts.battery, self.parts.assembly.placement_mm.value
-        reach = battery.width_mm.most / 2 + laid
+        battery, assembly = self.parts.battery, self.parts.assembly
+        hole, edge = assembly.lead_hole_mm.value, assembly.fold_distance_mm.value
+        least = battery.width_mm.value + 2 * (2 * edge + hole)
         (notch, _), (finger, _) = latch_mm(self.parts), self.parts.tools.finger_mm
         latch = notch / 2 + max(notch, finger) / 2
         taken = max(self[f"latch_{end}"] * (self[f"flap_{end}"] + latch) for end in ("front", "rear"))
-        if taken and self["length"] < 2 * (reach + taken) - ROUNDING:
-            what = f"the {battery.name} on the roof beside the lid's latch"
-            raise self.misfit("length", _too_small(self["length"], 2 * (reach + taken), what))
-        hole, edge = self.parts.assembly.lead_hole_mm.value, self.parts.assembly.fold_distance_mm.value
-        x, least = end_mm + edge + hole / 2, 2 * (end_mm + 2 * edge + hole) - self["length"]
-        if least - ROUNDING > self["length"]:
-            what = f"the {battery.name} on the roof and its lead"
+        if taken:
+            least = max(least, battery.width_mm.most + 2 * (assembly.placement_mm.value + taken))
+        if self["length"] < least - ROUNDING:
+            what = f"the {battery.name} on the roof beside its lead and the lid's latch"
             raise self.misfit("length", _too_small(self["length"], least, what))
-        shape.round_hole("beam.lid", "lead", "slit", (x, edge + hole), hole)
+        shape.round_hole("beam.lid", "lead", "slit", (end_mm + edge + hole / 2, edge + hole), hole)
 
     def _layouts(self) -> Iterator[Layout]:
         """All layouts, possible or not; none if the battery is too wide for the floor in the worst case."""

@@ -119,15 +119,9 @@ class Shape:
         self.name, self._body, self.graph, self.parts = name, body, graph, parts
 
     def face(
-        self,
-        name: str,
-        outline_mm: Sequence[Point] | Mapping[str, Point],
-        *,
-        piece: str = "",
-        role: Literal["panel", "tab", "rim"] = "panel",
-        thickness_mm: float | None = None,
-        body: str = "",
-    ) -> None:
+        self, name: str, outline_mm: Sequence[Point] | Mapping[str, Point], *, piece: str = "",
+        role: Literal["panel", "tab", "rim"] = "panel", thickness_mm: float | None = None, body: str = "",
+    ) -> None:  # fmt: skip
         """Add a polygon, counter-clockwise; keys of ``outline_mm`` name the edges that begin there, "0", "1", … without.
 
         ``piece`` names the piece whose root this face becomes, ``body`` its rigid body, by default the component's.
@@ -182,16 +176,9 @@ class Shape:
         return self._hole(face, Hole(self.path(name), kind, tuple(outline_mm)))
 
     def connect(
-        self,
-        a: str,
-        b: str,
-        kind: LinkKind,
-        angle_deg: float = 0.0,
-        *,
-        depth_mm: float = 0.0,
-        inset_mm: float = 0.0,
+        self, a: str, b: str, kind: LinkKind, angle_deg: float = 0.0, *, depth_mm: float = 0.0, inset_mm: float = 0.0,
         limits_rad: tuple[float, float] = (0.0, 0.0),
-    ) -> None:
+    ) -> None:  # fmt: skip
         """Join two edges of equal length: folded or bent by the angle, fused flat, hinged, or by a tab of ``b`` on ``a``.
 
         ``depth_mm`` is a tab's depth, ``limits_rad`` a hinge's range. A tab lies ``inset_mm`` above the face it is glued
@@ -211,18 +198,14 @@ class Shape:
             self.graph.linked[edge] = path
         self.graph.links.append(Link(kind, first, second, math.radians(angle_deg), depth_mm, *limits_rad, inset_mm))
 
-    def laminate(self, face: str, on: str, pose: Pose) -> None:
-        """Glue the face flat onto the face ``on``, at that pose in the frame of ``on``."""
-        self.graph.placements.append(Placement(self._face(face), self._face(on), pose, True))
+    def place(self, face: str, on: str, pose: Pose, laminated: bool = False) -> None:
+        """Set a face's pose in the frame of the face ``on``, without a join or ``laminated``: glued onto it."""
+        self.graph.placements.append(Placement(self._face(face), self._face(on), pose, laminated))
 
     def layer(self, name: str, on: str, outline_mm: Sequence[Point], at_mm: Point, piece: str, level: int = 1) -> None:
         """Glue a layer of film, a new face, onto the face ``on``, its origin at a point of that; levels count from 1."""
         self.face(name, outline_mm, piece=piece, body=self.body_of(on))
-        self.laminate(name, on, translation(*at_mm, level * self.parts.film_mm))
-
-    def place(self, face: str, on: str, pose: Pose) -> None:
-        """Set a face's pose in the frame of the face ``on``, without a join."""
-        self.graph.placements.append(Placement(self._face(face), self._face(on), pose))
+        self.place(name, on, translation(*at_mm, level * self.parts.film_mm), laminated=True)
 
     def touch(self, kind: JoinKind, a: str, b: str, slot: str | None = None) -> None:
         """Join edges or faces that folds and placements have put in their places.

@@ -1,9 +1,11 @@
-"""Checks of film: pieces as they are cut; joins of the folded car: edges meet, layers lie flat, tongues pass their slots.
+"""Checks of film: pieces as they are cut, no film in other film, edges that meet, tongues that pass their slots.
 
-Input: a piece; placed faces and the car's joins. Output: findings. A body opens: its lid and what is tucked into it need
-not be tight.
+Input: a piece; a car with its placed faces; wheels are alike, so that the first one stands for all. Output: findings.
+That parts do not overlap is proved with the assembly (prove.py).
 """
 
+import itertools
+import math
 from collections import defaultdict
 from collections.abc import Iterator
 
@@ -13,7 +15,10 @@ from shapely.affinity import affine_transform
 
 from foldcar.car.folded.model import Face, FoldedCar, Join, Piece
 from foldcar.car.folded.placed import Bodies, Finding, PlacedFace, polygon
-from foldcar.car.folded.pose import edge, folded
+from foldcar.car.folded.pose import edge, folded, folded_back
+from foldcar.car.proof.blocks import Blocks, hit, together
+from foldcar.car.proof.roles import roles_of
+from foldcar.car.proof.scene import Scene, Stage, title
 
 # Without a grid, an edge that two faces share but for rounding can make GEOS return the wrong side of it.
 GRID_MM = 1e-6
@@ -82,48 +87,60 @@ def _overlaps(piece: Piece) -> Iterator[Finding]:
             yield Finding("overlap", f"{piece.name}: {names[i]}", f"overlaps {names[k]} by {area:.2f} mm² in the flat")
 
 
+def check_film_apart(car: FoldedCar) -> Iterator[Finding]:
+    """Findings where film runs into other film of its body, or of the next one at a limit of a hinge, all others flat.
+
+    Hinge strips bend at the limits and are not checked there.
+    """
+    roles = roles_of(car)
+    scene, stage = Scene(roles, tongues=True), Stage(roles, {name: roles.whole(name) for name in roles.pieces})
+    # Beside a bend, which is modelled as an edge, thick film reaches into its neighbour.
+    bends = [(piece.name, c.parent.face, c.child.face) for piece in car.pieces for c in piece.creases if c.bend]
+    joined = scene.ignored(("tab", "lap")) | {(title(name, a), title(name, b)) for name, a, b in bends}
+
+    def film(body: str, but: frozenset[str] = frozenset()) -> Blocks:
+        placed = (one for one in roles.placed(body) if one.piece not in but)
+        return together(scene.solid(("piece", one.piece, one.copy), stage) for one in placed)
+
+    for body in (*roles.bodies, *roles.wheels[:1]):
+        solids = film(body)
+        titles = list(dict.fromkeys(solids.titles))
+        for n, one in enumerate(titles, 1):
+            met = hit(solids.where({one}), solids.where(set(titles[n:])), ignored=joined)
+            if met is not None:
+                yield Finding("crossing", one, f"runs into {met}")
+    strips = frozenset(piece.name for piece in car.pieces if any(crease.flexure for crease in piece.creases))
+    for hinge in car.hinges:
+        front, rear = (film(body, strips) for body in (hinge.front, hinge.rear))
+        for angle in (hinge.min_rad, hinge.max_rad):
+            moved = rear.moved(folded_back(hinge, angle))
+            for one in dict.fromkeys(moved.titles):
+                met = hit(moved.where({one}), front)
+                if met is not None:
+                    place = f"between {hinge.front} and {hinge.rear}, folded by {math.degrees(angle):.1f} degrees"
+                    yield Finding("hinge", place, f"{one} runs into {met}")
+
+
 CLOSURE_MM = 0.05
 # Between films that lie on or inside each other.
 FIT_MM = 0.3
 # The area of a tab that may lie beside its face or over a hole in it.
 TAB_OVER_MM2 = 0.05
 
-Index = defaultdict[tuple[str, str], list[PlacedFace]]
-
 
 def check_joins(car: FoldedCar, bodies: Bodies) -> Iterator[Finding]:
     """Findings about every join, in each body that has both its faces."""
-    checks = {"tab": _tab, "lap": _tab, "tuck": _tucked, "tab_slot": _tongue, "lock": _tongue}
-    index = _index(bodies)
-    for join in car.joins:
-        if not index[join.piece_a, join.a.face] or not index[join.piece_b, join.b.face]:
-            yield Finding("join", f"join {join.number}", f"{join.a.face} or {join.b.face} is nowhere in the car")
-        elif join.kind in checks:
-            for a, b in _pairs(join, index):
-                # Hooks of wheels turn behind the film.
-                if join.kind not in ("tab_slot", "lock") or not a.body.startswith("wheel"):
-                    yield from checks[join.kind](join, a, b)
-    layers: dict[tuple[str, str], list[PlacedFace]] = defaultdict(list)
-    for join in (join for join in car.joins if join.kind == "laminate"):
-        layers[join.piece_a, join.a.face] += index[join.piece_b, join.b.face]
-    for key, onto in layers.items():
-        others = ", ".join(sorted({b.title for b in onto}))
-        for a in (a for a in index[key] if not any(_lies_on(a, b) for b in onto)):
-            yield Finding("laminate", a.title, f"does not lie flat, holes on holes, on {others}")
-
-
-def _index(bodies: Bodies) -> Index:
-    """All copies of each face, by the names of piece and face."""
-    index: Index = defaultdict(list)
+    checks = {"tab": _tab, "lap": _tab, "tab_slot": _tongue, "lock": _tongue}
+    copies: dict[tuple[str, str], list[PlacedFace]] = defaultdict(list)
     for face in (face for faces in bodies.values() for face in faces):
-        index[face.piece.name, face.face.name].append(face)
-    return index
-
-
-def _pairs(join: Join, index: Index) -> list[tuple[PlacedFace, PlacedFace]]:
-    """The pairs of copies of a join's faces in the same body."""
-    first, second = index[join.piece_a, join.a.face], index[join.piece_b, join.b.face]
-    return [(a, b) for a in first for b in second if a.body == b.body]
+        copies[face.piece.name, face.face.name].append(face)
+    for join in (join for join in car.joins if join.kind in checks):
+        ends = itertools.product(copies[join.piece_a, join.a.face], copies[join.piece_b, join.b.face])
+        for a, b in ends:
+            # Hooks of wheels turn behind the film.
+            hook = join.kind in ("tab_slot", "lock") and a.body.startswith("wheel")
+            if a.body == b.body and not hook:
+                yield from checks[join.kind](join, a, b)
 
 
 def _gap_mm(join: Join, a: PlacedFace, b: PlacedFace) -> float:
@@ -158,19 +175,6 @@ def _tab(join: Join, a: PlacedFace, b: PlacedFace) -> Iterator[Finding]:
         yield Finding("tab", place, f"{over.area:.2f} mm² of the tab lie beside its face or over a hole in it")
 
 
-def _tucked(join: Join, a: PlacedFace, b: PlacedFace) -> Iterator[Finding]:
-    """A finding if the edge of a is farther from the edge of b than the film between them and a clearance."""
-    ends, (start, end) = a.edge_mm(join.a.index), b.edge_mm(join.b.index)
-    length = float(np.linalg.norm(end - start))
-    along = (end - start) / length
-    share = np.clip((ends - start) @ along, 0.0, length)
-    gap = float(np.max(np.linalg.norm(ends - start - share[:, None] * along, axis=1)))
-    limit = max(a.piece.thickness_mm, b.piece.thickness_mm) + FIT_MM
-    if gap > limit:
-        place = f"join {join.number}: {a.title} inside {b.title}"
-        yield Finding("tuck", place, f"the edges are {gap:.3f} mm apart, the limit is {limit:g} mm")
-
-
 def _tongue(join: Join, a: PlacedFace, b: PlacedFace) -> Iterator[Finding]:
     place = f"join {join.number}: {a.title} through {b.title}"
     slot = next((hole for hole in b.face.holes if hole.name == join.slot), None)
@@ -185,20 +189,3 @@ def _tongue(join: Join, a: PlacedFace, b: PlacedFace) -> Iterator[Finding]:
         over = section.difference(shapely.Polygon(slot.outline_mm)).area
         if over > 1e-6:
             yield Finding("slot", place, f"{over:.3f} mm² of the tongue's section do not go through {slot.name}")
-
-
-def _lies_on(a: PlacedFace, b: PlacedFace) -> bool:
-    """Whether a face lies on another one, or on layers on that, with their holes aligned."""
-    heights = b.in_face(a.corners_mm)[:, 2]
-    layers = np.abs(heights).mean() / ((a.piece.thickness_mm + b.piece.thickness_mm) / 2)
-    if np.ptp(heights) > CLOSURE_MM or not 0.8 < layers < 10:
-        return False
-    outline, *holes = (
-        shapely.Polygon(b.in_face(a.in_car(one))[:, :2])
-        for one in (a.face.outline_mm, *(hole.outline_mm for hole in a.face.holes))
-    )
-    mine = outline.difference(shapely.union_all(holes))
-    shared = outline.intersection(shapely.Polygon(b.face.outline_mm))
-    # Within the shared area the holes of both must agree.
-    pairs = ((mine, b.polygon), (b.polygon, mine))
-    return shared.area >= 1 and all(one.intersection(shared).difference(other).area < 1 for one, other in pairs)

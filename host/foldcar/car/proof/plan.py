@@ -6,12 +6,12 @@ above; wheels are put together apart, horns and wheels go on; lids are shut, and
 USB and switch are used with the lid shut, plugs and reset with it open, the battery is changed.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from functools import lru_cache
 
 from foldcar.car.folded.model import FoldedCar, Mount, PlacedPiece
 from foldcar.car.proof.roles import Roles, roles_of
-from foldcar.car.proof.step import Added, AssemblyStep, Reach
+from foldcar.car.proof.step import Added, AssemblyStep, Folds, Reach
 
 # The unit of every wheel; other units are named after their piece.
 WHEEL = "wheel"
@@ -36,15 +36,9 @@ class Building:
         self._last = {number for lid in roles.lids.values() for number in lid.joins}
 
     def step(
-        self,
-        title: str,
-        pieces: Iterable[PlacedPiece] = (),
-        mounts: Iterable[Mount] = (),
-        units: Iterable[Added] = (),
-        folds: Mapping[str, Mapping[str, float]] | None = None,
-        unit: str = "",
-        flat: bool = False,
-    ) -> None:
+        self, title: str, pieces: Iterable[PlacedPiece] = (), mounts: Iterable[Mount] = (),
+        units: Iterable[Added] = (), folds: Folds | None = None, unit: str = "", flat: bool = False,
+    ) -> None:  # fmt: skip
         """Append a step; pieces come in folded, unless it is ``flat``. A step that does nothing is left out."""
         pieces, mounts, units, closed = list(pieces), list(mounts), list(units), dict(folds or {})
         for one in pieces:
@@ -68,10 +62,6 @@ class Building:
         reaches = tuple(Reach(m.name, i) for m in screws for i, one in enumerate(m.accesses) if one.tool == "driver")
         if adds or joins or closed:
             self.steps.append(AssemblyStep(title, closed, adds, joins, reaches, unit))
-
-    def shut(self, title: str, folds: Mapping[str, Mapping[str, float]]) -> None:
-        """Append the step that shuts the lids."""
-        self.steps.append(AssemblyStep(title, folds, (), tuple(sorted(self._last))))
 
     def with_screws(self, mounts: Sequence[Mount]) -> list[Mount]:
         """The mounts that are not in yet, each screw after the last one of them that it holds."""
@@ -110,7 +100,8 @@ def planned(car: FoldedCar) -> tuple[AssemblyStep, ...]:
     # The lids are folded shut and locked; what lies on them is put on.
     folds = {name: dict.fromkeys(lid.creases, 1.0) for name, lid in sorted(roles.lids.items()) if lid.creases}
     if folds:
-        building.shut("Shut the lid", folds)
+        shutting = sorted({number for lid in roles.lids.values() for number in lid.joins})
+        building.steps.append(AssemblyStep("Shut the lid", folds, (), tuple(shutting)))
     for mount in (mount for mount in car.mounts if roles.is_on_lid(mount)):
         building.step(f"Put the {mount.name} on", mounts=building.with_screws([mount]))
     return tuple(building.steps)
@@ -191,9 +182,8 @@ def _wheels(roles: Roles, building: Building) -> None:
     others = [one for one in placed if one not in strips and one not in inner]
     building.step("Put the outer discs on", others, unit=WHEEL)
     building.step("Wind the rims around the discs", strips, unit=WHEEL)
-    building.step(
-        "Stretch the tyres over the rims", mounts=[m for m in mounts if m.part == car.parts.tyre.name], unit=WHEEL
-    )
+    tyres = [m for m in mounts if m.part == car.parts.tyre.name]
+    building.step("Stretch the tyres over the rims", mounts=tyres, unit=WHEEL)
     building.step("Screw the horns onto the servos", mounts=[*horns, *central])
     units = [Added("unit", WHEEL, n, wheel) for n, wheel in enumerate(wheels)]
     building.step("Screw the wheels onto the horns", units=units, mounts=[m for m in screws if m not in central])

@@ -17,13 +17,11 @@ from foldcar.car.proof.blocks import Blocks, Way, hit, swept, together, vector, 
 from foldcar.car.proof.plan import WHEEL, planned, service
 from foldcar.car.proof.roles import Lid, roles_of
 from foldcar.car.proof.scene import Scene, Stage, title
-from foldcar.car.proof.step import Added, AssemblyStep, Reach, Thing, Vector
+from foldcar.car.proof.step import Added, AssemblyStep, Folds, Reach, Thing, Vector
 
 CAR = ("", "")
-# What follows a board's name in the wire that stands for its headers.
-HEADERS = " headers"
-# A lid turns in steps so small that film leaves the hull of two of its places by less than 0.01 mm.
-SWING_STEPS = 60
+# A lid turns in steps so small that film 100 mm from its fold leaves the hull of two of its places by 0.02 mm.
+SWING_STEPS = 40
 
 
 @dataclass(frozen=True)
@@ -120,7 +118,7 @@ class _Prover:
                 self._swing(place, name, f"{name} does not fold", path)
         self._close(step.folds)
 
-    def _close(self, folds: Mapping[str, Mapping[str, float]]) -> None:
+    def _close(self, folds: Folds) -> None:
         if not folds:
             return
         self.stage = self.stage.closed(folds)
@@ -171,11 +169,10 @@ class _Prover:
         return replace(added, way_mm=ways_in[0], nut_mm=ways_in[1])
 
     def _plugs_onto(self, mount: Mount, there: Mapping[Thing, Blocks]) -> bool:
-        """Whether a mount is plugged onto one that is there, header on header."""
-        stacks = [wire for wire in self.car.wires if wire.carries == "stack"]
-        pairs = [{wire.a.removesuffix(HEADERS), wire.b.removesuffix(HEADERS)} for wire in stacks]
+        """Whether a mount is a board that is plugged onto one that is there, header on header."""
+        boards = self.roles.board_names
         names = {self.roles.mounts[name].part for kind, name, _ in there if kind == "mount"}
-        return any(mount.part in pair and names & (pair - {mount.part}) for pair in pairs)
+        return mount.part in boards and bool(names & (boards - {mount.part}))
 
     def _screw_ways(self, screw: Mount, standing: Blocks, own: Sequence[Vector]) -> tuple[Way, Way | None]:
         """The ways out of head and shank, along the driver, and of the nut: off the shank with what holds it, then on."""

@@ -200,34 +200,14 @@ class Lid:
 
 
 def lid_of(car: FoldedCar, base: Piece) -> Lid:
-    """The lid of a beam: the faces between a lock and the first face that is glued to something; none without a lock.
-
-    Climbs from the tongue of a lock within the beam towards the root, and stops before a face from which glue leads to
-    what does not move with it.
-    """
-    faces = {face.name: face for face in base.faces}
-    parents = {crease.child.face: crease for crease in base.creases}
-    moving: set[str] = set()
-    opening: set[str] = set()
-    for lock in (j for j in car.joins if j.kind == "lock" and j.piece_a == j.piece_b == base.name):
-        still = {lock.b.face}
-        for crease in reversed(base.creases):
-            if crease.child.face in still:
-                still.add(crease.parent.face)
-        at = lock.a.face
-        while at in parents and at not in still:
-            # The face and all that hang on it.
-            below = {at}
-            for crease in base.creases:
-                if crease.parent.face in below:
-                    below.add(crease.child.face)
-            if _glued_elsewhere(car, base, below):
-                break
-            moving |= below
-            if faces[at].role == "panel":
-                opening.add(parents[at].name)
-            at = parents[at].parent.face
-    order = tuple(crease.name for crease in base.creases if crease.name in opening)
+    """The lid of a beam with all that hangs on it; none without a lock."""
+    locked = any(join.kind == "lock" and join.piece_a == join.piece_b == base.name for join in car.joins)
+    moving = {face.name for face in base.faces if locked and face.name.rpartition(".")[2] == "lid"}
+    for crease in base.creases:
+        if crease.parent.face in moving:
+            moving.add(crease.child.face)
+    panels = {face.name for face in base.faces if face.name in moving and face.role == "panel"}
+    order = tuple(crease.name for crease in base.creases if crease.child.face in panels)
     shutting = set()
     for join in (join for join in car.joins if join.kind in ("lock", "tuck")):
         ends = {(join.piece_a, join.a.face), (join.piece_b, join.b.face)}
@@ -235,20 +215,6 @@ def lid_of(car: FoldedCar, base: Piece) -> Lid:
             shutting.add(join.number)
     gripped = tuple(face for face in base.faces if face.name in moving and face.accesses)
     return Lid(frozenset(moving), order, tuple(sorted(shutting)), gripped)
-
-
-def _glued_elsewhere(car: FoldedCar, base: Piece, faces: set[str]) -> bool:
-    """Whether glue joins these faces of a beam to faces that do not move with them.
-
-    A flat piece laminated to the faces alone moves with them.
-    """
-    layers = {piece.name for piece in car.pieces if not piece.creases}
-    for join in (join for join in car.joins if join.kind in GLUED):
-        ends = ((join.piece_a, join.a.face), (join.piece_b, join.b.face))
-        outside = [piece for piece, face in ends if piece != base.name or face not in faces]
-        if len(outside) == 1 and (join.kind != "laminate" or outside[0] not in layers):
-            return True
-    return False
 
 
 def stands_in(one: Mount, solid: Solid, other: Mount, held: Solid) -> bool:

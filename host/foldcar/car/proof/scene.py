@@ -6,7 +6,7 @@ film bends; tongues are cut off where they reach into what they lock into.
 
 import itertools
 from collections import defaultdict
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator
 from functools import cache
 
 import numpy as np
@@ -18,9 +18,7 @@ from foldcar.car.folded.placed import polygon
 from foldcar.car.folded.pose import apply, compose, edge, folded, inverse, side
 from foldcar.car.proof.blocks import Blocks, Ignored, access_blocks, plate, solid_blocks, together
 from foldcar.car.proof.roles import Host, Roles
-from foldcar.car.proof.step import Reach, Thing
-
-Folds = Mapping[str, Mapping[str, float]]
+from foldcar.car.proof.step import Folds, Reach, Thing
 
 
 class Stage:
@@ -150,16 +148,11 @@ class Scene:
         """
         roles, piece = self.roles, self.roles.pieces[join.piece_a]
         tip = np.mean(edge(roles.faces[join.piece_a], join.a), axis=0)
-        copies = [[one for one in roles.car.placed if one.piece == name] for name in (join.piece_a, join.piece_b)]
-        found = []
-        for one, other in itertools.product(*copies):
-            if one.body == other.body:
-                onto = inverse(roles.pose_of(other, join.b.face))
-                height = apply(compose(onto, roles.pose_of(one, join.a.face)), *tip)[2]
-                found.append((abs(height), height, one, onto))
-        if not found:
-            return
-        reach, height, tongue, onto = min(found, key=lambda one: one[0])
+        copies = ([one for one in roles.car.placed if one.piece == name] for name in (join.piece_a, join.piece_b))
+        # No piece with a tongue is twice in one body.
+        tongue, slotted = next(pair for pair in itertools.product(*copies) if pair[0].body == pair[1].body)
+        onto = inverse(roles.pose_of(slotted, join.b.face))
+        height = apply(compose(onto, roles.pose_of(tongue, join.a.face)), *tip)[2]
         half = roles.pieces[join.piece_b].thickness_mm / 2
         for face in (face for face in piece.faces if join.piece_a != join.piece_b or face.name == join.a.face):
             relative = np.array(compose(onto, roles.pose_of(tongue, face.name))) * (1.0 if height > 0 else -1.0)
@@ -167,7 +160,7 @@ class Scene:
             slope, offset = relative[2, :2], relative[2, 3]
             heights = np.array(face.outline_mm) @ slope + offset
             if np.linalg.norm(slope) > UPRIGHT and heights.max() > -half:
-                yield face.name, _band(slope, offset, -half, reach + BEHIND_MM)
+                yield face.name, _band(slope, offset, -half, abs(height) + BEHIND_MM)
 
 
 def _band(slope: NDArray[np.float64], offset: float, low: float, high: float) -> shapely.Geometry:

@@ -10,6 +10,8 @@ from typing import Literal
 Vector = tuple[float, float, float]
 # A piece or a mount: its kind, its name and which copy.
 Thing = tuple[str, str, int]
+# Fractions of folds' angles by piece and crease.
+Folds = Mapping[str, Mapping[str, float]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +54,7 @@ class AssemblyStep:
     """
 
     title: str
-    folds: Mapping[str, Mapping[str, float]]
+    folds: Folds
     adds: tuple[Added, ...]
     joins: tuple[int, ...]
     reaches: tuple[Reach, ...] = ()

@@ -8,8 +8,8 @@ import numpy as np
 from foldcar.car.folded.model import FoldedCar, Mount, PlacedPiece
 from foldcar.car.folded.pose import apply
 from foldcar.car.proof.roles import roles_of
-from foldcar.car.proof.scene import Folds, Stage
-from foldcar.car.proof.step import Added, AssemblyStep
+from foldcar.car.proof.scene import Stage
+from foldcar.car.proof.step import Added, AssemblyStep, Folds
 from foldcar.fabrication.assembly.faces import Matrix
 from foldcar.fabrication.assembly.facets import Shape, film_shape, mount_shape
 from foldcar.fabrication.assembly.hidden_surfaces import Vector

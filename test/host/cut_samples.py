@@ -1,9 +1,7 @@
-"""A small folded car defined by hand with every feature of sheets: a beam, caps, discs, a rim; a box with a servo."""
+"""A small folded car defined by hand with every feature of sheets: a beam, caps, discs, a rim."""
 
 import itertools
 import math
-
-import numpy as np
 
 from foldcar.car.components.shape import on_circle
 from foldcar.car.folded.model import (
@@ -13,11 +11,8 @@ from foldcar.car.folded.model import (
     FoldedCar,
     Hole,
     Join,
-    Mount,
     Piece,
-    PlacedPiece,
     Point,
-    Pose,
 )
 from foldcar.car.parts.catalogue import catalogue
 
@@ -99,27 +94,3 @@ def folded_box(radius: float = 40.0) -> FoldedCar:
         )
     joins += [Join(6, "rim", "rim", EdgeRef(f"tooth {i} 0", 0), "disc", EdgeRef("disc", i), 1.0) for i in range(40)]
     return FoldedCar((beam(), cap(), disc(radius), rim(radius)), (), tuple(joins), (), (), (), (), catalogue())
-
-
-def pose(x: list[float], y: list[float], at: list[float]) -> Pose:
-    """The frame with these x and y axes at a point."""
-    matrix = np.eye(4)
-    matrix[:3, 0], matrix[:3, 1], matrix[:3, 2], matrix[:3, 3] = x, y, np.cross(x, y), at
-    return tuple(tuple(float(value) for value in row) for row in matrix)  # type: ignore[return-value]
-
-
-def placed_box() -> FoldedCar:
-    """Beam, caps and a servo in their places: printed sides inward for the beam, outward for the caps."""
-    x, y, z = LENGTH / 2, WIDTH / 2, HEIGHT / 2
-    placed = (
-        PlacedPiece("beam", 0, "segment0", pose([1, 0, 0], [0, 1, 0], [-x, -y, -z])),
-        PlacedPiece("cap", 0, "segment0", pose([0, 1, 0], [0, 0, 1], [x, -y, -z])),
-        PlacedPiece("cap", 1, "segment0", pose([0, -1, 0], [0, 0, 1], [-x, y, -z])),
-    )
-    middle = pose([1, 0, 0], [0, 1, 0], [0, y - 11.5, 0])
-    servo = Mount("FS90R servo", "left servo", "segment0", middle, (23.2, 22.0, 12.5), 0.009, "left")
-    joins = (
-        Join(1, "lap", "beam", EdgeRef("flap", 0), "beam", EdgeRef("floor", 0), LENGTH),
-        Join(2, "tab", "cap", EdgeRef("tab 0", 0), "beam", EdgeRef("floor", 1), WIDTH),
-    )
-    return FoldedCar((beam(), cap()), placed, joins, (servo,), (), (), (), catalogue())

@@ -16,12 +16,11 @@ from foldcar.car.folded.model import Crease, EdgeRef, Face, Hole, Piece
 from foldcar.car.folded_car import folded_car
 from foldcar.fabrication.patterns import nesting
 from foldcar.fabrication.patterns.drawing import Circle, Path
-from foldcar.fabrication.patterns.film import dashes, narrowest_film
 from foldcar.fabrication.patterns.flat_piece import FlatPiece, bend_deduction_mm, flat_piece
 from foldcar.fabrication.patterns.labels import join_marks, label_paths
 from foldcar.fabrication.patterns.nesting import NestingError, nest
 from foldcar.fabrication.patterns.options import Options, options, sheet_size_mm
-from foldcar.fabrication.patterns.piece_shapes import cut_shapes, piece_shapes
+from foldcar.fabrication.patterns.piece_shapes import cut_shapes, dashes, narrowest_film, piece_shapes
 from foldcar.fabrication.patterns.sheets import pattern
 from foldcar.fabrication.patterns.splitting import as_cut
 

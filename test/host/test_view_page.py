@@ -12,8 +12,7 @@ from foldcar.car.design import compose
 from foldcar.car.folded.model import FoldedCar
 from foldcar.car.folded_car import folded_car
 from foldcar.fabrication.assembly.faces import face_poses, moved
-from foldcar.fabrication.assembly.recorded_run import recorded_run
-from foldcar.fabrication.assembly.scene_shape import SceneShapes
+from foldcar.fabrication.assembly.scene_shape import SceneShapes, recorded_run
 from foldcar.fabrication.assembly.view_page import view_page
 from foldcar.models.exported_car import main_segment
 from foldcar.simulation.carsim import Carsim
@@ -43,7 +42,7 @@ def film_box(folded: FoldedCar) -> np.ndarray:
 
 def test_page_puts_the_car_together_and_names_its_parts(tmp_path: Path) -> None:
     folded = folded_car(compose("W_B_W", {}))
-    found = probed(view_page(folded, "a car", []), tmp_path, "", PUT_TOGETHER)
+    found = probed(view_page(folded, "a car"), tmp_path, "", PUT_TOGETHER)
 
     flat, built = np.array(found["boxes"][0]), np.array(found["boxes"][-1])
     assert flat[5] - flat[2] == pytest.approx(0, abs=1e-3)
@@ -117,7 +116,7 @@ def test_wheels_that_do_not_slip_turn_by_the_way_of_each(tmp_path: Path) -> None
     back = circle[-1] + np.outer(np.linspace(0, 1, 11)[1:], [1, 0.5, 0, 0, 0, 0, 0])
     run = run_data(folded, body, np.vstack([circle, back]))
 
-    found = probed(view_page(folded, "a car", [], run), tmp_path, "time=0", WHEELS)
+    found = probed(view_page(folded, "a car", run), tmp_path, "time=0", WHEELS)
 
     track = body["track_m"]
     for wheel, angles in zip(body["wheels"], found, strict=True):
@@ -162,7 +161,7 @@ def test_page_replays_a_run_of_a_hinged_car_on_the_simulators_ground(tmp_path: P
     run = recorded_run(folded, body, where, {"outcome": "passed"}, rows, heights, "Told.")
     points = f"const points = {np.column_stack([x, y]).tolist()};"
 
-    found = probed(view_page(folded, "a car", [], run), tmp_path, "time=1", points + REPLAY)
+    found = probed(view_page(folded, "a car", run), tmp_path, "time=1", points + REPLAY)
 
     poses = {name: np.array(pose) for name, pose in found["bodies"].items()}
     # Intrinsic: about z, then nose up, then left side up.
@@ -229,7 +228,7 @@ def test_a_stuck_cars_belly_is_marked_where_it_hangs(tmp_path: Path) -> None:
     rail = {"kind": "box", "x_m": 0.5, "y_m": 0.0, "heading_rad": 0.0, "length_m": 0.02, "width_m": 0.5, "height_m": 0.08}
     z = 0.08 - bottom
     rows = [[0.0, 0.5, 0.0, z, 0.0, 0.0, 0.0], [1.0, 0.5, 0.0, z, 0.0, 0.0, 0.0]]
-    page = view_page(folded, "a car", [], run_data(folded, body, rows, [rail], "stuck"))
+    page = view_page(folded, "a car", run_data(folded, body, rows, [rail], "stuck"))
 
     found = probed(page, tmp_path, "time=1", """
       const [{ marks }] = view.run.cars();
@@ -243,7 +242,7 @@ def test_without_webgl_a_run_has_roll_and_pitch(tmp_path: Path) -> None:
     design = compose("W_B_W", {})
     folded, body = folded_car(design), body_json(design)
     rows = [[0.0, 0.0, 0.0, 0.06, 0.0, 0.0, 0.0], [1.0, 0.5, 0.0, 0.06, 0.0, 0.0, 0.0]]
-    page = view_page(folded, "a car", [], run_data(folded, body, rows))
+    page = view_page(folded, "a car", run_data(folded, body, rows))
     # The assembly needs WebGL; here only the run is without.
     no_webgl = """const own = HTMLCanvasElement.prototype, get = own.getContext;
       own.getContext = function (kind, ...rest) {

@@ -87,9 +87,11 @@ def pattern(
             manifest = json.loads(made.files[MANIFEST])
             of_car = {"vehicle": place.vehicle, "folder": output / place.folder, "title": made.title}
             cars.append({**of_car, **manifest, "checks": list(made.checks)})
-            warned = f", {len(manifest['warnings'])} warnings" if manifest["warnings"] else ""
-            of_many = [f"{place.folder}: {_amounts([manifest])}{warned}"]
-            lines += of_many if every else _car_lines(made, chosen, output)
+            if every:
+                warned = f", {len(made.pattern.warnings)} warnings" if made.pattern.warnings else ""
+                lines.append(f"{place.folder}: {_amounts([manifest])}{warned}")
+            else:
+                lines += _car_lines(made, chosen, output)
         if every:
             (folder / MANIFEST).write_text(json.dumps({"files": [*listed, MANIFEST]}, indent=2) + "\n", encoding="utf-8")
             vehicles = len({place.vehicle for place in places})

@@ -1,4 +1,4 @@
-"""`foldcar view`: a page with a car that is put together step by step, its sheets, and a run that it drives."""
+"""`foldcar view`: a page with a car that is put together step by step, and a run that it drives."""
 
 import re
 from collections.abc import Sequence
@@ -12,9 +12,7 @@ from foldcar.commands.options import (  # fmt: skip
     Components,
     Json,
     Listing,
-    Machine,
     Settings,
-    Sheet,
     Vehicle,
     check_distinct,
     output_file,
@@ -40,12 +38,10 @@ def view(
         str | None,
         typer.Option(metavar="ID[/K]", help="Show the car driving: an experiment and its sampled environment, e.g. 1/3."),
     ] = None,
-    machine: Machine = "silhouette",
-    sheet: Sheet = None,
     components: Components = None,
     as_json: Json = False,
 ) -> None:
-    """Show a car in the browser: its assembly, sheets, a run.
+    """Show a car in the browser: its assembly, a run.
 
     The page that is written needs no network.
 
@@ -58,8 +54,6 @@ def view(
     from foldcar.car.verify import verify
     from foldcar.fabrication.assembly.view_page import view_page
     from foldcar.fabrication.make_car import refuse
-    from foldcar.fabrication.patterns.options import options
-    from foldcar.fabrication.patterns.sheets import pattern
     from foldcar.outputs import atomic_file
 
     check_distinct([listing], [output])
@@ -67,8 +61,7 @@ def view(
     design = shown.design if shown else listed_family(listing, vehicle, settings)[1].single()
     folded, title = folded_car(design), design.title
     refuse(title, list(map(str, verify(design).findings)))
-    sheets = pattern(folded, options(machine, sheet=sheet), title).sheets
-    page = view_page(folded, title, sheets, _replayed(shown, folded) if shown else None)
+    page = view_page(folded, title, _replayed(shown, folded) if shown else None)
     with atomic_file(output) as binary:
         binary.write(page.encode())
     tell(as_json, {"files": [output]}, output)
@@ -76,7 +69,7 @@ def view(
 
 def _replayed(listed: ListedRun, folded: "FoldedCar") -> dict[str, Any]:
     """What run.js replays of that run. FoldcarError if the run fails."""
-    from foldcar.fabrication.assembly.recorded_run import recorded_run
+    from foldcar.fabrication.assembly.scene_shape import recorded_run
     from foldcar.simulation.heights import carsim_heights
     from foldcar.simulation.results import outcome_of
 

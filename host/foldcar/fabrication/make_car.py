@@ -110,7 +110,7 @@ def make_car(design: Design, chosen: Options, command: str = "") -> MadeCar:
 
     done = operations(folded, pieces)
     texts = {
-        "view.html": view_page(folded, title, cut.sheets),
+        "view.html": view_page(folded, title),
         "body.json": json.dumps(body_json(design), indent=2) + "\n",
         "car.json": json.dumps(car_json(design), indent=2) + "\n",
         "how_to_cut.md": how_to_cut(cut, command),

@@ -17,8 +17,7 @@ from typing import Any
 from foldcar.car.design import compose, parameters
 from foldcar.car.folded_car import folded_car
 from foldcar.errors import FoldcarError
-from foldcar.fabrication.assembly.recorded_run import drawn_body
-from foldcar.fabrication.assembly.scene_shape import SceneShapes
+from foldcar.fabrication.assembly.scene_shape import SceneShapes, drawn_body
 from foldcar.figures.scene_data import ground_data
 from foldcar.report.page_data import Experiment
 from foldcar.report.replay_paths import End, Key, Paths, choose_runs, kept_paths, simulate_paths

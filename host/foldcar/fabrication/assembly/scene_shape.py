@@ -1,11 +1,13 @@
-"""A car's real shape for pages on which it drives: the faces of its film as they are folded, bought parts as solids.
+"""Cars and runs for pages on which they drive: faces of film as they are folded, bought parts as solids; a run's path.
 
-Input: FoldedCars. Output: JSON that ``car.js`` reads: outlines in tenths of a millimetre, solids and poses in
-millimetres. Small holes and parts, such as screws, are left out; hinges are flat.
+Input: FoldedCars, bodies and scenes of docs/carsim.md, a run's result and path. Output: JSON that ``car.js`` and
+``run.js`` read: outlines in tenths of a millimetre, solids and poses in millimetres, all else in SI units. Small holes
+and parts, such as screws, are left out; hinges are flat.
 """
 
+import base64
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -14,6 +16,8 @@ import numpy as np
 from foldcar.car.folded.model import FoldedCar, Mount, Piece, PlacedPiece
 from foldcar.car.folded.pose import edge
 from foldcar.fabrication.assembly.faces import face_poses, mount_material, moved
+from foldcar.figures.scene_data import ground_data
+from foldcar.simulation.heights import Heights
 
 UNIT_MM = 0.1
 HOLES = ("opening", "vent")
@@ -117,3 +121,40 @@ def _solids(mount: Mount) -> list[dict[str, Any]]:
 
 def _sides(size_mm: Sequence[float]) -> list[float]:
     return [round(float(side), 2) for side in size_mm]
+
+
+def recorded_run(
+    folded: FoldedCar,
+    body: Mapping[str, Any],
+    scene: Mapping[str, Any],
+    answer: Mapping[str, Any],
+    path: Sequence[Sequence[float]],
+    heights: Heights,
+    told: str,
+) -> dict[str, Any]:
+    """The object that run.js reads; ``told`` says which run it is and what is to be known of it."""
+    head, content = ground_data(scene, heights)
+    shapes = SceneShapes()
+    parts = shapes.add(folded)
+    return {
+        "told": f"{told} The wheels turn as if they did not slip: a path has no angles of wheels. Orange: the goal"
+        + ("; violet: a friction of its own." if any(one["kind"] == "patch" for one in scene["terrain"]) else "."),
+        "outcome": answer["outcome"],
+        "rows": np.round(np.asarray(path, dtype=float), 5).tolist(),
+        "car": {"body": drawn_body(body), "shape": {"pieces": shapes.pieces, "parts": parts}},
+        "ground": {**head, "heights": base64.b64encode(content).decode()},
+    }
+
+
+def drawn_body(body: Mapping[str, Any]) -> dict[str, Any]:
+    """What is drawn of a car's body of docs/carsim.md: its geometry."""
+    return {
+        "track_m": body["track_m"],
+        "segments": _of(body["segments"], "x_m", "length_m", "width_m", "height_m", "center_z_m"),
+        "hinges": _of(body["hinges"], "x_m", "z_m"),
+        "wheels": _of(body["wheels"], "channel", "segment", "side", "x_m", "radius_m", "width_m"),
+    }
+
+
+def _of(rows: Sequence[Mapping[str, Any]], *names: str) -> list[dict[str, Any]]:
+    return [{name: row[name] for name in names} for row in rows]

@@ -1,40 +1,44 @@
-"""The view page: one HTML file with the flat sheets and a model of the car that is put together, without network access.
+"""The view page: one HTML file with a model of the car that is put together, without network access.
 
-Input: a FoldedCar, drawings of its flat sheets; for a car that drives, its run. Output: the page's text, which contains
-its script with three.js (tools/web_bundles.py).
+Input: a FoldedCar; for a car that drives, its run. Output: the page's text, which contains its script with three.js
+(tools/web_bundles.py) and the data that the scripts read: triangulated faces, folds, parts with their poses, the order of
+assembly; in millimetres and radians, poses are 16 numbers, row-major. The page computes the folding.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from typing import Any
 
+import numpy as np
 from markupsafe import Markup
 
-from foldcar.car.folded.model import FoldedCar
-from foldcar.fabrication.assembly.faces import piece_area_mm2
+from foldcar.car.folded.model import Crease, EdgeRef, Face, FoldedCar, Mount, Piece, Pose
+from foldcar.car.folded.pose import edge
+from foldcar.fabrication.assembly.faces import (
+    face_points,
+    face_poses,
+    face_triangles,
+    mount_material,
+    moved,
+    piece_area_mm2,
+)
+from foldcar.fabrication.assembly.facets import NUT_OF, shank_and_nut
 from foldcar.fabrication.assembly.parts_list import parts_list, total_cost_usd, total_mass_kg
-from foldcar.fabrication.assembly.view_data import view_data
+from foldcar.fabrication.assembly.view_steps import NUT, Part, ViewSteps, view_steps
 from foldcar.fabrication.patterns.drawing import Sheet
-from foldcar.fabrication.patterns.svg import svg
-from foldcar.figures.page import bundle, inline_svg, page_template, script_json
+from foldcar.figures.page import bundle, page_template, script_json
 
 ROOM = "foldcar.fabrication.assembly"
+DECIMALS = 4
+GAP_MM = 12.0
 
 
-def view_page(
-    folded: FoldedCar,
-    title: str,
-    sheets: Sequence[Sheet] = (),
-    run: Mapping[str, Any] | None = None,
-) -> str:
-    """The page's text, with the ``sheets``. ``run`` is the object that run.js reads."""
+def view_page(folded: FoldedCar, title: str, run: Mapping[str, Any] | None = None) -> str:
+    """The page's text. ``run`` is the object that run.js reads."""
     return page_template(ROOM, "web/view.html").render(
         title=title,
-        facts=facts(folded, sheets),
-        drawings=[
-            {"svg": Markup(inline_svg(svg(sheet), f"drawing{number}", sheet.name)), "caption": sheet.name}
-            for number, sheet in enumerate(sheets, 1)
-        ],
+        facts=facts(folded),
         run=run,
         data=script_json({"car": view_data(folded), "run": run}),
         style=Markup(files(ROOM).joinpath("web/view.css").read_text(encoding="utf-8")),
@@ -52,3 +56,163 @@ def facts(folded: FoldedCar, sheets: Sequence[Sheet] = ()) -> str:
         f"{total_mass_kg(rows) * 1e3:.0f} g, {count} pieces of film with {area_cm2:.0f} cm², "
         f"{len(folded.axles)} driven wheels, about {total_cost_usd(rows):.0f} USD of parts{waste}"
     )
+
+
+def view_data(folded: FoldedCar) -> dict[str, Any]:
+    """The object of a car that the page's scripts read."""
+    steps = view_steps(folded)
+    # Laminated pieces lie on the printed, inner side.
+    layers = {join.piece_a for join in folded.joins if join.kind == "laminate"}
+    glued = {(join.piece_a, join.a.face) for join in folded.joins if join.kind in ("tab", "lap", "rim")}
+    index = {piece.name: i for i, piece in enumerate(folded.pieces)}
+    number = {("piece", one.piece, one.copy): i for i, one in enumerate(folded.placed)}
+    mounts: list[tuple[Mount, str]] = []
+    for mount in folded.mounts:
+        nutted = (NUT, mount.name, 0) in steps.ways
+        mounts += zip(shank_and_nut(mount), ("mount", NUT), strict=True) if nutted else [(mount, "mount")]
+    extents = [_flat_extent(folded.pieces[index[placed.piece]]) for placed in folded.placed]
+    extents += [(-mount.size_mm[0] / 2, -mount.size_mm[1] / 2, *mount.size_mm[:2]) for mount, _ in mounts]
+    parts = []
+    for placed in folded.placed:
+        piece = folded.pieces[index[placed.piece]]
+        parts.append({
+            "piece": index[placed.piece],
+            "name": (piece.label or piece.name) + (f" {placed.copy + 1}" if piece.count > 1 else ""),
+            "layer": placed.piece in layers,
+            **_part(placed.body, placed.pose, steps, ("piece", placed.piece, placed.copy)),
+        })  # fmt: skip
+    for mount, kind in mounts:
+        parts.append({
+            "name": mount.name if mount.name == mount.part else f"{mount.name} ({mount.part})",
+            "material": mount_material(mount),
+            "solids": [{"kind": one.kind, "size": one.size_mm, "pose": _numbers(one.pose)} for one in mount.shape],
+            **_part(mount.body, mount.pose, steps, (kind, mount.name.removeprefix(NUT_OF), 0)),
+        })  # fmt: skip
+    for part, flat in zip(parts, laid_out(extents), strict=True):
+        part["flat"] = flat
+        if part["rides"] is not None:
+            host, face = part["rides"]
+            faces = [one.name for one in folded.pieces[index[host[1]]].faces]
+            part["rides"] = [number[host], faces.index(face)]
+    return {
+        "pieces": [_piece(piece, steps, glued) for piece in folded.pieces],
+        "parts": parts,
+        "steps": steps.titles,
+        "lid": {index[name]: _children(folded.pieces[index[name]], found) for name, found in steps.lids.items() if found},
+        "ground": _ground_mm(folded),
+    }
+
+
+def _part(body: str, pose: Pose, steps: ViewSteps, key: Part) -> dict[str, Any]:
+    # What no step puts in is there from the first one on.
+    ways = steps.ways.get(key, [(1, (), 0.0, 1.0)])
+    exploded = steps.exploded.get(key, (0.0, 0.0, 0.0))
+    return {"body": body, "pose": _numbers(pose), "ways": ways, "exploded": exploded, "rides": steps.rides.get(key)}
+
+
+def _piece(piece: Piece, steps: ViewSteps, glued: set[tuple[str, str]]) -> dict[str, Any]:
+    number = {face.name: i for i, face in enumerate(piece.faces)}
+    faces = {face.name: face for face in piece.faces}
+    creases = {crease.child.face: crease for crease in piece.creases}
+    uncut, smooth = _shared_edges(piece, faces)
+    described = []
+    for face in piece.faces:
+        points, ends = face_points(face)
+        entry: dict[str, Any] = {
+            "points": np.round(points, DECIMALS).ravel().tolist(),
+            "rings": [int(end) for end in ends],
+            "triangles": face_triangles(face).ravel().tolist(),
+            "uncut": sorted(uncut[face.name]),
+            "smooth": [[point, number[other]] for point, other in smooth[face.name]],
+        }
+        crease = creases.get(face.name)
+        if crease is not None:
+            side = 1 if crease.angle_rad > 0 else -1
+            entry["lifted"] = side if (piece.name, face.name) in glued else 0
+            entry["fold"] = {
+                "parent": number[crease.parent.face],
+                "on": [*edge(faces, crease.parent)[0], *edge(faces, crease.parent)[1]],
+                "own": [*edge(faces, crease.child)[0], *edge(faces, crease.child)[1]],
+                "edge": crease.child.index,
+                "angle": crease.angle_rad,
+                "drawn": not _is_smooth(crease, faces),
+                "closing": steps.closing[piece.name, crease.name],
+            }
+        described.append(entry)
+    return {"name": piece.label or piece.name, "material": "film", "faces": described}
+
+
+def _is_smooth(crease: Crease, faces: dict[str, Face]) -> bool:
+    """Whether nothing is seen of the crease: a rim bends smoothly between its facets."""
+    return crease.bend or (faces[crease.parent.face].role == "rim" and faces[crease.child.face].role == "rim")
+
+
+def _shared_edges(piece: Piece, faces: dict[str, Face]) -> tuple[dict[str, set[int]], dict[str, list[tuple[int, str]]]]:
+    """By face: edges that are not cut, and points on smooth bends, each with the face beyond it."""
+    uncut: dict[str, set[int]] = {name: set() for name in faces}
+    smooth: dict[str, list[tuple[int, str]]] = {name: [] for name in faces}
+    for crease in piece.creases:
+        uncut[crease.child.face].add(crease.child.index)
+        if _same_length(faces, crease.parent, crease.child):
+            uncut[crease.parent.face].add(crease.parent.index)
+        if _is_smooth(crease, faces):
+            for own, other in ((crease.parent, crease.child), (crease.child, crease.parent)):
+                count = len(faces[own.face].outline_mm)
+                smooth[own.face] += [(own.index, other.face), ((own.index + 1) % count, other.face)]
+    return uncut, smooth
+
+
+def _same_length(faces: dict[str, Face], a: EdgeRef, b: EdgeRef) -> bool:
+    lengths = [float(np.linalg.norm(np.subtract(*edge(faces, one)))) for one in (a, b)]
+    return abs(lengths[0] - lengths[1]) < 1e-3
+
+
+def _children(piece: Piece, creases: tuple[str, ...]) -> list[int]:
+    """The faces, by number, that turn about these creases."""
+    number = {face.name: i for i, face in enumerate(piece.faces)}
+    return [number[crease.child.face] for crease in piece.creases if crease.name in creases]
+
+
+def _flat_extent(piece: Piece) -> tuple[float, float, float, float]:
+    """Minimum x and y, size along x and y (mm) of the flat piece in its root face's frame."""
+    poses = face_poses(piece, 0.0)
+    corners = np.concatenate([moved(poses[face.name], np.array(face.outline_mm)) for face in piece.faces])
+    low, size = corners.min(axis=0), np.ptp(corners, axis=0)
+    return float(low[0]), float(low[1]), float(size[0]), float(size[1])
+
+
+def _ground_mm(folded: FoldedCar) -> float:
+    """z of the floor under the car (mm)."""
+    return min((axle.center_mm[2] - axle.radius_mm for axle in folded.axles), default=-50.0)
+
+
+def _numbers(pose: Pose) -> list[float]:
+    return [round(value, 6) for row in pose for value in row]
+
+
+def laid_out(extents: list[tuple[float, float, float, float]]) -> list[list[float]]:
+    """Poses [x, y, turn] of origins that arrange rectangles without overlap in rows around the centre.
+
+    A rectangle is minimum x and y, size along x and y (mm). Those longer along y than along x are turned by 90°, so that
+    rows are low; the highest come first, each in the first row with room.
+    """
+    sizes = [(max(e[2], e[3]) + GAP_MM, min(e[2], e[3]) + GAP_MM) for e in extents]
+    width = max(1.15 * math.sqrt(sum(a * b for a, b in sizes)), max(a for a, _ in sizes))
+    rows: list[list[float]] = []  # y, height, occupied length along x
+    corners = [(0.0, 0.0)] * len(extents)
+    for i in sorted(range(len(extents)), key=lambda i: (-sizes[i][1], i)):
+        along, across = sizes[i]
+        row = next((row for row in rows if row[2] + along <= width), None)
+        if row is None:
+            row = [rows[-1][0] + rows[-1][1] if rows else 0.0, across, 0.0]
+            rows.append(row)
+        corners[i] = (row[2] - width / 2, row[0])
+        row[2] += along
+    middle = (rows[-1][0] + rows[-1][1]) / 2
+    places = []
+    for (x, y), (low_x, low_y, along, across) in zip(corners, extents, strict=True):
+        # A quarter turn maps (x, y) to (-y, x).
+        turned = across > along
+        at = (x + low_y + across, y - low_x) if turned else (x - low_x, y - low_y)
+        places.append([round(at[0], 3), round(at[1] - middle, 3), math.pi / 2 if turned else 0.0])
+    return places

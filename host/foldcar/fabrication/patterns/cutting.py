@@ -10,12 +10,11 @@ from shapely.geometry import Polygon, box
 
 from foldcar.car.parts.catalogue import Catalogue
 from foldcar.fabrication.patterns.drawing import LAYERS, Motion, Path, Point, Shape, Sheet, bounds
-from foldcar.fabrication.patterns.film import dashes
 from foldcar.fabrication.patterns.flat_piece import FlatPiece
 from foldcar.fabrication.patterns.labels import text_strokes
 from foldcar.fabrication.patterns.nesting import NestingError, advice, all_fit, fits, too_large
 from foldcar.fabrication.patterns.options import MACHINES, Options
-from foldcar.fabrication.patterns.piece_shapes import cut_shapes
+from foldcar.fabrication.patterns.piece_shapes import cut_shapes, dashes
 from foldcar.fabrication.patterns.sheets import REFERENCE_MM, Pattern, rounded, title_shapes, title_size_mm, wrapped
 from foldcar.figures.page import page_template
 

@@ -1,17 +1,37 @@
-"""A flat piece as shapes on layers: kerf-compensated cuts, fold dashes or score lines, labels."""
+"""A flat piece as shapes on layers: kerf-compensated cuts, fold dashes or score lines, labels; the film between its cuts.
 
+Input: a FlatPiece and Options. Output: shapes; the narrowest film of the piece: a bridge too narrow tears while it is cut
+or folded. The bridges between the cuts of one fold are an option of their own (``dash_bridge_mm``) and not counted.
+"""
+
+import math
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 
 import shapely
-from shapely.geometry import Polygon
+from shapely.geometry import LineString, MultiLineString, Polygon
+from shapely.geometry import Point as ShapelyPoint
+from shapely.geometry.base import BaseGeometry
 
-from foldcar.fabrication.patterns.drawing import Circle, LayerName, Path, Shape
-from foldcar.fabrication.patterns.film import fold_cuts
-from foldcar.fabrication.patterns.flat_piece import FlatPiece
+from foldcar.fabrication.patterns.drawing import Circle, LayerName, Path, Point, Shape
+from foldcar.fabrication.patterns.flat_piece import FlatPiece, Fold
 from foldcar.fabrication.patterns.labels import EdgeMark, label_paths
-from foldcar.fabrication.patterns.options import Options
+from foldcar.fabrication.patterns.options import LEAST_FILM_MM, Options
 
 FOLD_LAYERS: dict[str, LayerName] = {"mountain": "FOLD_MOUNTAIN", "valley": "FOLD_VALLEY"}
+# No machine cuts less in one piece.
+SHORTEST_CUT_MM = 0.3
+# A fold with no room for a cut between its ends' films has one of this share of its length, but none below this length:
+# a fold so short bends without one.
+SHORT_FOLD_SHARE = 1 / 3
+LEAST_CUT_MM = 1.0
+
+Cut = tuple[Point, Point]
+EDGE, SLIT, DASHES = "its edge", "a slit", "a fold's dashes"
+# What is as wide as the film between a fold's cuts, which is creased, does not tear while it is weeded.
+NARROW_FILM_MM = 1.0
+# Beside rounding errors of the buffers' arcs.
+ROUNDING_MM = 0.01
 
 
 def piece_shapes(
@@ -61,3 +81,115 @@ def _folds(flat: FlatPiece, chosen: Options) -> Iterator[Shape]:
         yield from (Path(FOLD_LAYERS[fold.kind], cut) for cut in cuts)
         if not cuts:
             yield Path("LABEL", (fold.a, fold.b))
+
+
+def dashes(
+    a: Point, b: Point, cut_mm: float, bridge_mm: float, kerf_mm: float = 0.0, taken: BaseGeometry | None = None
+) -> list[Cut]:
+    """The cuts along the fold from ``a`` to ``b``, outside of ``taken``: other cuts and the film that they must keep.
+
+    Without ``taken`` the fold has a bridge at both ends. The finished cuts, kerf included, have the length ``cut_mm``;
+    bridges are at least ``bridge_mm``, equal between two cuts. A short fold has a shorter cut, a tiny one none.
+    """
+    length = math.dist(a, b)
+
+    def at(distance: float) -> Point:
+        share = distance / length
+        return a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])
+
+    free = [(bridge_mm, length - bridge_mm)] if taken is None else list(_free(a, b, taken))
+    cuts = [cut for low, high in free for cut in _row(low, high, cut_mm, bridge_mm)]
+    half = length * SHORT_FOLD_SHARE / 2
+    if not cuts and 2 * half >= LEAST_CUT_MM:
+        cuts = [(length / 2 - half, length / 2 + half)]
+    # The beam or blade is as wide as the kerf at both ends of its way.
+    trims = ((low, high, min(kerf_mm, (high - low) / 2) / 2) for low, high in cuts)
+    return [(at(low + trim), at(high - trim)) for low, high, trim in trims]
+
+
+def _free(a: Point, b: Point, taken: BaseGeometry) -> Iterator[tuple[float, float]]:
+    """The parts of the fold outside of ``taken`` by their distances from ``a`` (mm)."""
+    for part in shapely.get_parts(LineString([a, b]).difference(taken)):
+        if part.length > 0:
+            low, high = sorted(math.dist(a, p) for p in (part.coords[0], part.coords[-1]))
+            yield low, high
+
+
+def _row(low: float, high: float, cut_mm: float, bridge_mm: float) -> Iterator[tuple[float, float]]:
+    """Cuts from ``low`` to ``high``, the first and last at the ends; a single one in the middle."""
+    room = high - low
+    count = math.floor((room + bridge_mm) / (cut_mm + bridge_mm) + 1e-9)
+    if count < 2:
+        cut = min(cut_mm, room)
+        if cut >= SHORTEST_CUT_MM:
+            yield (low + high - cut) / 2, (low + high + cut) / 2
+        return
+    step = (room - cut_mm) / (count - 1)
+    for i in range(count):
+        yield low + i * step, low + i * step + cut_mm
+
+
+@dataclass(frozen=True, slots=True)
+class Film:
+    """The narrowest film of a piece (mm), and what it lies between."""
+
+    width_mm: float
+    between: tuple[str, str]
+
+    @property
+    def narrow(self) -> bool:
+        """Whether it may tear."""
+        return self.width_mm < NARROW_FILM_MM - ROUNDING_MM
+
+
+def fold_cuts(flat: FlatPiece, chosen: Options) -> tuple[tuple[Fold, tuple[Cut, ...]], ...]:
+    """Each fold that is cut, with its cuts, which keep ``LEAST_FILM_MM`` from all other cuts of the piece."""
+    if chosen.fold != "dash":
+        return ()
+    lines = [flat.outline.boundary, *(hole for _, hole in _openings(flat)), *(LineString(slit) for slit in flat.slits)]
+    taken = shapely.union_all(lines).buffer(LEAST_FILM_MM + chosen.kerf_mm / 2, quad_segs=16)
+    shapely.prepare(taken)
+    return tuple(
+        (fold, tuple(dashes(fold.a, fold.b, chosen.dash_cut_mm, chosen.dash_bridge_mm, chosen.kerf_mm, taken)))
+        for fold in flat.folds
+        if fold.kind != "flexure"
+    )
+
+
+def narrowest_film(flat: FlatPiece, chosen: Options) -> Film | None:
+    """The narrowest film between two cuts; None for a piece with one cut."""
+    half = chosen.kerf_mm / 2
+    cuts: list[tuple[str, BaseGeometry, float]] = [(EDGE, flat.outline.exterior, 0.0)]
+    cuts += [(name, hole, 0.0) for name, hole in _openings(flat)]
+    cuts += [(SLIT, LineString(slit), half) for slit in flat.slits]
+    cuts += [(DASHES, MultiLineString(cut), half) for _, cut in fold_cuts(flat, chosen) if cut]
+    shapes, widths = [shape for _, shape, _ in cuts], [width for *_, width in cuts]
+    best = None
+    for i, shape in enumerate(shapes[:-1]):
+        apart = shapely.distance(shape, shapes[i + 1 :])
+        for k, distance in enumerate(apart.tolist(), i + 1):
+            # Slits begin at edges and folds.
+            if SLIT in (cuts[i][0], cuts[k][0]) and distance < ROUNDING_MM:
+                continue
+            width = distance - widths[i] - widths[k]
+            if best is None or width < best[0]:
+                best = (width, i, k)
+    if best is None:
+        return None
+    width, i, k = best
+    return Film(width, (cuts[k][0], cuts[i][0]))
+
+
+def _openings(flat: FlatPiece) -> Iterator[tuple[str, BaseGeometry]]:
+    """Name and area of every opening and round hole."""
+    named = [(name.rpartition(".")[2], Polygon([a for a, _ in ring]).centroid)
+             for face in flat.faces for name, ring in face.holes.items()]  # fmt: skip
+
+    def name(middle: ShapelyPoint) -> str:
+        return min(named, key=lambda one: float(one[1].distance(middle)), default=("a hole", middle))[0]
+
+    for ring in flat.outline.interiors:
+        yield name(Polygon(ring).centroid), Polygon(ring)
+    for (x, y), diameter in flat.circles:
+        middle = ShapelyPoint(x, y)
+        yield name(middle), middle.buffer(diameter / 2, quad_segs=32)

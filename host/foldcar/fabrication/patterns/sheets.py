@@ -16,12 +16,11 @@ from foldcar.car.folded.model import FoldedCar
 from foldcar.car.parts.bought import Film as SoldFilm
 from foldcar.car.parts.catalogue import film_of
 from foldcar.fabrication.patterns.drawing import LAYERS, Motion, Path, Point, Shape, Sheet
-from foldcar.fabrication.patterns.film import Film, narrowest_film
 from foldcar.fabrication.patterns.flat_piece import FlatPiece, flat_piece, moved_to_origin
 from foldcar.fabrication.patterns.labels import join_marks, text_strokes
 from foldcar.fabrication.patterns.nesting import NestingError, advice, all_fit, nest
 from foldcar.fabrication.patterns.options import TORN_FILM_MM, OptionError, Options
-from foldcar.fabrication.patterns.piece_shapes import outer_cut, piece_shapes
+from foldcar.fabrication.patterns.piece_shapes import Film, narrowest_film, outer_cut, piece_shapes
 from foldcar.fabrication.patterns.splitting import as_cut
 
 # Length of the bar by which the scale of a cut or printed sheet is checked.
@@ -183,8 +182,7 @@ def pattern_of(cut: CutCar, chosen: Options, title: str, command: str = "") -> P
 
 
 def _narrow(film: Film) -> str:
-    why = ", which the measures of the part there ask for" if film.of_part else ""
-    return f"only {film.width_mm:.2f} mm of film between {film.between[0]} and {film.between[1]}{why}: it may tear"
+    return f"only {film.width_mm:.2f} mm of film between {film.between[0]} and {film.between[1]}: it may tear"
 
 
 def _advice(car: FoldedCar, chosen: Options) -> str:

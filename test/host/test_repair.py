@@ -155,10 +155,13 @@ def test_a_lost_schema_or_root_costs_no_trial(store: Path, tmp_path: Path, place
 def test_whatever_is_damaged_nothing_else_is_saved_than_was_there(store: Path, tmp_path: Path) -> None:
     sound, content, chance = rows(store), store.read_bytes(), random.Random(8)
     emptied = 0
-    for number in range(30):
+    for number in range(40):
         damaged = bytearray(content)
         for _ in range(chance.choice((1, 1, 30))):
             damaged[chance.randrange(len(content))] ^= 1 << chance.randrange(8)
+        if number % 4 == 1:
+            block = 4096 * chance.randrange(len(content) // 4096)
+            damaged[block : block + 4096] = bytes(4096)
         if chance.random() < 0.3:
             del damaged[chance.randrange(30_000, len(content)) :]
         store.write_bytes(damaged)

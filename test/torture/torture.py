@@ -1,4 +1,4 @@
-"""Disturbs sweeps, stores and trials at random for a while, and looks whether anything was lost.
+"""Disturbs sweeps, outputs and trials at random for a while, and looks whether anything was lost.
 
 Input: the environment's TORTURE_S (seconds), TORTURE_SEED, TORTURE_ONLY (name of a disturbance, or several with commas)
 and TORTURE_ROUND (only this round). Output: a line a disturbance and a table of counts; exit code 1 at the first loss,
@@ -8,25 +8,19 @@ with the way to repeat it, and what is left of it in the folder that it names.
 import os
 import random
 import shutil
-import sqlite3
 import sys
 import tempfile
 import time
 from collections import Counter
-from contextlib import closing, suppress
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "host"))
 
-import damage
 import disks
 import loggers
 import processes
 import sweeps
 from study import SWEEP, LossError, digest, require_sound, write_listing
-
-from foldcar.store.tables import VERSION
-from old_stores import old_store
 
 DISTURBANCES = {
     "sweep killed": sweeps.killed_client,
@@ -37,13 +31,8 @@ DISTURBANCES = {
     "disk full": disks.full_disk,
     "disk read-only": disks.read_only_disk,
     "output killed or too large": disks.outputs,
-    "bits flip": damage.damaged(damage.flipped_bits),
-    "a block is zero": damage.damaged(damage.zeroed_block),
-    "cut short": damage.damaged(damage.cut_short),
     "trial disturbed": loggers.disturbed_log,
 }
-# Damage is judged in a fraction of the time that a sweep takes.
-TIMES = 10
 
 
 def main() -> int:
@@ -95,7 +84,7 @@ def plan(seed: str, only: list[str]):
     order, number = random.Random(seed), 0
     wanted = os.environ.get("TORTURE_ROUND") or None
     while True:
-        names = [name for name in DISTURBANCES for _ in range(TIMES if "damage" in DISTURBANCES[name].__module__ else 1)]
+        names = list(DISTURBANCES)
         order.shuffle(names)
         for name in names:
             number += 1
@@ -106,7 +95,7 @@ def plan(seed: str, only: list[str]):
 
 
 def prepare(folder: Path) -> Path:
-    """The undisturbed store and those that are damaged later."""
+    """The undisturbed store."""
     folder.mkdir()
     write_listing(folder)
     start_s = time.monotonic()
@@ -116,23 +105,7 @@ def prepare(folder: Path) -> Path:
         raise LossError(errors)
     require_sound(folder)
     (folder / "s.db").rename(folder / "whole.db")
-    process = processes.start(folder, SWEEP)
-    while processes.wait(process, 0.02) and runs_in(folder / "s.db") < 40:
-        pass
-    process.kill()
-    process.communicate()
-    for file in folder.glob("s.db*"):
-        file.rename(folder / file.name.replace("s.db", "killed.db"))
-    old_store(VERSION, folder / "trials.db")
     return folder / "whole.db"
-
-
-def runs_in(store: Path) -> int:
-    """How many runs a store has while it is being written."""
-    with suppress(sqlite3.Error), closing(sqlite3.connect(f"{store.as_uri()}?mode=ro", uri=True)) as connection:
-        (count,) = connection.execute("SELECT count(*) FROM run").fetchone()
-        return int(count)
-    return 0
 
 
 if __name__ == "__main__":

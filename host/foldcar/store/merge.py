@@ -41,11 +41,9 @@ LOG_NUMBERS = 10_000
 DESIGN_COUNTS = "SELECT id, (SELECT count(*) FROM design WHERE experiment = e.id) FROM experiment e"
 # The columns of a run's key, and which tables' rows their numbers are: `recorded` and `path` refer to runs by them.
 REFERENCES = {column.name: column.refers for column in RUN.columns if column.refers}
-# An experiment's facts of ExperimentInfo on its end.
-ENDING_FACTS = ("until", "ended_runs")
-
-# How the sweep of an experiment ended in a store: its number of environments, and the facts, None without.
-Ending = tuple[Path, int, Any, int | None]
+# Among an experiment's facts, how many runs its sweep ended with before all was decided.
+ENDED = "ended_runs"
+SAME_COLUMNS = ("build_id", "environment_id", "spread_id", "vehicle", "environment")
 
 
 def merge_stores(stores: Sequence[Path], merged: Path) -> dict[str, int]:
@@ -79,8 +77,8 @@ class _Merge:
         self._source = connection
         self._numbers: dict[str, dict[int, int]] = {}
         self._last = dict.fromkeys(BY_NAME, 0)
-        # How the sweeps of each experiment ended, a store each.
-        self._endings: dict[str, list[Ending]] = {}
+        # With how many runs the sweeps of each experiment ended.
+        self._ended: dict[str, set[int | None]] = {}
 
     def add(self, path: Path, source: sqlite3.Connection) -> None:
         """Add all rows of a store. StoreError if one is damaged, or if they contradict those there."""
@@ -173,21 +171,21 @@ class _Merge:
         self._insert(table, {**row, "id": self._last[table.name]})
 
     def _add_experiment(self, row: Row) -> None:
-        """An experiment; one that differs in its number of environments, or in when it stopped, is the same."""
+        """An experiment; one that differs in its number of environments, or in when its sweep ended, is the same."""
         facts = json.loads(row["facts"])
-        until, ended_runs = (facts.pop(name, None) for name in ENDING_FACTS)
-        self._endings.setdefault(row["id"], []).append((self._stores[-1], row["environments"], until, ended_runs))
+        self._ended.setdefault(row["id"], set()).add(facts.pop(ENDED, None))
         (row["position"],) = self._connection.execute("SELECT count(*) FROM experiment").fetchone()
         if self._insert(EXPERIMENT, row, "OR IGNORE"):
             return
         (there,) = self._there(EXPERIMENT, "WHERE id = ?", row["id"])
-        known = {name: value for name, value in json.loads(there["facts"]).items() if name not in ENDING_FACTS}
+        known = json.loads(there["facts"])
+        known.pop(ENDED, None)
+        columns = {name: (row[name], there[name]) for name in SAME_COLUMNS}
         for name in sorted(facts.keys() | known.keys()):
-            if facts.get(name) != known.get(name):
-                self._differs(EXPERIMENT, row, name, facts.get(name), known.get(name))
-        for name in ("build_id", "environment_id", "spread_id", "vehicle", "environment"):
-            if row[name] != there[name]:
-                self._differs(EXPERIMENT, row, name, row[name], there[name])
+            columns[name] = facts.get(name), known.get(name)
+        for name, (value, before) in columns.items():
+            if value != before:
+                self._differs(EXPERIMENT, row, name, value, before)
         environments = max(row["environments"], there["environments"])
         self._insert(EXPERIMENT, {**there, "environments": environments}, "OR REPLACE")
 
@@ -222,13 +220,12 @@ class _Merge:
         raise StoreError(f"{self._merged}: no name is left for log {log} of {path}")
 
     def end(self) -> None:
-        """Say of each experiment when its sweeps stopped. StoreError."""
-        for name, endings in self._endings.items():
-            (row,) = self._there(EXPERIMENT, "WHERE id = ?", name)
-            facts = {key: value for key, value in json.loads(row["facts"]).items() if key not in ENDING_FACTS}
-            counts = design_counts(self._merged, self._connection, name)
-            facts |= _merged_ending(name, endings, row["environments"], len(counts.positions), sum(counts.runs))
-            if facts != json.loads(row["facts"]):
+        """Say of an experiment that its sweep has ended only if one did with the runs that are there. StoreError."""
+        for row in self._there(EXPERIMENT):
+            facts = json.loads(row["facts"])
+            runs = sum(design_counts(self._merged, self._connection, row["id"]).runs)
+            if facts.pop(ENDED, None) != runs:
+                facts |= {ENDED: runs} if runs in self._ended[row["id"]] else {}
                 self._insert(EXPERIMENT, {**row, "facts": json.dumps(facts)}, "OR REPLACE")
 
     def _differs(self, table: Table, row: Row, name: str, value: Any, before: Any) -> None:
@@ -252,25 +249,3 @@ class _Merge:
             (value,) = self._connection.execute(query, (80 if referred is BUILD else 12, value)).fetchone()
         text = value if isinstance(value, str) else json.dumps(value)
         return text if len(text) <= 80 else f"{text[:77]}…"
-
-
-def _merged_ending(name: str, endings: Sequence[Ending], environments: int, designs: int, runs: int) -> dict[str, Any]:
-    """The facts of the experiment ``name`` with the ``runs`` of all stores, and the most ``environments``.
-
-    If all runs of a sweep that was to make them are there, results had no say in their number: they are such a sweep's.
-    Else, if sweeps stopped by a rule, they are a sweep's that stops by it, whose intervals hold at any number of runs;
-    that it has ended is true only of the runs that one of them ended with. StoreError if there are several rules.
-    """
-    planned = any(until is None and most == environments for _, most, until, _ in endings)
-    rules = [(until, store) for store, _, until, _ in endings if until is not None]
-    if not rules or (planned and runs == designs * environments):
-        return {}
-    first, first_store = rules[0]
-    for until, store in rules:
-        if until != first:
-            raise StoreError(
-                f'experiment "{name}": until is {json.dumps(until)} in {store}, {json.dumps(first)} in '
-                f"{first_store}: no one rule says which runs there are; first sweep one of them without --until"
-            )
-    ended = any(until and (most, made) == (environments, runs) for _, most, until, made in endings)
-    return {"until": first, **({"ended_runs": runs} if ended else {})}

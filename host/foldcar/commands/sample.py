@@ -41,9 +41,7 @@ def sample(
     ] = None,
     output: Annotated[
         Path,
-        typer.Option(
-            "-o", "--output", metavar="FILE", callback=output_file, help="JSON Lines file; -: standard output."
-        ),
+        typer.Option("-o", "--output", metavar="FILE", callback=output_file, help="JSON Lines file; -: standard output."),
     ] = STANDARD_OUTPUT,
     plot: Picture = None,
     as_json: Json = False,

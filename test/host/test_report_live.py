@@ -135,7 +135,7 @@ def test_report_live_serves_what_the_store_has_and_refuses_others(store: Path, c
             (404, "/s.db", {"X_Foldcar_Token": token}),
         ]:
             assert asked(path, **headers)[0] == status, (path, headers)
-        until = time.monotonic() + 60
+        until = time.monotonic() + 120
         while (answer := json.loads(asked("/study.json", X_Foldcar_Token=token)[1]))["study"] is None:
             assert time.monotonic() < until
             time.sleep(0.1)

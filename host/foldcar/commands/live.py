@@ -6,10 +6,10 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -36,8 +36,8 @@ SWEEP, LOG, LAN = "sweep", "log", "lan"
 NICENESS = 10
 
 
-def serve(store: Path, port: int, make: "Callable[[], LiveStudy]", beside: str | None, as_json: bool) -> None:
-    """Serve the page of what ``make`` makes, until a signal, or until standard input ends, as ``beside`` another command.
+def serve(study: "LiveStudy", title: str, port: int, beside: str | None, as_json: bool) -> None:
+    """Serve the page of ``study`` until a signal, or until standard input ends, as ``beside`` another command.
 
     ``beside`` is what :func:`served_beside` is told.
     """
@@ -45,21 +45,10 @@ def serve(store: Path, port: int, make: "Callable[[], LiveStudy]", beside: str |
     from foldcar.figures.page_server import ADDRESS
     from foldcar.interrupts import said
 
-    made, ended = threading.Event(), threading.Event()
-    lives: list[LiveStudy] = []
-
-    def poll(query: str) -> bytes:
-        made.wait()
-        return lives[0].poll(query)
-
-    def tap(said: Any) -> bool:
-        made.wait()
-        return lives[0].tap(said)
-
-    address = lan_address() if beside == LAN else ADDRESS
-    page = web_page("foldcar.report", "study", data={"title": store.name, "experiments": []}, blobs={})
+    ended, address = threading.Event(), lan_address() if beside == LAN else ADDRESS
+    page = web_page("foldcar.report", "study", data={"title": title, "experiments": []}, blobs={})
     with (
-        _server(page, poll, tap, port, PATIENCE_S if beside else 0.0, address) as server,
+        _server(page, study, port, PATIENCE_S if beside else 0.0, address) as server,
         said(lambda: f"foldcar: {server.url} is closed"),
     ):
         tell(as_json, {"url": server.url}, f"{server.url} (until Ctrl-C)")
@@ -70,9 +59,7 @@ def serve(store: Path, port: int, make: "Callable[[], LiveStudy]", beside: str |
         threading.Thread(target=server.serve_forever, daemon=True).start()
         if beside:
             threading.Thread(target=_wait_for_end, args=(ended,), daemon=True).start()
-        lives.append(make())
-        made.set()
-        lives[0].follow(ended.is_set)
+        study.follow(ended.is_set)
         server.shutdown()
 
 
@@ -87,15 +74,13 @@ def lan_address() -> str:
         return str(asked.getsockname()[0])
 
 
-def _server(
-    page: str, poll: Callable[[str], bytes], tap: Callable[[Any], bool], port: int, patience_s: float, address: str
-) -> "PageServer":
+def _server(page: str, study: "LiveStudy", port: int, patience_s: float, address: str) -> "PageServer":
     from foldcar.figures.page_server import PageServer
 
     until = time.monotonic() + patience_s
     while True:
         try:
-            return PageServer(page, {"/tap": tap}, {"/study.json": poll}, port, address)
+            return PageServer(page, {"/tap": study.tap}, {"/study.json": study.poll}, port, address)
         except FoldcarError:
             if time.monotonic() >= until:
                 raise

@@ -14,7 +14,6 @@ from foldcar.errors import FoldcarError
 from foldcar.installation import usable_processors
 
 if TYPE_CHECKING:
-    from foldcar.report.live import LiveStudy
     from foldcar.shown_console import ResultTable
     from foldcar.simulation.carsim import Carsim
 
@@ -77,8 +76,11 @@ def report(
     if output is None:
         if beside is None:
             require_store(store)
-        make = partial(_live_study, store, command, thresholds, simulated_trials, beside in (LOG, LAN))
-        serve(store, PORT if port is None else port, make, beside, as_json)
+        from foldcar.report.live import LiveStudy
+
+        taps = sys.stdout if beside in (LOG, LAN) else None
+        study = LiveStudy(store, command, thresholds, simulated_trials, taps)
+        serve(study, store.name, PORT if port is None else port, beside, as_json)
         return
     from foldcar.commands.progress_bar import TerminalBar
     from foldcar.report.replay import Replayer
@@ -96,15 +98,6 @@ def report(
         return
     _print_summary(data)
     typer.echo(f"report: {output / PAGE}")
-
-
-def _live_study(
-    store: Path, command: list[str], thresholds: list[float], simulated_trials: bool, taps: bool
-) -> "LiveStudy":
-    # Its imports take longer than to serve the page.
-    from foldcar.report.live import LiveStudy
-
-    return LiveStudy(store, command, thresholds, simulated_trials, sys.stdout if taps else None)
 
 
 def _carsim(replay: bool, engine: str) -> "Carsim | str":

@@ -15,7 +15,6 @@ from typing import Any, TextIO
 
 from foldcar.errors import FoldcarError
 from foldcar.installation import usable_processors
-from foldcar.report.page_data import page_data, read_experiments
 from foldcar.store.connection import is_written
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.log_files import logs_folder, running_trial_file
@@ -134,6 +133,9 @@ class LiveStudy:
         self._next_s = time.monotonic() + max(LEAST_S, (time.process_time() - begun_s) / (SHARE * usable_processors()))
 
     def _made(self) -> tuple[bytes, list[ExperimentInfo]]:
+        # To import it takes longer than to serve the page.
+        from foldcar.report.page_data import page_data, read_experiments
+
         with Store.open(self._path) as store:
             infos = list(store.info().experiments.values()) if store.holds_study() else []
             experiments = read_experiments(store, self._thresholds, self._simulated)

@@ -8,6 +8,7 @@
 import * as THREE from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import { DrivenCar } from "./car.js";
+import { make } from "./dom.js";
 import { Strips } from "./strips.js";
 import { softwareOnly } from "./paint.js";
 import { groundGroup, lineOver } from "./surface.js";
@@ -49,19 +50,15 @@ class Mounted {
   now() { return this.t; }
 
   controls() {
-    this.picture = make("div", { className: "scene-picture" });
-    const bar = make("p", { className: "controls scene-controls" });
+    this.picture = make("div", { class: "scene-picture" });
     this.button = make("button", { type: "button", onclick: () => (this.playing ? this.pause() : this.play()) });
-    this.clock = make("output", {});
-    this.speed = make("select", {});
-    this.speed.setAttribute("aria-label", "speed");
+    this.clock = make("output");
+    this.speed = make("select", { "aria-label": "speed" });
     for (const one of SPEEDS) this.speed.add(new Option(`${one}×`, one, one === 1, one === 1));
-    this.cameras = make("select", { onchange: () => this.choose(this.cameras.value) });
-    this.cameras.setAttribute("aria-label", "camera");
+    this.cameras = make("select", { "aria-label": "camera", onchange: () => this.choose(this.cameras.value) });
     for (const [name, text] of Object.entries(CAMERAS)) this.cameras.add(new Option(text, name));
-    this.legend = make("span", { className: "scene-legend" });
-    bar.append(this.button, this.clock, this.speed, this.cameras, this.legend);
-    this.element.replaceChildren(this.picture, bar);
+    this.legend = make("span", { class: "scene-legend" });
+    this.element.replaceChildren(this.picture, make("p", { class: "controls scene-controls" }, this.button, this.clock, this.speed, this.cameras, this.legend));
     this.say();
   }
 
@@ -71,10 +68,8 @@ class Mounted {
     this.runs = runs;
     this.end_s = Math.max(0.05, ...this.runs.map(one => one.path?.end_s ?? one.attitude?.at(-1)?.[0] ?? 0));
     this.legend.replaceChildren(...this.runs.map(({ label, colour, ghost }) => {
-      const entry = make("span", { textContent: label ?? "" }), sign = make("i", {});
-      sign.style.cssText = `display:inline-block;width:1.4em;border-top:3px ${ghost ? "dashed" : "solid"} ${colour};margin:0 .35em .25em .8em`;
-      entry.prepend(sign);
-      return entry;
+      const style = `display:inline-block;width:1.4em;border-top:3px ${ghost ? "dashed" : "solid"} ${colour};margin:0 .35em .25em .8em`;
+      return make("span", {}, make("i", { style }), label ?? "");
     }));
     this.view.load(ground, runs);
     this.strips.load(this.runs.filter(one => one.path || one.attitude?.length), this.end_s);
@@ -127,20 +122,13 @@ class Mounted {
   }
 }
 
-function make(name, properties) {
-  return Object.assign(document.createElement(name), properties);
-}
-
 const NO_VIEW = { load() {}, draw() {}, camera() {} };
 
 // The picture by WebGL; throws where there is none.
 class View {
   constructor(element) {
-    this.canvas = document.createElement("canvas");
-    this.canvas.tabIndex = 0;
-    this.canvas.setAttribute("role", "img");
-    this.canvas.setAttribute("aria-label", "The car in its environment, in three dimensions; drag or use the arrow keys to turn it");
-    this.canvas.style.cssText = "display:block;width:100%;touch-action:none";
+    const label = "The car in its environment, in three dimensions; drag or use the arrow keys to turn it";
+    this.canvas = make("canvas", { tabindex: 0, role: "img", "aria-label": label, style: "display:block;width:100%;touch-action:none" });
     this.renderer = new THREE.WebGLRenderer({ canvas: this.canvas, antialias: !softwareOnly() });
     element.append(this.canvas);
     this.scene = new THREE.Scene();

@@ -1,5 +1,7 @@
 // Roll and pitch over time as a canvas that is scrubbed, and the pulses that the servos get.
 
+import { make } from "./dom.js";
+
 const ANGLES = [5, 10, 15, 30, 45, 90, 180];
 const LEFT = 40, FOOT = 20, HEIGHT = 128, PULSE_ROW = 12;
 
@@ -7,12 +9,8 @@ export class Strips {
   // seek(t) is called while a pointer is dragged or keys are pressed.
   constructor(element, seek) {
     Object.assign(this, { seek, series: [], pulses: null, end_s: 1, t: 0 });
-    this.canvas = document.createElement("canvas");
-    Object.assign(this.canvas, { tabIndex: 0, className: "strips" });
-    this.canvas.setAttribute("role", "slider");
-    this.canvas.setAttribute("aria-label", "time; roll (solid) and pitch (dashed) in degrees");
-    this.canvas.style.cssText = "display:block;width:100%;cursor:col-resize;touch-action:pan-y";
-    element.append(this.canvas);
+    const label = "time; roll (solid) and pitch (dashed) in degrees", style = "display:block;width:100%;cursor:col-resize;touch-action:pan-y";
+    this.canvas = element.appendChild(make("canvas", { tabindex: 0, class: "strips", role: "slider", "aria-label": label, style }));
     const drag = event => this.seek(this.timeAt(event));
     this.canvas.addEventListener("pointerdown", event => { this.canvas.setPointerCapture(event.pointerId); drag(event); });
     this.canvas.addEventListener("pointermove", event => { if (event.buttons) drag(event); });

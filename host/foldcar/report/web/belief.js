@@ -2,7 +2,7 @@
 
 import { Chart, axisStyle, band, intervals, successAxis, successColour, tipStyle } from "./charts.js";
 import { evidence, percent, withUnit } from "./data.js";
-import { byId, make, select } from "./dom.js";
+import { byId, make, select } from "../../figures/web/dom.js";
 
 // Values of a parameter that have cells of their own in the map.
 const MOST_CELLS = 40;

@@ -1,7 +1,7 @@
 // The page while its store is written: asks the server how far things are, and takes new data without losing its place.
 
 import { showRunning, shownPicture } from "./running.js";
-import { byId } from "./dom.js";
+import { byId } from "../../figures/web/dom.js";
 
 const PAUSE_MS = 1000, DRIVE_PAUSE_MS = 300;
 const HEADER = "X-Foldcar-Token";

@@ -3,7 +3,7 @@
 import { linked, scale, tip } from "./belief.js";
 import { Chart, axisStyle, band, successAxis, successColour, tipStyle } from "./charts.js";
 import { BELIEF, number, percent, valueText, withUnit } from "./data.js";
-import { byId, make, select } from "./dom.js";
+import { byId, make, select } from "../../figures/web/dom.js";
 
 const NARROW = 640;
 // Rows of the table of designs.

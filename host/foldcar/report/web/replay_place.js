@@ -4,7 +4,7 @@
 // blobs: KEY-runs-DESIGN, KEY-car-DESIGN, KEY-pieces, KEY-scene-ENVIRONMENT, KEY-trial-NUMBER (replay.py).
 
 import { compactPath, integerReader, mountScene, readGround } from "../../figures/web/scene.js";
-import { byId, make } from "./dom.js";
+import { byId, make } from "../../figures/web/dom.js";
 
 const COLOUR = "#0072b2";
 const GHOSTS = ["#cc79a7", "#009e73", "#e69f00", "#56b4e9", "#d55e00"];

@@ -2,7 +2,7 @@
 
 import { plainTable } from "./charts.js";
 import { number } from "./data.js";
-import { byId, make } from "./dom.js";
+import { byId, make } from "../../figures/web/dom.js";
 
 let picture = "", drawn = "", asked = 0;
 

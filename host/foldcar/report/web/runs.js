@@ -2,7 +2,7 @@
 
 import { Chart, axisStyle, successAxis, tableBehind, tipStyle } from "./charts.js";
 import { number, percent, withUnit } from "./data.js";
-import { byId, make } from "./dom.js";
+import { byId, make } from "../../figures/web/dom.js";
 
 // Okabe and Ito's, as in figures/style.py.
 const OUTCOMES = { passed: "#009e73", tipped: "#d55e00", stuck: "#56b4e9", off_course: "#cc79a7", timeout: "#f0e442", fault: "#777", terminated: "#0072b2", rejected: "#e69f00", failed: "#999" };

@@ -1,7 +1,7 @@
 // The study page: the data stand in the element #study, or come again and again from a server (live.js).
 
 import { Belief } from "./belief.js";
-import { byId, make } from "./dom.js";
+import { byId, make } from "../../figures/web/dom.js";
 import { follow as followStore, isLive } from "./live.js";
 import { Model, SECTIONS } from "./model.js";
 import { Parameters } from "./parameters.js";

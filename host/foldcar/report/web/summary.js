@@ -3,7 +3,7 @@
 
 import { plainTable } from "./charts.js";
 import { BELIEF, evidence, number, percent, valueText } from "./data.js";
-import { byId, make } from "./dom.js";
+import { byId, make } from "../../figures/web/dom.js";
 
 const MOST_NAMED = 6;
 // Remarks that are longer are opened by who wants them (characters).

@@ -15,10 +15,9 @@ from pypdf import PdfReader
 from filmed import Camera, Car, Film, Filming, Thing, boxes, floor_markers, marker, pose_at, rotation
 from foldcar.camera.detection import Detector
 from foldcar.camera.filming import car_marker, propose
-from foldcar.camera.ground import standing
+from foldcar.camera.ground import fit_heights, height_remarks, standing
 from foldcar.camera.lens import BOARD_SQUARES, SQUARE_M, Lens, board, calibrate
 from foldcar.camera.markers import FIRST_OBSTACLE_ID, FloorMarker, course_json, rectangle
-from foldcar.camera.obstacle_heights import fit_heights, height_remarks
 from foldcar.camera.photo import find_placed
 from foldcar.camera.poses import CarMarker, find_pose
 from foldcar.camera.tracking import smooth, track

@@ -32,9 +32,8 @@ def test_mistakes_are_one_line_and_leave_nothing(
     assert [file.name for file in tmp_path.iterdir()] == ["l.json"]
 
 
-@pytest.mark.parametrize("words", [("fly",), ("sweep", "l.json", "--store", "s.db", "--jobs", "0")])
-def test_wrong_usage_is_told_without_traceback(foldcar: Any, words: tuple[str, ...]) -> None:
-    answer = foldcar(*words)
+def test_wrong_usage_is_told_without_traceback(foldcar: Any) -> None:
+    answer = foldcar("sweep", "l.json", "--store", "s.db", "--jobs", "0")
 
     assert answer.returncode == 2
     assert "Usage:" in answer.stderr and "Traceback" not in answer.stderr

@@ -18,10 +18,6 @@ def test_every_line_of_the_dockerfile_is_read() -> None:
     assert words.count("FROM") == 2 and words[-1] == "ENTRYPOINT"
     users = [rest for word, rest in read if word == "USER"]
     assert users and users[-1] not in ("", "root", "0")
-    (install,) = [rest for word, rest in read if word == "RUN" and "install_wheel.sh" in rest]
-    assert "[all]' && rm -rf " in install
-    for script in ("install_wheel.sh", "install_system_packages.sh"):
-        assert any(word == "COPY" and f"tools/{script}" in rest for word, rest in read)
 
 
 def test_the_copy_leaves_out_what_docker_leaves_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -41,14 +37,6 @@ def test_the_copy_leaves_out_what_docker_leaves_out(tmp_path: Path, monkeypatch:
     assert copied == {"copy/host/dist/x", "other/dist/x"}
 
 
-@pytest.mark.parametrize(
-    ("text", "told"),
-    [
-        ("FROM scratch", "FROM scratch: not debian:SUITE-slim"),
-        ("RUN true", "RUN before FROM"),
-        ("", "the Dockerfile ends without an ENTRYPOINT, or as root"),
-    ],
-)
-def test_what_is_not_understood_is_an_error(text: str, told: str) -> None:
-    with pytest.raises(container_check.ContainerError, match=f"^{told}$"):
-        container_check.build(text)
+def test_what_is_not_understood_is_an_error() -> None:
+    with pytest.raises(container_check.ContainerError, match=r"^FROM scratch: not debian:SUITE-slim$"):
+        container_check.build("FROM scratch")

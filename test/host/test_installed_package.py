@@ -103,20 +103,6 @@ print(json.dumps([foldcar.__file__, *programs]))
     assert programs == [[str(package / name), one.build, one.firmware] for name, one in built]
 
 
-def test_without_the_package_mujoco_its_engine_names_the_remedy(environment: Path, tmp_path: Path) -> None:
-    link = site_of(environment) / "mujoco"
-    target = link.readlink()
-    link.unlink()
-    try:
-        script = "from foldcar.simulation.engines import find_carsim; find_carsim('mujoco')"
-        python = environment / "bin" / "python"
-        done = subprocess.run([python, "-c", script], cwd=tmp_path, capture_output=True, text=True)
-    finally:
-        link.symlink_to(target)
-    told = f"no package mujoco in {link.parent}: run `pip install 'foldcar[mujoco]'` (Python 3.11 or newer)"
-    assert done.stderr.splitlines()[-1].endswith(told)
-
-
 @pytest.mark.slow
 def test_a_first_user_gets_from_a_new_project_to_a_report_sheets_and_a_car(environment: Path, tmp_path: Path) -> None:
     words = tmp_path / "bin"

@@ -40,9 +40,6 @@ def test_seeding_twice_leaves_the_local_file_untouched_and_undo_removes_it_once(
     assert seed_platformio.undo(project)
     assert not (project / "platformio.local.ini").exists()
     assert not seed_platformio.undo(project)
-
-
-def test_a_users_own_local_file_is_neither_overwritten_nor_removed(project: Path) -> None:
     own = project / "platformio.local.ini"
     own.write_text("[env:carsim]\n", encoding="utf-8")
     with pytest.raises(SeedError, match="not written by this script"):

@@ -12,7 +12,7 @@ from typing import Annotated, Any
 
 import cv2
 import numpy
-from pydantic import BaseModel, Field
+from pydantic import ConfigDict, Field, TypeAdapter
 
 from foldcar.camera.detection import Floats, Grey
 from foldcar.camera.film import read_film, read_photo
@@ -33,6 +33,12 @@ MOST_RMS_PX = 1.0
 READOUT_S = 0.015
 
 
+# The limits hold for what is read from a file.
+Pixels = Annotated[int, Field(ge=320, le=20_000)]
+Middle = Annotated[float, Field(ge=0, le=20_000)]
+Bend = Annotated[float, Field(ge=-10, le=10)]
+
+
 @dataclass(frozen=True, slots=True)
 class Lens:
     """Of pictures of ``width`` × ``height`` pixels: focal length, middle, OpenCV's k1, k2, p1, p2, k3.
@@ -40,13 +46,15 @@ class Lens:
     ``readout_s`` is the time from the first row to the last, ``error_px`` what its fit left over.
     """
 
-    width: int
-    height: int
-    focal_px: float
-    middle_px: tuple[float, float]
-    distortion: tuple[float, float, float, float, float] = (0.0,) * 5
-    readout_s: float = READOUT_S
-    error_px: float = 0.0
+    __pydantic_config__ = ConfigDict(extra="forbid")
+
+    width: Pixels
+    height: Pixels
+    focal_px: Annotated[float, Field(ge=100, le=100_000)]
+    middle_px: tuple[Middle, Middle]
+    distortion: tuple[Bend, Bend, Bend, Bend, Bend] = (0.0,) * 5
+    readout_s: Annotated[float, Field(ge=0, le=0.1)] = READOUT_S
+    error_px: Annotated[float, Field(ge=0, le=100)] = 0.0
 
     @property
     def matrix(self) -> Floats:
@@ -76,21 +84,6 @@ class Lens:
         # Pixel centres are whole numbers: the picture's edge is at -0.5.
         x, y = (scale * (value + 0.5) - 0.5 for value in self.middle_px)
         return replace(self, width=width, height=height, focal_px=scale * self.focal_px, middle_px=(x, y))
-
-
-Pixels = Annotated[int, Field(ge=320, le=20_000)]
-Middle = Annotated[float, Field(ge=0, le=20_000)]
-Bend = Annotated[float, Field(ge=-10, le=10)]
-
-
-class _LensFile(BaseModel, extra="forbid"):
-    width: Pixels
-    height: Pixels
-    focal_px: Annotated[float, Field(ge=100, le=100_000)]
-    middle_px: tuple[Middle, Middle]
-    distortion: tuple[Bend, Bend, Bend, Bend, Bend]
-    readout_s: Annotated[float, Field(ge=0, le=0.1)]
-    error_px: Annotated[float, Field(ge=0, le=100)]
 
 
 def assumed_lens(width: int, height: int) -> Lens:
@@ -172,4 +165,4 @@ def write_lens(lens: Lens, file: Path) -> None:
 
 def read_lens(file: Path) -> Lens:
     """The lens of a file; FoldcarError that names file, key, value and limit."""
-    return Lens(**read_json(file, _LensFile).model_dump())
+    return read_json(file, TypeAdapter(Lens))

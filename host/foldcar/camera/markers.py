@@ -8,17 +8,17 @@ reader. Floor markers lie with x along the course; the car's with its top to the
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
-from pydantic import BaseModel, Field, ValidationError
+from pydantic import BaseModel, Field, TypeAdapter, ValidationError
 
 from foldcar.errors import FoldcarError
 from foldcar.scenes.obstacles import Obstacle
 from foldcar.scenes.terrain_kinds import kind_of
 
-Read = TypeVar("Read", bound=BaseModel)
+Read = TypeVar("Read")
 
 FLOOR_IDS = (0, 1, 2, 3)
 CAR_ID = 10
@@ -122,19 +122,13 @@ def course_json(course: Course) -> dict[str, Any]:
         {"id": one.id, "x_mm": _mm(one.x_m), "y_mm": _mm(one.y_m), "turn_deg": round(math.degrees(one.turn_rad), 3)}
         for one in course.floor
     ]
-    return {
-        "floor": floor,
-        "floor_size_mm": _mm(course.floor_size_m),
-        "car_size_mm": _mm(course.car_size_m),
-        "car_x_mm": _mm(course.car_x_m),
-        "car_height_mm": _mm(course.car_height_m),
-        "obstacle_size_mm": _mm(course.obstacle_size_m),
-    }
+    sizes = {f"{name}m": _mm(value) for name, value in asdict(course).items() if name != "floor"}
+    return {"floor": floor, **sizes}
 
 
 def read_course(file: Path) -> Course:
     """The course of a file; FoldcarError that names file, key, value and limit."""
-    data = read_json(file, _CourseFile)
+    data = read_json(file, TypeAdapter(_CourseFile))
     ids = [one.id for one in data.floor]
     if len(set(ids)) < len(ids):
         raise FoldcarError(f"{file}: floor: two markers have the id {max(ids, key=ids.count)}")
@@ -143,10 +137,10 @@ def read_course(file: Path) -> Course:
     return Course(tuple(floor), **{name.replace("_mm", "_m"): value / 1000 for name, value in sizes})
 
 
-def read_json(file: Path, model: type[Read]) -> Read:
-    """The JSON object of a file as a pydantic model; FoldcarError that names file, key, value and limit."""
+def read_json(file: Path, adapter: "TypeAdapter[Read]") -> Read:
+    """What pydantic reads from a JSON file; FoldcarError that names file, key, value and limit."""
     try:
-        return model.model_validate_json(file.read_bytes())
+        return adapter.validate_json(file.read_bytes())
     except OSError as error:
         raise FoldcarError(f"{file}: cannot be read: {error.strerror}") from error
     except ValidationError as error:

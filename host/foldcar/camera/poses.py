@@ -16,7 +16,7 @@ import cv2
 import numpy
 
 from foldcar.camera.detection import Floats
-from foldcar.camera.ground import Stance, Standing
+from foldcar.camera.ground import GROUND, Stance, Standing
 from foldcar.camera.view import View, ideal_pixels, marker_corners
 
 # What corners are known to where nothing is known of the picture.
@@ -27,8 +27,6 @@ ROUNDS = 8
 STEP = 1e-5
 # A pose and its six neighbours.
 STEPS = STEP * numpy.vstack([numpy.zeros(6), numpy.eye(6)])
-# What the ground tells: z, pitch, roll.
-GROUND = [2, 4, 5]
 # The print's right, top and front in the car's frame.
 PRINTED = numpy.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 

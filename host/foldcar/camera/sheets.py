@@ -121,18 +121,11 @@ def _car_page(canvas: Any, course: Course) -> None:
         ):  # fmt: skip
             canvas.rect(left, low, wide, high)
     _text(canvas, PAGE_MM[0] / 2, y + size + (side - size) / 2 + height + 15, "front of the car", 11)
-    middle = (
-        f"its middle {1000 * course.car_x_m:.0f} mm ahead of the car's middle"
-        if course.car_x_m
-        else "on the middle of the lid"
-    )
-    stand = (
-        f"walls down, tape at the corners, feet outwards onto the lid: {height:.0f} mm above it"
-        if height
-        else "flat on the lid"
-    )
+    middle = f"its middle {1000 * course.car_x_m:.0f} mm ahead of the car's middle"
+    middle = middle if course.car_x_m else "on the middle of the lid"
+    stand = f"Fold at all lines, walls down, tape at the corners, feet outwards onto the lid: {height:.0f} mm above it"
     _text(canvas, PAGE_MM[0] / 2, 49, f"The car's marker, {middle}", 10)
-    _text(canvas, PAGE_MM[0] / 2, 43, f"Fold at all lines, {stand}", 10)
+    _text(canvas, PAGE_MM[0] / 2, 43, stand if height else "Flat on the lid", 10)
     canvas.showPage()
 
 

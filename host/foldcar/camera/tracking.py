@@ -16,10 +16,9 @@ from dataclasses import dataclass, field
 import numpy
 
 from foldcar.camera.detection import Detector, Floats, Grey
-from foldcar.camera.ground import Standing
+from foldcar.camera.ground import Standing, fit_heights, height_remarks
 from foldcar.camera.lens import READOUT_S, Lens
 from foldcar.camera.markers import CAR_ID, Course
-from foldcar.camera.obstacle_heights import fit_heights, height_remarks
 from foldcar.camera.poses import PIXEL, CarMarker, Pose, find_pose
 from foldcar.camera.view import View, find_view
 from foldcar.errors import FoldcarError

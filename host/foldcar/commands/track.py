@@ -60,12 +60,13 @@ def markers(
     pdf = sheets(made, obstacles)
     make_output_folder(output)
     files = [output / SHEETS, output / COURSE]
+    with atomic_file(files[0]) as binary:
+        binary.write(pdf)
     if files[1].exists():
         note(f"{files[1]}: is there already and stays as it is")
-    for file, content in zip(files, (pdf, _json_bytes(course_json(made))), strict=True):
-        if file.name == SHEETS or not file.exists():
-            with atomic_file(file) as binary:
-                binary.write(content)
+    else:
+        with atomic_file(files[1]) as binary:
+            binary.write((json.dumps(course_json(made), indent=1) + "\n").encode())
     tell(as_json, {"files": files}, *files)
 
 
@@ -230,7 +231,9 @@ def _photo(
         note(f"{photo}: {remark}")
     for name in found.missing:
         note(f"{photo}: the marker of {name} is not seen: it stays as the trial has it")
-    deviations = {**trial.deviations, **{name: _rounded(by) for name, by in found.deviations.items()}}
+    deviations = dict(trial.deviations)
+    for name, (x, y, turn) in found.deviations.items():
+        deviations[name] = (round(x, 5), round(y, 5), round(turn, 5))
     if not found.deviations:
         raise FoldcarError(f"{photo}: shows the marker of neither car nor obstacles")
     errors = [
@@ -252,22 +255,11 @@ def _photo(
     tell(as_json, result, *lines, *map(correction_text, made))
 
 
-def _rounded(by: tuple[float, float, float]) -> tuple[float, float, float]:
-    x, y, turn = (round(value, 5) for value in by)
-    return x, y, turn
-
-
-def _json_bytes(data: Any) -> bytes:
-    return (json.dumps(data, indent=1) + "\n").encode()
-
-
 def _write_csv(file: Path, rows: Any) -> None:
     from foldcar.link.mcap_export import FILMED
     from foldcar.outputs import atomic_file
 
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows([FILMED, *rows])
     with atomic_file(file) as binary:
-        text = io.TextIOWrapper(binary, encoding="utf-8", newline="")
-        writer = csv.writer(text, lineterminator="\n")
-        writer.writerow(FILMED)
-        writer.writerows(rows)
-        text.detach()
+        binary.write(text.getvalue().encode())

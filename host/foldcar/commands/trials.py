@@ -125,7 +125,7 @@ def replay(
         f"{'trial':<10}{trial.outcome:<12}{seconds_text(trial.elapsed_time_s):>9}{mark}",
         f"{'simulated':<10}{outcome:<12}{seconds_text(simulated_s):>9}",
         verdict,
-        *_felt_lines(felt),
+        *(_felt_lines(felt) if felt else ()),
     ]
     if plot is not None:
         from foldcar.figures.run import draw_run
@@ -139,17 +139,17 @@ def replay(
     tell(as_json, {**result, "log": felt and asdict(felt)}, *lines)
 
 
-def _felt_lines(felt: "LogFeatures | None") -> list[str]:
+def _felt_lines(felt: "LogFeatures") -> list[str]:
     """What a log tells, in a line for each thing that it knows."""
-    if felt is None:
-        return []
     lines = []
-    if felt.max_roll_rad is not None and felt.max_pitch_rad is not None and felt.tilt_error_rad is not None:
-        roll, pitch, error = (math.degrees(v) for v in (felt.max_roll_rad, felt.max_pitch_rad, felt.tilt_error_rad))
+    known = {name: value for name, value in asdict(felt).items() if value is not None}
+    if "tilt_error_rad" in known:
+        roll, pitch, error, turn, turn_error = (
+            math.degrees(known[f"{name}_rad"])
+            for name in ("max_roll", "max_pitch", "tilt_error", "heading_change", "heading_error")
+        )
         lines.append(f"log: largest roll {roll:+.1f}°, pitch {pitch:+.1f}° (±{error:.1f}°)")
-    if felt.heading_change_rad is not None and felt.heading_error_rad is not None:
-        turn, error = math.degrees(felt.heading_change_rad), math.degrees(felt.heading_error_rad)
-        lines.append(f"log: turned by {turn:+.1f}° (±{error:.1f}°)")
+        lines.append(f"log: turned by {turn:+.1f}° (±{turn_error:.1f}°)")
     if felt.shocks_s:
         lines.append(f"log: shocks at {', '.join(f'{one:.1f}' for one in felt.shocks_s)} s")
     if felt.battery_sag_v is not None:

@@ -1,10 +1,8 @@
-"""What the person says of a trial that was driven: its outcome, then second thoughts, each in the store at once.
+"""The end of a trial that was driven, in the store at once: as the person says it, or as a killed session left it.
 
-Input: the end of a drive, answers. Output: the completed row of the trial; corrections, notes, a withdrawal.
+Input: the end of a drive, answers. Output: the completed row of the trial.
 """
 
-from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 from foldcar.errors import FoldcarError
@@ -14,7 +12,7 @@ from foldcar.store.log_files import log_file, sha256_of
 from foldcar.store.trial_records import INTERRUPTED, Ending, not_entered
 from foldcar.store.trial_writer import TrialWriter
 from foldcar.trials.driving import DriveEnd
-from foldcar.trials.person import Answers, Buttons, say, warn
+from foldcar.trials.person import Answers, say, warn
 
 OUTCOME_KEYS = {
     "p": "passed",
@@ -26,11 +24,6 @@ OUTCOME_KEYS = {
     "a": "aborted",
 }
 OUTCOME_QUESTION = "Outcome: (p)assed, (t)ipped, (s)tuck, (o)ff course, t(i)me limit, (a)borted"
-NEXT, AGAIN, QUIT = "", "r", "q"
-NEXT_QUESTION = "Enter: next; u: other outcome; r: the same again; n TEXT: note; m FILE: photo, film; q: end: "
-NEXT_BUTTONS: Buttons = ((NEXT, "Next trial"), ("u", "Other outcome"), (AGAIN, "The same again"), (QUIT, "End"))
-KEPT_KEYS = {"k": "kept", "w": "withdrawn"}
-AT_ONCE, DRIVEN_AGAIN = "said at once after the trial", "driven again at once"
 
 
 def record_outcome(
@@ -45,7 +38,7 @@ def record_outcome(
     digest = sha256_of(log)
     ending = end.ending if end.outcome else not_entered(end.ending)
     try:
-        _complete(writer, number, log, Ending(end.outcome or "aborted", ending, end.elapsed_time_s, "", digest))
+        complete(writer, number, log, Ending(end.outcome or "aborted", ending, end.elapsed_time_s, "", digest))
     except StoreError as error:
         # The person is asked nevertheless, and the answers are kept too.
         warn(error)
@@ -59,14 +52,14 @@ def record_outcome(
     if outcome is None:
         raise FoldcarError(f"trial {number}: {end.ending}: its outcome does not follow; use --outcome with --yes")
     stored = Ending(outcome, end.ending, end.elapsed_time_s, note or "", digest)
-    _complete(writer, number, log, stored)
+    complete(writer, number, log, stored)
     say(f"Trial {number}: {outcome}{mark}; log: {log if digest else 'none'}")
     if digest is None and end.error is None:
         raise FoldcarError(f"{log}: is gone: it was deleted or moved; trial {number} is stored without its log")
     return stored
 
 
-def _complete(writer: TrialWriter, number: int, log: Path, ending: Ending) -> None:
+def complete(writer: TrialWriter, number: int, log: Path, ending: Ending) -> None:
     """Store the end of a trial. If that fails, keep it in a file beside the store, which the StoreError names."""
     try:
         writer.complete(number, ending)
@@ -80,44 +73,6 @@ def _complete(writer: TrialWriter, number: int, log: Path, ending: Ending) -> No
             raise
         raise StoreError(f"{error}; {kept}") from error
     kept_trial(writer.path, number).unlink(missing_ok=True)
-
-
-def afterwards(
-    writer: TrialWriter, number: int, log: Path, stored: Ending, answers: Answers, operator: str,
-    attach: Callable[[Path], None], show: Callable[[str], None],
-) -> str:  # fmt: skip
-    """Ask what to do after trial ``number``, of which ``stored`` was stored, and do it; gives NEXT, AGAIN or QUIT.
-
-    ``attach`` keeps a photo or film, ``show`` shows an outcome. Another outcome is a correction, so that the first one
-    stays known.
-    """
-    while True:
-        what, _, words = answers.line(NEXT_QUESTION, NEXT_BUTTONS).partition(" ")
-        words = words.strip()
-        try:
-            if what in (NEXT, QUIT) and not words:
-                return what
-            if what == AGAIN and not words:
-                if answers.choice(f"Trial {number} is (k)ept or (w)ithdrawn [kept]: ", KEPT_KEYS, "kept") == "withdrawn":
-                    writer.withdraw([number], True, DRIVEN_AGAIN, operator)
-                return what
-            if what == "u" and not words:
-                outcome = answers.choice(f"{OUTCOME_QUESTION} [{stored.outcome}]: ", OUTCOME_KEYS, stored.outcome)
-                if outcome != stored.outcome:
-                    writer.correct(number, {"outcome": outcome}, AT_ONCE, operator)
-                    stored = replace(stored, outcome=outcome)
-                show(outcome)
-                say(f"Trial {number}: {outcome}")
-            elif what == "n" and words:
-                stored = replace(stored, note=f"{stored.note}; {words}" if stored.note else words)
-                _complete(writer, number, log, stored)
-                say(f"Trial {number}: {stored.note}")
-            elif what == "m" and words:
-                attach(Path(words).expanduser())
-            else:
-                say("  type Enter, u, r, q, n and a note, or m and a file")
-        except FoldcarError as error:
-            warn(error)
 
 
 def complete_interrupted(writer: TrialWriter) -> None:

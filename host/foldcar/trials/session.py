@@ -46,10 +46,15 @@ from foldcar.trials.placement import (
     show_placement,
 )
 from foldcar.trials.plugged_car import PLUGGED, SIMULATED_TEXT, PluggedCar, simulated_sample, welcome
-from foldcar.trials.recording import AGAIN, QUIT, afterwards, complete_interrupted, record_outcome
+from foldcar.trials.recording import OUTCOME_KEYS, OUTCOME_QUESTION, complete, complete_interrupted, record_outcome
 
 LEAST_FREE_BYTES = 20_000_000
 START: Buttons = (("", "Start"), ("q", "End the session"))
+NEXT, AGAIN, QUIT = "", "r", "q"
+NEXT_QUESTION = "Enter: next; u: other outcome; r: the same again; n TEXT: note; m FILE: photo, film; q: end: "
+NEXT_BUTTONS: Buttons = ((NEXT, "Next trial"), ("u", "Other outcome"), (AGAIN, "The same again"), (QUIT, "End"))
+KEPT_KEYS = {"k": "kept", "w": "withdrawn"}
+AT_ONCE, DRIVEN_AGAIN = "said at once after the trial", "driven again at once"
 
 
 @dataclass(frozen=True)
@@ -114,7 +119,7 @@ class Session:
         self._asked = None if options.yes else self._answers
         self._plugged = PluggedCar()
         self._running = RunningTrial(options.store)
-        self._drawn: set[tuple[str, str]] = set()
+        self._drawn: set[tuple[int, str]] = set()
         self._scenes: dict[int, tuple[dict[str, Any], dict[str, Obstacle]]] = {}
         # Where obstacles stand since the last trial, and the sample that is to be driven again.
         self._standing: Standing | None = None
@@ -161,23 +166,44 @@ class Session:
         return KnownCar(identity, design, sample)
 
     def _goes_on(self, writer: TrialWriter, trial: "_Driven") -> bool:
-        """What the person says after a trial, kept; whether the session goes on."""
-        options = self._options
-        if self._asked is None or None not in (options.outcome, options.note):
+        """Ask what to do after a trial, and do it; whether the session goes on.
+
+        Another outcome is a correction, so that the first one stays known.
+        """
+        options, asked, number, stored = self._options, self._asked, trial.number, trial.stored
+        self._again = None
+        if asked is None or None not in (options.outcome, options.note):
             return True
-
-        def attach(file: Path) -> None:
-            self._attach(writer, trial.number, file)
-
-        def show(outcome: str) -> None:
-            self._running.show(self._plugged.car, outcome=outcome)
-
-        show(trial.stored.outcome)
-        number, log, stored = trial.number, trial.log, trial.stored
-        said = afterwards(writer, number, log, stored, self._asked, options.operator, attach, show)
-        self._again = trial.sample if said == AGAIN else None
-        self._repeated += said == AGAIN
-        return said != QUIT
+        while True:
+            self._running.show(self._plugged.car, outcome=stored.outcome)
+            what, _, words = asked.line(NEXT_QUESTION, NEXT_BUTTONS).partition(" ")
+            words = words.strip()
+            try:
+                if what in (NEXT, QUIT) and not words:
+                    return what == NEXT
+                if what == AGAIN and not words:
+                    question = f"Trial {number} is (k)ept or (w)ithdrawn [kept]: "
+                    if asked.choice(question, KEPT_KEYS, "kept") == "withdrawn":
+                        writer.withdraw([number], True, DRIVEN_AGAIN, options.operator)
+                    self._again = trial.sample
+                    self._repeated += 1
+                    return True
+                if what == "u" and not words:
+                    outcome = asked.choice(f"{OUTCOME_QUESTION} [{stored.outcome}]: ", OUTCOME_KEYS, stored.outcome)
+                    if outcome != stored.outcome:
+                        writer.correct(number, {"outcome": outcome}, AT_ONCE, options.operator)
+                        stored = replace(stored, outcome=outcome)
+                    say(f"Trial {number}: {outcome}")
+                elif what == "n" and words:
+                    stored = replace(stored, note=f"{stored.note}; {words}" if stored.note else words)
+                    complete(writer, number, trial.log, stored)
+                    say(f"Trial {number}: {stored.note}")
+                elif what == "m" and words:
+                    self._attach(writer, number, Path(words).expanduser())
+                else:
+                    say("  type Enter, u, r, q, n and a note, or m and a file")
+            except FoldcarError as error:
+                warn(error)
 
     def _attach(self, writer: TrialWriter, number: int, file: Path) -> None:
         kind = media_kind(file)
@@ -303,13 +329,10 @@ class Session:
     def _draw(self, sample: int, known: KnownCar) -> None:
         """Draw where things stand, once for each sample and car, and say where the picture is."""
         picture = self._logs / f"place-{self._experiment.id}-{sample}.png"
-        title = f"Sample {sample}: where to put car and obstacles"
-        if known.identity.simulated:
-            title = f"Sample {sample}: car and obstacles of the simulated trial"
-        if (title, known.identity.hash) not in self._drawn:
-            scene = self._scene(sample)
-            draw_placement(*scene, known.design, self._carsim, picture, title, self._options.course)
-            self._drawn.add((title, known.identity.hash))
+        if (sample, known.identity.hash) not in self._drawn:
+            title = f"Sample {sample}: where to put car and obstacles"
+            draw_placement(*self._scene(sample), known.design, self._carsim, picture, title, self._options.course)
+            self._drawn.add((sample, known.identity.hash))
         self._running.show(self._plugged.car, picture=picture.name)
         say(f"picture: {picture}")
 

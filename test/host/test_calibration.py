@@ -11,7 +11,7 @@ from scipy.stats import binom, halfnorm, lognorm, norm
 
 from foldcar.calibration.effects import calibrated_scene, calibrated_variation
 from foldcar.calibration.parameters import NAMES, NOMINAL, PARAMETERS
-from foldcar.calibration.predictions import interval, share_interval
+from foldcar.calibration.predictions import share_interval
 from foldcar.car.variation import draw, vary_body, workshop
 from foldcar.errors import FoldcarError
 from foldcar.simulation.carsim import CarsimLimits
@@ -97,7 +97,6 @@ def test_shares_of_trials_have_the_quantiles_of_their_count() -> None:
     chances = np.tile(binom.logpmf(np.arange(11), 10, 0.3), (100, 1))
 
     assert share_interval(chances, 0.9) == (binom.ppf(0.05, 10, 0.3) / 10, binom.ppf(0.95, 10, 0.3) / 10)
-    assert interval(np.linspace(0, 1, 101), 0.9) == pytest.approx((0.05, 0.95))
 
 
 @pytest.fixture(scope="module")

@@ -110,17 +110,12 @@ def test_simulation_agrees_if_all_designs_and_their_mean_do(labels: Any, mean_hi
     assert found == verdict and sentence.startswith("Simulation and trials agree within 15 points at 65 ")
 
 
-def published(folder: Path) -> Path:
-    """A store with the simulated runs and the published trials, whose environments nobody knows."""
-    store = write_study(folder / "s.db", WIDTHS, 100, passing(SIMULATED), build="0123456789abcdef")
+def test_the_published_table_says_that_simulation_is_optimistic(tmp_path: Path) -> None:
+    """The simulated runs and the published trials, whose environments nobody knows."""
+    store = write_study(tmp_path / "s.db", WIDTHS, 100, passing(SIMULATED))
     for width, (passed, number) in PUBLISHED.items():
         trials = [({"width_mm": width}, 100 + k, "passed" if k < passed else "not_passed") for k in range(number)]
         add_trials(store, trials, environment="unknown")
-    return store
-
-
-def test_the_published_table_says_that_simulation_is_optimistic(tmp_path: Path) -> None:
-    store = published(tmp_path)
 
     whole = compare(store, "--csv", tmp_path / "gaps.csv")
     (found,) = whole["experiments"]

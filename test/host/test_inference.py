@@ -264,7 +264,6 @@ def test_the_formulas_rates_are_found(inferred_once: Inferred) -> None:
 def test_the_best_set_is_the_most_likely_one(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of friction, as all else is known or without effect: by the formula's own likelihood."""
     monkeypatch.setattr(best_set_module, "SPREADS", (0.4, 0.1))
-    monkeypatch.setattr(best_set_module, "SCENES", 20)
     told, simulator = {0: (2, 10), 1: (3, 10), 3: (9, 10)}, cast(Any, Formula(seed=3))
     known = {index: 0.0 for index in range(len(PARAMETERS)) if index not in (FRICTION, SPEED)}
     observed = observations(*((design, *counts) for design, counts in told.items()))

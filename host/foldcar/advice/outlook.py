@@ -25,8 +25,8 @@ DRAWS = 3000
 class Outlook:
     """The candidates of a selection, D designs of one family with runs.
 
-    ``parameters`` (D, k); ``runs`` and ``trials`` (D, 2) passed and all; ``draws`` (draws, D) of the true rates;
-    ``passed`` (D, environments): what simulation says in each, NaN where there is no run; ``samples`` (environments,).
+    ``parameters`` (D, k); ``trials`` (D, 2) passed and all; ``draws`` (draws, D) of the true rates; ``passed`` (D,
+    environments): what simulation says in each, NaN where there is no run; ``samples`` (environments,).
     ``pooled`` are the rates that trials and simulation give together, None before two designs, or all, were driven.
     ``smooth`` (D, 3) is simulation's success with its band (rate, low, high): smooth over one or two parameters, else
     each design's. ``contradicting``: designs whose trials contradict the others'.
@@ -34,7 +34,6 @@ class Outlook:
 
     designs: tuple[DesignEvidence, ...]
     parameters: NDArray[Any]
-    runs: NDArray[Any]
     trials: NDArray[Any]
     draws: NDArray[Any]
     samples: NDArray[Any]
@@ -69,7 +68,7 @@ def outlook(evidence: Evidence) -> Outlook | None:
         pooled = tuple(bias.rates()) if (trials[:, 1] > 0).sum() >= min(2, len(designs)) else None
         draws, smooth = bias.draws(DRAWS), _smooth(designs, x, runs)
         contradicting = contradictions(x, runs, trials, cars)
-    return Outlook(tuple(designs), x, runs, trials, draws, samples, passed, pooled, thinned, smooth, contradicting)
+    return Outlook(tuple(designs), x, trials, draws, samples, passed, pooled, thinned, smooth, contradicting)
 
 
 def _thinned(family: Sequence[DesignEvidence], told: set[int]) -> list[DesignEvidence]:

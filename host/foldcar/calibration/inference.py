@@ -26,7 +26,7 @@ from foldcar.calibration.emulator import (
     success_logits,
 )
 from foldcar.calibration.experiment import CalibrationRun, Simulator
-from foldcar.calibration.observations import Observations
+from foldcar.calibration.observations import BoolArray, Observations
 from foldcar.calibration.parameters import PARAMETERS, FloatArray, values_of
 from foldcar.calibration.posterior import Features, IntArray, Outcomes, Posterior, outcomes, sample_posterior
 
@@ -275,7 +275,7 @@ def rate_error(problem: Problem, bank: Bank) -> float:
     return float(max(found))
 
 
-def near(scores: FloatArray, draws: FloatArray) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+def near(scores: FloatArray, draws: FloatArray) -> BoolArray:
     """Which scores (n, parameters) lie in reach of a posterior's draws."""
     free = draws.std(axis=0) > 0
     centred = scores[:, free] - draws[:, free].mean(axis=0)

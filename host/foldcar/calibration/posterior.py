@@ -16,7 +16,7 @@ Crank-Nicolson moves, which leave the normal prior of the scores as it is.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import expit, log_expit, logsumexp
@@ -56,10 +56,6 @@ class Posterior:
     discrepancy: FloatArray
     path_discrepancy: FloatArray
     log_likelihood: FloatArray
-
-    def part(self, draws: slice | IntArray) -> "Posterior":
-        """Some of the draws."""
-        return Posterior(*(getattr(self, one.name)[draws] for one in fields(self)))
 
 
 def sample_posterior(likelihood: Likelihood, parameters: int, seed: int, particles: int = PARTICLES) -> Posterior:

@@ -99,12 +99,6 @@ def count_chances(
     return np.asarray(np.log(binom.pmf(np.arange(counted + 1)[:, None], counted, nodes[:, None]) @ _WEIGHTS + 1e-300))
 
 
-def interval(values: FloatArray, confidence: float) -> tuple[float, float]:
-    """The central interval of draws."""
-    low, high = np.quantile(values, [(1 - confidence) / 2, (1 + confidence) / 2])
-    return float(low), float(high)
-
-
 def share_interval(chances: FloatArray, confidence: float) -> tuple[float, float]:
     """The central interval of the share that passes, by log probabilities (n, counted + 1) of counts."""
     cumulated = np.exp(chances).mean(axis=0).cumsum()
@@ -121,19 +115,19 @@ def rank_next_trials(inference: Inference, experiment: SweptExperiment) -> list[
     """Candidates by information, most first: designs with trials and others, evenly spaced over the family."""
     problem = inference.problem
     some = slice(None, None, max(1, len(inference.posterior.scores) // DRAWS))
-    posterior = inference.posterior.part(some)
+    scores, tau = inference.posterior.scores[some], inference.posterior.discrepancy[some]
     spaced = np.linspace(0, len(experiment.designs) - 1, min(MOST_DESIGNS, len(experiment.designs))).round().astype(int)
     designs: IntArray = np.union1d(spaced, problem.observed.car_design)
-    outcomes = problem.outcomes(posterior.scores, posterior.discrepancy)
-    offsets = [problem.further(outcomes, posterior.discrepancy, design) for design in designs.tolist()]
+    outcomes = problem.outcomes(scores, tau)
+    offsets = [problem.further(outcomes, tau, design) for design in designs.tolist()]
     found = []
     for height in HEIGHTS if _has_obstacles(experiment) else HEIGHTS[:1]:
-        lowered = posterior.scores.copy()
+        lowered = scores.copy()
         column = NAMES.index("obstacle_height")
         lowered[:, column] += np.log(height) / PARAMETERS[column].sd
         logits = problem.emulator.logits(lowered, problem.inputs[len(problem.observed.cells) + designs])
         for design, offset, one in zip(designs.tolist(), offsets, logits.T, strict=True):
-            bits, alone = expected_bits(count_chances(problem, offset, one, TRIALS), posterior.scores)
+            bits, alone = expected_bits(count_chances(problem, offset, one, TRIALS), scores)
             found.append(NextTrials(design, height, bits, NAMES[int(np.argmax(alone))]))
     return sorted(found, key=lambda one: -one.bits)
 

@@ -22,7 +22,6 @@ from foldcar.calibration.predictions import (
     TRIALS,
     Rates,
     count_chances,
-    interval,
     log_score,
     rank_next_trials,
     rates_of,
@@ -259,7 +258,8 @@ def _log_likelihood(
 
 
 def _middle(values: FloatArray) -> dict[str, float]:
-    return {**_ends(*interval(values, CONFIDENCE)), "median": float(np.median(values))}
+    low, high, median = np.quantile(values, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2, 0.5]).tolist()
+    return {"low": low, "high": high, "median": median}
 
 
 def _ends(low: float, high: float) -> dict[str, float]:

@@ -44,11 +44,12 @@ class MavlinkHost {
     return pack(mavlink_msg_command_long_encode_status, content);
   }
 
-  // Forward, of 1000.
-  std::string stick(std::int16_t forward) {
+  // Forward and to the left, of 1000.
+  std::string stick(std::int16_t forward, std::int16_t left = 0) {
     mavlink_manual_control_t content{};
     content.target = 1;
     content.x = forward;
+    content.r = left;
     return pack(mavlink_msg_manual_control_encode_status, content);
   }
 

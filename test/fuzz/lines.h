@@ -72,39 +72,31 @@ int answer_all(Session& session, const std::uint8_t* data, std::size_t size) {
   return 0;
 }
 
-inline void collect(nlohmann::json& value, std::vector<nlohmann::json*>& leaves) {
-  if (!value.is_structured()) return leaves.push_back(&value);
-  for (auto& element : value) collect(element, leaves);
+inline void collect_numbers(nlohmann::json& value, std::vector<nlohmann::json*>& numbers) {
+  if (value.is_number()) numbers.push_back(&value);
+  if (!value.is_structured()) return;
+  for (auto& element : value) collect_numbers(element, numbers);
 }
 
-// One line with one number changed: to an edge, by a factor, or to another line's.
+// One line with up to three of its numbers changed: to an edge, by a factor, or in sign.
 inline std::size_t mutate_lines(std::uint8_t* data, std::size_t size, std::size_t max_size, unsigned seed) {
+  static constexpr std::array<double, 14> kEdges = {0, -0.0, 1, -1, 0.001, 0.02, 0.5, 2, 3, 10, 1000, 1e-9, 1e300, -3};
   std::mt19937 random(seed);
   std::vector<std::string> lines = split(data, size);
   if (random() % 4 == 0 || lines.empty()) return LLVMFuzzerMutate(data, size, max_size);
   std::string& line = lines[random() % lines.size()];
   nlohmann::json value = nlohmann::json::parse(line, nullptr, false);
-  std::vector<nlohmann::json*> leaves;
-  if (!value.is_discarded()) collect(value, leaves);
-  if (leaves.empty()) return LLVMFuzzerMutate(data, size, max_size);
+  std::vector<nlohmann::json*> numbers;
+  if (!value.is_discarded()) collect_numbers(value, numbers);
+  if (numbers.empty()) return LLVMFuzzerMutate(data, size, max_size);
   for (std::size_t count = 1 + random() % 3; count > 0; --count) {
-    nlohmann::json& leaf = *leaves[random() % leaves.size()];
-    if (!leaf.is_number()) {
-      if (random() % 8 == 0) leaf = nullptr;
-      continue;
-    }
-    static constexpr std::array<double, 20> kEdges = {0,    -0.0, 1,    -1,   0.001, 0.002, 0.005, 0.02,  0.1,  0.5,
-                                                      2,    3,    10,   100,  1000,  -1000, 1e-9,  1e300, 3600, -3};
-    const double was = leaf.get<double>();
-    switch (random() % 4) {
-      case 0: leaf = kEdges[random() % kEdges.size()]; break;
-      case 1: leaf = was * std::exp2(static_cast<double>(random() % 17) - 8); break;
-      case 2: leaf = was * (1 + 1e-3 * static_cast<double>(random() % 400)); break;
-      default: leaf = -was; break;
-    }
+    nlohmann::json& number = *numbers[random() % numbers.size()];
+    const double was = number.get<double>();
+    const std::array<double, 4> changed = {kEdges[random() % kEdges.size()], was * std::exp2(random() % 17 - 8.0),
+                                           was * (1 + 1e-3 * (random() % 400)), -was};
+    number = changed[random() % changed.size()];
   }
   line = dumped(value);
-  if (random() % 8 == 0) lines.push_back(lines[random() % lines.size()]);
   std::string text;
   for (const std::string& one : lines) text += one + '\n';
   if (text.size() > max_size) return LLVMFuzzerMutate(data, size, max_size);

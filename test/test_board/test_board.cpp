@@ -1,4 +1,5 @@
-// Clock, battery, serial port, reset and watchdog of the ESP32.
+// The real board's HAL over fakes of the Arduino calls that it makes: the contract of hal.h, then clock, battery, serial
+// port, reset, watchdog and IMU. Flash and servos have files of their own.
 #include "../suite.h"
 
 #include <esp_log.h>
@@ -7,9 +8,37 @@
 #include <cmath>
 #include <cstring>
 
+#include "../hal_contract.h"
 #include "feather_bench.h"
 
 using namespace foldcar;
+
+TEST(the_boards_hal_keeps_the_contract) {
+  for (const bool with_imu : {false, true}) {
+    BegunBench bench(with_imu);
+    check_hal_contract(bench.hal.hal(), [] { fake_esp32.time_us += 1000; });
+  }
+}
+
+// Every part of the hardware is missing or broken; nothing is promised but that the firmware is told.
+TEST(a_board_with_nothing_on_it_answers_false) {
+  FeatherBench bench;
+  fake_esp32.i2c.chips.clear();
+  fake_esp32.flash.nvs_is_broken = true;
+  fake_esp32.flash.is_formatted = false;
+  bench.begin();
+  const Hal hal = bench.hal.hal();
+  TEST_ASSERT_FALSE(hal.servos.write_pulses(PulsesUs{}));
+  check_imu_answers_if_present(hal.imu);
+  check_logs_give_back_what_they_took(hal.logs);
+  float value = 7.0f;
+  TEST_ASSERT_FALSE(hal.storage.present());
+  TEST_ASSERT_FALSE(hal.logs.present());
+  TEST_ASSERT_FALSE(hal.storage.save("TRACK_M", 0.2f));
+  TEST_ASSERT_FALSE(hal.storage.load("TRACK_M", value));
+  TEST_ASSERT_FALSE(hal.storage.clear());
+  TEST_ASSERT_EQUAL_FLOAT(7.0f, value);
+}
 
 TEST(the_clock_counts_on_where_32_bits_end) {
   FeatherBench bench;
@@ -19,16 +48,12 @@ TEST(the_clock_counts_on_where_32_bits_end) {
   TEST_ASSERT_EQUAL_UINT64(4294967296u, bench.hal.clock.now_us());
 }
 
-TEST(the_battery_has_twice_the_voltage_of_its_pin) {
+TEST(the_battery_has_twice_the_voltage_of_its_pin_or_there_is_none) {
   FeatherBench bench;
   TEST_ASSERT_EQUAL_FLOAT(3.8f, bench.hal.battery.voltage_v());
   fake_esp32.pin_mv[35] = 1250;
   TEST_ASSERT_EQUAL_FLOAT(2.5f, bench.hal.battery.voltage_v());
-}
-
-// The converter gives 142 mV for a pin without voltage, and the core 0 if the conversion fails.
-TEST(a_broken_divider_is_no_battery) {
-  FeatherBench bench;
+  // Of a broken divider the converter gives 142 mV, and the core 0 if the conversion fails.
   for (const std::uint32_t pin_mv : {0u, 142u, 499u}) {
     fake_esp32.pin_mv[35] = pin_mv;
     TEST_ASSERT_FLOAT_IS_NAN(bench.hal.battery.voltage_v());
@@ -67,11 +92,6 @@ TEST(a_write_takes_what_fits_and_never_waits) {
   TEST_ASSERT_FALSE(fake_esp32.uart.write_waited);
 }
 
-TEST(the_board_is_no_simulator) {
-  FeatherBench bench;
-  TEST_ASSERT_FALSE(bench.hal.board.is_simulated());
-}
-
 TEST(the_reset_reason_is_the_chips) {
   FeatherBench bench;
   using R = ResetReason;
@@ -85,7 +105,7 @@ TEST(the_reset_reason_is_the_chips) {
   }
 }
 
-TEST(a_restart_comes_after_the_last_byte_was_sent) {
+TEST(the_board_is_no_simulator_and_restarts_after_the_last_byte_was_sent) {
   BegunBench bench;
   const std::uint8_t byte = 1;
   bench.hal.link.write(&byte, 1);
@@ -97,12 +117,43 @@ TEST(a_restart_comes_after_the_last_byte_was_sent) {
   }
   TEST_ASSERT_TRUE(has_restarted);
   TEST_ASSERT_TRUE(fake_esp32.uart.flushed);
+  TEST_ASSERT_FALSE(bench.hal.board.is_simulated());
 }
 
-TEST(the_watchdog_restarts_a_loop_that_stands_for_a_second) {
-  FeatherBench bench;
-  bench.hal.board.start_watchdog();
-  TEST_ASSERT_EQUAL_UINT32(1, fake_esp32.watchdog_s);
-  TEST_ASSERT_TRUE(fake_esp32.watchdog_panics);
-  TEST_ASSERT_TRUE(fake_esp32.watchdog_guards_loop);
+TEST(an_imu_is_found_at_both_of_its_addresses_and_another_chip_is_none) {
+  for (const std::uint8_t address : {0x6A, 0x6B}) {
+    for (const std::uint8_t identity : {0x6C, 0x6B}) {  // the other is an LSM6DSR
+      FeatherBench bench;
+      bench.imu_chip.identity = identity;
+      fake_esp32.i2c.chips[address] = &bench.imu_chip;
+      bench.begin();
+      TEST_ASSERT_EQUAL_INT(identity == 0x6C, bench.hal.imu.present());
+    }
+  }
+}
+
+// The sensitivities are 0.122 mg and 17.5 mdps; the values stay within +-4 g and +-500 degrees/s.
+TEST(a_sample_has_the_measured_values_within_a_bit) {
+  FeatherBench bench(true);
+  bench.imu_chip.acceleration_m_s2 = {-39.0, 9.81, 0.5};
+  bench.imu_chip.rate_rad_s = {8.7, -8.7, -0.01};
+  bench.begin();
+  ImuSample sample;
+  TEST_ASSERT_TRUE(bench.hal.imu.read(sample));
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const auto acceleration_m_s2 = static_cast<float>(bench.imu_chip.acceleration_m_s2[axis]);
+    const auto rate_rad_s = static_cast<float>(bench.imu_chip.rate_rad_s[axis]);
+    TEST_ASSERT_FLOAT_WITHIN(0.0013f, acceleration_m_s2, sample.acceleration_m_s2[axis]);
+    TEST_ASSERT_FLOAT_WITHIN(0.00031f, rate_rad_s, sample.rate_rad_s[axis]);
+  }
+}
+
+TEST(an_imu_that_falls_silent_leaves_the_sample_alone) {
+  BegunBench bench(true);
+  fake_esp32.i2c.bus_hangs = true;
+  ImuSample sample;
+  sample.rate_rad_s[2] = 7.0f;
+  TEST_ASSERT_FALSE(bench.hal.imu.read(sample));
+  TEST_ASSERT_EQUAL_FLOAT(7.0f, sample.rate_rad_s[2]);
+  TEST_ASSERT_TRUE(bench.hal.imu.present());
 }

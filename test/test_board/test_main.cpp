@@ -50,6 +50,7 @@ TEST(the_board_turns_its_outputs_off_first_and_drives_and_stores_in_two_tasks) {
   TEST_ASSERT_FALSE(servo_chip.has_driven);
   TEST_ASSERT_FALSE_MESSAGE(servo_chip.others_came_first, "serial port, flash or a task before the outputs are off");
   TEST_ASSERT_EQUAL_UINT32(1, fake_esp32.watchdog_s);
+  TEST_ASSERT_TRUE(fake_esp32.watchdog_panics && fake_esp32.watchdog_guards_loop);
 
   const FakeTask& task = fake_esp32.task;
   TEST_ASSERT_EQUAL_UINT(0, task.priority);

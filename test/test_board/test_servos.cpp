@@ -36,18 +36,6 @@ TEST(a_pulse_has_its_width_within_half_a_tick_at_any_oscillator) {
   }
 }
 
-// At 25 MHz the prescaler is 121, so a tick is 122 / 25 MHz = 4.88 µs, and 1500 µs are 307.4 ticks.
-TEST(pulses_are_rounded_to_the_nearest_tick) {
-  BegunBench bench;
-  const auto ticks_of = [&bench](float pulse_us) {
-    bench.hal.servos.write_pulses(pulse_on(0, pulse_us));
-    return std::lround(bench.servo_chip.pulse_us(0) / 4.88);
-  };
-  TEST_ASSERT_EQUAL_INT(307, ticks_of(1500.0f));
-  TEST_ASSERT_EQUAL_INT(307, ticks_of(307.49f * 4.88f));
-  TEST_ASSERT_EQUAL_INT(308, ticks_of(307.51f * 4.88f));
-}
-
 TEST(every_output_has_its_own_pulse_or_none) {
   BegunBench bench;
   PulsesUs pulses_us{1000.0f, kNoPulse, 1500.0f, 2000.0f, kNoPulse, kNoPulse, 1234.5f, 1800.0f};
@@ -56,18 +44,14 @@ TEST(every_output_has_its_own_pulse_or_none) {
     const float expected_us = channel < kChannelCount ? pulses_us[channel] : kNoPulse;
     TEST_ASSERT_FLOAT_WITHIN(2.5f, expected_us, static_cast<float>(bench.servo_chip.pulse_us(channel)));
   }
+  const std::size_t before = bench.servo_chip.transmissions.size();
+  for (const float wrong_us : {-1.0f, 3001.0f, NAN}) {
+    TEST_ASSERT_FALSE(bench.hal.servos.write_pulses(pulse_on(1, wrong_us)));
+  }
+  TEST_ASSERT_EQUAL_UINT_MESSAGE(before, bench.servo_chip.transmissions.size(), "a wrong pulse leaves them as they are");
   TEST_ASSERT_TRUE(bench.hal.servos.write_pulses(PulsesUs{}));
   for (std::size_t channel = 0; channel < 16; ++channel) TEST_ASSERT_TRUE(bench.servo_chip.pulse_us(channel) == 0);
-}
-
-TEST(a_pulse_outside_its_limits_leaves_the_outputs_as_they_are) {
-  BegunBench bench;
-  bench.hal.servos.write_pulses(pulse_on(0, 1500.0f));
-  const std::size_t before = bench.servo_chip.transmissions.size();
-  for (const float pulse_us : {-1.0f, 3001.0f, NAN}) {
-    TEST_ASSERT_FALSE(bench.hal.servos.write_pulses(pulse_on(1, pulse_us)));
-  }
-  TEST_ASSERT_EQUAL_UINT(before, bench.servo_chip.transmissions.size());
+  TEST_ASSERT_TRUE_MESSAGE(fake_esp32.pin_levels.empty() && fake_esp32.timers.empty(), "output enable is not wired");
 }
 
 TEST(a_write_to_a_bus_that_fails_is_told) {
@@ -80,6 +64,9 @@ TEST(a_write_to_a_bus_that_fails_is_told) {
   fake_esp32.i2c.chips.erase(0x40);
   TEST_ASSERT_FALSE(bench.hal.servos.write_pulses(pulse_on(0, 1500.0f)));
   TEST_ASSERT_FALSE(bench.hal.servos.write_pulses(PulsesUs{}));
+  TEST_ASSERT_FALSE(bench.hal.servos.set_oscillator_hz(25e6f));
+  fake_esp32.i2c.chips[0x40] = &bench.servo_chip;
+  TEST_ASSERT_FALSE_MESSAGE(bench.hal.servos.write_pulses(pulse_on(0, 1500.0f)), "the rate is no longer known");
 }
 
 // As when flash is erased, which stops both cores in the middle of a transfer.
@@ -100,23 +87,19 @@ TEST(one_transfer_that_fails_is_repeated) {
   }
 }
 
-// The chip was not there at the start and is not set up, even if it answers later.
+// The chip, or the bus, was not there at the start; nothing is set up, even if it answers later.
 TEST(a_chip_that_was_missing_at_the_start_takes_no_writes) {
-  FeatherBench bench;
-  fake_esp32.i2c.chips.clear();
-  TEST_ASSERT_FALSE(bench.hal.servos.begin());
-  fake_esp32.i2c.chips[0x40] = &bench.servo_chip;
-  TEST_ASSERT_FALSE(bench.hal.servos.set_oscillator_hz(25e6f));
-  TEST_ASSERT_FALSE(bench.hal.servos.write_pulses(pulse_on(0, 1500.0f)));
-  TEST_ASSERT_FALSE(bench.hal.servos.write_pulses(PulsesUs{}));
-  TEST_ASSERT_FALSE(bench.servo_chip.has_driven);
-}
-
-TEST(without_the_bus_nothing_is_written) {
-  FeatherBench bench;
-  fake_esp32.i2c.driver_fails = true;
-  TEST_ASSERT_FALSE(bench.hal.servos.begin());
-  TEST_ASSERT_FALSE(bench.hal.servos.write_pulses(PulsesUs{}));
+  for (const bool bus_fails : {false, true}) {
+    FeatherBench bench;
+    fake_esp32.i2c.chips.clear();
+    fake_esp32.i2c.driver_fails = bus_fails;
+    TEST_ASSERT_FALSE(bench.hal.servos.begin());
+    fake_esp32.i2c.chips[0x40] = &bench.servo_chip;
+    TEST_ASSERT_FALSE(bench.hal.servos.set_oscillator_hz(25e6f));
+    TEST_ASSERT_FALSE(bench.hal.servos.write_pulses(pulse_on(0, 1500.0f)));
+    TEST_ASSERT_FALSE(bench.hal.servos.write_pulses(PulsesUs{}));
+    TEST_ASSERT_FALSE(bench.servo_chip.has_driven);
+  }
 }
 
 TEST(no_pulse_is_written_before_the_oscillator_is_known) {
@@ -140,21 +123,6 @@ TEST(a_transfer_that_fails_while_the_rate_is_set_never_leads_to_wrong_pulses) {
     refused_count += confirmed ? 0 : 1;
   }
   TEST_ASSERT_TRUE(refused_count >= 3);  // off, sleep, prescaler
-}
-
-TEST(a_rate_that_cannot_be_set_again_ends_the_pulses) {
-  BegunBench bench;
-  fake_esp32.i2c.bus_hangs = true;
-  TEST_ASSERT_FALSE(bench.hal.servos.set_oscillator_hz(25e6f));
-  fake_esp32.i2c.bus_hangs = false;
-  TEST_ASSERT_FALSE(bench.hal.servos.write_pulses(pulse_on(0, 1500.0f)));
-}
-
-TEST(without_a_wire_to_output_enable_its_pin_is_left_alone) {
-  BegunBench bench;
-  bench.hal.servos.write_pulses(pulse_on(0, 1500.0f));
-  bench.hal.servos.write_pulses(PulsesUs{});
-  TEST_ASSERT_TRUE(fake_esp32.pin_levels.empty() && fake_esp32.timers.empty());
 }
 
 // With a wire, pulses end when they are turned off, and 150 ms after the last write of a loop that hangs.

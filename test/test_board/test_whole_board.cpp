@@ -16,13 +16,9 @@ struct Car {
   Firmware firmware{bench.hal.hal(), kBuild};
   MavlinkHost host;
 
-  explicit Car(bool with_imu) : bench(with_imu) {
-    bench.begin();
-    firmware.begin({});
-  }
-  // A board with that flash. Reading car.json needs ArduinoJson (test_flash.cpp): a file system counts as one with a design.
-  explicit Car(const FakeFlash& flash) {
-    fake_esp32.flash = flash;
+  // Reading car.json needs ArduinoJson (test_flash.cpp): a file system counts as one with a design.
+  explicit Car(bool flash_is_formatted = true) : bench(true) {
+    fake_esp32.flash.is_formatted = flash_is_formatted;
     bench.begin();
     DesignResult design;
     if (!bench.hal.logs.present()) design.source = DesignSource::kUnreadable;
@@ -55,7 +51,7 @@ struct Car {
 
 // Full speed is 200 µs from neutral, mirrored on the right; the four wheels of the default parameters use outputs 0 to 3.
 TEST(a_trial_asked_for_over_usb_drives_the_outputs_until_the_host_is_silent) {
-  Car car(true);
+  Car car;
   car.start_trial(0.0f);
   for (int i = 0; i < 4; ++i) car.run(200, car.host.heartbeat());
   const float expected_us[] = {1700.0f, 1300.0f, 1700.0f, 1300.0f, 0.0f, 0.0f, 0.0f, 0.0f};
@@ -69,19 +65,8 @@ TEST(a_trial_asked_for_over_usb_drives_the_outputs_until_the_host_is_silent) {
   TEST_ASSERT_FALSE(fake_esp32.uart.write_waited);
 }
 
-TEST(a_bus_that_fails_in_a_trial_is_a_fault) {
-  Car car(false);
-  car.start_trial(0.0f);
-  fake_esp32.i2c.bus_hangs = true;
-  car.run(40, car.host.heartbeat());
-  TEST_ASSERT_TRUE(car.firmware.application().status().fault == Fault::kBus);
-  fake_esp32.i2c.bus_hangs = false;
-  car.run(40, car.host.heartbeat());
-  for (std::size_t channel = 0; channel < kChannelCount; ++channel) TEST_ASSERT_TRUE(car.pulse_us(channel) == 0);
-}
-
 TEST(an_untethered_trial_leaves_a_log_in_flash) {
-  Car car(true);
+  Car car;
   car.start_trial(1.0f);
   car.run(5200);
   TEST_ASSERT_TRUE(car.firmware.application().trial_end() == TrialEnd::kTimeLimit);
@@ -92,9 +77,7 @@ TEST(an_untethered_trial_leaves_a_log_in_flash) {
 }
 
 TEST(a_flash_that_does_not_mount_is_told_and_keeps_the_car_disarmed) {
-  FakeFlash flash;
-  flash.is_formatted = false;
-  Car car(flash);
+  Car car(false);
   car.run(1100, car.host.heartbeat());
   TEST_ASSERT_EQUAL_STRING("fault: flash memory cannot be read", car.host.texts().front().c_str());
   const auto beats = car.host.all<mavlink_heartbeat_t>(MAVLINK_MSG_ID_HEARTBEAT, mavlink_msg_heartbeat_decode);
@@ -106,28 +89,4 @@ TEST(a_flash_that_does_not_mount_is_told_and_keeps_the_car_disarmed) {
   TEST_ASSERT_FALSE(fake_esp32.flash.is_formatted);
   TEST_ASSERT_EQUAL_UINT(MAV_RESULT_ACCEPTED, car.answer(MAV_CMD_FOLDCAR_ACKNOWLEDGE_FAULT, {1}));
   TEST_ASSERT_EQUAL_UINT(MAV_RESULT_ACCEPTED, car.answer(MAV_CMD_COMPONENT_ARM_DISARM, {1}));
-}
-
-TEST(stored_parameters_that_cannot_be_read_are_told) {
-  FakeFlash flash;
-  flash.nvs_is_broken = true;
-  Car car(flash);
-  car.run(100, car.host.heartbeat());
-  TEST_ASSERT_EQUAL_STRING("fault: flash memory cannot be read", car.host.texts().front().c_str());
-  TEST_ASSERT_TRUE(car.firmware.application().status().fault == Fault::kFlash);
-  TEST_ASSERT_EQUAL_UINT(MAV_RESULT_TEMPORARILY_REJECTED, car.answer(MAV_CMD_COMPONENT_ARM_DISARM, {1}));
-}
-
-// Writing to flash and other long work leave the host's bytes in the serial port's buffer.
-TEST(a_start_that_waited_in_the_receive_buffer_is_refused) {
-  Car car(true);
-  TEST_ASSERT_EQUAL_UINT(MAV_RESULT_ACCEPTED, car.answer(MAV_CMD_COMPONENT_ARM_DISARM, {1}));
-  for (const char byte : car.host.heartbeat() + car.host.command(MAV_CMD_FOLDCAR_START_TRIAL, {0.2f, 0, 5, 1, 7})) {
-    fake_esp32.uart.receive_buffer.push_back(static_cast<std::uint8_t>(byte));
-  }
-  fake_esp32.time_us += 700000;
-  car.run(60);
-  TEST_ASSERT_EQUAL_INT(static_cast<int>(Refusal::kLate), car.host.acks().back().result_param2);
-  TEST_ASSERT_TRUE(car.firmware.application().status().state == State::kArmed);
-  for (std::size_t channel = 0; channel < kChannelCount; ++channel) TEST_ASSERT_TRUE(car.pulse_us(channel) == 0);
 }

@@ -1,9 +1,10 @@
-// The controller: wheel speeds, pulses, slew, stagger, mirror symmetry, all against closed forms.
+// The controller (wheel speeds, pulses, slew, stagger, mirror symmetry) and the attitude from an IMU, against closed forms.
 #include "../../suite.h"
 
 #include <algorithm>
 #include <cmath>
 
+#include "attitude.h"
 #include "differential_drive.h"
 
 using namespace foldcar;
@@ -21,31 +22,31 @@ PulsesUs settled(const Parameters& parameters, const SetPoint& set_point) {
   return pulses_us;
 }
 
-}  // namespace
+constexpr float kG = 9.81f;
+constexpr float kStepS = 0.02f;
 
-TEST(wheel_speeds_add_up_to_the_set_point) {
-  Parameters parameters;
-  parameters.set("WHEEL_RADIUS_M", 0.05f);
-  parameters.set("TRACK_M", 0.2f);
-  const WheelSpeeds speeds = wheel_speeds(calibrate(parameters), {0.3f, 1.0f});
-  // Rolling: the car's speed is the mean of the rims' speeds, its yaw rate their difference over the track.
-  const double left_m_s = 0.05 * static_cast<double>(speeds.left_rad_s);
-  const double right_m_s = 0.05 * static_cast<double>(speeds.right_rad_s);
-  TEST_ASSERT_FLOAT_WITHIN(1e-6f, 0.3f, static_cast<float>(0.5 * (left_m_s + right_m_s)));
-  TEST_ASSERT_FLOAT_WITHIN(1e-5f, 1.0f, static_cast<float>((right_m_s - left_m_s) / 0.2));
+// What a car at rest measures, with its nose up by pitch and its left side up by roll.
+ImuSample at_rest(float roll, float pitch) {
+  ImuSample sample;
+  sample.acceleration_m_s2 = {kG * std::sin(pitch), kG * std::cos(pitch) * std::sin(roll),
+                              kG * std::cos(pitch) * std::cos(roll)};
+  return sample;
 }
 
-TEST(scaling_back_keeps_the_curvature) {
+}  // namespace
+
+// Rolling: the car's speed is the mean of the rims' speeds, its yaw rate, positive to the left, their difference over the
+// track. Where that is faster than wheels turn, both sides are scaled back alike, which keeps the curvature.
+TEST(wheel_speeds_add_up_to_the_set_point_or_to_its_curvature) {
   const Calibration calibration = calibrate(Parameters());
-  for (const float speed_m_s : {1.0f, -3.0f, 5.0f}) {
-    for (const float yaw_rate_rad_s : {-20.0f, 4.0f}) {
+  for (const float speed_m_s : {0.3f, 1.0f, -3.0f}) {
+    for (const float yaw_rate_rad_s : {-20.0f, 0.0f, 1.0f}) {
+      const float turn_m_s = 0.5f * 0.111f * yaw_rate_rad_s;
+      const float left_rad_s = (speed_m_s - turn_m_s) / 0.06f, right_rad_s = (speed_m_s + turn_m_s) / 0.06f;
+      const float scale = std::min(1.0f, 11.5f / std::max(std::fabs(left_rad_s), std::fabs(right_rad_s)));
       const WheelSpeeds speeds = wheel_speeds(calibration, {speed_m_s, yaw_rate_rad_s});
-      const double fastest = std::max(std::fabs(speeds.left_rad_s), std::fabs(speeds.right_rad_s));
-      TEST_ASSERT_FLOAT_WITHIN(1e-4f, 11.5f, static_cast<float>(fastest));
-      const double left_m_s = 0.06 * static_cast<double>(speeds.left_rad_s);
-      const double right_m_s = 0.06 * static_cast<double>(speeds.right_rad_s);
-      const double curvature_1_m = (right_m_s - left_m_s) / 0.111 / (0.5 * (left_m_s + right_m_s));
-      TEST_ASSERT_FLOAT_WITHIN(1e-3f, yaw_rate_rad_s / speed_m_s, static_cast<float>(curvature_1_m));
+      TEST_ASSERT_FLOAT_WITHIN(1e-4f, scale * left_rad_s, speeds.left_rad_s);
+      TEST_ASSERT_FLOAT_WITHIN(1e-4f, scale * right_rad_s, speeds.right_rad_s);
     }
   }
 }
@@ -150,4 +151,46 @@ TEST(mirrored_set_points_give_mirrored_pulses_to_the_last_bit) {
       TEST_ASSERT_FLOAT_WITHIN(1e-3f, pulses_us[left] - 1500.0f, 1500.0f - mirrored_us[left + 1]);
     }
   }
+}
+
+TEST(a_car_at_rest_shows_its_angles_at_once) {
+  for (const float roll : {-2.0f, -0.3f, 0.0f, 0.5f, 3.0f}) {
+    for (const float pitch : {-1.2f, 0.0f, 0.4f}) {
+      const Attitude attitude = updated(Attitude{}, at_rest(roll, pitch), kStepS);
+      TEST_ASSERT_FLOAT_WITHIN(1e-4f, roll, roll_rad(attitude));
+      TEST_ASSERT_FLOAT_WITHIN(1e-4f, pitch, pitch_rad(attitude));
+      TEST_ASSERT_FLOAT_WITHIN(1e-3f, std::acos(std::cos(pitch) * std::cos(roll)), tilt_rad(attitude));
+    }
+  }
+}
+
+// A gyroscope of 500 degrees/s may have a bias of 1 degree/s. In the filter's steady state the error is bias × time constant.
+TEST(gravity_holds_the_drift_of_the_gyroscope) {
+  constexpr float kDriftRadS = 0.0175f;
+  Attitude attitude;
+  for (int i = 0; i < 50 * 600; ++i) {
+    ImuSample sample = at_rest(0.0f, 0.0f);
+    sample.rate_rad_s = {kDriftRadS, -kDriftRadS, 0.0f};
+    attitude = updated(attitude, sample, kStepS);
+  }
+  TEST_ASSERT_FLOAT_WITHIN(0.001f, kDriftRadS * 0.5f, roll_rad(attitude));
+  TEST_ASSERT_FLOAT_WITHIN(0.001f, kDriftRadS * 0.5f, pitch_rad(attitude));
+}
+
+TEST(a_shock_does_not_tilt_the_estimate) {
+  Attitude attitude = updated(Attitude{}, at_rest(0.0f, 0.0f), kStepS);
+  ImuSample shock;
+  shock.acceleration_m_s2 = {0.0f, 30.0f, 9.81f};
+  for (int i = 0; i < 10; ++i) attitude = updated(attitude, shock, kStepS);
+  TEST_ASSERT_FLOAT_WITHIN(1e-6f, 0.0f, tilt_rad(attitude));
+}
+
+TEST(yaw_counts_turns_to_the_left_and_wraps) {
+  Attitude attitude = updated(Attitude{}, at_rest(0.0f, 0.0f), kStepS);
+  ImuSample sample = at_rest(0.0f, 0.0f);
+  sample.rate_rad_s = {0.0f, 0.0f, 1.0f};
+  for (int i = 0; i < 100; ++i) attitude = updated(attitude, sample, kStepS);
+  TEST_ASSERT_FLOAT_WITHIN(1e-3f, 2.0f, attitude.yaw_rad);
+  for (int i = 0; i < 100; ++i) attitude = updated(attitude, sample, kStepS);
+  TEST_ASSERT_FLOAT_WITHIN(1e-3f, 4.0f - 2.0f * 3.14159265f, attitude.yaw_rad);
 }

@@ -16,9 +16,7 @@ TEST(a_trial_goes_from_arming_to_its_end_by_commands) {
   bench.expect(MAV_RESULT_ACCEPTED, Refusal::kNone, MAV_CMD_COMPONENT_ARM_DISARM, {1});
   TEST_ASSERT_TRUE(bench.last_us() == kOff);
   bench.expect(MAV_RESULT_DENIED, Refusal::kSpeedLimit, MAV_CMD_FOLDCAR_START_TRIAL, {6, 0, 1});
-  bench.expect(MAV_RESULT_DENIED, Refusal::kNotANumber, MAV_CMD_FOLDCAR_START_TRIAL, {NAN, 0, 1});
   bench.expect(MAV_RESULT_DENIED, Refusal::kNotANumber, MAV_CMD_FOLDCAR_START_TRIAL, {0.1f, 0, 1, 2});
-  bench.expect(MAV_RESULT_DENIED, Refusal::kTimeLimit, MAV_CMD_FOLDCAR_START_TRIAL, {0.1f, 0, 0});
   TEST_ASSERT_TRUE(bench.last_us() == kOff);
   bench.expect(MAV_RESULT_ACCEPTED, Refusal::kNone, MAV_CMD_FOLDCAR_START_TRIAL, {0.3f, 0.5f, 2, 0, 7});
   for (int i = 0; i < 9; ++i) bench.run(200, bench.host.heartbeat());

@@ -108,18 +108,14 @@ TEST(ground_stations_modes_and_radio_control_are_refused) {
   bench.expect(MAV_RESULT_UNSUPPORTED, Refusal::kUnknownCommand, kDoSetMode, {1, 15});
   TEST_ASSERT_EQUAL_STRING("refused: not a command of this car", bench.last_text().c_str());
   mavlink_set_mode_t mode{};
-  mode.target_system = 1;
-  mode.custom_mode = 15;
-  bench.run(40, bench.host.pack(mavlink_msg_set_mode_encode_status, mode));
-  TEST_ASSERT_EQUAL_UINT(MAVLINK_MSG_ID_SET_MODE, bench.host.acks().back().command);
-  TEST_ASSERT_EQUAL_UINT(MAV_RESULT_UNSUPPORTED, bench.host.acks().back().result);
   mavlink_command_int_t command{};
-  command.target_system = 1;
+  mavlink_rc_channels_override_t sticks{};
+  mode.target_system = command.target_system = sticks.target_system = 1;
+  bench.run(40, bench.host.pack(mavlink_msg_set_mode_encode_status, mode));
+  TEST_ASSERT_EQUAL_UINT(MAV_RESULT_UNSUPPORTED, bench.host.acks().back().result);
   command.command = MAV_CMD_COMPONENT_ARM_DISARM;
   bench.run(40, bench.host.pack(mavlink_msg_command_int_encode_status, command));
   TEST_ASSERT_EQUAL_UINT(MAV_RESULT_COMMAND_LONG_ONLY, bench.host.acks().back().result);
-  mavlink_rc_channels_override_t sticks{};
-  sticks.target_system = 1;
   bench.host.received.clear();
   bench.run(40, bench.host.pack(mavlink_msg_rc_channels_override_encode_status, sticks));
   TEST_ASSERT_EQUAL_UINT(0, bench.host.texts().size());  // releases all channels

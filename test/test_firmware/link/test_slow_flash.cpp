@@ -315,28 +315,25 @@ TEST(a_log_is_closed_when_all_is_stored) {
 TEST(sixty_settings_at_once_neither_keep_the_tick_waiting_nor_are_saved_sixty_times) {
   SlowBench bench;
   bench.run(2000);
-  const std::uint32_t ticks_before = bench.loop().tick_count;
   bench.host.received.clear();
   const std::uint64_t start_us = bench.board.clock.time_us;
   for (int i = 1; i <= 60; ++i) {
     bench.board.link.incoming += bench.host.set_parameter("STAGGER_MS", static_cast<float>(i));
   }
-  for (int polls = 0; bench.host.parameters().size() < 60 || polls < 40; ++polls) {
+  for (unsigned polls = 1; bench.host.parameters().size() < 60 || polls < 40; ++polls) {
     const int saved_before = bench.storage.save_count;
     bench.board.clock.time_us += 1000;
     bench.firmware.poll();
     TEST_ASSERT_TRUE(bench.storage.save_count - saved_before <= 1);
     bench.host.receive(bench.board.link.outgoing);
-    TEST_ASSERT_TRUE(bench.host.parameters().size() <= 4u * static_cast<unsigned>(polls + 1));
     bench.board.link.outgoing.clear();
+    TEST_ASSERT_TRUE(bench.host.parameters().size() <= 4 * polls);
   }
-  const std::uint64_t elapsed_ms = (bench.board.clock.time_us - start_us) / 1000;
-  TEST_ASSERT_TRUE_MESSAGE(elapsed_ms < 100, "sixty settings are handled within five ticks");
+  TEST_ASSERT_TRUE_MESSAGE(bench.board.clock.time_us - start_us < 100000, "sixty settings are handled within five ticks");
   TEST_ASSERT_TRUE(bench.storage.save_count <= 2);
+  TEST_ASSERT_EQUAL_UINT32(0, bench.loop().missed_count);
   TEST_ASSERT_EQUAL_FLOAT(60.0f, bench.storage.values["STAGGER_MS"]);
   TEST_ASSERT_EQUAL_FLOAT(60.0f, bench.host.parameters().back().param_value);
-  bench.run(900);
-  TEST_ASSERT_UINT_WITHIN(2, (900 + elapsed_ms) / 20 + 55, bench.loop().tick_count - ticks_before);
 }
 
 TEST(every_value_that_was_set_is_saved_before_a_restart) {

@@ -45,24 +45,6 @@ TEST(a_name_leads_to_its_typed_index_and_an_unknown_one_is_refused) {
   }
 }
 
-TEST(a_new_object_describes_the_study_car) {
-  const Parameters parameters;
-  TEST_ASSERT_EQUAL_FLOAT(0.06f, parameters.get(Parameter::kWheelRadiusM));
-  TEST_ASSERT_EQUAL_FLOAT(0.111f, parameters.get(Parameter::kTrackM));
-  TEST_ASSERT_EQUAL_FLOAT(11.5f, parameters.get(Parameter::kWheelMaxRadS));
-  const float sides[] = {1, 2, 1, 2, 0, 0, 0, 0};
-  const float directions[] = {1, -1, 1, -1};
-  for (std::size_t channel = 0; channel < kChannelCount; ++channel) {
-    TEST_ASSERT_EQUAL_FLOAT(sides[channel], parameters.get(channel, ChannelParameter::kSide));
-    if (channel >= 4) continue;
-    TEST_ASSERT_EQUAL_FLOAT(directions[channel], parameters.get(channel, ChannelParameter::kDirection));
-    // Full speed of the servo, 11.5 rad/s, is 200 us from neutral: 45 of deadband and 155 of gain.
-    const float full_us = parameters.get(channel, ChannelParameter::kDeadbandUs) +
-                          11.5f * parameters.get(channel, ChannelParameter::kGainUs);
-    TEST_ASSERT_FLOAT_WITHIN(1e-3f, 200.0f, full_us);
-  }
-}
-
 TEST(limits_are_allowed_and_what_is_beyond_them_is_not) {
   for (const ParameterInfo& info : parameter_table()) {
     Parameters parameters;
@@ -89,7 +71,7 @@ TEST(a_side_is_whole_and_a_direction_is_a_sign) {
   TEST_ASSERT_TRUE(parameters.set("CH1_DIRECTION", -1.0f) == SetResult::kOk);
 }
 
-TEST(values_survive_storage) {
+TEST(values_survive_storage_and_what_is_beyond_the_limits_is_not_taken) {
   SimStorage storage;
   Parameters written;
   written.set("TRACK_M", 0.2f);
@@ -106,25 +88,10 @@ TEST(values_survive_storage) {
   }
   storage.accepts = false;
   TEST_ASSERT_FALSE(written.save(storage, Parameter::kTrackM));
-}
 
-TEST(stored_values_beyond_the_limits_are_counted_and_not_taken) {
-  SimStorage storage;
   storage.values = {{"TRACK_M", -1.0f}, {"STAGGER_MS", NAN}, {"BATT_MIN_V", 3.0f}};
-  Parameters parameters;
-  TEST_ASSERT_EQUAL_UINT(2, parameters.load(storage));
-  TEST_ASSERT_EQUAL_FLOAT(0.111f, parameters.get(Parameter::kTrackM));
-  TEST_ASSERT_EQUAL_FLOAT(3.0f, parameters.get(Parameter::kBattMinV));
-}
-
-TEST(a_fixed_value_is_neither_set_nor_loaded) {
-  SimStorage storage;
-  storage.values = {{"TRACK_M", 0.3f}};
-  Parameters parameters;
-  TEST_ASSERT_TRUE(parameters.fix(Parameter::kTrackM, -1.0f) == SetResult::kBelowMinimum);
-  TEST_ASSERT_TRUE(parameters.set("TRACK_M", 0.25f) == SetResult::kOk);
-  TEST_ASSERT_TRUE(parameters.fix(Parameter::kTrackM, 0.2f) == SetResult::kOk);
-  TEST_ASSERT_TRUE(parameters.set("TRACK_M", 0.25f) == SetResult::kFixed);
-  TEST_ASSERT_EQUAL_UINT(0, parameters.load(storage));
-  TEST_ASSERT_EQUAL_FLOAT(0.2f, parameters.get(Parameter::kTrackM));
+  Parameters defaults;
+  TEST_ASSERT_EQUAL_UINT(2, defaults.load(storage));
+  TEST_ASSERT_EQUAL_FLOAT(0.111f, defaults.get(Parameter::kTrackM));
+  TEST_ASSERT_EQUAL_FLOAT(3.0f, defaults.get(Parameter::kBattMinV));
 }

@@ -1,6 +1,7 @@
 """What a store tells of each design of an experiment: runs in sampled environments, and trials of built cars.
 
-A trial has beside it what simulation makes of the same environment: the stored run, and how many of several cars pass.
+A trial has beside it what simulation makes of the same environment: the stored run, or a run made now where the trial
+was placed otherwise than planned.
 """
 
 from collections import Counter
@@ -29,8 +30,9 @@ Design = Mapping[str, float | str]
 
 @dataclass(frozen=True)
 class PairedTrial:
-    """A completed trial of a built car; ``simulated`` is 1 if the run in its environment passed, 0 if not, None without.
+    """A completed trial of a built car; ``simulated`` is 1 if simulation passes in its environment, 0 if not.
 
+    ``simulated`` is None where that is not known; ``again`` says that it was simulated now, as it was placed.
     ``sample`` is None where the environment is not known. ``expected``: the share, 0 to 1, of several simulated cars of
     the design that pass there, None if they were not simulated. ``car_name`` None: of the design's car without a name.
     """
@@ -40,6 +42,7 @@ class PairedTrial:
     simulated: int | None
     expected: float | None = None
     car_name: str | None = None
+    again: bool = False
 
     @property
     def passed(self) -> bool:
@@ -51,9 +54,9 @@ class PairedTrial:
 class DesignEvidence:
     """One design: ``passed`` (runs,) tells of its runs in the environments ``samples`` (runs,) whether they passed.
 
-    Rejected runs are not among them. ``swept`` is False for a design of trials that the sweep lacks, which has no runs.
-    ``label`` is its name for the reader, ``outcomes`` counts all runs, ``mean_time_s`` is that of the runs that count
-    (None without).
+    Rejected runs, in the environments ``rejected``, are not among them. ``swept`` is False for a design of trials that
+    the sweep lacks, whose runs were made now or are none. ``label`` is its name for the reader, ``outcomes`` counts all
+    runs by outcome, ``mean_time_s`` is that of the runs that count (None without).
     ``stopped``: its runs are those of a sweep that stopped when it knew. ``spread``: the weights of how much its cars
     differ (:mod:`foldcar.analysis.built_cars`), as simulated cars do or as is assumed.
     """
@@ -69,6 +72,7 @@ class DesignEvidence:
     trials: tuple[PairedTrial, ...] = ()
     aborted: int = 0
     stopped: bool = False
+    rejected: frozenset[int] = frozenset()
     spread: NDArray[Any] = field(default_factory=lambda: PRIOR)
 
     def simulated(self, confidence: float = 0.95) -> Rate:
@@ -112,6 +116,11 @@ def by_car(trials: Sequence[PairedTrial], spread: NDArray[Any], runs_passed: int
     return BuiltCars(passed, counted, numpy.array(shifts), spread)
 
 
+def simulated_spread(cars: SimulatedCars | None) -> NDArray[Any]:
+    """The weights of how much a design's cars differ: as simulated ones do, or as is assumed."""
+    return PRIOR if cars is None else simulated_weights(cars.passed.sum(axis=1), cars.passed.shape[1])
+
+
 def columns(
     designs: Sequence[DesignEvidence], parameters: Sequence[str]
 ) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
@@ -121,11 +130,6 @@ def columns(
     trials = [(one.trials_passed, len(one.trials)) for one in designs]
     found, *counts = (numpy.array(rows, dtype=float) for rows in (x, runs, trials))
     return found.reshape(len(designs), len(parameters)), counts[0].reshape(-1, 2), counts[1].reshape(-1, 2)
-
-
-def simulated_spread(cars: SimulatedCars | None) -> NDArray[Any]:
-    """The weights of how much a design's cars differ: as simulated ones do, or as is assumed."""
-    return PRIOR if cars is None else simulated_weights(cars.passed.sum(axis=1), cars.passed.shape[1])
 
 
 @dataclass(frozen=True)
@@ -140,6 +144,15 @@ class Evidence:
     def parameters(self) -> tuple[str, ...]:
         """The varied design parameters."""
         return tuple(self.info.varied)
+
+    def in_family(self, one: DesignEvidence) -> bool:
+        """Whether a design is one of the family, swept or not: it differs in the varied parameters only."""
+        fixed = self.info.fixed
+        return (
+            one.vehicle_type == self.info.vehicle_type
+            and all(one.design.get(name) == value for name, value in fixed.items())
+            and set(one.design) == {*fixed, *self.info.varied}
+        )
 
     @property
     def driven(self) -> list[DesignEvidence]:
@@ -198,13 +211,14 @@ def _evidence(store: Store, info: ExperimentInfo, again: Resimulation, simulated
     by_design: dict[Any, list[Trial]] = {}
     for trial in trials:
         by_design.setdefault(_key(trial.vehicle_type, trial.design), []).append(trial)
-    unswept = {key: _unswept(info, by_design[key][0]) for key in by_design if key not in designs}
-    if unswept:
-        named = _named([one.label for one in unswept.values()])
-        remarks.append(f"Not in the sweep: {named}. Trials of designs that are not swept, too, have no run beside them.")
+    unswept = [key for key in by_design if key not in designs]
+    # Those with most trials first: not all of many are simulated.
+    made = {key: _unswept(info, by_design[key][0], again) for key in sorted(unswept, key=lambda k: -len(by_design[k]))}
+    designs |= {key: made[key][0] for key in unswept}
+    remarks += _unswept_remarks([made[key] for key in unswept])
     here = store.trials_here(info)
-    found = [_with_trials(info, one, by_design.get(key, []), here, again) for key, one in (designs | unswept).items()]
-    return Evidence(info, tuple(found), (*remarks, *_car_remarks(found), *_pair_remarks(found)))
+    found = [_with_trials(info, one, by_design.get(key, []), here, again) for key, one in designs.items()]
+    return Evidence(info, tuple(found), (*remarks, *_car_remarks(found), *_pair_remarks(found), *again.remarks(info.id)))
 
 
 def _swept(store: Store, info: ExperimentInfo) -> Iterator[DesignEvidence]:
@@ -215,7 +229,8 @@ def _swept(store: Store, info: ExperimentInfo) -> Iterator[DesignEvidence]:
     elapsed_s = runs.metrics[:, NUMBERS.index("elapsed_time_s")]
     # Of no design split makes one part.
     for design, all_rows in zip(designs, each, strict=False):
-        rows = all_rows[runs.outcome[all_rows] != OUTCOMES.index(REJECTED)]
+        discarded = runs.outcome[all_rows] == OUTCOMES.index(REJECTED)
+        rows = all_rows[~discarded]
         times = elapsed_s[rows][~numpy.isnan(elapsed_s[rows])]
         yield DesignEvidence(
             info.vehicle_type,
@@ -227,17 +242,46 @@ def _swept(store: Store, info: ExperimentInfo) -> Iterator[DesignEvidence]:
             Counter(OUTCOMES[code] for code in runs.outcome[all_rows].tolist()),
             float(times.mean()) if len(times) else None,
             stopped=info.until is not None,
+            rejected=frozenset(runs.sample[all_rows[discarded]].tolist()),
         )
 
 
-def _unswept(info: ExperimentInfo, trial: Trial) -> DesignEvidence:
-    """A design of trials that the sweep lacks."""
+def _unswept(info: ExperimentInfo, trial: Trial, again: Resimulation) -> tuple[DesignEvidence, str | None]:
+    """A design of trials that the sweep lacks, simulated now if that is possible; else why not."""
     differing = {name: value for name, value in trial.design.items() if info.fixed.get(name) != value}
     label = design_text({name: value for name, value in trial.design.items() if name in info.varied or name in differing})
     if trial.vehicle_type != info.vehicle_type:
         label = f"{trial.vehicle_type} of {label}"
-    none = numpy.zeros(0, dtype=int)
-    return DesignEvidence(trial.vehicle_type, trial.design, label, False, none, none.astype(bool), {}, None)
+    found, why_not = again.design(info, trial)
+    outcomes = [outcome for outcome, _ in found]
+    times = [time_s for _, time_s in found if time_s is not None]
+    evidence = DesignEvidence(
+        trial.vehicle_type,
+        trial.design,
+        label,
+        False,
+        numpy.arange(len(found)),
+        numpy.array([outcome == "passed" for outcome in outcomes], dtype=bool),
+        Counter(outcomes),
+        float(numpy.mean(times)) if times else None,
+    )
+    return evidence, why_not
+
+
+def _unswept_remarks(made: Sequence[tuple[DesignEvidence, str | None]]) -> Iterator[str]:
+    """What is said of designs that the sweep lacks: of each, or of many with the same fate together."""
+    fates: dict[str | None, list[DesignEvidence]] = {}
+    for one, why_not in made:
+        fates.setdefault(why_not, []).append(one)
+    for why_not, some in fates.items():
+        named = [(f"{one.label} is", "it was") for one in some]
+        if len(some) > SHOWN:
+            named = [(f"{_named([one.label for one in some])} are", "they were")]
+        for name, was in named:
+            if why_not is None:
+                yield f"{name} not in the sweep: {was} simulated now, in {some[0].runs} environments."
+            else:
+                yield f"{name} not in the sweep, and cannot be simulated now: {why_not}."
 
 
 def _kept(store: Store, experiment: str | None, simulated_trials: bool) -> tuple[list[Trial], list[str]]:
@@ -286,19 +330,24 @@ def _with_trials(
     here: Container[int],
     again: Resimulation,
 ) -> DesignEvidence:
-    if not trials:
-        return evidence
-    stored = dict(zip(evidence.samples.tolist(), evidence.passed.astype(int).tolist(), strict=True))
-    completed = [trial for trial in trials if trial.completed]
-    cars = again.cars(info, completed, here) if completed and evidence.swept else None
+    stored = dict(zip(evidence.samples.tolist(), evidence.passed.tolist(), strict=True))
     found = []
+    completed = [trial for trial in trials if trial.completed]
+    cars = again.cars(info, completed, here) if completed else None
     for trial in completed:
-        sample = trial.sample if trial.id in here else None
-        run = None if sample is None or trial.deviations else stored.get(sample)
         expected = None if cars is None else cars.shares.get(trial.id)
-        found.append(PairedTrial(trial.outcome, sample, run, expected, trial.car_name))
+        planned = trial.id in here and not trial.deviations and trial.sample is not None
+        if planned and (trial.sample in stored or trial.sample in evidence.rejected):
+            simulation = stored.get(trial.sample)
+            known = None if simulation is None else int(simulation)
+            found.append(PairedTrial(trial.outcome, trial.sample, known, expected, trial.car_name))
+            continue
+        outcome = again.trial(info, trial)
+        simulated = None if outcome is None else int(outcome == "passed")
+        sample = trial.sample if trial.id in here else None
+        found.append(PairedTrial(trial.outcome, sample, simulated, expected, trial.car_name, again=outcome is not None))
     aborted, spread = len(trials) - len(completed), simulated_spread(cars)
-    return replace(evidence, trials=tuple(found), aborted=aborted, spread=spread)
+    return replace(evidence, trials=tuple(found), aborted=aborted, spread=spread) if trials else evidence
 
 
 def _car_remarks(designs: Sequence[DesignEvidence]) -> Iterator[str]:
@@ -329,11 +378,15 @@ def _named(some: Sequence[str]) -> str:
 
 def _pair_remarks(designs: Sequence[DesignEvidence]) -> Iterator[str]:
     trials = [trial for one in designs for trial in one.trials]
+    again = sum(trial.again for trial in trials)
+    if again:
+        what = "placed otherwise than planned, or has no stored run" if again == 1 else "placed otherwise, or have no run"
+        yield f"{count(again, 'trial')} {what}: simulated again as placed."
     alone = sum(trial.simulated is None for trial in trials)
     if alone:
         yield (
             f"{alone} of {len(trials)} trials cannot be paired with a run of the same environment, which is not known, "
-            "placed otherwise, not simulated or rejected: they count by their rate alone."
+            "not simulated or rejected: they count by their rate alone."
         )
     met = [[trial.sample for trial in one.trials if trial.sample is not None] for one in designs]
     repeated = sum(len(samples) - len(set(samples)) for samples in met)

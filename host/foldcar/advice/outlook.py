@@ -54,12 +54,15 @@ def outlook(evidence: Evidence) -> Outlook | None:
     family = [one for one in evidence.designs if one.swept and one.runs]
     if not family:
         return None
+    # Trials of designs that the sweep lacks inform their neighbours.
+    others = [one for one in evidence.driven if one.runs and not one.swept and evidence.in_family(one)]
     # Of many driven designs those with most trials tell most.
-    driven = sorted((one for one in family if one.trials), key=lambda one: -len(one.trials))
-    designs = _thinned(family, {id(one) for one in driven[:MOST_POOLED]})
+    driven = sorted((one for one in (*family, *others) if one.trials), key=lambda one: -len(one.trials))
+    told = {id(one) for one in driven[:MOST_POOLED]}
+    designs = [*_thinned(family, told), *(one for one in others if id(one) in told)]
     x, runs, trials = columns(designs, evidence.parameters)
     samples, passed = _matrix(designs)
-    thinned = len(family) - len(designs)
+    thinned = len(family) + len(others) - len(designs)
     # Threads for matrices of some tens of rows only wait for each other.
     with threadpool_limits(1):
         cars = [one.cars for one in designs]

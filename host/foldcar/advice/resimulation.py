@@ -1,10 +1,11 @@
-"""Simulates several cars of a driven design in its trials' environments: how much they differ, and how hard these are.
+"""Simulates what a sweep lacks: trials as they were placed, designs that only trials have, several cars of one design.
 
-Input: a store. Output: which cars passed, by the simulator that made the store's runs; nothing is stored. What could not
-be compared with the runs is not simulated: another build of carsim, a calibration, a program that runs beside the car.
+Input: a store. Output: outcomes, from the simulator that made the store's runs; nothing is stored. What would not be
+comparable with the runs is not simulated: another build of carsim, a calibration, a program that runs beside the car.
 """
 
 import json
+from collections import Counter
 from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -12,6 +13,10 @@ from typing import Any
 import numpy
 from numpy.typing import NDArray
 
+from foldcar.analysis.words import count
+from foldcar.car.body import body_json
+from foldcar.car.design import compose, parameters
+from foldcar.car.folded_car import folded_car
 from foldcar.car.variation import vary_body
 from foldcar.errors import FoldcarError
 from foldcar.simulation.carsim import Carsim
@@ -23,13 +28,19 @@ from foldcar.store.reader import Store
 from foldcar.store.stored_drives import StoredDrives, read_drives
 from foldcar.store.trial_records import Trial
 from foldcar.store.writer import canonical_json
+from foldcar.study.experiments import run_settings
 
+# Runs of designs, beyond those of the first, and trials that one command simulates: some twenty seconds each.
+MOST_RUNS, MOST_TRIALS = 5_000, 2_000
 # Cars of a driven design, each simulated in as many environments: those of its trials, and others if these are few.
-# Beyond MOST_CAR_RUNS, some twenty seconds, a design's cars are not simulated.
+# Beyond MOST_CAR_RUNS a design's cars are not simulated.
 CARS, LEAST_SCENES, MOST_SCENES, MOST_CAR_RUNS = 20, 10, 12, 5_000
 # Which cars passed in a scene, by build, engine, body, settings, cars and scene. It outlives a store: the live page reads
 # its own anew after every trial.
 _PASSED: dict[tuple[Any, ...], list[bool]] = {}
+
+# An outcome, and the time of the run (s), None if it failed.
+Ended = tuple[str, float | None]
 
 
 @dataclass(frozen=True)
@@ -48,70 +59,145 @@ class Resimulation:
 
     def __init__(self, store: Store) -> None:
         self._store = store
-        self._car_runs = 0
+        self._refusals: dict[str, str | None] = {}
+        self._refused: Counter[str] = Counter()
+        self._beyond: Counter[str] = Counter()
+        self._runs = self._trials = self._car_runs = 0
 
-    def cars(self, info: ExperimentInfo, trials: Sequence[Trial], here: Container[int]) -> SimulatedCars | None:
+    def trial(self, info: ExperimentInfo, trial: Trial) -> str | None:
+        """The outcome of a trial's car in the scene as placed, varied as the run of that sample; None if unknown."""
+        drive = self._store.trial_drive(trial.id)
+        if drive is None:
+            return None
+        if self._refusal(info) is not None:
+            self._refused[info.id] += 1
+            return None
+        if self._trials >= MOST_TRIALS:
+            self._beyond[info.id] += 1
+            return None
+        self._trials += 1
+        body, settings, scene = drive
+        case = self._variation(info, trial.sample), scene
+        ((outcome, _),) = self._run(self._simulator(info), body, [case], settings)
+        return outcome
+
+    def design(self, info: ExperimentInfo, trial: Trial) -> tuple[list[Ended], str | None]:
+        """The design of a trial in all stored environments of the experiment, in order; else none, and why."""
+        refusal = self._refusal(info)
+        if refusal is not None:
+            return [], refusal
+        scenes = self._scenes(info)
+        if self._runs and self._runs + len(scenes) > MOST_RUNS:
+            return [], f"no more than {MOST_RUNS:,} runs are made at a time; sweep it"
+        self._runs += len(scenes)
+        try:
+            body, settings = self._composed(info, trial)
+        except FoldcarError as error:
+            return [], str(error).rstrip(".")
+        cases = [(self._variation(info, sample), text) for sample, text in scenes.items()]
+        return self._run(self._simulator(info), body, cases, settings), None
+
+    def cars(self, info: ExperimentInfo, trials: Sequence[Trial], here: Container[int]) -> "SimulatedCars | None":
         """Cars of one design, as the experiment varies them, in the environments of its ``trials``; None if unknown.
 
         ``here`` are the trials whose sample is the sweep's.
         """
-        drives = self._store.once(("drives", info.id), lambda: read_drives(self._store, info.id))
-        design = dict(trials[0].design)
-        if design not in drives.parameters or not self._is_comparable(info, drives):
+        if self._refusal(info) is not None or not self._drives(info).varied:
             return None
-        stored = self._store.once(("scenes", info.id), lambda: _scenes(drives))
-        placed = {}
-        for trial in trials:
-            drive = self._store.trial_drive(trial.id)
-            if drive is not None:
-                placed[trial.id] = drive[2]
-            elif trial.id in here and trial.sample in stored:
-                placed[trial.id] = stored[trial.sample]
+        stored, drives = self._scenes(info), {trial.id: self._store.trial_drive(trial.id) for trial in trials}
+        placed = {number: drive[2] for number, drive in drives.items() if drive is not None}
+        placed |= {
+            trial.id: stored[trial.sample]
+            for trial in trials
+            if trial.id not in placed and trial.id in here and trial.sample in stored
+        }
         scenes = list(dict.fromkeys(placed.values()))[:MOST_SCENES]
         others = [text for text in stored.values() if text not in scenes]
         scenes += others[: max(0, LEAST_SCENES - len(scenes))]
-        at = drives.parameters.index(design)
-        body, settings = drives.text("body", drives.bodies[at]), drives.text("settings", drives.settings[at])
-        cars = [drives.value("variation", drives.variations[sample]) for sample in sorted(drives.variations)[:CARS]]
+        try:
+            known = next((drive[:2] for drive in drives.values() if drive is not None), None)
+            body, settings = known or self._composed(info, trials[0])
+        except FoldcarError:
+            return None
+        cars = [self._variation(info, sample) for sample in sorted(self._drives(info).variations)[:CARS]]
         known_by = (info.carsim_build, info.engine, body, settings, json.dumps(cars))
         new = [text for text in scenes if (known_by, text) not in _PASSED]
         self._car_runs += len(cars) * len(new)
         if self._car_runs > MOST_CAR_RUNS:
             return None
         if new:
-            for text, passed in zip(new, _simulated(self._simulator(info), body, settings, cars, new), strict=True):
-                _PASSED[known_by, text] = passed
+            ended = self._run(self._simulator(info), body, [(car, text) for text in new for car in cars], settings)
+            for at, text in enumerate(new):
+                some = ended[at * len(cars) : (at + 1) * len(cars)]
+                _PASSED[known_by, text] = [outcome == "passed" for outcome, _ in some]
         table = numpy.array([_PASSED[known_by, text] for text in scenes]).T
         shares = dict(zip(scenes, table.mean(axis=0).tolist(), strict=True))
         return SimulatedCars(table, {number: shares[text] for number, text in placed.items() if text in shares})
 
-    def _is_comparable(self, info: ExperimentInfo, drives: StoredDrives) -> bool:
-        if info.under is not None or drives.dynamic or not drives.varied:
-            return False
+    def _composed(self, info: ExperimentInfo, trial: Trial) -> tuple[str, str]:
+        """Body and settings of a trial's design; FoldcarError if it is none."""
+        columns = {parameter.column: key for key, parameter in parameters().items()}
+        unknown = [name for name in trial.design if name not in columns]
+        if unknown:
+            raise FoldcarError(f"no module has the parameter {unknown[0]}")
+        design = compose(trial.vehicle_type, {columns[name]: value for name, value in trial.design.items()})
+        folded_car(design)
+        body, table = body_json(design), self._simulator(info).parameter_table()
+        place = f"{self._store.path}: experiment {info.id}"
+        settings = run_settings(design, body, table, info.timeout_s, info.speed_m_s, info.yaw_rate_rad_s, place)
+        return canonical_json(body), canonical_json(settings)
+
+    def remarks(self, experiment: str) -> list[str]:
+        """What is said of trials of that experiment that should have been simulated and were not."""
+        why = {f"no more than {MOST_TRIALS:,} are at a time": self._beyond[experiment]}
+        why[str(self._refusals.get(experiment))] = self._refused[experiment]
+        return [f"{count(number, 'trial')} not simulated as placed: {text}." for text, number in why.items() if number]
+
+    def _refusal(self, info: ExperimentInfo) -> str | None:
+        if info.id not in self._refusals:
+            self._refusals[info.id] = self._why_not(info)
+        return self._refusals[info.id]
+
+    def _why_not(self, info: ExperimentInfo) -> str | None:
+        if info.under is not None:
+            return f"the runs are those of {info.under}"
+        if self._drives(info).dynamic:
+            return f"{info.scenic_program} runs beside the simulation"
         try:
-            return self._simulator(info).build == info.carsim_build
-        except FoldcarError:
-            return False
+            build = self._simulator(info).build
+        except FoldcarError as error:
+            return str(error)
+        if build == info.carsim_build:
+            return None
+        return f"the runs are of carsim {info.carsim_build[:12]}, this one is {build[:12]}; sweep again"
 
     def _simulator(self, info: ExperimentInfo) -> Carsim:
         return self._store.once(("carsim", info.engine), lambda: Carsim(engine=engine_of(info.engine)))
 
+    def _run(
+        self, carsim: Carsim, body: str, cases: Sequence[tuple[Mapping[str, Any], str]], settings: str
+    ) -> list[Ended]:
+        """The body in each case, which is a variation and a scene."""
+        cars, scenes, requests = {}, {}, []
+        for number, (variation, scene) in enumerate(cases):
+            name, limits = str(number), carsim.limits().numbers
+            cars[name] = canonical_json(vary_body(json.loads(body), variation, limits)) if variation else body
+            scenes[name] = scene
+            requests.append(RunRequest(name, name, settings, f"environment {number}", number))
+        answers = carsim.run(cars, scenes, requests)
+        return [(outcome_of(answer), answer.get("elapsed_time_s")) for answer in answers]
 
-def _scenes(drives: StoredDrives) -> dict[int, str]:
-    """The texts of the scenes that the sweep has stored, by sample."""
-    return {sample: drives.text("scene", one) for sample, one in drives.scenes.items()}
+    def _drives(self, info: ExperimentInfo) -> StoredDrives:
+        return self._store.once(("drives", info.id), lambda: read_drives(self._store, info.id))
 
+    def _scenes(self, info: ExperimentInfo) -> dict[int, str]:
+        """The texts of the scenes that the sweep has stored, by sample."""
+        drives = self._drives(info)
+        read = lambda: {sample: drives.text("scene", one) for sample, one in drives.scenes.items()}  # noqa: E731
+        return self._store.once(("scenes", info.id), read)
 
-def _simulated(
-    carsim: Carsim, body: str, settings: str, cars: Sequence[Mapping[str, Any]], scenes: Sequence[str]
-) -> list[list[bool]]:
-    """Whether the body, varied as each of the cars, passes in each scene: for each scene, by car."""
-    limits = carsim.limits().numbers
-    bodies = {str(at): canonical_json(vary_body(json.loads(body), car, limits)) for at, car in enumerate(cars)}
-    named = {str(at): scene for at, scene in enumerate(scenes)}
-    cases = [(car, scene) for scene in named for car in bodies]
-    requests = [
-        RunRequest(car, scene, settings, f"environment {number}", number) for number, (car, scene) in enumerate(cases)
-    ]
-    passed = [outcome_of(answer) == "passed" for answer in carsim.run(bodies, named, requests)]
-    return [passed[at : at + len(cars)] for at in range(0, len(passed), len(cars))]
+    def _variation(self, info: ExperimentInfo, sample: int | None) -> Mapping[str, Any]:
+        """How the car of that sample differs from its design."""
+        drives = self._drives(info)
+        known = info.variation and sample in drives.variations
+        return drives.value("variation", drives.variations[sample]) if known and sample is not None else {}

@@ -1,8 +1,9 @@
-"""`foldcar compare`: gaps against published examples, verdicts on stores with known rates."""
+"""`foldcar compare`: gaps against published examples, verdicts on stores with known rates, trials simulated again."""
 
 import csv
 import json
 import math
+import shutil
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import SimpleNamespace
@@ -13,17 +14,21 @@ import pytest
 from typer.testing import CliRunner
 
 from foldcar.advice.comparison import _verdict
-from foldcar.advice.resimulation import _simulated
+from foldcar.advice.resimulation import Resimulation
 from foldcar.analysis.built_cars import BuiltCars
 from foldcar.analysis.gap import AGREES, OPTIMISTIC, PESSIMISTIC, TOO_FEW, Gap, mean_gap, rank_agreement
 from foldcar.analysis.rate import Rate, wilson_interval
 from foldcar.analysis.words import rank_text
 from foldcar.cli import app
-from foldcar.simulation.carsim import CarsimLimits
+from foldcar.simulation.carsim import Carsim, CarsimLimits
 from foldcar.simulation.runner import RunRequest
-from foldcar.store.trial_writer import write_trials
+from foldcar.store.reader import Store
+from foldcar.store.tables import BY_NAME
+from foldcar.store.trial_records import Ending, TrialDesign
+from foldcar.store.trial_writer import CarFacts, Drive, write_trials
+from live_car import write_free_course
 from study_car import car_body
-from swept_listing import foldcar, told
+from swept_listing import foldcar, swept, told
 from written_study import add_trial, add_trials, import_trials, write_study
 
 WIDTHS = {"width_mm": [65.0, 95.0, 115.0, 180.0]}
@@ -200,15 +205,70 @@ def test_imported_samples_are_of_the_environment_that_the_store_had(
     assert number == 0 and "2 trials were driven in other samples of step_pyramids.scenic" in remarks
 
 
-def test_trials_of_designs_that_are_not_swept_have_no_run_beside_them(tmp_path: Path) -> None:
-    store = write_study(tmp_path / "s.db", WIDTHS, 20, passing(SIMULATED))
-    add_trials(store, [({"width_mm": width}, k, "passed") for width in (95.0, 100.0) for k in range(4)])
+@pytest.fixture(scope="module")
+def free_course(tmp_path_factory: pytest.TempPathFactory, carsim_binary: Path) -> Path:
+    """A swept study of two widths in two environments without obstacles, which all runs pass."""
+    listing = write_free_course(tmp_path_factory.mktemp("free"))
+    swept(listing, listing.parent / "s.db", carsim_binary, 1)
+    return listing.parent / "s.db"
+
+
+def test_what_the_sweep_lacks_is_simulated_as_it_was_placed(tmp_path: Path, free_course: Path) -> None:
+    free_course = Path(shutil.copy(free_course, tmp_path))
+    with Store.open(free_course) as opened:
+        drawn = next(opened.rows(BY_NAME["body"], "WHERE id = 1")), next(opened.rows(BY_NAME["settings"], "WHERE id = 1"))
+        scene = json.loads(next(opened.rows(BY_NAME["scene"], "WHERE id = 1"))["json"])
+        design = dict(opened.designs("1")[0])
+        print_of = next(opened.rows(BY_NAME["environment"]))["fingerprint"]
+    body, settings = (json.loads(row["json"]) for row in drawn)
+    # Turned away from the goal, the car cannot pass.
+    turned = {**scene, "start": {**scene["start"], "heading_rad": scene["start"]["heading_rad"] + 3.0}}
+    with write_trials(free_course) as writer:
+        drive = Drive(body, settings, turned, print_of, "free.scenic", 0)
+        facts = CarFacts("fw", "hash", "/dev/null", "built")
+        number = writer.begin("1", TrialDesign("W_B_W", design), drive, {"car": (0, 0, 3.0)}, facts, "log", "Ada")
+        writer.complete(number, Ending("timeout", "time limit", 3.0, "", None))
+        other = {"experiment": "1", "vehicle_type": "W_B_W", "outcome": "passed", "source": "x", "car": "built"}
+        for changed in ({"width_mm": 100.0}, {"wit_mm": 3.0}, {"width_mm": 10.0}):
+            writer.import_trials([{**other, "design": {**design, **changed}}])
+
+    (found,) = compare(free_course)["experiments"]
+
+    as_swept, new, *cannot = found["designs"]
+    assert (as_swept["simulated"]["value"], as_swept["paired"], as_swept["agreeing"]) == (1.0, 1, 1)
+    assert (new["design"]["width_mm"], new["swept"], new["runs"], new["simulated"]["value"]) == (100, False, 2, 1.0)
+    assert any("simulated again as placed" in one for one in found["remarks"])
+    assert any("100 mm is not in the sweep: it was simulated now, in 2 environments" in one for one in found["remarks"])
+    assert [(one["runs"], one["simulated"], one["gap"]) for one in cannot] == [(0, None, None)] * 2
+    unknown, narrow = (one for one in found["remarks"] if "cannot be simulated now" in one)
+    assert unknown.endswith("cannot be simulated now: no module has the parameter wit_mm.")
+    assert "width" in narrow.partition("cannot be simulated now: ")[2]
+
+
+def test_of_many_designs_that_the_sweep_lacks_a_bounded_number_is_simulated(
+    tmp_path: Path, free_course: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store = Path(shutil.copy(free_course, tmp_path))
+    with Store.open(store) as opened:
+        design = dict(opened.designs("1")[0])
+    other = {"experiment": "1", "vehicle_type": "W_B_W", "outcome": "passed", "source": "x", "car": "built"}
+    widths = [90.0 + k for k in range(11) if k != 5]
+    with write_trials(store) as writer:
+        writer.import_trials([{**other, "design": {**design, "width_mm": width}} for width in [*widths, 97.0]])
+    made = []
+    run = Carsim.run
+    monkeypatch.setattr(Carsim, "run", lambda *words: made.append(words) or run(*words))
+    monkeypatch.setattr("foldcar.advice.resimulation.MOST_RUNS", 4)
 
     (found,) = compare(store)["experiments"]
 
-    assert [(one["swept"], one["runs"], one["trials"]) for one in found["designs"]] == [(True, 20, 4), (False, 0, 4)]
-    assert found["designs"][1]["gap"] is None and found["designs"][1]["driven"]["value"] == 1
-    assert any(one.startswith("Not in the sweep: 100 mm.") for one in found["remarks"])
+    runs = {one["design"]["width_mm"]: one["runs"] for one in found["designs"] if not one["swept"]}
+    assert list(runs) == widths and len(made) == 2
+    # The one with most trials, and the first of the rest.
+    assert {width for width, number in runs.items() if number} == {97.0, 90.0}
+    assert "97 mm is not in the sweep: it was simulated now, in 2 environments." in found["remarks"]
+    many = "91 mm, 92 mm, 93 mm, 94 mm, 96 mm and 3 further designs are not in the sweep, and cannot be simulated now: "
+    assert any(one == f"{many}no more than 4 runs are made at a time; sweep it." for one in found["remarks"])
 
 
 def test_more_designs_than_can_be_pooled_are_compared_one_by_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -224,21 +284,23 @@ def test_more_designs_than_can_be_pooled_are_compared_one_by_one(tmp_path: Path,
     assert pooled["mean_gap"] == alone["mean_gap"]
 
 
-def test_simulated_cars_are_those_that_varied_then(carsim_limits: CarsimLimits) -> None:
+def test_what_is_simulated_now_is_the_car_as_it_varied_then(carsim_limits: CarsimLimits) -> None:
     body = car_body()
     asked: list[Any] = []
 
     def answers(bodies: dict[str, str], scenes: dict[str, str], requests: list[RunRequest]) -> list[dict[str, Any]]:
         asked.extend((json.loads(bodies[one.body]), scenes[one.scene]) for one in requests)
-        return [{"outcome": "passed"}, {"error": "no"}, {"outcome": "stuck"}, {"outcome": "passed"}]
+        return [{"outcome": "passed", "elapsed_time_s": 2.0}, {"error": "no"}]
 
     carsim: Any = SimpleNamespace(limits=lambda: carsim_limits, run=answers)
+    unread: Any = None
 
-    ended = _simulated(carsim, json.dumps(body), "{}", [{"com_z_m": 0.0}, {"mass": 0.1}], ["easy", "hard"])
+    ended = Resimulation(unread)._run(carsim, json.dumps(body), [({}, "as drawn"), ({"mass": 0.1}, "heavier")], "{}")
 
-    assert ended == [[True, False], [False, True]] and [scene for _, scene in asked] == ["easy"] * 2 + ["hard"] * 2
-    assert asked[0][0] == body and asked[1][0] == asked[3][0]
-    assert asked[1][0]["segments"][0]["mass_kg"] == pytest.approx(1.1 * body["segments"][0]["mass_kg"])
+    assert ended == [("passed", 2.0), ("failed", None)]
+    (drawn, first), (heavier, second) = asked
+    assert (drawn, first, second) == (body, "as drawn", "heavier")
+    assert heavier["segments"][0]["mass_kg"] == pytest.approx(1.1 * body["segments"][0]["mass_kg"])
 
 
 ONE = ({"width_mm": 95.0}, 3, "passed")

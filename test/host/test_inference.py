@@ -68,7 +68,7 @@ def observations(*cars: tuple[int, int, int], scene: Any = None) -> Observations
     cells = tuple(Cell(int(design), scene) for design in dict.fromkeys(designs.tolist()))
     unknown = np.full((len(car), FEATURES), np.nan)
     cell = np.array([[one.design for one in cells].index(design) for design in designs[car]])
-    return Observations(cells, cell, car, designs, np.array(ends), unknown, False, ())
+    return Observations(cells, cell, car, designs, np.array(ends), unknown, 0 * unknown, False, ())
 
 
 def problem(swept: SweptExperiment, observed: Observations, emulated: Emulator) -> Problem:
@@ -304,7 +304,7 @@ def test_the_posterior_is_that_of_rejection(monkeypatch: pytest.MonkeyPatch) -> 
     for car, (design, _, _) in enumerate(cars):
         passed = np.flatnonzero((observed.car == car) & (observed.passed > 0))
         features[passed, TIME] = times[design]
-    observed = replace(observed, features=features)
+    observed = replace(observed, features=features, errors=np.zeros_like(features))
     one = problem(swept, observed, emulated)
 
     monkeypatch.setattr(inference_module, "sample_posterior", partial(sample_posterior, particles=2000))

@@ -98,7 +98,7 @@ def test_features_of_one_car_count_as_one_where_they_are_its_own() -> None:
     kappa = np.array([[0.0] * 4, [0.7, 0.2, 1.3, 0.4]])
     means = stream.normal(size=(2, 5, FEATURES)) * 0.3
 
-    features = Features(observed, covariance, shares, car, alike)
+    features = Features(observed, np.zeros((5, FEATURES)), covariance, shares, car, alike)
     found = features.log_likelihood(means, kappa)
 
     whole = []

@@ -68,7 +68,7 @@ def path_features(rows: FloatArray, scene: Mapping[str, Any]) -> FloatArray:
         at = [np.interp(place, along[span], column[span]) for column in (rows[:, 0], across, heading_rad)]
         found[3 * stage : 3 * stage + 3] = math.log(max(at[0] - before_s, LEAST_S)), at[1], at[2]
         before_s = at[0]
-    found[[PITCH, ROLL]] = np.log(np.abs(shown[:, 5:7]).max(axis=0) + LEAST_RAD)
+    found[PITCH], found[ROLL] = (magnitude(float(np.abs(shown[:, column]).max())) for column in (5, 6))
     return found
 
 
@@ -78,6 +78,11 @@ def told_features(elapsed_s: float | None, passed: bool) -> FloatArray:
     if passed and elapsed_s is not None and elapsed_s > 0:
         found[TIME] = math.log(elapsed_s)
     return found
+
+
+def magnitude(angle_rad: float) -> float:
+    """The feature of an angle's size (rad)."""
+    return math.log(angle_rad + LEAST_RAD)
 
 
 def _in_the_way(rows: FloatArray, scene: Mapping[str, Any]) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -127,8 +127,9 @@ class Problem:
             return None
         car = self.observed.car
         same = (car[:, None] == car).astype(float)
+        errors = np.where(np.isfinite(observed), self.observed.errors, 0.0)
         alike = (1 - ALONE) * self.alike[np.ix_(car, car)] + ALONE * np.eye(len(car))
-        return Features(observed, self.emulator.covariance, self.emulator.shares, same, alike)
+        return Features(observed, errors, self.emulator.covariance, self.emulator.shares, same, alike)
 
     def residuals(self, scores: FloatArray) -> FloatArray | None:
         """What is left of the trials' features (n, trials, features), in standard deviations of runs; None without."""

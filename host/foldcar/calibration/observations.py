@@ -15,9 +15,14 @@ import numpy as np
 
 from foldcar.calibration.drive_features import (
     ENDS,
+    FEATURES,
+    LEAST_RAD,
     PASSED,
+    PITCH,
+    ROLL,
     TIME,
     drive_end,
+    magnitude,
     path_features,
     possible_ends,
     told_features,
@@ -26,6 +31,8 @@ from foldcar.calibration.experiment import SweptExperiment
 from foldcar.calibration.parameters import FloatArray
 from foldcar.calibration.posterior import IntArray
 from foldcar.errors import FoldcarError
+from foldcar.link.log_features import log_features
+from foldcar.store.log_files import log_file
 from foldcar.store.reader import Store
 from foldcar.store.trial_paths import trial_rows
 from foldcar.store.trial_records import BUILT, SIMULATED, UNKNOWN, WITHDRAWN, Trial
@@ -58,7 +65,8 @@ class Cell:
 class Observations:
     """Trials: ``cell``, ``car`` (trials,) indices, ``ends`` (trials, ENDS) possible, ``features`` (trials, FEATURES).
 
-    ``car_design`` (cars,) is the index of each car's design; ``notes`` are for the reader.
+    ``errors`` (trials, FEATURES) are standard deviations of what was measured. ``car_design`` (cars,) is the index of
+    each car's design; ``notes`` are for the reader.
     """
 
     cells: tuple[Cell, ...]
@@ -67,6 +75,7 @@ class Observations:
     car_design: IntArray
     ends: BoolArray
     features: FloatArray
+    errors: FloatArray
     simulated: bool
     notes: tuple[str, ...]
 
@@ -91,7 +100,8 @@ class Observations:
     def without(self, design: int) -> "Observations":
         """The trials of the other designs."""
         kept = self.design != design
-        return replace(self, **{name: getattr(self, name)[kept] for name in ("cell", "car", "ends", "features")})
+        parts = ("cell", "car", "ends", "features", "errors")
+        return replace(self, **{name: getattr(self, name)[kept] for name in parts})
 
 
 def experiment_with_trials(store: Store, named: str | None) -> str:
@@ -140,16 +150,19 @@ def _observed(
 ) -> Observations:
     cells: dict[tuple[int, str | None], int] = {}
     cars: dict[tuple[int, str | None], int] = {}
-    cell, car, ends, features = [], [], [], []
+    cell, car, ends, features, errors = [], [], [], [], []
     for trial, design in trials:
         drive = store.trial_drive(trial.id) if trial.id in here else None
         scene = drive[2] if drive is not None else _sampled(experiment, trial, here)
         cell.append(cells.setdefault((design, scene), len(cells)))
         car.append(cars.setdefault((design, trial.car_name), len(cars)))
         passed = trial.outcome == PASSED
+        errors.append(np.zeros(FEATURES))
         rows = None if evidence != PATHS or scene is None else trial_rows(store, trial)
         if rows is None:
             features.append(told_features(trial.elapsed_time_s if evidence != OUTCOMES else None, passed))
+            if evidence == PATHS and trial.log is not None:
+                errors[-1] = _felt(store, trial.log, features[-1])
             how = trial.outcome if evidence == PATHS or passed else "not_passed"
             ends.append(possible_ends(how))
         else:
@@ -164,9 +177,24 @@ def _observed(
         np.array([design for design, _ in cars]),
         np.array(ends),
         np.array(features),
+        np.array(errors),
         False,
         (),
     )
+
+
+def _felt(store: Store, log: str, features: FloatArray) -> FloatArray:
+    """Adds to ``features`` what a built car felt by its log; returns the errors (FEATURES,)."""
+    errors = np.zeros(FEATURES)
+    try:
+        felt = log_features(log_file(store.path, log))
+    except FoldcarError:
+        return errors
+    for column, angle_rad in ((PITCH, felt.max_pitch_rad), (ROLL, felt.max_roll_rad)):
+        if angle_rad is not None and felt.tilt_error_rad is not None:
+            features[column] = magnitude(abs(angle_rad))
+            errors[column] = felt.tilt_error_rad / (abs(angle_rad) + LEAST_RAD)
+    return errors
 
 
 def _sampled(experiment: SweptExperiment, trial: Trial, here: set[int]) -> str | None:

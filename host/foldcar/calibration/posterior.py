@@ -141,19 +141,21 @@ def outcomes(
 class Features:
     """Features of trials against their simulated means, the covariance of runs taken apart into independent parts.
 
-    ``observed`` (trials, features), NaN where unknown; ``covariance`` (features, features) of runs; ``shares``
-    (features,): what part of a feature's variance, given the features before it, is the car's; ``car`` and ``alike``
-    (trials, trials): whether two trials are of one car, and how far they share their discrepancy, 0 to 1.
+    ``observed`` (trials, features), NaN where unknown, with standard deviations ``errors`` (trials, features) of what was
+    measured; ``covariance`` (features, features) of runs; ``shares`` (features,): what part of a feature's variance,
+    given the features before it, is the car's; ``car`` and ``alike`` (trials, trials): whether two trials are of one car,
+    and how far they share their discrepancy, 0 to 1.
     """
 
     def __init__(
-        self, observed: FloatArray, covariance: FloatArray, shares: FloatArray, car: FloatArray, alike: FloatArray
-    ) -> None:
+        self, observed: FloatArray, errors: FloatArray, covariance: FloatArray, shares: FloatArray,
+        car: FloatArray, alike: FloatArray,
+    ) -> None:  # fmt: skip
         self._known = np.isfinite(observed)
         self._observed = np.where(self._known, observed, 0.0)
         self._whitening = np.zeros((*observed.shape, observed.shape[1]))
         for trial, known in enumerate(self._known):
-            root = np.linalg.cholesky(covariance[np.ix_(known, known)])
+            root = np.linalg.cholesky(covariance[np.ix_(known, known)] + np.diag(errors[trial, known] ** 2))
             self._whitening[trial][np.ix_(known, known)] = np.linalg.inv(root)
         self._parts = []
         for feature, share in enumerate(shares):

@@ -25,6 +25,7 @@ from page_block import replaced
 
 from foldcar.calibration.drive_features import (
     ENDS,
+    FEATURES,
     PASSED,
     drive_end,
     path_features,
@@ -172,6 +173,7 @@ def trials_of(one: Reality, number: int, evidence: str, experiment: SweptExperim
         np.array([design for design, _ in cars]),
         np.array(ends),
         np.array(features),
+        np.zeros((number, FEATURES)),
         True,
         (),
     )
@@ -197,7 +199,9 @@ def true_rates(simulator: Simulator, one: Reality) -> FloatArray:
     return np.asarray(np.reshape(passed, (designs, -1)).mean(axis=1))
 
 
-def calibrated(simulator: Simulator, observed: Observations, emulator: Emulator, known: Mapping[int, float]) -> Inference:
+def calibrated(
+    simulator: Simulator, observed: Observations, emulator: Emulator, known: Mapping[int, float]
+) -> Inference:
     """As the first round of `foldcar calibrate`, with an emulator that is there; rates are simulated afterwards."""
     experiment = simulator.experiment
     inputs, _ = cell_inputs(experiment, observed.cells)

@@ -125,7 +125,7 @@ def new_foldcar(tmp_path: Path) -> Callable[..., "subprocess.CompletedProcess[st
 @pytest.fixture
 def store(tmp_path: Path) -> Path:
     """A store of this version with runs, records and trials, s.db in the test's folder, and the trials' logs."""
-    from foldcar.store.tables import VERSION
+    from foldcar.store.migrations import VERSION
     from old_stores import old_store
 
     return old_store(VERSION, tmp_path / "s.db")

@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from foldcar.simulation.results import NUMBERS
+from foldcar.store.migrations import VERSION
 from foldcar.store.rows import checksum
-from foldcar.store.tables import BY_NAME, VERSION, Table
+from foldcar.store.tables import BY_NAME, Table
 from foldcar.store.trial_records import Track
 from foldcar.store.trial_writer import write_trials
 

@@ -11,14 +11,18 @@ import pytest
 from foldcar.store.check import check_store, store_digest
 from foldcar.store.errors import StoreError
 from foldcar.store.merge import merge_stores
+from foldcar.store.migrations import VERSION
+from foldcar.store.opening import UNRELEASED
 from foldcar.store.reader import Store
-from foldcar.store.tables import EXPERIMENT, RUN, TRIAL, VERSION, Table
+from foldcar.store.tables import EXPERIMENT, RUN, TRIAL, Table
 from foldcar.store.trial_records import Ending
 from foldcar.store.trial_writer import write_trials
 from old_stores import alter, change, contents, old_store
 from swept_listing import swept
 from test_store import answer, fill
 from test_trial_store import begin
+
+OLD = "was made before foldcar's first release, which cannot read it: sweep again"
 
 
 def digest(store: Path) -> tuple[str, int]:
@@ -164,10 +168,10 @@ def test_other_designs_and_a_trial_that_one_store_has_corrected_are_refused(tmp_
 
 
 def test_what_cannot_be_merged_is_said_in_one_line(tmp_path: Path, foldcar: Callable[..., Any]) -> None:
-    alter(old_store(VERSION, tmp_path / "old.db"), "PRAGMA application_id = 1")
+    alter(old_store(VERSION, tmp_path / "old.db"), f"PRAGMA application_id = {UNRELEASED}")
     fill(tmp_path / "a.db")
     told = {
-        ("a.db", "old.db", "-o", "m.db"): "old.db: is no foldcar store",
+        ("a.db", "old.db", "-o", "m.db"): f"old.db: {OLD}",
         ("a.db", "none.db", "-o", "m.db"): "none.db: no such store",
         ("a.db", "-o", "m.db"): "merge: name two stores or more",
         ("a.db", "old.db", "-o", "a.db"): "a.db: is read by this command; name another file to write",

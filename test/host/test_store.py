@@ -1,9 +1,6 @@
 """The store: what it refuses, what it keeps, who may write it."""
 
-import json
-import os
 import sqlite3
-import subprocess
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -13,11 +10,10 @@ import pytest
 from foldcar.errors import FoldcarError
 from foldcar.simulation.results import NUMBERS, Recorded
 from foldcar.store.errors import StoreError
-from foldcar.store.opening import APPLICATION_ID, check_new
+from foldcar.store.migrations import VERSION
+from foldcar.store.opening import APPLICATION_ID, UNRELEASED, check_new
 from foldcar.store.reader import Store
-from foldcar.store.tables import VERSION
 from foldcar.store.writer import PlannedDesign, PlannedExperiment, PlannedRun, StoreWriter, write_store
-from old_stores import contents
 from written_study import FACTS, TOLD
 
 
@@ -231,11 +227,13 @@ def test_what_is_no_store_is_refused_and_left_alone(tmp_path: Path) -> None:
     other = foreign(tmp_path / "other.db", "CREATE TABLE t (a)")
     made = "CREATE TABLE t (a)", f"PRAGMA application_id = {APPLICATION_ID}"
     newer = foreign(tmp_path / "newer.db", *made, f"PRAGMA user_version = {VERSION + 1}")
+    unreleased = foreign(tmp_path / "unreleased.db", "CREATE TABLE t (a)", f"PRAGMA application_id = {UNRELEASED}")
 
     for path, message in (
         (text, "is no foldcar store (file is not a database)"),
         (other, "is no foldcar store"),
-        (newer, f"is a store of version {VERSION + 1}, this foldcar knows version {VERSION}: use a newer one"),
+        (newer, f"is a store of version {VERSION + 1}, this foldcar knows versions up to {VERSION}"),
+        (unreleased, "was made before foldcar's first release, which cannot read it: sweep again"),
     ):
         before = path.read_bytes()
         with pytest.raises(FoldcarError) as caught:
@@ -272,41 +270,3 @@ def test_a_name_that_sqlite_does_not_take_for_a_file_is_refused(
             with pytest.raises(StoreError, match=message):
                 use(Path(name))
     assert list(tmp_path.iterdir()) == []
-
-
-def test_what_is_no_store_is_not_made_one(tmp_path: Path, foldcar: Any) -> None:
-    (tmp_path / "empty.db").touch()
-
-    assert foldcar("migrate", "empty.db").stderr == "foldcar: error: empty.db: is no foldcar store\n"
-    assert foldcar("migrate", "none.db").stderr == "foldcar: error: none.db: no such store\n"
-    assert [file.name for file in tmp_path.iterdir()] == ["empty.db"]
-
-
-@pytest.fixture
-def slipping(tmp_path: Path, carsim_binary: Path) -> dict[str, str]:
-    """An environment with a carsim that has a metric more."""
-    told = json.loads(subprocess.run([carsim_binary, "metrics"], capture_output=True, check=True).stdout)
-    more = [*told, {"name": "slip_m", "unit": "m", "optional": False, "help": "way slipped"}]
-    program = tmp_path.with_name("slipping")
-    program.write_text(f'#!/bin/sh\n[ "$1" = metrics ] || exec {carsim_binary} "$@"\necho \'{json.dumps(more)}\'\n')
-    program.chmod(0o755)
-    return {**os.environ, "FOLDCAR_CARSIM": str(program)}
-
-
-def test_a_new_metric_of_carsim_comes_into_stores_by_itself(
-    store: Path, slipping: dict[str, str], foldcar: Any, new_foldcar: Any
-) -> None:
-    before = contents(store)
-
-    read = new_foldcar("export", "s.db", "--csv", "-", env=slipping)
-    assert ",slip_m,message," in read.stdout and contents(store) == before
-    for words in (("check",), ("migrate",), ("check",), ("repair", "-o", "w.db")):
-        whole = new_foldcar(words[0], "s.db", *words[1:], env=slipping)
-        assert whole.returncode == 0, whole.stdout
-    assert new_foldcar("export", "s.db", "--csv", "-", env=slipping).stdout == read.stdout
-
-    after = contents(store)
-    assert [{**row, "slip_m": None} for row in before["run"]] == after["run"] == contents(store.with_name("w.db"))["run"]
-    old = foldcar("export", "s.db", "--csv", "-")
-    assert (old.returncode, old.stdout) == (2, "")
-    assert old.stderr.startswith('foldcar: error: s.db: has the metric "slip_m", which this foldcar does not know')

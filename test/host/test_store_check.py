@@ -14,8 +14,9 @@ from foldcar.errors import FoldcarError
 from foldcar.store.check import check_store
 from foldcar.store.errors import StoreError
 from foldcar.store.log_files import log_file
+from foldcar.store.migrations import VERSION
 from foldcar.store.reader import Store
-from foldcar.store.tables import TABLES, TRIAL, VERSION
+from foldcar.store.tables import TABLES, TRIAL
 from foldcar.store.trial_writer import write_trials
 from foldcar.store.writer import write_store
 from old_stores import alter, change, old_store

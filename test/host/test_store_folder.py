@@ -15,9 +15,10 @@ from foldcar.errors import FoldcarError
 from foldcar.store.check import check_store
 from foldcar.store.errors import StoreError
 from foldcar.store.folder import export_folder, import_folder
+from foldcar.store.migrations import VERSION
 from foldcar.store.reader import Store
 from foldcar.store.rows import checksum
-from foldcar.store.tables import TABLES, TRIAL, VERSION
+from foldcar.store.tables import TABLES, TRIAL
 from foldcar.store.trial_records import Ending
 from foldcar.store.trial_writer import write_trials
 from foldcar.store.writer import PlannedRun

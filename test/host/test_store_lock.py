@@ -123,16 +123,29 @@ def test_a_refused_attempt_takes_nothing_from_the_writer(store: Path) -> None:
         assert "database is locked" in other.stderr
 
 
-def test_a_store_with_two_names_by_hard_links_is_read_only(store: Path) -> None:
-    """SQLite names the write-ahead log after one of them."""
-    hard = store.with_name("hard.db")
-    hard.hardlink_to(store)
+def test_a_log_that_stands_beside_another_name_is_not_passed_over(store: Path) -> None:
+    soft, hard = linked(store), store.with_name("hard.db")
+    with held(store) as process:
+        hard.hardlink_to(store)
+        with Store.open(soft) as reader:
+            assert reader.info().command == "held"
+        with pytest.raises(StoreError, match="under another name"):
+            Store.open(hard)
+        process.send_signal(signal.SIGKILL)
+        process.wait()
 
+    assert store.with_name("s.db-wal").exists()
+    with pytest.raises(StoreError, match="a sweep was killed there: use that name first"):
+        Store.open(hard)
     for name in (store, hard):
         with pytest.raises(StoreError, match=f"{name.name}: has another name"), writing(name):
             pass
-        with Store.open(name) as reader:
-            assert reader.info().command == FACTS["command"]
+    hard.unlink()
+    with writing(store):
+        pass
+    hard.hardlink_to(store)
+    with Store.open(hard) as reader:
+        assert reader.info().command == "held"
 
 
 def test_a_reader_keeps_no_writer_out_and_sees_one_moment(store: Path) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from foldcar.store.tables import VERSION
+from foldcar.store.migrations import VERSION
 from old_stores import old_store
 
 TORTURE = Path(__file__).resolve().parents[1] / "torture"

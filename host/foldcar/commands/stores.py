@@ -21,7 +21,7 @@ def check(
     Example: foldcar check study.db
     """
     from foldcar.store.check import check_store
-    from foldcar.store.tables import VERSION
+    from foldcar.store.migrations import VERSION
 
     done = check_store(store)
     findings = [" ".join(finding.split()) for finding in done.findings]
@@ -66,15 +66,15 @@ def repair(
 def migrate(
     store: Annotated[Path, typer.Argument(metavar="STORE", help="The store to migrate.")], as_json: Json = False
 ) -> None:
-    """Bring a store up to date.
+    """Bring an older store up to this version.
 
-    Tables and columns that came since it was made are added, empty. What a killed program left half done is undone.
+    The store is changed in place; a copy as it was stays beside it. What a killed program left half done is undone.
 
     \b
     Example: foldcar migrate study.db
     """
+    from foldcar.store.migrations import VERSION
     from foldcar.store.opening import migrate_store
-    from foldcar.store.tables import VERSION
 
     migrate_store(store)
     tell(as_json, {"store": store, "version": VERSION}, f"{store}: version {VERSION}")

@@ -18,11 +18,12 @@ from pathlib import Path
 from foldcar.simulation.results import NUMBERS
 from foldcar.store.errors import SQLITE_ERRORS, StoreError
 from foldcar.store.log_files import log_file, logs_folder, sha256_of
+from foldcar.store.migrations import VERSION
 from foldcar.store.opening import beside, connect_reading, require_version
 from foldcar.store.reader import Store
 from foldcar.store.rows import columns_sql, is_intact, is_there, key_text
 from foldcar.store.salvage import log_damage
-from foldcar.store.tables import BY_NAME, CHECKSUM, PATH, RECORDED, RUN, TABLES, VERSION, VIEWS, Table
+from foldcar.store.tables import BY_NAME, CHECKSUM, PATH, RECORDED, RUN, TABLES, VIEWS, Table
 
 
 @dataclass(slots=True)

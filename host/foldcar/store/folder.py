@@ -25,10 +25,11 @@ from foldcar.outputs import atomic_folder
 from foldcar.store.connection import transaction
 from foldcar.store.errors import StoreError
 from foldcar.store.log_files import log_file, log_inside, sha256_of
+from foldcar.store.migrations import VERSION
 from foldcar.store.opening import check_new, new_store
 from foldcar.store.reader import Store
 from foldcar.store.rows import Row, check_json, insert_sql, stored
-from foldcar.store.tables import BY_NAME, CHECKSUM, STUDY, TABLES, TRIAL, VERSION, Column, Table
+from foldcar.store.tables import BY_NAME, CHECKSUM, STUDY, TABLES, TRIAL, Column, Table
 from foldcar.typed import decimal_number, whole_number
 
 MANIFEST, README, LISTING, LOGS = "manifest.json", "README.txt", "listing.json", "logs"

@@ -62,13 +62,17 @@ def merge_stores(stores: Sequence[Path], merged: Path) -> dict[str, int]:
                     raise StoreError(f"{path}: {lost}")
                 merge.add(path, source)
         merge.end()
-        return {table.name: connection.execute(f"SELECT count(*) FROM {table.name}").fetchone()[0] for table in TABLES}
+        return {
+            table.name: connection.execute(f"SELECT count(*) FROM {table.name}").fetchone()[0] for table in TABLES
+        }
 
 
 class _Merge:
     """Adds stores to a new one, one after the other."""
 
-    def __init__(self, connection: sqlite3.Connection, merged: Path, logs: list[tuple[Path, Path, str | None]]) -> None:
+    def __init__(
+        self, connection: sqlite3.Connection, merged: Path, logs: list[tuple[Path, Path, str | None]]
+    ) -> None:
         self._connection = connection
         self._merged = merged
         self._logs = logs

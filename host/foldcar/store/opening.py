@@ -16,11 +16,13 @@ from foldcar.outputs import make_output_folder
 from foldcar.store.connection import BUSY_S, leads_to, patiently, transaction, writer_lock
 from foldcar.store.errors import SQLITE_ERRORS, StoreError, check_name, store_errors
 from foldcar.store.log_files import give_name, logs_beside
+from foldcar.store.migrations import VERSION, add_late, create_tables, migrate
 from foldcar.store.salvage import log_damage
-from foldcar.store.tables import CHECKSUM, RUN, TABLES, VERSION, VIEWS, Table
+from foldcar.store.tables import CHECKSUM, RUN, TABLES
 
-# "Fold" in ASCII: tells a store from other SQLite files.
+# "Fold" in ASCII: tells a store from other SQLite files, and UNRELEASED ("Fcar") from those of no release.
 APPLICATION_ID = 0x466F6C64
+UNRELEASED = 0x46636172
 
 # Larger stores, of some ten million runs, are read where they are.
 MOST_COPIED_BYTES = 2**30
@@ -54,14 +56,34 @@ def _copied(path: Path, connection: sqlite3.Connection) -> sqlite3.Connection:
 
 
 def connect_reading(path: Path) -> sqlite3.Connection:
-    """A connection that cannot write, to whatever is in the file; StoreError if there is none."""
+    """A connection that cannot write, to whatever version of a store; StoreError if there is no file."""
     check_name(path)
     if not path.exists():
         raise StoreError(f"{path}: no such store")
     if not path.is_file():
         raise StoreError(f"{path}: is no file")
+    _check_names(path)
     with store_errors(path):
         return sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", BUSY_S, uri=True, isolation_level=None)
+
+
+def _check_names(path: Path) -> None:
+    """StoreError if the file has several names (hard links) and its write-ahead log stands beside another of them.
+
+    SQLite names the log after the name that a file was opened by: without it, the last transactions are missing.
+    """
+    try:
+        if path.stat().st_nlink == 1:
+            return
+        with path.open("rb") as file:
+            header = file.read(20)
+    except OSError as error:
+        raise StoreError(f"{path}: cannot be read: {error.strerror}") from error
+    # Bytes 18 and 19 of the header are 2 in write-ahead mode (sqlite.org/fileformat2.html, 1.3).
+    if header[18:20] == b"\2\2" and not beside(path, "-wal").exists():
+        raise StoreError(
+            f"{path}: is written under another name (hard link), or a sweep was killed there: use that name first"
+        )
 
 
 def beside(path: Path, suffix: str) -> Path:
@@ -84,11 +106,19 @@ def require_store(path: Path) -> None:
 
 
 def require_version(path: Path, connection: sqlite3.Connection) -> None:
-    """StoreError unless it is a store of this version without columns that this foldcar does not know."""
+    """StoreError unless it is a store of this version."""
+    version = store_version(path, connection)
+    if version < VERSION:
+        raise StoreError(f"{path}: is of version {version}; `foldcar migrate {path}` brings it to {VERSION}")
+
+
+def store_version(path: Path, connection: sqlite3.Connection) -> int:
+    """The version of a store, this one's or an older one; StoreError if it is newer, or no store."""
     try:
         (application_id,) = patiently(path, lambda: connection.execute("PRAGMA application_id").fetchone())
         (version,) = connection.execute("PRAGMA user_version").fetchone()
-        there = {table: _columns(connection, table) for table in TABLES if table.grows}
+        growing = [table for table in TABLES if table.grows]
+        told = {table: connection.execute(f"PRAGMA table_info({table.name})").fetchall() for table in growing}
     except SQLITE_ERRORS as error:
         journal = beside(path, "-journal")
         if journal.is_file() and journal.stat().st_size:
@@ -96,21 +126,18 @@ def require_version(path: Path, connection: sqlite3.Connection) -> None:
                 f"{path}: a program was killed while it wrote; `foldcar migrate {path}` undoes what is half done"
             ) from error
         raise StoreError(f"{path}: is no foldcar store ({error})") from error
+    if application_id == UNRELEASED:
+        raise StoreError(f"{path}: was made before foldcar's first release, which cannot read it: sweep again")
     if application_id != APPLICATION_ID or version < 1:
         raise StoreError(f"{path}: is no foldcar store")
-    if version != VERSION:
-        raise StoreError(
-            f"{path}: is a store of version {version}, this foldcar knows version {VERSION}: use a newer one"
-        )
-    for table, columns in there.items():
-        for name in columns:
-            if name not in (*table.names, CHECKSUM):
-                what = f'{"metric" if table is RUN else f"{table.name} column"} "{name}"'
-                raise StoreError(f"{path}: has the {what}, which this foldcar does not know: use a newer one")
-
-
-def _columns(connection: sqlite3.Connection, table: Table) -> list[str]:
-    return [name for _, name, *_ in connection.execute(f"PRAGMA table_info({table.name})")]
+    if version > VERSION:
+        raise StoreError(f"{path}: is a store of version {version}, this foldcar knows versions up to {VERSION}")
+    for table, columns in told.items():
+        unknown = [name for _, name, *_ in columns if name not in (*table.names, CHECKSUM)]
+        if unknown:
+            what = f'{"metric" if table is RUN else f"{table.name} column"} "{unknown[0]}"'
+            raise StoreError(f"{path}: has the {what}, which this foldcar does not know: use a newer one")
+    return int(version)
 
 
 @contextlib.contextmanager
@@ -126,39 +153,22 @@ def writing(path: Path, synchronous: str = "NORMAL") -> Iterator[sqlite3.Connect
     with _connected(path, _blank_or_current) as connection:
         if _blank_or_current(path, connection):
             fill_blank(path, connection)
-        _add_late(path, connection)
+        add_late(path, connection)
         with store_errors(path):
             connection.execute(f"PRAGMA synchronous = {synchronous}")
         yield connection
 
 
 def migrate_store(path: Path) -> None:
-    """Undo what a killed program left half done, and add tables and columns that are newer than the store."""
+    """Bring a store to this version, with a copy of what it was beside it; undo what a killed program left half done."""
     check_name(path)
     if not path.is_file():
         raise StoreError(f"{path}: no such store")
-    with _connected(path, require_version) as connection:
-        _add_late(path, connection)
-
-
-def _add_late(path: Path, connection: sqlite3.Connection) -> None:
-    """Give a store the late tables and columns that it lacks: empty ones."""
-    with store_errors(path):
-        there = {table.name: _columns(connection, table) for table in TABLES}
-        for table in TABLES:
-            if table.late and not there[table.name]:
-                connection.execute(table.sql)
-                there[table.name] = list(table.names)
-        missing = [
-            f"ALTER TABLE {table.name} ADD COLUMN {column.sql}"
-            for table in TABLES
-            for column in table.columns
-            if column.late and column.name not in there[table.name]
-        ]
-        if missing:
-            with transaction(path, connection):
-                for statement in (*(f"DROP VIEW IF EXISTS {name}" for name in VIEWS), *missing, *VIEWS.values()):
-                    connection.execute(statement)
+    with _connected(path, store_version) as connection:
+        version = store_version(path, connection)
+        if version < VERSION:
+            migrate(path, connection, version)
+        add_late(path, connection)
 
 
 def _blank_or_current(path: Path, connection: sqlite3.Connection) -> bool:
@@ -177,8 +187,7 @@ def _blank_or_current(path: Path, connection: sqlite3.Connection) -> bool:
 def fill_blank(path: Path, connection: sqlite3.Connection) -> None:
     """Make an empty SQLite file an empty store of this version."""
     with store_errors(path), transaction(path, connection):
-        for statement in (*(table.sql for table in TABLES), *VIEWS.values()):
-            connection.execute(statement)
+        create_tables(connection)
         connection.execute(f"PRAGMA application_id = {APPLICATION_ID}")
         connection.execute(f"PRAGMA user_version = {VERSION}")
 

@@ -99,7 +99,9 @@ class Store:
         if experiment is None:
             return known
         if experiment not in known:
-            raise StoreError(f'{self.path}: has no experiment "{experiment}"; it has {", ".join(known) or "none"}')
+            raise StoreError(
+                f'{self.path}: has no experiment "{experiment}"; it has {", ".join(known) or "none"}'
+            )
         return [experiment]
 
     def results(self, experiment: str | None = None) -> Iterator[Result]:

@@ -11,8 +11,6 @@ from functools import cached_property
 from foldcar.simulation.results import METRICS, OUTCOMES
 from foldcar.store.trial_records import BUILT, CARS, MEDIA_ENDINGS, TRIAL_OUTCOMES, UNKNOWN
 
-# What a store's tables mean. A late table or column needs no other version: it is added empty.
-VERSION = 1
 CHECKSUM = "checksum"
 
 # Types of columns in SQL. JSON is text that is JSON; a VALUE is a text, a number or nothing.

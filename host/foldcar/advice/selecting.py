@@ -324,19 +324,14 @@ def cost(vehicle_type: str, design: Mapping[str, float | str], effort: Effort, d
     if not effort.cars:
         return Cost(0, math.ceil(driving_min))
     # Sheets take half a second to import, and a report has none.
-    from foldcar.fabrication.patterns.nesting import NestingError
     from foldcar.fabrication.patterns.options import options
-    from foldcar.fabrication.patterns.sheets import pattern
+    from foldcar.fabrication.patterns.sheets import on_a_larger_sheet, pattern
 
     keys = {parameter.column: key for key, parameter in parameters().items()}
     try:
         composed = compose(vehicle_type, {keys[name]: float(value) for name, value in design.items()})
         folded = folded_car(composed)
-        try:
-            cut = pattern(folded, options(MACHINE), composed.title)
-        except NestingError:
-            # A beam that is longer than the usual mat.
-            cut = pattern(folded, options(MACHINE, sheet="12x24in"), composed.title)
+        cut = pattern(folded, on_a_larger_sheet(folded, options(MACHINE)), composed.title)
     except (FoldcarError, KeyError, ValueError):
         return None
     cutting_min = cut.cut_length_mm / CUTTING_MM_S / 60

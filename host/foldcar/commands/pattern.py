@@ -77,7 +77,8 @@ def pattern(
         listed = []
         for place in _with_progress(places):
             words = [*(settings or []), *place.settings]
-            made = make_car(place.design, chosen, car_command(listing, place.vehicle, words, chosen, components or []))
+            command = car_command(listing, place.vehicle, words, chosen, components or [])
+            made = make_car(place.design, chosen, command, larger=sheet is None)
             for file, content in made.files.items():
                 target = folder / place.folder / file
                 target.parent.mkdir(parents=True, exist_ok=True)
@@ -91,7 +92,7 @@ def pattern(
                 warned = f", {len(made.pattern.warnings)} warnings" if made.pattern.warnings else ""
                 lines.append(f"{place.folder}: {_amounts([manifest])}{warned}")
             else:
-                lines += _car_lines(made, chosen, output)
+                lines += _car_lines(made, chosen.sheet, output)
         if every:
             (folder / MANIFEST).write_text(json.dumps({"files": [*listed, MANIFEST]}, indent=2) + "\n", encoding="utf-8")
             vehicles = len({place.vehicle for place in places})
@@ -163,17 +164,18 @@ def car_command(
     return decoded(shlex.join([*words, *arguments(chosen), "-o", "car"]))
 
 
-def _car_lines(made: "MadeCar", chosen: "Options", output: Path) -> list[str]:
-    """The only car."""
+def _car_lines(made: "MadeCar", usual: str, output: Path) -> list[str]:
+    """The only car; ``usual`` is the machine's sheet."""
     from foldcar.fabrication.make_car import GUIDE
 
-    cut = made.pattern
+    cut, chosen = made.pattern, made.pattern.options
+    larger = "" if chosen.sheet == usual else f" (--sheet {chosen.sheet}: a piece does not fit on {usual})"
     width, height = chosen.sheet_size_mm
     used = cut.film_area_mm2 / (len(cut.sheets) * width * height)
     copies, done = sum(piece.count for piece in cut.pieces), made.operations
     return [
         made.title,
-        f"  sheets    {len(cut.sheets)} of {width:g} x {height:g} mm, {used:.0%} of the film used",
+        f"  sheets    {len(cut.sheets)} of {width:g} x {height:g} mm, {used:.0%} of the film used{larger}",
         f"  pieces    {copies} of {len(cut.pieces)} kinds",
         f"  cut       {cut.cut_length_mm / 1000:.1f} m for {chosen.machine}, kerf {chosen.kerf_mm:g} mm",
         f"  building  {done.total} operations, {done.weed} openings weeded: about {done.minutes:.0f} min (an estimate)",

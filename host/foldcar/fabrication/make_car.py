@@ -33,7 +33,7 @@ from foldcar.fabrication.patterns.lbrn import lbrn, read_lbrn
 from foldcar.fabrication.patterns.nesting import NestingError
 from foldcar.fabrication.patterns.options import MACHINES, Options
 from foldcar.fabrication.patterns.pdf import pdf
-from foldcar.fabrication.patterns.sheets import Pattern, cut_car, pattern_of
+from foldcar.fabrication.patterns.sheets import Pattern, cut_car, on_a_larger_sheet, pattern_of
 from foldcar.fabrication.patterns.svg import read_svg, svg
 from foldcar.fabrication.patterns.verify import TOLERANCE_MM, check_pdf, check_sheet, check_text
 
@@ -89,12 +89,14 @@ class MadeCar:
     checks: tuple[str, ...]
 
 
-def make_car(design: Design, chosen: Options, command: str = "") -> MadeCar:
+def make_car(design: Design, chosen: Options, command: str = "", larger: bool = False) -> MadeCar:
     """The car with all its files; CheckError if something is wrong with one, FoldcarError if it cannot be cut.
 
-    ``command`` is what makes the same files again; it stands on the sheets.
+    ``command`` is what makes the same files again; it stands on the sheets. ``larger``: the machine's next larger sheet is
+    taken where a piece does not fit on the chosen one.
     """
     title, folded = design.title, folded_car(design)
+    chosen = on_a_larger_sheet(folded, chosen) if larger else chosen
     pieces = cut_car(folded, chosen)
     try:
         cut = pattern_of(pieces, chosen, title, command)

@@ -7,7 +7,7 @@ not fit on a sheet.
 import itertools
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import segno
 from shapely.geometry import Polygon
@@ -19,7 +19,7 @@ from foldcar.fabrication.patterns.drawing import LAYERS, Motion, Path, Point, Sh
 from foldcar.fabrication.patterns.flat_piece import FlatPiece, flat_piece, moved_to_origin
 from foldcar.fabrication.patterns.labels import join_marks, text_strokes
 from foldcar.fabrication.patterns.nesting import NestingError, advice, all_fit, nest
-from foldcar.fabrication.patterns.options import TORN_FILM_MM, OptionError, Options
+from foldcar.fabrication.patterns.options import MACHINES, TORN_FILM_MM, OptionError, Options
 from foldcar.fabrication.patterns.piece_shapes import Film, narrowest_film, outer_cut, piece_shapes
 from foldcar.fabrication.patterns.splitting import as_cut
 
@@ -161,6 +161,19 @@ def cut_car(folded: FoldedCar, chosen: Options) -> CutCar:
     # Discs stay around their centres.
     pieces = tuple(one if one.name in turning and not one.bends else moved_to_origin(one) for one in flat)
     return CutCar(car, pieces, folded)
+
+
+def on_a_larger_sheet(folded: FoldedCar, chosen: Options) -> Options:
+    """The options with the first of the machine's sheets, from the chosen one on, that every piece fits on.
+
+    Those that were chosen if none does.
+    """
+    names = MACHINES[chosen.machine].sheets
+    for name in names[names.index(chosen.sheet) :]:
+        other = replace(chosen, sheet=name)
+        if all_fit([outer_cut(piece, other.kerf_mm) for piece in cut_car(folded, other).pieces], other):
+            return other
+    return chosen
 
 
 def pattern(folded: FoldedCar, chosen: Options, title: str, command: str = "") -> Pattern:

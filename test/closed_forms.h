@@ -330,6 +330,19 @@ void brakes_with_the_friction_of_the_patch(BodySpec body, double time_s) {
   TEST_ASSERT_DOUBLE_WITHIN(0.04 * 0.15 * kGravity, 0.15 * kGravity, (early_m_s - late_m_s) / time_s);
 }
 
+// The largest pitch while its wheels are brought to full speed, backwards out of full speed ahead. The reaction of what
+// spins up the geared rotors stays in the gearbox: a frame that took it would rear up, or turn over in a reversal.
+template <class Drive>
+double largest_pitch_rad(double fraction) {
+  const BodySpec body = study_car(0.115);
+  Drive drive(body, scene_of({}, 0.6), fraction > 0 ? 0 : 1);
+  drive.run(1.3);
+  drive.pulses_us = pulses_for(body, fraction);
+  double largest_rad = 0;
+  for (int i = 0; i < 240; ++i) largest_rad = std::max(largest_rad, std::abs(drive.run(drive.step_s).pitch_rad));
+  return largest_rad;
+}
+
 // How near an engine is to the closed forms.
 template <class Options>
 struct Nearness {
@@ -365,5 +378,9 @@ struct Nearness {
   TEST(test_friction_and_impacts_never_give_energy) {                                                              \
     const BodySpec body = study_car(0.115);                                                                        \
     gains_no_energy_by_friction_and_impacts<Drive>((near).with_rotors ? body : without_rotors(body), (near).fine); \
+  }                                                                                                                \
+  TEST(test_locked_wheels_brake_with_the_friction_of_the_patch) {                                                  \
+    const BodySpec body = study_car(0.115);                                                                        \
+    brakes_with_the_friction_of_the_patch<Drive>((near).with_rotors ? body : without_rotors(body), 0.2);           \
   }                                                                                                                \
   static_assert(true)

@@ -2,8 +2,6 @@
 // wheelbase 140 mm, wheel radius 60 mm. Masses are round numbers of the right size.
 #pragma once
 
-#include <algorithm>
-#include <cmath>
 #include <cstddef>
 #include <utility>
 #include <vector>
@@ -11,6 +9,7 @@
 #include "body_spec.h"
 #include "hal.h"
 #include "scene_spec.h"
+#include "trial.h"
 
 namespace foldcar {
 
@@ -109,24 +108,6 @@ inline PulsesUs pulses_for(const BodySpec& body, double fraction) {
   return pulses_us;
 }
 
-// What scrub takes from the drive of each outer wheel, and gives to each inner one, in a steady turn (N): tyres at
-// axle_m from the middle slide sideways with the friction that driving leaves them.
-inline double scrub_drive_n(double weight_n, double friction, double axle_m, double track_m) {
-  double drive_n = 0;
-  for (int i = 0; i < 200; ++i) {
-    const double share = drive_n / (friction * weight_n / 4);
-    const double scrub_n_m = friction * weight_n * axle_m * std::sqrt(std::max(0.0, 1 - share * share));
-    drive_n += 0.5 * (scrub_n_m / (2 * track_m) - drive_n);
-  }
-  return drive_n;
-}
-
-// How far (m) each side of that turn creeps along the ground for every radian of it, forward slip being to sideways slip
-// as drive is to scrub.
-inline double scrub_creep_m(double drive_n, double weight_n, double friction, double axle_m) {
-  return axle_m * drive_n / std::sqrt(std::pow(friction * weight_n / 4, 2) - drive_n * drive_n);
-}
-
 // A terrain of nothing but these.
 inline TerrainSpec blocks(std::vector<BlockSpec> list) {
   TerrainSpec terrain;
@@ -149,6 +130,16 @@ inline SceneSpec pyramids() {
   scene.goal = GoalSpec{GoalSpec::Kind::kLine, 1.315, 0, 0, 0};
   scene.course = {-0.5, 2, -1, 1};
   return scene;
+}
+
+// Settings of a trial at full speed, with a path.
+inline TrialSpec full_speed(const BodySpec& body, double time_limit_s = 60) {
+  TrialSpec trial;
+  trial.speed_m_s = 0.69;
+  trial.time_limit_s = time_limit_s;
+  trial.path_interval_s = 0.05;
+  trial.parameters.set("TRACK_M", static_cast<float>(body.track_m));
+  return trial;
 }
 
 // Rotors turn against the frames that carry them: their energy is not the plane's, and they slow a fold.

@@ -11,7 +11,6 @@
 #include <vector>
 
 #include "../closed_forms.h"
-#include "../full_speed.h"
 #include "mujoco_car.h"
 #include "mujoco_engine.h"
 #include "mujoco_xml.h"
@@ -125,56 +124,27 @@ const Nearness<MujocoOptions> kNear{0.012, 0.0015, 0.008, false, 0.1, {}, true, 
 
 }  // namespace
 
-TEST(test_it_falls_as_bodies_do) {
-  Drive drive(study_car(0.115), scene_of({}, 0.6), 0);
-  drive.car.data().qpos[2] = 5;
-  drive.settle();
-  drive.run(0.5);
-  const double fallen_m = 0.5 * kGravity * 0.5 * (0.5 + drive.step_s);
-  TEST_ASSERT_DOUBLE_WITHIN(0.001 * fallen_m, fallen_m, 5 - drive.car.state().z_m);
-  TEST_ASSERT_DOUBLE_WITHIN(1e-6, 0, drive.car.state().pitch_rad);
-}
-
-// A body without torque keeps its angular momentum: about a principal axis its rate.
-TEST(test_in_the_air_it_keeps_its_roll_rate) {
-  BodySpec body = study_car(0.08);
-  body.segments[0].com_z_m = 0;
-  Drive drive(body, scene_of({}, 0.6), 0);
-  drive.car.data().qpos[2] = 5;
-  drive.car.data().qvel[3] = 3;
-  drive.settle();
-  drive.run(0.2);
-  TEST_ASSERT_DOUBLE_WITHIN(1e-3, 3, drive.car.data().qvel[3]);
-  TEST_ASSERT_DOUBLE_WITHIN(2e-3, 0.6, drive.car.state().roll_rad);
-}
-
 TEST_CLOSED_FORMS(Drive, kNear);
 
 // Half a millimetre above what is under it, which the search for it finds to a hundredth, however high or low the
 // ground is elsewhere.
 TEST(test_it_is_put_down_on_the_ground_under_it) {
-  constexpr double kDrop_m = 5e-4, kWithin_m = 1.5e-4;
-  const auto height_m = [](const TerrainSpec& terrain) {
+  TerrainSpec around, in_hole, in_hollow, on_hill;
+  around.hills = {{2, 0.3, 0, 0.2, 0.2, 0.15}, {2, -0.5, 0, 0.1, 0.1, -0.1}};
+  around.potholes = {{1.2, 0.5, 0.2, 0.08, 0.05}};
+  around.roughs = {{2.5, 0, 0, 0.5, 0.5, 0.004, 0.05, 1}};
+  in_hole = around;
+  in_hole.potholes.push_back({0, 0, 0.5, 0.11, 0.05});
+  in_hollow.hills = {{0, 0, 0, 10, 10, -0.1}};
+  on_hill.hills = {{0, 0, 0, 10, 10, 0.1}};
+  const TerrainSpec on_box = blocks({{0, 0, 1, 1, 0.09, 0}});
+  for (const auto& [terrain, ground_m] : {std::pair(around, 0.0), std::pair(in_hole, -0.11), std::pair(in_hollow, -0.1),
+                                          std::pair(on_hill, 0.1), std::pair(on_box, 0.09)}) {
     SceneSpec scene = scene_of(terrain, 0.6);
     scene.course = {-1, 3, -1, 1};
-    return Drive(study_car(0.115), scene, 0).car.state().z_m;
-  };
-  TerrainSpec around;
-  around.hills.push_back({2, 0.3, 0, 0.2, 0.2, 0.15});
-  TEST_ASSERT_DOUBLE_WITHIN(kWithin_m, kRadius_m + kDrop_m, height_m(around));
-  around.hills.push_back({2, -0.5, 0, 0.1, 0.1, -0.1});
-  around.potholes.push_back({1.2, 0.5, 0.2, 0.08, 0.05});
-  around.roughs.push_back({2.5, 0, 0, 0.5, 0.5, 0.004, 0.05, 1});
-  TEST_ASSERT_DOUBLE_WITHIN(kWithin_m, kRadius_m + kDrop_m, height_m(around));
-  TerrainSpec in_hole = around;
-  in_hole.potholes.push_back({0, 0, 0.5, 0.11, 0.05});
-  TEST_ASSERT_DOUBLE_WITHIN(kWithin_m, kRadius_m + kDrop_m - 0.11, height_m(in_hole));
-  TerrainSpec in_hollow, on_hill;
-  in_hollow.hills.push_back({0, 0, 0, 10, 10, -0.1});
-  TEST_ASSERT_DOUBLE_WITHIN(kWithin_m, kRadius_m + kDrop_m - 0.1, height_m(in_hollow));
-  on_hill.hills.push_back({0, 0, 0, 10, 10, 0.1});
-  TEST_ASSERT_DOUBLE_WITHIN(kWithin_m, kRadius_m + kDrop_m + 0.1, height_m(on_hill));
-  TEST_ASSERT_DOUBLE_WITHIN(kWithin_m, kRadius_m + kDrop_m + 0.09, height_m(blocks({{0, 0, 1, 1, 0.09, 0}})));
+    const Drive drive(study_car(0.115), scene, 0);
+    TEST_ASSERT_DOUBLE_WITHIN(1.5e-4, kRadius_m + 5e-4 + ground_m, drive.car.state().z_m);
+  }
 }
 
 // Standing across a side slope it slides from arctan μ on, then with g (sin - μ cos) on all its tyres.
@@ -288,41 +258,13 @@ TEST(test_it_falls_back_from_a_lean_in_the_time_of_a_rigid_body_on_its_edge) {
   TEST_ASSERT_DOUBLE_WITHIN(0.03 * expected_s, expected_s, taken_s);
 }
 
-// A patch sets the friction of what stands on it.
-TEST(test_blocked_wheels_slide_to_a_halt_by_friction) {
-  BodySpec body = study_car(0.115);
-  for (WheelSpec& wheel : body.wheels) wheel.servo.rotor_inertia_kg_m2 = 1e3;
-  for (const bool patched : {false, true}) {
-    TerrainSpec terrain;
-    if (patched) terrain.patches.push_back({0, 0, 0.3, 3, 2, 0.1});
-    const double friction = patched ? 0.1 : 0.4, speed_m_s = patched ? 0.5 : 1;
-    Drive drive(body, scene_of(terrain, patched ? 0.8 : friction), 0);
-    const double start_m = drive.run(0.3).x_m;
-    drive.car.data().qvel[0] = speed_m_s;
-    drive.settle();
-    const double expected_m = speed_m_s * speed_m_s / (2 * friction * kGravity);
-    TEST_ASSERT_DOUBLE_WITHIN(0.03 * expected_m, expected_m, drive.run(1).x_m - start_m);
-  }
-}
-
-TEST(test_a_hinge_swings_as_its_flexure_and_the_rear_half_say) {
-  const double stiffness = 0.5;
-  const BodySpec body = hinged_study_car(0.115, stiffness);
-  Drive drive(body, scene_of({}, 0.6), 0);
-  mjData& data = drive.car.data();
-  data.qpos[2] = 5;
-  const int hinge = mj_name2id(&drive.car.model(), mjOBJ_JOINT, "hinge0");
-  data.qpos[drive.car.model().jnt_qposadr[hinge]] = 0.1;
-  drive.settle();
-  // In free fall the hinge swings about 0, driven by its spring alone: it crosses 0 and comes back.
-  double least_rad = 1, greatest_rad = -1;
-  for (int i = 0; i < 100; ++i) {
-    drive.run(drive.step_s);
-    least_rad = std::min(least_rad, drive.car.hinge_rad(0));
-    greatest_rad = std::max(greatest_rad, drive.car.hinge_rad(0));
-  }
-  TEST_ASSERT_DOUBLE_WITHIN(0.02, 0.1, greatest_rad);
-  TEST_ASSERT_TRUE(least_rad < -0.05);
+TEST(test_a_hinge_sags_as_its_stiffness_lets_it) {
+  BodySpec body = hinged_study_car(0.095, 0.15);
+  body.hinges[0].damping_n_m_s_rad = 0.003;
+  Drive drive(body, scene_of({}, 0.6), kNoPulses);
+  drive.run(3);
+  const double sag_rad = HingedHalf(body).sag_rad();
+  TEST_ASSERT_DOUBLE_WITHIN(0.03 * sag_rad, sag_rad, drive.car.hinge_rad(0));
 }
 
 // Blocks exactly, smooth ground within the grid's error.
@@ -360,10 +302,9 @@ void within_six_digits(const mjtNum* expected, const mjtNum* actual, int count) 
 
 // Read by MuJoCo and stepped as the engine does, the saved file drives as the engine's car. They differ by rounding to
 // six digits: lengths, speeds and times near 1 by up to 5e-7, so that on level ground the cars part by micrometres.
-// Each impact multiplies what there is, but cars that meet a bump alike part by less than they drive in a step, 1.4 mm.
 TEST(test_the_saved_model_runs_like_the_engine) {
   const BodySpec body = with_tyres(hinged_study_car(0.095, 0.6), -0.02, 0.006);
-  SceneSpec scene = scene_of(blocks({{0.4, 0, 0.06, 2, 0.01, 0}}), 0.6);
+  const SceneSpec scene = scene_of(blocks({{0.4, 0, 0.06, 2, 0.01, 0}}), 0.6);
   Drive drive(body, scene, 1);
   const std::string xml = mujoco_xml(body, scene, drive.terrain, {}, "car");
   char error[500] = "";
@@ -381,33 +322,28 @@ TEST(test_the_saved_model_runs_like_the_engine) {
   const std::unique_ptr<mjData, DeleteData> data(mj_makeData(saved.get()));
   mj_resetDataKeyframe(saved.get(), data.get(), 0);
   std::fill(data->ctrl, data->ctrl + saved->nu, 1.0);
-  double bump_apart_m = 0, flat_apart_m = 0;
-  while (drive.car.state().x_m < 0.8) {
+  double apart_m = 0;
+  while (drive.car.state().x_m < 0.25) {
     drive.run(drive.step_s);
     mj_step1(saved.get(), data.get());
     cancel_lift_of_slip(*data);
     mj_step2(saved.get(), data.get());
     const double* at = drive.car.data().qpos;
-    const double apart_m = std::hypot(at[0] - data->qpos[0], at[2] - data->qpos[2]);
-    double& largest_m = drive.car.state().x_m < 0.25 ? flat_apart_m : bump_apart_m;
-    largest_m = std::max(largest_m, apart_m);
+    apart_m = std::max(apart_m, std::hypot(at[0] - data->qpos[0], at[2] - data->qpos[2]));
   }
   within_six_digits(&built.opt.timestep, &saved->opt.timestep, 1);
   within_six_digits(&built.opt.impratio, &saved->opt.impratio, 1);
-  within_six_digits(built.opt.gravity, saved->opt.gravity, 3);
   within_six_digits(built.body_mass, saved->body_mass, built.nbody);
   within_six_digits(built.body_inertia, saved->body_inertia, 3 * built.nbody);
   within_six_digits(built.dof_armature, saved->dof_armature, built.nv);
   within_six_digits(built.jnt_range, saved->jnt_range, 2 * built.njnt);
   within_six_digits(built.geom_size, saved->geom_size, 3 * built.ngeom);
   within_six_digits(built.geom_pos, saved->geom_pos, 3 * built.ngeom);
-  within_six_digits(built.body_quat, saved->body_quat, 4 * built.nbody);
   within_six_digits(built.geom_friction, saved->geom_friction, 3 * built.ngeom);
   within_six_digits(built.geom_solref, saved->geom_solref, mjNREF * built.ngeom);
   within_six_digits(built.actuator_gainprm, saved->actuator_gainprm, mjNGAIN * built.nu);
   within_six_digits(built.actuator_biasprm, saved->actuator_biasprm, mjNBIAS * built.nu);
-  TEST_ASSERT_DOUBLE_WITHIN(2e-6, 0, flat_apart_m);
-  TEST_ASSERT_DOUBLE_WITHIN(2e-4, 0, bump_apart_m);
+  TEST_ASSERT_DOUBLE_WITHIN(2e-6, 0, apart_m);
 }
 
 // MuJoCo's actuators have one voltage.

@@ -2,7 +2,6 @@
 // in the air keeps.
 #include "../../suite.h"
 
-#include <algorithm>
 #include <cmath>
 #include <vector>
 
@@ -67,18 +66,6 @@ Vec3 angular_momentum(const BodySpec& body, const CarDynamics& car) {
 }
 
 }  // namespace
-
-// Nothing touches it: angular momentum about the forward axis, a principal one, is kept.
-TEST(test_in_the_air_it_keeps_its_roll_rate) {
-  BodySpec body = study_car(0.08);
-  body.segments[0].com_z_m = 0;
-  Drive drive(body, scene_of({}, 0.6), kNoPulses);
-  drive.set({0, 0, 5}, 0, {}, 3);
-  const CarState& state = drive.run(0.2);
-  TEST_ASSERT_DOUBLE_WITHIN(1e-6, 3, drive.roll_rate_rad_s());
-  TEST_ASSERT_DOUBLE_WITHIN(1e-6, 0.6, state.roll_rad);
-  TEST_ASSERT_DOUBLE_WITHIN(1e-9, 0, state.yaw_rate_rad_s);
-}
 
 // Thrown with all three rates it tumbles: in the world the angular momentum keeps its size and direction, and the energy
 // stays, whatever the rates in its own axes do.

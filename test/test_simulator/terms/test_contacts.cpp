@@ -67,14 +67,16 @@ double touching_m(const Terrain& terrain, const Place& place) {
   return high_m;
 }
 
-std::vector<Vec3> tyre_surface() {
-  std::vector<Vec3> surface;
-  for (double y_m = -kHalfWidth_m; y_m <= kHalfWidth_m + 1e-9; y_m += 0.5 * kSample_m) {
-    for (double angle_rad = 0; angle_rad < 6.2832; angle_rad += kSample_m / kRadius_m) {
-      surface.push_back({kRadius_m * std::cos(angle_rad), y_m, kRadius_m * std::sin(angle_rad)});
+// A part of its pose, at a height; on blocks of every kind, in many poses, contacts must tell the height that samples do.
+template <typename Part, typename Place>
+void stands_as_high_as_its_surface_touches(const std::vector<Vec3>& surface, const Place& place, double within_m) {
+  for (const auto kind : {BlockSpec::Kind::kBox, BlockSpec::Kind::kRamp, BlockSpec::Kind::kHalfRound}) {
+    const SceneTerrain terrain(three_blocks(kind));
+    for (const Pose& pose : poses(25)) {
+      const double found_m = touching_m<Part>(terrain, [&](double z_m) { return place(pose, z_m); });
+      TEST_ASSERT_DOUBLE_WITHIN(within_m, touching_m(terrain, pose, surface), found_m);
     }
   }
-  return surface;
 }
 
 Tyre tyre_at(const Vec3& centre, double roll_rad, double heading_rad = 0) {
@@ -99,92 +101,53 @@ void assert_direction(const Vec3& expected, const Vec3& direction) {
 }  // namespace
 
 TEST(test_a_tyre_stands_as_high_as_its_surface_touches) {
-  const std::vector<Vec3> surface = tyre_surface();
-  for (const auto kind : {BlockSpec::Kind::kBox, BlockSpec::Kind::kRamp, BlockSpec::Kind::kHalfRound}) {
-    const SceneTerrain terrain(three_blocks(kind));
-    for (const Pose& pose : poses(40)) {
-      const double found_m = touching_m<Tyre>(terrain, [&](double z_m) {
-        return Tyre{{pose.at.x, pose.at.y, z_m}, pose.turn.left, kRadius_m, kHalfWidth_m};
-      });
-      TEST_ASSERT_DOUBLE_WITHIN(kAllowed_m, touching_m(terrain, pose, surface), found_m);
+  std::vector<Vec3> surface;
+  for (double y_m = -kHalfWidth_m; y_m <= kHalfWidth_m + 1e-9; y_m += 0.5 * kSample_m) {
+    for (double angle_rad = 0; angle_rad < 6.2832; angle_rad += kSample_m / kRadius_m) {
+      surface.push_back({kRadius_m * std::cos(angle_rad), y_m, kRadius_m * std::sin(angle_rad)});
     }
   }
+  const auto place = [](const Pose& pose, double z_m) {
+    return Tyre{{pose.at.x, pose.at.y, z_m}, pose.turn.left, kRadius_m, kHalfWidth_m};
+  };
+  stands_as_high_as_its_surface_touches<Tyre>(surface, place, kAllowed_m);
 }
 
 TEST(test_a_belly_lies_as_high_as_its_surface_touches) {
-  const double half_m[3] = {0.1, 0.05, 0.025};
+  const double half_m[3] = {0.1, 0.05, 0.025}, step_m = 2 * kSample_m;
   std::vector<Vec3> surface;
-  for (double x_m = -half_m[0]; x_m <= half_m[0] + 1e-9; x_m += 2 * kSample_m) {
-    for (double y_m = -half_m[1]; y_m <= half_m[1] + 1e-9; y_m += 2 * kSample_m) surface.push_back({x_m, y_m, -half_m[2]});
-    for (double z_m = -half_m[2]; z_m <= half_m[2]; z_m += 2 * kSample_m) {
-      for (const double side : {-1.0, 1.0}) surface.push_back({x_m, side * half_m[1], z_m});
+  for (double x_m = -half_m[0]; x_m <= half_m[0] + 1e-9; x_m += step_m) {
+    for (double y_m = -half_m[1]; y_m <= half_m[1] + 1e-9; y_m += step_m) surface.push_back({x_m, y_m, -half_m[2]});
+  }
+  for (double z_m = -half_m[2]; z_m <= half_m[2]; z_m += step_m) {
+    for (const double side : {-1.0, 1.0}) {
+      for (double x_m = -half_m[0]; x_m <= half_m[0]; x_m += step_m) surface.push_back({x_m, side * half_m[1], z_m});
+      for (double y_m = -half_m[1]; y_m <= half_m[1]; y_m += step_m) surface.push_back({side * half_m[0], y_m, z_m});
     }
   }
-  for (double y_m = -half_m[1]; y_m <= half_m[1]; y_m += 2 * kSample_m) {
-    for (double z_m = -half_m[2]; z_m <= half_m[2]; z_m += 2 * kSample_m) {
-      for (const double side : {-1.0, 1.0}) surface.push_back({side * half_m[0], y_m, z_m});
-    }
-  }
-  for (const auto kind : {BlockSpec::Kind::kBox, BlockSpec::Kind::kRamp, BlockSpec::Kind::kHalfRound}) {
-    const SceneTerrain terrain(three_blocks(kind));
-    for (const Pose& pose : poses(25)) {
-      const double found_m = touching_m<Belly>(terrain, [&](double z_m) {
-        return Belly{{pose.at.x, pose.at.y, z_m}, {pose.turn.forward, pose.turn.left, pose.turn.up}, {half_m[0], half_m[1], half_m[2]}};
-      });
-      // Samples beside a wall miss up to their distance times the surface's slope.
-      TEST_ASSERT_DOUBLE_WITHIN(3 * kAllowed_m, touching_m(terrain, pose, surface), found_m);
-    }
-  }
+  const auto place = [&](const Pose& pose, double z_m) {
+    return Belly{{pose.at.x, pose.at.y, z_m},
+                 {pose.turn.forward, pose.turn.left, pose.turn.up},
+                 {half_m[0], half_m[1], half_m[2]}};
+  };
+  // Samples beside a wall miss up to their distance times the surface's slope.
+  stands_as_high_as_its_surface_touches<Belly>(surface, place, 3 * kAllowed_m);
 }
 
-TEST(test_a_tyre_on_top_stands_on_both_rims_and_a_leaning_one_on_the_lower) {
-  for (const double roll_rad : {0.0, 0.2, -0.2}) {
-    const double height_m = 0.03 + kRadius_m * std::cos(roll_rad) + kHalfWidth_m * std::abs(std::sin(roll_rad));
-    std::size_t touching = 0;
-    for (const Contact& contact : contacts_of(tyre_at({0, 0.1, height_m}, roll_rad), kBox)) {
-      if (contact.gap_m > 1e-9) continue;
-      ++touching;
-      assert_direction({0, 0, 1}, contact.normal);
-      TEST_ASSERT_DOUBLE_WITHIN(1e-9, 0.03, contact.point_m.z);
-    }
-    TEST_ASSERT_EQUAL_UINT(roll_rad == 0 ? 2 : 1, touching);
-  }
-}
-
-// The tread of a leaning tyre meets the edge of the box between its rims: the normal is across the tread.
-TEST(test_a_leaning_tyre_on_a_side_edge_is_pushed_across_its_tread) {
-  const double roll_rad = 0.4, sink_m = 0.0002;
-  const double away_m = kRadius_m - sink_m;
-  const Tyre tyre = tyre_at({0, -std::sin(roll_rad) * away_m, 0.03 + std::cos(roll_rad) * away_m}, roll_rad);
-  const std::vector<Contact> contacts = contacts_of(tyre, kBox, 0);
-  TEST_ASSERT_EQUAL_UINT(1, contacts.size());
-  assert_direction({0, -std::sin(roll_rad), std::cos(roll_rad)}, contacts[0].normal);
-  TEST_ASSERT_DOUBLE_WITHIN(1e-9, -sink_m, contacts[0].gap_m);
-}
-
-TEST(test_a_tyre_beside_a_wall_is_pushed_aside) {
+// Upright, its left side 1 mm within the box, whose top is 0.03 m above the tyre's lowest point. Leaning to the right, the
+// side's middle is 0.04 m along the tyre's own up above the box's edge, which presses into its left side.
+TEST(test_a_tyre_beside_a_wall_or_under_an_edge_is_pushed_aside_along_its_axle) {
   const double deep_m = 0.001;
-  // Upright, its left side 1 mm within the box, whose top is 0.03 m above the tyre's lowest point.
-  const std::vector<Contact> contacts = contacts_of(tyre_at({0, deep_m - kHalfWidth_m, kRadius_m}, 0), kBox);
-  TEST_ASSERT_TRUE(!contacts.empty());
-  for (const Contact& contact : contacts) {
-    assert_direction({0, -1, 0}, contact.normal);
-    TEST_ASSERT_DOUBLE_WITHIN(1e-9, -deep_m, contact.gap_m);
-  }
-}
-
-// Leaning to the right, its lower part would be under the box: the box's edge presses into its left side.
-TEST(test_a_leaning_tyre_is_pushed_off_an_edge_along_its_axle) {
-  const double roll_rad = 0.4, deep_m = 0.001;
-  Tyre tyre = tyre_at({0, 0, 0}, roll_rad);
-  // The side's middle is 0.04 m along the tyre's own up above the edge at y = 0.
-  const Rotation lean = rotation_by({roll_rad, 0, 0});
-  tyre.centre = Vec3{0, 0, 0.03} + 0.04 * lean.up + (deep_m - kHalfWidth_m) * lean.left;
-  const std::vector<Contact> contacts = contacts_of(tyre, kBox);
-  TEST_ASSERT_TRUE(!contacts.empty());
-  for (const Contact& contact : contacts) {
-    assert_direction(-1 * lean.left, contact.normal);
-    TEST_ASSERT_DOUBLE_WITHIN(1e-9, -deep_m, contact.gap_m);
+  for (const double roll_rad : {0.0, 0.4}) {
+    const Rotation lean = rotation_by({roll_rad, 0, 0});
+    Tyre tyre = tyre_at({0, deep_m - kHalfWidth_m, kRadius_m}, roll_rad);
+    if (roll_rad > 0) tyre.centre = Vec3{0, 0, 0.03} + 0.04 * lean.up + (deep_m - kHalfWidth_m) * lean.left;
+    const std::vector<Contact> contacts = contacts_of(tyre, kBox);
+    TEST_ASSERT_TRUE(!contacts.empty());
+    for (const Contact& contact : contacts) {
+      assert_direction(-1 * lean.left, contact.normal);
+      TEST_ASSERT_DOUBLE_WITHIN(1e-9, -deep_m, contact.gap_m);
+    }
   }
 }
 

@@ -31,23 +31,6 @@ void expect(const ImuSample& sample, std::array<float, 3> acceleration, std::arr
 
 }  // namespace
 
-TEST(a_car_at_rest_feels_gravity_as_it_is_tilted) {
-  for (const double pitch : {-0.5, 0.0, 0.7}) {
-    for (const double roll : {-0.4, 0.0, 1.0}) {
-      const ImuSample sample = after([=](double) {
-        CarState car;
-        car.heading_rad = 2.5;
-        car.pitch_rad = pitch;
-        car.roll_rad = roll;
-        return car;
-      });
-      const Attitude attitude = updated(Attitude{}, sample, 0.02f);
-      TEST_ASSERT_FLOAT_WITHIN(1e-3f, static_cast<float>(pitch), pitch_rad(attitude));
-      TEST_ASSERT_FLOAT_WITHIN(1e-3f, static_cast<float>(roll), roll_rad(attitude));
-    }
-  }
-}
-
 TEST(a_car_on_a_circle_is_pushed_inward) {
   constexpr double kRadiusM = 0.5, kRateRadS = 2;
   const ImuSample sample = after([](double t_s) {

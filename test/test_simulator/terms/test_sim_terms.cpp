@@ -1,11 +1,11 @@
-// The terms of the model on their own: the servo line, contact impulses and their friction cone, the car's constants.
+// The terms of the model on their own: the servo line, contact impulses and their friction cone.
 #include "../../suite.h"
 
 #include <cmath>
+#include <numeric>
 #include <vector>
 
 #include "../../study_car.h"
-#include "car_constants.h"
 #include "car_dynamics.h"
 #include "contact_solver.h"
 #include "servo_model.h"
@@ -15,86 +15,11 @@ using namespace foldcar;
 namespace {
 
 const ServoSpec kServo = {0.134, 11.5, 5.2, 0.7, 0.11, 2e-4, 1500, 45, 200, 1};
+constexpr double kStep_s = 1.0 / 240;
 
 double torque_n_m(double pulse_us, double omega_rad_s, double supply_v = 5.2) {
   return servo_torque_n_m(kServo, servo_drive(kServo, pulse_us), omega_rad_s, supply_v);
 }
-
-}  // namespace
-
-TEST(test_a_pulse_within_the_deadband_asks_for_standstill) {
-  for (const double pulse_us : {1456.0, 1500.0, 1544.0}) {
-    TEST_ASSERT_TRUE(servo_drive(kServo, pulse_us).powered);
-    TEST_ASSERT_EQUAL_DOUBLE(0, servo_drive(kServo, pulse_us).fraction);
-  }
-}
-
-TEST(test_speed_grows_linearly_beyond_the_deadband_and_saturates) {
-  TEST_ASSERT_DOUBLE_WITHIN(1e-12, 0.5, servo_drive(kServo, 1500 + 45 + 77.5).fraction);
-  TEST_ASSERT_DOUBLE_WITHIN(1e-12, -0.5, servo_drive(kServo, 1500 - 45 - 77.5).fraction);
-  TEST_ASSERT_EQUAL_DOUBLE(1, servo_drive(kServo, 1700).fraction);
-  TEST_ASSERT_EQUAL_DOUBLE(1, servo_drive(kServo, 2000).fraction);
-  TEST_ASSERT_EQUAL_DOUBLE(-1, servo_drive(kServo, 1000).fraction);
-}
-
-TEST(test_a_mirrored_servo_turns_the_other_way) {
-  ServoSpec mirrored = kServo;
-  mirrored.direction = -1;
-  TEST_ASSERT_EQUAL_DOUBLE(-1, servo_drive(mirrored, 1700).fraction);
-}
-
-TEST(test_torque_is_a_line_from_stall_to_no_load) {
-  TEST_ASSERT_DOUBLE_WITHIN(1e-12, 0.134, torque_n_m(1700, 0));
-  TEST_ASSERT_DOUBLE_WITHIN(1e-12, 0.067, torque_n_m(1700, 5.75));
-  TEST_ASSERT_DOUBLE_WITHIN(1e-12, 0, torque_n_m(1700, 11.5));
-  TEST_ASSERT_DOUBLE_WITHIN(1e-12, -0.134, torque_n_m(1300, 0));
-  TEST_ASSERT_DOUBLE_WITHIN(1e-12, -0.067, torque_n_m(1500, 5.75));  // neutral brakes
-  TEST_ASSERT_DOUBLE_WITHIN(1e-12, -0.134, torque_n_m(1300, 11.5));  // never more than stall torque
-}
-
-TEST(test_torque_and_speed_follow_the_supply) {
-  TEST_ASSERT_DOUBLE_WITHIN(1e-12, 0.134 * 0.8, torque_n_m(1700, 0, 0.8 * 5.2));
-  TEST_ASSERT_DOUBLE_WITHIN(1e-12, 0, torque_n_m(1700, 0.8 * 11.5, 0.8 * 5.2));
-}
-
-TEST(test_without_pulses_there_is_neither_torque_nor_current) {
-  const ServoDrive off = servo_drive(kServo, kNoPulse);
-  TEST_ASSERT_FALSE(off.powered);
-  TEST_ASSERT_EQUAL_DOUBLE(0, off.fraction);
-  TEST_ASSERT_EQUAL_DOUBLE(0, servo_torque_n_m(kServo, off, 5, 5.2));
-  TEST_ASSERT_EQUAL_DOUBLE(0, servo_current_a(kServo, off, 0));
-}
-
-TEST(test_current_runs_from_free_to_stall) {
-  const ServoDrive full = servo_drive(kServo, 1700);
-  TEST_ASSERT_DOUBLE_WITHIN(1e-12, 0.11, servo_current_a(kServo, full, 0));
-  TEST_ASSERT_DOUBLE_WITHIN(1e-12, 0.70, servo_current_a(kServo, full, 0.134));
-  TEST_ASSERT_DOUBLE_WITHIN(1e-12, 0.70, servo_current_a(kServo, full, -0.134));  // braking draws as much
-  const ServoDrive half_back{true, -0.5};
-  TEST_ASSERT_DOUBLE_WITHIN(1e-12, 0.055 + 0.5 * 0.59, servo_current_a(kServo, half_back, -0.067));
-}
-
-// Four stalled servos at the largest resistance: V = V0 - 4 R (I0 + (Is - I0) V / V0), and Is at V0 takes half of V0.
-TEST(test_the_supply_settles_where_resistance_and_servos_share_its_voltage) {
-  BodySpec body = study_car(0.115);
-  body.supply_resistance_ohm = largest_supply_resistance_ohm(body);
-  TEST_ASSERT_DOUBLE_WITHIN(1e-9, 2.6 / (4 * 0.7), body.supply_resistance_ohm);
-  ServoSupply supply(body);
-  const ServoDrive full = servo_drive(kServo, 1700);
-  for (int step = 0; step < 60; ++step) {
-    for (int i = 0; i < 4; ++i) {
-      const double current_a = servo_current_a(kServo, full, servo_torque_n_m(kServo, full, 0, supply.voltage_v()));
-      TEST_ASSERT_DOUBLE_WITHIN(1e-12, 5.2 * current_a, supply.draw(current_a));
-    }
-    supply.end_step();
-  }
-  const double loop_ohm = 4 * body.supply_resistance_ohm;
-  TEST_ASSERT_DOUBLE_WITHIN(1e-6, (5.2 - loop_ohm * 0.11) / (1 + loop_ohm * 0.59 / 5.2), supply.voltage_v());
-}
-
-namespace {
-
-constexpr double kStep_s = 1.0 / 240;
 
 // The study car, level, pressed onto four points below its axles by a step's gravity, with these velocities.
 struct Pressed {
@@ -114,15 +39,13 @@ struct Pressed {
     car.velocity = {velocity_m_s.x, velocity_m_s.y, velocity_m_s.z, 0, 0, yaw_rad_s};
     car.velocity.resize(car.size());
     car.accelerate(std::vector<double>(4), std::vector<double>(4));
+    ContactSolver(body, kStep_s, 200).solve(car, contacts);
   }
-  void solve() { ContactSolver(body, kStep_s, 200).solve(car, contacts); }
   Vec3 slip_m_s(const Contact& contact) const {
     std::vector<double> row(car.size());
     const auto along = [&](const Vec3& direction) {
       car.jacobian(contact.point_m, direction, contact.segment, contact.wheel, row.data());
-      double speed = 0;
-      for (std::size_t i = 0; i < row.size(); ++i) speed += row[i] * car.velocity[i];
-      return speed;
+      return std::inner_product(row.begin(), row.end(), car.velocity.begin(), 0.0);
     };
     return {along({1, 0, 0}), along({0, 1, 0}), along({0, 0, 1})};
   }
@@ -130,10 +53,48 @@ struct Pressed {
 
 }  // namespace
 
+TEST(test_speed_grows_linearly_beyond_the_deadband_and_saturates) {
+  for (const double pulse_us : {1456.0, 1500.0, 1544.0}) {
+    TEST_ASSERT_TRUE(servo_drive(kServo, pulse_us).powered);
+    TEST_ASSERT_EQUAL_DOUBLE(0, servo_drive(kServo, pulse_us).fraction);
+  }
+  TEST_ASSERT_DOUBLE_WITHIN(1e-12, 0.5, servo_drive(kServo, 1500 + 45 + 77.5).fraction);
+  TEST_ASSERT_DOUBLE_WITHIN(1e-12, -0.5, servo_drive(kServo, 1500 - 45 - 77.5).fraction);
+  TEST_ASSERT_EQUAL_DOUBLE(1, servo_drive(kServo, 1700).fraction);
+  TEST_ASSERT_EQUAL_DOUBLE(1, servo_drive(kServo, 2000).fraction);
+  TEST_ASSERT_EQUAL_DOUBLE(-1, servo_drive(kServo, 1000).fraction);
+  ServoSpec mirrored = kServo;
+  mirrored.direction = -1;
+  TEST_ASSERT_EQUAL_DOUBLE(-1, servo_drive(mirrored, 1700).fraction);
+}
+
+TEST(test_torque_is_a_line_from_stall_to_no_load) {
+  TEST_ASSERT_DOUBLE_WITHIN(1e-12, 0.134, torque_n_m(1700, 0));
+  TEST_ASSERT_DOUBLE_WITHIN(1e-12, 0.067, torque_n_m(1700, 5.75));
+  TEST_ASSERT_DOUBLE_WITHIN(1e-12, 0, torque_n_m(1700, 11.5));
+  TEST_ASSERT_DOUBLE_WITHIN(1e-12, -0.134, torque_n_m(1300, 0));
+  TEST_ASSERT_DOUBLE_WITHIN(1e-12, -0.067, torque_n_m(1500, 5.75));  // neutral brakes
+  TEST_ASSERT_DOUBLE_WITHIN(1e-12, -0.134, torque_n_m(1300, 11.5));  // never more than stall torque
+  TEST_ASSERT_DOUBLE_WITHIN(1e-12, 0.134 * 0.8, torque_n_m(1700, 0, 0.8 * 5.2));
+  TEST_ASSERT_DOUBLE_WITHIN(1e-12, 0, torque_n_m(1700, 0.8 * 11.5, 0.8 * 5.2));
+}
+
+TEST(test_current_runs_from_free_to_stall_and_without_pulses_there_is_none) {
+  const ServoDrive off = servo_drive(kServo, kNoPulse);
+  TEST_ASSERT_FALSE(off.powered);
+  TEST_ASSERT_EQUAL_DOUBLE(0, servo_torque_n_m(kServo, off, 5, 5.2));
+  TEST_ASSERT_EQUAL_DOUBLE(0, servo_current_a(kServo, off, 0));
+  const ServoDrive full = servo_drive(kServo, 1700);
+  TEST_ASSERT_DOUBLE_WITHIN(1e-12, 0.11, servo_current_a(kServo, full, 0));
+  TEST_ASSERT_DOUBLE_WITHIN(1e-12, 0.70, servo_current_a(kServo, full, 0.134));
+  TEST_ASSERT_DOUBLE_WITHIN(1e-12, 0.70, servo_current_a(kServo, full, -0.134));  // braking draws as much
+  const ServoDrive half_back{true, -0.5};
+  TEST_ASSERT_DOUBLE_WITHIN(1e-12, 0.055 + 0.5 * 0.59, servo_current_a(kServo, half_back, -0.067));
+}
+
 // Impulses are within the friction cone, on it where a contact slides, and there against its slip.
 TEST(test_friction_lies_in_its_cone_and_opposes_slip) {
-  Pressed pressed(0.5, {0.4, 0.3, 0}, 3);
-  pressed.solve();
+  const Pressed pressed(0.5, {0.4, 0.3, 0}, 3);
   double normal_n_s = 0;
   for (const Contact& contact : pressed.contacts) {
     const double* impulse = contact.impulse_n_s;
@@ -151,8 +112,7 @@ TEST(test_friction_lies_in_its_cone_and_opposes_slip) {
 
 TEST(test_friction_that_suffices_holds_every_contact) {
   const double speed_m_s = 0.01, yaw_rad_s = 0.1;
-  Pressed pressed(2, {speed_m_s, speed_m_s, 0}, yaw_rad_s);
-  pressed.solve();
+  const Pressed pressed(2, {speed_m_s, speed_m_s, 0}, yaw_rad_s);
   for (const Contact& contact : pressed.contacts) {
     const Vec3 slip = pressed.slip_m_s(contact);
     // Of the speed of the points, lever times yaw included, the contacts' compliance leaves at most a seventh: what
@@ -161,24 +121,4 @@ TEST(test_friction_that_suffices_holds_every_contact) {
     TEST_ASSERT_DOUBLE_WITHIN(before_m_s / 7, 0, slip.x);
     TEST_ASSERT_DOUBLE_WITHIN(before_m_s / 7, 0, slip.y);
   }
-}
-
-TEST(test_the_constants_hold_the_largest_the_lowest_and_the_farthest) {
-  BodySpec body = hinged_study_car(0.115, 1);
-  body.wheels[2].width_m = 0.02;
-  body.wheels[3].radius_m = 0.05;
-  body.wheels[3].eccentricity_m = 0.002;
-  body.segments[1].width_m = 0.13;
-  body.segments[1].center_z_m = -0.01;
-  CarConstants car(body);
-  TEST_ASSERT_DOUBLE_WITHIN(1e-12, 0.02, car.tyre_width_m);
-  TEST_ASSERT_DOUBLE_WITHIN(1e-12, 0.0575, car.wheel_radius_m);
-  TEST_ASSERT_DOUBLE_WITHIN(1e-12, 0.13, car.belly_width_m);
-  TEST_ASSERT_DOUBLE_WITHIN(1e-12, 0.0575 - 0.01 - 0.025, car.belly_clearance_m);
-  // The main segment is the front one, its centre of mass at 0.05 m; the rear wheel's rim is the farthest.
-  TEST_ASSERT_DOUBLE_WITHIN(1e-12, 0.05 + 0.07 + 0.06, car.reach_m);
-  body.wheels[3].radius_m = 0.061;
-  TEST_ASSERT_DOUBLE_WITHIN(1e-12, 0.05 + 0.07 + 0.063, CarConstants(body).reach_m);
-  body.segments[1].x_m = -0.15;
-  TEST_ASSERT_DOUBLE_WITHIN(1e-12, 0.05 + 0.15 + 0.05, CarConstants(body).reach_m);
 }

@@ -4,19 +4,13 @@
 #include <algorithm>
 #include <cmath>
 
-#include "../../closed_forms.h"
-#include "../../full_speed.h"
-#include "../../multibody_trial.h"
-#include "multibody_car.h"
-#include "trial.h"
+#include "../multibody_bench.h"
 
 using namespace foldcar;
 
 namespace {
 
 constexpr double kRadius_m = 0.06;
-
-using Drive = DriveOf<MultibodyCar, StepOptions>;
 
 TerrainSpec one_hill(const HillSpec& hill) {
   TerrainSpec terrain;
@@ -67,18 +61,6 @@ TEST(test_it_stands_on_a_hill_and_in_a_hollow_as_high_as_its_wheels_touch) {
   }
 }
 
-TEST(test_on_a_hillside_it_rolls_as_far_as_its_tracks_differ) {
-  const double sd_m = 0.25, hill_m = 0.06;
-  const TerrainSpec terrain = one_hill({0, 0.25, 0, 10, sd_m, hill_m});
-  Drive drive(kCar, scene_of(terrain, 0.8), 0);
-  const double roll_rad = drive.run(0.5).roll_rad, half_m = 0.5 * drive.body.track_m * std::cos(roll_rad);
-  // The highest under a tyre is where it is nearest to the crest.
-  auto height_m = [&](double y_m) { return hill_m * std::exp(-(y_m - 0.25) * (y_m - 0.25) / (2 * sd_m * sd_m)); };
-  const double expected = (height_m(half_m + 0.006) - height_m(-half_m + 0.006)) / drive.body.track_m;
-  TEST_ASSERT_TRUE(expected > 0.1);
-  TEST_ASSERT_DOUBLE_WITHIN(0.03 * expected, expected, std::sin(roll_rad));
-}
-
 TEST(test_over_a_smooth_hill_motor_work_becomes_mechanical_energy) {
   const BodySpec body = without_rotors(kCar);
   const TerrainSpec terrain = one_hill({0.6, 0, 0, 0.15, 5, 0.05});
@@ -96,10 +78,6 @@ TEST(test_over_a_smooth_hill_motor_work_becomes_mechanical_energy) {
   }
   TEST_ASSERT_TRUE(highest_m > kRadius_m + 0.04);
   TEST_ASSERT_TRUE(drive.car.state().z_m < kRadius_m + 0.012);
-}
-
-TEST(test_locked_wheels_brake_with_the_friction_of_the_patch) {
-  brakes_with_the_friction_of_the_patch<Drive>(kCar, 0.3);
 }
 
 TEST(test_ice_under_one_side_brakes_half_and_turns_to_the_other) {
@@ -134,64 +112,6 @@ TEST(test_a_belly_slides_on_a_slippery_ramp) {
   TEST_ASSERT_DOUBLE_WITHIN(0.05 * expected, expected, (early_m_s - late_m_s) / 0.2);
 }
 
-// One axle ahead of the centre of mass, and the belly's rear corner dragging on a rail beside the middle. In a steady
-// turn the drag's couple balances what the two torque lines and the tail's own slip across the way hold against it. The
-// simulated belly resists a slip across its way more than Coulomb's friction would: it turns less, to the same side.
-TEST(test_a_belly_that_drags_beside_the_middle_turns_the_car_to_that_side) {
-  constexpr double kAxle_m = 0.01, kTail_m = -0.03, kRail_m = 0.07, kFriction = 0.6, kTime_s = 2, kFraction = 0.1;
-  BodySpec body = study_car(0.17);
-  body.segments[0].length_m = -2 * kTail_m;
-  body.track_m = 0.2;
-  body.wheels.resize(2);
-  for (WheelSpec& wheel : body.wheels) wheel.x_m = kAxle_m;
-  const CarConstants car(body);
-  const ServoSpec& servo = body.wheels[0].servo;
-  const double tail_m = kAxle_m - kTail_m, speed_m_s = kFraction * servo.no_load_speed_rad_s * kRadius_m;
-  const double line_n_s_m = servo.stall_torque_n_m / (servo.no_load_speed_rad_s * kRadius_m * kRadius_m);
-  for (const double grip : {0.3, 0.0}) {
-    body.segments[0].grip = grip;
-    const double drag_n = kFriction * grip * car.mass_kg * kGravity * (kAxle_m - car.com_x_m) / tail_m;
-    const double held_n_m_s = 0.5 * line_n_s_m * body.track_m * body.track_m + drag_n * tail_m * tail_m / speed_m_s;
-    const double coulomb_rad = drag_n * kRail_m / held_n_m_s * kTime_s;
-    for (const double side : {1.0, -1.0}) {
-      const TerrainSpec rail = blocks({{0, side * kRail_m, 4, 0.026, 0.034, 0}});
-      Drive drive(body, scene_of(rail, kFriction), 0);
-      const double start_rad = drive.run(0.5).heading_rad;
-      drive.pulses_us = pulses_for(body, kFraction);
-      const double turn_rad = side * (drive.run(kTime_s).heading_rad - start_rad);
-      TEST_ASSERT_TRUE(turn_rad > 0.15 * coulomb_rad - 0.001 && turn_rad < coulomb_rad + 0.001);
-    }
-  }
-}
-
-// Drive, scrub and belly all take the patch's friction: it makes no difference what lies under it. The car is told to
-// turn at a bump and drags its belly, for it has one axle; nothing in that hangs on the last digit of a number.
-TEST(test_a_patch_over_everything_is_the_ground) {
-  BodySpec body = kCar;
-  body.wheels.resize(2);
-  SceneSpec slippery;
-  slippery.terrain = blocks({{0.5, 0, 0.06, 2, 0.01, 0}});
-  slippery.course = {-0.5, 2, -1, 1};
-  SceneSpec bare = slippery, patched = slippery;
-  slippery.friction = 0.35;
-  bare.friction = patched.friction = 0.6;
-  patched.terrain.patches = {{0, 0, 0, 20, 20, 0.35}};
-  TrialSpec trial = full_speed(body, 20);
-  trial.speed_m_s = 0.4;
-  trial.yaw_rate_rad_s = 3;
-  trial.time_limit_s = 3;
-  const TrialResult a = run_trial(body, slippery, trial), b = run_trial(body, patched, trial);
-  const TrialResult other = run_trial(body, bare, trial);
-  TEST_ASSERT_EQUAL_STRING(text(a.outcome), text(b.outcome));
-  TEST_ASSERT_EQUAL_UINT(a.path.size(), b.path.size());
-  double apart = 0;
-  for (std::size_t i = 0; i < a.path.size(); ++i) {
-    for (std::size_t j = 0; j < 7; ++j) TEST_ASSERT_DOUBLE_WITHIN(1e-4, a.path[i][j], b.path[i][j]);
-    if (i < other.path.size()) apart = std::max(apart, std::abs(a.path[i][1] - other.path[i][1]));
-  }
-  TEST_ASSERT_TRUE(apart > 0.05);
-}
-
 // A hill askew under one front wheel pushes it aside, which turns the car down the flank where friction is low. Over
 // ten such hills MuJoCo turns the same car by 0.2 to 1 rad on ice, 0.59 in the mean, and by 0.06 on dry ground.
 TEST(test_a_flank_turns_the_car_where_friction_is_low) {
@@ -209,43 +129,6 @@ TEST(test_a_flank_turns_the_car_where_friction_is_low) {
     icy_mean_rad += icy_rad / (2 * kHills);
   }
   TEST_ASSERT_TRUE(icy_mean_rad > 0.3 && icy_mean_rad < 1.2);
-}
-
-// The highest roll of one run hangs on which wheel lands first; the mean over hills half a centimetre apart does not.
-TEST(test_a_mirrored_hill_is_driven_as_a_mirror_image) {
-  constexpr int kHills = 5;
-  double left_rad = 0, right_rad = 0, left_m = 0, right_m = 0, left_turn = 0, right_turn = 0;
-  for (int i = 0; i < kHills; ++i) {
-    const double y_m = 0.08 + 0.005 * i;
-    const TrialResult left = run_trial(kCar, field(one_hill({0.5, y_m, 0.4, 0.1, 0.07, 0.06})), kTrial);
-    const TrialResult right = run_trial(kCar, field(one_hill({0.5, -y_m, -0.4, 0.1, 0.07, 0.06})), kTrial);
-    TEST_ASSERT_EQUAL_STRING("passed", text(left.outcome));
-    TEST_ASSERT_DOUBLE_WITHIN(0.02, left.elapsed_time_s, right.elapsed_time_s);
-    const PathRow &a = left.path.back(), &b = right.path.back();
-    TEST_ASSERT_TRUE(left.max_roll_rad > 0.1 && std::abs(a[2]) > 0.02);
-    left_m += a[2] / kHills;
-    right_m += b[2] / kHills;
-    left_turn += a[4] / kHills;
-    right_turn += b[4] / kHills;
-    left_rad += left.max_roll_rad / kHills;
-    right_rad += right.max_roll_rad / kHills;
-  }
-  TEST_ASSERT_DOUBLE_WITHIN(0.005, left_rad, right_rad);
-  TEST_ASSERT_DOUBLE_WITHIN(0.005, left_m, -right_m);
-  TEST_ASSERT_DOUBLE_WITHIN(0.01, left_turn, -right_turn);
-}
-
-TEST(test_a_turned_hill_changes_nothing_but_the_direction) {
-  const double turn_rad = 1.1, c = std::cos(turn_rad), s = std::sin(turn_rad);
-  const SceneSpec plain = field(one_hill({0.5, 0.1, 0.4, 0.1, 0.07, 0.06}));
-  SceneSpec turned = field(one_hill({0.5 * c - 0.1 * s, 0.5 * s + 0.1 * c, 0.4 + turn_rad, 0.1, 0.07, 0.06}));
-  turned.start = {0, 0, turn_rad};
-  turned.goal = GoalSpec{GoalSpec::Kind::kLine, 1.2 * c, 1.2 * s, turn_rad, 0};
-  const TrialResult a = run_trial(kCar, plain, kTrial), b = run_trial(kCar, turned, kTrial);
-  const PathRow &p = a.path.back(), &r = b.path.back();
-  TEST_ASSERT_DOUBLE_WITHIN(0.02, a.elapsed_time_s, b.elapsed_time_s);
-  TEST_ASSERT_DOUBLE_WITHIN(0.005, p[1], c * r[1] + s * r[2]);
-  TEST_ASSERT_DOUBLE_WITHIN(0.005, p[2], c * r[2] - s * r[1]);
 }
 
 TEST(test_the_same_ground_gives_the_same_numbers_whoever_made_it) {

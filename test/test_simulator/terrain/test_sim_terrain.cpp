@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <random>
-#include <vector>
 
 #include "../../study_car.h"
 #include "hill.h"
@@ -129,18 +128,6 @@ TEST(test_a_rolled_belly_meets_the_ground_lowered_across_it) {
   }
 }
 
-TEST(test_the_belly_is_met_where_the_ground_is_highest) {
-  TerrainSpec spec;
-  spec.hills = {{0, 0.03, 0, 0.03, 0.03, 0.02}};
-  const SceneTerrain terrain(spec);
-  TrackTerrain cut(*terrain.ground(), kBody, CarConstants(kBody));
-  cut.cut({{0, 0, 0}, 2.0, 0});
-  for (const ProfileSegment& segment : cut.profile(2)) {
-    if (segment.s0_m > 0 || segment.s1_m < 0) continue;
-    TEST_ASSERT_DOUBLE_WITHIN(0.004, 0.03, 0.5 * (segment.y_min_m + segment.y_max_m));
-  }
-}
-
 TEST(test_a_hill_is_the_gaussian_of_its_distances) {
   TerrainSpec spec;
   spec.hills = {{0.4, -0.2, 0.7, 0.09, 0.05, 0.04}};
@@ -151,50 +138,6 @@ TEST(test_a_hill_is_the_gaussian_of_its_distances) {
       const double y_m = -0.2 + along_m * std::sin(0.7) + across_m * std::cos(0.7);
       const double r2 = std::pow(along_m / 0.09, 2) + std::pow(across_m / 0.05, 2);
       TEST_ASSERT_DOUBLE_WITHIN(1e-6, r2 < 16 ? 0.04 * std::exp(-r2 / 2) : 0, terrain.height_m(x_m, y_m));
-    }
-  }
-}
-
-// Along the line through a round hill's middle the second derivative is (r² - 1)·exp(-r²/2) of height/sd² at r standard
-// deviations; across that line it is -exp(-r²/2) of it. Its magnitude falls from 1 at the middle and has a second peak
-// of 2·exp(-3/2) at r = √3. The stations of an outline are as close as the largest of it within a disc asks for.
-TEST(test_the_curvature_bound_of_a_hill_is_the_largest_second_derivative_in_the_disc) {
-  constexpr double kHeight_m = 0.03, kSd_m = 0.05;
-  for (const double height_m : {kHeight_m, -kHeight_m}) {
-    const Hill hill({0.2, 0.1, 0.7, kSd_m, kSd_m, height_m});
-    for (const double nearest : {-0.5, 0.0, 0.4, 0.9, 1.2, 1.35, 1.5, 1.7, 1.9, 2.5, 3.5}) {
-      const double farthest = nearest + 0.8, middle_m = 0.5 * (nearest + farthest) * kSd_m;
-      double largest = 0;
-      for (double r = std::max(0.0, nearest); r <= std::min(farthest, 4.0); r += 1e-4) {
-        largest = std::max(largest, std::max(1.0, r * r - 1) * std::exp(-0.5 * r * r));
-      }
-      const Disc disc{0.2 + middle_m * std::cos(2.0), 0.1 + middle_m * std::sin(2.0), 0.4 * kSd_m};
-      const double expected_1_m = kHeight_m / (kSd_m * kSd_m) * largest;
-      // Where a disc ends before the second peak, the bound may be that peak's.
-      const double slack_1_m = farthest < std::sqrt(3.0) ? kHeight_m / (kSd_m * kSd_m) * 2 * std::exp(-1.5) : 0;
-      TEST_ASSERT_TRUE(hill.curvature_1_m(disc) > 0.999 * expected_1_m);
-      TEST_ASSERT_TRUE(hill.curvature_1_m(disc) < 1.001 * std::max(expected_1_m, slack_1_m));
-    }
-    TEST_ASSERT_EQUAL_DOUBLE(0, hill.curvature_1_m({0.2 + 5 * kSd_m, 0.1, 0.9 * kSd_m}));
-  }
-}
-
-// A long hill is curved across by its smaller standard deviation: the bound holds for every direction at every point.
-TEST(test_the_curvature_bound_of_a_long_hill_holds_in_every_direction) {
-  constexpr double kHeight_m = 0.02, kAlong_m = 0.12, kAcross_m = 0.04, kReach_m = 0.03;
-  const Hill hill({0, 0, 0, kAlong_m, kAcross_m, kHeight_m});
-  for (double x_m = -0.3; x_m <= 0.3; x_m += 0.06) {
-    for (double y_m = -0.12; y_m <= 0.12; y_m += 0.03) {
-      const double bound_1_m = hill.curvature_1_m({x_m, y_m, kReach_m});
-      for (double turn_rad = 0; turn_rad < 6.28; turn_rad += 0.4) {
-        const double px_m = x_m + kReach_m * std::cos(turn_rad), py_m = y_m + kReach_m * std::sin(turn_rad);
-        const double a = px_m / kAlong_m, b = py_m / kAcross_m;
-        for (double way_rad = 0; way_rad < 3.14; way_rad += 0.2) {
-          const double u = std::cos(way_rad) / kAlong_m, v = std::sin(way_rad) / kAcross_m;
-          const double second = kHeight_m * std::exp(-0.5 * (a * a + b * b)) * (std::pow(a * u + b * v, 2) - u * u - v * v);
-          if (a * a + b * b < 16) TEST_ASSERT_TRUE(std::abs(second) <= 1.0001 * bound_1_m);
-        }
-      }
     }
   }
 }
@@ -257,11 +200,9 @@ TEST(test_rough_ground_depends_on_its_seed_alone_and_ends_at_its_edge) {
   other.seed = 4;
   const Rough first(spec), again(spec), another(other);
   double difference_m = 0;
-  for (double x_m = -0.2; x_m < 0.6; x_m += 0.013) {
-    for (double y_m = -0.3; y_m < 0.5; y_m += 0.017) {
-      TEST_ASSERT_TRUE(first.height_m(x_m, y_m) == again.height_m(x_m, y_m));
-      difference_m = std::max(difference_m, std::abs(first.height_m(x_m, y_m) - another.height_m(x_m, y_m)));
-    }
+  for (double x_m = -0.2; x_m < 0.6; x_m += 0.0013) {
+    TEST_ASSERT_TRUE(first.height_m(x_m, 0.1) == again.height_m(x_m, 0.1));
+    difference_m = std::max(difference_m, std::abs(first.height_m(x_m, 0.1) - another.height_m(x_m, 0.1)));
   }
   TEST_ASSERT_TRUE(difference_m > 0.004);
   const double c = std::cos(0.5), s = std::sin(0.5);

@@ -1,8 +1,9 @@
-"""`foldcar compare`: gaps against published examples, verdicts on stores with known rates, trials simulated again."""
+"""`foldcar compare`: gaps against published examples, verdicts on stores with known rates."""
 
 import csv
 import json
 import math
+import re
 import shutil
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -14,6 +15,7 @@ import pytest
 from typer.testing import CliRunner
 
 from foldcar.advice.comparison import _verdict
+from foldcar.advice.evidence import Evidence
 from foldcar.advice.resimulation import Resimulation
 from foldcar.analysis.built_cars import BuiltCars
 from foldcar.analysis.gap import AGREES, OPTIMISTIC, PESSIMISTIC, TOO_FEW, Gap, mean_gap, rank_agreement
@@ -117,7 +119,7 @@ def test_simulation_agrees_if_all_designs_and_their_mean_do(labels: Any, mean_hi
 
 def test_the_published_table_says_that_simulation_is_optimistic(tmp_path: Path) -> None:
     """The simulated runs and the published trials, whose environments nobody knows."""
-    store = write_study(tmp_path / "s.db", WIDTHS, 100, passing(SIMULATED))
+    store = write_study(tmp_path / "s.db", WIDTHS, 100, passing(SIMULATED), build="0123456789abcdef")
     for width, (passed, number) in PUBLISHED.items():
         trials = [({"width_mm": width}, 100 + k, "passed" if k < passed else "not_passed") for k in range(number)]
         add_trials(store, trials, environment="unknown")
@@ -139,6 +141,8 @@ def test_the_published_table_says_that_simulation_is_optimistic(tmp_path: Path) 
     remarks = " ".join(found["remarks"])
     assert "44 trials were driven in other samples of step_pyramids.scenic" in remarks
     assert "44 of 44 trials cannot be paired" in remarks
+    builds = r"the runs are of carsim 0123456789ab, this one is [0-9a-f]{12}; sweep again"
+    assert re.search(f"44 trials not simulated as placed: {builds}", remarks)
     with (tmp_path / "gaps.csv").open() as text:
         rows = list(csv.DictReader(text))
     assert list(rows[0])[:3] == ["experiment", "vehicle_type", "width_mm"]
@@ -301,6 +305,22 @@ def test_what_is_simulated_now_is_the_car_as_it_varied_then(carsim_limits: Carsi
     (drawn, first), (heavier, second) = asked
     assert (drawn, first, second) == (body, "as drawn", "heavier")
     assert heavier["segments"][0]["mass_kg"] == pytest.approx(1.1 * body["segments"][0]["mass_kg"])
+
+
+def test_a_design_of_the_family_differs_in_what_varies_only() -> None:
+    info: Any = SimpleNamespace(vehicle_type="W_B_W", fixed={"height_mm": 50.0}, varied={"width_mm": (65.0, 95.0)})
+    evidence = Evidence(info, (), ())
+
+    def belongs(design: dict[str, float], vehicle_type: str = "W_B_W") -> bool:
+        one: Any = SimpleNamespace(vehicle_type=vehicle_type, design=design)
+        return evidence.in_family(one)
+
+    assert belongs({"width_mm": 300.0, "height_mm": 50.0})
+    assert not belongs({"width_mm": 65.0, "height_mm": 50.0}, "W_B_H_W_H_W")
+    assert not belongs({"width_mm": 65.0, "height_mm": 60.0})
+    assert not belongs({"width_mm": 65.0})
+    assert not belongs({"height_mm": 50.0})
+    assert not belongs({"width_mm": 65.0, "height_mm": 50.0, "depth_mm": 3.0})
 
 
 ONE = ({"width_mm": 95.0}, 3, "passed")

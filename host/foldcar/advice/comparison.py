@@ -141,12 +141,13 @@ def _experiment(evidence: Evidence, margin: float) -> ExperimentComparison:
     both = [one for one in driven if one.runs]
     # Bonferroni: all gaps of the experiment and their mean hold together; of one design the mean is its gap.
     together = 1 - (1 - CONFIDENCE) / (len(both) + 1 if len(both) > 1 else 1)
-    family = [one for one in both if evidence.parameters and evidence.in_family(one)]
-    counts, cars = columns(family, evidence.parameters), [one.cars for one in family]
-    pooled = {}
-    if 2 <= len(family) <= MOST_POOLED:
-        rates = pooled_bias(*counts, cars).rates(CONFIDENCE)
-        pooled = {one.label: rate for one, rate in zip(family, rates, strict=True)}
+    cars = [one.cars for one in both if one.cars is not None]
+    # Those that differ in the varied parameters only.
+    some = [one for one in both if evidence.in_family(one)] if evidence.parameters else []
+    counts, driving, pooled = columns(some, evidence.parameters), [one.cars for one in some], {}
+    if 2 <= len(some) <= MOST_POOLED:
+        rates = pooled_bias(*counts, driving).rates(CONFIDENCE)
+        pooled = {one.label: rate for one, rate in zip(some, rates, strict=True)}
     compared = tuple(_design(one, pooled.get(one.label), together, margin) for one in driven)
     if not both:
         why = (
@@ -155,14 +156,13 @@ def _experiment(evidence: Evidence, margin: float) -> ExperimentComparison:
             else "there are no trials of built cars yet. `foldcar select` says which cars to build."
         )
         return ExperimentComparison(info, compared, f"Nothing to compare: {why}", remarks)
-    further = [one.cars.rate(together) for one in both if one.cars is not None]
-    mean = mean_gap([one.simulated(together) for one in both], further)
+    mean = mean_gap([one.simulated(together) for one in both], [one.rate(together) for one in cars])
     ranks = rank_agreement(
         [one.runs_passed / one.runs for one in both], [one.trials_passed / len(one.trials) for one in both]
     )
     verdict, sentence = _verdict(compared, mean, margin, info.simulation)
-    remarks = (*remarks, *contradictions(*counts, cars).remark([one.label for one in family]))
-    if len(family) > MOST_POOLED:
+    remarks = (*remarks, *contradictions(*counts, driving).remark([one.label for one in some]))
+    if len(some) > MOST_POOLED:
         remarks = (*remarks, f"Rates are not pooled: more than {MOST_POOLED} designs of the family were driven.")
     return ExperimentComparison(info, compared, sentence, remarks, ranks, mean, verdict)
 

@@ -40,9 +40,9 @@ class PairedTrial:
     outcome: str
     sample: int | None
     simulated: int | None
+    again: bool
     expected: float | None = None
     car_name: str | None = None
-    again: bool = False
 
     @property
     def passed(self) -> bool:
@@ -116,11 +116,6 @@ def by_car(trials: Sequence[PairedTrial], spread: NDArray[Any], runs_passed: int
     return BuiltCars(passed, counted, numpy.array(shifts), spread)
 
 
-def simulated_spread(cars: SimulatedCars | None) -> NDArray[Any]:
-    """The weights of how much a design's cars differ: as simulated ones do, or as is assumed."""
-    return PRIOR if cars is None else simulated_weights(cars.passed.sum(axis=1), cars.passed.shape[1])
-
-
 def columns(
     designs: Sequence[DesignEvidence], parameters: Sequence[str]
 ) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
@@ -130,6 +125,11 @@ def columns(
     trials = [(one.trials_passed, len(one.trials)) for one in designs]
     found, *counts = (numpy.array(rows, dtype=float) for rows in (x, runs, trials))
     return found.reshape(len(designs), len(parameters)), counts[0].reshape(-1, 2), counts[1].reshape(-1, 2)
+
+
+def simulated_spread(cars: SimulatedCars | None) -> NDArray[Any]:
+    """The weights of how much a design's cars differ: as simulated ones do, or as is assumed."""
+    return PRIOR if cars is None else simulated_weights(cars.passed.sum(axis=1), cars.passed.shape[1])
 
 
 @dataclass(frozen=True)
@@ -340,12 +340,12 @@ def _with_trials(
         if planned and (trial.sample in stored or trial.sample in evidence.rejected):
             simulation = stored.get(trial.sample)
             known = None if simulation is None else int(simulation)
-            found.append(PairedTrial(trial.outcome, trial.sample, known, expected, trial.car_name))
+            found.append(PairedTrial(trial.outcome, trial.sample, known, False, expected, trial.car_name))
             continue
         outcome = again.trial(info, trial)
         simulated = None if outcome is None else int(outcome == "passed")
         sample = trial.sample if trial.id in here else None
-        found.append(PairedTrial(trial.outcome, sample, simulated, expected, trial.car_name, again=outcome is not None))
+        found.append(PairedTrial(trial.outcome, sample, simulated, simulated is not None, expected, trial.car_name))
     aborted, spread = len(trials) - len(completed), simulated_spread(cars)
     return replace(evidence, trials=tuple(found), aborted=aborted, spread=spread) if trials else evidence
 

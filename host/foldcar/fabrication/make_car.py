@@ -92,8 +92,8 @@ class MadeCar:
 def make_car(design: Design, chosen: Options, command: str = "", larger: bool = False) -> MadeCar:
     """The car with all its files; CheckError if something is wrong with one, FoldcarError if it cannot be cut.
 
-    ``command`` is what makes the same files again; it stands on the sheets. ``larger``: the machine's next larger sheet is
-    taken where a piece does not fit on the chosen one.
+    ``command`` is what makes the same files again; it stands on the sheets. ``larger``: the machine's next larger
+    sheet is taken where a piece does not fit on the chosen one.
     """
     title, folded = design.title, folded_car(design)
     chosen = on_a_larger_sheet(folded, chosen) if larger else chosen

@@ -110,7 +110,7 @@ class Designs:
         for trials, (passed, runs) in zip(self._counting(BUILT), self.counted.tolist(), strict=True):
             simulated = again.cars(self.info, trials, here) if trials and self.swept else None
             shares = {} if simulated is None else simulated.shares
-            some = [PairedTrial(one.outcome, None, None, shares.get(one.id), one.car_name) for one in trials]
+            some = [PairedTrial(one.outcome, None, None, False, shares.get(one.id), one.car_name) for one in trials]
             found.append(by_car(some, simulated_spread(simulated), passed, runs) if some else None)
         return found
 

@@ -249,7 +249,7 @@ def test_without_webgl_a_run_has_roll_and_pitch(tmp_path: Path) -> None:
         return /webgl/.test(kind) && this.id !== "model" ? null : get.call(this, kind, ...rest);
       };"""
     found = probed(page.replace("<body>", f"<body><script>{no_webgl}</script>"), tmp_path, "time=0", """
-      view.run.scene.time(0.8);
+      view.run.time(0.8);
       return [document.querySelector(".scene-picture").textContent, document.querySelector(".strips").height];
     """)  # fmt: skip
 

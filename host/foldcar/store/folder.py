@@ -9,6 +9,7 @@
 | `logs/…` | logs of trials under the names that the table `trial` has for them |
 """
 
+import contextlib
 import csv
 import itertools
 import json
@@ -137,7 +138,7 @@ def import_folder(folder: Path, store: Path) -> Manifest:
     """
     check_new(store)
     manifest = _manifest(folder)
-    with new_store(store) as (connection, logs), transaction(store, connection):
+    with new_store(store) as (connection, logs), transaction(store, connection), _long_texts():
         for table in TABLES:
             _import_table(connection, table, folder, manifest)
         for name, _, referred, _ in connection.execute("PRAGMA foreign_key_check"):
@@ -244,21 +245,26 @@ def _csv_cell(value: Any) -> str:
     return "" if value is None else repr(value)
 
 
-def _read_csv(table: Table, file: Path) -> Iterator[Row]:
-    columns = {column.name: column for column in (*table.columns, Column(CHECKSUM, "INTEGER", ""))}
-    # Texts may be long.
+@contextlib.contextmanager
+def _long_texts() -> Iterator[None]:
+    """Within the block cells of CSV files may be as long as scenes are."""
     shorter = csv.field_size_limit(2**31 - 1)
     try:
-        with file.open(encoding="utf-8", newline="") as text:
-            reader = csv.reader(text, strict=True)
-            names = next(reader, [])
-            _check_columns(table, file, names)
-            for cells in reader:
-                if len(cells) != len(names):
-                    raise ValueError(f"has {len(cells)} cells, the header {len(names)}")
-                yield {name: _value(columns[name], cell) for name, cell in zip(names, cells, strict=True)}
+        yield
     finally:
         csv.field_size_limit(shorter)
+
+
+def _read_csv(table: Table, file: Path) -> Iterator[Row]:
+    columns = {column.name: column for column in (*table.columns, Column(CHECKSUM, "INTEGER", ""))}
+    with file.open(encoding="utf-8", newline="") as text:
+        reader = csv.reader(text, strict=True)
+        names = next(reader, [])
+        _check_columns(table, file, names)
+        for cells in reader:
+            if len(cells) != len(names):
+                raise ValueError(f"has {len(cells)} cells, the header {len(names)}")
+            yield {name: _value(columns[name], cell) for name, cell in zip(names, cells, strict=True)}
 
 
 def _value(column: Column, cell: str) -> Any:

@@ -66,8 +66,6 @@ NOT_CLAIMED = "–"
 # Names here of the cross-check's pictures, which are numbered as the listing's experiments.
 PICTURES = {
     "success_1.png": ("width.png", "Success by width"),
-    "worst_1.png": ("worst_width.png", "Width study: runs that part most"),
-    "worst_20.png": ("worst_course.png", "Obstacle course: runs that part most"),
 }
 PARTED = 5
 

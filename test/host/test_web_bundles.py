@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from foldcar.errors import FoldcarError
-from foldcar.figures.page import bundle, inline_svg
+from foldcar.figures.page import bundle
 
 PROJECT = Path(__file__).resolve().parents[2]
 
@@ -32,14 +32,3 @@ def test_the_lock_of_npm_pins_hashes_and_names_no_host() -> None:
 
     assert packages and all(one["integrity"].startswith("sha512-") for one in packages.values())
     assert not any("resolved" in one for one in packages.values())
-
-
-def test_inlined_figures_share_no_names() -> None:
-    svg = (
-        '<?xml version="1.0"?>\n<!DOCTYPE svg>\n<svg width="10pt" height="5pt" viewBox="0 0 10 5">'
-        '<metadata>made</metadata><defs><g id="a"/></defs><use xlink:href="#a" clip-path="url(#c)"/></svg>'
-    )
-    assert inline_svg(svg, "one", 'width < "95"') == (
-        '<svg role="img" aria-label="width &lt; &quot;95&quot;" viewBox="0 0 10 5">'
-        '<defs><g id="one-a"/></defs><use xlink:href="#one-a" clip-path="url(#one-c)"/></svg>'
-    )

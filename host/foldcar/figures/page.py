@@ -1,8 +1,6 @@
-"""Templates of HTML pages, and what stands in them: scripts, data, SVG files."""
+"""Templates of HTML pages, and what stands in them: scripts and data."""
 
-import html
 import json
-import re
 from collections.abc import Callable, Mapping
 from importlib.resources import files
 from typing import Any
@@ -44,17 +42,3 @@ def bundle(name: str) -> Markup:
 def script_json(value: Any) -> Markup:
     """JSON that is safe inside a script element. ValueError if a number is NaN or infinite."""
     return Markup(json.dumps(value, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c"))
-
-
-def inline_svg(svg: str, name: str, caption: str) -> str:
-    """The ``<svg>`` element of an SVG file, every id prefixed with ``name``; ``caption`` becomes its label."""
-    element = svg[svg.index("<svg") :]
-    element = re.sub(r"<metadata>.*?</metadata>", "", element, flags=re.DOTALL)
-    # HTML knows no namespaces but SVG's own.
-    element = re.sub(r' (xmlns:)?inkscape(:[a-z]+)?="[^"]*"', "", element)
-    element = re.sub(r'\bid="', f'id="{name}-', element)
-    element = element.replace("url(#", f"url(#{name}-").replace('href="#', f'href="#{name}-')
-    # The page determines the figure's width; the viewBox preserves its proportions.
-    element = re.sub(r'(<svg[^>]*?) width="[^"]*"', r"\1", element, count=1)
-    element = re.sub(r'(<svg[^>]*?) height="[^"]*"', r"\1", element, count=1)
-    return element.replace("<svg", f'<svg role="img" aria-label="{html.escape(caption)}"', 1)

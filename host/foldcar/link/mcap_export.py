@@ -1,10 +1,10 @@
 """A trial's log as an MCAP file of JSON messages, for Foxglove and PlotJuggler.
 
 Input: a .tlog, facts about the trial, a foxglove.SceneUpdate of car and ground. Output: the file, written atomically:
-one topic for each sender (/car, /simulator, /host) and type of message with a schema from the dialect, the scene on
-/scene, the simulated car's pose as foxglove.FrameTransform on /tf (a real car's as a film shows it, else at its start), a
-film's poses on /camera/pose, the facts as metadata. Fields that are not finite (NaN: not known) are left out.
-
+one topic for each sender (/car, /simulator, /host) and type of message with a schema from the dialect, status texts
+also as foxglove.Log on /log, the scene on /scene, the simulated car's pose as foxglove.FrameTransform on /tf (a real
+car's as a film shows it, else at its start), a film's poses on /camera/pose, the facts as metadata. Fields that are not
+finite (NaN: not known) are left out.
 Times are the car's, so that a simulation at another rate shows seconds of the car.
 """
 
@@ -67,6 +67,9 @@ _ENTITY = _object(
     texts=_list_of({"type": "object"}),
     models=_list_of({"type": "object"}),
 )
+LOG = _object(timestamp=_TIME, level=_INTEGER, message=_TEXT, name=_TEXT, file=_TEXT, line=_INTEGER)
+# foxglove.Log levels by MAVLink severity, 0 (emergency) to 7 (debug).
+LEVELS = (5, 5, 5, 4, 3, 2, 2, 1)
 SCENE_UPDATE = _object(deletions=_list_of({"type": "object"}), entities=_list_of(_ENTITY))
 FRAME_TRANSFORM = _object(
     timestamp=_TIME, parent_frame_id=_TEXT, child_frame_id=_TEXT, translation=_VECTOR, rotation=_QUATERNION
@@ -109,6 +112,8 @@ def export_mcap(
         for time_us, (_, message) in sorted(zip(times_us, known, strict=True), key=lambda pair: pair[0]):
             kind = message.get_type()
             topics.add(f"/{_sender(message)}/{kind}", kind, _schema(message), _content(message), time_us)
+            if kind == "STATUSTEXT":
+                topics.add("/log", "foxglove.Log", LOG, _log(message, time_us), time_us)
             if kind == "FOLDCAR_TRUTH":
                 pose = (message.x, message.y, message.z, message.heading, message.pitch, message.roll)
                 if all(map(math.isfinite, pose)):
@@ -234,6 +239,17 @@ def _since_boot_us(message: Any) -> int | None:
         return int(message.time_usec)
     boot_ms = getattr(message, "time_boot_ms", None)
     return None if boot_ms is None else 1000 * int(boot_ms)
+
+
+def _log(message: Any, time_us: int) -> dict[str, Any]:
+    return {
+        "timestamp": time_stamp(time_us),
+        "level": LEVELS[message.severity] if message.severity < len(LEVELS) else 0,
+        "message": message.text,
+        "name": _sender(message),
+        "file": "",
+        "line": 0,
+    }
 
 
 def time_stamp(time_us: int) -> dict[str, int]:

@@ -21,6 +21,7 @@ import pytest
 from browser import Tab
 from foldcar.report.live import LiveStudy
 from foldcar.store.log_files import running_trial_file
+from shell_signals import like_a_shell
 from study_car import listing_of
 from swept_listing import WriteListing, foldcar, stored_runs, swept
 
@@ -36,7 +37,9 @@ SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
 @contextlib.contextmanager
 def started(*words: object) -> Iterator["subprocess.Popen[str]"]:
     command = [*FOLDCAR, *map(str, words)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=like_a_shell
+    ) as process:
         try:
             yield process
         finally:

@@ -134,7 +134,8 @@ dear_runs: setup mujoco
 # All else runs beside the host's tests, in the time in which these wait for cars and browsers. What fails stands last, also
 # under make -j; a shell's background ignores Ctrl-C, hence the trap, and timeout ends all that it started.
 test: test-packages
-	@$(MAKE) --no-print-directory setup mujoco
+	@$(MAKE) --no-print-directory -j 2 setup
+	@$(MAKE) --no-print-directory mujoco
 	@timeout 2h nice $(MAKE) -k lint test-native >.pio/beside.txt 2>&1 & beside=$$!; trap 'kill $$beside; exit 130' INT TERM; \
 	  $(MAKE) test-host; host=$$?; wait $$beside; others=$$?; \
 	  [ $$others = 0 ] && echo 'ruff, mypy and the C++ suites find nothing: .pio/beside.txt' || cat .pio/beside.txt; \

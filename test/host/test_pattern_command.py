@@ -29,6 +29,26 @@ def files_of(folder: Path) -> dict[str, bytes]:
     return {str(file.relative_to(folder)): file.read_bytes() for file in folder.rglob("*") if file.is_file()}
 
 
+def test_a_car_is_made_with_what_its_manifest_names_but_never_over_other_files(
+    foldcar: Command, write_listing: Callable[[Any], Path], listing_data: dict[str, Any], tmp_path: Path
+) -> None:
+    words = ["pattern", write_listing(listing_data).name, "--set", "width=95", "--machine", "laser", "-o", "car"]
+
+    done = foldcar(*words)
+
+    assert (done.returncode, done.stderr) == (0, "")
+    files = files_of(tmp_path / "car")
+    manifest = json.loads(files["pattern.json"])
+    assert set(files) == set(manifest["files"]) and manifest["parameters"]["width"] == 95
+    assert {"sheet_1.svg", "sheet_1.dxf", "sheet_1.lbrn2", "sheets.pdf", "assembly.html", "parts.csv"} <= set(files)
+    (tmp_path / "car" / "notes.txt").write_text("mine")
+    again = foldcar(*words)
+    assert again.returncode == 2 and "contains notes.txt" in again.stderr
+    assert (tmp_path / "car" / "notes.txt").read_text() == "mine"
+
+
+# Three cars, in processes of their own.
+@pytest.mark.slow
 def test_every_car_is_made_and_its_own_command_makes_it_anew_alike_but_never_over_other_files(
     foldcar: Command, new_foldcar: Command, write_listing: Callable[[Any], Path], listing_data: dict[str, Any],
     tmp_path: Path,

@@ -54,9 +54,9 @@ MACHINE = "silhouette"
 # neutrals of a car's servos, and placing the obstacles of a trial (minutes).
 CUTTING_MM_S, ASSEMBLY_MIN, PLACING_MIN = 20.0, 90.0, 3.0
 BASIS = (
-    f"Sheets: 12 x 12 inch, as `foldcar pattern` nests them. Minutes assume cutting at {CUTTING_MM_S:g} mm/s, "
-    f"{ASSEMBLY_MIN:g} min to fold, wire and adjust a car, {PLACING_MIN:g} min to place a trial, and the time that "
-    "simulation drives."
+    "Sheets: 12 x 12 inch, 12 x 24 where a piece is longer, as `foldcar pattern` nests them. Minutes assume cutting at "
+    f"{CUTTING_MM_S:g} mm/s, {ASSEMBLY_MIN:g} min to fold, wire and adjust a car, {PLACING_MIN:g} min to place a trial, "
+    "and the time that simulation drives."
 )
 
 

@@ -16,8 +16,9 @@ from typing import Any
 from rv_ltl import B4
 from scenic.core.distributions import RejectionException
 from scenic.core.dynamics import GuardViolation, RejectSimulationException
+from scenic.core.dynamics.actions import Action
+from scenic.core.errors import InvalidScenarioError
 from scenic.core.object_types import setDynamicProxyFor
-from scenic.core.propositions import Next
 from scenic.core.requirements import RequirementType
 from scenic.core.simulators import Simulation, SimulationCreationError, Simulator
 from scenic.syntax import veneer
@@ -26,8 +27,16 @@ from foldcar.errors import FoldcarError
 from foldcar.scenes.reading import OUTER_STEP_S, outer_step_s
 from foldcar.scenes.success import VERDICT
 from foldcar.simulation.carsim_step import State, SteppedCarsim
+from foldcar.simulation.pure_code import is_plain
 from foldcar.simulation.scenic_objects import ShownEgo, WatchedThing, dynamic_copy
-from foldcar.simulation.scenic_statements import ChangesMonitor, NativeEnding, Records, refuse_misplaced
+from foldcar.simulation.scenic_statements import (
+    ChangesMonitor,
+    NativeEnding,
+    Records,
+    is_pure,
+    is_traceable,
+    refuse_misplaced,
+)
 
 ROUNDING_S = 1e-9
 
@@ -157,7 +166,8 @@ class CarSimulation(Simulation):  # type: ignore[misc]
         self._native = advanced.result
         self._show(advanced.state, 0)
         self._records = Records(self.records)
-        self._endings = [*scenario._terminationConditions, *scenario._terminateSimulationConditions]
+        conditions = (*scenario._terminationConditions, *scenario._terminateSimulationConditions)
+        self._endings = [one for one in conditions if is_plain(self.scene) and is_pure(one)]
         scenario._terminateSimulationConditions = (
             *scenario._terminateSimulationConditions,
             NativeEnding(lambda: self._native),
@@ -241,14 +251,18 @@ class CarSimulation(Simulation):  # type: ignore[misc]
         if scenario._timeLimitInSteps is not None:
             # 1.1 s in steps of 0.1 s is a little more than 11 steps in floating-point numbers.
             scenario._timeLimitInSteps = round(scenario._timeLimitInSteps, 9)
-        # `next` is about the looks.
-        self._requirements = [
-            one
-            for one in scenario._requirementMonitors
-            if not any(isinstance(part, Next) for part in one.proposition.flatten())
-        ]
+        self._requirements = [one for one in scenario._requirementMonitors if is_plain(self.scene) and is_traceable(one)]
         for one in self._requirements:
             one.monitor = ChangesMonitor(one.proposition)
+
+    def actionsAreCompatible(self, agent: Any, actions: tuple[Any, ...]) -> bool:  # noqa: N802
+        """Scenic's hook."""
+        for action in actions:
+            if not isinstance(action, Action):
+                error: Any = InvalidScenarioError(f"a {type(agent).__name__} takes {action!r}, which is no action")
+                error.filename, error.lineno = _place(agent.behavior)
+                raise error
+        return bool(super().actionsAreCompatible(agent, actions))
 
     def getProperties(self, obj: Any, properties: set[str]) -> dict[str, Any]:  # noqa: N802
         """Scenic's hook: what does not drive is where the program has put it."""
@@ -302,6 +316,17 @@ def _imported_requirements() -> Iterator[None]:
         yield
     finally:
         veneer.executeInRequirement = evaluate
+
+
+def _place(behavior: Any) -> tuple[str | None, int | None]:
+    """File and line at which a behavior, or the one that it does, has taken its actions."""
+    running, place = behavior._runningIterator, (None, None)
+    while running is not None:
+        frame = getattr(running, "gi_frame", None)
+        if frame is not None and frame.f_code.co_filename.endswith(".scenic"):
+            place = (frame.f_code.co_filename, frame.f_lineno)
+        running = getattr(running, "gi_yieldfrom", None)
+    return place
 
 
 def _result(simulation: CarSimulation, outcome: str | None) -> Result:

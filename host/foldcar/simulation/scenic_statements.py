@@ -1,6 +1,7 @@
 """What a Scenic program says of its runs: conditions and requirements, and what it records.
 
-Records are evaluated by Scenic, and kept as plain JSON with the time in seconds:
+Conditions of the top-level scenario that are certain to change nothing (see pure_code) are evaluated at every step of
+carsim, others once a look, by Scenic. Records are evaluated by Scenic, and kept as plain JSON with the time in seconds:
 {"kind": "initial"|"final"|"series", "value": JSON} by name; a series is a list of [time (s), value].
 """
 
@@ -10,10 +11,21 @@ from typing import Any
 
 import numpy
 import rv_ltl
-from scenic.core.propositions import PropositionMonitor
+from scenic.core.propositions import Next, PropositionMonitor
 from scenic.core.requirements import RequirementType
 
 from foldcar.errors import FoldcarError
+from foldcar.simulation.pure_code import changes_nothing
+
+
+def is_pure(condition: Any) -> bool:
+    """Whether evaluating a condition or requirement of Scenic changes nothing."""
+    return all(changes_nothing(atom.closure) for atom in condition.proposition.atomics())
+
+
+def is_traceable(requirement: Any) -> bool:
+    """Whether a temporal requirement can be evaluated at every step: `next` is about the looks."""
+    return is_pure(requirement) and not any(isinstance(part, Next) for part in requirement.proposition.flatten())
 
 
 class ChangesMonitor(PropositionMonitor):  # type: ignore[misc]

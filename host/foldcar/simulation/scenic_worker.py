@@ -5,8 +5,8 @@ run, {"body", "scene", "settings": JSON texts, "sample"}. Output: one line each,
 {"result": …}, {"error": message} for a run that failed, or {"refused": message} where the input is at fault. Ends with
 its input.
 
-A program may change anything that it reaches. So each sample is drawn in a copy of the process in the state after
-compiling, and each run takes place in a copy of that one: no run can depend on others.
+A program may change anything that it reaches. Unless it is certain to change nothing, each sample is drawn in a copy of
+the process in the state after compiling, and each run takes place in a copy of that one: no run can depend on others.
 """
 
 import json
@@ -55,67 +55,81 @@ class ScenicWorker:
         self._source: SceneSource = open_environment(
             Path(opening["program"]), opening["params"], opening["seed"], opening["condition"], opening["files"]
         )
-        # What every run needs is imported before the process is copied.
+        # What every run needs is done before the process is copied.
         from scenic.core import dynamics
 
-        from foldcar.simulation import scenic_simulator  # noqa: F401
+        from foldcar.simulation.pure_code import is_plain, may_change_state
+        from foldcar.simulation.scenic_objects import shown_class
+        from foldcar.simulation.scenic_simulator import CarSimulator
 
         # Scenic warns of a monitor that hangs by a timer of its own, which would end that of RUN_LIMIT_S.
         dynamics.stuckBehaviorWarningTimeout = 0
+        ego_class: Any = type(self._source.scenario.egoObject)
+        shown_class(ego_class)
+        self._simulator = CarSimulator
         self._passing = self._source.success.endings
         self._command = opening["command"]
-        self._copies = ExitStack()
+        with self._source.files.inside():
+            self._copies = may_change_state(self._source.program)
+        self._is_plain = is_plain
+        self._open = ExitStack()
+        self._carsim: SteppedCarsim | None = None
         self._copy: Forked | None = None
         self._sample: int | None = None
         self._scene: Any = None
         self._described: dict[str, Any] = {}
 
     def close(self) -> None:
-        """End the copy of the last sample."""
-        self._copies.close()
+        """End the simulator and the copy."""
+        self._open.close()
 
     def answer(self, request: dict[str, Any]) -> dict[str, Any]:
         """The answer to one run."""
+        if not self._copies:
+            if self._carsim is None:
+                self._carsim = self._open.enter_context(SteppedCarsim(self._command))
+            return self._answer(request)
         if self._copy is None or self._sample != request["sample"]:
-            self._copies.close()
-            self._copy = self._copies.enter_context(Forked(self._answer_for_sample))
+            self._open.close()
+            self._copy = self._open.enter_context(Forked(self._answer_for_sample))
             self._sample = request["sample"]
         return self._copy.ask(request)
 
     def _answer_for_sample(self, request: dict[str, Any]) -> dict[str, Any]:
         """In the copy for one sample: draw it, unless that is done, and run in another copy."""
-        k = request["sample"]
         try:
-            if self._scene is None:
-                self._scene = self._source.scenic_scene(k)
-                self._described = self._source.describe(self._scene, k)
-            if self._described != json.loads(request["scene"]):
-                raise other_scene(self._source.program, k)
+            self._open_sample(request["sample"])
         except FoldcarError as error:
             return {"refused": str(error)}
+        # Found out once, not in every copy.
+        self._is_plain(self._scene)
         with Forked(self._answer_in_copy) as copy:
             return copy.ask(request)
 
     def _answer_in_copy(self, request: dict[str, Any]) -> dict[str, Any]:
-        """In the copy for one run. A simulator that dies in it is given the run once more, in a new process."""
-        with SteppedCarsim(self._command) as carsim:
+        with SteppedCarsim(self._command) as self._carsim:
+            return self._answer(request)
+
+    def _answer(self, request: dict[str, Any]) -> dict[str, Any]:
+        """The answer in this process. A simulator that dies in it is given the run once more, in a new process."""
+        try:
             try:
-                try:
-                    return {"result": self._run(request, carsim)}
-                except SimulatorDiedError:
-                    return {"result": self._run(request, carsim)}
-            except TrialFailedError as error:
-                return {"error": str(error)}
-            except FoldcarError as error:
-                return {"refused": str(error)}
+                return {"result": self._run(request)}
+            except SimulatorDiedError:
+                return {"result": self._run(request)}
+        except TrialFailedError as error:
+            return {"error": str(error)}
+        except FoldcarError as error:
+            return {"refused": str(error)}
 
-    def _run(self, request: dict[str, Any], carsim: SteppedCarsim) -> dict[str, Any]:
-        from foldcar.simulation.scenic_simulator import CarSimulator
-
+    def _run(self, request: dict[str, Any]) -> dict[str, Any]:
         k, program = request["sample"], self._source.program
-        simulator = CarSimulator(
-            carsim, request["body"], request["settings"], lambda _: str(request["scene"]), self._passing
-        )
+        self._open_sample(k)
+        if self._described != json.loads(request["scene"]):
+            raise other_scene(program, k)
+        assert self._carsim is not None
+        body, settings, scene = request["body"], request["settings"], str(request["scene"])
+        simulator = self._simulator(self._carsim, body, settings, lambda _: scene, self._passing)
         place = f"{program}: sample {k}"
         with self._source.files.inside():
             try:
@@ -126,6 +140,14 @@ class ScenicWorker:
                 raise error if isinstance(error, CarsimError) else TrialFailedError(f"{place}: {error}") from None
             except Exception as error:
                 raise TrialFailedError(f"{place}: {one_line(error, program)}") from error
+
+    def _open_sample(self, k: int) -> None:
+        if self._sample == k and self._scene is not None:
+            return
+        self._sample, self._scene = None, None
+        scene = self._source.scenic_scene(k)
+        self._described = self._source.describe(scene, k)
+        self._sample, self._scene = k, scene
 
 
 def _say(output: TextIO, answer: dict[str, Any]) -> None:

@@ -41,12 +41,6 @@ CLANG_TIDY = $(firstword $(shell command -v clang-tidy clang-tidy-19 clang-tidy-
 LEAST_COVERAGE := 90
 FUZZ_FLAGS := -O1 -g -fsanitize=fuzzer-no-link,address,undefined -fno-sanitize-recover=all -ffp-contract=off
 
-# Seconds, seed, and to repeat a loss its round.
-TORTURE_S := 1800
-TORTURE_SEED := 1
-TORTURE_ROUND :=
-TORTURE_ONLY :=
-
 # The portable firmware on the simulated board, for programs that need nothing else.
 FIRMWARE_SOURCES := $(filter-out firmware/lib/feather_hal/%,$(wildcard firmware/lib/*/*.cpp)) sim2d/lib/sim_hal/sim_hal.cpp
 FIRMWARE_FLAGS := -std=gnu++17 -I.pio/mavlink $(addprefix -I,$(wildcard firmware/lib/*)) -Isim2d/lib/sim_hal
@@ -68,7 +62,7 @@ HEADER_FLAGS := -fsyntax-only -std=gnu++17 -Wall -Wextra -Werror -pthread -DUNIT
 HEADER_COMPILERS := g++ $(shell command -v clang++)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup mujoco study pyramids calibration fidelity statistics dear_runs test test-packages test-native headers test-host lint bench fuzz races fresh container-check clean wheel release lock system-packages platformio cluster-check torture installed fuzz-packages check docs tidy determinism golden
+.PHONY: help setup mujoco study pyramids calibration fidelity statistics dear_runs test test-packages test-native headers test-host lint bench fuzz races fresh container-check clean wheel release lock system-packages platformio cluster-check installed fuzz-packages check docs tidy determinism golden
 .DELETE_ON_ERROR:
 # Else make removes them as intermediate.
 .PRECIOUS: .pio/fuzz/obj/%.o
@@ -85,7 +79,6 @@ help:
 	@echo 'make determinism  build the simulator with g++ and clang++ at -O0 to -O3 and compare its numbers bit by bit'
 	@echo 'make golden    renew the golden numbers of test/determinism after a change of the physics'
 	@echo 'make races     record and store a log in two threads under ThreadSanitizer'
-	@echo 'make torture   disturb sweeps, stores and trials at random for TORTURE_S=$(TORTURE_S) s: is anything lost? (TORTURE_SEED=)'
 	@echo 'make fidelity  set up, compare with MuJoCo and bring docs/fidelity.md up to date'
 	@echo 'make pyramids  set up, search sizes of the step pyramids that fit the publication, bring docs/scenarios.md up to date'
 	@echo 'make calibration  set up, calibrate by the published trials and by hidden realities, renew docs/calibration.md'
@@ -216,11 +209,6 @@ tidy: setup fuzz-packages
 
 races: .pio/races/log_races
 	TSAN_OPTIONS=history_size=7 .pio/races/log_races
-
-# Kills, interrupts, steps clocks, fills disks, flips bits; at the first loss it says how to repeat it.
-torture: setup
-	TORTURE_S=$(TORTURE_S) TORTURE_SEED=$(TORTURE_SEED) TORTURE_ROUND='$(TORTURE_ROUND)' TORTURE_ONLY='$(TORTURE_ONLY)' \
-	  $(BIN)/python test/torture/torture.py
 
 # Both commands, as a new user on a machine with nothing on it (as root).
 fresh:

@@ -97,6 +97,7 @@ def drawn_trials(experiment: Experiment, count: int) -> Iterator[dict[str, Any]]
     designs = itertools.cycle(experiment.family)
     for number, design in zip(range(count), designs, strict=False):
         yield {
+            "uuid": str(number),
             "experiment": experiment.id,
             "vehicle_type": design.type,
             "design": design.columns,

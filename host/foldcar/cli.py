@@ -22,7 +22,6 @@ from foldcar.commands.advice import compare, select
 from foldcar.commands.calibrate import calibrate
 from foldcar.commands.crosscheck import crosscheck
 from foldcar.commands.doctor import doctor
-from foldcar.commands.export import export
 from foldcar.commands.flash import flash
 from foldcar.commands.link import link
 from foldcar.commands.log import log
@@ -34,7 +33,7 @@ from foldcar.commands.pattern import pattern
 from foldcar.commands.report import report
 from foldcar.commands.run import run
 from foldcar.commands.sample import gallery, sample
-from foldcar.commands.stores import check, import_store, merge, migrate, repair
+from foldcar.commands.stores import check, export, merge
 from foldcar.commands.sweep import sweep
 from foldcar.commands.track import lens, markers, track
 from foldcar.commands.trials import trials
@@ -132,11 +131,10 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 for command in (
-    new, sweep, optimize, run, sample, gallery, report, select, compare, calibrate, export, check, repair, merge, migrate,
-    crosscheck, model, pattern, view, link, log, markers, lens, track, flash, doctor,
+    new, sweep, optimize, run, sample, gallery, report, select, compare, calibrate, export, check, merge, crosscheck,
+    model, pattern, view, link, log, markers, lens, track, flash, doctor,
 ):  # fmt: skip
     app.command()(command)
-app.command("import")(import_store)
 app.command("calibrate-servos")(calibrate_servos)
 app.add_typer(trials)
 app.add_typer(params)

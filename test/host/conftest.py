@@ -124,11 +124,10 @@ def new_foldcar(tmp_path: Path) -> Callable[..., "subprocess.CompletedProcess[st
 
 @pytest.fixture
 def store(tmp_path: Path) -> Path:
-    """A store of this version with runs, records and trials, s.db in the test's folder, and the trials' logs."""
-    from foldcar.store.migrations import VERSION
-    from old_stores import old_store
+    """A store with a row in every table, s.db in the test's folder, and the trials' logs."""
+    from full_store import full_store
 
-    return old_store(VERSION, tmp_path / "s.db")
+    return full_store(tmp_path / "s.db")
 
 
 @pytest.fixture

@@ -11,18 +11,16 @@ import pytest
 from foldcar.store.check import check_store, store_digest
 from foldcar.store.errors import StoreError
 from foldcar.store.merge import merge_stores
-from foldcar.store.migrations import VERSION
-from foldcar.store.opening import UNRELEASED
 from foldcar.store.reader import Store
 from foldcar.store.tables import EXPERIMENT, RUN, TRIAL, Table
 from foldcar.store.trial_records import Ending
 from foldcar.store.trial_writer import write_trials
-from old_stores import alter, change, contents, old_store
+from full_store import alter, change, contents, full_store
 from swept_listing import swept
 from test_store import answer, fill
 from test_trial_store import begin
 
-OLD = "was made before foldcar's first release, which cannot read it: sweep again"
+OLD = "is a store of version 1, and this foldcar reads version 2: sweep into a new store, or use the foldcar that made it"
 
 
 def digest(store: Path) -> tuple[str, int]:
@@ -94,8 +92,7 @@ def test_sweeps_until_one_rule_are_one_and_others_are_refused(
     assert not (tmp_path / "m.db").exists()
 
 
-def test_a_store_with_itself_is_itself(tmp_path: Path) -> None:
-    store = old_store(VERSION, tmp_path / "s.db")
+def test_a_store_with_itself_is_itself(tmp_path: Path, store: Path) -> None:
     shutil.copy(store, tmp_path / "copy.db")
 
     merge_stores([store, tmp_path / "copy.db"], tmp_path / "m.db")
@@ -106,25 +103,70 @@ def test_a_store_with_itself_is_itself(tmp_path: Path) -> None:
 def test_trials_are_kept_with_their_logs_and_corrections(tmp_path: Path) -> None:
     (tmp_path / "a").mkdir()
     (tmp_path / "b").mkdir()
-    store = old_store(VERSION, tmp_path / "a" / "s.db")
-    with Store.open(store) as opened:
-        trials = list(opened.trials())
-    logs = {trial.log for trial in trials if trial.log}
-    assert logs
-    with write_trials(tmp_path / "b" / "s.db") as writer:
-        number = begin(writer)
-        writer.complete(number, Ending("passed", "goal", 2.0, "", None))
-        writer.correct(number, {"note": "later"}, "why", "who")
+    store = full_store(tmp_path / "a" / "s.db")
+    # Other logs of the same names.
+    other = full_store(tmp_path / "b" / "s.db")
+    for log in (tmp_path / "b" / "s-logs").iterdir():
+        log.write_bytes(b"other " + log.read_bytes())
+    change(other, TRIAL, "log IS NOT NULL", log_sha256=None)
 
-    merge_stores([tmp_path / "b" / "s.db", store], tmp_path / "m.db")
+    merge_stores([store, other], tmp_path / "m.db")
+
+    with Store.open(store) as one, Store.open(other) as two, Store.open(tmp_path / "m.db") as opened:
+        trials, both = list(opened.trials()), [*one.trials(), *two.trials()]
+        # Imported trials are of one sheet: they are there once.
+        assert [trial.uuid for trial in trials] == list(dict.fromkeys(trial.uuid for trial in both))
+        assert len(trials) == 6 and [trial.withdrawn for trial in trials].count(True) == 2
+        assert len(opened.corrections()) == 6 and opened.corrections(1)[0].after == "over the edge"
+    found = check_store(tmp_path / "m.db")
+    assert (found.findings, found.logs) == ([], 4)
+    for trial in trials:
+        if trial.log is not None:
+            assert (tmp_path / trial.log).read_bytes().endswith(b"log of trial 1" if trial.note else b"log of trial 2")
+
+
+@pytest.mark.parametrize("newest_first", [True, False])
+def test_of_a_trial_that_was_corrected_in_a_copy_the_corrected_state_counts(
+    tmp_path: Path, store: Path, newest_first: bool
+) -> None:
+    shutil.copy(store, tmp_path / "copy.db")
+    with write_trials(tmp_path / "copy.db") as writer:
+        writer.withdraw([1, 3], True, "wrong tyres", "Ada")
+    stores = [tmp_path / "copy.db", store]
+
+    merge_stores(stores if newest_first else stores[::-1], tmp_path / "m.db")
 
     with Store.open(tmp_path / "m.db") as opened:
-        assert len(list(opened.trials())) == len(trials) + 1
-        assert opened.corrections(1)[0].after == "later"
-    found = check_store(tmp_path / "m.db")
-    assert (found.findings, found.logs) == ([], check_store(store).logs)
-    for log in logs:
-        assert (tmp_path / log).read_bytes() == (store.parent / log).read_bytes()
+        assert [trial.withdrawn for trial in opened.trials()] == [True, True, True, False]
+        assert [change.reason for change in opened.corrections(3)] == ["wrong tyres"]
+
+
+def test_a_trial_of_which_two_stores_say_different_things_is_named(tmp_path: Path, store: Path) -> None:
+    shutil.copy(store, tmp_path / "copy.db")
+    for path, outcome in ((store, "passed"), (tmp_path / "copy.db", "timeout")):
+        with write_trials(path) as writer:
+            writer.correct(1, {"outcome": outcome}, "seen again", "Ada")
+
+    with pytest.raises(StoreError, match=r"^trial 1 of .*copy\.db \(.*\): outcome is timeout in .*, passed in .*: corr"):
+        merge_stores([store, tmp_path / "copy.db"], tmp_path / "m.db")
+    with write_trials(store) as writer:
+        writer.correct(1, {"outcome": "timeout"}, "a third look", "Ada")
+    merge_stores([store, tmp_path / "copy.db"], tmp_path / "m.db")
+    with Store.open(tmp_path / "m.db") as opened:
+        assert opened.trial(1).outcome == "timeout" and opened.trial(1).corrections == 5
+
+
+def test_a_trial_that_was_running_when_its_store_was_copied_is_the_completed_one(tmp_path: Path) -> None:
+    with write_trials(tmp_path / "s.db") as writer:
+        number = begin(writer)
+    shutil.copy(tmp_path / "s.db", tmp_path / "copy.db")
+    with write_trials(tmp_path / "s.db") as writer:
+        writer.complete(number, Ending("passed", "goal", 2.0, "", None))
+    for stores in (["s.db", "copy.db"], ["copy.db", "s.db"]):
+        merge_stores([tmp_path / name for name in stores], tmp_path / "m.db")
+        with Store.open(tmp_path / "m.db") as opened:
+            assert [trial.outcome for trial in opened.trials()] == ["passed"]
+        (tmp_path / "m.db").unlink()
 
 
 @pytest.mark.parametrize(
@@ -150,26 +192,19 @@ def test_contradictions_are_refused_and_nothing_is_written(
     assert sorted(file.name for file in tmp_path.iterdir()) == ["a.db", "b.db"]
 
 
-def test_other_designs_and_a_trial_that_one_store_has_corrected_are_refused(tmp_path: Path) -> None:
+def test_other_designs_are_refused(tmp_path: Path) -> None:
     fill(tmp_path / "a.db")
     fill(tmp_path / "c.db", widths=(65, 95, 120))
-    store = old_store(VERSION, tmp_path / "s.db")
-    shutil.copy(store, tmp_path / "b.db")
-    # It has a log, which tells it.
-    change(tmp_path / "b.db", TRIAL, "id = 1", note="other")
 
-    for names, message in {
-        ("a", "c"): 'experiment "1": ',
-        ("c", "a"): 'experiment "1": ',
-        ("s", "b"): r"^trial \(id 1\): note is other in .*b\.db, ",
-    }.items():
-        with pytest.raises(StoreError, match=message):
+    for names in ("ac", "ca"):
+        with pytest.raises(StoreError, match='experiment "1": '):
             merge_stores([tmp_path / f"{name}.db" for name in names], tmp_path / "m.db")
 
 
 def test_what_cannot_be_merged_is_said_in_one_line(tmp_path: Path, foldcar: Callable[..., Any]) -> None:
-    alter(old_store(VERSION, tmp_path / "old.db"), f"PRAGMA application_id = {UNRELEASED}")
-    fill(tmp_path / "a.db")
+    for name in ("a.db", "old.db"):
+        fill(tmp_path / name)
+    alter(tmp_path / "old.db", "PRAGMA user_version = 1")
     told = {
         ("a.db", "old.db", "-o", "m.db"): f"old.db: {OLD}",
         ("a.db", "none.db", "-o", "m.db"): "none.db: no such store",

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from foldcar.commands.new import FILES
-from old_stores import VERSIONS, old_store
+from full_store import full_store
 
 STARTER = Path(__file__).resolve().parents[2] / "host" / "foldcar" / "study" / "starter"
 # What Python itself, its packages and the simulators need is left, as these have other ways on Windows; modules, signals,
@@ -53,7 +53,7 @@ def project(tmp_path: Path) -> Path:
     """The starting project, and a store of trials and runs."""
     for name in FILES:
         (tmp_path / name).write_bytes((STARTER / name).read_bytes())
-    old_store(VERSIONS[-1], tmp_path / "s.db")
+    full_store(tmp_path / "s.db")
     return tmp_path
 
 
@@ -66,9 +66,8 @@ def poorer(folder: Path, *commands: tuple[str, ...]) -> "subprocess.CompletedPro
 COMMON = (
     ("--help",),
     ("sweep", "study.json", "--store", "yard.db", "--environments", "2"),
-    ("export", "s.db", "--folder", "exported"),
+    ("export", "s.db", "--csv", "runs.csv", "--trials", "trials.csv"),
     ("check", "s.db"),
-    ("repair", "s.db", "-o", "whole.db"),
     ("trials", "list", "s.db"),
 )
 # Drives, cuts, folds and draws: half a minute.

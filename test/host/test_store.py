@@ -1,5 +1,6 @@
 """The store: what it refuses, what it keeps, who may write it."""
 
+import hashlib
 import sqlite3
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -9,10 +10,10 @@ import pytest
 
 from foldcar.errors import FoldcarError
 from foldcar.simulation.results import NUMBERS, Recorded
+from foldcar.store.connection import APPLICATION_ID, check_new
 from foldcar.store.errors import StoreError
-from foldcar.store.migrations import VERSION
-from foldcar.store.opening import APPLICATION_ID, UNRELEASED, check_new
 from foldcar.store.reader import Store
+from foldcar.store.tables import TABLES, VERSION, VIEWS
 from foldcar.store.writer import PlannedDesign, PlannedExperiment, PlannedRun, StoreWriter, write_store
 from written_study import FACTS, TOLD
 
@@ -226,14 +227,17 @@ def test_what_is_no_store_is_refused_and_left_alone(tmp_path: Path) -> None:
     text.write_text("not a database, but long enough to be mistaken for one " * 10)
     other = foreign(tmp_path / "other.db", "CREATE TABLE t (a)")
     made = "CREATE TABLE t (a)", f"PRAGMA application_id = {APPLICATION_ID}"
-    newer = foreign(tmp_path / "newer.db", *made, f"PRAGMA user_version = {VERSION + 1}")
-    unreleased = foreign(tmp_path / "unreleased.db", "CREATE TABLE t (a)", f"PRAGMA application_id = {UNRELEASED}")
+    newer, older = (
+        foreign(tmp_path / f"{version}.db", *made, f"PRAGMA user_version = {version}")
+        for version in (VERSION + 1, VERSION - 1)
+    )
+    ways_out = f"and this foldcar reads version {VERSION}: sweep into a new store, or use the foldcar that made it"
 
     for path, message in (
-        (text, "is no foldcar store (file is not a database)"),
+        (text, "is no foldcar store: file is not a database"),
         (other, "is no foldcar store"),
-        (newer, f"is a store of version {VERSION + 1}, this foldcar knows versions up to {VERSION}"),
-        (unreleased, "was made before foldcar's first release, which cannot read it: sweep again"),
+        (newer, f"is a store of version {VERSION + 1}, {ways_out}"),
+        (older, f"is a store of version {VERSION - 1}, {ways_out}"),
     ):
         before = path.read_bytes()
         with pytest.raises(FoldcarError) as caught:
@@ -243,6 +247,12 @@ def test_what_is_no_store_is_refused_and_left_alone(tmp_path: Path) -> None:
             pass
         assert str(caught.value) == f"{path}: {message}"
         assert path.read_bytes() == before
+
+
+def test_a_change_of_the_tables_changes_the_version() -> None:
+    """Stores of one version are alike: after a change of a table or view raise VERSION and renew the hash."""
+    statements = "".join([*(table.sql for table in TABLES), *VIEWS.values()])
+    assert (VERSION, hashlib.sha256(statements.encode()).hexdigest()[:16]) == (2, "0513a9a7f1c1ef1f")
 
 
 def test_what_is_no_file_is_no_store_and_reading_creates_none(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ import contextlib
 import csv
 import re
 import sqlite3
+import uuid
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from foldcar.store.check import check_store
 from foldcar.store.reader import Store
 from foldcar.store.trial_records import Ending, TrialDesign
 from foldcar.store.trial_writer import write_trials
-from old_stores import contents
+from full_store import contents
 from page_check import study_of
 from test_report_command import TOLD, width_outcome
 from test_trial_store import begin
@@ -29,7 +30,8 @@ def mixed(tmp_path: Path) -> Path:
     with write_trials(path) as writer:
         for outcome, car in zip(("passed", "stuck", "passed", "passed", "passed"), CARS, strict=True):
             row = {"experiment": "1", "vehicle_type": "W_B_W", "design": {"width_mm": 95.0, "height_mm": 50.0}}
-            writer.import_trials([{**row, "outcome": outcome, "source": "me", "car": car}])
+            trial = {"uuid": str(uuid.uuid4()), "outcome": outcome, "source": "me", "car": car}
+            writer.import_trials([{**row, **trial}])
     return path
 
 
@@ -110,7 +112,7 @@ def test_a_withdrawn_trial_counts_nowhere_and_leaves_a_trail(mixed: Path, foldca
     [
         (("restore", "s.db", "1", "--reason", "r"), "s.db: trial 1 is not withdrawn"),
         (("withdraw", "s.db", "2", "77", "--reason", "r"), "s.db: has no trial 77"),
-        (("correct", "s.db", "5", "--reason", "r", "--car", "real"), "s.db: trial: car: 'real' is none of built, "),
+        (("correct", "s.db", "5", "--reason", "r", "--car", "real"), "s.db: trial 5: car: 'real' is not one of built, "),
         (("correct", "s.db", "6", "--reason", "r", "--car", "built"),
          "s.db: trial 6: car: the car itself told that it is simulated; this cannot be corrected"),
     ],

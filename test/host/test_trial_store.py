@@ -30,7 +30,7 @@ def begin(writer: TrialWriter, width_mm: float = 95, sample: int = 2, car: str |
 def test_a_trial_is_aborted_until_it_is_completed(tmp_path: Path) -> None:
     with write_trials(tmp_path / "s.db") as writer:
         number = begin(writer)
-        assert writer.unfinished() == [(number, "logs/t.tlog")]
+        assert writer.unfinished() == [(number, "logs/t.tlog", "aborted")]
 
     with Store.open(tmp_path / "s.db") as store:
         trial = store.trial(number)
@@ -76,7 +76,7 @@ def test_corrections_leave_a_trail(tmp_path: Path, foldcar: Any) -> None:
         (("correct", "s.db", "1", "--reason", "r"), "trials correct: say what to change"),
         (("correct", "s.db", "1", "--reason", " ", "--note", "n"), "trials correct: --reason: is empty"),
         (("correct", "s.db", "9", "--reason", "r", "--note", "n"), "s.db: has no trial 9"),
-        (("correct", "s.db", "1", "--reason", "r", "--outcome", "flew"), "s.db: trial: outcome: 'flew' is none of"),
+        (("correct", "s.db", "1", "--reason", "r", "--outcome", "flew"), "s.db: trial 1: outcome: 'flew' is not one of"),
         (("correct", "s.db", "1", "--reason", "r", "--elapsed-time", "inf"), "s.db: trial 1: elapsed_time_s: inf is not"),
         (("replay", "s.db", "9"), "s.db: has no trial 9"),
         (("export", "s.db", "1", "--mcap", "x.mcap"), "logs/t.tlog: cannot be read: No such file or directory"),
@@ -99,7 +99,7 @@ def test_the_published_table_is_imported_once(tmp_path: Path, foldcar: Any) -> N
     second = foldcar("trials", "import", "s.db", PUBLISHED)
 
     assert first.stdout == "44 trials imported, 1 to 44; store: s.db\n", first.stderr
-    assert second.returncode == 2 and "are in s.db already" in second.stderr
+    assert second.stdout == "0 trials imported; 44 were imported before; store: s.db\n", second.stderr
     counts: dict[float, list[int]] = {}
     with Store.open(tmp_path / "s.db") as store:
         for trial in store.trials():
@@ -110,6 +110,31 @@ def test_the_published_table_is_imported_once(tmp_path: Path, foldcar: Any) -> N
     assert counts == {65: [0, 10], 95: [7, 3], 115: [3, 9], 180: [0, 12]}
     answer = foldcar("trials", "replay", "s.db", "1")
     assert answer.returncode == 2 and "trial 1 was imported without a scene" in answer.stderr
+
+
+def test_a_sheet_that_grew_imports_its_new_rows_and_one_that_changed_is_refused(tmp_path: Path, foldcar: Any) -> None:
+    rows = "W_B_W,95,passed,2,me\nW_B_W,99,stuck,1,me\n"
+    (tmp_path / "t.csv").write_text(HEADER + rows)
+    more = "W_B_W,99,tipped,1,me\nW_B_W,95,stuck,1,you\n"
+    (tmp_path / "grown.csv").write_text(HEADER + rows.replace(",2,", ",3,") + more)
+    (tmp_path / "changed.csv").write_text(HEADER + rows.replace("stuck", "tipped"))
+
+    first, grown, changed = (foldcar("trials", "import", "s.db", name, "--experiment", "1")
+                             for name in ("t.csv", "grown.csv", "changed.csv"))  # fmt: skip
+
+    assert first.stdout == "3 trials imported, 1 to 3; store: s.db\n", first.stderr
+    assert grown.stdout == "3 trials imported, 4 to 6; 3 were imported before; store: s.db\n", grown.stderr
+    assert changed.returncode == 2
+    assert changed.stderr.splitlines()[-1] == (
+        'foldcar: error: s.db: trial 3 was imported from the same row of "me", but outcome was stuck, not tipped: '
+        "correct it, or give other rows another source"
+    )
+    # A correction is no other row.
+    foldcar("trials", "correct", "s.db", "3", "--outcome", "tipped", "--reason", "seen on the film")
+    again = foldcar("trials", "import", "s.db", "t.csv", "--experiment", "1")
+    assert again.stdout == "0 trials imported; 3 were imported before; store: s.db\n", again.stderr
+    with Store.open(tmp_path / "s.db") as store:
+        assert [trial.outcome for trial in store.trials()] == ["passed", "passed", "tipped", "passed", "tipped", "stuck"]
 
 
 def test_exports_have_a_row_for_each_trial_and_in_parquet_numbers_lists_and_units(tmp_path: Path, foldcar: Any) -> None:
@@ -123,6 +148,7 @@ def test_exports_have_a_row_for_each_trial_and_in_parquet_numbers_lists_and_unit
 
     with (tmp_path / "t.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
+    assert len({row["uuid"] for row in rows}) == 2 and all(len(row["uuid"]) == 36 for row in rows)
     assert [(row["trial"], row["width_mm"], row["outcome"], row["note"]) for row in rows] == [
         ("1", "95", "passed", 'a "note"'),
         ("2", "120.5", "aborted", ""),
@@ -160,7 +186,7 @@ def test_the_report_shows_trials_beside_runs(tmp_path: Path) -> None:
     trials = [(95.0, "passed")] * 7 + [(95.0, "stuck")] * 3 + [(95.0, "aborted")] * 2 + [(97.0, "tipped")]
     import_trials(tmp_path / "s.db", [({"width_mm": width}, None, outcome) for width, outcome in trials])
     with write_trials(tmp_path / "s.db") as writer:
-        unknown_car = {"design": {"width_mm": 95.0, "height_mm": 60.0}, "source": "me", "car": "built"}
+        unknown_car = {"uuid": "u", "design": {"width_mm": 95.0, "height_mm": 60.0}, "source": "me", "car": "built"}
         writer.import_trials([{"experiment": "1", "vehicle_type": "W_B_W", "outcome": "passed", **unknown_car}])
 
     with Store.open(tmp_path / "s.db") as store:

@@ -1,5 +1,6 @@
 """Writes stores of studies with given outcomes, as a sweep and `foldcar log` write them, for tests of what reads them."""
 
+import uuid
 from collections.abc import Callable, Mapping, Sequence
 from itertools import product
 from pathlib import Path
@@ -128,7 +129,7 @@ def import_trials(
     told = {"experiment": "1", "vehicle_type": "W_B_W", "source": source, "car": "built"}
     with write_trials(store) as writer:
         writer.import_trials(
-            {**told, "design": {**varied, **FIXED}, "sample": sample, "outcome": outcome}
+            {**told, "uuid": str(uuid.uuid4()), "design": {**varied, **FIXED}, "sample": sample, "outcome": outcome}
             | ({"car_name": f"car {at % cars}"} if cars > 1 else {})
             for at, (varied, sample, outcome) in enumerate(trials)
         )

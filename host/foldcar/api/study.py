@@ -13,8 +13,8 @@ from foldcar.analysis.words import count as count_text
 from foldcar.api.arguments import column_named, columns_named, whole
 from foldcar.errors import FoldcarError
 from foldcar.simulation.results import no_rate_text
+from foldcar.store.connection import require_store
 from foldcar.store.frames import runs_frame, trials_frame
-from foldcar.store.opening import require_store
 from foldcar.store.reader import ExperimentInfo, Store
 from foldcar.study.limits import MOST_ENVIRONMENTS, MOST_JOBS
 

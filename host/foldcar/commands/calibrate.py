@@ -71,8 +71,7 @@ def calibrate(
     from foldcar.interrupts import said
     from foldcar.simulation.carsim import Carsim
     from foldcar.store.calibrations import check_calibration_name, new_calibration, write_calibrations
-    from foldcar.store.kept_work import keep_calibration
-    from foldcar.store.reader import Store, StoreError
+    from foldcar.store.reader import Store
 
     if not NAME.fullmatch(name):
         raise FoldcarError(f'--name "{name}": a name is at most 40 letters, digits, _ . or -, a letter or digit first')
@@ -94,15 +93,8 @@ def calibrate(
         summary = summarise(inference, chosen, nominal, seed, planned, leave_one_out, found)
     made = new_calibration(name, chosen.info.id, carsim.build, inference.draws, summary)
 
-    def keep() -> str:
-        return keep_calibration(store, made, replace)
-
-    with said(lambda: f"stopped: {keep()}"):
-        try:
-            with write_calibrations(store) as writer:
-                writer.put(made, replace)
-        except StoreError as error:
-            raise StoreError(f"{error}; {keep()}") from error
+    with write_calibrations(store) as writer:
+        writer.put(made, replace)
     if as_json:
         tell(True, {"store": store, "name": name, "draws": [dict(draw) for draw in made.draws], **summary})
     else:

@@ -86,7 +86,7 @@ def _check_picture(file: Path) -> None:
 
 
 def _check_store(store: Path) -> None:
-    from foldcar.store.errors import check_name
+    from foldcar.store.connection import check_name
 
     check_name(store)
     check_output_file(store)

@@ -61,7 +61,7 @@ def report(
     Example: foldcar report study.db -o report --threshold 0.6 --threshold 0.8
              foldcar report study.db --live
     """
-    from foldcar.store.opening import require_store
+    from foldcar.store.connection import require_store
 
     if live == (output is not None):
         raise FoldcarError("-o: --live serves the page and writes none" if live else "-o DIR is missing (or --live)")

@@ -1,27 +1,36 @@
-"""Commands on whole stores: `foldcar check`, `repair`, `migrate`, `merge` and `import`."""
+"""Commands on whole stores: `foldcar check`, `merge` and `export`."""
 
-from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
-from foldcar.commands.options import Json, NewStore, check_distinct, counts_text, output_store, tell
+from foldcar.commands.options import (
+    STANDARD_OUTPUT,
+    Json,
+    NewStore,
+    SimulatedTrials,
+    StudyStore,
+    check_distinct,
+    counts_text,
+    output_file,
+    tell,
+)
 from foldcar.errors import FoldcarError
 
 
 def check(
     store: Annotated[Path, typer.Argument(metavar="STORE", help="The store to read.")], as_json: Json = False
 ) -> None:
-    """Read a whole store and name what is damaged.
+    """Check a whole store: SQLite's structures, references between rows, the logs of trials.
 
-    Exit code 1 if anything is. Nothing is changed.
+    Exit code 1 if anything is damaged.
 
     \b
     Example: foldcar check study.db
     """
     from foldcar.store.check import check_store
-    from foldcar.store.migrations import VERSION
+    from foldcar.store.tables import VERSION
 
     done = check_store(store)
     findings = [" ".join(finding.split()) for finding in done.findings]
@@ -33,53 +42,6 @@ def check(
         raise typer.Exit(1)
 
 
-def repair(
-    store: Annotated[Path, typer.Argument(metavar="DAMAGED", help="The damaged store, which is only read.")],
-    output: NewStore,
-    as_json: Json = False,
-) -> None:
-    """Save what is whole of a damaged store.
-
-    It says what is lost. A row is saved if it matches its checksum. Runs that are lost are simulated by the next sweep
-    into the new store. Exit code 1 if anything is lost.
-
-    \b
-    Example: foldcar repair study.db -o whole.db
-    """
-    from foldcar.store.repair import repair_store
-
-    done = repair_store(store, output)
-    lines = [f"{store}: {finding}" for finding in done.findings]
-    for table, saved in done.saved.items():
-        losses = {"missing": done.missing.get(table), "refer to what is lost": done.dependent.get(table)}
-        parts = [f"{lost} {text}" for text, lost in losses.items() if lost]
-        if parts:
-            lines.append(f"{table}: {saved} rows saved; lost: {', '.join(parts)}")
-    lines += [*done.trials, *(f"{log}: its trial is lost; the log is kept" for log in done.logs)]
-    rows, runs, trials = sum(done.saved.values()), done.saved["run"], done.saved["trial"]
-    lines.append(f"{output}: {rows} rows saved, {runs} of them runs, {trials} trials")
-    tell(as_json, {"store": output, **asdict(done)}, *lines)
-    if not done.is_whole:
-        raise typer.Exit(1)
-
-
-def migrate(
-    store: Annotated[Path, typer.Argument(metavar="STORE", help="The store to migrate.")], as_json: Json = False
-) -> None:
-    """Bring an older store up to this version.
-
-    The store is changed in place; a copy as it was stays beside it. What a killed program left half done is undone.
-
-    \b
-    Example: foldcar migrate study.db
-    """
-    from foldcar.store.migrations import VERSION
-    from foldcar.store.opening import migrate_store
-
-    migrate_store(store)
-    tell(as_json, {"store": store, "version": VERSION}, f"{store}: version {VERSION}")
-
-
 def merge(
     stores: Annotated[list[Path], typer.Argument(metavar="STORE...", help="Two stores or more.")],
     output: NewStore,
@@ -87,8 +49,9 @@ def merge(
 ) -> None:
     """Make one store of several.
 
-    Runs, scenes, experiments, trials with their logs, calibrations; what two of them have is there once. Refused, with
-    nothing written, if a run has two results or an experiment's name stands for two. The listing is the first store's.
+    Runs, scenes, experiments, trials with their logs, calibrations; what two stores have is there once. Refused, with
+    nothing written, if a run has two results, an experiment's name stands for two, or two stores say different things of
+    a trial. The listing is the first store's.
 
     \b
     Example: foldcar merge monday.db tuesday.db -o study.db
@@ -103,35 +66,73 @@ def merge(
     tell(as_json, {"store": output, **counts}, f"{output}: {counts_text(counts)}")
 
 
-def import_store(
-    folder: Annotated[
-        Path,
-        typer.Argument(metavar="DIR", help="What `foldcar export STORE --folder DIR` wrote, or a file of kept work."),
-    ],
-    store: Annotated[
-        Path,
-        typer.Option(
-            metavar="FILE", callback=output_store, help="The store to make, which must not exist; of kept work its own."
-        ),
-    ],
+def export(
+    store: StudyStore,
+    csv: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", callback=output_file, help="CSV file to write; - for standard output."),
+    ] = None,
+    parquet: Annotated[
+        Path | None, typer.Option(metavar="FILE", callback=output_file, help="Parquet file to write.")
+    ] = None,
+    trials: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", callback=output_file, help="CSV or .parquet file for the trials of built cars."),
+    ] = None,
+    simulated_trials: SimulatedTrials = False,
+    failed: Annotated[
+        bool, typer.Option("--failed", help="In --csv and --parquet only the runs that failed, each with its message.")
+    ] = False,
+    digest: Annotated[
+        bool, typer.Option("--digest", help="Print a digest of all runs' keys and results, whatever their order.")
+    ] = False,
     as_json: Json = False,
 ) -> None:
-    """Make a store of an exported folder.
+    """Write a store's runs or trials as a table.
 
-    The logs of its trials are copied beside it. After an error, nothing is written. Or take in what a command kept in a
-    file, as it said, because its store could not be written.
+    A row a run: outcome, metrics with their units in the columns' names, design parameters, recorded values; `passed` is
+    empty where the environment does not define success.
 
     \b
-    Example: foldcar import study --store again.db
+    Example: foldcar export study.db --csv study.csv
     """
-    from foldcar.store.folder import import_folder
-    from foldcar.store.kept_work import take_in
+    from foldcar.report.export import export_csv, export_parquet, export_trials, write_csv
+    from foldcar.shown_text import data_output
+    from foldcar.store.check import store_digest
+    from foldcar.store.reader import Store
 
-    if folder.is_file():
-        done = take_in(folder, store)
-        tell(as_json, {"store": store, "taken_in": done}, f"{store}: {done}")
-        return
-    manifest = import_folder(folder, store)
-    logs = sum(digest is not None for digest in manifest.logs.values())
-    counts = {"runs": manifest.rows["run"], "trials": manifest.rows["trial"], "logs": logs}
-    tell(as_json, {"store": store, **counts}, f"{store}: {counts_text(counts)}")
+    if not (csv or parquet or trials or digest):
+        what = "--csv FILE, --parquet FILE, --trials FILE or --digest"
+        raise FoldcarError(f"export: say what to write: {what}")
+    check_distinct([store], [csv, parquet, trials])
+    for option, given in (("--json", as_json), ("--digest", digest)):
+        if given and csv == STANDARD_OUTPUT:
+            raise FoldcarError(f"export: --csv - and {option} both print on standard output; choose one")
+    if failed and csv is None and parquet is None:
+        raise FoldcarError("export: --failed: says nothing without --csv FILE or --parquet FILE")
+    told: dict[str, Any] = {}
+    written: list[dict[str, Any]] = []
+    messages = []
+    with Store.open(store) as opened:
+        if csv == STANDARD_OUTPUT:
+            write_csv(opened, data_output(), failed)
+        elif csv is not None:
+            written.append({"path": csv, "runs": export_csv(opened, csv, failed)})
+        if parquet is not None:
+            written.append({"path": parquet, "runs": export_parquet(opened, parquet, failed)})
+        if trials is not None:
+            count, left_out = export_trials(opened, trials, simulated_trials)
+            written.append({"path": trials, "trials": count, "left_out": left_out})
+            messages += [f"{trials}: {left_out}"] if left_out else []
+        if digest:
+            told = dict(zip(("digest", "runs"), store_digest(opened), strict=True))
+    tell(
+        as_json,
+        {"store": store, "written": written, **told},
+        *([f"{told['digest']}  {told['runs']} runs"] if digest else []),
+    )
+    for one in () if as_json else written:
+        counts = {what: count for what, count in one.items() if what not in ("path", "left_out")}
+        typer.echo(f"{one['path']}: {counts_text(counts)}", err=True)
+    for message in messages:
+        typer.echo(message, err=True)

@@ -225,7 +225,7 @@ def _change(
 ) -> None:
     """Change trials of an existing store, and print the corrections that this made. FoldcarError."""
     from foldcar.commands.tables import correction_text
-    from foldcar.store.opening import require_store
+    from foldcar.store.connection import require_store
     from foldcar.store.trial_writer import write_trials
 
     if not reason.strip():
@@ -243,9 +243,9 @@ def import_file(
     experiment: Annotated[str | None, typer.Option(metavar="ID", help="The experiment of rows that name none.")] = None,
     as_json: Json = False,
 ) -> None:
-    """Take over trials from a CSV file.
+    """Import trials from a CSV file.
 
-    All of them or none; docs/trials.md has the columns.
+    All of them or none; rows that were imported before are counted only. docs/trials.md has the columns.
 
     \b
     Example: foldcar trials import study.db scenarios/published_trials.csv
@@ -255,14 +255,14 @@ def import_file(
 
     found = read_trials(file, experiment, swept_experiments(store), note)
     with write_trials(store) as writer:
-        for source in dict.fromkeys(trial["source"] for trial in found):
-            if writer.source_is_there(source):
-                raise FoldcarError(f'{file}: source: trials of "{source}" are in {store} already')
         numbers = writer.import_trials(found)
     for one in import_notes(store, found):
         note(one)
-    line = f"{len(numbers)} trials imported, {numbers[0]} to {numbers[-1]}; store: {store}"
-    tell(as_json, {"store": store, "imported": numbers}, line)
+    known = len(found) - len(numbers)
+    range_text = f", {numbers[0]} to {numbers[-1]}" if numbers else ""
+    known_text = f"; {known} were imported before" if known else ""
+    line = f"{len(numbers)} trials imported{range_text}{known_text}; store: {store}"
+    tell(as_json, {"store": store, "imported": numbers, "known": known}, line)
 
 
 @trials.command()

@@ -30,7 +30,7 @@ BATCH_ROWS = 10_000
 TRIAL_HEAD = ("id", "experiment", "vehicle_type")
 TRIAL_TAIL = (
     "sample", "outcome", "ending", "elapsed_time_s", "note", "operator", "started_utc", "ended_utc", "firmware_build",
-    "design_hash", "log", "log_sha256", "source", "car", "car_name", "scenic_program", "corrections",
+    "design_hash", "log", "log_sha256", "source", "car", "car_name", "scenic_program", "corrections", "uuid",
 )  # fmt: skip
 
 # What a recorded value is in a file, by the types of all its values; whatever mixes or nests is JSON.

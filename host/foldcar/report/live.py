@@ -15,10 +15,9 @@ from typing import Any, TextIO
 
 from foldcar.errors import FoldcarError
 from foldcar.installation import usable_processors
-from foldcar.store.connection import is_written
+from foldcar.store.connection import beside, is_written
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.log_files import logs_folder, running_trial_file
-from foldcar.store.opening import beside
 from foldcar.store.reader import Store
 
 # Time from one making of the data to the next (s), at least; their share of what all processors do meanwhile.

@@ -11,10 +11,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from foldcar.store.connection import StoreConnection
+from foldcar.store.connection import StoreConnection, writing
 from foldcar.store.errors import StoreError
 from foldcar.store.info import CALIBRATION_KIND
-from foldcar.store.opening import writing
 from foldcar.store.reader import Store
 from foldcar.store.rows import Row, parsed
 from foldcar.store.tables import BUILD, CALIBRATION

@@ -1,9 +1,7 @@
-"""Reads all of a store and names what is damaged, or gives a digest of its runs.
+"""Checks a store - SQLite's structures, references, logs of trials - or computes a digest of its runs.
 
-Damage is sought in SQLite's structures, rows, references, tables, logs of trials.
-
-Input: a store's path. Output: findings as lines. A bit that flips anywhere in a row is found by the row's checksum;
-in an index or in SQLite's own bookkeeping by PRAGMA integrity_check.
+Input: a store's path. Output: findings as lines. PRAGMA integrity_check also finds values of other types than the tables
+declare.
 """
 
 import contextlib
@@ -11,24 +9,20 @@ import hashlib
 import json
 import sqlite3
 from collections import Counter
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 from foldcar.simulation.results import NUMBERS
+from foldcar.store.connection import connect_reading
 from foldcar.store.errors import SQLITE_ERRORS, StoreError
 from foldcar.store.log_files import log_file, logs_folder, sha256_of
-from foldcar.store.migrations import VERSION
-from foldcar.store.opening import beside, connect_reading, require_version
 from foldcar.store.reader import Store
-from foldcar.store.rows import columns_sql, is_intact, is_there, key_text
-from foldcar.store.salvage import log_damage
-from foldcar.store.tables import BY_NAME, CHECKSUM, PATH, RECORDED, RUN, TABLES, VIEWS, Table
+from foldcar.store.tables import BY_NAME, PATH, RECORDED, RUN, TABLES
 
 
 @dataclass(slots=True)
 class StoreCheck:
-    """What was read, and what of it is damaged."""
+    """How many rows and logs were read, and what of them is damaged."""
 
     rows: int
     logs: int
@@ -38,116 +32,53 @@ class StoreCheck:
 def check_store(path: Path) -> StoreCheck:
     """Read the whole store. StoreError if there is none, or if nothing of it can be read."""
     with contextlib.closing(connect_reading(path)) as connection:
-        require_version(path, connection)
-        done = StoreCheck(0, 0, [])
-        damage = log_damage(beside(path, "-wal"))
-        if damage is not None:
-            done.findings.append(f"write-ahead log {path.name}-wal: {damage}")
-        _read(connection, done)
-        _check_logs(path, connection, done)
-    return done
+        try:
+            lines = [str(line) for (line,) in connection.execute("PRAGMA integrity_check") if line != "ok"]
+            findings = [f"SQLite's structure: {' '.join(line.split())}" for line in lines]
+            rows = sum(connection.execute(f"SELECT count(*) FROM {table.name}").fetchone()[0] for table in TABLES)
+            findings += missing_references(connection)
+            logs, damaged = _check_logs(path, connection)
+        except SQLITE_ERRORS as error:
+            raise StoreError(f"{path}: cannot be read to its end: {error}") from error
+    return StoreCheck(rows, logs, findings + damaged)
 
 
-def findings_of(connection: sqlite3.Connection) -> list[str]:
-    """What is damaged of a store, the logs of its trials aside."""
-    return _read(connection, StoreCheck(0, 0, [])).findings
-
-
-def _read(connection: sqlite3.Connection, done: StoreCheck) -> StoreCheck:
-    try:
-        lines = [str(line) for (line,) in connection.execute("PRAGMA integrity_check")]
-    except SQLITE_ERRORS as error:
-        lines = [str(error)]
-    done.findings += [f"SQLite's structure: {' '.join(line.split())}" for line in lines if line != "ok"]
-    # A text whose bytes are damaged must be read to be named.
-    connection.text_factory = lambda content: content.decode("utf-8", "surrogateescape")
-    done.findings += _schema(connection)
-    for table in TABLES:
-        done.findings += _damaged_rows(connection, table, done)
-    done.findings += references(connection)
-    return done
-
-
-def _schema(connection: sqlite3.Connection) -> Iterator[str]:
-    """Tables and views against their declarations; late ones may be missing in a store that is older than they."""
-    try:
-        texts = dict(connection.execute("SELECT name, sql FROM sqlite_master WHERE type IN ('table', 'view')"))
-        there = {
-            (table.name, name)
-            for table in TABLES
-            for _, name, *_ in connection.execute(f"PRAGMA table_info({table.name})")
-        }
-    except SQLITE_ERRORS as error:
-        yield f"SQLite's schema: {error}"
-        return
-    grown = all((table.name, column.name) in there for table in TABLES for column in table.columns if column.late)
-    for table in TABLES:
-        if table.name not in texts and table.late:
-            continue
-        if table.name not in texts:
-            yield f"table {table.name}: is missing"
-        elif texts[table.name] != table.sql and not table.grows:
-            yield f"table {table.name}: is not declared as in version {VERSION}"
-    for name, view in VIEWS.items():
-        if texts.get(name) != view and grown:
-            yield f"view {name}: is not declared as in version {VERSION}"
-
-
-def _damaged_rows(connection: sqlite3.Connection, table: Table, done: StoreCheck) -> Iterator[str]:
-    names = (*table.names, CHECKSUM)
-    try:
-        if table.late and not is_there(connection, table):
-            return
-        for cells in connection.execute(f"SELECT {columns_sql(connection, table)} FROM {table.name} NOT INDEXED"):
-            done.rows += 1
-            row = dict(zip(names, cells, strict=True))
-            if not is_intact(table, row):
-                yield f"{key_text(table, row)}: does not match its checksum"
-    except SQLITE_ERRORS as error:
-        yield f"table {table.name}: cannot be read to its end: {error}"
-
-
-def references(connection: sqlite3.Connection) -> Iterator[str]:
+def missing_references(connection: sqlite3.Connection) -> list[str]:
     """A line for each kind of rows that refer to what is not there."""
     where = " AND ".join(f"r.{name} = v.{name}" for name in RUN.key)
-    try:
-        missing = Counter((row[0], row[2]) for row in connection.execute("PRAGMA foreign_key_check"))
-        for table in (RECORDED, PATH):
-            (missing[table.name, RUN.name],) = connection.execute(
-                f"SELECT count(*) FROM {table.name} v WHERE NOT EXISTS (SELECT 1 FROM {RUN.name} r WHERE {where})"
-            ).fetchone()
-    except SQLITE_ERRORS as error:
-        yield f"references between tables: {error}"
-        return
-    for (name, referred), count in sorted((+missing).items()):
-        yield f"table {name}: {count} rows refer to rows of {referred} that are not there"
+    missing = Counter((row[0], row[2]) for row in connection.execute("PRAGMA foreign_key_check"))
+    for table in (RECORDED, PATH):
+        (missing[table.name, RUN.name],) = connection.execute(
+            f"SELECT count(*) FROM {table.name} v WHERE NOT EXISTS (SELECT 1 FROM {RUN.name} r WHERE {where})"
+        ).fetchone()
+    return [
+        f"table {name}: {count} rows refer to rows of {referred} that are not there"
+        for (name, referred), count in sorted((+missing).items())
+    ]
 
 
-def _check_logs(path: Path, connection: sqlite3.Connection, done: StoreCheck) -> None:
-    try:
-        trials = connection.execute("SELECT id, log, log_sha256 FROM trial WHERE log IS NOT NULL ORDER BY id").fetchall()
-    except SQLITE_ERRORS:
-        # Named with its table.
-        return
+def _check_logs(path: Path, connection: sqlite3.Connection) -> tuple[int, list[str]]:
+    """How many logs of trials there are, and a line for each that is missing, damaged or of no trial."""
+    trials = connection.execute("SELECT id, log, log_sha256 FROM trial WHERE log IS NOT NULL ORDER BY id").fetchall()
+    # A trial is stored before its log is begun.
     named = {str(log) for _, log, _ in trials}
-    for there in sorted(logs_folder(path).glob("trial-*.tlog")):
-        # A trial is stored before its log is begun.
-        if str(there.relative_to(path.parent)) not in named:
-            done.findings.append(f"log {there}: its trial is missing")
+    files = sorted(logs_folder(path).glob("trial-*.tlog"))
+    findings = [f"log {file}: its trial is missing" for file in files if str(file.relative_to(path.parent)) not in named]
+    logs = 0
     for number, log, expected in trials:
         where = f"trial (id={number})"
         try:
             file = log_file(path, str(log))
-            found = sha256_of(file)
+            digest = sha256_of(file)
         except StoreError as error:
-            done.findings.append(f"{where}: {str(error).removeprefix(f'{path}: ')}")
+            findings.append(f"{where}: {str(error).removeprefix(f'{path}: ')}")
             continue
-        if found is not None:
-            done.logs += 1
-        if expected is not None and found is None:
-            done.findings.append(f"{where}: its log {file} is missing")
-        elif expected is not None and found != expected:
-            done.findings.append(f"{where}: its log {file} does not match its SHA-256")
+        logs += digest is not None
+        if expected is not None and digest is None:
+            findings.append(f"{where}: its log {file} is missing")
+        elif expected is not None and digest != expected:
+            findings.append(f"{where}: its log {file} does not match its SHA-256")
+    return logs, findings
 
 
 def store_digest(store: Store) -> tuple[str, int]:

@@ -1,40 +1,177 @@
-"""Writing a store: who may, how long foldcar waits for other programs that lock it, transactions, rows and texts.
+"""How a store's file is made, opened, written by one process at a time, and refused.
 
-One process writes at a time: it holds SQLite's exclusive lock of a file beside the store, ``study.db-lock``, which the
-system drops when the process ends, however it ends. Symbolic links lead to the same file. Readers are not kept out.
-SQLite waits for locks too, but deaf to signals: each of its waits is short (BUSY_S), and what failed is tried again.
+A store is one SQLite file. While it is written, it is in write-ahead mode with two files beside it (a rollback journal
+where the file system has no shared memory), and the writer holds SQLite's exclusive lock of ``study.db-lock``, which
+the system drops when the process ends, however it ends. When the writer closes, the store is a single file again.
+Readers copy the store into a temporary database that vanishes with the connection, so that they keep no writer waiting.
 """
 
 import contextlib
 import hashlib
 import os
 import sqlite3
-import sys
-import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
-from foldcar.interrupts import delayed, held, is_pending
+from foldcar.interrupts import delayed, held
+from foldcar.outputs import make_output_folder
 from foldcar.store.errors import StoreError, store_errors
-from foldcar.store.rows import Row, insert_sql, key_text, read_rows, stored
-from foldcar.store.tables import BY_NAME, CHECKSUM, Table
+from foldcar.store.rows import Row, insert_sql, key_text, read_rows
+from foldcar.store.tables import BY_NAME, VERSION, Table, create_tables
 
-# How long SQLite waits, and how long a command does, in seconds.
-BUSY_S = 1.0
-PATIENCE_S = 600.0
+# "Fold" in ASCII: tells a store from other SQLite files.
+APPLICATION_ID = 0x466F6C64
+# How long SQLite waits for another program that has the store locked, in seconds.
+BUSY_S = 10.0
+# Larger stores, of some ten million runs, are read in place.
+MAX_COPIED_BYTES = 2**30
 
-T = TypeVar("T")
+
+def open_reading(path: Path) -> sqlite3.Connection:
+    """A connection that sees one moment of an existing store and never writes. StoreError if it is no such store."""
+    with contextlib.ExitStack() as stack:
+        connection = stack.enter_context(contextlib.closing(connect_reading(path)))
+        with store_errors(path):
+            if path.stat().st_size > MAX_COPIED_BYTES:
+                connection.execute("BEGIN")
+                stack.pop_all()
+                return connection
+            copy = sqlite3.connect("", isolation_level=None)
+            stack.callback(copy.close)
+            connection.backup(copy)
+            copy.execute("PRAGMA query_only = ON")
+            # Structure, types, required values and choices: what is read below is of the kind that was written.
+            (first,) = copy.execute("PRAGMA quick_check(1)").fetchone()
+        if first != "ok":
+            raise StoreError(f"{path}: is damaged: {first}; `foldcar check {path}` says what else is")
+        stack.pop_all()
+        connection.close()
+        return copy
+
+
+def connect_reading(path: Path) -> sqlite3.Connection:
+    """A connection that changes no row of a store of this version. StoreError if there is no such store."""
+    check_name(path)
+    if not path.exists():
+        raise StoreError(f"{path}: no such store")
+    if not path.is_file():
+        raise StoreError(f"{path}: is no file")
+    with store_errors(path), contextlib.ExitStack() as stack:
+        # Not read-only: SQLite then puts in what a killed writer left in files beside the store.
+        connection = sqlite3.connect(f"{path.resolve().as_uri()}?mode=rw", BUSY_S, uri=True, isolation_level=None)
+        stack.callback(connection.close)
+        connection.execute("PRAGMA query_only = ON")
+        if _is_blank(path, connection):
+            raise StoreError(f"{path}: is no foldcar store")
+        stack.pop_all()
+        return connection
+
+
+def beside(path: Path, suffix: str) -> Path:
+    """The file beside a store with that ending: ``-wal``, ``-lock``. Symbolic links lead to the same one."""
+    return Path(f"{os.path.realpath(path)}{suffix}")
+
+
+def require_store(path: Path) -> None:
+    """StoreError if there is no store of this version. For commands that write but make no store."""
+    connect_reading(path).close()
+
+
+def _is_blank(path: Path, connection: sqlite3.Connection) -> bool:
+    """Whether the database has no tables yet. StoreError if it has others than those of this version."""
+    with store_errors(path, "is no foldcar store: "):
+        (tables,) = connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
+        (application_id,) = connection.execute("PRAGMA application_id").fetchone()
+        (version,) = connection.execute("PRAGMA user_version").fetchone()
+    if tables == 0 and application_id == 0:
+        return True
+    if application_id != APPLICATION_ID:
+        raise StoreError(f"{path}: is no foldcar store")
+    if version != VERSION:
+        raise StoreError(
+            f"{path}: is a store of version {version}, and this foldcar reads version {VERSION}: "
+            "sweep into a new store, or use the foldcar that made it"
+        )
+    return False
+
+
+def check_name(store: Path) -> None:
+    """StoreError if SQLite takes the name for something else than a file's: it would keep nothing, or elsewhere."""
+    if str(store) == ":memory:" or str(store).startswith("file:"):
+        raise StoreError(f"{store}: is no file name to SQLite: give the store another, such as study.db")
+
+
+def check_new(store: Path) -> None:
+    """StoreError if there is a file of that name, or if it cannot be the name of a store."""
+    check_name(store)
+    if os.path.lexists(store):
+        raise StoreError(f"{store}: is there already; name a new store")
 
 
 @contextlib.contextmanager
-def writer_lock(path: Path) -> Iterator[None]:
-    """Hold the right to write the store at ``path``. StoreError if another process, or this one, has it."""
-    file = Path(f"{os.path.realpath(path)}-lock")
+def new_store(store: Path) -> Iterator[sqlite3.Connection]:
+    """A connection to an empty store that gets its name, ``store``, at the end of the block, or else vanishes.
+
+    StoreError if there is a file of that name, or if it cannot be written.
+    """
+    check_new(store)
+    make_output_folder(store.parent)
+    part = store.with_name(f".{store.name}.{os.getpid()}.part")
+    with held(lambda: part.unlink(missing_ok=True)):
+        try:
+            with store_errors(store), contextlib.closing(sqlite3.connect(part, isolation_level=None)) as connection:
+                # Without a journal beside it: what ends early is deleted.
+                connection.execute("PRAGMA journal_mode = MEMORY")
+                _fill(connection)
+                with _transaction(connection):
+                    yield connection
+            part.rename(store)
+        except OSError as error:
+            raise StoreError(f"{error.filename or store}: cannot be written: {error.strerror or error}") from error
+        finally:
+            part.unlink(missing_ok=True)
+
+
+def _fill(connection: sqlite3.Connection) -> None:
+    """Make an empty database an empty store."""
+    with _transaction(connection):
+        create_tables(connection)
+        connection.execute(f"PRAGMA application_id = {APPLICATION_ID}")
+        connection.execute(f"PRAGMA user_version = {VERSION}")
+
+
+@contextlib.contextmanager
+def writing(path: Path, synchronous: str = "NORMAL") -> Iterator[sqlite3.Connection]:
+    """A connection to the store at ``path``; made, with its folder, if need be. StoreError if it is in use.
+
+    A commit survives the death of the program; with ``synchronous`` FULL also a power cut.
+    """
+    check_name(path)
+    if path.is_dir():
+        raise StoreError(f"{path}: is a folder, not a store")
+    make_output_folder(path.parent)
+    with _writer_lock(path):
+        connection = _open_writing(path)
+        with held(lambda: _close_writing(path, connection)):
+            try:
+                with store_errors(path):
+                    if _is_blank(path, connection):
+                        _fill(connection)
+                    connection.execute(f"PRAGMA synchronous = {synchronous}")
+                yield connection
+            finally:
+                _close_writing(path, connection)
+
+
+@contextlib.contextmanager
+def _writer_lock(path: Path) -> Iterator[None]:
+    """Hold the right to write the store at ``path``. StoreError if another process has it."""
+    file = beside(path, "-lock")
     in_use = StoreError(f"{path}: another sweep or trial is writing this store; wait for it or use another store")
     try:
         file.touch()
-        before = file.stat()
+        status = file.stat()
         # Longer than `is_written` looks at it.
         lock = sqlite3.connect(file, timeout=0.2, isolation_level=None)
     except OSError as error:
@@ -47,7 +184,7 @@ def writer_lock(path: Path) -> Iterator[None]:
         except sqlite3.Error as error:
             raise in_use if "locked" in str(error) else StoreError(f"{path}: cannot be locked: {error}") from error
         # Who had it may have deleted the file meanwhile, and a third may have made another one.
-        if not leads_to(file, before):
+        if not leads_to(file, status):
             raise in_use
 
         def delete() -> None:
@@ -64,7 +201,7 @@ def writer_lock(path: Path) -> Iterator[None]:
 
 def is_written(path: Path) -> bool | None:
     """Whether a process holds the right to write the store; None if one that held it was killed. Keeps nobody out."""
-    file = Path(f"{os.path.realpath(path)}-lock")
+    file = beside(path, "-lock")
     # Windows leaves an empty file of every writer.
     left = None if os.name == "posix" else False
     if not file.exists():
@@ -85,40 +222,52 @@ def leads_to(path: Path, status: os.stat_result) -> bool:
         return False
 
 
+def _open_writing(path: Path) -> sqlite3.Connection:
+    """A connection in write-ahead mode; with a rollback journal where the file system has no shared memory."""
+    with store_errors(path), contextlib.ExitStack() as stack:
+        connection = sqlite3.connect(path, BUSY_S, isolation_level=None)
+        stack.callback(lambda: connection.close())
+        _is_blank(path, connection)
+        try:
+            connection.execute("PRAGMA journal_mode = WAL")
+            connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
+        except sqlite3.OperationalError as error:
+            if "locked" in str(error):
+                raise
+            connection.close()
+            connection = sqlite3.connect(path, BUSY_S, isolation_level=None)
+            # A connection that lets nobody else in needs no shared memory to leave the mode.
+            connection.execute("PRAGMA locking_mode = EXCLUSIVE")
+            connection.execute("PRAGMA journal_mode = DELETE")
+            connection.execute("PRAGMA locking_mode = NORMAL")
+            connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
+        stack.pop_all()
+        return connection
+
+
+def _close_writing(path: Path, connection: sqlite3.Connection) -> None:
+    """Close, leaving a single file if nobody reads it at the moment."""
+    # An interrupt may have left a query half read, which would keep the mode: closing ends every query.
+    connection.close()
+    # Not a new file, if the store was deleted meanwhile.
+    with contextlib.suppress(sqlite3.Error):
+        last = sqlite3.connect(f"{path.resolve().as_uri()}?mode=rw", uri=True)
+        with contextlib.closing(last):
+            last.execute("PRAGMA journal_mode = DELETE")
+
+
 @contextlib.contextmanager
-def transaction(path: Path, connection: sqlite3.Connection) -> Iterator[None]:
-    """Everything in the block, or nothing. Waits for other programs; ``path`` is what messages name."""
-    patiently(path, lambda: connection.execute("BEGIN IMMEDIATE"))
+def _transaction(connection: sqlite3.Connection) -> Iterator[None]:
+    """Everything in the block, or nothing."""
+    connection.execute("BEGIN IMMEDIATE")
     try:
         yield
-        patiently(path, lambda: connection.execute("COMMIT"))
+        connection.execute("COMMIT")
     finally:
         # Still open only if something went wrong: then nothing of it counts.
         if connection.in_transaction:
             with contextlib.suppress(sqlite3.Error):
                 connection.execute("ROLLBACK")
-
-
-def patiently(path: Path, attempt: Callable[[], T]) -> T:
-    """What ``attempt`` gives, tried until no other program locks the store; standard error says that it waits.
-
-    StoreError after PATIENCE_S, and at once if a signal waits to end the program.
-    """
-    begun = time.monotonic()
-    told = False
-    while True:
-        try:
-            return attempt()
-        except sqlite3.OperationalError as error:
-            # The error's code is known from Python 3.11 on.
-            if "locked" not in str(error):
-                raise
-            if is_pending() or time.monotonic() - begun > PATIENCE_S:
-                raise StoreError(f"{path}: is locked by another program; end that and try again") from error
-        if not told:
-            sys.stderr.write(f"{path}: waiting for another program that has it locked (Ctrl-C stops)\n")
-            sys.stderr.flush()
-            told = True
 
 
 class StoreConnection:
@@ -146,19 +295,17 @@ class StoreConnection:
         return number
 
     def _insert(self, table: Table, rows: Iterable[Mapping[str, Any]], otherwise: str = "") -> None:
-        """Add rows; ``otherwise`` says what happens to those whose key is there (:func:`rows.insert_sql`)."""
+        """Add rows, absent columns empty; ``otherwise`` is what happens to those whose key is there (insert_sql)."""
         with store_errors(self.path):
             self._connection.executemany(
-                insert_sql(table, otherwise), (tuple(self._stored(table, row).values()) for row in rows)
+                insert_sql(table, otherwise), ([row.get(name) for name in table.names] for row in rows)
             )
 
     def _update(self, table: Table, row: Row) -> None:
         """Write a row that was read and changed."""
-        kept = self._stored(table, row)
-        changes = ", ".join(f"{name} = :{name}" for name in (*table.names, CHECKSUM))
-        where = " AND ".join(f"{name} = :{name}" for name in table.key)
-        with store_errors(self.path):
-            self._connection.execute(f"UPDATE {table.name} SET {changes} WHERE {where}", kept)
+        changes = ", ".join(f"{name} = ?" for name in table.names)
+        where = " AND ".join(f"{name} = ?" for name in table.key)
+        self._run(f"UPDATE {table.name} SET {changes} WHERE {where}", *map(row.get, (*table.names, *table.key)))
 
     def _rows(self, table: Table, rest: str = "", *values: Any) -> list[Row]:
         """Rows of a table; ``rest`` is SQL from WHERE on."""
@@ -171,19 +318,13 @@ class StoreConnection:
             raise StoreError(f"{self.path}: {key_text(table, key)} is missing")
         return found[0]
 
-    def _stored(self, table: Table, row: Mapping[str, Any]) -> Row:
-        try:
-            return stored(table, row)
-        except ValueError as error:
-            raise StoreError(f"{self.path}: {table.name}: {error}") from None
-
     def _run(self, statement: str, *values: Any) -> Any:
         with store_errors(self.path):
             return self._connection.execute(statement, values)
 
     @contextlib.contextmanager
     def _transaction(self) -> Iterator[None]:
-        with delayed(), store_errors(self.path), transaction(self.path, self._connection):
+        with delayed(), store_errors(self.path), _transaction(self._connection):
             yield
         if not leads_to(self.path, self._file):
             # SQLite goes on writing a file that has lost its name.

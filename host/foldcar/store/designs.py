@@ -7,8 +7,8 @@ from pathlib import Path
 from sqlite3 import Connection
 
 from foldcar.simulation.results import REJECTED
+from foldcar.store.connection import connect_reading
 from foldcar.store.errors import StoreError, store_errors
-from foldcar.store.opening import connect_reading, require_version
 from foldcar.store.rows import parsed, read_rows
 from foldcar.store.tables import DESIGN, EXPERIMENT, RESULT_JOIN
 
@@ -56,7 +56,6 @@ def stored_designs(path: Path, experiments: Iterable[str]) -> dict[str, StoredDe
         return {}
     try:
         with contextlib.closing(connect_reading(path)) as connection:
-            require_version(path, connection)
             found = {name: designs_of(path, connection, name) for name in experiments}
     except StoreError:
         # What opens it to write will say so.

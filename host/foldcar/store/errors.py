@@ -15,16 +15,13 @@ class StoreError(FoldcarError):
     """No store, another version, in use, damaged, or a disk that does not take it; the message names the file."""
 
 
-def check_name(store: Path) -> None:
-    """StoreError if SQLite takes the name for something else than a file's: it would keep nothing, or elsewhere."""
-    if str(store) == ":memory:" or str(store).startswith("file:"):
-        raise StoreError(f"{store}: is no file name to SQLite: give the store another, such as study.db")
-
-
 @contextlib.contextmanager
-def store_errors(path: Path) -> Iterator[None]:
-    """Turns SQLITE_ERRORS into StoreErrors that name the file."""
+def store_errors(path: Path, prefix: str = "") -> Iterator[None]:
+    """Turns SQLITE_ERRORS into StoreErrors that name the file; ``prefix`` stands before what SQLite says."""
     try:
         yield
     except SQLITE_ERRORS as error:
-        raise StoreError(f"{path}: {error}") from error
+        # The error's code is known from Python 3.11 on.
+        if isinstance(error, sqlite3.OperationalError) and "locked" in str(error):
+            raise StoreError(f"{path}: is locked by another program; end that and try again") from error
+        raise StoreError(f"{path}: {prefix}{error}") from error

@@ -1,10 +1,6 @@
 """Where the logs of a store's trials are: in its folder or below, named relative to it."""
 
-import contextlib
 import hashlib
-import os
-import shutil
-from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from foldcar.store.errors import StoreError
@@ -21,24 +17,19 @@ def running_trial_file(store: Path) -> Path:
 
 
 def log_file(store: Path, log: str) -> Path:
-    """The file of a log that a trial in ``store`` names; StoreError if the name leads out of the store's folder."""
-    return store.parent / log_inside(store.parent, log, f"{store}: log")
-
-
-def log_inside(folder: Path, log: str, where: str) -> Path:
-    """``log`` as a path below ``folder``; StoreError, beginning with ``where``, if it leads out of it.
+    """The file of a log that a trial in ``store`` names; StoreError if the name leads out of the store's folder.
 
     Symbolic links count: what they lead to must be in the folder too.
     """
-    path = Path(log)
+    path, folder = Path(log), store.parent
     try:
         inside = bool(log) and not path.is_absolute() and ".." not in path.parts
         inside = inside and (folder / path).resolve().is_relative_to(folder.resolve())
     except (OSError, ValueError, RuntimeError):
         inside = False
     if not inside:
-        raise StoreError(f'{where}: "{ascii(log)[1:-1][:200]}" leads out of the folder {folder}')
-    return path
+        raise StoreError(f'{store}: log: "{ascii(log)[1:-1][:200]}" leads out of the folder {folder}')
+    return folder / path
 
 
 def reference(store: Path, file: Path) -> str:
@@ -64,37 +55,3 @@ def sha256_of(file: Path) -> str | None:
     except OSError as error:
         raise StoreError(f"{file}: cannot be read: {error.strerror}") from error
     return digest.hexdigest()
-
-
-@contextlib.contextmanager
-def logs_beside(logs: Iterable[tuple[Path, Path, str | None]]) -> Iterator[None]:
-    """Copy logs (from, to, SHA-256); those that are new vanish again if the block fails."""
-    made: list[Path] = []
-    try:
-        for source, target, digest in logs:
-            if os.path.lexists(target):
-                if sha256_of(target) != digest:
-                    raise StoreError(f"{target}: is there already, with other contents")
-                continue
-            target.parent.mkdir(parents=True, exist_ok=True)
-            made.append(target)
-            shutil.copyfile(source, target)
-        yield
-    except BaseException:
-        for file in made:
-            file.unlink(missing_ok=True)
-        raise
-
-
-def give_name(part: Path, name: Path) -> None:
-    """Give a finished file its name; FileExistsError if that is taken."""
-    try:
-        os.link(part, name)
-        part.unlink()
-    except FileExistsError:
-        raise
-    except OSError:
-        # A file system without hard links.
-        if os.path.lexists(name):
-            raise FileExistsError(name) from None
-        part.rename(name)

@@ -1,28 +1,28 @@
-"""One store of several: the rows of each under the numbers of the new one, every row once.
+"""Merges several stores into a new one.
 
-Input: stores of this version. Output: a new store, or nothing. Rows are equal by what they say, not by their numbers: a
-body by its hash, a run by its key. A run that has other results in two stores means that a build is not what its name
-says, and an experiment of which two stores say different things is two experiments: both are errors.
+A body is identified by its hash, a run by its key, a trial by its UUID; their numbers change. Two results of one run
+mean that a build is not what its name says; two contents of one experiment mean that it is two experiments: both are
+errors. Of a trial that was corrected after its store was copied, the corrected state counts.
 """
 
 import contextlib
 import json
+import os
+import shutil
 import sqlite3
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from foldcar.store.check import references
-from foldcar.store.connection import transaction
+from foldcar.store.check import missing_references
+from foldcar.store.connection import check_new, connect_reading, new_store
 from foldcar.store.designs import design_counts
 from foldcar.store.errors import StoreError, store_errors
 from foldcar.store.log_files import log_file, reference, referred_file, sha256_of
-from foldcar.store.opening import check_new, connect_reading, new_store, refuse_damaged_log, require_version
-from foldcar.store.rows import Row, insert_sql, read_rows, stored
+from foldcar.store.rows import Row, insert_sql, read_rows
 from foldcar.store.tables import (
     BUILD,
     BY_NAME,
-    CHECKSUM,
     CORRECTION,
     DESIGN,
     ENVIRONMENT,
@@ -36,46 +36,52 @@ from foldcar.store.tables import (
     TRIAL,
     Table,
 )
+from foldcar.store.trial_records import RUNNING
 
-LOG_NUMBERS = 10_000
 DESIGN_COUNTS = "SELECT id, (SELECT count(*) FROM design WHERE experiment = e.id) FROM experiment e"
 # The columns of a run's key, and which tables' rows their numbers are: `recorded` and `path` refer to runs by them.
 REFERENCES = {column.name: column.refers for column in RUN.columns if column.refers}
 # Among an experiment's facts, how many runs its sweep ended with before all was decided.
 ENDED = "ended_runs"
 SAME_COLUMNS = ("build_id", "environment_id", "spread_id", "vehicle", "environment")
+# What of a correction tells it from others of its trial.
+CHANGE = CORRECTION.names[2:]
 
 
 def merge_stores(stores: Sequence[Path], merged: Path) -> dict[str, int]:
-    """Make the store ``merged``, which must not exist; gives its number of rows by table. StoreError."""
+    """Make the store ``merged``, which must not exist; returns its number of rows by table. StoreError."""
     check_new(merged)
-    for path in stores:
-        with contextlib.closing(connect_reading(path)) as source:
-            require_version(path, source)
-    with new_store(merged) as (connection, logs), transaction(merged, connection):
-        merge = _Merge(connection, merged, logs)
-        for path in stores:
-            with contextlib.closing(connect_reading(path)) as source, store_errors(path):
-                refuse_damaged_log(path)
-                source.execute("BEGIN")
-                for lost in references(source):
-                    raise StoreError(f"{path}: {lost}")
-                merge.add(path, source)
-        merge.end()
-        return {
-            table.name: connection.execute(f"SELECT count(*) FROM {table.name}").fetchone()[0] for table in TABLES
-        }
+    copied: list[Path] = []
+    try:
+        with new_store(merged) as connection:
+            merge = _Merge(connection, merged)
+            for path in stores:
+                with contextlib.closing(connect_reading(path)) as source, store_errors(path):
+                    source.execute("BEGIN")
+                    for lost in missing_references(source):
+                        raise StoreError(f"{path}: {lost}")
+                    merge.add(path, source)
+            merge.end()
+            for log, target in merge.logs.items():
+                target.parent.mkdir(parents=True, exist_ok=True)
+                copied.append(target)
+                shutil.copyfile(log, target)
+            return {
+                table.name: connection.execute(f"SELECT count(*) FROM {table.name}").fetchone()[0] for table in TABLES
+            }
+    except BaseException:
+        for target in copied:
+            target.unlink(missing_ok=True)
+        raise
 
 
 class _Merge:
-    """Adds stores to a new one, one after the other."""
+    """Adds stores to a new one, one after the other. ``logs`` are the logs to copy, with their new files."""
 
-    def __init__(
-        self, connection: sqlite3.Connection, merged: Path, logs: list[tuple[Path, Path, str | None]]
-    ) -> None:
+    def __init__(self, connection: sqlite3.Connection, merged: Path) -> None:
         self._connection = connection
         self._merged = merged
-        self._logs = logs
+        self.logs: dict[Path, Path] = {}
         self._stores: list[Path] = []
         # The store that is being added, and its rows' numbers in the new one.
         self._source = connection
@@ -85,43 +91,39 @@ class _Merge:
         self._ended: dict[str, set[int | None]] = {}
 
     def add(self, path: Path, source: sqlite3.Connection) -> None:
-        """Add all rows of a store. StoreError if one is damaged, or if they contradict those there."""
+        """Add all rows of a store. StoreError if they contradict those of the stores before."""
         self._stores.append(path)
         self._source = source
         self._numbers = {table.name: {} for table in TABLES}
-        there = {tuple(row.values())[1:] for row in self._there(CORRECTION)}
-        # The rows of the stores before: each trial among them is at most one of this store's.
-        trials = self._there(TRIAL, "ORDER BY id DESC")
         designs = dict(self._connection.execute(DESIGN_COUNTS).fetchall())
         for table in TABLES:
             order = ("position",) if table is EXPERIMENT else table.order or table.key
-            referring = ((one.name, one.refers or REFERENCES.get(one.name)) for one in table.columns)
+            referring = ((column.name, column.refers or REFERENCES.get(column.name)) for column in table.columns)
             references = {name: referred for name, referred in referring if referred not in (None, EXPERIMENT.name)}
             for row in read_rows(path, source, table, f"ORDER BY {', '.join(order)}"):
-                del row[CHECKSUM]
-                before = tuple(map(row.get, RUN.key))
+                own_key = tuple(map(row.get, RUN.key))
                 for name, referred in references.items():
                     if row[name] is not None:
                         row[name] = self._numbers[referred][row[name]]
                 if table is EXPERIMENT:
                     self._add_experiment(row)
                 elif table is TRIAL:
-                    self._add_trial(path, row, trials)
+                    self._add_trial(path, row)
                 elif table is MEDIA:
                     file = reference(self._merged, referred_file(path, row["file"]))
                     self._insert(MEDIA, {**row, "file": file}, "OR IGNORE")
                 elif table is not CORRECTION:
-                    self._add_row(table, row, before)
-                elif tuple(row.values())[1:] not in there:
-                    self._add_numbered(table, row)
+                    self._add_row(table, row, own_key)
+                elif row not in [{**known, "id": row["id"]} for known in self._corrections(row["trial_id"])]:
+                    self._add_numbered(CORRECTION, row)
         for name, count in source.execute(DESIGN_COUNTS):
             if designs.get(name, count) != count:
                 self._differs(EXPERIMENT, {"id": name}, "designs", count, designs[name])
 
-    def _add_row(self, table: Table, row: Row, before: tuple[Any, ...]) -> None:
-        """A row that its number does not tell apart: if it is there already, it must be the same.
+    def _add_row(self, table: Table, row: Row, own_key: tuple[Any, ...]) -> None:
+        """A row that its number does not identify: if it is there already, it must be the same.
 
-        ``before`` is a run's key in the store that is added.
+        ``own_key`` is a run's key in the store that is added.
         """
         number = row.get("id")
         if table.unique:
@@ -130,44 +132,42 @@ class _Merge:
         if self._insert(table, row, "OR IGNORE"):
             self._last[table.name] += 1
         else:
-            (there,) = self._there(table, "WHERE " + " AND ".join(f"{name} = ?" for name in key), *map(row.get, key))
+            (known,) = self._known(table, "WHERE " + " AND ".join(f"{name} = ?" for name in key), *map(row.get, key))
             if table is STUDY:
                 # The facts of the first store, and the earliest time of creation.
-                if row["key"] == "created_utc" and row["value"] < there["value"]:
+                if row["key"] == "created_utc" and row["value"] < known["value"]:
                     self._insert(STUDY, row, "OR REPLACE")
                 return
-            if table is ENVIRONMENT and None in (row["dynamic"], there["dynamic"]):
-                known = there["dynamic"] if row["dynamic"] is None else row["dynamic"]
-                there["dynamic"] = row["dynamic"] = known
-                self._insert(ENVIRONMENT, there, "OR REPLACE")
-            row["id"] = there.get("id")
-            self._compare(table, row, there)
+            if table is ENVIRONMENT and None in (row["dynamic"], known["dynamic"]):
+                known["dynamic"] = row["dynamic"] = known["dynamic"] if row["dynamic"] is None else row["dynamic"]
+                self._insert(ENVIRONMENT, known, "OR REPLACE")
+            row["id"] = known.get("id")
+            self._compare(table, row, known)
             if table is RUN:
-                self._compare_recorded(row, before)
+                self._compare_recorded(row, own_key)
         if number is not None:
             self._numbers[table.name][number] = row["id"]
 
-    def _compare(self, table: Table, row: Row, there: Row) -> None:
+    def _compare(self, table: Table, row: Row, known: Row) -> None:
         for name in table.names:
-            if row[name] != there[name]:
-                self._differs(table, row, name, row[name], there[name])
+            if row[name] != known[name]:
+                self._differs(table, row, name, row[name], known[name])
 
-    def _compare_recorded(self, run: Row, before: tuple[Any, ...]) -> None:
+    def _compare_recorded(self, run: Row, own_key: tuple[Any, ...]) -> None:
         """StoreError if a run of both stores has a record in one of them only."""
         query = f"SELECT name FROM recorded WHERE {' AND '.join(f'{name} = ?' for name in RUN.key)}"
-        new = {name for (name,) in self._source.execute(query, before)}
+        new = {name for (name,) in self._source.execute(query, own_key)}
         old = {name for (name,) in self._connection.execute(query, tuple(map(run.get, RUN.key)))}
         if new != old:
             self._differs(RECORDED, run, "records", sorted(new), sorted(old))
 
     def _insert(self, table: Table, row: Row, otherwise: str = "") -> bool:
         """Whether the row was added; with ``OR IGNORE`` not if its key is there."""
-        cells = tuple(stored(table, row).values())
+        cells = [row.get(name) for name in table.names]
         return self._connection.execute(insert_sql(table, otherwise), cells).rowcount > 0
 
-    def _there(self, table: Table, rest: str = "", *values: Any) -> list[Row]:
-        cells = self._connection.execute(f"SELECT {', '.join(table.names)} FROM {table.name} {rest}", values)
-        return [dict(zip(table.names, row, strict=True)) for row in cells]
+    def _known(self, table: Table, rest: str = "", *values: Any) -> list[Row]:
+        return list(read_rows(self._merged, self._connection, table, rest, *values))
 
     def _add_numbered(self, table: Table, row: Row) -> None:
         self._last[table.name] += 1
@@ -181,51 +181,62 @@ class _Merge:
         (row["position"],) = self._connection.execute("SELECT count(*) FROM experiment").fetchone()
         if self._insert(EXPERIMENT, row, "OR IGNORE"):
             return
-        (there,) = self._there(EXPERIMENT, "WHERE id = ?", row["id"])
-        known = json.loads(there["facts"])
-        known.pop(ENDED, None)
-        columns = {name: (row[name], there[name]) for name in SAME_COLUMNS}
-        for name in sorted(facts.keys() | known.keys()):
-            columns[name] = facts.get(name), known.get(name)
+        (known,) = self._known(EXPERIMENT, "WHERE id = ?", row["id"])
+        known_facts = json.loads(known["facts"])
+        known_facts.pop(ENDED, None)
+        columns = {name: (row[name], known[name]) for name in SAME_COLUMNS}
+        for name in sorted(facts.keys() | known_facts.keys()):
+            columns[name] = facts.get(name), known_facts.get(name)
         for name, (value, before) in columns.items():
             if value != before:
                 self._differs(EXPERIMENT, row, name, value, before)
-        environments = max(row["environments"], there["environments"])
-        self._insert(EXPERIMENT, {**there, "environments": environments}, "OR REPLACE")
+        environments = max(row["environments"], known["environments"])
+        self._insert(EXPERIMENT, {**known, "environments": environments}, "OR REPLACE")
 
-    def _add_trial(self, path: Path, row: Row, trials: list[Row]) -> None:
-        """A trial with its log, unless it is one of the ``trials`` of the stores before, told by what it says."""
+    def _add_trial(self, path: Path, row: Row) -> None:
+        """A trial with its log, or the trial of the same UUID, in the state that was completed or corrected last."""
         if row["log"] is not None:
-            row["log"] = self._log(path, row["log"])
-        same = next((one for one in reversed(trials) if all(one[name] == row[name] for name in TRIAL.names[1:])), None)
-        if same is not None:
-            trials.remove(same)
-            self._numbers[TRIAL.name][row["id"]] = same["id"]
+            row["log"] = self._log(path, row)
+        known = next(iter(self._known(TRIAL, "WHERE uuid = ?", row["uuid"])), None)
+        if known is None:
+            self._add_numbered(TRIAL, row)
             return
-        for there in trials:
-            # The same drive, of which one store says something else.
-            if row["log_sha256"] is not None and there["log_sha256"] == row["log_sha256"]:
-                self._compare(TRIAL, {**row, "id": there["id"]}, there)
-        self._add_numbered(TRIAL, row)
+        self._numbers[TRIAL.name][row["id"]] = known["id"]
+        row = {**row, "id": known["id"]}
+        # An import into a store that was not swept yet does not know them.
+        for name in ("environment_id", "scenic_program"):
+            row[name] = known[name] = known[name] if row[name] is None else row[name]
+        corrections = read_rows(path, self._source, CORRECTION, "WHERE trial_id = (SELECT id FROM trial WHERE uuid = ?)",
+                                row["uuid"])  # fmt: skip
+        new, old = ([tuple(map(change.get, CHANGE)) for change in changes]
+                    for changes in (corrections, self._corrections(known["id"])))  # fmt: skip
+        is_newer = known["ending"] == RUNNING or (len(new) > len(old) and set(old) <= set(new))
+        is_older = row["ending"] == RUNNING or (len(old) > len(new) and set(new) <= set(old))
+        if not is_newer and not is_older:
+            self._compare(TRIAL, row, known)
+        self._insert(TRIAL, row if is_newer else known, "OR REPLACE")
 
-    def _log(self, path: Path, log: str) -> str:
-        """The name of a trial's log in the new store's folder; its file is to be copied there if it is elsewhere."""
-        source = log_file(path, log)
+    def _corrections(self, trial: int) -> list[Row]:
+        return self._known(CORRECTION, "WHERE trial_id = ?", trial)
+
+    def _log(self, path: Path, trial: Row) -> str:
+        """The name of a trial's log in the new store's folder, to which its file is to be copied."""
+        source, name = log_file(path, trial["log"]), trial["log"]
         digest = sha256_of(source)
         if digest is None:
-            return log
-        planned = {target: one for _, target, one in self._logs}
-        for number in range(1, LOG_NUMBERS):
-            name = Path(log) if number == 1 else Path(log).with_stem(f"{Path(log).stem}-{number}")
-            target = log_file(self._merged, str(name))
-            if planned.get(target, digest) == digest and (not target.exists() or sha256_of(target) == digest):
-                self._logs.append((source, target, digest))
-                return str(name)
-        raise StoreError(f"{self._merged}: no name is left for log {log} of {path}")
+            return str(name)
+        taken = {target: log for log, target in self.logs.items()}
+        for candidate in (Path(name), Path(name).with_stem(f"{Path(name).stem}-{trial['uuid'][:8]}")):
+            target = log_file(self._merged, str(candidate))
+            if sha256_of(taken.get(target, target)) in (None, digest):
+                if not os.path.lexists(target):
+                    self.logs[source] = target
+                return str(candidate)
+        raise StoreError(f"{target}: is there already, with other contents")
 
     def end(self) -> None:
         """Say of an experiment that its sweep has ended only if one did with the runs that are there. StoreError."""
-        for row in self._there(EXPERIMENT):
+        for row in self._known(EXPERIMENT):
             facts = json.loads(row["facts"])
             runs = sum(design_counts(self._merged, self._connection, row["id"]).runs)
             if facts.pop(ENDED, None) != runs:
@@ -235,18 +246,21 @@ class _Merge:
     def _differs(self, table: Table, row: Row, name: str, value: Any, before: Any) -> None:
         """Raise the StoreError that says which store says what."""
         new, old = self._stores[-1], ", ".join(map(str, self._stores[:-1]))
-        values = f"{name} is {self._told(name, value)} in {new}, {self._told(name, before)} in {old}"
+        values = f"{name} is {self._shown(name, value)} in {new}, {self._shown(name, before)} in {old}"
         if table in (EXPERIMENT, DESIGN):
             experiment = row["id"] if table is EXPERIMENT else row["experiment"]
             place = "" if table is EXPERIMENT else f"design {row['position'] + 1}: "
             raise StoreError(f'experiment "{experiment}": {place}{values}: give one of them another name and sweep it')
+        if table is TRIAL:
+            number = next(number for number, known in self._numbers[TRIAL.name].items() if known == row["id"])
+            raise StoreError(f"trial {number} of {new} ({row['uuid']}): {values}: correct one of them")
         is_run = table in (RUN, RECORDED, PATH)
-        key = ", ".join(f"{one} {self._told(one, row.get(one))}" for one in (RUN if is_run else table).key)
+        key = ", ".join(f"{column} {self._shown(column, row.get(column))}" for column in (RUN if is_run else table).key)
         why = ": the same build gave two results, so one of them is not that build" if is_run else ""
         raise StoreError(f"{'run' if is_run else table.name} ({key}): {values}{why}")
 
-    def _told(self, column: str, value: Any) -> str:
-        """A value for messages; instead of a row's number what tells it: a build's name, the beginning of a hash."""
+    def _shown(self, column: str, value: Any) -> str:
+        """A value for messages; instead of a row's number what identifies it: a build's name, the start of a hash."""
         referred = BY_NAME.get(column.removesuffix("_id")) if column.endswith("_id") else None
         if value is not None and referred is not None and referred.unique:
             query = f"SELECT substr({referred.unique}, 1, ?) FROM {referred.name} WHERE id = ?"

@@ -10,20 +10,18 @@ from sqlite3 import Connection
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from foldcar.simulation.results import NUMBERS, Recorded, Result
+from foldcar.store.connection import open_reading
 from foldcar.store.designs import DesignCounts, design_counts
 from foldcar.store.errors import StoreError, store_errors
 from foldcar.store.info import ExperimentInfo, StudyInfo
-from foldcar.store.opening import open_reading
-from foldcar.store.rows import Row, columns_sql, key_text, parsed, read_rows, verified, verify_cells
+from foldcar.store.rows import Row, key_text, parsed, read_rows
 from foldcar.store.tables import (
     BY_NAME,
-    CHECKSUM,
     CORRECTION,
     DESIGN,
     ENVIRONMENT,
     EXPERIMENT,
     MEDIA,
-    PATH,
     PATH_JOIN,
     RECORDED,
     RESULT_JOIN,
@@ -41,17 +39,14 @@ if TYPE_CHECKING:
 __all__ = ["ExperimentInfo", "Store", "StoreError", "StudyInfo"]
 
 # What :meth:`Store.run_batches` gives of each run, at so many runs a time.
-RUN_CELLS = (*sorted(RUN.names), CHECKSUM)
+RUN_CELLS = RUN.names
 BATCH_ROWS = 20_000
 
 T = TypeVar("T")
 
 
 class Store:
-    """A store as it was at one moment: ``with Store.open(path) as store: …``. Never changes a file.
-
-    Every row that is used is verified by its checksum: all methods raise StoreError if one is damaged.
-    """
+    """A store as it was at one moment: ``with Store.open(path) as store: …``. All methods raise StoreError."""
 
     def __init__(self, path: Path, connection: Connection) -> None:
         self.path = path
@@ -119,30 +114,15 @@ class Store:
 
         Two lists of equally many: (design's position, sample), and the cells of RUN_CELLS.
         """
-        experiment = self._experiment(name)
-        # The samples say which runs are the experiment's: they are verified too.
-        for table, key in (("sample", "environment_id"), ("draw", "spread_id")):
-            for _ in self.rows(BY_NAME[table], f"WHERE {key} = ?", experiment[key]):
-                pass
-        rows = self._rows(
-            f"SELECT d.position, s.sample, {columns_sql(self._connection, RUN, 'r', RUN_CELLS[:-1])} {RESULT_JOIN} "
-            "AND e.id = ? ORDER BY d.position, s.sample",
-            name,
-        )
+        columns = ", ".join(f"r.{column}" for column in RUN_CELLS)
+        query = f"SELECT d.position, s.sample, {columns} {RESULT_JOIN} AND e.id = ? ORDER BY d.position, s.sample"
+        rows = self._rows(query, name)
         while batch := list(itertools.islice(rows, BATCH_ROWS)):
-            cells = [row[2:] for row in batch]
-            verify_cells(self.path, RUN, cells)
-            yield [row[:2] for row in batch], cells
+            yield [row[:2] for row in batch], [row[2:] for row in batch]
 
     def kept_paths(self, name: str) -> Iterator[tuple[int, int, int, str]]:
         """The paths kept of an experiment's runs: the design's position, the sample, how many rows, the compact path."""
-        names = (*PATH.names, CHECKSUM)
-        columns = columns_sql(self._connection, PATH, "p")
-        for design, sample, *cells in self._rows(
-            f"SELECT d.position, s.sample, {columns} {PATH_JOIN} AND e.id = ?", name
-        ):
-            row = verified(self.path, PATH, dict(zip(names, cells, strict=True)))
-            yield design, sample, row["row_count"], row["compact"]
+        yield from self._rows(f"SELECT d.position, s.sample, p.row_count, p.compact {PATH_JOIN} AND e.id = ?", name)
 
     def run_rows(self, name: str) -> Iterator[tuple[int, int, Row]]:
         """The runs that an experiment shows, by design and sample: the design's position, the sample, the row."""
@@ -229,7 +209,7 @@ class Store:
         return None
 
     def rows(self, table: Table, rest: str = "", *values: Any) -> Iterator[Row]:
-        """Rows of a table as they stand there, checksums included; ``rest`` is SQL from WHERE on."""
+        """Rows of a table as they stand there; ``rest`` is SQL from WHERE on."""
         return read_rows(self.path, self._connection, table, rest, *values)
 
     def failures(self, experiments: Sequence[str]) -> list[tuple[str, int]]:

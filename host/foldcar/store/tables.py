@@ -1,28 +1,28 @@
-"""The store's tables, declared once: SQL, checksums, folders of files and their explanations are made from them.
+"""The store's tables, declared once: the SQL that makes them is derived from these declarations.
 
-Each table has one more column, ``checksum`` (:mod:`foldcar.store.rows`). A run's metrics are those of
-:mod:`foldcar.simulation.results`.
+A run's metrics are those of :mod:`foldcar.simulation.results`. All tables are STRICT: SQLite checks types, required
+values and choices whenever a row is written, and again in PRAGMA integrity_check.
 """
 
-import zlib
 from dataclasses import dataclass
 from functools import cached_property
+from sqlite3 import Connection
 
 from foldcar.simulation.results import METRICS, OUTCOMES
 from foldcar.store.trial_records import BUILT, CARS, MEDIA_ENDINGS, TRIAL_OUTCOMES, UNKNOWN
 
-CHECKSUM = "checksum"
+# Raised by every change of a table or view; stores of other versions are refused.
+VERSION = 2
 
-# Types of columns in SQL. JSON is text that is JSON; a VALUE is a text, a number or nothing.
-SQL_TYPES = {"INTEGER": " INTEGER", "REAL": " REAL", "TEXT": " TEXT", "JSON": " TEXT", "VALUE": ""}
+# Types of columns in SQL. JSON is text that is JSON; a VALUE is a text or a number.
+SQL_TYPES = {"INTEGER": "INTEGER", "REAL": "REAL", "TEXT": "TEXT", "JSON": "TEXT", "VALUE": "ANY"}
 
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """A column: ``type`` is a key of SQL_TYPES, ``refers`` the table whose ``id`` it holds.
+    """A column: ``type`` is a key of SQL_TYPES, ``refers`` the table whose ``id`` it contains.
 
-    ``null`` says whether it may be empty; ``choices``, if there are any, are its possible values. A ``late`` one, which
-    may be empty, is missing in stores of this version that are older than it.
+    ``null`` allows an empty value; ``choices``, if there are any, are the possible values.
     """
 
     name: str
@@ -31,22 +31,25 @@ class Column:
     null: bool = False
     refers: str | None = None
     choices: tuple[str, ...] = ()
-    late: bool = False
 
     @property
     def sql(self) -> str:
-        """Its definition in CREATE TABLE."""
-        required = "" if self.null else " NOT NULL"
-        reference = f" REFERENCES {self.refers} (id)" if self.refers else ""
-        return f"{self.name}{SQL_TYPES[self.type]}{required}{reference}"
+        """The column's definition in CREATE TABLE."""
+        parts = [self.name, SQL_TYPES[self.type]]
+        if not self.null:
+            parts.append("NOT NULL")
+        if self.refers:
+            parts.append(f"REFERENCES {self.refers} (id)")
+        if self.choices:
+            parts.append(f"CHECK ({self.name} IN {self.choices})")
+        return " ".join(parts)
 
 
 @dataclass(frozen=True)
 class Table:
-    """A table: ``key`` names the columns that tell its rows apart, ``unique`` one more that does.
+    """A table: ``key`` names the columns that identify a row, ``unique`` one more column that does.
 
-    ``order`` names those of the key in the order in which rows stand in the file; by default that of ``key``.
-    A ``late`` table may be missing in stores of this version that are older than it.
+    ``order`` lists the key's columns in the order in which rows stand in the file; by default that of ``key``.
     """
 
     name: str
@@ -55,52 +58,21 @@ class Table:
     key: tuple[str, ...] = ("id",)
     unique: str | None = None
     order: tuple[str, ...] = ()
-    late: bool = False
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """The columns' names without the checksum's."""
+        """The names of the columns."""
         return tuple(column.name for column in self.columns)
-
-    @cached_property
-    def grows(self) -> bool:
-        """Whether columns may be missing, or stand elsewhere, in stores that are older than they."""
-        return any(column.late for column in self.columns)
-
-    @cached_property
-    def checksum_start(self) -> int:
-        """The CRC-32 of the table's name, which checksums go on from: tables may have equal columns."""
-        return zlib.crc32(self.name.encode())
-
-    @cached_property
-    def checksum_order(self) -> tuple[tuple[str, str], ...]:
-        """The columns' names in alphabetical order, each behind itself as a key of a JSON object."""
-        return tuple((f'"{name}":', name) for name in sorted(self.names))
-
-    @cached_property
-    def checksum_text(self) -> str:
-        """The text that a checksum is of, to be filled by ``%`` with a row's cells in alphabetical order.
-
-        It is right for rows whose texts need no escapes, without a text that may be empty, and with all else.
-        """
-        parts = []
-        for column in sorted(self.columns, key=lambda column: column.name):
-            if column.type in ("INTEGER", "REAL"):
-                parts.append(f'"{column.name}":%r,')
-            else:
-                # The second takes a cell and shows nothing of it.
-                parts.append("%.0s" if column.null else f'"{column.name}":"%s",')
-        return f"{{{''.join(parts)[:-1]}}}"
 
     @property
     def sql(self) -> str:
-        """CREATE TABLE."""
+        """The CREATE TABLE statement."""
         parts = [column.sql for column in self.columns]
-        parts.append(f"{CHECKSUM} INTEGER NOT NULL")
         parts.append(f"PRIMARY KEY ({', '.join(self.order or self.key)})")
         if self.unique:
             parts.append(f"UNIQUE ({self.unique})")
-        return f"CREATE TABLE {self.name} ({', '.join(parts)}){' WITHOUT ROWID' if len(self.key) > 1 else ''}"
+        options = "WITHOUT ROWID, STRICT" if len(self.key) > 1 else "STRICT"
+        return f"CREATE TABLE {self.name} ({', '.join(parts)}) {options}"
 
 
 def _text_table(name: str, meaning: str) -> Table:
@@ -138,7 +110,7 @@ RUN = Table(
     (
         *_RUN_KEY,
         Column("outcome", "TEXT", "how the run ended", choices=OUTCOMES),
-        *(Column(metric.name, "REAL", f"{metric.help}, in {metric.unit}", null=True, late=True) for metric in METRICS),
+        *(Column(metric.name, "REAL", f"{metric.help}, in {metric.unit}", null=True) for metric in METRICS),
         Column("message", "TEXT", "why a failed run failed", null=True),
     ),
     key=_RUN_KEY_NAMES,
@@ -239,6 +211,7 @@ TRIAL = Table(
     "a trial of a built or a simulated car; what is empty is not known",
     (
         Column("id", "INTEGER", "number"),
+        Column("uuid", "TEXT", "identifies the trial in every store: made when it begins, or derived by its import"),
         Column("experiment", "TEXT", "the experiment's name"),
         Column("vehicle_type", "TEXT", "the car's modules, front to back"),
         Column("design", "JSON", "the design's parameters by name, units in the names"),
@@ -264,8 +237,9 @@ TRIAL = Table(
         Column("car", "TEXT", "what drove, as the car or the imported file told it", null=True, choices=CARS),
         Column("withdrawn", "INTEGER", "1 if it was withdrawn and does not count, else 0"),
         Column("scenic_program", "TEXT", "the environment's program as the listing names it", null=True),
-        Column("car_name", "TEXT", "which built car drove; nameless trials of a design are of one", null=True, late=True),
+        Column("car_name", "TEXT", "which built car drove; nameless trials of a design are of one", null=True),
     ),
+    unique="uuid",
 )
 CORRECTION = Table(
     "correction",
@@ -299,7 +273,6 @@ TRACK = Table(
             "x y, x heading, y y, y heading, heading heading, z z, pitch pitch, roll roll, relative to the markers",
         ),
     ),
-    late=True,
 )
 MEDIA = Table(
     "media",
@@ -312,7 +285,6 @@ MEDIA = Table(
         Column("added_utc", "TEXT", "when it was attached"),
     ),
     key=("trial_id", "sha256"),
-    late=True,
 )
 CALIBRATION = Table(
     "calibration",
@@ -391,3 +363,9 @@ TRIAL_VIEW = f"""CREATE VIEW trial_result AS
         ON e.id = t.experiment AND (t.environment_id IS NULL OR t.environment_id = e.environment_id)"""
 
 VIEWS = {"result": RESULT_VIEW, "trial_result": TRIAL_VIEW}
+
+
+def create_tables(connection: Connection) -> None:
+    """Create the tables and the views of this version."""
+    for statement in (*(table.sql for table in TABLES), *VIEWS.values()):
+        connection.execute(statement)

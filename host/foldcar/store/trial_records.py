@@ -87,8 +87,9 @@ class Ending:
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """One trial. ``deviations`` are those of car and obstacles from their planned places (:mod:`placement`).
+    """One trial; ``uuid`` identifies it in every store.
 
+    ``deviations`` are those of car and obstacles from their planned places (:mod:`placement`).
     ``deviations`` maps "car" and obstacles' letters to (x in m, y in m, heading in rad). None stands for what is
     not known: ``sample``, times, builds and log of trials that come from elsewhere, whose ``source`` says where.
     ``car`` is one of CARS, None if that is not known; ``car_name`` tells cars of one design apart, and trials without it
@@ -96,6 +97,7 @@ class Trial:
     """
 
     id: int
+    uuid: str
     experiment: str
     vehicle_type: str
     design: Mapping[str, float]

@@ -6,6 +6,7 @@ a killed program loses at most the answer being typed.
 
 import contextlib
 import json
+import uuid
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass
@@ -13,26 +14,25 @@ from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
 
-from foldcar.store.connection import StoreConnection
+from foldcar.store.connection import StoreConnection, writing
 from foldcar.store.errors import StoreError
 from foldcar.store.info import listed_id
 from foldcar.store.log_files import reference, sha256_of
-from foldcar.store.opening import writing
 from foldcar.store.rows import Row
 from foldcar.store.tables import CORRECTION, EXPERIMENT, MEDIA, TRACK, TRIAL
 from foldcar.store.trial_records import (
     BUILT,
+    CARS,
     CORRECTABLE,
-    INTERRUPTED,
     LONGEST_S,
     MOST_ID,
     RUNNING,
+    TRIAL_OUTCOMES,
     Correction,
     Ending,
     Media,
     Track,
     TrialDesign,
-    not_entered,
 )
 from foldcar.store.writer import canonical_json
 
@@ -82,6 +82,7 @@ class TrialWriter(StoreConnection):
         """Store a trial as begun, which counts as aborted until :meth:`complete`; returns its number."""
         with self._transaction():
             row = {
+                "uuid": str(uuid.uuid4()),
                 "experiment": experiment,
                 "vehicle_type": design.vehicle_type,
                 "design": json.dumps(dict(design.columns)),
@@ -107,32 +108,15 @@ class TrialWriter(StoreConnection):
             }
             return self._add(TRIAL, row)
 
-    def complete(self, trial: int, ending: Ending, ended_utc: str | None = None) -> None:
-        """Store the end of a begun trial, which is now if nothing else is said."""
+    def complete(self, trial: int, ending: Ending) -> None:
+        """Store the end of a begun trial, which is now."""
         with self._transaction():
-            ended = {**asdict(ending), "ended_utc": ended_utc or now_utc()}
-            self._update(TRIAL, {**self._row(TRIAL, id=trial), **ended})
+            self._update(TRIAL, {**self._row(TRIAL, id=trial), **asdict(ending), "ended_utc": now_utc()})
 
-    def has_ended(self, trial: int, ending: Ending) -> bool:
-        """Whether that end of the trial is stored."""
-        row = self._row(TRIAL, id=trial)
-        return all(row[name] == value for name, value in asdict(ending).items())
-
-    def complete_later(self, trial: int, log: str, ending: Ending, ended_utc: str) -> None:
-        """Store the end of a trial that was kept elsewhere; StoreError if it is another trial, or has an end."""
-        row = self._trial(trial)
-        if row["log"] != log:
-            raise StoreError(f"{self.path}: trial {trial} is another one: its log is {row['log']}, not {log}")
-        if row["ending"] not in (RUNNING, INTERRUPTED, not_entered(ending.ending)):
-            raise StoreError(f"{self.path}: trial {trial} is complete already: {row['outcome']}, {row['ending']}")
-        if ending.elapsed_time_s is not None and not 0 <= ending.elapsed_time_s <= LONGEST_S:
-            raise StoreError(f"{self.path}: trial {trial}: elapsed_time_s: is not from 0 to {LONGEST_S:g}")
-        self.complete(trial, ending, ended_utc)
-
-    def unfinished(self) -> list[tuple[int, str]]:
-        """Number and log of trials whose session ended before they were completed."""
+    def unfinished(self) -> list[tuple[int, str, str]]:
+        """Number, log and outcome of trials whose session ended before they were completed."""
         rows = self._rows(TRIAL, "WHERE ending = ? ORDER BY id", RUNNING)
-        return [(row["id"], str(row["log"])) for row in rows]
+        return [(row["id"], str(row["log"]), str(row["outcome"])) for row in rows]
 
     def next_number(self) -> int:
         """The number that the next trial gets."""
@@ -164,6 +148,9 @@ class TrialWriter(StoreConnection):
                 if field not in CORRECTABLE:
                     known = ", ".join(CORRECTABLE)
                     raise StoreError(f"{self.path}: trial {trial}: {field} cannot be corrected, only {known}")
+                choices = {"outcome": TRIAL_OUTCOMES, "car": CARS}.get(field)
+                if choices is not None and after not in choices:
+                    raise StoreError(f"{self.path}: trial {trial}: {field}: {after!r} is not one of {', '.join(choices)}")
                 if isinstance(after, float) and not after <= LONGEST_S:
                     raise StoreError(f"{self.path}: trial {trial}: {field}: {after:g} is not at most {LONGEST_S:g}")
                 found = self._trial(trial)
@@ -240,15 +227,20 @@ class TrialWriter(StoreConnection):
             return [self._change({**found, "scene_id": scene_id}, "deviations", texts, reason, operator)]
 
     def import_trials(self, trials: list[dict[str, Any]]) -> list[int]:
-        """Store imported trials, all or none: columns of the table by name; returns their numbers.
+        """Store those imported trials that are not there yet, all or none; returns their numbers.
 
-        Those of an experiment that the store holds are of its program, and their samples of its environment as it is now:
-        an environment that the experiment gets later has others.
+        ``trials`` are columns of the table by name, ``uuid`` among them. If the store contains a trial's experiment, the
+        trial is of that experiment's program, and its sample of the environment as it is now. StoreError if a trial is
+        there with other contents.
         """
         numbers = []
         with self._transaction():
             places: dict[str, tuple[int | None, str | None]] = {}
             for trial in trials:
+                known = self._rows(TRIAL, "WHERE uuid = ?", trial["uuid"])
+                if known:
+                    self._require_same(trial, known[0])
+                    continue
                 name = trial["experiment"]
                 if name not in places:
                     places[name] = self._place(name)
@@ -261,6 +253,18 @@ class TrialWriter(StoreConnection):
                 numbers.append(self._add(TRIAL, {**row, "design": json.dumps(row["design"])}))
         return numbers
 
+    def _require_same(self, trial: Mapping[str, Any], known: Row) -> None:
+        """StoreError if an imported trial differs from the one that was imported from its place before."""
+        before = dict(known)
+        for change in self._rows(CORRECTION, "WHERE trial_id = ? ORDER BY id DESC", known["id"]):
+            before[change["field"]] = change["before"]
+        before["design"] = json.loads(before["design"])
+        for name in ("experiment", "vehicle_type", "design", "sample", "outcome"):
+            if trial.get(name) != before[name]:
+                origin = f'trial {known["id"]} was imported from the same row of "{trial["source"]}"'
+                values = f"{name} was {before[name]}, not {trial.get(name)}"
+                raise StoreError(f"{self.path}: {origin}, but {values}: correct it, or give other rows another source")
+
     def _place(self, experiment: str) -> tuple[int | None, str | None]:
         """Environment and program of an experiment of the listing; None if it was not swept, or in several."""
         found = {}
@@ -269,10 +273,6 @@ class TrialWriter(StoreConnection):
             if facts.get("calibration") is None and listed_id(row["id"], None, facts.get("engine", "")) == experiment:
                 found[row["environment_id"]] = facts.get("scenic_program")
         return next(iter(found.items())) if len(found) == 1 else (None, None)
-
-    def source_is_there(self, source: str) -> bool:
-        """Whether trials of this source were imported before."""
-        return self._run("SELECT 1 FROM trial WHERE source = ? LIMIT 1", source).fetchone() is not None
 
 
 @contextlib.contextmanager

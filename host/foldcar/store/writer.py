@@ -6,7 +6,6 @@ variations by that of their spread.
 """
 
 import contextlib
-import itertools
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -15,10 +14,9 @@ from sqlite3 import Connection
 from typing import Any
 
 from foldcar.simulation.results import NUMBERS, REJECTED, outcome_of
-from foldcar.store.connection import StoreConnection
+from foldcar.store.connection import StoreConnection, writing
 from foldcar.store.designs import DesignCounts, design_counts, designs_of
 from foldcar.store.info import listed_id
-from foldcar.store.opening import writing
 from foldcar.store.tables import (
     BY_NAME,
     DESIGN,
@@ -101,8 +99,7 @@ class StoreWriter(StoreConnection):
             places = {row["id"]: row["position"] for row in self._rows(EXPERIMENT)}
             experiment = {
                 "id": plan.id,
-                # After a repair there may be gaps: the first free place is that of the listing.
-                "position": places.get(plan.id, next(k for k in itertools.count() if k not in places.values())),
+                "position": places.get(plan.id, len(places)),
                 "build_id": self._build_id,
                 "environment_id": plan.environment_id,
                 "spread_id": plan.spread_id,
@@ -184,13 +181,8 @@ class StoreWriter(StoreConnection):
             return self._identify("spread", "fingerprint", fingerprint)
 
     def sample_count(self, table: Table, number: int) -> int:
-        """The number n for which samples 0 to n - 1 of an environment, or in DRAW of a spread, are stored."""
-        name, column = table.name, table.key[0]
-        row = self._run(
-            f"SELECT min(k) FROM (SELECT 0 AS k UNION ALL SELECT sample + 1 FROM {name} WHERE {column} = ?1) "
-            f"WHERE NOT EXISTS (SELECT 1 FROM {name} WHERE {column} = ?1 AND sample = k)",
-            number,
-        ).fetchone()
+        """How many samples of an environment, or in DRAW of a spread, are stored: those from 0 on."""
+        row = self._run(f"SELECT count(*) FROM {table.name} WHERE {table.key[0]} = ?", number).fetchone()
         return int(row[0])
 
     def stored_scene(self, environment_id: int, sample: int) -> Any:

@@ -9,6 +9,7 @@ Lines that begin with # are comments. Output: rows for :meth:`TrialWriter.import
 
 import csv
 import math
+import uuid
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from datetime import datetime, timezone
@@ -26,6 +27,8 @@ from foldcar.typed import decimal_number, did_you_mean, whole_number
 NEEDED = ("vehicle_type", "outcome", "source")
 OPTIONAL = ("experiment", "count", "car", "car_name", "sample", "elapsed_time_s", "note", "operator", "started_utc")
 MOST_COUNT = 100_000
+# The namespace of imported trials' UUIDs.
+IMPORTS = uuid.UUID("4685ff4d-fc48-5e4d-ac46-0c50b74c77a7")
 # Cars that are named, those with the most trials.
 SHOWN = 5
 NOTHING: Mapping[str, ExperimentInfo] = {}
@@ -51,14 +54,20 @@ def read_trials(
         raise FoldcarError(f"{file}: contains no trials")
     header = _cells(file, *kept[0])
     _check_header(file, header)
-    trials = []
+    trials: list[dict[str, Any]] = []
     defaults: dict[str, float] = {}
+    rows: Counter[str] = Counter()
     for number, line in kept[1:]:
         cells = _cells(file, number, line)
         if len(cells) != len(header):
             raise FoldcarError(f"{file}: line {number}: has {len(cells)} cells, the header {len(header)}")
         row = {name: cell for name, cell in zip(header, cells, strict=True) if cell}
-        trials.extend(_trials(f"{file}: line {number}", row, experiment, swept, defaults))
+        trial, copies = _trial(f"{file}: line {number}", row, experiment, swept, defaults)
+        source = trial["source"]
+        rows[source] += 1
+        # What identifies an imported trial: its source, the row among those of the source, which of equal trials it is.
+        places = (f"{source}\n{rows[source]}\n{index}" for index in range(1, copies + 1))
+        trials += [{"uuid": str(uuid.uuid5(IMPORTS, place)), **trial} for place in places]
     if not trials:
         raise FoldcarError(f"{file}: contains no trials")
     if defaults:
@@ -90,13 +99,14 @@ def _check_header(file: Path, header: list[str]) -> None:
             raise FoldcarError(f'{file}: has no column "{name}"')
 
 
-def _trials(
+def _trial(
     place: str,
     row: Mapping[str, str],
     experiment: str | None,
     swept: Mapping[str, ExperimentInfo],
     defaults: dict[str, float],
-) -> list[dict[str, Any]]:
+) -> tuple[dict[str, Any], int]:
+    """The trial of a row, without its UUID, and how many equal ones the row stands for."""
     for name in NEEDED:
         if name not in row:
             raise FoldcarError(f"{place}: {name}: is empty")
@@ -129,7 +139,7 @@ def _trials(
     if "started_utc" in row:
         trial["started_utc"] = _time_utc(place, row["started_utc"])
     count = _number(place, row, "count", whole_number, least=1, most=MOST_COUNT) if "count" in row else 1
-    return [trial] * int(count)
+    return trial, int(count)
 
 
 def _design(

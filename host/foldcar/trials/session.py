@@ -46,7 +46,7 @@ from foldcar.trials.placement import (
     show_placement,
 )
 from foldcar.trials.plugged_car import PLUGGED, SIMULATED_TEXT, PluggedCar, simulated_sample, welcome
-from foldcar.trials.recording import OUTCOME_KEYS, OUTCOME_QUESTION, complete, complete_interrupted, record_outcome
+from foldcar.trials.recording import OUTCOME_KEYS, OUTCOME_QUESTION, complete_interrupted, record_outcome
 
 LEAST_FREE_BYTES = 20_000_000
 START: Buttons = (("", "Start"), ("q", "End the session"))
@@ -196,7 +196,7 @@ class Session:
                     say(f"Trial {number}: {outcome}")
                 elif what == "n" and words:
                     stored = replace(stored, note=f"{stored.note}; {words}" if stored.note else words)
-                    complete(writer, number, trial.log, stored)
+                    writer.complete(number, stored)
                     say(f"Trial {number}: {stored.note}")
                 elif what == "m" and words:
                     self._attach(writer, number, Path(words).expanduser())

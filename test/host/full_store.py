@@ -1,0 +1,89 @@
+"""A store with a row in every table, and what is in a store, table by table."""
+
+import contextlib
+import hashlib
+import sqlite3
+from pathlib import Path
+from typing import Any
+
+from foldcar.store.calibrations import Calibration, write_calibrations
+from foldcar.store.tables import Table
+from foldcar.store.trial_records import Ending, Track, TrialDesign
+from foldcar.store.trial_writer import CarFacts, Drive, write_trials
+from foldcar.store.writer import PlannedDesign, PlannedExperiment, StoreWriter, write_store
+from written_study import FACTS, METRICS, TOLD, add_experiment
+
+CAR = CarFacts("fw", "hash", "/dev/pts/7", "built", "Ada")
+TRACK = Track(1, "trial.mp4", "0" * 64, 1.25, "passed", {"end_s": 0.1}, [[0.05 * k, *[0.01 * k] * 15] for k in range(3)])
+
+
+def full_store(path: Path) -> Path:
+    """Make the store: runs, records, paths; two driven trials with logs, one of them corrected; imported trials."""
+    with write_store(path) as writer:
+        writer.begin_study(FACTS, "b1")
+        passes = lambda design, sample: "passed" if sample else "tipped"  # noqa: E731
+        add_experiment(writer, "1", {"width_mm": (65.0, 95.0)}, 3, passes, {})
+        _add_recording_experiment(writer)
+    with write_trials(path) as trials:
+        for number in (1, 2):
+            log = path.parent / f"{path.stem}-logs" / f"trial-000{number}-20261122T113100Z.tlog"
+            log.parent.mkdir(exist_ok=True)
+            log.write_bytes(f"log of trial {number}".encode())
+            drive = Drive({"id": "b"}, {"time_limit_s": 9}, {"friction": 0.6}, "environment of 1", "bumps.scenic", number)
+            name = str(log.relative_to(path.parent))
+            design = TrialDesign("W_B_W", {"width_mm": 95.0})
+            trial = trials.begin("1", design, drive, {"A": (0.01, 0, 0)}, CAR, name, "Ada")
+            digest = hashlib.sha256(log.read_bytes()).hexdigest()
+            trials.complete(trial, Ending("passed", "goal", 2.5, "", digest))
+        trials.correct(1, {"note": "over the edge", "outcome": "tipped"}, "seen on the film", "Bo")
+        trials.withdraw([2], True, "practice", "Bo")
+        trials.put_track(TRACK)
+        trials.put_media(1, "film", Path(__file__))
+        for at, outcome in enumerate(("stuck", "passed")):
+            row = {"uuid": f"row {at}", "experiment": "1", "vehicle_type": "W_B_W", "source": "table", "car": "built"}
+            trials.import_trials([{**row, "design": {"width_mm": 95.0}, "sample": at, "outcome": outcome}])
+    with write_calibrations(path) as calibrations:
+        summary = {"findings": ["nothing"]}
+        calibrations.put(Calibration("mine", "1", "b1", "2026-01-02T03:04:05", ({"track_m": 0.25},), summary), False)
+    return path
+
+
+def _add_recording_experiment(writer: StoreWriter) -> None:
+    """Experiment 2: one design in two samples; the first run records and has a path, the second failed."""
+    environment, spread = writer.environment("environment of 2"), writer.spread("workshop")
+    plan = PlannedExperiment("2", "car", "hills", environment, spread, 2, {**TOLD, "varied": {}})
+    writer.put_experiment(plan, [PlannedDesign({"width_mm": 80.0}, {"id": "c"}, {"time_limit_s": 9})])
+    recorded = {"way": {"kind": "series", "value": [[0.0, 0.0], [0.25, 0.1]]}, "side": {"kind": "final", "value": 1.5}}
+    path = {"rows": 2, "compact": "AAAA"}
+    passed = {**METRICS, "outcome": "passed", "recorded": recorded, "path": path}
+    for sample, result in enumerate((passed, {"error": "no"})):
+        writer.put_sample(environment, sample, {"of": "2", "sample": sample})
+        writer.put_draw(spread, sample, {"sample": sample})
+        writer.add_results((run, result) for run in writer.planned_runs(plan, sample))
+
+
+def contents(path: Path) -> dict[str, list[dict[str, Any]]]:
+    """All rows of all tables, as SQLite itself reads them."""
+    with contextlib.closing(sqlite3.connect(f"{path.as_uri()}?mode=ro", uri=True)) as connection:
+        connection.row_factory = sqlite3.Row
+        tables = [name for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")]
+        found = {table: [dict(row) for row in connection.execute(f"SELECT * FROM {table}")] for table in tables}
+        return {
+            table: sorted(rows, key=lambda row: [str(value) for value in row.values()]) for table, rows in found.items()
+        }
+
+
+def change(store: Path, table: Table, where: str, **values: Any) -> None:
+    """Give rows other values behind foldcar's back."""
+    with contextlib.closing(sqlite3.connect(store)) as connection:
+        changes = ", ".join(f"{name} = ?" for name in values)
+        connection.execute(f"UPDATE {table.name} SET {changes} WHERE {where}", tuple(values.values()))
+        connection.commit()
+
+
+def alter(path: Path, *statements: str) -> None:
+    """Change a store behind foldcar's back."""
+    with contextlib.closing(sqlite3.connect(path)) as connection:
+        for statement in statements:
+            connection.execute(statement)
+        connection.commit()

@@ -19,7 +19,6 @@ from foldcar.store.calibrations import Calibration, calibration_named
 from foldcar.store.reader import Store
 from forked_foldcar import original
 from study_car import car_body, listing_of
-from test_store_lock import held
 
 BUMP = """model model
 param height = 0.03
@@ -176,13 +175,6 @@ def test_a_sweep_under_a_calibration_takes_its_draws_and_leaves_nominal_runs(swe
     assert 'calibration "mine": experiment "1 (calibrated mine)" was swept under it: choose another' in kept.stderr
 
 
-def test_a_folder_keeps_calibrations(swept: Path) -> None:
-    run(swept, "export", "s.db", "--folder", "out", "--format", "csv")
-    run(swept, "import", "out", "--store", "back.db")
-
-    assert calibration(swept, store="back.db") == calibration(swept)
-
-
 CSV = "experiment,vehicle_type,radius_mm,outcome,count,source,car\n"
 
 
@@ -211,22 +203,6 @@ def test_trials_that_say_nothing_are_refused_in_a_sentence(
 
     assert refused.stderr.count("\n") == 1 and message in refused.stderr, refused.stderr
     assert (tmp_path / "s.db").read_bytes() == before
-
-
-# A second calibration; what is kept and taken in is tried by test_kept_work.py.
-
-
-@pytest.mark.slow
-def test_a_calibration_that_its_store_does_not_take_is_kept_for_later(swept: Path, tmp_path: Path) -> None:
-    shutil.copy(swept / "s.db", tmp_path / "s.db")
-    with held(tmp_path / "s.db"):
-        words = ("calibrate", "s.db", "--name", "late", "--runs", "500", "--known", "track_m=0")
-        refused = run(tmp_path, *words, code=2)
-
-    command = "`foldcar import s.db.calibration-late.json --store s.db` takes it in"
-    assert "another sweep or trial is writing this store" in refused.stderr and command in refused.stderr
-    run(tmp_path, "import", "s.db.calibration-late.json", "--store", "s.db")
-    assert calibration(tmp_path, "late").draws == calibration(swept).draws
 
 
 def test_names_are_given_once_and_unknown_ones_refused(swept: Path) -> None:

@@ -114,9 +114,7 @@ calibration: setup mujoco
 
 fidelity: setup mujoco
 	@mkdir -p out
-	$(BIN)/foldcar crosscheck scenarios/fidelity.json --baseline 10 -o out/fidelity
-	$(BIN)/foldcar crosscheck scenarios/across.json --baseline 0 -o out/across
-	$(BIN)/python tools/fidelity.py out/fidelity out/across docs/fidelity.md
+	$(BIN)/python tools/fidelity.py out/fidelity.db out/across.db docs/fidelity.md
 
 statistics: .venv/installed
 	$(BIN)/python tools/interval_coverage.py docs/statistics.md

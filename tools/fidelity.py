@@ -1,37 +1,40 @@
-"""Updates tables and pictures of docs/fidelity.md from cross-checks of scenarios/fidelity.json and across.json.
+"""Sweeps scenarios/fidelity.json and across.json in all engines, compares the results, updates docs/fidelity.md.
 
-Usage: fidelity.py CROSSCHECK_DIR ACROSS_DIR PAGE. Input: runs.csv of both folders, pictures of the first. Output: the
-page with the text between its marks replaced, and the pictures in the folder of the page's name beside it.
+Usage: fidelity.py STORE ACROSS_STORE PAGE. Both stores are made if they are missing, and resumed otherwise; `foldcar
+report` shows them. Output: the page with the tables between its marks replaced.
 """
 
-import csv
-import shutil
 import sys
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
+import numpy
 from page_block import replaced
 
+from foldcar.analysis.rate import wilson_interval
+from foldcar.api.sweeping import planned_sweep
+from foldcar.commands.progress_bar import ProgressBar
 from foldcar.errors import FoldcarError
+from foldcar.installation import usable_processors
 from foldcar.outputs import atomic_file
-from foldcar.report.crosscheck_agreement import (
-    COMPARISON_HEAD,
-    Agreement,
-    Case,
-    Pair,
-    agreement,
-    column_name,
-    comparison_row,
-)
-from foldcar.simulation.engines import ELLIPSOID, HALF_STEP, MUJOCO, MULTIBODY, SIDE_VIEW
-from foldcar.simulation.results import NUMBERS
+from foldcar.simulation.engines import ELLIPSOID, ENGINES, HALF_STEP, MUJOCO, MULTIBODY, SIDE_VIEW
+from foldcar.simulation.results import REJECTED
+from foldcar.store.info import engine_id
+from foldcar.store.reader import Store
 
-ENGINES = {
-    "side-view, across the course": SIDE_VIEW,
-    "multibody": MULTIBODY,
-    "MuJoCo, half step": HALF_STEP,
-    "MuJoCo, ellipsoid tyres": ELLIPSOID,
+SCENARIOS = Path(__file__).resolve().parents[1] / "scenarios"
+TITLES = {
+    SIDE_VIEW: "side-view, across the course",
+    MULTIBODY: "multibody",
+    HALF_STEP: "MuJoCo, half step",
+    ELLIPSOID: "MuJoCo, ellipsoid tyres",
 }
+# MuJoCo's variants show how far it agrees with itself. They run in so many samples of each experiment.
+VARIANT_SAMPLES = 10
+# The experiments of fidelity.json whose ground is the same under both tracks, so that the side view claims them.
+SIDE_VIEW_EXPERIMENTS = [f"bumps_{height}" for height in (6, 12, 18, 24, 30)]
 # Names of experiments on the page by the beginning of their ids; those with one name share a row.
 NAMES = (
     ("study", "the width study"),
@@ -63,120 +66,198 @@ ALL, ALL_ACROSS = "all", "all across"
 HEAD = ["experiment", "runs", *(f"{name} %" for name in ("side-view", "multibody", "MuJoCo")),
         "side-view RMSE", "multibody alike %", "multibody RMSE"]  # fmt: skip
 NOT_CLAIMED = "–"
-# Names here of the cross-check's pictures, which are numbered as the listing's experiments.
-PICTURES = {
-    "success_1.png": ("width.png", "Success by width"),
-}
 PARTED = 5
 
 
-def main(folder: Path, across: Path, page: Path) -> None:
-    """Update the page and its pictures. FoldcarError if something is missing, before anything is written."""
-    rows, level = read_rows(folder / "runs.csv", NAMES), read_rows(across / "runs.csv", ACROSS)
-    shown = [(folder / name, *target) for name, target in PICTURES.items() if (folder / name).is_file()]
+class Run(NamedTuple):
+    """One design in one sample, by the listing's name of its experiment."""
+
+    experiment: str
+    design: int
+    sample: int
+
+
+@dataclass(frozen=True)
+class Results:
+    """The outcomes of both listings by engine and run, and the parameters of the designs by experiment."""
+
+    outcomes: Mapping[str, Mapping[Run, str]]
+    designs: Mapping[str, Mapping[int, Mapping[str, float]]]
+
+    def pairs(self, engine: str, experiments: Sequence[str]) -> dict[Run, tuple[str, str]]:
+        """The outcomes of an engine and of MuJoCo in the runs that both have."""
+        first, second = self.outcomes[engine], self.outcomes[MUJOCO]
+        both = [run for run in second if run in first and run.experiment in experiments]
+        return {run: (first[run], second[run]) for run in both}
+
+
+@dataclass(frozen=True)
+class DesignCounts:
+    """A design's number of runs, and the numbers that passed in the first and in the second engine."""
+
+    runs: int
+    first: int
+    second: int
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """The number of compared ``runs``, and of those ``alike`` in pass or fail; ``designs`` by experiment and number.
+
+    ``correlation`` of the designs' success rates is None where either engine has one rate for all. ``rmse`` and ``bias``
+    (first minus second) are fractions.
+    """
+
+    runs: int
+    alike: int
+    designs: Mapping[tuple[str, int], DesignCounts]
+    correlation: float | None
+    rmse: float
+    bias: float
+
+    @property
+    def fraction(self) -> float:
+        """The fraction of runs that agree in pass or fail."""
+        return self.alike / self.runs
+
+
+def agreement(pairs: Mapping[Run, tuple[str, str]]) -> Agreement:
+    """Compare pairs of outcomes, without runs that either engine rejected; FoldcarError if none is left."""
+    tallies: dict[tuple[str, int], list[int]] = {}
+    alike = 0
+    for run, outcomes in pairs.items():
+        if REJECTED in outcomes:
+            continue
+        passed = [outcome == "passed" for outcome in outcomes]
+        alike += passed[0] == passed[1]
+        tally = tallies.setdefault((run.experiment, run.design), [0, 0, 0])
+        for place, counts in enumerate((True, *passed)):
+            tally[place] += counts
+    if not tallies:
+        raise FoldcarError("nothing to compare: no run that was not rejected in either engine")
+    designs = {key: DesignCounts(*tally) for key, tally in sorted(tallies.items())}
+    rates = numpy.array([(counts.first / counts.runs, counts.second / counts.runs) for counts in designs.values()])
+    differences = rates[:, 0] - rates[:, 1]
+    varied = len(rates) > 1 and bool(numpy.all(numpy.ptp(rates, axis=0) > 0))
+    return Agreement(
+        runs=sum(counts.runs for counts in designs.values()),
+        alike=alike,
+        designs=designs,
+        correlation=float(numpy.corrcoef(rates.T)[0, 1]) if varied else None,
+        rmse=float(numpy.sqrt(numpy.mean(differences**2))),
+        bias=float(numpy.mean(differences)),
+    )
+
+
+def main(store: Path, across: Path, page: Path) -> None:
+    """Sweep what the stores lack, then update the page. FoldcarError."""
+    for engine in (MULTIBODY, MUJOCO):
+        sweep("fidelity.json", store, engine)
+        sweep("across.json", across, engine)
+    for engine in (HALF_STEP, ELLIPSOID):
+        sweep("fidelity.json", store, engine, environments=VARIANT_SAMPLES)
+    for name in SIDE_VIEW_EXPERIMENTS:
+        sweep("fidelity.json", store, SIDE_VIEW, experiment=name)
+    sweep("across.json", across, SIDE_VIEW)
+    results, results_across = read_results(store), read_results(across)
     blocks = {
-        "experiments": markdown([HEAD, *experiments(rows, NAMES, ALL), *experiments(level, ACROSS, ALL_ACROSS)]),
-        "engines": markdown(engines(rows, level)),
-        "designs": markdown(parted_designs(rows)),
-        "pictures": "\n".join(f"![{caption}]({page.stem}/{name})\n" for _, name, caption in shown),
-    }
+        "experiments": [
+            HEAD, *experiment_rows(results, NAMES, ALL), *experiment_rows(results_across, ACROSS, ALL_ACROSS)
+        ],
+        "engines": engine_rows(results, results_across),
+        "designs": parted_designs(results),
+    }  # fmt: skip
     text = page.read_text(encoding="utf-8")
-    for name, block in blocks.items():
-        text = replaced(text, page, f"<!-- {name}: tools/fidelity.py -->", f"<!-- end of {name} -->", block)
-    pictures = page.with_suffix("")
-    pictures.mkdir(exist_ok=True)
-    for file in pictures.glob("*.png"):
-        file.unlink()
-    for source, name, _ in shown:
-        shutil.copyfile(source, pictures / name)
+    for name, table in blocks.items():
+        text = replaced(text, page, f"<!-- {name}: tools/fidelity.py -->", f"<!-- end of {name} -->", markdown(table))
     with atomic_file(page) as binary:
         binary.write(text.encode())
 
 
-def read_rows(file: Path, names: Sequence[tuple[str, str]]) -> list[dict[str, str]]:
-    """The rows of a cross-check's runs; FoldcarError if it has none or lacks an experiment of the page."""
-    try:
-        with file.open(encoding="utf-8") as lines:
-            rows = list(csv.DictReader(lines))
-    except OSError as error:
-        raise FoldcarError(f"{file}: {error.strerror}; `foldcar crosscheck` makes it") from error
-    found = {row["experiment"] for row in rows}
-    for start, name in names:
-        if not any(one.startswith(start) for one in found):
-            raise FoldcarError(f"{file}: no run of {name}; cross-check the whole listing")
-    return rows
+def sweep(
+    listing: str, store: Path, engine: str, *, experiment: str | None = None, environments: int | None = None
+) -> None:
+    """Simulate the runs of a listing in that engine which the store lacks."""
+    planned = planned_sweep(
+        SCENARIOS / listing, store, "make fidelity", experiment=experiment, environments=environments, engine=engine
+    )
+    with ProgressBar(planned.progress, label=f"{listing}, {engine}") as bar:
+        planned.run(usable_processors(), bar.update, bar.say)
 
 
-def experiments(rows: Sequence[Mapping[str, str]], names: Sequence[tuple[str, str]], everything: str) -> list[list[str]]:
-    """A row an experiment of the page and one of all: each engine's share, side-view and multibody against MuJoCo."""
+def read_results(store: Path) -> Results:
+    """All outcomes of a store into which a listing was swept in several engines."""
+    outcomes: dict[str, dict[Run, str]] = {engine: {} for engine in ENGINES}
+    designs: dict[str, Mapping[int, Mapping[str, float]]] = {}
+    with Store.open(store) as opened:
+        for name, info in opened.info().experiments.items():
+            listed = info.listed_id
+            (engine,) = (key for key, one in ENGINES.items() if engine_id(listed, one.title) == name)
+            designs[listed] = {
+                number: {key: float(value) for key, value in design.items() if not isinstance(value, str)}
+                for number, design in opened.designs(name).items()
+            }
+            for design, sample, row in opened.run_rows(name):
+                outcomes[engine][Run(listed, design, sample)] = row["outcome"]
+    return Results(outcomes, designs)
+
+
+def experiment_rows(results: Results, names: Sequence[tuple[str, str]], everything: str) -> list[list[str]]:
+    """A row for each experiment of the page and one for all: side-view and multibody against MuJoCo."""
+    grouped: dict[str, list[str]] = {name: [] for _, name in names}
+    for listed in results.designs:
+        grouped[next(name for start, name in names if listed.startswith(start))].append(listed)
     table = []
-    for name in (*(name for _, name in names), everything):
-        some = [row for row in rows if name in (name_of(row, names), everything)]
-        in_plane = pairs_of(some, SIDE_VIEW)
-        flat, one = agreement(in_plane) if len(in_plane) == len(some) else None, agreement(pairs_of(some, MULTIBODY))
-        plane = [NOT_CLAIMED, NOT_CLAIMED] if flat is None else [passed(flat)[0], f"{100 * flat.rmse:.1f}"]
-        agree = [f"{100 * share:.1f}" for share in (one.share, one.rmse)]
-        table.append([name, str(one.runs), plane[0], *passed(one), plane[1], *agree])
+    for name, experiments in (*grouped.items(), (everything, list(results.designs))):
+        compared = agreement(results.pairs(MULTIBODY, experiments))
+        in_plane = results.pairs(SIDE_VIEW, experiments)
+        side_view = [NOT_CLAIMED, NOT_CLAIMED]
+        if len(in_plane) == len(results.pairs(MULTIBODY, experiments)):
+            flat = agreement(in_plane)
+            side_view = [passed_percents(flat)[0], f"{100 * flat.rmse:.1f}"]
+        agree = [f"{100 * number:.1f}" for number in (compared.fraction, compared.rmse)]
+        table.append([name, str(compared.runs), side_view[0], *passed_percents(compared), side_view[1], *agree])
     return table
 
 
-def passed(one: Agreement) -> list[str]:
+def passed_percents(compared: Agreement) -> list[str]:
     """The percentages of the runs that pass in the first and in the second engine."""
-    counts = [sum(d.first for d in one.designs.values()), sum(d.second for d in one.designs.values())]
-    return [f"{100 * count / one.runs:.1f}" for count in counts]
+    designs = compared.designs.values()
+    counts = [sum(d.first for d in designs), sum(d.second for d in designs)]
+    return [f"{100 * count / compared.runs:.1f}" for count in counts]
 
 
-def engines(rows: Sequence[Mapping[str, str]], level: Sequence[Mapping[str, str]]) -> list[list[str]]:
-    """A row an engine, in all experiments, against MuJoCo; FoldcarError if one was not asked."""
-    found = []
-    for name, engine in ENGINES.items():
-        pairs = pairs_of(level if engine == SIDE_VIEW else rows, engine)
-        if not pairs:
-            raise FoldcarError(f"no run of {name}: cross-check with a --baseline")
-        found.append(comparison_row(name, agreement(pairs)))
-    return [COMPARISON_HEAD, *found]
+def engine_rows(results: Results, across: Results) -> list[list[str]]:
+    """A row for each engine, in all experiments, against MuJoCo."""
+    table = [["engines", "runs", "alike %", "95 % interval", "r of rates", "RMSE", "bias"]]
+    for engine, title in TITLES.items():
+        swept = across if engine == SIDE_VIEW else results
+        compared = agreement(swept.pairs(engine, list(swept.designs)))
+        low, high = wilson_interval(compared.alike, compared.runs)
+        table.append([
+            title,
+            str(compared.runs),
+            f"{100 * compared.fraction:.1f}",
+            f"{100 * low:.1f} – {100 * high:.1f}",
+            "–" if compared.correlation is None else f"{compared.correlation:.3f}",
+            f"{100 * compared.rmse:.1f}",
+            f"{100 * compared.bias:+.1f}",
+        ])  # fmt: skip
+    return table
 
 
-def parted_designs(rows: Sequence[Mapping[str, str]]) -> list[list[str]]:
-    """The designs whose success rates part most in multibody and MuJoCo, by the difference in its standard errors."""
-    whole: Agreement = agreement(pairs_of(rows, MULTIBODY))
-    varied = {
-        name: {key for one, d in whole.designs.items() if one[0] == name for key in d.columns
-               if len({other.columns[key] for them, other in whole.designs.items() if them[0] == name}) > 1}
-        for name, _ in whole.designs
-    }  # fmt: skip
-    order = sorted(whole.designs.items(), key=lambda pair: -abs(pair[1].first - pair[1].second) / pair[1].runs ** 0.5)
-    found = [["experiment", "design", "runs", "multibody %", "MuJoCo %"]]
-    for (name, _), one in order[:PARTED]:
-        label = ", ".join(f"{key} {one.columns[key]:g}" for key in sorted(varied[name]))
-        found.append([name, label, str(one.runs), *(f"{100 * n / one.runs:.0f}" for n in (one.first, one.second))])
-    return found
-
-
-def name_of(row: Mapping[str, str], names: Sequence[tuple[str, str]]) -> str:
-    """The page's name of a run's experiment."""
-    return next(name for start, name in names if row["experiment"].startswith(start))
-
-
-def pairs_of(rows: Sequence[Mapping[str, str]], engine: str) -> list[Pair]:
-    """The outcomes of an engine and of MuJoCo for the runs that both have."""
-    first, second = (f"{column_name(one)}_outcome" for one in (engine, MUJOCO))
-    return [
-        (
-            Case(row["experiment"], int(row["design"]), int(row["sample"]), parameters(row)),
-            {"outcome": row[first]},
-            {"outcome": row[second]},
-        )
-        for row in rows
-        if row[first] and row[second]
-    ]
-
-
-def parameters(row: Mapping[str, str]) -> dict[str, float]:
-    """The design's parameters: what is neither the run's place nor an engine's answer."""
-    answers = {f"{column_name(one)}_{value}" for one in (*ENGINES.values(), MUJOCO) for value in ("outcome", *NUMBERS)}
-    named = {key: text for key, text in row.items() if key not in {"experiment", "design", "sample"} | answers}
-    return {key: float(text) for key, text in named.items() if text}
+def parted_designs(results: Results) -> list[list[str]]:
+    """The designs whose success rates differ most in multibody and MuJoCo, in standard errors of the difference."""
+    compared = agreement(results.pairs(MULTIBODY, list(results.designs)))
+    order = sorted(compared.designs.items(), key=lambda item: -abs(item[1].first - item[1].second) / item[1].runs**0.5)
+    table = [["experiment", "design", "runs", "multibody %", "MuJoCo %"]]
+    for (name, number), counts in order[:PARTED]:
+        designs = results.designs[name]
+        varied = sorted(key for key in designs[0] if len({design[key] for design in designs.values()}) > 1)
+        label = ", ".join(f"{key} {designs[number][key]:g}" for key in varied)
+        percents = [f"{100 * passed / counts.runs:.0f}" for passed in (counts.first, counts.second)]
+        table.append([name, label, str(counts.runs), *percents])
+    return table
 
 
 def markdown(table: Sequence[Sequence[str]]) -> str:

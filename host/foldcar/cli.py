@@ -20,7 +20,6 @@ from typer.core import TyperCommand
 from foldcar import __version__
 from foldcar.commands.advice import compare, select
 from foldcar.commands.calibrate import calibrate
-from foldcar.commands.crosscheck import crosscheck
 from foldcar.commands.doctor import doctor
 from foldcar.commands.flash import flash
 from foldcar.commands.link import link
@@ -131,7 +130,7 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 for command in (
-    new, sweep, optimize, run, sample, gallery, report, select, compare, calibrate, export, check, merge, crosscheck,
+    new, sweep, optimize, run, sample, gallery, report, select, compare, calibrate, export, check, merge,
     model, pattern, view, link, log, markers, lens, track, flash, doctor,
 ):  # fmt: skip
     app.command()(command)

@@ -1,15 +1,18 @@
 """The study page in a browser, from a file without a network: a real study, its counts, filters, address and replay."""
 
+import json
 import re
 import sqlite3
 from pathlib import Path
 from typing import Any
 
+import numpy
 import pytest
 
 from browser import Tab
 from page_check import page_findings, study_of
-from swept_listing import reported
+from study_car import listing_of
+from swept_listing import STEP_PYRAMIDS, foldcar, reported
 
 WIDTHS, SAMPLES = (80, 95, 245), 4
 
@@ -223,3 +226,33 @@ def test_an_address_opens_the_run_at_its_time_with_its_filters_and_scrolls_there
     assert 0 <= found["top"] < 450
     passed = sum(run[0] == 1 and run[2] == "passed" for run in stored(study))
     assert found["listed"].startswith(f"{passed} runs of 95 mm")
+
+
+def test_two_engines_have_a_sentence_and_a_curve_each(tmp_path: Path, carsim_binary: Path) -> None:
+    listing = listing_of(STEP_PYRAMIDS, {"width": list(WIDTHS)}, timeout=120, environments=SAMPLES)
+    (tmp_path / "l.json").write_text(json.dumps(listing))
+    for engine in ("multibody", "side-view"):
+        foldcar("sweep", tmp_path / "l.json", "--store", tmp_path / "s.db", "--engine", engine)
+    foldcar("report", tmp_path / "s.db", "-o", tmp_path / "report")
+
+    first, second = study_of(tmp_path / "report")["experiments"]
+    for one, other in ((first, second), (second, first)):
+        (engine,) = one["engines"]
+        assert engine["id"] == other["id"]
+        assert [engine[name] for name in ("passed", "runs")] == [other["designs"][name] for name in ("passed", "runs")]
+        assert engine["text"] in one["remarks"]
+    outcomes = [numpy.array(one["runs"]["outcome"]) == 0 for one in (first, second)]
+    counts = [int(passed.sum()) for passed in outcomes]
+    alike = 100 * numpy.mean(outcomes[0] == outcomes[1])
+    assert first["engines"][0]["text"] == (
+        f"side-view: {counts[1]} of the same 12 runs passed, in multibody {counts[0]}; "
+        f"{alike:.1f} % of the runs have the same result in both."
+    )
+    found = probed(tmp_path, 'found.legend = one("[data-chart=curve]").previousSibling.textContent;' + SERIES)
+    assert "side-view" in found["legend"]
+    assert found["dashed"] == 1
+
+
+SERIES = """
+  found.dashed = document.querySelectorAll("[data-chart=curve] svg path[stroke-dasharray][stroke-width='1.5']").length;
+"""

@@ -158,7 +158,7 @@ def _simulator_with_mujoco(checkout: Path | None) -> Finding:
         carsim = Carsim(engine=MUJOCO)
     except FoldcarError as error:
         advice = "make mujoco" if checkout else "pip install 'foldcar[mujoco]', which needs Python 3.11 or newer"
-        return Finding("MuJoCo", "absent", f"{error}; only --engine mujoco and foldcar crosscheck need it", advice)
+        return Finding("MuJoCo", "absent", f"{error}; only --engine mujoco needs it", advice)
     return Finding("MuJoCo", "ok", f"build {carsim.build}, firmware {carsim.firmware}, {carsim.binary}")
 
 

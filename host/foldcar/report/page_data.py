@@ -19,6 +19,8 @@
   belief's interval and the last threshold; ``refuted``: "optimistic" or "pessimistic" where the design's own trials
   contradict simulation; ``measures``:
   ``{"key", "label", "unit", "better": "less" | "more" | null, "value": column}``.
+- ``engines``: for each other engine that simulated the same cars in the same samples ``{"id": its experiment, "name",
+  "passed", "runs": columns by design, "text": a sentence that compares the results}``.
 - ``runs``: columns ``design``, ``environment``, ``outcome``, ``time_s`` in the order of design and environment; null
   beyond MOST_RUNS, where ``runs_omitted`` says so.
 - ``outcomes``, ``outcome_labels``: what the numbers of ``outcome`` stand for.
@@ -57,6 +59,7 @@ from foldcar.report.environment_values import EnvironmentValues, environment_val
 from foldcar.report.page_advice import Advice
 from foldcar.report.page_designs import Designs, parameter_columns, read_designs
 from foldcar.report.page_effects import cause_rows, effect_rows, importance_rows, read_effects
+from foldcar.report.page_engines import other_engines
 from foldcar.report.page_front import search_front
 from foldcar.report.page_remarks import remarks
 from foldcar.search.design_simulator import fresh_id
@@ -164,7 +167,7 @@ def page_data(
     some = read_experiments(store) if experiments is None else experiments
     # Threads for matrices of some tens of rows only wait for each other.
     with threadpool_limits(1):
-        shown = [_experiment(store, study, one, command) for one in some]
+        shown = [_experiment(store, study, one, some, command) for one in some]
     return {
         "title": study.listing_name if study is not None else store.path.name,
         "engine_notes": list(dict.fromkeys(one.info.warning for one in some if one.info.warning)),
@@ -172,7 +175,9 @@ def page_data(
     }
 
 
-def _experiment(store: Store, study: StudyInfo | None, one: Experiment, command: Sequence[str]) -> dict[str, Any]:
+def _experiment(
+    store: Store, study: StudyInfo | None, one: Experiment, experiments: Sequence[Experiment], command: Sequence[str]
+) -> dict[str, Any]:
     info, designs, effects, places = one.info, one.designs, one.effects, one.places
     threshold, few = one.thresholds[-1], info.stored_runs <= MOST_RUNS
     values = environment_values(store, info) if designs.swept else EnvironmentValues((), numpy.empty((0, 0)))
@@ -181,13 +186,14 @@ def _experiment(store: Store, study: StudyInfo | None, one: Experiment, command:
     headline, likely = advice.headline(), advice.likely()
     if one.fresh is not None:
         headline, likely = advice.judged(Advice(one.fresh, None, places, threshold))
+    engines = other_engines(designs, [other.designs for other in experiments])
     areas = next(
         (some["value"] for some in columns["measures"] if some["key"] == "sheet_area"), [None] * len(designs.names)
     )
     return {
         "id": one.name,
         "headline": headline,
-        "remarks": remarks(designs, one.trials, one.left_out),
+        "remarks": [*(engine["text"] for engine in engines), *remarks(designs, one.trials, one.left_out)],
         "thresholds": list(one.thresholds),
         "judged": info.success_defined,
         "simulation": info.simulation,
@@ -200,6 +206,7 @@ def _experiment(store: Store, study: StudyInfo | None, one: Experiment, command:
         "parameters": parameter_columns(designs),
         "fixed": [[label_and_unit(name)[0], value_text(name, value)] for name, value in info.fixed.items()],
         "designs": columns,
+        "engines": engines,
         "effects": [] if effects is None else effect_rows(designs, effects, places),
         "importance": [] if effects is None else importance_rows(effects, places),
         "causes": cause_rows(designs, values),

@@ -11,10 +11,10 @@ const CURVE_HEIGHT = 400;
 const table = model => () => {
   const { e } = model, { designs } = e, pair = (low, high) => (low === null ? "–" : `${percent(low)} to ${percent(high)}`);
   return {
-    head: ["design", "belief", "95 %", "simulation", "95 %", "trials", "of cars", "95 % of these"],
+    head: ["design", "belief", "95 %", "simulation", "95 %", ...e.engines.map(one => one.name), "trials", "of cars", "95 % of these"],
     rows: designs.name.map((name, i) => [name, percent(designs.belief[i]), pair(designs.belief_low[i], designs.belief_high[i]),
       designs.runs[i] ? `${designs.passed[i]} of ${designs.runs[i]}` : "–", pair(designs.low[i], designs.high[i]),
-      designs.trials[i] ? `${designs.trials_passed[i]} of ${designs.trials[i]}` : "–", designs.cars[i] || "–", pair(designs.trials_low[i], designs.trials_high[i])]),
+      ...e.engines.map(({ passed, runs }) => (runs[i] ? `${passed[i]} of ${runs[i]}` : "–")), designs.trials[i] ? `${designs.trials_passed[i]} of ${designs.trials[i]}` : "–", designs.cars[i] || "–", pair(designs.trials_low[i], designs.trials_high[i])]),
   };
 };
 
@@ -110,6 +110,9 @@ function curveFigure(model) {
           markLine: { silent: true, symbol: "none", data: lines }, markArea: { silent: true, data: tints(e, order, x, theme) } },
         intervals("simulation", triple(sl, sh), theme.soft, 1, 0.55),
         { name: "simulation", type: "scatter", data: order.filter(k => s[k] !== null).map(k => ({ value: [x[k], s[k]], design: k, itemStyle: { color: theme.paper, borderColor: theme.soft, borderWidth: 1.2, opacity: dim(k) } })), symbol: "rect", symbolSize: 6, z: 4 },
+        ...e.engines.map(({ name, passed, runs }, n) => ({ name, type: "line", symbol: "triangle", symbolSize: 7, z: 4, silent: true,
+          lineStyle: { color: theme.ink, width: 1.5, type: n ? "dotted" : "dashed" }, itemStyle: { color: theme.ink },
+          data: order.filter(k => runs[k]).map(k => [x[k], 100 * passed[k] / runs[k]]) })),
         intervals("trials", driven.map(k => [x[k], tl[k], th[k]]), theme.trial, 2.5, 0.8),
         { name: "trials", type: "scatter", data: driven.map(k => ({ value: [x[k], 100 * trials_passed[k] / trials[k]], design: k })), symbol: "diamond", symbolSize: 13, itemStyle: { color: theme.trial, borderColor: theme.paper }, z: 6 },
       ],
@@ -122,7 +125,7 @@ function curveFigure(model) {
 }
 
 function legend(e) {
-  const keys = [["belief", "belief, 95 % band"], ["simulation", "simulation"]];
+  const keys = [["belief", "belief, 95 % band"], ["simulation", "simulation"], ...e.engines.map(({ name }, n) => [n ? "engine dotted" : "engine", name])];
   if (e.designs.trials.some(count => count)) keys.push(["trials", "trials"]);
   return make("span", { class: "legend" }, ...keys.map(([kind, text]) => make("span", {}, make("i", { class: `key ${kind}` }), text)));
 }

@@ -61,10 +61,11 @@ export const valueText = (axis, value) =>
   value === null ? "–" : `${number(value)}${axis.unit ? ` ${axis.unit}` : ""}`;
 
 // What is known of a design's success: [source, text].
-export function evidence({ designs }, k) {
+export function evidence({ designs, engines }, k) {
   const span = (low, high) => (low[k] === null ? "" : ` (${percent(low[k])} to ${percent(high[k])})`), rows = [];
   if (designs.belief[k] !== null) rows.push(["belief", percent(designs.belief[k]) + span(designs.belief_low, designs.belief_high)]);
   if (designs.runs[k]) rows.push(["simulation", `${designs.passed[k] ?? "–"} of ${designs.runs[k]}${span(designs.low, designs.high)}`]);
+  for (const { name, passed, runs } of engines) if (runs[k]) rows.push([name, `${passed[k]} of ${runs[k]}`]);
   if (designs.trials[k]) rows.push(["trials", `${designs.trials_passed[k]} of ${designs.trials[k]}, ${designs.cars[k]} car${designs.cars[k] > 1 ? "s" : ""}${span(designs.trials_low, designs.trials_high)}`]);
   return rows;
 }

@@ -15,7 +15,6 @@ from typing import Any
 
 from page_block import replaced
 
-from foldcar.calibration.best_set import BestSet, best_set
 from foldcar.calibration.experiment import Simulator, nominal_counts, read_experiment
 from foldcar.calibration.inference import Inference, infer
 from foldcar.calibration.observations import observe
@@ -40,10 +39,8 @@ def main(folder: Path, page: Path) -> None:
         nominal = nominal_counts(opened, experiment)
     simulator = Simulator(experiment, Carsim(), len(os.sched_getaffinity(0)), SEED)
     inference: Inference = kept(folder / "inference.pickle", partial(infer, simulator, observed, RUNS))
-    best: BestSet = kept(folder / "best.pickle", partial(best_set, simulator, inference))
     summary = summarise(inference, experiment, nominal, SEED, RUNS, leave_one_out=True)
-    tables = {"published": published(summary, best), "parameters": parameters(summary, best)}
-    tables["findings"] = said(summary, best)
+    tables = {"published": published(summary), "parameters": parameters(summary), "findings": findings(summary)}
     text = page.read_text(encoding="utf-8")
     for mark, lines in tables.items():
         block = "".join(f"{line}\n" for line in lines)
@@ -74,42 +71,39 @@ def foldcar(*words: str | Path) -> None:
     subprocess.run(command, cwd=PROJECT, check=True)
 
 
-def published(summary: dict[str, Any], best: BestSet) -> list[str]:
-    """Each width: trials, nominal, calibrated and best success, predictions with and without its own trials."""
-    head = ["width (mm)", "trials", "nominal", "calibrated", "best set", "predicted", "without"]
+def published(summary: dict[str, Any]) -> list[str]:
+    """Each width: trials, nominal and calibrated success, predictions with and without its own trials."""
+    head = ["width (mm)", "trials", "nominal", "calibrated", "predicted", "without"]
     rows, driven = [], [one for one in summary["designs"] if one["counted"]]
-    for one, left, rate in zip(driven, summary["leave_one_out"], best.rates, strict=True):
+    for one, left in zip(driven, summary["leave_one_out"], strict=True):
         simulated = f"{100 * one['simulated']['median']:.0f} ({ends(one['simulated'])})"
         trials = f"{one['passed']}/{one['counted']}: {100 * one['passed'] / one['counted']:.0f}"
         width = f"{one['design']['width_mm']:g}"
         predictions = (ends(one["predicted"]), ends(left["predicted"]))
-        rows.append([width, trials, f"{100 * one['nominal']:.0f}", simulated, f"{100 * rate:.0f}", *predictions])
+        rows.append([width, trials, f"{100 * one['nominal']:.0f}", simulated, *predictions])
     return table(head, rows)
 
 
-def parameters(summary: dict[str, Any], best: BestSet) -> list[str]:
-    """All parameters before and after, how much of their variance the trials explain, and the best set."""
+def parameters(summary: dict[str, Any]) -> list[str]:
+    """All parameters before and after, and how much of their variance the trials explain."""
     rows = []
     for one in summary["parameters"]:
         told = (one["prior"], one["posterior"])
         before, after = (f"{p['median']:.2g} ({p['low']:.2g} to {p['high']:.2g})" for p in told)
         explained = "" if one["explained"] is None else f"{100 * one['explained']:.0f}"
-        found = best.values.get(one["name"])
-        rows.append([one["name"], before, after, explained, "" if found is None else f"{found:.3g}"])
-    return table(["parameter", "prior", "posterior", "explained %", "best set"], rows)
+        rows.append([one["name"], before, after, explained])
+    return table(["parameter", "prior", "posterior", "explained %"], rows)
 
 
-def said(summary: dict[str, Any], best: BestSet) -> list[str]:
+def findings(summary: dict[str, Any]) -> list[str]:
     """Correlations, next trials and the likelihood."""
     likelihood, emulator = summary["log_likelihood"], summary["emulator"]
     strongest = summary["correlations"][:3]
     pairs = ", ".join(f"{' and '.join(one['parameters'])} {one['correlation']:+.2f}" for one in strongest)
-    low, high = best.interval
     return [
         f"- {summary['findings'][0]}",
         f"- Log-likelihood without a discrepancy: {likelihood['best']:.2f} by the trials' own rates, "
-        f"{best.log_likelihood:.2f} ({low:.2f} to {high:.2f}) by the best set, in {best.scenes} runs of each width that "
-        f"did not choose it; {likelihood['draws']:.1f} on average over the posterior, "
+        f"{likelihood['draws']:.1f} on average over the posterior, "
         f"{likelihood['nominal']:.1f} nominal; with the discrepancy integrated out the posterior has "
         f"{likelihood['expected']:.1f}.",
         f"- In the last of {emulator['rounds']} rounds the emulator erred by {100 * emulator['error']:.0f} points, "

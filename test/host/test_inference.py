@@ -5,17 +5,15 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from functools import partial
 from types import SimpleNamespace
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 from scipy.special import expit
 from scipy.stats import binom, norm
 
-from foldcar.calibration import best_set as best_set_module
 from foldcar.calibration import emulator
 from foldcar.calibration import inference as inference_module
-from foldcar.calibration.best_set import LAST_SCENES, best_set, best_set_runs
 from foldcar.calibration.drive_features import FEATURES, PITCH, TIME, possible_ends
 from foldcar.calibration.emulator import MOST_CELLS, OTHERS, Emulator, cell_inputs, prior_scores, simulate_bank
 from foldcar.calibration.experiment import CalibrationRun, SimulatedDrive, SweptDesign, SweptExperiment
@@ -259,30 +257,6 @@ def test_the_formulas_rates_are_found(inferred_once: Inferred) -> None:
     # A discrepancy is allowed for, and the emulator learned by single runs.
     found = inferred_once.found.posterior.scores[:, FRICTION].mean()
     assert found == pytest.approx(mean, abs=0.25)
-
-
-def test_the_best_set_is_the_most_likely_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of friction, as all else is known or without effect: by the formula's own likelihood."""
-    monkeypatch.setattr(best_set_module, "SPREADS", (0.4, 0.1))
-    told, simulator = {0: (2, 10), 1: (3, 10), 3: (9, 10)}, cast(Any, Formula(seed=3))
-    known = {index: 0.0 for index in range(len(PARAMETERS)) if index not in (FRICTION, SPEED)}
-    observed = observations(*((design, *counts) for design, counts in told.items()))
-    one = replace(problem(experiment(), observed, linear(1.0, 0.0)), known=known)
-    scores = np.zeros((200, len(PARAMETERS)))
-    scores[:, [FRICTION, SPEED]] = np.random.default_rng(2).standard_normal((200, 2))
-
-    found = best_set(simulator, inferred(one, scores, 0.5))
-
-    z = np.linspace(-2.5, 2.5, 501)
-    passed, counted = np.array(list(told.values())).T
-    exact = binom.logpmf(passed, counted, expit(2 * z[:, None] + np.array(list(told)) - 1.5)).sum(axis=1)
-    assert np.log(found.values["friction"]) / 0.3 == pytest.approx(z[exact.argmax()], abs=0.25)
-    assert found.log_likelihood == pytest.approx(exact.max(), abs=0.3)
-    assert found.interval[0] < exact.max() and found.values["track_m"] == 0
-    assert len(simulator.asked) == best_set_runs(3)
-    # The last runs are in scenes, and with cars, that did not choose the set.
-    last = 3 * LAST_SCENES
-    assert not {run.car for run in simulator.asked[-last:]} & {run.car for run in simulator.asked[:-last]}
 
 
 def test_the_posterior_is_that_of_rejection(monkeypatch: pytest.MonkeyPatch) -> None:

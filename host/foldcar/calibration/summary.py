@@ -5,14 +5,13 @@ shares are 0 to 1; ``low`` and ``high`` are the ends of 90 % intervals.
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from scipy.stats import binom
 
-from foldcar.analysis.words import design_text, listed, percent
-from foldcar.calibration.best_set import BestSet
+from foldcar.analysis.words import design_text, listed
 from foldcar.calibration.drive_features import CLIMBING, FAMILIES, FAMILY_NAMES, PITCH, SPEED, TIME, TIPPING, TURNING
 from foldcar.calibration.experiment import SweptExperiment
 from foldcar.calibration.inference import TOLERATED, Inference, Problem
@@ -50,9 +49,8 @@ Nominal = Mapping[int, tuple[int, int]]
 
 
 def summarise(
-    inference: Inference, experiment: SweptExperiment, nominal: Nominal, seed: int, runs: int, leave_one_out: bool,
-    best: BestSet | None = None,
-) -> dict[str, Any]:  # fmt: skip
+    inference: Inference, experiment: SweptExperiment, nominal: Nominal, seed: int, runs: int, leave_one_out: bool
+) -> dict[str, Any]:
     """The summary; ``leave_one_out`` also predicts each design from the trials of the others."""
     observed, rates = inference.problem.observed, rates_of(inference, experiment, seed)
     chances = _chances(inference.problem, inference.posterior, observed.counts())
@@ -77,8 +75,6 @@ def summarise(
         "notes": list(observed.notes),
         "next_trials": [],
     }
-    if best is not None:
-        summary["best_set"] = {**asdict(best), "rates": best.rates.tolist()}
     if leave_one_out:
         summary["leave_one_out"] = left_out(inference, experiment, nominal, seed)
     for one in rank_next_trials(inference, experiment)[:SHOWN_TRIALS]:
@@ -268,7 +264,7 @@ def _ends(low: float, high: float) -> dict[str, float]:
 
 def findings(summary: Mapping[str, Any]) -> list[str]:
     """What the numbers say and cannot say, in sentences; the first is whether the trials are explained."""
-    told = [*_fit(summary), *_best_set(summary), *_known_better(summary)]
+    told = [*_fit(summary), *_known_better(summary)]
     strong = [one for one in summary["correlations"] if abs(one["correlation"]) >= CORRELATED]
     for one in strong[:MOST_PAIRS]:
         first, second = one["parameters"]
@@ -313,18 +309,6 @@ def _fit(summary: Mapping[str, Any]) -> Iterator[str]:
         yield (
             f"Paths differ in {one['family']} from the calibrated simulator's, {one['size']:.1f} times as much as runs "
             f"scatter (by chance below {one['by_chance']:.1f}): {_LACKS[one['family']]}."
-        )
-
-
-def _best_set(summary: Mapping[str, Any]) -> Iterator[str]:
-    if best := summary.get("best_set"):
-        low, high = best["interval"]
-        values = ", ".join(f"{name} {value:.3g}" for name, value in best["values"].items())
-        designs = [one for one in summary["designs"] if one["counted"]]
-        rates = listed(percent(rate) for rate in best["rates"])
-        yield (
-            f"One set explains most, log-likelihood {best['log_likelihood']:.2f} ({low:.2f} to {high:.2f}) without a "
-            f"discrepancy: {values}; with it {listed(design_text(one['design']) for one in designs)} pass {rates}."
         )
 
 

@@ -34,10 +34,6 @@ def calibrate(
     leave_one_out: Annotated[
         bool, typer.Option("--leave-one-out", help="Also predict each design from the trials of the others.")
     ] = False,
-    best: Annotated[
-        bool,
-        typer.Option("--best-set", help="Also search the one set that explains most; 3,900 runs a design with trials."),
-    ] = False,
     simulated_trials: SimulatedTrialsInstead = False,
     evidence: Annotated[
         str,
@@ -60,7 +56,6 @@ def calibrate(
     \b
     Example: foldcar calibrate study.db --name published --leave-one-out
     """
-    from foldcar.calibration.best_set import best_set, best_set_runs
     from foldcar.calibration.experiment import Simulator, nominal_counts, read_experiment
     from foldcar.calibration.inference import infer, plan
     from foldcar.calibration.observations import EVIDENCE, experiment_with_trials, observe
@@ -86,11 +81,9 @@ def calibrate(
     carsim = Carsim()
     simulator = Simulator(chosen, carsim, jobs or usable_processors(), seed)
     planned = plan(runs, observed, len(chosen.designs)).runs
-    planned += best_set_runs(len(observed.counts())) if best else 0
     with said(lambda: "stopped: nothing is stored"), TerminalBar("calibrate", planned) as bar:
         inference = infer(simulator, observed, runs, bar.done, measured)
-        found = best_set(simulator, inference, bar.done) if best else None
-        summary = summarise(inference, chosen, nominal, seed, planned, leave_one_out, found)
+        summary = summarise(inference, chosen, nominal, seed, planned, leave_one_out)
     made = new_calibration(name, chosen.info.id, carsim.build, inference.draws, summary)
 
     with write_calibrations(store) as writer:

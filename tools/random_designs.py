@@ -1,8 +1,9 @@
 """Makes cars of random designs: each is made and passes its checks, or is refused in one line that says what would do.
 
-    .venv/bin/python tools/random_designs.py 300 --seed 1 [--files]
+    .venv/bin/python tools/random_designs.py 300 --seed 1
 
-Types, parts, parameters and machines are drawn over their whole ranges and somewhat beyond. Where a refusal names a limit
+Types, parts, parameters and machines are drawn over their whole ranges and somewhat beyond. The sheets of each car are
+written in every format and read back. Where a refusal names a limit
 of a parameter, a distance of axles or a sheet, the design is tried again with that, until it is made: a refusal that does
 not say what would do, or says what does not, counts as a fault. The exit code is 1 if there are faults.
 """
@@ -14,17 +15,21 @@ import sys
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 from foldcar.car.components.component import Parameter
 from foldcar.car.design import Design, DesignError, compose, parameters
 from foldcar.car.folded_car import folded_car
 from foldcar.car.parts.catalogue import OPTIONS, PartChoices, catalogue
-from foldcar.car.verify import verify
+from foldcar.car.verify import CheckError, refuse, verify
 from foldcar.errors import FoldcarError
-from foldcar.fabrication.make_car import CheckError, make_car
+from foldcar.fabrication.make_car import WRITERS
 from foldcar.fabrication.patterns.options import MACHINES, Options, options
+from foldcar.fabrication.patterns.pdf import pdf
 from foldcar.fabrication.patterns.sheets import pattern
-from foldcar.fabrication.patterns.verify import check_sheet
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test" / "host"))
+from sheet_reader import READERS, check_pdf, check_sheet, check_text
 
 # A refusal says what would do: a limit, an alternative, what it needs.
 SAYS_WHAT_WOULD_DO = re.compile(
@@ -103,12 +108,14 @@ def _value(chance: random.Random, declared: Parameter) -> float:
 
 
 def sheets(design: Design, chosen: Options) -> None:
-    """Make and check the car and its sheets as `make_car` does, but no files; CheckError."""
+    """Make and check the car and its sheets as `make_car` does, then read the written sheets back; CheckError."""
     made = pattern(folded_car(design), chosen, design.title, "foldcar pattern")
-    findings = [str(finding) for finding in verify(design).findings]
-    findings += [*made.torn, *(found for sheet in made.sheets for found in check_sheet(sheet, chosen.margin_mm))]
-    if findings:
-        raise CheckError(findings[0])
+    findings = [*map(str, verify(design).findings), *made.torn]
+    for sheet in made.sheets:
+        findings += check_sheet(sheet, chosen.margin_mm)
+        for ending, write in WRITERS.items():
+            findings += check_text(READERS[ending], sheet, write(sheet), chosen)
+    refuse(design.title, [*findings, *check_pdf(made.sheets, pdf(made.sheets, design.title))])
 
 
 def tried(draw: Draw, make: Callable[[Design, Options], object] = sheets) -> Outcome:
@@ -168,11 +175,10 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("count", type=int, help="number of designs")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--files", action="store_true", help="make all files of each car and read them back")
     asked = parser.parse_args()
     counts: Counter[str] = Counter()
     for number, draw in enumerate(draws(asked.count, asked.seed), 1):
-        outcome = tried(draw, make_car if asked.files else sheets)
+        outcome = tried(draw)
         kind = "made" if outcome.made and not outcome.refusals else "made as advised" if outcome.made else "refused"
         counts[kind if not outcome.fault else "faults"] += 1
         if outcome.fault:

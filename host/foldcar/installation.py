@@ -48,7 +48,7 @@ def python_command(module: str, *arguments: str, flags: tuple[str, ...] = ()) ->
 MODULES = {
     "calibrate": ("sklearn",),
     "cluster": ("dask", "distributed"),
-    "fabricate": ("ezdxf", "fcl", "pypdf", "reportlab", "trimesh"),
+    "fabricate": ("ezdxf", "fcl", "reportlab", "trimesh"),
     "camera": ("cv2", "reportlab"),
     "link": ("mcap", "pymavlink", "serial"),
     "mujoco": ("mujoco",),

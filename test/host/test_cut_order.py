@@ -5,8 +5,9 @@ import math
 
 import pytest
 
-from foldcar.fabrication.make_car import TEXTS
+from foldcar.fabrication.make_car import WRITERS
 from foldcar.fabrication.patterns.drawing import LayerName, Path, Sheet
+from sheet_reader import READERS
 
 
 def square(layer: LayerName, x: float, y: float, side: float) -> Path:
@@ -25,10 +26,9 @@ def sheet() -> Sheet:
     return Sheet("sheet_1", 150.0, 150.0, tuple(groups))
 
 
-@pytest.mark.parametrize("ending", TEXTS)
+@pytest.mark.parametrize("ending", WRITERS)
 def test_files_have_openings_before_outlines_small_before_large_near_to_near(ending: str) -> None:
-    write, read = TEXTS[ending]
-    found = read(write(sheet())).shapes
+    found = READERS[ending](WRITERS[ending](sheet())).shapes
 
     assert [shape.layer for shape in found] == ["CUT_INNER"] * 18 + ["CUT_OUTER"] * 9
     for layer in ("CUT_INNER", "CUT_OUTER"):

@@ -14,7 +14,7 @@ import ezdxf
 import pytest
 
 from foldcar.fabrication.patterns.options import OptionError, options
-from foldcar.fabrication.patterns.svg import read_svg
+from sheet_reader import read_svg
 from test_shown_text import ASCII
 
 Command = Callable[..., "subprocess.CompletedProcess[str]"]

@@ -14,16 +14,14 @@ from shapely.geometry import LineString, box
 
 from cut_samples import folded_box
 from foldcar.car.parts.catalogue import catalogue
-from foldcar.fabrication.make_car import TEXTS
 from foldcar.fabrication.patterns import nesting
 from foldcar.fabrication.patterns.cutting import coupon
 from foldcar.fabrication.patterns.drawing import LAYERS, Circle, Path, Sheet, bounds
-from foldcar.fabrication.patterns.dxf import dxf, read_dxf
+from foldcar.fabrication.patterns.dxf import dxf
 from foldcar.fabrication.patterns.options import options
-from foldcar.fabrication.patterns.pdf import read_pdf
 from foldcar.fabrication.patterns.sheets import pattern
-from foldcar.fabrication.patterns.svg import read_svg, svg
-from foldcar.fabrication.patterns.verify import check_pdf, check_same, check_sheet
+from foldcar.fabrication.patterns.svg import svg
+from sheet_reader import READERS, check_pdf, check_same, check_sheet, check_text, read_dxf, read_pdf, read_svg
 from written_sheet import CHOSEN, COMMAND, Made, written_sample
 
 # RGB by number, as its documentation lists them.
@@ -41,7 +39,7 @@ def made() -> Made:
 @pytest.fixture(scope="module")
 def found(made: Made) -> dict[str, Sheet]:
     """What is read back, by ending."""
-    return {ending: read(made.texts[ending]) for ending, (_, read) in TEXTS.items()} | {"pdf": read_pdf(made.pdf)[1]}
+    return {ending: read(made.texts[ending]) for ending, read in READERS.items()} | {"pdf": read_pdf(made.pdf)[1]}
 
 
 def test_written_files_have_no_findings_and_a_reference_bar_of_100_mm(made: Made, found: dict[str, Sheet]) -> None:
@@ -53,6 +51,30 @@ def test_written_files_have_no_findings_and_a_reference_bar_of_100_mm(made: Made
     assert check_pdf([made.sheet, made.sheet], made.pdf) == []
     sizes = [(float(page.mediabox.width), float(page.mediabox.height)) for page in PdfReader(io.BytesIO(made.pdf)).pages]
     assert sizes == 2 * [(pytest.approx(300 / 25.4 * 72, abs=1e-3), pytest.approx(200 / 25.4 * 72, abs=1e-3))]
+
+
+@pytest.mark.parametrize(
+    ("ending", "part", "other", "finding"),
+    [
+        ("svg", r'(?s)(id="CUT_OUTER".*?)<path d="M[^"]*z"/>', r"\1", "a line on CUT_OUTER .* is missing"),
+        ("svg", 'width="300mm" height="200mm"', 'width="300" height="200"', "not given in mm"),
+        ("svg", '<circle cx="', '<circle cx="1', "CUT_INNER"),
+        ("dxf", r"\$INSUNITS\n 70\n4", "$INSUNITS\n 70\n1", r"\$INSUNITS is 1"),
+        ("lbrn2", "<VertList>V", "<VertList>V1", "is missing"),
+        ("lbrn2", '<name Value="CUT_INNER" />', '<name Value="CUT_OUTER" />', "not cut in their order"),
+    ],
+)
+def test_the_reader_finds_damage(made: Made, ending: str, part: str, other: str, finding: str) -> None:
+    damaged = re.sub(part, other, made.texts[ending], count=1)
+
+    assert damaged != made.texts[ending]
+    assert re.search(finding, "\n".join(check_text(READERS[ending], made.sheet, damaged, CHOSEN)))
+
+
+def test_the_reader_finds_pages_that_are_missing_or_not_meant(made: Made) -> None:
+    assert check_pdf([made.sheet], made.pdf) == ["has 2 pages, should have 1"]
+    other = replace(made.sheet, groups=made.sheet.groups[1:])
+    assert "page 1: a line on LABEL" in check_pdf([other, other], made.pdf)[0]
 
 
 def test_an_independent_reader_of_svg_sees_the_same_points(made: Made) -> None:

@@ -14,9 +14,8 @@ from foldcar.fabrication.patterns.labels import join_marks
 from foldcar.fabrication.patterns.options import options
 from foldcar.fabrication.patterns.piece_shapes import narrowest_film, piece_shapes
 from foldcar.fabrication.patterns.sheets import cut_car, on_a_larger_sheet
-from foldcar.fabrication.patterns.svg import read_svg
-from foldcar.fabrication.patterns.verify import check_same
 from published_cars import PATTERNS, PUBLISHED, car, design, designs
+from sheet_reader import check_same, check_sheet, read_svg
 
 sys.path.insert(0, str(PROJECT / "tools"))
 from golden_sheets import SHEETS, cars, sheets_of
@@ -36,8 +35,9 @@ def test_the_sheets_are_those_that_are_kept(vehicle: str) -> None:
 
     kept = {file.name: read_svg(file.read_text(encoding="utf-8")) for file in (SHEETS / vehicle).iterdir()}
     assert sorted(kept) == sorted(made)
-    differences = [f"{name}: {found}" for name in kept for found in check_same(made[name], kept[name])]
-    assert differences == []
+    margin_mm = options(cars()[vehicle]["machine"]).margin_mm
+    findings = {name: check_same(made[name], kept[name]) + check_sheet(kept[name], margin_mm) for name in kept}
+    assert not any(findings.values()), findings
     shapes = [sheet.shapes for sheet in made.values()]
     assert all(any(math.isclose(s.length_mm, 100) for s in some if s.layer == "LABEL") for some in shapes)
     assert any(s.layer == "QR_CODE" for some in shapes for s in some)

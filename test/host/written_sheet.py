@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import pytest
 
 from cut_samples import folded_box
-from foldcar.fabrication.make_car import TEXTS
+from foldcar.fabrication.make_car import WRITERS
 from foldcar.fabrication.patterns import nesting
 from foldcar.fabrication.patterns.drawing import Sheet
 from foldcar.fabrication.patterns.options import options
@@ -31,5 +31,5 @@ def written_sample() -> Made:
         # The first layout does.
         patch.setattr(nesting, "MOST_TRIES", 0)
         sheet = pattern(folded_box(40.0), CHOSEN, "sample", COMMAND).sheets[0]
-    texts = {ending: write(sheet) for ending, (write, _) in TEXTS.items()}
+    texts = {ending: write(sheet) for ending, write in WRITERS.items()}
     return Made(sheet, texts, pdf([sheet, sheet], "sample"))

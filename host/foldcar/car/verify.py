@@ -3,6 +3,7 @@
 Input: a design or a FoldedCar. Output: findings (none, if it can be built).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from foldcar.car.design import Design
@@ -12,6 +13,7 @@ from foldcar.car.folded.placed import Finding, place
 from foldcar.car.folded_car import folded_car
 from foldcar.car.proof.check_film import check_film_apart, check_flat, check_joins
 from foldcar.car.proof.prove import prove
+from foldcar.errors import FoldcarError
 
 
 @dataclass(frozen=True)
@@ -36,3 +38,14 @@ def verify(design: Design) -> Verification:
     joins = len({join.number for join in car.joins})
     found = (*check_design(car), *prove(car).findings)
     return Verification(found, f"{faces} faces, {folds} folds and {joins} joins, fits and assembly checked")
+
+
+class CheckError(FoldcarError):
+    """A car that failed its checks; the message names the first finding."""
+
+
+def refuse(title: str, findings: Sequence[str]) -> None:
+    """CheckError, with the first of them, if there are any."""
+    if findings:
+        more = f" (and {len(findings) - 1} more)" if len(findings) > 1 else ""
+        raise CheckError(f"{title}: {findings[0]}{more}")

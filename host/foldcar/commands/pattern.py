@@ -51,7 +51,7 @@ def pattern(
 ) -> None:
     """Write all files that a car is built from.
 
-    Sheets (SVG, DXF, PDF), STL, OBJ, guide, wiring and parts list, checked as written; all files or none.
+    Sheets (SVG, DXF, PDF), STL, OBJ, guide, wiring and parts list of a car that passes its checks; all files or none.
 
     \b
     Example: foldcar pattern patterns/published_cars.json --vehicle w95 -o car

@@ -51,9 +51,8 @@ def view(
     """
     require("fabricate")
     from foldcar.car.folded_car import folded_car
-    from foldcar.car.verify import verify
+    from foldcar.car.verify import refuse, verify
     from foldcar.fabrication.assembly.view_page import view_page
-    from foldcar.fabrication.make_car import refuse
     from foldcar.outputs import atomic_file
 
     check_distinct([listing], [output])

@@ -1,19 +1,17 @@
-"""Everything that is made of one car: the files of its folder by name, checked before anybody sees them.
+"""Everything that is made of one car: the files of its folder by name.
 
-Input: a Design and Options. Output: a MadeCar. Findings of the checks are a CheckError: a car that fails has no files.
+Input: a Design and Options. Output: a MadeCar. Findings of the car's checks are a CheckError: it has no files then.
 """
 
-import itertools
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 
 from foldcar import __version__
 from foldcar.car.body import body_json, car_json
 from foldcar.car.design import Design
 from foldcar.car.folded_car import folded_car
-from foldcar.car.verify import verify
-from foldcar.errors import FoldcarError
+from foldcar.car.verify import refuse, verify
 from foldcar.fabrication.assembly.guide import guide_page
 from foldcar.fabrication.assembly.operations import Operations, operations
 from foldcar.fabrication.assembly.parts_list import (
@@ -27,15 +25,13 @@ from foldcar.fabrication.assembly.solids import film_solids, mount_solid, obj_fi
 from foldcar.fabrication.assembly.view_page import view_page
 from foldcar.fabrication.assembly.wiring import wiring_drawing, wiring_text
 from foldcar.fabrication.patterns.cutting import coupon, how_to_cut
-from foldcar.fabrication.patterns.drawing import Sheet
-from foldcar.fabrication.patterns.dxf import dxf, read_dxf
-from foldcar.fabrication.patterns.lbrn import lbrn, read_lbrn
+from foldcar.fabrication.patterns.dxf import dxf
+from foldcar.fabrication.patterns.lbrn import lbrn
 from foldcar.fabrication.patterns.nesting import NestingError
 from foldcar.fabrication.patterns.options import MACHINES, Options
 from foldcar.fabrication.patterns.pdf import pdf
 from foldcar.fabrication.patterns.sheets import Pattern, cut_car, on_a_larger_sheet, pattern_of
-from foldcar.fabrication.patterns.svg import read_svg, svg
-from foldcar.fabrication.patterns.verify import TOLERANCE_MM, check_pdf, check_sheet, check_text
+from foldcar.fabrication.patterns.svg import svg
 
 # The page to open first.
 GUIDE = "assembly.html"
@@ -44,36 +40,8 @@ MANIFEST = "pattern.json"
 SHEETS = "sheets.pdf"
 
 
-class CheckError(FoldcarError):
-    """A car or a file that failed its checks; the message names the first findings."""
-
-
-# Writer and reader of a sheet's file, by its ending.
-TEXTS: dict[str, tuple[Callable[[Sheet], str], Callable[[str], Sheet]]] = {
-    "svg": (svg, read_svg), "dxf": (dxf, read_dxf), "lbrn2": (lbrn, read_lbrn),
-}  # fmt: skip
-
-
-def _written(
-    pages: Mapping[str, Sequence[Sheet]], title: str, endings: Sequence[str], chosen: Options
-) -> tuple[dict[str, bytes], list[str]]:
-    """The files by name, and findings about sheets and files, each beginning with a name.
-
-    ``pages`` are the sheets of each PDF; every sheet has a file of each of the ``endings``. All are read back.
-    """
-    files: dict[str, bytes] = {}
-    found: dict[str, list[str]] = {}
-    for sheet in itertools.chain.from_iterable(pages.values()):
-        found[sheet.name] = check_sheet(sheet, chosen.margin_mm)
-        for ending in endings:
-            write, read = TEXTS[ending]
-            text = write(sheet)
-            files[f"{sheet.name}.{ending}"] = text.encode()
-            found[f"{sheet.name}.{ending}"] = check_text(read, sheet, text, chosen)
-    for name, sheets in pages.items():
-        files[name] = pdf(sheets, title if name == SHEETS else name.removesuffix(".pdf"))
-        found[name] = check_pdf(sheets, files[name])
-    return files, [f"{name}: {finding}" for name, findings in found.items() for finding in findings]
+# Writers of a sheet's file, by its ending.
+WRITERS = {"svg": svg, "dxf": dxf, "lbrn2": lbrn}
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,11 +70,10 @@ def make_car(design: Design, chosen: Options, command: str = "", larger: bool = 
         cut = pattern_of(pieces, chosen, title, command)
     except NestingError as error:
         raise NestingError(f"{error} ({title})") from error
-    pages = {SHEETS: cut.sheets, "coupon.pdf": [coupon(chosen, folded.parts)]}
+    test_piece = coupon(chosen, folded.parts)
     endings = ["svg", "dxf", *(["lbrn2"] if MACHINES[chosen.machine].files == "lbrn2" else [])]
-    files, findings = _written(pages, title, endings, chosen)
     verified = verify(design)
-    refuse(title, [*map(str, verified.findings), *cut.torn, *findings])
+    refuse(title, [*map(str, verified.findings), *cut.torn])
     # matplotlib is slow to import, and other commands import this module.
     from foldcar.fabrication.patterns.preview import preview
 
@@ -122,16 +89,15 @@ def make_car(design: Design, chosen: Options, command: str = "", larger: bool = 
         "parts.md": parts_list_text(folded, title, cut.sheets, done),
         "parts.csv": parts_list_csv(folded, cut.sheets),
     }
+    sheets = (*cut.sheets, test_piece)
+    files = {f"{sheet.name}.{ending}": WRITERS[ending](sheet).encode() for sheet in sheets for ending in endings}
+    files |= {SHEETS: pdf(cut.sheets, title), "coupon.pdf": pdf([test_piece], "coupon")}
     files |= {name: text.encode() for name, text in texts.items()}
     film = film_solids(folded)
     files |= {"sheets.png": preview(cut.sheets, title), "car.stl": stl_bytes(film)}
     files |= obj_files([*film, *map(mount_solid, folded.mounts)], "car")
-    lines = sum(len(sheet.shapes) for sheet in cut.sheets)
-    formats = "SVG, PDF, DXF and LightBurn projects" if "lbrn2" in endings else "SVG, PDF and DXF"
     checks = (
         verified.checked,
-        f"{lines} lines on {len(cut.sheets)} sheets read back from {formats}: as meant within "
-        f"{TOLERANCE_MM:g} mm, inside their sheets, outlines closed, none twice",
         f"film between two cuts at least {cut.least_film_mm:.2f} mm, bridges in folds aside",
     )
     rows = parts_list(folded, cut.sheets)
@@ -156,10 +122,3 @@ def make_car(design: Design, chosen: Options, command: str = "", larger: bool = 
     }
     files[MANIFEST] = (json.dumps(manifest, indent=2) + "\n").encode()
     return made
-
-
-def refuse(title: str, findings: Sequence[str]) -> None:
-    """CheckError, with the first of them, if there are any."""
-    if findings:
-        more = f" (and {len(findings) - 1} more)" if len(findings) > 1 else ""
-        raise CheckError(f"{title}: {findings[0]}{more}")

@@ -1,6 +1,6 @@
 """The geometry of a sheet: polylines and circles on layers, in millimetres, x right and y up from a corner.
 
-Writers take it and readers of the written files return it, so that both can be compared. Names, colours and line weights
+Names, colours and line weights
 of layers are equal in all file formats. Their colours are those of LightBurn's palette (docs.lightburnsoftware.com, Color
 Palette), which so gives each layer its own settings, and Origami Simulator's: mountain red, valley blue, outline black.
 Layers are written in the order of cutting: outlines last, so that pieces do not move before.
@@ -11,8 +11,6 @@ import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Literal
-
-from foldcar.errors import FoldcarError
 
 LayerName = Literal["LABEL", "QR_CODE", "SCORE", "FOLD_MOUNTAIN", "FOLD_VALLEY", "CUT_INNER", "CUT_OUTER"]
 Point = tuple[float, float]
@@ -63,10 +61,6 @@ LAYERS: dict[LayerName, Layer] = {
         Layer("CUT_OUTER", (0, 0, 0), "C00", 7, 0.25),
     )
 }
-
-
-class ReadingError(FoldcarError):
-    """A file that is not a valid cutting sheet; the message says why."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,7 +3,6 @@
 import contextlib
 import http.client
 import json
-import os
 import re
 import signal
 import socket
@@ -11,7 +10,6 @@ import sqlite3
 import subprocess
 import sys
 import time
-from base64 import b64encode
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -20,7 +18,6 @@ import pytest
 
 from browser import Tab
 from foldcar.report.live import LiveStudy
-from foldcar.store.log_files import running_trial_file
 from shell_signals import like_a_shell
 from study_car import listing_of
 from swept_listing import WriteListing, foldcar, stored_runs, swept
@@ -117,29 +114,35 @@ def store(tmp_path_factory: pytest.TempPathFactory, carsim_binary: Path) -> Path
     return folder / "s.db"
 
 
-def test_report_live_serves_what_the_store_has_and_refuses_others(store: Path, carsim_binary: Path) -> None:
+def test_report_live_answers_its_page_alone_and_changes_nothing(store: Path, carsim_binary: Path) -> None:
     with started("report", store, "--live", "--port", "0") as report:
         assert report.stdout is not None
         port = int(url_of(report.stdout.readline()).rstrip("/").rpartition(":")[2])
 
-        def asked(path: str, **headers: str) -> tuple[int, bytes]:
+        def asked(path: str, method: str = "GET", **headers: str) -> tuple[int, bytes]:
             connection = http.client.HTTPConnection("127.0.0.1", port, timeout=60)
-            connection.request("GET", path, headers={name.replace("_", "-"): value for name, value in headers.items()})
+            connection.request(method, path, headers=headers)
             answer = connection.getresponse()
             return answer.status, answer.read()
 
-        (token,) = re.findall(r'name="foldcar-token" content="([^"]+)"', asked("/")[1].decode())
-        for status, path, headers in [
-            (403, "/", {"Host": "evil.example"}),
-            (403, "/study.json", {}),
-            (403, "/study.json", {"X_Foldcar_Token": "x" + token[1:]}),
-            (403, "/study.json", {"X_Foldcar_Token": token, "Host": "evil.example"}),
-            (403, "/study.json", {"X_Foldcar_Token": token, "Origin": "http://evil.example"}),
-            (404, "/s.db", {"X_Foldcar_Token": token}),
+        for status, path, method, headers in [
+            (403, "/", "GET", {"Host": "evil.example"}),
+            (403, "/study.json", "GET", {"Host": f"evil.example:{port}"}),
+            (403, "/study.json", "GET", {"Host": ""}),
+            (404, "/s.db", "GET", {}),
+            (404, "/../s.db", "GET", {}),
+            (501, "/", "POST", {}),
+            (501, "/study.json", "PUT", {}),
+            (501, "/", "DELETE", {}),
         ]:
-            assert asked(path, **headers)[0] == status, (path, headers)
+            assert asked(path, method, **headers)[0] == status, (path, method, headers)
+        assert asked("/", "HEAD") == (200, b"")
+        assert asked("/", Host=f"localhost:{port}")[1].startswith(b"<!doctype html>")
+        # Other addresses of this machine are not served.
+        with pytest.raises(OSError):
+            socket.create_connection(("127.0.0.2", port), timeout=5)
         until = time.monotonic() + 120
-        while (answer := json.loads(asked("/study.json", X_Foldcar_Token=token)[1]))["study"] is None:
+        while (answer := json.loads(asked("/study.json")[1]))["study"] is None:
             assert time.monotonic() < until
             time.sleep(0.1)
         assert answer["state"] == "done" and answer["planned"] == answer["done"] == stored_runs(store)
@@ -147,7 +150,7 @@ def test_report_live_serves_what_the_store_has_and_refuses_others(store: Path, c
         (one,) = answer["study"]["experiments"]
         assert sum(one["designs"]["runs"]) == stored_runs(store)
         # Who has this version is not sent it again.
-        assert json.loads(asked(f"/study.json?{answer['version']}", X_Foldcar_Token=token)[1])["study"] is None
+        assert json.loads(asked(f"/study.json?{answer['version']}")[1])["study"] is None
         report.send_signal(signal.SIGINT)
         _, errors = report.communicate(timeout=60)
     assert report.returncode == 130
@@ -206,21 +209,3 @@ def test_live_refuses_what_it_cannot_serve_by_one_line(
             assert (done.returncode, len(done.stderr.splitlines())) == (2, 1), done.stderr
             assert said in done.stderr
     assert not (tmp_path / "n.db").exists()
-
-
-def test_what_a_killed_log_has_left_is_not_shown(tmp_path: Path) -> None:
-    live = LiveStudy(tmp_path / "s.db")
-    file = running_trial_file(tmp_path / "s.db")
-    file.parent.mkdir()
-    said = {"number": 1, "picture": "../../etc/passwd"}
-    file.write_text(json.dumps(said))
-    # A picture is taken from the folder of logs alone.
-    assert json.loads(live.poll("&"))["trial"] is None
-    (file.parent / "passwd").write_bytes(b"picture")
-    assert json.loads(live.poll("&"))["trial"] == {**said, "picture_png": b64encode(b"picture").decode()}
-    assert json.loads(live.poll("&../../etc/passwd"))["trial"] == said
-    file.write_text("{")
-    assert json.loads(live.poll("&"))["trial"] is None
-    file.write_text(json.dumps(said))
-    os.utime(file, (time.time() - 20,) * 2)
-    assert json.loads(live.poll("&"))["trial"] is None

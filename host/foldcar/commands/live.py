@@ -1,7 +1,6 @@
 """The page that is served while a store is written: of `report --live`, and beside a sweep, in a process of its own."""
 
 import os
-import socket
 import subprocess
 import sys
 import threading
@@ -18,8 +17,7 @@ from foldcar.errors import FoldcarError
 from foldcar.installation import python_command
 
 if TYPE_CHECKING:
-    from foldcar.figures.page_server import PageServer
-    from foldcar.report.live import LiveStudy
+    from foldcar.report.live import LiveStudy, PageServer
 
 # The same at each start, so that an open page goes on when a sweep is resumed.
 PORT = 8377
@@ -31,56 +29,39 @@ LivePort = Annotated[
 ]
 # So long a sweep waits for a port that the page of the one before may still have, and for its page's end (s).
 PATIENCE_S, END_S = 10.0, 20.0
-SWEEP, LOG, LAN = "sweep", "log", "lan"
 # Simulators go first.
 NICENESS = 10
 
 
-def serve(study: "LiveStudy", title: str, port: int, beside: str | None, as_json: bool) -> None:
-    """Serve the page of ``study`` until a signal, or until standard input ends, as ``beside`` another command.
-
-    ``beside`` is what :func:`served_beside` is told.
-    """
+def serve(study: "LiveStudy", title: str, port: int, beside_sweep: bool, as_json: bool) -> None:
+    """Serve the page of ``study`` until a signal, or, ``beside_sweep``, until standard input ends."""
     from foldcar.figures.page import web_page
-    from foldcar.figures.page_server import ADDRESS
     from foldcar.interrupts import said
 
-    ended, address = threading.Event(), lan_address() if beside == LAN else ADDRESS
-    page = web_page("foldcar.report", "study", data={"title": title, "experiments": []}, blobs={})
+    ended = threading.Event()
+    page = web_page("foldcar.report", "study", data={"title": title, "experiments": [], "live": True}, blobs={})
     with (
-        _server(page, study, port, PATIENCE_S if beside else 0.0, address) as server,
+        _server(page, study, port, PATIENCE_S if beside_sweep else 0.0) as server,
         said(lambda: f"foldcar: {server.url} is closed"),
     ):
         tell(as_json, {"url": server.url}, f"{server.url} (until Ctrl-C)")
         sys.stdout.flush()
-        # A tap may be one to stop.
-        if hasattr(os, "nice") and beside not in (LOG, LAN):
+        if hasattr(os, "nice"):
             os.nice(NICENESS)
         threading.Thread(target=server.serve_forever, daemon=True).start()
-        if beside:
+        if beside_sweep:
             threading.Thread(target=_wait_for_end, args=(ended,), daemon=True).start()
         study.follow(ended.is_set)
         server.shutdown()
 
 
-def lan_address() -> str:
-    """The machine's address in its network; FoldcarError if it is in none."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as asked:
-        try:
-            # Sends nothing: the system only chooses the interface, to an address that belongs to nobody (RFC 5737).
-            asked.connect(("203.0.113.1", 9))
-        except OSError as error:
-            raise FoldcarError(f"--lan: this machine is in no network: {error.strerror or error}") from None
-        return str(asked.getsockname()[0])
-
-
-def _server(page: str, study: "LiveStudy", port: int, patience_s: float, address: str) -> "PageServer":
-    from foldcar.figures.page_server import PageServer
+def _server(page: str, study: "LiveStudy", port: int, patience_s: float) -> "PageServer":
+    from foldcar.report.live import PageServer
 
     until = time.monotonic() + patience_s
     while True:
         try:
-            return PageServer(page, {"/tap": study.tap}, {"/study.json": study.poll}, port, address)
+            return PageServer(page, study.poll, port)
         except FoldcarError:
             if time.monotonic() >= until:
                 raise
@@ -95,28 +76,23 @@ def _wait_for_end(ended: threading.Event) -> None:
 
 
 @contextmanager
-def served_beside(store: Path, port: int, what: str) -> Iterator[int]:
+def served_beside(store: Path, port: int) -> Iterator[None]:
     """Within ``with``, another process serves the store's page; after it, until an open page has the last of it.
 
-    ``what`` is SWEEP, LOG, or LAN: a LOG's page on the machine's network. Gives the descriptor of what is tapped on a
-    LOG's. Exit code 2 if it cannot serve, which it has said itself then.
+    Exit code 2 if it cannot serve, which it has said itself then.
     """
-    words = ("report", "--live", "--beside", what, "--port", str(port), "--", str(store))
-    # In a session of its own: Ctrl-C is the sweep's. Unbuffered: behind the first line come taps.
+    words = ("report", "--live", "--beside-sweep", "--port", str(port), "--", str(store))
+    # In a session of its own: Ctrl-C is the sweep's.
     with subprocess.Popen(
-        python_command("foldcar.cli", *words), 0, stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True
+        python_command("foldcar.cli", *words), stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True
     ) as process:
         assert process.stdin is not None and process.stdout is not None
         url = process.stdout.readline().decode().partition(" ")[0].strip()
         if not url:
             raise typer.Exit(2)
         note(f"live page: {url}")
-        if what == LAN and sys.stderr.isatty():
-            import segno
-
-            segno.make(url).terminal(sys.stderr, compact=True)
         try:
-            yield process.stdout.fileno()
+            yield
         finally:
             process.stdin.close()
             try:

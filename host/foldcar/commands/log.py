@@ -1,13 +1,11 @@
 """`foldcar log`: drives trials of a built car over USB; logs each and stores it beside the simulated runs."""
 
 from collections.abc import Collection
-from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from foldcar.commands.live import LAN, LOG, PORT, served_beside
 from foldcar.commands.options import Components, ExperimentId, Listing, Port, Settings, design_settings, output_store
 from foldcar.errors import FoldcarError
 from foldcar.study.limits import MOST_ENVIRONMENTS
@@ -60,13 +58,6 @@ def log(
         Path | None,
         typer.Option(metavar="FILE", help="A camera's course.json: the picture shows where its markers lie."),
     ] = None,
-    live: Annotated[
-        bool,
-        typer.Option("--live", help="Serve a page to this machine's browser: the car's state, buttons for all answers."),
-    ] = False,
-    lan: Annotated[
-        bool, typer.Option("--lan", help="Serve it to a phone in this machine's network instead, who has the address.")
-    ] = False,
     media: Annotated[
         Path | None,
         typer.Option(metavar="DIR", help="A folder; photos and films that appear there are kept with their trials."),
@@ -110,9 +101,8 @@ def log(
         course=None if course is None else read_course(course),
         media_folder=media,
     )
-    served = served_beside(store, PORT, LAN if lan else LOG) if live or lan else nullcontext()
-    with served as taps, said(lambda: f"stopped: the driven trials are in {store}"), raised():
-        session = Session(options, taps)
+    with said(lambda: f"stopped: the driven trials are in {store}"), raised():
+        session = Session(options)
         session.run(port)
         typer.echo(f"{len(session.driven)} trials; store: {store}")
         if session.driven and not yes:

@@ -1,6 +1,5 @@
 """`foldcar report`: writes a page with figures of a store's study and prints a summary, or serves the page."""
 
-import sys
 from collections.abc import Iterator, Mapping
 from functools import partial
 from pathlib import Path
@@ -8,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from foldcar.commands.live import LAN, LOG, PORT, LivePort, serve
+from foldcar.commands.live import PORT, LivePort, serve
 from foldcar.commands.options import Json, SimulatedTrials, StudyStore, output_folder, tell
 from foldcar.errors import FoldcarError
 from foldcar.installation import usable_processors
@@ -47,7 +46,7 @@ def report(
     replay: Annotated[
         bool, typer.Option("--replay/--no-replay", help="Simulate the runs again, to be watched on the page.")
     ] = True,
-    beside: Annotated[str | None, typer.Option("--beside", hidden=True)] = None,
+    beside_sweep: Annotated[bool, typer.Option("--beside-sweep", hidden=True)] = False,
     as_json: Json = False,
 ) -> None:
     """Draw a report of a study, or of trials alone.
@@ -74,13 +73,12 @@ def report(
     thresholds = sorted(set(threshold or []))
     command += [word for share in thresholds for word in ("--threshold", f"{share:g}")]
     if output is None:
-        if beside is None:
+        if not beside_sweep:
             require_store(store)
         from foldcar.report.live import LiveStudy
 
-        taps = sys.stdout if beside in (LOG, LAN) else None
-        study = LiveStudy(store, command, thresholds, simulated_trials, taps)
-        serve(study, store.name, PORT if port is None else port, beside, as_json)
+        study = LiveStudy(store, command, thresholds, simulated_trials)
+        serve(study, store.name, PORT if port is None else port, beside_sweep, as_json)
         return
     from foldcar.commands.progress_bar import TerminalBar
     from foldcar.report.replay import Replayer

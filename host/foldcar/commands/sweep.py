@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from foldcar.commands.live import PORT, SWEEP, LivePort, served_beside
+from foldcar.commands.live import PORT, LivePort, served_beside
 from foldcar.commands.options import (
     Components,
     Engine,
@@ -86,7 +86,7 @@ def sweep(
         listing, store, command_line(), experiment=experiment, environments=environments, until=until,
         calibration=calibration, reality=reality, engine=engine,
     )  # fmt: skip
-    with served_beside(store, PORT if port is None else port, SWEEP) if live else nullcontext():
+    with served_beside(store, PORT if port is None else port) if live else nullcontext():
         _sweep(asked, scheduler, jobs, as_json)
 
 

@@ -1,23 +1,26 @@
-"""A store's page while runs and trials come: what the page polls, made anew as the store changes.
+"""A store's page while runs and trials come: its server, and what the page polls, made anew as the store changes.
 
 Threads of the server answer polls, the main thread makes the data (:meth:`LiveStudy.follow`). It takes at most
-SHARE of the machine's time, and none while nobody polls.
+SHARE of the machine's time, and none while nobody polls. The server only answers GET and HEAD, on the loopback address.
+It refuses requests for another host: a page of another site could have its name resolved to this address.
 """
 
-import base64
 import json
+import os
 import secrets
+import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
+from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
 from foldcar.errors import FoldcarError
 from foldcar.installation import usable_processors
 from foldcar.store.connection import beside, is_written
 from foldcar.store.info import ExperimentInfo
-from foldcar.store.log_files import logs_folder, running_trial_file
 from foldcar.store.reader import Store
 
 # Time from one making of the data to the next (s), at least; their share of what all processors do meanwhile.
@@ -26,17 +29,20 @@ SHARE = 0.03
 # A page that has polled so long ago (s) is open; what has ended is served so long for its last poll.
 OPEN_S = 10.0
 LAST_POLL_S = 8.0
-# A trial's file that was written so long ago (s) was left by a killed program; drawing the placement takes some time.
-SILENT_S = 15.0
-# Of an answer.
-MOST_LETTERS = 1000
+ADDRESS = "127.0.0.1"
+# A client that sends nothing for so long is left.
+SILENCE_S = 10.0
+HEADERS = {
+    "Content-Security-Policy": "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
+    "connect-src 'self'; img-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
+    "X-Content-Type-Options": "nosniff",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Cache-Control": "no-store",
+}
 
 
 class LiveStudy:
-    """The page's data of a store that is written. ``command`` is that of the report, ``thresholds`` are its own.
-
-    ``taps`` get what is tapped on the page, a JSON object a line; None: the page offers nothing to tap.
-    """
+    """The page's data of a store that is written. ``command`` is that of the report, ``thresholds`` are its own."""
 
     def __init__(
         self,
@@ -44,9 +50,7 @@ class LiveStudy:
         command: Sequence[str] = (),
         thresholds: Sequence[float] = (),
         simulated_trials: bool = False,
-        taps: TextIO | None = None,
     ) -> None:
-        self._taps = taps
         self._path, self._command, self._thresholds, self._simulated = path, command, thresholds, simulated_trials
         self._study = b"null"
         # Another server's page has none of its versions.
@@ -63,47 +67,28 @@ class LiveStudy:
         self._lock = threading.Lock()
 
     def poll(self, query: str) -> bytes:
-        """What a page that has the data and the picture ``VERSION&NAME`` is sent, as JSON; any thread may ask.
+        """What a page that has the data of the version ``query`` is sent, as JSON; any thread may ask.
 
         ``version``; ``study``: the data of page_data.py, null if the page has them; ``state``: "waiting" (nothing is
         stored yet), "running", "killed", "stopped" or "done"; ``done`` and ``planned`` runs, ``left_s`` to the estimated
         end (null: unknown), ``designs`` and how many of them are ``decided`` (null but for sweeps that stop when they
-        know), ``changed_s`` since the store was last written, ``error``: why it cannot be read;
-        ``taps``: whether answers may be tapped; ``trial``: what a running `foldcar log` says (running.py), with
-        ``picture_png`` (base64) if the page lacks it, or null.
+        know), ``changed_s`` since the store was last written, ``error``: why it cannot be read.
         """
         self._polled_s = time.monotonic()
         self._wanted.set()
         changed, state = self._changed_s(), self._state()
-        known, _, picture = query.partition("&")
-        trial = _running_trial(self._path, picture)
         with self._lock:
             version = f"{self._name}-{self._number}"
             told = {"version": version, "state": state, "changed_s": changed, "error": self._error, **self._counts}
-            told |= {"trial": trial, "taps": self._taps is not None}
-            study = b"null" if known == version else self._study
+            study = b"null" if query == version else self._study
             self._told = f"{version} {state}"
         return json.dumps(told, separators=(",", ":")).encode()[:-1] + b',"study":' + study + b"}"
-
-    def tap(self, said: Any) -> bool:
-        """Pass on an answer that was tapped: ``question`` (a number) and ``answer`` (a line). Whether it is one."""
-        if self._taps is None or not isinstance(said, dict) or said.keys() != {"question", "answer"}:
-            return False
-        number, answer = said["question"], said["answer"]
-        if not isinstance(number, float) or not isinstance(answer, str) or len(answer) > MOST_LETTERS:
-            return False
-        self._taps.write(json.dumps({"question": number, "answer": " ".join(answer.split())}) + "\n")
-        self._taps.flush()
-        return True
 
     def follow(self, ended: Callable[[], bool] = lambda: False) -> None:
         """Make the data whenever the store has changed and a page polls, until ``ended`` and a page has the last ones."""
         while not ended():
             self._wanted.wait(0.5)
-            # A drive's row says nothing before its end, and a tap to stop must not wait.
-            said = _said(self._path) or {}
-            drives = said.get("placed") and not said.get("ended")
-            if self._wanted.is_set() and time.monotonic() >= self._next_s and not drives:
+            if self._wanted.is_set() and time.monotonic() >= self._next_s:
                 self._wanted.clear()
                 self.refresh()
             elif self._wanted.is_set():
@@ -189,24 +174,68 @@ def _stamp(path: Path) -> tuple[Any, ...]:
     return tuple(found)
 
 
-def _running_trial(store: Path, picture: str) -> dict[str, Any] | None:
-    """What a running `foldcar log` says, with the picture of the placement unless it is that one; None without a log."""
-    said = _said(store)
-    name = "" if said is None else said.get("picture", "")
-    if said is not None and name and name != picture:
+class PageServer(ThreadingHTTPServer):
+    """Serves ``page`` (HTML), and what ``poll`` makes of a query. ``port`` 0 is a free one.
+
+    FoldcarError if the port is taken.
+    """
+
+    daemon_threads = True
+    # On Windows the option would let two programs have one port.
+    allow_reuse_address = os.name == "posix"
+
+    def __init__(self, page: str, poll: Callable[[str], bytes], port: int = 0) -> None:
         try:
-            said["picture_png"] = base64.b64encode((logs_folder(store) / Path(name).name).read_bytes()).decode()
-        except OSError:
-            return None
-    return said
+            super().__init__((ADDRESS, port), _Handler)
+        except OSError as error:
+            what = error.strerror or error
+            raise FoldcarError(f"--port {port}: {what}; name another one, or 0 for a free one") from None
+        self.page, self.poll = page.encode(), poll
+        self.port = int(self.server_address[1])
+        self.url = f"http://{ADDRESS}:{self.port}/"
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """A client that went away is no error of the server's."""
+        if not isinstance(sys.exc_info()[1], OSError):
+            super().handle_error(request, client_address)
 
 
-def _said(store: Path) -> dict[str, Any] | None:
-    file = running_trial_file(store)
-    try:
-        if time.time() - file.stat().st_mtime > SILENT_S:
-            return None
-        said: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return None
-    return said
+class _Handler(BaseHTTPRequestHandler):
+    server: PageServer
+    protocol_version = "HTTP/1.1"
+    timeout = SILENCE_S
+
+    def do_GET(self) -> None:
+        path, _, query = self.path.partition("?")
+        hosts = [f"{name}:{self.server.port}" for name in (ADDRESS, "localhost")]
+        if self.headers.get_all("Host", []) not in ([host] for host in hosts):
+            self.send_error(HTTPStatus.FORBIDDEN, "not of this page")
+        elif path == "/":
+            self._send(HTTPStatus.OK, self.server.page, "text/html; charset=utf-8")
+        elif path == "/study.json":
+            self._send(HTTPStatus.OK, self.server.poll(query), "application/json")
+        else:
+            self.send_error(HTTPStatus.NOT_FOUND, "nothing is here")
+
+    def do_HEAD(self) -> None:
+        self.do_GET()
+
+    def send_error(self, code: int, message: str | None = None, explain: str | None = None) -> None:
+        """Refuse a request in a line of plain text."""
+        self._send(HTTPStatus(code), f"{message or HTTPStatus(code).phrase}\n".encode(), "text/plain")
+
+    def _send(self, status: HTTPStatus, content: bytes, kind: str) -> None:
+        self.send_response(status)
+        for name, value in HEADERS.items():
+            self.send_header(name, value)
+        self.send_header("Content-Type", kind)
+        self.send_header("Content-Length", str(len(content)))
+        if status != HTTPStatus.OK:
+            # What is left of a refused request is not read.
+            self.send_header("Connection", "close")
+        self.end_headers()
+        if self.command != "HEAD":
+            self.wfile.write(content)
+
+    def log_message(self, format: str, *args: Any) -> None:
+        """Requests are not logged."""

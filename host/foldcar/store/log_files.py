@@ -11,11 +11,6 @@ def logs_folder(store: Path) -> Path:
     return store.with_name(f"{store.stem}-logs")
 
 
-def running_trial_file(store: Path) -> Path:
-    """What a running `foldcar log` says of its trial, for the live page (:mod:`foldcar.trials.drive_view`)."""
-    return logs_folder(store) / "running.json"
-
-
 def log_file(store: Path, log: str) -> Path:
     """The file of a log that a trial in ``store`` names; StoreError if the name leads out of the store's folder.
 

@@ -21,13 +21,12 @@ from foldcar.scenes.obstacles import CAR, Obstacle, footprint
 from foldcar.scenes.terrain_kinds import description
 from foldcar.shown_console import ResultTable, shown_console
 from foldcar.simulation.carsim import Carsim
-from foldcar.trials.person import Answers, Buttons, say
+from foldcar.trials.person import Answers, say
 from foldcar.typed import decimal_number
 
 # Of the rows of instructions: x, y and turned are of the middle.
 HEADS = ("place", "x (mm)", "y (mm)", "turned (°)", "near edge x, y (mm)", "from the mark (mm)", "")
 MOST_DEVIATION_MM = 1000.0
-ALL_PLACED: Buttons = (("", "All is in place"),)
 
 Deviations = Mapping[str, tuple[float, float, float]]
 
@@ -113,7 +112,7 @@ def ask_deviations(
             found[name] = by
     elif answers is not None:
         say("Measured deviations, one per line: NAME X_MM Y_MM [HEADING_DEG]; Enter to finish.")
-        while typed := answers.line("deviation: ", ALL_PLACED):
+        while typed := answers.line("deviation: "):
             try:
                 name, by = parse_deviation(typed, names)
                 found[name] = by

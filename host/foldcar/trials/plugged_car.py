@@ -21,12 +21,11 @@ from foldcar.simulation.carsim import Carsim
 from foldcar.study.experiments import TRIAL_LIMIT, Experiment
 from foldcar.study.family import Family
 from foldcar.trials.driving import DriveEnd, collect
-from foldcar.trials.person import Answers, Buttons, say, warn
+from foldcar.trials.person import Answers, say, warn
 
 SIMULATED_TEXT = "SIMULATED CAR"
 # Without a person to ask, how long to wait for an untethered car after its time limit.
 COMES_BACK_S = 60.0
-PLUGGED: Buttons = (("", "It is plugged in"), ("q", "Give up"))
 
 # Endings of the names of parameters which may differ from the design's because they depend on servos and board.
 CALIBRATED = ("_NEUTRAL_US", "_DEADBAND_US", "_GAIN_US", "PWM_OSC_HZ", "OE_WIRED")
@@ -68,7 +67,7 @@ class PluggedCar:
         end_s = time.monotonic() + time_limit_s + COMES_BACK_S
         question = "The car drives on. When it has stopped, plug it in and press Enter, or type its port; q gives up: "
         while True:
-            typed = "" if answers is None else answers.line(question, PLUGGED)
+            typed = "" if answers is None else answers.line(question)
             if typed.lower() == "q":
                 return DriveEnd("did not come back", "aborted", None)
             try:

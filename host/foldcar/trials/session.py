@@ -31,28 +31,18 @@ from foldcar.store.trial_records import BUILT, SIMULATED, Ending, TrialDesign
 from foldcar.store.trial_writer import CarFacts, Drive, TrialWriter, write_trials
 from foldcar.study.environments import Environment
 from foldcar.study.experiments import read_study
-from foldcar.trials.drive_view import KEYS, DriveView, RunningTrial
+from foldcar.trials.drive_view import DriveView
 from foldcar.trials.driving import CTRL_C, DRIVES_ON, DriveEnd, drive
 from foldcar.trials.media import Arrivals, is_growing, media_kind
 from foldcar.trials.order import Standing, moves_text, next_sample, standing
-from foldcar.trials.person import IDLE_S, INPUT, Answers, Buttons, say, warn
-from foldcar.trials.placement import (
-    HEADS,
-    ask_deviations,
-    draw_placement,
-    instructions,
-    lettered,
-    placed,
-    show_placement,
-)
-from foldcar.trials.plugged_car import PLUGGED, SIMULATED_TEXT, PluggedCar, simulated_sample, welcome
+from foldcar.trials.person import IDLE_S, INPUT, Answers, say, warn
+from foldcar.trials.placement import ask_deviations, draw_placement, lettered, placed, show_placement
+from foldcar.trials.plugged_car import SIMULATED_TEXT, PluggedCar, simulated_sample, welcome
 from foldcar.trials.recording import OUTCOME_KEYS, OUTCOME_QUESTION, complete_interrupted, record_outcome
 
 LEAST_FREE_BYTES = 20_000_000
-START: Buttons = (("", "Start"), ("q", "End the session"))
 NEXT, AGAIN, QUIT = "", "r", "q"
 NEXT_QUESTION = "Enter: next; u: other outcome; r: the same again; n TEXT: note; m FILE: photo, film; q: end: "
-NEXT_BUTTONS: Buttons = ((NEXT, "Next trial"), ("u", "Other outcome"), (AGAIN, "The same again"), (QUIT, "End"))
 KEPT_KEYS = {"k": "kept", "w": "withdrawn"}
 AT_ONCE, DRIVEN_AGAIN = "said at once after the trial", "driven again at once"
 
@@ -106,19 +96,18 @@ class _Driven:
 class Session:
     """A session; :meth:`run` drives it. All other inputs are read and checked before port and store are opened.
 
-    ``taps`` is the descriptor of what is tapped on the store's page, if it is served; ``driven`` are the trials' numbers.
+    ``driven`` are the trials' numbers.
     """
 
-    def __init__(self, options: SessionOptions, taps: int | None = None) -> None:
+    def __init__(self, options: SessionOptions) -> None:
         self._options = options
         (self._experiment,) = read_study(options.listing, options.experiment).experiments
         self._family = self._experiment.family.narrowed(options.settings)
         self._carsim = Carsim()
         self._environment = Environment(self._experiment)
-        self._answers = Answers(self._idle, taps)
+        self._answers = Answers(self._idle)
         self._asked = None if options.yes else self._answers
         self._plugged = PluggedCar()
-        self._running = RunningTrial(options.store)
         self._drawn: set[tuple[int, str]] = set()
         self._scenes: dict[int, tuple[dict[str, Any], dict[str, Obstacle]]] = {}
         # Where obstacles stand since the last trial, and the sample that is to be driven again.
@@ -151,7 +140,6 @@ class Session:
                         break
                 self._take_media(writer, wait=True)
         finally:
-            self._running.close()
             self._plugged.close()
 
     def _welcome(self) -> KnownCar:
@@ -175,8 +163,7 @@ class Session:
         if asked is None or None not in (options.outcome, options.note):
             return True
         while True:
-            self._running.show(self._plugged.car, outcome=stored.outcome)
-            what, _, words = asked.line(NEXT_QUESTION, NEXT_BUTTONS).partition(" ")
+            what, _, words = asked.line(NEXT_QUESTION).partition(" ")
             words = words.strip()
             try:
                 if what in (NEXT, QUIT) and not words:
@@ -244,8 +231,6 @@ class Session:
         self._arrivals.begin(number)
         scene, things = self._scene(sample)
         moves = "" if self._standing is None else moves_text(self._standing, standing(scene, things, {}))
-        rows = [HEADS, *instructions(scene, things)]
-        self._running.begin(number, sample, identity.name or design.type, experiment.timeout_s, rows, moves)
         # matplotlib would swallow a signal.
         with at_once():
             show_placement(scene, things)
@@ -254,11 +239,10 @@ class Session:
             if not options.yes:
                 self._draw(sample, known)
         deviations = ask_deviations(self._asked, things, options.deviations)
-        if not options.yes and self._answers.line("Enter starts the countdown, q ends: ", START).lower() == "q":
+        if not options.yes and self._answers.line("Enter starts the countdown, q ends: ").lower() == "q":
             return None
         body = body_json(design)
         settings = experiment.settings(design, body, self._carsim.parameter_table())
-        self._running.show(self._plugged.car, placed=True)
         log = self._log_file(number)
         car = None if identity.simulated is None else SIMULATED if identity.simulated else BUILT
         if identity.simulated and deviations:
@@ -277,7 +261,6 @@ class Session:
         end = self._drive(settings, begun, log)
         if end.ending == DRIVES_ON:
             end = self._plugged.collect(begun, log, settings["time_limit_s"], self._asked)
-        self._running.show(self._plugged.car, ended=end.ending)
         stored = record_outcome(writer, begun, end, log, options.outcome, options.note, self._asked, mark)
         return _Driven(begun, sample, log, stored, end)
 
@@ -293,9 +276,8 @@ class Session:
                     car.request(message)
                 read_parameters(car)
                 other_input = INPUT if self._answers.is_terminal else None
-                view = DriveView(options.countdown_s, limit_s, other_input, self._running)
-                with self._answers.keys(KEYS) as pressed, view.watching(pressed):
-                    self._running.show(car, question=self._answers.question)
+                view = DriveView(options.countdown_s, limit_s, other_input)
+                with self._answers.keys() as pressed, view.watching(pressed):
                     end = drive(car, settings, number, options.countdown_s, view, options.untethered)
                 return replace(end, outcome="passed") if view.passed and end.outcome is None else end
         except FoldcarError as error:
@@ -310,7 +292,7 @@ class Session:
             raise error
         warn(error)
         while True:
-            typed = self._answers.line("Plug the car in and press Enter, or type its port; q ends: ", PLUGGED)
+            typed = self._answers.line("Plug the car in and press Enter, or type its port; q ends: ")
             if typed.lower() == "q":
                 raise error
             try:
@@ -333,7 +315,6 @@ class Session:
             title = f"Sample {sample}: where to put car and obstacles"
             draw_placement(*self._scene(sample), known.design, self._carsim, picture, title, self._options.course)
             self._drawn.add((sample, known.identity.hash))
-        self._running.show(self._plugged.car, picture=picture.name)
         say(f"picture: {picture}")
 
     @cached_property
@@ -353,4 +334,3 @@ class Session:
         if self._plugged.car is not None:
             with contextlib.suppress(LinkLostError):
                 self._plugged.car.connection.receive(0.0)
-        self._running.show(self._plugged.car, question=self._answers.question)

@@ -1,40 +1,25 @@
 // The page while its store is written: asks the server how far things are, and takes new data without losing its place.
 
-import { showRunning, shownPicture } from "./running.js";
 import { byId } from "../../figures/web/dom.js";
 
-const PAUSE_MS = 1000, DRIVE_PAUSE_MS = 300;
-const HEADER = "X-Foldcar-Token";
+const PAUSE_MS = 1000;
 const STATES = {
   waiting: "Waiting for the first runs", running: "Running", killed: "Killed: the same command resumes it",
   stopped: "Stopped: the same command resumes it", done: "Nothing is running; all that was planned is here",
 };
 
-const meta = of => of.querySelector("meta[name=foldcar-token]");
-
-// Whether the page is served, not a file.
-export const isLive = () => Boolean(meta(document));
-
 // Polls for as long as the page is open; take(study) shows data.
 export async function follow(take) {
-  let token = meta(document).content, version = "", last = null, fresh = null;
-  const tap = (question, answer) => fetch("/tap", { method: "POST", headers: { [HEADER]: token, "Content-Type": "application/json" }, body: JSON.stringify({ question, answer }) });
-  const asked = async () => {
-    const answer = await fetch(`/study.json?${version}&${shownPicture()}`, { headers: { [HEADER]: token }, cache: "no-store" });
-    // A server that was started anew has another token: its page tells it.
-    if (answer.status === 403) token = meta(new DOMParser().parseFromString(await (await fetch(`/${location.search}`)).text(), "text/html")).content;
-    if (!answer.ok) throw new Error(answer.statusText);
-    return answer.json();
-  };
+  let version = "", last = null, fresh = null;
   for (;;) {
     try {
-      const { study, ...told } = await asked();
+      const answer = await fetch(`/study.json?${version}`, { cache: "no-store" });
+      if (!answer.ok) throw new Error(answer.statusText);
+      const { study, ...told } = await answer.json();
       [version, last, fresh] = [told.version, told, study ?? fresh];
       tell(told);
-      showRunning(told.trial, told.taps ? tap : null);
     } catch {
       gone(last);
-      showRunning(null);
     }
     if (fresh && !isBusy()) {
       const kept = place();
@@ -42,7 +27,7 @@ export async function follow(take) {
       kept();
       fresh = null;
     }
-    await new Promise(go => setTimeout(go, last && last.trial ? DRIVE_PAUSE_MS : PAUSE_MS));
+    await new Promise(go => setTimeout(go, PAUSE_MS));
   }
 }
 

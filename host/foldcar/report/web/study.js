@@ -2,7 +2,7 @@
 
 import { Belief } from "./belief.js";
 import { byId, make } from "../../figures/web/dom.js";
-import { follow as followStore, isLive } from "./live.js";
+import { follow as followStore } from "./live.js";
 import { Model, SECTIONS } from "./model.js";
 import { Parameters } from "./parameters.js";
 import { ReplayPlace } from "./replay_place.js";
@@ -73,8 +73,9 @@ function start() {
     document.body.dataset.state = "ready";
     document.body.dataset.readyMs = performance.now().toFixed(0);
   };
-  if (!isLive()) {
-    first(JSON.parse(byId("study").textContent));
+  const data = JSON.parse(byId("study").textContent);
+  if (!data.live) {
+    first(data);
     return;
   }
   document.body.classList.add("empty");

@@ -88,7 +88,7 @@ def seen_facets(facets: Sequence[Facet], view: Camera) -> list[Seen]:
     found = []
     for place, hidden in _hidden(shapes, planes).items():
         facet, region = facets[kept[place]], shapes[place]
-        rest = _polygons(shapely.difference(region, shapely.union_all(hidden)))
+        rest = _polygons(shapely.difference(region, shapely.union_all(hidden))) if hidden else region
         whole = region.area - rest.area < LEAST_AREA_MM2
         if not whole:
             # Rounding leaves slivers between adjacent hiding faces.

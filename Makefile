@@ -47,7 +47,7 @@ FIRMWARE_FLAGS := -std=gnu++17 -I.pio/mavlink $(addprefix -I,$(wildcard firmware
 # The simulator with multibody and the side view, and Box2D's own sources.
 SIMULATOR_SOURCES := $(filter-out sim2d/lib/mujoco_car/%,$(wildcard sim2d/lib/*/*.cpp)) $(FIRMWARE_SOURCES)
 BOX2D = $(firstword $(wildcard .pio/libdeps/carsim/box2d .pio-core/lib/box2d))
-SIMULATOR_FLAGS = $(FIRMWARE_FLAGS) $(addprefix -I,$(wildcard sim2d/lib/*)) -isystem $(BOX2D)/include -isystem $(BOX2D)/src \
+SIMULATOR_FLAGS = $(FIRMWARE_FLAGS) -DB2_USER_SETTINGS $(addprefix -I,$(wildcard sim2d/lib/*)) -isystem $(BOX2D)/include -isystem $(BOX2D)/src \
   $(addprefix -isystem ,$(wildcard .pio/libdeps/carsim/nlohmann_json/include))
 FIRMWARE_HEADERS := $(wildcard firmware/lib/*/*.h sim2d/lib/sim_hal/*.h test/*.h)
 
@@ -56,7 +56,7 @@ FIRMWARE_HEADERS := $(wildcard firmware/lib/*/*.h sim2d/lib/sim_hal/*.h test/*.h
 HEADERS := $(filter-out firmware/lib/design_json/%,$(shell find firmware/lib sim2d test -name '*.h' | sort))
 PROVED_HEADERS = $(shell for header in $(filter-out firmware/lib/feather_hal/%,$(HEADERS)); do \
   grep -sm1 '^.include' "$${header%.h}.cpp" | grep -qF "\"$$(basename $$header)\"" && echo $$header; done)
-HEADER_FLAGS := -fsyntax-only -std=gnu++17 -Wall -Wextra -Werror -pthread -DUNITY_INCLUDE_DOUBLE -Itest -Itest/arduino_fakes \
+HEADER_FLAGS := -fsyntax-only -std=gnu++17 -Wall -Wextra -Werror -pthread -DUNITY_INCLUDE_DOUBLE -DB2_USER_SETTINGS -Itest -Itest/arduino_fakes \
   $(addprefix -I,$(wildcard firmware/lib/* sim2d/lib/*)) $(addprefix -isystem ,.pio/mavlink $(wildcard .venv/lib/python3*/site-packages/mujoco/include) \
   $(wildcard .pio-core/lib/Unity .pio/libdeps/native/*/include .pio/libdeps/native/*/src .pio/libdeps/native/*))
 HEADER_COMPILERS := g++ $(shell command -v clang++)
@@ -226,6 +226,7 @@ container-check:
 .pio/fuzz/box2d.a: | setup fuzz-packages
 	@mkdir -p $(@D)/box2d
 	cd $(@D)/box2d && find ../../../$(BOX2D)/src -name '*.cpp' -print0 | xargs -0 -P 2 -n 8 $(CLANG) -std=c++17 -w \
+	  -DB2_USER_SETTINGS -I../../../sim2d/lib/box2d_settings -I../../../firmware/lib/elementary \
 	  -I../../../$(BOX2D)/include -I../../../$(BOX2D)/src $(FUZZ_FLAGS) -c && ar rcs ../box2d.a *.o
 
 $(addprefix .pio/fuzz/fuzz_,batch step design): $(SIMULATOR_SOURCES:%.cpp=.pio/fuzz/obj/%.o) .pio/fuzz/box2d.a

@@ -68,5 +68,13 @@ def test_a_c_library_with_other_functions_changes_nothing(carsim_binary: Path, t
     assert determinism.difference(golden, determinism.answers(carsim_binary, LD_PRELOAD=str(library))) == ""
 
 
+def test_the_program_replaces_no_function_of_the_c_library(carsim_binary: Path) -> None:
+    command = ["nm", "-D", "--defined-only", carsim_binary]
+
+    symbols = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()
+
+    assert {"sin", "cosf", "exp", "atan2", "hypot", "gettimeofday"}.isdisjoint(symbols)
+
+
 def test_a_difference_is_shown() -> None:
     assert "-two" in determinism.difference("one\ntwo\n", "one\nthree\n")

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "elementary_functions.h"
+
 namespace foldcar {
 namespace {
 
@@ -49,10 +51,16 @@ Attitude updated(const Attitude& before, const ImuSample& sample, float step_s) 
   return after;
 }
 
-float roll_rad(const Attitude& attitude) { return std::atan2(attitude.up[1], attitude.up[2]); }
+float roll_rad(const Attitude& attitude) {
+  return static_cast<float>(arc_tangent(attitude.up[1], attitude.up[2]));
+}
 
-float pitch_rad(const Attitude& attitude) { return std::asin(std::clamp(attitude.up[0], -1.0f, 1.0f)); }
+float pitch_rad(const Attitude& attitude) {
+  return static_cast<float>(arc_sine(std::clamp(attitude.up[0], -1.0f, 1.0f)));
+}
 
-float tilt_rad(const Attitude& attitude) { return std::acos(std::clamp(attitude.up[2], -1.0f, 1.0f)); }
+float tilt_rad(const Attitude& attitude) {
+  return static_cast<float>(arc_cosine(std::clamp(attitude.up[2], -1.0f, 1.0f)));
+}
 
 }  // namespace foldcar

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "body_spec.h"
+#include "elementary_functions.h"
 
 namespace foldcar {
 namespace {
@@ -15,9 +16,9 @@ using Vector = std::array<double, 3>;
 // Transforms a vector from the world's axes into the car's: rotates it by minus heading, pitch (nose up) and roll (left
 // side up), in this order.
 Vector into_car(const Vector& v, double heading_rad, double pitch_rad, double roll_rad) {
-  const double ch = std::cos(heading_rad), sh = std::sin(heading_rad);
-  const double cp = std::cos(pitch_rad), sp = std::sin(pitch_rad);
-  const double cr = std::cos(roll_rad), sr = std::sin(roll_rad);
+  const auto [sh, ch] = sine_and_cosine(heading_rad);
+  const auto [sp, cp] = sine_and_cosine(pitch_rad);
+  const auto [sr, cr] = sine_and_cosine(roll_rad);
   const double ahead = ch * v[0] + sh * v[1], left = -sh * v[0] + ch * v[1];
   const double forward = cp * ahead + sp * v[2], up = -sp * ahead + cp * v[2];
   return {forward, cr * left + sr * up, -sr * left + cr * up};
@@ -42,8 +43,8 @@ ImuSample MotionSensor::observe(const CarState& car, double step_s) {
 
   const Vector force = into_car(acceleration, car.heading_rad, car.pitch_rad, car.roll_rad);
   const auto [heading_rate, pitch_rate, roll_rate] = angle_rate;
-  const double cp = std::cos(car.pitch_rad), sp = std::sin(car.pitch_rad);
-  const double cr = std::cos(car.roll_rad), sr = std::sin(car.roll_rad);
+  const auto [sp, cp] = sine_and_cosine(car.pitch_rad);
+  const auto [sr, cr] = sine_and_cosine(car.roll_rad);
   const Vector rate = {roll_rate + heading_rate * sp, -pitch_rate * cr + heading_rate * cp * sr,
                        pitch_rate * sr + heading_rate * cp * cr};
   const double gain = seen_ < 2 ? 1 : step_s / (kFilterTime_s + step_s);

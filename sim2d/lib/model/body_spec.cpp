@@ -4,8 +4,6 @@
 #include <cmath>
 #include <stdexcept>
 
-#include "elementary_functions.h"  // every program and suite of the simulator links this file
-
 namespace foldcar {
 
 std::size_t main_segment(const BodySpec& body) {

@@ -6,6 +6,8 @@
 #include <stdexcept>
 #include <string>
 
+#include "elementary_functions.h"
+
 namespace foldcar {
 namespace {
 
@@ -58,7 +60,7 @@ double error_m(const HeightGrid& grid, const std::vector<const GroundField*>& fi
 
 HeightGrid height_grid(const Ground& ground, const CourseSpec& course) {
   std::vector<const GroundField*> fields;
-  const double reach_m = std::hypot(course.x_max_m - course.x_min_m, course.y_max_m - course.y_min_m) + kMargin_m;
+  const double reach_m = hypotenuse(course.x_max_m - course.x_min_m, course.y_max_m - course.y_min_m) + kMargin_m;
   ground.find({0.5 * (course.x_min_m + course.x_max_m), 0.5 * (course.y_min_m + course.y_max_m), reach_m}, fields);
   HeightGrid grid;
   const double far_m = std::numeric_limits<double>::infinity();

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "elementary_functions.h"
 #include "plain_quaternion.h"
 
 namespace foldcar {
@@ -53,7 +54,7 @@ void cancel_lift_of_slip(mjData& data) {
     if (contact.efc_address < 0) continue;
     double* reference = data.efc_aref + contact.efc_address;
     const double share = std::max(0.0, 1 + contact.dist / kLiftDepth_m);
-    reference[0] -= share * contact.friction[0] * std::hypot(reference[1], reference[2]);
+    reference[0] -= share * contact.friction[0] * hypotenuse(reference[1], reference[2]);
   }
 }
 
@@ -84,7 +85,7 @@ void MujocoCar::put_down() {
   double radius_m = 0;
   for (const WheelSpec& wheel : body_.wheels) {
     // Where a tyre leans, the edge that is lower.
-    const double edge_m = 0.5 * wheel.width_m * std::abs(std::sin(wheel.camber_rad));
+    const double edge_m = 0.5 * wheel.width_m * std::abs(sine(wheel.camber_rad));
     radius_m = std::max(radius_m, wheel.radius_m + wheel.eccentricity_m + edge_m);
   }
   for (const SegmentSpec& part : body_.segments) radius_m = std::max(radius_m, 0.5 * part.height_m - part.center_z_m);
@@ -163,13 +164,13 @@ void MujocoCar::update_state() {
   state_.x_m = at[0];
   state_.y_m = at[1];
   state_.z_m = at[2];
-  state_.heading_rad += std::remainder(std::atan2(turn[3], turn[0]) - state_.heading_rad, kTurn_rad);
-  state_.pitch_rad = std::asin(std::clamp(turn[6], -1.0, 1.0));
-  state_.roll_rad = std::atan2(turn[7], turn[8]);
+  state_.heading_rad += std::remainder(arc_tangent(turn[3], turn[0]) - state_.heading_rad, kTurn_rad);
+  state_.pitch_rad = arc_sine(std::clamp(turn[6], -1.0, 1.0));
+  state_.roll_rad = arc_tangent(turn[7], turn[8]);
   state_.up = turn[8];
   double velocity[6];
   mj_objectVelocity(built_.model.get(), data_.get(), mjOBJ_XBODY, origin, velocity, 0);
-  state_.speed_m_s = velocity[3] * std::cos(state_.heading_rad) + velocity[4] * std::sin(state_.heading_rad);
+  state_.speed_m_s = velocity[3] * cosine(state_.heading_rad) + velocity[4] * sine(state_.heading_rad);
   state_.yaw_rate_rad_s = velocity[2];
 }
 

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "elementary_functions.h"
 #include "height_grid.h"
 #include "plain_quaternion.h"
 
@@ -70,8 +71,8 @@ void add_half_round(mjSpec* spec, const BlockSpec& block, const std::string& nam
   set(geom.pos, block.x_m, block.y_m, block.height_m - radius_m);
   // A quarter turn about x lays the cylinder across; then the heading.
   const double half_rad = 0.5 * block.heading_rad, r = std::sqrt(0.5);
-  set_quaternion(geom.quat, r * std::cos(half_rad), r * std::cos(half_rad), r * std::sin(half_rad),
-                 r * std::sin(half_rad));
+  set_quaternion(geom.quat, r * cosine(half_rad), r * cosine(half_rad), r * sine(half_rad),
+                 r * sine(half_rad));
 }
 
 void add_height_field(mjSpec* spec, const HeightGrid& grid) {

@@ -5,6 +5,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "elementary_functions.h"
 #include "mujoco_ground.h"
 #include "plain_quaternion.h"
 
@@ -65,14 +66,14 @@ void add_wheel(mjsBody* of, const BodySpec& body, const WheelSpec& spec, double 
   set(wheel->pos, spec.x_m, 0.5 * side * body.track_m, 0);
   // A turn about the car's x leans tops to the right.
   const double lean_rad = -side * spec.camber_rad;
-  set_quaternion(wheel->quat, std::cos(0.5 * lean_rad), std::sin(0.5 * lean_rad), 0, 0);
+  set_quaternion(wheel->quat, cosine(0.5 * lean_rad), sine(0.5 * lean_rad), 0, 0);
   mjsJoint& axle = *mjs_addJoint(wheel, nullptr);
   mjs_setName(axle.element, (name + "_axle").c_str());
   axle.type = mjJNT_HINGE;
   set(axle.axis, 0, 1, 0);
   axle.armature = spec.servo.rotor_inertia_kg_m2;
-  const double x_m = spec.eccentricity_m * std::cos(spec.eccentricity_phase_rad);
-  const double z_m = spec.eccentricity_m * std::sin(spec.eccentricity_phase_rad);
+  const double x_m = spec.eccentricity_m * cosine(spec.eccentricity_phase_rad);
+  const double z_m = spec.eccentricity_m * sine(spec.eccentricity_phase_rad);
   // A uniform disc as wide as the tyre.
   const double spin = 0.5 * spec.mass_kg * spec.radius_m * spec.radius_m;
   const double across = 0.5 * spin + spec.mass_kg * spec.width_m * spec.width_m / 12;

@@ -2,10 +2,10 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <stdexcept>
 #include <vector>
 
+#include "elementary_functions.h"
 #include "mujoco_car.h"
 
 namespace foldcar {
@@ -37,7 +37,7 @@ Shown shown(const SceneSpec& scene) {
   add_all(terrain.blocks, terrain.hills, terrain.potholes, terrain.roughs, terrain.patches);
   const auto [left, right] = std::minmax_element(x_m.begin(), x_m.end());
   const auto [low, high] = std::minmax_element(y_m.begin(), y_m.end());
-  return {0.5 * (*left + *right), 0.5 * (*low + *high), 0.5 * std::hypot(*right - *left, *high - *low) + kReach_m};
+  return {0.5 * (*left + *right), 0.5 * (*low + *high), 0.5 * hypotenuse(*right - *left, *high - *low) + kReach_m};
 }
 
 // A camera at a multiple of kEye from a point, which it looks at.
@@ -45,7 +45,7 @@ void add_camera(mjsBody* of, const char* name, double x_m, double y_m, double di
   mjsCamera& camera = *mjs_addCamera(of, nullptr);
   mjs_setName(camera.element, name);
   camera.mode = mode;
-  const double from[] = {x_m, y_m, 0}, across = std::hypot(kEye[0], kEye[1]);
+  const double from[] = {x_m, y_m, 0}, across = hypotenuse(kEye[0], kEye[1]);
   for (std::size_t i = 0; i < 3; ++i) camera.pos[i] = from[i] + distance_m * kEye[i];
   camera.alt.type = mjORIENTATION_XYAXES;
   const double axes[] = {-kEye[1] / across,           kEye[0] / across,            0,

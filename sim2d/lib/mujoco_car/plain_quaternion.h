@@ -1,7 +1,7 @@
 // Writes quaternions (w, x, y, z) into MuJoCo's arrays.
 #pragma once
 
-#include <cmath>
+#include "elementary_functions.h"
 
 namespace foldcar {
 
@@ -14,7 +14,7 @@ inline void set_quaternion(double* to, double w, double x, double y, double z) {
 
 // A turn about the vertical.
 inline void set_heading(double* to, double heading_rad) {
-  set_quaternion(to, std::cos(0.5 * heading_rad), 0, 0, std::sin(0.5 * heading_rad));
+  set_quaternion(to, cosine(0.5 * heading_rad), 0, 0, sine(0.5 * heading_rad));
 }
 
 }  // namespace foldcar

@@ -1,10 +1,10 @@
 // Where a belly, a box, touches a block or level ground.
 #pragma once
 
-#include <cmath>
 #include <vector>
 
 #include "contact_solver.h"
+#include "elementary_functions.h"
 #include "solid.h"
 #include "vec3.h"
 
@@ -14,7 +14,7 @@ struct Belly {
   Vec3 middle;
   Vec3 axes[3];  // forward, left, up
   double half_m[3];
-  double reach_m() const { return std::hypot(std::hypot(half_m[0], half_m[1]), half_m[2]); }
+  double reach_m() const { return hypotenuse(hypotenuse(half_m[0], half_m[1]), half_m[2]); }
 };
 
 // Appends the contacts closer than margin_m, each a copy of contact with its point, normal, gap and lateral coordinate.

@@ -1,6 +1,6 @@
 #include "car_dynamics.h"
 
-#include <cmath>
+#include "elementary_functions.h"
 
 namespace foldcar {
 namespace {
@@ -66,8 +66,9 @@ void CarDynamics::place_segments() {
     hinge_at_[i] = place(i, {hinge.x_m, 0, hinge.z_m});
     Frame& next = frames_[i + 1];
     next.angle_rad = frames_[i].angle_rad + hinge_rad[i];
-    next.cosine = std::cos(next.angle_rad);
-    next.sine = std::sin(next.angle_rad);
+    const auto [sine, cosine] = sine_and_cosine(next.angle_rad);
+    next.cosine = cosine;
+    next.sine = sine;
     next.x_m = hinge_at_[i].x - next.cosine * hinge.x_m - next.sine * hinge.z_m;
     next.z_m = hinge_at_[i].z + next.sine * hinge.x_m - next.cosine * hinge.z_m;
   }

@@ -7,6 +7,7 @@
 
 #include "belly_contacts.h"
 #include "box2d_units.h"
+#include "elementary_functions.h"
 #include "scene_terrain.h"
 #include "tyre_contacts.h"
 
@@ -25,7 +26,7 @@ struct CutPlane {
   Vec3 forward, left, origin;
   double cosine, sine;  // of roll
   explicit CutPlane(const CutPose& cut) : cosine(std::sqrt(1 - cut.q * cut.q)), sine(cut.q) {
-    const double c = std::cos(cut.frame.heading_rad), s = std::sin(cut.frame.heading_rad);
+    const auto [s, c] = sine_and_cosine(cut.frame.heading_rad);
     forward = {c, s, 0};
     left = {-s, c, 0};
     origin = {cut.frame.x_m, cut.frame.y_m, 0};
@@ -66,7 +67,7 @@ void add_contacts(const CutPlane& plane, const LateralSpan& span, const OutlineE
 }  // namespace
 
 ContactSearch::ContactSearch(const BodySpec& body, const CarConstants& constants, const Terrain& terrain)
-    : body_(body), terrain_(terrain), reach_m_(std::hypot(2 * constants.reach_m, body.track_m)) {}
+    : body_(body), terrain_(terrain), reach_m_(hypotenuse(2 * constants.reach_m, body.track_m)) {}
 
 void ContactSearch::find(const CarDynamics& car, const TrackTerrain* ground, double margin_m,
                          std::vector<Contact>& contacts) {
@@ -127,7 +128,8 @@ void ContactSearch::find_tyre(std::size_t wheel, const CarDynamics& car, const T
   // The tyre's centre turns about the axle, forward through down.
   const double phase_rad = car.wheel_rad[wheel] + car.fold_rad(static_cast<std::size_t>(spec.segment)) -
                            spec.eccentricity_phase_rad;
-  const Vec3 off{spec.eccentricity_m * std::cos(phase_rad), 0, -spec.eccentricity_m * std::sin(phase_rad)};
+  const auto [s, c] = sine_and_cosine(phase_rad);
+  const Vec3 off{spec.eccentricity_m * c, 0, -spec.eccentricity_m * s};
   const Vec3 centre = car.position_m + car.turn.to_world(car.axle(wheel) + off);
   Contact contact;
   contact.segment = static_cast<std::size_t>(spec.segment);
@@ -176,7 +178,8 @@ void ContactSearch::find_belly(std::size_t segment, const CarDynamics& car, cons
   const double half_length_m = 0.5 * spec.length_m, half_height_m = 0.5 * spec.height_m;
   const Vec3 middle = car.position_m + car.turn.to_world(car.place(segment, {spec.x_m, 0, spec.center_z_m}));
   const double fold_rad = car.fold_rad(segment);
-  const Vec3 forward = std::cos(fold_rad) * car.turn.forward - std::sin(fold_rad) * car.turn.up;
+  const auto [s, c] = sine_and_cosine(fold_rad);
+  const Vec3 forward = c * car.turn.forward - s * car.turn.up;
   const Vec3 up = cross(forward, car.turn.left);
   Contact contact;
   contact.segment = segment;
@@ -185,7 +188,7 @@ void ContactSearch::find_belly(std::size_t segment, const CarDynamics& car, cons
   if (ground == nullptr) return meet_level_ground(belly, margin_m, contact, contacts);
   const CutPlane plane(ground->at());
   const b2Vec2 at = plane.to_plane(middle);
-  const float reach_x = to_units(std::hypot(half_length_m, half_height_m) + margin_m);
+  const float reach_x = to_units(hypotenuse(half_length_m, half_height_m) + margin_m);
   const float lowest_z =
       to_units((middle.z - half_height_m * std::abs(up.z) - half_length_m * std::abs(forward.z)) / plane.cosine -
                2 * margin_m);
@@ -197,7 +200,7 @@ void ContactSearch::find_belly(std::size_t segment, const CarDynamics& car, cons
   };
   const b2Transform still(b2Vec2_zero, b2Rot(0));
   const b2Transform placed(
-      at, b2Rot(static_cast<float>(std::atan2(forward.z / plane.cosine, dot(forward, plane.forward)))));
+      at, b2Rot(static_cast<float>(arc_tangent(forward.z / plane.cosine, dot(forward, plane.forward)))));
   for (const OutlineEdge& edge : ground->edges(2)) {
     if (std::max(edge.shape.m_vertex1.y, edge.shape.m_vertex2.y) < lowest_z ||
         edge.shape.m_vertex1.x < at.x - reach_x || edge.shape.m_vertex2.x > at.x + reach_x) {

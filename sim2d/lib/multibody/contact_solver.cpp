@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "elementary_functions.h"
+
 namespace foldcar {
 namespace {
 
@@ -44,7 +46,7 @@ ContactSolver::ContactSolver(const BodySpec& body, double step_s, int iterations
       step_s_(step_s),
       iterations_(iterations),
       impact_steps_(static_cast<int>(std::lround(kImpactTime_s / step_s))),
-      impact_share_(std::exp(-step_s / kImpactTime_s)),
+      impact_share_(exponential(-step_s / kImpactTime_s)),
       limit_impulse_(2 * body.hinges.size()) {}
 
 void ContactSolver::add_row(const CarDynamics& car, double impulse, double gap_m) {

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "elementary_functions.h"
+
 namespace foldcar {
 namespace {
 
@@ -70,7 +72,7 @@ double MultibodyCar::lowest_m(const Counts& counts) {
 // Rolled as far as the heights under its sides differ, then put at the drop above the lowest height without overlap.
 void MultibodyCar::put_down(const PoseSpec& start, double drop_m) {
   state_.heading_rad = start.heading_rad;
-  const double c = std::cos(start.heading_rad), s = std::sin(start.heading_rad);
+  const auto [s, c] = sine_and_cosine(start.heading_rad);
   const Rotation level = rotation_by({0, 0, start.heading_rad});
   const auto any = [](const Contact&) { return true; };
   car_.turn = level;
@@ -84,7 +86,7 @@ void MultibodyCar::put_down(const PoseSpec& start, double drop_m) {
   };
   const double left_m = lowest_m(on_side(CarSide::kLeft)), right_m = lowest_m(on_side(CarSide::kRight));
   const double q = std::clamp((left_m - right_m) / body_.track_m, -kMaxSinRoll, kMaxSinRoll);
-  car_.turn = level * rotation_by({std::asin(q), 0, 0});
+  car_.turn = level * rotation_by({arc_sine(q), 0, 0});
   // Roll about the contacts moves the axle line, a wheel's radius above them, to the lower side.
   const double aside_m = -constants_.wheel_radius_m * q;
   car_.position_m = {start.x_m - aside_m * s, start.y_m + aside_m * c, 0};
@@ -101,7 +103,7 @@ CutPose MultibodyCar::cut_pose() const {
   const double q = std::clamp(turn.left.z, -kMaxSinRoll, kMaxSinRoll);
   const Vec3 at = car_.position_m + turn.to_world(car_.place(main_, {main.com_x_m, 0, 0}));
   const double aside_m = constants_.wheel_radius_m * q;
-  const double c = std::cos(state_.heading_rad), s = std::sin(state_.heading_rad);
+  const auto [s, c] = sine_and_cosine(state_.heading_rad);
   return {{at.x - aside_m * s, at.y + aside_m * c, state_.heading_rad}, path_m_, q};
 }
 
@@ -180,18 +182,18 @@ void MultibodyCar::update_state() {
   const double fold_rad = car_.fold_rad(main_);
   const Rotation turn = car_.turn * rotation_by({0, fold_rad, 0});
   const Vec3 at = car_.position_m + car_.turn.to_world(car_.place(main_, {}));
-  const double heading_rad = std::atan2(turn.forward.y, turn.forward.x);
+  const double heading_rad = arc_tangent(turn.forward.y, turn.forward.x);
   // The heading counts whole turns.
   const double change_rad = std::remainder(heading_rad - state_.heading_rad, kTurn_rad);
-  const double c = std::cos(heading_rad), s = std::sin(heading_rad);
+  const auto [s, c] = sine_and_cosine(heading_rad);
   const double along_m = (at.x - state_.x_m) * c + (at.y - state_.y_m) * s;
   path_m_ += along_m;
   state_.heading_rad += change_rad;
   state_.x_m = at.x;
   state_.y_m = at.y;
   state_.z_m = at.z;
-  state_.pitch_rad = std::asin(std::clamp(turn.forward.z, -1.0, 1.0));
-  state_.roll_rad = std::atan2(turn.left.z, turn.up.z);
+  state_.pitch_rad = arc_sine(std::clamp(turn.forward.z, -1.0, 1.0));
+  state_.roll_rad = arc_tangent(turn.left.z, turn.up.z);
   state_.up = turn.up.z;
   const std::vector<double>& u = car_.velocity;
   const Vec3 rate{u[3], u[4], u[5]};

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "box2d_units.h"
+#include "elementary_functions.h"
 
 namespace foldcar {
 namespace {
@@ -35,7 +36,7 @@ TrackTerrain::TrackTerrain(const Ground& ground, const BodySpec& body, const Car
 bool TrackTerrain::stale(const CutPose& pose) const {
   if (!cut_once_) return true;
   const double dx = pose.frame.x_m - at_.frame.x_m, dy = pose.frame.y_m - at_.frame.y_m;
-  const double c = std::cos(pose.frame.heading_rad), s = std::sin(pose.frame.heading_rad);
+  const auto [s, c] = sine_and_cosine(pose.frame.heading_rad);
   const double sideways_m = c * dy - s * dx;
   return std::abs(pose.frame.heading_rad - at_.frame.heading_rad) > kHeadingTolerance_rad ||
          std::abs(sideways_m) > kSidewaysTolerance_m || std::abs(pose.q - at_.q) > kRollTolerance ||
@@ -56,7 +57,7 @@ LateralSpan TrackTerrain::across(int outline, double q) const {
 // Plans the stations anew if the car has left the planned range.
 void TrackTerrain::plan(const CutPose& pose) {
   const double dx = pose.frame.x_m - planned_at_.frame.x_m, dy = pose.frame.y_m - planned_at_.frame.y_m;
-  const double c = std::cos(planned_at_.frame.heading_rad), s = std::sin(planned_at_.frame.heading_rad);
+  const auto [s, c] = sine_and_cosine(planned_at_.frame.heading_rad);
   const bool left = std::abs(c * dy - s * dx) > kPlanSideways_m ||
                     std::abs(pose.frame.heading_rad - planned_at_.frame.heading_rad) > kPlanTurn_rad ||
                     outside_plan(pose);

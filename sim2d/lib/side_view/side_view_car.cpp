@@ -1,7 +1,6 @@
 #include "side_view_car.h"
 
 #include <box2d/b2_distance.h>
-#include <sys/time.h>
 
 #include <algorithm>
 #include <cmath>
@@ -10,12 +9,7 @@
 
 #include "box2d_units.h"
 #include "car_constants.h"
-
-// The linker puts it in gettimeofday's place (platformio.ini): Box2D times itself, nine readings a step, an eighth of a run.
-extern "C" int __wrap_gettimeofday(timeval* now, void* /*zone*/) {
-  *now = {};
-  return 0;
-}
+#include "elementary_functions.h"
 
 namespace foldcar {
 namespace {
@@ -117,7 +111,7 @@ void SideViewCar::add_segments() {
     fixture.shape = &box;
     fixture.filter.categoryBits = kBellyBit;
     fixture.filter.maskBits = kBellyGroundBit;
-    fixture.userData.pointer = reinterpret_cast<uintptr_t>(&spec.grip);
+    fixture.userData.grip = &spec.grip;
     segment->CreateFixture(&fixture);
     b2MassData mass;
     mass.mass = static_cast<float>(spec.mass_kg);
@@ -149,8 +143,8 @@ void SideViewCar::add_pair(const WheelSpec& left, const WheelSpec& right) {
   double radius_m = 0, off_x_m = 0, off_z_m = 0, mass_kg = 0, inertia_kg_m2 = 0;
   for (const WheelSpec* wheel : {&left, &right}) {
     radius_m += 0.5 * wheel->radius_m;
-    off_x_m += 0.5 * wheel->eccentricity_m * std::cos(wheel->eccentricity_phase_rad);
-    off_z_m += 0.5 * wheel->eccentricity_m * std::sin(wheel->eccentricity_phase_rad);
+    off_x_m += 0.5 * wheel->eccentricity_m * cosine(wheel->eccentricity_phase_rad);
+    off_z_m += 0.5 * wheel->eccentricity_m * sine(wheel->eccentricity_phase_rad);
     mass_kg += wheel->mass_kg;
     inertia_kg_m2 += 0.5 * wheel->mass_kg * wheel->radius_m * wheel->radius_m;
     pair.rotors_kg_m2 += wheel->servo.rotor_inertia_kg_m2;
@@ -167,7 +161,7 @@ void SideViewCar::add_pair(const WheelSpec& left, const WheelSpec& right) {
   fixture.shape = &circle;
   fixture.filter.categoryBits = kWheelBit;
   fixture.filter.maskBits = kWheelGroundBit;
-  fixture.userData.pointer = reinterpret_cast<uintptr_t>(&pair.grip);
+  fixture.userData.grip = &pair.grip;
   pair.disc->CreateFixture(&fixture);
   b2MassData mass;
   mass.mass = static_cast<float>(mass_kg);
@@ -318,14 +312,14 @@ void SideViewCar::update_state() {
   state_.x_m = at.x;
   state_.y_m = at.y;
   state_.z_m = to_metres(main.GetPosition().y);
-  state_.pitch_rad = std::asin(std::clamp(static_cast<double>(turn.s), -1.0, 1.0));
+  state_.pitch_rad = arc_sine(std::clamp(static_cast<double>(turn.s), -1.0, 1.0));
   state_.up = turn.c;
   state_.speed_m_s = to_metres(main.GetLinearVelocityFromLocalPoint(b2Vec2_zero).x);
 }
 
 void SideViewCar::PreSolve(b2Contact* contact, const b2Manifold*) {
-  const uintptr_t a = contact->GetFixtureA()->GetUserData().pointer, b = contact->GetFixtureB()->GetUserData().pointer;
-  const double grip = *reinterpret_cast<const double*>(a != 0 ? a : b);
+  const double *a = contact->GetFixtureA()->GetUserData().grip, *b = contact->GetFixtureB()->GetUserData().grip;
+  const double grip = a != nullptr ? *a : *b;
   double friction = scene_.friction;
   if (terrain_.has_patches()) {
     b2WorldManifold manifold;

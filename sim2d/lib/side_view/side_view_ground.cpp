@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "box2d_units.h"
+#include "elementary_functions.h"
 
 namespace foldcar {
 namespace {
@@ -21,12 +22,12 @@ constexpr float kLeast = 1.5F * b2_linearSlop;
 constexpr double kSunk_m = 0.02;
 
 double distance_m(const SliceFrame& frame, double x_m, double y_m) {
-  return std::hypot(x_m - frame.x_m, y_m - frame.y_m);
+  return hypotenuse(x_m - frame.x_m, y_m - frame.y_m);
 }
 
 // Points of a block between two lines, in the frame: its corners, and where its edges cross the lines.
 std::vector<Vec3> points_between(const Solid& solid, const SliceFrame& frame, double y_min_m, double y_max_m) {
-  const double c = std::cos(frame.heading_rad), s = std::sin(frame.heading_rad);
+  const auto [s, c] = sine_and_cosine(frame.heading_rad);
   const auto to_frame = [&](const Vec3& at_m) {
     const double dx = at_m.x - frame.x_m, dy = at_m.y - frame.y_m;
     return Vec3{c * dx + s * dy, c * dy - s * dx, at_m.z};
@@ -123,8 +124,8 @@ std::vector<std::vector<b2Vec2>> highest(std::vector<Line> lines) {
 SideViewGround::SideViewGround(b2World& world, const BodySpec& body, const SceneSpec& scene, const Terrain& terrain)
     : terrain_(terrain),
       frame_{scene.start.x_m, scene.start.y_m, scene.start.heading_rad},
-      cosine_(std::cos(frame_.heading_rad)),
-      sine_(std::sin(frame_.heading_rad)) {
+      cosine_(cosine(frame_.heading_rad)),
+      sine_(sine(frame_.heading_rad)) {
   double tyre_width_m = 0, belly_width_m = 0;
   for (const WheelSpec& wheel : body.wheels) tyre_width_m = std::max(tyre_width_m, wheel.width_m);
   for (const SegmentSpec& segment : body.segments) belly_width_m = std::max(belly_width_m, segment.width_m);

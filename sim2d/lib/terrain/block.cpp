@@ -3,10 +3,12 @@
 #include <algorithm>
 #include <cmath>
 
+#include "elementary_functions.h"
+
 namespace foldcar {
 
 Block::Block(const BlockSpec& spec)
-    : spec_(spec), cosine_(std::cos(spec.heading_rad)), sine_(std::sin(spec.heading_rad)) {
+    : spec_(spec), cosine_(cosine(spec.heading_rad)), sine_(sine(spec.heading_rad)) {
   if (spec.kind == BlockSpec::Kind::kHalfRound) {
     arc_radius_m_ = arc_radius_m(spec);
   }

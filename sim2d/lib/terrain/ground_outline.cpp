@@ -6,6 +6,8 @@
 #include <stdexcept>
 #include <string>
 
+#include "elementary_functions.h"
+
 namespace foldcar {
 namespace {
 
@@ -40,7 +42,7 @@ double curvature_1_m(const std::vector<const GroundField*>& fields, const Disc& 
 
 void GroundOutline::plan(const Ground& ground, const SliceFrame& frame, double s_m, const Span& span,
                          const LateralSpan& across) {
-  const double c = std::cos(frame.heading_rad), s = std::sin(frame.heading_rad);
+  const auto [s, c] = sine_and_cosine(frame.heading_rad);
   const double reach_m = std::max(-span.s_min_m, span.s_max_m);
   const double pad_m = kPlanSideways_m + kPlanTurn_rad * reach_m;
   const double y_min_m = across.middle_m + across.scale * across.from_m - pad_m;
@@ -50,13 +52,13 @@ void GroundOutline::plan(const Ground& ground, const SliceFrame& frame, double s
   };
   const double middle_y_m = 0.5 * (y_min_m + y_max_m);
   ground.find(disc(0.5 * (span.s_min_m + span.s_max_m), middle_y_m,
-                   0.5 * std::hypot(span.s_max_m - span.s_min_m, y_max_m - y_min_m)),
+                   0.5 * hypotenuse(span.s_max_m - span.s_min_m, y_max_m - y_min_m)),
               fields_);
   // A row of squares across covers all ground that a cell of s can lie on while the plan holds.
   const auto columns = static_cast<int>(std::ceil((y_max_m - y_min_m) / (2 * kCell_m)));
   check_heights((span.s_max_m - span.s_min_m) / kCell_m * columns * static_cast<double>(fields_.size()));
   const double column_m = (y_max_m - y_min_m) / columns;
-  const double radius_m = 0.5 * std::hypot(kCell_m, column_m);
+  const double radius_m = 0.5 * hypotenuse(kCell_m, column_m);
   station_m_.clear();
   double highest_1_m = 0, before_1_m = 1;
   const auto first = static_cast<long>(std::floor((s_m + span.s_min_m) / kCell_m));
@@ -88,7 +90,7 @@ void GroundOutline::plan(const Ground& ground, const SliceFrame& frame, double s
 
 void GroundOutline::cut(const SliceFrame& frame, double s_m, const LateralSpan& across, double tolerance_m,
                         Profile& profile) {
-  const double c = std::cos(frame.heading_rad), s = std::sin(frame.heading_rad);
+  const auto [s, c] = sine_and_cosine(frame.heading_rad);
   const std::size_t count = station_m_.size();
   relative_m_.resize(count);
   for (std::size_t i = 0; i < count; ++i) relative_m_[i] = station_m_[i] - s_m;

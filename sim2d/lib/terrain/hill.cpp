@@ -34,10 +34,10 @@ Hill::Hill(const HillSpec& spec)
     : reach_{spec.x_m, spec.y_m, kCutOff * std::max(spec.sd_along_m, spec.sd_across_m)},
       height_m_(spec.height_m),
       least_sd_m_(std::min(spec.sd_along_m, spec.sd_across_m)),
-      ax_(std::cos(spec.heading_rad) / spec.sd_along_m),
-      ay_(std::sin(spec.heading_rad) / spec.sd_along_m),
-      cx_(-std::sin(spec.heading_rad) / spec.sd_across_m),
-      cy_(std::cos(spec.heading_rad) / spec.sd_across_m) {}
+      ax_(cosine(spec.heading_rad) / spec.sd_along_m),
+      ay_(sine(spec.heading_rad) / spec.sd_along_m),
+      cx_(-sine(spec.heading_rad) / spec.sd_across_m),
+      cy_(cosine(spec.heading_rad) / spec.sd_across_m) {}
 
 double Hill::height_m(double x_m, double y_m) const {
   const double dx = x_m - reach_.x_m, dy = y_m - reach_.y_m;

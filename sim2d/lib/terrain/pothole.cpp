@@ -1,5 +1,7 @@
 #include "pothole.h"
 
+#include "elementary_functions.h"
+
 namespace foldcar {
 namespace {
 
@@ -11,7 +13,7 @@ double depth_at(const PotholeSpec& spec, double r_m) {
 }  // namespace
 
 double Pothole::height_m(double x_m, double y_m) const {
-  return -depth_at(spec_, std::hypot(x_m - spec_.x_m, y_m - spec_.y_m));
+  return -depth_at(spec_, hypotenuse(x_m - spec_.x_m, y_m - spec_.y_m));
 }
 
 void Pothole::add_along(const Ray& ray, const std::vector<double>& s_m, std::vector<double>& z_m) const {
@@ -27,7 +29,7 @@ void Pothole::add_along(const Ray& ray, const std::vector<double>& s_m, std::vec
 // Only the wall is curved. The radial second derivative is at most 6·depth/edge²; the tangential one, slope over r, is
 // at most the same.
 double Pothole::curvature_1_m(const Disc& disc) const {
-  const double distance_m = std::hypot(disc.x_m - spec_.x_m, disc.y_m - spec_.y_m);
+  const double distance_m = hypotenuse(disc.x_m - spec_.x_m, disc.y_m - spec_.y_m);
   const bool meets_wall = distance_m - disc.radius_m < spec_.radius_m &&
                           distance_m + disc.radius_m > spec_.radius_m - spec_.edge_m;
   return meets_wall ? 6 * spec_.depth_m / (spec_.edge_m * spec_.edge_m) : 0;

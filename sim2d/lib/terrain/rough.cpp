@@ -63,8 +63,8 @@ double Rough::node_count(const RoughSpec& spec) {
 
 Rough::Rough(const RoughSpec& spec)
     : spec_(spec),
-      cosine_(std::cos(spec.heading_rad)),
-      sine_(std::sin(spec.heading_rad)),
+      cosine_(cosine(spec.heading_rad)),
+      sine_(sine(spec.heading_rad)),
       cells_along_(static_cast<std::size_t>(cells(spec.length_m, spec.correlation_m))),
       cells_across_(static_cast<std::size_t>(cells(spec.width_m, spec.correlation_m))),
       per_m_along_(static_cast<double>(cells_along_) / spec.length_m),
@@ -103,7 +103,7 @@ Rough::Rough(const RoughSpec& spec)
   find_curvature();
 }
 
-Disc Rough::reach() const { return {spec_.x_m, spec_.y_m, 0.5 * std::hypot(spec_.length_m, spec_.width_m)}; }
+Disc Rough::reach() const { return {spec_.x_m, spec_.y_m, 0.5 * hypotenuse(spec_.length_m, spec_.width_m)}; }
 
 double Rough::at(double along, double across) const {
   if (!(along >= 0 && across >= 0)) return 0;
@@ -143,7 +143,7 @@ void Rough::find_curvature() {
       const double across = (z[-stride] - 2 * z[0] + z[stride]) * per_m_across_ * per_m_across_;
       const double twist =
           (z[stride + 1] - z[stride - 1] - z[-stride + 1] + z[-stride - 1]) * 0.25 * per_m_along_ * per_m_across_;
-      const double larger = std::abs(0.5 * (along + across)) + std::hypot(0.5 * (along - across), twist);
+      const double larger = std::abs(0.5 * (along + across)) + hypotenuse(0.5 * (along - across), twist);
       float& block = block_curvature_1_m_[row / kBlockCells * blocks_along_ + column / kBlockCells];
       block = std::max(block, static_cast<float>(kKinkFactor * larger));
     }

@@ -3,11 +3,13 @@
 #include <algorithm>
 #include <cmath>
 
+#include "elementary_functions.h"
+
 namespace foldcar {
 namespace {
 
 bool covers(const PatchSpec& patch, double x_m, double y_m) {
-  const double c = std::cos(patch.heading_rad), s = std::sin(patch.heading_rad);
+  const auto [s, c] = sine_and_cosine(patch.heading_rad);
   const double dx = x_m - patch.x_m, dy = y_m - patch.y_m;
   return std::abs(c * dx + s * dy) <= 0.5 * patch.length_m && std::abs(c * dy - s * dx) <= 0.5 * patch.width_m;
 }

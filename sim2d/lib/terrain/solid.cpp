@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "elementary_functions.h"
+
 namespace foldcar {
 namespace {
 
@@ -22,12 +24,12 @@ std::vector<ProfilePoint> profile_of(const BlockSpec& block) {
     case BlockSpec::Kind::kRamp: return {{-half_m, 0}, {half_m, height_m}};
     case BlockSpec::Kind::kHalfRound: {
       const double radius_m = arc_radius_m(block);
-      const double half_rad = std::asin(std::min(1.0, half_m / radius_m));
+      const double half_rad = arc_sine(std::min(1.0, half_m / radius_m));
       const int chords = static_cast<int>(std::ceil(2 * half_rad / std::sqrt(8 * kArcError_m / radius_m)));
       std::vector<ProfilePoint> arc{{-half_m, 0}};
       for (int i = 1; i < chords; ++i) {
         const double angle_rad = half_rad * (2.0 * i / chords - 1);
-        arc.push_back({radius_m * std::sin(angle_rad), height_m - radius_m * (1 - std::cos(angle_rad))});
+        arc.push_back({radius_m * sine(angle_rad), height_m - radius_m * (1 - cosine(angle_rad))});
       }
       arc.push_back({half_m, 0});
       return arc;
@@ -41,11 +43,11 @@ std::vector<ProfilePoint> profile_of(const BlockSpec& block) {
 Solid make_solid(const BlockSpec& block) {
   std::vector<ProfilePoint> outline = profile_of(block);
   Solid solid;
-  solid.reach = {block.x_m, block.y_m, 0.5 * std::hypot(block.length_m, block.width_m)};
+  solid.reach = {block.x_m, block.y_m, 0.5 * hypotenuse(block.length_m, block.width_m)};
   solid.top_m = block.height_m;
   outline.push_back({0.5 * block.length_m, -kSunk_m});
   outline.push_back({-0.5 * block.length_m, -kSunk_m});
-  const double c = std::cos(block.heading_rad), s = std::sin(block.heading_rad);
+  const auto [s, c] = sine_and_cosine(block.heading_rad);
   const std::size_t count = outline.size();
   Solid::Face right{{s, -c, 0}, {}}, left{{-s, c, 0}, {}};
   for (const ProfilePoint& point : outline) {

@@ -3,6 +3,8 @@
 
 #include <cmath>
 
+#include "elementary_functions.h"
+
 namespace foldcar {
 
 struct Vec3 {
@@ -29,8 +31,12 @@ struct Rotation {
 inline Rotation rotation_by(const Vec3& turn) {
   const double angle = std::sqrt(dot(turn, turn));
   // Series where the angle is too small to divide by.
-  const double a = angle < 1e-4 ? 1 - angle * angle / 6 : std::sin(angle) / angle;
-  const double b = angle < 1e-4 ? 0.5 - angle * angle / 24 : (1 - std::cos(angle)) / (angle * angle);
+  double a = 1 - angle * angle / 6, b = 0.5 - angle * angle / 24;
+  if (!(angle < 1e-4)) {
+    const auto [s, c] = sine_and_cosine(angle);
+    a = s / angle;
+    b = (1 - c) / (angle * angle);
+  }
   const auto column = [&](const Vec3& axis) {
     const Vec3 once = cross(turn, axis);
     return axis + a * once + b * cross(turn, once);

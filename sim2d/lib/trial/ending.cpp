@@ -2,16 +2,18 @@
 
 #include <cmath>
 
+#include "elementary_functions.h"
+
 namespace foldcar {
 
 std::optional<double> distance_to_target_m(const SceneSpec& scene, const CarState& state) {
   if (!scene.goal) return std::nullopt;
-  return std::hypot(state.x_m - scene.goal->x_m, state.y_m - scene.goal->y_m);
+  return hypotenuse(state.x_m - scene.goal->x_m, state.y_m - scene.goal->y_m);
 }
 
 namespace {
 
-double distance_m(const CarState& a, const CarState& b) { return std::hypot(a.x_m - b.x_m, a.y_m - b.y_m); }
+double distance_m(const CarState& a, const CarState& b) { return hypotenuse(a.x_m - b.x_m, a.y_m - b.y_m); }
 
 }  // namespace
 
@@ -27,8 +29,8 @@ bool Ending::short_of_goal(const CarState& state) const {
   if (!scene_.goal) return true;
   const GoalSpec& goal = *scene_.goal;
   const double dx = goal.x_m - state.x_m, dy = goal.y_m - state.y_m;
-  if (goal.kind == GoalSpec::Kind::kDisc) return std::hypot(dx, dy) - goal.radius_m > 0;
-  return dx * std::cos(goal.heading_rad) + dy * std::sin(goal.heading_rad) > 0;
+  if (goal.kind == GoalSpec::Kind::kDisc) return hypotenuse(dx, dy) - goal.radius_m > 0;
+  return dx * cosine(goal.heading_rad) + dy * sine(goal.heading_rad) > 0;
 }
 
 std::optional<Outcome> Ending::check(const CarState& state, double elapsed_s) {

@@ -6,14 +6,8 @@
 namespace foldcar {
 namespace {
 
-// Adding and taking away 1.5 * 2^52 rounds to an integer.
-constexpr double kRounder = 0x1.8p52;
 constexpr double kHalfPi = 0x1.921fb54442d18p+0, kHalfPiRest = 0x1.1a62633145c07p-54;
 constexpr double kEighthPi = 0x1.921fb54442d18p-2, kTanEighthPi = 0x1.a827999fcef32p-2;
-
-// The first two parts of pi/2 have 33 bits, so that their multiples are exact.
-constexpr double kPart1 = 0x1.921fb544p+0, kPart2 = 0x1.0b4611a6p-34;
-constexpr double kSmallAngle_rad = 1e-8;  // below it an angle is its own sine, with the sign of zero
 
 // A quarter turn's multiple and what is left of the angle as an unrounded sum of two doubles (Cody and Waite).
 struct Reduced {
@@ -24,9 +18,9 @@ struct Reduced {
 Reduced reduced(double angle_rad) {
   constexpr double kPart3 = 0x1.3198a2e037073p-69;
   if (std::abs(angle_rad) > kExactReduction_rad) angle_rad = std::remainder(angle_rad, 4 * kHalfPi);
-  const double quarters = (angle_rad * 0x1.45f306dc9c883p-1 + kRounder) - kRounder;
-  const double rest = angle_rad - quarters * kPart1;
-  const double second = quarters * kPart2, third = quarters * kPart3;
+  const double quarters = (angle_rad * kQuartersPerRad + kRounder) - kRounder;
+  const double rest = angle_rad - quarters * kQuarterPart1_rad;
+  const double second = quarters * kQuarterPart2_rad, third = quarters * kPart3;
   const double without = rest - second;
   const double high = without - third;
   return {static_cast<int>(quarters), high, ((rest - without) - second) + ((without - high) - third)};
@@ -62,48 +56,6 @@ double turned(const Reduced& angle, int quarters) {
   return turn < 2 ? value : -value;
 }
 
-// Puts sine and cosine of the first octant's angle, s and c, where the angle is by so many quarters.
-template <typename Real>
-void turn(int quarters, double s, double c, Real& sine, Real& cosine) {
-  const bool swapped = quarters % 2 != 0;
-  sine = static_cast<Real>((quarters & 2) != 0 ? -(swapped ? c : s) : (swapped ? c : s));
-  cosine = static_cast<Real>(((quarters + 1) & 2) != 0 ? -(swapped ? s : c) : (swapped ? s : c));
-}
-
-// Sine and cosine for one reduction; the same bits as each alone.
-void sine_and_cosine(double angle_rad, double& sine, double& cosine) {
-  if (!(std::abs(angle_rad) <= kExactReduction_rad && std::abs(angle_rad) >= kSmallAngle_rad)) {
-    sine = foldcar::sine(angle_rad);
-    cosine = foldcar::cosine(angle_rad);
-    return;
-  }
-  const Reduced angle = reduced(angle_rad);
-  turn(angle.quarters, sine_of(angle), cosine_of(angle), sine, cosine);
-}
-
-// The same for Box2D, which takes them of every body many times a step: in double precision and shorter, to 1e-11.
-void sine_and_cosine(float angle_rad, float& sine, float& cosine) {
-  // The ground's.
-  if (std::abs(angle_rad) < kSmallAngle_rad) {
-    sine = angle_rad;
-    cosine = 1;
-    return;
-  }
-  if (!(std::abs(angle_rad) <= kExactReduction_rad)) {
-    sine = sinf(angle_rad);
-    cosine = cosf(angle_rad);
-    return;
-  }
-  const double quarters = (angle_rad * 0x1.45f306dc9c883p-1 + kRounder) - kRounder;
-  const double r = (angle_rad - quarters * kPart1) - quarters * kPart2, z = r * r;
-  const double s =
-      r + r * z * (-1 / 6.0 + z * (1 / 120.0 + z * (-1 / 5040.0 + z * (1 / 362880.0 - z * (1 / 39916800.0)))));
-  const double series =
-      1 / 24.0 + z * (-1 / 720.0 + z * (1 / 40320.0 + z * (-1 / 3628800.0 + z * (1 / 479001600.0))));
-  const double c = 1 - 0.5 * z + z * z * series;
-  turn(static_cast<int>(quarters), s, c, sine, cosine);
-}
-
 // Arc tangent of 0 to 1, by its series around the nearest of 0, pi/8 and pi/4: there to 0.199.
 double first_octant(double ratio) {
   const int nearest = ratio < 0.19891236737965800 ? 0 : ratio < 0.66817863791929892 ? 1 : 2;
@@ -126,6 +78,13 @@ double cosine(double angle_rad) {
   if (!std::isfinite(angle_rad)) return angle_rad - angle_rad;
   if (std::abs(angle_rad) < kSmallAngle_rad) return 1;
   return turned(reduced(angle_rad), 1);
+}
+
+SineCosine sine_and_cosine(double angle_rad) {
+  if (!(std::abs(angle_rad) >= kSmallAngle_rad)) return {sine(angle_rad), cosine(angle_rad)};
+  if (!std::isfinite(angle_rad)) return {angle_rad - angle_rad, angle_rad - angle_rad};
+  const Reduced angle = reduced(angle_rad);
+  return turned_by(angle.quarters, sine_of(angle), cosine_of(angle));
 }
 
 double exponential(double x) {
@@ -156,6 +115,10 @@ double arc_tangent(double y, double x) {
   return std::copysign(angle_rad, y);
 }
 
+double arc_sine(double x) { return arc_tangent(x, std::sqrt((1 - x) * (1 + x))); }
+
+double arc_cosine(double x) { return arc_tangent(std::sqrt((1 - x) * (1 + x)), x); }
+
 double hypotenuse(double x, double y) {
   if (std::isinf(x) || std::isinf(y)) return std::numeric_limits<double>::infinity();
   const double square = x * x + y * y;
@@ -167,27 +130,3 @@ double hypotenuse(double x, double y) {
 }
 
 }  // namespace foldcar
-
-// The C library's names. Those of a program come before a shared library's, also for Box2D and MuJoCo.
-extern "C" {
-
-double sin(double x) noexcept { return foldcar::sine(x); }
-double cos(double x) noexcept { return foldcar::cosine(x); }
-// What compilers make of a sine and a cosine of one angle.
-void sincos(double x, double* sine, double* cosine) noexcept { foldcar::sine_and_cosine(x, *sine, *cosine); }
-double exp(double x) noexcept { return foldcar::exponential(x); }
-double atan2(double y, double x) noexcept { return foldcar::arc_tangent(y, x); }
-double asin(double x) noexcept { return foldcar::arc_tangent(x, std::sqrt((1 - x) * (1 + x))); }
-double acos(double x) noexcept { return foldcar::arc_tangent(std::sqrt((1 - x) * (1 + x)), x); }
-double hypot(double x, double y) noexcept { return foldcar::hypotenuse(x, y); }
-
-float sinf(float x) noexcept { return static_cast<float>(foldcar::sine(x)); }
-float cosf(float x) noexcept { return static_cast<float>(foldcar::cosine(x)); }
-void sincosf(float x, float* sine, float* cosine) noexcept { foldcar::sine_and_cosine(x, *sine, *cosine); }
-float expf(float x) noexcept { return static_cast<float>(foldcar::exponential(x)); }
-float atan2f(float y, float x) noexcept { return static_cast<float>(foldcar::arc_tangent(y, x)); }
-float asinf(float x) noexcept { return static_cast<float>(asin(static_cast<double>(x))); }
-float acosf(float x) noexcept { return static_cast<float>(acos(static_cast<double>(x))); }
-float hypotf(float x, float y) noexcept { return static_cast<float>(foldcar::hypotenuse(x, y)); }
-
-}  // extern "C"

@@ -6,16 +6,13 @@ Slow imports are made inside the commands, so that help is printed at once.
 """
 
 import atexit
-import contextlib
 import gc
-import inspect
 import os
 import re
 import sys
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Literal
 
 import typer
-from typer.core import TyperCommand
 
 from foldcar import __version__
 from foldcar.commands.advice import compare, select
@@ -39,9 +36,8 @@ from foldcar.commands.trials import trials
 from foldcar.commands.view import view
 from foldcar.errors import FoldcarError
 from foldcar.installation import missing_extra
-from foldcar.interrupts import listen
+from foldcar.interrupts import EXIT_CODE, listen, stop_line
 from foldcar.shown_text import show_text
-from foldcar.typed import decimal_number, whole_number
 
 VARIABLE = "_FOLDCAR_COMPLETE"
 
@@ -75,47 +71,6 @@ def enable_completion() -> None:
         completion_init()
 
 
-class StrictCommand(TyperCommand):
-    """A command whose options and arguments that are numbers have been typed as such.
-
-    What turns the words of a command line into numbers takes underscores and, depending on its version, digits of other
-    scripts.
-    """
-
-    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Refuse the first word that is no number; then parse all, as any command does."""
-        if not ctx.resilient_parsing:
-            typed = self.make_parser(ctx).parse_args(args=list(args))[0]
-            for param in self.params:
-                parse = _parser(self.callback, param.name)
-                words = typed.get(param.name)
-                for word in words if isinstance(words, list | tuple) else [words]:
-                    if parse is not None and isinstance(word, str):
-                        _check(parse, word, ctx, param)
-        return super().parse_args(ctx, args)
-
-
-def _parser(callback: Any, name: str | None) -> Any:
-    """What reads the texts of that parameter of the command's function; None unless it is a number or numbers."""
-    declared = inspect.signature(inspect.unwrap(callback)).parameters.get(name or "")
-    kinds = _kinds(declared.annotation) if declared else set()
-    return whole_number if int in kinds else decimal_number if float in kinds else None
-
-
-def _kinds(annotation: Any) -> set[Any]:
-    """The types that an annotation, as Annotated[list[int] | None, …], is made of."""
-    parts = get_args(annotation)
-    return {kind for part in parts for kind in _kinds(part)} if parts else {annotation}
-
-
-def _check(parse: Any, word: str, ctx: Any, param: Any) -> None:
-    try:
-        parse(word)
-    except ValueError:
-        kind = "whole number" if parse is whole_number else "number"
-        raise typer.BadParameter(f"{word!r} is no {kind}, as 12", ctx=ctx, param=param) from None
-
-
 GARBAGE_THRESHOLD = 50_000
 # More than any path on Linux below a few folders.
 LONGEST_WORD = 300
@@ -137,9 +92,6 @@ for command in (
 app.command("calibrate-servos")(calibrate_servos)
 app.add_typer(trials)
 app.add_typer(params)
-for group in (app, trials, params):
-    for registered in group.registered_commands:
-        registered.cls = StrictCommand
 
 
 def _print_version(wanted: bool) -> None:
@@ -172,35 +124,38 @@ def main() -> None:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     # No collection when the process ends.
     atexit.register(gc.freeze)
-    atexit.register(_drop_what_nobody_reads)
+    atexit.register(_drop_unread_output)
     try:
-        app()
+        try:
+            app()
+        except (Exception, SystemExit):
+            # A signal has ended the command, or what it did when it came.
+            if (line := stop_line()) is None:
+                raise
+            sys.exit(_print_error(line, EXIT_CODE))
     except FoldcarError as error:
-        sys.exit(_fail("\n".join(error.lines()), error.exit_code))
+        sys.exit(_print_error("foldcar: error: " + "\n".join(error.lines()), error.exit_code))
     except ModuleNotFoundError as error:
         remedy = missing_extra(error)
         if remedy is None:
             raise
-        sys.exit(_fail(remedy, 2))
+        sys.exit(_print_error(f"foldcar: error: {remedy}", 2))
     except OSError as error:
         where = f"{error.filename}: " if error.filename is not None else ""
-        sys.exit(_fail(" ".join(f"{where}{error.strerror or error}".split()), 2))
+        sys.exit(_print_error("foldcar: error: " + " ".join(f"{where}{error.strerror or error}".split()), 2))
 
 
-def _drop_what_nobody_reads() -> None:
-    """What a closed pipe has not taken: Python 3.13 may write it once more as it ends, and report that it cannot."""
-    for stream in (sys.__stdout__, sys.__stderr__):
-        if stream is None or stream.closed:
-            continue
+def _drop_unread_output() -> None:
+    """Drop what a closed pipe has not taken: Python 3.13 may write it again as it ends, and report that it cannot."""
+    for stream in filter(None, (sys.__stdout__, sys.__stderr__)):
         try:
             stream.flush()
         except OSError:
-            with contextlib.suppress(OSError):
-                os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+            os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
-def _fail(message: str, code: int) -> int:
+def _print_error(message: str, code: int) -> int:
     # A file's longest words, such as numbers of 400 digits, are shortened.
     shown = re.sub(rf"\S{{{LONGEST_WORD + 1},}}", lambda word: f"{word[0][:40]}…{word[0][-10:]}", message)
-    sys.stderr.write(f"foldcar: error: {shown}\n")
+    sys.stderr.write(f"{shown}\n")
     return code

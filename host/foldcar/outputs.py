@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import BinaryIO
 
 from foldcar.errors import FoldcarError
-from foldcar.interrupts import delayed, held
 
 
 @contextlib.contextmanager
@@ -28,10 +27,9 @@ def atomic_file(file: Path) -> Iterator[BinaryIO]:
     made = make_output_folder(file.parent)
     temporary = file.with_name(f".{file.name}.{os.getpid()}.part")
     try:
-        with held(temporary.unlink):
-            with temporary.open("wb") as binary:
-                yield binary
-            temporary.replace(file)
+        with temporary.open("wb") as binary:
+            yield binary
+        temporary.replace(file)
     except OSError as error:
         raise FoldcarError(f"{file}: cannot be written: {error.strerror or error}") from error
     finally:
@@ -59,17 +57,15 @@ def atomic_folder(folder: Path, manifest: str) -> Iterator[Path]:
     except OSError as error:
         raise FoldcarError(f"{folder}: cannot be written: {error.strerror or error}") from error
     try:
-        with held(lambda: shutil.rmtree(temporary)):
-            yield temporary
-            with delayed():
-                if folder.exists():
-                    folder.rename(old)
-                temporary.rename(folder)
+        yield temporary
+        if folder.exists():
+            folder.rename(old)
+        temporary.rename(folder)
     except OSError as error:
-        if old.exists() and not folder.exists():
-            old.rename(folder)
         raise FoldcarError(f"{folder}: cannot be written: {error.strerror or error}") from error
     finally:
+        if old.exists() and not folder.exists():
+            old.rename(folder)
         for leftover in (temporary, old):
             shutil.rmtree(leftover, ignore_errors=True)
 

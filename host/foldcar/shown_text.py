@@ -8,7 +8,6 @@ encoding lacks are written out too.
 """
 
 import io
-import os
 import re
 import sys
 from typing import Any, TextIO, cast
@@ -31,46 +30,22 @@ def decoded(text: str) -> str:
     )
 
 
-class ShownText(io.TextIOBase):
-    """A text stream in front of ``as_is`` that writes `shown` texts."""
+class ShownText:
+    """A text stream in front of ``as_is`` that writes `shown` texts, and is the same otherwise."""
 
     def __init__(self, as_is: TextIO) -> None:
         self.as_is = as_is
 
-    @property
-    def encoding(self) -> str:  # type: ignore[override]
-        """The encoding of the stream behind it."""
-        return self.as_is.encoding
-
-    @property
-    def errors(self) -> str | None:  # type: ignore[override]
-        """What the stream behind it does with letters that it lacks."""
-        return self.as_is.errors
-
     def write(self, text: str) -> int:
         """Write the text as it may be shown."""
-        self.as_is.write(shown(text))
-        return len(text)
+        return self.as_is.write(shown(text))
 
-    def flush(self) -> None:
-        """Flush the stream behind it."""
-        self.as_is.flush()
-
-    def isatty(self) -> bool:
-        """Whether a terminal is behind it."""
-        return self.as_is.isatty()
-
-    def fileno(self) -> int:
-        """The descriptor behind it."""
-        return self.as_is.fileno()
-
-    def writable(self) -> bool:
-        """True."""
-        return True
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.as_is, name)
 
 
 def show_text() -> None:
-    """From now on standard output and error show texts; where the caller has closed them, nothing."""
+    """From now on standard output and error show texts."""
     sys.stdout, sys.stderr = _in_front_of(sys.stdout), _in_front_of(sys.stderr)
 
 
@@ -90,8 +65,6 @@ def data_output() -> TextIO:
 
 
 def _in_front_of(stream: Any) -> TextIO:
-    if stream is None:
-        stream = open(os.devnull, "w", encoding="utf-8")  # noqa: PTH123, SIM115
     if _lacks_letters(stream):
         stream.reconfigure(errors="backslashreplace")
     return cast(TextIO, stream if isinstance(stream, ShownText) else ShownText(stream))

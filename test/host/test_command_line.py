@@ -14,7 +14,6 @@ import typer
 
 from foldcar import __version__
 from foldcar.cli import app
-from foldcar.store.reader import Store
 from forked_foldcar import original
 from under_coverage import unmeasured
 
@@ -209,37 +208,3 @@ def test_a_folder_without_permission_is_refused_before_the_work(foldcar: Any, tm
     assert done.stderr == (
         f"foldcar: error: {closed / 's.db'}: cannot be written: no permission to write in the folder {closed}\n"
     )
-
-
-@pytest.mark.parametrize(("words", "code"), [(("sweep", "none.json", "--store", "s.db"), 2), (("doctor", "--no"), 2)])
-def test_closed_standard_files_change_no_exit_code(tmp_path: Path, words: tuple[str, ...], code: int) -> None:
-    def close() -> None:
-        for descriptor in range(3):
-            os.close(descriptor)
-
-    assert subprocess.run([*COMMAND, *words], cwd=tmp_path, preexec_fn=close).returncode == code
-
-
-def test_a_store_is_not_opened_under_the_number_of_a_closed_file(
-    tmp_path: Path, listing: Path, carsim_binary: Path
-) -> None:
-    words = [*COMMAND, "sweep", str(listing), "--store", "s.db", "--jobs", "1"]
-
-    done = subprocess.run(words, cwd=tmp_path, preexec_fn=lambda: os.close(2), stdout=subprocess.PIPE, text=True)
-
-    assert done.returncode == 0 and done.stdout.startswith("6 runs new")
-    with Store.open(tmp_path / "s.db") as store:
-        assert len(list(store.results())) == 6
-
-
-def test_too_little_memory_is_one_line(tmp_path: Path) -> None:
-    limit = 150 << 20
-    words = ["sample", str(PROJECT / "scenarios" / "step_pyramids.scenic")]
-
-    done = subprocess.run(
-        [*COMMAND, *words], cwd=tmp_path, capture_output=True, text=True, env=unmeasured(),
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (limit, limit)),
-    )  # fmt: skip
-
-    assert done.returncode == 2 and done.stderr.count("\n") == 1, done.stderr
-    assert done.stderr.startswith("foldcar: error: ") and "memory" in done.stderr.lower()

@@ -128,18 +128,6 @@ def test_ctrl_c_ends_a_command_at_any_moment_with_one_line(study: Path, started:
     assert interrupted >= 1
 
 
-def test_what_the_caller_ignores_stays_ignored(started: Start) -> None:
-    process = subprocess.Popen(
-        [*FOLDCAR, "--version"], stdout=subprocess.PIPE, text=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_IGN) and None,
-    )  # fmt: skip
-    while process.poll() is None:
-        process.send_signal(signal.SIGINT)
-        time.sleep(0.01)
-
-    assert process.returncode == 0 and process.communicate()[0].startswith("foldcar ")
-
-
 def test_a_killed_sweep_leaves_no_process(study: Path, started: Start) -> None:
     process = started(*COMMANDS["sweep"])
     end_s = time.monotonic() + 300

@@ -46,22 +46,3 @@ def test_a_parameter_of_a_program_that_is_given_twice_is_refused(tmp_path: Any, 
     (tmp_path / "p.scenic").write_text("model model\n")
     assert refused("sample", "p.scenic", "--param", "a=1", "--param", "a=2") == "--param a=2: a is given twice"
     assert len(refused("sample", "p.scenic", "--param", "x=" + "9" * 5000)) < 400
-
-
-@pytest.mark.parametrize("number", ["9_5", "９５"])
-@pytest.mark.parametrize(
-    ("words", "named"),
-    [
-        (("sweep", "l.json", "--store", "s.db", "--jobs"), "'--jobs'"),
-        (("params", "set", "TRIAL_MAX_S"), "'VALUE'"),
-        (("report", "s.db", "-o", "r", "--threshold", "0.5", "--threshold"), "'--threshold'"),
-        (("pattern", "l.json", "-o", "out", "--kerf"), "'--kerf'"),
-    ],
-)
-def test_digits_of_other_scripts_and_underscores_are_no_numbers(
-    foldcar: Any, words: tuple[str, ...], named: str, number: str
-) -> None:
-    answer = foldcar(*words, number)
-
-    assert answer.returncode == 2
-    assert f"{named}: '{number}' is no " in answer.stderr, answer.stderr

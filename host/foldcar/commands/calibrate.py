@@ -63,7 +63,7 @@ def calibrate(
     from foldcar.calibration.summary import summarise
     from foldcar.commands.progress_bar import TerminalBar
     from foldcar.commands.tables import print_calibration
-    from foldcar.interrupts import said
+    from foldcar.interrupts import message_on_signal
     from foldcar.simulation.carsim import Carsim
     from foldcar.store.calibrations import check_calibration_name, new_calibration, write_calibrations
     from foldcar.store.reader import Store
@@ -81,7 +81,7 @@ def calibrate(
     carsim = Carsim()
     simulator = Simulator(chosen, carsim, jobs or usable_processors(), seed)
     planned = plan(runs, observed, len(chosen.designs)).runs
-    with said(lambda: "stopped: nothing is stored"), TerminalBar("calibrate", planned) as bar:
+    with message_on_signal(lambda: "stopped: nothing is stored"), TerminalBar("calibrate", planned) as bar:
         inference = infer(simulator, observed, runs, bar.done, measured)
         summary = summarise(inference, chosen, nominal, seed, planned, leave_one_out)
     made = new_calibration(name, chosen.info.id, carsim.build, inference.draws, summary)

@@ -20,7 +20,6 @@ from foldcar.commands.options import (
 )
 from foldcar.errors import FoldcarError
 from foldcar.installation import pio_program, source_tree
-from foldcar.interrupts import held
 
 CAR_FILE = "car.json"
 
@@ -99,8 +98,11 @@ def _pio(project: Path, target: str, port: str, data_folder: Path) -> None:
     environment = {**os.environ, **own}
     # A session of its own, so that all of it can be ended: PlatformIO starts other programs.
     process = subprocess.Popen(command, env=environment, start_new_session=True)
-    with held(lambda: os.killpg(process.pid, signal.SIGTERM)):
+    try:
         code = process.wait()
+    except KeyboardInterrupt:
+        os.killpg(process.pid, signal.SIGTERM)
+        raise
     if code != 0:
         what = "the firmware" if target == "upload" else "the design"
         raise FoldcarError(f"flash: {what} was not loaded: see PlatformIO's message above")

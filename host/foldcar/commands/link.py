@@ -46,7 +46,7 @@ def link(
 
     from foldcar.calibration.environment import read_reality, real_run
     from foldcar.car.body import car_json
-    from foldcar.interrupts import said
+    from foldcar.interrupts import message_on_signal
     from foldcar.link.simulated_car import simulated_car
     from foldcar.scenes.fingerprint import scene_name
     from foldcar.simulation.runner import CarsimError
@@ -65,7 +65,7 @@ def link(
     design, stdin = car_json(one.design), sys.stdin.fileno()
     with (
         simulated_car(one.carsim.command, body, scene, design, speedup, tcp, stdin, scene_id) as linked,
-        said(lambda: "ended"),
+        message_on_signal(lambda: "ended"),
     ):
         typer.echo(linked.port)
         if one.side_view_note:

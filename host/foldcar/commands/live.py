@@ -36,13 +36,13 @@ NICENESS = 10
 def serve(study: "LiveStudy", title: str, port: int, beside_sweep: bool, as_json: bool) -> None:
     """Serve the page of ``study`` until a signal, or, ``beside_sweep``, until standard input ends."""
     from foldcar.figures.page import web_page
-    from foldcar.interrupts import said
+    from foldcar.interrupts import message_on_signal
 
     ended = threading.Event()
     page = web_page("foldcar.report", "study", data={"title": title, "experiments": [], "live": True}, blobs={})
     with (
         _server(page, study, port, PATIENCE_S if beside_sweep else 0.0) as server,
-        said(lambda: f"foldcar: {server.url} is closed"),
+        message_on_signal(lambda: f"foldcar: {server.url} is closed"),
     ):
         tell(as_json, {"url": server.url}, f"{server.url} (until Ctrl-C)")
         sys.stdout.flush()

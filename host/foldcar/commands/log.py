@@ -73,7 +73,7 @@ def log(
     Example: foldcar log scenarios/width_study.json --experiment 1 --store study.db
     """
     from foldcar.camera.markers import read_course
-    from foldcar.interrupts import raised, said
+    from foldcar.interrupts import message_on_signal
     from foldcar.store.trial_records import TRIAL_OUTCOMES, checked_name
     from foldcar.trials.session import Session, SessionOptions
 
@@ -101,7 +101,7 @@ def log(
         course=None if course is None else read_course(course),
         media_folder=media,
     )
-    with said(lambda: f"stopped: the driven trials are in {store}"), raised():
+    with message_on_signal(lambda: f"stopped: the driven trials are in {store}"):
         session = Session(options)
         session.run(port)
         typer.echo(f"{len(session.driven)} trials; store: {store}")

@@ -11,7 +11,6 @@ import typer
 from foldcar.commands.options import Json, tell
 from foldcar.errors import FoldcarError
 from foldcar.installation import PACKAGE, source_tree
-from foldcar.interrupts import held
 from foldcar.outputs import make_output_folder
 
 FILES = ("README.md", "study.json", "yard.scenic")
@@ -73,12 +72,13 @@ def new(
         raise FoldcarError(f"--example: {error.filename} is not in this installation") from error
     made = make_output_folder(folder)
     try:
-        with held(lambda: _remove(folder, made)):
-            for name, content in contents.items():
-                (folder / name).parent.mkdir(exist_ok=True)
-                (folder / name).write_bytes(content)
-    except OSError as error:
+        for name, content in contents.items():
+            (folder / name).parent.mkdir(exist_ok=True)
+            (folder / name).write_bytes(content)
+    except (OSError, KeyboardInterrupt) as error:
         _remove(folder, made)
+        if isinstance(error, KeyboardInterrupt):
+            raise
         raise FoldcarError(f"{folder}: cannot be written: {error.strerror or error}") from error
     lines = [f"{folder}: {', '.join(names)}; now type:", f"  cd {shlex.quote(str(folder))}"]
     lines += [f"  {command}" for command in commands]

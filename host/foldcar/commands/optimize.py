@@ -89,7 +89,7 @@ def optimize(
     from foldcar.api.sweeping import under_calibration
     from foldcar.commands.progress_bar import SearchBar
     from foldcar.commands.tables import print_search
-    from foldcar.interrupts import said
+    from foldcar.interrupts import message_on_signal
     from foldcar.search.objectives import OBJECTIVES
     from foldcar.search.search import Found, Plan, search, searched_study
     from foldcar.simulation.carsim import Carsim
@@ -116,7 +116,11 @@ def optimize(
         return f"stopped: {found.designs} of {designs} designs are tried, their runs in {store}; the same command resumes"
 
     carsim = Carsim()
-    with said(stopped), SearchBar("designs", designs) as bar, simulators(scheduler, jobs, carsim, bar.say) as places:
+    with (
+        message_on_signal(stopped),
+        SearchBar("designs", designs) as bar,
+        simulators(scheduler, jobs, carsim, bar.say) as places,
+    ):
         search(study, plan, store, carsim, places, command_line(), found, bar.update, environment_of)
     chosen = study.experiments[0]
     if as_json:

@@ -186,11 +186,11 @@ def calibrate_servos(
     \b
     Example: foldcar calibrate-servos --output 1
     """
-    from foldcar.interrupts import raised, said
+    from foldcar.interrupts import message_on_signal
     from foldcar.trials.servo_edges import calibrate_outputs
 
     stopped = "stopped: the results for the outputs before this one are saved"
-    with said(lambda: stopped), raised(), _car(port) as car:
+    with message_on_signal(lambda: stopped), _car(port) as car:
         try:
             calibrate_outputs(car, output or [])
         finally:

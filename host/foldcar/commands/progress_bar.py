@@ -1,12 +1,11 @@
 """Progress on a terminal, put away however the command ends; nothing where there is no terminal."""
 
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, TypeVar
 
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from foldcar.interrupts import held
 from foldcar.shown_console import shown_console
 
 if TYPE_CHECKING:
@@ -28,16 +27,13 @@ class TerminalBar:
         )  # fmt: skip
         self._task = self._bar.add_task(label, total=total, rate="", state="")
         self._total = total
-        self._held = ExitStack()
 
     def __enter__(self: _Bar) -> _Bar:
-        self._held.enter_context(held(self._bar.stop))
         self._bar.start()
         return self
 
     def __exit__(self, *_: object) -> None:
         self._bar.stop()
-        self._held.close()
 
     def done(self, steps: int) -> None:
         """So many more steps are done."""
@@ -61,7 +57,7 @@ class TerminalBar:
 @contextmanager
 def working(on: str) -> Iterator[None]:
     """Within ``with``, a line on a terminal's stderr says what takes time."""
-    with shown_console(stderr=True).status(on) as status, held(status.stop):
+    with shown_console(stderr=True).status(on):
         yield
 
 

@@ -93,7 +93,7 @@ def sweep(
 def _sweep(asked: "Sweep", scheduler: str | None, jobs: int | None, as_json: bool) -> None:
     """Simulate, print the result. Exit code 1 if runs have failed."""
     from foldcar.commands.progress_bar import ProgressBar
-    from foldcar.interrupts import said
+    from foldcar.interrupts import message_on_signal
 
     store, rules = asked.store, asked.until
     progress, most = asked.progress, asked.progress.total
@@ -104,7 +104,7 @@ def _sweep(asked: "Sweep", scheduler: str | None, jobs: int | None, as_json: boo
 
     to_decide = sum(map(len, asked.designs.values())) if rules else None
     with (
-        said(stopped),
+        message_on_signal(stopped),
         ProgressBar(progress, to_decide) as bar,
         simulators(scheduler, jobs, asked.carsim, bar.say) as places,
     ):

@@ -38,7 +38,6 @@ class DialectError(Exception):
 def load_dialect() -> ModuleType:
     """The module with the classes of messages and enums; it also becomes mavutil's current dialect. FoldcarError."""
     from foldcar.errors import FoldcarError
-    from foldcar.interrupts import raised
 
     if MODULE in sys.modules:
         return sys.modules[MODULE]
@@ -47,8 +46,7 @@ def load_dialect() -> ModuleType:
         caches = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
         file = caches / "foldcar" / f"mavlink-{digest()[:16]}" / f"{NAME}.py"
         if not file.is_file():
-            with raised():
-                write_module(file)
+            write_module(file)
     except (DialectError, OSError) as error:
         raise FoldcarError(f"the MAVLink dialect cannot be generated: {error}") from None
     import pymavlink.dialects.v20 as dialects

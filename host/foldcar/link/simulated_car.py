@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from foldcar.interrupts import held
 from foldcar.simulation.runner import CarsimError
 
 END_S = 5.0
@@ -44,10 +43,7 @@ def simulated_car(
     ``stdin`` is a file descriptor from which it reads commands that inject faults; its output after the port's line
     can be read from the process. ``scene_id`` is what the car says its scene is.
     """
-    with (
-        tempfile.TemporaryDirectory(prefix="foldcar-link-", ignore_cleanup_errors=True) as folder,
-        held(lambda: shutil.rmtree(folder)),
-    ):
+    with tempfile.TemporaryDirectory(prefix="foldcar-link-", ignore_cleanup_errors=True) as folder:
         command = [*simulator, "link", *(["--tcp", str(tcp_port)] if tcp_port is not None else ["--pty"])]
         contents = {
             "body": {"body": {"id": "car", **body}},

@@ -1,6 +1,5 @@
 """Writes a report: all files are written to a temporary folder first and then moved to their places."""
 
-import shutil
 import tempfile
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -13,7 +12,6 @@ from foldcar.errors import FoldcarError
 from foldcar.figures.output import UNDATED, save_figure
 from foldcar.figures.page import web_page
 from foldcar.figures.style import RC
-from foldcar.interrupts import held
 from foldcar.outputs import check_output_folder
 from foldcar.report.page_data import page_data, read_experiments
 from foldcar.report.paper_figures import Drawing, drawings
@@ -51,10 +49,7 @@ def write_report(
         shown["files"] = [[drawing.caption, f"{drawing.name}.svg"] for drawing in own]
         blobs |= replayer.add(store, one, shown, f"e{number}")
     try:
-        with (
-            tempfile.TemporaryDirectory(dir=folder.parent, prefix=f".{folder.name}.") as temporary,
-            held(lambda: shutil.rmtree(temporary)),
-        ):
+        with tempfile.TemporaryDirectory(dir=folder.parent, prefix=f".{folder.name}.") as temporary:
             made = Path(temporary)
             _save_figures(planned, made)
             page = web_page("foldcar.report", "study", data=data, blobs=blobs)

@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any
 
 from foldcar.errors import FoldcarError
-from foldcar.interrupts import at_once
 from foldcar.scenes.contained import contained
 from foldcar.scenes.obstacles import Obstacle
 from foldcar.scenes.program import compile_program, is_dynamic, may_end_itself, one_line, overlap_hint
@@ -76,7 +75,6 @@ class SceneSource:
             raise FoldcarError(f"{self.program}: sample {k} is below the minimum 0")
         try:
             with (
-                at_once(),
                 seeded(f"{self.seed}/{k}"),
                 self.files.inside(),
                 contained(SAMPLE_LIMIT_S, f"{self.program}: sample {k}", self.program),
@@ -142,7 +140,7 @@ def open_environment(
     Raises FoldcarError in one line if the file is missing or does not compile, if a parameter or a name is
     unknown or of the wrong type.
     """
-    with at_once(), seeded(f"{seed}/compile"):
+    with seeded(f"{seed}/compile"):
         found = ProgramFiles(program, files)
         scenario = compile_program(program, params, found)
     source = SceneSource(program, found, scenario, seed)

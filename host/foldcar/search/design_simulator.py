@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 from foldcar.car.body import TableRow
-from foldcar.interrupts import delayed
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.results import has_passed
 from foldcar.store.writer import PlannedExperiment, PlannedRun, StoreWriter
@@ -112,10 +111,8 @@ class DesignSimulator:
         return [values for values in found if family.has(values)]
 
     def _keep(self, finished: list[FinishedRun]) -> None:
-        # The counts are of what is stored, also when a signal ends the search.
-        with delayed():
-            self._writer.add_results((one.run, one.answer) for one in finished)
-            self._simulated(len(finished))
+        self._writer.add_results((one.run, one.answer) for one in finished)
+        self._simulated(len(finished))
 
 
 @contextlib.contextmanager

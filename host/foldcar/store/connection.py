@@ -14,7 +14,6 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from foldcar.interrupts import delayed, held
 from foldcar.outputs import make_output_folder
 from foldcar.store.errors import StoreError, store_errors
 from foldcar.store.rows import Row, insert_sql, key_text, read_rows
@@ -118,19 +117,18 @@ def new_store(store: Path) -> Iterator[sqlite3.Connection]:
     check_new(store)
     make_output_folder(store.parent)
     part = store.with_name(f".{store.name}.{os.getpid()}.part")
-    with held(lambda: part.unlink(missing_ok=True)):
-        try:
-            with store_errors(store), contextlib.closing(sqlite3.connect(part, isolation_level=None)) as connection:
-                # Without a journal beside it: what ends early is deleted.
-                connection.execute("PRAGMA journal_mode = MEMORY")
-                _fill(connection)
-                with _transaction(connection):
-                    yield connection
-            part.rename(store)
-        except OSError as error:
-            raise StoreError(f"{error.filename or store}: cannot be written: {error.strerror or error}") from error
-        finally:
-            part.unlink(missing_ok=True)
+    try:
+        with store_errors(store), contextlib.closing(sqlite3.connect(part, isolation_level=None)) as connection:
+            # Without a journal beside it: what ends early is deleted.
+            connection.execute("PRAGMA journal_mode = MEMORY")
+            _fill(connection)
+            with _transaction(connection):
+                yield connection
+        part.rename(store)
+    except OSError as error:
+        raise StoreError(f"{error.filename or store}: cannot be written: {error.strerror or error}") from error
+    finally:
+        part.unlink(missing_ok=True)
 
 
 def _fill(connection: sqlite3.Connection) -> None:
@@ -153,15 +151,14 @@ def writing(path: Path, synchronous: str = "NORMAL") -> Iterator[sqlite3.Connect
     make_output_folder(path.parent)
     with _writer_lock(path):
         connection = _open_writing(path)
-        with held(lambda: _close_writing(path, connection)):
-            try:
-                with store_errors(path):
-                    if _is_blank(path, connection):
-                        _fill(connection)
-                    connection.execute(f"PRAGMA synchronous = {synchronous}")
-                yield connection
-            finally:
-                _close_writing(path, connection)
+        try:
+            with store_errors(path):
+                if _is_blank(path, connection):
+                    _fill(connection)
+                connection.execute(f"PRAGMA synchronous = {synchronous}")
+            yield connection
+        finally:
+            _close_writing(path, connection)
 
 
 @contextlib.contextmanager
@@ -186,17 +183,12 @@ def _writer_lock(path: Path) -> Iterator[None]:
         # Who had it may have deleted the file meanwhile, and a third may have made another one.
         if not leads_to(file, status):
             raise in_use
-
-        def delete() -> None:
+        try:
+            yield
+        finally:
             # Windows deletes no file that is open: an empty one stays.
             with contextlib.suppress(OSError):
                 file.unlink()
-
-        with held(delete):
-            try:
-                yield
-            finally:
-                delete()
 
 
 def is_written(path: Path) -> bool | None:
@@ -324,7 +316,7 @@ class StoreConnection:
 
     @contextlib.contextmanager
     def _transaction(self) -> Iterator[None]:
-        with delayed(), store_errors(self.path), _transaction(self._connection):
+        with store_errors(self.path), _transaction(self._connection):
             yield
         if not leads_to(self.path, self._file):
             # SQLite goes on writing a file that has lost its name.

@@ -14,7 +14,6 @@ from pathlib import Path
 from foldcar import __version__
 from foldcar.analysis.stopping import StoppingRule
 from foldcar.errors import FoldcarError
-from foldcar.interrupts import delayed
 from foldcar.scenes.fingerprint import scenic_version
 from foldcar.shown_text import decoded
 from foldcar.simulation.carsim import Carsim
@@ -150,12 +149,10 @@ class Sweep:
                 yield f"  and {len(skipped) - SHOWN_SKIPPED} more"
 
     def _keep(self, finished: list[FinishedRun], writer: StoreWriter, report: Callable[[Progress], None]) -> None:
-        # The counts are of what is stored, also when a signal ends the sweep.
-        with delayed():
-            writer.add_results((one.run, one.answer) for one in finished)
-            self.progress.new += len(finished)
-            for one in finished:
-                self.progress.count(outcome_of(one.answer), one.count)
+        writer.add_results((one.run, one.answer) for one in finished)
+        self.progress.new += len(finished)
+        for one in finished:
+            self.progress.count(outcome_of(one.answer), one.count)
         report(self.progress)
 
 

@@ -18,7 +18,6 @@ from foldcar.camera.markers import Course
 from foldcar.car.body import body_json
 from foldcar.car.design import Design
 from foldcar.errors import FoldcarError
-from foldcar.interrupts import at_once
 from foldcar.link.car import CarIdentity
 from foldcar.link.parameters import read_parameters
 from foldcar.link.stream import LinkLostError, choose_port
@@ -231,13 +230,11 @@ class Session:
         self._arrivals.begin(number)
         scene, things = self._scene(sample)
         moves = "" if self._standing is None else moves_text(self._standing, standing(scene, things, {}))
-        # matplotlib would swallow a signal.
-        with at_once():
-            show_placement(scene, things)
-            if moves:
-                say(f"after trial {self.driven[-1]}: {moves}; the car goes back to its place")
-            if not options.yes:
-                self._draw(sample, known)
+        show_placement(scene, things)
+        if moves:
+            say(f"after trial {self.driven[-1]}: {moves}; the car goes back to its place")
+        if not options.yes:
+            self._draw(sample, known)
         deviations = ask_deviations(self._asked, things, options.deviations)
         if not options.yes and self._answers.line("Enter starts the countdown, q ends: ").lower() == "q":
             return None

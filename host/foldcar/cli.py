@@ -2,7 +2,7 @@
 
 Exit codes: 0 done, 1 runs failed, or the reader of the output closed it, 2 an error of input or environment,
 130 stopped by Ctrl-C, SIGTERM or a closed terminal.
-Slow imports are made inside the commands, so that help is printed at once.
+A command's module is imported when the command is called, and slow libraries inside it, so that help is printed at once.
 """
 
 import atexit
@@ -10,30 +10,14 @@ import gc
 import os
 import re
 import sys
-from typing import Annotated, Literal
+from collections.abc import Iterator, Mapping
+from importlib import import_module
+from typing import Annotated, Any, Literal
 
 import typer
+from typer.core import TyperGroup
 
 from foldcar import __version__
-from foldcar.commands.advice import compare, select
-from foldcar.commands.calibrate import calibrate
-from foldcar.commands.doctor import doctor
-from foldcar.commands.flash import flash
-from foldcar.commands.link import link
-from foldcar.commands.log import log
-from foldcar.commands.model import model
-from foldcar.commands.new import new
-from foldcar.commands.optimize import optimize
-from foldcar.commands.params import calibrate_servos, params
-from foldcar.commands.pattern import pattern
-from foldcar.commands.report import report
-from foldcar.commands.run import run
-from foldcar.commands.sample import gallery, sample
-from foldcar.commands.stores import check, export, merge
-from foldcar.commands.sweep import sweep
-from foldcar.commands.track import lens, markers, track
-from foldcar.commands.trials import trials
-from foldcar.commands.view import view
 from foldcar.errors import FoldcarError
 from foldcar.installation import missing_extra
 from foldcar.interrupts import EXIT_CODE, listen, stop_line
@@ -75,8 +59,45 @@ GARBAGE_THRESHOLD = 50_000
 # More than any path on Linux below a few folders.
 LONGEST_WORD = 300
 
+# The commands in the order of `foldcar -h`, and the modules of foldcar.commands that they are in.
+COMMANDS = {
+    "new": "new", "sweep": "sweep", "optimize": "optimize", "run": "run", "sample": "sample", "gallery": "sample",
+    "report": "report", "select": "advice", "compare": "advice", "calibrate": "calibrate", "export": "stores",
+    "check": "stores", "merge": "stores", "model": "model", "pattern": "pattern", "view": "view", "link": "link",
+    "log": "log", "markers": "track", "lens": "track", "track": "track", "flash": "flash", "doctor": "doctor",
+    "calibrate-servos": "params", "trials": "trials", "params": "params",
+}  # fmt: skip
+
+
+class _CommandsOnDemand(Mapping[str, Any]):
+    """The commands by name; a module is imported when its command is looked up."""
+
+    def __len__(self) -> int:
+        return len(COMMANDS)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(COMMANDS)
+
+    def __getitem__(self, name: str) -> Any:
+        module = import_module(f"foldcar.commands.{COMMANDS[name]}")
+        command = getattr(module, name.replace("-", "_"))
+        if isinstance(command, typer.Typer):
+            return typer.main.get_group(command)
+        alone = typer.Typer(add_completion=False, rich_markup_mode=None)
+        alone.command(name)(command)
+        return typer.main.get_command(alone)
+
+
+class _Commands(TyperGroup):
+    """The group of all commands."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(**{**options, "commands": _CommandsOnDemand()})
+
+
 app = typer.Typer(
     name="foldcar",
+    cls=_Commands,
     help="Which folding cars to build: sample environments, simulate designs, report.",
     no_args_is_help=True,
     add_completion=False,
@@ -84,14 +105,6 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-for command in (
-    new, sweep, optimize, run, sample, gallery, report, select, compare, calibrate, export, check, merge,
-    model, pattern, view, link, log, markers, lens, track, flash, doctor,
-):  # fmt: skip
-    app.command()(command)
-app.command("calibrate-servos")(calibrate_servos)
-app.add_typer(trials)
-app.add_typer(params)
 
 
 def _print_version(wanted: bool) -> None:
@@ -128,11 +141,13 @@ def main() -> None:
     try:
         try:
             app()
-        except (Exception, SystemExit):
+        except BaseException:
             # A signal has ended the command, or what it did when it came.
             if (line := stop_line()) is None:
                 raise
-            sys.exit(_print_error(line, EXIT_CODE))
+            _print_error(line, EXIT_CODE)
+            # Not sys.exit: Python kills itself by SIGINT if the exception has passed through compiled code, as of numpy.
+            os._exit(EXIT_CODE)
     except FoldcarError as error:
         sys.exit(_print_error("foldcar: error: " + "\n".join(error.lines()), error.exit_code))
     except ModuleNotFoundError as error:

@@ -13,8 +13,8 @@ from foldcar.commands.listed_run import listed_family
 from foldcar.commands.pattern import car_command
 from foldcar.fabrication.patterns.drawing import Sheet
 from foldcar.fabrication.patterns.options import options
+from foldcar.fabrication.patterns.sheet_files import svg
 from foldcar.fabrication.patterns.sheets import pattern
-from foldcar.fabrication.patterns.svg import svg
 
 PATTERNS = Path(__file__).resolve().parents[1] / "patterns"
 SHEETS = PATTERNS / "sheets"

@@ -23,9 +23,8 @@ from foldcar.car.folded_car import folded_car
 from foldcar.car.parts.catalogue import OPTIONS, PartChoices, catalogue
 from foldcar.car.verify import CheckError, refuse, verify
 from foldcar.errors import FoldcarError
-from foldcar.fabrication.make_car import WRITERS
 from foldcar.fabrication.patterns.options import MACHINES, Options, options
-from foldcar.fabrication.patterns.pdf import pdf
+from foldcar.fabrication.patterns.sheet_files import WRITERS, pdf
 from foldcar.fabrication.patterns.sheets import pattern
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test" / "host"))

@@ -22,8 +22,8 @@ from reportlab.lib.units import mm
 from scipy.spatial import cKDTree
 
 from foldcar.fabrication.patterns.drawing import LAYERS, Circle, Path, Point, Shape, Sheet, bounds
-from foldcar.fabrication.patterns.lbrn import TOOL_LAYER
 from foldcar.fabrication.patterns.options import Options
+from foldcar.fabrication.patterns.sheet_files import TOOL_LAYER
 
 # Numbers have four decimals in files, six in PDF; cutters repeat within 0.1 mm.
 TOLERANCE_MM = 0.01

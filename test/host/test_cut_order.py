@@ -5,8 +5,8 @@ import math
 
 import pytest
 
-from foldcar.fabrication.make_car import WRITERS
 from foldcar.fabrication.patterns.drawing import LayerName, Path, Sheet
+from foldcar.fabrication.patterns.sheet_files import WRITERS
 from sheet_reader import READERS
 
 

@@ -20,8 +20,8 @@ from foldcar.fabrication.assembly.operations import (
 from foldcar.fabrication.patterns import nesting
 from foldcar.fabrication.patterns.flat_piece import FlatPiece
 from foldcar.fabrication.patterns.options import options
+from foldcar.fabrication.patterns.sheet_files import svg
 from foldcar.fabrication.patterns.sheets import cut_car, pattern_of
-from foldcar.fabrication.patterns.svg import svg
 
 
 @pytest.fixture(scope="module", params=["four wheels", "three segments"])

@@ -17,10 +17,9 @@ from foldcar.car.parts.catalogue import catalogue
 from foldcar.fabrication.patterns import nesting
 from foldcar.fabrication.patterns.cutting import coupon
 from foldcar.fabrication.patterns.drawing import LAYERS, Circle, Path, Sheet, bounds
-from foldcar.fabrication.patterns.dxf import dxf
 from foldcar.fabrication.patterns.options import options
+from foldcar.fabrication.patterns.sheet_files import dxf, svg
 from foldcar.fabrication.patterns.sheets import pattern
-from foldcar.fabrication.patterns.svg import svg
 from sheet_reader import READERS, check_pdf, check_same, check_sheet, check_text, read_dxf, read_pdf, read_svg
 from written_sheet import CHOSEN, COMMAND, Made, written_sample
 

@@ -14,7 +14,7 @@ import pytest
 
 from foldcar.figures.scene_data import HEIGHT_M, ground_data
 from foldcar.report import write
-from foldcar.report.replay_paths import choose_runs
+from foldcar.report.replay import choose_runs
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.compact_path import ANGLE_RAD, PLACE_M, compact_path
 from foldcar.simulation.heights import carsim_heights

@@ -6,11 +6,10 @@ from dataclasses import dataclass
 import pytest
 
 from cut_samples import folded_box
-from foldcar.fabrication.make_car import WRITERS
 from foldcar.fabrication.patterns import nesting
 from foldcar.fabrication.patterns.drawing import Sheet
 from foldcar.fabrication.patterns.options import options
-from foldcar.fabrication.patterns.pdf import pdf
+from foldcar.fabrication.patterns.sheet_files import WRITERS, pdf
 from foldcar.fabrication.patterns.sheets import pattern
 
 CHOSEN = options("laser", sheet="300x200")

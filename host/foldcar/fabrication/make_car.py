@@ -25,23 +25,16 @@ from foldcar.fabrication.assembly.solids import film_solids, mount_solid, obj_fi
 from foldcar.fabrication.assembly.view_page import view_page
 from foldcar.fabrication.assembly.wiring import wiring_drawing, wiring_text
 from foldcar.fabrication.patterns.cutting import coupon, how_to_cut
-from foldcar.fabrication.patterns.dxf import dxf
-from foldcar.fabrication.patterns.lbrn import lbrn
 from foldcar.fabrication.patterns.nesting import NestingError
 from foldcar.fabrication.patterns.options import MACHINES, Options
-from foldcar.fabrication.patterns.pdf import pdf
+from foldcar.fabrication.patterns.sheet_files import WRITERS, pdf
 from foldcar.fabrication.patterns.sheets import Pattern, cut_car, on_a_larger_sheet, pattern_of
-from foldcar.fabrication.patterns.svg import svg
 
 # The page to open first.
 GUIDE = "assembly.html"
 # Names every file in the folder of a car.
 MANIFEST = "pattern.json"
 SHEETS = "sheets.pdf"
-
-
-# Writers of a sheet's file, by its ending.
-WRITERS = {"svg": svg, "dxf": dxf, "lbrn2": lbrn}
 
 
 @dataclass(frozen=True, slots=True)

@@ -59,9 +59,8 @@ from foldcar.report.environment_values import EnvironmentValues, environment_val
 from foldcar.report.page_advice import Advice
 from foldcar.report.page_designs import Designs, parameter_columns, read_designs
 from foldcar.report.page_effects import cause_rows, effect_rows, importance_rows, read_effects
-from foldcar.report.page_engines import other_engines
 from foldcar.report.page_front import search_front
-from foldcar.report.page_remarks import remarks
+from foldcar.report.page_remarks import other_engines, remarks
 from foldcar.search.design_simulator import fresh_id
 from foldcar.simulation.results import NUMBERS, OUTCOMES
 from foldcar.store.info import ExperimentInfo, StudyInfo

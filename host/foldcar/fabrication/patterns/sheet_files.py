@@ -1,0 +1,211 @@
+"""Writes sheets as files: SVG, DXF R2010, LightBurn projects and PDF, at true scale in millimetres.
+
+SVG has Inkscape's layers. Pages of a PDF have the sheets' sizes, and their layers differ by colours. LightBurn does not
+document its format (.lbrn2); this follows public files of FormatVersion 1 and has not been opened in LightBurn itself.
+There a CutSetting for each layer has its number in the palette and its priority, the place in the order of cutting; each
+line is a Shape in millimetres, y up. The sheet's edge is on the tool layer T1, which is never cut.
+"""
+
+import io
+import itertools
+from collections.abc import Iterator, Sequence
+from xml.etree import ElementTree as ET
+
+from ezdxf import colors, units
+from ezdxf._options import options as dxf_options
+from ezdxf.filemanagement import new
+from reportlab import rl_config
+from reportlab.lib.units import mm
+from reportlab.pdfgen.canvas import Canvas
+
+from foldcar.fabrication.patterns.drawing import LAYERS, Circle, Path, Point, Shape, Sheet
+
+# Files have a resolution of 1 µm.
+SVG_DECIMALS = 3
+
+
+def svg(sheet: Sheet) -> str:
+    """The file's text; width and height are in mm, and the viewBox has the same numbers.
+
+    A piece's open lines on one layer (dashes and letters) are one path; outlines and circles are separate elements.
+    """
+    width, height = _svg_number(sheet.width_mm), _svg_number(sheet.height_mm)
+    lines = [
+        '<?xml version="1.0" encoding="UTF-8"?>',
+        '<svg xmlns="http://www.w3.org/2000/svg" xmlns:inkscape="http://www.inkscape.org/namespaces/inkscape" '
+        f'width="{width}mm" height="{height}mm" viewBox="0 0 {width} {height}">',
+        f"<title>{sheet.name}</title>",
+    ]
+    for layer, groups in sheet.layers:
+        cap = "butt" if layer.name == "QR_CODE" else "round"
+        dashes = " ".join(f"{length:g}" for length in layer.dashes_mm) if sheet.dashed else ""
+        lines.append(
+            f'<g id="{layer.name}" inkscape:groupmode="layer" inkscape:label="{layer.name}" fill="none" '
+            f'stroke="{layer.hex}" stroke-width="{layer.width_mm:g}" stroke-linecap="{cap}" stroke-linejoin="round"'
+            + (f' stroke-dasharray="{dashes}">' if dashes else ">")
+        )
+        for group in groups:
+            lines += _svg_elements(group, sheet.height_mm)
+        lines.append("</g>")
+    return "\n".join([*lines, "</svg>", ""])
+
+
+def _svg_elements(group: Sequence[Shape], height: float) -> Iterator[str]:
+    """The group's elements; in SVG y points down."""
+    lines = []
+    for shape in group:
+        if isinstance(shape, Circle):
+            x, y = shape.center_mm
+            yield f'<circle cx="{_svg_number(x)}" cy="{_svg_number(height - y)}" r="{_svg_number(shape.radius_mm)}"/>'
+        elif shape.closed:
+            yield f'<path d="{_svg_path(shape, height)}"/>'
+        else:
+            lines.append(_svg_path(shape, height))
+    if lines:
+        yield f'<path d="{"".join(lines)}"/>'
+
+
+def _svg_path(path: Path, height: float) -> str:
+    """Path data with relative steps, which are half as long; differences of rounded points do not accumulate errors."""
+    places = [(round(x, SVG_DECIMALS), round(height - y, SVG_DECIMALS)) for x, y in path.points_mm]
+    first, *_ = places
+    steps = [f"{_svg_number(b[0] - a[0])} {_svg_number(b[1] - a[1])}" for a, b in itertools.pairwise(places)]
+    return f"M{_svg_number(first[0])} {_svg_number(first[1])}l{' '.join(steps)}" + ("z" if path.closed else "")
+
+
+def _svg_number(value: float) -> str:
+    # Adding zero turns -0.0 into 0.0.
+    return f"{round(value, SVG_DECIMALS) + 0.0:.{SVG_DECIMALS}f}".rstrip("0").rstrip(".")
+
+
+def dxf(sheet: Sheet) -> str:
+    """The file's text: LWPOLYLINEs and CIRCLEs on named layers, $INSUNITS 4, the sheet's limits set."""
+    # Fixed dates and ids, so that the same sheet gives the same bytes.
+    fixed = dxf_options.write_fixed_meta_data_for_testing
+    dxf_options.write_fixed_meta_data_for_testing = True
+    try:
+        document = new("R2010", units=units.MM)
+        document.header["$MEASUREMENT"] = 1
+        # ezdxf writes them in the order of a set, which differs between processes.
+        document.classes.add_required_classes(document.dxfversion)
+        document.classes.classes = dict(sorted(document.classes.classes.items()))
+        for layer in LAYERS.values():
+            if sheet.dashed and layer.dashes_mm:
+                strokes = [length if i % 2 == 0 else -length for i, length in enumerate(layer.dashes_mm)]
+                document.linetypes.add(layer.line_type, [sum(layer.dashes_mm), *strokes])
+            # Line weights are in hundredths of a millimetre.
+            made = document.layers.add(
+                layer.name,
+                color=layer.aci,
+                lineweight=round(100 * layer.width_mm),
+                linetype=layer.line_type if sheet.dashed else "CONTINUOUS",
+            )
+            # Index 7 alone is black on a light ground and white on a dark one; a true colour is the same on both.
+            if layer.aci != colors.BLACK:
+                made.rgb = layer.rgb
+        space = document.modelspace()
+        space.reset_extents((0, 0, 0), (sheet.width_mm, sheet.height_mm, 0))
+        space.reset_limits((0, 0), (sheet.width_mm, sheet.height_mm))
+        for layer, groups in sheet.layers:
+            attributes: dict[str, object] = {"layer": layer.name}
+            # Programs draw a line's weight at any width; that of a polyline is true to scale.
+            scaled = {"const_width": layer.width_mm} if layer.name == "QR_CODE" else {}
+            for shape in itertools.chain.from_iterable(groups):
+                if isinstance(shape, Circle):
+                    space.add_circle(shape.center_mm, shape.radius_mm, dxfattribs=attributes)
+                else:
+                    space.add_lwpolyline(shape.points_mm, close=shape.closed, dxfattribs=attributes | scaled)
+        text = io.StringIO()
+        document.write(text)
+        return text.getvalue()
+    finally:
+        dxf_options.write_fixed_meta_data_for_testing = fixed
+
+
+TOOL_LAYER = 30
+
+
+def lbrn(sheet: Sheet) -> str:
+    """The project's text. The QR code's output is off; powers and speeds are left to LightBurn's presets."""
+    root = ET.Element("LightBurnProject", AppVersion="1.2.01", FormatVersion="1", MaterialHeight="0", MirrorX="False",
+                      MirrorY="False")  # fmt: skip
+    for priority, layer in enumerate(LAYERS.values()):
+        setting = _lbrn_setting(root, "Cut", int(layer.lightburn[1:]), layer.name, priority)
+        if layer.name == "QR_CODE":
+            ET.SubElement(setting, "doOutput", Value="0")
+    _lbrn_setting(root, "Tool", TOOL_LAYER, "T1", len(LAYERS))
+    frame = ET.SubElement(root, "Shape", Type="Rect", CutIndex=str(TOOL_LAYER), W=_lbrn_number(sheet.width_mm),
+                          H=_lbrn_number(sheet.height_mm), Cr="0")  # fmt: skip
+    _lbrn_moved(frame, (sheet.width_mm / 2, sheet.height_mm / 2))
+    for layer, groups in sheet.layers:
+        index = str(int(layer.lightburn[1:]))
+        for shape in itertools.chain.from_iterable(groups):
+            if isinstance(shape, Circle):
+                radius = _lbrn_number(shape.radius_mm)
+                circle = ET.SubElement(root, "Shape", Type="Ellipse", CutIndex=index, Rx=radius, Ry=radius)
+                _lbrn_moved(circle, shape.center_mm)
+                continue
+            made = _lbrn_moved(ET.SubElement(root, "Shape", Type="Path", CutIndex=index), (0.0, 0.0))
+            # Without handles: LightBurn's lines are Bezier curves of degree one.
+            vertices = (f"V{_lbrn_number(x)} {_lbrn_number(y)}c0x1c1x1" for x, y in shape.points_mm)
+            ET.SubElement(made, "VertList").text = "".join(vertices)
+            ET.SubElement(made, "PrimList").text = "LineClosed" if shape.closed else "LineOpen"
+    ET.indent(root, " ")
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{ET.tostring(root, encoding="unicode")}\n'
+
+
+def _lbrn_setting(root: ET.Element, kind: str, index: int, name: str, priority: int) -> ET.Element:
+    setting = ET.SubElement(root, "CutSetting", type=kind)
+    for key, value in (("index", index), ("name", name), ("priority", priority)):
+        ET.SubElement(setting, key, Value=str(value))
+    return setting
+
+
+def _lbrn_moved(shape: ET.Element, shift: Point) -> ET.Element:
+    ET.SubElement(shape, "XForm").text = f"1 0 0 1 {_lbrn_number(shift[0])} {_lbrn_number(shift[1])}"
+    return shape
+
+
+def _lbrn_number(value: float) -> str:
+    return f"{round(value, 4) + 0.0:.10g}"
+
+
+def pdf(sheets: Sequence[Sheet], title: str) -> bytes:
+    """The file's bytes: a page for each sheet, without paper's margins."""
+    # No ASCII-85 encoding: compressed streams are binary.
+    rl_config.useA85 = 0
+    binary = io.BytesIO()
+    canvas = Canvas(binary, invariant=1, pageCompression=1)
+    canvas.setTitle(title)
+    canvas.setCreator("foldcar")
+    # Viewers that support it print without scaling to the page.
+    canvas.setViewerPreference("PrintScaling", "None")
+    for sheet in sheets:
+        canvas.setPageSize((sheet.width_mm * mm, sheet.height_mm * mm))
+        canvas.scale(mm, mm)
+        canvas.setLineJoin(1)
+        for layer, groups in sheet.layers:
+            canvas.setLineCap(0 if layer.name == "QR_CODE" else 1)
+            canvas.setDash(list(layer.dashes_mm) if sheet.dashed else [])
+            canvas.setStrokeColorRGB(*(value / 255 for value in layer.rgb))
+            canvas.setLineWidth(layer.width_mm)
+            for group in groups:
+                # All shapes of a group are one path, which keeps pages small.
+                path = canvas.beginPath()
+                for shape in group:
+                    if isinstance(shape, Circle):
+                        path.circle(*shape.center_mm, shape.radius_mm)
+                        continue
+                    path.moveTo(*shape.points_mm[0])
+                    for point in shape.points_mm[1:]:
+                        path.lineTo(*point)
+                    if shape.closed:
+                        path.close()
+                canvas.drawPath(path, stroke=1, fill=0)
+        canvas.showPage()
+    canvas.save()
+    return binary.getvalue()
+
+
+# Writers of a sheet's file, by its ending.
+WRITERS = {"svg": svg, "dxf": dxf, "lbrn2": lbrn}

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 import shapely
 
+from browser import page_findings
 from foldcar.fabrication.assembly.view_page import view_page
 from foldcar.fabrication.assembly.wiring import OE_GPIO, wiring_drawing, wiring_text
-from page_check import page_findings
 from published_cars import PUBLISHED, car
 
 Command = Callable[..., "subprocess.CompletedProcess[str]"]

@@ -10,13 +10,13 @@ from typing import Any
 import mujoco
 import pytest
 
+from browser import study_of
 from foldcar.models.mjcf import mjcf
 from foldcar.models.webots_world import drive_fraction
 from foldcar.simulation.carsim import Carsim, ask_pulses
 from foldcar.simulation.engines import engine_of, engine_title
 from foldcar.simulation.runner import RunRequest
 from foldcar.store.reader import Store
-from page_check import study_of
 from study_car import car_body, empty_scene, hinged_body
 
 Command = Callable[..., "subprocess.CompletedProcess[str]"]

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import shapely
 
+from browser import page_findings
 from foldcar.car.folded.model import FoldedCar
 from foldcar.car.folded.pose import compose
 from foldcar.car.proof.prove import assembly_steps
@@ -22,7 +23,6 @@ from foldcar.fabrication.assembly.guide_state import State
 from foldcar.fabrication.assembly.hidden_surfaces import camera, seen_facets
 from foldcar.fabrication.patterns.options import options
 from foldcar.fabrication.patterns.sheets import CutCar, cut_car
-from page_check import page_findings
 from published_cars import car
 
 CARS = ("w65", "hinged")

@@ -7,11 +7,11 @@ from typing import Any
 
 import pytest
 
+from browser import study_of
 from foldcar.errors import FoldcarError
 from foldcar.store.trial_writer import write_trials
 from foldcar.study.experiments import read_study
 from foldcar.study.listing_file import load_listing, read_listing, validated_listing
-from page_check import study_of
 
 PUBLISHED_STYLE = """{
   // as printed: comments, trailing commas, ids as numbers and as strings

@@ -1,14 +1,19 @@
-"""Written SVG, DXF and PDF files: true scale, layers and colours for independent readers."""
+"""Written sheets, their order of cuts and their picture: true scale, layers and colours for independent readers."""
 
 import io
+import itertools
+import math
 import re
 from dataclasses import replace
 from xml.etree import ElementTree
 
 import ezdxf
+import numpy as np
 import pytest
 import segno
 import svgelements
+from matplotlib.image import imread
+from numpy.typing import NDArray
 from pypdf import PdfReader
 from shapely.geometry import LineString, box
 
@@ -16,9 +21,10 @@ from cut_samples import folded_box
 from foldcar.car.parts.catalogue import catalogue
 from foldcar.fabrication.patterns import nesting
 from foldcar.fabrication.patterns.cutting import coupon
-from foldcar.fabrication.patterns.drawing import LAYERS, Circle, Path, Sheet, bounds
+from foldcar.fabrication.patterns.drawing import LAYERS, Circle, LayerName, Path, Shape, Sheet, bounds
 from foldcar.fabrication.patterns.options import options
-from foldcar.fabrication.patterns.sheet_files import dxf, svg
+from foldcar.fabrication.patterns.preview import SHEET_PX, preview
+from foldcar.fabrication.patterns.sheet_files import WRITERS, dxf, svg
 from foldcar.fabrication.patterns.sheets import pattern
 from sheet_reader import READERS, check_pdf, check_same, check_sheet, check_text, read_dxf, read_pdf, read_svg
 from written_sheet import CHOSEN, COMMAND, Made, written_sample
@@ -193,3 +199,78 @@ def test_a_lightburn_project_has_named_layers_in_the_order_of_cutting(made: Made
     assert [setting["name"] for setting in settings] == [*LAYERS, "T1"]
     assert [f"C{int(setting['index']):02}" for setting in settings[:-1]] == [layer.lightburn for layer in LAYERS.values()]
     assert [setting["name"] for setting in settings if setting.get("doOutput") == "0"] == ["QR_CODE"]
+
+
+def square(layer: LayerName, x: float, y: float, side: float) -> Path:
+    return Path(layer, ((x, y), (x + side, y), (x + side, y + side), (x, y + side)), closed=True)
+
+
+def mixed_sheet() -> Sheet:
+    """Nine pieces in a mixed order: a small, a larger opening in each, a large piece first."""
+    places = [(2, 2), (0, 1), (1, 1), (2, 0), (0, 0), (1, 2), (0, 2), (2, 1), (1, 0)]
+    groups = []
+    for column, row in places:
+        x, y = 50.0 * column, 50.0 * row
+        side = 40.0 if (column + row) % 2 == 0 else 15.0
+        openings = square("CUT_INNER", x + 5, y + 4, 9.0), square("CUT_INNER", x + 1, y + 1, 1.0)
+        groups.append((square("CUT_OUTER", x, y, side), *openings))
+    return Sheet("sheet_1", 150.0, 150.0, tuple(groups))
+
+
+@pytest.mark.parametrize("ending", WRITERS)
+def test_files_have_openings_before_outlines_small_before_large_near_to_near(ending: str) -> None:
+    found = READERS[ending](WRITERS[ending](mixed_sheet())).shapes
+
+    assert [shape.layer for shape in found] == ["CUT_INNER"] * 18 + ["CUT_OUTER"] * 9
+    for layer in ("CUT_INNER", "CUT_OUTER"):
+        cuts = [shape for shape in found if shape.layer == layer]
+        sizes = [round(shape.length_mm, 3) for shape in cuts]
+        assert sizes == sorted(sizes)
+        place = (0.0, 0.0)
+        for _, same in itertools.groupby(cuts, key=lambda shape: round(shape.length_mm, 3)):
+            left = [shape.points_mm[0] for shape in same]
+            while left:
+                ways = [math.dist(place, start) for start in left]
+                # The one that is cut now is as near as any that is left.
+                assert ways[0] == pytest.approx(min(ways), abs=1e-6)
+                place = left.pop(0)
+
+
+SQUARE = ((20.0, 20.0), (80.0, 20.0), (80.0, 80.0), (20.0, 80.0))
+
+
+def square_sheet(number: int, hole: LayerName) -> Sheet:
+    shapes: tuple[Shape, ...] = (Path("CUT_OUTER", SQUARE, closed=True), Circle(hole, (40.0, 60.0), 10.0))
+    return Sheet(f"sheet_{number}", 100.0, 100.0, (shapes,), film="PET film, $0.25$ mm")
+
+
+def pixels(png: bytes) -> NDArray[np.int_]:
+    """(rows, columns, 3): red, green and blue from 0 to 255."""
+    return np.round(255 * imread(io.BytesIO(png), format="png")[:, :, :3]).astype(int)
+
+
+def test_every_sheet_is_shown_once_to_one_scale_in_the_layers_colours() -> None:
+    holes: tuple[LayerName, ...] = ("CUT_INNER", "SCORE", "CUT_INNER")
+    shown = pixels(preview([square_sheet(i, hole) for i, hole in enumerate(holes, 1)], "a car of $50 & more"))
+    side = 0.6 * SHEET_PX
+    dark = (shown < 100).all(axis=2)
+
+    # Of each square's lower and upper edge, one row at least is dark over the whole length.
+    edges = set()
+    for row, line in enumerate(dark):
+        start = 0
+        for black, run in itertools.groupby(line.tolist()):
+            length = len(list(run))
+            if black and abs(length - side) < 5:
+                edges.add((row // 10, round(start, -1)))
+            start += length
+    corners = {(round(10 * row / side, 1), left) for row, left in edges}
+    assert len({left for _, left in corners}) == 2
+    assert len({(round(row), left) for row, left in corners}) == 6
+    # Circles of a radius of 10 of 100 mm, in lines of a pixel and more: green ones on two sheets, an orange one on one.
+    red, green, blue = np.moveaxis(shown, 2, 0)
+    circle = 2 * np.pi * 0.1 * SHEET_PX
+    assert 2 * circle < ((green > red + 50) & (green > blue + 50)).sum() < 6 * circle
+    assert circle < ((red > green + 30) & (green > blue + 30)).sum() < 4 * circle
+    # No layer that these sheets lack is in the legend.
+    assert not (blue > red + 50).any()

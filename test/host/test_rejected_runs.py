@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from browser import study_of
 from foldcar.advice.selecting import select
 from foldcar.analysis.rate import anytime_interval
 from foldcar.analysis.stopping import StoppingRule
@@ -17,7 +18,6 @@ from foldcar.report.page_data import page_data
 from foldcar.scenes.source import open_environment
 from foldcar.simulation.results import OUTCOMES
 from foldcar.store.reader import Store
-from page_check import study_of
 from written_study import add_trials, write_study
 
 WIDTHS = {"width_mm": [80.0, 100.0, 120.0, 140.0]}

@@ -13,6 +13,7 @@ from threadpoolctl import threadpool_limits
 from typer.testing import CliRunner
 
 import written_study
+from browser import study_of
 from foldcar.cli import app
 from foldcar.report.page_data import page_data, read_experiments
 from foldcar.report.paper_figures import (
@@ -30,7 +31,6 @@ from foldcar.report.paper_figures import (
 )
 from foldcar.store.reader import Store
 from foldcar.store.writer import write_store
-from page_check import study_of
 from written_study import add_experiment, add_trials, write_study
 
 WIDTHS, SAMPLES = tuple(float(width) for width in range(65, 250, 15)), 40

@@ -9,8 +9,7 @@ from typing import Any
 import numpy
 import pytest
 
-from browser import Tab
-from page_check import page_findings, study_of
+from browser import Tab, page_findings, study_of
 from study_car import listing_of
 from swept_listing import STEP_PYRAMIDS, foldcar, reported
 

@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
+from browser import study_of
 from foldcar.scenes.source import open_environment
-from page_check import study_of
 
 WriteListing = Callable[[Any], Path]
 HEAD = "model model\nego = new Robot at (0, 0), facing -90 deg\n"

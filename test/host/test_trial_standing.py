@@ -10,12 +10,12 @@ from typing import Any
 
 import pytest
 
+from browser import study_of
 from foldcar.store.check import check_store
 from foldcar.store.reader import Store
 from foldcar.store.trial_records import Ending, TrialDesign
 from foldcar.store.trial_writer import write_trials
 from full_store import contents
-from page_check import study_of
 from test_report_command import TOLD, width_outcome
 from test_trial_store import begin
 from written_study import write_study

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from browser import probed
 from foldcar.car.body import body_json
 from foldcar.car.design import compose
 from foldcar.car.folded.model import FoldedCar
@@ -19,7 +20,6 @@ from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.heights import carsim_heights
 from published_cars import car
 from published_cars import design as published_design
-from view_probe import probed
 
 # A block's worth of ground, so that the map has heights.
 STEP_M = 0.02

@@ -62,7 +62,7 @@ HEADER_FLAGS := -fsyntax-only -std=gnu++17 -Wall -Wextra -Werror -pthread -DUNIT
 HEADER_COMPILERS := g++ $(shell command -v clang++)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup mujoco study pyramids calibration fidelity statistics dear_runs test test-packages test-native headers test-host lint bench fuzz races fresh container-check clean wheel release lock system-packages platformio cluster-check installed fuzz-packages check docs tidy determinism golden
+.PHONY: help setup mujoco study pyramids calibration fidelity statistics dear_runs test test-packages test-native headers test-host lint bench fuzz races fresh container-check clean wheel release lock system-packages platformio installed fuzz-packages check docs tidy determinism golden
 .DELETE_ON_ERROR:
 # Else make removes them as intermediate.
 .PRECIOUS: .pio/fuzz/obj/%.o
@@ -73,7 +73,6 @@ help:
 	@echo 'make study     set up, run the width study and write its report to out/$(STUDY)'
 	@echo 'make test      set up and run every test'
 	@echo 'make bench     set up and measure the speed'
-	@echo 'make cluster-check  as root: sweep over network namespaces with delay, loss, deaths and a partition, and over TLS'
 	@echo 'make fuzz      fuzz every parser of the C++ programs under sanitizers, each for FUZZ_S=$(FUZZ_S) seconds'
 	@echo 'make check     the C++ suites under sanitizers, coverage of C++ and Python, headers alone, clang-tidy'
 	@echo 'make determinism  build the simulator with g++ and clang++ at -O0 to -O3 and compare its numbers bit by bit'
@@ -163,9 +162,6 @@ test-host: setup mujoco
 bench: setup mujoco .pio/bench/firmware_tick
 	.pio/bench/firmware_tick
 	$(BIN)/python bench/bench.py
-
-cluster-check: setup
-	$(BIN)/python tools/cluster_check.py out/cluster_check
 
 fuzz: fuzz-packages $(FUZZERS:%=.pio/fuzz/fuzz_%)
 	@for fuzzer in $(FUZZERS); do mkdir -p .pio/fuzz/corpus/$$fuzzer .pio/fuzz/seeds/$$fuzzer; done

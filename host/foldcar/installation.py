@@ -47,7 +47,7 @@ def python_command(module: str, *arguments: str, flags: tuple[str, ...] = ()) ->
 # By the names under which they are imported; pyproject.toml has the packages.
 MODULES = {
     "calibrate": ("sklearn",),
-    "cluster": ("dask", "distributed"),
+    "cluster": ("cryptography", "dask", "distributed"),
     "fabricate": ("ezdxf", "fcl", "reportlab", "trimesh"),
     "camera": ("cv2", "reportlab"),
     "link": ("mcap", "pymavlink", "serial"),

@@ -5,21 +5,20 @@ import json
 import os
 import shlex
 import signal
+import ssl
 import subprocess
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from foldcar.cluster import connection, workers
-from foldcar.cluster.chunk import Simulated, Trouble, recipe_of, run_chunk
-from foldcar.cluster.connection import check_scheduler, open_cluster
-from foldcar.cluster.local_cluster import local_cluster
+from foldcar import __version__
+from foldcar.cluster import simulators
+from foldcar.cluster.simulators import check_scheduler, open_cluster
 from foldcar.errors import FoldcarError
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.runner import RunRequest
@@ -35,6 +34,7 @@ dask = pytest.importorskip("dask")
 distributed = pytest.importorskip("distributed")
 
 DASK = str(Path(sys.executable).with_name("dask"))
+WORKER = ("--nthreads", "1", "--no-dashboard", "--host", "127.0.0.1")
 WAIT_S = 60.0
 # Runs beside Scenic: where the goal is far they fail, and say where.
 BESIDE = "model model\nego = new Robot at (0, 0), facing -90 deg\nnew Goal at (Uniform(0.5, 1.2), 0), facing -90 deg\n"
@@ -48,11 +48,11 @@ FAR = (
 class Cluster:
     """A scheduler and workers, each a process of its own, on loopback."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, **environment: str) -> None:
         self.file = folder / "scheduler.json"
         self.processes: list[subprocess.Popen[bytes]] = []
         words = ["--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", str(self.file)]
-        self.start("scheduler", *words)
+        self.start("scheduler", *words, **environment)
         while not self.file.exists() or not self.file.read_text().endswith("}"):
             time.sleep(0.05)
         self.address: str = json.loads(self.file.read_text())["address"]
@@ -65,9 +65,8 @@ class Cluster:
         self.processes.append(process)
         return process
 
-    def worker(self, *words: str, **environment: str | Path) -> "subprocess.Popen[bytes]":
-        options = ["--nthreads", "1", "--no-dashboard", "--host", "127.0.0.1", *(words or ["--no-nanny"])]
-        return self.start("worker", self.address, *options, **environment)
+    def worker(self, nanny: str = "--no-nanny", **environment: str | Path) -> "subprocess.Popen[bytes]":
+        return self.start("worker", self.address, *WORKER, nanny, **environment)
 
     def close(self) -> None:
         for process in self.processes:
@@ -128,8 +127,8 @@ def test_the_rows_are_those_of_a_local_sweep_and_a_worker_of_another_build_gets_
     cluster.processes.pop().kill()
 
 
-def swept(study: Any, store: Path, binary: Path, simulators: Any, report: Any = lambda _: None) -> tuple[str, int]:
-    Sweep(study, store, Carsim(binary), "test").run(simulators, report)
+def swept(study: Any, store: Path, binary: Path, places: Any, report: Any = lambda _: None) -> tuple[str, int]:
+    Sweep(study, store, Carsim(binary), "test").run(places, report)
     return digest(store)
 
 
@@ -165,42 +164,35 @@ def chunk() -> dict[str, Any]:
     }
 
 
-def test_a_worker_that_hangs_is_left_until_it_answers(
-    cluster: Cluster, carsim_binary: Path, chunk: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+def test_a_worker_without_foldcar_is_named_with_the_fix_and_lives(
+    cluster: Cluster, tmp_path: Path, carsim_binary: Path, chunk: dict[str, Any]
 ) -> None:
-    monkeypatch.setattr(workers, "CHUNK_LIMIT_S", 1.5)
-    monkeypatch.setattr(workers, "SILENCE_S", 0.5)
-    hanging = cluster.worker()
-    carsim = Carsim(carsim_binary)
-    said: list[str] = []
+    (tmp_path / "packages").mkdir()
+    for entry in Path(distributed.__file__).parents[1].iterdir():
+        if "foldcar" not in entry.name:
+            (tmp_path / "packages" / entry.name).symlink_to(entry)
+    code = f"sys.path.append({str(tmp_path / 'packages')!r}); from distributed.cli.dask_worker import main; main()"
+    command = [sys.executable, "-I", "-S", "-c", f"import sys; {code}", cluster.address, *WORKER, "--no-nanny"]
+    bare = subprocess.Popen(command, stderr=subprocess.DEVNULL)
+    carsim, lines = Carsim(carsim_binary), list[str]()
     with distributed.Client(cluster.address) as client:
         client.wait_for_workers(2, timeout=WAIT_S)
-    with open_cluster(cluster.address, carsim, said.append) as places:
-        await_count(places, 2)
-        hanging.send_signal(signal.SIGSTOP)
-        with ThreadPoolExecutor(4) as pool:
-            found = [pool.submit(places.run, carsim, **chunk) for _ in range(4)]
-            answers = [one.result(WAIT_S)[0] for one in found]
-        assert places.count == 1
-        hanging.send_signal(signal.SIGCONT)
-        await_count(places, 2)
+        begun_s = time.monotonic()
+        with open_cluster(cluster.address, carsim, lines.append) as places:
+            answers, _ = places.run(carsim, **chunk)
+        took_s = time.monotonic() - begun_s
 
-    assert answers == [carsim.run(**chunk)] * 4
-    assert len(said) == 1 and "hangs: no answer for" in said[0]
-    hanging.kill()
-
-
-def await_count(places: Any, count: int) -> None:
-    deadline_s = time.monotonic() + WAIT_S
-    while places.count != count:
-        assert time.monotonic() < deadline_s, f"{places.count} places, not {count}"
-        time.sleep(0.05)
+        assert answers == carsim.run(**chunk)
+        (line,) = [line for line in lines if "no foldcar" in line]
+        assert f"gets no runs: it has no foldcar: pip install 'foldcar[cluster]=={__version__}'" in line
+        assert took_s < 10 and bare.poll() is None and len(client.nthreads()) == 2
+    bare.kill()
+    bare.wait()
 
 
 def test_a_run_that_ends_its_worker_each_time_is_the_only_one_that_fails(
-    tmp_path: Path, carsim_binary: Path, chunk: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, carsim_binary: Path, chunk: dict[str, Any]
 ) -> None:
-    monkeypatch.setattr(workers, "LOSSES", 2)
     deadly = tmp_path / "carsim"
     deadly.write_text(
         f'#!/bin/sh\n[ "$1" = batch ] || exec {shlex.quote(str(carsim_binary))} "$@"\n'
@@ -211,46 +203,23 @@ def test_a_run_that_ends_its_worker_each_time_is_the_only_one_that_fails(
     carsim = Carsim(carsim_binary)
     first, *_, last = chunk["requests"]
     poison = RunRequest("b", "s", first.settings.replace("60", "59"), "poison", 0)
-    with contextlib.closing(Cluster(tmp_path)) as own:
-        # Without a nanny each ends for good: two with the chunk, one more with the run alone.
-        for _ in range(4):
-            own.worker(FOLDCAR_CARSIM=deadly)
+    with contextlib.closing(Cluster(tmp_path, DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES="0")) as own:
+        own.worker("--nanny", FOLDCAR_CARSIM=deadly)
         with open_cluster(own.address, carsim, lambda line: None) as places:
-            await_count(places, 4)
             answers, _ = places.run(carsim, chunk["bodies"], chunk["scenes"], [poison, last])
 
-    assert answers[0] == {"error": "the simulation ended its worker, 2 times"}
+    assert answers[0] == {"error": "the simulation ended its worker each time"}
     assert answers[1:] == carsim.run(chunk["bodies"], chunk["scenes"], [last])
-
-
-def test_a_worker_ends_a_chunk_at_its_limit_and_refuses_another_build(
-    carsim_binary: Path, chunk: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    carsim = Carsim(carsim_binary)
-    recipe = recipe_of(carsim, carsim)
-    slow = tmp_path / "carsim"
-    slow.write_text(f'#!/bin/sh\n[ "$1" = batch ] && exec sleep 60\nexec {shlex.quote(str(carsim_binary))} "$@"\n')
-    slow.chmod(0o755)
-
-    whole = run_chunk(recipe, **chunk, limit_s=WAIT_S)
-    monkeypatch.setenv("FOLDCAR_CARSIM", str(slow))
-    other = run_chunk(type(recipe)(recipe.engine, "another", None), **chunk, limit_s=WAIT_S)
-    late = run_chunk(recipe, **chunk, limit_s=0.3)
-
-    assert isinstance(whole, Simulated) and whole.answers == carsim.run(**chunk)
-    assert isinstance(other, Trouble) and other.kind == "unfit" and carsim.build in other.why and "another" in other.why
-    assert isinstance(late, Trouble) and (late.kind, late.why) == ("late", "was not done after 0.3 s")
 
 
 def test_without_scheduler_or_workers_or_with_other_versions_one_line_says_so(
     tmp_path: Path, carsim_binary: Path, monkeypatch: pytest.MonkeyPatch, cluster: Cluster
 ) -> None:
-    carsim = Carsim(carsim_binary)
-    monkeypatch.setattr(connection, "CONNECT_S", 1)
-    said: list[str] = []
+    carsim, lines = Carsim(carsim_binary), list[str]()
+    monkeypatch.setattr(simulators, "CONNECT_S", 1)
 
     def opened(address: str) -> None:
-        with open_cluster(address, carsim, said.append) as places:
+        with open_cluster(address, carsim, lines.append) as places:
             places.run(carsim, {}, {}, [RunRequest("b", "s", '{"time_limit_s": 1}', "run", 0)])
 
     with pytest.raises(FoldcarError, match=r"--scheduler: tcp://127.0.0.1:1: no Dask scheduler answers there: "):
@@ -266,34 +235,31 @@ def test_without_scheduler_or_workers_or_with_other_versions_one_line_says_so(
     with contextlib.closing(Cluster(tmp_path)) as empty, dask.config.set({"foldcar.wait": "1s"}):
         with pytest.raises(FoldcarError, match="there is no worker for 1 s; the same command resumes"):
             opened(empty.address)
-        assert said == [f"scheduler {empty.address}: there is no worker; waiting up to 1 s"]
-
-
-def test_the_workers_of_this_machine_import_nothing_from_the_working_directory(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    for name in ("json", "random", "socket"):
-        (tmp_path / f"{name}.py").write_text("raise SystemExit(f'{__name__} of the working directory')\n")
-    monkeypatch.chdir(tmp_path)
-    with local_cluster(1) as address, distributed.Client(address, timeout=WAIT_S) as client:
-        client.wait_for_workers(1, timeout=WAIT_S)
-        assert client.submit(max, 1, 2).result(WAIT_S) == 2
+        assert lines == ["--scheduler: there is no worker; waiting up to 1 s"]
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
-def test_the_workers_of_this_machine_end_with_the_command(listing: Path, tmp_path: Path, number: signal.Signals) -> None:
+def test_the_workers_of_this_machine_speak_tls_and_end_with_the_command(
+    listing: Path, tmp_path: Path, number: signal.Signals
+) -> None:
     process = subprocess.Popen(
-        [sys.executable, "-m", "foldcar", "sweep", str(listing), "--store", "s.db", "--environments", "100",
+        [sys.executable, "-m", "foldcar", "sweep", str(listing), "--store", "s.db", "--environments", "1000",
          "--scheduler", "local:1"],
         cwd=tmp_path, stderr=subprocess.PIPE, text=True, start_new_session=True, preexec_fn=like_a_shell,
         env={**os.environ, MARK: str(tmp_path)},
     )  # fmt: skip
-    deadline_s = time.monotonic() + WAIT_S
-    while not (tmp_path / "s.db").exists():
-        assert time.monotonic() < deadline_s and process.poll() is None
-        time.sleep(0.02)
-    # The command, the scheduler, its worker and a process that watches over semaphores.
-    assert len(marked(str(tmp_path))) >= 3
+    try:
+        deadline_s = time.monotonic() + WAIT_S
+        while not (tmp_path / "s.db").exists():
+            assert time.monotonic() < deadline_s and process.poll() is None
+            time.sleep(0.02)
+        # The command, its worker and a process that watches over semaphores.
+        assert len(marked(str(tmp_path))) >= 2
+        # Scheduler and nanny; Dask's third port has pages only.
+        assert sum(speaks_tls(port) for port in listening(process.pid)) == 2
+    except BaseException:
+        process.kill()
+        raise
 
     os.killpg(process.pid, number)
     errors = process.communicate(timeout=WAIT_S)[1]
@@ -303,3 +269,17 @@ def test_the_workers_of_this_machine_end_with_the_command(listing: Path, tmp_pat
     assert marked(str(tmp_path)) == []
     lines = [line for line in errors.splitlines() if "within the time limit" not in line and "note:" not in line]
     assert (process.returncode, len(lines)) == ((130, 1) if number == signal.SIGINT else (-9, 0)), errors
+
+
+def listening(process: int) -> set[int]:
+    """The TCP ports at which a process listens."""
+    links = [str(file.readlink()) for file in Path(f"/proc/{process}/fd").iterdir()]
+    rows = [row.split() for row in Path("/proc/net/tcp").read_text().splitlines()[1:]]
+    return {int(row[1].partition(":")[2], 16) for row in rows if row[3] == "0A" and f"socket:[{row[9]}]" in links}
+
+
+def speaks_tls(port: int) -> bool:
+    try:
+        return bool(ssl.get_server_certificate(("127.0.0.1", port), timeout=5))
+    except OSError:
+        return False

@@ -207,7 +207,7 @@ SimulatedTrialsInstead = Annotated[
 def check_scheduler_option(scheduler: str | None, jobs: int | None) -> None:
     """FoldcarError if the option's value is none, or stands beside ``--jobs``."""
     if scheduler is not None:
-        from foldcar.cluster.connection import check_scheduler
+        from foldcar.cluster.simulators import check_scheduler
 
         check_scheduler(scheduler, jobs)
 
@@ -220,7 +220,7 @@ def simulators(
     if scheduler is None:
         yield jobs or usable_processors()
         return
-    from foldcar.cluster.connection import open_cluster
+    from foldcar.cluster.simulators import open_cluster
 
     with open_cluster(scheduler, carsim, say) as cluster:
         yield cluster

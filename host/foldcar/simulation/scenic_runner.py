@@ -28,7 +28,7 @@ class _Worker(LineProcess):
     """One scenic_worker, for one thread, but for `kill`; ``opening`` is the line with which it compiles the program."""
 
     def __init__(self, opening: str) -> None:
-        # As in foldcar/__main__.py, for those who call from Python. Threads for linear algebra would do nothing but make
+        # All workers order a set of texts alike. Threads for linear algebra would do nothing but make
         # every copy of the process slower.
         environment = {**os.environ, "PYTHONHASHSEED": "0", "OPENBLAS_NUM_THREADS": "1"}
         command = python_command("foldcar.simulation.worker", "foldcar.simulation.scenic_worker")

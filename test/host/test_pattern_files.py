@@ -23,8 +23,7 @@ from foldcar.fabrication.patterns import nesting
 from foldcar.fabrication.patterns.cutting import coupon
 from foldcar.fabrication.patterns.drawing import LAYERS, Circle, LayerName, Path, Shape, Sheet, bounds
 from foldcar.fabrication.patterns.options import options
-from foldcar.fabrication.patterns.preview import SHEET_PX, preview
-from foldcar.fabrication.patterns.sheet_files import WRITERS, dxf, svg
+from foldcar.fabrication.patterns.sheet_files import SHEET_PX, WRITERS, dxf, preview, svg
 from foldcar.fabrication.patterns.sheets import pattern
 from sheet_reader import READERS, check_pdf, check_same, check_sheet, check_text, read_dxf, read_pdf, read_svg
 from written_sheet import CHOSEN, COMMAND, Made, written_sample

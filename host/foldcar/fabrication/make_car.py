@@ -27,7 +27,7 @@ from foldcar.fabrication.assembly.wiring import wiring_drawing, wiring_text
 from foldcar.fabrication.patterns.cutting import coupon, how_to_cut
 from foldcar.fabrication.patterns.nesting import NestingError
 from foldcar.fabrication.patterns.options import MACHINES, Options
-from foldcar.fabrication.patterns.sheet_files import WRITERS, pdf
+from foldcar.fabrication.patterns.sheet_files import WRITERS, pdf, preview
 from foldcar.fabrication.patterns.sheets import Pattern, cut_car, on_a_larger_sheet, pattern_of
 
 # The page to open first.
@@ -67,9 +67,6 @@ def make_car(design: Design, chosen: Options, command: str = "", larger: bool = 
     endings = ["svg", "dxf", *(["lbrn2"] if MACHINES[chosen.machine].files == "lbrn2" else [])]
     verified = verify(design)
     refuse(title, [*map(str, verified.findings), *cut.torn])
-    # matplotlib is slow to import, and other commands import this module.
-    from foldcar.fabrication.patterns.preview import preview
-
     done = operations(folded, pieces)
     texts = {
         "view.html": view_page(folded, title),

@@ -33,11 +33,6 @@ def beyond_side_view(carsim: Carsim, experiment: Experiment, environment: Enviro
     return ", ".join([*_unlike(carsim, experiment, bodies, scenes), *islice(_crests(bodies, scenes), 1)])
 
 
-def unlike_sides(carsim: Carsim, experiment: Experiment, environment: Environment) -> str:
-    """What differs in the experiment's first samples and in its designs. FoldcarError."""
-    return ", ".join(_unlike(carsim, experiment, *_looked_at(carsim, experiment, environment)))
-
-
 def _looked_at(
     carsim: Carsim, experiment: Experiment, environment: Environment
 ) -> tuple[list[Mapping[str, Any]], list[Mapping[str, Any]]]:

@@ -10,7 +10,6 @@ from foldcar.analysis.rate import (
     anytime_interval,
     clopper_pearson_interval,
     limited_mean,
-    mean_interval,
     wilson_interval,
 )
 from foldcar.errors import FoldcarError
@@ -36,11 +35,6 @@ def test_a_rate_has_the_interval_of_how_its_runs_were_stopped() -> None:
     assert (fixed.value, fixed.low, fixed.high) == (0.75, *wilson_interval(30, 40))
     assert (stopped.low, stopped.high) == tuple(map(float, anytime_interval(30, 40)))
     assert (fixed.method, stopped.method) == ("Wilson interval of 40 runs", "anytime-valid interval of 40 runs")
-    # Of two designs each holds with 97.5 %.
-    pairs = [clopper_pearson_interval(k, 40, 0.975) for k in (30, 10)]
-    assert mean_interval([30, 10], [40, 40]) == pytest.approx(tuple(numpy.mean(pairs, axis=0)))
-    low, high = anytime_interval([30, 10], 40, 0.975)
-    assert mean_interval([30, 10], [40, 40], stopped=True) == pytest.approx((low.mean(), high.mean()))
 
 
 @pytest.mark.parametrize(("successes", "runs"), [(0, 0), (3, 2), (-1, 5)])

@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 
 from foldcar.advice.evidence import read_evidence
 from foldcar.advice.selecting import select
-from foldcar.analysis.rate import anytime_interval, mean_interval, wilson_interval
+from foldcar.analysis.rate import anytime_interval, wilson_interval
 from foldcar.analysis.stopping import StoppingRule
 from foldcar.api.study import Study
 from foldcar.cli import app
@@ -97,14 +97,6 @@ def test_an_interval_that_is_looked_at_after_every_run_covers_nevertheless() -> 
     # An interval for a fixed number of runs would mislead: 40 looks are enough.
     at = {key: ends for key, ends in zip(((k, n) for n in range(41) for k in range(n + 1)), wilson, strict=True)}
     assert missed(0.75, lambda passed, runs: at.get((passed, runs), (0, 1))) > 0.15
-
-
-def test_the_mean_of_designs_is_within_intervals_that_hold_together() -> None:
-    low, high = mean_interval([20, 3], [20, 100], stopped=True)
-
-    ends = numpy.array([anytime_interval(20, 20, 0.975), anytime_interval(3, 100, 0.975)])
-    assert (low, high) == pytest.approx(tuple(ends.mean(axis=0)))
-    assert low < (1 + 0.03) / 2 < high
 
 
 def test_a_rule_is_one_of_width_or_of_sides() -> None:

@@ -6,7 +6,6 @@ and DasGupta 2001, doi:10.1214/ss/1009213286). The anytime-valid one holds at wh
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -59,19 +58,6 @@ def rate_interval(passed: int, runs: int, stopped: bool = False, confidence: flo
 def interval_name(stopped: bool) -> str:
     """What :func:`rate_interval` is called."""
     return "anytime-valid" if stopped else "Wilson"
-
-
-def mean_interval(passed: Sequence[int], runs: Sequence[int], stopped: bool = False) -> tuple[float, float]:
-    """An interval (low, high) that covers the mean rate of several designs with at least 95 %.
-
-    The mean of their own intervals, at such a confidence that all hold together (Bonferroni): the designs meet the same
-    environments, so their runs are not independent.
-    """
-    if not len(passed):
-        raise FoldcarError("the mean rate of no design has no interval")
-    interval = anytime_interval if stopped else clopper_pearson_interval
-    low, high = interval(passed, runs, 1 - (1 - 0.95) / len(passed))
-    return float(low.mean()), float(high.mean())
 
 
 def wilson_interval(successes: int, runs: int, confidence: float = 0.95) -> tuple[float, float]:

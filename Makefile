@@ -11,6 +11,10 @@ STUDY := width_study
 unexport PYTHONPATH PYTHONHOME PYTHONSTARTUP PYTHONDONTWRITEBYTECODE VIRTUAL_ENV PIP_USER PIP_TARGET PIP_PREFIX
 # foldcar and the tools write into the source tree only what is asked for.
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
+# Caches stay below the checkout, where `make clean` removes them: uv's and pip's unless UV_CACHE_DIR and PIP_CACHE_DIR name others.
+export XDG_CACHE_HOME := $(CURDIR)/.pio/cache
+export MPLCONFIGDIR := $(XDG_CACHE_HOME)/matplotlib
+export npm_config_cache := $(XDG_CACHE_HOME)/npm
 
 # Debian's ccache, if it is there, compiles once what several environments compile alike.
 export PATH := /usr/lib/ccache:$(PATH)

@@ -33,6 +33,7 @@ STAMP = MODULES / ".lock.json"
 def main() -> int:
     """Install, bundle, collect licences; the exit code of what failed."""
     lock = (WEB / "package-lock.json").read_text(encoding="utf-8")
+    os.environ.setdefault("npm_config_cache", str(ROOT / ".pio" / "cache" / "npm"))
     if not STAMP.is_file() or STAMP.read_text(encoding="utf-8") != lock:
         if code := npm(["ci", "--ignore-scripts", "--loglevel=error"], cwd=WEB):
             return code

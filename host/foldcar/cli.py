@@ -19,7 +19,7 @@ from typer.core import TyperGroup
 
 from foldcar import __version__
 from foldcar.errors import FoldcarError
-from foldcar.installation import missing_extra
+from foldcar.installation import keep_caches_in_checkout, missing_extra
 from foldcar.interrupts import EXIT_CODE, listen, stop_line
 from foldcar.shown_text import show_text
 
@@ -129,6 +129,7 @@ def main() -> None:
     show_text()
     listen()
     enable_completion()
+    keep_caches_in_checkout()
     # Most objects live until the command ends; garbage collection at the default rate takes a tenth of the time of
     # `foldcar pattern`.
     gc.set_threshold(GARBAGE_THRESHOLD)

@@ -20,6 +20,14 @@ def source_tree() -> Path | None:
     return root if (root / "platformio.ini").is_file() and PACKAGE.parent == root / "host" else None
 
 
+def keep_caches_in_checkout() -> None:
+    """Let libraries, from now on, keep their caches (fonts, messages) below the checkout, if this is one."""
+    root = source_tree()
+    if root is not None:
+        os.environ.setdefault("XDG_CACHE_HOME", str(root / ".pio" / "cache"))
+        os.environ.setdefault("MPLCONFIGDIR", str(root / ".pio" / "cache" / "matplotlib"))
+
+
 def pio_program() -> str | None:
     """PlatformIO's command `pio` beside this Python, or else on the PATH."""
     beside = Path(sys.executable).with_name("pio")

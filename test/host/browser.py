@@ -9,6 +9,7 @@ import os
 import re
 import select
 import shutil
+import signal
 import subprocess
 import tempfile
 import time
@@ -46,7 +47,15 @@ def browse(page: Path | str, fragment: str, *options: str) -> str:
     address = page.as_uri() if isinstance(page, Path) else page
     with tempfile.TemporaryDirectory(prefix="foldcar-browser-", ignore_cleanup_errors=True) as profile:
         command = [browser(), *FLAGS, f"--user-data-dir={profile}", *options, f"{address}#{fragment}"]
-        return subprocess.run(command, capture_output=True, text=True, timeout=HANGS_S, check=True).stdout
+        done = subprocess.run(
+            command, env=_environment(profile), capture_output=True, text=True, timeout=HANGS_S, check=True
+        )  # fmt: skip
+        return done.stdout
+
+
+def _environment(profile: str) -> dict[str, str]:
+    """Lets the browser keep what is not in its profile (crash reports, sockets, fonts) there too."""
+    return {**os.environ, **dict.fromkeys(("XDG_CONFIG_HOME", "XDG_CACHE_HOME", "TMPDIR"), profile)}
 
 
 def browser() -> str:
@@ -78,8 +87,9 @@ class Tab:
         # The browser reads commands from descriptor 3 and answers on 4.
         shell = ["bash", "-c", f'exec "$@" 3<&{its_in} 4>&{its_out}', "browser", *words]
         self._process = subprocess.Popen(
-            shell, pass_fds=(its_in, its_out), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-        )
+            shell, pass_fds=(its_in, its_out), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+            env=_environment(self._profile.name), start_new_session=True,
+        )  # fmt: skip
         for end in (its_in, its_out):
             os.close(end)
         target = self.send("Target.createTarget", url="about:blank")["targetId"]
@@ -93,7 +103,7 @@ class Tab:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._process.kill()
+        os.killpg(self._process.pid, signal.SIGKILL)
         self._process.wait()
         for end in (self._to, self._from):
             os.close(end)

@@ -16,6 +16,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from foldcar.cli import GARBAGE_THRESHOLD
 from foldcar.errors import FoldcarError
+from foldcar.installation import keep_caches_in_checkout
 from foldcar.simulation.carsim import Carsim, CarsimLimits
 from foldcar.simulation.engines import MUJOCO, find_carsim
 from forked_foldcar import HANGS_S, original
@@ -24,6 +25,7 @@ from study_car import listing_of
 from under_coverage import save_coverage_once
 
 save_coverage_once()
+keep_caches_in_checkout()
 gc.set_threshold(GARBAGE_THRESHOLD)
 
 PROJECT = Path(__file__).resolve().parents[2]

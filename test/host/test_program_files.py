@@ -221,7 +221,8 @@ def test_nothing_is_imported_from_the_working_directory(listing: Path, program: 
     folder.mkdir()
     for name in ("json", "numpy", "random", "scenic", "socket"):
         (folder / f"{name}.py").write_text("raise SystemExit(f'{__name__} of the working directory')\n")
-    command = [sys.executable, "-m", "foldcar", "sweep", str(listing), "--store", "s.db", "--environments", "1"]
+    program = str(Path(sys.executable).with_name("foldcar"))
+    command = [program, "sweep", str(listing), "--store", "s.db", "--environments", "1"]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert "1 runs new" in done.stdout

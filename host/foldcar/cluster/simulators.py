@@ -65,20 +65,21 @@ def open_cluster(scheduler: str, carsim: Carsim, say: Callable[[str], None]) -> 
     """
     workers = _local_workers(scheduler)
     require("cluster")
+    import dask
     import distributed
 
     # Dask's messages are for those who run a cluster.
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     warnings.filterwarnings("ignore", module="distributed")
     with contextlib.ExitStack() as stack:
+        folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="foldcar-", ignore_cleanup_errors=True))
+        stack.enter_context(dask.config.set({"temporary-directory": folder}))
         place: Any = scheduler
         if workers is not None:
-            folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="foldcar-", ignore_cleanup_errors=True))
             with _without_ctrl_c():
                 cluster = distributed.LocalCluster(
                     n_workers=workers, threads_per_worker=1, security=distributed.Security.temporary(), memory_limit=0,
                     dashboard_address=None, worker_dashboard_address=None, silence_logs=logging.CRITICAL,
-                    local_directory=folder,
                 )  # fmt: skip
             place = stack.enter_context(cluster)
         try:

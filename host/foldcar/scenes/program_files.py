@@ -249,6 +249,7 @@ def _roots() -> set[Path]:
     with suppress(RuntimeError):
         # A user without a home has none of these.
         folders += [str(Path.home() / name) for name in USERS]
+    folders += [os.environ[name] for name in ("XDG_CACHE_HOME", "MPLCONFIGDIR") if name in os.environ]
     folders += (scenic.submodule_search_locations if scenic is not None else None) or []
     roots = [Path(folder) for folder in folders]
     return {*roots, *(root.resolve() for root in roots)}

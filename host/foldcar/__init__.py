@@ -5,7 +5,9 @@ In Python (docs/python.md): ``sweep`` writes a store and ``Study`` reads it; ``d
 environment on a scene (scenes/conditioning.py).
 """
 
-# Not typing's: this file comes before `__main__` handles signals, and so imports nothing.
+from foldcar.version import __version__ as __version__
+
+# Not typing's: this file comes before `__main__` handles signals, and so imports nearly nothing.
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from collections.abc import Collection
@@ -17,8 +19,6 @@ if TYPE_CHECKING:
     from foldcar.api.study import Study, sweep
     from foldcar.car.design import Design
     from foldcar.errors import FoldcarError
-
-__version__ = "0.1.0"
 
 __all__ = [
     "Design", "Evaluation", "FoldcarError", "Rate", "Result", "Study", "condition", "design", "environment", "evaluate",

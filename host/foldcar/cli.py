@@ -17,11 +17,11 @@ from typing import Annotated, Any, Literal
 import typer
 from typer.core import TyperGroup
 
-from foldcar import __version__
 from foldcar.errors import FoldcarError
 from foldcar.installation import keep_caches_in_checkout, missing_extra
 from foldcar.interrupts import EXIT_CODE, listen, stop_line
 from foldcar.shown_text import show_text
+from foldcar.version import __version__
 
 VARIABLE = "_FOLDCAR_COMPLETE"
 
@@ -113,7 +113,6 @@ def _print_version(wanted: bool) -> None:
         raise typer.Exit
 
 
-@app.callback()
 def options(
     version: Annotated[
         bool,

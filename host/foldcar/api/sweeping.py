@@ -3,16 +3,18 @@
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from foldcar.calibration.environment import as_calibration, calibrated_environment, calibrated_study, read_reality
 from foldcar.errors import FoldcarError
 from foldcar.simulation.carsim import Carsim
-from foldcar.store.calibrations import Calibration, calibration_named
 from foldcar.store.reader import Store
 from foldcar.study.environments import Environment
 from foldcar.study.experiments import Experiment, Study, engine_study, read_study
 from foldcar.study.stopping import stopping_rules
 from foldcar.study.sweep import Sweep
+
+if TYPE_CHECKING:
+    from foldcar.store.calibrations import Calibration
 
 
 def planned_sweep(
@@ -30,21 +32,30 @@ def planned_sweep(
     """What `foldcar sweep` with those options simulates; ``command`` is kept with the runs. FoldcarError."""
     carsim = Carsim(engine=engine)
     study = engine_study(read_study(listing, experiment, environments), carsim)
-    real = None if reality is None else as_calibration(reality, read_reality(reality, engine))
+    real = None
+    if reality is not None:
+        from foldcar.calibration.environment import as_calibration, read_reality
+
+        real = as_calibration(reality, read_reality(reality, engine))
     study, environment_of = under_calibration(study, store, calibration, real)
     return Sweep(study, store, carsim, command, environment_of, stopping_rules(until, study) if until else {})
 
 
 def under_calibration(
-    study: Study, store: Path, name: str | None, reality: Calibration | None = None
+    study: Study, store: Path, name: str | None, reality: "Calibration | None" = None
 ) -> tuple[Study, Callable[[Experiment], Environment]]:
     """The study and what makes its environments: changed ones if a calibration or a reality is given. FoldcarError."""
     if name is not None and reality is not None:
         raise FoldcarError("--calibration and --reality: both say what to simulate with; give one of them")
-    calibration = reality
-    if name is not None:
+    if name is None and reality is None:
+        return study, Environment
+    from foldcar.calibration.environment import calibrated_environment, calibrated_study
+    from foldcar.store.calibrations import calibration_named
+
+    if reality is None:
+        assert name is not None
         with Store.open(store) as opened:
             calibration = calibration_named(opened, name)
-    if calibration is None:
-        return study, Environment
+    else:
+        calibration = reality
     return calibrated_study(study, calibration), partial(calibrated_environment, calibration=calibration)

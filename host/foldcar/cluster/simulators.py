@@ -17,13 +17,13 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
-from foldcar import __version__
 from foldcar.cluster.chunk import Recipe, fault_of_worker, recipe_of, run_chunk
 from foldcar.errors import FoldcarError
 from foldcar.installation import require, usable_processors
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.runner import Runner, RunRequest
 from foldcar.study.limits import MOST_JOBS
+from foldcar.version import __version__
 
 LOCAL = "local"
 CONNECT_S = 10

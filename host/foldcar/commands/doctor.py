@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, Literal
 
 import typer
 
-from foldcar import __version__
 from foldcar.commands.options import Json, tell
 from foldcar.errors import FoldcarError
 from foldcar.installation import MODULES, PACKAGE, pio_program, source_tree
+from foldcar.version import __version__
 
 if TYPE_CHECKING:
     from packaging.requirements import Requirement

@@ -7,7 +7,6 @@ import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 
-from foldcar import __version__
 from foldcar.car.body import body_json, car_json
 from foldcar.car.design import Design
 from foldcar.car.folded_car import folded_car
@@ -29,6 +28,7 @@ from foldcar.fabrication.patterns.nesting import NestingError
 from foldcar.fabrication.patterns.options import MACHINES, Options
 from foldcar.fabrication.patterns.sheet_files import WRITERS, pdf, preview
 from foldcar.fabrication.patterns.sheets import Pattern, cut_car, on_a_larger_sheet, pattern_of
+from foldcar.version import __version__
 
 # The page to open first.
 GUIDE = "assembly.html"

@@ -16,10 +16,10 @@ from typing import Any
 
 import numpy
 
-from foldcar import __version__
 from foldcar.link.connection import CAR_SYSTEM, SIMULATOR_COMPONENT
 from foldcar.link.tlog import read_tlog, trial_start_s
 from foldcar.outputs import atomic_file
+from foldcar.version import __version__
 
 # Messages that come out of order by less do not mean that the car was reset.
 DISORDER_US = 1_000_000

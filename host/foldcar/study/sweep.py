@@ -11,7 +11,6 @@ from datetime import datetime, timezone
 from functools import cached_property, partial
 from pathlib import Path
 
-from foldcar import __version__
 from foldcar.analysis.stopping import StoppingRule
 from foldcar.errors import FoldcarError
 from foldcar.scenes.fingerprint import scenic_version
@@ -28,6 +27,7 @@ from foldcar.study.experiments import Experiment, Study
 from foldcar.study.planned_designs import PlannedDesigns, planned_designs
 from foldcar.study.stopping import design_states
 from foldcar.study.unlike_sides import beyond_side_view
+from foldcar.version import __version__
 
 # Cars that cannot be built: how many are announced by name.
 SHOWN_SKIPPED = 5

@@ -113,6 +113,7 @@ def _print_version(wanted: bool) -> None:
         raise typer.Exit
 
 
+@app.callback()
 def options(
     version: Annotated[
         bool,

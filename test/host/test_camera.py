@@ -353,7 +353,7 @@ def test_the_smooth_path_leaves_wrong_readings_out() -> None:
 def test_a_film_is_in_the_mcap_of_its_trial(tmp_path: Path) -> None:
     from mcap.reader import make_reader
 
-    log = next((Path(__file__).parent / "stores" / "version_1-logs").glob("*.tlog"))
+    log = Path(__file__).parent / "data" / "trial.tlog"
     rows = [[0.05 * k, 0.01 * k, *[0.0] * 14] for k in range(20)]
 
     export_mcap(log, tmp_path / "t.mcap", {}, filmed=rows)

@@ -15,7 +15,7 @@ from foldcar.link.tlog import messages_of, records_of
 from foldcar.study.listing_file import read_listing
 from foldcar.trials.csv_import import read_trials
 
-STORES = Path(__file__).parent / "stores"
+LOG = Path(__file__).parent / "data" / "trial.tlog"
 PUBLISHED = Path(__file__).resolve().parents[2] / "scenarios" / "published_trials.csv"
 # The same examples on every machine.
 BOUNDED = settings(
@@ -29,7 +29,7 @@ JSON = st.recursive(
 
 @pytest.fixture(scope="module")
 def recorded_log() -> bytes:
-    return next((STORES / "version_1-logs").glob("*.tlog*")).read_bytes()
+    return LOG.read_bytes()
 
 
 def accepts_or_says_why(parse: Callable[[], Any]) -> None:

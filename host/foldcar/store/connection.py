@@ -151,6 +151,7 @@ def writing(path: Path, synchronous: str = "NORMAL") -> Iterator[sqlite3.Connect
     make_output_folder(path.parent)
     with _writer_lock(path):
         connection = _open_writing(path)
+        status = path.stat()
         try:
             with store_errors(path):
                 if _is_blank(path, connection):
@@ -158,7 +159,7 @@ def writing(path: Path, synchronous: str = "NORMAL") -> Iterator[sqlite3.Connect
                 connection.execute(f"PRAGMA synchronous = {synchronous}")
             yield connection
         finally:
-            _close_writing(path, connection)
+            _close_writing(path, connection, status)
 
 
 @contextlib.contextmanager
@@ -237,14 +238,13 @@ def _open_writing(path: Path) -> sqlite3.Connection:
         return connection
 
 
-def _close_writing(path: Path, connection: sqlite3.Connection) -> None:
+def _close_writing(path: Path, connection: sqlite3.Connection, status: os.stat_result) -> None:
     """Close, leaving a single file if nobody reads it at the moment."""
     # An interrupt may have left a query half read, which would keep the mode: closing ends every query.
     connection.close()
-    # Not a new file, if the store was deleted meanwhile.
-    with contextlib.suppress(sqlite3.Error):
-        last = sqlite3.connect(f"{path.resolve().as_uri()}?mode=rw", uri=True)
-        with contextlib.closing(last):
+    # To open the name of a file that was deleted would make a new one, or change one that is another.
+    if leads_to(path, status):
+        with contextlib.suppress(sqlite3.Error), contextlib.closing(sqlite3.connect(path)) as last:
             last.execute("PRAGMA journal_mode = DELETE")
 
 

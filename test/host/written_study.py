@@ -74,7 +74,7 @@ def add_experiment(
     bodies = [{"id": name, **one, "segments": [{"mass_kg": 0.2}], "wheels": []} for one in designs]
     writer.put_experiment(plan, [PlannedDesign(*one, {"time_limit_s": 120}) for one in zip(designs, bodies, strict=True)])
     for sample in range(samples):
-        writer.put_sample(environment, sample, {"of": name, "sample": sample})
+        writer.put_sample(environment, sample, {"of": fingerprint(name), "sample": sample})
         writer.put_draw(spread, sample, {})
     for sample in range(samples if stored is None else stored):
         runs = writer.planned_runs(plan, sample)
@@ -98,8 +98,12 @@ def add_trials(
     car: str | None = "built",
     environment: str | None = None,
     program: str = "step_pyramids.scenic",
+    scenes_of: str | None = None,
 ) -> list[int]:
-    """Add trials (design, sample, outcome) where a stored run of the same design was simulated; returns their numbers."""
+    """Add trials (design, sample, outcome) where a stored run of the same design was simulated; returns their numbers.
+
+    ``environment`` is the fingerprint of another one, ``scenes_of`` that of the one whose scenes it has.
+    """
     numbers = []
     facts = CarFacts("fw", "hash", "/dev/null", car)
     with write_trials(store) as writer:
@@ -108,7 +112,7 @@ def add_trials(
             drive = Drive(
                 {"id": experiment, **design},
                 {"time_limit_s": 120},
-                {"of": experiment, "sample": sample},
+                {"of": scenes_of or environment or fingerprint(experiment), "sample": sample},
                 environment or fingerprint(experiment),
                 program,
                 sample,

@@ -5,7 +5,7 @@ was placed otherwise than planned.
 """
 
 from collections import Counter
-from collections.abc import Container, Iterator, Mapping, Sequence
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -310,17 +310,23 @@ def _trials(store: Store, info: ExperimentInfo, simulated_trials: bool) -> tuple
     if corrected:
         remarks.append(f"{count(corrected, 'trial')} corrected afterwards: the latest correction counts.")
     elsewhere = store.trials_elsewhere(info)
-    programs = Counter(elsewhere[trial.id] for trial in kept if trial.id in elsewhere)
-    moved = programs.pop(info.scenic_program, 0)
-    for program, number in programs.items():
-        where = program or "an unknown program"
-        remarks.append(f"{count(number, 'trial')} left out: driven in {where}, not in {info.scenic_program}.")
-    if moved:
-        remarks.append(
-            f"{count(moved, 'trial')} were driven in other samples of {info.scenic_program} than the runs: "
-            "its text, parameters or seed, or foldcar, have changed."
-        )
-    return [trial for trial in kept if elsewhere.get(trial.id, info.scenic_program) == info.scenic_program], remarks
+    remarks += elsewhere_remarks([elsewhere[trial.id] for trial in kept if trial.id in elsewhere], info)
+    return [trial for trial in kept if trial.id not in elsewhere], remarks
+
+
+def elsewhere_remarks(programs: Iterable[str | None], info: ExperimentInfo) -> list[str]:
+    """A sentence for each Scenic program of trials that were driven in another environment than the experiment's runs."""
+    remarks = []
+    for program, number in Counter(programs).items():
+        trials = f"{count(number, 'trial')} left out: driven"
+        if program == info.scenic_program:
+            remarks.append(
+                f"{trials} in other samples of {program} than the runs: its text, parameters or seed, or foldcar, have "
+                "changed. Sweep the environment as it was then to compare them."
+            )
+        else:
+            remarks.append(f"{trials} in {program or 'an unknown program'}, not in {info.scenic_program}.")
+    return remarks
 
 
 def _with_trials(

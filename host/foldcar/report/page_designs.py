@@ -66,10 +66,9 @@ class Designs:
         return numpy.column_stack([self.ends[:, OUTCOMES.index("passed")], all_runs])
 
     @cached_property
-    def elsewhere(self) -> dict[int, str]:
-        """Trials that do not count here: those driven in another program than the runs, by number."""
-        found = self.store.trials_elsewhere(self.info) if self.swept else {}
-        return {at: name or "an unknown program" for at, name in found.items() if name != self.info.scenic_program}
+    def elsewhere(self) -> dict[int, str | None]:
+        """Trials that do not count here: those driven in another environment than the runs, by number."""
+        return self.store.trials_elsewhere(self.info) if self.swept else {}
 
     @cached_property
     def tried(self) -> NDArray[Any]:

@@ -5,7 +5,7 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
-from foldcar.advice.evidence import run_remarks
+from foldcar.advice.evidence import elsewhere_remarks, run_remarks
 from foldcar.analysis.stopping import LEAST_CHANCE
 from foldcar.analysis.words import count
 from foldcar.report.page_designs import Designs
@@ -46,21 +46,8 @@ def remarks(designs: Designs, trials: Sequence[Trial], left_out: Counter[str]) -
         if one.experiment == info.id:
             found.append(f"Calibration {one.name} ({one.created_utc}, UTC): {' '.join(one.summary['findings'])}")
     found += designs.car_remarks() if info.success_defined else []
-    return found + _elsewhere(store, info, trials) + _failures(store, info, ends["failed"])
-
-
-def _elsewhere(store: Store, info: ExperimentInfo, trials: Sequence[Trial]) -> list[str]:
-    """What is said of trials that were not driven in the environment of the runs they are shown beside."""
-    elsewhere = store.trials_elsewhere(info) if info.environments else {}
-    programs = Counter(elsewhere[trial.id] or "an unknown program" for trial in trials if trial.id in elsewhere)
-    found = []
-    for program, number in programs.items():
-        where = f"{count(number, 'trial')} in {program}, not in the environment of the runs"
-        if program == info.scenic_program:
-            found.append(f"{where}: other samples of it, as its text, parameters or seed, or foldcar, have changed.")
-        else:
-            found.append(f"{where}, {info.scenic_program}: they count in no rate here.")
-    return found
+    elsewhere = [designs.elsewhere[trial.id] for trial in trials if trial.id in designs.elsewhere]
+    return found + elsewhere_remarks(elsewhere, info) + _failures(store, info, ends["failed"])
 
 
 def _failures(store: Store, info: ExperimentInfo, failed: int) -> list[str]:

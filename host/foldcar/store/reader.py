@@ -141,21 +141,48 @@ class Store:
     def trials_elsewhere(self, info: ExperimentInfo) -> dict[int, str | None]:
         """Trials in another environment than that of the experiment's runs: number and Scenic program, if known.
 
-        Of an imported trial without a sample only the program is known, if its experiment was swept at the time.
+        They belong in no rate beside these runs. Of an imported trial without a sample only the program is known, if its
+        experiment was swept at the time.
         """
-        here = self._environment_id(info)
+        here = self.trials_here(info)
         return {
             row["id"]: row["scenic_program"]
             for row in self.rows(TRIAL, "WHERE experiment = ?", info.listed_id)
-            if (row["environment_id"] is not None and row["environment_id"] != here)
-            or (row["environment_id"] is None and row["scenic_program"] not in (None, info.scenic_program))
+            if row["id"] not in here
+            and (row["environment_id"] is not None or row["scenic_program"] not in (None, info.scenic_program))
         }
 
     def trials_here(self, info: ExperimentInfo) -> set[int]:
-        """The trials that are known to be in the environment of the experiment's runs: their samples are the runs'."""
+        """The trials that are known to be in the environment of the experiment's runs: their samples are the runs'.
+
+        An environment is the same if its samples are the same scenes, though its program's text or foldcar has changed.
+        """
+        return self.once(("trials here", info.id), lambda: self._trials_here(info))
+
+    def _trials_here(self, info: ExperimentInfo) -> set[int]:
         here = self._environment_id(info)
-        rows = self.rows(TRIAL, "WHERE experiment = ? AND environment_id = ?", info.listed_id, here)
-        return {row["id"] for row in rows}
+        scenes = self._sampled_scenes(here)
+        found, same = set(), {here: True}
+        for row in self.rows(TRIAL, "WHERE experiment = ? AND environment_id IS NOT NULL", info.listed_id):
+            other = row["environment_id"]
+            if other not in same:
+                samples = self._sampled_scenes(other)
+                common = samples.keys() & scenes.keys()
+                same[other] = bool(common) and all(samples[sample] == scenes[sample] for sample in common)
+            if same[other] or self._is_planned_scene(row, scenes):
+                found.add(row["id"])
+        return found
+
+    def _is_planned_scene(self, trial: Row, scenes: Mapping[int, str]) -> bool:
+        """Whether a trial's scene is that of its sample in ``scenes``; a scene placed otherwise than planned is not."""
+        for row in self.rows(BY_NAME["scene"], "WHERE id = ?", trial["scene_id"]):
+            return bool(row["json"] == scenes.get(trial["sample"]))
+        return False
+
+    def _sampled_scenes(self, environment_id: int) -> dict[int, str]:
+        """The stored scenes of an environment as JSON texts, by sample."""
+        query = "SELECT s.sample, c.json FROM sample s JOIN scene c ON c.id = s.scene_id WHERE s.environment_id = ?"
+        return dict(self._rows(query, environment_id))
 
     def _environment_id(self, info: ExperimentInfo) -> int:
         """The environment of the experiment's runs, as it is in the listing."""

@@ -12,10 +12,11 @@ import pytest
 from foldcar.car.components.assemble import Assembly, assemble, build
 from foldcar.car.components.component import Component, ComponentError, Parameter, Sub
 from foldcar.car.components.shape import Shape
-from foldcar.car.design import MODULES, compose, load_components, parameters
+from foldcar.car.design import MODULES, compose, parameters
 from foldcar.car.folded.pose import apply, folded
 from foldcar.car.folded_car import folded_car
 from foldcar.car.parts.catalogue import catalogue
+from foldcar.car.user_modules import components_digest, load_components
 from foldcar.car.verify import verify
 from foldcar.errors import FoldcarError
 
@@ -199,6 +200,32 @@ def test_a_user_module_is_part_of_the_car(tmp_path: Path) -> None:
     # Front to rear 60, 80, 50: the tail's middle is 70 behind the car's, the caster 5 further back.
     assert [caster.pose[i][3] for i in range(2)] == pytest.approx([-75, 0])
     assert caster.pose[2][3] < -25
+
+
+def test_what_a_user_module_reads_is_part_of_it(tmp_path: Path) -> None:
+    file = tmp_path / "tail.py"
+    (tmp_path / "data").mkdir()
+    for name, text in (("offset.txt", "5"), ("other.txt", "5"), ("late.txt", "5")):
+        (tmp_path / "data" / name).write_text(text)
+    read = "from pathlib import Path\nDATA = Path(__file__).parent / 'data'\nOFFSET = (DATA / 'offset.txt').read_text()\n"
+    file.write_text(read + TAIL)
+    load_components(file)
+    first = components_digest()
+    folded_car(compose("W_B_Tail", {"Tail.length": 51}))
+
+    (tmp_path / "data" / "other.txt").write_text("6")
+    assert components_digest() == first
+    (tmp_path / "data" / "offset.txt").write_text("6")
+    assert components_digest() != first
+
+    late = tmp_path / "late.py"
+    late.write_text(read + TAIL.replace('"Tail"', '"Late"').replace("shape)", "shape)", 1))
+    text = late.read_text()
+    at = text.index("        ", text.index("def build"))
+    late.write_text(f"{text[:at]}        (DATA / 'late.txt').read_text()\n{text[at:]}")
+    load_components(late)
+    with pytest.raises(FoldcarError, match=r"reads .*late\.txt while a car is folded, too late"):
+        folded_car(compose("W_B_Late", {"Late.length": 52}))
 
 
 @pytest.mark.parametrize(

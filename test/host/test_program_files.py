@@ -3,6 +3,7 @@
 import contextlib
 import importlib
 import os
+import shutil
 import sqlite3
 import subprocess
 import sys
@@ -16,6 +17,7 @@ import pytest
 
 from conftest import STEP_PYRAMIDS
 from foldcar.errors import FoldcarError
+from foldcar.scenes import fingerprint
 from foldcar.scenes.source import open_environment
 from foldcar.simulation.carsim import Carsim
 from foldcar.study.environments import Environment
@@ -221,11 +223,43 @@ def test_nothing_is_imported_from_the_working_directory(listing: Path, program: 
     folder.mkdir()
     for name in ("json", "numpy", "random", "scenic", "socket"):
         (folder / f"{name}.py").write_text("raise SystemExit(f'{__name__} of the working directory')\n")
-    program = str(Path(sys.executable).with_name("foldcar"))
-    command = [program, "sweep", str(listing), "--store", "s.db", "--environments", "1"]
+    command = [Path(sys.executable).with_name("foldcar"), "sweep", listing, "--store", "s.db", "--environments", "1"]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert "1 runs new" in done.stdout
+
+
+def test_files_of_one_name_in_two_folders_are_told_apart(experiment: Experiment, tmp_path: Path) -> None:
+    experiment.program.write_text(f"{HEAD}h = [open(localPath(f'../{{one}}/h.txt')).read() for one in 'ab']\n")
+    folders = experiment.program.parent.parent / "a", experiment.program.parent.parent / "b"
+
+    def fingerprint_with(*contents: str) -> str:
+        for folder, content in zip(folders, contents, strict=True):
+            folder.mkdir(exist_ok=True)
+            (folder / "h.txt").write_text(content)
+        return Environment(experiment).fingerprint
+
+    assert fingerprint_with("0.1", "0.2") != fingerprint_with("0.2", "0.1")
+
+
+def test_an_edit_of_any_file_of_code_that_is_hashed_changes_the_digest(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    package = fingerprint.PACKAGE
+    skip = shutil.ignore_patterns("__pycache__")
+    for name in ("scenes", "simulation", "car"):
+        shutil.copytree(package / name, tmp_path / name, ignore=skip)
+    monkeypatch.setattr(fingerprint, "PACKAGE", tmp_path)
+    for places in (fingerprint.SCENE_CODE, fingerprint.VARIATION_CODE):
+        copied = [tmp_path / place.relative_to(package) for place in places]
+        files = [file for place in copied for file in (place.rglob("*") if place.is_dir() else [place]) if file.is_file()]
+        digests = {fingerprint.code_digest(copied)}
+        for file in files:
+            file.write_bytes(file.read_bytes() + b"#")
+            digests.add(fingerprint.code_digest(copied))
+        assert len(digests) == 1 + len(files) > 2
+    with pytest.raises(FileNotFoundError, match="no code to hash"):
+        fingerprint.code_digest([tmp_path / "variation"])
 
 
 def test_parameters_seed_and_condition_are_part_of_the_fingerprint(experiment: Experiment) -> None:

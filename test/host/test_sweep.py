@@ -153,7 +153,7 @@ def test_cars_are_folded_once_and_again_only_if_they_may_differ(
 def test_a_module_of_the_users_that_changes_changes_the_designs(tmp_path: Path) -> None:
     """The fingerprint covers the file that --components names, and its neighbours."""
     told = (
-        "import sys; from pathlib import Path; from foldcar.car.design import load_components; "
+        "import sys; from pathlib import Path; from foldcar.car.user_modules import load_components; "
         "from foldcar.study.experiments import read_study; from foldcar.study.planned_designs import *; "
         "load_components(Path(sys.argv[1])); study = read_study(Path(sys.argv[2])); "
         "print(designs_fingerprint(study.experiments[0], {}))"

@@ -10,21 +10,16 @@ A user's own modules come from ``--components FILE``: an error in it is a messag
 """
 
 import cmath
-import importlib.util
-import inspect
 import itertools
 import math
 import operator
-import sys
-import traceback
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
 
 from foldcar.car.components.component import ROUNDING, Parameter, at_least
 from foldcar.car.components.hinge_module import HingeModule
-from foldcar.car.components.module import BrainModule, ElectronicsModule, Module, WheelModule
+from foldcar.car.components.module import BrainModule, Module, WheelModule
 from foldcar.car.parts.catalogue import DEFAULT_CHOICES, Catalogue, PartChoices, PartError, chosen, split_type
 from foldcar.errors import FoldcarError
 
@@ -74,70 +69,6 @@ def names_in(group: str) -> list[str]:
     """The parameter names that ``group`` (``common`` or a module letter) may set."""
     names = {parameter.declared.name for parameter in parameters().values()}
     return sorted(name for name in names if find_parameter(group, name) is not None)
-
-
-_loaded: dict[Path, list[str]] = {}
-
-
-def load_components(file: Path) -> list[str]:
-    """Register the modules that the file defines and return their letters; FoldcarError if it fails or has none."""
-    path = file.resolve()
-    if path in _loaded:
-        return _loaded[path]
-    spec = importlib.util.spec_from_file_location(f"foldcar_components_{path.stem}", path)
-    if spec is None or spec.loader is None or not path.is_file():
-        raise FoldcarError(f"--components {file}: is no Python file")
-    module = importlib.util.module_from_spec(spec)
-    try:
-        spec.loader.exec_module(module)
-    except SyntaxError as error:
-        raise FoldcarError(f"{file}:{error.lineno}: {error.msg}") from error
-    except Exception as error:
-        lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if Path(frame.filename) == path]
-        raise FoldcarError(f"{file}:{(lines or [1])[-1] or 1}: {type(error).__name__}: {error}") from error
-    classes = (kind for kind in vars(module).values() if inspect.isclass(kind) and kind.__module__ == module.__name__)
-    kinds = [kind for kind in classes if issubclass(kind, Module)]
-    if not kinds:
-        raise FoldcarError(f"{file}:1: defines no subclass of foldcar.car.components.module.Module")
-    sys.modules[module.__name__] = module
-    for kind in kinds:
-        for told in _refusals(kind):
-            raise FoldcarError(f"{file}:{inspect.getsourcelines(kind)[1]}: {kind.__name__}{told}")
-        MODULES[kind.letter] = kind
-        parameters.cache_clear()
-    _loaded[path] = [kind.letter for kind in kinds]
-    return _loaded[path]
-
-
-def _refusals(kind: type[Module]) -> Iterator[str]:
-    """Why a user's module is not taken."""
-    for attribute in ("letter", "title"):
-        if not isinstance(getattr(kind, attribute, None), str):
-            yield f' has no text "{attribute}"'
-    letter = kind.letter
-    if not letter.isalnum() or letter == "common":
-        yield f': letter "{letter}" is not made of letters and digits'
-    if letter in MODULES:
-        yield f': letter "{letter}" is that of {MODULES[letter].__name__} already'
-    if issubclass(kind, WheelModule | ElectronicsModule):
-        yield ": carries wheels or electronics, which W and B do; derive it from Module"
-    known = {key: parameter.declared for key, parameter in parameters().items()}
-    for parameter in kind.parameters:
-        if known.get(parameter.name, parameter) != parameter:
-            yield f': its parameter "{parameter.name}" is declared otherwise than that of the whole car'
-
-
-def loaded_files() -> list[Path]:
-    """The files that were loaded."""
-    return list(_loaded)
-
-
-def place_of(error: BaseException) -> str | None:
-    """File and line of the user's component that raised the exception, or None if none did."""
-    for frame in reversed(traceback.extract_tb(error.__traceback__)):
-        if Path(frame.filename) in _loaded:
-            return f"{frame.filename}:{frame.lineno}"
-    return None
 
 
 # Each wheel has a servo of its own, and the servo driver has eight outputs.

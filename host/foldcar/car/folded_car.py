@@ -18,11 +18,12 @@ from foldcar.car.components.module import BrainModule, ElectronicsModule, WheelM
 from foldcar.car.components.mounts import depth_mm, inside_mm, put_switch
 from foldcar.car.components.shape import Graph, Shape
 from foldcar.car.components.wheel import Wheel
-from foldcar.car.design import HINGE, MODULES, Design, DesignError, parameters, place_of
+from foldcar.car.design import HINGE, MODULES, Design, DesignError, parameters
 from foldcar.car.folded.model import FoldedCar, HingeJoint, PlacedPiece, Wire
 from foldcar.car.folded.pose import apply, compose, edge, folded, rotation, translation
 from foldcar.car.leads import with_leads
 from foldcar.car.parts.catalogue import Catalogue, PartChoices, chosen
+from foldcar.car.user_modules import building, place_of
 
 
 class Car(Component):
@@ -80,7 +81,8 @@ def folded_car(design: Design) -> FoldedCar:
 @lru_cache(maxsize=64)
 def _folded_car(letters: tuple[str, ...], values: tuple[tuple[str, float], ...], choices: PartChoices) -> FoldedCar:
     design = Design(letters, dict(values), choices)
-    graph, frame = _frame(design)
+    with building():
+        graph, frame = _frame(design)
     count, axles = len(frame.axles), []
     for channel, axle in enumerate(frame.axles):
         end = f"axle {channel // 2 + 1} "

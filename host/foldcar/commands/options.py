@@ -102,7 +102,7 @@ def _check_engine(engine: str) -> None:
 def _load(files: Sequence[Path]) -> None:
     """Register the modules before the command reads its listing."""
     if files:
-        from foldcar.car.design import load_components
+        from foldcar.car.user_modules import load_components
 
         for file in files:
             load_components(file)

@@ -8,6 +8,7 @@ Also the name of a sampled scene, by which `foldcar link` and `foldcar log` know
 
 import hashlib
 import json
+import os
 from collections.abc import Mapping, Sequence
 from functools import cache
 from importlib.metadata import version
@@ -17,19 +18,20 @@ from typing import Any
 from foldcar.scenes.program_files import Files
 
 PACKAGE = Path(__file__).resolve().parents[1]
-SCENE_FOLDERS = (PACKAGE / "scenes", PACKAGE / "simulation")
-VARIATION_FOLDER = PACKAGE / "car" / "variation"
+SCENE_CODE = (PACKAGE / "scenes", PACKAGE / "simulation")
+VARIATION_CODE = (PACKAGE / "car" / "variation.py", PACKAGE / "car" / "workshop.json")
 
 
 def environment_fingerprint(
-    program: str, files: Files, params: Mapping[str, Any], seed: int, condition: Mapping[str, Any] | None = None
+    program: Path, files: Files, params: Mapping[str, Any], seed: int, condition: Mapping[str, Any] | None = None
 ) -> str:
-    """The fingerprint of the program of that name with ``files`` and the rest of its environment (see open_environment).
+    """The fingerprint of ``program`` with ``files`` and the rest of its environment (see open_environment).
 
-    Where files outside the program's folder lie does not count.
+    Files count by their paths relative to the program's folder, so that a study may be moved as a whole.
     """
-    contents = sorted((Path(name).name if Path(name).is_absolute() else name, digest) for name, digest in files.items())
-    head = [program, contents, params, seed, condition, scenic_version(), scene_code()]
+    folder = program.parent.resolve()
+    contents = sorted((Path(os.path.relpath(folder / name, folder)).as_posix(), digest) for name, digest in files.items())
+    head = [program.name, contents, params, seed, condition, scenic_version(), scene_code()]
     return hashlib.sha256(json.dumps(head, sort_keys=True).encode()).hexdigest()
 
 
@@ -41,13 +43,13 @@ def spread_fingerprint(spread: Mapping[str, float], seed: int) -> str:
 @cache
 def scene_code() -> str:
     """The hash of foldcar's code, vocabulary included, that samples scenes and runs Scenic beside carsim."""
-    return folders_digest(SCENE_FOLDERS)
+    return code_digest(SCENE_CODE)
 
 
 @cache
 def variation_code() -> str:
     """The hash of the code and data that draw variations and apply them to bodies."""
-    return folders_digest([VARIATION_FOLDER])
+    return code_digest(VARIATION_CODE)
 
 
 def scenic_version() -> str:
@@ -55,11 +57,17 @@ def scenic_version() -> str:
     return version("scenic")
 
 
-def folders_digest(folders: Sequence[Path]) -> str:
-    """The hash of names and contents of all files below the folders, except compiled Python."""
+def code_digest(places: Sequence[Path]) -> str:
+    """The hash of names and contents of files, and of all files below folders except compiled Python.
+
+    FileNotFoundError if one of ``places`` is no such file or folder: code that has moved would go unnoticed.
+    """
     digest = hashlib.sha256()
-    for folder in folders:
-        files = (file for file in folder.rglob("*") if file.is_file() and "__pycache__" not in file.parts)
+    for place in places:
+        below = [*place.rglob("*"), place]
+        files = [file for file in below if "__pycache__" not in file.parts and file.is_file()]
+        if not files:
+            raise FileNotFoundError(f"{place}: no code to hash")
         for name, file in sorted((file.relative_to(PACKAGE).as_posix(), file) for file in files):
             content = file.read_bytes()
             # The length makes the encoding unambiguous: different lists of files give different bytes.

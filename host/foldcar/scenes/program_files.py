@@ -13,36 +13,22 @@ takes compiled code for current if its source had the same size and second.
 import hashlib
 import importlib
 import importlib.util
-import os
-import site
-import stat
 import sys
-import sysconfig
-import threading
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
-from functools import cache
 from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
 from pathlib import Path
 from types import CodeType, ModuleType
 from typing import Any
 
 from foldcar.errors import FoldcarError
+from foldcar.read_files import HeardFiles, file_digest, file_state, heard_files, is_own
 
 Files = Mapping[str, str]
 NEIGHBOURS = (".scenic", ".py")
 
-PACKAGE = Path(__file__).resolve().parents[1]
-# What belongs to the system and to its user's libraries.
-SYSTEM = ("/etc", "/proc", "/sys", "/usr/share")
-USERS = (".cache", ".config")
-
 # Names in sys.modules that are known to be no program's modules.
 _installed: set[str] = set()
-
-# What tells a file from a changed one without reading it: its node, size and time of change.
-_State = tuple[int, int, int]
-
 
 class ProgramFiles:
     """The files of one program, as it is compiled, sampled and run. With ``fixed`` it may consist of these only."""
@@ -62,7 +48,7 @@ class ProgramFiles:
 
     def unchanged(self) -> bool:
         """Whether the files are as they were, and no more of them stand beside the program."""
-        now = {name: _digest(self._folder / name) for name in self._digests}
+        now = {name: file_digest(self._folder / name) for name in self._digests}
         return {**now, **self._neighbours()} == self._digests
 
     @contextmanager
@@ -74,7 +60,7 @@ class ProgramFiles:
         if anew:
             self._modules.forget()
         failed: Exception | None = None
-        with self._modules.loaded(), _heard() as heard:
+        with self._modules.loaded(), heard_files() as heard:
             try:
                 yield
             except Exception as error:
@@ -84,13 +70,13 @@ class ProgramFiles:
         if failed is not None:
             raise failed
 
-    def _take(self, heard: "_Heard") -> None:
+    def _take(self, heard: HeardFiles) -> None:
         self._written |= heard.written
         for path, state in heard.read.items():
             if path.suffix == ".pyc" or path in self._written or not is_own(path, self._folder):
                 continue
             name = self._name(path)
-            known, now = self._digests.get(name), _digest(path) if _state(path) == state else None
+            known, now = self._digests.get(name), file_digest(path) if file_state(path) == state else None
             if now is None or now != (known or now):
                 raise _changed(self._program.parent / name)
             if known is None and self._fixed:
@@ -107,7 +93,7 @@ class ProgramFiles:
         return str(path.resolve())
 
     def _neighbours(self) -> dict[str, str]:
-        found = {file.name: _digest(file) for file in self._folder.glob("*") if file.suffix in NEIGHBOURS}
+        found = {file.name: file_digest(file) for file in self._folder.glob("*") if file.suffix in NEIGHBOURS}
         return {name: digest for name, digest in found.items() if digest is not None}
 
 
@@ -122,78 +108,6 @@ def content(folder: Path, name: str, digest: str) -> bytes:
 
 def _changed(file: Path) -> FoldcarError:
     return FoldcarError(f"{file}: has changed while the program was in use; start again with the files as they are now")
-
-
-class _Heard:
-    """The files that a thread opens: how those were that it reads, and which it writes."""
-
-    def __init__(self) -> None:
-        self._thread = threading.get_ident()
-        self.read: dict[Path, _State] = {}
-        self.written: set[Path] = set()
-
-    def note(self, given: Any, mode: object, flags: int) -> None:
-        if isinstance(given, int) or threading.get_ident() != self._thread or _is_shown():
-            return
-        with suppress(OSError, TypeError, ValueError):
-            path = Path(os.path.normpath(Path(os.fsdecode(given)).absolute()))
-            if flags & (os.O_WRONLY | os.O_RDWR) and path not in self.read:
-                self.written.add(path)
-            elif (state := _state(path)) is not None:
-                self.read.setdefault(path, state)
-
-
-def _is_shown() -> bool:
-    """Whether source is read to be shown, as Scenic's stacks do of every file that runs, foldcar's command too."""
-    frame = sys._getframe(3)
-    callers = (frame, frame.f_back)
-    return any(one is not None and one.f_globals.get("__name__") == "linecache" for one in callers)
-
-
-# The one that hears now is the last. Python cannot take an audit hook back.
-_hearing: list[_Heard] = []
-
-
-@contextmanager
-def _heard() -> Iterator[_Heard]:
-    _listen()
-    one = _Heard()
-    _hearing.append(one)
-    try:
-        yield one
-    finally:
-        _hearing.remove(one)
-
-
-@cache
-def _listen() -> None:
-    def hear(event: str, arguments: tuple[Any, ...]) -> None:
-        if event == "open" and _hearing and len(arguments) == 3:
-            _hearing[-1].note(*arguments)
-
-    sys.addaudithook(hear)
-
-
-def _state(path: Path) -> _State | None:
-    """None if it is no regular file."""
-    with suppress(OSError):
-        found = path.stat()
-        if stat.S_ISREG(found.st_mode):
-            return found.st_ino, found.st_size, found.st_mtime_ns
-    return None
-
-
-def _digest(path: Path) -> str | None:
-    """The hash of a regular file that can be read, else None."""
-    state = _state(path)
-    return None if state is None else _read_digest(path, state)
-
-
-@cache
-def _read_digest(path: Path, state: _State) -> str | None:
-    with suppress(OSError):
-        return hashlib.sha256(path.read_bytes()).hexdigest()
-    return None
 
 
 class _Modules:
@@ -225,34 +139,6 @@ class _Modules:
             self._path, sys.path[:] = list(sys.path), path
             self._modules = _taken(self._folder)
             sys.modules.update(others)
-
-
-@cache
-def is_own(path: Path, folder: Path) -> bool:
-    """Whether what has this absolute path is, for a program in ``folder``, neither installed nor the system's.
-
-    A program may itself be among these, or have them in its folder.
-    """
-    return not any(
-        one.is_relative_to(root) and not (root in base.parents and one.is_relative_to(base))
-        for one, base in ((path, folder), (path.resolve(), folder.resolve()))
-        for root in _roots()
-    )
-
-
-@cache
-def _roots() -> set[Path]:
-    """The folders of installed code, Scenic's and foldcar's own among them."""
-    scenic = importlib.util.find_spec("scenic")
-    folders = [sysconfig.get_paths()[name] for name in ("stdlib", "platstdlib", "purelib", "platlib")]
-    folders += [*site.getsitepackages(), site.getusersitepackages(), str(PACKAGE), *SYSTEM]
-    with suppress(RuntimeError):
-        # A user without a home has none of these.
-        folders += [str(Path.home() / name) for name in USERS]
-    folders += [os.environ[name] for name in ("XDG_CACHE_HOME", "MPLCONFIGDIR") if name in os.environ]
-    folders += (scenic.submodule_search_locations if scenic is not None else None) or []
-    roots = [Path(folder) for folder in folders]
-    return {*roots, *(root.resolve() for root in roots)}
 
 
 def _taken(folder: Path) -> dict[str, ModuleType]:

@@ -43,7 +43,7 @@ class Environment:
 
     def _fingerprint_of(self, files: Files) -> str:
         e = self._experiment
-        return environment_fingerprint(e.program.name, files, e.scenic_params, e.seed, e.condition)
+        return environment_fingerprint(e.program, files, e.scenic_params, e.seed, e.condition)
 
     @property
     def files(self) -> Files:

@@ -13,8 +13,9 @@ from importlib.metadata import version
 from pathlib import Path
 
 from foldcar.car.body import TableRow, body_json
-from foldcar.car.design import Design, loaded_files
-from foldcar.scenes.fingerprint import folders_digest
+from foldcar.car.design import Design
+from foldcar.car.user_modules import components_digest
+from foldcar.scenes.fingerprint import code_digest
 from foldcar.store.designs import StoredDesigns, stored_designs
 from foldcar.store.writer import PlannedDesign
 from foldcar.study.experiments import Experiment, Study
@@ -72,17 +73,11 @@ def designs_fingerprint(experiment: Experiment, table: Mapping[str, TableRow]) -
     family, e = experiment.family, experiment
     told = [
         family.type, repr(family.parts), dict(family.choices), family.members, e.timeout_s, e.speed_m_s, e.yaw_rate_rad_s,
-        repr(sorted(table.items())), version("numpy"), _code(),
+        repr(sorted(table.items())), version("numpy"), _code(), components_digest(),
     ]  # fmt: skip
-    digest = hashlib.sha256(json.dumps(told).encode())
-    # A module can import its neighbours.
-    for folder in sorted({file.parent for file in loaded_files()}):
-        for file in sorted(folder.glob("*.py")):
-            content = file.read_bytes()
-            digest.update(f"\n{file.name} {len(content)}\n".encode() + content)
-    return digest.hexdigest()
+    return hashlib.sha256(json.dumps(told).encode()).hexdigest()
 
 
 @cache
 def _code() -> str:
-    return folders_digest(CODE)
+    return code_digest(CODE)

@@ -1,0 +1,118 @@
+"""Modules of cars that a user defines in a Python file, as ``--components`` names it.
+
+Input: a file. Output: its classes among MODULES, and a hash of all files that they consist of. An error in the file is a
+message of one line that names file and line.
+"""
+
+import contextlib
+import hashlib
+import importlib.util
+import inspect
+import json
+import os
+import sys
+import traceback
+from collections.abc import Iterator
+from pathlib import Path
+
+from foldcar.car.components.module import ElectronicsModule, Module, WheelModule
+from foldcar.car.design import MODULES, parameters
+from foldcar.errors import FoldcarError
+from foldcar.read_files import file_digest, heard_files, is_own
+
+# Files of users' modules with the letters that they define, and all files that they consist of.
+_loaded: dict[Path, list[str]] = {}
+_read: set[Path] = set()
+
+
+def load_components(file: Path) -> list[str]:
+    """Register the modules that the file defines and return their letters; FoldcarError if it fails or has none."""
+    path = file.resolve()
+    if path in _loaded:
+        return _loaded[path]
+    spec = importlib.util.spec_from_file_location(f"foldcar_components_{path.stem}", path)
+    if spec is None or spec.loader is None or not path.is_file():
+        raise FoldcarError(f"--components {file}: is no Python file")
+    module = importlib.util.module_from_spec(spec)
+    try:
+        with heard_files() as heard:
+            spec.loader.exec_module(module)
+    except SyntaxError as error:
+        raise FoldcarError(f"{file}:{error.lineno}: {error.msg}") from error
+    except Exception as error:
+        lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if Path(frame.filename) == path]
+        raise FoldcarError(f"{file}:{(lines or [1])[-1] or 1}: {type(error).__name__}: {error}") from error
+    classes = (kind for kind in vars(module).values() if inspect.isclass(kind) and kind.__module__ == module.__name__)
+    kinds = [kind for kind in classes if issubclass(kind, Module)]
+    if not kinds:
+        raise FoldcarError(f"{file}:1: defines no subclass of foldcar.car.components.module.Module")
+    sys.modules[module.__name__] = module
+    for kind in kinds:
+        for told in _refusals(kind):
+            raise FoldcarError(f"{file}:{inspect.getsourcelines(kind)[1]}: {kind.__name__}{told}")
+        MODULES[kind.letter] = kind
+        parameters.cache_clear()
+    _loaded[path] = [kind.letter for kind in kinds]
+    # Python reads compiled modules where it has them: their sources are found by name.
+    modules = (getattr(module, "__file__", None) for module in list(sys.modules.values()))
+    imported = (Path(file) for file in modules if file and Path(file).is_relative_to(path.parent))
+    _read.update(file for file in (path, *heard.read, *imported) if _counts(file, path.parent))
+    _read.update(path.parent.glob("*.py"))
+    return _loaded[path]
+
+
+def _counts(file: Path, folder: Path) -> bool:
+    """Whether a file that was read tells a user's module in ``folder`` from another one."""
+    return file.suffix != ".pyc" and is_own(file.absolute(), folder)
+
+
+def _refusals(kind: type[Module]) -> Iterator[str]:
+    """Why a user's module is not taken."""
+    for attribute in ("letter", "title"):
+        if not isinstance(getattr(kind, attribute, None), str):
+            yield f' has no text "{attribute}"'
+    letter = kind.letter
+    if not letter.isalnum() or letter == "common":
+        yield f': letter "{letter}" is not made of letters and digits'
+    if letter in MODULES:
+        yield f': letter "{letter}" is that of {MODULES[letter].__name__} already'
+    if issubclass(kind, WheelModule | ElectronicsModule):
+        yield ": carries wheels or electronics, which W and B do; derive it from Module"
+    known = {key: parameter.declared for key, parameter in parameters().items()}
+    for parameter in kind.parameters:
+        if known.get(parameter.name, parameter) != parameter:
+            yield f': its parameter "{parameter.name}" is declared otherwise than that of the whole car'
+
+
+def components_digest() -> str:
+    """The hash of all files that users' modules consist of: what loading them read, and Python files beside them."""
+    digest = hashlib.sha256()
+    folders = {path.parent for path in _loaded}
+    for file in sorted(_read):
+        names = sorted(os.path.relpath(file, folder) for folder in folders)
+        digest.update(json.dumps([names, file_digest(file)]).encode())
+    return digest.hexdigest()
+
+
+@contextlib.contextmanager
+def building() -> Iterator[None]:
+    """FoldcarError if users' modules read other files within the block than when they were loaded."""
+    if not _loaded:
+        yield
+        return
+    with heard_files() as heard:
+        yield
+    for file in heard.read:
+        if file not in _read and all(_counts(file, path.parent) for path in _loaded):
+            raise FoldcarError(
+                f"{next(iter(_loaded))}: reads {file} while a car is folded, too late to tell designs apart by it; "
+                "read it at the module's head"
+            )
+
+
+def place_of(error: BaseException) -> str | None:
+    """File and line of the user's component that raised the exception, or None if none did."""
+    for frame in reversed(traceback.extract_tb(error.__traceback__)):
+        if Path(frame.filename) in _loaded:
+            return f"{frame.filename}:{frame.lineno}"
+    return None

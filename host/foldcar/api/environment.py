@@ -88,11 +88,12 @@ def environment(program: str | Path, *, seed: int = 0, params: Mapping[str, Any]
     FoldcarError if there is no such file or the seed is none.
     """
     number = whole("seed", seed, 0, GREATEST_SEED)
-    file = Path(program)
+    # The working directory may change afterwards.
+    file = Path(program).resolve()
     if not file.is_file():
-        raise FoldcarError(f"{file}: no such Scenic program")
+        raise FoldcarError(f"{program}: no such Scenic program")
     try:
-        key = json.dumps([str(file.resolve()), params or {}, number], sort_keys=True)
+        key = json.dumps([str(file), params or {}, number], sort_keys=True)
     except TypeError as error:
         raise FoldcarError(f"params: {error}; write numbers, texts, truths or lists") from None
     if key not in _opened or not _opened[key].current:

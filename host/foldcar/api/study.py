@@ -32,7 +32,8 @@ class Study:
     """
 
     def __init__(self, store: str | Path) -> None:
-        self.path = Path(store)
+        # The working directory may change afterwards.
+        self.path = Path(store).absolute()
         require_store(self.path)
 
     def __repr__(self) -> str:

@@ -9,6 +9,7 @@ import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -32,7 +33,7 @@ from foldcar.calibration.parameters import FloatArray
 from foldcar.calibration.posterior import IntArray
 from foldcar.errors import FoldcarError
 from foldcar.link.log_features import log_features
-from foldcar.store.log_files import log_file
+from foldcar.store.log_files import intact_log
 from foldcar.store.reader import Store
 from foldcar.store.trial_paths import trial_rows
 from foldcar.store.trial_records import BUILT, SIMULATED, UNKNOWN, WITHDRAWN, Trial
@@ -142,7 +143,7 @@ def observe(store: Store, experiment: SweptExperiment, simulated: bool, evidence
         raise FoldcarError(f"{store.path}: experiment {name}: no trial to calibrate by: {reasons}{hint}")
     notes = [f"Trials left out: {reasons}."] if reasons else []
     found = _observed(store, experiment, kept, here, evidence)
-    return replace(found, simulated=simulated, notes=(*notes, *_notes(found, simulated)))
+    return replace(found, simulated=simulated, notes=(*notes, *found.notes, *_notes(found, simulated)))
 
 
 def _observed(
@@ -151,6 +152,7 @@ def _observed(
     cells: dict[tuple[int, str | None], int] = {}
     cars: dict[tuple[int, str | None], int] = {}
     cell, car, ends, features, errors = [], [], [], [], []
+    unused: list[str] = []
     for trial, design in trials:
         drive = store.trial_drive(trial.id) if trial.id in here else None
         scene = drive[2] if drive is not None else _sampled(experiment, trial, here)
@@ -162,7 +164,11 @@ def _observed(
         if rows is None:
             features.append(told_features(trial.elapsed_time_s if evidence != OUTCOMES else None, passed))
             if evidence == PATHS and trial.log is not None:
-                errors[-1] = _felt(store, trial.log, features[-1])
+                try:
+                    log = intact_log(store.path, trial.id, trial.log, trial.log_sha256)
+                    errors[-1] = _felt(log, features[-1])
+                except FoldcarError as error:
+                    unused.append(f"Not used: {error}.")
             how = trial.outcome if evidence == PATHS or passed else "not_passed"
             ends.append(possible_ends(how))
         else:
@@ -179,17 +185,16 @@ def _observed(
         np.array(features),
         np.array(errors),
         False,
-        (),
+        tuple(unused),
     )
 
 
-def _felt(store: Store, log: str, features: FloatArray) -> FloatArray:
-    """Adds to ``features`` what a built car felt by its log; returns the errors (FEATURES,)."""
+def _felt(log: Path | None, features: FloatArray) -> FloatArray:
+    """Adds to ``features`` what a built car felt by its log; returns the errors (FEATURES,). FoldcarError."""
     errors = np.zeros(FEATURES)
-    try:
-        felt = log_features(log_file(store.path, log))
-    except FoldcarError:
+    if log is None:
         return errors
+    felt = log_features(log)
     for column, angle_rad in ((PITCH, felt.max_pitch_rad), (ROLL, felt.max_roll_rad)):
         if angle_rad is not None and felt.tilt_error_rad is not None:
             features[column] = magnitude(abs(angle_rad))

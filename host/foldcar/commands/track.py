@@ -210,6 +210,7 @@ def _photo(
     from foldcar.simulation.heights import carsim_heights
     from foldcar.store.reader import Store
     from foldcar.store.trial_writer import write_trials
+    from foldcar.store.writer import canonical_json
     from foldcar.study.environments import Environment
     from foldcar.study.experiments import read_study
     from foldcar.trials.placement import lettered, placed
@@ -224,6 +225,11 @@ def _photo(
     (experiment,) = read_study(listing, trial.experiment).experiments
     scene, obstacles = Environment(experiment).sample_with_obstacles(trial.sample)
     things = lettered(obstacles)
+    if canonical_json(placed(scene, things, trial.deviations)) != drive[2]:
+        raise FoldcarError(
+            f"{listing}: sample {trial.sample} of {experiment.program} is another scene than trial {number} drove in: "
+            "the program, its parameters or its seed have changed; name the listing and the program as they were"
+        )
     body: dict[str, Any] = json.loads(drive[0])
     ground = standing(scene, carsim_heights(Carsim()), body)
     found = find_placed(grey, str(photo), course, lens, scene, things, car_marker(body, course), ground)

@@ -92,7 +92,7 @@ def replay(
     from foldcar.simulation.heights import carsim_heights
     from foldcar.simulation.results import outcome_of
     from foldcar.simulation.runner import PATH_INTERVAL_S
-    from foldcar.store.log_files import log_file
+    from foldcar.store.log_files import intact_log
     from foldcar.store.reader import Store
     from foldcar.store.trial_records import BUILT, SIMULATED
 
@@ -114,9 +114,10 @@ def replay(
     else:
         verdict = f"not compared: {STANDING_TEXTS[trial.standing]}"
     felt = None
-    if trial.log is not None and (log := log_file(store, trial.log)).is_file():
+    if trial.log is not None:
         try:
-            felt = log_features(log)
+            log = intact_log(store, number, trial.log, trial.log_sha256)
+            felt = log_features(log) if log is not None else None
         except FoldcarError as error:
             note(f"{error}")
     mark = "" if trial.standing == BUILT else f"  ({STANDING_TEXTS[trial.standing]})"
@@ -288,7 +289,7 @@ def export(
     from foldcar.models.ground import smooth_ground, start_height_m
     from foldcar.simulation.carsim import Carsim
     from foldcar.simulation.heights import carsim_heights
-    from foldcar.store.log_files import log_file, sha256_of
+    from foldcar.store.log_files import intact_log, log_file
     from foldcar.store.reader import Store
 
     with Store.open(store) as opened:
@@ -306,9 +307,7 @@ def export(
         "car_name": trial.car_name or "",
         "withdrawn": str(trial.withdrawn).lower(),
     }
-    log = log_file(store, trial.log)
-    if trial.log_sha256 is not None and sha256_of(log) not in (None, trial.log_sha256):
-        raise FoldcarError(f"{log}: is not the log that trial {number} of {store} wrote: its SHA-256 is another")
+    log = intact_log(store, number, trial.log, trial.log_sha256) or log_file(store, trial.log)
     scene_update, start = None, NO_START
     if drive is not None and log.is_file():
         body, scene = json.loads(drive[0]), json.loads(drive[2])

@@ -16,7 +16,7 @@ from foldcar.store.errors import StoreError
 from foldcar.store.info import CALIBRATION_KIND
 from foldcar.store.reader import Store
 from foldcar.store.rows import Row, parsed
-from foldcar.store.tables import BUILD, CALIBRATION
+from foldcar.store.tables import BUILD, CALIBRATION, EXPERIMENT
 from foldcar.store.trial_writer import now_utc
 
 
@@ -76,8 +76,14 @@ class CalibrationWriter(StoreConnection):
                 "draws": json.dumps(list(calibration.draws), allow_nan=False),
                 "summary": json.dumps(calibration.summary, allow_nan=False),
             }
-            if not replace and self._rows(CALIBRATION, "WHERE name = ?", calibration.name):
-                raise _taken(self.path, calibration.name)
+            if self._rows(CALIBRATION, "WHERE name = ?", calibration.name):
+                if not replace:
+                    raise _taken(self.path, calibration.name)
+                # Another sweep may have begun while the calibration was computed.
+                for experiment in self._rows(EXPERIMENT):
+                    under = json.loads(experiment["facts"]).get("calibration") or {}
+                    if (under.get("name"), under.get("kind", CALIBRATION_KIND)) == (calibration.name, CALIBRATION_KIND):
+                        raise _swept_under(self.path, calibration.name, experiment["id"])
             self._insert(CALIBRATION, [row], "OR REPLACE")
 
 
@@ -89,9 +95,13 @@ def check_calibration_name(store: Store, name: str, replace: bool) -> None:
         raise _taken(store.path, name)
     for info in store.info().experiments.values():
         if info.under == f"{CALIBRATION_KIND} {name}":
-            raise StoreError(
-                f'{store.path}: calibration "{name}": experiment "{info.id}" was swept under it: choose another --name'
-            )
+            raise _swept_under(store.path, name, info.id)
+
+
+def _swept_under(store: Path, name: str, experiment: str) -> StoreError:
+    return StoreError(
+        f'{store}: calibration "{name}": experiment "{experiment}" was swept under it: choose another --name'
+    )
 
 
 def _taken(store: Path, name: str) -> StoreError:

@@ -15,7 +15,7 @@ from pathlib import Path
 from foldcar.simulation.results import NUMBERS
 from foldcar.store.connection import connect_reading
 from foldcar.store.errors import SQLITE_ERRORS, StoreError
-from foldcar.store.log_files import log_file, logs_folder, sha256_of
+from foldcar.store.log_files import log_file, logs_folder, sha256_of, store_folder
 from foldcar.store.reader import Store
 from foldcar.store.tables import BY_NAME, PATH, RECORDED, RUN, TABLES
 
@@ -62,8 +62,8 @@ def _check_logs(path: Path, connection: sqlite3.Connection) -> tuple[int, list[s
     trials = connection.execute("SELECT id, log, log_sha256 FROM trial WHERE log IS NOT NULL ORDER BY id").fetchall()
     # A trial is stored before its log is begun.
     named = {str(log) for _, log, _ in trials}
-    files = sorted(logs_folder(path).glob("trial-*.tlog"))
-    findings = [f"log {file}: its trial is missing" for file in files if str(file.relative_to(path.parent)) not in named]
+    files, folder = sorted(logs_folder(path).glob("trial-*.tlog")), store_folder(path)
+    findings = [f"log {file}: its trial is missing" for file in files if str(file.relative_to(folder)) not in named]
     logs = 0
     for number, log, expected in trials:
         where = f"trial (id={number})"

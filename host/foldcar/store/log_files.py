@@ -1,4 +1,7 @@
-"""Where the logs of a store's trials are: in its folder or below, named relative to it."""
+"""Where the logs of a store's trials are: in its folder or below, named relative to it.
+
+The folder is that of the file itself, also if a symbolic link in another folder leads to it.
+"""
 
 import hashlib
 from pathlib import Path
@@ -6,9 +9,15 @@ from pathlib import Path
 from foldcar.store.errors import StoreError
 
 
+def store_folder(store: Path) -> Path:
+    """The folder that the store's file is in."""
+    return store.resolve().parent if store.is_symlink() else store.parent
+
+
 def logs_folder(store: Path) -> Path:
     """The folder beside a store that `foldcar log` writes logs to."""
-    return store.with_name(f"{store.stem}-logs")
+    stem = store.resolve().stem if store.is_symlink() else store.stem
+    return store_folder(store) / f"{stem}-logs"
 
 
 def log_file(store: Path, log: str) -> Path:
@@ -16,7 +25,7 @@ def log_file(store: Path, log: str) -> Path:
 
     Symbolic links count: what they lead to must be in the folder too.
     """
-    path, folder = Path(log), store.parent
+    path, folder = Path(log), store_folder(store)
     try:
         inside = bool(log) and not path.is_absolute() and ".." not in path.parts
         inside = inside and (folder / path).resolve().is_relative_to(folder.resolve())
@@ -27,15 +36,24 @@ def log_file(store: Path, log: str) -> Path:
     return folder / path
 
 
+def intact_log(store: Path, number: int, log: str, sha256: str | None) -> Path | None:
+    """The log of trial ``number``; None if the file is gone. StoreError if it is not what the trial wrote."""
+    file = log_file(store, log)
+    digest = sha256_of(file)
+    if digest is not None and sha256 not in (None, digest):
+        raise StoreError(f"{file}: is not the log that trial {number} of {store} wrote: its SHA-256 is another")
+    return None if digest is None else file
+
+
 def reference(store: Path, file: Path) -> str:
     """How a store names a file that it only refers to: relative to its folder if it is in there, else from the root."""
-    whole, folder = file.resolve(), store.parent.resolve()
+    whole, folder = file.resolve(), store_folder(store).resolve()
     return (whole.relative_to(folder) if whole.is_relative_to(folder) else whole).as_posix()
 
 
 def referred_file(store: Path, name: str) -> Path:
     """The file of a :func:`reference`."""
-    return store.parent / name
+    return store_folder(store) / name
 
 
 def sha256_of(file: Path) -> str | None:

@@ -17,7 +17,7 @@ from foldcar.link.connection import CAR_SYSTEM
 from foldcar.link.tlog import read_tlog, trial_start_s
 from foldcar.simulation.compact_path import compact_path
 from foldcar.simulation.runner import KEPT_INTERVAL_S as INTERVAL_S
-from foldcar.store.log_files import log_file, sha256_of
+from foldcar.store.log_files import intact_log
 from foldcar.store.reader import Store
 from foldcar.store.trial_records import Track, Trial
 
@@ -65,12 +65,12 @@ def _logged(store: Store, trial: Trial) -> Rows | TrialPath:
     if trial.log is None:
         return TrialPath(missing="it has no log" if trial.source is None else "it was imported, without a log")
     try:
-        file = log_file(store.path, trial.log)
-        if sha256_of(file) is None:
+        file = intact_log(store.path, trial.id, trial.log, trial.log_sha256)
+        if file is None:
             return TrialPath(missing=f"its log {trial.log} is gone")
         messages = [message for _, message in read_tlog(file)]
     except FoldcarError as error:
-        return TrialPath(missing=f"its log cannot be read ({error})")
+        return TrialPath(missing=f"its log cannot be used ({error})")
     start_s = trial_start_s(messages)
     if start_s is None:
         return TrialPath(missing="its log has no trial that runs")

@@ -25,7 +25,7 @@ from foldcar.link.tlog import TlogWriter
 from foldcar.outputs import make_output_folder
 from foldcar.scenes.obstacles import Obstacle
 from foldcar.simulation.carsim import Carsim
-from foldcar.store.log_files import logs_folder
+from foldcar.store.log_files import logs_folder, store_folder
 from foldcar.store.trial_records import BUILT, SIMULATED, Ending, TrialDesign
 from foldcar.store.trial_writer import CarFacts, Drive, TrialWriter, write_trials
 from foldcar.study.environments import Environment
@@ -250,7 +250,7 @@ class Session:
             Drive(body, settings, placed(scene, things, deviations), fingerprint, experiment.program_name, sample),
             deviations,
             CarFacts(identity.build, identity.hash, self._plugged.connected.port, car, options.car),
-            str(log.relative_to(options.store.parent)),
+            str(log.relative_to(store_folder(options.store))),
             options.operator,
         )
         self.driven.append(begun)

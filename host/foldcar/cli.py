@@ -140,25 +140,35 @@ def main() -> None:
     atexit.register(gc.freeze)
     atexit.register(_drop_unread_output)
     try:
-        try:
-            app()
-        except BaseException:
-            # A signal has ended the command, or what it did when it came.
-            if (line := stop_line()) is None:
-                raise
-            _print_error(line, EXIT_CODE)
-            # Not sys.exit: Python kills itself by SIGINT if the exception has passed through compiled code, as of numpy.
-            os._exit(EXIT_CODE)
-    except FoldcarError as error:
-        sys.exit(_print_error("foldcar: error: " + "\n".join(error.lines()), error.exit_code))
-    except ModuleNotFoundError as error:
-        remedy = missing_extra(error)
-        if remedy is None:
+        app()
+    except BaseException as error:
+        message, code = _ending(error)
+        if message is None:
             raise
-        sys.exit(_print_error(f"foldcar: error: {remedy}", 2))
-    except OSError as error:
+        # A file's longest words, such as numbers of 400 digits, are shortened.
+        shown = re.sub(rf"\S{{{LONGEST_WORD + 1},}}", lambda word: f"{word[0][:40]}…{word[0][-10:]}", message)
+        sys.stderr.write(f"{shown}\n")
+        if code != EXIT_CODE:
+            sys.exit(code)
+        # Python would end itself by SIGINT after a KeyboardInterrupt within `exec`, as of dataclasses, however handled.
+        atexit._run_exitfuncs()
+        os._exit(code)
+
+
+def _ending(error: BaseException) -> tuple[str | None, int]:
+    """What the command prints as ``error`` ends it, and its exit code; None if the error is not the user's."""
+    if (line := stop_line()) is not None:
+        # The error is the signal's, or what it led to.
+        return line, EXIT_CODE
+    if isinstance(error, FoldcarError):
+        return "foldcar: error: " + "\n".join(error.lines()), error.exit_code
+    if isinstance(error, ModuleNotFoundError):
+        remedy = missing_extra(error)
+        return remedy and f"foldcar: error: {remedy}", 2
+    if isinstance(error, OSError):
         where = f"{error.filename}: " if error.filename is not None else ""
-        sys.exit(_print_error("foldcar: error: " + " ".join(f"{where}{error.strerror or error}".split()), 2))
+        return "foldcar: error: " + " ".join(f"{where}{error.strerror or error}".split()), 2
+    return None, 1
 
 
 def _drop_unread_output() -> None:
@@ -168,10 +178,3 @@ def _drop_unread_output() -> None:
             stream.flush()
         except OSError:
             os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
-
-
-def _print_error(message: str, code: int) -> int:
-    # A file's longest words, such as numbers of 400 digits, are shortened.
-    shown = re.sub(rf"\S{{{LONGEST_WORD + 1},}}", lambda word: f"{word[0][:40]}…{word[0][-10:]}", message)
-    sys.stderr.write(f"{shown}\n")
-    return code

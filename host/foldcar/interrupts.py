@@ -38,8 +38,10 @@ def message_on_signal(line: Callable[[], str]) -> Iterator[None]:
     global _line
     try:
         yield
-    except KeyboardInterrupt:
-        _line = line()
+    except BaseException:
+        # Tidying up may have raised another error in the place of KeyboardInterrupt.
+        if _stopped.is_set():
+            _line = line()
         raise
 
 

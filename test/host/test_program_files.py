@@ -262,6 +262,23 @@ def test_an_edit_of_any_file_of_code_that_is_hashed_changes_the_digest(
         fingerprint.code_digest([tmp_path / "variation"])
 
 
+def test_environment_variables_are_no_part_of_an_environment(
+    listing: Path, program: Path, tmp_path: Path, carsim_binary: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Neither while it is sampled nor while it drives, beside which Scenic records."""
+    program.write_text(
+        f"import os\n{HEAD}param friction = float(os.environ.get('FRICTION', '0.5'))\n"
+        "record final float(os.environ.get('FRICTION', '0.5')) as seen\n"
+    )
+    monkeypatch.setenv("FRICTION", "0.7")
+
+    swept(listing, tmp_path / "s.db", carsim_binary, 1, environments=1)
+
+    assert open_environment(program, {}, 0).sample(0)["friction"] == 0.5
+    assert [result.recorded["seen"].value for result in rows(tmp_path / "s.db")] == [0.5]
+    assert os.environ["FRICTION"] == "0.7"
+
+
 def test_parameters_seed_and_condition_are_part_of_the_fingerprint(experiment: Experiment) -> None:
     one = replace(experiment, program=STEP_PYRAMIDS)
     changes: list[dict[str, Any]] = [{}, {"seed": 1}, {"scenic_params": {"friction": 0.5}}, {"condition": {"sample": 0}}]

@@ -5,7 +5,8 @@ files beside the program, which it may import at any time; FoldcarError if one h
 relative to the program's folder, those outside by their whole path. Installed code is not among them. What Python opens
 is heard (its audit event `open`); a file that a library in C opens by itself is not.
 
-Within the blocks sys.modules and sys.path are as if the program were alone in a new Python: two programs may each have a
+Within the blocks environment variables are those that the system and Python need: others are no part of an environment.
+There sys.modules and sys.path are as if the program were alone in a new Python: two programs may each have a
 `helper.py`, and one that is compiled again gets its modules as they are now. They are compiled from their source: Python
 takes compiled code for current if its source had the same size and second.
 """
@@ -13,6 +14,7 @@ takes compiled code for current if its source had the same size and second.
 import hashlib
 import importlib
 import importlib.util
+import os
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -60,7 +62,7 @@ class ProgramFiles:
         if anew:
             self._modules.forget()
         failed: Exception | None = None
-        with self._modules.loaded(), heard_files() as heard:
+        with _minimal_variables(), self._modules.loaded(), heard_files() as heard:
             try:
                 yield
             except Exception as error:
@@ -108,6 +110,28 @@ def content(folder: Path, name: str, digest: str) -> bytes:
 
 def _changed(file: Path) -> FoldcarError:
     return FoldcarError(f"{file}: has changed while the program was in use; start again with the files as they are now")
+
+
+# Environment variables that a program may read, and the beginnings of others'.
+VARIABLES = ("HOME", "LANG", "PATH", "SYSTEMROOT", "TEMP", "TMP", "TMPDIR", "USERPROFILE")
+PREFIXES = ("COVERAGE", "DYLD_", "FOLDCAR_", "LC_", "LD_", "MPL", "OPENBLAS_", "PYTHON", "XDG_")
+
+
+def minimal_variables() -> dict[str, str]:
+    """The environment variables for code of a program, in this process or in another."""
+    return {name: value for name, value in os.environ.items() if name in VARIABLES or name.startswith(PREFIXES)}
+
+
+@contextmanager
+def _minimal_variables() -> Iterator[None]:
+    kept = minimal_variables()
+    hidden = {name: value for name, value in os.environ.items() if name not in kept}
+    for name in hidden:
+        del os.environ[name]
+    try:
+        yield
+    finally:
+        os.environ.update(hidden)
 
 
 class _Modules:

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from foldcar.installation import python_command
-from foldcar.scenes.program_files import Files
+from foldcar.scenes.program_files import Files, minimal_variables
 from foldcar.simulation.carsim_step import LineProcess
 from foldcar.simulation.runner import CarsimError, RunRequest, process_ending
 
@@ -30,7 +30,7 @@ class _Worker(LineProcess):
     def __init__(self, opening: str) -> None:
         # All workers order a set of texts alike. Threads for linear algebra would do nothing but make
         # every copy of the process slower.
-        environment = {**os.environ, "PYTHONHASHSEED": "0", "OPENBLAS_NUM_THREADS": "1"}
+        environment = {**minimal_variables(), "PYTHONHASHSEED": "0", "OPENBLAS_NUM_THREADS": "1"}
         command = python_command("foldcar.simulation.worker", "foldcar.simulation.scenic_worker")
         # A session of its own keeps Ctrl-C from it.
         super().__init__(command, env=environment, start_new_session=True)

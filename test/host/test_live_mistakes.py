@@ -5,14 +5,17 @@ import os
 import subprocess
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from foldcar.errors import FoldcarError
 from foldcar.link.stream import open_stream
+from foldcar.trials.plugged_car import require_same_car
 from forked_foldcar import original
-from live_car import LOG, car_at_port, trials_in
+from live_car import LOG, car_at_port, greeted, trials_in
 
 Foldcar, Refused = Callable[..., "subprocess.CompletedProcess[str]"], Callable[..., str]
 
@@ -38,6 +41,15 @@ def log_and(folder: Path, port: str, accident: Callable[[], object]) -> tuple[in
     accident()
     output, errors = process.communicate()
     return process.wait(), output, errors
+
+
+def test_another_car_than_at_the_beginning_of_a_session_is_refused(port: str) -> None:
+    with greeted(port) as car:
+        identity = car.identity()
+        require_same_car(car, replace(identity, scene="another one"))
+        for other in ({"hash": "feed"}, {"build": "beef"}, {"simulated": False}):
+            with pytest.raises(FoldcarError, match=r"the car is w?.* now, and was .*: begin a new session with it"):
+                require_same_car(car, replace(identity, **other))
 
 
 def test_a_store_that_is_replaced_while_it_is_written_is_told(tmp_path: Path, port: str) -> None:

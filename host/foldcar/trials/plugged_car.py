@@ -62,7 +62,9 @@ class PluggedCar:
         self.close()
         self.connect(port)
 
-    def collect(self, number: int, log: Path, time_limit_s: float, answers: Answers | None) -> DriveEnd:
+    def collect(
+        self, number: int, log: Path, time_limit_s: float, answers: Answers | None, identity: CarIdentity
+    ) -> DriveEnd:
         """Wait until an untethered car is connected again, and merge its log of trial ``number`` into ``log``."""
         end_s = time.monotonic() + time_limit_s + COMES_BACK_S
         question = "The car drives on. When it has stopped, plug it in and press Enter, or type its port; q gives up: "
@@ -72,6 +74,7 @@ class PluggedCar:
                 return DriveEnd("did not come back", "aborted", None)
             try:
                 self.connect_again(typed)
+                require_same_car(self.connected, identity)
                 if self.connected.state() == self.connected.dialect.FOLDCAR_STATE_RUNNING:
                     raise LinkLostError("the car still drives")
                 return collect(self.connected, number, log)
@@ -121,6 +124,14 @@ def welcome(
         calibrated = "  (calibrated)" if name.endswith(CALIBRATED) else ""
         say(f"  {name:<16} {values[name]:g} instead of {wanted:g}{calibrated}")
     return identity, design
+
+
+def require_same_car(car: Car, identity: CarIdentity) -> None:
+    """FoldcarError if the car's design or firmware is another than in ``identity``."""
+    now = car.identity()
+    if (now.hash, now.build, now.simulated) != (identity.hash, identity.build, identity.simulated):
+        before, after = (f"{known.name} ({known.hash}, firmware {known.build})" for known in (identity, now))
+        raise FoldcarError(f"{car.port}: the car is {after} now, and was {before}: begin a new session with it")
 
 
 def _end_earlier_trial(car: Car) -> None:

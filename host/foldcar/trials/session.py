@@ -36,7 +36,7 @@ from foldcar.trials.media import Arrivals, is_growing, media_kind
 from foldcar.trials.order import Standing, moves_text, next_sample, standing
 from foldcar.trials.person import IDLE_S, INPUT, Answers, say, warn
 from foldcar.trials.placement import ask_deviations, draw_placement, lettered, placed, show_placement
-from foldcar.trials.plugged_car import SIMULATED_TEXT, PluggedCar, simulated_sample, welcome
+from foldcar.trials.plugged_car import SIMULATED_TEXT, PluggedCar, require_same_car, simulated_sample, welcome
 from foldcar.trials.recording import OUTCOME_KEYS, OUTCOME_QUESTION, complete_interrupted, record_outcome
 
 LEAST_FREE_BYTES = 20_000_000
@@ -240,6 +240,8 @@ class Session:
             return None
         body = body_json(design)
         settings = experiment.settings(design, body, self._carsim.parameter_table())
+        # Cars may be exchanged between two trials, without a lost link.
+        require_same_car(self._plugged.connected, identity)
         log = self._log_file(number)
         car = None if identity.simulated is None else SIMULATED if identity.simulated else BUILT
         if identity.simulated and deviations:
@@ -255,13 +257,13 @@ class Session:
         )
         self.driven.append(begun)
         self._standing = standing(scene, things, deviations)
-        end = self._drive(settings, begun, log)
+        end = self._drive(settings, begun, log, identity)
         if end.ending == DRIVES_ON:
-            end = self._plugged.collect(begun, log, settings["time_limit_s"], self._asked)
+            end = self._plugged.collect(begun, log, settings["time_limit_s"], self._asked, identity)
         stored = record_outcome(writer, begun, end, log, options.outcome, options.note, self._asked, mark)
         return _Driven(begun, sample, log, stored, end)
 
-    def _drive(self, settings: dict[str, Any], number: int, log: Path) -> DriveEnd:
+    def _drive(self, settings: dict[str, Any], number: int, log: Path, identity: CarIdentity) -> DriveEnd:
         car, options, limit_s = self._plugged.connected, self._options, settings["time_limit_s"]
         say(f"Countdown {options.countdown_s} s, then {limit_s:g} s at most. Ctrl-C stops.")
         try:
@@ -269,7 +271,8 @@ class Session:
                 car.connection.catch_up()
                 car.connection.log = writer
                 # The log then contains the car's identity and settings.
-                for message in ("FOLDCAR_DESIGN", "AUTOPILOT_VERSION", "SYS_STATUS"):
+                require_same_car(car, identity)
+                for message in ("AUTOPILOT_VERSION", "SYS_STATUS"):
                     car.request(message)
                 read_parameters(car)
                 other_input = INPUT if self._answers.is_terminal else None

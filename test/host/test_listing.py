@@ -1,6 +1,7 @@
 """The experiment listing: valid files are read, all mistakes named at once, cars that cannot be built left out."""
 
 import csv
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -26,6 +27,17 @@ PUBLISHED_STYLE = """{
     "scenic_params": {"hillX": -0.3, "hillWidth": 1.25},
   }},
 }"""
+
+
+@pytest.mark.parametrize("name", ["1 fresh", "1 (side-view)", "1 (MuJoCo, half step)", "1 (calibrated mine)"])
+def test_names_of_variants_are_no_names_of_experiments(
+    write_listing: Callable[[Any], Path], listing_data: Any, name: str
+) -> None:
+    listing_data["experiments"] = {name: listing_data["experiments"]["1"]}
+    with pytest.raises(FoldcarError, match=f'"{re.escape(name)}": ends as the names that foldcar gives to variants'):
+        read_study(write_listing(listing_data))
+    listing_data["experiments"] = {"fresh (air)": listing_data["experiments"][name]}
+    assert read_study(write_listing(listing_data)).experiments[0].id == "fresh (air)"
 
 
 def change(data: Any, path: str, value: Any) -> Any:

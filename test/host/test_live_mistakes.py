@@ -108,7 +108,7 @@ def test_the_report_tells_trials_of_another_environment(
     assert foldcar("sweep", "m.json", "--store", "s.db", "--jobs", "1").returncode == 0
     other: Any = json.loads(foldcar("report", "s.db", "-o", "r", "--no-replay", "--simulated-trials", "--json").stdout)
 
-    told = "1 trial in free.scenic, not in the environment of the runs, other.scenic: they count in no rate here."
+    told = "1 trial left out: driven in free.scenic, not in other.scenic."
     assert told in other["experiments"][0]["remarks"]
     assert told not in same["experiments"][0]["remarks"]
     assert told in (tmp_path / "r" / "index.html").read_text()

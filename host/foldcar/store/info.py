@@ -1,10 +1,11 @@
 """What a study is: the facts a store keeps beside its runs, as reports print them."""
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from foldcar.simulation.engines import engine_title
+from foldcar.simulation.engines import ENGINES, engine_title
 
 if TYPE_CHECKING:
     from foldcar.analysis.stopping import StoppingRule
@@ -12,6 +13,11 @@ if TYPE_CHECKING:
 
 # What an experiment may be simulated under: a calibration of its store, or the parameters of a file.
 CALIBRATION_KIND, REALITY_KIND = "calibration", "reality"
+
+
+# Endings of the names of an experiment's variants: in fresh environments, in another engine, under other parameters.
+_TITLES = "|".join(re.escape(engine.title) for engine in ENGINES.values() if engine.title)
+VARIANT = re.compile(rf" (fresh|\(({_TITLES}|(calibrated|{REALITY_KIND}) .*)\))$")
 
 
 def engine_id(experiment: str, engine: str) -> str:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from foldcar.car.body import TableRow, check_parameters, firmware_parameters, full_speed_m_s
 from foldcar.car.design import Design
 from foldcar.car.variation import spread_named
-from foldcar.store.info import engine_id
+from foldcar.store.info import VARIANT, engine_id
 from foldcar.study.family import Family, read_family
 from foldcar.study.listing import ListingError
 from foldcar.study.listing_file import read_listing
@@ -79,6 +79,9 @@ def read_study(file: Path, experiment: str | None = None, environments: int | No
         known = list(listing.experiments)
         close = did_you_mean(experiment, known)
         raise ListingError(file, f'experiments: has no "{experiment}"; known: {", ".join(known)}{close}')
+    for name in filter(VARIANT.search, listing.experiments):
+        reason = "ends as the names that foldcar gives to variants of experiments; choose another"
+        raise ListingError(file, f'experiments: "{name}": {reason}')
     chosen = []
     for name, listed in listing.experiments.items():
         if experiment is not None and name != experiment:

@@ -1,7 +1,20 @@
-"""What people type: numbers of ASCII digits, and names that they misspell."""
+"""What people type: numbers of ASCII digits, names that they misspell, and text files."""
 
 import difflib
 from collections.abc import Iterable
+from pathlib import Path
+
+from foldcar.errors import FoldcarError
+
+
+def read_text(file: Path) -> str:
+    """Read a text file in UTF-8, with or without a byte order mark; every line ends in \\n. Raises FoldcarError."""
+    try:
+        return file.read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise FoldcarError(f"{file}: cannot be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise FoldcarError(f"{file}: is not UTF-8 text (byte {error.start})") from error
 
 
 def whole_number(text: str) -> int:

@@ -13,7 +13,7 @@ HEADER = "vehicle_type,width_mm,outcome,count,source\n"
 
 def read(folder: Path, text: str) -> list[dict[str, Any]]:
     """The trials of a file with that text."""
-    (folder / "t.csv").write_text(text)
+    (folder / "t.csv").write_bytes(text.encode())
     return read_trials(folder / "t.csv", "1")
 
 
@@ -30,9 +30,15 @@ def column(name: str, *cells: str) -> str:
         ("vehicle_type,outcome\nW_B_W,passed\n", 'has no column "source"'),
         ("vehicle_type,outcome,source,colour\n", 'unknown column "colour"; known: vehicle_type'),
         ("Vehicle_type,outcome,source\n", 'unknown column "Vehicle_type"; .*; did you mean "vehicle_type"'),
-        ("vehicle_type;outcome;source\nW_B_W;passed;p\n", 'its columns are separated by ";"; separate them by commas'),
+        ("vehicle_type|outcome|source\n", r'its columns are separated by "\|"; separate them by commas or semicolons'),
         (HEADER + "W_B_W,95,passed,1\n", "line 2: has 4 cells, the header 5"),
-        (HEADER + "# a comment\nW_B_W,95,flew,1,me\n", 'line 3: outcome: "flew" is not one of passed, '),
+        (HEADER + "\nW_B_W,95,flew,1,me\n", 'line 3: outcome: "flew" is not one of passed, '),
+        (HEADER + "# a comment\nW_B_W,95,passed,1,me\n", "line 2: has 1 cells, the header 5"),
+        (HEADER + "W_B_W,95,passed,1,me,more\n", "line 2: has 6 cells, the header 5"),
+        (HEADER + 'W_B_W,95,passed,1,"me\n', "line 2: unexpected end of data"),
+        (HEADER + 'W_B_W,95,passed,1,"m"e\n', "line 2: ',' expected after '\"'"),
+        (HEADER + 'W_B_W,95,passed,1,"me\nand\r\nyou"\n\n,,,,\nW_B_W,95,flew,1,me\n', 'line 7: outcome: "flew"'),
+        (HEADER.replace(",", ";") + "W_B_W;9,5,1;passed;1;me\n", 'line 2: width_mm: "9.5.1" is not a number'),
         (HEADER + "W_B_W,95,pased,1,me\n", 'line 2: outcome: "pased" is not .*; did you mean "passed"'),
         (HEADER + "W_B_W,95,passed,1_0,me\n", 'line 2: count: "1_0" is not a whole number'),
         (HEADER + "W_B_W,95,passed,0,me\n", "line 2: count: 0 is below the minimum 1"),
@@ -72,3 +78,18 @@ def test_outcomes_are_read_as_a_spreadsheet_capitalises_them_and_times_in_utc(tm
     told = [("passed", "built"), ("not_passed", "built"), ("stuck", "simulated")]
     assert [(trial["outcome"], trial["car"]) for trial in found] == told
     assert [trial["started_utc"] for trial in found] == ["2026-05-01T07:30:00+00:00", *times[1:]]
+
+
+def test_a_cell_may_have_line_breaks_and_a_row_may_begin_with_a_hash(tmp_path: Path) -> None:
+    rows = '#1,W_B_W,95,passed,me,"wet\r\npassed,95\n"\n#2,W_B_W,95,stuck,me,\n'
+    trials = read(tmp_path, "experiment,vehicle_type,width_mm,outcome,source,note\n" + rows)
+
+    assert [(trial["experiment"], trial.get("note")) for trial in trials] == [("#1", "wet\npassed,95"), ("#2", None)]
+
+
+def test_sheets_of_european_spreadsheets_are_read(tmp_path: Path) -> None:
+    text = "\ufeffvehicle_type;width_mm;outcome;elapsed_time_s;source;note;;\r\nW_B_W;95,5;not passed;7,25;p;a, b;;\r\n"
+    trial, other = read(tmp_path, text + "W_B_W;96.5;Off course;8;p;;;\r\n;;;;;;;\r\n")
+
+    assert (trial["design"]["width_mm"], trial["elapsed_time_s"], trial["note"]) == (95.5, 7.25, "a, b")
+    assert (other["design"]["width_mm"], trial["outcome"], other["outcome"]) == (96.5, "not_passed", "off_course")

@@ -4,14 +4,16 @@ Input: a file with the columns ``outcome``, ``source`` and ``vehicle_type``, and
 ``count``, ``car`` (built or simulated; built if it does not say), ``car_name``, ``elapsed_time_s``, ``note``,
 ``operator``, ``started_utc`` and parameters of the design (``width_mm``, …). Those that are left out are those of the
 experiment, if it was swept, which must not vary them; else foldcar's defaults, but never all of them.
-Lines that begin with # are comments. Output: rows for :meth:`TrialWriter.import_trials`.
+Columns are separated by commas, or by semicolons, with decimal points or decimal commas. Empty rows and empty columns at
+the right are ignored; there are no comments. Output: rows for :meth:`TrialWriter.import_trials`.
 """
 
 import csv
+import io
 import math
 import uuid
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
@@ -22,7 +24,7 @@ from foldcar.errors import FoldcarError
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
 from foldcar.store.trial_records import BUILT, CARS, LONGEST_S, MOST_ID, TRIAL_OUTCOMES, checked_name
-from foldcar.typed import decimal_number, did_you_mean, whole_number
+from foldcar.typed import decimal_number, did_you_mean, read_text, whole_number
 
 NEEDED = ("vehicle_type", "outcome", "source")
 OPTIONAL = ("experiment", "count", "car", "car_name", "sample", "elapsed_time_s", "note", "operator", "started_utc")
@@ -44,24 +46,29 @@ def read_trials(
 
     ``announce`` is told which defaults were taken. FoldcarError naming line and column.
     """
-    try:
-        lines = file.read_text(encoding="utf-8-sig").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
-        raise FoldcarError(f"{file}: cannot be read: {reason}") from error
-    kept = [(number, line) for number, line in enumerate(lines, 1) if line.strip() and not line.startswith("#")]
-    if not kept:
+    text = read_text(file)
+    first_line = text.lstrip().partition("\n")[0]
+    # No column's name has a comma or a semicolon.
+    separator = ";" if ";" in first_line and "," not in first_line else ","
+    lines = _rows(file, text, separator)
+    header = next(lines, (0, [""]))[1]
+    while header and not header[-1]:
+        header.pop()
+    if not header:
         raise FoldcarError(f"{file}: contains no trials")
-    header = _cells(file, *kept[0])
     _check_header(file, header)
+    decimals = {"elapsed_time_s", *(parameter.column for parameter in parameters().values())}
     trials: list[dict[str, Any]] = []
     defaults: dict[str, float] = {}
     rows: Counter[str] = Counter()
-    for number, line in kept[1:]:
-        cells = _cells(file, number, line)
-        if len(cells) != len(header):
+    for number, cells in lines:
+        if len(cells) < len(header) or any(cells[len(header) :]):
             raise FoldcarError(f"{file}: line {number}: has {len(cells)} cells, the header {len(header)}")
-        row = {name: cell for name, cell in zip(header, cells, strict=True) if cell}
+        row = {
+            name: cell.replace(",", ".") if separator == ";" and name in decimals else cell
+            for name, cell in zip(header, cells, strict=False)
+            if cell
+        }
         trial, copies = _trial(f"{file}: line {number}", row, experiment, swept, defaults)
         source = trial["source"]
         rows[source] += 1
@@ -75,9 +82,16 @@ def read_trials(
     return trials
 
 
-def _cells(file: Path, number: int, line: str) -> list[str]:
+def _rows(file: Path, text: str, separator: str) -> Iterator[tuple[int, list[str]]]:
+    """Yield each row that is not empty: the number of its first line, and its cells. Raises FoldcarError."""
+    reader = csv.reader(io.StringIO(text), delimiter=separator, strict=True)
+    number = 1
     try:
-        return [cell.strip() for cell in next(csv.reader([line]))]
+        for cells in reader:
+            stripped = [cell.strip() for cell in cells]
+            if any(stripped):
+                yield number, stripped
+            number = reader.line_num + 1
     except csv.Error as error:
         raise FoldcarError(f"{file}: line {number}: {error}") from None
 
@@ -85,9 +99,9 @@ def _cells(file: Path, number: int, line: str) -> list[str]:
 def _check_header(file: Path, header: list[str]) -> None:
     design = [parameter.column for parameter in parameters().values()]
     known = [*NEEDED, *OPTIONAL, *design]
-    if len(header) == 1 and (separator := next((sign for sign in ";\t|" if sign in header[0]), None)):
+    if len(header) == 1 and (separator := next((sign for sign in "\t|" if sign in header[0]), None)):
         shown = "tabs" if separator == "\t" else f'"{separator}"'
-        raise FoldcarError(f"{file}: its columns are separated by {shown}; separate them by commas")
+        raise FoldcarError(f"{file}: its columns are separated by {shown}; separate them by commas or semicolons")
     for name in header:
         if name not in known:
             close = did_you_mean(name.lower(), known)
@@ -111,7 +125,8 @@ def _trial(
         if name not in row:
             raise FoldcarError(f"{place}: {name}: is empty")
     # Spreadsheets capitalise what is typed into a cell.
-    outcome, car = row["outcome"].lower(), row.get("car", BUILT).lower()
+    outcome = "_".join(row["outcome"].lower().replace("-", " ").split())
+    car = row.get("car", BUILT).lower()
     if outcome not in TRIAL_OUTCOMES:
         close = did_you_mean(outcome, TRIAL_OUTCOMES)
         raise FoldcarError(f'{place}: outcome: "{row["outcome"]}" is not one of {", ".join(TRIAL_OUTCOMES)}{close}')

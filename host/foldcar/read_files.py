@@ -4,6 +4,7 @@ Input: blocks of code. Output: the files that were read in them, with their stat
 system's files are told from the user's own. A file that a library in C opens by itself is not heard.
 """
 
+import codecs
 import hashlib
 import importlib.util
 import os
@@ -19,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 PACKAGE = Path(__file__).resolve().parent
+CODE = (".scenic", ".py")
 # What belongs to the system and to its user's libraries.
 SYSTEM = ("/etc", "/proc", "/sys", "/usr/share")
 USERS = (".cache", ".config")
@@ -89,7 +91,7 @@ def file_state(path: Path) -> FileState | None:
 
 
 def file_digest(path: Path) -> str | None:
-    """The hash of a regular file that can be read, else None."""
+    """The :func:`content_digest` of a regular file that can be read, else None."""
     state = file_state(path)
     return None if state is None else _read_digest(path, state)
 
@@ -97,8 +99,15 @@ def file_digest(path: Path) -> str | None:
 @cache
 def _read_digest(path: Path, state: FileState) -> str | None:
     with suppress(OSError):
-        return hashlib.sha256(path.read_bytes()).hexdigest()
+        return content_digest(path.name, path.read_bytes())
     return None
+
+
+def content_digest(name: str, content: bytes) -> str:
+    """The hash of a file's content; code has the same one with a byte order mark, and with each kind of line break."""
+    if name.endswith(CODE):
+        content = content.removeprefix(codecs.BOM_UTF8).replace(b"\r\n", b"\n")
+    return hashlib.sha256(content).hexdigest()
 
 
 @cache

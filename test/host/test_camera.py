@@ -17,7 +17,7 @@ from foldcar.camera.detection import Detector
 from foldcar.camera.filming import car_marker, propose
 from foldcar.camera.ground import fit_heights, height_remarks, standing
 from foldcar.camera.lens import BOARD_SQUARES, SQUARE_M, Lens, board, calibrate
-from foldcar.camera.markers import FIRST_OBSTACLE_ID, FloorMarker, course_json, rectangle
+from foldcar.camera.markers import FIRST_OBSTACLE_ID, FloorMarker, course_json, read_course, rectangle
 from foldcar.camera.photo import find_placed
 from foldcar.camera.poses import CarMarker, find_pose
 from foldcar.camera.tracking import smooth, track
@@ -362,6 +362,12 @@ def test_a_film_is_in_the_mcap_of_its_trial(tmp_path: Path) -> None:
         found = [(m.log_time, json.loads(m.data)) for _, c, m in make_reader(file).iter_messages(topics=["/camera/pose"])]
     assert [content["x_m"] for _, content in found] == [row[1] for row in rows]
     assert abs((found[-1][0] - found[0][0]) / 1e9 - 0.95) < 1e-6
+
+
+def test_a_byte_order_mark_is_no_part_of_a_course(tmp_path: Path) -> None:
+    (tmp_path / "course.json").write_text("\ufeff" + json.dumps(course_json(COURSE)), encoding="utf-8")
+
+    assert course_json(read_course(tmp_path / "course.json")) == course_json(COURSE)
 
 
 @pytest.mark.parametrize(

@@ -66,6 +66,14 @@ def test_the_published_form_is_read(write_listing: Callable[[Any], Path]) -> Non
     assert listing.environments["4"].scenic_params == {"hillX": -0.3, "hillWidth": 1.25}
 
 
+def test_a_byte_order_mark_is_no_part_of_a_listing(write_listing: Callable[[Any], Path], listing_data: Any) -> None:
+    file = write_listing(listing_data)
+    text = file.read_text()
+    file.write_text(f"\ufeff{text}", encoding="utf-8")
+
+    assert read_listing(file)[1] == text
+
+
 @pytest.mark.parametrize(
     ("values", "expected"),
     [

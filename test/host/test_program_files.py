@@ -242,6 +242,23 @@ def test_files_of_one_name_in_two_folders_are_told_apart(experiment: Experiment,
     assert fingerprint_with("0.1", "0.2") != fingerprint_with("0.2", "0.1")
 
 
+@pytest.mark.parametrize("changed", [lambda text: b"\xef\xbb\xbf" + text, lambda text: text.replace(b"\n", b"\r\n")])
+def test_a_byte_order_mark_and_other_line_breaks_make_no_other_environment(
+    experiment: Experiment, changed: Callable[[bytes], bytes]
+) -> None:
+    program, helper = experiment.program, experiment.program.with_name("helper.py")
+    text = f"from helper import number\n{HEAD}param note = '''a\nb'''\nparam friction = number\nterminate when False\n"
+    program.write_text(text)
+    helper.write_text("number = 0.4\n")
+    before = Environment(experiment).fingerprint
+    for file in (program, helper):
+        file.write_bytes(changed(file.read_bytes()))
+
+    assert Environment(experiment).fingerprint == before
+    opened = open_environment(program, {}, 1)
+    assert opened.sample(0)["friction"] == 0.4 and opened.success and opened.scenario.params["note"] == "a\nb"
+
+
 def test_an_edit_of_any_file_of_code_that_is_hashed_changes_the_digest(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -73,10 +73,17 @@ def test_a_parameter_file_reads_back_to_the_same_32_bit_numbers(tmp_path: Path) 
     assert differing == [("A", 1.0, None), ("B", 2.0, 3.0), ("C", None, 4.0)]
 
 
+def test_parameter_files_of_other_programs_are_read(tmp_path: Path) -> None:
+    (tmp_path / "p.param").write_bytes("\ufeff#NOTE: of Mission Planner\r\nA,1.5\r\nB,-2\r\nC\t3\r\n".encode())
+
+    assert read_file(tmp_path / "p.param") == {"A": 1.5, "B": -2, "C": 3}
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
         ("", "contains no parameters"),
+        ("A,1,5\n", "line 1: not NAME VALUE: A,1,5"),
         ("A 1\nB\n", "line 2: not NAME VALUE: B"),
         ("A nan\n", "line 1: not NAME VALUE"),
         ("A 1e39\n", r"line 1: A: 1e39 is beyond ±3\.4e\+38"),

@@ -17,6 +17,7 @@ from pydantic import BaseModel, Field, TypeAdapter, ValidationError
 from foldcar.errors import FoldcarError
 from foldcar.scenes.obstacles import Obstacle
 from foldcar.scenes.terrain_kinds import kind_of
+from foldcar.typed import read_text
 
 Read = TypeVar("Read")
 
@@ -140,9 +141,7 @@ def read_course(file: Path) -> Course:
 def read_json(file: Path, adapter: "TypeAdapter[Read]") -> Read:
     """What pydantic reads from a JSON file; FoldcarError that names file, key, value and limit."""
     try:
-        return adapter.validate_json(file.read_bytes())
-    except OSError as error:
-        raise FoldcarError(f"{file}: cannot be read: {error.strerror}") from error
+        return adapter.validate_json(read_text(file))
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(map(str, first["loc"]))

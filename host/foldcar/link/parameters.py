@@ -1,6 +1,6 @@
 """Reads and sets a car's parameters over the link, and reads and writes parameter files.
 
-A file has a line ``NAME value`` for each parameter and comments after #, the format of MAVProxy and Mission Planner.
+A file has a line ``NAME value`` (MAVProxy) or ``NAME,value`` (Mission Planner) for each parameter, and comments after #.
 Values are transferred as 32-bit floating-point numbers, and compared as such.
 """
 
@@ -14,7 +14,7 @@ from foldcar.errors import FoldcarError
 from foldcar.link.car import ANSWER_S, TRIES, Car
 from foldcar.link.connection import CAR_COMPONENT, CAR_SYSTEM
 from foldcar.outputs import atomic_file
-from foldcar.typed import decimal_number
+from foldcar.typed import decimal_number, read_text
 
 LIST_S = 20.0
 QUIET_S = 0.4
@@ -97,14 +97,9 @@ def differences(car: Mapping[str, float], other: Mapping[str, float]) -> list[tu
 
 def read_file(file: Path) -> dict[str, float]:
     """The parameters in a file by name; FoldcarError naming file and line."""
-    try:
-        lines = file.read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
-        raise FoldcarError(f"{file}: cannot be read: {reason}") from error
     values: dict[str, float] = {}
-    for number, line in enumerate(lines, 1):
-        words = line.partition("#")[0].split()
+    for number, line in enumerate(read_text(file).split("\n"), 1):
+        words = line.partition("#")[0].replace(",", " ").split()
         if not words:
             continue
         try:

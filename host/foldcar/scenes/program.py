@@ -18,6 +18,7 @@ from typing import Any
 from foldcar.errors import FoldcarError
 from foldcar.scenes.contained import contained
 from foldcar.scenes.program_files import ProgramFiles
+from foldcar.typed import read_text
 
 COMPILE_LIMIT_S = 120.0
 MOST_OBJECTS = 10_000
@@ -36,12 +37,7 @@ def compile_program(program: Path, params: Mapping[str, Any], files: ProgramFile
         raise FoldcarError(f"{program}: no such Scenic program")
     if program.suffix != ".scenic":
         raise FoldcarError(f"{program}: a Scenic program's name ends in .scenic")
-    try:
-        program.read_text(encoding="utf-8")
-    except OSError as error:
-        raise FoldcarError(f"{program}: cannot be read: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise FoldcarError(f"{program}: is not UTF-8 text (byte {error.start})") from error
+    read_text(program)
     if params:
         # Scenic accepts any name as an override; compiling without overrides shows the declared names.
         _check_params(program, params, _compiled(program, files, {})[0].params)

@@ -11,7 +11,6 @@ There sys.modules and sys.path are as if the program were alone in a new Python:
 takes compiled code for current if its source had the same size and second.
 """
 
-import hashlib
 import importlib
 import importlib.util
 import os
@@ -24,10 +23,9 @@ from types import CodeType, ModuleType
 from typing import Any
 
 from foldcar.errors import FoldcarError
-from foldcar.read_files import HeardFiles, file_digest, file_state, heard_files, is_own
+from foldcar.read_files import CODE, HeardFiles, content_digest, file_digest, file_state, heard_files, is_own
 
 Files = Mapping[str, str]
-NEIGHBOURS = (".scenic", ".py")
 
 # Names in sys.modules that are known to be no program's modules.
 _installed: set[str] = set()
@@ -95,7 +93,7 @@ class ProgramFiles:
         return str(path.resolve())
 
     def _neighbours(self) -> dict[str, str]:
-        found = {file.name: file_digest(file) for file in self._folder.glob("*") if file.suffix in NEIGHBOURS}
+        found = {file.name: file_digest(file) for file in self._folder.glob("*") if file.suffix in CODE}
         return {name: digest for name, digest in found.items() if digest is not None}
 
 
@@ -103,7 +101,7 @@ def content(folder: Path, name: str, digest: str) -> bytes:
     """What is in a program's file. FoldcarError if that is no longer the digest's."""
     with suppress(OSError):
         found = (folder / name).read_bytes()
-        if hashlib.sha256(found).hexdigest() == digest:
+        if content_digest(name, found) == digest:
             return found
     raise _changed(folder / name)
 

@@ -22,6 +22,7 @@ from scenic.core.errors import InvalidScenarioError, SpecifierError
 from scenic.syntax import ast as scenic_ast
 
 from foldcar.scenes.program import VOCABULARY
+from foldcar.typed import read_text
 
 # Names at least this similar (difflib's ratio) are taken for a mistake: `heigth`, `lenght`, `stepheight`, `heights`.
 SIMILARITY = 0.75
@@ -57,13 +58,13 @@ def _refuse_misspelt(error: type[Exception], what: str, name: str, known: Iterab
     """Raise the error unless the name is known, resembles no known one, or the program reads it."""
     near = [] if name in known else difflib.get_close_matches(name, known, n=1, cutoff=SIMILARITY)
     file = caller.f_code.co_filename
-    if near and not re.search(rf"\.\s*{name}\b(?!\s*=(?!=))|(['\"]){name}\1", Path(file).read_text(encoding="utf-8")):
+    if near and not re.search(rf"\.\s*{name}\b(?!\s*=(?!=))|(['\"]){name}\1", read_text(Path(file))):
         raise at(error(f"{what}; did you mean {near[0]}?"), file, caller.f_lineno)
 
 
 @cache
 def _vocabularys_parameters() -> frozenset[str]:
-    return frozenset(re.findall(r"^param (\w+)", VOCABULARY.read_text(encoding="utf-8"), re.MULTILINE))
+    return frozenset(re.findall(r"^param (\w+)", read_text(VOCABULARY), re.MULTILINE))
 
 
 def refuse_undefined_names(code: CodeType, namespace: Mapping[str, Any]) -> None:

@@ -72,7 +72,7 @@ def hooks(mutations: Mutations) -> Iterator[None]:
     def parse(source: str, mode: str, filename: str) -> Any:
         if Path(filename).parent == VOCABULARY_DIR:
             return pickle.loads(_vocabulary(source, mode, filename))
-        return parse_string(source, mode, filename=filename)
+        return parse_string(source.removeprefix("\ufeff").replace("\r\n", "\n"), mode, filename=filename)
 
     def execute(code: CodeType, namespace: dict[str, Any]) -> None:
         scenics_execute(code, namespace)

@@ -14,6 +14,7 @@ from typing import Any
 
 from foldcar.scenes.program import named_things
 from foldcar.scenes.reading import is_a
+from foldcar.typed import read_text
 
 # A program that records its verdict under this name decides about runs that it ends itself.
 VERDICT = "passed"
@@ -69,7 +70,7 @@ def _approaches(program: Path, scenario: Any, goal: bool) -> Iterator[tuple[int,
 
     Of each its line, its text and the place's text.
     """
-    source = program.read_text(encoding="utf-8")
+    source = read_text(program)
     things = named_things(scenario)
     for node in ast.walk(_parsed(source)):
         if type(node).__name__ not in ("TerminateWhen", "TerminateSimulationWhen"):

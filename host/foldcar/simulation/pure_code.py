@@ -28,6 +28,7 @@ from scenic.core.vectors import Vector
 from scenic.syntax.parser import parse_string
 
 from foldcar.scenes.program import VOCABULARY_DIR
+from foldcar.typed import read_text
 
 # Functions of Scenic and Python that change nothing and return nothing that can be used up, as an iterator can.
 FUNCTIONS = frozenset(
@@ -50,7 +51,7 @@ def may_change_state(program: Path) -> bool:
     own_model = program.with_name("model.scenic")
     if own_model.exists() and own_model.resolve().parent != VOCABULARY_DIR:
         return True
-    tree = parse_string(program.read_text(encoding="utf-8"), "exec", filename=str(program))
+    tree = parse_string(read_text(program), "exec", filename=str(program))
     nodes = list(ast.walk(tree))
     defined = {str(vars(node)["name"]) for node in nodes if _is(node, "FunctionDef", "MonitorDef")}
     callables = FUNCTIONS | defined | {PURE_MODULE}

@@ -11,11 +11,12 @@ from typing import Any
 import json5
 from pydantic import ValidationError
 
+from foldcar.errors import FoldcarError
 from foldcar.outputs import SQLITE_MAGIC
 from foldcar.study.family import read_family
 from foldcar.study.limits import check_numbers
 from foldcar.study.listing import Listing, ListingError
-from foldcar.typed import did_you_mean
+from foldcar.typed import did_you_mean, read_text
 
 # What pydantic calls a value that should be a JSON object and is not.
 NO_OBJECT = ("dict_type", "model_type", "model_attributes_type")
@@ -47,13 +48,12 @@ def read_listing(file: Path, programs: bool = False) -> tuple[Listing, str]:
 def load_listing(file: Path) -> tuple[Any, str]:
     """The JSON data in ``file`` and the file's text; ListingError."""
     try:
-        text = file.read_text(encoding="utf-8")
-    except OSError as error:
-        raise ListingError(file, f"cannot be read: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        if error.object.startswith(SQLITE_MAGIC):
+        text = read_text(file)
+    except FoldcarError as error:
+        cause = error.__cause__
+        if isinstance(cause, UnicodeDecodeError) and cause.object.startswith(SQLITE_MAGIC):
             raise ListingError(file, "is a store, which `foldcar report` reads; a listing is a JSON file") from None
-        raise ListingError(file, f"is not UTF-8 text (byte {error.start})") from error
+        raise ListingError(file, str(error).removeprefix(f"{file}: ")) from error
     try:
         data = json5.loads(text, allow_duplicate_keys=False)
     except ValueError as error:

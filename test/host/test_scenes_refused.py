@@ -153,6 +153,7 @@ def test_statements_beside_a_scenario_that_scenic_would_drop(tmp_path: Path) -> 
     [
         ("new Bump at (0.5, 0),\n    facing -90\n", "line 5: `facing`: -90 is"),
         ("new Bump at (0.5, 0),\n    with yaw Range(0, 180)\n", "line 5: `with yaw`: 180 is"),
+        ("param timestep = 0\n", "param timestep: 0 is not within 0.004167 to 60 s"),
         ("param outer_step_s = 0\n", "param outer_step_s: 0 is not within 0.004167 to 60 s"),
         ("param friction = 0.5, outer_step_s = 'soon'\n", "param outer_step_s: soon is no number"),
         (

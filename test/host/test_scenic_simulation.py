@@ -120,6 +120,27 @@ def test_a_stop_is_traced_back_to_its_step(run: Run, carsim_binary: Path, outer_
     assert result["max_pitch_rad"] == max(abs(row[5]) for row in path if row[0] <= t_s)
 
 
+def test_timestep_is_scenics_own_name_for_the_outer_step(run: Run) -> None:
+    text = f"{HEAD}terminate after 2 seconds\nrecord ego.position.x as x\n"
+    assert value(run(f"{text}param timestep = 0.5\n"), "x") == value(run(f"{text}param outer_step_s = 0.5\n"), "x")
+
+
+@pytest.mark.parametrize("within_m", [0.05, 0.001])
+def test_an_ending_that_holds_between_two_looks_only_is_not_missed(run: Run, within_m: float) -> None:
+    """At looks of 0.25 s the car is at 0.28 and 0.45 m."""
+    results = [
+        run(
+            f"{HEAD}param outer_step_s = {outer_step_s!r}\nend = new Point at (0.37, 0)\n"
+            f"terminate when distance from ego to end <= {within_m}\nrecord final ego.position.x as x\n"
+        )
+        for outer_step_s in (STEP_S, 0.05, 0.25, 60)
+    ]
+    assert results == results[:1] * 4
+    # A step is 3 mm, so that one may cross the smaller place too.
+    assert results[0]["outcome"] == ("terminated" if within_m == 0.05 else results[1]["outcome"])
+    assert within_m < 0.05 or value(results[0], "x") == pytest.approx(0.32, abs=0.004)
+
+
 def test_the_earlier_ending_wins(run: Run) -> None:
     goal = "new Goal at (0.5, 0), facing -90 deg\n"
     first = run(f"{HEAD}{goal}terminate when ego.position.x > 0.49\n")

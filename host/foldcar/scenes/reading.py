@@ -5,6 +5,7 @@ simulator's (0 along +x) here and nowhere else.
 """
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 # Scenes are hashed and compared as text: rounding removes the last bits, in which machines may differ.
@@ -66,13 +67,18 @@ def _name(thing: Any) -> str:
     return f"{type(thing).__name__} at ({x}, {y})"
 
 
-def outer_step_s(value: Any) -> float:
-    """The parameter's value (s). UnusableError if it is no number or beyond the limits."""
+def outer_step_s(params: Mapping[str, Any], given: float | None = None) -> float:
+    """The outer step (s): ``given``, or ``param timestep``, which is Scenic's own name for it, or ``param outer_step_s``.
+
+    UnusableError if it is no number or beyond the limits.
+    """
+    name = "timestep" if "timestep" in params else "outer_step_s"
+    value = params.get(name, OUTER_STEP_S) if given is None else given
     low, high = OUTER_STEP_LIMITS_S
     try:
         step_s = float(value)
     except (TypeError, ValueError):
-        raise UnusableError(f"param outer_step_s: {value} is no number") from None
+        raise UnusableError(f"param {name}: {value} is no number") from None
     if not low - 1e-9 <= step_s <= high:
-        raise UnusableError(f"param outer_step_s: {value} is not within {low:.4g} to {high:g} s")
+        raise UnusableError(f"param {name}: {value} is not within {low:.4g} to {high:g} s")
     return step_s

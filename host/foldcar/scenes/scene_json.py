@@ -20,7 +20,7 @@ from foldcar.scenes.checks import (
 )
 from foldcar.scenes.obstacles import Obstacle, obstacles_of
 from foldcar.scenes.program import line_prefix
-from foldcar.scenes.reading import OUTER_STEP_S, UnusableError, finite, is_a, outer_step_s, param, pose, rounded
+from foldcar.scenes.reading import UnusableError, finite, is_a, outer_step_s, param, pose, rounded
 from foldcar.scenes.terrain_kinds import HEIGHT_M, KINDS, kind_of
 
 MOST_FRICTION = 5.0
@@ -67,7 +67,7 @@ def _scene_with_obstacles(scene: Any, needs_goal: bool) -> tuple[dict[str, Any],
     friction = param(scene, "friction")
     if not 0 < friction <= MOST_FRICTION:
         raise UnusableError(f"param friction: {friction} is not above 0 and at most {MOST_FRICTION:g}")
-    outer_step_s(scene.params.get("outer_step_s", OUTER_STEP_S))
+    outer_step_s(scene.params)
     terrain: list[dict[str, Any]] = []
     owners: list[Any] = []
     objects: list[tuple[str, float, range]] = []

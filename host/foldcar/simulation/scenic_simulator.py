@@ -24,7 +24,7 @@ from scenic.core.simulators import Simulation, SimulationCreationError, Simulato
 from scenic.syntax import veneer
 
 from foldcar.errors import FoldcarError
-from foldcar.scenes.reading import OUTER_STEP_S, outer_step_s
+from foldcar.scenes.reading import outer_step_s
 from foldcar.scenes.success import VERDICT
 from foldcar.simulation.carsim_step import State, SteppedCarsim
 from foldcar.simulation.pure_code import is_plain
@@ -68,14 +68,13 @@ class CarSimulator(Simulator):  # type: ignore[misc]
 
     def createSimulation(self, scene: Any, *, timestep: float | None, **options: Any) -> "CarSimulation":  # noqa: N802
         """Scenic's hook: run one simulation. ``timestep`` (s) takes precedence over the program's own."""
-        if timestep is None:
-            timestep = scene.params.get("outer_step_s", OUTER_STEP_S)
         scene_text = self._describe(scene)
 
         def start() -> Any:
             return self._carsim.start(self._body, scene_text, self._settings)
 
-        return CarSimulation(scene, carsim=self._carsim, start=start, timestep=outer_step_s(timestep), **options)
+        step_s = outer_step_s(scene.params, timestep)
+        return CarSimulation(scene, carsim=self._carsim, start=start, timestep=step_s, **options)
 
     def run(self, scene: Any) -> Result:
         """One run's result as carsim gives it, with ``recorded`` and two more outcomes.
@@ -202,21 +201,20 @@ class CarSimulation(Simulation):  # type: ignore[misc]
         self._native = advanced.result
         self._show(advanced.state, self._steps_at(advanced.state) if advanced.result else look)
         limit_s = self._time_limit_s() - ROUNDING_S
-        ends = limit_s < advanced.state.t_s - 2 * ROUNDING_S or self._ended()
-        if ends or self._requirements:
-            self._put_back(limit_s if ends else math.inf, ends)
+        if limit_s < advanced.state.t_s - 2 * ROUNDING_S or self._endings or self._requirements:
+            self._put_back(limit_s)
 
-    def _put_back(self, limit_s: float, ends: bool) -> None:
+    def _put_back(self, limit_s: float) -> None:
         """Put the look back to the first step since the last one at which the program ends or rejects the run.
 
-        All that Scenic then evaluates, it evaluates there. Without ``ends`` only requirements are looked at.
+        All that Scenic then evaluates, it evaluates there. A condition may hold between two looks only.
         """
         assert self._state is not None
         look, steps = self._state, self._steps
         for row, state in enumerate(self._carsim.rows()[:-1]):
             self._show(state, self._steps_at(state))
             violated = [one for one in self._requirements if one.value() is B4.FALSE]
-            ended = ends and self._ended()
+            ended = self._ended()
             if violated or ended or state.t_s >= limit_s:
                 self._row, self._native = row, None
                 scenario = self.scene.dynamicScenario

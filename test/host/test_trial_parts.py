@@ -23,7 +23,7 @@ from foldcar.link.connection import Connection
 from foldcar.link.dialect import load_dialect
 from foldcar.link.parameters import differences, equal_float32, read_file, value_text, write_file
 from foldcar.link.stream import choose_port, open_stream, permission_text
-from foldcar.link.tlog import LogError, TlogWriter, read_tlog
+from foldcar.link.tlog import LogError, TlogWriter, log_damage, read_tlog
 from foldcar.trials.driving import drive_end
 from foldcar.trials.placement import ask_deviations, parse_deviation
 from foldcar.trials.servo_edges import find_edges
@@ -118,9 +118,12 @@ def test_a_log_is_whole_up_to_where_it_was_cut(tmp_path: Path) -> None:
     for cut in (1, 8, 20, len(data) // 5 - 1):
         log.file.write_bytes(data[:-cut])
         assert len(list(read_tlog(log.file))) == 4
-    log.file.write_bytes(data + b"12345678nonsense")
-    with pytest.raises(LogError, match=f"byte {len(data) + 8}: no MAVLink packet"):
-        list(read_tlog(log.file))
+    log.file.write_bytes(data)
+    assert log_damage(log.file) is None
+    for damage in (bytes(4096), b"12345678nonsense", bytes(7), b"12345678\xfd\xff"):
+        log.file.write_bytes(data + damage)
+        assert len(list(read_tlog(log.file))) == 5
+        assert f"the last {len(damage)} bytes are not whole packets" in str(log_damage(log.file))
     log.close()
     with pytest.raises(LogError, match="exists already"):
         TlogWriter(log.file)

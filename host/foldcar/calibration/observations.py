@@ -33,6 +33,7 @@ from foldcar.calibration.parameters import FloatArray
 from foldcar.calibration.posterior import IntArray
 from foldcar.errors import FoldcarError
 from foldcar.link.log_features import log_features
+from foldcar.link.tlog import log_damage
 from foldcar.store.log_files import intact_log
 from foldcar.store.reader import Store
 from foldcar.store.trial_paths import trial_rows
@@ -167,6 +168,8 @@ def _observed(
                 try:
                     log = intact_log(store.path, trial.id, trial.log, trial.log_sha256)
                     errors[-1] = _felt(log, features[-1])
+                    if log is not None and (damage := log_damage(log)):
+                        unused.append(f"{damage}.")
                 except FoldcarError as error:
                     unused.append(f"Not used: {error}.")
             how = trial.outcome if evidence == PATHS or passed else "not_passed"

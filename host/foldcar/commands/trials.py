@@ -117,7 +117,9 @@ def replay(
     if trial.log is not None:
         try:
             log = intact_log(store, number, trial.log, trial.log_sha256)
-            felt = log_features(log) if log is not None else None
+            if log is not None:
+                felt = log_features(log)
+                _note_damage(log)
         except FoldcarError as error:
             note(f"{error}")
     mark = "" if trial.standing == BUILT else f"  ({STANDING_TEXTS[trial.standing]})"
@@ -315,7 +317,15 @@ def export(
         scene_update = foxglove_scene(body, scene, grid)
         start = {**scene["start"], "z_m": start_height_m(body, scene, grid)}
     count = export_mcap(log, mcap, facts, scene_update, start, filmed.rows if filmed else ())
+    _note_damage(log)
     tell(as_json, {"files": [mcap], "messages": count}, f"{mcap}: {count} messages")
+
+
+def _note_damage(log: Path) -> None:
+    from foldcar.link.tlog import log_damage
+
+    if damage := log_damage(log):
+        note(damage)
 
 
 @trials.command()

@@ -58,12 +58,21 @@ class TlogWriter:
 
 
 def read_tlog(file: Path) -> Iterator[tuple[int, Any]]:
-    """The messages of a log with their times (µs since 1970); a truncated last packet is left out. LogError."""
+    """The messages of a log up to any damage, with their times (µs since 1970). LogError if it cannot be read."""
+    yield from messages_of(records_of(_content(file))[0])
+
+
+def log_damage(file: Path) -> str | None:
+    """Say how much of a log is left out because it is damaged; None if it is whole. LogError if it cannot be read."""
+    unread = records_of(_content(file))[1]
+    return f"{file}: is damaged: the last {unread} bytes are not whole packets and are left out" if unread else None
+
+
+def _content(file: Path) -> bytes:
     try:
-        data = file.read_bytes()
+        return file.read_bytes()
     except OSError as error:
         raise LogError(f"{file}: cannot be read: {error.strerror}") from error
-    yield from messages_of(records_of(data, str(file)))
 
 
 def messages_of(records: Iterable[tuple[int, bytes]]) -> Iterator[tuple[int, Any]]:
@@ -75,24 +84,21 @@ def messages_of(records: Iterable[tuple[int, bytes]]) -> Iterator[tuple[int, Any
             yield time_us, message
 
 
-def records_of(data: bytes, name: str) -> list[tuple[int, bytes]]:
-    """Split a log's bytes into times (µs) and packets; a truncated last packet is left out.
+def records_of(data: bytes) -> tuple[list[tuple[int, bytes]], int]:
+    """Split a log's bytes into times (µs) and packets, up to where no whole packet begins.
 
-    LogError, which names ``name``, where no packet begins.
+    The second value is the number of bytes from there on: the end of a log is damaged if the writing computer lost power.
     """
     records = []
     at = 0
     while at + STAMP.size + 3 <= len(data):
-        (time_us,) = STAMP.unpack_from(data, at)
-        at += STAMP.size
-        length = _packet_bytes(data, at)
-        if length is None:
-            raise LogError(f"{name}: byte {at}: no MAVLink packet where one should begin")
-        if at + length > len(data):
+        begin = at + STAMP.size
+        length = _packet_bytes(data, begin)
+        if length is None or begin + length > len(data):
             break
-        records.append((time_us, data[at : at + length]))
-        at += length
-    return records
+        records.append((STAMP.unpack_from(data, at)[0], data[begin : begin + length]))
+        at = begin + length
+    return records, len(data) - at
 
 
 def trial_start_s(messages: Sequence[Any]) -> float | None:
@@ -109,7 +115,7 @@ def trial_start_s(messages: Sequence[Any]) -> float | None:
 
 def merge_records(file: Path, more: Iterable[tuple[int, bytes]]) -> None:
     """Merge more records into a log in order of time, atomically."""
-    records = records_of(file.read_bytes(), str(file))
+    records, _ = records_of(file.read_bytes())
     with atomic_file(file) as binary:
         for time_us, packet in sorted([*records, *more], key=lambda record: record[0]):
             binary.write(STAMP.pack(time_us) + packet)

@@ -15,7 +15,7 @@ from foldcar.errors import FoldcarError
 from foldcar.link.car import Car, CommandRefusedError
 from foldcar.link.car_logs import fetch_log, list_logs
 from foldcar.link.stream import LinkLostError
-from foldcar.link.tlog import LogError, merge_records, messages_of, records_of
+from foldcar.link.tlog import LogError, merge_records, messages_of, read_tlog, records_of
 from foldcar.trials.drive_view import DriveView
 
 # The car stops 0.5 s after the last heartbeat; silence of this length is not a brief disturbance.
@@ -170,7 +170,7 @@ def collect(car: Car, trial: int, log: Path) -> DriveEnd:
     The car's times count from its boot; the offset to the host's clock is that of the first packet of the trial that
     the host received.
     """
-    first = next((one for one in messages_of(records_of(log.read_bytes(), str(log))) if _is_of(one[1], trial)), None)
+    first = next((one for one in read_tlog(log) if _is_of(one[1], trial)), None)
     if first is None:
         raise FoldcarError(f"{log}: contains no message of trial {trial} from before the cable was unplugged")
     offset_us = first[0] - 1000 * first[1].time_boot_ms
@@ -180,12 +180,12 @@ def collect(car: Car, trial: int, log: Path) -> DriveEnd:
         raise FoldcarError(f"{car.port}: the car still stores its log after {STORING_S:g} s")
     lost_bytes = told.log_lost if told.trial_id == trial else 0
     for stored in reversed(list_logs(car)):
-        records = records_of(fetch_log(car, stored), f"log {stored.id} of the car")
+        records, damaged_bytes = records_of(fetch_log(car, stored))
         messages = [m for _, m in messages_of(records) if _is_of(m, trial)]
         if not messages:
             continue
         merge_records(log, [(time_us + offset_us, packet) for time_us, packet in records])
-        return drive_end(car.dialect, messages[-1], lost_bytes)
+        return drive_end(car.dialect, messages[-1], lost_bytes + damaged_bytes)
     raise FoldcarError(
         f"{car.port}: the car has no log of trial {trial}: it restarted while it drove, or its flash is full"
     )

@@ -6,6 +6,7 @@ Input: the end of a drive, answers. Output: the completed row of the trial.
 from pathlib import Path
 
 from foldcar.errors import FoldcarError
+from foldcar.link.tlog import log_damage
 from foldcar.store.errors import StoreError
 from foldcar.store.log_files import log_file, sha256_of
 from foldcar.store.trial_records import INTERRUPTED, Ending, not_entered
@@ -61,6 +62,8 @@ def record_outcome(
 def complete_interrupted(writer: TrialWriter) -> None:
     """Complete the trials whose session was killed: as aborted, unless a correction says otherwise."""
     for number, log, outcome in writer.unfinished():
-        digest = sha256_of(log_file(writer.path, log))
+        file = log_file(writer.path, log)
+        digest = sha256_of(file)
         writer.complete(number, Ending(outcome, INTERRUPTED, None, "", digest))
-        say(f"Trial {number} was interrupted: it counts as {outcome}; its log is kept")
+        damage = log_damage(file) if digest else None
+        say(f"Trial {number} was interrupted: it counts as {outcome}; its log is kept{f'; {damage}' if damage else ''}")

@@ -4,11 +4,12 @@ import math
 from pathlib import Path
 from typing import Any
 
+import matplotlib
 import numpy
 import pytest
 
 from foldcar.errors import FoldcarError
-from foldcar.figures import run, scenes
+from foldcar.figures import run, scenes, style
 from foldcar.figures.ground import Extent, HeightMap, height_map, height_scale, shaded
 from foldcar.figures.profile import ACROSS, driven_line, strip_heights_m, travelled_m
 from foldcar.figures.run import draw_run, poses_to_draw, segment_places
@@ -222,3 +223,24 @@ def test_segments_hang_together_in_their_hinges_and_fold_as_the_path_says() -> N
         joint = numpy.array([hinge["x_m"], hinge["z_m"]])
         (a, at_a), (b, at_b) = places[index : index + 2]
         assert joint @ a + at_a == pytest.approx(joint @ b + at_b)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("name", ["$a_^$", r"\$\frac$", "庭院 정원 $x$", "_a\n$b"])
+def test_names_are_drawn_as_they_are(tmp_path: Path, heights: Heights, name: str) -> None:
+    scene, passed = {**SCENE, "id": name}, {"outcome": "passed", "elapsed_time_s": 1.0}
+    for suffix in FIRST_BYTES:
+        draw_scenes([scene], tmp_path / f"s{suffix}", heights, title=name)
+        draw_environment([scene], tmp_path / f"e{suffix}", heights, title=name)
+        draw_run({**BODY, "id": name}, scene, passed, PATH, heights, tmp_path / f"r{suffix}")
+    assert name.split("\n")[0] in (tmp_path / "s.svg").read_text(encoding="utf-8")
+
+
+def test_installed_fonts_supply_what_the_styles_font_lacks(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(style, "CJK_FONTS", ("No Such Font", "DejaVu Serif"))
+    style._cjk_fonts.cache_clear()
+    try:
+        with style.drawing_style():
+            assert matplotlib.rcParams["font.family"] == ["sans-serif", "DejaVu Serif"]
+    finally:
+        style._cjk_fonts.cache_clear()

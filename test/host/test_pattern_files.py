@@ -250,7 +250,7 @@ def pixels(png: bytes) -> NDArray[np.int_]:
 
 def test_every_sheet_is_shown_once_to_one_scale_in_the_layers_colours() -> None:
     holes: tuple[LayerName, ...] = ("CUT_INNER", "SCORE", "CUT_INNER")
-    shown = pixels(preview([square_sheet(i, hole) for i, hole in enumerate(holes, 1)], "a car of $50 & more"))
+    shown = pixels(preview([square_sheet(i, hole) for i, hole in enumerate(holes, 1)], "庭 car of $50 & $_^$"))
     side = 0.6 * SHEET_PX
     dark = (shown < 100).all(axis=2)
 

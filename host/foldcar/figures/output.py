@@ -7,7 +7,7 @@ from typing import Any
 from PIL import Image
 
 from foldcar.errors import FoldcarError
-from foldcar.figures.style import RC
+from foldcar.figures.style import drawing_style
 from foldcar.outputs import atomic_file
 
 # Metadata to leave out, because they would make two drawings of the same data differ.
@@ -25,13 +25,11 @@ def save_figure(figure: Any, file: Path, dpi: int | None = None, colours: int | 
 
     ``dpi``: pixels per inch, by default the style's. ``colours`` limits a PNG's colours, which makes the file smaller.
     """
-    import matplotlib
-
     check_format(file)
     suffix = file.suffix.lower()
     options: dict[str, Any] = {} if dpi is None else {"dpi": dpi}
     options |= {"format": suffix[1:], "metadata": UNDATED[suffix], "bbox_inches": "tight", "pad_inches": 0.08}
-    with matplotlib.rc_context(RC), atomic_file(file) as binary:
+    with drawing_style(), atomic_file(file) as binary:
         if colours is None or suffix != ".png":
             figure.savefig(binary, **options)
         else:

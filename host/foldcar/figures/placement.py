@@ -4,14 +4,13 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import matplotlib
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 from matplotlib.transforms import Affine2D
 
 from foldcar.figures.ground import height_map, height_scale
 from foldcar.figures.output import check_format, save_figure
-from foldcar.figures.style import ACCENT, INK, RC
+from foldcar.figures.style import ACCENT, INK, drawing_style
 from foldcar.figures.top_view import draw_top_view, view_of
 from foldcar.scenes.obstacles import CAR, Obstacle
 from foldcar.simulation.heights import Heights
@@ -45,7 +44,7 @@ def draw_placement(
     ground = height_map(heights, scene, extent, CELLS)
     scale = height_scale([ground])
     long_m, wide_m = extent.size_m
-    with matplotlib.rc_context(RC):
+    with drawing_style():
         figure = Figure(figsize=(WIDTH_IN, min(9.0, WIDTH_IN * wide_m / long_m + 0.8)), layout="constrained")
         axes = figure.subplots()
         draw_top_view(axes, scene, ground, scale)

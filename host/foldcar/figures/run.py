@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import matplotlib
 import numpy
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -14,7 +13,7 @@ from foldcar.errors import FoldcarError
 from foldcar.figures.ground import height_map, height_scale
 from foldcar.figures.output import check_format, save_figure
 from foldcar.figures.profile import driven_line, strip_heights_m, travelled_m
-from foldcar.figures.style import ACCENT, FAILURE, INK, OUTCOME_LABELS, RC
+from foldcar.figures.style import ACCENT, FAILURE, INK, OUTCOME_LABELS, drawing_style
 from foldcar.figures.top_view import draw_top_view, view_of
 from foldcar.simulation.heights import Heights
 
@@ -46,7 +45,7 @@ def draw_run(
     if not len(path):
         raise FoldcarError(f"{file}: the run has no path to draw")
     rows = numpy.asarray(path, dtype=float)
-    with matplotlib.rc_context(RC):
+    with drawing_style():
         figure = Figure(layout="constrained")
         side, above = figure.subplots(2, 1)
         figure.suptitle(_title(body, scene, result), x=0.01, ha="left", fontweight="bold")

@@ -5,7 +5,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import matplotlib
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -13,7 +12,7 @@ from foldcar.errors import FoldcarError
 from foldcar.figures.ground import Extent, height_map, height_scale
 from foldcar.figures.output import check_format, save_figure
 from foldcar.figures.profile import straight_line, strip_heights_m
-from foldcar.figures.style import ACCENT, FAILURE, RC
+from foldcar.figures.style import ACCENT, FAILURE, drawing_style
 from foldcar.figures.top_view import VIEW_MARGIN_M, draw_top_view, view_of
 from foldcar.simulation.heights import Heights
 
@@ -48,7 +47,7 @@ def draw_scenes(scenes: Sequence[Mapping[str, Any]], file: Path, heights: Height
     size = (panel * columns + 1.0, (panel * min(width / length, 2.0) + 0.3) * rows + 0.7)
     maps = [height_map(heights, scene, extent, CELLS * (2 if columns == 1 else 1)) for scene in shown]
     scale = height_scale(maps)
-    with matplotlib.rc_context(RC):
+    with drawing_style():
         figure = Figure(figsize=size, layout="constrained")
         panels = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
         for place, axes in enumerate(panels.flat):
@@ -81,7 +80,7 @@ def draw_environment(scenes: Sequence[Mapping[str, Any]], file: Path, heights: H
     stacked = is_long(extent)
     view_width_in = 8.5 if stacked else 2.9 if count > 1 else 4.2
     view_in = view_width_in * width / length + (0.3 if stacked else 0.4)
-    with matplotlib.rc_context(RC):
+    with drawing_style():
         if stacked:
             figure = Figure(figsize=(view_width_in + 1.5, (view_in + PROFILE_IN) * count + 1.0), layout="constrained")
             panels = figure.subplots(2 * count, 1, height_ratios=(view_in, PROFILE_IN) * count).reshape(count, 2).T

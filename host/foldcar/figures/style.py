@@ -1,11 +1,17 @@
 """The style of all figures: fonts, lines and colours, suitable for print and for colour-blind readers."""
 
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cache
 from typing import Any
 
 # Any: matplotlib types its settings by a literal of every name, which older versions do not.
 RC: Any = {
     "font.family": "sans-serif",
     "font.sans-serif": ["DejaVu Sans", "Arial", "Helvetica", "sans-serif"],
+    # Names are no formulas: they may contain dollar signs.
+    "text.parse_math": False,
     "font.size": 9.0,
     "axes.titlesize": 10.0,
     "axes.titleweight": "bold",
@@ -29,6 +35,37 @@ RC: Any = {
     # Ids depend on the content only, so that the same data give the same bytes.
     "svg.hashsalt": "foldcar",
 }
+
+# Fonts with Chinese, Japanese or Korean characters, which DejaVu Sans lacks.
+CJK_FONTS = (
+    *("Noto Sans CJK SC", "Noto Sans CJK JP", "Noto Sans CJK KR", "Noto Sans SC", "Noto Sans JP", "Noto Sans KR"),
+    *("Source Han Sans SC", "WenQuanYi Micro Hei", "WenQuanYi Zen Hei", "Droid Sans Fallback", "IPAGothic", "UnDotum"),
+    *("Microsoft YaHei", "SimHei", "Yu Gothic", "MS Gothic", "Malgun Gothic"),
+    *("PingFang SC", "Hiragino Sans", "Apple SD Gothic Neo", "Arial Unicode MS", "Unifont"),
+)
+
+
+@contextmanager
+def drawing_style(settings: Any = RC) -> Iterator[None]:
+    """Within the block, matplotlib draws with ``settings`` and with installed fonts for characters of East Asia.
+
+    Where no font has a character, matplotlib draws a box.
+
+    Example: with drawing_style(): figure = Figure()
+    """
+    import matplotlib
+
+    with matplotlib.rc_context({**settings, "font.family": ["sans-serif", *_cjk_fonts()]}), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph .* missing from")
+        yield
+
+
+@cache
+def _cjk_fonts() -> list[str]:
+    from matplotlib.font_manager import fontManager
+
+    return sorted({font.name for font in fontManager.ttflist}.intersection(CJK_FONTS), key=CJK_FONTS.index)
+
 
 INK = "#222222"
 ACCENT = "#0072b2"

@@ -5,13 +5,12 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-import matplotlib
 from threadpoolctl import threadpool_limits
 
 from foldcar.errors import FoldcarError
 from foldcar.figures.output import UNDATED, save_figure
 from foldcar.figures.page import web_page
-from foldcar.figures.style import RC
+from foldcar.figures.style import drawing_style
 from foldcar.outputs import check_output_folder
 from foldcar.report.page_data import page_data, read_experiments
 from foldcar.report.paper_figures import Drawing, drawings
@@ -65,7 +64,7 @@ def write_report(
 
 
 def _save_figures(planned: Iterable[Drawing], folder: Path) -> None:
-    with matplotlib.rc_context(RC), threadpool_limits(1):
+    with drawing_style(), threadpool_limits(1):
         for drawing in planned:
             figure = drawing.draw()
             for suffix in UNDATED:

@@ -25,6 +25,7 @@ from reportlab.pdfgen.canvas import Canvas
 
 from foldcar.car.components.shape import on_circle
 from foldcar.fabrication.patterns.drawing import LAYERS, Circle, Path, Point, Shape, Sheet
+from foldcar.figures.style import drawing_style
 
 # Files have a resolution of 1 µm.
 SVG_DECIMALS = 3
@@ -226,6 +227,7 @@ LINE_PT = 0.9
 FACETS = 32
 
 
+@drawing_style({"text.parse_math": False})
 def preview(sheets: Sequence[Sheet], title: str) -> bytes:
     """The bytes of a PNG to look at before cutting, not to cut from.
 
@@ -238,7 +240,7 @@ def preview(sheets: Sequence[Sheet], title: str) -> bytes:
     cell = width_mm * scale + MARGIN_PX, height_mm * scale + HEADING_PX
     wide, high = columns * cell[0] + MARGIN_PX, rows * cell[1] + LEGEND_PX + HEADING_PX
     figure = Figure(figsize=(wide / DPI, high / DPI), dpi=DPI, facecolor="white")
-    figure.text(MARGIN_PX / wide, 1 - 0.6 * HEADING_PX / high, title, fontsize=18, va="center", parse_math=False)
+    figure.text(MARGIN_PX / wide, 1 - 0.6 * HEADING_PX / high, title, fontsize=18, va="center")
     for number, sheet in enumerate(sheets):
         row, column = divmod(number, columns)
         left, low = MARGIN_PX + column * cell[0], high - HEADING_PX - (row + 1) * cell[1]
@@ -246,7 +248,7 @@ def preview(sheets: Sequence[Sheet], title: str) -> bytes:
             (left / wide, low / high, sheet.width_mm * scale / wide, sheet.height_mm * scale / high),
             xlim=(0, sheet.width_mm), ylim=(0, sheet.height_mm), frame_on=False, xticks=[], yticks=[],
         )  # fmt: skip
-        axes.set_title(f"{sheet.name}: {sheet.film}", fontsize=14, loc="left", parse_math=False)
+        axes.set_title(f"{sheet.name}: {sheet.film}", fontsize=14, loc="left")
         axes.add_patch(Rectangle((0, 0), sheet.width_mm, sheet.height_mm, fill=False, edgecolor="0.7", clip_on=False))
         outer = itertools.chain.from_iterable(sheet.on("CUT_OUTER"))
         outlines = [_picture_points(shape) for shape in outer if isinstance(shape, Path) and shape.closed]

@@ -12,7 +12,8 @@ def read_text(file: Path) -> str:
     try:
         return file.read_text(encoding="utf-8-sig")
     except OSError as error:
-        raise FoldcarError(f"{file}: cannot be read: {error.strerror}") from error
+        close = "" if file.exists() else did_you_mean_file(file)
+        raise FoldcarError(f"{file}: cannot be read: {error.strerror}{close}") from error
     except UnicodeDecodeError as error:
         raise FoldcarError(f"{file}: is not UTF-8 text (byte {error.start})") from error
 
@@ -37,3 +38,10 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
     """``; did you mean "width"?``, or nothing if no known name is close to ``word``."""
     close = difflib.get_close_matches(word, list(known), 1)
     return f'; did you mean "{close[0]}"?' if close else ""
+
+
+def did_you_mean_file(file: Path) -> str:
+    """The same for a missing file: the closest name in its folder with its ending."""
+    stems = [other.stem for other in sorted(file.parent.glob("*")) if other.suffix == file.suffix]
+    close = difflib.get_close_matches(file.stem, stems, 1)
+    return f'; did you mean "{close[0]}{file.suffix}"?' if close else ""

@@ -100,11 +100,14 @@ WIDTH = "vehicles.1.params.0.common.width"
     ("path", "value", "message"),
     [
         ("experiments", {}, ": {}: dictionary should have at least 1 item"),
-        ("experiment", {}, ": unknown key"),
+        ("enviroments", {}, ': unknown key; known: experiments, vehicles, environments; did you mean "environments"?'),
+        ("vehicle", {}, ': unknown key; known: experiments, vehicles, environments; did you mean "vehicles"?'),
+        ("vehicles.1.typ", "W_B_W", ': unknown key; known: type, parts, params; did you mean "type"?'),
+        ("environments.1.condition", {"sample": 0, "object": []}, ".object: unknown key; known: sample, objects, "),
         ("experiments.1.veh_id", 7, ': no "7"; known: 1'),
         ("experiments.1.params.timeout", 0, ": 0: input should be greater than 0"),
         ("experiments.1.params.timeout", "1", ": '1': input should be a valid number"),
-        ("experiments.1.params.timeuot", 5, ": unknown key"),
+        ("experiments.1.params.timeuot", 5, ": unknown key; known: timeout, "),
         ("experiments.1.params.variation", {"from": "workshop", "luck": 1}, "experiments.1.params.variation"),
         (
             "experiments.1.params.variation_seed",
@@ -122,7 +125,8 @@ WIDTH = "vehicles.1.params.0.common.width"
         (WIDTH, 20, ": 20 is below the minimum 53.65 (the boards across it)"),
         (WIDTH, 501, ": 501 is above the maximum 500"),
         (WIDTH, True, ": True is not a number; write a number, a list of numbers or a range"),
-        (WIDTH, [95, 95], ": a value stands twice in the list"),
+        (WIDTH, 0.095, ": 0.095 is below the minimum 53.65 (the boards across it); lengths of cars are in mm: 0.095 m"),
+        (WIDTH, [80, 95, 95], ": 95 stands twice in the list"),
         (WIDTH, {"from": 1}, ': a range has exactly the keys "from", "to", "step"'),
         (WIDTH, {"from": 65, "to": 90, "step": 1e-9}, ": the range has 25000000001 values, the limit is"),
         (WIDTH, {"from": 0, "to": 1e300, "step": 1e-300}, ".to: 1e+300 is no number to compute with"),
@@ -180,6 +184,7 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
 
     for file, message in (
         (tmp_path / "none.json", "cannot be read: No such file or directory"),
+        (tmp_path / "latn.json", 'cannot be read: No such file or directory; did you mean "latin.json"?'),
         (tmp_path, "cannot be read: Is a directory"),
         (latin, "is not UTF-8 text (byte 2)"),
         (store, "is a store, which `foldcar report` reads; a listing is a JSON file"),

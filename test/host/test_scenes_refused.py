@@ -245,6 +245,7 @@ def test_a_program_that_loops(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, l
 def test_parameters_are_checked(tmp_path: Path) -> None:
     text = f"model model\nparam far = 3, label = 'a'\n{EGO}{GOAL}"
     assert "param near: unknown; the program's parameters are: course_x_max" in message(tmp_path, text, {"near": 1})
+    assert message(tmp_path, text, {"labl": 1}).endswith('outer_step_s; did you mean "label"?')
     assert "param far: 'x' is not a number" in message(tmp_path, text, {"far": "x"})
     assert "param far: nan is not finite" in message(tmp_path, text, {"far": float("nan")})
 
@@ -252,6 +253,9 @@ def test_parameters_are_checked(tmp_path: Path) -> None:
 def test_missing_files(tmp_path: Path) -> None:
     with pytest.raises(FoldcarError, match=r"none\.scenic: no such Scenic program"):
         open_environment(tmp_path / "none.scenic", {}, 1)
+    (tmp_path / "bumps.scenic").touch()
+    with pytest.raises(FoldcarError, match=r'bump\.scenic: no such Scenic program; did you mean "bumps\.scenic"\?'):
+        open_environment(tmp_path / "bump.scenic", {}, 1)
     other = tmp_path / "other.py"
     other.write_text("")
     with pytest.raises(FoldcarError, match=r"name ends in \.scenic"):

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from foldcar.commands.options import design_settings
 from foldcar.errors import FoldcarError
+from foldcar.typed import did_you_mean
 
 if TYPE_CHECKING:
     from foldcar.car.design import Design
@@ -140,7 +141,8 @@ def listed_families(
     if vehicle is None and not every and len(listed.vehicles) != 1:
         raise FoldcarError(f"{listing}: vehicles: has several; choose one with --vehicle: {known}")
     if vehicle is not None and vehicle not in listed.vehicles:
-        raise FoldcarError(f'{listing}: vehicles: has no "{vehicle}"; known: {known}')
+        close = did_you_mean(vehicle, listed.vehicles)
+        raise FoldcarError(f'{listing}: vehicles: has no "{vehicle}"; known: {known}{close}')
     chosen = design_settings(settings)
     names = list(listed.vehicles) if vehicle is None else [vehicle]
     return listed, [read_family(listing, name, listed.vehicles[name]).narrowed(chosen) for name in names]

@@ -18,7 +18,7 @@ from typing import Any
 from foldcar.errors import FoldcarError
 from foldcar.scenes.contained import contained
 from foldcar.scenes.program_files import ProgramFiles
-from foldcar.typed import read_text
+from foldcar.typed import did_you_mean, did_you_mean_file, read_text
 
 COMPILE_LIMIT_S = 120.0
 MOST_OBJECTS = 10_000
@@ -34,7 +34,7 @@ def compile_program(program: Path, params: Mapping[str, Any], files: ProgramFile
     """
     files = ProgramFiles(program) if files is None else files
     if not program.is_file():
-        raise FoldcarError(f"{program}: no such Scenic program")
+        raise FoldcarError(f"{program}: no such Scenic program{did_you_mean_file(program)}")
     if program.suffix != ".scenic":
         raise FoldcarError(f"{program}: a Scenic program's name ends in .scenic")
     read_text(program)
@@ -145,7 +145,8 @@ def _check_params(program: Path, params: Mapping[str, Any], declared: Mapping[st
     for name, value in params.items():
         if name not in declared:
             known = ", ".join(sorted(declared)) or "none"
-            raise FoldcarError(f"{program}: param {name}: unknown; the program's parameters are: {known}")
+            close = did_you_mean(name, declared)
+            raise FoldcarError(f"{program}: param {name}: unknown; the program's parameters are: {known}{close}")
         if _is_number(declared[name]) and not _is_number(value):
             raise FoldcarError(f"{program}: param {name}: {value!r} is not a number")
         if _is_number(value) and not math.isfinite(value):

@@ -18,6 +18,7 @@ from foldcar.outputs import make_output_folder
 from foldcar.store.errors import StoreError, store_errors
 from foldcar.store.rows import Row, insert_sql, key_text, read_rows
 from foldcar.store.tables import BY_NAME, VERSION, Table, create_tables
+from foldcar.typed import did_you_mean_file
 
 # "Fold" in ASCII: tells a store from other SQLite files.
 APPLICATION_ID = 0x466F6C64
@@ -53,7 +54,7 @@ def connect_reading(path: Path) -> sqlite3.Connection:
     """A connection that changes no row of a store of this version. StoreError if there is no such store."""
     check_name(path)
     if not path.exists():
-        raise StoreError(f"{path}: no such store")
+        raise StoreError(f"{path}: no such store{did_you_mean_file(path)}")
     if not path.is_file():
         raise StoreError(f"{path}: is no file")
     with store_errors(path), contextlib.ExitStack() as stack:

@@ -43,7 +43,8 @@ def _values(raw: Any) -> tuple[float, ...]:
         raise ValueError("an empty list has no value")
     values = tuple(_number(item) for item in items)
     if len(set(values)) < len(values):
-        raise ValueError("a value stands twice in the list")
+        twice = next(value for value in values if values.count(value) > 1)
+        raise ValueError(f"{twice:g} stands twice in the list")
     return values
 
 

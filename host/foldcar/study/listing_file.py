@@ -15,11 +15,29 @@ from foldcar.errors import FoldcarError
 from foldcar.outputs import SQLITE_MAGIC
 from foldcar.study.family import read_family
 from foldcar.study.limits import check_numbers
-from foldcar.study.listing import Listing, ListingError
-from foldcar.typed import did_you_mean, read_text
+from foldcar.study.listing import (
+    ExperimentParams,
+    ListedCondition,
+    ListedEnvironment,
+    ListedExperiment,
+    ListedVehicle,
+    Listing,
+    ListingError,
+    Strict,
+)
+from foldcar.typed import did_you_mean, did_you_mean_file, read_text
 
 # What pydantic calls a value that should be a JSON object and is not.
 NO_OBJECT = ("dict_type", "model_type", "model_attributes_type")
+# The objects with keys of foldcar's by their place, without the names that a listing gives to things.
+OBJECTS: dict[tuple[Any, ...], type[Strict]] = {
+    (): Listing,
+    ("experiments",): ListedExperiment,
+    ("experiments", "params"): ExperimentParams,
+    ("vehicles",): ListedVehicle,
+    ("environments",): ListedEnvironment,
+    ("environments", "condition"): ListedCondition,
+}
 
 
 def read_listing(file: Path, programs: bool = False) -> tuple[Listing, str]:
@@ -87,7 +105,8 @@ def _mistake(mistake: Any) -> str:
     path = ".".join(map(str, mistake["loc"])) or "the file"
     kind, message = mistake["type"], mistake["msg"].removeprefix("Value error, ")
     if kind == "extra_forbidden":
-        return f"{path}: unknown key"
+        known = [key for key in OBJECTS[mistake["loc"][:-1:2]].model_fields if key != "wbt_filename"]
+        return f"{path}: unknown key; known: {', '.join(known)}{did_you_mean(mistake['loc'][-1], known)}"
     if kind == "missing":
         return f"{path}: is missing"
     if kind == "value_error":
@@ -114,7 +133,6 @@ def _missing_programs(file: Path, listing: Listing) -> list[str]:
     for name, environment in listing.environments.items():
         program = file.parent / environment.scenic_filename
         if not program.is_file():
-            others = [str(other.relative_to(file.parent)) for other in sorted(file.parent.glob("*.scenic"))]
-            close = did_you_mean(environment.scenic_filename, others)
+            close = did_you_mean_file(program)
             missing.append(f"environments.{name}.scenic_filename: {program} is not a file{close}")
     return missing

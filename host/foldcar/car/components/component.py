@@ -51,7 +51,9 @@ class Parameter:
         """The error message for a value outside the limits with these parts, or None."""
         least = self.least_with(parts)
         if not value >= least - ROUNDING:
-            return f"{value:g} is below the minimum {at_least(least)} ({self.reason})"
+            metres = f"; lengths of cars are in mm: {value:g} m is {1000 * value:g}" if 0 < value < 1 else ""
+            hint = metres if self.unit == "mm" else ""
+            return f"{value:g} is below the minimum {at_least(least)} ({self.reason}){hint}"
         if not value <= self.maximum + ROUNDING:
             return f"{value:g} is above the maximum {at_most(self.maximum)}"
         sold = self.sold(parts) if self.sold else [value]

@@ -57,6 +57,29 @@ def test_programs_that_fail(tmp_path: Path, text: str, part: str) -> None:
 
 
 @pytest.mark.parametrize(
+    ("text", "hint", "excerpt"),
+    [
+        (f"{EGO}{GOAL}", "the line `model model` at the top of the program", [f"  {EGO.rstrip()}", "            ^"]),
+        ("model modle\n", "could not import world model modle; foldcar's is `model model`", ["  model modle", "  ^"]),
+        ("model model\nif 1:\n\tnew Kerbs at 1\n", 'did you mean "Kerb"?', ["  \tnew Kerbs at 1", "  \t    ^"]),
+        ("model model\nk = new Curb at (1, 0)\n", "Bump, Flat, Fric", ["  k = new Curb at (1, 0)", "          ^"]),
+        ("model model\nfar = 1\nx = 2 * farr\n", 'did you mean "far"?', ["  x = 2 * farr", "          ^"]),
+        ("model model\nego = = 3\n", "line 2: invalid syntax", ["  ego = = 3", "        ^"]),
+    ],
+)
+def test_mistakes_of_programs_show_the_line_and_what_was_meant(
+    tmp_path: Path, text: str, hint: str, excerpt: list[str]
+) -> None:
+    program = tmp_path / "bad.scenic"
+    program.write_text(text)
+    with pytest.raises(FoldcarError) as caught:
+        open_environment(program, {}, 1)
+    first, *shown = caught.value.lines()
+    assert hint in first
+    assert shown == excerpt
+
+
+@pytest.mark.parametrize(
     ("text", "part"),
     [
         ("ego = new Robot at (0, 0), at (1, 0)\n", "line 3: Cannot use At"),

@@ -7,7 +7,9 @@ import: it is imported in the functions that use it.
 
 import contextlib
 import gc
+import linecache
 import math
+import re
 import sys
 import traceback
 import warnings
@@ -75,7 +77,7 @@ def _compiled(
     except FoldcarError:
         raise
     except Exception as error:
-        raise FoldcarError(f"{program}: {one_line(error, program)}") from error
+        raise ProgramError(str(program), error, program) from error
 
 
 def may_end_itself(scenario: Any) -> bool:
@@ -95,17 +97,68 @@ def is_dynamic(scenario: Any) -> bool:
     )
 
 
+class ProgramError(FoldcarError):
+    """An error of a Scenic program: one line, and for the terminal its line of the program with a caret."""
+
+    def __init__(self, what: str, error: BaseException, program: Path) -> None:
+        super().__init__(f"{what}: {one_line(error, program)}")
+        self._excerpt: list[str] = []
+        file, line, column = _place(error)
+        text = linecache.getline(file, line).rstrip() if file is not None and line is not None else ""
+        if text:
+            if column is None and (name := _undefined_name(error)):
+                word = re.search(rf"\b{re.escape(name)}\b", text)
+                column = word.start() if word else None
+            caret = re.sub(r"[^\t]", " ", text[: column or 0]) + "^"
+            self._excerpt = [f"  {text}", *([] if column is None else [f"  {caret}"])]
+
+    def lines(self) -> list[str]:
+        """The message, and the line at fault."""
+        return [*super().lines(), *self._excerpt]
+
+
+def _place(error: BaseException) -> tuple[str | None, int | None, int | None]:
+    """The Scenic file, line and column (from 0) at fault, as far as the error tells them."""
+    file, line, offset = (getattr(error, name, None) for name in ("filename", "lineno", "offset"))
+    if isinstance(file, str) and file.endswith(".scenic"):
+        return file, line, offset - 1 if offset else None
+    for frame in reversed(traceback.extract_tb(error.__traceback__)):
+        if frame.filename.endswith(".scenic"):
+            # Python knows columns from 3.11 on. That of a statement says nothing of a name in it.
+            column = None if _undefined_name(error) else getattr(frame, "colno", None)
+            return frame.filename, frame.lineno, column
+    return None, line, None
+
+
 def one_line(error: BaseException, program: Path) -> str:
     """The error as one line, with the line of the program if the error has one."""
-    where = ""
-    lines = [(frame.f_code.co_filename, line) for frame, line in traceback.walk_tb(error.__traceback__)]
-    file, line = getattr(error, "filename", None), getattr(error, "lineno", None)
-    if not (isinstance(file, str) and file.endswith(".scenic")):
-        file, line = next(((f, n) for f, n in reversed(lines) if f.endswith(".scenic")), (None, line))
-    if line is not None:
-        where = line_prefix(file, line, program)
+    file, line, _ = _place(error)
+    where = "" if line is None else line_prefix(file, line, program)
     kind = "" if type(error).__module__.startswith("scenic.") else f"{type(error).__name__}: "
-    return where + kind + overlap_hint(" ".join(str(error).split()) or "no message")
+    message = overlap_hint(" ".join(str(error).split()) or "no message")
+    return where + kind + message + _name_hint(error)
+
+
+def _undefined_name(error: BaseException) -> str | None:
+    word = re.search(r"'(\w+)'", str(error)) if isinstance(error, NameError) else None
+    return word[1] if word else None
+
+
+def _name_hint(error: BaseException) -> str:
+    """What to do about a name that is not defined, "" for other errors."""
+    if str(error).startswith("could not import world model"):
+        return "; foldcar's is `model model`"
+    name = _undefined_name(error)
+    if name is None:
+        return ""
+    classes = re.findall(r"^class (\w+)", VOCABULARY.read_text(encoding="utf-8"), re.MULTILINE)
+    frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
+    names = next((f.f_globals for f in reversed(frames) if f.f_code.co_filename.endswith(".scenic")), {})
+    if name in classes and not names.keys() & set(classes):
+        return "; the line `model model` at the top of the program defines foldcar's objects"
+    if name[:1].isupper():
+        return f"; foldcar's objects: {', '.join(sorted(classes))}{did_you_mean(name, classes)}"
+    return did_you_mean(name, [known for known in names if not known.startswith("_")])
 
 
 def line_prefix(file: str | None, line: int, program: Path) -> str:

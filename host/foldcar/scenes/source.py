@@ -18,7 +18,7 @@ from typing import Any
 from foldcar.errors import FoldcarError
 from foldcar.scenes.contained import contained
 from foldcar.scenes.obstacles import Obstacle
-from foldcar.scenes.program import compile_program, is_dynamic, may_end_itself, one_line, overlap_hint
+from foldcar.scenes.program import ProgramError, compile_program, is_dynamic, may_end_itself, overlap_hint
 from foldcar.scenes.program_files import Files, ProgramFiles
 from foldcar.scenes.scene_json import scene_with_obstacles
 from foldcar.scenes.success import SuccessRule, success_rule
@@ -88,7 +88,7 @@ class SceneSource:
         except FoldcarError:
             raise
         except Exception as error:
-            raise FoldcarError(f"{self.program}: sample {k}: {one_line(error, self.program)}") from error
+            raise ProgramError(f"{self.program}: sample {k}", error, self.program) from error
         # Scenic would check all requirements again in the simulation, also soft ones that this sample need not fulfil.
         scene.temporalRequirements = tuple(
             one for one in scene.temporalRequirements if one.proposition.has_temporal_operator

@@ -14,6 +14,7 @@ from foldcar.commands.options import (
     check_distinct,
     parse_points,
     tell,
+    thresholds_of_success,
 )
 
 MOST_BUILD = 50
@@ -25,7 +26,9 @@ def select(
     threshold: Annotated[
         float | None,
         typer.Option(
-            metavar="SHARE", min=0.01, max=0.99, help="Success of a good design, 0 to 1; default: the listing's, or 0.75."
+            metavar="SHARE",
+            callback=thresholds_of_success,
+            help="Success of a good design, 0 to 1; default: the listing's, or 0.75.",
         ),
     ] = None,
     precision: Annotated[

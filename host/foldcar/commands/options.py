@@ -15,7 +15,7 @@ import typer
 from foldcar.errors import FoldcarError
 from foldcar.installation import usable_processors
 from foldcar.outputs import check_output_file, check_output_folder, check_replaceable
-from foldcar.study.limits import GREATEST_SEED, MOST_ENVIRONMENTS, MOST_JOBS
+from foldcar.study.limits import GREATEST_SEED, MOST_ENVIRONMENTS, MOST_JOBS, checked_threshold
 from foldcar.typed import decimal_number, did_you_mean
 
 if TYPE_CHECKING:
@@ -99,6 +99,14 @@ def _check_engine(engine: str) -> None:
         raise typer.BadParameter(f'"{engine}" is none of {", ".join(TOLD)}{did_you_mean(engine, TOLD)}')
 
 
+def _check_thresholds(shares: float | Sequence[float]) -> None:
+    for share in shares if isinstance(shares, Sequence) else [shares]:
+        try:
+            checked_threshold(share)
+        except ValueError as error:
+            raise FoldcarError(f"--threshold: {error}") from None
+
+
 def _load(files: Sequence[Path]) -> None:
     """Register the modules before the command reads its listing."""
     if files:
@@ -110,6 +118,7 @@ def _load(files: Sequence[Path]) -> None:
 
 # FoldcarError if the value, a file or ``-``, a store, or a folder, cannot be written.
 output_file, output_store, output_folder = _checked(_check_file), _checked(_check_store), _checked(check_output_folder)
+thresholds_of_success = _checked(_check_thresholds)
 
 Listing = Annotated[Path, typer.Argument(metavar="LISTING", help="Experiment listing or design (JSON).")]
 StudyStore = Annotated[Path, typer.Argument(metavar="STORE", help="Store of a sweep, and of trials if there are any.")]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from foldcar.commands.live import PORT, LivePort, serve
-from foldcar.commands.options import Json, SimulatedTrials, StudyStore, output_folder, tell
+from foldcar.commands.options import Json, SimulatedTrials, StudyStore, output_folder, tell, thresholds_of_success
 from foldcar.errors import FoldcarError
 from foldcar.installation import usable_processors
 
@@ -38,8 +38,7 @@ def report(
         list[float] | None,
         typer.Option(
             metavar="SHARE",
-            min=0.01,
-            max=0.99,
+            callback=thresholds_of_success,
             help="Success of good designs, 0 to 1; may be repeated. Default: the listing's, or 0.5 and 0.75.",
         ),
     ] = None,

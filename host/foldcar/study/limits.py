@@ -17,6 +17,14 @@ LARGEST_WHOLE = 2**63 - 1
 SHOWN = 40
 
 
+def checked_threshold(share: float) -> float:
+    """A threshold of success; ValueError if it is not a share of runs."""
+    if not 0 < share < 1:
+        percent = f": write {share / 100:g} for {share:g} %" if 1 < share < 100 else ", as 0.75"
+        raise ValueError(f"{share:g} is not between 0 and 1: a threshold is a share of runs{percent}")
+    return share
+
+
 def check_numbers(data: Any, path: str = "") -> None:
     """ValueError, naming the place in ``data`` (parsed JSON), if a number or a text in it is out of these bounds."""
     if isinstance(data, dict):

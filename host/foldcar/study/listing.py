@@ -12,7 +12,7 @@ from typing import Annotated, Any
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from foldcar.errors import FoldcarError
-from foldcar.study.limits import GREATEST_SEED, MOST_ENVIRONMENTS
+from foldcar.study.limits import GREATEST_SEED, MOST_ENVIRONMENTS, checked_threshold
 
 MAX_FAMILY_VALUES = 100_000
 
@@ -96,11 +96,9 @@ class Strict(BaseModel):
 
 def _thresholds(raw: Any) -> tuple[float, ...]:
     """The thresholds of success, from one number or a list of them."""
-    thresholds = tuple(_number(item) for item in (raw if isinstance(raw, list) else [raw]))
+    thresholds = tuple(checked_threshold(_number(item)) for item in (raw if isinstance(raw, list) else [raw]))
     if not thresholds:
         raise ValueError("an empty list has no threshold")
-    if not all(0 < threshold < 1 for threshold in thresholds):
-        raise ValueError(f"{raw!r} is not between 0 and 1: a threshold is a share of runs, as 0.75")
     if list(thresholds) != sorted(set(thresholds)):
         raise ValueError(f"{raw!r} does not ascend")
     return thresholds

@@ -51,7 +51,7 @@ def swept(study: foldcar.Study, experiment: str, width_mm: float, b_length_mm: f
 def test_importing_foldcar_imports_nothing_else() -> None:
     code = "import sys; before = set(sys.modules); import foldcar; print(sorted(set(sys.modules) - before))"
     shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
-    assert shown == "['foldcar']\n"
+    assert shown == "['foldcar', 'foldcar.version']\n"
     assert set(foldcar.__all__) <= set(dir(foldcar))
     with pytest.raises(AttributeError, match="foldcar"):
         foldcar.studdy  # noqa: B018

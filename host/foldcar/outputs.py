@@ -5,14 +5,21 @@ replaced only if its manifest names every file in it, so that no file of a user 
 """
 
 import contextlib
+import hashlib
 import json
 import os
+import re
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
 
 from foldcar.errors import FoldcarError
+
+# What any file system keeps as it is; capitals are not, as some ignore case.
+PLAIN = re.compile(r"[a-z0-9-]+(_[a-z0-9-]+)*")
+HASHED = re.compile(r"(.*_)?[0-9a-f]{8}")
+LONGEST = 40
 
 
 @contextlib.contextmanager
@@ -134,3 +141,12 @@ def check_replaceable(file: Path) -> None:
 def _check_access(folder: Path, shown: Path) -> None:
     if not os.access(folder, os.W_OK | os.X_OK):
         raise FoldcarError(f"{shown}: cannot be written: no permission to write in the folder {folder.absolute()}")
+
+
+def file_name_part(name: str) -> str:
+    """``name`` itself if it is short and plain, else what is plain of it and eight digits of its SHA-256."""
+    if len(name) <= LONGEST and PLAIN.fullmatch(name) and not HASHED.fullmatch(name):
+        return name
+    plain = re.sub("[^a-z0-9-]+", "_", name.lower())[:LONGEST].strip("_")
+    digest = hashlib.sha256(name.encode("utf-8", "surrogatepass")).hexdigest()[:8]
+    return f"{plain}_{digest}" if plain else digest

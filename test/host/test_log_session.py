@@ -2,6 +2,7 @@
 
 import contextlib
 import hashlib
+import json
 import os
 import threading
 import time
@@ -123,3 +124,32 @@ def test_a_file_belongs_to_the_trial_when_it_was_last_changed(tmp_path: Path, mo
 
     assert {file.name: trial for trial, file in arrivals.take()} == {"late.mp4": 4, "now.mp4": 5, "clockless.mp4": 5}
     assert arrivals.take() == []
+
+
+def test_a_file_with_a_time_in_the_future_is_whole_when_it_was_seen_to_rest(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("foldcar.trials.media.SETTLED_S", 0.2)
+    arrivals, film = Arrivals(tmp_path), tmp_path / "drive.mp4"
+    arrivals.begin(1)
+    for size in (1, 2, 3):
+        film.write_bytes(bytes(size))
+        os.utime(film, (time.time() + 3600,) * 2)
+        assert arrivals.growing() == [film] and arrivals.take() == []
+        time.sleep(0.1)
+    time.sleep(0.15)
+
+    assert arrivals.take() == [(1, film)]
+
+
+def test_an_experiments_name_may_have_a_slash(tmp_path: Path, free_course: Path) -> None:
+    data = json.loads(free_course.read_text())
+    data["experiments"] = {"a/b": data["experiments"]["1"]}
+    free_course.write_text(json.dumps(data))
+    words = [word if word != "1" else "a/b" for word in LOG]
+    with car_at_port() as car, Typist(tmp_path, *words, "--port", car.port, "--countdown", "0") as person:
+        person.answers(("deviation: ", ""), ("Enter starts", "q"))
+        assert person.ends() == 0, person.said
+
+    (picture,) = (tmp_path / "s-logs").glob("place-a_b_*-0.png")
+    assert picture.name in person.said

@@ -15,6 +15,7 @@ from typer.testing import CliRunner
 import written_study
 from browser import study_of
 from foldcar.cli import app
+from foldcar.outputs import file_name_part
 from foldcar.report.page_data import page_data, read_experiments
 from foldcar.report.paper_figures import (
     BLUE,
@@ -26,7 +27,6 @@ from foldcar.report.paper_figures import (
     draw_map,
     drawings,
     error_percent,
-    file_name_part,
     success_colour,
 )
 from foldcar.store.reader import Store

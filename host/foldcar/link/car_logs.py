@@ -12,6 +12,7 @@ from foldcar.link.connection import CAR_COMPONENT, CAR_SYSTEM
 
 # Bytes per request; lost parts are requested again.
 WINDOW_BYTES = 90 * 64
+LIST_S = 20.0
 FETCH_S = 120.0
 QUIET_S = 0.5
 
@@ -25,13 +26,14 @@ class StoredLog:
 
 
 def list_logs(car: Car) -> list[StoredLog]:
-    """The logs in the car, oldest first; FoldcarError if the list does not arrive completely."""
+    """The logs in the car, oldest first; FoldcarError if the list does not arrive completely within 20 s."""
     car.connection.said = None
+    end_s = time.monotonic() + LIST_S
     for _ in range(TRIES):
         car.connection.send(car.dialect.MAVLink_log_request_list_message(CAR_SYSTEM, CAR_COMPONENT, 0, 0xFFFF))
         found: dict[int, StoredLog] = {}
         expected: int | None = None
-        while expected is None or len(found) < expected:
+        while (expected is None or len(found) < expected) and time.monotonic() < end_s:
             entry = car.connection.wait_for(lambda m: m.get_type() == "LOG_ENTRY", ANSWER_S)
             if entry is None:
                 break
@@ -45,34 +47,29 @@ def list_logs(car: Car) -> list[StoredLog]:
 
 def fetch_log(car: Car, log: StoredLog) -> bytes:
     """The bytes of a log; FoldcarError if they do not arrive completely within 120 s."""
+    content = bytearray()
+    # Those behind a lost part, by their offsets.
     parts: dict[int, bytes] = {}
     car.connection.said = None
     end_s = time.monotonic() + FETCH_S
-    while (start := _missing(parts, log.size_bytes)) is not None:
+    while (start := len(content)) < log.size_bytes:
         if time.monotonic() > end_s:
             gap = f"byte {start} is missing{_said(car)}"
             raise FoldcarError(f"{car.port}: log {log.id} is incomplete after {FETCH_S:g} s: {gap}")
         count = min(WINDOW_BYTES, log.size_bytes - start)
         request = car.dialect.MAVLink_log_request_data_message(CAR_SYSTEM, CAR_COMPONENT, log.id, start, count)
         car.connection.send(request)
-        while _missing(parts, start + count) is not None:
+        while len(content) < start + count and time.monotonic() < end_s:
             part = car.connection.wait_for(lambda m: m.get_type() == "LOG_DATA" and m.id == log.id, QUIET_S)
             if part is None:
                 break
-            parts[part.ofs] = bytes(part.data[: part.count])
-    return b"".join(parts[start] for start in sorted(parts))[: log.size_bytes]
+            if start <= part.ofs < start + count:
+                parts[part.ofs] = bytes(part.data[: part.count])
+            while more := parts.pop(len(content), b""):
+                content += more
+    return bytes(content[: log.size_bytes])
 
 
 def _said(car: Car) -> str:
     """What the car has said meanwhile, such as that wheels are driven: the log protocol itself cannot refuse."""
     return f"; it says: {car.connection.said}" if car.connection.said else ""
-
-
-def _missing(parts: dict[int, bytes], end: int) -> int | None:
-    """The offset of the first missing byte before ``end``; None if there is none."""
-    at = 0
-    while at < end:
-        if not parts.get(at):
-            return at
-        at += len(parts[at])
-    return None

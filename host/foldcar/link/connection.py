@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+from foldcar.link.car_messages import checked_message
 from foldcar.link.dialect import load_dialect
 from foldcar.link.stream import Stream, open_stream
 from foldcar.link.tlog import TlogWriter
@@ -22,6 +23,8 @@ SIMULATOR_COMPONENT = 25
 HEARTBEAT_S = 0.1
 SHORTEST_HEARTBEAT_S = 0.002
 CATCH_UP_S = 1.0
+# Of a car's line for people, in characters.
+LONGEST_LINE = 1000
 
 
 class Connection:
@@ -29,7 +32,7 @@ class Connection:
 
     ``said`` is the car's last line for people (STATUSTEXT), joined from its parts; None before the first.
     ``log``, if set, gets every packet of both directions. ``received`` counts the car's packets, ``lost`` the
-    gaps in their sequence numbers, ``damaged`` received data that is not a valid packet.
+    gaps in their sequence numbers, ``damaged`` received data that is not a valid packet, or has impossible numbers.
     """
 
     def __init__(self, stream: Stream) -> None:
@@ -80,11 +83,14 @@ class Connection:
                 self.log.write(bytes(message.get_msgbuf()))
             if message.get_srcSystem() != CAR_SYSTEM:
                 continue
+            if checked_message(message) is None:
+                self.damaged += 1
+                continue
             self._count(message)
             self.last_received_s = time.monotonic()
             self.latest[message.get_type()] = message
             if message.get_type() == "STATUSTEXT":
-                self.said = (self.said or "") + message.text if message.chunk_seq else message.text
+                self.said = ((self.said or "") + message.text)[-LONGEST_LINE:] if message.chunk_seq else message.text
             if message.get_type() == "FOLDCAR_TRIAL":
                 self._clock_rate.add(message.time_boot_ms / 1000, self.last_received_s)
             messages.append(message)

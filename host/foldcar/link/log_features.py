@@ -86,7 +86,7 @@ def _felt(messages: Sequence[Any], start_s: float, end_s: float) -> tuple[Any, f
     for time_s, attitude, sample in rows:
         x, y, z = (MILLI_G_M_S2 * value for value in (sample.xacc, -sample.yacc, -sample.zacc))
         size = math.sqrt(x * x + y * y + z * z)
-        step_s, last_s = time_s - last_s, time_s
+        step_s, last_s = min(time_s - last_s, FORGETS_S), time_s
         pulled -= pulled * step_s / FORGETS_S
         if abs(size - GRAVITY_M_S2) < SHAKEN_M_S2:
             pulled += (math.asin(max(-1.0, min(1.0, x / size))) - attitude.pitch) * step_s / FILTER_S

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from foldcar.errors import FoldcarError
+from foldcar.link.car_messages import checked_message
 from foldcar.link.dialect import load_dialect
 from foldcar.outputs import atomic_file
 
@@ -76,12 +77,16 @@ def _content(file: Path) -> bytes:
 
 
 def messages_of(records: Iterable[tuple[int, bytes]]) -> Iterator[tuple[int, Any]]:
-    """Decode records to (time in µs, message); damaged packets become BAD_DATA messages."""
+    """Decode records to (time in µs, message); damaged packets become BAD_DATA messages.
+
+    Messages with numbers that no car can have are left out.
+    """
     mav = load_dialect().MAVLink(None)
     mav.robust_parsing = True
     for time_us, packet in records:
         for message in mav.parse_buffer(packet) or []:
-            yield time_us, message
+            if checked_message(message) is not None:
+                yield time_us, message
 
 
 def records_of(data: bytes) -> tuple[list[tuple[int, bytes]], int]:

@@ -4,8 +4,6 @@ Input: what the page's data is made of. Output: drawings in the order in which t
 parameters vary, all are of the one smooth model of simulation, over the same combinations of the others: no raw average.
 """
 
-import hashlib
-import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -22,14 +20,11 @@ from matplotlib.patheffects import withStroke
 from foldcar.analysis.effects import Effects
 from foldcar.analysis.words import label_and_unit
 from foldcar.figures.style import ACCENT, FAILURE, INK, OUTCOME_COLOURS, OUTCOME_LABELS
+from foldcar.outputs import file_name_part
 from foldcar.report.page_designs import Designs
 from foldcar.report.page_effects import importance_rows, over
 from foldcar.simulation.results import OUTCOMES
 
-# What any file system keeps as it is; capitals are not, as some ignore case.
-PLAIN = re.compile(r"[a-z0-9-]+(_[a-z0-9-]+)*")
-HASHED = re.compile(r"(.*_)?[0-9a-f]{8}")
-LONGEST = 40
 WIDE_IN, HEIGHT_IN = 7.2, 3.7
 GREEN, BLUE, NAVY, REGION, NOT_RUN = "#62b85f", "#3f7fd0", "#14265c", "#dff1ea", "#e6e6e6"
 # For as many thresholds; for more, evenly from a map of colours.
@@ -78,15 +73,6 @@ def drawings(
             f"{said}, a mean over the same combinations of the others",
             partial(draw_map, designs, effects, places, two, thresholds),
         )
-
-
-def file_name_part(name: str) -> str:
-    """``name`` itself if it is short and plain, else what is plain of it and eight digits of its SHA-256."""
-    if len(name) <= LONGEST and PLAIN.fullmatch(name) and not HASHED.fullmatch(name):
-        return name
-    plain = re.sub("[^a-z0-9-]+", "_", name.lower())[:LONGEST].strip("_")
-    digest = hashlib.sha256(name.encode("utf-8", "surrogatepass")).hexdigest()[:8]
-    return f"{plain}_{digest}" if plain else digest
 
 
 def axis_label(parameter: str) -> str:

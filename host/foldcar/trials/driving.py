@@ -27,6 +27,8 @@ CTRL_C = "Ctrl-C"
 # After a trial the car stores what it has kept in RAM: 256 KiB at most, whose 64 sectors take some 0.1 s each.
 STORING_S = 30.0
 STEP_S = 0.05
+# A simulated car's clock may run so many times slower than the host's.
+MOST_DELAY = 20.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +68,7 @@ def drive(
             raise LinkLostError(f"{car.port}: the car is silent for {SILENCE_S:g} s")
         car.start_trial(settings["speed_m_s"], settings["yaw_rate_rad_s"], settings["time_limit_s"], trial, untethered)
         started = True
-        return _watch(car, trial, view)
+        return _watch(car, trial, view, time.monotonic() + MOST_DELAY * settings["time_limit_s"] + STORING_S)
     except LinkLostError as error:
         left_alone = untethered and started
         if left_alone:
@@ -96,7 +98,7 @@ def _count_down(car: Car, countdown_s: int, view: DriveView) -> str | None:
     return None
 
 
-def _watch(car: Car, trial: int, view: DriveView) -> DriveEnd:
+def _watch(car: Car, trial: int, view: DriveView, end_s: float) -> DriveEnd:
     dialect, connection = car.dialect, car.connection
     booted_ms = 0
 
@@ -123,6 +125,8 @@ def _watch(car: Car, trial: int, view: DriveView) -> DriveEnd:
             return DriveEnd(stop, None, _elapsed_s(car, trial))
         if connection.silence_s() > SILENCE_S:
             raise LinkLostError(f"{car.port}: the car is silent for {SILENCE_S:g} s")
+        if time.monotonic() > end_s:
+            raise LinkLostError(f"{car.port}: the car does not end trial {trial} at its time limit")
 
 
 def _car_ended(car: Car, message: Any) -> DriveEnd:

@@ -7,6 +7,7 @@ import time
 from pathlib import Path
 
 from foldcar.errors import FoldcarError
+from foldcar.read_files import FileState, file_state
 from foldcar.store.trial_records import MEDIA_ENDINGS
 
 # A file that was not changed for so long is whole; a network's pauses are shorter.
@@ -20,11 +21,6 @@ def media_kind(file: Path) -> str:
             return kind
     known = ", ".join(ending for endings in MEDIA_ENDINGS.values() for ending in endings)
     raise FoldcarError(f"{file}: is neither a photo nor a film by its name, which ends with none of {known}")
-
-
-def is_growing(file: Path) -> bool:
-    """Whether it was changed a moment ago."""
-    return 0 <= time.time() - _changed_s(file) < SETTLED_S
 
 
 def _changed_s(file: Path) -> float:
@@ -44,6 +40,8 @@ class Arrivals:
     def __init__(self, folder: Path | None) -> None:
         self._folder = folder
         self._begun: list[tuple[float, int]] = []
+        # By files whose times are in the future: their states, and since when these are known.
+        self._states: dict[Path, tuple[FileState | None, float]] = {}
         self._known: set[Path] = set()
         self._known |= set(self._new())
 
@@ -51,15 +49,25 @@ class Arrivals:
         """A trial is being set up."""
         self._begun.append((time.time(), trial))
 
+    def is_growing(self, file: Path) -> bool:
+        """Whether the file was changed a moment ago; if its time is in the future, whether it was seen to change."""
+        age_s = time.time() - _changed_s(file)
+        if age_s >= 0:
+            return age_s < SETTLED_S
+        state, now_s = file_state(file), time.monotonic()
+        if self._states.get(file, (None, 0.0))[0] != state:
+            self._states[file] = state, now_s
+        return now_s - self._states[file][1] < SETTLED_S
+
     def growing(self) -> list[Path]:
         """What has come and may still grow."""
-        return [file for file in self._new() if is_growing(file)]
+        return [file for file in self._new() if self.is_growing(file)]
 
     def take(self) -> list[tuple[int, Path]]:
         """The files that are whole, each once, with the numbers of their trials."""
         taken = []
         for file in self._new() if self._begun else []:
-            if not is_growing(file):
+            if not self.is_growing(file):
                 self._known.add(file)
                 trials = [trial for begun_s, trial in self._begun if begun_s <= _changed_s(file)]
                 taken.append(((trials or [self._begun[-1][1]])[-1], file))

@@ -22,7 +22,7 @@ from foldcar.link.car import CarIdentity
 from foldcar.link.parameters import read_parameters
 from foldcar.link.stream import LinkLostError, choose_port
 from foldcar.link.tlog import TlogWriter
-from foldcar.outputs import make_output_folder
+from foldcar.outputs import file_name_part, make_output_folder
 from foldcar.scenes.obstacles import Obstacle
 from foldcar.simulation.carsim import Carsim
 from foldcar.store.log_files import logs_folder, store_folder
@@ -32,7 +32,7 @@ from foldcar.study.environments import Environment
 from foldcar.study.experiments import read_study
 from foldcar.trials.drive_view import DriveView
 from foldcar.trials.driving import CTRL_C, DRIVES_ON, DriveEnd, drive
-from foldcar.trials.media import Arrivals, is_growing, media_kind
+from foldcar.trials.media import Arrivals, media_kind
 from foldcar.trials.order import Standing, moves_text, next_sample, standing
 from foldcar.trials.person import IDLE_S, INPUT, Answers, say, warn
 from foldcar.trials.placement import ask_deviations, draw_placement, lettered, placed, show_placement
@@ -193,7 +193,7 @@ class Session:
 
     def _attach(self, writer: TrialWriter, number: int, file: Path) -> None:
         kind = media_kind(file)
-        while is_growing(file):
+        while self._arrivals.is_growing(file):
             self._idle()
             time.sleep(IDLE_S)
         made = writer.put_media(number, kind, file)
@@ -310,7 +310,7 @@ class Session:
 
     def _draw(self, sample: int, known: KnownCar) -> None:
         """Draw where things stand, once for each sample and car, and say where the picture is."""
-        picture = self._logs / f"place-{self._experiment.id}-{sample}.png"
+        picture = self._logs / f"place-{file_name_part(self._experiment.id)}-{sample}.png"
         if (sample, known.identity.hash) not in self._drawn:
             title = f"Sample {sample}: where to put car and obstacles"
             draw_placement(*self._scene(sample), known.design, self._carsim, picture, title, self._options.course)

@@ -16,6 +16,9 @@ from typing import Any, TextIO, cast
 _STEERING = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
 # Bytes of a file's name that were no text in the encoding of names, which may be ASCII.
 _UNDECODED = re.compile("[\udc80-\udcff]+")
+# What spreadsheets run. A sign before a number is harmless.
+_FORMULA = re.compile(r"\s*(?:[=@\uff1d\uff20]|[+\-\uff0b\uff0d](?!(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?$|inf$|nan$))")
+_MARKUP = re.compile(r"[\\`*\[\]<>|&~#]|(?<!\w)_|_(?!\w)")
 
 
 def shown(text: str) -> str:
@@ -28,6 +31,19 @@ def decoded(text: str) -> str:
     return _UNDECODED.sub(
         lambda found: found[0].encode(errors="surrogateescape").decode(errors="backslashreplace"), text
     )
+
+
+def spreadsheet_cell(cell: Any) -> Any:
+    """The cell of a CSV file; a text that a spreadsheet would run as a formula begins with an apostrophe.
+
+    Example: spreadsheet_cell("=1+1") is "'=1+1", spreadsheet_cell("-1.5") is "-1.5"
+    """
+    return f"'{cell}" if isinstance(cell, str) and _FORMULA.match(cell) else cell
+
+
+def markdown_text(text: object) -> str:
+    """The text in one line, with what Markdown would interpret escaped; an underscore within a word means nothing."""
+    return _MARKUP.sub(r"\\\g<0>", " ".join(str(text).split()))
 
 
 class ShownText:

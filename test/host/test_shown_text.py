@@ -1,5 +1,6 @@
 """Texts from files and cars on the terminal: they steer nothing, and a locale shows them as far as it has letters."""
 
+import csv
 import json
 import os
 import shutil
@@ -10,7 +11,7 @@ from typing import Any
 import pytest
 
 from conftest import two_widths
-from foldcar.shown_text import shown
+from foldcar.shown_text import markdown_text, shown, spreadsheet_cell
 from foldcar.store.reader import Store
 from forked_foldcar import original
 from test_command_line import COMMAND
@@ -117,3 +118,29 @@ def test_an_ascii_locale_shows_what_it_has_no_letters_for(steering: str, tmp_pat
 )
 def test_shown_text_keeps_letters_and_writes_out_what_steers(text: str, written: str) -> None:
     assert shown(text) == written
+
+
+@pytest.mark.parametrize("cell", ["=1+1", "@SUM(A1)", "+1+1", "-1+1", "-cmd|' /C calc'!A0", "\t=1", "\n-x", "+"])
+def test_what_a_spreadsheet_would_run_begins_with_an_apostrophe(cell: str) -> None:
+    assert spreadsheet_cell(cell) == f"'{cell}"
+
+
+@pytest.mark.parametrize("cell", ["-1", "+2.5e-3", "-.5", "-inf", "a=1", "", "-1.", None, -1.5, True])
+def test_other_cells_stay_as_they_are(cell: object) -> None:
+    assert spreadsheet_cell(cell) is cell
+
+
+def test_exported_texts_of_users_are_no_formulas(tmp_path: Path, foldcar: Any) -> None:
+    row = "=1+1,W_B_W,95,passed,@me,-1+2,+x"
+    (tmp_path / "t.csv").write_text(f"experiment,vehicle_type,width_mm,outcome,source,note,operator\n{row}\n")
+    assert foldcar("trials", "import", "s.db", "t.csv").returncode == 0
+    assert foldcar("export", "s.db", "--trials", "out.csv").returncode == 0
+
+    (exported,) = csv.DictReader((tmp_path / "out.csv").open(newline=""))
+    cells = [exported[name] for name in ("experiment", "source", "note", "operator", "width_mm")]
+    assert cells == ["'=1+1", "'@me", "'-1+2", "'+x", "95.0"]
+
+
+def test_names_are_no_markdown() -> None:
+    name = "a|b *c* _d_ W_B_W [e](f) <g> `h`\n# i \\"
+    assert markdown_text(name) == r"a\|b \*c\* \_d\_ W_B_W \[e\](f) \<g\> \`h\` \# i \\"

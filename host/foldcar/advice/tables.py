@@ -12,6 +12,7 @@ from foldcar.advice.selecting import Recommendation, Selection
 from foldcar.analysis.gap import Gap
 from foldcar.analysis.rate import Rate
 from foldcar.outputs import atomic_file
+from foldcar.shown_text import spreadsheet_cell
 
 RATES = ("simulated", "driven", "further_car", "pooled")
 ENDS = {"": "value", "_low": "low", "_high": "high"}
@@ -122,6 +123,7 @@ def _write(rows: Sequence[Mapping[str, Any]], file: Path) -> None:
     """The rows under all their names, in order of appearance."""
     columns = list(dict.fromkeys(name for row in rows for name in row)) or ["experiment"]
     # As objects, so that whole numbers stay whole beside missing ones.
-    table = pandas.DataFrame([[row.get(name) for name in columns] for row in rows], columns=columns, dtype=object)
+    cells = [[spreadsheet_cell(row.get(name)) for name in columns] for row in rows]
+    table = pandas.DataFrame(cells, columns=columns, dtype=object)
     with atomic_file(file) as binary:
         table.to_csv(binary, index=False, lineterminator="\n")

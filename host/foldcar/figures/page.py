@@ -9,10 +9,11 @@ from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 from markupsafe import Markup
 
 from foldcar.errors import FoldcarError
+from foldcar.shown_text import markdown_text
 
 
 def page_template(package: str, file: str, filters: Mapping[str, Callable[..., Any]] | None = None) -> Template:
-    """The template, with ``filters`` in addition to jinja's."""
+    """The template, with ``markdown``, which escapes texts, and ``filters`` in addition to jinja's filters."""
     environment = Environment(
         loader=PackageLoader(package, "."),
         autoescape=True,
@@ -20,7 +21,7 @@ def page_template(package: str, file: str, filters: Mapping[str, Callable[..., A
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= filters or {}
+    environment.filters |= {"markdown": markdown_text, **(filters or {})}
     return environment.get_template(file)
 
 

@@ -18,6 +18,7 @@ from typing import Any, TextIO
 
 from foldcar.outputs import atomic_file
 from foldcar.report.environment_values import environment_values
+from foldcar.shown_text import spreadsheet_cell
 from foldcar.simulation.results import METRICS, NUMBERS, Recorded, Result, has_passed
 from foldcar.store.reader import Store
 from foldcar.store.trial_records import left_out_text, select_trials
@@ -60,7 +61,7 @@ def write_csv(store: Store, text: TextIO, failed: bool = False) -> int:
     """Write the runs, or the ``failed`` ones, as CSV to an open text stream; returns the number of rows."""
     table = _RunTable(store, failed)
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(table.columns)
+    writer.writerow(map(spreadsheet_cell, table.columns))
     count = 0
     for cells in table.rows():
         writer.writerow([_csv_cell(cell) for cell in cells])
@@ -129,7 +130,8 @@ def export_trials(store: Store, file: Path, simulated_trials: bool) -> tuple[int
             text = io.TextIOWrapper(binary, encoding="utf-8", newline="")
             writer = csv.writer(text, lineterminator="\n")
             writer.writerow([*names, "deviations"])
-            writer.writerows(zip(*columns, map(json.dumps, deviations), strict=True))
+            rows = zip(*columns, map(json.dumps, deviations), strict=True)
+            writer.writerows(map(spreadsheet_cell, row) for row in rows)
             text.detach()
     return len(trials), left_out_text(left_out)
 
@@ -190,7 +192,7 @@ def _recorded_cell(recorded: Mapping[str, Recorded], name: str, kind: str) -> An
 def _csv_cell(cell: Any) -> Any:
     if isinstance(cell, bool):
         return json.dumps(cell)
-    return repr(cell).removesuffix(".0") if isinstance(cell, float) else cell
+    return repr(cell).removesuffix(".0") if isinstance(cell, float) else spreadsheet_cell(cell)
 
 
 def _field(name: str, kind: Any) -> Any:

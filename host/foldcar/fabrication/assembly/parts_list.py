@@ -24,6 +24,7 @@ from foldcar.fabrication.assembly.faces import piece_area_mm2
 from foldcar.fabrication.assembly.operations import Operations, is_wound, kinds, minutes
 from foldcar.fabrication.patterns.drawing import Sheet
 from foldcar.figures.page import page_template
+from foldcar.shown_text import spreadsheet_cell
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +93,8 @@ def parts_list_csv(folded: FoldedCar, sheets: Sequence[Sheet] = ()) -> str:
     writer.writerow(["part", "quantity", "unit", "mass_g", "cost_usd", "note"])
     for row in parts_list(folded, sheets):
         mass = f"{row.mass_kg * 1e3:.3f}"
-        writer.writerow([row.name, f"{row.quantity:g}", row.unit, mass, row.dollars, row.note])
+        cells = [row.name, f"{row.quantity:g}", row.unit, mass, row.dollars, row.note]
+        writer.writerow(map(spreadsheet_cell, cells))
     return text.getvalue()
 
 

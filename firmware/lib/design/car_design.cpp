@@ -4,6 +4,8 @@
 #include <cstdio>
 #include <cstring>
 
+#include "strict_json.h"
+
 namespace foldcar {
 namespace {
 
@@ -66,6 +68,17 @@ void CarDesignReader::text(const DesignPlace& place, const char* value) {
 }
 
 void CarDesignReader::other(const DesignPlace& place) { fail(place, "is unknown or not of its type"); }
+
+bool CarDesignReader::accepts(const char* text, std::size_t size) {
+  if (size > kLargestDesignFile) {
+    refuse("is larger than 8192 bytes");
+  } else if (!is_strict_json_object(text, size)) {
+    refuse("is not a JSON object");
+  } else {
+    return true;
+  }
+  return false;
+}
 
 void CarDesignReader::refuse(const char* problem) {
   if (problem_[0] == '\0') std::snprintf(problem_, sizeof problem_, "car.json: %s", problem);

@@ -1,7 +1,7 @@
 // The design that a car was built from, as in its car.json: name, hash, geometry, and which output drives which wheel.
 //
-// Board and simulator parse JSON with different libraries. Both hand the file's values to CarDesignReader one by one, so
-// that they refuse the same files with the same messages. docs/firmware.md describes the format.
+// Board and simulator parse JSON with different libraries. Both hand the file's text and then its values one by one to
+// CarDesignReader, so that they refuse the same files with the same messages. docs/firmware.md describes the format.
 #pragma once
 
 #include <array>
@@ -60,6 +60,9 @@ struct DesignPlace {
 // Collects and checks the values of one file.
 class CarDesignReader {
  public:
+  // Whether the file's text, of size bytes, may be parsed: not too large, and JSON that every library reads alike. Else the
+  // file is refused.
+  bool accepts(const char* text, std::size_t size);
   // To be called for each number and each text of the file, in any order. The first problem is kept.
   void number(const DesignPlace& place, double value);
   void text(const DesignPlace& place, const char* value);

@@ -6,37 +6,12 @@
 
 #include <ArduinoJson.h>
 
-#include <algorithm>
 #include <cstddef>
-#include <cstring>
 
 #include "car_design.h"
 
 namespace foldcar {
 namespace design_json {
-
-// The text as a stream. ArduinoJson stops after the first JSON value; what is left must be space only.
-class Text {
- public:
-  Text(const char* text, std::size_t size) : next_(text), end_(text + size) {}
-
-  int read() { return next_ < end_ ? static_cast<unsigned char>(*next_++) : -1; }
-
-  std::size_t readBytes(char* into, std::size_t size) {
-    const std::size_t count = std::min<std::size_t>(size, static_cast<std::size_t>(end_ - next_));
-    std::memcpy(into, next_, count);
-    next_ += count;
-    return count;
-  }
-
-  bool only_space_left() const {
-    return std::all_of(next_, end_, [](char c) { return c == ' ' || c == '\n' || c == '\r' || c == '\t'; });
-  }
-
- private:
-  const char* next_;
-  const char* end_;
-};
 
 inline void take(CarDesignReader& reader, const DesignPlace& place, JsonVariantConst value) {
   if (value.is<const char*>()) {
@@ -79,17 +54,13 @@ inline void take_all(CarDesignReader& reader, JsonObjectConst root) {
 // text: size bytes, which need no closing zero.
 inline DesignResult read_design_json(const char* text, std::size_t size) {
   CarDesignReader reader;
-  if (size > kLargestDesignFile) {
-    reader.refuse("is larger than 8192 bytes");
-    return reader.result();
-  }
-  JsonDocument document;
-  design_json::Text input(text, size);
-  const DeserializationError error = deserializeJson(document, input);
-  if (error || !document.is<JsonObjectConst>() || !input.only_space_left()) {
-    reader.refuse("is not a JSON object");
-  } else {
-    design_json::take_all(reader, document.as<JsonObjectConst>());
+  if (reader.accepts(text, size)) {
+    JsonDocument document;
+    if (deserializeJson(document, text, size)) {
+      reader.refuse("cannot be read: no memory is left");
+    } else {
+      design_json::take_all(reader, document.as<JsonObjectConst>());
+    }
   }
   return reader.result();
 }

@@ -25,12 +25,8 @@ void take_section(CarDesignReader& reader, const char* section, int index, const
 
 DesignResult read_car_json(const std::string& text) {
   CarDesignReader reader;
-  const json root = json::parse(text, nullptr, false);
-  if (text.size() > kLargestDesignFile) {
-    reader.refuse("is larger than 8192 bytes");
-  } else if (!root.is_object()) {
-    reader.refuse("is not a JSON object");
-  } else {
+  if (reader.accepts(text.data(), text.size())) {
+    const json root = json::parse(text);
     for (const auto& [key, value] : root.items()) {
       if (value.is_object()) {
         take_section(reader, key.c_str(), -1, value);

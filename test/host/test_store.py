@@ -225,6 +225,8 @@ def foreign(path: Path, *statements: str) -> Path:
 def test_what_is_no_store_is_refused_and_left_alone(tmp_path: Path) -> None:
     text = tmp_path / "text.db"
     text.write_text("not a database, but long enough to be mistaken for one " * 10)
+    listing = tmp_path / "text.json"
+    listing.write_text('// A study.\n{"experiments": {}, "vehicles": {}}')
     other = foreign(tmp_path / "other.db", "CREATE TABLE t (a)")
     made = "CREATE TABLE t (a)", f"PRAGMA application_id = {APPLICATION_ID}"
     newer, older = (
@@ -236,6 +238,7 @@ def test_what_is_no_store_is_refused_and_left_alone(tmp_path: Path) -> None:
     for path, message in (
         (text, "is no foldcar store: file is not a database"),
         (other, "is no foldcar store"),
+        (listing, f"is a listing, not a store; `foldcar sweep {listing} --store text.db` simulates it into a store"),
         (newer, f"is a store of version {VERSION + 1}, {ways_out}"),
         (older, f"is a store of version {VERSION - 1}, {ways_out}"),
     ):

@@ -14,7 +14,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from foldcar.outputs import make_output_folder
+from foldcar.outputs import SQLITE_MAGIC, make_output_folder
 from foldcar.store.errors import StoreError, store_errors
 from foldcar.store.rows import Row, insert_sql, key_text, read_rows
 from foldcar.store.tables import BY_NAME, VERSION, Table, create_tables
@@ -26,6 +26,8 @@ APPLICATION_ID = 0x466F6C64
 BUSY_S = 10.0
 # Larger stores, of some ten million runs, are read in place.
 MAX_COPIED_BYTES = 2**30
+# What is read of a file to see whether it is a listing.
+MAX_LISTING_BYTES = 2**20
 
 
 def open_reading(path: Path) -> sqlite3.Connection:
@@ -80,6 +82,11 @@ def require_store(path: Path) -> None:
 
 def _is_blank(path: Path, connection: sqlite3.Connection) -> bool:
     """Whether the database has no tables yet. StoreError if it has others than those of this version."""
+    with contextlib.suppress(OSError), path.open("rb") as file:
+        start = file.read(MAX_LISTING_BYTES)
+        if b"vehicles" in start and not start.startswith(SQLITE_MAGIC):
+            sweep = f"foldcar sweep {path} --store {path.stem}.db"
+            raise StoreError(f"{path}: is a listing, not a store; `{sweep}` simulates it into a store")
     with store_errors(path, "is no foldcar store: "):
         (tables,) = connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
         (application_id,) = connection.execute("PRAGMA application_id").fetchone()

@@ -14,6 +14,7 @@ from pypdf import PdfReader
 
 from filmed import Camera, Car, Film, Filming, Thing, boxes, floor_markers, marker, pose_at, rotation
 from foldcar.camera.detection import Detector
+from foldcar.camera.film import read_film
 from foldcar.camera.filming import car_marker, propose
 from foldcar.camera.ground import fit_heights, height_remarks, standing
 from foldcar.camera.lens import BOARD_SQUARES, SQUARE_M, Lens, board, calibrate
@@ -144,7 +145,9 @@ def test_obstacles_are_as_high_as_the_car_shows(factor: float) -> None:
     height, error = found.factors[1], found.factor_errors[1]
     assert abs(height - factor) < 2 * error < 0.15
     told = [f"obstacle at 700, 90 mm were {height:.2f} ± {error:.2f} times as high as planned"] if factor != 1 else []
-    remarks = height_remarks(found)
+    remarks = height_remarks(found, "film")
+    with pytest.raises(FoldcarError, match=r"film: is a film of another trial: .* obstacle at 700, 90 mm"):
+        height_remarks(replace(found, factors=found.factors * [1, 0.3]), "film")
     assert len(remarks) == len(told) and all(one in remark for one, remark in zip(told, remarks, strict=True))
     off = numpy.array([find_pose(seen, view, car, found).values - true for true, seen in shown])
     place_m = numpy.hypot(off[:, 0], off[:, 1])
@@ -241,6 +244,50 @@ def test_places_by_a_photo_are_a_correction_of_the_trial(trial: Any, tmp_path: P
 
 def seen(course: Any) -> dict[int, Any]:
     return Detector().find(photo(course))
+
+
+@pytest.fixture(scope="module")
+def slow_film(trial: Any) -> Any:
+    """The trial's film played at half its speed, which a phone that films in slow motion writes."""
+    frames = list(read_film(trial[0] / "trial.mp4"))
+    height, width = frames[0][1].shape
+    writer = cv2.VideoWriter(str(trial[0] / "slow.mp4"), cv2.VideoWriter_fourcc(*"mp4v"), 15.0, (width, height), False)
+    for _, grey in frames:
+        writer.write(grey)
+    writer.release()
+    return trial[0] / "slow.mp4"
+
+
+def test_a_film_in_slow_motion_is_refused(trial: Any, slow_film: Path) -> None:
+    options = ["--trial", "1", "--store", "s.db", "--course", "course.json"]
+    done = original().run(["track", slow_film.name, *options], trial[0])
+
+    assert done.returncode == 2
+    assert re.search(r"slow\.mp4: the car sets off (1\.[89]|2\.[012]) times as slow as in simulation", done.stderr)
+
+
+@pytest.mark.parametrize(
+    ("scene", "elapsed_s", "message"),
+    [
+        ({"start": {**SCENE["start"], "x_m": 0.0}}, None, "is a film of another trial: the car began 100 mm"),
+        ({}, 0.5, "ended after 0.50 s: it is a film of another trial"),
+    ],
+)
+def test_a_film_of_another_trial_is_refused(
+    trial: Any, tmp_path: Path, scene: Any, elapsed_s: float | None, message: str
+) -> None:
+    body, settings = (json.loads(text) for text in car_texts(95, 8))
+    with write_trials(tmp_path / "s.db") as writer:
+        drive = Drive(body, settings, {**SCENE, **scene}, "fingerprint", "box.scenic", 0)
+        number = writer.begin("1", TrialDesign("W_B_W", {}), drive, {}, CarFacts("b", "d", "p", "built"), "gone.tlog", "")
+        writer.complete(number, Ending("stuck", "key", elapsed_s, "", None))
+
+    options = ["--trial", "1", "--store", str(tmp_path / "s.db"), "--course", "course.json"]
+    done = original().run(["track", "trial.mp4", *options], trial[0])
+
+    assert done.returncode == 2 and message in done.stderr
+    with Store.open(tmp_path / "s.db") as opened:
+        assert opened.track(1) is None
 
 
 def test_missing_and_moved_floor_markers_are_told() -> None:
@@ -375,6 +422,7 @@ def test_a_byte_order_mark_is_no_part_of_a_course(tmp_path: Path) -> None:
     [
         (("gone.mp4",), "gone.mp4: no such file"),
         (("text.mp4",), "text.mp4: is no film that can be read (MP4, MOV, MKV, AVI)"),
+        (("text.heic",), "text.heic: photos in HEIC are not read: save it as JPEG, or set the camera to JPEG"),
         (("text.jpg", "--listing", "l.json"), "text.jpg: is no picture that can be read (JPEG, PNG)"),
         (("text.jpg",), "text.jpg: with a photo --listing names the listing, whose program knows the obstacles"),
         (("gone.mp4", "--course", "c.json"), "c.json: floor: two markers have the id 0"),
@@ -386,7 +434,7 @@ def test_a_byte_order_mark_is_no_part_of_a_course(tmp_path: Path) -> None:
     ],
 )
 def test_what_cannot_be_used_is_told_in_a_line(trial: Any, tmp_path: Path, foldcar: Any, words: Any, told: str) -> None:
-    for name in ("text.mp4", "text.jpg"):
+    for name in ("text.mp4", "text.jpg", "text.heic"):
         (tmp_path / name).write_bytes(b"no film or photo")
     course = course_json(COURSE)
     course["floor"][1]["id"] = 0

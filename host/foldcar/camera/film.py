@@ -67,6 +67,8 @@ def read_film(file: Path) -> Iterator[tuple[float, Grey]]:
 def _open(file: Path) -> Any:
     if not file.is_file():
         raise FoldcarError(f"{file}: {'is no file' if file.exists() else 'no such file'}")
+    if file.suffix.lower() in (".heic", ".heif"):
+        raise FoldcarError(f"{file}: photos in HEIC are not read: save it as JPEG, or set the camera to JPEG")
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     # FFmpeg's own words are no line of ours: AV_LOG_QUIET.
     os.environ["OPENCV_FFMPEG_LOGLEVEL"] = "-8"

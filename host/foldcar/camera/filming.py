@@ -36,9 +36,15 @@ from foldcar.store.reader import Store
 from foldcar.store.trial_records import Track
 from foldcar.store.writer import canonical_json
 
-# A car that stood farther from where the trial has it (m, rad) is told.
+# A car that stood farther from where the trial has it (m, rad) is told; a film of a car beyond OTHER_TRIAL is refused.
 ELSEWHERE_M, ELSEWHERE_RAD = 0.015, math.radians(4)
+OTHER_TRIAL_M, OTHER_TRIAL_RAD = 0.060, math.radians(20)
 SET_OFF_M = numpy.linspace(0.003, 0.040, 12)
+# Where time scales are fitted, and the largest that a car's own speed explains. Slow motion is 2 to 32 times as slow.
+SCALED_M = numpy.linspace(0.003, 0.120, 24)
+MOST_SCALE = 1.5
+# A trial that a person ends lasts longer than the drive to the goal.
+LATE_S = 0.5
 SERVOS_S = 0.015
 REST_S = 0.1
 # As in sim2d/lib/trial/ending.h.
@@ -92,7 +98,13 @@ def track_trial(
     times_s = filmed.times_s - start.film_s
     turns = abs(settings["speed_m_s"]) <= 0.05 * abs(settings["yaw_rate_rad_s"])
     ending = propose(times_s, filmed.poses, scene, settings["time_limit_s"], turns, filmed.film_s - start.film_s)
-    remarks = [*filmed.remarks, *_elsewhere(filmed, times_s, scene["start"])]
+    elapsed_s = store.trial(number).elapsed_time_s
+    if ending.outcome in ("passed", "off_course") and elapsed_s is not None and ending.time_s > elapsed_s + LATE_S:
+        raise FoldcarError(
+            f"{film}: {ending.why} after {ending.time_s:.2f} s, but trial {number} ended after {elapsed_s:.2f} s: it is "
+            "a film of another trial, or in slow motion"
+        )
+    remarks = [*filmed.remarks, *_elsewhere(filmed, times_s, scene["start"], f"{film}: is a film of another trial")]
     digest = sha256_of(film)
     assert digest is not None
     facts = _facts(filmed, start, ending, lens, remarks)
@@ -136,8 +148,8 @@ def _rows(times_s: Any, filmed: Filmed) -> list[list[float]]:
     ]
 
 
-def _elsewhere(filmed: Filmed, times_s: Any, start: Mapping[str, float]) -> list[str]:
-    """A remark if the car stood elsewhere than the trial says."""
+def _elsewhere(filmed: Filmed, times_s: Any, start: Mapping[str, float], refusal: str) -> list[str]:
+    """A remark if the car stood elsewhere than the trial says; FoldcarError, which ``refusal`` begins, if too far."""
     before = filmed.poses[times_s < 0]
     if not len(before):
         return []
@@ -146,16 +158,20 @@ def _elsewhere(filmed: Filmed, times_s: Any, start: Mapping[str, float]) -> list
     turned = math.remainder(heading - start["heading_rad"], math.tau)
     if away_m < ELSEWHERE_M and abs(turned) < ELSEWHERE_RAD:
         return []
-    return [
+    remark = (
         f"the car began {1000 * away_m:.0f} mm and {math.degrees(turned):+.1f}° from where the trial has it: at "
         f"{1000 * x:.0f}, {1000 * y:.0f} mm, {math.degrees(heading):.1f}°"
-    ]
+    )
+    if away_m > OTHER_TRIAL_M or abs(turned) > OTHER_TRIAL_RAD:
+        raise FoldcarError(f"{refusal}: {remark}; if it is of this one, correct its places by a photo")
+    return [remark]
 
 
 def find_start(times_s: Floats, poses: Floats, simulated: Floats, where: str) -> Start:
     """The start of the trial; ``simulated`` are rows of time in the trial, x, y.
 
-    FoldcarError, beginning with ``where``, if the car moves from the film's first frame on, or never.
+    FoldcarError, beginning with ``where``, if the car moves from the film's first frame on, or never, or if film time and
+    simulated time have a scale that no car's speed explains.
     """
     resting = times_s < times_s[0] + REST_S
     away = numpy.linalg.norm(poses[:, :2] - numpy.median(poses[resting, :2], axis=0), axis=1)
@@ -173,8 +189,27 @@ def find_start(times_s: Floats, poses: Floats, simulated: Floats, where: str) ->
     end = int(numpy.argmax(simulated_away >= SET_OFF_M[-1]))
     wanted = [_when(simulated[: end + 1, 0], simulated_away[: end + 1], far) for far in SET_OFF_M]
     offsets = numpy.subtract(reached, wanted)
+    # The first distances are short, and beyond them an obstacle may slow the car down: the scale nearer to 1 counts.
+    film = _scaled(times_s, away, simulated, simulated_away)
+    scale = min(float(numpy.polyfit(wanted, reached, 1)[0]), film, key=lambda one: abs(math.log(max(one, 1e-3))))
+    if not 1 / MOST_SCALE < scale < MOST_SCALE:
+        pace = f"{scale:.1f} times as slow" if scale > 1 else f"{1 / max(scale, 1e-3):.1f} times as fast"
+        raise FoldcarError(
+            f"{where}: the car sets off {pace} as in simulation: the film is in slow motion or time lapse; save it at "
+            "the speed of the drive, or film without"
+        )
     error = float(numpy.hypot(SERVOS_S, offsets.std()))
     return Start(float(numpy.median(offsets)), error)
+
+
+def _scaled(times_s: Floats, away: Floats, simulated: Floats, simulated_away: Floats) -> float:
+    """How many times longer the film's car takes to the distances of SCALED_M that both cars reach."""
+    farthest = min(away.max(), simulated_away.max())
+    far = SCALED_M[: int(numpy.searchsorted(SCALED_M, farthest, "right"))]
+    first, end = (int(numpy.argmax(one >= far[-1])) + 1 for one in (away, simulated_away))
+    reached = [_when(times_s[:first], away[:first], one) for one in far]
+    wanted = [_when(simulated[:end, 0], simulated_away[:end], one) for one in far]
+    return float(numpy.polyfit(wanted, reached, 1)[0])
 
 
 def _when(times_s: Floats, away: Floats, far: float) -> float:

@@ -34,6 +34,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import label, map_coordinates
 
 from foldcar.camera.detection import Floats
+from foldcar.errors import FoldcarError
 from foldcar.figures.ground import Extent, HeightMap, height_map
 from foldcar.figures.top_view import view_of
 from foldcar.simulation.heights import Heights
@@ -71,8 +72,10 @@ STEP = 0.02
 FAR = 12.0
 ALIKE, LEAST_ERROR = 0.4, 0.03
 FACTORS = (0.3, 3.0)
-# A factor that is known better than TOLD, and farther from 1 than it and than twice its error, is told.
+# A factor that is known better than TOLD, and farther from 1 than it and than twice its error, is told. Beyond OTHER the
+# obstacle is another one.
 TOLD = 0.1
+OTHER = (0.5, 2.0)
 
 
 @dataclass(frozen=True)
@@ -242,14 +245,20 @@ def fit_heights(poses: "Sequence[Pose]", ground: Standing, pixel: float) -> Stan
     return ground.rescaled(factors, errors)
 
 
-def height_remarks(ground: Standing) -> list[str]:
-    """A remark on each obstacle that seems not to be as high as planned."""
+def height_remarks(ground: Standing, where: str) -> list[str]:
+    """A remark on each obstacle that seems not to be as high as planned.
+
+    FoldcarError, beginning with ``where``, if it is less than half as high, or more than twice.
+    """
     remarks = []
     for k, (factor, error) in enumerate(zip(ground.factors, ground.factor_errors, strict=True)):
         if error < TOLD and abs(factor - 1) > max(TOLD, 2 * error):
             x_mm, y_mm = (1000 * at for at in ground.middle(k))
-            remarks.append(
+            height = (
                 f"the car rode as if the obstacle at {x_mm:.0f}, {y_mm:.0f} mm were {factor:.2f} ± {error:.2f} times as "
-                "high as planned: measure it, unless the car hung on its belly"
+                "high as planned"
             )
+            if not OTHER[0] < factor < OTHER[1]:
+                raise FoldcarError(f"{where}: is a film of another trial: {height}")
+            remarks.append(f"{height}: measure it, unless the car hung on its belly")
     return remarks

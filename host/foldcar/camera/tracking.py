@@ -114,7 +114,7 @@ def track(
     found = poses_of(shown, pixel_error, ground)
     if len(ground.factors) > 1:
         ground = fit_heights([pose for _, pose in found], ground, pixel_error)
-        remarks += height_remarks(ground)
+        remarks += height_remarks(ground, where)
         found = poses_of(shown, pixel_error, ground)
     times, poses = [time_s for time_s, _ in found], [pose for _, pose in found]
     path, covariances, used = smooth(

@@ -272,10 +272,12 @@ def test_cars_that_cannot_be_built_are_skipped_and_named(
     listing_data["experiments"]["1"]["params"]["environments"] = 1
     listing = write_listing(listing_data)
     why = [
-        "width=20: width: 20 is below the minimum 53.65 (the boards across it)",
-        "width=600: width: 600 is above the maximum 500",
+        "width=20 mm: width: 20 is below the minimum 53.65 (the boards across it)",
+        "width=600 mm: width: 600 is above the maximum 500",
     ]
 
+    dry = foldcar("sweep", listing, "--store", "s.db", "--jobs", "1", "--dry-run")
+    assert not (tmp_path / "s.db").exists()
     swept = foldcar("sweep", listing, "--store", "s.db", "--jobs", "1")
     report = foldcar("report", "s.db", "-o", "report", "--no-replay")
     rows = list(csv.DictReader(foldcar("export", "s.db", "--csv", "-").stdout.splitlines()))
@@ -283,6 +285,11 @@ def test_cars_that_cannot_be_built_are_skipped_and_named(
     assert swept.returncode == 0, swept.stderr
     said = ["experiment 1: 2 of 3 cars cannot be built and are skipped:", *(f"  {one}" for one in why)]
     assert swept.stderr.splitlines()[1:] == said
+    head, refused, *lines = dry.stdout.splitlines()
+    assert head == "experiment 1: 3 designs, 1 run of those that can be built"
+    assert refused == "  2 of 3 cannot be built and would be skipped:"
+    assert lines[:2] == [f"    {one}" for one in why]
+    assert re.fullmatch(r"about [0-9.]+ s with 1 simulator; the store about 0\.[0-9] MB", lines[2])
     assert [row["width_mm"] for row in rows] == ["95"]
     remark = f"2 cars of the family cannot be built: {'; '.join(why)}."
     assert remark in study_of(tmp_path / "report")["experiments"][0]["remarks"]

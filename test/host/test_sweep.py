@@ -5,6 +5,7 @@ import sqlite3
 import subprocess
 import sys
 from collections.abc import Callable
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from foldcar.simulation.results import NUMBERS
 from foldcar.simulation.runner import RunRequest
 from foldcar.store.check import check_store
 from foldcar.study import planned_designs
+from foldcar.study.dry_run import fold
 from foldcar.study.environments import Environment
 from foldcar.study.experiments import read_study
 from swept_listing import WriteListing, rows, swept
@@ -58,6 +60,44 @@ def test_every_design_meets_every_environment_and_only_what_is_new_is_run(
     assert run() == (9, 9)
     listing_data["experiments"]["1"]["params"]["timeout"] = 60
     assert run() == (9, 9)
+
+
+def test_a_sweep_keeps_out_of_another_studys_store(
+    tmp_path: Path, write_listing: WriteListing, listing_data: Any, foldcar: Any, refused: Any
+) -> None:
+    listing_data["experiments"]["1"]["params"]["environments"] = 1
+    listing = write_listing(listing_data)
+    assert foldcar("sweep", listing, "--store", "s.db").returncode == 0
+    listing.rename(tmp_path / "renamed.json")
+    assert foldcar("sweep", "renamed.json", "--store", "s.db").returncode == 0
+
+    listing_data["experiments"] = {"other": listing_data["experiments"]["1"]}
+    write_listing(listing_data)
+
+    told = refused("sweep", "listing.json", "--store", "s.db", "--json")
+    assert told.startswith("s.db: holds the study of renamed.json, which has none of these experiments; sweep")
+    assert "--store listing.db" in told
+
+
+def test_a_million_designs_are_estimated_from_some_that_are_spread_out(
+    write_listing: WriteListing, listing_data: Any
+) -> None:
+    groups = {"common": ("width", 100), "W": ("length", 60), "B": ("length", 80)}
+    listing_data["vehicles"]["1"]["params"] = [
+        {group: {name: {"from": first, "to": first + 99, "step": 1}}} for group, (name, first) in groups.items()
+    ]
+    (experiment,) = read_study(write_listing(listing_data)).experiments
+    family = experiment.family
+    spread = list(islice(family.spread_out(), 100))
+    assert {values[0] // 10 for _, values in spread} == {*range(10, 20)}
+    small = family.narrowed({"width": 120, "W.length": 70})
+    assert sorted(small.spread_out()) == [(at, (120, 70, 80 + at)) for at in range(100)]
+
+    part, whole_s = fold(family, 0.1)
+
+    members = list(part.members or ())
+    assert 0 < len(members) < 10_000 and members == sorted(members)
+    assert whole_s >= 0.1 * 1_000_000 / len(members)
 
 
 def test_rows_do_not_depend_on_jobs(tmp_path: Path, run: Run) -> None:

@@ -78,6 +78,14 @@ def count(number: int, noun: str) -> str:
     return f"{number:,} {noun}{'' if number == 1 else 's'}"
 
 
+def duration_text(seconds: float) -> str:
+    """``12 s``, ``3 min``, ``5.5 h``, ``4.2 days``."""
+    for unit, length_s, most in (("s", 1, 100), ("min", 60, 100), ("h", 3600, 48)):
+        if seconds < most * length_s:
+            return f"{seconds / length_s:.2g} {unit}"
+    return f"{seconds / 86400:,.1f} days"
+
+
 def _sharing_unit(texts: Sequence[str]) -> list[str]:
     parts = [text.rpartition(" ") for text in texts]
     if len(texts) > 1 and all(head and " " not in head and unit == parts[0][2] for head, _, unit in parts):

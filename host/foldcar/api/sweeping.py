@@ -31,7 +31,9 @@ def planned_sweep(
 ) -> Sweep:
     """What `foldcar sweep` with those options simulates; ``command`` is kept with the runs. FoldcarError."""
     carsim = Carsim(engine=engine)
-    study = engine_study(read_study(listing, experiment, environments), carsim)
+    study = read_study(listing, experiment, environments)
+    _check_same_study(study, store)
+    study = engine_study(study, carsim)
     real = None
     if reality is not None:
         from foldcar.calibration.environment import as_calibration, read_reality
@@ -39,6 +41,24 @@ def planned_sweep(
         real = as_calibration(reality, read_reality(reality, engine))
     study, environment_of = under_calibration(study, store, calibration, real)
     return Sweep(study, store, carsim, command, environment_of, stopping_rules(until, study) if until else {})
+
+
+def _check_same_study(study: Study, store: Path) -> None:
+    """FoldcarError if the store holds a study of another listing, whose experiments this sweep might replace."""
+    if not store.is_file() or not store.stat().st_size:
+        return
+    with Store.open(store) as opened:
+        if not opened.holds_study():
+            return
+        stored = opened.info()
+    own = {(one.id, Path(one.program_name).name) for one in study.experiments}
+    others = {(one.listed_id, Path(one.scenic_program).name) for one in stored.experiments.values()}
+    if Path(stored.listing_name).name != Path(study.listing_name).name and not own & others:
+        apart = f"{Path(study.listing_name).stem}.db"
+        raise FoldcarError(
+            f"{store}: holds the study of {stored.listing_name}, which has none of these experiments; sweep "
+            f"{study.listing_name} into a store of its own (--store {apart}), which `foldcar merge` can join with {store}"
+        )
 
 
 def under_calibration(

@@ -23,10 +23,12 @@ from foldcar.commands.options import (
     UnderCalibration,
     check_scheduler_option,
     command_line,
+    note,
     simulators,
     tell,
 )
 from foldcar.errors import FoldcarError
+from foldcar.installation import usable_processors
 
 if TYPE_CHECKING:
     from foldcar.analysis.stopping import StoppingRule
@@ -37,6 +39,8 @@ if TYPE_CHECKING:
 
 # Undecided designs that are named, and different messages of failed runs that are shown.
 SHOWN_UNDECIDED = 12
+# Designs of a sweep from which on it says how long folding them takes.
+MANY_DESIGNS = 2_000
 SHOWN_MESSAGES = 3
 
 
@@ -66,6 +70,9 @@ def sweep(
         bool, typer.Option("--live", help="Serve the report's page to this machine's browser; it follows the sweep.")
     ] = False,
     port: LivePort = None,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Estimate time and size, list what cannot be built; write nothing.")
+    ] = False,
     as_json: Json = False,
 ) -> None:
     """Simulate all runs that the store lacks.
@@ -86,8 +93,39 @@ def sweep(
         listing, store, command_line(), experiment=experiment, environments=environments, until=until,
         calibration=calibration, reality=reality, engine=engine,
     )  # fmt: skip
+    if dry_run:
+        _print_estimates(asked, jobs or usable_processors(), as_json)
+        return
     with served_beside(store, PORT if port is None else port) if live else nullcontext():
         _sweep(asked, scheduler, jobs, as_json)
+
+
+def _print_estimates(asked: "Sweep", jobs: int, as_json: bool) -> None:
+    """Print what the sweep would take."""
+    from foldcar.analysis.words import count, duration_text
+    from foldcar.commands.progress_bar import working
+    from foldcar.study.dry_run import estimates
+
+    with working("folding designs and simulating a few runs"):
+        found = estimates(asked, jobs)
+    seconds, size = sum(one.seconds for one in found), sum(one.bytes for one in found)
+    lines = []
+    for one in found:
+        each = count(one.runs, "run")
+        lines.append(f"experiment {one.experiment}: {count(one.designs, 'design')}, {each} of those that can be built")
+        if one.folded < one.designs:
+            whole = duration_text(one.folding_s)
+            lines.append(f"  {one.folded:,} of them, spread over the family, were folded; all would take about {whole}")
+        if one.refused:
+            lines.append(f"  {len(one.refused):,} of {one.folded:,} cannot be built and would be skipped:")
+            lines += [f"    {reason}" for reason in one.refused]
+    lines.append(f"about {duration_text(seconds)} with {count(jobs, 'simulator')}; the store about {size / 1e6:.1f} MB")
+    lines.append("This is an estimate from a few runs; nothing was written. Runs that the store has are not repeated.")
+    tell(
+        as_json,
+        {"store": asked.store, "seconds": seconds, "bytes": size, "experiments": [asdict(one) for one in found]},
+        *lines,
+    )
 
 
 def _sweep(asked: "Sweep", scheduler: str | None, jobs: int | None, as_json: bool) -> None:
@@ -95,6 +133,8 @@ def _sweep(asked: "Sweep", scheduler: str | None, jobs: int | None, as_json: boo
     from foldcar.commands.progress_bar import ProgressBar
     from foldcar.interrupts import message_on_signal
 
+    if not asked.store.exists():
+        _announce_folding(asked)
     store, rules = asked.store, asked.until
     progress, most = asked.progress, asked.progress.total
 
@@ -125,6 +165,17 @@ def _sweep(asked: "Sweep", scheduler: str | None, jobs: int | None, as_json: boo
     if progress.failed:
         _say_failed(store, [chosen.id for chosen in asked.study.experiments], progress.failed, progress.total)
         raise typer.Exit(1)
+
+
+def _announce_folding(asked: "Sweep") -> None:
+    """Say how long folding takes before the first run, if that is long."""
+    if sum(one.family.combinations for one in asked.study.experiments) < MANY_DESIGNS:
+        return
+    from foldcar.analysis.words import duration_text
+    from foldcar.study.dry_run import fold
+
+    took = duration_text(sum(fold(one.family, 1.0)[1] for one in asked.study.experiments))
+    note(f"folding and checking all designs comes first and takes about {took}; --dry-run estimates the whole sweep")
 
 
 def _counts(progress: "Progress", with_success: bool) -> str:

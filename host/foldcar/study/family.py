@@ -25,6 +25,9 @@ from foldcar.car.parts.catalogue import DEFAULT_CHOICES, OPTIONS, PartChoices, P
 from foldcar.study.listing import ListedVehicle, ListingError
 from foldcar.typed import did_you_mean
 
+# Multiples of it, without their whole parts, are spread over 0 to 1.
+GOLDEN_RATIO = (5**0.5 - 1) / 2
+
 
 @dataclass(frozen=True)
 class Family:
@@ -47,9 +50,26 @@ class Family:
 
     def __len__(self) -> int:
         """The number of designs that can be built."""
-        if self.members is not None:
-            return len(self.members) - len(self.skipped)
-        return math.prod(len(values) for values in self.choices.values()) - len(self.skipped)
+        return self.combinations - len(self.skipped)
+
+    @property
+    def combinations(self) -> int:
+        """The number of designs, those that cannot be built included."""
+        return math.prod(len(values) for values in self.choices.values()) if self.members is None else len(self.members)
+
+    def spread_out(self) -> Iterator[tuple[int, tuple[float, ...]]]:
+        """Every combination with its place in the order; the first ones of any number are spread over the family."""
+        count = self.combinations
+        step = round(count * GOLDEN_RATIO) or 1
+        while math.gcd(step, count) > 1:
+            step += 1
+        for turn in range(count):
+            place = rest = turn * step % count
+            values = []
+            for choices in reversed(list(self.choices.values())):
+                rest, at = divmod(rest, len(choices))
+                values.append(choices[at])
+            yield place, tuple(reversed(values))
 
     def __iter__(self) -> Iterator[Design]:
         """Every design that can be built; ListingError, naming all that is wrong with the first, if none can."""
@@ -74,15 +94,19 @@ class Family:
 
     @property
     def skipped(self) -> list[str]:
-        """The members that cannot be built, each with the reason: ``width=30: 30 is below the minimum …``."""
+        """The members that cannot be built, each with the reason: ``width=30 mm: width: 30 is below the minimum …``."""
         found = []
         for values in self._combinations():
             error = self.error(values)
             if error is not None:
                 members = zip(self.choices.items(), values, strict=True)
-                varied = [f"{key}={value:g}" for (key, choices), value in members if len(choices) > 1]
+                varied = [
+                    f"{key}={value:g} {parameters()[key].declared.unit}"
+                    for (key, choices), value in members
+                    if len(choices) > 1
+                ]
                 at_fault = "" if error.parameter is None else f"{error.parameter}: "
-                found.append(f"{' '.join(varied)}: {at_fault}{error.message}")
+                found.append(f"{', '.join(varied)}: {at_fault}{error.message}")
         return found
 
     def design(self, values: tuple[float, ...]) -> Design:

@@ -146,7 +146,7 @@ class Sweep:
                 yield f"experiment {one.id}: {len(skipped)} of {count} cars cannot be built and are skipped:"
                 yield from (f"  {car}" for car in skipped[:SHOWN_SKIPPED])
             if len(skipped) > SHOWN_SKIPPED:
-                yield f"  and {len(skipped) - SHOWN_SKIPPED} more"
+                yield f"  and {len(skipped) - SHOWN_SKIPPED} more, which `foldcar sweep --dry-run` lists"
 
     def _keep(self, finished: list[FinishedRun], writer: StoreWriter, report: Callable[[Progress], None]) -> None:
         writer.add_results((one.run, one.answer) for one in finished)

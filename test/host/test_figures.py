@@ -13,7 +13,7 @@ from foldcar.figures import run, scenes, style
 from foldcar.figures.ground import Extent, HeightMap, height_map, height_scale, shaded
 from foldcar.figures.profile import ACROSS, driven_line, strip_heights_m, travelled_m
 from foldcar.figures.run import draw_run, poses_to_draw, segment_places
-from foldcar.figures.scenes import draw_environment, draw_scenes
+from foldcar.figures.scenes import draw_environment
 from foldcar.figures.top_view import view_of
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.heights import Heights, carsim_heights
@@ -58,7 +58,7 @@ def heights(carsim_binary: Path) -> Heights:
 @pytest.fixture(autouse=True)
 def coarse(monkeypatch: pytest.MonkeyPatch) -> None:
     """Pictures of few cells, which take less time."""
-    for room, name in ((run, "CELLS"), (scenes, "CELLS"), (scenes, "FINE_CELLS")):
+    for room, name in ((run, "CELLS"), (scenes, "FINE_CELLS")):
         monkeypatch.setattr(room, name, 60)
 
 
@@ -174,7 +174,9 @@ def test_a_run_without_a_path_or_with_another_suffix_is_refused(tmp_path: Path, 
 def test_up_to_nine_scenes_are_drawn(tmp_path: Path, heights: Heights) -> None:
     disc = {**SCENE, "goal": {"kind": "disc", "x_m": 1.0, "y_m": 0.0, "radius_m": 0.05}, "terrain": []}
     file = tmp_path / "scenes.svg"
-    draw_scenes([{**(disc if k == 1 else SCENE), "id": f"7/{k}"} for k in range(11)], file, heights, title="eleven")
+    patches = [{**every_kind()[-1], "friction": 0.2 + 0.01 * k} for k in range(11)]
+    scenes = [{**(disc if k == 1 else SCENE), "terrain": [patches[k]], "id": f"7/{k}"} for k in range(11)]
+    draw_environment(scenes, file, heights, "eleven")
     text = file.read_text()
     assert [f"scene 7/{k}" in text for k in range(11)] == [True] * 9 + [False] * 2
 

@@ -21,6 +21,17 @@ def test_lines_go_to_a_file_or_to_the_terminal_and_a_picture_beside_them(foldcar
     assert sorted(path.name for path in tmp_path.iterdir()) == ["scenes.jsonl", "scenes.png"]
 
 
+def test_a_picture_alone_comes_with_a_summary(foldcar: Any, tmp_path: Path) -> None:
+    done = foldcar("sample", PYRAMIDS, "-n", "4", "--seed", "42", "--plot", "scenes.svg")
+    first, friction, *terrain = done.stdout.splitlines()
+    assert first == "step_pyramids.scenic, seed 42: 4 scenes, drawn in scenes.svg"
+    assert friction.startswith("  friction 0.") and terrain and all(" in each scene" in line for line in terrain)
+    picture = (tmp_path / "scenes.svg").read_text()
+    assert picture.count("distance from the start (m)") == 4
+    asked = foldcar("sample", PYRAMIDS, "-n", "4", "--seed", "42", "-o", "-", "--plot", "scenes.svg")
+    assert [json.loads(line)["scene"]["id"] for line in asked.stdout.splitlines()] == [f"42/{k}" for k in range(4)]
+
+
 def test_parameters_are_read_as_json_values(foldcar: Any) -> None:
     done = foldcar("sample", PYRAMIDS, "--param", "step_height=0.01", "--param", "friction=5e-1")
     scene = json.loads(done.stdout)["scene"]

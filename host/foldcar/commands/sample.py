@@ -5,6 +5,7 @@
 
 import json
 import sys
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -40,16 +41,17 @@ def sample(
         typer.Option(metavar="NAME=VALUE", help="A parameter of the program (SI units); may be repeated."),
     ] = None,
     output: Annotated[
-        Path,
+        Path | None,
         typer.Option("-o", "--output", metavar="FILE", callback=output_file, help="JSON Lines file; -: standard output."),
-    ] = STANDARD_OUTPUT,
+    ] = None,
     plot: Picture = None,
     as_json: Json = False,
 ) -> None:
     """Sample scenes of an environment.
 
     Scene K of seed S has the id S/K, whatever the count. The lines are input of `carsim batch` (docs/carsim.md);
-    with --json and without a file they are in the object, under "scenes". The picture shows the first nine.
+    with --json and without a file they are in the object, under "scenes". The picture shows the first nine, with the
+    ground under the wheels from the side; with --plot and without -o a summary is printed instead of the lines.
 
     \b
     Example: foldcar sample scenarios/step_pyramids.scenic -n 9 --seed 42 --plot scenes.png
@@ -60,9 +62,13 @@ def sample(
     source = open_environment(scenario, _parse_params(param or []), seed)
     shown: list[dict[str, Any]] = []
     result: dict[str, Any] = {"scenario": scenario, "seed": seed, "count": count}
-    if output == STANDARD_OUTPUT and as_json:
+    lines: list[str] = []
+    if as_json and output in (None, STANDARD_OUTPUT):
         result["scenes"] = list(_scenes(source, count, shown))
-    elif output == STANDARD_OUTPUT:
+    elif output is None and plot is not None:
+        lines = list(_summary(_scenes(source, count, shown)))
+        lines.insert(0, f"{scenario.name}, seed {seed}: {count} scene{'s' if count > 1 else ''}, drawn in {plot}")
+    elif output is None or output == STANDARD_OUTPUT:
         for scene in _scenes(source, count, shown):
             sys.stdout.write(_line(scene))
     else:
@@ -71,13 +77,31 @@ def sample(
                 file.write(_line(scene).encode())
         result["file"] = output
     if plot is not None:
-        from foldcar.figures.scenes import draw_scenes
+        from foldcar.figures.scenes import draw_environment
         from foldcar.simulation.carsim import Carsim
         from foldcar.simulation.heights import carsim_heights
 
-        draw_scenes(shown, plot, carsim_heights(Carsim()), title=f"{scenario.name}, seed {seed}")
+        draw_environment(shown, plot, carsim_heights(Carsim()), f"{scenario.name}, seed {seed}")
         result["picture"] = plot
-    tell(as_json, result)
+    tell(as_json, result, *lines)
+
+
+def _summary(scenes: Iterator[dict[str, Any]]) -> Iterator[str]:
+    """What the scenes have: friction, and how many of each kind of terrain."""
+    frictions, numbers = [], dict[str, list[int]]()
+    for seen, scene in enumerate(scenes):
+        frictions.append(scene["friction"])
+        kinds = Counter(part["kind"] for part in scene["terrain"])
+        for kind in numbers.keys() | kinds.keys():
+            numbers.setdefault(kind, [0] * seen).append(kinds[kind])
+    yield f"  friction {_range(frictions)}"
+    for kind, each in sorted(numbers.items()):
+        yield f"  {kind.replace('_', ' ')}: {_range(each)} in each scene"
+
+
+def _range(values: Sequence[float]) -> str:
+    low, high = f"{min(values):.3g}", f"{max(values):.3g}"
+    return low if low == high else f"{low} to {high}"
 
 
 def _scenes(source: "SceneSource", count: int, shown: list[dict[str, Any]]) -> Iterator[dict[str, Any]]:

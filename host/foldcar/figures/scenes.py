@@ -1,4 +1,4 @@
-"""Draws scenes from above with one colour scale: side by side, or an environment's with the ground along wheel tracks."""
+"""Draws scenes from above with one colour scale, below each the ground along its wheel tracks."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -8,7 +8,6 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from foldcar.errors import FoldcarError
 from foldcar.figures.ground import Extent, height_map, height_scale
 from foldcar.figures.output import check_format, save_figure
 from foldcar.figures.profile import straight_line, strip_heights_m
@@ -17,10 +16,9 @@ from foldcar.figures.top_view import VIEW_MARGIN_M, draw_top_view, view_of
 from foldcar.simulation.heights import Heights
 
 MOST_SCENES = 9
-PANEL_WIDTH_IN = 3.4
-# Cells along the longer side of a panel, which has half the usual width of a picture.
-CELLS, FINE_CELLS = 320, 600
-# Of an environment: samples, the height of a profile, pixels per inch and colours of its PNG.
+# Cells along the longer side of a panel.
+FINE_CELLS = 600
+# Panels in a row, the height of a profile, pixels per inch and colours of a PNG.
 SAMPLES, PROFILE_IN = 3, 1.0
 DPI, COLOURS = 95, 256
 # Track and tyre width of the width study's medium car: body 95 mm wide, tyres 12 mm.
@@ -33,44 +31,14 @@ def is_long(extent: Extent) -> bool:
     return length > 2.5 * width
 
 
-def draw_scenes(scenes: Sequence[Mapping[str, Any]], file: Path, heights: Heights, title: str = "") -> None:
-    """Draw up to nine ``scenes`` (docs/carsim.md, with their ids) into ``file``. Raises FoldcarError."""
-    check_format(file)
-    shown = scenes[:MOST_SCENES]
-    if not shown:
-        raise FoldcarError(f"{file}: no scene to draw")
-    extent = view_of(shown)
-    length, width = extent.size_m
-    columns = 1 if is_long(extent) else math.ceil(math.sqrt(len(shown)))
-    rows = math.ceil(len(shown) / columns)
-    panel = PANEL_WIDTH_IN * (2.0 if columns == 1 else 1.0)
-    size = (panel * columns + 1.0, (panel * min(width / length, 2.0) + 0.3) * rows + 0.7)
-    maps = [height_map(heights, scene, extent, CELLS * (2 if columns == 1 else 1)) for scene in shown]
-    scale = height_scale(maps)
-    with drawing_style():
-        figure = Figure(figsize=size, layout="constrained")
-        panels = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
-        for place, axes in enumerate(panels.flat):
-            if place >= len(shown):
-                axes.set_axis_off()
-                continue
-            draw_top_view(axes, shown[place], maps[place], scale)
-            axes.label_outer()
-            axes.set_title(f"scene {shown[place]['id']}", fontsize=9)
-        if any(scene["terrain"] for scene in shown):
-            figure.colorbar(scale, ax=panels, label="height (mm)", shrink=0.7, aspect=30)
-        handles, labels = panels.flat[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside lower center", ncols=3)
-        if title:
-            figure.suptitle(title, x=0.01, ha="left", fontweight="bold")
-        save_figure(figure, file)
-
-
 def draw_environment(scenes: Sequence[Mapping[str, Any]], file: Path, heights: Heights, title: str) -> None:
-    """Draw the distinct ``scenes`` (docs/carsim.md with ids), below each its ground profiles. Raises FoldcarError."""
+    """Draw the distinct ones of ``scenes`` (docs/carsim.md with ids), up to nine, below each its ground profiles.
+
+    Raises FoldcarError.
+    """
     check_format(file)
     distinct: list[Mapping[str, Any]] = []
-    for scene in scenes:
+    for scene in scenes[:MOST_SCENES]:
         if not any({**scene, "id": ""} == {**other, "id": ""} for other in distinct):
             distinct.append(scene)
     count, extent = len(distinct), view_of(distinct)
@@ -81,13 +49,16 @@ def draw_environment(scenes: Sequence[Mapping[str, Any]], file: Path, heights: H
     view_width_in = 8.5 if stacked else 2.9 if count > 1 else 4.2
     view_in = view_width_in * width / length + (0.3 if stacked else 0.4)
     with drawing_style():
-        if stacked:
-            figure = Figure(figsize=(view_width_in + 1.5, (view_in + PROFILE_IN) * count + 1.0), layout="constrained")
-            panels = figure.subplots(2 * count, 1, height_ratios=(view_in, PROFILE_IN) * count).reshape(count, 2).T
-        else:
-            figure = Figure(figsize=(view_width_in * count + 1.3, view_in + PROFILE_IN + 1.1), layout="constrained")
-            panels = figure.subplots(2, count, squeeze=False, height_ratios=(view_in, PROFILE_IN))
-        views, profiles = panels.tolist()
+        columns = 1 if stacked else min(count, SAMPLES)
+        rows = math.ceil(count / columns)
+        beside_in, above_in = (1.5, 1.0) if stacked else (1.3, 1.1)
+        size = (view_width_in * columns + beside_in, (view_in + PROFILE_IN) * rows + above_in)
+        figure = Figure(figsize=size, layout="constrained")
+        panels = figure.subplots(2 * rows, columns, squeeze=False, height_ratios=(view_in, PROFILE_IN) * rows)
+        views, profiles = list(panels[::2].flat), list(panels[1::2].flat)
+        for empty in (*views[count:], *profiles[count:]):
+            empty.set_axis_off()
+        views, profiles = views[:count], profiles[:count]
         figure.suptitle(title, x=0.01, ha="left", fontweight="bold")
         for scene, ground, view, profile in zip(distinct, maps, views, profiles, strict=True):
             draw_top_view(view, scene, ground, scale)
@@ -98,9 +69,11 @@ def draw_environment(scenes: Sequence[Mapping[str, Any]], file: Path, heights: H
             profile.set_ylim(min(low for low, _ in limits), max(high for _, high in limits))
         for axes in (*views, *profiles[:-1]) if stacked else ():
             axes.set_xlabel("")
-        for axes in () if stacked else (*views[1:], *profiles[1:]):
-            axes.set_ylabel("")
-        beside, shrink = ([*views, *profiles], 0.5) if stacked else (views, 0.9)
+        for place in () if stacked else range(count):
+            if place % columns:
+                views[place].set_ylabel("")
+                profiles[place].set_ylabel("")
+        beside, shrink = ([*views, *profiles], 0.5) if rows > 1 else (views, 0.9)
         figure.colorbar(scale, ax=beside, label="height (mm)", shrink=shrink, aspect=25)
         places, names = views[0].get_legend_handles_labels()
         tracks, track_names = profiles[0].get_legend_handles_labels()

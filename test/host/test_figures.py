@@ -232,7 +232,6 @@ def test_segments_hang_together_in_their_hinges_and_fold_as_the_path_says() -> N
 def test_names_are_drawn_as_they_are(tmp_path: Path, heights: Heights, name: str) -> None:
     scene, passed = {**SCENE, "id": name}, {"outcome": "passed", "elapsed_time_s": 1.0}
     for suffix in FIRST_BYTES:
-        draw_scenes([scene], tmp_path / f"s{suffix}", heights, title=name)
         draw_environment([scene], tmp_path / f"e{suffix}", heights, title=name)
         draw_run({**BODY, "id": name}, scene, passed, PATH, heights, tmp_path / f"r{suffix}")
     assert name.split("\n")[0] in (tmp_path / "s.svg").read_text(encoding="utf-8")

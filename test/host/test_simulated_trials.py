@@ -52,6 +52,16 @@ def link(folder: Path, *words: str) -> Iterator[str]:
         process.communicate()
 
 
+def test_a_simulated_car_that_is_too_fast_for_heartbeats_is_named(
+    course: Path, carsim_binary: Path, foldcar: Any
+) -> None:
+    with link(course, "--experiment", "1", "--sample", "0", "--speedup", "400") as port:
+        answer = foldcar(*LOG, "--port", port, "--yes", "--trials", "1", "--countdown", "1")
+
+    assert answer.returncode == 2
+    assert "times as fast as this computer's" in answer.stderr and "with a smaller --speedup" in answer.stderr
+
+
 def test_the_trial_takes_the_simulated_cars_sample(
     course: Path, carsim_binary: Path, foldcar: Any, refused: Any
 ) -> None:

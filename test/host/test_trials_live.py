@@ -57,6 +57,7 @@ def test_a_script_drives_trials_that_other_tools_read(tmp_path: Path, free_cours
         answer = foldcar(*LOG, "--port", car.port, "--yes", "--countdown", "0", "--trials", "2", "--operator", "Ada")
 
     assert answer.returncode == 0, answer.stderr
+    assert "The simulated car stands in sample 0, and all trials of this session repeat one drive." in answer.stdout
     first, second = trials_in(tmp_path / "s.db")
     assert [(t.outcome, t.ending, t.sample, t.operator) for t in (first, second)] == [
         ("passed", "goal", 0, "Ada"), ("passed", "goal", 0, "Ada"),

@@ -33,6 +33,7 @@ class Connection:
     ``said`` is the car's last line for people (STATUSTEXT), joined from its parts; None before the first.
     ``log``, if set, gets every packet of both directions. ``received`` counts the car's packets, ``lost`` the
     gaps in their sequence numbers, ``damaged`` received data that is not a valid packet, or has impossible numbers.
+    ``clock_rate`` is the car's.
     """
 
     def __init__(self, stream: Stream) -> None:
@@ -48,7 +49,7 @@ class Connection:
         self._mav = self.dialect.MAVLink(None, srcSystem=HOST_SYSTEM, srcComponent=HOST_COMPONENT)
         self._mav.robust_parsing = True
         self._heartbeat_at_s = 0.0
-        self._clock_rate = CarClockRate()
+        self.clock_rate = CarClockRate()
         self._sequences: dict[int, int] = {}
         self._unread: list[Any] = []
 
@@ -92,7 +93,7 @@ class Connection:
             if message.get_type() == "STATUSTEXT":
                 self.said = ((self.said or "") + message.text)[-LONGEST_LINE:] if message.chunk_seq else message.text
             if message.get_type() == "FOLDCAR_TRIAL":
-                self._clock_rate.add(message.time_boot_ms / 1000, self.last_received_s)
+                self.clock_rate.add(message.time_boot_ms / 1000, self.last_received_s)
             messages.append(message)
         return messages
 
@@ -132,7 +133,7 @@ class Connection:
         now_s = time.monotonic()
         if now_s < self._heartbeat_at_s:
             return
-        self._heartbeat_at_s = now_s + max(SHORTEST_HEARTBEAT_S, HEARTBEAT_S / self._clock_rate.value)
+        self._heartbeat_at_s = now_s + max(SHORTEST_HEARTBEAT_S, HEARTBEAT_S / self.clock_rate.value)
         d = self.dialect
         self.send(d.MAVLink_heartbeat_message(d.MAV_TYPE_GCS, d.MAV_AUTOPILOT_INVALID, 0, 0, d.MAV_STATE_ACTIVE, 3))
 

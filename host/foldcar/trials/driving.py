@@ -29,6 +29,8 @@ STORING_S = 30.0
 STEP_S = 0.05
 # A simulated car's clock may run so many times slower than the host's.
 MOST_DELAY = 20.0
+# From this rate of its clock on a car counts as simulated faster than real time.
+MIN_FAST_RATE = 1.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +81,7 @@ def drive(
         return DriveEnd("log could not be written", "aborted", elapsed_s(), error)
     except CommandRefusedError as error:
         why = "; see what is wrong, then acknowledge it" if car.fault_text() else ""
-        return DriveEnd("refused by the car", "aborted", None, FoldcarError(f"{error}{why}"))
+        return DriveEnd("refused by the car", "aborted", None, FoldcarError(f"{error}{why}{_pace_hint(car, str(error))}"))
     except KeyboardInterrupt:
         return DriveEnd(CTRL_C, "aborted", elapsed_s(), FoldcarError("stopped by Ctrl-C"))
     finally:
@@ -135,8 +137,19 @@ def _car_ended(car: Car, message: Any) -> DriveEnd:
         return DriveEnd("time limit", "timeout", elapsed_s)
     if message.end == car.dialect.FOLDCAR_END_FAULT:
         fault = car.fault_text() or "fault"
-        return DriveEnd(fault, "aborted", elapsed_s, FoldcarError(f"the car stopped: {fault}"))
+        return DriveEnd(fault, "aborted", elapsed_s, FoldcarError(f"the car stopped: {fault}{_pace_hint(car, fault)}"))
     return DriveEnd("stopped by another host", None, elapsed_s)
+
+
+def _pace_hint(car: Car, message: str) -> str:
+    """Why heartbeats came too late, if the message is about them and the car is simulated faster than real time."""
+    rate = car.connection.clock_rate.value
+    if rate < MIN_FAST_RATE or not any(word in message for word in ("heartbeat", "CMD_TIMEOUT")):
+        return ""
+    return (
+        f"; the simulated car's clock runs {rate:.1f} times as fast as this computer's, which leaves too little time "
+        "between heartbeats: start `foldcar link` with a smaller --speedup"
+    )
 
 
 def _simulated_outcome(car: Car, message: Any) -> DriveEnd:

@@ -150,6 +150,11 @@ class Session:
         sample = None
         if identity.scene is not None:
             sample = simulated_sample(identity.scene, options.sample, lambda k: self._scene(k)[0], experiment)
+            if options.trials != 1:
+                say(
+                    f"The simulated car stands in sample {sample}, and all trials of this session repeat one drive. "
+                    "For another sample, start `foldcar link` again with --sample."
+                )
         return KnownCar(identity, design, sample)
 
     def _goes_on(self, writer: TrialWriter, trial: "_Driven") -> bool:

@@ -234,7 +234,7 @@ def test_names_are_drawn_as_they_are(tmp_path: Path, heights: Heights, name: str
     for suffix in FIRST_BYTES:
         draw_environment([scene], tmp_path / f"e{suffix}", heights, title=name)
         draw_run({**BODY, "id": name}, scene, passed, PATH, heights, tmp_path / f"r{suffix}")
-    assert name.split("\n")[0] in (tmp_path / "s.svg").read_text(encoding="utf-8")
+    assert name.split("\n")[0] in (tmp_path / "e.svg").read_text(encoding="utf-8")
 
 
 def test_installed_fonts_supply_what_the_styles_font_lacks(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -68,7 +68,7 @@ def test_every_car_is_made_and_its_own_command_makes_it_anew_alike_but_never_ove
     lines = done.stdout.splitlines()
     folders = {"one_axle/width_95": 95, "one_axle-2": 130}
     assert [line.partition(":")[0] for line in lines[:-2]] == list(folders)
-    why = "width=20: width: 20 is below the minimum 53.65 (the boards across it)"
+    why = "width=20 mm: width: 20 is below the minimum 53.65 (the boards across it)"
     assert lines[-2] == f"skipped, as it cannot be built: {why}"
     made = {name: files_of(tmp_path / "cars" / name) for name in folders}
     manifests = [json.loads(files["pattern.json"]) for files in made.values()]

@@ -103,9 +103,9 @@ def test_the_report_tells_trials_of_another_environment(
     same: Any = json.loads(foldcar("report", "s.db", "-o", "r", "--no-replay", "--simulated-trials", "--json").stdout)
     text = (tmp_path / "free.scenic").read_text()
     (tmp_path / "other.scenic").write_text(text.replace("(1.0, 0)", "(0.7, 0)"))
-    (tmp_path / "m.json").write_text(free_course.read_text().replace("free.scenic", "other.scenic"))
+    free_course.write_text(free_course.read_text().replace("free.scenic", "other.scenic"))
 
-    assert foldcar("sweep", "m.json", "--store", "s.db", "--jobs", "1").returncode == 0
+    assert foldcar("sweep", "l.json", "--store", "s.db", "--jobs", "1").returncode == 0
     other: Any = json.loads(foldcar("report", "s.db", "-o", "r", "--no-replay", "--simulated-trials", "--json").stdout)
 
     told = "1 trial left out: driven in free.scenic, not in other.scenic."

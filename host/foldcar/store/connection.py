@@ -14,7 +14,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from foldcar.outputs import SQLITE_MAGIC, make_output_folder
+from foldcar.outputs import make_output_folder
 from foldcar.store.errors import StoreError, store_errors
 from foldcar.store.rows import Row, insert_sql, key_text, read_rows
 from foldcar.store.tables import BY_NAME, VERSION, Table, create_tables
@@ -82,15 +82,15 @@ def require_store(path: Path) -> None:
 
 def _is_blank(path: Path, connection: sqlite3.Connection) -> bool:
     """Whether the database has no tables yet. StoreError if it has others than those of this version."""
-    with contextlib.suppress(OSError), path.open("rb") as file:
-        start = file.read(MAX_LISTING_BYTES)
-        if b"vehicles" in start and not start.startswith(SQLITE_MAGIC):
-            sweep = f"foldcar sweep {path} --store {path.stem}.db"
-            raise StoreError(f"{path}: is a listing, not a store; `{sweep}` simulates it into a store")
-    with store_errors(path, "is no foldcar store: "):
-        (tables,) = connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
-        (application_id,) = connection.execute("PRAGMA application_id").fetchone()
-        (version,) = connection.execute("PRAGMA user_version").fetchone()
+    try:
+        with store_errors(path, "is no foldcar store: "):
+            (tables,) = connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
+            (application_id,) = connection.execute("PRAGMA application_id").fetchone()
+            (version,) = connection.execute("PRAGMA user_version").fetchone()
+    except StoreError as error:
+        if isinstance(error.__cause__, sqlite3.DatabaseError) and "not a database" in str(error):
+            _refuse_listing(path)
+        raise
     if tables == 0 and application_id == 0:
         return True
     if application_id != APPLICATION_ID:
@@ -101,6 +101,17 @@ def _is_blank(path: Path, connection: sqlite3.Connection) -> bool:
             "sweep into a new store, or use the foldcar that made it"
         )
     return False
+
+
+def _refuse_listing(path: Path) -> None:
+    """StoreError if the file is a listing.
+
+    Not for a store: to close a file drops the locks that SQLite has on it for any connection of this process.
+    """
+    with contextlib.suppress(OSError), path.open("rb") as file:
+        if b"vehicles" in file.read(MAX_LISTING_BYTES):
+            sweep = f"foldcar sweep {path} --store {path.stem}.db"
+            raise StoreError(f"{path}: is a listing, not a store; `{sweep}` simulates it into a store")
 
 
 def check_name(store: Path) -> None:

@@ -1,22 +1,29 @@
 """What Ctrl-C, SIGTERM and SIGHUP (a closed terminal) do to a command: it ends with one line and exit code 130.
 
 Each signal raises KeyboardInterrupt, so that what a command has begun is tidied up as after any exception. A library or
-a Scenic program may suppress it: the process ends at the latest after GRACE_S, or at a second signal.
+a Scenic program may suppress it: then it is raised again. The process ends at the latest after GRACE_S, or at a second
+signal.
 """
 
+import _thread
 import contextlib
 import os
 import signal
+import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from types import FrameType
 
 EXIT_CODE = 130
 GRACE_S = 10.0
+LOOK_S = 0.1
 # Windows has no SIGHUP.
 NUMBERS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 
 _stopped = threading.Event()
+# Set while the main thread is interrupted again by this process, not by a second signal.
+_insisting = threading.Event()
 _line = "foldcar: stopped"
 
 
@@ -46,13 +53,41 @@ def message_on_signal(line: Callable[[], str]) -> Iterator[None]:
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:
-    if _stopped.is_set():
+    if not _stopped.is_set():
+        _stopped.set()
+        threading.Thread(target=_insist, args=(number,), daemon=True).start()
+    elif not _insisting.is_set():
         _end()
-    _stopped.set()
-    timer = threading.Timer(GRACE_S, _end)
-    timer.daemon = True
-    timer.start()
-    raise KeyboardInterrupt
+    _insisting.clear()
+    if not _imports(frame):
+        raise KeyboardInterrupt
+
+
+def _imports(frame: FrameType | None) -> bool:
+    """Whether a module is being imported: compiled ones print an exception that comes meanwhile."""
+    while frame is not None:
+        if frame.f_code.co_filename.startswith("<frozen importlib"):
+            return True
+        frame = frame.f_back
+    return False
+
+
+def _insist(number: int) -> None:
+    """Interrupt the main thread again after an import or a suppressed exception; end the process after GRACE_S."""
+    main = threading.main_thread().ident
+    for _ in range(round(GRACE_S / LOOK_S)):
+        time.sleep(LOOK_S)
+        # None while no exception is handled; a tuple of three before Python 3.12.
+        handled = sys._current_exceptions().get(main or 0)
+        is_handled = handled is not None and handled != (None, None, None)
+        if not is_handled and not _imports(sys._current_frames().get(main or 0)):
+            _insisting.set()
+            if hasattr(signal, "pthread_kill"):
+                # Also in a system call.
+                signal.pthread_kill(main or 0, number)
+            else:
+                _thread.interrupt_main()
+    _end()
 
 
 def _end() -> None:

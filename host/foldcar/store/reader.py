@@ -94,9 +94,7 @@ class Store:
         if experiment is None:
             return known
         if experiment not in known:
-            raise StoreError(
-                f'{self.path}: has no experiment "{experiment}"; it has {", ".join(known) or "none"}'
-            )
+            raise StoreError(f'{self.path}: has no experiment "{experiment}"; it has {", ".join(known) or "none"}')
         return [experiment]
 
     def results(self, experiment: str | None = None) -> Iterator[Result]:
@@ -161,9 +159,11 @@ class Store:
 
     def _trials_here(self, info: ExperimentInfo) -> set[int]:
         here = self._environment_id(info)
-        scenes = self._sampled_scenes(here)
+        trials = list(self.rows(TRIAL, "WHERE experiment = ? AND environment_id IS NOT NULL", info.listed_id))
+        elsewhere = any(row["environment_id"] != here for row in trials)
+        scenes = self._sampled_scenes(here) if elsewhere else {}
         found, same = set(), {here: True}
-        for row in self.rows(TRIAL, "WHERE experiment = ? AND environment_id IS NOT NULL", info.listed_id):
+        for row in trials:
             other = row["environment_id"]
             if other not in same:
                 samples = self._sampled_scenes(other)

@@ -53,6 +53,13 @@ class MavlinkHost {
     return pack(mavlink_msg_manual_control_encode_status, content);
   }
 
+  // The scene in which a simulated car is to stand.
+  std::string scene(const char* id) {
+    mavlink_foldcar_scene_t content{};
+    std::memcpy(content.id, id, std::min(std::strlen(id), sizeof content.id));
+    return pack(mavlink_msg_foldcar_scene_encode_status, content);
+  }
+
   std::string request_list() {
     return pack(mavlink_msg_param_request_list_encode_status, to_car<mavlink_param_request_list_t>());
   }

@@ -94,7 +94,7 @@ class Session {
       : options_(options),
         port_(port),
         record_(record),
-        car_(engine(), options.body, options.scene, options.car, FOLDCAR_FIRMWARE_ID) {}
+        car_(engine(), options.worlds, options.car, FOLDCAR_FIRMWARE_ID) {}
 
   void run() {
     print_port(port_);
@@ -171,7 +171,7 @@ class Session {
 int run_replay(const LinkOptions& options) {
   std::ifstream lines(options.replay);
   if (!lines) throw InputError(options.replay + ": cannot be read");
-  LinkedCar car(engine(), options.body, options.scene, options.car, FOLDCAR_FIRMWARE_ID);
+  LinkedCar car(engine(), options.worlds, options.car, FOLDCAR_FIRMWARE_ID);
   LinkRecord record(std::cout);
   try {
     replay(lines, car, record);

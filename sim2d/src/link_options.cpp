@@ -5,6 +5,7 @@
 #include <fstream>
 #include <iterator>
 #include <map>
+#include <sstream>
 
 #include "batch_input.h"
 #include "car_json.h"
@@ -56,8 +57,36 @@ double number(const std::string& option, const std::string& text, double smalles
   return value;
 }
 
-BodySpec body_of(const std::string& content) { return read_body(parse_object(content)); }
-SceneSpec scene_of(const std::string& content) { return read_scene(parse_object(content)); }
+// What read makes of each line. Throws InputError, which names the line if there are several.
+template <typename Read>
+auto each_line(const std::string& content, Read read) {
+  std::vector<decltype(read(nlohmann::json()))> parts;
+  std::istringstream lines(content);
+  std::string line;
+  while (std::getline(lines, line)) {
+    try {
+      parts.push_back(read(parse_object(line)));
+    } catch (const InputError& error) {
+      if (parts.empty()) throw;
+      throw InputError("line " + std::to_string(parts.size() + 1) + ": " + error.what());
+    }
+  }
+  if (parts.empty()) throw InputError("has no line");
+  return parts;
+}
+
+// A body for each scene, or one for all.
+std::vector<LinkedWorld> read_worlds(const std::string& body_file, const std::string& scene_file) {
+  const auto bodies = from_file(body_file, [](const std::string& text) { return each_line(text, read_body); });
+  const auto scenes = from_file(scene_file, [](const std::string& text) { return each_line(text, read_scene); });
+  if (bodies.size() != 1 && bodies.size() != scenes.size()) {
+    throw InputError(body_file + ": has " + std::to_string(bodies.size()) + " bodies for the " +
+                     std::to_string(scenes.size()) + " scenes of " + scene_file + "; give one, or one for each scene");
+  }
+  std::vector<LinkedWorld> worlds;
+  for (std::size_t i = 0; i < scenes.size(); ++i) worlds.push_back({bodies[bodies.size() == 1 ? 0 : i], scenes[i]});
+  return worlds;
+}
 
 }  // namespace
 
@@ -91,8 +120,7 @@ LinkOptions read_link_options(const std::vector<std::string>& words) {
   if (values["--body"].empty() || values["--scene"].empty()) {
     throw LinkUsageError("link: needs --body FILE and --scene FILE");
   }
-  options.body = from_file(values["--body"], body_of);
-  options.scene = from_file(values["--scene"], scene_of);
+  options.worlds = read_worlds(values["--body"], values["--scene"]);
   if (!values["--design"].empty()) options.car.design = read_car_json(content_of(values["--design"]));
   // Parameters that are given describe the car by themselves; with neither, it is a new board.
   if (values["--design"].empty() && values["--params"].empty()) options.car.design.source = DesignSource::kMissing;

@@ -5,9 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "body_spec.h"
 #include "linked_car.h"
-#include "scene_spec.h"
 
 namespace foldcar {
 
@@ -22,8 +20,7 @@ struct LinkOptions {
   double speedup = 1;  // simulated time over real time
   std::string record;  // record to write, "" for none
   std::string replay;  // record to repeat instead of a port, "" for none
-  BodySpec body;
-  SceneSpec scene;
+  std::vector<LinkedWorld> worlds;
   LinkedCarOptions car;
 };
 

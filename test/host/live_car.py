@@ -28,13 +28,14 @@ ego = new Robot at (0, 0), facing -90 deg
 block = new Bump at (0.5, 0.6), facing -90 deg
 goal = new Goal at (1.0, 0), facing -90 deg
 """
+SAMPLES = 2
 LOG = ("log", "l.json", "--experiment", "1", "--store", "s.db")
 
 
 def write_free_course(folder: Path) -> Path:
     """Write l.json, a listing of two widths on the free course with two samples and a limit of 3 s; returns it."""
     (folder / "free.scenic").write_text(FREE_COURSE)
-    data = listing_of("free.scenic", {"width": [95, 120]}, seed=1, timeout=3, environments=2)
+    data = listing_of("free.scenic", {"width": [95, 120]}, seed=1, timeout=3, environments=SAMPLES)
     (folder / "l.json").write_text(json.dumps(data))
     return folder / "l.json"
 
@@ -51,7 +52,7 @@ def free_course_scene() -> dict[str, Any]:
 def car_at_port(
     width: float = 95.0, goal_x_m: float | None = 1.0, tcp: bool = False, **servo: float
 ) -> Iterator[SimulatedCar]:
-    """A simulated car with its goal at ``goal_x_m`` (m), which says that it is in sample 0 of the free course.
+    """A simulated car with its goal at ``goal_x_m`` (m), whose scenes have the names of samples of the free course.
 
     ``servo`` sets the true values of all its servos.
     """
@@ -59,10 +60,10 @@ def car_at_port(
     body = body_json(design)
     for wheel in body["wheels"]:
         wheel["servo"].update(servo)
-    scene = empty_scene(goal_x_m=goal_x_m)
+    scene, named = empty_scene(goal_x_m=goal_x_m), free_course_scene()
+    worlds = [(body, {**scene, "id": scene_name(named, k)}) for k in range(SAMPLES)]
     port = 0 if tcp else None
-    says = scene_name(free_course_scene(), 0)
-    with simulated_car([str(find_carsim())], body, scene, car_json(design), 1.0, port, subprocess.PIPE, says) as car:
+    with simulated_car([str(find_carsim())], worlds, car_json(design), 1.0, port, subprocess.PIPE) as car:
         yield car
 
 

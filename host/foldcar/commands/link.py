@@ -1,12 +1,16 @@
 """`foldcar link`: runs a design in a sampled environment as a simulated car for any MAVLink program."""
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
-from foldcar.commands.listed_run import listed_run
+from foldcar.commands.listed_run import ListedRun, listed_run
 from foldcar.commands.options import Components, Engine, ExperimentId, Listing, Sample, Settings, note
+
+# Samples to which a host can move the car; drawing this many takes some seconds.
+MAX_SAMPLES = 1000
 
 
 def link(
@@ -36,6 +40,7 @@ def link(
 ) -> None:
     """Pose as a car on USB, simulated, until Ctrl-C.
 
+    `foldcar log` moves the car to the sample of each trial.
     The first line printed is its port; typed lines inject faults (docs/carsim.md).
 
     \b
@@ -44,27 +49,24 @@ def link(
     import json
     import sys
 
-    from foldcar.calibration.environment import read_reality, real_run
+    from foldcar.calibration.environment import read_reality
     from foldcar.car.body import car_json
     from foldcar.interrupts import message_on_signal
     from foldcar.link.simulated_car import simulated_car
-    from foldcar.scenes.fingerprint import scene_name
     from foldcar.simulation.runner import CarsimError
     from foldcar.store.trial_records import checked_name
 
     built = None if car is None else checked_name(car, "--car")
-    one = listed_run(listing, experiment, settings, sample, engine, built)
-    scene, body = one.scene, one.body
-    if built is not None and reality is None and not one.variation:
+    one = listed_run(listing, experiment, settings, sample, engine)
+    if built is not None and reality is None and not one.experiment.variation:
         note(f"experiment {one.experiment.id} has no variation: {built} is as designed, like every other car")
-    if reality is not None:
-        values, limits = read_reality(reality, engine), one.carsim.limits().numbers
-        body, scene = real_run(one.experiment, one.nominal, one.scene, values, sample, limits, built)
+    values = None if reality is None else read_reality(reality, engine)
+    others = (k for k in range(min(one.experiment.environments, MAX_SAMPLES)) if k != sample)
+    worlds = [_world(one, k, values, built) for k in (sample, *others)]
     # carsim ends when its reader does: see sim2d/src/reader_watch.h.
-    scene_id = scene_name(one.scene, sample)
     design, stdin = car_json(one.design), sys.stdin.fileno()
     with (
-        simulated_car(one.carsim.command, body, scene, design, speedup, tcp, stdin, scene_id) as linked,
+        simulated_car(one.carsim.command, worlds, design, speedup, tcp, stdin) as linked,
         message_on_signal(lambda: "ended"),
     ):
         typer.echo(linked.port)
@@ -79,3 +81,19 @@ def link(
         code = linked.process.wait()
     if code != 0:
         raise CarsimError(f"{one.carsim.binary} link: {messages[-1] if messages else f'exit code {code}'}")
+
+
+def _world(one: ListedRun, k: int, reality: Mapping[str, float] | None, car: str | None) -> tuple[Any, Any]:
+    """Body and scene of sample ``k``, as they are in ``reality``; the scene's id is the one that `foldcar log` expects.
+
+    The name of a built ``car`` draws what belongs to the car; without one it is the sample's.
+    """
+    from foldcar.calibration.environment import real_run
+    from foldcar.scenes.fingerprint import scene_name
+
+    scene, limits = one.environment.sample(k), one.carsim.limits().numbers
+    if reality is None:
+        body, true_scene = one.body_in(k, car), scene
+    else:
+        body, true_scene = real_run(one.experiment, one.nominal, scene, reality, k, limits, car)
+    return body, {**true_scene, "id": scene_name(scene, k)}

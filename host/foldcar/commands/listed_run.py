@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from foldcar.study.family import Family
     from foldcar.study.listing import Listing
 
+
 @dataclass(frozen=True)
 class ListedRun:
     """``nominal`` is the body of the design, ``body`` that of the built car, which differs from it by ``variation``."""
@@ -52,22 +53,29 @@ class ListedRun:
     def with_design(self, design: "Design") -> "ListedRun":
         """The run of another design in the same environment, built with the same differences."""
         from foldcar.car.body import body_json
+
+        listed = replace(self, design=design, nominal=body_json(design))
+        return replace(listed, body=listed._varied(self.variation))
+
+    def body_in(self, sample: int, car: str | None = None) -> dict[str, Any]:
+        """The body in another sample: of the built ``car`` of that name, else of the sample's own car."""
+        from foldcar.car.variation import draw, named_car
+
+        experiment = self.experiment
+        if car is None or not experiment.variation:
+            return self._varied(self.environment.variation(sample))
+        return self._varied(draw(experiment.variation, experiment.variation_seed, named_car(car)))
+
+    def _varied(self, variation: Mapping[str, Any]) -> dict[str, Any]:
         from foldcar.car.variation import vary_body
 
-        nominal = body_json(design)
-        body = vary_body(nominal, self.variation, self.carsim.limits().numbers) if self.variation else nominal
-        return replace(self, design=design, nominal=nominal, body=body)
+        return vary_body(self.nominal, variation, self.carsim.limits().numbers) if variation else self.nominal
 
 
 def listed_run(
-    listing: Path, experiment: str, settings: Sequence[str] | None, sample: int, engine: str = "multibody",
-    car: str | None = None,
-) -> ListedRun:  # fmt: skip
-    """The run of those options; FoldcarError if they name no single design or the program is at fault.
-
-    Without the name of a ``car`` it is that of the sample.
-    """
-    from foldcar.car.variation import draw, named_car
+    listing: Path, experiment: str, settings: Sequence[str] | None, sample: int, engine: str = "multibody"
+) -> ListedRun:
+    """The run of those options; FoldcarError if they name no single design or the program is at fault."""
     from foldcar.simulation.carsim import Carsim
     from foldcar.study.environments import Environment
     from foldcar.study.experiments import read_study
@@ -76,8 +84,6 @@ def listed_run(
     design = chosen.family.narrowed(design_settings(settings)).single()
     environment = Environment(chosen)
     variation, scene = environment.variation(sample), environment.sample(sample)
-    if car is not None and chosen.variation:
-        variation = draw(chosen.variation, chosen.variation_seed, named_car(car))
     carsim = Carsim(engine=engine)
     return ListedRun(carsim, chosen, design, environment, {}, variation, {}, scene, sample).with_design(design)
 

@@ -115,6 +115,14 @@ class Car:
         status = self.connection.latest.get("SYS_STATUS") or self.request("SYS_STATUS")
         return None if status.voltage_battery == 0xFFFF else status.voltage_battery / 1000
 
+    def enter_scene(self, scene_id: str) -> bool:
+        """Move a simulated car that is disarmed to the scene with this id; whether it stands there then."""
+        for _ in range(TRIES):
+            self.connection.send(self.dialect.MAVLink_foldcar_scene_message(scene_id.encode()))
+            if self.connection.wait_for(lambda m: m.get_type() == "FOLDCAR_SCENE" and m.id == scene_id, ANSWER_S):
+                return True
+        return False
+
     def request(self, name: str) -> Any:
         """Request the message of that name and return it; NoCarError if it does not arrive."""
         number = getattr(self.dialect, f"MAVLINK_MSG_ID_{name}")

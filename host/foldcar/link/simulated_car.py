@@ -1,6 +1,6 @@
 """Starts `carsim link`: the firmware on simulated hardware, with a car's link (docs/carsim.md).
 
-Input: a body, a scene, a car.json. Output: a running process and the port on which it listens.
+Input: bodies in scenes, a car.json. Output: a running process and the port on which it listens.
 """
 
 import contextlib
@@ -8,7 +8,7 @@ import json
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -29,30 +29,30 @@ class SimulatedCar:
 @contextlib.contextmanager
 def simulated_car(
     simulator: Sequence[str],
-    body: Mapping[str, Any],
-    scene: Mapping[str, Any],
+    worlds: Iterable[tuple[Mapping[str, Any], Mapping[str, Any]]],
     design: Mapping[str, Any],
     speedup: float = 1.0,
     tcp_port: int | None = None,
     stdin: int | None = None,
-    scene_id: str = "scene",
 ) -> Iterator[SimulatedCar]:
     """A simulated car that is stopped at the end of the block; CarsimError if it does not start.
 
     ``simulator`` is the command that starts carsim.
+    ``worlds`` are pairs of a body and a scene with its id. The car begins in the first; a host can move it to others.
     ``stdin`` is a file descriptor from which it reads commands that inject faults; its output after the port's line
-    can be read from the process. ``scene_id`` is what the car says its scene is.
+    can be read from the process.
     """
     with tempfile.TemporaryDirectory(prefix="foldcar-link-", ignore_cleanup_errors=True) as folder:
         command = [*simulator, "link", *(["--tcp", str(tcp_port)] if tcp_port is not None else ["--pty"])]
-        contents = {
-            "body": {"body": {"id": "car", **body}},
-            "scene": {"scene": {**scene, "id": scene_id}},
-            "design": design,
+        pairs = list(worlds)
+        contents: dict[str, list[Mapping[str, Any]]] = {
+            "body": [{"body": {"id": "car", **body}} for body, _ in pairs],
+            "scene": [{"scene": scene} for _, scene in pairs],
+            "design": [design],
         }
-        for name, content in contents.items():
-            file = Path(folder) / ("car.json" if name == "design" else f"{name}.json")
-            file.write_text(json.dumps(content), encoding="utf-8")
+        for name, lines in contents.items():
+            file = Path(folder) / ("car.json" if name == "design" else f"{name}.jsonl")
+            file.write_text("".join(f"{json.dumps(line)}\n" for line in lines), encoding="utf-8")
             command += [f"--{name}", str(file)]
         # --put-back: the car returns to the start before each trial.
         command += ["--speedup", f"{speedup:g}", "--put-back"]

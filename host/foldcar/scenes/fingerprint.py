@@ -81,9 +81,3 @@ def scene_name(scene: Mapping[str, Any], sample: int) -> str:
     content = {key: value for key, value in scene.items() if key != "id"}
     text = json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
     return f"{hashlib.sha256(text.encode()).hexdigest()[:16]}/{sample}"
-
-
-def sample_in(name: str) -> int | None:
-    """The sample's number in a name of :func:`scene_name`; None if it is no such name."""
-    digest, _, number = name.partition("/")
-    return int(number) if len(digest) == 16 and number.isascii() and number.isdecimal() else None

@@ -123,8 +123,10 @@ class TrialWriter(StoreConnection):
         (last,) = self._run("SELECT max(id) FROM trial").fetchone()
         return int(last or 0) + 1
 
-    def trial_counts(self, experiment: str, design: TrialDesign, environment_fingerprint: str) -> dict[int, int]:
-        """How many trials of built cars of this design count, by sample of the environment."""
+    def trial_counts(
+        self, experiment: str, design: TrialDesign, environment_fingerprint: str, car: str = BUILT
+    ) -> dict[int, int]:
+        """How many trials of cars of this design count, by sample of the environment; ``car`` is BUILT or SIMULATED."""
         rows = self._rows(
             TRIAL,
             "WHERE experiment = ? AND vehicle_type = ? AND design = ? AND outcome <> 'aborted' "
@@ -133,14 +135,12 @@ class TrialWriter(StoreConnection):
             experiment,
             design.vehicle_type,
             json.dumps(dict(design.columns)),
-            BUILT,
+            car,
             environment_fingerprint,
         )
         return dict(Counter(row["sample"] for row in rows))
 
-    def correct(
-        self, trial: int, changes: Mapping[str, str | float], reason: str, operator: str
-    ) -> list[Correction]:
+    def correct(self, trial: int, changes: Mapping[str, str | float], reason: str, operator: str) -> list[Correction]:
         """Change fields of a trial and record their old values; StoreError if there is no such trial or field."""
         made = []
         with self._transaction():

@@ -1,12 +1,12 @@
 """The car at its port: connected, shown and checked before a trial, connected again after a pulled cable.
 
 Input: ports, the identity and the parameters that a car reports, answers of the person beside it. Output: the connected
-car, the design of the experiment, the sample of a simulated car; how an untethered drive ended; or a FoldcarError with a
+car, the design of the experiment; how an untethered drive ended; or a FoldcarError with a
 remedy.
 """
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ from foldcar.errors import FoldcarError
 from foldcar.link.car import Car, CarIdentity, greet
 from foldcar.link.parameters import equal_float32, read_parameters, set_parameter
 from foldcar.link.stream import SERIAL_PATHS, LinkLostError, choose_port
-from foldcar.scenes.fingerprint import sample_in, scene_name
+from foldcar.scenes.fingerprint import scene_name
 from foldcar.simulation.carsim import Carsim
 from foldcar.study.experiments import TRIAL_LIMIT, Experiment
 from foldcar.study.family import Family
@@ -183,27 +183,10 @@ def check_build(identity: CarIdentity, simulated: str) -> None:
         )
 
 
-def simulated_sample(
-    said: str, asked: int | None, scene_of: Callable[[int], Mapping[str, Any]], experiment: Experiment
-) -> int:
-    """The sample that a simulated car drives in, whose scene has the id ``said``.
-
-    FoldcarError if that is not the sample ``asked`` for, or if its scene is not the one that ``scene_of`` gives.
-    """
-    sample = sample_in(said)
-    if sample is None:
+def enter_sample(car: Car, scene: Mapping[str, Any], sample: int, experiment: Experiment) -> None:
+    """Move a simulated car to the sample whose scene is ``scene``; FoldcarError if it has no such scene."""
+    if not car.enter_scene(scene_name(scene, sample)):
         raise FoldcarError(
-            f'the simulated car drives in the scene "{said}", which is no sample of experiment {experiment.id}: '
-            "simulate the car with `foldcar link`"
+            f"the simulated car cannot drive in sample {sample} of experiment {experiment.id}: start `foldcar link` with "
+            f"this experiment of {experiment.place.partition(': ')[0]} as it is now, and with --sample {sample}"
         )
-    if asked is not None and asked != sample:
-        raise FoldcarError(
-            f"--sample {asked}: the simulated car drives in sample {sample}: leave the option out, or start "
-            f"`foldcar link` with --sample {asked}"
-        )
-    if scene_name(scene_of(sample), sample) != said:
-        raise FoldcarError(
-            f"the simulated car's scene is not sample {sample} of experiment {experiment.id}: start `foldcar link` "
-            f"with this experiment of {experiment.place.partition(': ')[0]} as it is now"
-        )
-    return sample

@@ -36,7 +36,7 @@ from foldcar.trials.media import Arrivals, media_kind
 from foldcar.trials.order import Standing, moves_text, next_sample, standing
 from foldcar.trials.person import IDLE_S, INPUT, Answers, say, warn
 from foldcar.trials.placement import ask_deviations, draw_placement, lettered, placed, show_placement
-from foldcar.trials.plugged_car import SIMULATED_TEXT, PluggedCar, require_same_car, simulated_sample, welcome
+from foldcar.trials.plugged_car import SIMULATED_TEXT, PluggedCar, enter_sample, require_same_car, welcome
 from foldcar.trials.recording import OUTCOME_KEYS, OUTCOME_QUESTION, complete_interrupted, record_outcome
 
 LEAST_FREE_BYTES = 20_000_000
@@ -74,11 +74,10 @@ class SessionOptions:
 
 @dataclass(frozen=True)
 class KnownCar:
-    """A car that may drive the trials; ``sample`` is that of a simulated one's scene."""
+    """A car that may drive the trials."""
 
     identity: CarIdentity
     design: Design
-    sample: int | None
 
 
 @dataclass(frozen=True)
@@ -142,20 +141,14 @@ class Session:
             self._plugged.close()
 
     def _welcome(self) -> KnownCar:
-        """The car, its design, and a simulated car's sample; FoldcarError if it cannot drive the trials."""
-        options, experiment = self._options, self._experiment
+        """The car and its design; FoldcarError if it cannot drive the trials."""
         identity, design = welcome(
-            self._plugged.connected, experiment, self._family, self._carsim, self._asked, options.any_build
+            self._plugged.connected, self._experiment, self._family, self._carsim, self._asked, self._options.any_build
         )
-        sample = None
-        if identity.scene is not None:
-            sample = simulated_sample(identity.scene, options.sample, lambda k: self._scene(k)[0], experiment)
-            if options.trials != 1:
-                say(
-                    f"The simulated car stands in sample {sample}, and all trials of this session repeat one drive. "
-                    "For another sample, start `foldcar link` again with --sample."
-                )
-        return KnownCar(identity, design, sample)
+        if identity.simulated:
+            sample = self._options.sample or 0
+            enter_sample(self._plugged.connected, self._scene(sample)[0], sample, self._experiment)
+        return KnownCar(identity, design)
 
     def _goes_on(self, writer: TrialWriter, trial: "_Driven") -> bool:
         """Ask what to do after a trial, and do it; whether the session goes on.
@@ -224,9 +217,10 @@ class Session:
         """Drive one trial; None if the person ends the session."""
         options, experiment, identity, design = self._options, self._experiment, known.identity, known.design
         trial_design, fingerprint = TrialDesign(design.type, design.columns), self._environment.fingerprint
-        sample = next((one for one in (known.sample, options.sample, self._again) if one is not None), None)
+        sample = options.sample if options.sample is not None else self._again
         if sample is None:
-            counts = writer.trial_counts(experiment.id, trial_design, fingerprint)
+            kind = SIMULATED if identity.simulated else BUILT
+            counts = writer.trial_counts(experiment.id, trial_design, fingerprint, kind)
             sample = next_sample(experiment.environments, counts, self._standing, lambda k: standing(*self._scene(k), {}))
         mark = f" ({SIMULATED_TEXT})" if identity.simulated else ""
         number = writer.next_number()
@@ -234,6 +228,8 @@ class Session:
         self._take_media(writer)
         self._arrivals.begin(number)
         scene, things = self._scene(sample)
+        if identity.simulated:
+            enter_sample(self._plugged.connected, scene, sample, experiment)
         moves = "" if self._standing is None else moves_text(self._standing, standing(scene, things, {}))
         show_placement(scene, things)
         if moves:

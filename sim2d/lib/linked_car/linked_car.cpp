@@ -31,14 +31,14 @@ std::uint8_t code_of(const std::optional<Outcome>& outcome) {
 
 }  // namespace
 
-LinkedCar::LinkedCar(const Engine& engine, const BodySpec& body, const SceneSpec& scene,
-                     const LinkedCarOptions& options, std::string firmware_id)
+LinkedCar::LinkedCar(const Engine& engine, const std::vector<LinkedWorld>& worlds, const LinkedCarOptions& options,
+                     std::string firmware_id)
     : engine_(engine),
-      body_(body),
-      scene_(scene),
+      worlds_(worlds),
+      world_(&worlds.at(0)),
       options_(options),
       firmware_id_(std::move(firmware_id)),
-      terrain_(scene.terrain),
+      terrain_(std::make_unique<SceneTerrain>(world_->scene.terrain)),
       hal_(kLogicBattery_v) {
   hal_.imu.fitted = true;
   hal_.logs.fitted = true;
@@ -51,6 +51,7 @@ LinkedCar::LinkedCar(const Engine& engine, const BodySpec& body, const SceneSpec
 void LinkedCar::receive(const std::vector<std::uint8_t>& bytes, bool late) {
   if (!plugged_in() || booting_) return;
   const std::vector<std::uint8_t> arrived = to_car_noise_.pass(bytes, now_us_);
+  follow_host(arrived);
   hal_.link.to_car.insert(hal_.link.to_car.end(), arrived.begin(), arrived.end());
   if (late) firmware_->stood_still();
 }
@@ -112,8 +113,37 @@ std::vector<std::uint8_t> LinkedCar::step() {
 }
 
 void LinkedCar::place_at_start() {
-  car_ = engine_.put_down(body_, scene_, terrain_, nullptr);
+  car_ = engine_.put_down(world_->body, world_->scene, *terrain_, nullptr);
   motion_sensor_ = MotionSensor();
+}
+
+// Obeys a host's FOLDCAR_SCENE, which the firmware does not know.
+void LinkedCar::follow_host(const std::vector<std::uint8_t>& bytes) {
+  for (const std::uint8_t byte : bytes) {
+    mavlink_message_t message;
+    mavlink_status_t status;
+    const std::uint8_t result = mavlink_frame_char_buffer(&host_buffer_, &host_parsing_, byte, &message, &status);
+    if (result != MAVLINK_FRAMING_OK || message.msgid != MAVLINK_MSG_ID_FOLDCAR_SCENE) continue;
+    mavlink_foldcar_scene_t scene;
+    mavlink_msg_foldcar_scene_decode(&message, &scene);
+    move_to(std::string(scene.id, strnlen(scene.id, sizeof scene.id)));
+  }
+}
+
+// Moves the car if it is disarmed and there is such a scene. Either way the answer is the scene in which it is then.
+void LinkedCar::move_to(const std::string& scene_id) {
+  const auto wanted = std::find_if(worlds_.begin(), worlds_.end(),
+                                   [&](const LinkedWorld& world) { return world.scene.id == scene_id; });
+  if (wanted != worlds_.end() && &*wanted != world_ && state() == State::kDisarmed) {
+    world_ = &*wanted;
+    terrain_ = std::make_unique<SceneTerrain>(world_->scene.terrain);
+    place_at_start();
+  }
+  next_scene_us_ = now_us_;
+}
+
+State LinkedCar::state() const {
+  return booting_ ? State::kDisarmed : firmware_->application().status().state;
 }
 
 // The servo driver keeps its pulses until the firmware has started again.
@@ -135,11 +165,11 @@ void LinkedCar::apply_faults() {
 }
 
 void LinkedCar::update_outcome() {
-  const State state = booting_ ? State::kDisarmed : firmware_->application().status().state;
+  const State state = this->state();
   if (options_.put_back && state == State::kArmed && seen_state_ != State::kArmed) place_at_start();
   const double now_s = 1e-6 * static_cast<double>(now_us_);
   if (state == State::kRunning && seen_state_ != State::kRunning) {
-    ending_.emplace(scene_, car_->state(), firmware_->application().trial());
+    ending_.emplace(world_->scene, car_->state(), firmware_->application().trial());
     trial_started_s_ = now_s;
     outcome_.reset();
   }
@@ -165,7 +195,7 @@ void LinkedCar::send_truth() {
   truth.speed = static_cast<float>(car.speed_m_s);
   truth.yaw_rate = static_cast<float>(car.yaw_rate_rad_s);
   const double nan = std::numeric_limits<double>::quiet_NaN();
-  truth.distance_to_target = static_cast<float>(distance_to_target_m(scene_, car).value_or(nan));
+  truth.distance_to_target = static_cast<float>(distance_to_target_m(world_->scene, car).value_or(nan));
   truth.trial_id = firmware_->application().trial().id;
   truth.outcome = code_of(outcome_);
   truth.outcome_time = static_cast<float>(outcome_ ? outcome_s_ : nan);
@@ -179,7 +209,8 @@ void LinkedCar::send_scene() {
   next_scene_us_ += kScenePeriodUs;
   if (booting_) return;
   mavlink_foldcar_scene_t scene{};
-  std::memcpy(scene.id, scene_.id.data(), std::min(scene_.id.size(), sizeof scene.id));
+  const std::string& id = world_->scene.id;
+  std::memcpy(scene.id, id.data(), std::min(id.size(), sizeof scene.id));
   mavlink_message_t message;
   mavlink_msg_foldcar_scene_encode_status(kCarSystem, kSimulatorComponent, &simulator_numbering_, &message, &scene);
   send_from_simulator(message);

@@ -1,7 +1,8 @@
 // A simulated car with the whole firmware, its MAVLink connection included: the car that `carsim link` offers on a port.
 //
-// Input: body, scene, design; then, between steps, bytes from a host and faults. Output: the car's bytes. Only step()
-// advances time: the same input before the same steps gives the same output.
+// Input: worlds (a body in a scene each), design; then, between steps, bytes from a host and faults. Output: the car's
+// bytes. Only step() advances time: the same input before the same steps gives the same output. A disarmed car moves to
+// another of its worlds when a host names the scene in a FOLDCAR_SCENE message.
 #pragma once
 
 #include <cstdint>
@@ -32,10 +33,17 @@ struct LinkedCarOptions {
   bool put_back = false;  // whether the car returns to the scene's start whenever it is armed
 };
 
+// A scene, and the car as it is there: built cars may differ from sample to sample.
+struct LinkedWorld {
+  BodySpec body;
+  SceneSpec scene;
+};
+
 class LinkedCar {
  public:
-  // engine, body and scene must outlive the car. firmware_id: 16 hexadecimal digits.
-  LinkedCar(const Engine& engine, const BodySpec& body, const SceneSpec& scene, const LinkedCarOptions& options, std::string firmware_id);
+  // The car begins in the first of worlds. engine and worlds must outlive the car. firmware_id: 16 hexadecimal digits.
+  LinkedCar(const Engine& engine, const std::vector<LinkedWorld>& worlds, const LinkedCarOptions& options,
+            std::string firmware_id);
 
   // Gives the car the bytes of a host. They are lost while the cable is unplugged and while the board starts. late: they
   // waited while the simulation stood still.
@@ -52,6 +60,9 @@ class LinkedCar {
 
  private:
   void place_at_start();
+  void follow_host(const std::vector<std::uint8_t>& bytes);
+  void move_to(const std::string& scene_id);
+  State state() const;
   void restart(ResetReason reason);
   void apply_faults();
   void update_outcome();
@@ -60,11 +71,11 @@ class LinkedCar {
   void send_from_simulator(const mavlink_message_t& message);
 
   const Engine& engine_;
-  const BodySpec& body_;
-  const SceneSpec& scene_;
+  const std::vector<LinkedWorld>& worlds_;
+  const LinkedWorld* world_;
   const LinkedCarOptions options_;
   const std::string firmware_id_;
-  const SceneTerrain terrain_;
+  std::unique_ptr<SceneTerrain> terrain_;
   SimHal hal_;
   std::unique_ptr<SimCar> car_;
   std::unique_ptr<Firmware> firmware_;
@@ -84,6 +95,8 @@ class LinkedCar {
   double outcome_s_ = 0;
   std::uint64_t next_truth_us_ = 0, next_scene_us_ = 0;
   mavlink_status_t simulator_numbering_{};
+  mavlink_message_t host_buffer_{};
+  mavlink_status_t host_parsing_{};
 };
 
 }  // namespace foldcar

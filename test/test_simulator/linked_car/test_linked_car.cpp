@@ -22,8 +22,7 @@ const char* const kFirmware = "0123456789abcdef";
 // A car on a cable with a host that sends a heartbeat every 0.2 s, and the record of both.
 struct Bench {
   MultibodyEngine engine;
-  BodySpec body = study_car(0.095);
-  SceneSpec scene;
+  std::vector<LinkedWorld> worlds;
   std::ostringstream lines;
   LinkRecord record{lines};
   MavlinkHost host;
@@ -31,12 +30,17 @@ struct Bench {
   std::unique_ptr<LinkedCar> car;
 
   explicit Bench(bool put_back = false) {
+    SceneSpec scene;
     scene.id = "flat";
     scene.friction = 0.6;
     scene.course = {-5, 5, -5, 5};
+    worlds.push_back({study_car(0.095), scene});
+    scene.id = "further on";
+    scene.start.x_m = 2;
+    worlds.push_back({study_car(0.115), scene});
     options.design.source = DesignSource::kNone;
     options.put_back = put_back;
-    car = std::make_unique<LinkedCar>(engine, body, scene, options, kFirmware);
+    car = std::make_unique<LinkedCar>(engine, worlds, options, kFirmware);
   }
   void send(const std::string& packet) {
     const std::vector<std::uint8_t> bytes(packet.begin(), packet.end());
@@ -131,15 +135,40 @@ TEST(test_the_car_can_be_put_back) {
   TEST_ASSERT_FLOAT_WITHIN(0.02f, 0.0f, when_armed.x_m());
 }
 
+TEST(test_a_disarmed_car_follows_the_host_to_another_scene) {
+  Bench bench(true);
+  const auto scene = [&] {
+    return bench.host.all<mavlink_foldcar_scene_t>(MAVLINK_MSG_ID_FOLDCAR_SCENE, mavlink_msg_foldcar_scene_decode).back();
+  };
+  bench.run(0.5);
+  bench.send(bench.host.scene("further on"));
+  bench.run(0.05);
+  TEST_ASSERT_EQUAL_STRING("further on", scene().id);
+  TEST_ASSERT_FLOAT_WITHIN(0.02f, 2.0f, bench.x_m());
+  bench.start_trial();
+  TEST_ASSERT_TRUE(bench.x_m() > 2.2f);
+  // Not while it drives, and not to a scene that it does not have.
+  bench.send(bench.host.scene("flat"));
+  bench.run(0.05);
+  TEST_ASSERT_EQUAL_STRING("further on", scene().id);
+  TEST_ASSERT_TRUE(bench.x_m() > 2.2f);
+  bench.send(bench.host.command(MAV_CMD_FOLDCAR_STOP_TRIAL, {}));
+  bench.run(0.1);
+  bench.send(bench.host.scene("elsewhere"));
+  bench.run(0.05);
+  TEST_ASSERT_EQUAL_STRING("further on", scene().id);
+}
+
 TEST(test_a_record_repeats_itself) {
   Bench bench;
+  bench.send(bench.host.scene("further on"));
   bench.start_trial();
   bench.inject(R"({"inject": "corrupt", "share": 0.01, "for_s": 0.5})");
   bench.run(1);
   bench.record.end(bench.car->now_us());
   const std::string first = bench.lines.str();
   TEST_ASSERT_TRUE(first.find("from_car") != std::string::npos);
-  LinkedCar again(bench.engine, bench.body, bench.scene, bench.options, kFirmware);
+  LinkedCar again(bench.engine, bench.worlds, bench.options, kFirmware);
   std::istringstream lines(first);
   std::ostringstream second;
   LinkRecord record(second);

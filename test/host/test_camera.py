@@ -2,6 +2,7 @@
 
 import csv
 import json
+import math
 import re
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -16,7 +17,7 @@ from filmed import Camera, Car, Film, Filming, Thing, boxes, floor_markers, mark
 from foldcar.camera.detection import Detector
 from foldcar.camera.film import read_film
 from foldcar.camera.filming import car_marker, propose
-from foldcar.camera.ground import fit_heights, height_remarks, standing
+from foldcar.camera.ground import Place, fit_heights, height_remarks, standing
 from foldcar.camera.lens import BOARD_SQUARES, SQUARE_M, Lens, board, calibrate
 from foldcar.camera.markers import FIRST_OBSTACLE_ID, FloorMarker, course_json, read_course, rectangle
 from foldcar.camera.photo import find_placed
@@ -154,6 +155,29 @@ def test_obstacles_are_as_high_as_the_car_shows(factor: float) -> None:
     assert numpy.median(place_m) < 0.003 and numpy.quantile(place_m, 0.95) < 0.006
 
 
+def test_a_car_that_leans_on_a_pyramid_is_where_it_is_seen() -> None:
+    sides_m = (0.23, 0.16, 0.09)
+    steps = [
+        {"kind": "box", "x_m": 0.46, "y_m": 0.12, "heading_rad": 0.0, "length_m": a, "width_m": a, "height_m": 0.0295 * k}
+        for k, a in enumerate(sides_m, 1)
+    ]
+    scene = {**SCENE, "terrain": steps, "start": {"x_m": 0.0, "y_m": 0.01, "heading_rad": 0.01}}
+    shown, view, body = pictures(scene)
+    ground, car = standing(scene, carsim_heights(Carsim()), body), car_marker(body, rectangle())
+
+    ground = fit_heights([find_pose(corners, view, car, ground) for _, corners in shown], ground, 0.15)
+    poses = [find_pose(corners, view, car, ground) for _, corners in shown]
+
+    true = numpy.array([pose for pose, _ in shown])
+    # From there on it falls onto its side.
+    leans = (numpy.abs(true[:, 4:6]).max(axis=1) > math.radians(10)) & (true[:, 0] < 0.6)
+    assert leans.sum() > 15 and numpy.abs(true[:, 5]).max() > math.radians(25)
+    off = numpy.array([pose.values for pose in poses])[leans] - true[leans]
+    error = numpy.sqrt([pose.covariance(0.15).diagonal() for pose in poses])[leans]
+    assert abs(off[:, 1].mean()) < 0.0025 and abs(off[:, 2].mean()) < 0.002
+    assert (abs(off[:, 1]) < 2 * error[:, 1]).mean() > 0.8
+
+
 def test_a_car_with_a_wheel_on_a_step_stands_on_a_diagonal() -> None:
     body = json.loads(car_texts(95, 8)[0])
     ahead, left = body["wheels"][0]["x_m"], body["track_m"] / 2
@@ -161,7 +185,7 @@ def test_a_car_with_a_wheel_on_a_step_stands_on_a_diagonal() -> None:
     ground = standing({**SCENE, "terrain": [box]}, carsim_heights(Carsim()), body)
     sure = ground.rescaled(ground.factors, 0 * ground.factors)
 
-    stance = sure.at(0.5, 0.0, 0.0)
+    stance = sure.at(Place(0.5, 0.0, 0.0))
 
     # It leans between two planes: one has the other front wheel on the floor, one the other rear wheel.
     height, slope, bank = 0.025 / 2, 0.025 / 2 / ahead, 0.025 / 2 / left
@@ -246,24 +270,27 @@ def seen(course: Any) -> dict[int, Any]:
     return Detector().find(photo(course))
 
 
-@pytest.fixture(scope="module")
-def slow_film(trial: Any) -> Any:
-    """The trial's film played at half its speed, which a phone that films in slow motion writes."""
+def played_at(trial: Any, fps: float) -> str:
+    """The name of a copy of the trial's film, of 30 frames a second, that is played at another rate."""
     frames = list(read_film(trial[0] / "trial.mp4"))
     height, width = frames[0][1].shape
-    writer = cv2.VideoWriter(str(trial[0] / "slow.mp4"), cv2.VideoWriter_fourcc(*"mp4v"), 15.0, (width, height), False)
+    name = f"{fps:g}.mp4"
+    writer = cv2.VideoWriter(str(trial[0] / name), cv2.VideoWriter_fourcc(*"mp4v"), fps, (width, height), False)
     for _, grey in frames:
         writer.write(grey)
     writer.release()
-    return trial[0] / "slow.mp4"
+    return name
 
 
-def test_a_film_in_slow_motion_is_refused(trial: Any, slow_film: Path) -> None:
+def test_a_film_at_another_speed_is_refused_or_remarked_on(trial: Any) -> None:
     options = ["--trial", "1", "--store", "s.db", "--course", "course.json"]
-    done = original().run(["track", slow_film.name, *options], trial[0])
+    slow = original().run(["track", played_at(trial, 15.0), *options], trial[0])
+    of_24 = original().run(["track", played_at(trial, 24.0), *options], trial[0])
 
-    assert done.returncode == 2
-    assert re.search(r"slow\.mp4: the car sets off (1\.[89]|2\.[012]) times as slow as in simulation", done.stderr)
+    assert slow.returncode == 2
+    assert re.search(r"15\.mp4: the car sets off (1\.[89]|2|2\.[012]) times as slow as in simulation", slow.stderr)
+    assert of_24.returncode == 0
+    assert re.search(r"24\.mp4: the car sets off 1\.[23] times as slow as in simulation: if the film was", of_24.stderr)
 
 
 @pytest.mark.parametrize(

@@ -43,8 +43,10 @@ SET_OFF_M = numpy.linspace(0.003, 0.040, 12)
 # Where time scales are fitted, and the largest that a car's own speed explains. Slow motion is 2 to 32 times as slow.
 SCALED_M = numpy.linspace(0.003, 0.120, 24)
 MOST_SCALE = 1.5
+# A scale beyond this is remarked on: 24 or 25 frames a second saved as 30, or servos that are slow or quick.
+REMARKED_SCALE = 1.12
 # A trial that a person ends lasts longer than the drive to the goal.
-LATE_S = 0.5
+LATE_S = 0.2
 SERVOS_S = 0.015
 REST_S = 0.1
 # As in sim2d/lib/trial/ending.h.
@@ -58,10 +60,23 @@ UNSEEN_S = 0.7
 
 @dataclass(frozen=True)
 class Start:
-    """The trial's start on the film's clock (s), and its standard deviation."""
+    """The trial's start on the film's clock (s), and its standard deviation.
+
+    ``scale`` is how many times longer the film's car takes than the simulated one over the first 120 mm.
+    """
 
     film_s: float
     error_s: float
+    scale: float
+
+    def remarks(self) -> list[str]:
+        """A remark if the film's car is much slower or quicker than the simulated one."""
+        if 1 / REMARKED_SCALE < self.scale < REMARKED_SCALE:
+            return []
+        return [
+            f"the car sets off {_pace(self.scale)} as in simulation: if the film was saved at another frame rate, all "
+            "times are wrong by this factor; otherwise the servos are slower or quicker than in simulation"
+        ]
 
 
 @dataclass(frozen=True)
@@ -104,7 +119,11 @@ def track_trial(
             f"{film}: {ending.why} after {ending.time_s:.2f} s, but trial {number} ended after {elapsed_s:.2f} s: it is "
             "a film of another trial, or in slow motion"
         )
-    remarks = [*filmed.remarks, *_elsewhere(filmed, times_s, scene["start"], f"{film}: is a film of another trial")]
+    remarks = [
+        *filmed.remarks,
+        *start.remarks(),
+        *_elsewhere(filmed, times_s, scene["start"], f"{film}: is a film of another trial"),
+    ]
     digest = sha256_of(film)
     assert digest is not None
     facts = _facts(filmed, start, ending, lens, remarks)
@@ -193,13 +212,16 @@ def find_start(times_s: Floats, poses: Floats, simulated: Floats, where: str) ->
     film = _scaled(times_s, away, simulated, simulated_away)
     scale = min(float(numpy.polyfit(wanted, reached, 1)[0]), film, key=lambda one: abs(math.log(max(one, 1e-3))))
     if not 1 / MOST_SCALE < scale < MOST_SCALE:
-        pace = f"{scale:.1f} times as slow" if scale > 1 else f"{1 / max(scale, 1e-3):.1f} times as fast"
         raise FoldcarError(
-            f"{where}: the car sets off {pace} as in simulation: the film is in slow motion or time lapse; save it at "
-            "the speed of the drive, or film without"
+            f"{where}: the car sets off {_pace(scale)} as in simulation: the film is in slow motion or time "
+            "lapse; save it at the speed of the drive, or film without"
         )
     error = float(numpy.hypot(SERVOS_S, offsets.std()))
-    return Start(float(numpy.median(offsets)), error)
+    return Start(float(numpy.median(offsets)), error, scale)
+
+
+def _pace(scale: float) -> str:
+    return f"{scale:.2g} times as slow" if scale > 1 else f"{1 / max(scale, 1e-3):.2g} times as fast"
 
 
 def _scaled(times_s: Floats, away: Floats, simulated: Floats, simulated_away: Floats) -> float:

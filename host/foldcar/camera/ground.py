@@ -5,10 +5,11 @@ and roll, with their covariance. A wheel of radius r rests where ground h touche
 
     max over d of h(x + d) + sqrt(r² - d²),   -r < d < r along the car,
 
-the highest of its width. A rigid car rests on three wheels around its middle, no other wheel in the ground. Often more
-than one three will do: with a wheel on a step the car stands on a diagonal and leans to either side. The mean and the
-covariance are those of all these planes, here and beside (REACH_M, ASIDE_M), where a car climbs or drops. Hinged cars do
-the same, less exactly. The body of one whose wheels do not surround its middle drags: its slope is not known.
+the highest of its width. Of a wheel that leans by the roll φ, sqrt(r² - d²) counts times cos φ, and it touches beside its
+middle. A rigid car rests on three wheels around its middle, no other wheel in the ground. Often more than one three will
+do: with a wheel on a step the car stands on a diagonal and leans to either side. The mean and the covariance are those of
+all these planes, here and beside (REACH_M, ASIDE_M), where a car climbs or drops. Hinged cars do the same, less exactly.
+The body of one whose wheels do not surround its middle drags: its slope is not known.
 
 Obstacles are not as high as planned: each has a factor of its own, with a standard deviation, by the car that drives over
 them. What touches is one obstacle, as the ground itself shows; rough ground is one with all that stands on it.
@@ -27,7 +28,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy
 from numpy.typing import NDArray
@@ -49,6 +50,8 @@ MARGIN_M = 0.4
 REACH_M, ASIDE_M = 0.012, 0.003
 # On flat ground: tyres are pressed in, wheels are not round, lids bend.
 FLAT_M, FLAT_RAD = 0.0015, 0.012
+# How much these errors grow with the sine of the tilt: wheels slip off edges and lift for a moment.
+TILTED = 3.0
 # Slope of a car whose body drags.
 DRAGS = 0.3
 # Ground nearer to the floor's height is floor.
@@ -78,6 +81,22 @@ TOLD = 0.1
 OTHER = (0.5, 2.0)
 
 
+class Place(NamedTuple):
+    """Where a car is and how it is tilted: nose up, left side up."""
+
+    x_m: float
+    y_m: float
+    heading_rad: float
+    pitch_rad: float = 0.0
+    roll_rad: float = 0.0
+
+    @staticmethod
+    def of(pose: Floats) -> "Place":
+        """Of x, y, z (m), heading, pitch, roll (rad)."""
+        x, y, _, heading, pitch, roll = pose.tolist()
+        return Place(x, y, heading, pitch, roll)
+
+
 @dataclass(frozen=True)
 class Stance:
     """Height of the origin (m), pitch and roll (rad), and their covariance."""
@@ -104,26 +123,32 @@ class Standing:
     width_m: float
     hinged: bool
 
-    def at(self, x_m: float, y_m: float, heading_rad: float) -> Stance:
+    def at(self, place: Place) -> Stance:
         """How the car stands there."""
-        planes = self.planes(x_m, y_m, heading_rad, SHIFTS_M)
+        planes = self.planes(place, SHIFTS_M)
         values = planes[0].mean(axis=0)
         off = numpy.concatenate(planes) - values
         # Heights and tilts are proportional to the factor.
-        under = self.under(x_m, y_m, heading_rad)
+        under = self.under(place)
         share = max((float(self.factor_errors[k] / self.factors[k]) for k in under), default=0.0)
         raised = share * (values - (self.radius_m, 0.0, 0.0))
-        flat = (2.0 if self.hinged else 1.0) * numpy.array([FLAT_M, FLAT_RAD, FLAT_RAD])
+        lean = math.hypot(math.sin(place.pitch_rad), math.sin(place.roll_rad))
+        flat = (2.0 if self.hinged else 1.0) * (1 + TILTED * lean) * numpy.array([FLAT_M, FLAT_RAD, FLAT_RAD])
         covariance = numpy.diag(flat**2) + off.T @ off / len(off) + numpy.outer(raised, raised)
-        return Stance(numpy.array([values[0], *numpy.arctan(values[1:])]), covariance)
+        sin_pitch, bank = values[1:].clip(-0.99, 0.99)
+        pitch = math.asin(sin_pitch)
+        roll = math.asin(min(max(bank / math.cos(pitch), -0.99), 0.99))
+        return Stance(numpy.array([values[0], pitch, roll]), covariance)
 
-    def planes(self, x_m: float, y_m: float, heading_rad: float, shifts_m: Floats = SHIFTS_M[:1]) -> list[Floats]:
+    def planes(self, place: Place, shifts_m: Floats = SHIFTS_M[:1]) -> list[Floats]:
         """For each shift of the car, ahead and to the left, the planes (n, 3) on which the axles may be.
 
-        A plane is the height at the origin, the slope ahead and the bank to the left.
+        A plane is the height at the origin, and by how much it rises per metre of the car ahead and to the left.
         """
-        below = self.heights(*self._below(x_m, y_m, heading_rad, shifts_m))
-        all_axles = (below + self.radius_m * numpy.sqrt(1 - ALONG**2)).max(axis=(2, 3))
+        # A wheel that leans touches the ground beside its middle, and with its edge.
+        sin, cos = math.sin(place.roll_rad), math.cos(place.roll_rad)
+        rise = self.radius_m * numpy.sqrt(1 - ALONG**2) * cos - self.width_m * ACROSS[:, None] * sin
+        all_axles = (self.heights(*self._below(place, shifts_m)) + rise).max(axis=(2, 3))
         threes, inverses = self._threes
         if not len(threes):
             return [self._dragging(axles) for axles in all_axles]
@@ -137,9 +162,9 @@ class Standing:
         height, bank = across @ (axles[:, None] - self.ahead_m[:, None] * slopes)
         return numpy.column_stack([height, slopes, bank])
 
-    def under(self, x_m: float, y_m: float, heading_rad: float) -> list[int]:
+    def under(self, place: Place) -> list[int]:
         """Numbers of the obstacles below the wheels of a car there."""
-        numbers = self._numbers(*self._cells(*self._below(x_m, y_m, heading_rad, SHIFTS_M[:1])))
+        numbers = self._numbers(*self._cells(*self._below(place, SHIFTS_M[:1])))
         return [number for number in numpy.unique(numbers).tolist() if number]
 
     def middle(self, number: int) -> tuple[float, float]:
@@ -152,13 +177,14 @@ class Standing:
         """The same with other heights."""
         return replace(self, factors=factors, factor_errors=errors)
 
-    def _below(self, x_m: float, y_m: float, heading_rad: float, shifts_m: Floats) -> tuple[Floats, Floats]:
+    def _below(self, place: Place, shifts_m: Floats) -> tuple[Floats, Floats]:
         """Places (shifts, wheels, ACROSS, ALONG) below the wheels of the car."""
-        cos, sin = math.cos(heading_rad), math.sin(heading_rad)
         ahead, left = (at[:, None, None, None] for at in shifts_m.T)
-        ahead = ahead + self.ahead_m[:, None, None] + self.radius_m * ALONG
-        left = left + self.left_m[:, None, None] + self.width_m * ACROSS[:, None]
-        return x_m + ahead * cos - left * sin, y_m + ahead * sin + left * cos
+        ahead = ahead + math.cos(place.pitch_rad) * self.ahead_m[:, None, None] + self.radius_m * ALONG
+        aside = math.sin(place.roll_rad) * self.radius_m * numpy.sqrt(1 - ALONG**2)
+        left = left + math.cos(place.roll_rad) * (self.left_m[:, None, None] + self.width_m * ACROSS[:, None]) + aside
+        cos, sin = math.cos(place.heading_rad), math.sin(place.heading_rad)
+        return place.x_m + ahead * cos - left * sin, place.y_m + ahead * sin + left * cos
 
     def _cells(self, x: Floats, y: Floats) -> tuple[Floats, Floats]:
         extent, cell = self.ground.extent, self.ground.cell_m
@@ -225,15 +251,15 @@ def fit_heights(poses: "Sequence[Pose]", ground: Standing, pixel: float) -> Stan
     normal[:count, :count] = numpy.linalg.inv(HEIGHT_OWN**2 * numpy.eye(count) + HEIGHT_ALIKE**2)
     normal[count:, count:] = numpy.diag(OFFSET**-2)
     for pose in poses:
-        place = pose.values[[0, 1, 3]]
-        stance = planned.at(*place)
+        place = Place.of(pose.values)
+        stance = planned.at(place)
         values, spread = pose.by_corners(pixel)
         off = values[GROUND] - stance.values
         design = numpy.zeros((3, count + 3))
         design[:, count:] = numpy.eye(3)
-        middle = planned.planes(*place)[0].mean(axis=0)
-        for k in planned.under(*place):
-            design[:, k - 1] = (raised[k].planes(*place)[0].mean(axis=0) - middle) / STEP
+        middle = planned.planes(place)[0].mean(axis=0)
+        for k in planned.under(place):
+            design[:, k - 1] = (raised[k].planes(place)[0].mean(axis=0) - middle) / STEP
         weight = numpy.linalg.inv(spread[numpy.ix_(GROUND, GROUND)] + stance.covariance)
         weight *= ALIKE / max(1.0, float(off @ weight @ off) / FAR)
         normal += design.T @ weight @ design

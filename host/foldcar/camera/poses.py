@@ -16,7 +16,7 @@ import cv2
 import numpy
 
 from foldcar.camera.detection import Floats
-from foldcar.camera.ground import GROUND, Stance, Standing
+from foldcar.camera.ground import GROUND, Place, Stance, Standing
 from foldcar.camera.view import View, ideal_pixels, marker_corners
 
 # What corners are known to where nothing is known of the picture.
@@ -150,9 +150,9 @@ def _by_itself(pixels: Floats, view: View, marker: CarMarker) -> list[Floats]:
 def _standing(
     start: Floats, pixels: Floats, view: View, marker: CarMarker, ground: Standing, pixel: float
 ) -> tuple[float, Pose]:
-    """As the ground says where the car then is: twice, because that changes with the place."""
-    first = _refined(start, pixels, view, marker, ground.at(start[0], start[1], start[3]), pixel)[1].values
-    return _refined(first, pixels, view, marker, ground.at(first[0], first[1], first[3]), pixel)
+    """As the ground says where the car then is: twice, because that changes with place and tilt."""
+    first = _refined(start, pixels, view, marker, ground.at(Place.of(start)), pixel)[1].values
+    return _refined(first, pixels, view, marker, ground.at(Place.of(first)), pixel)
 
 
 def _refined(

@@ -47,6 +47,8 @@ def line_with(path: str, value: float) -> dict[str, Any]:
         keys = ["terrain", keys[-1]]
     if path == "scene.goal.radius_m":
         line["goal"] = {"kind": "disc", "x_m": 1.0, "y_m": 0.0, "radius_m": 0.1}
+    if keys[0] == "program":
+        line["program"] = {"endings": [], "time_limit_s": 1, "verdict": None, "records": [], "step_s": 0.25}
     target: Any = line
     for key in keys[:-1]:
         target = target[key]

@@ -22,6 +22,8 @@ GOAL = "goal = new Goal at (0.8, 0), facing -90 deg\nnew Bump at (0.4, 0), facin
 RECORDS = (
     "record initial ego.position.x as begin\nrecord final ego.position as end\nrecord ego.speed as speed\n"
     "record final simulation().currentRealTime as elapsed\n"
+    # This needs Scenic beside carsim.
+    "monitor Watch():\n    while True:\n        wait\nrequire monitor Watch()\n"
 )
 
 

@@ -7,7 +7,7 @@ vocabulary/model.scenic, from which a program may derive its own.
 import math
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from foldcar.errors import FoldcarError
 from foldcar.scenes.checks import (
@@ -22,6 +22,9 @@ from foldcar.scenes.obstacles import Obstacle, obstacles_of
 from foldcar.scenes.program import line_prefix
 from foldcar.scenes.reading import UnusableError, finite, is_a, outer_step_s, param, pose, rounded
 from foldcar.scenes.terrain_kinds import HEIGHT_M, KINDS, kind_of
+
+if TYPE_CHECKING:
+    from foldcar.scenes.native_program import NativeProgram
 
 MOST_FRICTION = 5.0
 PLACE_M = (-1000.0, 1000.0)
@@ -42,15 +45,16 @@ COURSE_SIDES = ("x_min", "x_max", "y_min", "y_max")
 
 
 def scene_with_obstacles(
-    scene: Any, program: Path, where: str, needs_goal: bool = True
+    scene: Any, program: Path, where: str, needs_goal: bool = True, native: "NativeProgram | None" = None
 ) -> tuple[dict[str, Any], list[Obstacle]]:
     """The scene in metres and radians, without an id, and what of its terrain stands on the floor as one thing.
 
     ``where`` follows the program's name in the messages of FoldcarErrors. Without ``needs_goal`` a program may have
-    no Goal, and the scene's goal is None then.
+    no Goal, and the scene's goal is None then. ``native`` is what the program says of its runs, if carsim evaluates it.
     """
     try:
-        return _scene_with_obstacles(scene, needs_goal)
+        described, obstacles = _scene_with_obstacles(scene, needs_goal)
+        return described if native is None else described | {"program": native.of_scene(scene)}, obstacles
     except UnusableError as problem:
         # Where the program, or one that it imports, creates the thing.
         file, number = getattr(problem.thing, "creationLine", (None, 0))

@@ -13,7 +13,7 @@ import sys
 from collections.abc import Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from foldcar.errors import FoldcarError
 from foldcar.scenes.contained import contained
@@ -22,6 +22,9 @@ from foldcar.scenes.program import ProgramError, compile_program, is_dynamic, ma
 from foldcar.scenes.program_files import Files, ProgramFiles
 from foldcar.scenes.scene_json import scene_with_obstacles
 from foldcar.scenes.success import SuccessRule, success_rule
+
+if TYPE_CHECKING:
+    from foldcar.scenes.native_program import NativeProgram
 
 # Scenic's default. A program whose samples are rejected this often has requirements that are almost never fulfilled.
 MAX_ITERATIONS = 2000
@@ -41,7 +44,21 @@ class SceneSource:
     @property
     def dynamic(self) -> bool:
         """Whether the program has parts that Scenic must evaluate during a simulation, beside carsim."""
-        return is_dynamic(self.scenario)
+        return bool(self.needs_scenic)
+
+    @property
+    def needs_scenic(self) -> str:
+        """What Scenic must evaluate beside carsim, with its line; "" if nothing."""
+        return self._native[1]
+
+    @cached_property
+    def _native(self) -> "tuple[NativeProgram | None, str]":
+        if not is_dynamic(self.scenario):
+            return None, ""
+        from foldcar.scenes.native_program import native_program
+
+        with self.files.inside():
+            return native_program(self.scenario, self.program, self.success)
 
     @cached_property
     def success(self) -> SuccessRule:
@@ -73,6 +90,8 @@ class SceneSource:
 
         if k < 0:
             raise FoldcarError(f"{self.program}: sample {k} is below the minimum 0")
+        # Sampling binds the program's names to sampled values: it is translated before.
+        self._native  # noqa: B018
         try:
             with (
                 seeded(f"{self.seed}/{k}"),
@@ -105,7 +124,9 @@ class SceneSource:
 
     def _with_obstacles(self, scene: Any, k: int) -> tuple[dict[str, Any], list[Obstacle]]:
         with self.files.inside(), contained(SAMPLE_LIMIT_S, f"{self.program}: sample {k}", self.program):
-            return scene_with_obstacles(scene, self.program, f"sample {k}", not may_end_itself(self.scenario))
+            return scene_with_obstacles(
+                scene, self.program, f"sample {k}", not may_end_itself(self.scenario), self._native[0]
+            )
 
     def _rejection_reason(self, k: int) -> str:
         """The reason for a rejection, read from Scenic's output, the only place where Scenic reports it."""

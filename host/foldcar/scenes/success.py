@@ -72,7 +72,7 @@ def _approaches(program: Path, scenario: Any, goal: bool) -> Iterator[tuple[int,
     """
     source = read_text(program)
     things = named_things(scenario)
-    for node in ast.walk(_parsed(source)):
+    for node in ast.walk(parsed_program(source)):
         if type(node).__name__ not in ("TerminateWhen", "TerminateSimulationWhen"):
             continue
         condition: Any = node
@@ -84,7 +84,8 @@ def _approaches(program: Path, scenario: Any, goal: bool) -> Iterator[tuple[int,
 
 
 @cache
-def _parsed(source: str) -> ast.AST:
+def parsed_program(source: str) -> ast.AST:
+    """The syntax tree of a Scenic program."""
     from scenic.syntax.parser import parse_string
 
     tree: ast.AST = parse_string(source, "exec")

@@ -9,16 +9,15 @@ from typing import Any
 from foldcar.simulation.engines import find_carsim
 from foldcar.simulation.runner import CarsimError
 
-# The outcomes that carsim reports, best first.
-NATIVE_OUTCOMES = ("passed", "tipped", "stuck", "off_course", "timeout", "fault")
+# The outcomes that carsim reports, best first; the last: the Scenic program ended the run.
+NATIVE_OUTCOMES = ("passed", "tipped", "stuck", "off_course", "timeout", "fault", "terminated")
 
 # A run that violated a requirement of the Scenic program. Scenic discards such a simulation: it tells nothing of the
 # design, and belongs in no rate.
 REJECTED = "rejected"
 
-# Every outcome, in the order of tables, legends and stacked bars: terminated by the Scenic program, rejected, failed
-# without numbers.
-OUTCOMES = (*NATIVE_OUTCOMES, "terminated", REJECTED, "failed")
+# Every outcome, in the order of tables, legends and stacked bars: those of carsim, rejected, failed without numbers.
+OUTCOMES = (*NATIVE_OUTCOMES, REJECTED, "failed")
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,16 +5,15 @@ carsim, others once a look, by Scenic. Records are evaluated by Scenic, and kept
 {"kind": "initial"|"final"|"series", "value": JSON} by name; a series is a list of [time (s), value].
 """
 
-import math
 from collections.abc import Callable
 from typing import Any
 
-import numpy
 import rv_ltl
 from scenic.core.propositions import Next, PropositionMonitor
 from scenic.core.requirements import RequirementType
 
 from foldcar.errors import FoldcarError
+from foldcar.scenes.recorded import to_json
 from foldcar.simulation.pure_code import changes_nothing
 
 
@@ -104,31 +103,3 @@ def refuse_misplaced(scenario: Any) -> None:
                     "invokes; it works in the top-level scenario, and so does `do … until …`"
                 )
         refuse_misplaced(sub)
-
-
-def to_json(value: Any, name: str) -> Any:
-    """``value`` as JSON data, copied; FoldcarError that names the record ``name`` if it means nothing without Scenic.
-
-    Vectors become [x, y, z], orientations [yaw, pitch, roll] in radians, numpy's arrays lists.
-    """
-    if value is None or isinstance(value, bool | str):
-        return value
-    if isinstance(value, int):
-        return int(value)
-    if isinstance(value, float):
-        if not math.isfinite(value):
-            raise FoldcarError(f"record {name}: {value} is not finite")
-        return float(value)
-    if isinstance(value, numpy.generic | numpy.ndarray):
-        return to_json(value.tolist(), name)
-    if isinstance(value, list | tuple):
-        return [to_json(item, name) for item in value]
-    if isinstance(value, dict):
-        keys = [key for key in value if not isinstance(key, str)]
-        if keys:
-            raise FoldcarError(f"record {name}: the key {keys[0]!r} of its value is no text")
-        return {key: to_json(item, name) for key, item in value.items()}
-    if type(value).__module__ == "scenic.core.vectors":
-        angles = getattr(value, "eulerAngles", None)
-        return to_json(list(value) if angles is None else list(angles), name)
-    raise FoldcarError(f"record {name}: a {type(value).__name__} is nothing to store; record its numbers instead")

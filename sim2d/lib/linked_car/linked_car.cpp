@@ -170,6 +170,7 @@ void LinkedCar::update_outcome() {
   const double now_s = 1e-6 * static_cast<double>(now_us_);
   if (state == State::kRunning && seen_state_ != State::kRunning) {
     ending_.emplace(world_->scene, car_->state(), firmware_->application().trial());
+    program_.emplace(world_->scene.program, car_->state());
     trial_started_s_ = now_s;
     outcome_.reset();
   }
@@ -177,6 +178,7 @@ void LinkedCar::update_outcome() {
   if (state != State::kRunning || outcome_) return;
   outcome_s_ = now_s - trial_started_s_;
   outcome_ = ending_->check(car_->state(), outcome_s_);
+  if (!outcome_) outcome_ = program_->check(car_->state(), outcome_s_);
 }
 
 void LinkedCar::send_truth() {

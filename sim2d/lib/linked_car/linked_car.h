@@ -20,6 +20,7 @@
 #include "line_noise.h"
 #include "mavlink_packets.h"
 #include "motion_sensor.h"
+#include "program_run.h"
 #include "scene_spec.h"
 #include "scene_terrain.h"
 #include "sim_hal.h"
@@ -90,6 +91,7 @@ class LinkedCar {
   std::uint64_t unplugged_until_us_ = 0;
   State seen_state_ = State::kDisarmed;
   std::optional<Ending> ending_;
+  std::optional<ProgramRun> program_;
   double trial_started_s_ = 0;
   std::optional<Outcome> outcome_;
   double outcome_s_ = 0;

@@ -5,6 +5,8 @@
 #include <string>
 #include <vector>
 
+#include "program_spec.h"
+
 namespace foldcar {
 
 // Blocks stand on z = 0: length along the heading, width across, height to the highest point.
@@ -112,6 +114,7 @@ struct SceneSpec {
   PoseSpec start;
   std::optional<GoalSpec> goal;
   CourseSpec course;
+  ProgramSpec program;
 };
 
 }  // namespace foldcar

@@ -2,6 +2,7 @@
 
 #include "body_input.h"
 #include "printed_number.h"
+#include "program_input.h"
 #include "terrain_input.h"
 
 namespace foldcar {
@@ -91,6 +92,7 @@ SceneSpec read_scene(const json& line) {
   scene.start = read_pose(reader.object("start"));
   if (!reader.is_null("goal")) scene.goal = read_goal(reader.object("goal"));
   scene.course = read_course(reader.object("course"));
+  if (reader.has("program")) scene.program = read_program(reader.object("program"));
   reader.finish();
   return scene;
 }

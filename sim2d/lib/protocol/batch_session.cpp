@@ -39,11 +39,37 @@ std::string pulses_reply(const PulsesLine& pulses, double step_s) {
 
 }  // namespace
 
+namespace {
+
+ordered_json recorded_value(const Recorded& recorded, std::size_t at) {
+  if (!recorded.record->constant.empty()) return ordered_json::parse(recorded.record->constant);
+  const RecordedValue& value = recorded.values[at];
+  if (recorded.record->value.vector) return value;
+  return recorded.record->value.truth ? ordered_json(value[0] != 0) : ordered_json(value[0]);
+}
+
+ordered_json recorded_object(const Recorded& recorded) {
+  if (recorded.record->kind != RecordSpec::Kind::kSeries) {
+    const char* kind = recorded.record->kind == RecordSpec::Kind::kInitial ? "initial" : "final";
+    return {{"kind", kind}, {"value", recorded_value(recorded, 0)}};
+  }
+  ordered_json rows = ordered_json::array();
+  for (std::size_t at = 0; at < recorded.values.size(); ++at) {
+    rows.push_back({recorded.times_s[at], recorded_value(recorded, at)});
+  }
+  return {{"kind", "series"}, {"value", std::move(rows)}};
+}
+
+}  // namespace
+
 nlohmann::ordered_json result_object(const TrialResult& result) {
   ordered_json object = {{"outcome", text(result.outcome)}};
   for (const MetricInfo& metric : kMetrics) {
     const std::optional<double> value = metric.value(result);
     object[metric.name] = value ? ordered_json(*value) : ordered_json(nullptr);
+  }
+  for (const Recorded& recorded : result.recorded) {
+    object["recorded"][recorded.record->name] = recorded_object(recorded);
   }
   return object;
 }

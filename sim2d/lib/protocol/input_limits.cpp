@@ -82,6 +82,8 @@ void add_scene(Table& table) {
     table[std::string("scene.course.") + side] = kCoordinate_m;
   }
   table["scene.friction"] = kFriction;
+  table["scene.program.time_limit_s"] = kTime_s;
+  table["scene.program.step_s"] = {1.0 / 240 - 1e-9, 60};
   table["scene.goal.radius_m"] = {0.001, 1000};
 }
 

@@ -43,6 +43,8 @@ class JsonReader {
   // The index of the key's value in names.
   std::size_t choice(const char* key, const std::vector<std::string>& names);
   JsonReader object(const char* key);
+  // Of any type, unchecked.
+  const nlohmann::json& value(const char* key) { return at(key); }
   // The elements of an array of objects, as many as input_limits.h allows, or within limits of one's own.
   std::vector<JsonReader> objects(const char* key);
   std::vector<JsonReader> objects(const char* key, std::size_t minimum, std::size_t maximum);

@@ -91,6 +91,7 @@ Trial::Trial(const Engine& engine, const BodySpec& body, const SceneSpec& scene,
   start_s_ = simulation.now_s();
   start_energy_j_ = simulation.state().consumed_energy_j;
   simulation.ending.emplace(scene_, simulation.state(), simulation.application().trial());
+  program_.emplace(scene_.program, simulation.state());
   observe();
 }
 
@@ -117,6 +118,8 @@ void Trial::observe() {
   const Status status = simulation_->application().status();
   if (!outcome_ && status.state == State::kFault) outcome_ = Outcome::kFault;
   if (!outcome_ && status.state == State::kFinished) outcome_ = Outcome::kTimeout;
+  if (!outcome_) outcome_ = program_->check(car, now_.elapsed_time_s);
+  program_->record(car, now_.elapsed_time_s, outcome_.has_value());
 }
 
 TrialResult result_at(const Snapshot& at, Outcome outcome) {
@@ -139,6 +142,7 @@ TrialResult run_trial(const Engine& engine, const BodySpec& body, const SceneSpe
     }
     if (outcome) {
       TrialResult result = result_at(trial.now(), *outcome);
+      result.recorded = trial.recorded();
       result.path = std::move(path);
       return result;
     }

@@ -15,15 +15,13 @@
 #include "body_spec.h"
 #include "engine.h"
 #include "metrics.h"
+#include "outcome.h"
 #include "parameters.h"
+#include "program_run.h"
 #include "scene_spec.h"
 #include "scoped_timer.h"
 
 namespace foldcar {
-
-// kTerminated: the caller ended the trial. It alone never comes from the trial itself.
-enum class Outcome { kPassed, kTipped, kStuck, kOffCourse, kTimeout, kFault, kTerminated };
-const char* text(Outcome outcome);
 
 // Settings of a trial.
 struct TrialSpec {
@@ -37,9 +35,10 @@ struct TrialSpec {
 // time, x, y, z (of the car's origin), heading, pitch, roll, then the angle of each hinge from front to back
 using PathRow = std::vector<double>;
 
-// The metrics at the end, how it ended and, if it was asked for, the path.
+// The metrics at the end, how it ended, what the scene's program recorded and, if it was asked for, the path.
 struct TrialResult : Metrics {
   Outcome outcome = Outcome::kTimeout;
+  std::vector<Recorded> recorded;
   std::vector<PathRow> path;
 };
 
@@ -72,6 +71,8 @@ class Trial {
   const Snapshot& now() const { return now_; }
   double step_s() const;
   double hinge_rad(std::size_t hinge) const;
+  // What the scene's program has recorded.
+  const std::vector<Recorded>& recorded() const { return program_->recorded(); }
 
  private:
   class Simulation;
@@ -81,6 +82,7 @@ class Trial {
 
   const SceneSpec& scene_;
   std::unique_ptr<Simulation> simulation_;
+  std::optional<ProgramRun> program_;  // from the start of the trial on
   double start_s_ = 0;
   double start_energy_j_ = 0;
   Snapshot now_;

@@ -7,6 +7,7 @@ from typing import Any
 import numpy
 import pytest
 
+from foldcar.errors import FoldcarError
 from foldcar.scenes.program import VOCABULARY_DIR
 from foldcar.scenes.source import open_environment
 from foldcar.simulation.carsim import Carsim
@@ -75,6 +76,99 @@ def upright(kind: str, x_m: float, length_m: float, width_m: float, height_m: fl
 )
 def test_a_class_is_made_of_its_pieces(tmp_path: Path, text: str, expected: list[dict[str, Any]]) -> None:
     assert terrain(tmp_path, f"new {text.format(EAST)}") == expected
+
+
+# Properties of Scenic's that are about sampling, seeing and drawing, not about what stands there.
+ABOUT_SAMPLING = {
+    *("allowCollisions", "regionContainedIn", "requireVisible", "occluding", "creationLine", "mutator", "mutationScale"),
+    *("positionStdDev", "headingStdDev", "orientationStdDev", "name", "color", "render", "showVisibleRegion", "sensors"),
+    *("viewAngle", "viewAngles", "visibleDistance", "viewRayDensity", "viewRayCount", "viewRayDistanceScaling"),
+    *("cameraOffset", "visionSensorOffset", "contactTolerance", "sideComponentThresholds", "onDirection", "lastActions"),
+    *("baseOffset", "behavior", "parentOrientation", "position", "pitch", "roll", "yaw"),
+}
+# What a car or an empty place is as large as: specifiers such as `behind` use it, and the check of a free start.
+FOR_SPECIFIERS = {(kind, size) for kind in ("Marker", "Goal", "Robot") for size in ("width", "length", "height")}
+KINDS_OF_TERRAIN = (
+    *(
+        "Bump",
+        "RoundBump",
+        "Step",
+        "Kerb",
+        "Ramp",
+        "StepPyramid",
+        "GaussianHill",
+        "Pothole",
+        "RoughGround",
+        "FrictionPatch",
+    ),
+)
+
+
+def properties(folder: Path) -> dict[str, list[str]]:
+    """The properties of each class of the vocabulary."""
+    program = folder / "program.scenic"
+    program.write_text(f"model model\n{PLACES}")
+    scenario = open_environment(program, {}, 5).scenario
+    names = scenario.dynamicScenario._dummyNamespace
+    return {kind: sorted(names[kind]._defaults) for kind in (*KINDS_OF_TERRAIN, "Marker", "Goal", "Robot")}
+
+
+def test_every_property_has_an_effect_or_is_refused(tmp_path: Path) -> None:
+    """A property that is accepted and changes nothing would leave its author with another world than he thinks."""
+    values = {"shape": "BoxShape()", "velocity": "(1, 0, 0)", "angularVelocity": "(0, 0, 1)", "steps": "2"}
+    useless = []
+    for kind, names in properties(tmp_path).items():
+        for name in names:
+            if name in ABOUT_SAMPLING or (kind, name) in FOR_SPECIFIERS or name.startswith("_"):
+                continue
+            made = {"Goal": "goal = new Goal at (1.8, 0)", "Robot": "ego = new Robot at (-0.3, 0)"}.get(kind)
+            line = f"{made or f'new {kind} at (0.5, 0.1)'}, facing -90 deg"
+            rest = "\n".join(text for text in PLACES.splitlines() if f"new {kind}" not in text)
+            scenes = []
+            for more in ("", f", with {name} {values.get(name, '0.0123')}"):
+                (tmp_path / "p.scenic").write_text(f"model model\n{rest}\n{line}{more}\n")
+                try:
+                    scenes.append(open_environment(tmp_path / "p.scenic", {}, 5).sample(0))
+                except FoldcarError as error:
+                    scenes.append({"refused": str(error)})
+            assert "refused" not in scenes[0], scenes[0]
+            if scenes[0] == scenes[1]:
+                useless.append((kind, name))
+    assert not useless
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("new StepPyramid at (0.5, 0), with width 0.3", "line 4: StepPyramid: width follows from steps, top_side, tread"),
+        ("new Ramp at (0.5, 0), with length 0.3", "Ramp: length follows from plateau, run_down, run_up: set these"),
+        ("new Pothole at (0.5, 0), with height 0.3", "Pothole: height has no meaning here"),
+        ("new Bump at (0.5, 0), with friction 0.3", "Bump has no property friction; FrictionPatch has"),
+        ("new GaussianHill at (0.5, 0), with sd 0.05", "GaussianHill has no property sd; did you mean sd_along?"),
+        (
+            "new GaussianHill at (0.5, 0), with sd_along 0.1, with length 0.2",
+            "length 0.2 m is not 4 times sd_along, 0.1 m",
+        ),
+        ("new Bump at (0.5, 0), with shape BoxShape()", "Bump: shape has no effect: its class decides the shape"),
+        ("behavior B():\n    wait\nego = new Robot at (0, 0), with behavior B", "line 6: Robot: behavior has no effect"),
+        ("terminate when ego.postion.x > 1", "line 4: ego has no property postion; did you mean"),
+        ("record final goal.widht as w", "line 4: goal has no property widht; did you mean"),
+        ("new Marker visible", "give x and y only, or a region of the ground such as RectangularRegion"),
+    ],
+)
+def test_what_has_no_effect_is_refused(tmp_path: Path, text: str, message: str) -> None:
+    with pytest.raises(FoldcarError) as error:
+        terrain(tmp_path, text)
+    assert message in str(error.value)
+
+
+def test_a_hill_is_as_wide_and_long_as_it_is_said_to_be(tmp_path: Path) -> None:
+    assert terrain(tmp_path, f"new GaussianHill {EAST}, with width 0.2, with length 0.4, with height 0.02") == [
+        there("hill", sd_along_m=0.1, sd_across_m=0.05, height_m=0.02)
+    ]
+    # What stands ahead of it begins where it ends.
+    hill = f"hill = new GaussianHill {EAST}, with sd_along 0.05\nnew Bump ahead of hill"
+    assert terrain(tmp_path, hill)[1]["x_m"] == pytest.approx(0.5 + 0.1 + 0.03, abs=1e-4)
 
 
 def test_pieces_off_the_middle_turn_with_their_object(tmp_path: Path) -> None:

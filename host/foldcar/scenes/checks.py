@@ -27,7 +27,11 @@ def check_standing(thing: Any) -> None:
     """The object stands upright on the ground: its z is 0 or half its height, its pitch and roll are 0."""
     z, height = finite("z", thing.position.z, thing), finite("height", thing.height, thing)
     if abs(z) > STANDING_TOLERANCE_M and abs(z - height / 2) > STANDING_TOLERANCE_M:
-        raise UnusableError(f"z: {z} m: everything stands on the ground, give x and y only", thing)
+        raise UnusableError(
+            f"z: {z} m: everything stands on the ground: give x and y only, or a region of the ground such as "
+            "RectangularRegion; `visible` and `in everywhere` mean a volume",
+            thing,
+        )
     for name, angle in (("pitch", thing.orientation.pitch), ("roll", thing.orientation.roll)):
         if not abs(angle) <= LEVEL_TOLERANCE_RAD:
             raise UnusableError(f"{name}: {float(angle):.4g} rad: everything stands upright", thing)

@@ -38,6 +38,8 @@ def condition(
     if objects is None and params is None:
         _freeze(scenario.dependencies, scene.sample)
         return
+    if not objects and not params:
+        raise FoldcarError('condition: names nothing: leave "objects" and "params" out to freeze everything')
     values = {name: [value] for name, value in scenario.params.items()}
     chosen = [*_named("params", values, params or ()), *_named("objects", _named_instances(scenario), objects or ())]
     _refuse_shared(scenario, chosen)

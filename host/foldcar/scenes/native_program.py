@@ -17,10 +17,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from foldcar.scenes.program import named_things
+from foldcar.scenes.program import named_things, parsed_program
 from foldcar.scenes.reading import UnusableError, finite, outer_step_s, rounded
 from foldcar.scenes.recorded import to_json
-from foldcar.scenes.success import VERDICT, SuccessRule, parsed_program
+from foldcar.scenes.success import VERDICT, SuccessRule
 from foldcar.typed import read_text
 
 # A time limit beyond carsim's own, which ends every run, has no effect.

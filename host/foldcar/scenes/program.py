@@ -5,6 +5,7 @@ be sampled. `model model` is searched beside the program, then in foldcar's voca
 import: it is imported in the functions that use it.
 """
 
+import ast
 import contextlib
 import gc
 import linecache
@@ -14,6 +15,7 @@ import sys
 import traceback
 import warnings
 from collections.abc import Collection, Iterator, Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -64,7 +66,7 @@ def _compiled(
         warnings.filterwarnings("ignore", message="unable to install sys.excepthook")
         import scenic
     from foldcar.scenes.mutation import Mutations
-    from foldcar.scenes.refused_statements import refuse_same_names
+    from foldcar.scenes.refused_statements import refuse_misspelt_attributes, refuse_same_names
     from foldcar.scenes.scenic_hooks import hooks
 
     mutations = Mutations(followed)
@@ -73,6 +75,8 @@ def _compiled(
         with _no_collection(), files.inside(anew=True), _vocabulary_found(), hooks(mutations), limited:
             scenario = scenic.scenarioFromFile(str(program), params=dict(params))
             refuse_same_names(scenario)
+            if is_dynamic(scenario):
+                refuse_misspelt_attributes(scenario, program)
             return scenario, mutations.points
     except FoldcarError:
         raise
@@ -218,3 +222,12 @@ def named_things(scenario: Any) -> dict[str, Any]:
         namespace = (dynamic._setup or dynamic._compose).__globals__
         modular = {name: dynamic.__dict__[name] for name in dynamic._locals if name in dynamic.__dict__}
     return {name: value for name, value in namespace.items() if not name.startswith("_")} | modular
+
+
+@cache
+def parsed_program(source: str) -> ast.AST:
+    """The syntax tree of a Scenic program."""
+    from scenic.syntax.parser import parse_string
+
+    tree: ast.AST = parse_string(source, "exec")
+    return tree

@@ -19,10 +19,11 @@ from types import CodeType, FrameType
 from typing import Any
 
 from scenic.core.errors import InvalidScenarioError, SpecifierError
+from scenic.core.object_types import Constructible
 from scenic.syntax import ast as scenic_ast
 
-from foldcar.scenes.program import VOCABULARY
-from foldcar.typed import read_text
+from foldcar.scenes.program import VOCABULARY, named_things, parsed_program
+from foldcar.typed import did_you_mean, read_text
 
 # Names at least this similar (difflib's ratio) are taken for a mistake: `heigth`, `lenght`, `stepheight`, `heights`.
 SIMILARITY = 0.75
@@ -33,6 +34,18 @@ DROPPED = (
     *("_terminationConditions", "_terminateSimulationConditions", "_monitorRequirements"),
     *("_recordedExprs", "_recordedInitialExprs", "_recordedFinalExprs"),
 )
+# Properties that Scenic computes itself, and refuses in words of its own.
+SCENICS_FINAL = ("heading", "observations", "orientation")
+# Properties that change nothing, by the class that they belong to, and why.
+USELESS = (
+    ("Robot", ("behavior",), "the firmware drives the car, as fast as the experiment's speed_m_s and yaw_rate_rad_s say"),
+    ("Robot", ("consumedEnergy",), "it is 0 at the start"),
+    ("Thing", ("speed", "velocity", "angularSpeed", "angularVelocity"), "everything stands still at the start"),
+    ("Thing", ("shape",), "its class decides the shape; a Terrain class of your own has `pieces`"),
+)
+RUN_STATEMENTS = (
+    *("TerminateWhen", "TerminateSimulationWhen", "Record", "RecordInitial", "RecordFinal", "Require", "RequireMonitor"),
+)
 DISTRIBUTIONS = ("Range", "DiscreteRange", "Normal", "TruncatedNormal", "Uniform")
 
 
@@ -42,10 +55,40 @@ def at(error: Any, file: str | None, line: int | None) -> Exception:
     return error  # type: ignore[no-any-return]
 
 
-def refuse_misspelt_properties(cls: Any, specifiers: Sequence[Any], caller: FrameType) -> None:
-    """Raise Scenic's SpecifierError if ``caller`` makes an object with a property that resembles one of ``cls``."""
+def refuse_useless_properties(cls: Any, specifiers: Sequence[Any], caller: FrameType) -> None:
+    """Raise Scenic's SpecifierError if ``caller`` makes an object with a property that has no effect on it.
+
+    That is one that resembles one of ``cls``, belongs to another class of the vocabulary, follows from others, or is of
+    Scenic's own but nothing here.
+    """
     for name in (name for one in specifiers for name in one.priorities if name != NAME):
+        if name in getattr(cls, "_finalProperties", ()) and name not in SCENICS_FINAL:
+            sources = sorted(cls._defaults[name].requiredProperties)
+            how = f"follows from {', '.join(sources)}: set these" if sources else "has no meaning here"
+            raise at(SpecifierError(f"{cls.__name__}: {name} {how}"), *_line_of(caller))
+        why = next((why for kind, useless, why in USELESS if name in useless and _derives(cls, kind)), "")
+        if why and not _reads(caller, name):
+            raise at(SpecifierError(f"{cls.__name__}: {name} has no effect: {why}"), *_line_of(caller))
+        owners = [] if name in cls._defaults or not _derives(cls, "Thing") else _owners(name, caller)
+        if owners and not _reads(caller, name):
+            raise at(SpecifierError(f"{cls.__name__} has no property {name}; {owners[0]} has"), *_line_of(caller))
         _refuse_misspelt(SpecifierError, f"{cls.__name__} has no property {name}", name, cls._defaults, caller)
+
+
+def _owners(name: str, caller: FrameType) -> list[str]:
+    """The vocabulary's classes that have a property of that name, as far as the program sees them."""
+    known = {value.__name__: value for value in caller.f_globals.values() if isinstance(value, type)}
+    return sorted(
+        one.__name__ for one in known.values() if _derives(one, "Thing") and name in getattr(one, "_defaults", ())
+    )
+
+
+def _derives(cls: Any, kind: str) -> bool:
+    return any(ancestor.__name__ == kind for ancestor in cls.__mro__)
+
+
+def _line_of(caller: FrameType) -> tuple[str, int]:
+    return caller.f_code.co_filename, caller.f_lineno
 
 
 def refuse_misspelt_parameters(names: Iterable[str], caller: FrameType) -> None:
@@ -56,10 +99,32 @@ def refuse_misspelt_parameters(names: Iterable[str], caller: FrameType) -> None:
 
 def _refuse_misspelt(error: type[Exception], what: str, name: str, known: Iterable[str], caller: FrameType) -> None:
     """Raise the error unless the name is known, resembles no known one, or the program reads it."""
-    near = [] if name in known else difflib.get_close_matches(name, known, n=1, cutoff=SIMILARITY)
-    file = caller.f_code.co_filename
-    if near and not re.search(rf"\.\s*{name}\b(?!\s*=(?!=))|(['\"]){name}\1", read_text(Path(file))):
-        raise at(error(f"{what}; did you mean {near[0]}?"), file, caller.f_lineno)
+    begins = [one for one in known if one.startswith(f"{name}_")]
+    near = [] if name in known else difflib.get_close_matches(name, known, n=1, cutoff=SIMILARITY) or begins
+    if near and not _reads(caller, name):
+        raise at(error(f"{what}; did you mean {near[0]}?"), *_line_of(caller))
+
+
+def _reads(caller: FrameType, name: str) -> bool:
+    """Whether the program's file reads a property or parameter of that name."""
+    text = read_text(Path(caller.f_code.co_filename))
+    return re.search(rf"\.\s*{name}\b(?!\s*=(?!=))|(['\"]){name}\1", text) is not None
+
+
+def refuse_misspelt_attributes(scenario: Any, program: Path) -> None:
+    """Raise Scenic's InvalidScenarioError if a condition or record reads an attribute that its object does not have."""
+    things = {**named_things(scenario), "ego": scenario.egoObject}
+    for statement in ast.walk(parsed_program(read_text(program))):
+        if type(statement).__name__ not in RUN_STATEMENTS:
+            continue
+        for node in ast.walk(statement):
+            if not (isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name)):
+                continue
+            thing = things.get(node.value.id)
+            if isinstance(thing, Constructible) and not hasattr(thing, node.attr):
+                close = did_you_mean(node.attr, type(thing)._defaults)
+                what = f"{node.value.id} has no property {node.attr}{close}"
+                raise at(InvalidScenarioError(what), str(program), node.lineno)
 
 
 @cache

@@ -28,8 +28,8 @@ from foldcar.scenes.refused_statements import (
     refuse_degrees,
     refuse_lost_statements,
     refuse_misspelt_parameters,
-    refuse_misspelt_properties,
     refuse_undefined_names,
+    refuse_useless_properties,
 )
 
 
@@ -48,7 +48,7 @@ def hooks(mutations: Mutations) -> Iterator[None]:
     def new(cls: Any, specifiers: list[Any]) -> Any:
         if not (isinstance(cls, type) and issubclass(cls, Constructible)):
             return scenics_new(cls, specifiers)
-        refuse_misspelt_properties(cls, specifiers, sys._getframe(1))
+        refuse_useless_properties(cls, specifiers, sys._getframe(1))
         return mutations.create(cls, specifiers) if compiling else scenics_new(cls, specifiers)
 
     def mutate(*things: Any, scale: Any = 1) -> None:

@@ -8,11 +8,10 @@ with none of these defines no success.
 import ast
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from typing import Any
 
-from foldcar.scenes.program import named_things
+from foldcar.scenes.program import named_things, parsed_program
 from foldcar.scenes.reading import is_a
 from foldcar.typed import read_text
 
@@ -81,15 +80,6 @@ def _approaches(program: Path, scenario: Any, goal: bool) -> Iterator[tuple[int,
             if place is not None and _is_target(place, things, goal):
                 text = " ".join((ast.get_source_segment(source, node) or "").split())
                 yield condition.lineno, text, ast.get_source_segment(source, place) or ast.dump(place)
-
-
-@cache
-def parsed_program(source: str) -> ast.AST:
-    """The syntax tree of a Scenic program."""
-    from scenic.syntax.parser import parse_string
-
-    tree: ast.AST = parse_string(source, "exec")
-    return tree
 
 
 def _all_of(condition: ast.AST) -> list[ast.AST]:

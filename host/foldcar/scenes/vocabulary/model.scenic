@@ -100,7 +100,7 @@ class Ramp(Terrain):
     run_up: 0.2
     plateau: 0.0
     run_down: 0.0
-    length: self.run_up + self.plateau + self.run_down
+    length[final]: self.run_up + self.plateau + self.run_down
     width: 0.6
     height: 0.04
 
@@ -120,9 +120,9 @@ class StepPyramid(Terrain):
     step_height: 0.0215
     top_side: 0.07
     tread: 0.04
-    length: self.top_side + 2 * self.tread * (self.steps - 1)
-    width: self.top_side + 2 * self.tread * (self.steps - 1)
-    height: self.step_height * self.steps
+    length[final]: self.top_side + 2 * self.tread * (self.steps - 1)
+    width[final]: self.top_side + 2 * self.tread * (self.steps - 1)
+    height[final]: self.step_height * self.steps
 
     def pieces(self):
         sides = [self.top_side + 2 * self.tread * level for level in range(self.steps)]
@@ -130,23 +130,25 @@ class StepPyramid(Terrain):
 
 
 class GaussianHill(Terrain):
-    """A Gaussian hill, `height` high, with standard deviations `sd_along` and `sd_across` its heading. A negative
-    height is a hollow. Length and width, two standard deviations each way, are for specifiers only."""
-    sd_along: 0.08
+    """A Gaussian hill, `height` high; a negative height is a hollow. Its `length` and `width` are two standard deviations
+    each way. Instead, `sd_along` and `sd_across` its heading may be given; `sd_across` is `sd_along` by default."""
+    sd_along: None
     sd_across: self.sd_along
     height: 0.03
-    length: 4 * self.sd_along
-    width: 4 * self.sd_across
+    length: sides_of(self.sd_along, 0.32)
+    width: sides_of(self.sd_across, self.length)
 
     def pieces(self):
-        return [
-            {"kind": "hill", "sd_along_m": self.sd_along, "sd_across_m": self.sd_across, "height_m": self.height}
-        ]
+        for sd, side in (("sd_along", "length"), ("sd_across", "width")):
+            given, size = getattr(self, sd), getattr(self, side)
+            if given is not None and abs(4 * given - size) > 1e-9:
+                raise ValueError(f"{side} {size:g} m is not 4 times {sd}, {given:g} m: give one of the two")
+        return [{"kind": "hill", "sd_along_m": self.length / 4, "sd_across_m": self.width / 4, "height_m": self.height}]
 
 
 class Flat(Terrain):
     """Base of terrain whose `height` has no meaning."""
-    height: 0.001
+    height[final]: 0.001
 
 
 class Pothole(Flat):
@@ -154,8 +156,8 @@ class Pothole(Flat):
     diameter: 0.16
     depth: 0.015
     edge: 0.03
-    length: self.diameter
-    width: self.diameter
+    length[final]: self.diameter
+    width[final]: self.diameter
 
     def pieces(self):
         return [{"kind": "pothole", "radius_m": self.diameter / 2, "depth_m": self.depth, "edge_m": self.edge}]
@@ -206,6 +208,11 @@ class Robot(Thing):
     width: 0.1
     height: 0.12
     consumedEnergy[dynamic]: 0.0  # joules since the start
+
+
+def sides_of(sd, otherwise):
+    """Two standard deviations each way, where one is given."""
+    return otherwise if sd is None else 4 * sd
 
 
 def block(length, width, height, x=0.0):

@@ -18,7 +18,6 @@ from scenic.core.distributions import RejectionException
 from scenic.core.dynamics import GuardViolation, RejectSimulationException
 from scenic.core.dynamics.actions import Action
 from scenic.core.errors import InvalidScenarioError
-from scenic.core.object_types import setDynamicProxyFor
 from scenic.core.requirements import RequirementType
 from scenic.core.simulators import Simulation, SimulationCreationError, Simulator
 from scenic.syntax import veneer
@@ -27,14 +26,12 @@ from foldcar.errors import FoldcarError
 from foldcar.scenes.reading import outer_step_s
 from foldcar.scenes.success import VERDICT
 from foldcar.simulation.carsim_step import State, SteppedCarsim
-from foldcar.simulation.pure_code import is_plain
-from foldcar.simulation.scenic_objects import ShownEgo, WatchedThing, dynamic_copy
+from foldcar.simulation.scenic_objects import ShownEgo
 from foldcar.simulation.scenic_statements import (
     ChangesMonitor,
     NativeEnding,
     Records,
-    is_pure,
-    is_traceable,
+    is_about_looks,
     refuse_misplaced,
 )
 
@@ -126,7 +123,6 @@ class CarSimulation(Simulation):  # type: ignore[misc]
         self._row: int | None = None  # of the last advance, if the look was put back to it
         self._endings: list[Any] = []
         self._requirements: list[Any] = []
-        self._things: list[WatchedThing] = []
         with _imported_requirements():
             super().__init__(scene, timestep=timestep, **options)
         self._records.finish()
@@ -165,23 +161,11 @@ class CarSimulation(Simulation):  # type: ignore[misc]
         self._native = advanced.result
         self._show(advanced.state, 0)
         self._records = Records(self.records)
-        conditions = (*scenario._terminationConditions, *scenario._terminateSimulationConditions)
-        self._endings = [one for one in conditions if is_plain(self.scene) and is_pure(one)]
+        self._endings = [*scenario._terminationConditions, *scenario._terminateSimulationConditions]
         scenario._terminateSimulationConditions = (
             *scenario._terminateSimulationConditions,
             NativeEnding(lambda: self._native),
         )
-
-    def _createObject(self, obj: Any) -> None:  # noqa: N802
-        """As Scenic does it, but with a copy that takes less time."""
-        self.objects.append(obj)
-        if obj.behavior:
-            self.agents.append(obj)
-        setDynamicProxyFor(obj, dynamic_copy(obj))
-        self.createObjectInSimulator(obj)
-        obj.startDynamicSimulation()
-        if obj is not self.scene.egoObject:
-            self._things.append(WatchedThing(obj))
 
     def createObjectInSimulator(self, obj: Any) -> None:  # noqa: N802
         """Scenic's hook. What the car meets is baked when it is put down, so only Markers can come later."""
@@ -232,16 +216,8 @@ class CarSimulation(Simulation):  # type: ignore[misc]
         )
 
     def updateObjects(self) -> None:  # noqa: N802
-        """The ego is up to date; Scenic updates what the program has changed of the others."""
-        changed = [thing for thing in self._things if thing.changed]
-        objects = self.objects
-        self.objects = [thing.object for thing in changed]
-        try:
-            super().updateObjects()
-        finally:
-            self.objects = objects
-        for thing in changed:
-            thing.settle()
+        """Scenic's hook: bring the objects up to date; the ego is."""
+        super().updateObjects()
         scenario = self.scene.dynamicScenario
         if self._steps > 0:
             return
@@ -249,7 +225,7 @@ class CarSimulation(Simulation):  # type: ignore[misc]
         if scenario._timeLimitInSteps is not None:
             # 1.1 s in steps of 0.1 s is a little more than 11 steps in floating-point numbers.
             scenario._timeLimitInSteps = round(scenario._timeLimitInSteps, 9)
-        self._requirements = [one for one in scenario._requirementMonitors if is_plain(self.scene) and is_traceable(one)]
+        self._requirements = [one for one in scenario._requirementMonitors if not is_about_looks(one)]
         for one in self._requirements:
             one.monitor = ChangesMonitor(one.proposition)
 
@@ -274,7 +250,7 @@ class CarSimulation(Simulation):  # type: ignore[misc]
 
     def currentState(self) -> tuple[Any, ...]:  # noqa: N802
         """Scenic's hook: the positions of all objects, the ego's first."""
-        return (self._ego.position, *(thing.position for thing in self._things))
+        return tuple(thing.position for thing in self.objects)
 
     def destroy(self) -> None:
         """Scenic's hook: called in any case once the simulation is over."""

@@ -1,8 +1,8 @@
 """What a Scenic program says of its runs: conditions and requirements, and what it records.
 
-Conditions of the top-level scenario that are certain to change nothing (see pure_code) are evaluated at every step of
-carsim, others once a look, by Scenic. Records are evaluated by Scenic, and kept as plain JSON with the time in seconds:
-{"kind": "initial"|"final"|"series", "value": JSON} by name; a series is a list of [time (s), value].
+Conditions and requirements of the top-level scenario are evaluated at every step of carsim. Records are evaluated by
+Scenic, and kept as plain JSON with the time in seconds, by name: {"kind": "initial"|"final"|"series", "value": JSON}. A
+series is a list of [time (s), value].
 """
 
 from collections.abc import Callable
@@ -14,17 +14,11 @@ from scenic.core.requirements import RequirementType
 
 from foldcar.errors import FoldcarError
 from foldcar.scenes.recorded import to_json
-from foldcar.simulation.pure_code import changes_nothing
 
 
-def is_pure(condition: Any) -> bool:
-    """Whether evaluating a condition or requirement of Scenic changes nothing."""
-    return all(changes_nothing(atom.closure) for atom in condition.proposition.atomics())
-
-
-def is_traceable(requirement: Any) -> bool:
-    """Whether a temporal requirement can be evaluated at every step: `next` is about the looks."""
-    return is_pure(requirement) and not any(isinstance(part, Next) for part in requirement.proposition.flatten())
+def is_about_looks(requirement: Any) -> bool:
+    """Whether a temporal requirement has a `next`, which means the next look of Scenic."""
+    return any(isinstance(part, Next) for part in requirement.proposition.flatten())
 
 
 class ChangesMonitor(PropositionMonitor):  # type: ignore[misc]

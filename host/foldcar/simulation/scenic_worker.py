@@ -5,8 +5,8 @@ run, {"body", "scene", "settings": JSON texts, "sample"}. Output: one line each,
 {"result": …}, {"error": message} for a run that failed, or {"refused": message} where the input is at fault. Ends with
 its input.
 
-A program may change anything that it reaches. Unless it is certain to change nothing, each sample is drawn in a copy of
-the process in the state after compiling, and each run takes place in a copy of that one: no run can depend on others.
+A program may change anything that it reaches. So each sample is drawn in a copy of the process in the state after
+compiling, and each run takes place in a copy of that one: no run can depend on others.
 """
 
 import json
@@ -58,7 +58,6 @@ class ScenicWorker:
         # What every run needs is done before the process is copied.
         from scenic.core import dynamics
 
-        from foldcar.simulation.pure_code import is_plain, may_change_state
         from foldcar.simulation.scenic_objects import shown_class
         from foldcar.simulation.scenic_simulator import CarSimulator
 
@@ -69,9 +68,6 @@ class ScenicWorker:
         self._simulator = CarSimulator
         self._passing = self._source.success.endings
         self._command = opening["command"]
-        with self._source.files.inside():
-            self._copies = may_change_state(self._source.program)
-        self._is_plain = is_plain
         self._open = ExitStack()
         self._carsim: SteppedCarsim | None = None
         self._copy: Forked | None = None
@@ -85,10 +81,6 @@ class ScenicWorker:
 
     def answer(self, request: dict[str, Any]) -> dict[str, Any]:
         """The answer to one run."""
-        if not self._copies:
-            if self._carsim is None:
-                self._carsim = self._open.enter_context(SteppedCarsim(self._command))
-            return self._answer(request)
         if self._copy is None or self._sample != request["sample"]:
             self._open.close()
             self._copy = self._open.enter_context(Forked(self._answer_for_sample))
@@ -101,8 +93,6 @@ class ScenicWorker:
             self._open_sample(request["sample"])
         except FoldcarError as error:
             return {"refused": str(error)}
-        # Found out once, not in every copy.
-        self._is_plain(self._scene)
         with Forked(self._answer_in_copy) as copy:
             return copy.ask(request)
 

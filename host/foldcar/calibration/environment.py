@@ -47,8 +47,8 @@ class CalibratedEnvironment(Environment):
             )
         if super().dynamic:
             raise FoldcarError(
-                f"{experiment.place}: {experiment.program_name} runs beside the simulation, whose scenes a "
-                f"{calibration.kind} cannot change; sweep this experiment without --{calibration.kind}"
+                f"{experiment.place}: {experiment.program_name} runs beside the simulation ({self.needs_scenic}), whose "
+                f"scenes a {calibration.kind} cannot change; sweep this experiment without --{calibration.kind}"
             )
         self._calibration = calibration
         self._listed_id = listed_id

@@ -76,6 +76,11 @@ class Environment:
         return self._open().dynamic
 
     @property
+    def needs_scenic(self) -> str:
+        """What Scenic must evaluate during a simulation, with its line in the program; "" if nothing."""
+        return self._open().needs_scenic
+
+    @property
     def success(self) -> SuccessRule:
         """When a run of the program has passed."""
         return self._open().success

@@ -15,6 +15,7 @@ from scenic.core.distributions import ConstantSamplable, Samplable, needsSamplin
 from scenic.core.object_types import Constructible, Object
 
 from foldcar.errors import FoldcarError
+from foldcar.scenes import scenic_private
 from foldcar.scenes.program import named_things
 
 
@@ -75,7 +76,7 @@ def _refuse_shared(scenario: Any, chosen: Collection[Any]) -> None:
 def _ownership(scenario: Any) -> dict[int, Any]:
     """The owner of each random value, by the value's id."""
     names = _names(scenario)
-    instances = [thing for thing in scenario._instances if isinstance(thing, Object) or id(thing) in names]
+    instances = [thing for thing in scenic_private.instances(scenario) if isinstance(thing, Object) or id(thing) in names]
     own = {id(thing): thing for thing in [*scenario.params.values(), *instances]}
     # What is the value of a parameter, an object or a point with a name owns itself, even if others depend on it.
     owners = dict(own)
@@ -87,7 +88,7 @@ def _ownership(scenario: Any) -> dict[int, Any]:
 
 def _random_now(root: Any) -> Iterator[Any]:
     """Every random value on which ``root`` depends, itself included, but for what is frozen already."""
-    return _reachable(root, stop=lambda node: not needsSampling(node._conditioned))
+    return _reachable(root, stop=lambda node: not needsSampling(scenic_private.conditioned(node)))
 
 
 def _reachable(root: Any, stop: Callable[[Any], bool] = lambda node: False) -> Iterator[Any]:
@@ -100,7 +101,7 @@ def _reachable(root: Any, stop: Callable[[Any], bool] = lambda node: False) -> I
             continue
         seen.add(id(node))
         # Scenic's pruning conditions distributions too, in order to narrow them.
-        waiting += [*node._dependencies, *node._conditioned._dependencies]
+        waiting += scenic_private.dependencies(node)
         yield node
 
 
@@ -137,17 +138,10 @@ def _named(kind: str, known: Mapping[str, list[Any]], names: Collection[str]) ->
 
 def _named_instances(scenario: Any) -> dict[str, list[Any]]:
     """The objects and points of the program by the names of its variables."""
-    own = {id(thing) for thing in scenario._instances}
+    own = {id(thing) for thing in scenic_private.instances(scenario)}
     known = {} if scenario.egoObject is None else {"ego": [scenario.egoObject]}
     for name, value in named_things(scenario).items():
-        things = [_unsampled(thing) for thing in (value if isinstance(value, list | tuple) else [value])]
+        things = [scenic_private.unsampled(thing) for thing in (value if isinstance(value, list | tuple) else [value])]
         if things and all(id(thing) in own for thing in things):
             known[name] = things
     return known
-
-
-def _unsampled(thing: Any) -> Any:
-    """The scenario's object of a sampled one, which Scenic leaves in the globals when it checks requirements."""
-    while isinstance(thing, Constructible) and thing._sampleParent is not None:
-        thing = thing._sampleParent
-    return thing

@@ -17,6 +17,8 @@ from scenic.core.object_types import Object, Point
 from scenic.core.specifiers import Specifier
 from scenic.core.vectors import Vector
 
+from foldcar.scenes import scenic_private
+
 # The properties that noise changes, with their types; the rest of a pose is derived from them.
 NOISY = {"position": Vector, "yaw": float, "pitch": float, "roll": float}
 
@@ -41,11 +43,11 @@ class Mutations:
         # The number is taken first, because a property's default may create things too.
         self._created.append(None)
         if number in self._followed:
-            copy = self._copies[number] = cls._withSpecifiers(specifiers, register=False)
+            copy = self._copies[number] = scenic_private.made(cls, specifiers, is_object=False)
             # As Scenic's `mutate` does: it has to be sampled even if it depends on nothing random.
-            copy._needsSampling = copy._isLazy = True
+            scenic_private.sample_always(copy)
             specifiers = [_place_of(copy, specifiers)]
-        thing = self._created[number] = cls._withSpecifiers(specifiers)
+        thing = self._created[number] = scenic_private.made(cls, specifiers)
         self._numbers[id(thing)] = number
         return thing
 

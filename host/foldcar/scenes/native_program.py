@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from foldcar.scenes import scenic_private
 from foldcar.scenes.program import named_things, parsed_program
 from foldcar.scenes.reading import UnusableError, finite, outer_step_s, rounded
 from foldcar.scenes.recorded import to_json
@@ -370,9 +371,9 @@ def native_program(scenario: Any, program: Path, success: SuccessRule) -> tuple[
 def _check_only_translatable_parts(scenario: Any) -> None:
     dynamic = scenario.dynamicScenario
     parts = {
-        "a modular scenario": dynamic._dummyNamespace is None or dynamic._compose is not None,
+        "a modular scenario": scenic_private.is_modular(dynamic) or scenic_private.has_compose(dynamic),
         "monitors": bool(scenario.monitors),
-        "behaviors": bool(dynamic._agents),
+        "behaviors": bool(scenic_private.agents(dynamic)),
         "a requirement on the run": any(one.proposition.has_temporal_operator for one in scenario.requirements),
     }
     for name, present in parts.items():

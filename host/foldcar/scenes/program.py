@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from foldcar.errors import FoldcarError
+from foldcar.scenes import scenic_private
 from foldcar.scenes.contained import contained
 from foldcar.scenes.program_files import ProgramFiles
 from foldcar.typed import did_you_mean, did_you_mean_file, read_text
@@ -88,8 +89,8 @@ def may_end_itself(scenario: Any) -> bool:
     """Whether the program can end a simulation, by conditions, monitors or behaviors, and so needs no Goal."""
     dynamic = scenario.dynamicScenario
     conditions = [*scenario.terminationConditions, *scenario.terminateSimulationConditions]
-    limited = dynamic._timeLimit is not None or dynamic._compose is not None
-    return limited or bool(conditions or scenario.monitors or dynamic._agents)
+    limited = scenic_private.is_limited(dynamic) or scenic_private.has_compose(dynamic)
+    return limited or bool(conditions or scenario.monitors or scenic_private.agents(dynamic))
 
 
 def is_dynamic(scenario: Any) -> bool:
@@ -216,12 +217,7 @@ def _is_number(value: Any) -> bool:
 
 def named_things(scenario: Any) -> dict[str, Any]:
     """The variables of a compiled program by name: its globals and, in a modular scenario, the names of its `setup`."""
-    dynamic, modular = scenario.dynamicScenario, {}
-    namespace = dynamic._dummyNamespace
-    if namespace is None:
-        namespace = (dynamic._setup or dynamic._compose).__globals__
-        modular = {name: dynamic.__dict__[name] for name in dynamic._locals if name in dynamic.__dict__}
-    return {name: value for name, value in namespace.items() if not name.startswith("_")} | modular
+    return scenic_private.names(scenario.dynamicScenario)
 
 
 @cache

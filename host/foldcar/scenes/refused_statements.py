@@ -22,6 +22,7 @@ from scenic.core.errors import InvalidScenarioError, SpecifierError
 from scenic.core.object_types import Constructible
 from scenic.syntax import ast as scenic_ast
 
+from foldcar.scenes import scenic_private
 from foldcar.scenes.program import VOCABULARY, named_things, parsed_program
 from foldcar.typed import did_you_mean, read_text
 
@@ -62,24 +63,26 @@ def refuse_useless_properties(cls: Any, specifiers: Sequence[Any], caller: Frame
     Scenic's own but nothing here.
     """
     for name in (name for one in specifiers for name in one.priorities if name != NAME):
-        if name in getattr(cls, "_finalProperties", ()) and name not in SCENICS_FINAL:
-            sources = sorted(cls._defaults[name].requiredProperties)
+        if name in scenic_private.final_properties(cls) and name not in SCENICS_FINAL:
+            sources = scenic_private.sources_of(cls, name)
             how = f"follows from {', '.join(sources)}: set these" if sources else "has no meaning here"
             raise at(SpecifierError(f"{cls.__name__}: {name} {how}"), *_line_of(caller))
         why = next((why for kind, useless, why in USELESS if name in useless and _derives(cls, kind)), "")
         if why and not _reads(caller, name):
             raise at(SpecifierError(f"{cls.__name__}: {name} has no effect: {why}"), *_line_of(caller))
-        owners = [] if name in cls._defaults or not _derives(cls, "Thing") else _owners(name, caller)
+        owners = [] if name in scenic_private.defaults(cls) or not _derives(cls, "Thing") else _owners(name, caller)
         if owners and not _reads(caller, name):
             raise at(SpecifierError(f"{cls.__name__} has no property {name}; {owners[0]} has"), *_line_of(caller))
-        _refuse_misspelt(SpecifierError, f"{cls.__name__} has no property {name}", name, cls._defaults, caller)
+        _refuse_misspelt(
+            SpecifierError, f"{cls.__name__} has no property {name}", name, scenic_private.defaults(cls), caller
+        )
 
 
 def _owners(name: str, caller: FrameType) -> list[str]:
     """The vocabulary's classes that have a property of that name, as far as the program sees them."""
     known = {value.__name__: value for value in caller.f_globals.values() if isinstance(value, type)}
     return sorted(
-        one.__name__ for one in known.values() if _derives(one, "Thing") and name in getattr(one, "_defaults", ())
+        one.__name__ for one in known.values() if _derives(one, "Thing") and name in scenic_private.defaults(one)
     )
 
 
@@ -122,7 +125,7 @@ def refuse_misspelt_attributes(scenario: Any, program: Path) -> None:
                 continue
             thing = things.get(node.value.id)
             if isinstance(thing, Constructible) and not hasattr(thing, node.attr):
-                close = did_you_mean(node.attr, type(thing)._defaults)
+                close = did_you_mean(node.attr, scenic_private.defaults(type(thing)))
                 what = f"{node.value.id} has no property {node.attr}{close}"
                 raise at(InvalidScenarioError(what), str(program), node.lineno)
 
@@ -184,14 +187,14 @@ def _numbers(angle: ast.AST) -> Iterator[float]:
 def refuse_lost_statements(inherited: Any) -> None:
     """Raise Scenic's InvalidScenarioError if ``inherited``, the scenario that another one inherits, has any of them."""
     lost = [(one.line, one.ty.value) for place in DROPPED for one in getattr(inherited, place)]
-    if inherited._timeLimit is not None:
+    if scenic_private.is_limited(inherited):
         # Scenic does not keep its line.
         lost.append((0, "terminate after"))
     if lost:
         line, kind = max(lost)
         what = "Scenic drops such statements from an imported program, and from the top level beside a `scenario`"
         error = InvalidScenarioError(f"`{kind}`: {what}; move them to the program, or into the scenario, that is run")
-        raise at(error, (inherited._dummyNamespace or {}).get("__file__"), line)
+        raise at(error, scenic_private.file_of(inherited), line)
 
 
 def refuse_same_names(scenario: Any) -> None:

@@ -1,41 +1,34 @@
 """The ego of a running Scenic simulation, kept up to date in less time than Scenic takes; tests compare with it.
 
 States of carsim are written into the ego some hundred times per run. Scenic's updateObjects would check types, compute
-orientations through Euler angles and clear every cache. The orientation, which takes as long to compute as everything
-else and which few programs read, is computed when it is read. The ego's z is that of the scene plus the car's rise since
-the start.
+orientations through Euler angles and clear every cache. The ego's z is that of the scene plus the car's rise since the
+start.
 """
 
-import functools
 import math
 from typing import Any
 
 from scenic.core.vectors import Orientation, Vector, alwaysGlobalOrientation
 from scipy.spatial.transform import Rotation
 
+from foldcar.scenes import scenic_private
 from foldcar.simulation.carsim_step import State
 
 # Properties that Scenic derives from yaw, pitch and roll.
 DERIVED = {"orientation", "heading"}
-CACHE_PREFIX = "_cached_"
-# The attribute that stores the angles of the orientation.
-ANGLES = "_shown_angles_rad"
 
 
 class ShownEgo:
     """The ego of a running simulation; constructed after Scenic has created the ego's dynamic copy."""
 
     def __init__(self, ego: Any, start: State) -> None:
-        # The copy represents the ego during a simulation; writing its dictionary bypasses Scenic's proxy.
-        self._copy = object.__getattribute__(ego, "_dynamicProxy")
-        own: Any = type(ego)
-        object.__setattr__(self._copy, "__class__", shown_class(own))
+        self._copy = scenic_private.shown_copy(ego)
         self._attributes = self._copy.__dict__
-        self._caches = {CACHE_PREFIX + name for name in own._cache_clearers}
+        self._caches = scenic_private.caches(type(ego))
         self._z_offset_m = float(ego.position.z) - start.z_m
         parent = ego.parentOrientation
         self._parent = None if alwaysGlobalOrientation(parent) else parent
-        self._derives_more = not set(own._dynamicFinalProperties) <= DERIVED
+        self._derives_more = not scenic_private.derived_while_driving(type(ego)) <= DERIVED
 
     def show(self, state: State) -> None:
         """Set the ego's properties to those of ``state``."""
@@ -58,30 +51,11 @@ class ShownEgo:
             angularSpeed=abs(state.yaw_rate_rad_s),
             consumedEnergy=state.consumed_energy_j,
         )
-        attributes[ANGLES] = angles
-        attributes.pop("orientation", None)
+        attributes["orientation"] = _orientation(*angles)
         if self._derives_more:
-            self._copy._recomputeDynamicFinals()
+            scenic_private.derive_again(self._copy)
         for name in self._caches.intersection(attributes):
             del attributes[name]
-
-
-class _OrientationWhenRead:
-    """A descriptor that computes the ego's orientation when it is first read and stores it in the ego's dictionary."""
-
-    def __get__(self, ego: Any, owner: type) -> Any:
-        if ego is None:
-            # Scenic refuses properties that its classes have already.
-            raise AttributeError("orientation")
-        attributes = ego.__dict__
-        orientation = attributes["orientation"] = _orientation(*attributes[ANGLES])
-        return orientation
-
-
-@functools.lru_cache(maxsize=8)
-def shown_class(own: Any) -> Any:
-    """A subclass of the ego's class with orientations computed when read; it inherits the defaults of its properties."""
-    return type(own.__name__, (own,), {"_defaults": own._defaults, "orientation": _OrientationWhenRead()})
 
 
 def _orientation(yaw: float, pitch: float, roll: float) -> Any:

@@ -23,6 +23,7 @@ from scenic.core.simulators import Simulation, SimulationCreationError, Simulato
 from scenic.syntax import veneer
 
 from foldcar.errors import FoldcarError
+from foldcar.scenes import scenic_private
 from foldcar.scenes.reading import outer_step_s
 from foldcar.scenes.success import VERDICT
 from foldcar.simulation.carsim_step import State, SteppedCarsim
@@ -150,9 +151,7 @@ class CarSimulation(Simulation):  # type: ignore[misc]
         """Put the car down and create all objects of the scene."""
         self.agents: list[Any] = []
         scenario = self.scene.dynamicScenario
-        # Scenic leaves these as they were when the last simulation was ended from outside or by a precondition.
-        scenario._subScenarios = []
-        scenario._isRunning = False
+        scenic_private.forget_last_simulation(scenario)
         advanced = self._start_trial()
         ego = self.scene.egoObject
         for thing in self.scene.objects:
@@ -161,11 +160,8 @@ class CarSimulation(Simulation):  # type: ignore[misc]
         self._native = advanced.result
         self._show(advanced.state, 0)
         self._records = Records(self.records)
-        self._endings = [*scenario._terminationConditions, *scenario._terminateSimulationConditions]
-        scenario._terminateSimulationConditions = (
-            *scenario._terminateSimulationConditions,
-            NativeEnding(lambda: self._native),
-        )
+        self._endings = scenic_private.endings(scenario)
+        scenic_private.end_simulation_when(scenario, NativeEnding(lambda: self._native))
 
     def createObjectInSimulator(self, obj: Any) -> None:  # noqa: N802
         """Scenic's hook. What the car meets is baked when it is put down, so only Markers can come later."""
@@ -201,10 +197,8 @@ class CarSimulation(Simulation):  # type: ignore[misc]
             ended = self._ended()
             if violated or ended or state.t_s >= limit_s:
                 self._row, self._native = row, None
-                scenario = self.scene.dynamicScenario
-                if ended and scenario._timeLimitInSteps is not None:
-                    # Not before its condition: Scenic counts this look like a whole step.
-                    scenario._timeLimitInSteps = max(scenario._timeLimitInSteps, scenario._elapsedTime + 1)
+                if ended:
+                    scenic_private.defer_time_limit(self.scene.dynamicScenario)
                 return
         self._show(look, steps)
 
@@ -222,10 +216,8 @@ class CarSimulation(Simulation):  # type: ignore[misc]
         if self._steps > 0:
             return
         # Scenic has just started the scenario.
-        if scenario._timeLimitInSteps is not None:
-            # 1.1 s in steps of 0.1 s is a little more than 11 steps in floating-point numbers.
-            scenario._timeLimitInSteps = round(scenario._timeLimitInSteps, 9)
-        self._requirements = [one for one in scenario._requirementMonitors if not is_about_looks(one)]
+        scenic_private.round_time_limit(scenario)
+        self._requirements = [one for one in scenic_private.requirement_monitors(scenario) if not is_about_looks(one)]
         for one in self._requirements:
             one.monitor = ChangesMonitor(one.proposition)
 
@@ -271,11 +263,7 @@ class CarSimulation(Simulation):  # type: ignore[misc]
 
     def _time_limit_s(self) -> float:
         """The top-level scenario's `terminate after`, which may lie within an outer step."""
-        scenario = self.scene.dynamicScenario
-        if scenario._timeLimit is None:
-            return math.inf
-        unit_s = 1.0 if scenario._timeLimitIsInSeconds else self.timestep
-        return float(scenario._timeLimit * unit_s)
+        return scenic_private.time_limit_s(self.scene.dynamicScenario, self.timestep)
 
 
 @contextlib.contextmanager
@@ -294,7 +282,7 @@ def _imported_requirements() -> Iterator[None]:
 
 def _place(behavior: Any) -> tuple[str | None, int | None]:
     """File and line at which a behavior, or the one that it does, has taken its actions."""
-    running, place = behavior._runningIterator, (None, None)
+    running, place = scenic_private.running_generator(behavior), (None, None)
     while running is not None:
         frame = getattr(running, "gi_frame", None)
         if frame is not None and frame.f_code.co_filename.endswith(".scenic"):

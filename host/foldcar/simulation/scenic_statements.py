@@ -13,6 +13,7 @@ from scenic.core.propositions import Next, PropositionMonitor
 from scenic.core.requirements import RequirementType
 
 from foldcar.errors import FoldcarError
+from foldcar.scenes import scenic_private
 from foldcar.scenes.recorded import to_json
 
 
@@ -72,10 +73,10 @@ class Records:
         """Evaluate and keep the values of a series at that time, and the initial ones at the start."""
         refuse_misplaced(scenario)
         if steps == 0:
-            for name, value in scenario._evaluateRecordedExprs(RequirementType.recordInitial, 0).items():
+            for name, value in scenic_private.recorded(scenario, RequirementType.recordInitial, 0).items():
                 self._scenic[name] = value
                 self.plain[name] = {"kind": "initial", "value": to_json(value, name)}
-        for name, value in scenario._evaluateRecordedExprs(RequirementType.record, steps).items():
+        for name, value in scenic_private.recorded(scenario, RequirementType.record, steps).items():
             self._scenic[name].append((steps, value))
             series = self.plain.setdefault(name, {"kind": "series", "value": []})
             series["value"].append([t_s, to_json(value, name)])
@@ -89,8 +90,8 @@ class Records:
 
 def refuse_misplaced(scenario: Any) -> None:
     """Refuse what Scenic 3.1 takes for a requirement when a running scenario invokes the one it stands in."""
-    for sub in scenario._subScenarios:
-        for statement in sub._temporalRequirements:
+    for sub in scenic_private.invoked(scenario):
+        for statement in scenic_private.temporal_requirements(sub):
             if statement.ty is not RequirementType.require:
                 raise FoldcarError(
                     f"line {statement.line}: `{statement.ty.value}` has no effect in a scenario that another one "

@@ -58,13 +58,10 @@ class ScenicWorker:
         # What every run needs is done before the process is copied.
         from scenic.core import dynamics
 
-        from foldcar.simulation.scenic_objects import shown_class
         from foldcar.simulation.scenic_simulator import CarSimulator
 
         # Scenic warns of a monitor that hangs by a timer of its own, which would end that of RUN_LIMIT_S.
         dynamics.stuckBehaviorWarningTimeout = 0
-        ego_class: Any = type(self._source.scenario.egoObject)
-        shown_class(ego_class)
         self._simulator = CarSimulator
         self._passing = self._source.success.endings
         self._command = opening["command"]

@@ -14,7 +14,8 @@ from foldcar.store.writer import PlannedDesign, PlannedExperiment, StoreWriter, 
 from written_study import FACTS, METRICS, TOLD, add_experiment
 
 CAR = CarFacts("fw", "hash", "/dev/pts/7", "built", "Ada")
-TRACK = Track(1, "trial.mp4", "0" * 64, 1.25, "passed", {"end_s": 0.1}, [[0.05 * k, *[0.01 * k] * 15] for k in range(3)])
+TRACKED = {"frame_error_m": [0.001], "start_error_s": 0.02}
+TRACK = Track(1, "trial.mp4", "0" * 64, 1.25, "passed", TRACKED, [[0.05 * k, *[0.01 * k] * 15] for k in range(3)])
 
 
 def full_store(path: Path) -> Path:

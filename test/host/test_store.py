@@ -51,7 +51,7 @@ def fill(
         new = 0
         for sample in (0, 1):
             writer.put_sample(planned.environment_id, sample, {"scene": sample})
-            writer.put_draw(planned.spread_id, sample, {"of": spread, "sample": sample})
+            writer.put_draw(planned.spread_id, sample, {spread: sample})
             missing = [run for run in writer.planned_runs(planned, sample) if run.outcome is None]
             writer.add_results((run, answer(run)) for run in missing)
             new += len(missing)
@@ -164,7 +164,7 @@ def test_scenes_and_variations_that_look_alike_may_differ(tmp_path: Path) -> Non
         writer.begin_study(FACTS, "b1")
         planned = plan(writer)
         for sample, identity in ((0, "one"), (1, "two")):
-            writer.put_sample(planned.environment_id, sample, {}, identity)
+            writer.put_sample(planned.environment_id, sample, {}, dynamic=True)
             writer.put_draw(planned.spread_id, sample, {}, identity)
         runs = [next(writer.planned_runs(planned, sample)) for sample in (0, 1)]
 

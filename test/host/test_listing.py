@@ -162,7 +162,7 @@ def test_a_mistake_is_named_with_file_key_value_and_limit(
         ('{"a": 1, "a": 2}', "is not JSON: Duplicate key"),
         ("[" * 10000, "is not a listing: nested too deeply"),
         ("[]", "the file: [] is not a JSON object"),
-        ("\x00", "is not JSON: "),
+        ("\x00", "is not UTF-8 text (it contains NUL characters)"),
     ],
 )
 def test_invalid_listings_are_refused(write_listing: Callable[[Any], Path], text: str, message: str) -> None:
@@ -186,7 +186,7 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
         (tmp_path / "none.json", "cannot be read: No such file or directory"),
         (tmp_path / "latn.json", 'cannot be read: No such file or directory; did you mean "latin.json"?'),
         (tmp_path, "cannot be read: Is a directory"),
-        (latin, "is not UTF-8 text (byte 2)"),
+        (latin, "is not UTF-8 text (byte 2): save it as UTF-8"),
         (store, "is a store, which `foldcar report` reads; a listing is a JSON file"),
     ):
         with pytest.raises(FoldcarError) as caught:

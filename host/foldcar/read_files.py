@@ -1,4 +1,4 @@
-"""Which files the code of a user reads: heard through Python's audit event `open`.
+"""Which files the code of a user reads, heard through Python's audit event `open`, and which environment variables.
 
 Input: blocks of code. Output: the files that were read in them, with their state at that time. Installed code and the
 system's files are told from the user's own. A file that a library in C opens by itself is not heard.
@@ -136,3 +136,26 @@ def _roots() -> set[Path]:
     folders += (scenic.submodule_search_locations if scenic is not None else None) or []
     roots = [Path(folder) for folder in folders]
     return {*roots, *(root.resolve() for root in roots)}
+
+
+# Environment variables that the code of a user may read, and the beginnings of others'.
+VARIABLES = ("HOME", "LANG", "PATH", "SYSTEMROOT", "TEMP", "TMP", "TMPDIR", "USERPROFILE")
+PREFIXES = ("COVERAGE", "DYLD_", "FOLDCAR_CARSIM", "LC_", "LD_", "MPL", "OPENBLAS_", "PYTHON", "XDG_")
+
+
+def minimal_variables() -> dict[str, str]:
+    """The environment variables for code of a user, in this process or in another."""
+    return {name: value for name, value in os.environ.items() if name in VARIABLES or name.startswith(PREFIXES)}
+
+
+@contextmanager
+def only_minimal_variables() -> Iterator[None]:
+    """Within the block other environment variables are hidden: they are part of no environment and no design."""
+    kept = minimal_variables()
+    hidden = {name: value for name, value in os.environ.items() if name not in kept}
+    for name in hidden:
+        del os.environ[name]
+    try:
+        yield
+    finally:
+        os.environ.update(hidden)

@@ -297,3 +297,12 @@ def test_cars_that_cannot_be_built_are_skipped_and_named(
     single = foldcar("run", listing, "--experiment", "1", "--set", "width=20")
     assert single.returncode == 2
     assert single.stderr.startswith("foldcar: error: --set width: 20 is below the minimum 53.65")
+
+
+def test_characters_beyond_16_bits_may_be_escaped(write_listing: Any, listing_data: Any) -> None:
+    listing_data["vehicles"] = {"\U0001f697": listing_data["vehicles"]["1"]}
+    listing_data["experiments"]["1"]["veh_id"] = "\U0001f697"
+    file = write_listing(listing_data)
+    assert r"\ud83d\ude97" in file.read_text()
+
+    assert list(read_listing(file)[0].vehicles) == ["\U0001f697"]

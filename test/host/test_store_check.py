@@ -112,6 +112,34 @@ def test_no_damaged_json_ends_in_a_traceback(store: Path, tmp_path: Path, monkey
     assert refused > 200
 
 
+@pytest.mark.parametrize(
+    ("statement", "message"),
+    [
+        ("DROP TABLE correction", "is damaged: correction is missing"),
+        ("DROP VIEW result", "is damaged: result is missing"),
+        ("ALTER TABLE trial RENAME COLUMN note TO notes", "is damaged: trial is changed"),
+        ("CREATE TRIGGER own BEFORE UPDATE ON trial BEGIN SELECT RAISE(IGNORE); END",
+         "has a trigger that foldcar does not make: own"),
+    ],
+)  # fmt: skip
+def test_tables_and_views_that_are_not_as_foldcar_makes_them_are_refused(
+    store: Path, foldcar: Any, statement: str, message: str
+) -> None:
+    alter(store, statement)
+
+    for words in (("trials", "list", "s.db"), ("trials", "withdraw", "s.db", "1", "--reason", "practice")):
+        answer = foldcar(*words)
+        assert (answer.returncode, answer.stderr) == (2, f"foldcar: error: s.db: {message}\n")
+
+
+def test_experiments_without_a_study_are_refused(store: Path, foldcar: Any) -> None:
+    alter(store, "DELETE FROM study")
+
+    answer = foldcar("export", "s.db", "--csv", "-")
+
+    assert answer.returncode == 2 and "s.db: holds no study" in answer.stderr and answer.stderr.count("\n") == 1
+
+
 @pytest.mark.parametrize("table", ["body", "settings", "scene"])
 def test_simulated_texts_are_compared_with_their_hash(store: Path, foldcar: Any, table: str) -> None:
     change(store, BY_NAME[table], "id = 1", json='{"friction": 0.61}')

@@ -16,7 +16,7 @@ from typing import Any
 from foldcar.outputs import make_output_folder
 from foldcar.store.errors import StoreError, store_errors
 from foldcar.store.rows import Row, insert_sql, key_text, read_row, read_rows, text_hash
-from foldcar.store.tables import BY_NAME, LIMITS, TABLES, VERSION, Table, create_tables
+from foldcar.store.tables import BY_NAME, LIMITS, TABLES, VERSION, VIEWS, Table, create_tables
 from foldcar.typed import did_you_mean_file
 
 # "Fold" in ASCII: tells a store from other SQLite files.
@@ -44,10 +44,10 @@ def open_reading(path: Path) -> sqlite3.Connection:
             copy.execute("PRAGMA query_only = ON")
             # Structure, types, required values and choices: what is read below is of the kind that was written.
             (first,) = copy.execute("PRAGMA quick_check(1)").fetchone()
-        if first != "ok":
-            raise StoreError(f"{path}: is damaged: {first}; `foldcar check {path}` says what else is")
-        for damage in numbers_beyond_limits(copy):
-            raise StoreError(f"{path}: {damage}")
+            if first != "ok":
+                raise StoreError(f"{path}: is damaged: {first}; `foldcar check {path}` says what else is")
+            for damage in numbers_beyond_limits(copy):
+                raise StoreError(f"{path}: {damage}")
         stack.pop_all()
         connection.close()
         return copy
@@ -115,7 +115,19 @@ def _is_blank(path: Path, connection: sqlite3.Connection) -> bool:
             f"{path}: is a store of version {version}, and this foldcar reads version {VERSION}: "
             "sweep into a new store, or use the foldcar that made it"
         )
+    with store_errors(path):
+        _check_schema(path, connection)
     return False
+
+
+def _check_schema(path: Path, connection: sqlite3.Connection) -> None:
+    """StoreError if a table or view of the store is not as foldcar makes it, or if there is a trigger."""
+    statements = dict(connection.execute("SELECT name, sql FROM sqlite_master WHERE type IN ('table', 'view')"))
+    for name, sql in (*((table.name, table.sql) for table in TABLES), *VIEWS.items()):
+        if statements.get(name) != sql:
+            raise StoreError(f"{path}: is damaged: {name} is {'missing' if name not in statements else 'changed'}")
+    for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'trigger'"):
+        raise StoreError(f"{path}: has a trigger that foldcar does not make: {name}")
 
 
 def _refuse_listing(path: Path) -> None:

@@ -29,7 +29,9 @@ PUBLISHED_STYLE = """{
 }"""
 
 
-@pytest.mark.parametrize("name", ["1 fresh", "1 (side-view)", "1 (MuJoCo, half step)", "1 (calibrated mine)"])
+@pytest.mark.parametrize(
+    "name", ["1 fresh", "1 (side-view)", "1 (MuJoCo, half step)", "1 (calibrated mine)", "1 (calibrated a\nb)"]
+)
 def test_names_of_variants_are_no_names_of_experiments(
     write_listing: Callable[[Any], Path], listing_data: Any, name: str
 ) -> None:

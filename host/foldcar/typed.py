@@ -46,6 +46,8 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
 
 def did_you_mean_file(file: Path) -> str:
     """The same for a missing file: the closest name in its folder with its ending."""
-    stems = [other.stem for other in sorted(file.parent.glob("*")) if other.suffix == file.suffix]
+    # A link that leads nowhere has the name itself.
+    others = (other for other in sorted(file.parent.glob("*")) if other.suffix == file.suffix and other.exists())
+    stems = [other.stem for other in others]
     close = difflib.get_close_matches(file.stem, stems, 1)
     return f'; did you mean "{close[0]}{file.suffix}"?' if close else ""

@@ -270,6 +270,9 @@ def test_what_is_no_file_is_no_store_and_reading_creates_none(tmp_path: Path) ->
     (tmp_path / "study.db").touch()
     with pytest.raises(StoreError, match=r'no such store; did you mean "study\.db"\?'):
         Store.open(tmp_path / "studdy.db")
+    (tmp_path / "link.db").symlink_to("nowhere.db")
+    with pytest.raises(StoreError, match=r"link\.db: no such store$"):
+        Store.open(tmp_path / "link.db")
 
 
 def test_a_name_that_sqlite_does_not_take_for_a_file_is_refused(

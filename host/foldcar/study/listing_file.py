@@ -4,6 +4,7 @@ Names all mistakes by key: of form, of cars, of programs.
 """
 
 import re
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -88,7 +89,7 @@ def load_listing(file: Path) -> tuple[Any, str]:
     except ValueError as error:
         raise ListingError(file, f"is not JSON: {_json_mistake(str(error))}") from error
     except RecursionError as error:
-        raise ListingError(file, "is not a listing: nested too deeply") from error
+        raise ListingError(file, "is nested too deeply") from error
     try:
         check_numbers(data)
     except ValueError as error:
@@ -98,6 +99,9 @@ def load_listing(file: Path) -> tuple[Any, str]:
 
 def _json_mistake(message: str) -> str:
     """The parser's message with the place first."""
+    if message.startswith("Exceeds the limit"):
+        # Python's, with advice to programmers.
+        return f"a number has more than {sys.get_int_max_str_digits()} digits"
     found = re.fullmatch(r"<string>:(\d+) (Unexpected .+) at column (\d+)", message)
     if found is None:
         return message.removeprefix("<string>:")

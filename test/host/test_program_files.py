@@ -130,6 +130,20 @@ def test_a_package_that_takes_the_place_of_a_module_is_another_environment(
     assert (before.new, after.new) == (1, 1)
 
 
+def test_a_file_that_appears_where_a_program_looks_for_it_is_another_environment(
+    listing: Path, program: Path, tmp_path: Path, carsim_binary: Path
+) -> None:
+    read = "float(open(localPath('f.txt')).read())"
+    program.write_text(f"{HEAD}try:\n    param friction = {read}\nexcept OSError:\n    param friction = 0.5\n")
+    before = swept(listing, tmp_path / "s.db", carsim_binary, 1, environments=1)
+    again = swept(listing, tmp_path / "s.db", carsim_binary, 1, environments=1)
+    program.with_name("f.txt").write_text("0.9")
+
+    after = swept(listing, tmp_path / "s.db", carsim_binary, 1, environments=1)
+
+    assert (before.new, again.new, after.new) == (1, 0, 1)
+
+
 def test_what_a_program_reads_is_part_of_its_fingerprint(experiment: Experiment, tmp_path: Path) -> None:
     """Modules in folders, files in its folder and outside, read at its head or in samples; not what it does not read."""
     experiment.program.write_text(

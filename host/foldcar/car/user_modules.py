@@ -56,7 +56,8 @@ def load_components(file: Path) -> list[str]:
     # Python reads compiled modules where it has them: their sources are found by name.
     modules = (getattr(module, "__file__", None) for module in list(sys.modules.values()))
     imported = (Path(file) for file in modules if file and Path(file).is_relative_to(path.parent))
-    _read.update(file for file in (path, *heard.read, *imported) if _counts(file, path.parent))
+    opened = (file for file, state in heard.read.items() if state is not None or file.is_relative_to(path.parent))
+    _read.update(file for file in (path, *opened, *imported) if _counts(file, path.parent))
     _read.update(path.parent.glob("*.py"))
     return _loaded[path]
 
@@ -102,8 +103,8 @@ def building() -> Iterator[None]:
         return
     with only_minimal_variables(), heard_files() as heard:
         yield
-    for file in heard.read:
-        if file not in _read and all(_counts(file, path.parent) for path in _loaded):
+    for file, state in heard.read.items():
+        if state is not None and file not in _read and all(_counts(file, path.parent) for path in _loaded):
             raise FoldcarError(
                 f"{next(iter(_loaded))}: reads {file} while a car is folded, too late to tell designs apart by it; "
                 "read it at the module's head"

@@ -1,6 +1,7 @@
 """The files and modules of a Scenic program: what its samples and runs follow from besides its parameters and seed.
 
-Input: blocks of code of a program. Output: the SHA-256 of each file that was read in them, and of the Scenic and Python
+Input: blocks of code of a program. Output: the SHA-256 of each file that was read in them (of one in its folder also that
+it is not there), and of the Scenic and Python
 files beside the program, which it may import at any time; FoldcarError if one has changed meanwhile. Files are named
 relative to the program's folder, those outside by their whole path. Installed code is not among them. What Python opens
 is heard (its audit event `open`); a file that a library in C, another thread or another program opens is not.
@@ -26,6 +27,7 @@ from foldcar.read_files import (
     CODE,
     HeardFiles,
     content_digest,
+    digest_or_missing,
     file_digest,
     file_state,
     heard_files,
@@ -56,7 +58,7 @@ class ProgramFiles:
 
     def unchanged(self) -> bool:
         """Whether the files are as they were, and no more of them stand beside the program."""
-        now = {name: file_digest(self._folder / name) for name in self._digests}
+        now = {name: digest_or_missing(self._folder / name) for name in self._digests}
         return {**now, **self._neighbours()} == self._digests
 
     @contextmanager
@@ -83,8 +85,11 @@ class ProgramFiles:
         for path, state in heard.read.items():
             if path.suffix == ".pyc" or path in self._written or not is_own(path, self._folder):
                 continue
+            if state is None and (self._fixed or not path.is_relative_to(self._folder)):
+                # Should it appear, reading it is noticed as late, or as of another file outside.
+                continue
             name = self._name(path)
-            known, now = self._digests.get(name), file_digest(path) if file_state(path) == state else None
+            known, now = self._digests.get(name), digest_or_missing(path) if file_state(path) == state else None
             if now is None or now != (known or now):
                 raise _changed(self._program.parent / name)
             if known is None and self._fixed:

@@ -55,7 +55,7 @@ def _add_recording_experiment(writer: StoreWriter) -> None:
     plan = PlannedExperiment("2", "car", "hills", environment, spread, 2, {**TOLD, "varied": {}})
     writer.put_experiment(plan, [PlannedDesign({"width_mm": 80.0}, {"id": "c"}, {"time_limit_s": 9})])
     recorded = {"way": {"kind": "series", "value": [[0.0, 0.0], [0.25, 0.1]]}, "side": {"kind": "final", "value": 1.5}}
-    path = {"rows": 2, "compact": "AAAA"}
+    path = {"rows": 2, "compact": "A" * 16}
     passed = {**METRICS, "outcome": "passed", "recorded": recorded, "path": path}
     for sample, result in enumerate((passed, {"error": "no"})):
         writer.put_sample(environment, sample, {"of": "2", "sample": sample})

@@ -1,5 +1,6 @@
 """The results store, read: the facts of the study and its runs as rows. docs/store.md describes the file."""
 
+import base64
 import itertools
 import json
 import re
@@ -121,7 +122,12 @@ class Store:
 
     def kept_paths(self, name: str) -> Iterator[tuple[int, int, int, str]]:
         """The paths kept of an experiment's runs: the design's position, the sample, how many rows, the compact path."""
-        yield from self._rows(f"SELECT d.position, s.sample, p.row_count, p.compact {PATH_JOIN} AND e.id = ?", name)
+        query = f"SELECT d.position, s.sample, p.row_count, p.compact {PATH_JOIN} AND e.id = ?"
+        for design, sample, rows, text in self._rows(query, name):
+            if not _is_compact_path(text, rows):
+                where = f'path (experiment="{name}", design={design}, sample={sample})'
+                raise StoreError(f"{self.path}: {where} is damaged: its compact is not what foldcar writes")
+            yield design, sample, rows, text
 
     def run_rows(self, name: str) -> Iterator[tuple[int, int, Row]]:
         """The runs that an experiment shows, by design and sample: the design's position, the sample, the row."""
@@ -346,6 +352,17 @@ class Store:
     def _rows(self, query: str, *values: Any) -> Iterator[Any]:
         with store_errors(self.path):
             yield from self._connection.execute(query, values)
+
+
+def _is_compact_path(text: str, rows: int) -> bool:
+    """Whether a text is a compact path of so many rows in base64: of each row six numbers, and one of each hinge."""
+    try:
+        content = base64.b64decode(text, validate=True)
+    except ValueError:
+        return False
+    # The last byte of a number has no top bit.
+    count = sum(byte < 0x80 for byte in content)
+    return rows > 0 and count >= 6 * rows and count % rows == 0 and content[-1] < 0x80
 
 
 def _stopped(facts: Mapping[str, Any] | None, counts: DesignCounts) -> "tuple[StoppingRule | None, list[bool]]":

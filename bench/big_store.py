@@ -119,7 +119,7 @@ def drawn(
     # The middle of the first parameter is best; the second moves that middle.
     ease = 3 - 14 * (place[:, 0] - 0.35 - 0.3 * place[:, -1] * (place.shape[1] > 1)) ** 2 * 2
     for sample in range(plan.environments):
-        writer.put_sample(plan.environment_id, sample, scenes[sample % len(scenes)], str(sample))
+        writer.put_sample(plan.environment_id, sample, scenes[sample % len(scenes)], dynamic=True)
         writer.put_draw(plan.spread_id, sample, {}, "")
         passes = random.logistic(size=len(designs)) + random.normal() < ease
         ends = random.choice(NATIVE_OUTCOMES[1:5], size=len(designs), p=(0.5, 0.3, 0.1, 0.1))

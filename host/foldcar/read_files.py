@@ -1,4 +1,4 @@
-"""Which files the code of a user reads: heard through Python's audit event `open`.
+"""Which files the code of a user reads, heard through Python's audit event `open`, and which environment variables.
 
 Input: blocks of code. Output: the files that were read in them, with their state at that time. Installed code and the
 system's files are told from the user's own. A file that a library in C opens by itself is not heard.
@@ -30,11 +30,11 @@ FileState = tuple[int, int, int]
 
 
 class HeardFiles:
-    """The files that a thread opens: how those were that it reads, and which it writes."""
+    """The files that a thread opens: how those were that it reads (None: it was not there), and which it writes."""
 
     def __init__(self) -> None:
         self._thread = threading.get_ident()
-        self.read: dict[Path, FileState] = {}
+        self.read: dict[Path, FileState | None] = {}
         self.written: set[Path] = set()
 
     def note(self, given: Any, mode: object, flags: int) -> None:
@@ -43,9 +43,9 @@ class HeardFiles:
             return
         with suppress(OSError, TypeError, ValueError):
             path = Path(os.path.normpath(Path(os.fsdecode(given)).absolute()))
-            if flags & (os.O_WRONLY | os.O_RDWR) and path not in self.read:
+            if flags & (os.O_WRONLY | os.O_RDWR) and self.read.get(path) is None:
                 self.written.add(path)
-            elif (state := file_state(path)) is not None:
+            elif (state := file_state(path)) is not None or not path.exists():
                 self.read.setdefault(path, state)
 
 
@@ -88,6 +88,15 @@ def file_state(path: Path) -> FileState | None:
         if stat.S_ISREG(found.st_mode):
             return found.st_ino, found.st_size, found.st_mtime_ns
     return None
+
+
+# In place of the digest of a file that a program wants to read and that is not there.
+MISSING = "missing"
+
+
+def digest_or_missing(path: Path) -> str | None:
+    """The :func:`file_digest`; MISSING if there is nothing."""
+    return file_digest(path) if path.exists() else MISSING
 
 
 def file_digest(path: Path) -> str | None:
@@ -136,3 +145,26 @@ def _roots() -> set[Path]:
     folders += (scenic.submodule_search_locations if scenic is not None else None) or []
     roots = [Path(folder) for folder in folders]
     return {*roots, *(root.resolve() for root in roots)}
+
+
+# Environment variables that the code of a user may read, and the beginnings of others'.
+VARIABLES = ("HOME", "LANG", "PATH", "SYSTEMROOT", "TEMP", "TMP", "TMPDIR", "USERPROFILE")
+PREFIXES = ("COVERAGE", "DYLD_", "FOLDCAR_CARSIM", "LC_", "LD_", "MPL", "OPENBLAS_", "PYTHON", "XDG_")
+
+
+def minimal_variables() -> dict[str, str]:
+    """The environment variables for code of a user, in this process or in another."""
+    return {name: value for name, value in os.environ.items() if name in VARIABLES or name.startswith(PREFIXES)}
+
+
+@contextmanager
+def only_minimal_variables() -> Iterator[None]:
+    """Within the block other environment variables are hidden: they are part of no environment and no design."""
+    kept = minimal_variables()
+    hidden = {name: value for name, value in os.environ.items() if name not in kept}
+    for name in hidden:
+        del os.environ[name]
+    try:
+        yield
+    finally:
+        os.environ.update(hidden)

@@ -10,12 +10,16 @@ from foldcar.errors import FoldcarError
 def read_text(file: Path) -> str:
     """Read a text file in UTF-8, with or without a byte order mark; every line ends in \\n. Raises FoldcarError."""
     try:
-        return file.read_text(encoding="utf-8-sig")
+        text = file.read_text(encoding="utf-8-sig")
     except OSError as error:
         close = "" if file.exists() else did_you_mean_file(file)
         raise FoldcarError(f"{file}: cannot be read: {error.strerror}{close}") from error
     except UnicodeDecodeError as error:
-        raise FoldcarError(f"{file}: is not UTF-8 text (byte {error.start})") from error
+        raise FoldcarError(f"{file}: is not UTF-8 text (byte {error.start}): save it as UTF-8") from error
+    if "\0" in text:
+        # Such as UTF-16 without a byte order mark.
+        raise FoldcarError(f"{file}: is not UTF-8 text (it contains NUL characters): save it as UTF-8")
+    return text
 
 
 def whole_number(text: str) -> int:
@@ -42,6 +46,8 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
 
 def did_you_mean_file(file: Path) -> str:
     """The same for a missing file: the closest name in its folder with its ending."""
-    stems = [other.stem for other in sorted(file.parent.glob("*")) if other.suffix == file.suffix]
+    # A link that leads nowhere has the name itself.
+    others = (other for other in sorted(file.parent.glob("*")) if other.suffix == file.suffix and other.exists())
+    stems = [other.stem for other in others]
     close = difflib.get_close_matches(file.stem, stems, 1)
     return f'; did you mean "{close[0]}{file.suffix}"?' if close else ""

@@ -14,7 +14,8 @@ from foldcar.store.writer import PlannedDesign, PlannedExperiment, StoreWriter, 
 from written_study import FACTS, METRICS, TOLD, add_experiment
 
 CAR = CarFacts("fw", "hash", "/dev/pts/7", "built", "Ada")
-TRACK = Track(1, "trial.mp4", "0" * 64, 1.25, "passed", {"end_s": 0.1}, [[0.05 * k, *[0.01 * k] * 15] for k in range(3)])
+TRACKED = {"frame_error_m": [0.001], "start_error_s": 0.02}
+TRACK = Track(1, "trial.mp4", "0" * 64, 1.25, "passed", TRACKED, [[0.05 * k, *[0.01 * k] * 15] for k in range(3)])
 
 
 def full_store(path: Path) -> Path:
@@ -54,7 +55,7 @@ def _add_recording_experiment(writer: StoreWriter) -> None:
     plan = PlannedExperiment("2", "car", "hills", environment, spread, 2, {**TOLD, "varied": {}})
     writer.put_experiment(plan, [PlannedDesign({"width_mm": 80.0}, {"id": "c"}, {"time_limit_s": 9})])
     recorded = {"way": {"kind": "series", "value": [[0.0, 0.0], [0.25, 0.1]]}, "side": {"kind": "final", "value": 1.5}}
-    path = {"rows": 2, "compact": "AAAA"}
+    path = {"rows": 2, "compact": "A" * 16}
     passed = {**METRICS, "outcome": "passed", "recorded": recorded, "path": path}
     for sample, result in enumerate((passed, {"error": "no"})):
         writer.put_sample(environment, sample, {"of": "2", "sample": sample})

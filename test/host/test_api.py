@@ -16,6 +16,7 @@ from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.results import NUMBERS
 from foldcar.study.experiments import read_study
 from foldcar.study.sweep import Sweep
+from study_car import empty_scene
 
 SEED = 42
 SAMPLES = 3
@@ -101,6 +102,7 @@ def test_rates_and_models_come_from_the_store(study: foldcar.Study) -> None:
     assert study.select(build=1, experiment="plain")[0].info.id == "plain"
 
 
+SCENE = empty_scene()
 MISTAKES = {
     'design("W_B_W"): widht is no design parameter': lambda s: foldcar.design("W_B_W", widht=95),
     'design("W_B_W"): length may be W_length_mm or B_length_mm': lambda s: foldcar.design("W_B_W", length=95),
@@ -112,6 +114,15 @@ MISTAKES = {
     "n: 0 is not a whole number": lambda s: foldcar.evaluate(foldcar.design("W_B_W"), STEP_PYRAMIDS, 0),
     "scene.friction: is missing": lambda s: foldcar.simulate(foldcar.design("W_B_W"), {}),
     "timeout_s: -1:": lambda s: foldcar.evaluate(foldcar.design("W_B_W"), STEP_PYRAMIDS, 1, timeout_s=-1),
+    "width: inf is not a number": lambda s: foldcar.design("W_B_W", width=math.inf),
+    "width: 1000": lambda s: foldcar.design("W_B_W", width=10**400),
+    "timeout_s: nan is not a number": lambda s: foldcar.evaluate(
+        foldcar.design("W_B_W"), STEP_PYRAMIDS, 1, timeout_s=math.nan
+    ),
+    "speed_m_s: 1000": lambda s: foldcar.evaluate(foldcar.design("W_B_W"), STEP_PYRAMIDS, 1, speed_m_s=10**400),
+    "path_interval_s: nan is not a number": lambda s: foldcar.simulate(
+        foldcar.design("W_B_W"), SCENE, path_interval_s=math.nan
+    ),
     "unknown variation 'shop'": lambda s: foldcar.evaluate(foldcar.design("W_B_W"), STEP_PYRAMIDS, 1, variation="shop"),
     "choose with experiment=: plain, built": lambda s: s.rate(width=95),
     "no simulation with width_mm 70; there are 65, 95": lambda s: s.rate(experiment="plain", width=70),

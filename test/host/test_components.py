@@ -1,6 +1,7 @@
 """The component model: derived parameters, equal edges, faces that fold to bodies, user modules, docs/compiler.md."""
 
 import math
+import os
 import re
 from collections.abc import Sequence
 from importlib import import_module
@@ -16,7 +17,7 @@ from foldcar.car.design import MODULES, compose, parameters
 from foldcar.car.folded.pose import apply, folded
 from foldcar.car.folded_car import folded_car
 from foldcar.car.parts.catalogue import catalogue
-from foldcar.car.user_modules import components_digest, load_components
+from foldcar.car.user_modules import building, components_digest, load_components
 from foldcar.car.verify import verify
 from foldcar.errors import FoldcarError
 
@@ -226,6 +227,20 @@ def test_what_a_user_module_reads_is_part_of_it(tmp_path: Path) -> None:
     load_components(late)
     with pytest.raises(FoldcarError, match=r"reads .*late\.txt while a car is folded, too late"):
         folded_car(compose("W_B_Late", {"Late.length": 52}))
+
+
+def test_environment_variables_are_no_part_of_a_user_module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Neither when it is loaded nor when a car is folded."""
+    file = tmp_path / "tail.py"
+    file.write_text("import os\n" + TAIL.replace('"offset", 5', '"offset", float(os.environ.get("OFFSET", "5"))', 1))
+    monkeypatch.setenv("OFFSET", "15")
+
+    load_components(file)
+
+    assert compose("W_B_Tail", {}).columns["Tail_offset_mm"] == 5
+    with building():
+        assert "OFFSET" not in os.environ
+    assert os.environ["OFFSET"] == "15"
 
 
 @pytest.mark.parametrize(

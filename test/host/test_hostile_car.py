@@ -20,8 +20,12 @@ from foldcar.link.dialect import load_dialect
 from foldcar.link.parameters import read_parameters
 from foldcar.link.stream import LinkLostError, Stream
 from foldcar.link.tlog import TlogWriter, read_tlog
+from foldcar.store.reader import Store
+from foldcar.store.tables import BY_NAME
+from foldcar.store.trial_paths import trial_path
 from foldcar.trials import driving
 from foldcar.trials.drive_view import DriveView
+from full_store import change
 
 d = load_dialect()
 PLACE = dict.fromkeys(("x", "y", "z", "heading", "pitch", "roll", "speed", "yaw_rate"), 0.0)
@@ -79,6 +83,7 @@ def car_that_sends(*packets: bytes, endless: bool = False) -> Iterator[Car]:
     [
         ("FOLDCAR_TRUTH", {"x": math.nan}),
         ("FOLDCAR_TRUTH", {"roll": 1e30}),
+        ("FOLDCAR_TRUTH", {"time_usec": 2**63}),
         ("FOLDCAR_TRUTH", {"outcome": 1}),
         ("FOLDCAR_TRUTH", {"outcome": 1, "outcome_time": 1e30}),
         ("FOLDCAR_TRUTH", {"outcome": 9, "outcome_time": 1.0}),
@@ -103,6 +108,21 @@ def test_a_message_with_a_number_that_no_car_can_have_is_damaged(tmp_path: Path,
 
     (logged,) = [message for _, message in read_tlog(log.file)]
     assert logged.get_msgbuf() == received.get_msgbuf() == packets[1]
+
+
+def test_a_path_ends_with_the_longest_trial(store: Path) -> None:
+    """A car whose clock jumps asks for no path of years."""
+    log = store.parent / "s-logs" / "jump.tlog"
+    hour_us = 3_600_000_000
+    with contextlib.closing(TlogWriter(log)) as writer:
+        writer.write(packet("FOLDCAR_TRIAL"))
+        for time_us in (4_000, 1_004_000, 900 * hour_us):
+            writer.write(packet("FOLDCAR_TRUTH", time_usec=time_us))
+    change(store, BY_NAME["trial"], "id = 1", log="s-logs/jump.tlog", log_sha256=None)
+    change(store, BY_NAME["track"], "id = 1", rows="[]")
+
+    with Store.open(store) as opened:
+        assert trial_path(opened, opened.trial(1)).end_s == pytest.approx(1.0)
 
 
 def test_texts_of_cars_are_utf_8() -> None:

@@ -29,7 +29,9 @@ PUBLISHED_STYLE = """{
 }"""
 
 
-@pytest.mark.parametrize("name", ["1 fresh", "1 (side-view)", "1 (MuJoCo, half step)", "1 (calibrated mine)"])
+@pytest.mark.parametrize(
+    "name", ["1 fresh", "1 (side-view)", "1 (MuJoCo, half step)", "1 (calibrated mine)", "1 (calibrated a\nb)"]
+)
 def test_names_of_variants_are_no_names_of_experiments(
     write_listing: Callable[[Any], Path], listing_data: Any, name: str
 ) -> None:
@@ -160,9 +162,10 @@ def test_a_mistake_is_named_with_file_key_value_and_limit(
         ("", "is not JSON: "),
         ('{"a": 1\n "b": 2}', 'is not JSON: line 2, column 2: unexpected """'),
         ('{"a": 1, "a": 2}', "is not JSON: Duplicate key"),
-        ("[" * 10000, "is not a listing: nested too deeply"),
+        ("[" * 10000, "is nested too deeply"),
+        (f'{{"a": {"4" * 5000}}}', "is not JSON: a number has more than 4300 digits"),
         ("[]", "the file: [] is not a JSON object"),
-        ("\x00", "is not JSON: "),
+        ("\x00", "is not UTF-8 text (it contains NUL characters)"),
     ],
 )
 def test_invalid_listings_are_refused(write_listing: Callable[[Any], Path], text: str, message: str) -> None:
@@ -186,7 +189,7 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
         (tmp_path / "none.json", "cannot be read: No such file or directory"),
         (tmp_path / "latn.json", 'cannot be read: No such file or directory; did you mean "latin.json"?'),
         (tmp_path, "cannot be read: Is a directory"),
-        (latin, "is not UTF-8 text (byte 2)"),
+        (latin, "is not UTF-8 text (byte 2): save it as UTF-8"),
         (store, "is a store, which `foldcar report` reads; a listing is a JSON file"),
     ):
         with pytest.raises(FoldcarError) as caught:
@@ -297,3 +300,12 @@ def test_cars_that_cannot_be_built_are_skipped_and_named(
     single = foldcar("run", listing, "--experiment", "1", "--set", "width=20")
     assert single.returncode == 2
     assert single.stderr.startswith("foldcar: error: --set width: 20 is below the minimum 53.65")
+
+
+def test_characters_beyond_16_bits_may_be_escaped(write_listing: Any, listing_data: Any) -> None:
+    listing_data["vehicles"] = {"\U0001f697": listing_data["vehicles"]["1"]}
+    listing_data["experiments"]["1"]["veh_id"] = "\U0001f697"
+    file = write_listing(listing_data)
+    assert r"\ud83d\ude97" in file.read_text()
+
+    assert list(read_listing(file)[0].vehicles) == ["\U0001f697"]

@@ -105,7 +105,7 @@ def test_a_search_under_a_calibration_shares_the_runs_of_such_a_sweep(
 ) -> None:
     draw = {one.name: one.nominal for one in PARAMETERS}
     with write_calibrations(tmp_path / "s.db") as writer:
-        writer.put(new_calibration("high", "1", "a build", [{**draw, "obstacle_height": 2.0}], {}), False)
+        writer.put(new_calibration("high", "1", "a build", [{**draw, "obstacle_height": 2.0}], {"findings": []}), False)
     words = ("--calibration", "high")
 
     found = optimized(foldcar_command, listing, "s.db", "--designs", "2", "--no-prune", *words)

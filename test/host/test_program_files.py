@@ -115,6 +115,35 @@ def test_a_neighbour_that_was_edited_is_read_again_whatever_its_size_and_time(pr
         assert friction(program) == float(number)
 
 
+def test_a_package_that_takes_the_place_of_a_module_is_another_environment(
+    listing: Path, program: Path, tmp_path: Path, carsim_binary: Path
+) -> None:
+    program.write_text(f"from helper import number\n{HEAD}param friction = number\n")
+    program.with_name("helper.py").write_text("number = 0.5\n")
+    before = swept(listing, tmp_path / "s.db", carsim_binary, 1, environments=1)
+    package = program.with_name("helper") / "__init__.py"
+    package.parent.mkdir()
+    package.write_text("number = 0.9\n")
+
+    after = swept(listing, tmp_path / "s.db", carsim_binary, 1, environments=1)
+
+    assert (before.new, after.new) == (1, 1)
+
+
+def test_a_file_that_appears_where_a_program_looks_for_it_is_another_environment(
+    listing: Path, program: Path, tmp_path: Path, carsim_binary: Path
+) -> None:
+    read = "float(open(localPath('f.txt')).read())"
+    program.write_text(f"{HEAD}try:\n    param friction = {read}\nexcept OSError:\n    param friction = 0.5\n")
+    before = swept(listing, tmp_path / "s.db", carsim_binary, 1, environments=1)
+    again = swept(listing, tmp_path / "s.db", carsim_binary, 1, environments=1)
+    program.with_name("f.txt").write_text("0.9")
+
+    after = swept(listing, tmp_path / "s.db", carsim_binary, 1, environments=1)
+
+    assert (before.new, again.new, after.new) == (1, 0, 1)
+
+
 def test_what_a_program_reads_is_part_of_its_fingerprint(experiment: Experiment, tmp_path: Path) -> None:
     """Modules in folders, files in its folder and outside, read at its head or in samples; not what it does not read."""
     experiment.program.write_text(
@@ -284,16 +313,16 @@ def test_environment_variables_are_no_part_of_an_environment(
 ) -> None:
     """Neither while it is sampled nor while it drives, beside which Scenic records."""
     program.write_text(
-        f"import os\n{HEAD}param friction = float(os.environ.get('FRICTION', '0.5'))\n"
-        "record final float(os.environ.get('FRICTION', '0.5')) as seen\n"
+        f"import os\n{HEAD}param friction = float(os.environ.get('FOLDCAR_FRICTION', '0.5'))\n"
+        "record final float(os.environ.get('FOLDCAR_FRICTION', '0.5')) as seen\n"
     )
-    monkeypatch.setenv("FRICTION", "0.7")
+    monkeypatch.setenv("FOLDCAR_FRICTION", "0.7")
 
     swept(listing, tmp_path / "s.db", carsim_binary, 1, environments=1)
 
     assert open_environment(program, {}, 0).sample(0)["friction"] == 0.5
     assert [result.recorded["seen"].value for result in rows(tmp_path / "s.db")] == [0.5]
-    assert os.environ["FRICTION"] == "0.7"
+    assert os.environ["FOLDCAR_FRICTION"] == "0.7"
 
 
 def test_parameters_seed_and_condition_are_part_of_the_fingerprint(experiment: Experiment) -> None:

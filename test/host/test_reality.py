@@ -102,7 +102,8 @@ def test_realities_of_one_name_and_a_calibration_of_it_are_experiments_of_their_
     listing_data["experiments"]["1"]["params"]["environments"] = 1
     listing, store = write_listing(listing_data), tmp_path / "s.db"
     with write_calibrations(store) as writer:
-        writer.put(new_calibration("pub", "1", "build", [{**NOMINAL, "obstacle_height": 0.5}], {}), replace=False)
+        draw, summary = {**NOMINAL, "obstacle_height": 0.5}, {"findings": []}
+        writer.put(new_calibration("pub", "1", "build", [draw], summary), replace=False)
     for folder, height in ((tmp_path, 1.25), (tmp_path / "other", 1.2)):
         folder.mkdir(exist_ok=True)
         (folder / "pub.json").write_text(json.dumps({"obstacle_height": height}))

@@ -51,7 +51,7 @@ def fill(
         new = 0
         for sample in (0, 1):
             writer.put_sample(planned.environment_id, sample, {"scene": sample})
-            writer.put_draw(planned.spread_id, sample, {"of": spread, "sample": sample})
+            writer.put_draw(planned.spread_id, sample, {spread: sample})
             missing = [run for run in writer.planned_runs(planned, sample) if run.outcome is None]
             writer.add_results((run, answer(run)) for run in missing)
             new += len(missing)
@@ -164,7 +164,7 @@ def test_scenes_and_variations_that_look_alike_may_differ(tmp_path: Path) -> Non
         writer.begin_study(FACTS, "b1")
         planned = plan(writer)
         for sample, identity in ((0, "one"), (1, "two")):
-            writer.put_sample(planned.environment_id, sample, {}, identity)
+            writer.put_sample(planned.environment_id, sample, {}, dynamic=True)
             writer.put_draw(planned.spread_id, sample, {}, identity)
         runs = [next(writer.planned_runs(planned, sample)) for sample in (0, 1)]
 
@@ -270,6 +270,9 @@ def test_what_is_no_file_is_no_store_and_reading_creates_none(tmp_path: Path) ->
     (tmp_path / "study.db").touch()
     with pytest.raises(StoreError, match=r'no such store; did you mean "study\.db"\?'):
         Store.open(tmp_path / "studdy.db")
+    (tmp_path / "link.db").symlink_to("nowhere.db")
+    with pytest.raises(StoreError, match=r"link\.db: no such store$"):
+        Store.open(tmp_path / "link.db")
 
 
 def test_a_name_that_sqlite_does_not_take_for_a_file_is_refused(

@@ -1,6 +1,7 @@
 """Damage in a store: found by `foldcar check`, and refused by other commands in one line."""
 
 import random
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +14,8 @@ from foldcar.store.check import check_store
 from foldcar.store.errors import StoreError
 from foldcar.store.log_files import log_file
 from foldcar.store.reader import Store
-from foldcar.store.tables import TABLES, TRIAL
-from full_store import alter, change, contents
+from foldcar.store.tables import BY_NAME, EXPERIMENT, SAMPLE, TABLES, TRACK, TRIAL, Table
+from full_store import alter, change, contents, full_store
 
 
 def test_a_full_store_has_rows_in_every_table_and_is_sound(store: Path, foldcar: Any) -> None:
@@ -82,6 +83,94 @@ def test_json_that_is_none_is_named(store: Path, foldcar: Any, column: str) -> N
 
     where = "foldcar: error: s.db: trial (id=1) is damaged"
     assert (answer.returncode, answer.stderr) == (2, f"{where}: its {column} is not what foldcar writes\n")
+
+
+DAMAGED_TEXTS = ("{", "null", "[]", "{}", "NaN", "[" * 3000 + "]" * 3000)
+
+
+def test_no_damaged_json_ends_in_a_traceback(store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    full_store(tmp_path / "other" / "s.db")
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "t.csv").write_text("experiment,vehicle_type,width_mm,outcome,source,sample\n1,W_B_W,95,stuck,table,0\n")
+    commands = (
+        ["trials", "list", "s.db"],
+        ["trials", "import", "s.db", "t.csv"],
+        ["export", "s.db", "--csv", "a.csv", "--trials", "t2.csv"],
+        ["merge", "other/s.db", "s.db", "-o", "m.db"],
+        ["check", "s.db"],
+    )
+    sound, refused = store.read_bytes(), 0
+    for table in TABLES:
+        for column, text in product(table.json_columns, DAMAGED_TEXTS):
+            store.write_bytes(sound)
+            change(store, table, "1", **{column: text})
+            for words in commands:
+                (tmp_path / "m.db").unlink(missing_ok=True)
+                answer = CliRunner().invoke(app, words)
+                assert isinstance(answer.exception, FoldcarError | SystemExit | None), (table.name, text, answer.exc_info)
+                refused += answer.exception is not None
+    assert refused > 200
+
+
+@pytest.mark.parametrize(
+    ("statement", "message"),
+    [
+        ("DROP TABLE correction", "is damaged: correction is missing"),
+        ("DROP VIEW result", "is damaged: result is missing"),
+        ("ALTER TABLE trial RENAME COLUMN note TO notes", "is damaged: trial is changed"),
+        ("CREATE TRIGGER own BEFORE UPDATE ON trial BEGIN SELECT RAISE(IGNORE); END",
+         "has a trigger that foldcar does not make: own"),
+    ],
+)  # fmt: skip
+def test_tables_and_views_that_are_not_as_foldcar_makes_them_are_refused(
+    store: Path, foldcar: Any, statement: str, message: str
+) -> None:
+    alter(store, statement)
+
+    for words in (("trials", "list", "s.db"), ("trials", "withdraw", "s.db", "1", "--reason", "practice")):
+        answer = foldcar(*words)
+        assert (answer.returncode, answer.stderr) == (2, f"foldcar: error: s.db: {message}\n")
+
+
+@pytest.mark.parametrize("text", ["A", "a\0b", "é", "AAAA", "gICA", ""])
+def test_paths_that_are_not_compact_paths_are_refused(store: Path, text: str) -> None:
+    change(store, BY_NAME["path"], "1", compact=text)
+
+    with Store.open(store) as opened, pytest.raises(StoreError, match=r'path \(experiment="2", .* is damaged'):
+        list(opened.kept_paths("2"))
+
+
+def test_experiments_without_a_study_are_refused(store: Path, foldcar: Any) -> None:
+    alter(store, "DELETE FROM study")
+
+    answer = foldcar("export", "s.db", "--csv", "-")
+
+    assert answer.returncode == 2 and "s.db: holds no study" in answer.stderr and answer.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize("table", ["body", "settings", "scene"])
+def test_simulated_texts_are_compared_with_their_hash(store: Path, foldcar: Any, table: str) -> None:
+    change(store, BY_NAME[table], "id = 1", json='{"friction": 0.61}')
+
+    damage = f"{table} (id=1) is damaged: its json does not match its hash"
+    answer = foldcar("merge", "s.db", "s.db", "-o", "m.db")
+    assert (answer.returncode, answer.stderr) == (2, f"foldcar: error: s.db: {damage}\n")
+    assert damage in check_store(store).findings
+
+
+@pytest.mark.parametrize(
+    ("table", "column", "value", "shown"),
+    [(SAMPLE, "sample", -1, "-1"), (EXPERIMENT, "environments", 2**62, "4.61169e+18"), (TRACK, "start_s", 9e999, "inf")],
+)
+def test_numbers_beyond_their_limits_are_refused(
+    store: Path, foldcar: Any, table: Table, column: str, value: float, shown: str
+) -> None:
+    change(store, table, f"{column} > 1", **{column: value})
+
+    answer = foldcar("export", "s.db", "--csv", "-")
+
+    assert answer.returncode == 2
+    assert f"is damaged: its {column} is {shown}, not " in answer.stderr and answer.stderr.count("\n") == 1
 
 
 def test_logs_outside_of_the_folder_are_refused(tmp_path: Path, store: Path, foldcar: Any) -> None:

@@ -39,6 +39,11 @@ def column(name: str, *cells: str) -> str:
         (HEADER + 'W_B_W,95,passed,1,"m"e\n', "line 2: ',' expected after '\"'"),
         (HEADER + 'W_B_W,95,passed,1,"me\nand\r\nyou"\n\n,,,,\nW_B_W,95,flew,1,me\n', 'line 7: outcome: "flew"'),
         (HEADER.replace(",", ";") + "W_B_W;9,5,1;passed;1;me\n", 'line 2: width_mm: "9.5.1" is not a number'),
+        (
+            HEADER.replace(",", ";") + "W_B_W;95,5;passed;1;me\nW_B_W;1.095;passed;1;me\n",
+            '"95,5" in line 2 beside "1.095" in line 3: write numbers with decimal commas and without points',
+        ),
+        (column("note", "a\0b"), r"is not UTF-8 text \(it contains NUL characters\): save it as UTF-8"),
         (HEADER + "W_B_W,95,pased,1,me\n", 'line 2: outcome: "pased" is not .*; did you mean "passed"'),
         (HEADER + "W_B_W,95,passed,1_0,me\n", 'line 2: count: "1_0" is not a whole number'),
         (HEADER + "W_B_W,95,passed,0,me\n", "line 2: count: 0 is below the minimum 1"),

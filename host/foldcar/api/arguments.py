@@ -1,6 +1,7 @@
 """Arguments of the Python interface."""
 
 import contextlib
+import math
 import operator
 from collections.abc import Iterable, Mapping
 
@@ -16,6 +17,17 @@ def whole(name: str, value: object, least: int, most: int) -> int:
         if not isinstance(value, bool) and least <= number <= most:
             return number
     raise FoldcarError(f"{name}: {value!r} is not a whole number from {least} to {most}")
+
+
+def finite(name: str, value: object, what: str = "a number") -> float:
+    """``value`` as a finite number; FoldcarError naming it if it is not one."""
+    # numpy's numbers are numbers too, texts and booleans are not.
+    if not isinstance(value, str | bool):
+        with contextlib.suppress(TypeError, ValueError, OverflowError):
+            number = float(value)  # type: ignore[arg-type]
+            if math.isfinite(number):
+                return number
+    raise FoldcarError(f"{name}: {value!r:.60} is not {what}")
 
 
 def column_named(name: str, columns: Iterable[str], what: str) -> str:
@@ -45,11 +57,5 @@ def columns_named(values: Mapping[str, object], columns: Iterable[str], what: st
         column = column_named(name, known, what)
         if column in found:
             raise FoldcarError(f"{what}: {name}: {column} is given twice")
-        try:
-            # numpy's numbers are numbers too, texts and truths are not.
-            found[column] = float(value) if not isinstance(value, str | bool) else float("nan")  # type: ignore[arg-type]
-        except (TypeError, ValueError):
-            found[column] = float("nan")
-        if found[column] != found[column]:
-            raise FoldcarError(f"{what}: {name}: {value!r} is not a number (mm or degrees)")
+        found[column] = finite(f"{what}: {name}", value, "a number (mm or degrees)")
     return found

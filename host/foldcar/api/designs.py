@@ -8,7 +8,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from foldcar.api.arguments import columns_named, whole
+from foldcar.api.arguments import columns_named, finite, whole
 from foldcar.api.environment import simulator
 from foldcar.car.body import TableRow, body_json
 from foldcar.car.design import Design, compose, modules_of, parameters
@@ -61,10 +61,8 @@ def design_of(car: Design | Mapping[str, Any]) -> Design:
 def prepared(design: Design, timeout_s: float, speed_m_s: float | None, yaw_rate_rad_s: float) -> tuple[str, str]:
     """Body and settings of the design's runs as JSON. FoldcarError if an argument is beyond its limits."""
     arguments = {"timeout_s": timeout_s, "speed_m_s": speed_m_s, "yaw_rate_rad_s": yaw_rate_rad_s}
-    for name, value in arguments.items():
-        if isinstance(value, bool) or not isinstance(value, int | float | None):
-            raise FoldcarError(f"{name}: {value!r} is not a number")
-    return _prepared(design.type, tuple(design.values.items()), *arguments.values())
+    numbers = [None if value is None else finite(name, value) for name, value in arguments.items()]
+    return _prepared(design.type, tuple(design.values.items()), *numbers)
 
 
 def built_cars(body: str, count: int, spread: str | Mapping[str, float], seed: int) -> dict[str, str]:
@@ -80,7 +78,7 @@ def _prepared(type_string: str, values: tuple[tuple[str, float], ...], *argument
     design = compose(type_string, dict(values))
     body = body_json(design)
     # A listing's limits hold for the arguments too.
-    given = {key: float(one) for key, one in zip(LISTED.values(), arguments, strict=True) if one is not None}
+    given = {key: one for key, one in zip(LISTED.values(), arguments, strict=True) if one is not None}
     try:
         params = ExperimentParams.model_validate(given)
     except ValidationError as error:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from foldcar.analysis.rate import Rate, check_confidence
-from foldcar.api.arguments import whole
+from foldcar.api.arguments import finite, whole
 from foldcar.api.designs import built_cars, design_of, prepared
 from foldcar.api.environment import Environment, Scene, environment, simulator
 from foldcar.car.design import Design
@@ -106,7 +106,7 @@ def simulate(
         (found,) = by.run({"car": body}, {"scene": scene_text}, [RunRequest("car", "scene", settings, label, sample)])
         return found
 
-    asked = {} if path_interval_s is None else {"path_interval_s": path_interval_s}
+    asked = {} if path_interval_s is None else {"path_interval_s": finite("path_interval_s", path_interval_s)}
     if runner is simulator():
         answer = native = answer_of(runner, **asked)
     else:

@@ -1,7 +1,7 @@
 """Modules of cars that a user defines in a Python file, as ``--components`` names it.
 
-Input: a file. Output: its classes among MODULES, and a hash of all files that they consist of. An error in the file is a
-message of one line that names file and line.
+Input: a file. Output: its classes among MODULES, and a hash of all files that they consist of. Modules see the
+environment variables that Scenic programs see. An error in the file is a message of one line that names file and line.
 """
 
 import contextlib
@@ -18,7 +18,7 @@ from pathlib import Path
 from foldcar.car.components.module import ElectronicsModule, Module, WheelModule
 from foldcar.car.design import MODULES, parameters
 from foldcar.errors import FoldcarError
-from foldcar.read_files import file_digest, heard_files, is_own
+from foldcar.read_files import file_digest, heard_files, is_own, only_minimal_variables
 
 # Files of users' modules with the letters that they define, and all files that they consist of.
 _loaded: dict[Path, list[str]] = {}
@@ -35,7 +35,7 @@ def load_components(file: Path) -> list[str]:
         raise FoldcarError(f"--components {file}: is no Python file")
     module = importlib.util.module_from_spec(spec)
     try:
-        with heard_files() as heard:
+        with only_minimal_variables(), heard_files() as heard:
             spec.loader.exec_module(module)
     except SyntaxError as error:
         raise FoldcarError(f"{file}:{error.lineno}: {error.msg}") from error
@@ -56,7 +56,8 @@ def load_components(file: Path) -> list[str]:
     # Python reads compiled modules where it has them: their sources are found by name.
     modules = (getattr(module, "__file__", None) for module in list(sys.modules.values()))
     imported = (Path(file) for file in modules if file and Path(file).is_relative_to(path.parent))
-    _read.update(file for file in (path, *heard.read, *imported) if _counts(file, path.parent))
+    opened = (file for file, state in heard.read.items() if state is not None or file.is_relative_to(path.parent))
+    _read.update(file for file in (path, *opened, *imported) if _counts(file, path.parent))
     _read.update(path.parent.glob("*.py"))
     return _loaded[path]
 
@@ -100,10 +101,10 @@ def building() -> Iterator[None]:
     if not _loaded:
         yield
         return
-    with heard_files() as heard:
+    with only_minimal_variables(), heard_files() as heard:
         yield
-    for file in heard.read:
-        if file not in _read and all(_counts(file, path.parent) for path in _loaded):
+    for file, state in heard.read.items():
+        if state is not None and file not in _read and all(_counts(file, path.parent) for path in _loaded):
             raise FoldcarError(
                 f"{next(iter(_loaded))}: reads {file} while a car is folded, too late to tell designs apart by it; "
                 "read it at the module's head"

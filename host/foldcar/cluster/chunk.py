@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from foldcar.errors import FoldcarError
+from foldcar.read_files import MISSING
 from foldcar.scenes.fingerprint import scene_code, scenic_version
 from foldcar.scenes.program_files import content
 from foldcar.simulation.carsim import Carsim
@@ -46,7 +47,8 @@ def recipe_of(runner: Runner, carsim: Carsim) -> Recipe:
     if not isinstance(runner, ScenicRunner):
         return Recipe(engine, carsim.build)
     known, folder = runner.environment["files"], runner.program.parent
-    files = tuple((name, content(folder, name, known[name])) for name in sorted(known) if not Path(name).is_absolute())
+    there = (name for name in sorted(known) if not Path(name).is_absolute() and known[name] != MISSING)
+    files = tuple((name, content(folder, name, known[name])) for name in there)
     environment, code = json.dumps(runner.environment), (scene_code(), scenic_version())
     return Recipe(engine, carsim.build, str(runner.program), files, environment, code)
 

@@ -7,13 +7,14 @@ import math
 from typing import Any
 
 # The largest values of the numbers that are used: angles (rad), places (m), speeds (m/s, rad/s), times (ms, s), sizes.
-# A day is the longest trial that a store keeps, 2^128 the end of 32-bit floating-point numbers.
+# A day is the longest trial that a store keeps, 2^32 ms the longest time since boot in other messages, 2^128 the end of
+# 32-bit floating-point numbers.
 DAY_S = 86_400.0
 LIMITS: dict[str, dict[str, float]] = {
     "ATTITUDE": {"roll": 10, "pitch": 10, "yaw": 10},
     "FOLDCAR_TRUTH": {
         **dict.fromkeys(("x", "y", "z", "heading", "pitch", "roll", "speed", "yaw_rate"), 1e5),
-        "outcome": 4, "outcome_time": DAY_S,
+        "outcome": 4, "outcome_time": DAY_S, "time_usec": 1000 * 2**32,
     },
     "FOLDCAR_TRIAL": {"elapsed_ms": 1000 * DAY_S},
     "PARAM_VALUE": {"param_value": 2.0**128},

@@ -17,6 +17,8 @@ from foldcar.link.dialect import load_dialect
 from foldcar.outputs import atomic_file
 
 STAMP = struct.Struct(">Q")
+# The last time whose nanoseconds fit in the signed 64 bits of other formats, in the year 2262.
+LAST_US = (2**63 - 1) // 1000
 
 
 class LogError(FoldcarError):
@@ -66,7 +68,7 @@ def read_tlog(file: Path) -> Iterator[tuple[int, Any]]:
 def log_damage(file: Path) -> str | None:
     """Say how much of a log is left out because it is damaged; None if it is whole. LogError if it cannot be read."""
     unread = records_of(_content(file))[1]
-    return f"{file}: is damaged: the last {unread} bytes are not whole packets and are left out" if unread else None
+    return f"{file}: is damaged: its last {unread} bytes, from where no packet begins, are left out" if unread else None
 
 
 def _content(file: Path) -> bytes:
@@ -99,9 +101,10 @@ def records_of(data: bytes) -> tuple[list[tuple[int, bytes]], int]:
     while at + STAMP.size + 3 <= len(data):
         begin = at + STAMP.size
         length = _packet_bytes(data, begin)
-        if length is None or begin + length > len(data):
+        (time_us,) = STAMP.unpack_from(data, at)
+        if length is None or begin + length > len(data) or time_us > LAST_US:
             break
-        records.append((STAMP.unpack_from(data, at)[0], data[begin : begin + length]))
+        records.append((time_us, data[begin : begin + length]))
         at = begin + length
     return records, len(data) - at
 

@@ -68,10 +68,10 @@ def environment_values(store: Store, info: ExperimentInfo) -> EnvironmentValues:
 
 
 def _read(store: Store, info: ExperimentInfo) -> EnvironmentValues:
-    row = next(store.rows(EXPERIMENT, "WHERE id = ?", info.id))
+    row = store.row(EXPERIMENT, id=info.id)
     scenes = _by_sample(store, row, "sample", "environment_id", "scene", _scene)
-    first = next(store.rows(DESIGN, "WHERE experiment = ? AND position = 0", info.id))
-    body = next(store.rows(BY_NAME["body"], "WHERE id = ?", first["body_id"]))
+    first = store.row(DESIGN, experiment=info.id, position=0)
+    body = store.row(BY_NAME["body"], id=first["body_id"])
     wheels = json.loads(body["json"]).get("wheels", ())
     cars = _by_sample(store, row, "draw", "spread_id", "variation", lambda drawn: _car(drawn, wheels))
     tables = [scenes, cars]

@@ -146,7 +146,7 @@ class _RunTable:
             name: next((kind for kind, takes in RECORDED_KINDS.items() if types <= takes), "json")
             for name, types in store.recorded_types().items()
         }
-        infos = store.info().experiments.values() if store.holds_study() else ()
+        infos = store.info().experiments.values() if store.experiment_ids() else ()
         self._sampled = {info.id: environment_values(store, info) for info in infos}
         # Where the sampled values stand in the table of each experiment.
         at = {id: {one.name: k for k, one in enumerate(table.columns)} for id, table in self._sampled.items()}

@@ -1,9 +1,10 @@
 """The files and modules of a Scenic program: what its samples and runs follow from besides its parameters and seed.
 
-Input: blocks of code of a program. Output: the SHA-256 of each file that was read in them, and of the Scenic and Python
+Input: blocks of code of a program. Output: the SHA-256 of each file that was read in them (of one in its folder also that
+it is not there), and of the Scenic and Python
 files beside the program, which it may import at any time; FoldcarError if one has changed meanwhile. Files are named
 relative to the program's folder, those outside by their whole path. Installed code is not among them. What Python opens
-is heard (its audit event `open`); a file that a library in C opens by itself is not.
+is heard (its audit event `open`); a file that a library in C, another thread or another program opens is not.
 
 Within the blocks environment variables are those that the system and Python need: others are no part of an environment.
 There sys.modules and sys.path are as if the program were alone in a new Python: two programs may each have a
@@ -13,7 +14,6 @@ takes compiled code for current if its source had the same size and second.
 
 import importlib
 import importlib.util
-import os
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -23,7 +23,17 @@ from types import CodeType, ModuleType
 from typing import Any
 
 from foldcar.errors import FoldcarError
-from foldcar.read_files import CODE, HeardFiles, content_digest, file_digest, file_state, heard_files, is_own
+from foldcar.read_files import (
+    CODE,
+    HeardFiles,
+    content_digest,
+    digest_or_missing,
+    file_digest,
+    file_state,
+    heard_files,
+    is_own,
+    only_minimal_variables,
+)
 
 Files = Mapping[str, str]
 
@@ -49,7 +59,7 @@ class ProgramFiles:
 
     def unchanged(self) -> bool:
         """Whether the files are as they were, and no more of them stand beside the program."""
-        now = {name: file_digest(self._folder / name) for name in self._digests}
+        now = {name: digest_or_missing(self._folder / name) for name in self._digests}
         return {**now, **self._neighbours()} == self._digests
 
     @contextmanager
@@ -61,7 +71,7 @@ class ProgramFiles:
         if anew:
             self._modules.forget()
         failed: Exception | None = None
-        with _minimal_variables(), self._modules.loaded(), heard_files() as heard:
+        with only_minimal_variables(), self._modules.loaded(), heard_files() as heard:
             try:
                 yield
             except Exception as error:
@@ -76,8 +86,11 @@ class ProgramFiles:
         for path, state in heard.read.items():
             if path.suffix == ".pyc" or path in self._written or not is_own(path, self._folder):
                 continue
+            if state is None and (self._fixed or not path.is_relative_to(self._folder)):
+                # Should it appear, reading it is noticed as late, or as of another file outside.
+                continue
             name = self._name(path)
-            known, now = self._digests.get(name), file_digest(path) if file_state(path) == state else None
+            known, now = self._digests.get(name), digest_or_missing(path) if file_state(path) == state else None
             if now is None or now != (known or now):
                 raise _changed(self._program.parent / name)
             if known is None and self._fixed:
@@ -94,7 +107,9 @@ class ProgramFiles:
         return str(path.resolve())
 
     def _neighbours(self) -> dict[str, str]:
-        found = {file.name: file_digest(file) for file in self._folder.glob("*") if file.suffix in CODE}
+        # A package comes before a module of its name.
+        files = [*(file for file in self._folder.glob("*") if file.suffix in CODE), *self._folder.glob("*/__init__.py")]
+        found = {file.relative_to(self._folder).as_posix(): file_digest(file) for file in files}
         return {name: digest for name, digest in found.items() if digest is not None}
 
 
@@ -109,28 +124,6 @@ def content(folder: Path, name: str, digest: str) -> bytes:
 
 def _changed(file: Path) -> FoldcarError:
     return FoldcarError(f"{file}: has changed while the program was in use; start again with the files as they are now")
-
-
-# Environment variables that a program may read, and the beginnings of others'.
-VARIABLES = ("HOME", "LANG", "PATH", "SYSTEMROOT", "TEMP", "TMP", "TMPDIR", "USERPROFILE")
-PREFIXES = ("COVERAGE", "DYLD_", "FOLDCAR_", "LC_", "LD_", "MPL", "OPENBLAS_", "PYTHON", "XDG_")
-
-
-def minimal_variables() -> dict[str, str]:
-    """The environment variables for code of a program, in this process or in another."""
-    return {name: value for name, value in os.environ.items() if name in VARIABLES or name.startswith(PREFIXES)}
-
-
-@contextmanager
-def _minimal_variables() -> Iterator[None]:
-    kept = minimal_variables()
-    hidden = {name: value for name, value in os.environ.items() if name not in kept}
-    for name in hidden:
-        del os.environ[name]
-    try:
-        yield
-    finally:
-        os.environ.update(hidden)
 
 
 class _Modules:

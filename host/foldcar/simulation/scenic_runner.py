@@ -16,7 +16,8 @@ from pathlib import Path
 from typing import Any
 
 from foldcar.installation import python_command
-from foldcar.scenes.program_files import Files, minimal_variables
+from foldcar.read_files import minimal_variables
+from foldcar.scenes.program_files import Files
 from foldcar.simulation.carsim_step import LineProcess
 from foldcar.simulation.runner import CarsimError, RunRequest, process_ending
 

@@ -15,7 +15,7 @@ from foldcar.store.connection import StoreConnection, writing
 from foldcar.store.errors import StoreError
 from foldcar.store.info import CALIBRATION_KIND
 from foldcar.store.reader import Store
-from foldcar.store.rows import Row, parsed
+from foldcar.store.rows import Row
 from foldcar.store.tables import BUILD, CALIBRATION, EXPERIMENT
 from foldcar.store.trial_writer import now_utc
 
@@ -123,14 +123,13 @@ def new_calibration(
 
 
 def _read(path: Path, row: Row, builds: Mapping[int, str]) -> Calibration:
-    draws = parsed(path, CALIBRATION, row, "draws", list)
-    if not draws or not all(isinstance(draw, dict) for draw in draws) or row["build_id"] not in builds:
-        raise StoreError(f"{path}: calibration (name={row['name']}) is damaged: it is not what foldcar writes")
+    if row["build_id"] not in builds:
+        raise StoreError(f"{path}: build (id={row['build_id']}) is missing")
     return Calibration(
         row["name"],
         row["experiment"],
         builds[row["build_id"]],
         row["created_utc"],
-        tuple(draws),
-        parsed(path, CALIBRATION, row, "summary"),
+        tuple(json.loads(row["draws"])),
+        json.loads(row["summary"]),
     )

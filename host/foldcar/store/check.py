@@ -9,14 +9,16 @@ import hashlib
 import json
 import sqlite3
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 from foldcar.simulation.results import NUMBERS
-from foldcar.store.connection import connect_reading
+from foldcar.store.connection import connect_reading, numbers_beyond_limits
 from foldcar.store.errors import SQLITE_ERRORS, StoreError
 from foldcar.store.log_files import log_file, logs_folder, sha256_of, store_folder
 from foldcar.store.reader import Store
+from foldcar.store.rows import read_rows
 from foldcar.store.tables import BY_NAME, PATH, RECORDED, RUN, TABLES
 
 
@@ -37,10 +39,22 @@ def check_store(path: Path) -> StoreCheck:
             findings = [f"SQLite's structure: {' '.join(line.split())}" for line in lines]
             rows = sum(connection.execute(f"SELECT count(*) FROM {table.name}").fetchone()[0] for table in TABLES)
             findings += missing_references(connection)
+            findings += numbers_beyond_limits(connection)
+            findings += _damaged_texts(path, connection)
             logs, damaged = _check_logs(path, connection)
         except SQLITE_ERRORS as error:
             raise StoreError(f"{path}: cannot be read to its end: {error}") from error
     return StoreCheck(rows, logs, findings + damaged)
+
+
+def _damaged_texts(path: Path, connection: sqlite3.Connection) -> Iterator[str]:
+    """Yield a line for the first row of each table whose JSON texts are not what foldcar writes."""
+    for table in TABLES:
+        try:
+            for _ in read_rows(path, connection, table):
+                pass
+        except StoreError as error:
+            yield str(error).removeprefix(f"{path}: ")
 
 
 def missing_references(connection: sqlite3.Connection) -> list[str]:

@@ -7,7 +7,6 @@ Readers copy the store into a temporary database that vanishes with the connecti
 """
 
 import contextlib
-import hashlib
 import os
 import sqlite3
 from collections.abc import Iterable, Iterator, Mapping
@@ -16,8 +15,8 @@ from typing import Any
 
 from foldcar.outputs import make_output_folder
 from foldcar.store.errors import StoreError, store_errors
-from foldcar.store.rows import Row, insert_sql, key_text, read_rows
-from foldcar.store.tables import BY_NAME, VERSION, Table, create_tables
+from foldcar.store.rows import Row, insert_sql, key_text, read_row, read_rows, text_hash
+from foldcar.store.tables import BY_NAME, LIMITS, TABLES, VERSION, VIEWS, Table, create_tables
 from foldcar.typed import did_you_mean_file
 
 # "Fold" in ASCII: tells a store from other SQLite files.
@@ -45,11 +44,27 @@ def open_reading(path: Path) -> sqlite3.Connection:
             copy.execute("PRAGMA query_only = ON")
             # Structure, types, required values and choices: what is read below is of the kind that was written.
             (first,) = copy.execute("PRAGMA quick_check(1)").fetchone()
-        if first != "ok":
-            raise StoreError(f"{path}: is damaged: {first}; `foldcar check {path}` says what else is")
+            if first != "ok":
+                raise StoreError(f"{path}: is damaged: {first}; `foldcar check {path}` says what else is")
+            for damage in numbers_beyond_limits(copy):
+                raise StoreError(f"{path}: {damage}")
         stack.pop_all()
         connection.close()
         return copy
+
+
+def numbers_beyond_limits(connection: sqlite3.Connection) -> Iterator[str]:
+    """Yield a line for the first row of each table that has a number beyond LIMITS."""
+    for table in TABLES:
+        limits = {column.name: LIMITS[column.type] for column in table.columns if column.type in LIMITS}
+        if limits:
+            beyond = " OR ".join(f"{name} NOT BETWEEN {least} AND {most}" for name, (least, most) in limits.items())
+            query = f"SELECT {', '.join(table.names)} FROM {table.name} WHERE {beyond} LIMIT 1"
+            for cells in connection.execute(query):
+                row = dict(zip(table.names, cells, strict=True))
+                for name, (least, most) in limits.items():
+                    if row[name] is not None and not least <= row[name] <= most:
+                        yield f"{key_text(table, row)} is damaged: its {name} is {row[name]:g}, not {least:g} to {most:g}"
 
 
 def connect_reading(path: Path) -> sqlite3.Connection:
@@ -100,7 +115,19 @@ def _is_blank(path: Path, connection: sqlite3.Connection) -> bool:
             f"{path}: is a store of version {version}, and this foldcar reads version {VERSION}: "
             "sweep into a new store, or use the foldcar that made it"
         )
+    with store_errors(path):
+        _check_schema(path, connection)
     return False
+
+
+def _check_schema(path: Path, connection: sqlite3.Connection) -> None:
+    """StoreError if a table or view of the store is not as foldcar makes it, or if there is a trigger."""
+    statements = dict(connection.execute("SELECT name, sql FROM sqlite_master WHERE type IN ('table', 'view')"))
+    for name, sql in (*((table.name, table.sql) for table in TABLES), *VIEWS.items()):
+        if statements.get(name) != sql:
+            raise StoreError(f"{path}: is damaged: {name} is {'missing' if name not in statements else 'changed'}")
+    for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'trigger'"):
+        raise StoreError(f"{path}: has a trigger that foldcar does not make: {name}")
 
 
 def _refuse_listing(path: Path) -> None:
@@ -290,8 +317,7 @@ class StoreConnection:
         self._file = path.stat()
 
     def _put_text(self, table: str, text: str, identity: str = "") -> int:
-        digest = hashlib.sha256((text + identity).encode()).hexdigest()
-        return self._identify(table, "hash", digest, json=text)
+        return self._identify(table, "hash", text_hash(text, identity), json=text)
 
     def _identify(self, table: str, column: str, value: str, **others: Any) -> int:
         """The id of the row with that value, which is made if there is none."""
@@ -324,10 +350,7 @@ class StoreConnection:
 
     def _row(self, table: Table, **key: Any) -> Row:
         """The row of that key; StoreError if it is gone."""
-        found = self._rows(table, "WHERE " + " AND ".join(f"{name} = ?" for name in key), *key.values())
-        if not found:
-            raise StoreError(f"{self.path}: {key_text(table, key)} is missing")
-        return found[0]
+        return read_row(self.path, self._connection, table, **key)
 
     def _run(self, statement: str, *values: Any) -> Any:
         with store_errors(self.path):

@@ -1,6 +1,7 @@
 """The designs that experiments of a store have, how many runs of each are stored, how many count and passed."""
 
 import contextlib
+import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,7 +10,7 @@ from sqlite3 import Connection
 from foldcar.simulation.results import REJECTED
 from foldcar.store.connection import connect_reading
 from foldcar.store.errors import StoreError, store_errors
-from foldcar.store.rows import parsed, read_rows
+from foldcar.store.rows import read_rows
 from foldcar.store.tables import DESIGN, EXPERIMENT, RESULT_JOIN
 
 
@@ -70,6 +71,6 @@ def designs_of(path: Path, connection: Connection, experiment: str) -> StoredDes
             rows = list(read_rows(path, connection, DESIGN, "WHERE experiment = ? ORDER BY position", experiment))
             whole = [one["position"] for one in rows] == list(range(row["designs"] or 0))
             if row["designs_fingerprint"] is not None and whole:
-                parameters = [parsed(path, DESIGN, one, "parameters") for one in rows]
+                parameters = [json.loads(one["parameters"]) for one in rows]
                 return StoredDesigns(row["designs_fingerprint"], parameters)
     return None

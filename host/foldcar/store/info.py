@@ -17,7 +17,7 @@ CALIBRATION_KIND, REALITY_KIND = "calibration", "reality"
 
 # Endings of the names of an experiment's variants: in fresh environments, in another engine, under other parameters.
 _TITLES = "|".join(re.escape(engine.title) for engine in ENGINES.values() if engine.title)
-VARIANT = re.compile(rf" (fresh|\(({_TITLES}|(calibrated|{REALITY_KIND}) .*)\))$")
+VARIANT = re.compile(rf" (fresh|\(({_TITLES}|(calibrated|{REALITY_KIND}) .*)\))$", re.DOTALL)
 
 
 def engine_id(experiment: str, engine: str) -> str:

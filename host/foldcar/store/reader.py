@@ -1,6 +1,8 @@
 """The results store, read: the facts of the study and its runs as rows. docs/store.md describes the file."""
 
+import base64
 import itertools
+import json
 import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -14,7 +16,7 @@ from foldcar.store.connection import open_reading
 from foldcar.store.designs import DesignCounts, design_counts
 from foldcar.store.errors import StoreError, store_errors
 from foldcar.store.info import ExperimentInfo, StudyInfo
-from foldcar.store.rows import Row, key_text, parsed, read_rows
+from foldcar.store.rows import Row, read_row, read_rows
 from foldcar.store.tables import (
     BY_NAME,
     CORRECTION,
@@ -105,7 +107,7 @@ class Store:
     def designs(self, name: str) -> dict[int, Mapping[str, float | str]]:
         """The parameters of an experiment's designs by their position in the family."""
         rows = self.rows(DESIGN, "WHERE experiment = ? ORDER BY position", name)
-        return {row["position"]: parsed(self.path, DESIGN, row, "parameters") for row in rows}
+        return {row["position"]: json.loads(row["parameters"]) for row in rows}
 
     def run_batches(self, name: str) -> Iterator[tuple[Any, list[tuple[Any, ...]]]]:
         """The runs that an experiment shows, by design and sample, in lists of at most BATCH_ROWS.
@@ -120,7 +122,12 @@ class Store:
 
     def kept_paths(self, name: str) -> Iterator[tuple[int, int, int, str]]:
         """The paths kept of an experiment's runs: the design's position, the sample, how many rows, the compact path."""
-        yield from self._rows(f"SELECT d.position, s.sample, p.row_count, p.compact {PATH_JOIN} AND e.id = ?", name)
+        query = f"SELECT d.position, s.sample, p.row_count, p.compact {PATH_JOIN} AND e.id = ?"
+        for design, sample, rows, text in self._rows(query, name):
+            if not _is_compact_path(text, rows):
+                where = f'path (experiment="{name}", design={design}, sample={sample})'
+                raise StoreError(f"{self.path}: {where} is damaged: its compact is not what foldcar writes")
+            yield design, sample, rows, text
 
     def run_rows(self, name: str) -> Iterator[tuple[int, int, Row]]:
         """The runs that an experiment shows, by design and sample: the design's position, the sample, the row."""
@@ -133,7 +140,7 @@ class Store:
         corrections = Counter(row["trial_id"] for row in self.rows(CORRECTION))
         for row in self.rows(TRIAL, "WHERE ?1 IS NULL OR experiment = ?1 ORDER BY id", experiment):
             told = {**row, "withdrawn": bool(row["withdrawn"]), "corrections": corrections[row["id"]]}
-            told |= {"design": parsed(self.path, TRIAL, row, "design"), "deviations": self._deviations(row)}
+            told |= {"design": json.loads(row["design"]), "deviations": self._deviations(row)}
             yield Trial(**{one.name: told[one.name] for one in fields(Trial)})
 
     def trials_elsewhere(self, info: ExperimentInfo) -> dict[int, str | None]:
@@ -200,11 +207,7 @@ class Store:
         return found
 
     def _deviations(self, row: Row) -> dict[str, tuple[float, float, float]]:
-        found = parsed(self.path, TRIAL, row, "deviations")
-        if not all(isinstance(moved, list) and len(moved) == 3 for moved in found.values()):
-            where = f"{self.path}: {key_text(TRIAL, row)}"
-            raise StoreError(f"{where} is damaged: its deviations are not what foldcar writes")
-        return {name: (x, y, turn) for name, (x, y, turn) in found.items()}
+        return {name: (x, y, turn) for name, (x, y, turn) in json.loads(row["deviations"]).items()}
 
     def corrections(self, trial: int | None = None) -> list[Correction]:
         """What was changed of trials, or of one, by trial, oldest first."""
@@ -215,7 +218,7 @@ class Store:
     def track(self, trial: int) -> Track | None:
         """Where a camera saw the car in a trial; None if no film of it was tracked."""
         for row in self.rows(TRACK, "WHERE id = ?", trial):
-            facts, rows = parsed(self.path, TRACK, row, "facts"), parsed(self.path, TRACK, row, "rows", list)
+            facts, rows = json.loads(row["facts"]), json.loads(row["rows"])
             return Track(trial, row["film"], row["film_sha256"], row["start_s"], row["outcome"], facts, rows)
         return None
 
@@ -230,7 +233,6 @@ class Store:
             texts = []
             for table in (BY_NAME["body"], BY_NAME["settings"], BY_NAME["scene"]):
                 for row in self.rows(table, "WHERE id = ?", trial[f"{table.name}_id"]):
-                    parsed(self.path, table, row, "json")
                     texts.append(row["json"])
             return (texts[0], texts[1], texts[2]) if len(texts) == 3 else None
         return None
@@ -238,6 +240,10 @@ class Store:
     def rows(self, table: Table, rest: str = "", *values: Any) -> Iterator[Row]:
         """Rows of a table as they stand there; ``rest`` is SQL from WHERE on."""
         return read_rows(self.path, self._connection, table, rest, *values)
+
+    def row(self, table: Table, **key: Any) -> Row:
+        """The row whose columns have the values of ``key``: of a key's value that another row refers to."""
+        return read_row(self.path, self._connection, table, **key)
 
     def failures(self, experiments: Sequence[str]) -> list[tuple[str, int]]:
         """Why runs of these experiments failed: messages and how many have each, sample numbers aside, most first."""
@@ -262,7 +268,7 @@ class Store:
         columns: dict[str, None] = {}
         for name in self.experiment_ids(None):
             for design in self.rows(DESIGN, "WHERE experiment = ? AND position = 0", name):
-                columns.update(dict.fromkeys(parsed(self.path, DESIGN, design, "parameters")))
+                columns.update(dict.fromkeys(json.loads(design["parameters"])))
         return list(columns)
 
     def holds_recorded(self) -> bool:
@@ -301,17 +307,13 @@ class Store:
                 run["message"],
                 designs[design],
                 {
-                    row["name"]: Recorded(row["kind"], parsed(self.path, RECORDED, row, "value", object))
+                    row["name"]: Recorded(row["kind"], json.loads(row["value"]))
                     for row in (self.recorded_rows(run) if with_recorded else ())
                 },
             )
 
     def _experiment(self, name: str) -> Row:
-        experiment = next(self.rows(EXPERIMENT, "WHERE id = ?", name), None)
-        if experiment is None:
-            # It is in the list of all: an index is damaged.
-            raise StoreError(f"{self.path}: experiment (id={name}) is missing")
-        return experiment
+        return self.row(EXPERIMENT, id=name)
 
     def recorded_rows(self, run: Row) -> Iterator[Row]:
         """What was recorded in a run, by name."""
@@ -345,11 +347,22 @@ class Store:
             )
 
     def _facts(self, experiment: Row) -> Any:
-        return parsed(self.path, EXPERIMENT, experiment, "facts")
+        return json.loads(experiment["facts"])
 
     def _rows(self, query: str, *values: Any) -> Iterator[Any]:
         with store_errors(self.path):
             yield from self._connection.execute(query, values)
+
+
+def _is_compact_path(text: str, rows: int) -> bool:
+    """Whether a text is a compact path of so many rows in base64: of each row six numbers, and one of each hinge."""
+    try:
+        content = base64.b64decode(text, validate=True)
+    except ValueError:
+        return False
+    # The last byte of a number has no top bit.
+    count = sum(byte < 0x80 for byte in content)
+    return rows > 0 and count >= 6 * rows and count % rows == 0 and content[-1] < 0x80
 
 
 def _stopped(facts: Mapping[str, Any] | None, counts: DesignCounts) -> "tuple[StoppingRule | None, list[bool]]":

@@ -1,6 +1,6 @@
 """Reads and inserts rows of the store's tables as dictionaries by column."""
 
-import json
+import hashlib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from sqlite3 import Connection
@@ -10,6 +10,10 @@ from foldcar.store.errors import StoreError, store_errors
 from foldcar.store.tables import Table
 
 Row = dict[str, Any]
+
+# Tables of texts whose hash can be computed again: what tells variations from equal ones is not stored.
+HASHED = ("body", "settings", "scene")
+SAMPLES_OF_SCENE = "SELECT fingerprint, sample FROM sample JOIN environment ON id = environment_id WHERE scene_id = ?"
 
 
 def key_text(table: Table, row: Mapping[str, Any]) -> str:
@@ -23,18 +27,50 @@ def insert_sql(table: Table, otherwise: str = "") -> str:
 
 
 def read_rows(path: Path, connection: Connection, table: Table, rest: str = "", *values: Any) -> Iterator[Row]:
-    """Rows of a table; ``rest`` is SQL from WHERE on. StoreError."""
+    """Rows of a table; ``rest`` is SQL from WHERE on. Raises StoreError, also for a row that another program changed."""
     with store_errors(path):
         for cells in connection.execute(f"SELECT {', '.join(table.names)} FROM {table.name} {rest}", values):
-            yield dict(zip(table.names, cells, strict=True))
+            row = dict(zip(table.names, cells, strict=True))
+            _check_row(path, connection, table, row)
+            yield row
 
 
-def parsed(path: Path, table: Table, row: Row, column: str, kind: type | tuple[type, ...] = dict) -> Any:
-    """The value of a JSON column, of that kind; StoreError, naming row and column, if another program changed it."""
-    try:
-        value = json.loads(row[column])
-        if isinstance(value, kind):
-            return value
-    except (ValueError, TypeError, RecursionError):
-        pass
-    raise StoreError(f"{path}: {key_text(table, row)} is damaged: its {column} is not what foldcar writes")
+def read_row(path: Path, connection: Connection, table: Table, **key: Any) -> Row:
+    """The row whose columns have the values of ``key``. Raises StoreError if there is none."""
+    where = " AND ".join(f"{name} = ?" for name in key)
+    for row in read_rows(path, connection, table, f"WHERE {where}", *key.values()):
+        return row
+    raise StoreError(f"{path}: {table.name} ({', '.join(f'{name}={value}' for name, value in key.items())}) is missing")
+
+
+def _check_row(path: Path, connection: Connection, table: Table, row: Row) -> None:
+    """Raise StoreError if a JSON text of the row has another hash, or another shape, than foldcar writes."""
+    damage = None
+    if table.name in HASHED:
+        if not _has_hash(connection, table, row):
+            damage = "its json does not match its hash"
+    elif table.json_columns:
+        from foldcar.store.shapes import has_shape
+
+        damaged = [column for column in table.json_columns if not has_shape(table, column, row[column])]
+        damage = f"its {damaged[0]} is not what foldcar writes" if damaged else None
+    if damage is not None:
+        raise StoreError(f"{path}: {key_text(table, row)} is damaged: {damage}")
+
+
+def _has_hash(connection: Connection, table: Table, row: Row) -> bool:
+    """Whether the hash of a row is that of its JSON text, of a scene also with its identity."""
+    if row["hash"] == text_hash(row["json"]):
+        return True
+    samples = connection.execute(SAMPLES_OF_SCENE, (row["id"],)) if table.name == "scene" else ()
+    return any(row["hash"] == text_hash(row["json"], scene_identity(*sample)) for sample in samples)
+
+
+def text_hash(text: str, identity: str = "") -> str:
+    """The hash of a JSON text and of what else tells it from an equal one."""
+    return hashlib.sha256((text + identity).encode()).hexdigest()
+
+
+def scene_identity(fingerprint: str, sample: int) -> str:
+    """What tells a scene from an equal one in other samples and environments, if its program distinguishes them."""
+    return f"{fingerprint}/{sample}"

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-from foldcar.store.errors import StoreError
 from foldcar.store.reader import Store
 from foldcar.store.tables import BY_NAME, DESIGN, EXPERIMENT
 
@@ -32,9 +31,7 @@ class StoredDrives:
 
     def text(self, table: str, row_id: int) -> str:
         """The JSON text of a row of ``body``, ``scene``, ``settings`` or ``variation``; StoreError if it is missing."""
-        for row in self.store.rows(BY_NAME[table], "WHERE id = ?", row_id):
-            return str(row["json"])
-        raise StoreError(f"{self.store.path}: {table} (id={row_id}) is missing")
+        return str(self.store.row(BY_NAME[table], id=row_id)["json"])
 
     def value(self, table: str, row_id: int) -> dict[str, Any]:
         """The object that a text stands for."""
@@ -49,10 +46,9 @@ class StoredDrives:
 
 def read_drives(store: Store, experiment: str) -> StoredDrives:
     """What the runs of ``experiment`` were simulated with. StoreError."""
-    row = next(store.rows(EXPERIMENT, "WHERE id = ?", experiment))
+    row = store.row(EXPERIMENT, id=experiment)
     designs = list(store.rows(DESIGN, "WHERE experiment = ? ORDER BY position", experiment))
-    environment = next(store.rows(BY_NAME["environment"], "WHERE id = ?", row["environment_id"]), None)
-    dynamic = environment["dynamic"] if environment is not None else None
+    dynamic = store.row(BY_NAME["environment"], id=row["environment_id"])["dynamic"]
     sampled = "WHERE environment_id = ? AND sample < ? ORDER BY sample"
     samples = store.rows(BY_NAME["sample"], sampled, row["environment_id"], row["environments"])
     draws = store.rows(BY_NAME["draw"], "WHERE spread_id = ?", row["spread_id"])

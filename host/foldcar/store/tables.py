@@ -14,8 +14,12 @@ from foldcar.store.trial_records import BUILT, CARS, MEDIA_ENDINGS, TRIAL_OUTCOM
 # Raised by every change of a table or view; stores of other versions are refused.
 VERSION = 2
 
-# Types of columns in SQL. JSON is text that is JSON; a VALUE is a text or a number.
-SQL_TYPES = {"INTEGER": "INTEGER", "REAL": "REAL", "TEXT": "TEXT", "JSON": "TEXT", "VALUE": "ANY"}
+# Types of columns in SQL. JSON is text that is JSON; a VALUE is a text or a number; a COUNT is a number from 0.
+SQL_TYPES = {
+    "INTEGER": "INTEGER", "COUNT": "INTEGER", "REAL": "REAL", "TEXT": "TEXT", "JSON": "TEXT", "VALUE": "ANY",
+}  # fmt: skip
+# The least and the largest value of numbers: far beyond any that foldcar writes, and finite.
+LIMITS = {"COUNT": (0, 10_000_000), "REAL": (-1e15, 1e15)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +68,11 @@ class Table:
         """The names of the columns."""
         return tuple(column.name for column in self.columns)
 
+    @cached_property
+    def json_columns(self) -> tuple[str, ...]:
+        """The names of the columns of JSON texts."""
+        return tuple(column.name for column in self.columns if column.type == "JSON")
+
     @property
     def sql(self) -> str:
         """The CREATE TABLE statement."""
@@ -89,7 +98,7 @@ def _fingerprints(name: str, meaning: str, *more: Column) -> Table:
     return Table(name, meaning, columns, unique="fingerprint")
 
 
-_SAMPLE = Column("sample", "INTEGER", "number of the sample, from 0")
+_SAMPLE = Column("sample", "COUNT", "number of the sample, from 0")
 _RUN_KEY = tuple(
     Column(f"{name}_id", "INTEGER", meaning, refers=name)
     for name, meaning in (
@@ -133,7 +142,7 @@ PATH = Table(
     "where the car was in a run; of a bounded number of runs, for pictures",
     (
         *(Column(column.name, column.type, column.meaning) for column in _RUN_KEY),
-        Column("row_count", "INTEGER", "how many rows it has: one each 0.05 s, and the last"),
+        Column("row_count", "COUNT", "how many rows it has: one each 0.05 s, and the last"),
         Column("compact", "TEXT", "the rows as carsim's compact path, in base64"),
     ),
     key=_RUN_KEY_NAMES,
@@ -182,15 +191,15 @@ EXPERIMENT = Table(
     "an experiment as it was last swept",
     (
         Column("id", "TEXT", "its name in the listing"),
-        Column("position", "INTEGER", "its place in reports, from 0"),
+        Column("position", "COUNT", "its place in reports, from 0"),
         Column("build_id", "INTEGER", "the build of carsim that simulated it", refers="build"),
         Column("environment_id", "INTEGER", "its environment", refers="environment"),
         Column("spread_id", "INTEGER", "the spread of its cars", refers="spread"),
-        Column("environments", "INTEGER", "how many samples of the environment it has"),
+        Column("environments", "COUNT", "how many samples of the environment it has"),
         Column("vehicle", "TEXT", "the vehicle's name in the listing"),
         Column("environment", "TEXT", "the environment's name in the listing"),
         Column("facts", "JSON", "what else the listing says of it"),
-        Column("designs", "INTEGER", "how many designs it has", null=True),
+        Column("designs", "COUNT", "how many designs it has", null=True),
         Column("designs_fingerprint", "TEXT", "hash of all that its designs follow from, if it is known", null=True),
     ),
 )
@@ -199,7 +208,7 @@ DESIGN = Table(
     "a design of an experiment's family",
     (
         Column("experiment", "TEXT", "the experiment", refers="experiment"),
-        Column("position", "INTEGER", "its place in the family, from 0"),
+        Column("position", "COUNT", "its place in the family, from 0"),
         Column("parameters", "JSON", "the design's parameters by name, units in the names"),
         Column("body_id", "INTEGER", "the car's body", refers="body"),
         Column("settings_id", "INTEGER", "what it drives with", refers="settings"),

@@ -19,7 +19,7 @@ from foldcar.simulation.compact_path import compact_path
 from foldcar.simulation.runner import KEPT_INTERVAL_S as INTERVAL_S
 from foldcar.store.log_files import intact_log
 from foldcar.store.reader import Store
-from foldcar.store.trial_records import Track, Trial
+from foldcar.store.trial_records import LONGEST_S, Track, Trial
 
 Rows = NDArray[numpy.float64]
 
@@ -80,7 +80,7 @@ def _logged(store: Store, trial: Trial) -> Rows | TrialPath:
 
 def _driven(messages: list[Any], start_s: float) -> Rows | None:
     rows = {}
-    end_s = math.inf
+    end_s = LONGEST_S
     for message in messages:
         if message.get_type() == "FOLDCAR_TRUTH":
             place = (message.x, message.y, message.z, message.heading, message.pitch, message.roll)

@@ -17,6 +17,7 @@ from foldcar.simulation.results import NUMBERS, REJECTED, outcome_of
 from foldcar.store.connection import StoreConnection, writing
 from foldcar.store.designs import DesignCounts, design_counts, designs_of
 from foldcar.store.info import listed_id
+from foldcar.store.rows import scene_identity
 from foldcar.store.tables import (
     BY_NAME,
     DESIGN,
@@ -190,12 +191,14 @@ class StoreWriter(StoreConnection):
         row = self._row(BY_NAME["sample"], environment_id=environment_id, sample=sample)
         return json.loads(self._row(BY_NAME["scene"], id=row["scene_id"])["json"])
 
-    def put_sample(self, environment_id: int, sample: int, scene: Mapping[str, Any], identity: str = "") -> None:
-        """Store the scene of a sample; equal scenes with different ``identity`` are stored as different."""
+    def put_sample(self, environment_id: int, sample: int, scene: Mapping[str, Any], dynamic: bool = False) -> None:
+        """Store the scene of a sample; ``dynamic`` programs may distinguish samples whose scenes are equal."""
+        fingerprint = self._row(ENVIRONMENT, id=environment_id)["fingerprint"]
+        identity = scene_identity(fingerprint, sample) if dynamic else ""
         self._put_drawn("sample", {"environment_id": environment_id, "sample": sample}, "scene", scene, identity)
 
     def put_draw(self, spread_id: int, sample: int, variation: Mapping[str, Any], identity: str = "") -> None:
-        """Store the variation of a sample; ``identity`` as for :meth:`put_sample`."""
+        """Store the variation of a sample; equal variations with different ``identity`` are stored as different."""
         self._put_drawn("draw", {"spread_id": spread_id, "sample": sample}, "variation", variation, identity)
 
     def _put_drawn(self, table: str, key: dict[str, int], what: str, value: Mapping[str, Any], identity: str) -> None:

@@ -93,10 +93,6 @@ class Environment:
         """Sample ``k``, and what of its terrain stands on the floor as one thing."""
         return self._fixed().sample_with_obstacles(k)
 
-    def scene_identity(self, k: int, dynamic: bool) -> str:
-        """The identity of a scene in the store: a dynamic program can distinguish samples whose scenes are equal."""
-        return f"{self.fingerprint}/{k}" if dynamic else ""
-
     def variation(self, k: int) -> dict[str, Any]:
         """The differences of the cars of sample ``k`` from their designs (see spread.draw); empty without variation."""
         e = self._experiment

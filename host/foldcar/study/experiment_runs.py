@@ -75,7 +75,7 @@ class StoredSamples:
                 self._confirm(k)
         for k in range(self._scenes, sample + 1):
             scene = environment.sample(k)
-            writer.put_sample(self._environment_id, k, scene, environment.scene_identity(k, self._dynamic))
+            writer.put_sample(self._environment_id, k, scene, self._dynamic)
             self._scenes = k + 1
         for k in range(self._draws, sample + 1):
             writer.put_draw(self._spread_id, k, environment.variation(k), environment.variation_identity())

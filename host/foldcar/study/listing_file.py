@@ -4,6 +4,7 @@ Names all mistakes by key: of form, of cars, of programs.
 """
 
 import re
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -63,6 +64,17 @@ def read_listing(file: Path, programs: bool = False) -> tuple[Listing, str]:
     return listing, text
 
 
+def _with_joined_surrogates(data: Any) -> Any:
+    """The data, in whose texts json5 leaves two escapes for a character such as an emoji apart."""
+    if isinstance(data, dict):
+        return {_with_joined_surrogates(key): _with_joined_surrogates(value) for key, value in data.items()}
+    if isinstance(data, list):
+        return [_with_joined_surrogates(value) for value in data]
+    if isinstance(data, str) and not data.isascii():
+        return data.encode("utf-16", "surrogatepass").decode("utf-16", "surrogatepass")
+    return data
+
+
 def load_listing(file: Path) -> tuple[Any, str]:
     """The JSON data in ``file`` and the file's text; ListingError."""
     try:
@@ -73,11 +85,11 @@ def load_listing(file: Path) -> tuple[Any, str]:
             raise ListingError(file, "is a store, which `foldcar report` reads; a listing is a JSON file") from None
         raise ListingError(file, str(error).removeprefix(f"{file}: ")) from error
     try:
-        data = json5.loads(text, allow_duplicate_keys=False)
+        data = _with_joined_surrogates(json5.loads(text, allow_duplicate_keys=False))
     except ValueError as error:
         raise ListingError(file, f"is not JSON: {_json_mistake(str(error))}") from error
     except RecursionError as error:
-        raise ListingError(file, "is not a listing: nested too deeply") from error
+        raise ListingError(file, "is nested too deeply") from error
     try:
         check_numbers(data)
     except ValueError as error:
@@ -87,6 +99,9 @@ def load_listing(file: Path) -> tuple[Any, str]:
 
 def _json_mistake(message: str) -> str:
     """The parser's message with the place first."""
+    if message.startswith("Exceeds the limit"):
+        # Python's, with advice to programmers.
+        return f"a number has more than {sys.get_int_max_str_digits()} digits"
     found = re.fullmatch(r"<string>:(\d+) (Unexpected .+) at column (\d+)", message)
     if found is None:
         return message.removeprefix("<string>:")

@@ -11,6 +11,7 @@ the right are ignored; there are no comments. Output: rows for :meth:`TrialWrite
 import csv
 import io
 import math
+import re
 import uuid
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -61,14 +62,20 @@ def read_trials(
     trials: list[dict[str, Any]] = []
     defaults: dict[str, float] = {}
     rows: Counter[str] = Counter()
+    # A number with a decimal comma, and one that has a decimal point or is grouped by thousands, as 1.095.
+    marks: dict[str, str] = {}
     for number, cells in lines:
         if len(cells) < len(header) or any(cells[len(header) :]):
             raise FoldcarError(f"{file}: line {number}: has {len(cells)} cells, the header {len(header)}")
-        row = {
-            name: cell.replace(",", ".") if separator == ";" and name in decimals else cell
-            for name, cell in zip(header, cells, strict=False)
-            if cell
-        }
+        row = {name: cell for name, cell in zip(header, cells, strict=False) if cell}
+        if separator == ";":
+            for name in decimals & row.keys():
+                mark = "," if "," in row[name] else "." if re.fullmatch(r"\d{1,3}(\.\d{3})+", row[name]) else ""
+                marks |= {mark: f'"{row[name]}" in line {number}'} if mark else {}
+                row[name] = row[name].replace(",", ".")
+            if len(marks) > 1:
+                shown = " beside ".join(marks.values())
+                raise FoldcarError(f"{file}: {shown}: write numbers with decimal commas and without points")
         trial, copies = _trial(f"{file}: line {number}", row, experiment, swept, defaults)
         source = trial["source"]
         rows[source] += 1

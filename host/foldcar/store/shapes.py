@@ -1,0 +1,109 @@
+"""What the JSON texts of a store contain, as types that pydantic checks: a store may have been changed by other programs.
+
+Input: a table's column and a text. Output: whether the text is what foldcar writes there.
+"""
+
+from collections.abc import Mapping
+from functools import cache
+from typing import Annotated, Any
+
+from annotated_types import Len
+from pydantic import Field, NonNegativeInt, TypeAdapter, ValidationError, with_config
+from typing_extensions import NotRequired, TypedDict
+
+from foldcar.store.tables import CALIBRATION, DESIGN, EXPERIMENT, LIMITS, RECORDED, TRACK, TRIAL, Table
+
+Number = Annotated[float, Field(ge=LIMITS["REAL"][0], le=LIMITS["REAL"][1])]
+Numbers = dict[str, Number]
+# Parts of a car may be chosen by name.
+Parameters = dict[str, Number | str]
+
+
+@with_config(extra="forbid")
+class StoppingRuleFacts(TypedDict):
+    """The fields of a StoppingRule."""
+
+    half_width: Number | None
+    thresholds: list[Number]
+    confidence: Number
+
+
+class CalibrationFacts(TypedDict):
+    """What an experiment was simulated under."""
+
+    name: str
+    fingerprint: str
+    experiment: str
+    kind: NotRequired[str]
+
+
+@with_config(extra="forbid")
+class ExperimentFacts(TypedDict):
+    """The fields of an ExperimentInfo that have no column, and what only sweeps need."""
+
+    vehicle_type: str
+    varied: dict[str, list[Number | str]]
+    fixed: Parameters
+    timeout_s: Number
+    speed_m_s: Number | None
+    yaw_rate_rad_s: Number
+    scenic_program: str
+    scenic_params: dict[str, Any]
+    seed: int
+    condition: dict[str, Any] | None
+    variation: Numbers
+    variation_seed: int
+    success_rule: str
+    success_defined: bool
+    skipped: NotRequired[list[str]]
+    calibration: NotRequired[CalibrationFacts | None]
+    listed_environment: NotRequired[str | None]
+    thresholds: NotRequired[list[Number]]
+    until: NotRequired[StoppingRuleFacts | None]
+    searched: NotRequired[bool]
+    objectives: NotRequired[list[str]]
+    engine: NotRequired[str]
+    unlike_sides: NotRequired[str]
+    ended_runs: NotRequired[NonNegativeInt | None]
+    files: NotRequired[dict[str, str]]
+
+
+class TrackFacts(TypedDict):
+    """The facts of a filmed path that are computed with."""
+
+    frame_error_m: Annotated[list[Number], Len(1)]
+    start_error_s: Number
+
+
+class CalibrationSummary(TypedDict):
+    """The part of a summary that reports show."""
+
+    findings: list[str]
+
+
+SHAPES: Mapping[tuple[str, str], Any] = {
+    (EXPERIMENT.name, "facts"): ExperimentFacts,
+    (DESIGN.name, "parameters"): Parameters,
+    (RECORDED.name, "value"): Any,
+    (TRIAL.name, "design"): Parameters,
+    (TRIAL.name, "deviations"): dict[str, tuple[Number, Number, Number]],
+    (TRACK.name, "facts"): TrackFacts,
+    (TRACK.name, "rows"): list[Annotated[list[Number], Len(16, 16)]],
+    (CALIBRATION.name, "draws"): Annotated[list[Numbers], Len(1)],
+    (CALIBRATION.name, "summary"): CalibrationSummary,
+    ("variation", "json"): dict[str, Number | list[Number]],
+}
+
+
+@cache
+def _adapter(table: str, column: str) -> "TypeAdapter[Any]":
+    return TypeAdapter(SHAPES[table, column])
+
+
+def has_shape(table: Table, column: str, text: str) -> bool:
+    """Whether the text is JSON of the column's shape."""
+    try:
+        _adapter(table.name, column).validate_json(text, strict=True)
+    except ValidationError:
+        return False
+    return True

@@ -199,7 +199,9 @@ Settings = Annotated[
 Machine = Annotated[
     str, typer.Option(metavar="NAME", help="silhouette, cricut, laser or scissors: presets for the sheets.")
 ]
-Sheet = Annotated[str | None, typer.Option(metavar="SIZE", help="a4, letter, a3, 12in, 12x24in or WIDTHxHEIGHT in mm.")]
+Sheet = Annotated[
+    str | None, typer.Option(metavar="SIZE", help="a4, letter, a3, 12in, 12x24in or WIDTHxHEIGHT in mm.")
+]
 Port = Annotated[
     str | None, typer.Option(metavar="PORT", help="Serial port, pseudo-terminal or tcp:HOST:PORT; default: detected.")
 ]

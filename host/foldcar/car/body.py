@@ -30,13 +30,14 @@ def body_json(design: Design) -> dict[str, Any]:
     DesignError if the design cannot be compiled.
     """
     car = folded_car(design)
-    # All wheels are alike.
-    wheel_kg = body_properties(car, car.axles[0].wheel).mass_kg
+    # Wheels of one unit are alike.
+    first = {axle.unit: axle.wheel for axle in reversed(car.axles)}
+    wheel_kg = {unit: body_properties(car, wheel).mass_kg for unit, wheel in first.items()}
     body = {
         "segments": [_segment(design, car, index) for index in range(len(design.segments))],
         "hinges": [_hinge(hinge, car.parts.film) for hinge in car.hinges],
         "track_m": (car.axles[0].center_mm[1] - car.axles[1].center_mm[1]) * MM,
-        "wheels": [_wheel(axle, wheel_kg, car.parts) for axle in car.axles],
+        "wheels": [_wheel(axle, wheel_kg[axle.unit], car.parts) for axle in car.axles],
         "supply_v": car.parts.battery.supply_v.value,
     }
     rounded: dict[str, Any] = json.loads(json.dumps(body), parse_float=lambda digits: _rounded(float(digits)))
@@ -44,9 +45,9 @@ def body_json(design: Design) -> dict[str, Any]:
 
 
 def full_speed_m_s(design: Design) -> float:
-    """The design's highest speed (m/s): no-load wheel speed at the supply voltage times the wheel radius."""
+    """The design's highest speed (m/s): no-load wheel speed at the supply voltage times the least wheel radius."""
     line = design.parts.servo.at_voltage(design.parts.battery.supply_v.value)
-    return _rounded(line.no_load_speed_rad_s * design.values["radius"] * MM)
+    return _rounded(line.no_load_speed_rad_s * min(design.radii_mm) * MM)
 
 
 def _segment(design: Design, car: FoldedCar, index: int) -> dict[str, Any]:
@@ -146,9 +147,9 @@ def car_json(design: Design) -> dict[str, Any]:
 
 
 def design_name(design: Design) -> str:
-    """A readable name: modules, width × length and wheel radius in mm, at most 32 bytes of UTF-8."""
-    values = design.values
-    text = f"{design.composition} {values['width']:g}x{design.length_mm:g} r{values['radius']:g}"
+    """A readable name: modules, width × length and wheels' radii in mm, at most 32 bytes of UTF-8."""
+    radii = ",".join(dict.fromkeys(f"{radius:g}" for radius in design.radii_mm))
+    text = f"{design.composition} {design.values['width']:g}x{design.length_mm:g} r{radii}"
     return text.encode()[:MOST_NAME_BYTES].decode(errors="ignore")
 
 
@@ -167,7 +168,12 @@ def _geometry(body: Mapping[str, Any]) -> dict[str, Any]:
         {"channel": one["channel"] + 1, "side": one["side"], "direction": one["servo"]["direction"], "x_m": one["x_m"]}
         for one in body["wheels"]
     ]
-    return {"wheel_radius_m": body["wheels"][0]["radius_m"], "track_m": body["track_m"], "wheels": wheels}
+    return {"wheel_radius_m": _least_radius_m(body), "track_m": body["track_m"], "wheels": wheels}
+
+
+def _least_radius_m(body: Mapping[str, Any]) -> float:
+    """The radius that the firmware's wheel speeds are for: that of the smallest wheel, so that none turns faster."""
+    return min(float(wheel["radius_m"]) for wheel in body["wheels"])
 
 
 # Values of CHn_SIDE.
@@ -193,11 +199,11 @@ def firmware_parameters(design: Design, body: Mapping[str, Any] | None = None) -
     """
     body = body_json(design) if body is None else body
     wheels = {wheel["channel"]: wheel for wheel in body["wheels"]}
-    first = body["wheels"][0]
+    radius_m = _least_radius_m(body)
     values: dict[str, float] = {
-        "WHEEL_RADIUS_M": first["radius_m"],
+        "WHEEL_RADIUS_M": radius_m,
         "TRACK_M": body["track_m"],
-        "WHEEL_MAX_RAD_S": first["servo"]["no_load_speed_rad_s"],
+        "WHEEL_MAX_RAD_S": body["wheels"][0]["servo"]["no_load_speed_rad_s"],
     }
     for channel in range(CHANNELS):
         prefix, wheel = f"CH{channel + 1}", wheels.get(channel)
@@ -208,7 +214,9 @@ def firmware_parameters(design: Design, body: Mapping[str, Any] | None = None) -
         span_us = servo["saturation_us"] - servo["deadband_us"]
         values[f"{prefix}_SIDE"] = SIDES[wheel["side"]]
         values |= {f"{prefix}_{key.upper()}": servo[key] for key in ("direction", "neutral_us", "deadband_us")}
-        values[f"{prefix}_GAIN_US"] = _rounded(span_us / servo["no_load_speed_rad_s"])
+        # A larger wheel turns more slowly, so that all roll at one speed.
+        share = radius_m / wheel["radius_m"]
+        values[f"{prefix}_GAIN_US"] = _rounded(share * span_us / servo["no_load_speed_rad_s"])
     return values
 
 

@@ -18,32 +18,31 @@ from foldcar.car.components.module import BrainModule, ElectronicsModule, WheelM
 from foldcar.car.components.mounts import depth_mm, inside_mm, put_switch
 from foldcar.car.components.shape import Graph, Shape
 from foldcar.car.components.wheel import Wheel
-from foldcar.car.design import HINGE, MODULES, Design, DesignError, parameters
+from foldcar.car.design import HINGE, MODULES, Design, DesignError
 from foldcar.car.folded.model import FoldedCar, HingeJoint, PlacedPiece, Wire
 from foldcar.car.folded.pose import apply, compose, edge, folded, rotation, translation
+from foldcar.car.folded.stance import center_mm, standing
 from foldcar.car.leads import with_leads
 from foldcar.car.parts.catalogue import Catalogue, PartChoices, chosen
 from foldcar.car.user_modules import building, place_of
 
 
 class Car(Component):
-    """The component of a whole car but its wheels. Parameters: shared ones by name, those of modules as ``W.length``."""
+    """The component of a whole car but its wheels. Its values are the design's, by key."""
 
     def __init__(self, design: Design) -> None:
         self.design = design
         self.names = [f"{letter}{i}" for i, letter in enumerate(design.modules)]
-        self.parameters = tuple(replace(parameters()[key].declared, name=key) for key in design.values)
         super().__init__(design.values, parts=design.parts)
 
     def subcomponents(self) -> Sequence[Sub]:
         """Modules from front to back."""
         subs = []
-        for i, letter in enumerate(self.design.modules):
+        for i, (letter, own) in enumerate(zip(self.design.modules, self.design.of_modules, strict=True)):
             kind: type[Component] = ElectronicsModule if i == electronics(self.design) else MODULES[letter]
-            keys = {one.name: one.name if one.shared else f"{letter}.{one.name}" for one in kind.parameters}
-            values = {name: self[key] for name, key in keys.items()}
             known = {} if letter == HINGE else around(self.design, i)
-            subs.append(Sub(self.names[i], kind, values | known, keys, f"segment{self.design.segment_at(i)}"))
+            body = f"segment{self.design.segment_at(i)}"
+            subs.append(Sub(self.names[i], kind, {**own.values, **known}, own.keys, body))
         return subs
 
     def build(self, shape: Shape) -> None:
@@ -95,27 +94,60 @@ def _folded_car(letters: tuple[str, ...], values: tuple[tuple[str, float], ...],
         # Servos and their screws are named by their place in the car.
         servo = next((servo for servo in titles if mount.name.startswith(servo)), "")
         mounts.append(replace(mount, name=titles.get(servo, "") + mount.name.removeprefix(servo)))
-    wheel = _wheel(design.values["radius"], design.values["W.tire_thickness"], choices)
-    pieces = [*frame.pieces, *(replace(piece, count=piece.count * count) for piece in wheel.pieces)]
-    first = max(join.number for join in frame.joins)
-    joins = [*frame.joins, *(replace(join, number=first + join.number) for join in wheel.joins)]
-    placed, counts = list(frame.placed), {piece.name: piece.count for piece in wheel.pieces}
-    for n, axle in enumerate(axles):
-        # The wheel is turned by half a turn about z on the right side.
-        pose = compose(translation(*axle.center_mm), rotation("z", 0.0 if axle.side == "left" else math.pi))
-        for one in wheel.placed:
-            copy = n * counts[one.piece] + one.copy
-            placed.append(PlacedPiece(one.piece, copy, axle.wheel, compose(pose, one.pose)))
-        for m in wheel.mounts:
-            name = f"{m.name} of {axle.wheel}"
-            mounts.append(replace(m, name=name, body=axle.wheel, pose=compose(pose, m.pose)))
+    pieces, placed, joins = list(frame.pieces), list(frame.placed), list(frame.joins)
+    for values, modules in wheel_units(design).items():
+        unit = _unit_title(design, modules)
+        wheel = _named(_wheel(values, choices), unit)
+        places = [n for n in range(count) if design.wheel_modules[n // 2] in modules]
+        pieces += (replace(piece, count=piece.count * len(places)) for piece in wheel.pieces)
+        first = max(join.number for join in joins)
+        joins += (replace(join, number=first + join.number) for join in wheel.joins)
+        counts = {piece.name: piece.count for piece in wheel.pieces}
+        for copies, n in enumerate(places):
+            axle = axles[n] = replace(axles[n], unit=unit)
+            # The wheel is turned by half a turn about z on the right side.
+            pose = compose(translation(*axle.center_mm), rotation("z", 0.0 if axle.side == "left" else math.pi))
+            for one in wheel.placed:
+                copy = copies * counts[one.piece] + one.copy
+                placed.append(PlacedPiece(one.piece, copy, axle.wheel, compose(pose, one.pose)))
+            for m in wheel.mounts:
+                name = f"{m.name} of {axle.wheel}"
+                mounts.append(replace(m, name=name, body=axle.wheel, pose=compose(pose, m.pose)))
     wires = list(graph.wires)
     for axle in axles:
         turns = "turns forward above neutral" if axle.direction > 0 else "mirrored: turns forward below neutral"
         wires.append(Wire(f"{design.parts.featherwing.name} channel {axle.channel}", axle.servo, "signal", turns))
     solid = tuple(pieces), tuple(placed), tuple(joins), tuple(mounts)
     hinges = tuple(_hinges(frame, design.parts))
-    return with_leads(FoldedCar(*solid, tuple(axles), hinges, tuple(wires), design.parts))
+    car = with_leads(FoldedCar(*solid, tuple(axles), hinges, tuple(wires), design.parts))
+    _check_stance(design, car)
+    return car
+
+
+def _check_stance(design: Design, car: FoldedCar) -> None:
+    """DesignError if wheels of different radii tilt the body so far that it would touch the ground."""
+    if len(set(design.radii_mm)) == 1:
+        return
+    x, _, z = center_mm(car)
+    half, belly = design.values["height"] / 2, design.parts.assembly.belly_clearance_mm.value
+    ends = [segment.center_mm + side * segment.length_mm / 2 for segment in design.segments for side in (-1, 1)]
+
+    def clear(least: float) -> bool:
+        """Whether the belly is clear of the ground if no wheel is smaller than this."""
+        wheels = [(at, max(radius, least)) for at, radius in zip(design.axles_mm, design.radii_mm, strict=True)]
+        stands = standing(wheels, (x, z))
+        return all(stands.height_mm(end, -half) >= belly - ROUNDING for end in ends)
+
+    low, high = min(design.radii_mm), max(design.radii_mm)
+    if clear(low):
+        return
+    module = min(design.wheel_modules, key=lambda i: design.of(i, "radius"))
+    while high - low > STANCE_MM:
+        middle = (low + high) / 2
+        low, high = (low, middle) if clear(middle) else (middle, high)
+    why = f"beside {max(design.radii_mm):g}: the tilted body is less than {belly:g} above the ground"
+    told = f"{design.of(module, 'radius'):g} is below the minimum {at_least(high)} ({why})"
+    raise DesignError(design.of_modules[module].keys["radius"], told)
 
 
 def _frame(design: Design) -> tuple[Graph, Assembly]:
@@ -133,10 +165,42 @@ def _frame(design: Design) -> tuple[Graph, Assembly]:
         raise DesignError(None, f"{place}: {type(error).__name__}: {error}") from error
 
 
+# The values of a wheel that tell it from others, by name.
+WheelValues = tuple[tuple[str, float], ...]
+
+
+def wheel_units(design: Design) -> dict[WheelValues, list[int]]:
+    """The indices of the wheel modules whose wheels are alike, by the values of these wheels."""
+    units: dict[WheelValues, list[int]] = {}
+    for module in design.wheel_modules:
+        values = tuple((one.name, design.of(module, one.name)) for one in Wheel.parameters)
+        units.setdefault(values, []).append(module)
+    return units
+
+
+def _unit_title(design: Design, modules: Sequence[int]) -> str:
+    """What wheels of these modules are called: ``wheel`` if all are alike, ``rear wheel``, ``axle 2 wheel``."""
+    every = design.wheel_modules
+    if len(modules) == len(every):
+        return "wheel"
+    numbers = [every.index(module) + 1 for module in modules]
+    if len(every) == 2:
+        return ("front wheel", "rear wheel")[numbers[0] - 1]
+    return f"axle {' and '.join(map(str, numbers))} wheel"
+
+
+def _named(wheel: Assembly, unit: str) -> Assembly:
+    """The assembly of a wheel with the unit's title in the names of its pieces: ``rear wheel hub``."""
+    names = {piece.name: unit + piece.name.removeprefix("wheel") for piece in wheel.pieces}
+    pieces = (replace(piece, name=names[piece.name], label=names[piece.name]) for piece in wheel.pieces)
+    placed = (replace(one, piece=names[one.piece]) for one in wheel.placed)
+    joins = (replace(one, piece_a=names[one.piece_a], piece_b=names[one.piece_b]) for one in wheel.joins)
+    return replace(wheel, pieces=tuple(pieces), placed=tuple(placed), joins=tuple(joins))
+
+
 @lru_cache(maxsize=8)
-def _wheel(radius_mm: float, tyre_width_mm: float, choices: PartChoices) -> Assembly:
-    values = {"radius": radius_mm, "tire_thickness": tyre_width_mm}
-    return assemble(build(Wheel(values, body="wheel", parts=chosen(choices))))
+def _wheel(values: WheelValues, choices: PartChoices) -> Assembly:
+    return assemble(build(Wheel(dict(values), body="wheel", parts=chosen(choices))))
 
 
 def _hinges(frame: Assembly, parts: Catalogue) -> list[HingeJoint]:
@@ -161,6 +225,8 @@ def _hinges(frame: Assembly, parts: Catalogue) -> list[HingeJoint]:
     return sorted(hinges, key=lambda hinge: -hinge.center_mm[0])
 
 
+# The least radius of a wheel beside larger ones is found this accurately.
+STANCE_MM = 1e-3
 # As far as a floor reaches where no tyre limits the place of USB.
 FAR_MM = 2000.0
 # The fold of a lid's flap beside its latch is at least so long.
@@ -211,7 +277,7 @@ def _flap(design: Design, module: int) -> dict[str, float]:
         known |= {f"pull_{at}": float(latch and at == latched[0])}
     least = notch + LEAST_FOLD_MM + end * [*ends.values()].count(module)
     if (known["latch_front"] or known["latch_rear"]) and length < least - ROUNDING:
-        key = f"{design.modules[module]}.length"
+        key = design.of_modules[module].keys["length"]
         raise DesignError(key, f"{length:g} is below the minimum {at_least(least)} (the latch of a segment's lid)")
     return known
 
@@ -238,9 +304,13 @@ def _between_tyres(design: Design, module: int) -> tuple[float, float]:
     """Where a USB plug passes the tyres next to the module (mm from its rear)."""
     rear = design.module_centers_mm[module] - design.length_of(module) / 2
     gap = design.parts.assembly.part_gap_mm.value
-    reach = design.values["radius"] + plug_room_mm(design.parts.plugs.usb) / 2 + gap
     off = usb_height_mm(design.parts) - wall_mm(design.values["height"], design.parts) / 2
-    need = math.sqrt(max(reach**2 - off**2, 0.0))
-    axles = design.axles_mm
-    low = max((x + need - rear for x in axles if x < rear), default=-FAR_MM)
-    return low, min((x - need - rear for x in axles if x > rear), default=FAR_MM)
+    low, high = -FAR_MM, FAR_MM
+    for x, radius in zip(design.axles_mm, design.radii_mm, strict=True):
+        reach = radius + plug_room_mm(design.parts.plugs.usb) / 2 + gap
+        need = math.sqrt(max(reach**2 - off**2, 0.0))
+        if x < rear:
+            low = max(low, x + need - rear)
+        elif x > rear:
+            high = min(high, x - need - rear)
+    return low, high

@@ -30,8 +30,9 @@ RADIUS = Parameter(
     "a hub between whose walls a driver reaches the horn's screws, and a rim", shared=True,
 )  # fmt: skip
 TYRE_WIDTH = Parameter(
-    "tire_thickness", 12, 8, 40, "width of a wheel, from outside to outside of its discs", "the tongues of its rim"
-)
+    "tire_thickness", 12, 8, 40, "width of a wheel, from outside to outside of its discs", "the tongues of its rim",
+    uniform=True,
+)  # fmt: skip
 
 
 class Wheel(Component):

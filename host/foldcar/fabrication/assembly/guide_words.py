@@ -158,9 +158,10 @@ def _wheel_joins(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
     """How the hub's hooks, the rim's hooks and its tongues are joined."""
     joins = [join for join in car.joins if join.number in step.joins]
     labels = {piece.name: piece.label for piece in car.pieces}
+    units = {placed.piece: axle for axle in car.axles for placed in car.placed if placed.body == axle.wheel}
     for join in turned(car, step):
-        radius, width = car.axles[0].radius_mm, car.axles[0].tyre_width_mm
-        angle = math.degrees(turn_rad(WheelSize(radius, width, car.parts)))
+        axle = units[join.piece_b]
+        angle = math.degrees(turn_rad(WheelSize(axle.radius_mm, axle.tyre_width_mm, car.parts)))
         yield (
             f"Drop the hub's hooks into the slots of the {labels[join.piece_b]}, and turn the disc against the hub "
             f"until they hold: clockwise, as seen from its unprinted side, by about {angle:.0f}°: join {join.number}."
@@ -215,7 +216,7 @@ def _care(car: FoldedCar, step: AssemblyStep, before: State) -> Iterator[str]:
         yield "The shaft is at the end of the servo that is nearer to the wheel's axle."
     if car.parts.tyre.name in parts:
         tyre = car.parts.tyre
-        yield f"{tyre.note[0].upper()}{tyre.note[1:]}: {tyre_cut(car)} for each."
+        yield f"{tyre.note[0].upper()}{tyre.note[1:]}: {tyre_cut(car, step.unit)}."
     if car.parts.switch.name in parts:
         yield "Before: solder its wires on (see the wiring); their free ends go in through the opening first."
     sides = {lead.start.removesuffix(" +"): lead.leaves for lead in leads(car)}

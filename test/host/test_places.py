@@ -183,7 +183,7 @@ def test_a_listing_names_places_also_in_ranges() -> None:
         FoldcarError, match=r"^cars.json: vehicles.v.params.0.W3: W_B_W has no module W3; known: common, B, W"
     ):
         family("W_B_W", {"W3": {"radius": 60}})
-    with pytest.raises(FoldcarError, match=r'params.0.W2: unknown parameter "width"; known: length, radius$'):
+    with pytest.raises(FoldcarError, match=r'params.0.W2: unknown parameter "width"; known: driven, length, radius$'):
         family("W_B_W", {"W2": {"width": 60}})
 
 

@@ -45,9 +45,9 @@ def body_json(design: Design) -> dict[str, Any]:
 
 
 def full_speed_m_s(design: Design) -> float:
-    """The design's highest speed (m/s): no-load wheel speed at the supply voltage times the least wheel radius."""
+    """The design's highest speed (m/s): no-load wheel speed at the supply voltage times the least driven radius."""
     line = design.parts.servo.at_voltage(design.parts.battery.supply_v.value)
-    return _rounded(line.no_load_speed_rad_s * min(design.radii_mm) * MM)
+    return _rounded(line.no_load_speed_rad_s * min(design.of(i, "radius") for i in design.driven_modules) * MM)
 
 
 def _segment(design: Design, car: FoldedCar, index: int) -> dict[str, Any]:
@@ -87,7 +87,7 @@ def _hinge(hinge: HingeJoint, film: Film) -> dict[str, Any]:
 def _wheel(axle: Axle, mass_kg: float, parts: Catalogue) -> dict[str, Any]:
     servo, supply_v = parts.servo, parts.battery.supply_v.value
     line = servo.at_voltage(supply_v)
-    return {
+    wheel: dict[str, Any] = {
         "channel": axle.channel,
         "segment": int(axle.body.removeprefix("segment")),
         "side": axle.side,
@@ -98,7 +98,9 @@ def _wheel(axle: Axle, mass_kg: float, parts: Catalogue) -> dict[str, Any]:
         "grip": parts.tyre_friction.value / catalogue().tyre_friction.value,
         "eccentricity_m": 0.0,
         "eccentricity_phase_rad": 0.0,
-        "servo": {
+    }
+    if axle.driven:
+        wheel["servo"] = {
             "stall_torque_n_m": line.stall_torque_n_m,
             "no_load_speed_rad_s": line.no_load_speed_rad_s,
             "rated_v": supply_v,
@@ -109,8 +111,13 @@ def _wheel(axle: Axle, mass_kg: float, parts: Catalogue) -> dict[str, Any]:
             "deadband_us": servo.deadband_us.value,
             "saturation_us": servo.saturation_us.value,
             "direction": axle.direction,
-        },
-    }
+        }
+    return wheel
+
+
+def driven_wheels(body: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """The wheels of a body that have a servo."""
+    return [wheel for wheel in body["wheels"] if "servo" in wheel]
 
 
 def _rounded(value: float) -> float:
@@ -166,14 +173,14 @@ def _hash(design: Design, body: Mapping[str, Any]) -> str:
 def _geometry(body: Mapping[str, Any]) -> dict[str, Any]:
     wheels = [
         {"channel": one["channel"] + 1, "side": one["side"], "direction": one["servo"]["direction"], "x_m": one["x_m"]}
-        for one in body["wheels"]
+        for one in driven_wheels(body)
     ]
     return {"wheel_radius_m": _least_radius_m(body), "track_m": body["track_m"], "wheels": wheels}
 
 
 def _least_radius_m(body: Mapping[str, Any]) -> float:
-    """The radius that the firmware's wheel speeds are for: that of the smallest wheel, so that none turns faster."""
-    return min(float(wheel["radius_m"]) for wheel in body["wheels"])
+    """The radius that the firmware's wheel speeds are for: the smallest driven wheel's, so that none turns faster."""
+    return min(float(wheel["radius_m"]) for wheel in driven_wheels(body))
 
 
 # Values of CHn_SIDE.
@@ -198,12 +205,12 @@ def firmware_parameters(design: Design, body: Mapping[str, Any] | None = None) -
     Channels count from 1 in parameter names and from 0 in the body.
     """
     body = body_json(design) if body is None else body
-    wheels = {wheel["channel"]: wheel for wheel in body["wheels"]}
+    wheels = {wheel["channel"]: wheel for wheel in driven_wheels(body)}
     radius_m = _least_radius_m(body)
     values: dict[str, float] = {
         "WHEEL_RADIUS_M": radius_m,
         "TRACK_M": body["track_m"],
-        "WHEEL_MAX_RAD_S": body["wheels"][0]["servo"]["no_load_speed_rad_s"],
+        "WHEEL_MAX_RAD_S": driven_wheels(body)[0]["servo"]["no_load_speed_rad_s"],
     }
     for channel in range(CHANNELS):
         prefix, wheel = f"CH{channel + 1}", wheels.get(channel)

@@ -174,9 +174,9 @@ class Design:
 
     @property
     def title(self) -> str:
-        """The car in a line: its type and what all its modules share."""
-        shared = (f"{key}={value:g}" for key, value in self.values.items() if declared(key).shared)
-        return " ".join([self.type, *shared])
+        """The car in a line: its type, what all its modules share, and its axles without servos."""
+        told = ((key, value, declared(key)) for key, value in self.values.items())
+        return " ".join([self.type, *(f"{key}={value:g}" for key, value, one in told if one.shared or one.is_switch)])
 
     @property
     def columns(self) -> dict[str, float]:
@@ -188,7 +188,7 @@ class Design:
     def of_modules(self) -> tuple[ModuleValues, ...]:
         """The values of each module, front to back."""
         return tuple(
-            _module_values(letter, self.modules[: i + 1].count(letter), self.values)
+            _module_values(letter, self.modules[: i + 1].count(letter), self.values, self.parts)
             for i, letter in enumerate(self.modules)
         )
 
@@ -200,6 +200,11 @@ class Design:
     def wheel_modules(self) -> tuple[int, ...]:
         """The indices of the modules with an axle, front to back."""
         return tuple(i for i, letter in enumerate(self.modules) if letter == WheelModule.letter)
+
+    @property
+    def driven_modules(self) -> tuple[int, ...]:
+        """The indices of the modules whose axle has servos, front to back."""
+        return tuple(i for i in self.wheel_modules if self.of(i, "driven"))
 
     @property
     def radii_mm(self) -> tuple[float, ...]:
@@ -268,15 +273,16 @@ def modules_of(type_string: str) -> tuple[str, ...]:
     return letters
 
 
-def _module_values(letter: str, number: int, values: Mapping[str, float]) -> ModuleValues:
+def _module_values(letter: str, number: int, values: Mapping[str, float], parts: Catalogue) -> ModuleValues:
     """The values of the ``number``-th module of a letter: those of its place, else of its letter, else shared ones."""
-    keys = {}
-    for parameter in MODULES[letter].parameters:
+    keys, every = {}, MODULES[letter].parameters
+    for parameter in every:
         known = (f"{letter}{number}.{parameter.name}", f"{letter}.{parameter.name}", parameter.name)
         key = next((key for key in known if key in values), None)
         if key is not None:
             keys[parameter.name] = key
-    return ModuleValues({name: values[key] for name, key in keys.items()}, keys)
+    defaults = {one.name: one.default_with(parts) for one in every if one.optional}
+    return ModuleValues(defaults | {name: values[key] for name, key in keys.items()}, keys)
 
 
 def compose(type_string: str, values: Mapping[str, float], choices: PartChoices | None = None) -> Design:
@@ -301,6 +307,8 @@ def compose(type_string: str, values: Mapping[str, float], choices: PartChoices 
         width_mm, key = design.of(module, "tire_thickness"), design.of_modules[module].keys["tire_thickness"]
         if tyre.width_mm is not None and width_mm < tyre.width_mm.value:
             raise DesignError(key, f"{width_mm:g} is below the {tyre.width_mm.value:g} of the {tyre.name}")
+    if not design.driven_modules:
+        raise DesignError(None, f'"{type_string}" has no driven axle: at least one W needs "driven": true')
     _check_wheels(design)
     return design
 

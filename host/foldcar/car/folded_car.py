@@ -15,10 +15,10 @@ from foldcar.car.components.bridge import plug_room_mm, usb_height_mm
 from foldcar.car.components.component import ROUNDING, Component, ComponentError, Sub, at_least
 from foldcar.car.components.hinge_module import HingeModule, stiffness_n_m_rad
 from foldcar.car.components.module import BrainModule, ElectronicsModule, WheelModule
-from foldcar.car.components.mounts import depth_mm, inside_mm, put_switch
+from foldcar.car.components.mounts import ROD_LAYER_MM, depth_mm, inside_mm, put_switch
 from foldcar.car.components.shape import Graph, Shape
 from foldcar.car.components.wheel import Wheel
-from foldcar.car.design import HINGE, MODULES, Design, DesignError
+from foldcar.car.design import HINGE, MODULES, Design, DesignError, places_of
 from foldcar.car.folded.model import FoldedCar, HingeJoint, PlacedPiece, Wire
 from foldcar.car.folded.pose import apply, compose, edge, folded, rotation, translation
 from foldcar.car.folded.stance import center_mm, standing
@@ -32,7 +32,7 @@ class Car(Component):
 
     def __init__(self, design: Design) -> None:
         self.design = design
-        self.names = [f"{letter}{i}" for i, letter in enumerate(design.modules)]
+        self.names = places_of(design.modules)
         super().__init__(design.values, parts=design.parts)
 
     def subcomponents(self) -> Sequence[Sub]:
@@ -82,13 +82,16 @@ def _folded_car(letters: tuple[str, ...], values: tuple[tuple[str, float], ...],
     design = Design(letters, dict(values), choices)
     with building():
         graph, frame = _frame(design)
-    count, axles = len(frame.axles), []
-    for channel, axle in enumerate(frame.axles):
-        end = f"axle {channel // 2 + 1} "
+    count, axles = len(frame.axles), list(frame.axles)
+    # Wheels without servos follow on the outputs.
+    order = sorted(range(count), key=lambda n: not frame.axles[n].driven)
+    for channel, n in enumerate(order):
+        end, axle = f"axle {n // 2 + 1} ", frame.axles[n]
         if count <= 4:
-            end = "" if count <= 2 else ("front ", "rear ")[channel // 2]
-        axles.append(replace(axle, wheel=f"wheel{channel}", servo=f"{end}{axle.side} servo", channel=channel))
-    titles = {mine.servo: axle.servo for mine, axle in zip(frame.axles, axles, strict=True)}
+            end = "" if count <= 2 else ("front ", "rear ")[n // 2]
+        servo = f"{end}{axle.side} servo" if axle.driven else ""
+        axles[n] = replace(axle, wheel=f"wheel{channel}", servo=servo, channel=channel)
+    titles = {mine.servo: axle.servo for mine, axle in zip(frame.axles, axles, strict=True) if axle.driven}
     mounts = []
     for mount in frame.mounts:
         # Servos and their screws are named by their place in the car.
@@ -114,7 +117,7 @@ def _folded_car(letters: tuple[str, ...], values: tuple[tuple[str, float], ...],
                 name = f"{m.name} of {axle.wheel}"
                 mounts.append(replace(m, name=name, body=axle.wheel, pose=compose(pose, m.pose)))
     wires = list(graph.wires)
-    for axle in axles:
+    for axle in (axle for axle in axles if axle.driven):
         turns = "turns forward above neutral" if axle.direction > 0 else "mirrored: turns forward below neutral"
         wires.append(Wire(f"{design.parts.featherwing.name} channel {axle.channel}", axle.servo, "signal", turns))
     solid = tuple(pieces), tuple(placed), tuple(joins), tuple(mounts)
@@ -139,7 +142,8 @@ def _check_stance(design: Design, car: FoldedCar) -> None:
         return all(stands.height_mm(end, -half) >= belly - ROUNDING for end in ends)
 
     low, high = min(design.radii_mm), max(design.radii_mm)
-    if clear(low):
+    # A car that tips over its first or last axle does so on equal wheels too.
+    if clear(low) or not clear(high):
         return
     module = min(design.wheel_modules, key=lambda i: design.of(i, "radius"))
     while high - low > STANCE_MM:
@@ -287,7 +291,8 @@ def _floor(design: Design, module: int, step: int) -> float:
     free, i = 0.0, module + step
     while i in design.segment_of(module).modules:
         if design.modules[i] == WheelModule.letter:
-            long, short = inside_mm(design.parts)
+            driven = design.of(i, "driven")
+            long, short = inside_mm(design.parts) if driven else (ROD_LAYER_MM, ROD_LAYER_MM)
             # The long side points forward if ``towards_middle`` is 1.
             return free + design.length_of(i) / 2 - (long if _towards_middle(design, i) == step else short)
         if design.modules[i] != BrainModule.letter:

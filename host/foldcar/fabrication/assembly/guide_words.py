@@ -188,7 +188,8 @@ def _plugs(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
         each = ", each" if len(servos) > 1 else ""
         yield f"Plug {listed(servos)} into a {extension}{each}; tape the joints to the floor."
     if signals:
-        yield f"Plug {len(car.axles)} servos into the outputs that their leads are marked with; the brown lead is ground."
+        count = sum(axle.driven for axle in car.axles)
+        yield f"Plug {count} servos into the outputs that their leads are marked with; the brown lead is ground."
         if car.hinges:
             yield "Lead cables between segments through the openings of the caps, with a loop at each hinge."
     lengths = {(lead.start, lead.end): remedy(lead) for lead in leads(car)}
@@ -201,12 +202,22 @@ def _plugs(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
 def _first(step: AssemblyStep, before: State) -> Iterator[str]:
     """What is done to parts before they go in."""
     if before.car.parts.servo.name in {before.mounts[added.name].part for added in step.adds if added.kind == "mount"}:
-        axles = sorted(before.car.axles, key=lambda axle: axle.channel)
+        axles = sorted((axle for axle in before.car.axles if axle.driven), key=lambda axle: axle.channel)
         marks = "; ".join(f"{axle.servo} {axle.channel}" for axle in axles)
         yield (
             "Before: give each servo pulses of 1500 µs and turn its potentiometer until it stands still. Mark the leads: "
             f"{marks}."
         )
+    yield from _cut_lengths(before.car, step, before)
+
+
+def _cut_lengths(car: FoldedCar, step: AssemblyStep, before: State) -> Iterator[str]:
+    """To what length rods and tubes are cut."""
+    added = [before.mounts[one.name] for one in step.adds if one.kind == "mount"]
+    for part in (car.parts.axle_rod, car.parts.axle_tube):
+        lengths = sorted({f"{mount.size_mm[2]:.1f}" for mount in added if mount.part == part.name}, key=float)
+        if lengths:
+            yield f"Before: cut the {part.name} to {listed(lengths)} mm, and take the burr off its ends."
 
 
 def _care(car: FoldedCar, step: AssemblyStep, before: State) -> Iterator[str]:

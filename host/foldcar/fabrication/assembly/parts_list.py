@@ -149,13 +149,16 @@ def _cost(part: Bought | None, count: int, folded: FoldedCar) -> tuple[float | N
     if part.cost_usd.value == 0:
         return 0.0, "comes with the servos"
     note = f"{part.note}: {tyre_cut(folded)}" if isinstance(part, Tyre) else ""
+    if part in (folded.parts.axle_rod, folded.parts.axle_tube):
+        lengths = {f"{mount.size_mm[2]:.1f}" for mount in folded.mounts if mount.part == part.name}
+        note = f"cut to {' and '.join(sorted(lengths, key=float))} mm"
     return count * part.cost_usd.value, note
 
 
 def tyre_cut(folded: FoldedCar, only: str = "") -> str:
     """What to cut for the tyre of each wheel, or of the ``only`` unit's: "a strip of 374 x 12 mm for each"."""
     units = {axle.unit: folded.parts.tyre.cut(axle.radius_mm, axle.tyre_width_mm) for axle in folded.axles}
-    if only or len(units) == 1:
+    if only or len(set(units.values())) == 1:
         return f"{units[only] if only else next(iter(units.values()))} for each"
     return "; ".join(f"{cut} for each {unit}" for unit, cut in units.items())
 

@@ -12,7 +12,8 @@ import pytest
 from foldcar.car.components.assemble import Assembly, assemble, build
 from foldcar.car.components.component import Component, ComponentError, Parameter, Sub
 from foldcar.car.components.shape import Shape
-from foldcar.car.design import MODULES, compose, parameters
+from foldcar.car.design import compose
+from foldcar.car.design_parameters import MODULES, parameters
 from foldcar.car.folded.pose import apply, folded
 from foldcar.car.folded_car import folded_car
 from foldcar.car.parts.catalogue import catalogue
@@ -236,9 +237,10 @@ def test_what_a_user_module_reads_is_part_of_it(tmp_path: Path) -> None:
         (('letter = "Tail"', 'letter = "W"'), ':7: Tail: letter "W" is that of WheelModule already'),
         (('letter = "Tail"', "letter = 3"), ':7: Tail has no text "letter"'),
         (('"offset", 5, 0', '"width", 5, 0'), ':7: Tail: its parameter "width" is declared otherwise'),
-        (("class Tail(Module):", "from foldcar.car.components.module import *\nclass Tail(WheelModule):"),
-         ":8: Tail: carries wheels or electronics"),
-        (("class Tail(Module)", "class Tail(object)"), ":1: defines no subclass of foldcar.car.components.module.Module"),
+        (('letter = "Tail"', 'letter = "Tail2"'), ':7: Tail: letter "Tail2" is not made of letters and dig'),
+        (("class Tail(Module):", "from foldcar.car.components.module import *\nclass Tail(ElectronicsModule):"),
+         ":8: Tail: carries electronics"),
+        (("class Tail(Module)", "class Tail(object)"), ":1: defines no subclass of Module or Composite of foldcar"),
     ],
 )  # fmt: skip
 def test_a_file_with_an_error_is_one_line_with_file_and_line(

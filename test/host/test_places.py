@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from foldcar.car.body import body_json, car_json, design_name, firmware_parameters, full_speed_m_s
-from foldcar.car.design import DesignError, compose, compose_columns, key_of
+from foldcar.car.design import DesignError, compose, compose_columns
+from foldcar.car.design_parameters import key_of
 from foldcar.car.folded.stance import stance, standing
 from foldcar.car.folded_car import folded_car
 from foldcar.car.verify import verify

@@ -4,7 +4,7 @@ import contextlib
 import operator
 from collections.abc import Iterable, Mapping
 
-from foldcar.car.design import declared, key_of
+from foldcar.car.design_parameters import declared, key_of
 from foldcar.errors import FoldcarError
 from foldcar.typed import did_you_mean
 

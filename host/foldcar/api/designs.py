@@ -11,7 +11,8 @@ from pydantic import ValidationError
 from foldcar.api.arguments import columns_named, whole
 from foldcar.api.environment import simulator
 from foldcar.car.body import TableRow, body_json
-from foldcar.car.design import Design, compose, find_parameter, modules_of, names_in, parameters
+from foldcar.car.design import Design, compose, modules_of
+from foldcar.car.design_parameters import find_parameter, names_in, parameters
 from foldcar.car.folded_car import folded_car
 from foldcar.car.variation import draw, spread_named, vary_body
 from foldcar.errors import FoldcarError

@@ -56,8 +56,8 @@ def _segment(design: Design, car: FoldedCar, index: int) -> dict[str, Any]:
     return {
         "x_m": box.center_mm * MM,
         "length_m": box.length_mm * MM,
-        "width_m": design.values["width"] * MM,
-        "height_m": design.values["height"] * MM,
+        "width_m": design.width_mm * MM,
+        "height_m": design.height_mm * MM,
         "center_z_m": 0.0,
         "mass_kg": properties.mass_kg,
         "com_x_m": properties.center_m[0],
@@ -143,7 +143,7 @@ def car_json(design: Design) -> dict[str, Any]:
         "hash": _hash(design, body),
         **_geometry(body),
         "length_m": design.length_mm / 1000,
-        "width_m": design.values["width"] / 1000,
+        "width_m": design.width_mm / 1000,
         "mass_kg": round(sum(weights), 4),
         "parameters": {
             name: value
@@ -156,7 +156,7 @@ def car_json(design: Design) -> dict[str, Any]:
 def design_name(design: Design) -> str:
     """A readable name: modules, width × length and wheels' radii in mm, at most 32 bytes of UTF-8."""
     radii = ",".join(dict.fromkeys(f"{radius:g}" for radius in design.radii_mm))
-    text = f"{design.composition} {design.values['width']:g}x{design.length_mm:g} r{radii}"
+    text = f"{design.composition} {design.width_mm:g}x{design.length_mm:g} r{radii}"
     return text.encode()[:MOST_NAME_BYTES].decode(errors="ignore")
 
 

@@ -14,107 +14,30 @@ import cmath
 import itertools
 import math
 import operator
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cached_property
 
-from foldcar.car.components.component import ROUNDING, Parameter, at_least
+from foldcar.car.components.component import ROUNDING, at_least
+from foldcar.car.components.composite import Composite
 from foldcar.car.components.hinge_module import HingeModule
 from foldcar.car.components.module import BrainModule, Module, WheelModule
-from foldcar.car.parts.catalogue import DEFAULT_CHOICES, Catalogue, PartChoices, PartError, chosen, split_type
+from foldcar.car.design_parameters import (
+    MODULES,
+    PLACE,
+    declared,
+    find_parameter,
+    key_of,
+    parameter_of,
+    parameters,
+    place_keys,
+    places_of,
+)
+from foldcar.car.parts.catalogue import DEFAULT_CHOICES, Catalogue, PartChoices, PartError, catalogue, chosen, split_type
+from foldcar.car.user_modules import component_errors
 from foldcar.errors import FoldcarError
 
 HINGE = HingeModule.letter
-# Every known module by its letter or name.
-MODULES: dict[str, type[Module] | type[HingeModule]] = {
-    kind.letter: kind for kind in (WheelModule, BrainModule, HingeModule)
-}
-
-
-@dataclass(frozen=True, slots=True)
-class DesignParameter:
-    """A parameter of the car: its key in designs, the modules that have it, its declaration."""
-
-    key: str
-    modules: frozenset[str]
-    declared: Parameter
-
-    @property
-    def column(self) -> str:
-        """Its column name in results, which ends in its unit."""
-        return "_".join(filter(None, (*self.key.split("."), self.declared.unit)))
-
-
-@cache
-def parameters() -> dict[str, DesignParameter]:
-    """Every parameter by key, in the order of the results' columns: shared ones first."""
-    having: dict[str, tuple[Parameter, set[str]]] = {}
-    for shared in (True, False):
-        for letter, kind in MODULES.items():
-            for parameter in kind.parameters:
-                if parameter.shared == shared:
-                    key = parameter.name if shared else f"{letter}.{parameter.name}"
-                    having.setdefault(key, (parameter, set()))[1].add(letter)
-    return {key: DesignParameter(key, frozenset(letters), one) for key, (one, letters) in having.items()}
-
-
-# A place: the letter of a module and its number among those, counted from the front.
-PLACE = re.compile(r"(.*[^0-9])([1-9][0-9]*)")
-
-
-def find_parameter(group: str, name: str) -> DesignParameter | None:
-    """The parameter that ``{group: {name: …}}`` of a listing sets, or None; ``group`` is ``common``, a letter or a place.
-
-    ``find_parameter("W2", "radius").key`` is ``"W2.radius"``.
-    """
-    shared = parameters().get(name)
-    if shared is not None and (group == "common" or group in shared.modules):
-        return shared
-    place = PLACE.fullmatch(group)
-    if place is None or group in MODULES:
-        return parameters().get(f"{group}.{name}")
-    every = find_parameter(place[1], name)
-    if every is None or every.declared.uniform:
-        return None
-    return DesignParameter(f"{group}.{name}", frozenset((place[1],)), every.declared)
-
-
-def parameter_of(key: str) -> DesignParameter | None:
-    """The parameter of a key: ``radius``, ``W.length``, ``W2.radius``; None if there is none."""
-    group, _, name = key.rpartition(".")
-    return find_parameter(group or "common", name)
-
-
-def key_of(column: str) -> str | None:
-    """The key of a column of results: ``W2.radius`` of ``W2_radius_mm``; None if it is no column of a parameter."""
-    for key, parameter in parameters().items():
-        if parameter.column == column:
-            return key
-    group, _, rest = column.partition("_")
-    names = {parameter.declared.name for parameter in parameters().values()}
-    found = (find_parameter(group, name) for name in names if rest.startswith(name))
-    return next((one.key for one in found if one is not None and one.column == column), None)
-
-
-def places_of(letters: Sequence[str]) -> list[str]:
-    """The places of a car's modules, front to back: ``places_of(("W", "B", "W"))`` is ``["W1", "B1", "W2"]``."""
-    return [f"{letter}{letters[: i + 1].count(letter)}" for i, letter in enumerate(letters)]
-
-
-def place_keys(key: str, letters: Sequence[str]) -> list[str]:
-    """The keys of a parameter's places in a car: of ``radius`` in W_B_W ``W1.radius`` and ``W2.radius``."""
-    parameter = parameters()[key]
-    places = places_of([letter for letter in letters if letter in parameter.modules])
-    return [] if parameter.declared.uniform else [f"{place}.{parameter.declared.name}" for place in sorted(places)]
-
-
-def names_in(group: str) -> list[str]:
-    """The parameter names that ``group`` (``common``, a module letter or a place) may set."""
-    names = {parameter.declared.name for parameter in parameters().values()}
-    return sorted(name for name in names if find_parameter(group, name) is not None)
-
-
 # Each wheel has a servo of its own, and the servo driver has eight outputs.
 MAX_AXLES = 4
 # The simulator's limit.
@@ -131,10 +54,15 @@ class DesignError(FoldcarError):
 
 @dataclass(frozen=True)
 class ModuleValues:
-    """The values of one module's parameters (mm, degrees) by name, and the key of the design that sets each."""
+    """The values of one module's parameters (mm, degrees) by name, and the key of the design that sets each.
 
+    ``root`` if a composite names it as the one that carries the electronics.
+    """
+
+    kind: type[Module] | type[HingeModule]
     values: Mapping[str, float]
     keys: Mapping[str, str]
+    root: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,10 +78,11 @@ class Segment:
 class Design:
     """A design that passed its checks. ``values`` holds every parameter of its modules by key, in mm and degrees.
 
-    The value of a place (``W2.radius``) stands before that of the letter, for this module.
+    The value of a place (``W2.radius``) stands before that of the letter, for this module. ``letters`` are those of the
+    type string, front to back; ``modules`` are those of its composites too.
     """
 
-    modules: tuple[str, ...]
+    letters: tuple[str, ...]
     values: Mapping[str, float]
     choices: PartChoices = DEFAULT_CHOICES
 
@@ -164,8 +93,8 @@ class Design:
 
     @property
     def composition(self) -> str:
-        """The modules, front to back."""
-        return "_".join(self.modules)
+        """The modules and composites, front to back."""
+        return "_".join(self.letters)
 
     @property
     def type(self) -> str:
@@ -174,9 +103,8 @@ class Design:
 
     @property
     def title(self) -> str:
-        """The car in a line: its type, what all its modules share, and its axles without servos."""
-        told = ((key, value, declared(key)) for key, value in self.values.items())
-        return " ".join([self.type, *(f"{key}={value:g}" for key, value, one in told if one.shared or one.is_switch)])
+        """The car in a line: its type, what its modules share or a composite sets, and its axles without servos."""
+        return " ".join([self.type, *(f"{key}={value:g}" for key, value in self.values.items() if _is_of_car(key))])
 
     @property
     def columns(self) -> dict[str, float]:
@@ -186,11 +114,30 @@ class Design:
 
     @cached_property
     def of_modules(self) -> tuple[ModuleValues, ...]:
-        """The values of each module, front to back."""
-        return tuple(
-            _module_values(letter, self.modules[: i + 1].count(letter), self.values, self.parts)
-            for i, letter in enumerate(self.modules)
-        )
+        """The values of each module, front to back. ComponentError if those of a composite's modules do not fit."""
+        places = zip(self.letters, places_of(self.letters), strict=True)
+        return tuple(one for letter, place in places for one in _module_values(letter, place, self.values, self.parts))
+
+    @cached_property
+    def modules(self) -> tuple[str, ...]:
+        """The letters of the modules, front to back."""
+        return tuple(one.kind.letter for one in self.of_modules)
+
+    @property
+    def electronics(self) -> int:
+        """The index of the module that carries boards and batteries: a composite's root, else the first B."""
+        roots = (i for i, one in enumerate(self.of_modules) if one.root)
+        return next(roots, self.modules.index(BrainModule.letter))
+
+    @property
+    def width_mm(self) -> float:
+        """The outer width of the body (mm)."""
+        return self.of(0, "width")
+
+    @property
+    def height_mm(self) -> float:
+        """The outer height of the body (mm)."""
+        return self.of(0, "height")
 
     def of(self, module: int, name: str) -> float:
         """The value of a parameter of the module with that index (mm, degrees): ``design.of(0, "radius")``."""
@@ -199,7 +146,7 @@ class Design:
     @property
     def wheel_modules(self) -> tuple[int, ...]:
         """The indices of the modules with an axle, front to back."""
-        return tuple(i for i, letter in enumerate(self.modules) if letter == WheelModule.letter)
+        return tuple(i for i, one in enumerate(self.of_modules) if issubclass(one.kind, WheelModule))
 
     @property
     def driven_modules(self) -> tuple[int, ...]:
@@ -236,7 +183,7 @@ class Design:
     def segments(self) -> tuple[Segment, ...]:
         """The rigid parts, front to back."""
         found = []
-        for hinge, group in itertools.groupby(range(len(self.modules)), lambda i: self.modules[i] == "H"):
+        for hinge, group in itertools.groupby(range(len(self.modules)), lambda i: self.modules[i] == HINGE):
             if not hinge:
                 indices = tuple(group)
                 lengths = [self.length_of(i) for i in indices]
@@ -246,11 +193,18 @@ class Design:
 
     def segment_at(self, module: int) -> int:
         """The index of the segment to which the module with index ``module`` belongs."""
-        return self.modules[:module].count("H")
+        return self.modules[:module].count(HINGE)
 
     def segment_of(self, module: int) -> Segment:
         """The segment to which the module with index ``module`` belongs."""
         return self.segments[self.segment_at(module)]
+
+
+def _is_of_car(key: str) -> bool:
+    """Whether a parameter concerns more than the shape of one kind of module."""
+    found = parameter_of(key)
+    composites = (kind for letter, kind in MODULES.items() if found is not None and letter in found.modules)
+    return declared(key).shared or declared(key).is_switch or any(issubclass(kind, Composite) for kind in composites)
 
 
 def modules_of(type_string: str) -> tuple[str, ...]:
@@ -260,29 +214,39 @@ def modules_of(type_string: str) -> tuple[str, ...]:
         if letter not in MODULES:
             known = ", ".join(f"{known} ({kind.title})" for known, kind in MODULES.items())
             raise DesignError(None, f'"{type_string}" has unknown module "{letter}"; known: {known}')
-    for letter in (WheelModule.letter, BrainModule.letter):
-        if letter not in letters:
-            raise DesignError(None, f'"{type_string}" has no module {letter} ({MODULES[letter].title})')
-    if letters.count("W") > MAX_AXLES:
-        raise DesignError(None, f'"{type_string}" has {letters.count("W")} axles, the servo driver serves {MAX_AXLES}')
-    if letters[0] == "H" or letters[-1] == "H" or ("H", "H") in itertools.pairwise(letters):
+    with component_errors(DesignError):
+        kinds = [one.kind for letter in letters for one in _module_values(letter, letter, {}, catalogue())]
+    modules = [kind.letter for kind in kinds]
+    axles = sum(issubclass(kind, WheelModule) for kind in kinds)
+    for kind, count in ((WheelModule, axles), (BrainModule, modules.count(BrainModule.letter))):
+        if not count:
+            raise DesignError(None, f'"{type_string}" has no module {kind.letter} ({kind.title})')
+    if axles > MAX_AXLES:
+        raise DesignError(None, f'"{type_string}" has {axles} axles, the servo driver serves {MAX_AXLES}')
+    if modules[0] == HINGE or modules[-1] == HINGE or (HINGE, HINGE) in itertools.pairwise(modules):
         raise DesignError(None, f'"{type_string}" has a hinge (H) beside no segment: each must join two')
-    segments = letters.count("H") + 1
+    segments = modules.count(HINGE) + 1
     if segments > MAX_SEGMENTS:
         raise DesignError(None, f'"{type_string}" has {segments} segments, the simulator takes {MAX_SEGMENTS}')
     return letters
 
 
-def _module_values(letter: str, number: int, values: Mapping[str, float], parts: Catalogue) -> ModuleValues:
-    """The values of the ``number``-th module of a letter: those of its place, else of its letter, else shared ones."""
-    keys, every = {}, MODULES[letter].parameters
-    for parameter in every:
-        known = (f"{letter}{number}.{parameter.name}", f"{letter}.{parameter.name}", parameter.name)
+def _module_values(letter: str, place: str, values: Mapping[str, float], parts: Catalogue) -> list[ModuleValues]:
+    """The values of the module, or the modules, at a place: those of the place before the letter's, then shared ones."""
+    kind, keys = MODULES[letter], dict[str, str]()
+    for parameter in kind.parameters:
+        known = (f"{place}.{parameter.name}", f"{letter}.{parameter.name}", parameter.name)
         key = next((key for key in known if key in values), None)
         if key is not None:
             keys[parameter.name] = key
-    defaults = {one.name: one.default_with(parts) for one in every if one.optional}
-    return ModuleValues(defaults | {name: values[key] for name, key in keys.items()}, keys)
+    own = {name: values[key] for name, key in keys.items()}
+    if not issubclass(kind, Composite):
+        defaults = {one.name: one.default_with(parts) for one in kind.parameters if one.optional}
+        return [ModuleValues(kind, defaults | own, keys)]
+    return [
+        ModuleValues(type(one), {n.name: one[n.name] for n in one.parameters}, one.keys, root)
+        for one, root in kind(own, place, parts=parts, keys=keys).modules()
+    ]
 
 
 def compose(type_string: str, values: Mapping[str, float], choices: PartChoices | None = None) -> Design:
@@ -298,19 +262,37 @@ def compose(type_string: str, values: Mapping[str, float], choices: PartChoices 
         except PartError as error:
             raise DesignError(None, str(error)) from error
     design = Design(letters, _complete(type_string, letters, values, chosen(choices)), choices)
+    with component_errors(DesignError):
+        _check(type_string, design)
+    return design
+
+
+def _check(type_string: str, design: Design) -> None:
+    """DesignError or ComponentError for a value that cannot be."""
     for key, value in design.values.items():
         complaint = declared(key).complaint(value, design.parts)
         if complaint:
             raise DesignError(key, complaint)
     tyre = design.parts.tyre
     for module in design.wheel_modules:
-        width_mm, key = design.of(module, "tire_thickness"), design.of_modules[module].keys["tire_thickness"]
+        width_mm, setting = design.of(module, "tire_thickness"), design.of_modules[module].keys.get("tire_thickness")
         if tyre.width_mm is not None and width_mm < tyre.width_mm.value:
-            raise DesignError(key, f"{width_mm:g} is below the {tyre.width_mm.value:g} of the {tyre.name}")
+            raise DesignError(setting, f"{width_mm:g} is below the {tyre.width_mm.value:g} of the {tyre.name}")
     if not design.driven_modules:
         raise DesignError(None, f'"{type_string}" has no driven axle: at least one W needs "driven": true')
+    _check_alike(design)
     _check_wheels(design)
-    return design
+
+
+def _check_alike(design: Design) -> None:
+    """DesignError if modules differ in what they must have in common: the beams' width and height, the track."""
+    first: dict[str, ModuleValues] = {}
+    for one in design.of_modules:
+        for name in (parameter.name for parameter in one.kind.parameters if parameter.uniform):
+            other = first.setdefault(name, one)
+            if one.values[name] != other.values[name]:
+                differs = f"{one.values[name]:g} differs from the {other.values[name]:g} of {other.keys.get(name, name)}"
+                raise DesignError(one.keys.get(name), f"{differs}: all modules share one {name}")
 
 
 def compose_columns(type_string: str, columns: Mapping[str, float | str]) -> Design:
@@ -322,13 +304,6 @@ def compose_columns(type_string: str, columns: Mapping[str, float | str]) -> Des
             raise DesignError(None, f"no module has the parameter {column}")
         values[key] = float(value)
     return compose(type_string, values)
-
-
-def declared(key: str) -> Parameter:
-    """The declaration of the parameter of a key, which must be one."""
-    found = parameter_of(key)
-    assert found is not None, key
-    return found.declared
 
 
 def _complete(
@@ -385,10 +360,10 @@ def design_errors(
 
 def _check_wheels(design: Design) -> None:
     """DesignError if neighbouring wheels would touch or the belly would touch the ground."""
-    height, belly = design.values["height"], design.parts.assembly.belly_clearance_mm
+    height, belly = design.height_mm, design.parts.assembly.belly_clearance_mm
     # Axles are at half the body's height.
     least = height / 2 + belly.value
-    wheels = [(design.of(i, "radius"), design.of_modules[i].keys["radius"], i) for i in design.wheel_modules]
+    wheels = [(design.of(i, "radius"), design.of_modules[i].keys.get("radius"), i) for i in design.wheel_modules]
     for radius, key, _ in wheels:
         if radius < least - ROUNDING:
             why = f"half of height {height:g} and {belly.value:g} under the belly"
@@ -399,10 +374,10 @@ def _check_wheels(design: Design) -> None:
         if distance < least_distance:
             folded = "" if distance == flat else ", folded to the limits of H"
             lengths = " and ".join(f"{key} {value:g}" for key, value in design.values.items() if key.endswith(".length"))
-            radius, key, _ = max(front, rear, key=lambda one: one[0])
+            other, (radius, key, _) = sorted((front, rear), key=lambda one: one[0])
             beside = "" if front[0] == rear[0] else f" beside {min(front, rear)[0]:g}"
             needs = f"{radius:g}{beside} needs axles at least {least_distance:g} apart, or wheels touch"
-            raise DesignError(key, f"{needs}, but {lengths} puts two of them {distance:.4g} apart{folded}")
+            raise DesignError(key or other[1], f"{needs}, but {lengths} puts two of them {distance:.4g} apart{folded}")
 
 
 def _folded_distance_mm(design: Design, front: int, rear: int) -> tuple[float, float]:
@@ -415,7 +390,7 @@ def _folded_distance_mm(design: Design, front: int, rear: int) -> tuple[float, f
     if not hinges:
         return flat, flat
     hinges.reverse()
-    drop, places = design.values["height"] / 2, [centers[i] for i in (rear, *hinges, front)]
+    drop, places = design.height_mm / 2, [centers[i] for i in (rear, *hinges, front)]
     # From the rear axle forwards, along and up; each stretch is pitched once more than the one before it.
     rises = [-drop, *[0.0] * (len(hinges) - 1), drop]
     steps = [complex(ahead - behind, up) for behind, ahead, up in zip(places, places[1:], rises, strict=False)]

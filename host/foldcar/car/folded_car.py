@@ -12,19 +12,20 @@ from functools import lru_cache
 from foldcar.car.components.assemble import Assembly, assemble, build
 from foldcar.car.components.box_beam import PANELS, flap_end_mm, latch_mm, put_cap, wall_mm
 from foldcar.car.components.bridge import plug_room_mm, usb_height_mm
-from foldcar.car.components.component import ROUNDING, Component, ComponentError, Sub, at_least
+from foldcar.car.components.component import ROUNDING, Component, Sub, at_least
 from foldcar.car.components.hinge_module import HingeModule, stiffness_n_m_rad
-from foldcar.car.components.module import BrainModule, ElectronicsModule, WheelModule
+from foldcar.car.components.module import BrainModule, ElectronicsModule
 from foldcar.car.components.mounts import ROD_LAYER_MM, depth_mm, inside_mm, put_switch
-from foldcar.car.components.shape import Graph, Shape
+from foldcar.car.components.shape import Shape
 from foldcar.car.components.wheel import Wheel
-from foldcar.car.design import HINGE, MODULES, Design, DesignError, places_of
+from foldcar.car.design import HINGE, Design, DesignError
+from foldcar.car.design_parameters import places_of
 from foldcar.car.folded.model import FoldedCar, HingeJoint, PlacedPiece, Wire
 from foldcar.car.folded.pose import apply, compose, edge, folded, rotation, translation
 from foldcar.car.folded.stance import center_mm, standing
 from foldcar.car.leads import with_leads
 from foldcar.car.parts.catalogue import Catalogue, PartChoices, chosen
-from foldcar.car.user_modules import building, place_of
+from foldcar.car.user_modules import building, component_errors
 
 
 class Car(Component):
@@ -38,9 +39,9 @@ class Car(Component):
     def subcomponents(self) -> Sequence[Sub]:
         """Modules from front to back."""
         subs = []
-        for i, (letter, own) in enumerate(zip(self.design.modules, self.design.of_modules, strict=True)):
-            kind: type[Component] = ElectronicsModule if i == electronics(self.design) else MODULES[letter]
-            known = {} if letter == HINGE else around(self.design, i)
+        for i, own in enumerate(self.design.of_modules):
+            kind: type[Component] = ElectronicsModule if i == self.design.electronics else own.kind
+            known = {} if kind is HingeModule else around(self.design, i)
             body = f"segment{self.design.segment_at(i)}"
             subs.append(Sub(self.names[i], kind, {**own.values, **known}, own.keys, body))
         return subs
@@ -52,7 +53,7 @@ class Car(Component):
             if HINGE not in letters[i : i + 2]:
                 for panel in PANELS:
                     shape.connect(f"{one}.beam.{panel}.rear", f"{following}.beam.{panel}.front", "rigid")
-        outer_mm = self["width"], self["height"]
+        outer_mm = self.design.width_mm, self.design.height_mm
         for number, segment in enumerate(self.design.segments, 1):
             for end, module in (("front", segment.modules[0]), ("rear", segment.modules[-1])):
                 outer = module == (0 if end == "front" else len(self.names) - 1)
@@ -74,14 +75,15 @@ class Car(Component):
 
 def folded_car(design: Design) -> FoldedCar:
     """The folded car of a design; DesignError if its parts do not fit."""
-    return _folded_car(design.modules, tuple(design.values.items()), design.choices)
+    return _folded_car(design.letters, tuple(design.values.items()), design.choices)
 
 
 @lru_cache(maxsize=64)
 def _folded_car(letters: tuple[str, ...], values: tuple[tuple[str, float], ...], choices: PartChoices) -> FoldedCar:
     design = Design(letters, dict(values), choices)
-    with building():
-        graph, frame = _frame(design)
+    with building(), component_errors(DesignError):
+        graph = build(Car(design))
+        frame = assemble(graph)
     count, axles = len(frame.axles), list(frame.axles)
     # Wheels without servos follow on the outputs.
     order = sorted(range(count), key=lambda n: not frame.axles[n].driven)
@@ -132,7 +134,7 @@ def _check_stance(design: Design, car: FoldedCar) -> None:
     if len(set(design.radii_mm)) == 1:
         return
     x, _, z = center_mm(car)
-    half, belly = design.values["height"] / 2, design.parts.assembly.belly_clearance_mm.value
+    half, belly = design.height_mm / 2, design.parts.assembly.belly_clearance_mm.value
     ends = [segment.center_mm + side * segment.length_mm / 2 for segment in design.segments for side in (-1, 1)]
 
     def clear(least: float) -> bool:
@@ -151,22 +153,7 @@ def _check_stance(design: Design, car: FoldedCar) -> None:
         low, high = (low, middle) if clear(middle) else (middle, high)
     why = f"beside {max(design.radii_mm):g}: the tilted body is less than {belly:g} above the ground"
     told = f"{design.of(module, 'radius'):g} is below the minimum {at_least(high)} ({why})"
-    raise DesignError(design.of_modules[module].keys["radius"], told)
-
-
-def _frame(design: Design) -> tuple[Graph, Assembly]:
-    """The car without its wheels; the error of a user's component names its file and line."""
-    try:
-        graph = build(Car(design))
-        return graph, assemble(graph)
-    except ComponentError as error:
-        place, message = place_of(error), error.message if error.key else str(error)
-        raise DesignError(error.key, f"{message} [{place}]" if place else message) from error
-    except Exception as error:
-        place = place_of(error)
-        if place is None:
-            raise
-        raise DesignError(None, f"{place}: {type(error).__name__}: {error}") from error
+    raise DesignError(design.of_modules[module].keys.get("radius"), told)
 
 
 # The values of a wheel that tell it from others, by name.
@@ -237,14 +224,9 @@ FAR_MM = 2000.0
 LEAST_FOLD_MM = 1.0
 
 
-def electronics(design: Design) -> int:
-    """The index of the module that carries boards and batteries: the first B."""
-    return design.modules.index(BrainModule.letter)
-
-
 def switch_cap(design: Design) -> str:
     """The outer cap that carries the switch: the one nearer to the electronics, but not at their own end."""
-    index, last = electronics(design), len(design.modules) - 1
+    index, last = design.electronics, len(design.modules) - 1
     in_front = index > 0 and (index == last or index <= last - index)
     return "front cap 1" if in_front else f"rear cap {len(design.segments)}"
 
@@ -252,12 +234,12 @@ def switch_cap(design: Design) -> str:
 def around(design: Design, module: int) -> dict[str, float]:
     """What the car sets of a module that is no hinge."""
     known = _flap(design, module)
-    if design.modules[module] == WheelModule.letter:
+    if module in design.wheel_modules:
         # No cap is at the inner end of a module that is not a segment of its own.
         alone = len(design.segment_of(module).modules) == 1
         tab = design.parts.assembly.cap_tab_mm.value if alone else 0.0
         known |= {"towards_middle": _towards_middle(design, module), "tab_there": tab}
-    if module == electronics(design):
+    if module == design.electronics:
         known |= {"floor_front": _floor(design, module, -1), "floor_rear": _floor(design, module, 1)}
         known |= dict(zip(("usb_low", "usb_high"), _between_tyres(design, module), strict=True))
     return known
@@ -281,7 +263,7 @@ def _flap(design: Design, module: int) -> dict[str, float]:
         known |= {f"pull_{at}": float(latch and at == latched[0])}
     least = notch + LEAST_FOLD_MM + end * [*ends.values()].count(module)
     if (known["latch_front"] or known["latch_rear"]) and length < least - ROUNDING:
-        key = design.of_modules[module].keys["length"]
+        key = design.of_modules[module].keys.get("length")
         raise DesignError(key, f"{length:g} is below the minimum {at_least(least)} (the latch of a segment's lid)")
     return known
 
@@ -290,7 +272,7 @@ def _floor(design: Design, module: int, step: int) -> float:
     """Free floor (mm) before (``step`` -1) or behind (1) a module, up to a servo's layer, a cap's tab or the switch."""
     free, i = 0.0, module + step
     while i in design.segment_of(module).modules:
-        if design.modules[i] == WheelModule.letter:
+        if i in design.wheel_modules:
             driven = design.of(i, "driven")
             long, short = inside_mm(design.parts) if driven else (ROD_LAYER_MM, ROD_LAYER_MM)
             # The long side points forward if ``towards_middle`` is 1.
@@ -309,7 +291,7 @@ def _between_tyres(design: Design, module: int) -> tuple[float, float]:
     """Where a USB plug passes the tyres next to the module (mm from its rear)."""
     rear = design.module_centers_mm[module] - design.length_of(module) / 2
     gap = design.parts.assembly.part_gap_mm.value
-    off = usb_height_mm(design.parts) - wall_mm(design.values["height"], design.parts) / 2
+    off = usb_height_mm(design.parts) - wall_mm(design.height_mm, design.parts) / 2
     low, high = -FAR_MM, FAR_MM
     for x, radius in zip(design.axles_mm, design.radii_mm, strict=True):
         reach = radius + plug_room_mm(design.parts.plugs.usb) / 2 + gap

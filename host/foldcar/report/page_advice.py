@@ -17,7 +17,7 @@ from foldcar.analysis.effects import Effects
 from foldcar.analysis.gap import OPTIMISTIC, PESSIMISTIC
 from foldcar.analysis.gaussian_process import unit_range
 from foldcar.analysis.words import count, design_text, label_and_unit, listed, percent, rate_text, span_text, value_text
-from foldcar.car.design import declared, key_of
+from foldcar.car.design_parameters import declared, key_of
 from foldcar.report.page_designs import Designs
 from foldcar.simulation.results import no_rate_text
 

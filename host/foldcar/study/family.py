@@ -10,14 +10,10 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from foldcar.car.design import (
-    Design,
-    DesignError,
-    compose,
+from foldcar.car.design import Design, DesignError, compose, design_errors, modules_of
+from foldcar.car.design_parameters import (
     declared,
-    design_errors,
     find_parameter,
-    modules_of,
     names_in,
     parameter_of,
     parameters,

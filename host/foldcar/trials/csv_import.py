@@ -19,7 +19,8 @@ from pathlib import Path
 from typing import Any
 
 from foldcar.analysis.words import count, design_text
-from foldcar.car.design import Design, DesignError, compose_columns, key_of, parameters
+from foldcar.car.design import Design, DesignError, compose_columns
+from foldcar.car.design_parameters import key_of, parameters
 from foldcar.errors import FoldcarError
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store

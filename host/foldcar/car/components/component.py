@@ -142,6 +142,19 @@ class Component:
         """The subcomponents; none by default."""
         return ()
 
+    def sub(self, name: str, kind: "type[Component]", inherit: str = "", **others: str | float) -> Sub:
+        """A subcomponent that inherits parameters under the same name, or under another one, or has values of its own.
+
+        ``self.sub("car", WheelModule, "width height", length="wheel_length", driven=False)``. All others are defaults.
+        """
+        inherited = {one: one for one in inherit.split()} | {n: own for n, own in others.items() if isinstance(own, str)}
+        fixed = {one: float(value) for one, value in others.items() if not isinstance(value, str)}
+        unknown = (inherited.keys() | fixed.keys()) - {one.name for one in kind.parameters}
+        if unknown:
+            known = ", ".join(one.name for one in kind.parameters)
+            raise ComponentError(self._under(name), f'{kind.__name__} has no parameter "{min(unknown)}"; it has {known}')
+        return Sub(name, kind, {one: self[own] for one, own in inherited.items()} | fixed, inherited)
+
     def build(self, shape: "Shape") -> None:
         """Make the component's faces and connect them; its subcomponents are built."""
 

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import math
 import re
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -23,6 +24,8 @@ from foldcar.camera.photo import find_placed
 from foldcar.camera.poses import CarMarker, find_pose
 from foldcar.camera.tracking import smooth, track
 from foldcar.camera.view import find_view
+from foldcar.car.body import body_json
+from foldcar.car.design import compose
 from foldcar.errors import FoldcarError
 from foldcar.link.mcap_export import export_mcap
 from foldcar.scenes.obstacles import Obstacle
@@ -152,6 +155,14 @@ def test_obstacles_are_as_high_as_the_car_shows(factor: float) -> None:
     off = numpy.array([find_pose(seen, view, car, found).values - true for true, seen in shown])
     place_m = numpy.hypot(off[:, 0], off[:, 1])
     assert numpy.median(place_m) < 0.003 and numpy.quantile(place_m, 0.95) < 0.006
+
+
+def test_a_car_with_wheels_of_two_radii_stands_tilted() -> None:
+    body = body_json(compose("W_B_W", {"W2.radius": 50}))
+    stance = standing({**SCENE, "terrain": []}, carsim_heights(Carsim()), body).at(0.5, 0.0, 0.3)
+
+    # Axles 140 mm apart, the car's middle halfway between them.
+    assert stance.values == pytest.approx([0.055, math.asin(10 / 140), 0.0], abs=3e-4)
 
 
 def test_a_car_with_a_wheel_on_a_step_stands_on_a_diagonal() -> None:

@@ -88,7 +88,7 @@ class Stance:
 
 @dataclass(frozen=True)
 class Standing:
-    """The ground, and the wheels of the car: places ahead and to the left of the origin, radius and width (m).
+    """The ground, and the wheels of the car: places ahead and to the left of the origin, radii and width (m).
 
     ``obstacle`` has the number of each cell's obstacle, 0 for floor. ``factors`` are their heights relative to the
     planned ones, ``factor_errors`` the standard deviations; the floor's are 1 and 0.
@@ -100,9 +100,22 @@ class Standing:
     factor_errors: Floats
     ahead_m: Floats
     left_m: Floats
-    radius_m: float
+    radii_m: Floats
     width_m: float
     hinged: bool
+
+    @cached_property
+    def level(self) -> Floats:
+        """Height of the origin (m), slope ahead and bank to the left on level floor: wheels of two radii tilt the car."""
+        if numpy.ptp(self.radii_m) == 0:
+            return numpy.array([self.radii_m[0], 0.0, 0.0])
+        tilted: Floats = self._stands(self.radii_m[None])[0].mean(axis=0)
+        return tilted
+
+    @property
+    def radius_m(self) -> float:
+        """Height of the origin over level floor (m), the wheels' radius if they have one."""
+        return float(self.level[0])
 
     def at(self, x_m: float, y_m: float, heading_rad: float) -> Stance:
         """How the car stands there."""
@@ -112,7 +125,7 @@ class Standing:
         # Heights and tilts are proportional to the factor.
         under = self.under(x_m, y_m, heading_rad)
         share = max((float(self.factor_errors[k] / self.factors[k]) for k in under), default=0.0)
-        raised = share * (values - (self.radius_m, 0.0, 0.0))
+        raised = share * (values - self.level)
         flat = (2.0 if self.hinged else 1.0) * numpy.array([FLAT_M, FLAT_RAD, FLAT_RAD])
         covariance = numpy.diag(flat**2) + off.T @ off / len(off) + numpy.outer(raised, raised)
         return Stance(numpy.array([values[0], *numpy.arctan(values[1:])]), covariance)
@@ -123,7 +136,10 @@ class Standing:
         A plane is the height at the origin, the slope ahead and the bank to the left.
         """
         below = self.heights(*self._below(x_m, y_m, heading_rad, shifts_m))
-        all_axles = (below + self.radius_m * numpy.sqrt(1 - ALONG**2)).max(axis=(2, 3))
+        return self._stands((below + self.radii_m[:, None, None] * numpy.sqrt(1 - ALONG**2)).max(axis=(2, 3)))
+
+    def _stands(self, all_axles: Floats) -> list[Floats]:
+        """The planes for heights of the axles (shifts, wheels) over which each wheel touches the ground."""
         threes, inverses = self._threes
         if not len(threes):
             return [self._dragging(axles) for axles in all_axles]
@@ -156,7 +172,7 @@ class Standing:
         """Places (shifts, wheels, ACROSS, ALONG) below the wheels of the car."""
         cos, sin = math.cos(heading_rad), math.sin(heading_rad)
         ahead, left = (at[:, None, None, None] for at in shifts_m.T)
-        ahead = ahead + self.ahead_m[:, None, None] + self.radius_m * ALONG
+        ahead = ahead + self.ahead_m[:, None, None] + self.radii_m[:, None, None] * ALONG
         left = left + self.left_m[:, None, None] + self.width_m * ACROSS[:, None]
         return x_m + ahead * cos - left * sin, y_m + ahead * sin + left * cos
 
@@ -204,7 +220,7 @@ def standing(scene: Mapping[str, Any], heights: Heights, body: Mapping[str, Any]
     wheels = body["wheels"]
     ahead = numpy.array([wheel["x_m"] for wheel in wheels])
     left = numpy.array([body["track_m"] / 2 * (1 if wheel["side"] == "left" else -1) for wheel in wheels])
-    radius_m = max(wheel["radius_m"] for wheel in wheels)
+    radii_m = numpy.array([wheel["radius_m"] for wheel in wheels])
     ground = height_map(heights, scene, extent, cells)
     raised = numpy.abs(ground.z_m) > FLOOR_M
     obstacle, count = label(raised)
@@ -212,7 +228,7 @@ def standing(scene: Mapping[str, Any], heights: Heights, body: Mapping[str, Any]
         obstacle, count = raised.astype(numpy.int32), 1
     errors = numpy.array([0.0] + count * [HEIGHT_SHARE])
     width_m, hinged = wheels[0]["width_m"], bool(body["hinges"])
-    return Standing(ground, obstacle, numpy.ones(count + 1), errors, ahead, left, radius_m, width_m, hinged)
+    return Standing(ground, obstacle, numpy.ones(count + 1), errors, ahead, left, radii_m, width_m, hinged)
 
 
 def fit_heights(poses: "Sequence[Pose]", ground: Standing, pixel: float) -> Standing:

@@ -320,6 +320,6 @@ def test_the_parameter_table_is_that_of_the_components() -> None:
 def test_the_components_are_where_it_says() -> None:
     found = re.findall(r"^\|`(\w+)`(?: \w)?\|`(\w+)\.py`\|", DOC, re.M)
 
-    assert len(found) == 5
+    assert len(found) == 6
     for name, module in found:
         assert hasattr(import_module(f"foldcar.car.components.{module}"), name), name

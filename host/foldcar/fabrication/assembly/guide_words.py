@@ -243,11 +243,11 @@ def _care(car: FoldedCar, step: AssemblyStep, before: State) -> Iterator[str]:
         yield "Tighten them with the centre screw's head in the middle of the disc's hole: then the wheel runs true."
     strips = {p.name for p in car.pieces if any(crease.flexure for crease in p.creases)}
     if strips & {added.name for added in step.adds}:
-        low, high = (math.degrees(limit) for limit in (car.hinges[0].min_rad, car.hinges[0].max_rad))
-        yield (
-            "A hinge's strip stays uncreased between the segments, which then pitch freely from "
-            f"{-low:.0f}° nose down to {high:.0f}° nose up against each other."
-        )
+        limits = [(-math.degrees(hinge.min_rad), math.degrees(hinge.max_rad)) for hinge in car.hinges]
+        texts = [f"from {down:.0f}° nose down to {up:.0f}° nose up" for down, up in limits]
+        alike = len(set(texts)) == 1
+        told = texts[0] if alike else listed([f"{text} at hinge {n}" for n, text in enumerate(texts, 1)])
+        yield f"A hinge's strip stays uncreased between the segments, which then pitch freely {told} against each other."
     if any(added.kind == "unit" and added.body in {axle.wheel for axle in car.axles} for added in step.adds):
         yield "Turn every wheel by hand: it touches neither the wall nor its neighbour."
 

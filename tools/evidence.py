@@ -199,7 +199,9 @@ def true_rates(simulator: Simulator, one: Reality) -> FloatArray:
     return np.asarray(np.reshape(passed, (designs, -1)).mean(axis=1))
 
 
-def calibrated(simulator: Simulator, observed: Observations, emulator: Emulator, known: Mapping[int, float]) -> Inference:
+def calibrated(
+    simulator: Simulator, observed: Observations, emulator: Emulator, known: Mapping[int, float]
+) -> Inference:
     """As the first round of `foldcar calibrate`, with an emulator that is there; rates are simulated afterwards."""
     experiment = simulator.experiment
     inputs, _ = cell_inputs(experiment, observed.cells)

@@ -62,7 +62,9 @@ def test_a_simulated_car_that_is_too_fast_for_heartbeats_is_named(
     assert "times as fast as this computer's" in answer.stderr and "with a smaller --speedup" in answer.stderr
 
 
-def test_the_trial_takes_the_simulated_cars_sample(course: Path, carsim_binary: Path, foldcar: Any, refused: Any) -> None:
+def test_the_trial_takes_the_simulated_cars_sample(
+    course: Path, carsim_binary: Path, foldcar: Any, refused: Any
+) -> None:
     with link(course, "--experiment", "1", "--sample", "3") as port:
         sample = refused(*LOG, "--port", port, "--yes", "--sample", "4")
         made_nothing = not (course / "s.db").exists() and not (course / "s-logs").exists()

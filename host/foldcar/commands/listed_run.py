@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from foldcar.study.family import Family
     from foldcar.study.listing import Listing
 
-
 @dataclass(frozen=True)
 class ListedRun:
     """``nominal`` is the body of the design, ``body`` that of the built car, which differs from it by ``variation``."""

@@ -184,12 +184,8 @@ def _generate(xml: Path, language: str, output: Path) -> None:
     from pymavlink.generator import mavgen, mavparse
 
     options = SimpleNamespace(
-        output=str(output),
-        wire_protocol=mavparse.PROTOCOL_2_0,
-        language=language,
-        validate=False,
-        error_limit=1,
-        strict_units=False,
+        output=str(output), wire_protocol=mavparse.PROTOCOL_2_0, language=language, validate=False,
+        error_limit=1, strict_units=False,
     )
     log = io.StringIO()
     with contextlib.redirect_stdout(log):

@@ -30,7 +30,6 @@ Files = Mapping[str, str]
 # Names in sys.modules that are known to be no program's modules.
 _installed: set[str] = set()
 
-
 class ProgramFiles:
     """The files of one program, as it is compiled, sampled and run. With ``fixed`` it may consist of these only."""
 

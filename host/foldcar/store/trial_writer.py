@@ -138,7 +138,9 @@ class TrialWriter(StoreConnection):
         )
         return dict(Counter(row["sample"] for row in rows))
 
-    def correct(self, trial: int, changes: Mapping[str, str | float], reason: str, operator: str) -> list[Correction]:
+    def correct(
+        self, trial: int, changes: Mapping[str, str | float], reason: str, operator: str
+    ) -> list[Correction]:
         """Change fields of a trial and record their old values; StoreError if there is no such trial or field."""
         made = []
         with self._transaction():

@@ -38,8 +38,8 @@ def design(type: str, /, **values: float) -> Design:
     letters = set(modules_of(type))
     keys = {one.column: key for key, one in parameters().items() if one.modules & letters}
     for place in {name.partition("_")[0] for name in values}:
-        several = (find_parameter(place, name) for name in names_in(place))
-        keys |= {one.column: one.key for one in several if one is not None and one.modules & letters}
+        of_place = (find_parameter(place, name) for name in names_in(place))
+        keys |= {p.column: p.key for p in of_place if p is not None and p.modules & letters}
     named = columns_named(values, keys, f'design("{type}")')
     found = compose(type, {keys[column]: value for column, value in named.items()})
     # Raises what is wrong with the folded car.

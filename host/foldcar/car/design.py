@@ -109,24 +109,25 @@ class Design:
     @property
     def columns(self) -> dict[str, float]:
         """The parameters by their column names in results, which end in the unit."""
-        found = ((parameter_of(key), value) for key, value in self.values.items())
-        return {parameter.column: value for parameter, value in found if parameter is not None}
+        parameters_with_values = ((parameter_of(key), value) for key, value in self.values.items())
+        return {parameter.column: value for parameter, value in parameters_with_values if parameter is not None}
 
     @cached_property
     def of_modules(self) -> tuple[ModuleValues, ...]:
         """The values of each module, front to back. ComponentError if those of a composite's modules do not fit."""
         places = zip(self.letters, places_of(self.letters), strict=True)
-        return tuple(one for letter, place in places for one in _module_values(letter, place, self.values, self.parts))
+        modules = (_module_values(letter, place, self.values, self.parts) for letter, place in places)
+        return tuple(itertools.chain.from_iterable(modules))
 
     @cached_property
     def modules(self) -> tuple[str, ...]:
         """The letters of the modules, front to back."""
-        return tuple(one.kind.letter for one in self.of_modules)
+        return tuple(module.kind.letter for module in self.of_modules)
 
     @property
     def electronics(self) -> int:
         """The index of the module that carries boards and batteries: a composite's root, else the first B."""
-        roots = (i for i, one in enumerate(self.of_modules) if one.root)
+        roots = (i for i, module in enumerate(self.of_modules) if module.root)
         return next(roots, self.modules.index(BrainModule.letter))
 
     @property
@@ -146,7 +147,7 @@ class Design:
     @property
     def wheel_modules(self) -> tuple[int, ...]:
         """The indices of the modules with an axle, front to back."""
-        return tuple(i for i, one in enumerate(self.of_modules) if issubclass(one.kind, WheelModule))
+        return tuple(i for i, module in enumerate(self.of_modules) if issubclass(module.kind, WheelModule))
 
     @property
     def driven_modules(self) -> tuple[int, ...]:
@@ -202,9 +203,11 @@ class Design:
 
 def _is_of_car(key: str) -> bool:
     """Whether a parameter concerns more than the shape of one kind of module."""
-    found = parameter_of(key)
-    composites = (kind for letter, kind in MODULES.items() if found is not None and letter in found.modules)
-    return declared(key).shared or declared(key).is_switch or any(issubclass(kind, Composite) for kind in composites)
+    parameter = parameter_of(key)
+    if parameter is None:
+        return False
+    of_composite = any(issubclass(MODULES[letter], Composite) for letter in parameter.modules)
+    return of_composite or parameter.declared.shared or parameter.declared.is_switch
 
 
 def modules_of(type_string: str) -> tuple[str, ...]:
@@ -215,17 +218,17 @@ def modules_of(type_string: str) -> tuple[str, ...]:
             known = ", ".join(f"{known} ({kind.title})" for known, kind in MODULES.items())
             raise DesignError(None, f'"{type_string}" has unknown module "{letter}"; known: {known}')
     with component_errors(DesignError):
-        kinds = [one.kind for letter in letters for one in _module_values(letter, letter, {}, catalogue())]
-    modules = [kind.letter for kind in kinds]
-    axles = sum(issubclass(kind, WheelModule) for kind in kinds)
-    for kind, count in ((WheelModule, axles), (BrainModule, modules.count(BrainModule.letter))):
+        modules = [module for letter in letters for module in _module_values(letter, letter, {}, catalogue())]
+    order = [module.kind.letter for module in modules]
+    axles = sum(issubclass(module.kind, WheelModule) for module in modules)
+    for kind, count in ((WheelModule, axles), (BrainModule, order.count(BrainModule.letter))):
         if not count:
             raise DesignError(None, f'"{type_string}" has no module {kind.letter} ({kind.title})')
     if axles > MAX_AXLES:
         raise DesignError(None, f'"{type_string}" has {axles} axles, the servo driver serves {MAX_AXLES}')
-    if modules[0] == HINGE or modules[-1] == HINGE or (HINGE, HINGE) in itertools.pairwise(modules):
+    if order[0] == HINGE or order[-1] == HINGE or (HINGE, HINGE) in itertools.pairwise(order):
         raise DesignError(None, f'"{type_string}" has a hinge (H) beside no segment: each must join two')
-    segments = modules.count(HINGE) + 1
+    segments = order.count(HINGE) + 1
     if segments > MAX_SEGMENTS:
         raise DesignError(None, f'"{type_string}" has {segments} segments, the simulator takes {MAX_SEGMENTS}')
     return letters
@@ -235,17 +238,17 @@ def _module_values(letter: str, place: str, values: Mapping[str, float], parts: 
     """The values of the module, or the modules, at a place: those of the place before the letter's, then shared ones."""
     kind, keys = MODULES[letter], dict[str, str]()
     for parameter in kind.parameters:
-        known = (f"{place}.{parameter.name}", f"{letter}.{parameter.name}", parameter.name)
-        key = next((key for key in known if key in values), None)
+        candidates = (f"{place}.{parameter.name}", f"{letter}.{parameter.name}", parameter.name)
+        key = next((key for key in candidates if key in values), None)
         if key is not None:
             keys[parameter.name] = key
     own = {name: values[key] for name, key in keys.items()}
     if not issubclass(kind, Composite):
-        defaults = {one.name: one.default_with(parts) for one in kind.parameters if one.optional}
+        defaults = {option.name: option.default_with(parts) for option in kind.parameters if option.optional}
         return [ModuleValues(kind, defaults | own, keys)]
     return [
-        ModuleValues(type(one), {n.name: one[n.name] for n in one.parameters}, one.keys, root)
-        for one, root in kind(own, place, parts=parts, keys=keys).modules()
+        ModuleValues(type(module), {p.name: module[p.name] for p in module.parameters}, module.keys, root)
+        for module, root in kind(own, place, parts=parts, keys=keys).modules()
     ]
 
 
@@ -287,12 +290,13 @@ def _check(type_string: str, design: Design) -> None:
 def _check_alike(design: Design) -> None:
     """DesignError if modules differ in what they must have in common: the beams' width and height, the track."""
     first: dict[str, ModuleValues] = {}
-    for one in design.of_modules:
-        for name in (parameter.name for parameter in one.kind.parameters if parameter.uniform):
-            other = first.setdefault(name, one)
-            if one.values[name] != other.values[name]:
-                differs = f"{one.values[name]:g} differs from the {other.values[name]:g} of {other.keys.get(name, name)}"
-                raise DesignError(one.keys.get(name), f"{differs}: all modules share one {name}")
+    for module in design.of_modules:
+        for name in (parameter.name for parameter in module.kind.parameters if parameter.uniform):
+            other = first.setdefault(name, module)
+            value, common = module.values[name], other.values[name]
+            if value != common:
+                differs = f"{value:g} differs from the {common:g} of {other.keys.get(name, name)}"
+                raise DesignError(module.keys.get(name), f"{differs}: all modules share one {name}")
 
 
 def compose_columns(type_string: str, columns: Mapping[str, float | str]) -> Design:
@@ -350,10 +354,10 @@ def design_errors(
         parameter = parameter_of(key)
         if parameter is None or parameter.modules.isdisjoint(letters):
             continue
-        one = parameter.declared
-        complaint = one.complaint(value, parts)
+        declaration = parameter.declared
+        complaint = declaration.complaint(value, parts)
         if complaint:
-            limit = one.maximum if value > one.maximum else one.least_with(parts)
+            limit = declaration.maximum if value > declaration.maximum else declaration.least_with(parts)
             errors[key] = (DesignError(key, complaint), limit)
     return errors
 
@@ -374,7 +378,7 @@ def _check_wheels(design: Design) -> None:
         if distance < least_distance:
             folded = "" if distance == flat else ", folded to the limits of H"
             lengths = " and ".join(f"{key} {value:g}" for key, value in design.values.items() if key.endswith(".length"))
-            other, (radius, key, _) = sorted((front, rear), key=lambda one: one[0])
+            other, (radius, key, _) = sorted((front, rear), key=lambda wheel: wheel[0])
             beside = "" if front[0] == rear[0] else f" beside {min(front, rear)[0]:g}"
             needs = f"{radius:g}{beside} needs axles at least {least_distance:g} apart, or wheels touch"
             raise DesignError(key or other[1], f"{needs}, but {lengths} puts two of them {distance:.4g} apart{folded}")

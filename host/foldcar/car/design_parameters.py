@@ -83,8 +83,8 @@ def key_of(column: str) -> str | None:
             return key
     group, _, rest = column.partition("_")
     names = {parameter.declared.name for parameter in parameters().values()}
-    found = (find_parameter(group, name) for name in names if rest.startswith(name))
-    return next((one.key for one in found if one is not None and one.column == column), None)
+    candidates = (find_parameter(group, name) for name in names if rest.startswith(name))
+    return next((p.key for p in candidates if p is not None and p.column == column), None)
 
 
 def places_of(letters: Sequence[str]) -> list[str]:
@@ -107,6 +107,6 @@ def names_in(group: str) -> list[str]:
 
 def declared(key: str) -> Parameter:
     """The declaration of the parameter of a key, which must be one."""
-    found = parameter_of(key)
-    assert found is not None, key
-    return found.declared
+    parameter = parameter_of(key)
+    assert parameter is not None, key
+    return parameter.declared

@@ -152,8 +152,8 @@ def _check_stance(design: Design, car: FoldedCar) -> None:
         middle = (low + high) / 2
         low, high = (low, middle) if clear(middle) else (middle, high)
     why = f"beside {max(design.radii_mm):g}: the tilted body is less than {belly:g} above the ground"
-    told = f"{design.of(module, 'radius'):g} is below the minimum {at_least(high)} ({why})"
-    raise DesignError(design.of_modules[module].keys.get("radius"), told)
+    message = f"{design.of(module, 'radius'):g} is below the minimum {at_least(high)} ({why})"
+    raise DesignError(design.of_modules[module].keys.get("radius"), message)
 
 
 # The values of a wheel that tell it from others, by name.
@@ -164,7 +164,7 @@ def wheel_units(design: Design) -> dict[WheelValues, list[int]]:
     """The indices of the wheel modules whose wheels are alike, by the values of these wheels."""
     units: dict[WheelValues, list[int]] = {}
     for module in design.wheel_modules:
-        values = tuple((one.name, design.of(module, one.name)) for one in Wheel.parameters)
+        values = tuple((parameter.name, design.of(module, parameter.name)) for parameter in Wheel.parameters)
         units.setdefault(values, []).append(module)
     return units
 
@@ -184,8 +184,8 @@ def _named(wheel: Assembly, unit: str) -> Assembly:
     """The assembly of a wheel with the unit's title in the names of its pieces: ``rear wheel hub``."""
     names = {piece.name: unit + piece.name.removeprefix("wheel") for piece in wheel.pieces}
     pieces = (replace(piece, name=names[piece.name], label=names[piece.name]) for piece in wheel.pieces)
-    placed = (replace(one, piece=names[one.piece]) for one in wheel.placed)
-    joins = (replace(one, piece_a=names[one.piece_a], piece_b=names[one.piece_b]) for one in wheel.joins)
+    placed = (replace(copy, piece=names[copy.piece]) for copy in wheel.placed)
+    joins = (replace(join, piece_a=names[join.piece_a], piece_b=names[join.piece_b]) for join in wheel.joins)
     return replace(wheel, pieces=tuple(pieces), placed=tuple(placed), joins=tuple(joins))
 
 

@@ -101,9 +101,9 @@ def _refusals(kind: type[Module] | type[Composite]) -> Iterator[str]:
         yield ": carries electronics, which B does; derive it from Module"
     known = {key: parameter.declared for key, parameter in parameters().items()}
     for parameter in kind.parameters:
-        one = known.get(parameter.name, parameter)
+        of_car = known.get(parameter.name, parameter)
         # What all beams share is the car's; a composite gives its modules what it likes.
-        if one != parameter and (parameter.shared or (one.uniform and issubclass(kind, Module))):
+        if of_car != parameter and (parameter.shared or (of_car.uniform and issubclass(kind, Module))):
             yield f': its parameter "{parameter.name}" is declared otherwise than that of the whole car'
 
 

@@ -15,7 +15,7 @@ FACES_A_NAME = re.compile(r"\bfacing\s+(?!toward\b|away\b|directly\b)([A-Za-z_]\
 def syntax_hint(error: BaseException, text: str) -> str:
     """The hint for an error in the line ``text``, "" if there is none.
 
-    Of ``ego = Robot at startPos facing endPos`` it tells: ``new`` before ``Robot``, a comma, ``facing toward``.
+    For ``ego = Robot at startPos facing endPos`` it names ``new``, the comma and ``facing toward``.
     """
     if "not a heading or orientation" in str(error):
         return _toward(text)
@@ -23,12 +23,12 @@ def syntax_hint(error: BaseException, text: str) -> str:
         return ""
     if re.search(r"\bas\s*$", text):
         return '; a statement ends with its line: write the name behind "as" on this line'
-    changes = [f'"new" before "{found[1]}"' for found in WITHOUT_NEW.finditer(text)]
-    changes += [f'a comma before "{found[1]}"' for found in WITHOUT_COMMA.finditer(text)]
+    changes = [f'"new" before "{match[1]}"' for match in WITHOUT_NEW.finditer(text)]
+    changes += [f'a comma before "{match[1]}"' for match in WITHOUT_COMMA.finditer(text)]
     hint = f"; Scenic 3 wants {' and '.join(changes)}" if changes else ""
     return hint + (_toward(text) if hint else "")
 
 
 def _toward(text: str) -> str:
-    found = FACES_A_NAME.search(text)
-    return f'; "facing toward {found[1]}" is the way to a point' if found else ""
+    match = FACES_A_NAME.search(text)
+    return f'; "facing toward {match[1]}" is the way to a point' if match else ""

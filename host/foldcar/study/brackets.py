@@ -36,7 +36,7 @@ def unclosed(text: str) -> str | None:
 
 def _tokens(text: str) -> Iterator[tuple[str, int]]:
     """Brackets, and quotation marks that are not closed on their line, with their places."""
-    return ((found[0], found.start()) for found in TOKEN.finditer(text) if len(found[0]) == 1)
+    return ((match[0], match.start()) for match in TOKEN.finditer(text) if len(match[0]) == 1)
 
 
 def _place(text: str, at: int) -> str:

@@ -147,13 +147,15 @@ class Component:
 
         ``self.sub("car", WheelModule, "width height", length="wheel_length", driven=False)``. All others are defaults.
         """
-        inherited = {one: one for one in inherit.split()} | {n: own for n, own in others.items() if isinstance(own, str)}
-        fixed = {one: float(value) for one, value in others.items() if not isinstance(value, str)}
-        unknown = (inherited.keys() | fixed.keys()) - {one.name for one in kind.parameters}
-        if unknown:
-            known = ", ".join(one.name for one in kind.parameters)
-            raise ComponentError(self._under(name), f'{kind.__name__} has no parameter "{min(unknown)}"; it has {known}')
-        return Sub(name, kind, {one: self[own] for one, own in inherited.items()} | fixed, inherited)
+        inherited = dict(zip(inherit.split(), inherit.split(), strict=True))
+        inherited |= {parameter: own for parameter, own in others.items() if isinstance(own, str)}
+        fixed = {parameter: float(value) for parameter, value in others.items() if not isinstance(value, str)}
+        declared = [parameter.name for parameter in kind.parameters]
+        for parameter in (*inherited, *fixed):
+            if parameter not in declared:
+                message = f'{kind.__name__} has no parameter "{parameter}"; it has {", ".join(declared)}'
+                raise ComponentError(self._under(name), message)
+        return Sub(name, kind, {parameter: self[own] for parameter, own in inherited.items()} | fixed, inherited)
 
     def build(self, shape: "Shape") -> None:
         """Make the component's faces and connect them; its subcomponents are built."""

@@ -55,12 +55,13 @@ class Composite(Component):
     def _order(self) -> list[str]:
         """The names of the subcomponents, front to back."""
         behind: dict[str, str] = {}
-        for one, other in self.connections:
-            ends = {end: name for name, end in (self._end(one), self._end(other))}
+        for connection in self.connections:
+            ends = {end: name for name, end in map(self._end, connection)}
+            meeting = " meets ".join(connection)
             if len(ends) < len(ENDS):
-                raise ComponentError(self.path, f"{one} meets {other}: a rear end meets a front end")
+                raise ComponentError(self.path, f"{meeting}: a rear end meets a front end")
             if ends["rear"] in behind or ends["front"] in behind.values():
-                raise ComponentError(self.path, f"{one} meets {other}, but one of them is connected already")
+                raise ComponentError(self.path, f"{meeting}, but an end can be connected once only")
             behind[ends["rear"]] = ends["front"]
         chains = [[name] for name in self.children if name not in behind.values()]
         for chain in chains:
@@ -76,6 +77,6 @@ class Composite(Component):
         """Name and end of ``car.rear``."""
         name, _, end = place.rpartition(".")
         if name not in self.children or end not in ENDS:
-            known = ", ".join(self.children)
-            raise ComponentError(self.path, f'connects "{place}"; it has {known}, each with .front and .rear')
+            names = ", ".join(self.children)
+            raise ComponentError(self.path, f'connects "{place}"; it has {names}, each with .front and .rear')
         return name, end

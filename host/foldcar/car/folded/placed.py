@@ -82,9 +82,10 @@ def place(car: FoldedCar, only: Collection[str] = ()) -> dict[str, list[PlacedFa
     """
     pieces = {piece.name: piece for piece in car.pieces}
     behind = {hinge.front: hinge.rear for hinge in car.hinges}
-    turning = [one for one in car.placed if one.body.startswith("wheel")]
+    turning = [placed for placed in car.placed if placed.body.startswith("wheel")]
     # The first wheel with a piece stands for those of its unit.
-    others = {one.body for one in turning} - set({one.piece: one.body for one in reversed(turning)}.values())
+    first = {placed.piece: placed.body for placed in reversed(turning)}
+    others = {placed.body for placed in turning} - set(first.values())
     shapes: dict[str, dict[str, Pose]] = {}
     placed: dict[str, list[PlacedFace]] = {}
     for one in car.placed:

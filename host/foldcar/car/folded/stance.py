@@ -59,5 +59,8 @@ def standing(wheels_mm: Sequence[Point], center_mm: Point) -> Stance:
     for at, radius in wheels_mm if z < 0 else ():
         pitch = math.atan((x - at) / z)
         stances.append(Stance(pitch, radius - at * math.sin(pitch)))
-    possible = [one for one in stances if all(one.height_mm(at, 0) >= radius - ROUNDING_MM for at, radius in wheels_mm)]
-    return min(possible, key=lambda one: one.height_mm(x, z))
+
+    def is_above_ground(stance: Stance) -> bool:
+        return all(stance.height_mm(at, 0) >= radius - ROUNDING_MM for at, radius in wheels_mm)
+
+    return min(filter(is_above_ground, stances), key=lambda stance: stance.height_mm(x, z))

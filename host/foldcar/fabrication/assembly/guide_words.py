@@ -213,7 +213,7 @@ def _first(step: AssemblyStep, before: State) -> Iterator[str]:
 
 def _cut_lengths(car: FoldedCar, step: AssemblyStep, before: State) -> Iterator[str]:
     """To what length rods and tubes are cut."""
-    added = [before.mounts[one.name] for one in step.adds if one.kind == "mount"]
+    added = [before.mounts[thing.name] for thing in step.adds if thing.kind == "mount"]
     for part in (car.parts.axle_rod, car.parts.axle_tube):
         lengths = sorted({f"{mount.size_mm[2]:.1f}" for mount in added if mount.part == part.name}, key=float)
         if lengths:
@@ -246,8 +246,10 @@ def _care(car: FoldedCar, step: AssemblyStep, before: State) -> Iterator[str]:
         limits = [(-math.degrees(hinge.min_rad), math.degrees(hinge.max_rad)) for hinge in car.hinges]
         texts = [f"from {down:.0f}° nose down to {up:.0f}° nose up" for down, up in limits]
         alike = len(set(texts)) == 1
-        told = texts[0] if alike else listed([f"{text} at hinge {n}" for n, text in enumerate(texts, 1)])
-        yield f"A hinge's strip stays uncreased between the segments, which then pitch freely {told} against each other."
+        ranges = texts[0] if alike else listed([f"{text} at hinge {n}" for n, text in enumerate(texts, 1)])
+        yield (
+            f"A hinge's strip stays uncreased between the segments, which then pitch freely {ranges} against each other."
+        )
     if any(added.kind == "unit" and added.body in {axle.wheel for axle in car.axles} for added in step.adds):
         yield "Turn every wheel by hand: it touches neither the wall nor its neighbour."
 

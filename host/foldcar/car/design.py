@@ -38,7 +38,7 @@ from foldcar.car.user_modules import component_errors
 from foldcar.errors import FoldcarError
 
 HINGE = HingeModule.letter
-# Each wheel has a servo of its own, and the servo driver has eight outputs.
+# Each driven wheel has a servo of its own, and the servo driver has eight outputs; the simulator takes eight wheels.
 MAX_AXLES = 4
 # The simulator's limit.
 MAX_SEGMENTS = 8
@@ -322,7 +322,7 @@ def _complete(
         set_by_place = {place: float(values[place]) for place in keys if place in values}
         all_set = bool(keys) and len(set_by_place) == len(keys)
         if key in values and all_set:
-            raise DesignError(key, f"sets nothing: every module has a value of its own, {', '.join(set_by_place)}")
+            raise DesignError(key, f"sets nothing, as {', '.join(set_by_place)} set it for every module: leave it out")
         if key in values or not (all_set or parameter.declared.optional):
             complete[key] = float(values.get(key, parameter.declared.default_with(parts)))
         complete |= set_by_place

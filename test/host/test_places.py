@@ -67,7 +67,7 @@ def test_what_every_place_sets_has_no_value_for_the_letter() -> None:
         ({"H1.length": 50}, "H1.length: W_B_W has no such parameter; it has width, height, radius, W.length"),
         ({"W1.width": 90}, "W1.width: the whole car has one value of it: set width"),
         ({"W1.tire_thickness": 14}, "W1.tire_thickness: the whole car has one value of it: set W.tire_thickness"),
-        ({**TWO_RADII, "radius": 50}, "radius: sets nothing, as W1.radius, W2.radius set it for every module: leave it out"),
+        ({**TWO_RADII, "radius": 50}, "radius: sets nothing, as W1.radius, W2.radius set it for every module: leave"),
         ({"W2.length": 38}, "W2.length: 38 is below the minimum 45.25 (the opening and screws of one servo)"),
         ({"W2.radius": 26}, "W2.radius: 26 is below the minimum 27 (half of height 50 and 2 under the belly)"),
         ({"W1.radius": 90}, "W1.radius: 90 beside 60 needs axles at least 153 apart, or wheels touch, but W.length 60"),

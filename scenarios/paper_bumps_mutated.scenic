@@ -14,24 +14,24 @@ param simulationTimeLimit = 120
 simulationTimeLimit = globalParameters.simulationTimeLimit
 
 # Declare several useful locations
-bumpCenter = new Point at (0,0)
-startPos = new Point at (0,1)
-endPos = new Point at (0,-1)
+bumpCenter = new Point at (0,0)  # Print: without new
+startPos = new Point at (0,1)  # Print: without new
+endPos = new Point at (0,-1)  # Print: without new
 # The print does not define its target.
 target = endPos
 
 # Create two bumps left and right of the bump center.
-new Bump left of bumpCenter by 0.05,
+new Bump left of bumpCenter by 0.05,  # Print: without new
   with width 0.1,
   with length 0.1,
   with height 0.03
-new Bump right of bumpCenter by 0.05,
+new Bump right of bumpCenter by 0.05,  # Print: without new
   with width 0.1,
   with length 0.1,
   with height 0.03
 
 # Create a robot, representing the ego
-ego = new Robot at startPos, facing toward endPos
+ego = new Robot at startPos, facing toward endPos  # Print: Robot at startPos facing endPos
 
 # Termination conditions
 terminate when distance from ego to target <= 0.05
@@ -40,6 +40,7 @@ terminate after simulationTimeLimit seconds
 # Record simulation data
 record final (distance to target) as distanceToTarget
 record final ego.consumedEnergy as consumedEnergy
+# Print: its last word on a line of its own
 record final simulation().currentRealTime as elapsedTime
 
 # Mutate the points to slightly change their position

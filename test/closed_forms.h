@@ -85,14 +85,24 @@ inline TerrainSpec slope_of(double slope_rad) {
   return blocks({{kFoot_m + 0.5 * kLength_m, 0, kLength_m, 4, kLength_m * std::tan(slope_rad), 0, BlockSpec::Kind::kRamp}});
 }
 
+// Without servos at the rear axle, or at both.
+inline BodySpec with_free_wheels(BodySpec body, bool front_too = false) {
+  for (WheelSpec& wheel : body.wheels) {
+    if (front_too || wheel.x_m < 0) wheel.servo = {};
+  }
+  return body;
+}
+
 // Speed along a slope where the servos hold it (m/s): the torque line at the voltage that the current leaves.
 inline double no_slip_speed_m_s(const BodySpec& body, double slope_rad, double fraction) {
   const ServoSpec& servo = body.wheels[0].servo;
   const double radius_m = body.wheels[0].radius_m;
+  double servos = 0;
+  for (const WheelSpec& wheel : body.wheels) servos += wheel.driven();
   const double load_n_m = mass_kg(body) * kGravity * std::sin(slope_rad) * radius_m;
-  const double stalled = load_n_m / (4 * servo.stall_torque_n_m);
+  const double stalled = load_n_m / (servos * servo.stall_torque_n_m);
   const double current_a =
-      4 * (servo.no_load_current_a * fraction + (servo.stall_current_a - servo.no_load_current_a) * stalled);
+      servos * (servo.no_load_current_a * fraction + (servo.stall_current_a - servo.no_load_current_a) * stalled);
   const double voltage_v = body.supply_v - body.supply_resistance_ohm * current_a;
   return radius_m * servo.no_load_speed_rad_s * (fraction * voltage_v / servo.rated_v - stalled);
 }
@@ -238,6 +248,49 @@ void is_slowed_by_a_supply_that_sags(double within_m_s) {
   }
 }
 
+// Half the servos carry the load; the other wheels, which have none, take no current and give no torque.
+template <class Drive>
+void is_driven_by_its_driven_axle(double within_m_s) {
+  BodySpec body = with_free_wheels(study_car(0.115));
+  body.supply_resistance_ohm = 0.8;
+  for (const double slope_rad : {0.0, 8 * kPi / 180}) {
+    TEST_ASSERT_DOUBLE_WITHIN(within_m_s, no_slip_speed_m_s(body, slope_rad, 1),
+                              speed_on_slope_m_s<Drive>(body, 1.0, slope_rad, 1, 2.5));
+  }
+}
+
+// Rolling back on wheels without servos, whatever the pulses: m g sin = (m + Σ I / r²) a, I = ½ m r² of each disc.
+template <class Drive>
+void coasts_down_a_slope_on_free_wheels() {
+  const BodySpec body = with_free_wheels(study_car(0.115), true);
+  const double slope_rad = 10 * kPi / 180, early_s = 0.25, late_s = 0.65;
+  const double rolling_kg = mass_kg(body) + 4 * 0.5 * body.wheels[0].mass_kg;
+  const double expected = -kGravity * std::sin(slope_rad) * mass_kg(body) / rolling_kg;
+  for (const double fraction : {0.0, 1.0}) {
+    const PulsesUs pulses_us = pulses_for(study_car(0.115), fraction);
+    const SceneSpec scene = scene_of(slope_of(slope_rad), 1.0, {4, 0, 0});
+    Drive drive(body, scene, pulses_us);
+    const double early_m_s = drive.run(early_s).speed_m_s, late_m_s = drive.run(late_s - early_s).speed_m_s;
+    const double acceleration = (late_m_s - early_m_s) / (late_s - early_s) / std::cos(slope_rad);
+    TEST_ASSERT_DOUBLE_WITHIN(0.01 * std::abs(expected), expected, acceleration);
+    TEST_ASSERT_EQUAL_DOUBLE(0, drive.car.state().motor_work_j);
+    TEST_ASSERT_EQUAL_DOUBLE(0, drive.car.state().consumed_energy_j);
+  }
+}
+
+// Wheels of two radii pitch it by asin((r1 - r2) / wheelbase); its middle is half way between the axles.
+template <class Drive>
+void stands_tilted_by_its_radii() {
+  for (const double rear_m : {0.05, 0.068}) {
+    BodySpec body = study_car(0.115);
+    for (WheelSpec& wheel : body.wheels) wheel.radius_m = wheel.x_m > 0 ? 0.06 : rear_m;
+    Drive drive(body, scene_of({}, 0.6), 0);
+    const CarState& state = drive.run(1);
+    TEST_ASSERT_DOUBLE_WITHIN(0.003, std::asin((0.06 - rear_m) / 0.14), state.pitch_rad);
+    TEST_ASSERT_DOUBLE_WITHIN(0.0004, 0.5 * (0.06 + rear_m), state.z_m);
+  }
+}
+
 template <class Drive>
 void stalls_where_the_slope_asks_for_more_than_stall_torque() {
   BodySpec body = study_car(0.115);
@@ -365,6 +418,11 @@ struct Nearness {
     is_slowed_by_a_load_along_the_torque_line<Drive>((near).load_m_s);                                             \
   }                                                                                                                \
   TEST(test_a_supply_that_sags_slows_it_by_its_current) { is_slowed_by_a_supply_that_sags<Drive>((near).load_m_s); } \
+  TEST(test_half_the_servos_carry_the_load_of_a_car_with_free_wheels) {                                            \
+    is_driven_by_its_driven_axle<Drive>((near).load_m_s);                                                          \
+  }                                                                                                                \
+  TEST(test_it_coasts_down_a_slope_on_free_wheels) { coasts_down_a_slope_on_free_wheels<Drive>(); }                \
+  TEST(test_wheels_of_two_radii_tilt_it) { stands_tilted_by_its_radii<Drive>(); }                                  \
   TEST(test_it_stalls_where_the_slope_asks_for_more_than_stall_torque) {                                           \
     stalls_where_the_slope_asks_for_more_than_stall_torque<Drive>();                                               \
   }                                                                                                                \

@@ -18,7 +18,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from foldcar.car.components.component import Parameter
-from foldcar.car.design import Design, DesignError, compose, parameters
+from foldcar.car.design import Design, DesignError, compose
+from foldcar.car.design_parameters import parameter_of, parameters
 from foldcar.car.folded_car import folded_car
 from foldcar.car.parts.catalogue import OPTIONS, PartChoices, catalogue
 from foldcar.car.verify import CheckError, refuse, verify
@@ -69,14 +70,15 @@ class Outcome:
 def draws(count: int, seed: int) -> Iterator[Draw]:
     """Random designs; the same for the same seed."""
     chance = random.Random(seed)
-    for _ in range(count):
+    for number in range(count):
         modules = _type(chance)
         letters = set(modules.split("_"))
         values = {}
         for key, parameter in parameters().items():
-            if parameter.modules.isdisjoint(letters) or chance.random() < 0.25:
+            if parameter.modules.isdisjoint(letters) or parameter.declared.optional or chance.random() < 0.25:
                 continue
             values[key] = _value(chance, parameter.declared)
+        values |= _places(random.Random(f"{seed} {number}"), modules)
         machine = chance.choice(list(MACHINES))
         sheet = chance.choice([None, None, *MACHINES[machine].sheets])
         parts = PartChoices().changed({kind: chance.choice(list(names)) for kind, names in OPTIONS.items()})
@@ -89,6 +91,16 @@ def _type(chance: random.Random) -> str:
     home = chance.choice(segments)
     home.insert(chance.randint(0, len(home)), "B")
     return "_H_".join("_".join(letters) for letters in segments)
+
+
+def _places(chance: random.Random, modules: str) -> dict[str, float]:
+    """Sometimes an axle without servos, or one with wheels of another radius."""
+    axles, values = modules.count("W"), dict[str, float]()
+    if axles > 1 and chance.random() < 0.3:
+        values[f"W{chance.randint(1, axles)}.driven"] = 0.0
+    if axles > 1 and chance.random() < 0.3:
+        values[f"W{chance.randint(1, axles)}.radius"] = _value(chance, parameters()["radius"].declared)
+    return values
 
 
 def _value(chance: random.Random, declared: Parameter) -> float:
@@ -164,7 +176,7 @@ def _followed(draw: Draw, said: FoldcarError) -> Draw | None:
         length = draw.values.get("W.length", declared.default_with(catalogue())) + float(apart[1]) - float(apart[2]) + 0.5
         # Beyond it a smaller radius is what would do.
         return replace(draw, values={**draw.values, "W.length": length}) if length <= declared.maximum else None
-    if isinstance(said, DesignError) and said.parameter in parameters() and limit:
+    if isinstance(said, DesignError) and said.parameter and parameter_of(said.parameter) and limit:
         return replace(draw, values={**draw.values, said.parameter: float(limit[2])})
     return replace(draw, sheet=sheet[1]) if sheet else None
 

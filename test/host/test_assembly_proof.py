@@ -96,7 +96,7 @@ def test_openings_that_are_missing_or_too_small_and_a_battery_that_is_too_high_a
     battery, feather = folded.parts.battery.name, folded.parts.feather.name
 
     def spoiled(hole: Hole) -> Hole | None:
-        if hole.name == "W0.left servo.wall opening":
+        if hole.name == "W1.left servo.wall opening":
             smaller = scale(shapely.Polygon(hole.outline_mm), yfact=0.94)
             return replace(hole, outline_mm=tuple(smaller.exterior.coords)[:-1])
         return None if hole.name.endswith(("USB", "outer.access")) else hole

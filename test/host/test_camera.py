@@ -24,6 +24,8 @@ from foldcar.camera.photo import find_placed
 from foldcar.camera.poses import CarMarker, find_pose
 from foldcar.camera.tracking import smooth, track
 from foldcar.camera.view import find_view
+from foldcar.car.body import body_json
+from foldcar.car.design import compose
 from foldcar.errors import FoldcarError
 from foldcar.link.mcap_export import export_mcap
 from foldcar.scenes.obstacles import Obstacle
@@ -176,6 +178,14 @@ def test_a_car_that_leans_on_a_pyramid_is_where_it_is_seen() -> None:
     error = numpy.sqrt([pose.covariance(0.15).diagonal() for pose in poses])[leans]
     assert abs(off[:, 1].mean()) < 0.0025 and abs(off[:, 2].mean()) < 0.002
     assert (abs(off[:, 1]) < 2 * error[:, 1]).mean() > 0.8
+
+
+def test_a_car_with_wheels_of_two_radii_stands_tilted() -> None:
+    body = body_json(compose("W_B_W", {"W2.radius": 50}))
+    stance = standing({**SCENE, "terrain": []}, carsim_heights(Carsim()), body).at(Place(0.5, 0.0, 0.3))
+
+    # Axles 140 mm apart, the car's middle halfway between them.
+    assert stance.values == pytest.approx([0.055, math.asin(10 / 140), 0.0], abs=3e-4)
 
 
 def test_a_car_with_a_wheel_on_a_step_stands_on_a_diagonal() -> None:

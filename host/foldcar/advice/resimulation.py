@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from foldcar.analysis.words import count
 from foldcar.car.body import body_json
-from foldcar.car.design import compose, parameters
+from foldcar.car.design import compose_columns
 from foldcar.car.folded_car import folded_car
 from foldcar.car.variation import vary_body
 from foldcar.errors import FoldcarError
@@ -136,11 +136,7 @@ class Resimulation:
 
     def _composed(self, info: ExperimentInfo, trial: Trial) -> tuple[str, str]:
         """Body and settings of a trial's design; FoldcarError if it is none."""
-        columns = {parameter.column: key for key, parameter in parameters().items()}
-        unknown = [name for name in trial.design if name not in columns]
-        if unknown:
-            raise FoldcarError(f"no module has the parameter {unknown[0]}")
-        design = compose(trial.vehicle_type, {columns[name]: value for name, value in trial.design.items()})
+        design = compose_columns(trial.vehicle_type, trial.design)
         folded_car(design)
         body, table = body_json(design), self._simulator(info).parameter_table()
         place = f"{self._store.path}: experiment {info.id}"

@@ -35,7 +35,7 @@ from foldcar.analysis.selection import (
     trials_to_tell,
 )
 from foldcar.analysis.words import count, listed, percent, points, rate_text
-from foldcar.car.design import compose, parameters
+from foldcar.car.design import compose_columns
 from foldcar.car.folded_car import folded_car
 from foldcar.errors import FoldcarError
 from foldcar.simulation.results import no_rate_text
@@ -327,12 +327,11 @@ def cost(vehicle_type: str, design: Mapping[str, float | str], effort: Effort, d
     from foldcar.fabrication.patterns.options import options
     from foldcar.fabrication.patterns.sheets import on_a_larger_sheet, pattern
 
-    keys = {parameter.column: key for key, parameter in parameters().items()}
     try:
-        composed = compose(vehicle_type, {keys[name]: float(value) for name, value in design.items()})
+        composed = compose_columns(vehicle_type, design)
         folded = folded_car(composed)
         cut = pattern(folded, on_a_larger_sheet(folded, options(MACHINE)), composed.title)
-    except (FoldcarError, KeyError, ValueError):
+    except (FoldcarError, ValueError):
         return None
     cutting_min = cut.cut_length_mm / CUTTING_MM_S / 60
     return Cost(effort.cars * len(cut.sheets), math.ceil(effort.cars * (cutting_min + ASSEMBLY_MIN) + driving_min))

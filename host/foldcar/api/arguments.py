@@ -5,7 +5,7 @@ import math
 import operator
 from collections.abc import Iterable, Mapping
 
-from foldcar.car.design import parameters
+from foldcar.car.design_parameters import declared, key_of
 from foldcar.errors import FoldcarError
 from foldcar.typed import did_you_mean
 
@@ -38,7 +38,7 @@ def column_named(name: str, columns: Iterable[str], what: str) -> str:
     known = list(columns)
     if name in known:
         return name
-    units = {parameter.column: parameter.declared.unit for parameter in parameters().values()}
+    units = {column: declared(key).unit for column in known if (key := key_of(column)) is not None}
     short = {column: column.removesuffix(f"_{units.get(column, '')}") for column in known}
     found = [column for column in known if short[column] == name]
     found = found or [column for column in known if short[column].endswith(f"_{name}")]

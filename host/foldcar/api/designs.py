@@ -11,7 +11,8 @@ from pydantic import ValidationError
 from foldcar.api.arguments import columns_named, finite, whole
 from foldcar.api.environment import simulator
 from foldcar.car.body import TableRow, body_json
-from foldcar.car.design import Design, compose, modules_of, parameters
+from foldcar.car.design import Design, compose, modules_of
+from foldcar.car.design_parameters import find_parameter, names_in, parameters
 from foldcar.car.folded_car import folded_car
 from foldcar.car.variation import draw, spread_named, vary_body
 from foldcar.errors import FoldcarError
@@ -31,11 +32,14 @@ KEPT_DESIGNS = 1000
 def design(type: str, /, **values: float) -> Design:
     """The car of that type string with those parameters (mm, degrees) and defaults for all others.
 
-    Names are those of tables' columns, with or without unit: ``design("W_B_W", width_mm=95, W_length=60)``. FoldcarError
-    if there is no such parameter or the car cannot be built.
+    Names are those of tables' columns, with or without unit: ``design("W_B_W", width_mm=95, W_length=60, W2_radius=50)``.
+    FoldcarError if there is no such parameter or the car cannot be built.
     """
     letters = set(modules_of(type))
     keys = {one.column: key for key, one in parameters().items() if one.modules & letters}
+    for place in {name.partition("_")[0] for name in values}:
+        of_place = (find_parameter(place, name) for name in names_in(place))
+        keys |= {p.column: p.key for p in of_place if p is not None and p.modules & letters}
     named = columns_named(values, keys, f'design("{type}")')
     found = compose(type, {keys[column]: value for column, value in named.items()})
     # Raises what is wrong with the folded car.

@@ -107,7 +107,7 @@ class Stance:
 
 @dataclass(frozen=True)
 class Standing:
-    """The ground, and the wheels of the car: places ahead and to the left of the origin, radius and width (m).
+    """The ground, and the wheels of the car: places ahead and to the left of the origin, radii and width (m).
 
     ``obstacle`` has the number of each cell's obstacle, 0 for floor. ``factors`` are their heights relative to the
     planned ones, ``factor_errors`` the standard deviations; the floor's are 1 and 0.
@@ -119,9 +119,22 @@ class Standing:
     factor_errors: Floats
     ahead_m: Floats
     left_m: Floats
-    radius_m: float
+    radii_m: Floats
     width_m: float
     hinged: bool
+
+    @cached_property
+    def level(self) -> Floats:
+        """Height of the origin (m), slope ahead and bank to the left on level floor: wheels of two radii tilt the car."""
+        if numpy.ptp(self.radii_m) == 0:
+            return numpy.array([self.radii_m[0], 0.0, 0.0])
+        tilted: Floats = self._stands(self.radii_m[None])[0].mean(axis=0)
+        return tilted
+
+    @property
+    def radius_m(self) -> float:
+        """Height of the origin over level floor (m), the wheels' radius if they have one."""
+        return float(self.level[0])
 
     def at(self, place: Place) -> Stance:
         """How the car stands there."""
@@ -131,7 +144,7 @@ class Standing:
         # Heights and tilts are proportional to the factor.
         under = self.under(place)
         share = max((float(self.factor_errors[k] / self.factors[k]) for k in under), default=0.0)
-        raised = share * (values - (self.radius_m, 0.0, 0.0))
+        raised = share * (values - self.level)
         lean = math.hypot(math.sin(place.pitch_rad), math.sin(place.roll_rad))
         flat = (2.0 if self.hinged else 1.0) * (1 + TILTED * lean) * numpy.array([FLAT_M, FLAT_RAD, FLAT_RAD])
         covariance = numpy.diag(flat**2) + off.T @ off / len(off) + numpy.outer(raised, raised)
@@ -147,8 +160,11 @@ class Standing:
         """
         # A wheel that leans touches the ground beside its middle, and with its edge.
         sin, cos = math.sin(place.roll_rad), math.cos(place.roll_rad)
-        rise = self.radius_m * numpy.sqrt(1 - ALONG**2) * cos - self.width_m * ACROSS[:, None] * sin
-        all_axles = (self.heights(*self._below(place, shifts_m)) + rise).max(axis=(2, 3))
+        rise = self.radii_m[:, None, None] * numpy.sqrt(1 - ALONG**2) * cos - self.width_m * ACROSS[:, None] * sin
+        return self._stands((self.heights(*self._below(place, shifts_m)) + rise).max(axis=(2, 3)))
+
+    def _stands(self, all_axles: Floats) -> list[Floats]:
+        """The planes for heights of the axles (shifts, wheels) over which each wheel touches the ground."""
         threes, inverses = self._threes
         if not len(threes):
             return [self._dragging(axles) for axles in all_axles]
@@ -180,8 +196,9 @@ class Standing:
     def _below(self, place: Place, shifts_m: Floats) -> tuple[Floats, Floats]:
         """Places (shifts, wheels, ACROSS, ALONG) below the wheels of the car."""
         ahead, left = (at[:, None, None, None] for at in shifts_m.T)
-        ahead = ahead + math.cos(place.pitch_rad) * self.ahead_m[:, None, None] + self.radius_m * ALONG
-        aside = math.sin(place.roll_rad) * self.radius_m * numpy.sqrt(1 - ALONG**2)
+        radii = self.radii_m[:, None, None]
+        ahead = ahead + math.cos(place.pitch_rad) * self.ahead_m[:, None, None] + radii * ALONG
+        aside = math.sin(place.roll_rad) * radii * numpy.sqrt(1 - ALONG**2)
         left = left + math.cos(place.roll_rad) * (self.left_m[:, None, None] + self.width_m * ACROSS[:, None]) + aside
         cos, sin = math.cos(place.heading_rad), math.sin(place.heading_rad)
         return place.x_m + ahead * cos - left * sin, place.y_m + ahead * sin + left * cos
@@ -230,7 +247,7 @@ def standing(scene: Mapping[str, Any], heights: Heights, body: Mapping[str, Any]
     wheels = body["wheels"]
     ahead = numpy.array([wheel["x_m"] for wheel in wheels])
     left = numpy.array([body["track_m"] / 2 * (1 if wheel["side"] == "left" else -1) for wheel in wheels])
-    radius_m = max(wheel["radius_m"] for wheel in wheels)
+    radii_m = numpy.array([wheel["radius_m"] for wheel in wheels])
     ground = height_map(heights, scene, extent, cells)
     raised = numpy.abs(ground.z_m) > FLOOR_M
     obstacle, count = label(raised)
@@ -238,7 +255,7 @@ def standing(scene: Mapping[str, Any], heights: Heights, body: Mapping[str, Any]
         obstacle, count = raised.astype(numpy.int32), 1
     errors = numpy.array([0.0] + count * [HEIGHT_SHARE])
     width_m, hinged = wheels[0]["width_m"], bool(body["hinges"])
-    return Standing(ground, obstacle, numpy.ones(count + 1), errors, ahead, left, radius_m, width_m, hinged)
+    return Standing(ground, obstacle, numpy.ones(count + 1), errors, ahead, left, radii_m, width_m, hinged)
 
 
 def fit_heights(poses: "Sequence[Pose]", ground: Standing, pixel: float) -> Standing:

@@ -30,13 +30,14 @@ def body_json(design: Design) -> dict[str, Any]:
     DesignError if the design cannot be compiled.
     """
     car = folded_car(design)
-    # All wheels are alike.
-    wheel_kg = body_properties(car, car.axles[0].wheel).mass_kg
+    # Wheels of one unit are alike.
+    first = {axle.unit: axle.wheel for axle in reversed(car.axles)}
+    wheel_kg = {unit: body_properties(car, wheel).mass_kg for unit, wheel in first.items()}
     body = {
         "segments": [_segment(design, car, index) for index in range(len(design.segments))],
         "hinges": [_hinge(hinge, car.parts.film) for hinge in car.hinges],
         "track_m": (car.axles[0].center_mm[1] - car.axles[1].center_mm[1]) * MM,
-        "wheels": [_wheel(axle, wheel_kg, car.parts) for axle in car.axles],
+        "wheels": [_wheel(axle, wheel_kg[axle.unit], car.parts) for axle in car.axles],
         "supply_v": car.parts.battery.supply_v.value,
     }
     rounded: dict[str, Any] = json.loads(json.dumps(body), parse_float=lambda digits: _rounded(float(digits)))
@@ -44,9 +45,9 @@ def body_json(design: Design) -> dict[str, Any]:
 
 
 def full_speed_m_s(design: Design) -> float:
-    """The design's highest speed (m/s): no-load wheel speed at the supply voltage times the wheel radius."""
+    """The design's highest speed (m/s): no-load wheel speed at the supply voltage times the least driven radius."""
     line = design.parts.servo.at_voltage(design.parts.battery.supply_v.value)
-    return _rounded(line.no_load_speed_rad_s * design.values["radius"] * MM)
+    return _rounded(line.no_load_speed_rad_s * min(design.of(i, "radius") for i in design.driven_modules) * MM)
 
 
 def _segment(design: Design, car: FoldedCar, index: int) -> dict[str, Any]:
@@ -55,8 +56,8 @@ def _segment(design: Design, car: FoldedCar, index: int) -> dict[str, Any]:
     return {
         "x_m": box.center_mm * MM,
         "length_m": box.length_mm * MM,
-        "width_m": design.values["width"] * MM,
-        "height_m": design.values["height"] * MM,
+        "width_m": design.width_mm * MM,
+        "height_m": design.height_mm * MM,
         "center_z_m": 0.0,
         "mass_kg": properties.mass_kg,
         "com_x_m": properties.center_m[0],
@@ -86,7 +87,7 @@ def _hinge(hinge: HingeJoint, film: Film) -> dict[str, Any]:
 def _wheel(axle: Axle, mass_kg: float, parts: Catalogue) -> dict[str, Any]:
     servo, supply_v = parts.servo, parts.battery.supply_v.value
     line = servo.at_voltage(supply_v)
-    return {
+    wheel: dict[str, Any] = {
         "channel": axle.channel,
         "segment": int(axle.body.removeprefix("segment")),
         "side": axle.side,
@@ -97,7 +98,9 @@ def _wheel(axle: Axle, mass_kg: float, parts: Catalogue) -> dict[str, Any]:
         "grip": parts.tyre_friction.value / catalogue().tyre_friction.value,
         "eccentricity_m": 0.0,
         "eccentricity_phase_rad": 0.0,
-        "servo": {
+    }
+    if axle.driven:
+        wheel["servo"] = {
             "stall_torque_n_m": line.stall_torque_n_m,
             "no_load_speed_rad_s": line.no_load_speed_rad_s,
             "rated_v": supply_v,
@@ -108,8 +111,13 @@ def _wheel(axle: Axle, mass_kg: float, parts: Catalogue) -> dict[str, Any]:
             "deadband_us": servo.deadband_us.value,
             "saturation_us": servo.saturation_us.value,
             "direction": axle.direction,
-        },
-    }
+        }
+    return wheel
+
+
+def driven_wheels(body: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """The wheels of a body that have a servo."""
+    return [wheel for wheel in body["wheels"] if "servo" in wheel]
 
 
 def _rounded(value: float) -> float:
@@ -135,7 +143,7 @@ def car_json(design: Design) -> dict[str, Any]:
         "hash": _hash(design, body),
         **_geometry(body),
         "length_m": design.length_mm / 1000,
-        "width_m": design.values["width"] / 1000,
+        "width_m": design.width_mm / 1000,
         "mass_kg": round(sum(weights), 4),
         "parameters": {
             name: value
@@ -146,9 +154,9 @@ def car_json(design: Design) -> dict[str, Any]:
 
 
 def design_name(design: Design) -> str:
-    """A readable name: modules, width × length and wheel radius in mm, at most 32 bytes of UTF-8."""
-    values = design.values
-    text = f"{design.composition} {values['width']:g}x{design.length_mm:g} r{values['radius']:g}"
+    """A readable name: modules, width × length and wheels' radii in mm, at most 32 bytes of UTF-8."""
+    radii = ",".join(dict.fromkeys(f"{radius:g}" for radius in design.radii_mm))
+    text = f"{design.composition} {design.width_mm:g}x{design.length_mm:g} r{radii}"
     return text.encode()[:MOST_NAME_BYTES].decode(errors="ignore")
 
 
@@ -165,9 +173,14 @@ def _hash(design: Design, body: Mapping[str, Any]) -> str:
 def _geometry(body: Mapping[str, Any]) -> dict[str, Any]:
     wheels = [
         {"channel": one["channel"] + 1, "side": one["side"], "direction": one["servo"]["direction"], "x_m": one["x_m"]}
-        for one in body["wheels"]
+        for one in driven_wheels(body)
     ]
-    return {"wheel_radius_m": body["wheels"][0]["radius_m"], "track_m": body["track_m"], "wheels": wheels}
+    return {"wheel_radius_m": _least_radius_m(body), "track_m": body["track_m"], "wheels": wheels}
+
+
+def _least_radius_m(body: Mapping[str, Any]) -> float:
+    """The radius that the firmware's wheel speeds are for: the smallest driven wheel's, so that none turns faster."""
+    return min(float(wheel["radius_m"]) for wheel in driven_wheels(body))
 
 
 # Values of CHn_SIDE.
@@ -192,12 +205,12 @@ def firmware_parameters(design: Design, body: Mapping[str, Any] | None = None) -
     Channels count from 1 in parameter names and from 0 in the body.
     """
     body = body_json(design) if body is None else body
-    wheels = {wheel["channel"]: wheel for wheel in body["wheels"]}
-    first = body["wheels"][0]
+    wheels = {wheel["channel"]: wheel for wheel in driven_wheels(body)}
+    radius_m = _least_radius_m(body)
     values: dict[str, float] = {
-        "WHEEL_RADIUS_M": first["radius_m"],
+        "WHEEL_RADIUS_M": radius_m,
         "TRACK_M": body["track_m"],
-        "WHEEL_MAX_RAD_S": first["servo"]["no_load_speed_rad_s"],
+        "WHEEL_MAX_RAD_S": driven_wheels(body)[0]["servo"]["no_load_speed_rad_s"],
     }
     for channel in range(CHANNELS):
         prefix, wheel = f"CH{channel + 1}", wheels.get(channel)
@@ -208,7 +221,9 @@ def firmware_parameters(design: Design, body: Mapping[str, Any] | None = None) -
         span_us = servo["saturation_us"] - servo["deadband_us"]
         values[f"{prefix}_SIDE"] = SIDES[wheel["side"]]
         values |= {f"{prefix}_{key.upper()}": servo[key] for key in ("direction", "neutral_us", "deadband_us")}
-        values[f"{prefix}_GAIN_US"] = _rounded(span_us / servo["no_load_speed_rad_s"])
+        # A larger wheel turns more slowly, so that all roll at one speed.
+        share = radius_m / wheel["radius_m"]
+        values[f"{prefix}_GAIN_US"] = _rounded(share * span_us / servo["no_load_speed_rad_s"])
     return values
 
 

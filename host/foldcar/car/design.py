@@ -5,7 +5,8 @@ Input: a type string (``W_B_W``) and parameter values in millimetres and degrees
 car's length, hinges flat.
 
 A shared parameter has one value for the whole car; the other ones belong to a module and hold for every module of that
-letter. In listings a parameter is found under its module (``{"W": {"length": 60}}``) or, if shared, under ``common``.
+letter. A place sets the value of one module: ``W2.radius`` is that of the second W from the front. In listings a
+parameter is found under its module (``{"W": {"length": 60}}``), its place (``{"W2": …}``) or, if shared, ``common``.
 A user's own modules come from ``--components FILE``: an error in it is a message of one line that names file and line.
 """
 
@@ -13,65 +14,31 @@ import cmath
 import itertools
 import math
 import operator
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cached_property
 
-from foldcar.car.components.component import ROUNDING, Parameter, at_least
+from foldcar.car.components.component import ROUNDING, at_least
+from foldcar.car.components.composite import Composite
 from foldcar.car.components.hinge_module import HingeModule
 from foldcar.car.components.module import BrainModule, Module, WheelModule
-from foldcar.car.parts.catalogue import DEFAULT_CHOICES, Catalogue, PartChoices, PartError, chosen, split_type
+from foldcar.car.design_parameters import (
+    MODULES,
+    PLACE,
+    declared,
+    find_parameter,
+    key_of,
+    parameter_of,
+    parameters,
+    place_keys,
+    places_of,
+)
+from foldcar.car.parts.catalogue import DEFAULT_CHOICES, Catalogue, PartChoices, PartError, catalogue, chosen, split_type
+from foldcar.car.user_modules import component_errors
 from foldcar.errors import FoldcarError
 
 HINGE = HingeModule.letter
-# Every known module by its letter or name.
-MODULES: dict[str, type[Module] | type[HingeModule]] = {
-    kind.letter: kind for kind in (WheelModule, BrainModule, HingeModule)
-}
-
-
-@dataclass(frozen=True, slots=True)
-class DesignParameter:
-    """A parameter of the car: its key in designs, the modules that have it, its declaration."""
-
-    key: str
-    modules: frozenset[str]
-    declared: Parameter
-
-    @property
-    def column(self) -> str:
-        """Its column name in results, which ends in its unit."""
-        return f"{self.key.replace('.', '_')}_{self.declared.unit}"
-
-
-@cache
-def parameters() -> dict[str, DesignParameter]:
-    """Every parameter by key, in the order of the results' columns: shared ones first."""
-    having: dict[str, tuple[Parameter, set[str]]] = {}
-    for shared in (True, False):
-        for letter, kind in MODULES.items():
-            for parameter in kind.parameters:
-                if parameter.shared == shared:
-                    key = parameter.name if shared else f"{letter}.{parameter.name}"
-                    having.setdefault(key, (parameter, set()))[1].add(letter)
-    return {key: DesignParameter(key, frozenset(letters), one) for key, (one, letters) in having.items()}
-
-
-def find_parameter(group: str, name: str) -> DesignParameter | None:
-    """The parameter that ``{group: {name: …}}`` of a listing sets, or None; ``group`` is ``common`` or a letter."""
-    shared = parameters().get(name)
-    if shared is not None and (group == "common" or group in shared.modules):
-        return shared
-    return parameters().get(f"{group}.{name}")
-
-
-def names_in(group: str) -> list[str]:
-    """The parameter names that ``group`` (``common`` or a module letter) may set."""
-    names = {parameter.declared.name for parameter in parameters().values()}
-    return sorted(name for name in names if find_parameter(group, name) is not None)
-
-
-# Each wheel has a servo of its own, and the servo driver has eight outputs.
+# Each driven wheel has a servo of its own, and the servo driver has eight outputs; the simulator takes eight wheels.
 MAX_AXLES = 4
 # The simulator's limit.
 MAX_SEGMENTS = 8
@@ -85,6 +52,19 @@ class DesignError(FoldcarError):
         self.parameter, self.message = parameter, message
 
 
+@dataclass(frozen=True)
+class ModuleValues:
+    """The values of one module's parameters (mm, degrees) by name, and the key of the design that sets each.
+
+    ``root`` if a composite names it as the one that carries the electronics.
+    """
+
+    kind: type[Module] | type[HingeModule]
+    values: Mapping[str, float]
+    keys: Mapping[str, str]
+    root: bool = False
+
+
 @dataclass(frozen=True, slots=True)
 class Segment:
     """A rigid part of a car: the indices of its modules, x of its centre and its length (mm)."""
@@ -94,11 +74,15 @@ class Segment:
     length_mm: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Design:
-    """A design that passed its checks. ``values`` holds every parameter of its modules by key, in mm and degrees."""
+    """A design that passed its checks. ``values`` holds every parameter of its modules by key, in mm and degrees.
 
-    modules: tuple[str, ...]
+    The value of a place (``W2.radius``) stands before that of the letter, for this module. ``letters`` are those of the
+    type string, front to back; ``modules`` are those of its composites too.
+    """
+
+    letters: tuple[str, ...]
     values: Mapping[str, float]
     choices: PartChoices = DEFAULT_CHOICES
 
@@ -109,8 +93,8 @@ class Design:
 
     @property
     def composition(self) -> str:
-        """The modules, front to back."""
-        return "_".join(self.modules)
+        """The modules and composites, front to back."""
+        return "_".join(self.letters)
 
     @property
     def type(self) -> str:
@@ -119,22 +103,70 @@ class Design:
 
     @property
     def title(self) -> str:
-        """The car in a line: its type and what all its modules share."""
-        return " ".join([self.type, *(f"{key}={value:g}" for key, value in self.values.items() if "." not in key)])
+        """The car in a line: its type, what its modules share or a composite sets, and its axles without servos."""
+        return " ".join([self.type, *(f"{key}={value:g}" for key, value in self.values.items() if _is_of_car(key))])
 
     @property
     def columns(self) -> dict[str, float]:
         """The parameters by their column names in results, which end in the unit."""
-        return {parameters()[key].column: value for key, value in self.values.items()}
+        parameters_with_values = ((parameter_of(key), value) for key, value in self.values.items())
+        return {parameter.column: value for parameter, value in parameters_with_values if parameter is not None}
+
+    @cached_property
+    def of_modules(self) -> tuple[ModuleValues, ...]:
+        """The values of each module, front to back. ComponentError if those of a composite's modules do not fit."""
+        places = zip(self.letters, places_of(self.letters), strict=True)
+        modules = (_module_values(letter, place, self.values, self.parts) for letter, place in places)
+        return tuple(itertools.chain.from_iterable(modules))
+
+    @cached_property
+    def modules(self) -> tuple[str, ...]:
+        """The letters of the modules, front to back."""
+        return tuple(module.kind.letter for module in self.of_modules)
+
+    @property
+    def electronics(self) -> int:
+        """The index of the module that carries boards and batteries: a composite's root, else the first B."""
+        roots = (i for i, module in enumerate(self.of_modules) if module.root)
+        return next(roots, self.modules.index(BrainModule.letter))
+
+    @property
+    def width_mm(self) -> float:
+        """The outer width of the body (mm)."""
+        return self.of(0, "width")
+
+    @property
+    def height_mm(self) -> float:
+        """The outer height of the body (mm)."""
+        return self.of(0, "height")
+
+    def of(self, module: int, name: str) -> float:
+        """The value of a parameter of the module with that index (mm, degrees): ``design.of(0, "radius")``."""
+        return self.of_modules[module].values[name]
+
+    @property
+    def wheel_modules(self) -> tuple[int, ...]:
+        """The indices of the modules with an axle, front to back."""
+        return tuple(i for i, module in enumerate(self.of_modules) if issubclass(module.kind, WheelModule))
+
+    @property
+    def driven_modules(self) -> tuple[int, ...]:
+        """The indices of the modules whose axle has servos, front to back."""
+        return tuple(i for i in self.wheel_modules if self.of(i, "driven"))
+
+    @property
+    def radii_mm(self) -> tuple[float, ...]:
+        """The wheels' radius of each axle (mm), front to back."""
+        return tuple(self.of(i, "radius") for i in self.wheel_modules)
 
     @property
     def length_mm(self) -> float:
         """Length of the body (mm), hinges flat."""
-        return sum(self.values[f"{letter}.length"] for letter in self.modules)
+        return sum(self.length_of(i) for i in range(len(self.modules)))
 
     def length_of(self, module: int) -> float:
         """Length of the module with that index (mm)."""
-        return self.values[f"{self.modules[module]}.length"]
+        return self.of(module, "length")
 
     @property
     def module_centers_mm(self) -> tuple[float, ...]:
@@ -143,20 +175,16 @@ class Design:
         fronts = itertools.accumulate(lengths, operator.sub, initial=self.length_mm / 2)
         return tuple(front - length / 2 for front, length in zip(fronts, lengths, strict=False))
 
-    def centers_of(self, letter: str) -> tuple[float, ...]:
-        """x of the centre of each module of a letter (mm), front to back."""
-        return tuple(x for one, x in zip(self.modules, self.module_centers_mm, strict=True) if one == letter)
-
     @property
     def axles_mm(self) -> tuple[float, ...]:
         """x of each axle (mm), front to back."""
-        return self.centers_of("W")
+        return tuple(self.module_centers_mm[i] for i in self.wheel_modules)
 
     @property
     def segments(self) -> tuple[Segment, ...]:
         """The rigid parts, front to back."""
         found = []
-        for hinge, group in itertools.groupby(range(len(self.modules)), lambda i: self.modules[i] == "H"):
+        for hinge, group in itertools.groupby(range(len(self.modules)), lambda i: self.modules[i] == HINGE):
             if not hinge:
                 indices = tuple(group)
                 lengths = [self.length_of(i) for i in indices]
@@ -166,11 +194,20 @@ class Design:
 
     def segment_at(self, module: int) -> int:
         """The index of the segment to which the module with index ``module`` belongs."""
-        return self.modules[:module].count("H")
+        return self.modules[:module].count(HINGE)
 
     def segment_of(self, module: int) -> Segment:
         """The segment to which the module with index ``module`` belongs."""
         return self.segments[self.segment_at(module)]
+
+
+def _is_of_car(key: str) -> bool:
+    """Whether a parameter concerns more than the shape of one kind of module."""
+    parameter = parameter_of(key)
+    if parameter is None:
+        return False
+    of_composite = any(issubclass(MODULES[letter], Composite) for letter in parameter.modules)
+    return of_composite or parameter.declared.shared or parameter.declared.is_switch
 
 
 def modules_of(type_string: str) -> tuple[str, ...]:
@@ -180,23 +217,46 @@ def modules_of(type_string: str) -> tuple[str, ...]:
         if letter not in MODULES:
             known = ", ".join(f"{known} ({kind.title})" for known, kind in MODULES.items())
             raise DesignError(None, f'"{type_string}" has unknown module "{letter}"; known: {known}')
-    for letter in (WheelModule.letter, BrainModule.letter):
-        if letter not in letters:
-            raise DesignError(None, f'"{type_string}" has no module {letter} ({MODULES[letter].title})')
-    if letters.count("W") > MAX_AXLES:
-        raise DesignError(None, f'"{type_string}" has {letters.count("W")} axles, the servo driver serves {MAX_AXLES}')
-    if letters[0] == "H" or letters[-1] == "H" or ("H", "H") in itertools.pairwise(letters):
+    with component_errors(DesignError):
+        modules = [module for letter in letters for module in _module_values(letter, letter, {}, catalogue())]
+    order = [module.kind.letter for module in modules]
+    axles = sum(issubclass(module.kind, WheelModule) for module in modules)
+    for kind, count in ((WheelModule, axles), (BrainModule, order.count(BrainModule.letter))):
+        if not count:
+            raise DesignError(None, f'"{type_string}" has no module {kind.letter} ({kind.title})')
+    if axles > MAX_AXLES:
+        raise DesignError(None, f'"{type_string}" has {axles} axles, the servo driver serves {MAX_AXLES}')
+    if order[0] == HINGE or order[-1] == HINGE or (HINGE, HINGE) in itertools.pairwise(order):
         raise DesignError(None, f'"{type_string}" has a hinge (H) beside no segment: each must join two')
-    segments = letters.count("H") + 1
+    segments = order.count(HINGE) + 1
     if segments > MAX_SEGMENTS:
         raise DesignError(None, f'"{type_string}" has {segments} segments, the simulator takes {MAX_SEGMENTS}')
     return letters
 
 
+def _module_values(letter: str, place: str, values: Mapping[str, float], parts: Catalogue) -> list[ModuleValues]:
+    """The values of the module, or the modules, at a place: those of the place before the letter's, then shared ones."""
+    kind, keys = MODULES[letter], dict[str, str]()
+    for parameter in kind.parameters:
+        candidates = (f"{place}.{parameter.name}", f"{letter}.{parameter.name}", parameter.name)
+        key = next((key for key in candidates if key in values), None)
+        if key is not None:
+            keys[parameter.name] = key
+    own = {name: values[key] for name, key in keys.items()}
+    if not issubclass(kind, Composite):
+        defaults = {option.name: option.default_with(parts) for option in kind.parameters if option.optional}
+        return [ModuleValues(kind, defaults | own, keys)]
+    return [
+        ModuleValues(type(module), {p.name: module[p.name] for p in module.parameters}, module.keys, root)
+        for module, root in kind(own, place, parts=parts, keys=keys).modules()
+    ]
+
+
 def compose(type_string: str, values: Mapping[str, float], choices: PartChoices | None = None) -> Design:
     """The design with ``values`` (mm, degrees; by key) and defaults for all others; DesignError if it cannot be built.
 
-    Without ``choices`` the parts are those that the type string names.
+    Without ``choices`` the parts are those that the type string names. A key may be a place:
+    ``compose("W_B_W", {"W2.radius": 50})``.
     """
     letters = modules_of(type_string)
     if choices is None:
@@ -204,24 +264,85 @@ def compose(type_string: str, values: Mapping[str, float], choices: PartChoices 
             _, choices = split_type(type_string)
         except PartError as error:
             raise DesignError(None, str(error)) from error
-    complete = {
-        key: float(values.get(key, parameter.declared.default_with(chosen(choices))))
-        for key, parameter in parameters().items()
-        if not parameter.modules.isdisjoint(letters)
-    }
-    for key in values:
-        if key not in complete:
-            raise DesignError(key, f"{type_string} has no such parameter; it has {', '.join(complete)}")
-    design = Design(letters, complete, choices)
+    design = Design(letters, _complete(type_string, letters, values, chosen(choices)), choices)
+    with component_errors(DesignError):
+        _check(type_string, design)
+    return design
+
+
+def _check(type_string: str, design: Design) -> None:
+    """DesignError or ComponentError for a value that cannot be."""
     for key, value in design.values.items():
-        complaint = parameters()[key].declared.complaint(value, design.parts)
+        complaint = declared(key).complaint(value, design.parts)
         if complaint:
             raise DesignError(key, complaint)
-    tyre, key = design.parts.tyre, "W.tire_thickness"
-    if tyre.width_mm is not None and design.values[key] < tyre.width_mm.value:
-        raise DesignError(key, f"{design.values[key]:g} is below the {tyre.width_mm.value:g} of the {tyre.name}")
+    tyre = design.parts.tyre
+    for module in design.wheel_modules:
+        width_mm, setting = design.of(module, "tire_thickness"), design.of_modules[module].keys.get("tire_thickness")
+        if tyre.width_mm is not None and width_mm < tyre.width_mm.value:
+            raise DesignError(setting, f"{width_mm:g} is below the {tyre.width_mm.value:g} of the {tyre.name}")
+    if not design.driven_modules:
+        raise DesignError(None, f'"{type_string}" has no driven axle: at least one W needs "driven": true')
+    _check_alike(design)
     _check_wheels(design)
-    return design
+
+
+def _check_alike(design: Design) -> None:
+    """DesignError if modules differ in what they must have in common: the beams' width and height, the track."""
+    first: dict[str, ModuleValues] = {}
+    for module in design.of_modules:
+        for name in (parameter.name for parameter in module.kind.parameters if parameter.uniform):
+            other = first.setdefault(name, module)
+            value, common = module.values[name], other.values[name]
+            if value != common:
+                differs = f"{value:g} differs from the {common:g} of {other.keys.get(name, name)}"
+                raise DesignError(module.keys.get(name), f"{differs}: all modules share one {name}")
+
+
+def compose_columns(type_string: str, columns: Mapping[str, float | str]) -> Design:
+    """The design of a row of results: ``compose_columns("W_B_W", {"width_mm": 95})``; DesignError for another column."""
+    values = {}
+    for column, value in columns.items():
+        key = key_of(column)
+        if key is None:
+            raise DesignError(None, f"no module has the parameter {column}")
+        values[key] = float(value)
+    return compose(type_string, values)
+
+
+def _complete(
+    type_string: str, letters: tuple[str, ...], values: Mapping[str, float], parts: Catalogue
+) -> dict[str, float]:
+    """The values by key, with defaults for all that no value or place sets; DesignError for a key that sets nothing."""
+    complete: dict[str, float] = {}
+    for key, parameter in parameters().items():
+        if parameter.modules.isdisjoint(letters):
+            continue
+        keys = place_keys(key, letters)
+        set_by_place = {place: float(values[place]) for place in keys if place in values}
+        all_set = bool(keys) and len(set_by_place) == len(keys)
+        if key in values and all_set:
+            raise DesignError(key, f"sets nothing, as {', '.join(set_by_place)} set it for every module: leave it out")
+        if key in values or not (all_set or parameter.declared.optional):
+            complete[key] = float(values.get(key, parameter.declared.default_with(parts)))
+        complete |= set_by_place
+    for key in values:
+        if key not in complete:
+            raise DesignError(key, _unknown(type_string, letters, key, complete))
+    return complete
+
+
+def _unknown(type_string: str, letters: Sequence[str], key: str, known: Iterable[str]) -> str:
+    """Why a key sets nothing in a car."""
+    group, _, name = key.partition(".")
+    place = PLACE.fullmatch(group)
+    if place is not None and place[1] in letters:
+        every = find_parameter(place[1], name)
+        if int(place[2]) > letters.count(place[1]):
+            return f"{type_string} has {letters.count(place[1])} modules {place[1]}"
+        if every is not None and every.declared.uniform:
+            return f"the whole car has one value of it: set {every.key}"
+    return f"{type_string} has no such parameter; it has {', '.join(known)}"
 
 
 def design_errors(
@@ -230,43 +351,55 @@ def design_errors(
     """For every value beyond its limits, by key: the error, and the limit."""
     letters, errors = modules_of(type_string), {}
     for key, value in values.items():
-        declared = parameters()[key].declared
-        complaint = declared.complaint(value, parts)
-        if complaint and not parameters()[key].modules.isdisjoint(letters):
-            limit = declared.maximum if value > declared.maximum else declared.least_with(parts)
+        parameter = parameter_of(key)
+        if parameter is None or parameter.modules.isdisjoint(letters):
+            continue
+        declaration = parameter.declared
+        complaint = declaration.complaint(value, parts)
+        if complaint:
+            limit = declaration.maximum if value > declaration.maximum else declaration.least_with(parts)
             errors[key] = (DesignError(key, complaint), limit)
     return errors
 
 
 def _check_wheels(design: Design) -> None:
     """DesignError if neighbouring wheels would touch or the belly would touch the ground."""
-    radius, height, belly = design.values["radius"], design.values["height"], design.parts.assembly.belly_clearance_mm
+    height, belly = design.height_mm, design.parts.assembly.belly_clearance_mm
     # Axles are at half the body's height.
     least = height / 2 + belly.value
-    if radius < least - ROUNDING:
-        why = f"half of height {height:g} and {belly.value:g} under the belly"
-        raise DesignError("radius", f"{radius:g} is below the minimum {at_least(least)} ({why})")
-    least_distance = 2 * radius + design.parts.assembly.wheel_distance_mm.value
-    for front, rear in itertools.pairwise(design.axles_mm):
-        distance = _folded_distance_mm(design, front, rear)
+    wheels = [(design.of(i, "radius"), design.of_modules[i].keys.get("radius"), i) for i in design.wheel_modules]
+    for radius, key, _ in wheels:
+        if radius < least - ROUNDING:
+            why = f"half of height {height:g} and {belly.value:g} under the belly"
+            raise DesignError(key, f"{radius:g} is below the minimum {at_least(least)} ({why})")
+    for front, rear in itertools.pairwise(wheels):
+        least_distance = front[0] + rear[0] + design.parts.assembly.wheel_distance_mm.value
+        distance, flat = _folded_distance_mm(design, front[2], rear[2])
         if distance < least_distance:
-            folded = "" if distance == front - rear else ", folded to the limits of H"
+            folded = "" if distance == flat else ", folded to the limits of H"
             lengths = " and ".join(f"{key} {value:g}" for key, value in design.values.items() if key.endswith(".length"))
-            needs = f"{radius:g} needs axles at least {least_distance:g} apart, or wheels touch"
-            raise DesignError("radius", f"{needs}, but {lengths} puts two of them {distance:.4g} apart{folded}")
+            other, (radius, key, _) = sorted((front, rear), key=lambda wheel: wheel[0])
+            beside = "" if front[0] == rear[0] else f" beside {min(front, rear)[0]:g}"
+            needs = f"{radius:g}{beside} needs axles at least {least_distance:g} apart, or wheels touch"
+            raise DesignError(key or other[1], f"{needs}, but {lengths} puts two of them {distance:.4g} apart{folded}")
 
 
-def _folded_distance_mm(design: Design, front_mm: float, rear_mm: float) -> float:
-    """The least distance of two axles (mm) with all hinges between them flat, at their lower or at their upper limit.
+def _folded_distance_mm(design: Design, front: int, rear: int) -> tuple[float, float]:
+    """The least distance of the axles of two modules (mm) with the hinges between at one of their limits, and flat.
 
     Hinges are at the floor, half the body's height below the axles.
     """
-    between = [x for x in design.centers_of("H") if rear_mm < x < front_mm]
-    if not between:
-        return front_mm - rear_mm
-    drop, places = design.values["height"] / 2, [rear_mm, *reversed(between), front_mm]
+    centers, hinges = design.module_centers_mm, [i for i in range(front, rear) if design.modules[i] == HINGE]
+    flat = centers[front] - centers[rear]
+    if not hinges:
+        return flat, flat
+    hinges.reverse()
+    drop, places = design.height_mm / 2, [centers[i] for i in (rear, *hinges, front)]
     # From the rear axle forwards, along and up; each stretch is pitched once more than the one before it.
-    rises = [-drop, *[0.0] * (len(between) - 1), drop]
+    rises = [-drop, *[0.0] * (len(hinges) - 1), drop]
     steps = [complex(ahead - behind, up) for behind, ahead, up in zip(places, places[1:], rises, strict=False)]
-    folds = (math.radians(fold) for fold in (0.0, -design.values["H.fold_down"], design.values["H.fold_up"]))
-    return min(abs(sum(step * cmath.rect(1.0, i * fold) for i, step in enumerate(steps))) for fold in folds)
+    distances = []
+    for sign, name in ((0, "fold_down"), (-1, "fold_down"), (1, "fold_up")):
+        folds = itertools.accumulate((sign * math.radians(design.of(i, name)) for i in hinges), initial=0.0)
+        distances.append(abs(sum(step * cmath.rect(1.0, fold) for step, fold in zip(steps, folds, strict=True))))
+    return min(distances), distances[0]

@@ -80,6 +80,8 @@ def _in_discs_and_walls(name: str, hole: Hole, parts: Catalogue) -> Iterator[Fit
         along = 2 * holes.tolerance + screw.tolerance
         yield Fit("wheel's screws along their slots", long - screw.value, along, 2 * cut)
         yield _inside("wheel's screws across their slots", wide, screw, parts)
+    elif name == "rod":
+        yield _inside("rod in its holes", _size(hole)[0], parts.axle_rod.diameter_mm, parts)
     elif name == "USB":
         usb = parts.plugs.usb
         diagonal = math.hypot(usb.width_mm.value, usb.thickness_mm.value)

@@ -12,38 +12,38 @@ from functools import lru_cache
 from foldcar.car.components.assemble import Assembly, assemble, build
 from foldcar.car.components.box_beam import PANELS, flap_end_mm, latch_mm, put_cap, wall_mm
 from foldcar.car.components.bridge import plug_room_mm, usb_height_mm
-from foldcar.car.components.component import ROUNDING, Component, ComponentError, Sub, at_least
+from foldcar.car.components.component import ROUNDING, Component, Sub, at_least
 from foldcar.car.components.hinge_module import HingeModule, stiffness_n_m_rad
-from foldcar.car.components.module import BrainModule, ElectronicsModule, WheelModule
-from foldcar.car.components.mounts import depth_mm, inside_mm, put_switch
-from foldcar.car.components.shape import Graph, Shape
+from foldcar.car.components.module import BrainModule, ElectronicsModule
+from foldcar.car.components.mounts import ROD_LAYER_MM, depth_mm, inside_mm, put_switch
+from foldcar.car.components.shape import Shape
 from foldcar.car.components.wheel import Wheel
-from foldcar.car.design import HINGE, MODULES, Design, DesignError, parameters
+from foldcar.car.design import HINGE, Design, DesignError
+from foldcar.car.design_parameters import places_of
 from foldcar.car.folded.model import FoldedCar, HingeJoint, PlacedPiece, Wire
 from foldcar.car.folded.pose import apply, compose, edge, folded, rotation, translation
+from foldcar.car.folded.stance import center_mm, standing
 from foldcar.car.leads import with_leads
 from foldcar.car.parts.catalogue import Catalogue, PartChoices, chosen
-from foldcar.car.user_modules import building, place_of
+from foldcar.car.user_modules import building, component_errors
 
 
 class Car(Component):
-    """The component of a whole car but its wheels. Parameters: shared ones by name, those of modules as ``W.length``."""
+    """The component of a whole car but its wheels. Its values are the design's, by key."""
 
     def __init__(self, design: Design) -> None:
         self.design = design
-        self.names = [f"{letter}{i}" for i, letter in enumerate(design.modules)]
-        self.parameters = tuple(replace(parameters()[key].declared, name=key) for key in design.values)
+        self.names = places_of(design.modules)
         super().__init__(design.values, parts=design.parts)
 
     def subcomponents(self) -> Sequence[Sub]:
         """Modules from front to back."""
         subs = []
-        for i, letter in enumerate(self.design.modules):
-            kind: type[Component] = ElectronicsModule if i == electronics(self.design) else MODULES[letter]
-            keys = {one.name: one.name if one.shared else f"{letter}.{one.name}" for one in kind.parameters}
-            values = {name: self[key] for name, key in keys.items()}
-            known = {} if letter == HINGE else around(self.design, i)
-            subs.append(Sub(self.names[i], kind, values | known, keys, f"segment{self.design.segment_at(i)}"))
+        for i, own in enumerate(self.design.of_modules):
+            kind: type[Component] = ElectronicsModule if i == self.design.electronics else own.kind
+            known = {} if kind is HingeModule else around(self.design, i)
+            body = f"segment{self.design.segment_at(i)}"
+            subs.append(Sub(self.names[i], kind, {**own.values, **known}, own.keys, body))
         return subs
 
     def build(self, shape: Shape) -> None:
@@ -53,7 +53,7 @@ class Car(Component):
             if HINGE not in letters[i : i + 2]:
                 for panel in PANELS:
                     shape.connect(f"{one}.beam.{panel}.rear", f"{following}.beam.{panel}.front", "rigid")
-        outer_mm = self["width"], self["height"]
+        outer_mm = self.design.width_mm, self.design.height_mm
         for number, segment in enumerate(self.design.segments, 1):
             for end, module in (("front", segment.modules[0]), ("rear", segment.modules[-1])):
                 outer = module == (0 if end == "front" else len(self.names) - 1)
@@ -75,68 +75,123 @@ class Car(Component):
 
 def folded_car(design: Design) -> FoldedCar:
     """The folded car of a design; DesignError if its parts do not fit."""
-    return _folded_car(design.modules, tuple(design.values.items()), design.choices)
+    return _folded_car(design.letters, tuple(design.values.items()), design.choices)
 
 
 @lru_cache(maxsize=64)
 def _folded_car(letters: tuple[str, ...], values: tuple[tuple[str, float], ...], choices: PartChoices) -> FoldedCar:
     design = Design(letters, dict(values), choices)
-    with building():
-        graph, frame = _frame(design)
-    count, axles = len(frame.axles), []
-    for channel, axle in enumerate(frame.axles):
-        end = f"axle {channel // 2 + 1} "
+    with building(), component_errors(DesignError):
+        graph = build(Car(design))
+        frame = assemble(graph)
+    count, axles = len(frame.axles), list(frame.axles)
+    # Wheels without servos follow on the outputs.
+    order = sorted(range(count), key=lambda n: not frame.axles[n].driven)
+    for channel, n in enumerate(order):
+        end, axle = f"axle {n // 2 + 1} ", frame.axles[n]
         if count <= 4:
-            end = "" if count <= 2 else ("front ", "rear ")[channel // 2]
-        axles.append(replace(axle, wheel=f"wheel{channel}", servo=f"{end}{axle.side} servo", channel=channel))
-    titles = {mine.servo: axle.servo for mine, axle in zip(frame.axles, axles, strict=True)}
+            end = "" if count <= 2 else ("front ", "rear ")[n // 2]
+        servo = f"{end}{axle.side} servo" if axle.driven else ""
+        axles[n] = replace(axle, wheel=f"wheel{channel}", servo=servo, channel=channel)
+    titles = {mine.servo: axle.servo for mine, axle in zip(frame.axles, axles, strict=True) if axle.driven}
     mounts = []
     for mount in frame.mounts:
         # Servos and their screws are named by their place in the car.
         servo = next((servo for servo in titles if mount.name.startswith(servo)), "")
         mounts.append(replace(mount, name=titles.get(servo, "") + mount.name.removeprefix(servo)))
-    wheel = _wheel(design.values["radius"], design.values["W.tire_thickness"], choices)
-    pieces = [*frame.pieces, *(replace(piece, count=piece.count * count) for piece in wheel.pieces)]
-    first = max(join.number for join in frame.joins)
-    joins = [*frame.joins, *(replace(join, number=first + join.number) for join in wheel.joins)]
-    placed, counts = list(frame.placed), {piece.name: piece.count for piece in wheel.pieces}
-    for n, axle in enumerate(axles):
-        # The wheel is turned by half a turn about z on the right side.
-        pose = compose(translation(*axle.center_mm), rotation("z", 0.0 if axle.side == "left" else math.pi))
-        for one in wheel.placed:
-            copy = n * counts[one.piece] + one.copy
-            placed.append(PlacedPiece(one.piece, copy, axle.wheel, compose(pose, one.pose)))
-        for m in wheel.mounts:
-            name = f"{m.name} of {axle.wheel}"
-            mounts.append(replace(m, name=name, body=axle.wheel, pose=compose(pose, m.pose)))
+    pieces, placed, joins = list(frame.pieces), list(frame.placed), list(frame.joins)
+    for values, modules in wheel_units(design).items():
+        unit = _unit_title(design, modules)
+        wheel = _named(_wheel(values, choices), unit)
+        places = [n for n in range(count) if design.wheel_modules[n // 2] in modules]
+        pieces += (replace(piece, count=piece.count * len(places)) for piece in wheel.pieces)
+        first = max(join.number for join in joins)
+        joins += (replace(join, number=first + join.number) for join in wheel.joins)
+        counts = {piece.name: piece.count for piece in wheel.pieces}
+        for copies, n in enumerate(places):
+            axle = axles[n] = replace(axles[n], unit=unit)
+            # The wheel is turned by half a turn about z on the right side.
+            pose = compose(translation(*axle.center_mm), rotation("z", 0.0 if axle.side == "left" else math.pi))
+            for one in wheel.placed:
+                copy = copies * counts[one.piece] + one.copy
+                placed.append(PlacedPiece(one.piece, copy, axle.wheel, compose(pose, one.pose)))
+            for m in wheel.mounts:
+                name = f"{m.name} of {axle.wheel}"
+                mounts.append(replace(m, name=name, body=axle.wheel, pose=compose(pose, m.pose)))
     wires = list(graph.wires)
-    for axle in axles:
+    for axle in (axle for axle in axles if axle.driven):
         turns = "turns forward above neutral" if axle.direction > 0 else "mirrored: turns forward below neutral"
         wires.append(Wire(f"{design.parts.featherwing.name} channel {axle.channel}", axle.servo, "signal", turns))
     solid = tuple(pieces), tuple(placed), tuple(joins), tuple(mounts)
     hinges = tuple(_hinges(frame, design.parts))
-    return with_leads(FoldedCar(*solid, tuple(axles), hinges, tuple(wires), design.parts))
+    car = with_leads(FoldedCar(*solid, tuple(axles), hinges, tuple(wires), design.parts))
+    _check_stance(design, car)
+    return car
 
 
-def _frame(design: Design) -> tuple[Graph, Assembly]:
-    """The car without its wheels; the error of a user's component names its file and line."""
-    try:
-        graph = build(Car(design))
-        return graph, assemble(graph)
-    except ComponentError as error:
-        place, message = place_of(error), error.message if error.key else str(error)
-        raise DesignError(error.key, f"{message} [{place}]" if place else message) from error
-    except Exception as error:
-        place = place_of(error)
-        if place is None:
-            raise
-        raise DesignError(None, f"{place}: {type(error).__name__}: {error}") from error
+def _check_stance(design: Design, car: FoldedCar) -> None:
+    """DesignError if wheels of different radii tilt the body so far that it would touch the ground."""
+    if len(set(design.radii_mm)) == 1:
+        return
+    x, _, z = center_mm(car)
+    half, belly = design.height_mm / 2, design.parts.assembly.belly_clearance_mm.value
+    ends = [segment.center_mm + side * segment.length_mm / 2 for segment in design.segments for side in (-1, 1)]
+
+    def clear(least: float) -> bool:
+        """Whether the belly is clear of the ground if no wheel is smaller than this."""
+        wheels = [(at, max(radius, least)) for at, radius in zip(design.axles_mm, design.radii_mm, strict=True)]
+        stands = standing(wheels, (x, z))
+        return all(stands.height_mm(end, -half) >= belly - ROUNDING for end in ends)
+
+    low, high = min(design.radii_mm), max(design.radii_mm)
+    # A car that tips over its first or last axle does so on equal wheels too.
+    if clear(low) or not clear(high):
+        return
+    module = min(design.wheel_modules, key=lambda i: design.of(i, "radius"))
+    while high - low > STANCE_MM:
+        middle = (low + high) / 2
+        low, high = (low, middle) if clear(middle) else (middle, high)
+    why = f"beside {max(design.radii_mm):g}: the tilted body is less than {belly:g} above the ground"
+    message = f"{design.of(module, 'radius'):g} is below the minimum {at_least(high)} ({why})"
+    raise DesignError(design.of_modules[module].keys.get("radius"), message)
+
+
+# The values of a wheel that tell it from others, by name.
+WheelValues = tuple[tuple[str, float], ...]
+
+
+def wheel_units(design: Design) -> dict[WheelValues, list[int]]:
+    """The indices of the wheel modules whose wheels are alike, by the values of these wheels."""
+    units: dict[WheelValues, list[int]] = {}
+    for module in design.wheel_modules:
+        values = tuple((parameter.name, design.of(module, parameter.name)) for parameter in Wheel.parameters)
+        units.setdefault(values, []).append(module)
+    return units
+
+
+def _unit_title(design: Design, modules: Sequence[int]) -> str:
+    """What wheels of these modules are called: ``wheel`` if all are alike, ``rear wheel``, ``axle 2 wheel``."""
+    every = design.wheel_modules
+    if len(modules) == len(every):
+        return "wheel"
+    numbers = [every.index(module) + 1 for module in modules]
+    if len(every) == 2:
+        return ("front wheel", "rear wheel")[numbers[0] - 1]
+    return f"axle {' and '.join(map(str, numbers))} wheel"
+
+
+def _named(wheel: Assembly, unit: str) -> Assembly:
+    """The assembly of a wheel with the unit's title in the names of its pieces: ``rear wheel hub``."""
+    names = {piece.name: unit + piece.name.removeprefix("wheel") for piece in wheel.pieces}
+    pieces = (replace(piece, name=names[piece.name], label=names[piece.name]) for piece in wheel.pieces)
+    placed = (replace(copy, piece=names[copy.piece]) for copy in wheel.placed)
+    joins = (replace(join, piece_a=names[join.piece_a], piece_b=names[join.piece_b]) for join in wheel.joins)
+    return replace(wheel, pieces=tuple(pieces), placed=tuple(placed), joins=tuple(joins))
 
 
 @lru_cache(maxsize=8)
-def _wheel(radius_mm: float, tyre_width_mm: float, choices: PartChoices) -> Assembly:
-    values = {"radius": radius_mm, "tire_thickness": tyre_width_mm}
-    return assemble(build(Wheel(values, body="wheel", parts=chosen(choices))))
+def _wheel(values: WheelValues, choices: PartChoices) -> Assembly:
+    return assemble(build(Wheel(dict(values), body="wheel", parts=chosen(choices))))
 
 
 def _hinges(frame: Assembly, parts: Catalogue) -> list[HingeJoint]:
@@ -161,20 +216,17 @@ def _hinges(frame: Assembly, parts: Catalogue) -> list[HingeJoint]:
     return sorted(hinges, key=lambda hinge: -hinge.center_mm[0])
 
 
+# The least radius of a wheel beside larger ones is found this accurately.
+STANCE_MM = 1e-3
 # As far as a floor reaches where no tyre limits the place of USB.
 FAR_MM = 2000.0
 # The fold of a lid's flap beside its latch is at least so long.
 LEAST_FOLD_MM = 1.0
 
 
-def electronics(design: Design) -> int:
-    """The index of the module that carries boards and batteries: the first B."""
-    return design.modules.index(BrainModule.letter)
-
-
 def switch_cap(design: Design) -> str:
     """The outer cap that carries the switch: the one nearer to the electronics, but not at their own end."""
-    index, last = electronics(design), len(design.modules) - 1
+    index, last = design.electronics, len(design.modules) - 1
     in_front = index > 0 and (index == last or index <= last - index)
     return "front cap 1" if in_front else f"rear cap {len(design.segments)}"
 
@@ -182,12 +234,12 @@ def switch_cap(design: Design) -> str:
 def around(design: Design, module: int) -> dict[str, float]:
     """What the car sets of a module that is no hinge."""
     known = _flap(design, module)
-    if design.modules[module] == WheelModule.letter:
+    if module in design.wheel_modules:
         # No cap is at the inner end of a module that is not a segment of its own.
         alone = len(design.segment_of(module).modules) == 1
         tab = design.parts.assembly.cap_tab_mm.value if alone else 0.0
         known |= {"towards_middle": _towards_middle(design, module), "tab_there": tab}
-    if module == electronics(design):
+    if module == design.electronics:
         known |= {"floor_front": _floor(design, module, -1), "floor_rear": _floor(design, module, 1)}
         known |= dict(zip(("usb_low", "usb_high"), _between_tyres(design, module), strict=True))
     return known
@@ -211,7 +263,7 @@ def _flap(design: Design, module: int) -> dict[str, float]:
         known |= {f"pull_{at}": float(latch and at == latched[0])}
     least = notch + LEAST_FOLD_MM + end * [*ends.values()].count(module)
     if (known["latch_front"] or known["latch_rear"]) and length < least - ROUNDING:
-        key = f"{design.modules[module]}.length"
+        key = design.of_modules[module].keys.get("length")
         raise DesignError(key, f"{length:g} is below the minimum {at_least(least)} (the latch of a segment's lid)")
     return known
 
@@ -220,8 +272,9 @@ def _floor(design: Design, module: int, step: int) -> float:
     """Free floor (mm) before (``step`` -1) or behind (1) a module, up to a servo's layer, a cap's tab or the switch."""
     free, i = 0.0, module + step
     while i in design.segment_of(module).modules:
-        if design.modules[i] == WheelModule.letter:
-            long, short = inside_mm(design.parts)
+        if i in design.wheel_modules:
+            driven = design.of(i, "driven")
+            long, short = inside_mm(design.parts) if driven else (ROD_LAYER_MM, ROD_LAYER_MM)
             # The long side points forward if ``towards_middle`` is 1.
             return free + design.length_of(i) / 2 - (long if _towards_middle(design, i) == step else short)
         if design.modules[i] != BrainModule.letter:
@@ -238,9 +291,13 @@ def _between_tyres(design: Design, module: int) -> tuple[float, float]:
     """Where a USB plug passes the tyres next to the module (mm from its rear)."""
     rear = design.module_centers_mm[module] - design.length_of(module) / 2
     gap = design.parts.assembly.part_gap_mm.value
-    reach = design.values["radius"] + plug_room_mm(design.parts.plugs.usb) / 2 + gap
-    off = usb_height_mm(design.parts) - wall_mm(design.values["height"], design.parts) / 2
-    need = math.sqrt(max(reach**2 - off**2, 0.0))
-    axles = design.axles_mm
-    low = max((x + need - rear for x in axles if x < rear), default=-FAR_MM)
-    return low, min((x - need - rear for x in axles if x > rear), default=FAR_MM)
+    off = usb_height_mm(design.parts) - wall_mm(design.height_mm, design.parts) / 2
+    low, high = -FAR_MM, FAR_MM
+    for x, radius in zip(design.axles_mm, design.radii_mm, strict=True):
+        reach = radius + plug_room_mm(design.parts.plugs.usb) / 2 + gap
+        need = math.sqrt(max(reach**2 - off**2, 0.0))
+        if x < rear:
+            low = max(low, x + need - rear)
+        elif x > rear:
+            high = min(high, x - need - rear)
+    return low, high

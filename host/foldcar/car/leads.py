@@ -74,7 +74,7 @@ def with_leads(car: FoldedCar) -> FoldedCar:
     DesignError if none is long enough.
     """
     sold, mounts = car.parts.extensions.sold, {mount.name: mount for mount in car.mounts}
-    servos, found = {axle.servo for axle in car.axles}, leads(car)
+    servos, found = {axle.servo for axle in car.axles if axle.driven}, leads(car)
     added: dict[str, Mount] = {}
     for lead in (one for one in found if one.start in servos and one.missing_mm > 0):
         extension = next((one for one in sold if _with(car, lead.there_mm, one) >= lead.needed_mm), None)
@@ -148,7 +148,7 @@ class _Ways:
         # Where leads bend over the plugs, in the frame of the driver's box.
         up = wing.plug_top_mm.value + wing.plug_bend_mm.value - wing.height_mm.value / 2
         ends = parts.wiring.slack_mm.value + parts.plugs.servo.length_mm.value
-        for axle in self.car.axles:
+        for axle in (axle for axle in self.car.axles if axle.driven):
             start = np.array(apply(self.mounts[axle.servo].pose, *leaves))
             way = self.way(start, self._at(self.wing, (*wing.outputs.at_mm[axle.channel], up)), axle.body, self.wing)
             there, extension = servo.lead_length_mm.least, ""

@@ -12,24 +12,26 @@ import json
 import os
 import sys
 import traceback
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from foldcar.car.components.module import ElectronicsModule, Module, WheelModule
-from foldcar.car.design import MODULES, parameters
+from foldcar.car.components.component import ComponentError
+from foldcar.car.components.composite import Composite
+from foldcar.car.components.hinge_module import HingeModule
+from foldcar.car.components.module import ElectronicsModule, Module
+from foldcar.car.design_parameters import MODULES, USER_FILES, parameters
 from foldcar.errors import FoldcarError
 from foldcar.read_files import file_digest, heard_files, is_own, only_minimal_variables
 
-# Files of users' modules with the letters that they define, and all files that they consist of.
-_loaded: dict[Path, list[str]] = {}
+# All files that users' modules consist of.
 _read: set[Path] = set()
 
 
 def load_components(file: Path) -> list[str]:
     """Register the modules that the file defines and return their letters; FoldcarError if it fails or has none."""
     path = file.resolve()
-    if path in _loaded:
-        return _loaded[path]
+    if path in USER_FILES:
+        return USER_FILES[path]
     spec = importlib.util.spec_from_file_location(f"foldcar_components_{path.stem}", path)
     if spec is None or spec.loader is None or not path.is_file():
         raise FoldcarError(f"--components {file}: is no Python file")
@@ -43,23 +45,24 @@ def load_components(file: Path) -> list[str]:
         lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if Path(frame.filename) == path]
         raise FoldcarError(f"{file}:{(lines or [1])[-1] or 1}: {type(error).__name__}: {error}") from error
     classes = (kind for kind in vars(module).values() if inspect.isclass(kind) and kind.__module__ == module.__name__)
-    kinds = [kind for kind in classes if issubclass(kind, Module)]
+    kinds = [kind for kind in classes if issubclass(kind, Module | Composite)]
     if not kinds:
-        raise FoldcarError(f"{file}:1: defines no subclass of foldcar.car.components.module.Module")
+        raise FoldcarError(f"{file}:1: defines no subclass of Module or Composite of foldcar.car.components")
     sys.modules[module.__name__] = module
     for kind in kinds:
         for told in _refusals(kind):
             raise FoldcarError(f"{file}:{inspect.getsourcelines(kind)[1]}: {kind.__name__}{told}")
         MODULES[kind.letter] = kind
         parameters.cache_clear()
-    _loaded[path] = [kind.letter for kind in kinds]
+        _check(file, kind)
+    USER_FILES[path] = [kind.letter for kind in kinds]
     # Python reads compiled modules where it has them: their sources are found by name.
     modules = (getattr(module, "__file__", None) for module in list(sys.modules.values()))
     imported = (Path(file) for file in modules if file and Path(file).is_relative_to(path.parent))
     opened = (file for file, state in heard.read.items() if state is not None or file.is_relative_to(path.parent))
     _read.update(file for file in (path, *opened, *imported) if _counts(file, path.parent))
     _read.update(path.parent.glob("*.py"))
-    return _loaded[path]
+    return USER_FILES[path]
 
 
 def _counts(file: Path, folder: Path) -> bool:
@@ -67,28 +70,48 @@ def _counts(file: Path, folder: Path) -> bool:
     return file.suffix != ".pyc" and is_own(file.absolute(), folder)
 
 
-def _refusals(kind: type[Module]) -> Iterator[str]:
+def _check(file: Path, kind: type[Module] | type[Composite]) -> None:
+    """FoldcarError if the module with its defaults cannot be, or if a composite's modules are no chain."""
+    try:
+        made = kind(path=kind.letter)
+        if isinstance(made, Composite):
+            made.check()
+        elif any(isinstance(child, Module | HingeModule) for child in made.children.values()):
+            raise ComponentError(made.path, "has modules in it: derive it from Composite and connect them")
+    except Exception as error:
+        del MODULES[kind.letter]
+        parameters.cache_clear()
+        lines = [
+            frame.lineno for frame in traceback.extract_tb(error.__traceback__) if Path(frame.filename) == file.resolve()
+        ]
+        text = str(error) if isinstance(error, FoldcarError) else f"{type(error).__name__}: {error}"
+        raise FoldcarError(f"{file}:{(lines or [inspect.getsourcelines(kind)[1]])[-1]}: {text}") from error
+
+
+def _refusals(kind: type[Module] | type[Composite]) -> Iterator[str]:
     """Why a user's module is not taken."""
     for attribute in ("letter", "title"):
         if not isinstance(getattr(kind, attribute, None), str):
             yield f' has no text "{attribute}"'
     letter = kind.letter
-    if not letter.isalnum() or letter == "common":
-        yield f': letter "{letter}" is not made of letters and digits'
+    if not letter.isalnum() or letter == "common" or letter[-1].isdigit():
+        yield f': letter "{letter}" is not made of letters and digits, a letter last'
     if letter in MODULES:
         yield f': letter "{letter}" is that of {MODULES[letter].__name__} already'
-    if issubclass(kind, WheelModule | ElectronicsModule):
-        yield ": carries wheels or electronics, which W and B do; derive it from Module"
+    if issubclass(kind, ElectronicsModule):
+        yield ": carries electronics, which B does; derive it from Module"
     known = {key: parameter.declared for key, parameter in parameters().items()}
     for parameter in kind.parameters:
-        if known.get(parameter.name, parameter) != parameter:
+        of_car = known.get(parameter.name, parameter)
+        # What all beams share is the car's; a composite gives its modules what it likes.
+        if of_car != parameter and (parameter.shared or (of_car.uniform and issubclass(kind, Module))):
             yield f': its parameter "{parameter.name}" is declared otherwise than that of the whole car'
 
 
 def components_digest() -> str:
     """The hash of all files that users' modules consist of: what loading them read, and Python files beside them."""
     digest = hashlib.sha256()
-    folders = {path.parent for path in _loaded}
+    folders = {path.parent for path in USER_FILES}
     for file in sorted(_read):
         names = sorted(os.path.relpath(file, folder) for folder in folders)
         digest.update(json.dumps([names, file_digest(file)]).encode())
@@ -98,22 +121,39 @@ def components_digest() -> str:
 @contextlib.contextmanager
 def building() -> Iterator[None]:
     """FoldcarError if users' modules read other files within the block than when they were loaded."""
-    if not _loaded:
+    if not USER_FILES:
         yield
         return
     with only_minimal_variables(), heard_files() as heard:
         yield
     for file, state in heard.read.items():
-        if state is not None and file not in _read and all(_counts(file, path.parent) for path in _loaded):
+        if state is not None and file not in _read and all(_counts(file, path.parent) for path in USER_FILES):
             raise FoldcarError(
-                f"{next(iter(_loaded))}: reads {file} while a car is folded, too late to tell designs apart by it; "
+                f"{next(iter(USER_FILES))}: reads {file} while a car is folded, too late to tell designs apart by it; "
                 "read it at the module's head"
             )
 
 
-def place_of(error: BaseException) -> str | None:
+@contextlib.contextmanager
+def component_errors(refusal: Callable[[str | None, str], FoldcarError]) -> Iterator[None]:
+    """Turn what goes wrong in components into a ``refusal`` of a key; it names file and line of a user's component."""
+    try:
+        yield
+    except ComponentError as error:
+        place, message = _place_of(error), error.message if error.key else str(error)
+        raise refusal(error.key, f"{message} [{place}]" if place else message) from error
+    except FoldcarError:
+        raise
+    except Exception as error:
+        place = _place_of(error)
+        if place is None:
+            raise
+        raise refusal(None, f"{place}: {type(error).__name__}: {error}") from error
+
+
+def _place_of(error: BaseException) -> str | None:
     """File and line of the user's component that raised the exception, or None if none did."""
     for frame in reversed(traceback.extract_tb(error.__traceback__)):
-        if Path(frame.filename) in _loaded:
+        if Path(frame.filename) in USER_FILES:
             return f"{frame.filename}:{frame.lineno}"
     return None

@@ -110,6 +110,8 @@ SHIFTS = {
     "body.wheels": (),
     "body.wheels.servo": ("neutral_us", "deadband_us"),
 }
+# The differences of servos, which a wheel without one has not.
+SERVO_DIFFERENCES = frozenset((*FACTORS["body.wheels.servo"].values(), *SHIFTS["body.wheels.servo"]))
 # Numbers that a difference takes the place of, by its name: those of a reality only, alike at all wheels.
 GIVEN = {
     "body": {"supply_resistance_ohm": "supply_resistance_ohm"},
@@ -139,8 +141,9 @@ def _varied(place: str, values: Mapping[str, Any], variation: Mapping[str, Any],
 def _wheel(wheel: Mapping[str, Any], variation: Mapping[str, Any], limits: NumberLimits) -> dict[str, Any]:
     mine = {name: of[wheel["channel"]] for name, of in variation.items() if isinstance(of, list)}
     varied = _varied("body.wheels", wheel, mine, limits)
-    servo = varied["servo"] = _varied("body.wheels.servo", wheel["servo"], mine, limits)
-    servo["saturation_us"] = max(servo["saturation_us"], servo["deadband_us"] + 1)
+    if "servo" in wheel:
+        servo = varied["servo"] = _varied("body.wheels.servo", wheel["servo"], mine, limits)
+        servo["saturation_us"] = max(servo["saturation_us"], servo["deadband_us"] + 1)
     if mine.get("eccentricity_m", 0.0) > 0:
         varied["eccentricity_m"] = _within((0, LARGEST_ECCENTRICITY * varied["radius_m"]), mine["eccentricity_m"])
         phase = phase_name("eccentricity_m")

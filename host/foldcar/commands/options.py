@@ -199,9 +199,7 @@ Settings = Annotated[
 Machine = Annotated[
     str, typer.Option(metavar="NAME", help="silhouette, cricut, laser or scissors: presets for the sheets.")
 ]
-Sheet = Annotated[
-    str | None, typer.Option(metavar="SIZE", help="a4, letter, a3, 12in, 12x24in or WIDTHxHEIGHT in mm.")
-]
+Sheet = Annotated[str | None, typer.Option(metavar="SIZE", help="a4, letter, a3, 12in, 12x24in or WIDTHxHEIGHT in mm.")]
 Port = Annotated[
     str | None, typer.Option(metavar="PORT", help="Serial port, pseudo-terminal or tcp:HOST:PORT; default: detected.")
 ]
@@ -261,7 +259,7 @@ def design_settings(words: Sequence[str] | None) -> dict[str, float | str]:
             settings[key] = text
             continue
         try:
-            settings[key] = decimal_number(text)
+            settings[key] = {"true": 1.0, "false": 0.0}[text] if text in ("true", "false") else decimal_number(text)
         except ValueError:
             equals = ""
         if not equals:

@@ -46,7 +46,7 @@ def main_segment(body: Mapping[str, Any]) -> int:
 
 
 def wheel_name(wheel: Mapping[str, Any]) -> str:
-    """The name of a wheel, by the index of its servo channel."""
+    """The name of a wheel, by its channel: its servo's output, if it has one."""
     return f"wheel{wheel['channel']}"
 
 

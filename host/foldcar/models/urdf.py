@@ -76,6 +76,8 @@ def _add_wheel(robot: Element, body: Mapping[str, Any], wheel: Mapping[str, Any]
     _add_friction(robot, link, wheel["grip"])
     place = _minus(axle_m(body, wheel), _hinge_place(body, wheel["segment"]))
     joint = _add_joint(robot, f"{name}_axle", "continuous", _link(wheel["segment"]), name, place)
+    if "servo" not in wheel:
+        return
     stall, no_load = servo_limits(body, wheel)
     add(joint, "limit", effort=numbers(stall), velocity=numbers(no_load))
     transmission = add(robot, "transmission", name=f"{name}_transmission")

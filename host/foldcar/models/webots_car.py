@@ -144,7 +144,6 @@ def _hinge(body: Mapping[str, Any], index: int) -> Node:
 
 def _wheel(body: Mapping[str, Any], wheel: Mapping[str, Any]) -> Node:
     name = wheel_name(wheel)
-    stall, no_load = servo_limits(body, wheel)
     spin, across = wheel_inertia_kg_m2(wheel)
     center = tyre_center_m(wheel)
     # The axis of a Webots cylinder is z.
@@ -159,11 +158,15 @@ def _wheel(body: Mapping[str, Any], wheel: Mapping[str, Any]) -> Node:
         "boundingObject": placed(cylinder, center, lying),
         "physics": _physics(wheel["mass_kg"], center, [across, spin, across]),
     }
-    # Without an explicit sound Webots downloads one.
-    motor = {"name": f"{name} servo", "maxVelocity": no_load, "maxTorque": stall, "sound": ""}
+    devices = [Node("PositionSensor", {"name": f"{name} angle"})]
+    if "servo" in wheel:
+        stall, no_load = servo_limits(body, wheel)
+        # Without an explicit sound Webots downloads one.
+        motor = {"name": f"{name} servo", "maxVelocity": no_load, "maxTorque": stall, "sound": ""}
+        devices.insert(0, Node("RotationalMotor", motor))
     joint = {
         "jointParameters": Node("HingeJointParameters", {"axis": vector(0, 1, 0), "anchor": axle}),
-        "device": [Node("RotationalMotor", motor), Node("PositionSensor", {"name": f"{name} angle"})],
+        "device": devices,
         "endPoint": Node("Solid", disc),
     }
     return Node("HingeJoint", joint)

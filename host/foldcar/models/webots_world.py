@@ -14,6 +14,7 @@ from typing import Any
 import numpy
 from scipy.spatial.transform import Rotation
 
+from foldcar.car.body import driven_wheels
 from foldcar.errors import FoldcarError
 from foldcar.models.exported_car import wheel_name
 from foldcar.models.ground import HeightGrid, start_height_m
@@ -150,11 +151,11 @@ def controller_drive(body: Mapping[str, Any], pulses: PulseTrain, settling_s: fl
     """The drive of a car that stands for ``settling_s`` first, as the controller reads it; fractions to 1e-6."""
     rows: list[list[float | None]] = []
     for t_s, widths in zip(pulses.times_s, pulses.widths_us, strict=True):
-        fractions = [drive_fraction(wheel["servo"], widths[wheel["channel"]]) for wheel in body["wheels"]]
+        fractions = [drive_fraction(wheel["servo"], widths[wheel["channel"]]) for wheel in driven_wheels(body)]
         row = [None if fraction is None else round(fraction, 6) for fraction in fractions]
         if not rows or rows[-1][1:] != row:
             rows.append([round(t_s, 6), *row])
-    motors = [f"{wheel_name(wheel)} servo" for wheel in body["wheels"]]
+    motors = [f"{wheel_name(wheel)} servo" for wheel in driven_wheels(body)]
     lines = ",\n  ".join(json.dumps(row) for row in rows)
     head = f'"settling_s": {json.dumps(settling_s)},\n "motors": {json.dumps(motors)}'
     return f'{{{head},\n "changes": [\n  {lines}]}}\n'

@@ -17,7 +17,7 @@ import numpy
 from numpy.typing import NDArray
 
 from foldcar.analysis.words import label_and_unit
-from foldcar.car.variation import workshop
+from foldcar.car.variation import SERVO_DIFFERENCES, workshop
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
 from foldcar.store.tables import BY_NAME, DESIGN, EXPERIMENT
@@ -125,11 +125,12 @@ def _car(drawn: Mapping[str, Any], wheels: Any) -> dict[str, float]:
         if not isinstance(value, list):
             found[f"car_{name}"] = float(value)
         elif wheels:
+            having = [wheel for wheel in wheels if "servo" in wheel or name not in SERVO_DIFFERENCES]
             # A servo that is mounted the other way round turns the other way with the same pulse.
-            turned = [wheel["servo"]["direction"] if name == "neutral_us" else 1 for wheel in wheels]
-            each = [sign * value[wheel["channel"]] for sign, wheel in zip(turned, wheels, strict=True)]
+            turned = [wheel["servo"]["direction"] if name == "neutral_us" else 1 for wheel in having]
+            each = [sign * value[wheel["channel"]] for sign, wheel in zip(turned, having, strict=True)]
             sides = {
-                side: [one for one, wheel in zip(each, wheels, strict=True) if wheel["side"] == side] for side in SIDES
+                side: [one for one, wheel in zip(each, having, strict=True) if wheel["side"] == side] for side in SIDES
             }
             found[f"car_mean_{name}"] = sum(each) / len(each)
             if all(sides.values()):

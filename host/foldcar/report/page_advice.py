@@ -17,7 +17,7 @@ from foldcar.analysis.effects import Effects
 from foldcar.analysis.gap import OPTIMISTIC, PESSIMISTIC
 from foldcar.analysis.gaussian_process import unit_range
 from foldcar.analysis.words import count, design_text, label_and_unit, listed, percent, rate_text, span_text, value_text
-from foldcar.car.design import parameters
+from foldcar.car.design_parameters import declared, key_of
 from foldcar.report.page_designs import Designs
 from foldcar.simulation.results import no_rate_text
 
@@ -266,7 +266,8 @@ class Advice:
 
     def _extendable(self, name: str, value: float, upwards: bool) -> bool:
         """Whether cars with a value beyond may be asked for."""
-        found = next((one.declared for one in parameters().values() if one.column == name), None)
-        if found is None:
+        key = key_of(name)
+        if key is None:
             return True
+        found = declared(key)
         return value < found.maximum if upwards else not isinstance(found.minimum, float | int) or value > found.minimum

@@ -11,7 +11,7 @@ from typing import Any
 import numpy
 from numpy.typing import NDArray
 
-from foldcar.car.design import compose, parameters
+from foldcar.car.design import compose_columns
 from foldcar.errors import FoldcarError
 from foldcar.search.objectives import film_area_cm2
 from foldcar.simulation.results import NUMBERS, OUTCOMES
@@ -76,8 +76,7 @@ def _masses_g(store: Store, info: ExperimentInfo, number: int) -> NDArray[Any]:
 
 
 def _area_cm2(info: ExperimentInfo, design: Mapping[str, Any]) -> float:
-    keys = {parameter.column: key for key, parameter in parameters().items()}
     try:
-        return film_area_cm2(compose(info.vehicle_type, {keys[name]: float(value) for name, value in design.items()}))
-    except (FoldcarError, KeyError, ValueError):
+        return film_area_cm2(compose_columns(info.vehicle_type, design))
+    except (FoldcarError, ValueError):
         return numpy.nan

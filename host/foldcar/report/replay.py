@@ -19,7 +19,7 @@ from typing import Any
 
 import pandas
 
-from foldcar.car.design import compose, parameters
+from foldcar.car.design import compose_columns
 from foldcar.car.folded_car import folded_car
 from foldcar.car.variation import vary_body
 from foldcar.errors import FoldcarError
@@ -269,26 +269,22 @@ def _car_blobs(info: ExperimentInfo, drives: StoredDrives, designs: Sequence[int
     settings = {drives.settings[design]: drives.value("settings", drives.settings[design]) for design in designs}
     same = carsim.build == info.carsim_build
     trains = dict(zip(settings, ask_pulses(carsim, list(settings.values())), strict=True)) if settings and same else {}
-    keys = {parameter.column: key for key, parameter in parameters().items()}
     shapes, found = SceneShapes(), {}
     for design in designs:
         train = trains.get(drives.settings[design])
         changes = zip(train.times_s, train.widths_us, strict=True) if train else ()
         pulses = [[time_s, *widths] for time_s, widths in changes]
         body = drawn_body(drives.value("body", drives.bodies[design]))
-        parts = _parts(info, drives.parameters[design], keys, shapes)
+        parts = _parts(info, drives.parameters[design], shapes)
         found[f"car-{design}"] = blob({"body": body, "parts": parts, "pulses": pulses})
     return {**found, "pieces": blob(shapes.pieces)}
 
 
-def _parts(
-    info: ExperimentInfo, parameters: Mapping[str, Any], keys: Mapping[str, str], shapes: SceneShapes
-) -> list[dict[str, Any]] | None:
+def _parts(info: ExperimentInfo, parameters: Mapping[str, Any], shapes: SceneShapes) -> list[dict[str, Any]] | None:
     """The folded car's parts; None if this foldcar cannot fold it: then the page shows its body's boxes."""
     try:
-        design = compose(info.vehicle_type, {keys[name]: float(value) for name, value in parameters.items()})
-        return shapes.add(folded_car(design))
-    except (FoldcarError, KeyError, ValueError):
+        return shapes.add(folded_car(compose_columns(info.vehicle_type, parameters)))
+    except (FoldcarError, ValueError):
         return None
 
 

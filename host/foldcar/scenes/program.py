@@ -23,6 +23,7 @@ from foldcar.errors import FoldcarError
 from foldcar.scenes import scenic_private
 from foldcar.scenes.contained import contained
 from foldcar.scenes.program_files import ProgramFiles
+from foldcar.scenes.syntax_hints import syntax_hint
 from foldcar.typed import did_you_mean, did_you_mean_file, read_text
 
 COMPILE_LIMIT_S = 120.0
@@ -141,7 +142,11 @@ def one_line(error: BaseException, program: Path) -> str:
     where = "" if line is None else line_prefix(file, line, program)
     kind = "" if type(error).__module__.startswith("scenic.") else f"{type(error).__name__}: "
     message = overlap_hint(" ".join(str(error).split()) or "no message")
-    return where + kind + message + _name_hint(error)
+    text = linecache.getline(file, line).rstrip() if file is not None and line is not None else ""
+    hint = syntax_hint(error, text)
+    # Scenic's own guess is wrong where `new` is there.
+    message = message.removesuffix(" Perhaps you forgot 'new'?").removesuffix(".") if hint else message
+    return where + kind + message + hint + _name_hint(error)
 
 
 def _undefined_name(error: BaseException) -> str | None:

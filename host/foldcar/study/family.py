@@ -10,15 +10,15 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from foldcar.car.design import (
-    Design,
-    DesignError,
-    compose,
-    design_errors,
+from foldcar.car.design import Design, DesignError, compose, design_errors, modules_of
+from foldcar.car.design_parameters import (
+    declared,
     find_parameter,
-    modules_of,
     names_in,
+    parameter_of,
     parameters,
+    place_keys,
+    places_of,
 )
 from foldcar.car.folded_car import folded_car
 from foldcar.car.parts.catalogue import DEFAULT_CHOICES, OPTIONS, PartChoices, PartError, chosen, split_type
@@ -101,7 +101,7 @@ class Family:
             if error is not None:
                 members = zip(self.choices.items(), values, strict=True)
                 varied = [
-                    f"{key}={value:g} {parameters()[key].declared.unit}"
+                    f"{key}={value:g} {declared(key).unit}".rstrip()
                     for (key, choices), value in members
                     if len(choices) > 1
                 ]
@@ -119,7 +119,7 @@ class Family:
 
     def columns(self) -> list[str]:
         """The column names in results of the parameters, in the order of ``choices``."""
-        return [parameters()[key].column for key in self.choices]
+        return [_column(key) for key in self.choices]
 
     def only(self, members: Iterable[tuple[float, ...]]) -> "Family":
         """The family of these combinations alone."""
@@ -156,11 +156,11 @@ class Family:
     @property
     def varied(self) -> dict[str, tuple[float, ...]]:
         """The parameters with more than one value, by their column names in results (``width_mm``)."""
-        return {parameters()[key].column: values for key, values in self.choices.items() if len(values) > 1}
+        return {_column(key): values for key, values in self.choices.items() if len(values) > 1}
 
     def narrowed(self, settings: Mapping[str, float | str]) -> "Family":
         """The family with these parameters fixed (``width``, ``W.length``) and parts of these names; FoldcarError."""
-        choices, origins, parts = dict(self.choices), dict(self.origins), self.parts
+        choices, origins, parts, letters = dict(self.choices), dict(self.origins), self.parts, self.type.split("_")
         for key, value in settings.items():
             if isinstance(value, str):
                 try:
@@ -168,13 +168,19 @@ class Family:
                 except PartError as error:
                     raise ListingError(f"--set {key}={value}", error.message) from error
                 continue
-            if key not in parameters() or not parameters()[key].modules & set(self.type.split("_")):
-                known = [name for name, p in parameters().items() if p.modules & set(self.type.split("_"))]
+            parameter = parameter_of(key)
+            if parameter is None or parameter.modules.isdisjoint(letters):
+                known = [name for name, p in parameters().items() if not p.modules.isdisjoint(letters)]
                 known += OPTIONS
                 close = did_you_mean(key, known)
                 raise ListingError(f"--set {key}", f"{self.type} has no such parameter; it has {', '.join(known)}{close}")
             choices[key] = (value,)
             origins[key] = f"--set {key}"
+        # Where each module has a value of its own, that of all sets nothing.
+        for key in [key for key in choices if key in parameters() and key not in settings]:
+            keys = place_keys(key, letters)
+            if keys and choices.keys() >= set(keys):
+                del choices[key]
         return replace(self, choices=choices, origins=origins, parts=parts, _checked={})
 
     def single(self) -> Design:
@@ -191,6 +197,12 @@ class Family:
         if key is None:
             return f"{self.place}.type"
         return self.origins.get(key, f"{self.place}: {key} (its default)")
+
+
+def _column(key: str) -> str:
+    parameter = parameter_of(key)
+    assert parameter is not None, key
+    return parameter.column
 
 
 def read_family(file: Path, vehicle_id: str, vehicle: ListedVehicle) -> Family:
@@ -217,8 +229,8 @@ def read_family(file: Path, vehicle_id: str, vehicle: ListedVehicle) -> Family:
     for index, groups in enumerate(vehicle.params):
         for group, settings in groups.items():
             here = f"{place}.params.{index}.{group}"
-            if group != "common" and group not in letters:
-                known = ", ".join(sorted(set(letters)))
+            if group not in ("common", *letters, *places_of(letters)):
+                known = ", ".join([*sorted(set(letters)), *places_of(letters)])
                 mistakes.append(f"{here}: {vehicle.type} has no module {group}; known: common, {known}")
                 continue
             for parameter_name, values in settings.items():
@@ -228,6 +240,9 @@ def read_family(file: Path, vehicle_id: str, vehicle: ListedVehicle) -> Family:
                     names = names_in(group)
                     close = did_you_mean(parameter_name, names)
                     mistakes.append(f'{here}: unknown parameter "{parameter_name}"; known: {", ".join(names)}{close}')
+                elif not parameter.declared.is_switch and any(isinstance(value, bool) for value in values):
+                    text = f"{values[0]} is not a number; write a number, a list of numbers or a range"
+                    mistakes.append(f"{origin}: {text}")
                 elif choices.setdefault(parameter.key, values) != values:
                     first = origins[parameter.key]
                     mistakes.append(f"{origin}: differs from {first}, but the whole car has one value of it")

@@ -41,7 +41,8 @@ def _values(raw: Any) -> tuple[float, ...]:
     items = raw if isinstance(raw, list) else [raw]
     if not items:
         raise ValueError("an empty list has no value")
-    values = tuple(_number(item) for item in items)
+    # Which parameters are true or false is known where the vehicle's modules are (family.py).
+    values = tuple(item if isinstance(item, bool) else _number(item) for item in items)
     if len(set(values)) < len(values):
         twice = next(value for value in values if values.count(value) > 1)
         raise ValueError(f"{twice:g} stands twice in the list")
@@ -84,7 +85,7 @@ def _part_name(raw: Any) -> Any:
     return f"{raw:g}" if isinstance(raw, int | float) and not isinstance(raw, bool) else raw
 
 
-Values = Annotated[tuple[float, ...], BeforeValidator(_values)]
+Values = Annotated[tuple[float | bool, ...], BeforeValidator(_values)]
 Identifier = Annotated[str, BeforeValidator(lambda raw: str(raw) if type(raw) is int else raw)]
 
 

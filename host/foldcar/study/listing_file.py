@@ -14,6 +14,7 @@ from pydantic import ValidationError
 
 from foldcar.errors import FoldcarError
 from foldcar.outputs import SQLITE_MAGIC
+from foldcar.study.brackets import unclosed
 from foldcar.study.family import read_family
 from foldcar.study.limits import check_numbers
 from foldcar.study.listing import (
@@ -87,7 +88,7 @@ def load_listing(file: Path) -> tuple[Any, str]:
     try:
         data = _with_joined_surrogates(json5.loads(text, allow_duplicate_keys=False))
     except ValueError as error:
-        raise ListingError(file, f"is not JSON: {_json_mistake(str(error))}") from error
+        raise ListingError(file, f"is not JSON: {unclosed(text) or _json_mistake(str(error))}") from error
     except RecursionError as error:
         raise ListingError(file, "is nested too deeply") from error
     try:

@@ -83,9 +83,9 @@ def one_sided(body: Mapping[str, Any]) -> str:
     for left, right in pairs.values():
         if max(left["eccentricity_m"], right["eccentricity_m"]) > ECCENTRICITY_M:
             return "wheels out of true"
-        numbers = [{**wheel["servo"], **wheel} for wheel in (left, right)]
+        numbers = [{**wheel.get("servo", {}), **wheel} for wheel in (left, right)]
         for name in ("radius_m", "grip", "mass_kg", "stall_torque_n_m", "no_load_speed_rad_s", "deadband_us"):
-            one, other = numbers[0][name], numbers[1][name]
+            one, other = numbers[0].get(name, 0.0), numbers[1].get(name, 0.0)
             if abs(one - other) > (RADIUS_SHARE if name == "radius_m" else SHARE) * max(abs(one), abs(other)):
                 return name.partition("_")[0]
     return ""

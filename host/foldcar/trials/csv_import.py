@@ -20,7 +20,8 @@ from pathlib import Path
 from typing import Any
 
 from foldcar.analysis.words import count, design_text
-from foldcar.car.design import Design, DesignError, compose, parameters
+from foldcar.car.design import Design, DesignError, compose_columns
+from foldcar.car.design_parameters import key_of, parameters
 from foldcar.errors import FoldcarError
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
@@ -58,7 +59,7 @@ def read_trials(
     if not header:
         raise FoldcarError(f"{file}: contains no trials")
     _check_header(file, header)
-    decimals = {"elapsed_time_s", *(parameter.column for parameter in parameters().values())}
+    decimals = {"elapsed_time_s", *(name for name in header if key_of(name))}
     trials: list[dict[str, Any]] = []
     defaults: dict[str, float] = {}
     rows: Counter[str] = Counter()
@@ -110,7 +111,7 @@ def _check_header(file: Path, header: list[str]) -> None:
         shown = "tabs" if separator == "\t" else f'"{separator}"'
         raise FoldcarError(f"{file}: its columns are separated by {shown}; separate them by commas or semicolons")
     for name in header:
-        if name not in known:
+        if name not in known and key_of(name) is None:
             close = did_you_mean(name.lower(), known)
             raise FoldcarError(f'{file}: unknown column "{name}"; known: {", ".join(known)}{close}')
         if header.count(name) > 1:
@@ -168,8 +169,7 @@ def _design(
     place: str, row: Mapping[str, str], named: str, swept: ExperimentInfo | None, defaults: dict[str, float]
 ) -> Design:
     """The car of a row; ``defaults`` gets what nobody has told of it."""
-    keys = {parameter.column: key for key, parameter in parameters().items()}
-    told = {name: _number(place, row, name, decimal_number) for name in row if name in keys}
+    told = {name: _number(place, row, name, decimal_number) for name in row if key_of(name)}
     of_family = swept is not None and row["vehicle_type"] == swept.vehicle_type
     if swept is not None and of_family:
         missing = [name for name in swept.varied if name not in told]
@@ -177,7 +177,7 @@ def _design(
             raise FoldcarError(f'{place}: {", ".join(missing)}: is not given; experiment "{named}" has several values')
         told = {**swept.fixed, **told}
     try:
-        design = compose(row["vehicle_type"], {keys[name]: value for name, value in told.items() if name in keys})
+        design = compose_columns(row["vehicle_type"], {name: value for name, value in told.items() if key_of(name)})
     except DesignError as error:
         raise FoldcarError(f"{place}: {error}") from error
     if not told:

@@ -85,7 +85,7 @@ def draw_placement(
     from foldcar.simulation.heights import carsim_heights
 
     make_output_folder(picture.parent)
-    length_m, width_m = design.length_mm / 1000, design.values["width"] / 1000
+    length_m, width_m = design.length_mm / 1000, design.width_mm / 1000
     markers = [(m.id, m.x_m, m.y_m, m.turn_rad, course.floor_size_m) for m in course.floor] if course else []
     cards = [_card(thing, scene, course) for thing in things.values()] if course else []
     draw_placement(scene, things, length_m, width_m, carsim_heights(carsim), picture, title, markers, cards)

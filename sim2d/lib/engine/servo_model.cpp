@@ -6,7 +6,7 @@
 namespace foldcar {
 
 ServoDrive servo_drive(const ServoSpec& servo, double pulse_us) {
-  if (pulse_us <= 0) return {false, 0};
+  if (pulse_us <= 0 || servo.stall_torque_n_m == 0) return {false, 0};
   const double offset_us = servo.direction * (pulse_us - servo.neutral_us);
   const double excess_us = std::abs(offset_us) - servo.deadband_us;
   if (excess_us <= 0) return {true, 0};
@@ -30,6 +30,7 @@ double servo_current_a(const ServoSpec& servo, const ServoDrive& drive, double t
 double largest_supply_resistance_ohm(const BodySpec& body) {
   double stall_a = 0;
   for (const WheelSpec& wheel : body.wheels) {
+    if (!wheel.driven()) continue;
     const ServoSpec& servo = wheel.servo;
     const double by_torque_a = servo.stall_current_a - servo.no_load_current_a;
     stall_a += servo.no_load_current_a + by_torque_a * body.supply_v / servo.rated_v;

@@ -5,7 +5,8 @@
 
 namespace foldcar {
 
-// The command that a pulse stands for. Without pulses a servo is not powered: its motor gives no torque.
+// The command that a pulse stands for. Without pulses a servo is not powered: its motor gives no torque. Nor does a servo
+// whose stall torque is 0: there is none.
 struct ServoDrive {
   bool powered = false;
   double fraction = 0;  // of full speed, -1..1, positive drives the wheel forward

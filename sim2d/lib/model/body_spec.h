@@ -27,9 +27,9 @@ struct ServoSpec {
 // The side of the car that a wheel is on.
 enum class CarSide { kLeft = 0, kRight = 1 };
 
-// A wheel on its servo; x_m is that of the axle, ahead of the car's origin.
+// A wheel on its servo, or without one, which turns freely; x_m is that of the axle, ahead of the car's origin.
 struct WheelSpec {
-  int channel = 0;
+  int channel = 0;  // the servo's output; without a servo a number that no other wheel has
   int segment = 0;  // index into the body's segments
   CarSide side = CarSide::kLeft;
   double x_m = 0;
@@ -43,7 +43,8 @@ struct WheelSpec {
   // The next two are MuJoCo's only, see check_plain_tyres. Camber as in ISO 8855: positive with the wheel's top outwards.
   double camber_rad = 0;
   double contact_time_s = kContactTime_s;  // time constant of the tyre's contacts
-  ServoSpec servo;
+  ServoSpec servo;                         // all 0 without a servo
+  bool driven() const { return servo.stall_torque_n_m > 0; }
 };
 
 // A rigid box between wheels with all it carries; inertias about its own centre of mass.

@@ -121,16 +121,18 @@ void MujocoCar::step(const PulsesUs& pulses_us) {
 void MujocoCar::drive_wheels(const PulsesUs& pulses_us) {
   pulses_us_ = pulses_us;
   for (std::size_t i = 0; i < body_.wheels.size(); ++i) {
+    if (!body_.wheels[i].driven()) continue;
+    const int k = built_.actuator[i];
     const ServoSpec& servo = body_.wheels[i].servo;
     const ServoDrive drive = servo_drive(servo, pulses_us[static_cast<std::size_t>(body_.wheels[i].channel)]);
     const double stall_n_m = servo.stall_torque_n_m * (supply_.voltage_v() / servo.rated_v);
-    built_.model->actuator_gainprm[i * mjNGAIN] = drive.powered ? stall_n_m : 0;
-    built_.model->actuator_forcerange[2 * i] = -stall_n_m;
-    built_.model->actuator_forcerange[2 * i + 1] = stall_n_m;
+    built_.model->actuator_gainprm[k * mjNGAIN] = drive.powered ? stall_n_m : 0;
+    built_.model->actuator_forcerange[2 * k] = -stall_n_m;
+    built_.model->actuator_forcerange[2 * k + 1] = stall_n_m;
     // Both of the line's ends are proportional to the voltage, its slope is not.
-    built_.model->actuator_biasprm[i * mjNBIAS + 2] =
+    built_.model->actuator_biasprm[k * mjNBIAS + 2] =
         drive.powered ? -servo.stall_torque_n_m / servo.no_load_speed_rad_s : 0;
-    data_->ctrl[i] = drive.fraction;
+    data_->ctrl[k] = drive.fraction;
   }
 }
 
@@ -148,9 +150,10 @@ void MujocoCar::take_friction() {
 void MujocoCar::count_energy() {
   const double step_s = built_.model->opt.timestep;
   for (std::size_t i = 0; i < body_.wheels.size(); ++i) {
+    if (!body_.wheels[i].driven()) continue;
     const ServoSpec& servo = body_.wheels[i].servo;
     const ServoDrive drive = servo_drive(servo, pulses_us_[static_cast<std::size_t>(body_.wheels[i].channel)]);
-    const double torque_n_m = data_->actuator_force[i];
+    const double torque_n_m = data_->actuator_force[built_.actuator[i]];
     state_.motor_work_j += torque_n_m * wheel_speed_rad_s(i) * step_s;
     state_.consumed_energy_j += supply_.draw(servo_current_a(servo, drive, torque_n_m)) * step_s;
   }

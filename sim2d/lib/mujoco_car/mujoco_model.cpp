@@ -133,7 +133,9 @@ void add_car(mjSpec* spec, const BodySpec& body, const SceneSpec& scene, TyreSha
     }
     parent = part;
   }
-  for (const WheelSpec& wheel : body.wheels) add_servo(spec, body, wheel);
+  for (const WheelSpec& wheel : body.wheels) {
+    if (wheel.driven()) add_servo(spec, body, wheel);
+  }
 }
 
 int id(const mjModel& model, mjtObj kind, const std::string& name) { return mj_name2id(&model, kind, name.c_str()); }
@@ -177,6 +179,7 @@ MujocoModel build_mujoco_model(const BodySpec& body, const SceneSpec& scene, con
     const std::string name = "wheel" + std::to_string(wheel.channel);
     built.tyre.push_back(id(model, mjOBJ_GEOM, name + "_tyre"));
     built.wheel_velocity.push_back(model.jnt_dofadr[id(model, mjOBJ_JOINT, name + "_axle")]);
+    built.actuator.push_back(id(model, mjOBJ_ACTUATOR, name + "_servo"));
   }
   return built;
 }

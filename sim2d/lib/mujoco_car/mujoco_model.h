@@ -44,7 +44,8 @@ struct MujocoModel {
   std::vector<int> segment;         // body ids, front to back
   std::vector<int> belly, tyre;     // geom ids, of segments and wheels
   std::vector<int> hinge_position;  // indices into qpos
-  std::vector<int> wheel_velocity;  // indices into qvel; actuator i turns wheel i
+  std::vector<int> wheel_velocity;  // indices into qvel
+  std::vector<int> actuator;        // ids by wheel, -1 without a servo
 };
 
 // The model to compile: the car's origin is in the world's.

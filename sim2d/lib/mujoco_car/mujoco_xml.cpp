@@ -92,7 +92,7 @@ void add_sensors(mjSpec* spec, const BodySpec& body) {
   for (const WheelSpec& wheel : body.wheels) {
     const std::string name = "wheel" + std::to_string(wheel.channel);
     add_sensor(spec, name + "_speed", mjSENS_JOINTVEL, mjOBJ_JOINT, name + "_axle");
-    add_sensor(spec, name + "_torque", mjSENS_ACTUATORFRC, mjOBJ_ACTUATOR, name + "_servo");
+    if (wheel.driven()) add_sensor(spec, name + "_torque", mjSENS_ACTUATORFRC, mjOBJ_ACTUATOR, name + "_servo");
   }
 }
 

@@ -41,7 +41,7 @@ WheelSpec read_wheel(JsonReader reader, std::size_t segments) {
   wheel.eccentricity_phase_rad = reader.number("eccentricity_phase_rad");
   wheel.camber_rad = reader.number_or("camber_rad", wheel.camber_rad);
   wheel.contact_time_s = reader.number_or("contact_time_s", wheel.contact_time_s);
-  wheel.servo = read_servo(reader.object("servo"));
+  if (reader.has("servo")) wheel.servo = read_servo(reader.object("servo"));
   reader.finish();
   return wheel;
 }

@@ -104,6 +104,12 @@ TEST(test_cars_that_cannot_be_are_refused) {
   }
 }
 
+TEST(test_a_wheel_without_servo_is_taken) {
+  json line = body();
+  line["body"]["wheels"][0].erase("servo");
+  TEST_ASSERT_TRUE(answer(line.dump()).empty());
+}
+
 // Multibody's and the side view's tyres are upright and hard.
 TEST(test_tyres_that_only_mujoco_has_are_refused_by_name) {
   const MultibodyEngine multibody;

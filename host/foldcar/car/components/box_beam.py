@@ -40,11 +40,11 @@ def _least_width(parts: Catalogue) -> float:
 
 WIDTH = Parameter(
     "width", 95, _least_width, 500,
-    "outer width of the body", "the boards across it", shared=True,
+    "outer width of the body", "the boards across it", shared=True, uniform=True,
 )  # fmt: skip
 HEIGHT = Parameter(
     "height", 50, _least_height, 200, "outer height of the body; axles stand at half of it",
-    "the boards and their plugs over the LiPo", shared=True,
+    "the boards and their plugs over the LiPo", shared=True, uniform=True,
 )  # fmt: skip
 PANELS = ("floor", "right", "left", "lid", "flap")
 LENGTH = Parameter("length", 80, 1, 1000, "length of a box beam", "a strip that can be folded")

@@ -26,7 +26,9 @@ Number = float | Callable[[Catalogue], float]
 class Parameter:
     """A parameter of a component, in millimetres or degrees (``unit``).
 
-    A shared one has one value for the whole car. ``sold`` are the only values that there are, if any: what can be bought.
+    A shared one has one value for the whole car, unless a place sets that of one module; a ``uniform`` one cannot differ
+    from module to module. ``sold`` are the only values that there are, if any: what can be bought. A switch has no unit,
+    and the value 0 (false) or 1 (true). A design has the value of an ``optional`` one only if it is set.
     """
 
     name: str
@@ -38,6 +40,13 @@ class Parameter:
     unit: str = "mm"
     shared: bool = False
     sold: Callable[[Catalogue], Sequence[float]] | None = None
+    uniform: bool = False
+    optional: bool = False
+
+    @property
+    def is_switch(self) -> bool:
+        """Whether it is either true or false."""
+        return not self.unit
 
     def default_with(self, parts: Catalogue) -> float:
         """The default with these parts."""
@@ -49,6 +58,8 @@ class Parameter:
 
     def complaint(self, value: float, parts: Catalogue) -> str | None:
         """The error message for a value outside the limits with these parts, or None."""
+        if self.is_switch:
+            return None if value in (0, 1) else f"{value:g} is neither true nor false"
         least = self.least_with(parts)
         if not value >= least - ROUNDING:
             metres = f"; lengths of cars are in mm: {value:g} m is {1000 * value:g}" if 0 < value < 1 else ""
@@ -130,6 +141,21 @@ class Component:
     def subcomponents(self) -> Sequence[Sub]:
         """The subcomponents; none by default."""
         return ()
+
+    def sub(self, name: str, kind: "type[Component]", inherit: str = "", **others: str | float) -> Sub:
+        """A subcomponent that inherits parameters under the same name, or under another one, or has values of its own.
+
+        ``self.sub("car", WheelModule, "width height", length="wheel_length", driven=False)``. All others are defaults.
+        """
+        inherited = dict(zip(inherit.split(), inherit.split(), strict=True))
+        inherited |= {parameter: own for parameter, own in others.items() if isinstance(own, str)}
+        fixed = {parameter: float(value) for parameter, value in others.items() if not isinstance(value, str)}
+        declared = [parameter.name for parameter in kind.parameters]
+        for parameter in (*inherited, *fixed):
+            if parameter not in declared:
+                message = f'{kind.__name__} has no parameter "{parameter}"; it has {", ".join(declared)}'
+                raise ComponentError(self._under(name), message)
+        return Sub(name, kind, {parameter: self[own] for parameter, own in inherited.items()} | fixed, inherited)
 
     def build(self, shape: "Shape") -> None:
         """Make the component's faces and connect them; its subcomponents are built."""

@@ -8,16 +8,18 @@ both may reach into the free floor of the neighbouring modules.
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import ClassVar, NamedTuple
+from typing import ClassVar, Literal, NamedTuple
 
 from foldcar.car.components.box_beam import HEIGHT, WIDTH, BoxBeam, latch_mm, wall_mm
 from foldcar.car.components.bridge import half_width_mm, middle_mm, mouth_mm, plug_room_mm, put_bridge, usb_height_mm
 from foldcar.car.components.component import ROUNDING, Component, Parameter, Sub
-from foldcar.car.components.mounts import inside_mm, least_doubler_mm, put_servo, screw_end_mm
+from foldcar.car.components.mounts import inside_mm, least_doubler_mm, put_rod, put_servo, screw_end_mm
 from foldcar.car.components.shape import Shape
-from foldcar.car.components.wheel import RADIUS, TYRE_WIDTH
+from foldcar.car.components.wheel import DRIVEN, RADIUS, TYRE_WIDTH
 from foldcar.car.folded.model import Wire
 from foldcar.car.parts.catalogue import Catalogue
+
+SIDES: tuple[Literal["left", "right"], ...] = ("left", "right")
 
 
 class Module(Component):
@@ -44,7 +46,7 @@ def _least_wheel_module(parts: Catalogue) -> float:
 
 
 class WheelModule(Module):
-    """One axle in the middle of the module, at half its height.
+    """One axle in the middle of the module, at half its height: two servos, or a rod on which the wheels turn freely.
 
     The car sets ``towards_middle``, 1 if the middle of the segment lies in front of the module's, else -1, and
     ``tab_there``, the depth (mm) of the end cap's tab on the side walls at the module's end towards that middle.
@@ -61,27 +63,34 @@ class WheelModule(Module):
             "the opening and screws of one servo",
         ),
         TYRE_WIDTH,
+        DRIVEN,
     )  # fmt: skip
 
     def build(self, shape: Shape) -> None:
         """Put a servo into each side wall, its long side towards the middle of the segment, and a wheel onto it."""
         parts, servo, horn = self.parts, self.parts.servo, self.parts.horn
-        # The layer behind a servo, or the nut of its screw, must not meet the tab of a cap.
-        least = math.ceil(20 * (inside_mm(parts)[0] + self["tab_there"])) / 10
-        if self["tab_there"] > 0 and self["length"] < least:
-            why = f"a segment of its own: one {servo.name} and the cap's tabs"
-            raise self.misfit("length", f"{self['length']:g} is below the minimum {least:g} ({why})")
         axis = (self["length"] / 2, wall_mm(self["height"], parts) / 2)
         # From the side wall's outer surface to the wheel: the inner disc lies on the horn's outer face.
         face = servo.spline_top_mm.value - horn.spline_depth_mm.value + horn.height_mm.value
         gap = face - servo.ear_underside_mm.value
         out = -(parts.film_mm / 2 + gap + self["tire_thickness"] / 2)
         running = self.parts.tyre.running_width_mm(self["tire_thickness"])
+        if not self["driven"]:
+            apart = wall_mm(self["width"], parts)
+            put_rod(shape, ("beam.left", "beam.right"), axis, apart, gap, self["tire_thickness"])
+            for side in SIDES:
+                shape.axle(f"beam.{side}", "", side, (*axis, out), self["radius"], running)
+            return
+        # The layer behind a servo, or the nut of its screw, must not meet the tab of a cap.
+        least = math.ceil(20 * (inside_mm(parts)[0] + self["tab_there"])) / 10
+        if self["tab_there"] > 0 and self["length"] < least:
+            why = f"a segment of its own: one {servo.name} and the cap's tabs"
+            raise self.misfit("length", f"{self['length']:g} is below the minimum {least:g} ({why})")
         # The layer behind a servo is at most twice as high as it, and clear of the lid's flap and its locks.
         flap = parts.assembly.flap_mm.value + parts.film_mm + parts.assembly.slot_clearance_mm.value
         clear = min(wall_mm(self["height"], parts) - 2 * flap, 2 * servo.width_mm.value)
         height = max(least_doubler_mm(parts), clear)
-        for side in ("left", "right"):
+        for side in SIDES:
             wall = f"beam.{side}"
             name = put_servo(shape, f"{side} servo", wall, axis, self["towards_middle"], height)
             shape.axle(wall, name, side, (*axis, out), self["radius"], running)

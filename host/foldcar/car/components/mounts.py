@@ -1,9 +1,9 @@
-"""Parts in walls, caps and floors, with layers of film behind them, and screws: servo, switch and ball caster.
+"""Parts in walls, caps and floors, with layers of film behind them, and screws: servo, rod, switch and ball caster.
 
 A servo is inserted from outside until its ears lie on the wall: its shaft points outwards, its length runs along the
-wall. A switch snaps into an end cap. A caster is screwed under the floor of a user's module; in the simulator, which has
-contacts for wheels and bellies only, it is mass without contact. A screw's frame has its origin in the middle of its
-length, z along its axis towards its head.
+wall. A rod passes both walls and carries wheels that turn freely. A switch snaps into an end cap. A caster is screwed
+under the floor of a user's module; in the simulator, which has contacts for wheels and bellies only, it is mass without
+contact. A screw's frame has its origin in the middle of its length, z along its axis towards its head.
 """
 
 import math
@@ -70,6 +70,53 @@ def put_servo(shape: Shape, name: str, wall: str, axis_mm: Point, inward: float,
         seat, grip = compose(translation(*under), rotation("x", math.pi)), servo.ear_thickness_mm.value + 2 * film
         screw_in(shape, parts.screw, f"{title} screw {i}", wall, seat, grip)
     return title
+
+
+# Half a side of the layer of film around a rod.
+ROD_LAYER_MM = 10.0
+
+
+def rod_hole_mm(parts: Catalogue) -> float:
+    """Diameter of a hole in a wall (mm) that the thickest rod passes."""
+    return parts.axle_rod.diameter_mm.most + 2 * parts.assembly.cut_mm.value
+
+
+def wheel_hole_mm(parts: Catalogue) -> float:
+    """Diameter of the holes of a wheel (mm) that turns on the rod."""
+    return rod_hole_mm(parts) + parts.axle_rod.play_mm.value
+
+
+def put_rod(
+    shape: Shape, walls: tuple[str, str], axis_mm: Point, apart_mm: float, gap_mm: float, wheel_mm: float
+) -> None:
+    """Put a rod through two faces, ``apart_mm`` from each other, with tubes and caps on it for a wheel at each end.
+
+    ``axis_mm`` is where it passes either, ``gap_mm`` from a wall to its wheel, ``wheel_mm`` the width of that.
+    """
+    parts, film = shape.parts, shape.parts.film_mm
+    rod, tube, cap = parts.axle_rod, parts.axle_tube, parts.axle_cap
+    for wall in walls:
+        side = wall.rpartition(".")[2]
+        outline = rectangle_around((0.0, 0.0), 2 * ROD_LAYER_MM, 2 * ROD_LAYER_MM)
+        shape.layer(f"{side} rod.doubler", wall, outline, axis_mm, "rod doubler")
+        shape.round_hole(f"{side} rod.doubler", f"{side} rod.doubler.rod", "axle", (0.0, 0.0), rod_hole_mm(parts))
+        shape.round_hole(wall, f"{side} rod.wall.rod", "axle", axis_mm, rod_hole_mm(parts))
+        wide, bore = tube.diameter_mm.value, tube.bore_mm.value
+        mass_kg = math.pi / 4 * (wide**2 - bore**2) * gap_mm * 1e-9 * tube.density_kg_m3.value
+        size, solids = (wide, wide, gap_mm), [cylinder(wide, -gap_mm / 2, gap_mm / 2, bore_mm=bore)]
+        at = translation(*axis_mm, -(film + gap_mm) / 2)
+        shape.box(tube.name, shape.path(f"{side} spacer tube"), wall, at, size, mass_kg, solids=solids)
+        wide, tall = cap.diameter_mm.value, cap.height_mm.value
+        solids = [cylinder(wide, -tall / 2, tall / 2, bore_mm=rod.diameter_mm.value)]
+        at = translation(*axis_mm, -(film / 2 + gap_mm + wheel_mm + tall / 2))
+        shape.box(
+            cap.name, shape.path(f"{side} axle cap"), wall, at, (wide, wide, tall), cap.mass_kg.value, solids=solids
+        )
+    wide, long = rod.diameter_mm.value, apart_mm + film + 2 * (gap_mm + wheel_mm + cap.height_mm.value)
+    mass_kg = math.pi / 4 * wide**2 * long * 1e-9 * rod.density_kg_m3.value
+    solids = [cylinder(wide, -long / 2, long / 2)]
+    at = translation(*axis_mm, apart_mm / 2)
+    shape.box(rod.name, shape.path("rod"), walls[0], at, (wide, wide, long), mass_kg, solids=solids)
 
 
 def _solids(parts: Catalogue) -> list[Solid]:

@@ -248,7 +248,7 @@ class Shape:
 
     def axle(self, on: str, servo: str, side: Literal["left", "right"], center_mm: tuple[float, float, float],
              radius_mm: float, tyre_width_mm: float) -> None:  # fmt: skip
-        """Add a wheel that the part ``servo`` turns; ``center_mm`` is the tyre's centre in the frame of ``on``."""
+        """Add a wheel that the part ``servo`` turns, or no part; ``center_mm`` is its centre in the frame of ``on``."""
         face = self._face(on)
         # Servos turn counter-clockwise above neutral, so those on the right turn backwards. The car numbers the channels.
         turned = (servo, -1, side, 1 if side == "left" else -1)

@@ -19,7 +19,7 @@ from foldcar.car.components.hooked_strip import (
     least_radius_mm,
     wheel_screws_mm,
 )
-from foldcar.car.components.mounts import cylinder, screw_in
+from foldcar.car.components.mounts import cylinder, screw_in, wheel_hole_mm
 from foldcar.car.components.shape import Shape, on_circle
 from foldcar.car.folded.model import Point, Solid
 from foldcar.car.folded.pose import apply, compose, inverse, rotation, translation
@@ -30,14 +30,25 @@ RADIUS = Parameter(
     "a hub between whose walls a driver reaches the horn's screws, and a rim", shared=True,
 )  # fmt: skip
 TYRE_WIDTH = Parameter(
-    "tire_thickness", 12, 8, 40, "width of a wheel, from outside to outside of its discs", "the tongues of its rim"
+    "tire_thickness", 12, 8, 40, "width of a wheel, from outside to outside of its discs", "the tongues of its rim",
+    uniform=True,
+)  # fmt: skip
+DRIVEN = Parameter(
+    "driven",
+    1,
+    0,
+    1,
+    "whether servos drive the wheels; else they turn freely on a rod",
+    "true or false",
+    "",
+    optional=True,
 )
 
 
 class Wheel(Component):
-    """Two discs, a hub and a rim; the servo's horn is screwed to the inner disc."""
+    """Two discs, a hub and a rim; the servo's horn is screwed to the inner disc, or a rod passes all of them."""
 
-    parameters = (RADIUS, TYRE_WIDTH)
+    parameters = (RADIUS, TYRE_WIDTH, DRIVEN)
 
     def build(self, shape: Shape) -> None:
         """Faces ``inner``, ``outer``, ``hub``, ``wall 1`` … and ``rim 0 0`` …"""
@@ -51,12 +62,19 @@ class Wheel(Component):
             "outer": compose(translation(0, out, 0), rotation("x", math.pi / 2)),
         }
         build_hub(shape, size)
-        self._holes(shape, size)
+        if self["driven"]:
+            self._holes(shape, size)
+        else:
+            for face in ("inner", "hub", "outer"):
+                shape.round_hole(face, f"{face}.rod", "axle", (0, 0), wheel_hole_mm(self.parts))
         build_rim(shape, size)
         for strip in range(size.strips):
             shape.place(f"rim {strip} 0", "inner", compose(inverse(poses["inner"]), first_facet_pose(size, strip)))
         shape.place("outer", "inner", compose(inverse(poses["inner"]), poses["outer"]))
-        add_wheel_parts(shape, size)
+        if self["driven"]:
+            _horn(shape, size)
+        if self.parts.tyre.thickness_mm.value > 0:
+            _tyre(shape, size)
         shape.begin_at("inner", poses["inner"])
 
     def _holes(self, shape: Shape, size: WheelSize) -> None:
@@ -98,8 +116,8 @@ def _disc(size: WheelSize, mirror: int) -> dict[str, Point]:
 TYRE_BOXES = 48
 
 
-def add_wheel_parts(shape: Shape, size: WheelSize) -> None:
-    """Mount the horn on the inner disc's side towards the car, screws from outside, the tyre over both discs."""
+def _horn(shape: Shape, size: WheelSize) -> None:
+    """Mount the horn on the inner disc's side towards the car, screws from outside."""
     horn, parts = shape.parts.horn, shape.parts
     under = -size.film_mm / 2
     x0, y0, x1, y1 = horn.extent_mm
@@ -112,8 +130,6 @@ def add_wheel_parts(shape: Shape, size: WheelSize) -> None:
         # On the hub's layer.
         seat = translation(x, y, -under + size.film_mm)
         screw_in(shape, parts.horn_screw, f"wheel screw {i + 1}", "inner", seat, 0.0)
-    if parts.tyre.thickness_mm.value > 0:
-        _tyre(shape, size)
 
 
 def _horn_solids(parts: Catalogue, center: tuple[float, float, float]) -> list[Solid]:

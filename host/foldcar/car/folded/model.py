@@ -180,7 +180,8 @@ class Mount:
 class Axle:
     """A wheel's joint: the mount ``servo`` on ``channel`` turns the body ``wheel`` about +y at ``center_mm`` in the car.
 
-    ``direction`` is 1 if the wheel turns forward for pulses above neutral, else -1.
+    ``direction`` is 1 if the wheel turns forward for pulses above neutral, else -1. Wheels of one ``unit`` are alike.
+    Without a servo (``servo`` is empty) it turns freely, and ``channel`` is no output's: it follows on the servos'.
     """
 
     wheel: str
@@ -192,6 +193,12 @@ class Axle:
     center_mm: tuple[float, float, float]
     radius_mm: float
     tyre_width_mm: float
+    unit: str = "wheel"
+
+    @property
+    def driven(self) -> bool:
+        """Whether a servo turns it."""
+        return bool(self.servo)
 
 
 @dataclass(frozen=True, slots=True)

@@ -76,14 +76,16 @@ def polygon(face: Face) -> shapely.Polygon:
 
 
 def place(car: FoldedCar, only: Collection[str] = ()) -> dict[str, list[PlacedFace]]:
-    """The faces of ``only`` these bodies, or else of every segment and of the first wheel, by the body's name.
+    """The faces of ``only`` these bodies, or else of every segment and of the first wheel of each unit, by body.
 
     Beyond a flexure a face belongs to the segment behind.
     """
     pieces = {piece.name: piece for piece in car.pieces}
     behind = {hinge.front: hinge.rear for hinge in car.hinges}
-    wheels = {one.body for one in car.placed if one.body.startswith("wheel")}
-    others = wheels - {min(wheels, default="")}
+    turning = [placed for placed in car.placed if placed.body.startswith("wheel")]
+    # The first wheel with a piece stands for those of its unit.
+    first = {placed.piece: placed.body for placed in reversed(turning)}
+    others = {placed.body for placed in turning} - set(first.values())
     shapes: dict[str, dict[str, Pose]] = {}
     placed: dict[str, list[PlacedFace]] = {}
     for one in car.placed:

@@ -97,6 +97,7 @@ class Catalogue(Data):
 
     ``screw`` holds a servo in its wall, ``board_screw`` with a ``spacer`` the Feather's end at USB, ``board_pad`` its
     other end, ``horn_screw`` a wheel on a horn, ``centre_screw`` the horn on the servo, ``pad`` the battery in its place.
+    ``axle_rod`` carries wheels that no servo drives, an ``axle_tube`` keeps each off its wall, an ``axle_cap`` on it.
     ``headers`` have a price only: their mass is in the boards'. ``wire_mm`` of wire are in the mass and cost of
     ``wiring``, which has the slack that leads need on their ways. Leads leave the middle of an end of a battery's length.
     ``assembly`` has the clearances, laminations and contact properties of a folded car.
@@ -118,6 +119,9 @@ class Catalogue(Data):
     horn_screw: Screw
     centre_screw: Screw
     spacer: Spacer
+    axle_rod: Bought
+    axle_tube: Bought
+    axle_cap: Bought
     tools: Tools
     caster: BoxPart
     assembly: PartData

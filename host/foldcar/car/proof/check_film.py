@@ -1,6 +1,6 @@
 """Checks of film: pieces as they are cut, no film in other film, edges that meet, tongues that pass their slots.
 
-Input: a piece; a car with its placed faces; wheels are alike, so that the first one stands for all. Output: findings.
+Input: a piece; a car with its placed faces; the first wheel stands for all of its unit. Output: findings.
 That parts do not overlap is proved with the assembly (prove.py).
 """
 
@@ -102,7 +102,7 @@ def check_film_apart(car: FoldedCar) -> Iterator[Finding]:
         placed = (one for one in roles.placed(body) if one.piece not in but)
         return together(scene.solid(("piece", one.piece, one.copy), stage) for one in placed)
 
-    for body in (*roles.bodies, *roles.wheels[:1]):
+    for body in (*roles.bodies, *(wheels[0] for wheels in roles.wheel_units.values())):
         solids = film(body)
         titles = list(dict.fromkeys(solids.titles))
         for n, one in enumerate(titles, 1):

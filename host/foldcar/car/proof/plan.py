@@ -13,10 +13,10 @@ from foldcar.car.folded.model import FoldedCar, Mount, PlacedPiece
 from foldcar.car.proof.roles import Roles, roles_of
 from foldcar.car.proof.step import Added, AssemblyStep, Folds, Reach
 
-# The unit of every wheel; other units are named after their piece.
-WHEEL = "wheel"
-# The disc on the horn and the layer glued to it (components/wheel.py).
+# How the names of the disc on the horn and of the layer glued to it end (components/wheel.py).
 INNER = ("wheel inner disc", "wheel hub")
+# Parts on one axle are no farther apart along the car.
+SAME_MM = 1e-6
 OPEN = "Push the levers outwards and lift the lid by its pull tab"
 USES = {"plug": "Plug a cable into", "finger": "Press", "driver": "Press, with a screwdriver,"}
 
@@ -95,8 +95,8 @@ def planned(car: FoldedCar) -> tuple[AssemblyStep, ...]:
     building = Building(roles)
     _segments(roles, building)
     _inside(roles, building)
-    if roles.wheels:
-        _wheels(roles, building)
+    for unit, wheels in roles.wheel_units.items():
+        _wheels(roles, building, unit, wheels)
     # The lids are folded shut and locked; what lies on them is put on.
     folds = {name: dict.fromkeys(lid.creases, 1.0) for name, lid in sorted(roles.lids.items()) if lid.creases}
     if folds:
@@ -125,6 +125,8 @@ def _segments(roles: Roles, building: Building) -> None:
     building.step("Fold the walls up", folds=folds)
     servos = [m for m in roles.car.mounts if m.part == roles.car.parts.servo.name]
     building.step("Screw the servos in from outside", mounts=building.with_screws(servos))
+    rods = [m for m in roles.car.mounts if m.part == roles.car.parts.axle_rod.name]
+    building.step("Push the rods through the walls", mounts=rods)
     for title, group in (("Close the ends", caps), ("Join the segments", between)):
         doubled = [one for one in group if on([one])]
         for one in doubled:
@@ -149,7 +151,8 @@ def _inside(roles: Roles, building: Building) -> None:
     parts = [m for m in car.mounts if m.body not in wheels and not roles.is_fastener(m) and m.name not in building.parts]
     wires = [extension.name for extension in car.parts.extensions.sold] + [car.parts.wiring.name]
     plugged = sorted((m for m in parts if m.part in wires), key=lambda m: m.part == wires[-1])
-    parts = [m for m in parts if m not in (*plugged, *carried) and not roles.is_on_lid(m)]
+    with_wheels = (car.parts.axle_tube.name, car.parts.axle_cap.name)
+    parts = [m for m in parts if m not in (*plugged, *carried) and not roles.is_on_lid(m) and m.part not in with_wheels]
     under = [m for m in parts if m.part == car.parts.lipo.name and carriers]
     for one in carriers:
         boards = sorted((m for m in roles.carried(one) if not roles.is_fastener(m)), key=lambda m: m.pose[2][3])
@@ -168,25 +171,36 @@ def _inside(roles: Roles, building: Building) -> None:
     building.step("Plug all wires in", mounts=plugged)
 
 
-def _wheels(roles: Roles, building: Building) -> None:
-    """Wheels are put together apart; horns go onto the servos, wheels onto the horns."""
-    car, wheels = roles.car, roles.wheels
+def _wheels(roles: Roles, building: Building, unit: str, wheels: Sequence[str]) -> None:
+    """Wheels of a unit are put together apart; horns go onto the servos, wheels onto the horns, or onto their rod."""
+    car = roles.car
     placed = [one for wheel in wheels for one in roles.placed(wheel)]
     mounts = [m for m in car.mounts if m.body in wheels]
     horns = [m for m in mounts if m.part == car.parts.horn.name]
     screws = [m for m in mounts if roles.is_fastener(m)]
     central = [m for m in screws if m.part == car.parts.centre_screw.name]
     strips = [one for one in placed if roles.is_wound(one.piece)]
-    inner = [one for one in placed if one.piece in INNER]
-    building.step("Tape the hubs onto the inner discs", inner, unit=WHEEL)
+    inner = [one for one in placed if one.piece.endswith(INNER)]
+    # Wheels of several units are named.
+    of = "" if len(roles.wheel_units) == 1 else f" ({unit}s)"
+    building.step(f"Tape the hubs onto the inner discs{of}", inner, unit=unit)
     others = [one for one in placed if one not in strips and one not in inner]
-    building.step("Put the outer discs on", others, unit=WHEEL)
-    building.step("Wind the rims around the discs", strips, unit=WHEEL)
+    building.step(f"Put the outer discs on{of}", others, unit=unit)
+    building.step(f"Wind the rims around the discs{of}", strips, unit=unit)
     tyres = [m for m in mounts if m.part == car.parts.tyre.name]
-    building.step("Stretch the tyres over the rims", mounts=tyres, unit=WHEEL)
-    building.step("Screw the horns onto the servos", mounts=[*horns, *central])
-    units = [Added("unit", WHEEL, n, wheel) for n, wheel in enumerate(wheels)]
-    building.step("Screw the wheels onto the horns", units=units, mounts=[m for m in screws if m not in central])
+    building.step(f"Stretch the tyres over the rims{of}", mounts=tyres, unit=unit)
+    units = [Added("unit", unit, n, wheel) for n, wheel in enumerate(wheels)]
+    if not horns:
+        axles = {axle.center_mm[0] for axle in car.axles if axle.unit == unit}
+        on_rods = [m for m in car.mounts if any(abs(m.pose[0][3] - x) < SAME_MM for x in axles)]
+        tubes, caps = ([m for m in on_rods if m.part == part.name] for part in (car.parts.axle_tube, car.parts.axle_cap))
+        building.step(f"Slide the spacer tubes onto the rods{of}", mounts=tubes)
+        building.step(f"Slide the wheels onto the rods{of}", units=units)
+        building.step(f"Press the caps onto the rods{of}", mounts=caps)
+        return
+    building.step(f"Screw the horns onto the servos{of}", mounts=[*horns, *central])
+    rest = [m for m in screws if m not in central]
+    building.step(f"Screw the wheels onto the horns{of}", units=units, mounts=rest)
 
 
 @lru_cache(maxsize=16)

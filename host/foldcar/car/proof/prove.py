@@ -14,7 +14,7 @@ from foldcar.car.folded.model import FoldedCar, Mount
 from foldcar.car.folded.placed import Finding
 from foldcar.car.folded.pose import compose, translation
 from foldcar.car.proof.blocks import Blocks, Way, hit, swept, together, vector, way_out
-from foldcar.car.proof.plan import WHEEL, planned, service
+from foldcar.car.proof.plan import planned, service
 from foldcar.car.proof.roles import Lid, roles_of
 from foldcar.car.proof.scene import Scene, Stage, title
 from foldcar.car.proof.step import Added, AssemblyStep, Folds, Reach, Thing, Vector
@@ -67,7 +67,7 @@ class _Prover:
         for added in step.adds:
             group = (step.unit, added.body) if step.unit else CAR
             first = step.adds[0].body
-            if step.unit == WHEEL and added.body != first:
+            if step.unit in self.roles.wheel_units and added.body != first:
                 # Wheels are alike: the way of the first one's, turned with the wheel.
                 mine = [one for one in step.adds if one.body == added.body]
                 twin = [one for one in found if one.body == first][mine.index(added)]
@@ -77,7 +77,7 @@ class _Prover:
                 if before and not self._is_bent(added):
                     came = self._way(place, added, before)
             self.standing.setdefault(group, {}).update({key: self._solid(key) for key in self._keys(added)})
-            if came.body == first or step.unit != WHEEL:
+            if came.body == first or step.unit not in self.roles.wheel_units:
                 self._reach(place, [one for one in step.reaches if one.name == added.name], group)
             found.append(came)
         return replace(step, adds=tuple(found))
@@ -189,7 +189,7 @@ class _Prover:
         return way, rest if rest.moves_mm is None else Way((off, *rest.moves_mm))
 
     def _name(self, added: Added) -> str:
-        if added.kind == "unit" and added.name != WHEEL:
+        if added.kind == "unit" and added.name not in self.roles.wheel_units:
             return " with ".join(key[1] for key in self._keys(added)[:2])
         return added.body if added.kind == "unit" else added.name
 

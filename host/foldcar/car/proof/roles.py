@@ -43,6 +43,10 @@ class Roles:
         self.mounts = {mount.name: mount for mount in car.mounts}
         self.bodies = sorted({one.body for one in car.placed if one.body.startswith("segment")})
         self.wheels = [axle.wheel for axle in car.axles]
+        # The wheels of each unit, which are alike.
+        self.wheel_units: dict[str, list[str]] = {}
+        for axle in car.axles:
+            self.wheel_units.setdefault(axle.unit, []).append(axle.wheel)
         area = {piece.name: sum(polygon(face).area for face in piece.faces) for piece in car.pieces}
         self.base = {body: max(self.placed(body), key=lambda one: area[one.piece]) for body in self.bodies}
         self.bases = {one.piece for one in self.base.values()}

@@ -131,7 +131,8 @@ def whole_car(folded: FoldedCar, view: Camera) -> Shape:
         # Printed sides are inside.
         facets = tuple(facet for facet in film.facets if facet.normal @ view.toward < 0)
         shapes.append(Shape(facets, film.lines))
-    driving = {axle.servo for axle in folded.axles}
-    outer = {folded.parts.tyre.name, folded.parts.switch.name}
+    driving = {axle.servo for axle in folded.axles if axle.driven}
+    parts = folded.parts
+    outer = {part.name for part in (parts.tyre, parts.switch, parts.axle_rod, parts.axle_tube, parts.axle_cap)}
     shapes += [mount_shape(mount) for mount in folded.mounts if mount.name in driving or mount.part in outer]
     return together(shapes)

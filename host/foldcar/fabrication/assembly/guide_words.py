@@ -158,9 +158,10 @@ def _wheel_joins(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
     """How the hub's hooks, the rim's hooks and its tongues are joined."""
     joins = [join for join in car.joins if join.number in step.joins]
     labels = {piece.name: piece.label for piece in car.pieces}
+    units = {placed.piece: axle for axle in car.axles for placed in car.placed if placed.body == axle.wheel}
     for join in turned(car, step):
-        radius, width = car.axles[0].radius_mm, car.axles[0].tyre_width_mm
-        angle = math.degrees(turn_rad(WheelSize(radius, width, car.parts)))
+        axle = units[join.piece_b]
+        angle = math.degrees(turn_rad(WheelSize(axle.radius_mm, axle.tyre_width_mm, car.parts)))
         yield (
             f"Drop the hub's hooks into the slots of the {labels[join.piece_b]}, and turn the disc against the hub "
             f"until they hold: clockwise, as seen from its unprinted side, by about {angle:.0f}°: join {join.number}."
@@ -187,7 +188,8 @@ def _plugs(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
         each = ", each" if len(servos) > 1 else ""
         yield f"Plug {listed(servos)} into a {extension}{each}; tape the joints to the floor."
     if signals:
-        yield f"Plug {len(car.axles)} servos into the outputs that their leads are marked with; the brown lead is ground."
+        count = sum(axle.driven for axle in car.axles)
+        yield f"Plug {count} servos into the outputs that their leads are marked with; the brown lead is ground."
         if car.hinges:
             yield "Lead cables between segments through the openings of the caps, with a loop at each hinge."
     lengths = {(lead.start, lead.end): remedy(lead) for lead in leads(car)}
@@ -200,12 +202,22 @@ def _plugs(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
 def _first(step: AssemblyStep, before: State) -> Iterator[str]:
     """What is done to parts before they go in."""
     if before.car.parts.servo.name in {before.mounts[added.name].part for added in step.adds if added.kind == "mount"}:
-        axles = sorted(before.car.axles, key=lambda axle: axle.channel)
+        axles = sorted((axle for axle in before.car.axles if axle.driven), key=lambda axle: axle.channel)
         marks = "; ".join(f"{axle.servo} {axle.channel}" for axle in axles)
         yield (
             "Before: give each servo pulses of 1500 µs and turn its potentiometer until it stands still. Mark the leads: "
             f"{marks}."
         )
+    yield from _cut_lengths(before.car, step, before)
+
+
+def _cut_lengths(car: FoldedCar, step: AssemblyStep, before: State) -> Iterator[str]:
+    """To what length rods and tubes are cut."""
+    added = [before.mounts[thing.name] for thing in step.adds if thing.kind == "mount"]
+    for part in (car.parts.axle_rod, car.parts.axle_tube):
+        lengths = sorted({f"{mount.size_mm[2]:.1f}" for mount in added if mount.part == part.name}, key=float)
+        if lengths:
+            yield f"Before: cut the {part.name} to {listed(lengths)} mm, and take the burr off its ends."
 
 
 def _care(car: FoldedCar, step: AssemblyStep, before: State) -> Iterator[str]:
@@ -215,7 +227,7 @@ def _care(car: FoldedCar, step: AssemblyStep, before: State) -> Iterator[str]:
         yield "The shaft is at the end of the servo that is nearer to the wheel's axle."
     if car.parts.tyre.name in parts:
         tyre = car.parts.tyre
-        yield f"{tyre.note[0].upper()}{tyre.note[1:]}: {tyre_cut(car)} for each."
+        yield f"{tyre.note[0].upper()}{tyre.note[1:]}: {tyre_cut(car, step.unit)}."
     if car.parts.switch.name in parts:
         yield "Before: solder its wires on (see the wiring); their free ends go in through the opening first."
     sides = {lead.start.removesuffix(" +"): lead.leaves for lead in leads(car)}
@@ -231,10 +243,12 @@ def _care(car: FoldedCar, step: AssemblyStep, before: State) -> Iterator[str]:
         yield "Tighten them with the centre screw's head in the middle of the disc's hole: then the wheel runs true."
     strips = {p.name for p in car.pieces if any(crease.flexure for crease in p.creases)}
     if strips & {added.name for added in step.adds}:
-        low, high = (math.degrees(limit) for limit in (car.hinges[0].min_rad, car.hinges[0].max_rad))
+        limits = [(-math.degrees(hinge.min_rad), math.degrees(hinge.max_rad)) for hinge in car.hinges]
+        texts = [f"from {down:.0f}° nose down to {up:.0f}° nose up" for down, up in limits]
+        alike = len(set(texts)) == 1
+        ranges = texts[0] if alike else listed([f"{text} at hinge {n}" for n, text in enumerate(texts, 1)])
         yield (
-            "A hinge's strip stays uncreased between the segments, which then pitch freely from "
-            f"{-low:.0f}° nose down to {high:.0f}° nose up against each other."
+            f"A hinge's strip stays uncreased between the segments, which then pitch freely {ranges} against each other."
         )
     if any(added.kind == "unit" and added.body in {axle.wheel for axle in car.axles} for added in step.adds):
         yield "Turn every wheel by hand: it touches neither the wall nor its neighbour."

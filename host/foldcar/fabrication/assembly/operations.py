@@ -184,8 +184,9 @@ def _by_hand(piece: Piece) -> list[Crease]:
 
 
 def _times(car: FoldedCar, join: Join) -> int:
-    """How often a join is made: the joins of one wheel stand for all."""
-    return len(car.axles) if join.piece_a in _on_wheels(car) else 1
+    """How often a join is made: the joins of one wheel stand for all of its unit."""
+    wheels = {axle.wheel for axle in car.axles}
+    return len({one.body for one in car.placed if one.piece == join.piece_a and one.body in wheels}) or 1
 
 
 def _on_wheels(car: FoldedCar) -> set[str]:

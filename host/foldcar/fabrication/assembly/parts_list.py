@@ -14,7 +14,8 @@ from typing import Any
 
 from foldcar.car.fits import fits
 from foldcar.car.folded.model import FoldedCar, Piece
-from foldcar.car.folded.weight import assemble, body_properties, placing_mm
+from foldcar.car.folded.stance import center_mm, stance
+from foldcar.car.folded.weight import placing_mm
 from foldcar.car.leads import leads, more_wire_m, wire_mm
 from foldcar.car.parts.bought import Tyre
 from foldcar.car.parts.catalogue import film_of
@@ -147,22 +148,26 @@ def _cost(part: Bought | None, count: int, folded: FoldedCar) -> tuple[float | N
         return None, "no price known"
     if part.cost_usd.value == 0:
         return 0.0, "comes with the servos"
-    note = f"{part.note}: {tyre_cut(folded)} for each" if isinstance(part, Tyre) else ""
+    note = f"{part.note}: {tyre_cut(folded)}" if isinstance(part, Tyre) else ""
+    if part in (folded.parts.axle_rod, folded.parts.axle_tube):
+        lengths = {f"{mount.size_mm[2]:.1f}" for mount in folded.mounts if mount.part == part.name}
+        note = f"cut to {' and '.join(sorted(lengths, key=float))} mm"
     return count * part.cost_usd.value, note
 
 
-def tyre_cut(folded: FoldedCar) -> str:
-    """What to cut for one wheel's tyre."""
-    axle = folded.axles[0]
-    return folded.parts.tyre.cut(axle.radius_mm, axle.tyre_width_mm)
+def tyre_cut(folded: FoldedCar, only: str = "") -> str:
+    """What to cut for the tyre of each wheel, or of the ``only`` unit's: "a strip of 374 x 12 mm for each"."""
+    units = {axle.unit: folded.parts.tyre.cut(axle.radius_mm, axle.tyre_width_mm) for axle in folded.axles}
+    if only or len(set(units.values())) == 1:
+        return f"{units[only] if only else next(iter(units.values()))} for each"
+    return "; ".join(f"{cut} for each {unit}" for unit, cut in units.items())
 
 
 def _balance(folded: FoldedCar) -> dict[str, Any] | None:
     """Where the centre of mass is, which the battery's place decides, and how far it moves at most (mm)."""
     if not folded.axles:
         return None
-    bodies = sorted({placed.body for placed in folded.placed})
-    x, _, z = assemble(body_properties(folded, body) for body in bodies).center_m * 1e3
+    x, _, z = center_mm(folded)
     side = "in front of" if x > 0 else "behind"
     where = "at the middle" if abs(x) < 0.5 else f"{abs(x):.0f} mm {side} the middle"
-    return {"where": where, "high_mm": z + folded.axles[0].radius_mm, "placing_mm": placing_mm(folded)}
+    return {"where": where, "high_mm": stance(folded).height_mm(x, z), "placing_mm": placing_mm(folded)}

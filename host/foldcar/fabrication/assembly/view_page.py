@@ -54,7 +54,7 @@ def facts(folded: FoldedCar, sheets: Sequence[Sheet] = ()) -> str:
     area_cm2 = sum(piece.count * piece_area_mm2(piece) for piece in folded.pieces) / 100
     return (
         f"{total_mass_kg(rows) * 1e3:.0f} g, {count} pieces of film with {area_cm2:.0f} cm², "
-        f"{len(folded.axles)} driven wheels, about {total_cost_usd(rows):.0f} USD of parts{waste}"
+        f"{sum(axle.driven for axle in folded.axles)} driven wheels, about {total_cost_usd(rows):.0f} USD of parts{waste}"
     )
 
 

@@ -22,7 +22,7 @@ OUTPUTS = 8
 def wiring_text(folded: FoldedCar, title: str) -> str:
     """The wiring as Markdown."""
     parts = folded.parts
-    axles = sorted(folded.axles, key=lambda axle: axle.channel)
+    axles = sorted((axle for axle in folded.axles if axle.driven), key=lambda axle: axle.channel)
     return page_template("foldcar.fabrication.assembly", "wiring.md").render(
         title=title,
         parts=parts,
@@ -70,7 +70,7 @@ def _cut_mm(lead: Lead) -> int:
 def wiring_drawing(folded: FoldedCar, title: str) -> str:
     """The drawing's SVG file."""
     found = leads(folded)
-    axles = {axle.channel: axle for axle in folded.axles}
+    axles = {axle.channel: axle for axle in folded.axles if axle.driven}
     page = page_template("foldcar.fabrication.assembly", "wiring.svg").render(
         title=title,
         parts=folded.parts,

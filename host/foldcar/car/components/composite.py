@@ -1,0 +1,82 @@
+"""Modules connected to each other, which a type string names like one module: a part of a car, or a whole one.
+
+A subclass declares its parameters, its subcomponents - modules, hinges, other composites - with the values that they
+inherit, and which ends meet. A car with it is that of the type string of its modules, front to back. docs/compiler.md
+has an example.
+"""
+
+from collections.abc import Iterator, Sequence
+from typing import ClassVar, NamedTuple
+
+from foldcar.car.components.component import Component, ComponentError
+from foldcar.car.components.hinge_module import HingeModule
+from foldcar.car.components.module import BrainModule, Module
+
+ENDS = ("front", "rear")
+
+
+class Link(NamedTuple):
+    """A module of a composite; ``root`` if the composite names it as the one that carries the electronics."""
+
+    module: Module | HingeModule
+    root: bool
+
+
+class Composite(Component):
+    """``connections`` are the ends that meet: ``("car.rear", "brain.front")``.
+
+    ``root`` is the name of the subcomponent with the module B that carries the electronics; without it, the car's first B
+    does.
+    """
+
+    letter: ClassVar[str]
+    title: ClassVar[str]
+    connections: ClassVar[Sequence[tuple[str, str]]] = ()
+    root: ClassVar[str] = ""
+
+    def modules(self) -> Iterator[Link]:
+        """Its modules, front to back, those of composites in it among them. ComponentError if they are no chain."""
+        for name in self._order():
+            child = self.children[name]
+            if isinstance(child, Composite):
+                yield from (Link(link.module, name == self.root and link.root) for link in child.modules())
+            elif isinstance(child, Module | HingeModule):
+                yield Link(child, name == self.root)
+            else:
+                raise ComponentError(child.path, f"is a {type(child).__name__}, not a module, a hinge or a composite")
+
+    def check(self) -> None:
+        """ComponentError if its modules are no chain, or its root carries no electronics."""
+        links = list(self.modules())
+        roots = [link.module for link in links if link.root]
+        if self.root and (len(roots) != 1 or not isinstance(roots[0], BrainModule)):
+            raise ComponentError(self.path, f'root "{self.root}" is not one module B, nor a composite whose root is one')
+
+    def _order(self) -> list[str]:
+        """The names of the subcomponents, front to back."""
+        behind: dict[str, str] = {}
+        for connection in self.connections:
+            ends = {end: name for name, end in map(self._end, connection)}
+            meeting = " meets ".join(connection)
+            if len(ends) < len(ENDS):
+                raise ComponentError(self.path, f"{meeting}: a rear end meets a front end")
+            if ends["rear"] in behind or ends["front"] in behind.values():
+                raise ComponentError(self.path, f"{meeting}, but an end can be connected once only")
+            behind[ends["rear"]] = ends["front"]
+        chains = [[name] for name in self.children if name not in behind.values()]
+        for chain in chains:
+            while chain[-1] in behind:
+                chain.append(behind[chain[-1]])
+        ring = [name for name in self.children if all(name not in chain for chain in chains)]
+        if len(chains) != 1 or ring:
+            parts = [*(" - ".join(chain) for chain in chains), *([f"{' - '.join(ring)}, a ring"] if ring else [])]
+            raise ComponentError(self.path, f"its connections make no single chain, but {'; '.join(parts) or 'nothing'}")
+        return chains[0]
+
+    def _end(self, place: str) -> tuple[str, str]:
+        """Name and end of ``car.rear``."""
+        name, _, end = place.rpartition(".")
+        if name not in self.children or end not in ENDS:
+            names = ", ".join(self.children)
+            raise ComponentError(self.path, f'connects "{place}"; it has {names}, each with .front and .rear')
+        return name, end

@@ -1,0 +1,112 @@
+"""The parameters of a car's modules by their keys: ``width``, ``W.length``, ``W2.radius``, and their columns in results.
+
+Input: the known modules. Output: declarations. A key names a shared parameter, one of a letter, or one of a place: the
+letter of a module and its number among those, counted from the front.
+"""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from foldcar.car.components.component import Parameter
+from foldcar.car.components.composite import Composite
+from foldcar.car.components.hinge_module import HingeModule
+from foldcar.car.components.module import BrainModule, Module, WheelModule
+
+Kind = type[Module] | type[HingeModule] | type[Composite]
+# Every known module by its letter or name.
+MODULES: dict[str, Kind] = {kind.letter: kind for kind in (WheelModule, BrainModule, HingeModule)}
+# The files of users' modules.
+USER_FILES: dict[Path, list[str]] = {}
+
+
+@dataclass(frozen=True, slots=True)
+class DesignParameter:
+    """A parameter of the car: its key in designs, the modules that have it, its declaration."""
+
+    key: str
+    modules: frozenset[str]
+    declared: Parameter
+
+    @property
+    def column(self) -> str:
+        """Its column name in results, which ends in its unit."""
+        return "_".join(filter(None, (*self.key.split("."), self.declared.unit)))
+
+
+@cache
+def parameters() -> dict[str, DesignParameter]:
+    """Every parameter by key, in the order of the results' columns: shared ones first."""
+    having: dict[str, tuple[Parameter, set[str]]] = {}
+    for shared in (True, False):
+        for letter, kind in MODULES.items():
+            for parameter in kind.parameters:
+                if parameter.shared == shared:
+                    key = parameter.name if shared else f"{letter}.{parameter.name}"
+                    having.setdefault(key, (parameter, set()))[1].add(letter)
+    return {key: DesignParameter(key, frozenset(letters), one) for key, (one, letters) in having.items()}
+
+
+# A place: the letter of a module and its number among those, counted from the front.
+PLACE = re.compile(r"(.*[^0-9])([1-9][0-9]*)")
+
+
+def find_parameter(group: str, name: str) -> DesignParameter | None:
+    """The parameter that ``{group: {name: …}}`` of a listing sets, or None; ``group`` is ``common``, a letter or a place.
+
+    ``find_parameter("W2", "radius").key`` is ``"W2.radius"``.
+    """
+    shared = parameters().get(name)
+    if shared is not None and (group == "common" or group in shared.modules):
+        return shared
+    place = PLACE.fullmatch(group)
+    if place is None or group in MODULES:
+        return parameters().get(f"{group}.{name}")
+    every = find_parameter(place[1], name)
+    if every is None or every.declared.uniform:
+        return None
+    return DesignParameter(f"{group}.{name}", frozenset((place[1],)), every.declared)
+
+
+def parameter_of(key: str) -> DesignParameter | None:
+    """The parameter of a key: ``radius``, ``W.length``, ``W2.radius``; None if there is none."""
+    group, _, name = key.rpartition(".")
+    return find_parameter(group or "common", name)
+
+
+def key_of(column: str) -> str | None:
+    """The key of a column of results: ``W2.radius`` of ``W2_radius_mm``; None if it is no column of a parameter."""
+    for key, parameter in parameters().items():
+        if parameter.column == column:
+            return key
+    group, _, rest = column.partition("_")
+    names = {parameter.declared.name for parameter in parameters().values()}
+    candidates = (find_parameter(group, name) for name in names if rest.startswith(name))
+    return next((p.key for p in candidates if p is not None and p.column == column), None)
+
+
+def places_of(letters: Sequence[str]) -> list[str]:
+    """The places of a car's modules, front to back: ``places_of(("W", "B", "W"))`` is ``["W1", "B1", "W2"]``."""
+    return [f"{letter}{letters[: i + 1].count(letter)}" for i, letter in enumerate(letters)]
+
+
+def place_keys(key: str, letters: Sequence[str]) -> list[str]:
+    """The keys of a parameter's places in a car: of ``radius`` in W_B_W ``W1.radius`` and ``W2.radius``."""
+    parameter = parameters()[key]
+    places = places_of([letter for letter in letters if letter in parameter.modules])
+    return [] if parameter.declared.uniform else [f"{place}.{parameter.declared.name}" for place in sorted(places)]
+
+
+def names_in(group: str) -> list[str]:
+    """The parameter names that ``group`` (``common``, a module letter or a place) may set."""
+    names = {parameter.declared.name for parameter in parameters().values()}
+    return sorted(name for name in names if find_parameter(group, name) is not None)
+
+
+def declared(key: str) -> Parameter:
+    """The declaration of the parameter of a key, which must be one."""
+    parameter = parameter_of(key)
+    assert parameter is not None, key
+    return parameter.declared

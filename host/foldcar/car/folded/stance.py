@@ -1,0 +1,66 @@
+"""How a folded car stands on level ground, hinges flat: wheels of different radii tilt it.
+
+Input: a FoldedCar. Output: pitch and height. With the pitch θ, nose up, a point (x, z) of the car's frame is
+x sin θ + z cos θ + h above the ground. An axle lies at z = 0, a wheel of radius r stands if x sin θ + h = r. So two axles
+that stand have sin θ = (r₁ - r₂) / (x₁ - x₂).
+"""
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from foldcar.car.folded.model import FoldedCar, Point
+from foldcar.car.folded.weight import assemble, body_properties
+
+# A wheel stands if it is no higher over the ground than this.
+ROUNDING_MM = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Stance:
+    """The car's pitch, positive with the nose up, and the height of its origin over the ground."""
+
+    pitch_rad: float
+    origin_mm: float
+
+    def height_mm(self, x_mm: float, z_mm: float) -> float:
+        """The height over the ground of a point of the car's frame (mm): ``stance.height_mm(0, -25)``."""
+        return x_mm * math.sin(self.pitch_rad) + z_mm * math.cos(self.pitch_rad) + self.origin_mm
+
+
+def center_mm(car: FoldedCar) -> tuple[float, float, float]:
+    """The centre of mass of the whole car in its frame (mm)."""
+    bodies = sorted({placed.body for placed in car.placed})
+    x, y, z = (assemble(body_properties(car, body) for body in bodies).center_m * 1e3).tolist()
+    return x, y, z
+
+
+def stance(car: FoldedCar) -> Stance:
+    """How the car stands."""
+    wheels = [(axle.center_mm[0], axle.radius_mm) for axle in car.axles]
+    if len({radius for _, radius in wheels}) == 1:
+        return Stance(0.0, wheels[0][1])
+    x, _, z = center_mm(car)
+    return standing(wheels, (x, z))
+
+
+def standing(wheels_mm: Sequence[Point], center_mm: Point) -> Stance:
+    """The stance of wheels, (x, radius) each, in which the centre of mass (x, z) is lowest.
+
+    It is on two axles or, with the centre of mass below one axle, on this one: the body hangs from it.
+    """
+    x, z = center_mm
+    stances = [Stance(0.0, max(radius for _, radius in wheels_mm))]
+    for (rear, rear_radius), (front, front_radius) in itertools.combinations(sorted(wheels_mm), 2):
+        if front > rear:
+            pitch = math.asin(max(-1.0, min(1.0, (front_radius - rear_radius) / (front - rear))))
+            stances.append(Stance(pitch, front_radius - front * math.sin(pitch)))
+    for at, radius in wheels_mm if z < 0 else ():
+        pitch = math.atan((x - at) / z)
+        stances.append(Stance(pitch, radius - at * math.sin(pitch)))
+
+    def is_above_ground(stance: Stance) -> bool:
+        return all(stance.height_mm(at, 0) >= radius - ROUNDING_MM for at, radius in wheels_mm)
+
+    return min(filter(is_above_ground, stances), key=lambda stance: stance.height_mm(x, z))

@@ -1,0 +1,34 @@
+"""What to change in a line of a Scenic program that is written as in Scenic 2, as the publication's programs are.
+
+Input: an error and the text of its line. Output: a hint to append to its message.
+"""
+
+import re
+
+# Words that begin a specifier behind a class.
+SPECIFIERS = "at|in|on|left|right|ahead|behind|facing|with|beyond|following|offset|visible"
+WITHOUT_NEW = re.compile(rf"(?<!\bnew )\b([A-Z]\w*)\s+(?:{SPECIFIERS})\b")
+WITHOUT_COMMA = re.compile(r"[^,\s]\s+(facing|with)\s")
+FACES_A_NAME = re.compile(r"\bfacing\s+(?!toward\b|away\b|directly\b)([A-Za-z_]\w*)\s*$")
+
+
+def syntax_hint(error: BaseException, text: str) -> str:
+    """The hint for an error in the line ``text``, "" if there is none.
+
+    For ``ego = Robot at startPos facing endPos`` it names ``new``, the comma and ``facing toward``.
+    """
+    if "not a heading or orientation" in str(error):
+        return _toward(text)
+    if "invalid syntax" not in str(error):
+        return ""
+    if re.search(r"\bas\s*$", text):
+        return '; a statement ends with its line: write the name behind "as" on this line'
+    changes = [f'"new" before "{match[1]}"' for match in WITHOUT_NEW.finditer(text)]
+    changes += [f'a comma before "{match[1]}"' for match in WITHOUT_COMMA.finditer(text)]
+    hint = f"; Scenic 3 wants {' and '.join(changes)}" if changes else ""
+    return hint + (_toward(text) if hint else "")
+
+
+def _toward(text: str) -> str:
+    match = FACES_A_NAME.search(text)
+    return f'; "facing toward {match[1]}" is the way to a point' if match else ""

@@ -16,6 +16,7 @@ from foldcar.analysis.built_cars import SLOPE as CAR_SLOPE
 from foldcar.analysis.gaussian_process import CONSTANT, Candidate, Factors, SuccessModel, binomial, laplace, success_model
 from foldcar.analysis.pooled_bias import ALONE, LENGTHS, SLOPE, SMOOTH, pooled_bias
 from foldcar.analysis.pooled_bias import CONSTANT as COMMON
+from foldcar.analysis.smoothed_simulation import smoothed_simulation
 from foldcar.errors import FoldcarError
 
 
@@ -53,7 +54,9 @@ def sampled(x: Any, runs: Any, trials: Any) -> tuple[Any, Any, Any]:
     successes, failures = runs[:, 0] + 0.5, runs[:, 1] - runs[:, 0] + 0.5
     log_odds, errors = numpy.log(successes / failures), 1 / successes + 1 / failures
     shares = (x - x.min(axis=0)) / numpy.where(numpy.ptp(x, axis=0) > 0, numpy.ptp(x, axis=0), 1)
-    common = COMMON**2 + SLOPE**2 * numpy.outer(log_odds, log_odds) + numpy.diag(errors)
+    # Three designs are not smoothed; the slope turns around the driven ones.
+    away = log_odds - log_odds[trials[:, 1] > 0].mean()
+    common = COMMON**2 + SLOPE**2 * numpy.outer(away, away) + numpy.diag(errors)
     kernels = [
         common + smooth**2 * Matern(length, nu=2.5)(shares) + alone**2 * numpy.eye(len(x))
         for length, smooth, alone in product(LENGTHS, SMOOTH, ALONE)
@@ -106,14 +109,77 @@ def test_many_designs_are_spanned_and_keep_the_variance_between() -> None:
 
     found = pooled_bias(x, runs, trials)
 
+    simulation = smoothed_simulation(x, runs)
+    away = simulation.mean - simulation.mean[[10, 290]].mean()
     every = found.candidates[:: len(RANGES)]
     for one, (length, smooth, alone) in zip(every, product(LENGTHS, SMOOTH, ALONE), strict=True):
         total = (one.common**2).sum(axis=1) + one.own**2
-        log_odds = math.log(100.5 / 0.5)
-        assert total == pytest.approx(COMMON**2 + SLOPE**2 * log_odds**2 + 1 / 100.5 + 2 + smooth**2 + alone**2)
+        assert total == pytest.approx(COMMON**2 + SLOPE**2 * away**2 + simulation.variance + smooth**2 + alone**2)
         # Neighbours two steps away are as close as the process says.
-        near = (one.common[100] * one.common[102]).sum() - COMMON**2 - SLOPE**2 * log_odds**2
+        shared = COMMON**2 + SLOPE**2 * away[100] * away[102] + simulation.columns[100] @ simulation.columns[102]
+        near = (one.common[100] * one.common[102]).sum() - shared
         assert near == pytest.approx(smooth**2 * Matern(length, nu=2.5)([[0.0]], [[2 / 299]])[0, 0], rel=0.01)
+
+
+def test_smoothed_simulation_is_the_posterior_of_a_dense_process() -> None:
+    """Against scikit-learn's Laplace approximation of the likeliest candidate, runs one by one."""
+    x = numpy.linspace(0, 1, 12)[:, None]
+    counted = numpy.full(12, 20)
+    passed = numpy.array([0, 2, 5, 9, 14, 18, 20, 20, 20, 19, 20, 20])
+    found = smoothed_simulation(x, numpy.column_stack([passed, counted]).astype(float))
+    each = numpy.repeat(numpy.arange(12), counted)
+    ended = numpy.concatenate([numpy.arange(20) < k for k in passed]).astype(int)
+    kernels = [
+        ConstantKernel(16.0)
+        + ConstantKernel(strength**2) * Matern(length, nu=2.5)
+        + ConstantKernel(own**2) * Matern(1e-3)
+        for length in (0.1, 0.2, 0.4, 0.8)
+        for strength in (1.5, 5.0)
+        for own in (1e-3, 0.3, 1.0)
+    ]
+    fitted = [GaussianProcessClassifier(kernel, optimizer=None).fit(x[each], ended) for kernel in kernels]
+    evidence = numpy.array([one.log_marginal_likelihood_value_ for one in fitted])
+    weights = numpy.exp(evidence - evidence.max())
+    weights /= weights.sum()
+    modes = []
+    for one in fitted:
+        rate = one.base_estimator_.pi_[numpy.concatenate([[0], counted.cumsum()[:-1]])]
+        modes.append(numpy.log(rate / (1 - rate)))
+    assert found.mean == pytest.approx(weights @ numpy.array(modes), abs=0.02)
+
+
+def test_equal_runs_beside_each_other_mean_equal_success() -> None:
+    """98, 99 and 100 of 100 in turn: single runs decide nothing."""
+    x = numpy.arange(30.0)[:, None]
+    runs = numpy.column_stack([98 + numpy.arange(30) % 3, numpy.full(30, 100)]).astype(float)
+    trials = numpy.zeros((30, 2))
+    trials[[4, 20]] = [[7, 10], [3, 12]]
+    rates = numpy.array([rate.value for rate in pooled_bias(x, runs, trials).rates()])
+    undriven = numpy.setdiff1d(numpy.arange(30), [3, 4, 19, 20])
+    assert numpy.abs(numpy.diff(rates))[undriven[undriven < 29]].max() < 0.04
+
+
+def test_many_designs_are_smoothed_from_some_and_their_own_runs() -> None:
+    x = numpy.arange(400.0)[:, None]
+    true = 3 * numpy.sin(x[:, 0] / 60)
+    random = numpy.random.default_rng(2)
+    runs = numpy.column_stack([random.binomial(50, expit(true)), numpy.full(400, 50)]).astype(float)
+    found = smoothed_simulation(x, runs)
+    away = (found.mean - true) / numpy.sqrt(found.variance)
+    assert numpy.sqrt(((expit(found.mean) - expit(true)) ** 2).mean()) < 0.03
+    assert (numpy.abs(away) < 1.96).mean() > 0.88
+
+
+def test_environments_that_designs_share_widen_the_covariance() -> None:
+    x, random = numpy.arange(12.0)[:, None], numpy.random.default_rng(3)
+    # Every environment is easy or hard for all designs alike.
+    passed = numpy.repeat((random.random(30) < 0.7)[None], 12, axis=0).astype(float)
+    runs = numpy.column_stack([passed.sum(axis=1), numpy.full(12, 30)])
+    alone, shared = smoothed_simulation(x, runs), smoothed_simulation(x, runs, passed)
+    assert shared.mean == pytest.approx(alone.mean)
+    # All designs together know no more than one does: about 30 runs, not 360.
+    assert (shared.variance > 2 * alone.variance).all()
+    assert shared.variance == pytest.approx(1 / (30 * 0.7 * 0.3), rel=0.5)
 
 
 def test_pooling_leaves_lone_designs_to_their_cars_and_many_trials_alone() -> None:

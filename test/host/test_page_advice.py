@@ -108,7 +108,8 @@ def test_of_driven_designs_the_best_is_named_beside_a_better_one_that_was_not(st
     one = study({75.0: 20, 95.0: 20, 115.0: 2, 135.0: 1}, [(115.0, "passed"), (115.0, "tipped"), (135.0, "tipped")])
 
     assert alone.likely()["text"] == f"95 mm: {from_to(18)}."
-    assert one.likely()["text"].endswith(" Of the driven designs 115 mm leads: 1 of 2 trials of 1 car passed.")
+    assert " % chance to pass more than 75 %; by simulation and trials together it passes " in one.likely()["text"]
+    assert one.likely()["text"].endswith(" Trials that passed: 1 of 2 at 115 mm and 0 of 1 at 135 mm.")
     assert not {2, 3} & set(one.likely()["designs"])
 
 

@@ -8,7 +8,8 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from foldcar.advice.evidence import Design, DesignEvidence, Evidence, columns, read_evidence, swept_ids, unswept_trials
+from foldcar.advice.evidence import Design, DesignEvidence, Evidence, read_evidence, swept_ids, unswept_trials
+from foldcar.advice.outlook import outlook
 from foldcar.analysis.gap import (
     AGREES,
     OPTIMISTIC,
@@ -19,7 +20,7 @@ from foldcar.analysis.gap import (
     mean_gap,
     rank_agreement,
 )
-from foldcar.analysis.pooled_bias import MOST_POOLED, contradictions, pooled_bias
+from foldcar.analysis.pooled_bias import MOST_POOLED
 from foldcar.analysis.rate import Rate
 from foldcar.analysis.words import count, listed, points
 from foldcar.store.info import ExperimentInfo
@@ -142,12 +143,9 @@ def _experiment(evidence: Evidence, margin: float) -> ExperimentComparison:
     # Bonferroni: all gaps of the experiment and their mean hold together; of one design the mean is its gap.
     together = 1 - (1 - CONFIDENCE) / (len(both) + 1 if len(both) > 1 else 1)
     cars = [one.cars for one in both if one.cars is not None]
-    # Those that differ in the varied parameters only.
-    some = [one for one in both if evidence.in_family(one)] if evidence.parameters else []
-    counts, driving, pooled = columns(some, evidence.parameters), [one.cars for one in some], {}
-    if 2 <= len(some) <= MOST_POOLED:
-        rates = pooled_bias(*counts, driving).rates(CONFIDENCE)
-        pooled = {one.label: rate for one, rate in zip(some, rates, strict=True)}
+    seen = outlook(evidence) if evidence.parameters else None
+    rates = () if seen is None or seen.pooled is None else seen.pooled
+    pooled = {} if seen is None else {one.label: rate for one, rate in zip(seen.designs, rates, strict=False)}
     compared = tuple(_design(one, pooled.get(one.label), together, margin) for one in driven)
     if not both:
         why = (
@@ -161,9 +159,10 @@ def _experiment(evidence: Evidence, margin: float) -> ExperimentComparison:
         [one.runs_passed / one.runs for one in both], [one.trials_passed / len(one.trials) for one in both]
     )
     verdict, sentence = _verdict(compared, mean, margin, info.simulation)
-    remarks = (*remarks, *contradictions(*counts, driving).remark([one.label for one in some]))
-    if len(some) > MOST_POOLED:
-        remarks = (*remarks, f"Rates are not pooled: more than {MOST_POOLED} designs of the family were driven.")
+    if seen is not None:
+        remarks = (*remarks, *seen.contradicting.remark([one.label for one in seen.designs]))
+        if sum(bool(one.trials) for one in seen.designs) < sum(evidence.in_family(one) for one in both):
+            remarks = (*remarks, f"Of the driven designs the {MOST_POOLED} with most trials are pooled.")
     return ExperimentComparison(info, compared, sentence, remarks, ranks, mean, verdict)
 
 

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from foldcar.advice.evidence import DesignEvidence, Evidence, columns
-from foldcar.analysis.gaussian_process import can_be_smooth, success_model
 from foldcar.analysis.pooled_bias import MOST_POOLED, NONE, Contradictions, contradictions, pooled_bias
 from foldcar.analysis.rate import Rate
+from foldcar.analysis.smoothed_simulation import smoothed_simulation
 
 # More designs are thinned out: information is counted for every pair of them.
 MOST_CANDIDATES = 400
@@ -28,8 +28,8 @@ class Outlook:
     ``parameters`` (D, k); ``trials`` (D, 2) passed and all; ``draws`` (draws, D) of the true rates; ``passed`` (D,
     environments): what simulation says in each, NaN where there is no run; ``samples`` (environments,).
     ``pooled`` are the rates that trials and simulation give together, None before two designs, or all, were driven.
-    ``smooth`` (D, 3) is simulation's success with its band (rate, low, high): smooth over one or two parameters, else
-    each design's. ``contradicting``: designs whose trials contradict the others'.
+    ``smooth`` (D, 3) is simulation's success, smoothed over designs, with its band (rate, low, high).
+    ``contradicting``: designs whose trials contradict the others'.
     """
 
     designs: tuple[DesignEvidence, ...]
@@ -66,11 +66,12 @@ def outlook(evidence: Evidence) -> Outlook | None:
     # Threads for matrices of some tens of rows only wait for each other.
     with threadpool_limits(1):
         cars = [one.cars for one in designs]
-        bias = pooled_bias(x, runs, trials, cars)
+        simulation = smoothed_simulation(x, runs, passed)
+        bias = pooled_bias(x, runs, trials, cars, simulation)
         # Of one driven design nothing is pooled: enough where there is no other.
         pooled = tuple(bias.rates()) if (trials[:, 1] > 0).sum() >= min(2, len(designs)) else None
-        draws, smooth = bias.draws(DRAWS), _smooth(designs, x, runs)
-        contradicting = contradictions(x, runs, trials, cars)
+        draws, smooth = bias.draws(DRAWS), simulation.rates()
+        contradicting = contradictions(x, runs, trials, cars, simulation)
     return Outlook(tuple(designs), x, trials, draws, samples, passed, pooled, thinned, smooth, contradicting)
 
 
@@ -89,11 +90,3 @@ def _matrix(designs: Sequence[DesignEvidence]) -> tuple[NDArray[Any], NDArray[An
     for row, one in enumerate(designs):
         passed[row, numpy.searchsorted(samples, one.samples)] = one.passed
     return samples, passed
-
-
-def _smooth(designs: Sequence[DesignEvidence], x: NDArray[Any], runs: NDArray[Any]) -> NDArray[Any]:
-    """Simulation's rate and its band (D, 3), smooth where there is a model: few designs have none."""
-    if can_be_smooth(x):
-        return numpy.column_stack(success_model(x, runs[:, 0], runs[:, 1]).rates(x))
-    rates = [one.simulated() for one in designs]
-    return numpy.array([(rate.value, rate.low, rate.high) for rate in rates])

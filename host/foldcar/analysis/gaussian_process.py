@@ -77,12 +77,17 @@ class Factors:
 def spread_designs(scaled: NDArray[Any], most: int = SPANNING) -> NDArray[Any]:
     """At most ``most`` of the designs (d, k), each the one that is furthest from those before it."""
     designs = numpy.unique(scaled, axis=0)
+    return numpy.asarray(designs[spread_places(designs, most)])
+
+
+def spread_places(designs: NDArray[Any], most: int) -> NDArray[Any]:
+    """Places of at most ``most`` designs (d, k), each the one that is furthest from those before it."""
     chosen = [0]
     distances = numpy.full(len(designs), numpy.inf)
     while len(chosen) < min(most, len(designs)):
         distances = numpy.minimum(distances, ((designs - designs[chosen[-1]]) ** 2).sum(axis=1))
         chosen.append(int(distances.argmax()))
-    return designs[chosen]
+    return numpy.array(chosen)
 
 
 def unit_range(parameters: NDArray[Any]) -> NDArray[Any]:
@@ -239,6 +244,15 @@ def success_model(parameters: ArrayLike, passed: ArrayLike, counted: ArrayLike) 
             process, factors = fitted(lengths, strength)
             found.append(Candidate(process, strength, weight, factors))
     return SuccessModel(tuple(found), low, span)
+
+
+def lengths_to_try(parameters: NDArray[Any], passed: NDArray[Any], counted: NDArray[Any]) -> list[tuple[float, ...]]:
+    """The lengths that :func:`success_model` would weight for these designs (d, k) and counts (d,)."""
+    count = parameters.shape[1]
+    if count in LENGTHS:
+        return list(product(LENGTHS[count], repeat=count))
+    model = success_model(parameters, passed, counted)
+    return list(dict.fromkeys(tuple(numpy.atleast_1d(one.process.lengths).tolist()) for one in model.candidates))
 
 
 def _tried(

@@ -1,10 +1,10 @@
 """Success rates of many designs from few trials of each: the difference of trials and simulation is smooth.
 
-On the log-odds scale a design's rate is simulation's plus a difference, which is a Gaussian process over the designs'
-parameters: a constant, a slope on simulation's own log-odds, a smooth part and one of each design alone (Kennedy and
-O'Hagan 2001, doi:10.1111/1467-9868.00294, with binomial trials). How strong and how smooth it is, is averaged over a grid
-by the evidence, so that rough differences pool little. A design's rate is that of a further car of it; its trials are of
-cars that differ (:mod:`foldcar.analysis.built_cars`).
+On the log-odds scale a design's rate is simulation's, smoothed over designs, plus a difference. The difference is a
+Gaussian process over the designs' parameters: a constant, a slope on simulation's own log-odds, a smooth part and one of
+each design alone (Kennedy and O'Hagan 2001, doi:10.1111/1467-9868.00294, with binomial trials). How strong and how smooth
+it is, is averaged over a grid by the evidence, so that rough differences pool little. A design's rate is that of a
+further car of it; its trials are of cars that differ (:mod:`foldcar.analysis.built_cars`).
 
 That the difference is smooth is an assumption: a lone design that fails between good ones breaks it. So each driven
 design's trials are predicted from those of the others (:func:`contradictions`).
@@ -23,6 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 from foldcar.analysis.built_cars import COARSE, RANGES, SPREADS, BuiltCars, likelihood
 from foldcar.analysis.gaussian_process import Factors, Likelihood, Matern, laplace, shares_of, spread_designs, unit_range
 from foldcar.analysis.rate import Rate, check_confidence
+from foldcar.analysis.smoothed_simulation import SmoothedSimulation, smoothed_simulation
 from foldcar.analysis.words import listed
 from foldcar.errors import FoldcarError
 
@@ -31,7 +32,7 @@ CONSTANT, SLOPE = 1.5, 0.5
 # The grid: standard deviation and length (as a part of the parameters' range) of the smooth part; of one design's own.
 SMOOTH = (0.2, 0.7, 2.0)
 LENGTHS = (0.15, 0.4, 1.0)
-ALONE = (0.1, 0.6, 1.3)
+ALONE = (0.05, 0.1, 0.2, 0.6)
 # Designs with trials that are pooled at most: the work grows with the cube of their number.
 MOST_POOLED = 200
 # Results that the others' trials make less probable than this contradict them (both tails; docs/statistics.md).
@@ -59,8 +60,8 @@ class Candidate:
 class PooledBias:
     """What trials and simulation say of all designs; made by :func:`pooled_bias`.
 
-    ``simulated`` (d,) are simulation's log-odds, ``cars`` (d,) the trials, None of designs without, ``weights`` those of
-    the candidates.
+    ``simulated`` (d,) are simulation's smoothed log-odds, ``cars`` (d,) the trials, None of designs without, ``weights``
+    those of the candidates.
     """
 
     simulated: NDArray[Any]
@@ -130,34 +131,41 @@ class PooledBias:
 
 
 def pooled_bias(
-    parameters: ArrayLike, runs: ArrayLike, trials: ArrayLike, cars: Sequence[BuiltCars | None] | None = None
+    parameters: ArrayLike,
+    runs: ArrayLike,
+    trials: ArrayLike,
+    cars: Sequence[BuiltCars | None] | None = None,
+    simulation: SmoothedSimulation | None = None,
 ) -> PooledBias:
     """Pool ``trials`` (d, 2), passed and all, of designs with ``parameters`` (d, k) and simulated ``runs`` (d, 2).
 
     ``cars`` (d,) tell which cars drove them, None of designs without trials; else those of a design are all of one car.
+    ``simulation`` is what :func:`smoothed_simulation` makes of these designs and runs, made here if it is None.
     """
     x, f, y = (numpy.asarray(values, dtype=float) for values in (parameters, runs, trials))
     if x.ndim != 2 or f.shape != (len(x), 2) or y.shape != (len(x), 2) or not numpy.all(numpy.isfinite(x)):
         raise FoldcarError("pooled rates need finite parameters (designs, k), and runs and trials (designs, 2)")
     if not all(numpy.all((one[:, 0] >= 0) & (one[:, 0] <= one[:, 1])) for one in (f, y)) or not numpy.all(f[:, 1] >= 1):
         raise FoldcarError("pooled rates need 0 ≤ passed ≤ all, and at least 1 simulated run of each design")
-    # Half a run is added to both outcomes (Haldane 1956), so that log-odds are finite where all or no runs passed.
-    passed, failed = f[:, 0] + 0.5, f[:, 1] - f[:, 0] + 0.5
-    log_odds, errors = numpy.log(passed / failed), 1 / passed + 1 / failed
     one_each = [BuiltCars.one(*row) if row[1] else None for row in y.tolist()]
     built = tuple(one_each if cars is None else (one and known for one, known in zip(one_each, cars, strict=True)))
     if not len(x):
-        return PooledBias(log_odds, built, (), numpy.zeros(0))
+        return PooledBias(numpy.zeros(0), built, (), numpy.zeros(0))
+    simulation = smoothed_simulation(x, f) if simulation is None else simulation
+    log_odds = simulation.mean
     scaled = unit_range(x)
     spanning, seen = spread_designs(scaled), y[:, 1] > 0
     of_trials = likelihood([one for one in built if one is not None], RANGES)
-    candidates, evidence, constant = [], [], (numpy.full(len(x), CONSTANT), SLOPE * log_odds)
+    # The slope turns around the driven designs: it says nothing of them on the whole.
+    centre = log_odds[seen].mean() if seen.any() else log_odds.mean()
+    constant = (numpy.full(len(x), CONSTANT), SLOPE * (log_odds - centre), simulation.columns)
+    candidates, evidence = [], []
     for length in LENGTHS:
         process = Matern(spanning, length).functions(scaled)
         left = numpy.maximum(1 - (process**2).sum(axis=1), 0)
         grid = list(product(SMOOTH, ALONE, of_trials))
         commons = [numpy.column_stack([*constant, smooth * process]) for smooth, _, _ in grid]
-        owns = [numpy.sqrt(errors + alone**2 + smooth**2 * left) for smooth, alone, _ in grid]
+        owns = [numpy.sqrt(simulation.rest + alone**2 + smooth**2 * left) for smooth, alone, _ in grid]
         functions = [numpy.hstack([one[seen], numpy.diag(own[seen])]) for one, own in zip(commons, owns, strict=True)]
         found = laplace(numpy.array(functions), log_odds[seen], _each([trials for _, _, (_, trials) in grid]))
         for at, (_, _, (prior, trials)) in enumerate(grid):
@@ -205,7 +213,11 @@ NONE = Contradictions()
 
 
 def contradictions(
-    parameters: ArrayLike, runs: ArrayLike, trials: ArrayLike, cars: Sequence[BuiltCars | None] | None = None
+    parameters: ArrayLike,
+    runs: ArrayLike,
+    trials: ArrayLike,
+    cars: Sequence[BuiltCars | None] | None = None,
+    simulation: SmoothedSimulation | None = None,
 ) -> Contradictions:
     """Check designs (d, k) with runs and trials (d, 2), passed and all, as :func:`pooled_bias` takes them.
 
@@ -218,7 +230,8 @@ def contradictions(
     told = driven[numpy.argsort(-y[driven, 1], kind="stable")][:MOST_CHECKED]
     alike = (SPREADS == 0).astype(float)
     built = [BuiltCars(y[at, :1], y[at, 1:], numpy.zeros(1), alike) if cars is None else cars[at] for at in told.tolist()]
-    probable = _probabilities(pickle.dumps((x[told], f[told], y[told], built)))
+    smoothed = (smoothed_simulation(x, f) if simulation is None else simulation).of(told)
+    probable = _probabilities(pickle.dumps((x[told], f[told], y[told], built, smoothed)))
     flagged = sorted(told[probable < LEAST_PROBABILITY].tolist())
     if not flagged:
         return NONE
@@ -229,12 +242,12 @@ def contradictions(
 @lru_cache(32)
 def _probabilities(facts: bytes) -> NDArray[Any]:
     """How probable each design's trials (d,), or less probable ones, are by the others'."""
-    x, f, y, built = pickle.loads(facts)
+    x, f, y, built, smoothed = pickle.loads(facts)
     random, found = numpy.random.default_rng(1), []
     for index, one in enumerate(built):
         others = y.copy()
         others[index] = 0
-        rate = pooled_bias(x, f, others, built).draws()[:, index].clip(1e-9, 1 - 1e-9)
+        rate = pooled_bias(x, f, others, built, smoothed).draws()[:, index].clip(1e-9, 1 - 1e-9)
         counts = one.count_draws(rate, random)
         tails = (counts <= one.passed.sum()).mean(), (counts >= one.passed.sum()).mean()
         found.append(2 * float(min(tails)))

@@ -23,6 +23,8 @@ from foldcar.simulation.results import no_rate_text
 
 # Designs that a line names.
 NAMED = 3
+# Designs that reach the threshold with this chance do so probably.
+PROBABLY = 0.8
 # Rates (0 to 1) that differ by no more are a tie.
 TIE = 0.005
 # More designs are thinned out before those that tell most are chosen: every pair of them is compared.
@@ -51,8 +53,13 @@ class Advice:
 
     @cached_property
     def rates(self) -> NDArray[Any]:
-        """What is believed of the known designs (known, 3): rate, low, high."""
-        return numpy.array([self.designs.believed[index] for index in self.designs.known], dtype=float).reshape(-1, 3)
+        """What the known designs are judged by (known, 3): rate, low, high."""
+        return numpy.array([self.designs.judged[index] for index in self.designs.known], dtype=float).reshape(-1, 3)
+
+    @cached_property
+    def chances(self) -> NDArray[Any]:
+        """How probable it is that a further built car of each known design passes more often than the threshold."""
+        return numpy.asarray((self.draws > self.threshold).mean(axis=0))
 
     @cached_property
     def draws(self) -> NDArray[Any]:
@@ -87,7 +94,7 @@ class Advice:
             names = [name for name, one in designs.refuted.items() if one == how]
             said += [f"{how} at {listed(names)}"] if names else []
         wrong = f"Trials contradict {info.simulation}: it is {' and '.join(said)}. " if said else ""
-        return f"{wrong}By {info.simulation} and {count(trials, 'trial')} together {self._reaching()}."
+        return f"{wrong}By {info.simulation} and {count(trials, 'trial')} together {self._probably()}."
 
     def judged(self, fresh: "Advice") -> tuple[str, dict[str, Any]]:
         """Headline and likely designs of a search: of what its best are worth in ``fresh`` environments."""
@@ -125,6 +132,24 @@ class Advice:
         ranges = self._ranges(sure) if len(self.designs.info.varied) == 1 else f"{sure.sum():,} of them"
         return f"{which} {share}, {ranges} surely (95 % each)"
 
+    def _probably(self) -> str:
+        """Which designs probably pass more often than the threshold; of none, which has the best chance."""
+        share = f"more than {self.limit} of the environments"
+        trusted = ~numpy.isin(self.designs.known, self.designs.contradicting.beside)
+        good = (self.chances >= PROBABLY) & trusted
+        if not good.any():
+            best = int(self.chances.argmax())
+            chance = percent(float(self.chances[best]))
+            return f"no design is known to pass {share}; {self._name(best)} has the best chance, {chance}"
+        if good.all():
+            which = "the design" if len(good) == 1 else f"every one of {count(len(good), 'design')}"
+        else:
+            ranges = len(self.designs.info.varied) == 1
+            which = self._ranges(good) if ranges else f"{good.sum():,} of {count(len(good), 'design')}"
+        least = percent(float(self.chances[good].min()))
+        verb = "passes" if good.sum() == 1 or good.all() else "pass"
+        return f"{which} probably {verb} {share}, with a chance of at least {least}"
+
     def _name(self, at: "int | numpy.integer[Any]") -> str:
         return self.designs.names[int(self.designs.known[at])]
 
@@ -145,22 +170,25 @@ class Advice:
         """The designs most likely to work: the best by belief and some of its ties, varied."""
         if not len(self.designs.known) or not self.designs.info.success_defined or not self.rates[:, 0].any():
             return {"text": "", "designs": [], "why": []}
-        rates = self.rates[:, 0]
+        rates = self.rates[:, 0] if self.designs.pooled is None else self.chances
         ties = numpy.flatnonzero(rates >= rates.max() - TIE)
         # First the one whose neighbours are good, too, then those farthest from it.
         first = ties[int(self._smooth[ties].argmax())]
         chosen = self._spread([first, *ties[ties != first]])
         why = [rate_text(*self.rates[at].tolist()) for at in chosen]
         names = [self._name(at) for at in chosen]
-        together = "" if self.designs.pooled is None else " by simulation and trials together"
-        if len(ties) > 1:
+        if self.designs.pooled is not None:
+            chosen, names = chosen[:1], names[:1]
+            chance = f"{percent(float(self.chances[first]))} chance to pass more than {self.limit}"
+            text = f"{names[0]}: {chance}; by simulation and trials together it passes {why[0]}"
+        elif len(ties) > 1:
             least = f"at least {percent(self.rates[ties, 1].min())} by the 95 % interval of each"
-            text = f"{count(len(ties), 'design')} tie at {percent(rates.max())}{together} ({least})"
+            text = f"{count(len(ties), 'design')} tie at {percent(rates.max())} ({least})"
             text += f"{':' if len(chosen) == len(ties) else ', such as'} {listed(names)}"
         else:
-            text = f"{names[0]}: {why[0]}{together}"
-        driven = self._best_driven(first)
-        return {"text": f"{text}.{driven}", "designs": [int(self.designs.known[at]) for at in chosen], "why": why}
+            text = f"{names[0]}: {why[0]}"
+        indices = [int(self.designs.known[at]) for at in chosen]
+        return {"text": f"{text}.{self._driven()}", "designs": indices, "why": why}
 
     @property
     def _smooth(self) -> NDArray[Any]:
@@ -169,14 +197,15 @@ class Advice:
             return self.rates[:, 0]
         return self.effects.model.rates(self.effects.parameters)[0]
 
-    def _best_driven(self, best: int) -> str:
-        """Of driven designs, the best one, unless it is ``best``."""
-        tried = self.designs.tried[self.designs.known]
-        driven = numpy.flatnonzero(tried[:, 1])
-        if not len(driven) or tried[best, 1]:
+    def _driven(self) -> str:
+        """The driven designs of which most trials passed, with their counts."""
+        passed, trials = self.designs.tried[self.designs.known].T
+        driven = sorted(numpy.flatnonzero(trials).tolist(), key=lambda at: -passed[at] / trials[at])
+        if not driven:
             return ""
-        at = driven[int(self.rates[driven, 0].argmax())]
-        return f" Of the driven designs {self._name(at)} leads: {self._passed(at)}."
+        best = listed([f"{passed[at]} of {trials[at]} at {self._name(at)}" for at in driven[:NAMED]])
+        rest = f", of {count(len(driven), 'driven design')}" if len(driven) > NAMED else ""
+        return f" Trials that passed: {best}{rest}."
 
     def _passed(self, at: "int | numpy.integer[Any]") -> str:
         """``9 of 12 trials of 1 car passed``; "" without trials."""

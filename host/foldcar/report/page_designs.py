@@ -19,6 +19,7 @@ from foldcar.analysis.built_cars import BuiltCars
 from foldcar.analysis.gap import OPTIMISTIC, PESSIMISTIC
 from foldcar.analysis.pooled_bias import MOST_POOLED, NONE, Contradictions, PooledBias, contradictions, pooled_bias
 from foldcar.analysis.rate import Rate
+from foldcar.analysis.smoothed_simulation import SmoothedSimulation, smoothed_simulation
 from foldcar.analysis.words import design_text, label_and_unit
 from foldcar.report.page_measures import measures
 from foldcar.simulation.results import NUMBERS, OUTCOMES, REJECTED
@@ -156,7 +157,7 @@ class Designs:
             "belief_high": [one and one[2] for one in believed],
             "verdict": [
                 "open" if one is not None and at in self.contradicting.beside else verdict(one, threshold)
-                for at, one in enumerate(believed)
+                for at, one in enumerate(self.judged)
             ],
             "refuted": [self.refuted.get(name) for name in self.names],
             "measures": measures(self.store, self.info, self.designs, self.runs),
@@ -174,23 +175,28 @@ class Designs:
 
     @cached_property
     def believed(self) -> list[tuple[float, float, float] | None]:
-        """What simulation and trials together say of a further car of each design: rate, low, high.
+        """What is believed of a further built car of each design: rate, low, high, by simulation and trials together.
 
-        Without trials that is simulation's rate; of a design without runs its trials'.
+        Also before trials that allows for what simulation may be wrong by. A design without runs has its trials alone.
         """
-        found = [
-            None if ends is None else (round(passed / runs, 6), *ends)
-            for (passed, runs), ends in zip(self.counted.tolist(), self.simulated, strict=True)
-        ]
-        told: dict[int, Rate] = {}
+        rates: dict[int, Rate] = {}
         for index, (cars, ends) in enumerate(zip(self.cars, self.driven, strict=True)):
-            if found[index] is None and ends is not None and cars is not None:
-                told[index] = cars.rate()
+            if not self.counted[index, 1] and ends is not None and cars is not None:
+                rates[index] = cars.rate()
+        if self.bias is not None:
+            rates |= dict(zip(self.known.tolist(), self.bias.rates(least=0), strict=True))
+        known = [rates.get(index) for index in range(len(self.designs))]
+        return [None if rate is None else _rounded(rate) for rate in known]
+
+    @cached_property
+    def judged(self) -> list[tuple[float, float, float] | None]:
+        """What a design is called good or bad by: the belief once there are trials, before that simulation's rate."""
         if self.pooled is not None:
-            told |= dict(zip(self.known.tolist(), self.pooled.rates(least=1), strict=True))
-        for index, one in told.items():
-            found[index] = (round(one.value, 6), round(one.low, 6), round(one.high, 6))
-        return found
+            return self.believed
+        return [
+            believed if ends is None else (round(passed / runs, 6), *ends)
+            for believed, (passed, runs), ends in zip(self.believed, self.counted.tolist(), self.simulated, strict=True)
+        ]
 
     @cached_property
     def known(self) -> NDArray[Any]:
@@ -208,7 +214,8 @@ class Designs:
         known = self.known
         if not self.info.success_defined or not self.info.varied:
             return NONE
-        found = contradictions(self._known_values, self.counted[known], self.tried[known], self._known_cars)
+        simulation = self._smoothed
+        found = contradictions(self._known_values, self.counted[known], self.tried[known], self._known_cars, simulation)
         return Contradictions(tuple(known[list(found.designs)].tolist()), tuple(known[list(found.beside)].tolist()))
 
     @cached_property
@@ -220,7 +227,17 @@ class Designs:
         # Of many driven designs those with most trials tell most.
         told = known[numpy.argsort(-self.tried[known, 1], kind="stable")][:MOST_POOLED]
         trials = numpy.where(numpy.isin(known, told)[:, None], self.tried[known], 0)
-        return pooled_bias(self._known_values, self.counted[known], trials, self._known_cars)
+        return pooled_bias(self._known_values, self.counted[known], trials, self._known_cars, self._smoothed)
+
+    @cached_property
+    def _smoothed(self) -> SmoothedSimulation:
+        """Simulation's success at the designs with runs, smoothed over them."""
+        runs, known = self.runs, self.known
+        samples, environment = numpy.unique(runs.sample, return_inverse=True)
+        passed = numpy.full((len(self.designs), len(samples)), numpy.nan)
+        counts = runs.outcome != OUTCOMES.index(REJECTED)
+        passed[runs.design[counts], environment[counts]] = runs.outcome[counts] == OUTCOMES.index("passed")
+        return smoothed_simulation(self._known_values, self.counted[known].astype(float), passed[known])
 
     @property
     def _known_values(self) -> NDArray[Any]:
@@ -283,6 +300,10 @@ def verdict(believed: tuple[float, float, float] | None, threshold: float) -> st
         return None
     _, low, high = believed
     return "good" if low > threshold else "bad" if high < threshold else "open"
+
+
+def _rounded(rate: Rate) -> tuple[float, float, float]:
+    return round(rate.value, 6), round(rate.low, 6), round(rate.high, 6)
 
 
 def _key(vehicle_type: str, design: Design) -> Any:

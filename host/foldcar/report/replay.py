@@ -212,7 +212,8 @@ class Replayer:
         loose = sum(row["environment"] is None for row in shown["trials"])
         if loose:
             remarks.append(
-                f"{loose} of {len(one.trials)} trials name no environment of these runs: they are laid over none of them."
+                f"{loose} of {len(one.trials)} trials do not say in which sampled environment they were driven, so they "
+                "cannot be shown on individual runs."
             )
         for row, trial in zip(shown["trials"], one.trials, strict=True):
             row["replay"] = _trial(store, blobs, trial)

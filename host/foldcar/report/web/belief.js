@@ -63,8 +63,9 @@ export class Belief {
 
 function note({ e }) {
   const parts = [];
-  if (e.designs.trials.some(count => count)) parts.push("Belief is of a further car of a design, from simulation and trials together; intervals of trials are of the cars that drove.");
-  parts.push(`Intervals hold at 95 % for each design by itself. ${e.judged && e.parameters.length < 2 ? `Tint: belief above or below ${percent(e.threshold)}.` : ""}`);
+  const driven = e.designs.trials.some(count => count);
+  parts.push(`Belief is of a further built car of a design, ${driven ? "from simulation and trials together; intervals of trials are of the cars that drove" : "and allows for what simulation may be wrong by"}.`);
+  parts.push(`Intervals hold at 95 % for each design by itself. ${e.judged && e.parameters.length < 2 ? `Tint: ${driven ? "belief" : "simulation"} above or below ${percent(e.threshold)}.` : ""}`);
   return parts.join(" ");
 }
 
@@ -106,7 +107,7 @@ function curveFigure(model) {
       yAxis: successAxis(theme),
       series: [
         band(order.filter(k => bl[k] !== null).map(k => [x[k], bl[k], bh[k]]), theme.accent, 0.22),
-        { name: "belief", type: "line", data: order.map(k => ({ value: [x[k], b[k]], design: k, itemStyle: { opacity: dim(k) } })), symbol: "circle", symbolSize: 9, lineStyle: { color: theme.accent, width: 2.5 }, itemStyle: { color: theme.accent }, z: 5, cursor: "pointer",
+        { name: "belief", type: "line", data: order.map(k => ({ value: [x[k], b[k]], design: k, itemStyle: { opacity: dim(k) } })), symbol: "circle", symbolSize: 9, lineStyle: { width: 0 }, itemStyle: { color: theme.accent }, z: 5, cursor: "pointer",
           markLine: { silent: true, symbol: "none", data: lines }, markArea: { silent: true, data: tints(e, order, x, theme) } },
         intervals("simulation", triple(sl, sh), theme.soft, 1, 0.55),
         { name: "simulation", type: "scatter", data: order.filter(k => s[k] !== null).map(k => ({ value: [x[k], s[k]], design: k, itemStyle: { color: theme.paper, borderColor: theme.soft, borderWidth: 1.2, opacity: dim(k) } })), symbol: "rect", symbolSize: 6, z: 4 },
@@ -125,7 +126,7 @@ function curveFigure(model) {
 }
 
 function legend(e) {
-  const keys = [["belief", "belief, 95 % band"], ["simulation", "simulation"], ...e.engines.map(({ name }, n) => [n ? "engine dotted" : "engine", name])];
+  const keys = [["belief", "belief of built cars, 95 % band"], ["simulation", "simulation, 95 % intervals"], ...e.engines.map(({ name }, n) => [n ? "engine dotted" : "engine", name])];
   if (e.designs.trials.some(count => count)) keys.push(["trials", "trials"]);
   return make("span", { class: "legend" }, ...keys.map(([kind, text]) => make("span", {}, make("i", { class: `key ${kind}` }), text)));
 }

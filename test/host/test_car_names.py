@@ -21,17 +21,18 @@ def write_listing(folder: Path, **params: Any) -> Path:
 
 def test_a_named_car_is_the_same_in_every_sample_and_no_other(tmp_path: Path) -> None:
     listing = write_listing(tmp_path, variation="workshop")
-    ada, again, ben, nameless = (listed_run(listing, "1", ["width=180"], k, car=car) for k, car in (
-        (0, "Ada"), (1, "Ada"), (0, "Ben"), (0, None)))  # fmt: skip
+    first, second = (listed_run(listing, "1", ["width=180"], k) for k in (0, 1))
+    ada = first.body_in(0, "Ada")
 
-    assert ada.body == again.body and ada.scene != again.scene
-    assert len({json.dumps(one.body) for one in (ada, ben, nameless)}) == 3
+    assert ada == first.body_in(1, "Ada") == second.body_in(0, "Ada") and first.scene != second.scene
+    assert first.body_in(0) == first.body and first.body_in(1) == second.body
+    assert len({json.dumps(body) for body in (ada, first.body_in(0, "Ben"), first.body_in(0))}) == 3
     # Under a reality the start scatters in each trial.
     (tmp_path / "reality.json").write_text('{"wheel_spread": 1.5, "start_heading_sd_rad": 0.1}')
-    values, limits = read_reality(tmp_path / "reality.json", "multibody"), ada.carsim.limits().numbers
+    values, limits = read_reality(tmp_path / "reality.json", "multibody"), first.carsim.limits().numbers
     real = [
-        real_run(one.experiment, one.nominal, ada.scene, values, sample, limits, car)
-        for one, sample, car in ((ada, 0, "Ada"), (again, 1, "Ada"), (ada, 0, "Ben"))
+        real_run(first.experiment, first.nominal, first.scene, values, sample, limits, car)
+        for sample, car in ((0, "Ada"), (1, "Ada"), (0, "Ben"))
     ]
     assert real[0][0] == real[1][0] != real[2][0]
     assert real[0][1]["start"] != real[1][1]["start"] and real[0][1] == real[2][1]

@@ -8,6 +8,8 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from scenic.core.object_types import Constructible
+
 
 def defaults(cls: Any) -> Mapping[str, Any]:
     """The properties of a class of objects, inherited ones among them, with their default values."""
@@ -53,7 +55,8 @@ def conditioned(node: Any) -> Any:
 
 def unsampled(thing: Any) -> Any:
     """The object of the program of which ``thing`` is a sample, through all copies."""
-    while getattr(thing, "_sampleParent", None) is not None:
+    # A distribution has every attribute, as another distribution.
+    while isinstance(thing, Constructible) and thing._sampleParent is not None:
         thing = thing._sampleParent
     return thing
 

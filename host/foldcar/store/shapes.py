@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from functools import cache
 from typing import Annotated, Any
 
-from annotated_types import Len
 from pydantic import Field, NonNegativeInt, TypeAdapter, ValidationError, with_config
 from typing_extensions import NotRequired, TypedDict
 
@@ -71,7 +70,7 @@ class ExperimentFacts(TypedDict):
 class TrackFacts(TypedDict):
     """The facts of a filmed path that are computed with."""
 
-    frame_error_m: Annotated[list[Number], Len(1)]
+    frame_error_m: Annotated[list[Number], Field(min_length=1)]
     start_error_s: Number
 
 
@@ -88,8 +87,8 @@ SHAPES: Mapping[tuple[str, str], Any] = {
     (TRIAL.name, "design"): Parameters,
     (TRIAL.name, "deviations"): dict[str, tuple[Number, Number, Number]],
     (TRACK.name, "facts"): TrackFacts,
-    (TRACK.name, "rows"): list[Annotated[list[Number], Len(16, 16)]],
-    (CALIBRATION.name, "draws"): Annotated[list[Numbers], Len(1)],
+    (TRACK.name, "rows"): list[Annotated[list[Number], Field(min_length=16, max_length=16)]],
+    (CALIBRATION.name, "draws"): Annotated[list[Numbers], Field(min_length=1)],
     (CALIBRATION.name, "summary"): CalibrationSummary,
     ("variation", "json"): dict[str, Number | list[Number]],
 }

@@ -115,7 +115,7 @@ class _Sample:
             case ast.Attribute(value=ast.Name(id="math")):
                 return getattr(math, node.attr)
             case ast.Attribute():
-                return self._attribute(self.value(node.value), node.attr)
+                return _attribute(self.value(node.value), node)
             case ast.Subscript():
                 return self.value(node.value)[self.value(node.slice)]
             case ast.Tuple() | ast.List():
@@ -133,12 +133,6 @@ class _Sample:
         from scenic.core.vectors import Vector
 
         return Vector(self.value(node.left), self.value(node.right))  # `left @ right`
-
-    def _attribute(self, value: Any, name: str) -> Any:
-        written = [cls for cls in type(value).__mro__ if name in vars(cls) and not cls.__module__.startswith("scenic.")]
-        if written and _is_scenic(value):
-            raise UnusableError(f"`{name}` of a {type(value).__name__} is code, which a condition or record cannot use")
-        return getattr(value, name)
 
     def _called(self, node: ast.Call) -> Any:
         from scenic.core import regions
@@ -489,6 +483,17 @@ def _as_truth(node: Any, terms: Terms) -> Terms:
 
 def _is_truth(node: Any) -> bool:
     return isinstance(node, ast.BoolOp | ast.Compare) or (isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not))
+
+
+def _attribute(value: Any, node: ast.Attribute) -> Any:
+    """The attribute's value; UnusableError if a class of the program computes it."""
+    written = [cls for cls in type(value).__mro__ if node.attr in vars(cls) and not cls.__module__.startswith("scenic.")]
+    if written and _is_scenic(value):
+        kind = type(value).__name__
+        raise UnusableError(
+            f"line {node.lineno}: `{node.attr}` of a {kind} is code, which a condition or record cannot use"
+        )
+    return getattr(value, node.attr)
 
 
 def _is_scenic(value: Any) -> bool:

@@ -42,6 +42,12 @@ STATEMENTS = (
     "record initial [1, 'two', (mark.x, 3)] as odd\nrecord final globalParameters.far as far\n"
     "record final -min(ego.angularSpeed, 2, 3) + ego.consumedEnergy as energy\n"
     "record final (distance from (back right of ego) to (0.1 @ 0.2)) as corner",
+    "flag = True\nterminate when ego.x * flag > 0.3",
+    "terminate when (distance from ego to (0.1 @ 0) + (0.2 @ 0) * 2) < 0.1",
+    "terminate when (distance from ego to mark.position + (0.1 @ 0)) < 0.3",
+    "import math\nterminate when ego.x > 0.3\nrecord final math.isclose(1, 1.1, rel_tol=0.5) as close",
+    "terminate after 0.000000001 seconds\nrecord ego.x as x",
+    "param fast = 1\nterminate when ego.x > 0.3 and globalParameters.fast\nrecord initial [[[[[[1]]]]]] as deep",
 )
 
 
@@ -106,6 +112,16 @@ def test_the_publications_programs_need_no_scenic(program: str, carsim_binary: P
         ("marks = [mark]\nterminate when ego.x > marks[0].x", "line 12: `….x`"),
         ("for i in range(2):\n    terminate when ego.x > i", "statements that do not stand at the top level"),
         ("record ego.orientation as turn", "line 11: `….orientation`"),
+        ("def abs(x): return 5\nterminate when abs(ego.x) > 1", "line 12: Call"),
+        ("max = min\nrecord final max(ego.x, 3) as x", "line 12: Call"),
+        ("def simulation(): return ego\nterminate when simulation().currentRealTime > 5", "line 12: `….currentRealTime`"),
+        ("def CircularRegion(a): return a\nterminate when ego.position in CircularRegion(0)", "line 12: Call"),
+        ("terminate when min(ego.x, 3, key=abs) > 0.3", "line 11: Call"),
+        ("r = CircularRegion((0.5, 0), 0.2)\nterminate when (distance to r) < 1", "line 12: the distance from a region"),
+        ("from pathlib import Path\nplace = Path('a')\nterminate when ego.x > place.x", "line 13: `….x`"),
+        ("record final ego.position as passed", "line 11: a position as `passed`"),
+        ("terminate when ego.x > 1\n" * 101, "more than 100 conditions or records"),
+        ("terminate when " + " and ".join(["ego.x > 1"] * 150), "an expression of more than 400 terms"),
     ],
 )
 def test_what_needs_scenic_is_named(tmp_path: Path, statements: str, needs: str) -> None:
@@ -127,6 +143,29 @@ def test_a_value_that_is_no_finite_number_fails_its_run(tmp_path: Path, carsim_b
     request = RunRequest("car", "scene", settings, "run", 0)
     (result,) = Carsim(carsim_binary).run({"car": body}, {"scene": json.dumps(source.sample(0))}, [request])
     assert result == {"error": "the program divides by zero"}
+
+
+@pytest.mark.parametrize(
+    ("statements", "message"),
+    [
+        ("param who = ego\nrecord final globalParameters.who.x as x", "line 12: `….who` is the car: name it `ego` in "),
+        ("import math\nrecord final math.sqrt(-1) + ego.x as x", "line 12: ValueError: math domain error"),
+        ("record final 1 / 0 + ego.x as x", "line 11: ZeroDivisionError: division by zero"),
+        ("terminate when (distance to (0.1, 0.2) + (0.3, 0)) < 1", "line 11: (0.1, 0.2, 0.3, 0) is no place to measure "),
+        ("terminate when (distance to None) < 1", "line 11: None is no place to measure a distance from"),
+        ("terminate when ego.x > 1 and 4", "line 11: 4 beside `and` or `or` is neither True nor False"),
+        ("param box = object()\nterminate when ego.x > globalParameters.box", "line 12: a object cannot be used in a "),
+        ("class Sign(Marker):\n    @property\n    def limit(self): return 1\nsign = new Sign at (0.1, 0.5)\n"
+         "terminate when ego.x > sign.limit", "line 15: `limit` of a Sign is code, which a condition or record cannot"),
+        ("record initial '\\ud800' as a", r"record a: the text '\ud800' is no Unicode text"),
+        ("b = 10 ** 400\nrecord initial b as a", "record a: a whole number is above the limit 1.8e+308"),
+        ("param a = eval('[' * 22 + ']' * 22)\nrecord initial globalParameters.a as a", "value is nested deeper"),
+    ],
+)
+def test_what_cannot_be_evaluated_is_refused_in_one_line(tmp_path: Path, statements: str, message: str) -> None:
+    with pytest.raises(FoldcarError) as error:
+        opened(tmp_path, f"{statements}\nterminate when ego.x > 1").sample(0)
+    assert message in str(error.value) and "\n" not in str(error.value)
 
 
 def test_a_limit_that_is_not_above_zero_is_refused(tmp_path: Path) -> None:

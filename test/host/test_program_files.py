@@ -78,11 +78,11 @@ def test_what_is_compiled_is_what_the_fingerprint_is_of(experiment: Experiment) 
 def test_a_program_beside_the_simulation_that_is_edited_during_a_sweep_is_refused(
     listing: Path, program: Path, tmp_path: Path, carsim_binary: Path
 ) -> None:
-    monitor = "monitor Watch():\n    while True:\n        wait\nrequire monitor Watch()\n"
-    program.write_text(f"{HEAD}{monitor}terminate after 9 seconds\n")
+    beside = f"{HEAD}require always ego.position.x < 9\n"
+    program.write_text(f"{beside}terminate after 9 seconds\n")
 
     def edit(line: str) -> None:
-        program.write_text(f"{HEAD}{monitor}terminate after 1 seconds\n")
+        program.write_text(f"{beside}terminate after 1 seconds\n")
 
     with pytest.raises(FoldcarError, match=r"program\.scenic: has changed while the program was in use"):
         Sweep(read_study(listing), tmp_path / "s.db", Carsim(carsim_binary), "a test").run(1, announce=edit)

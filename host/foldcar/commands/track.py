@@ -228,7 +228,7 @@ def _photo(
     if canonical_json(placed(scene, things, trial.deviations)) != drive[2]:
         raise FoldcarError(
             f"{listing}: sample {trial.sample} of {experiment.program} is another scene than trial {number} drove in: "
-            "the program, its parameters or its seed have changed; name the listing and the program as they were"
+            "the program, its parameters, its seed or foldcar have changed; name listing and program as they were"
         )
     body: dict[str, Any] = json.loads(drive[0])
     ground = standing(scene, carsim_heights(Carsim()), body)

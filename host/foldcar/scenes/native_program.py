@@ -8,6 +8,7 @@ What does not mention the car is evaluated here, in each sample.
 """
 
 import ast
+import builtins
 import inspect
 import math
 import operator
@@ -16,6 +17,8 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+import numpy
 
 from foldcar.scenes import scenic_private
 from foldcar.scenes.program import named_things, parsed_program
@@ -49,6 +52,11 @@ ARITHMETIC: Mapping[type, tuple[str, Callable[[Any, Any], Any]]] = {
 COMPARISONS = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">="}
 FUNCTIONS: Mapping[str, Callable[..., Any]] = {"abs": abs, "min": min, "max": max, "float": float, "int": int}
 REGIONS = ("CircularRegion", "RectangularRegion", "PolygonalRegion")
+# Names whose meaning is known unless the program gives them another one.
+STANDARD = (*FUNCTIONS, *REGIONS, "math", "simulation")
+# carsim's limits (program_input.cpp). Where an expression has at most this many terms before it is sampled, it has room
+# for those that follow from a sample.
+MAX_STATEMENTS, MAX_TERMS = 100, 400
 RECORDS = {"RecordInitial": "initial", "RecordFinal": "final", "Record": "series"}
 # The sides of an object that `front of` and its like name, as shares of its length, width and height: ahead, left, up.
 SIDES = {"Front": (1, 0, 0), "Back": (-1, 0, 0), "Left": (0, 1, 0), "Right": (0, -1, 0), "Top": (0, 0, 1)} | {
@@ -80,7 +88,23 @@ class _Sample:
         self.scene, self.ego, self._names = scene, scene.egoObject, names
 
     def value(self, node: Any) -> Any:
-        """The value of an expression that :meth:`_Translator.is_constant` has admitted."""
+        """The value of an expression that :meth:`_Translator.is_constant` has admitted.
+
+        Raises UnusableError if it cannot be evaluated, or if it is the car or a value whose code would run.
+        """
+        try:
+            value = self._evaluated(node)
+        except UnusableError:
+            raise
+        except Exception as error:
+            raise UnusableError(f"line {node.lineno}: {type(error).__name__}: {error}") from error
+        if value is self.ego:
+            raise UnusableError(f"line {node.lineno}: {_shown(node)} is the car: name it `ego` in conditions and records")
+        if not isinstance(value, list | tuple | dict) and not _is_plain(value):
+            raise UnusableError(f"line {node.lineno}: a {type(value).__name__} cannot be used in a condition or record")
+        return value
+
+    def _evaluated(self, node: Any) -> Any:
         match node:
             case ast.Constant():
                 return node.value
@@ -91,11 +115,12 @@ class _Sample:
             case ast.Attribute(value=ast.Name(id="math")):
                 return getattr(math, node.attr)
             case ast.Attribute():
-                return getattr(self.value(node.value), node.attr)
+                return _attribute(self.value(node.value), node)
             case ast.Subscript():
                 return self.value(node.value)[self.value(node.slice)]
             case ast.Tuple() | ast.List():
-                return tuple(self.value(part) for part in node.elts)
+                values = [self.value(part) for part in node.elts]
+                return values if isinstance(node, ast.List) else tuple(values)
             case ast.UnaryOp():
                 value = self.value(node.operand)
                 return -value if isinstance(node.op, ast.USub) else value
@@ -105,29 +130,42 @@ class _Sample:
                 return self._called(node)
         if type(node).__name__ == "DegOp":
             return self.value(node.operand) * RADIANS_PER_DEGREE
-        return self.value(node.left), self.value(node.right)  # `left @ right`
+        from scenic.core.vectors import Vector
+
+        return Vector(self.value(node.left), self.value(node.right))  # `left @ right`
 
     def _called(self, node: ast.Call) -> Any:
         from scenic.core import regions
 
         arguments = [self.value(argument) for argument in node.args]
+        named = {keyword.arg: self.value(keyword.value) for keyword in node.keywords if keyword.arg}
         if isinstance(node.func, ast.Attribute):
-            return getattr(math, node.func.attr)(*arguments)
+            return getattr(math, node.func.attr)(*arguments, **named)
         assert isinstance(node.func, ast.Name)
         called = FUNCTIONS.get(node.func.id) or getattr(regions, node.func.id)
-        named = {keyword.arg: self.value(keyword.value) for keyword in node.keywords if keyword.arg}
         return called(*arguments, **named)
 
     def number(self, node: Any) -> Terms:
-        """A number or a truth."""
+        """A number."""
+        return [finite("a value of the program", self.value(node))]
+
+    def truth(self, node: Any) -> Terms:
+        """A part of `and` or `or`, which Scenic computes bit by bit of what is no truth."""
         value = self.value(node)
-        return [value if isinstance(value, bool) else finite("a value of the program", value)]
+        if not isinstance(value, bool | numpy.bool_ | int) or value not in (0, 1):
+            raise UnusableError(f"line {node.lineno}: {value!r} beside `and` or `or` is neither True nor False")
+        return [bool(value)]
 
     def place(self, node: Any) -> Terms:
         """Coordinates of a place (m), its height over the car's at the start."""
+        from scenic.core.type_support import toVector
+
         value = self.value(node)
-        x, y, *rest = (finite("a place", part) for part in getattr(value, "position", value))
-        return [x, y, rounded((rest[0] if rest else 0.0) - float(self.ego.position.z))]
+        try:
+            x, y, z = (finite("a place", part) for part in toVector(value))
+        except TypeError:
+            raise UnusableError(f"line {node.lineno}: {value!r} is no place to measure a distance from") from None
+        return [x, y, rounded(z - float(self.ego.position.z))]
 
     def region(self, node: Any) -> Terms:
         """Whether the car is in a region of the ground."""
@@ -153,7 +191,11 @@ class _Translator:
     """Translates the expressions of one program; raises _NotNativeError."""
 
     def __init__(self, tree: Any, scenario: Any) -> None:
+        from scenic.syntax import veneer
+
         self._ego, known = scenario.egoObject, named_things(scenario)
+        standard = {name: getattr(veneer, name, getattr(builtins, name, math)) for name in STANDARD}
+        self._redefined = {name for name, value in standard.items() if known.get(name, value) is not value}
         stored = Counter(
             node.id for node in ast.walk(tree) if isinstance(node, ast.Name) and not isinstance(node.ctx, ast.Load)
         )
@@ -168,7 +210,7 @@ class _Translator:
         match node:
             case ast.BoolOp():
                 joined = "and" if isinstance(node.op, ast.And) else "or"
-                return _folded([self.truth(part) for part in node.values], joined)
+                return _folded([self._part(part) for part in node.values], joined)
             case ast.UnaryOp(op=ast.Not()):
                 return [*self.truth(node.operand), "not"]
             case ast.Compare(ops=[ast.In() | ast.NotIn() as asked]):
@@ -180,22 +222,29 @@ class _Translator:
                 return _folded([[*left, *right, COMPARISONS[type(one)]] for left, one, right in pairs], "and")
         raise _NotNativeError(_shown(node))
 
+    def _part(self, node: Any) -> Terms:
+        return [_PerSample(lambda sample: sample.truth(node))] if self.is_constant(node) else self.truth(node)
+
     def number(self, node: Any) -> Terms:
         """A number."""
         if self.is_constant(node):
             return [_PerSample(lambda sample: sample.number(node))]
         match node:
-            case ast.Attribute(value=ast.Call(func=ast.Name(id="simulation")), attr="currentRealTime"):
+            case ast.Attribute(value=ast.Call(func=ast.Name(id="simulation") as called), attr="currentRealTime") if (
+                self._is_standard(called)
+            ):
                 return ["time_s"]
-            case ast.Attribute() if self._is_ego(node.value) or self._is_position(node.value):
+            case ast.Attribute() if self._is_ego(node.value) or self.is_position(node.value):
                 return self._motion(node)
             case ast.UnaryOp(op=ast.USub()):
                 return [*self.number(node.operand), "negate"]
             case ast.BinOp() if type(node.op) in ARITHMETIC:
                 return [*self.number(node.left), *self.number(node.right), ARITHMETIC[type(node.op)][0]]
-            case ast.Call(func=ast.Name(id="abs"), args=[argument]):
+            case ast.Call(func=ast.Name(id="abs") as called, args=[argument], keywords=[]) if self._is_standard(called):
                 return [*self.number(argument), "abs"]
-            case ast.Call(func=ast.Name(id="min" | "max" as name)) if len(node.args) > 1:
+            case ast.Call(func=ast.Name(id="min" | "max" as name) as called, keywords=[]) if (
+                len(node.args) > 1 and self._is_standard(called)
+            ):
                 return _folded([self.number(argument) for argument in node.args], name)
         if type(node).__name__ == "DistanceFromOp":
             return self._distance(node)
@@ -203,7 +252,7 @@ class _Translator:
 
     def recorded(self, node: Any) -> Terms:
         """A number, a truth or the car's position."""
-        if self._is_position(node):
+        if self.is_position(node):
             return ["x_m", "y_m", *self._height()]
         return self.truth(node) if _is_truth(node) else self.number(node)
 
@@ -215,12 +264,11 @@ class _Translator:
             case ast.Name():
                 value = self.names.get(node.id)
                 # Of a container Scenic samples the members only where it is used as a value.
-                odd = (
-                    value is self._ego or inspect.isroutine(value) or isinstance(value, type | list | tuple | dict | set)
-                )
-                return node.id in self.names and not odd
-            case ast.Attribute(value=ast.Name(id="globalParameters" | "math")):
+                return node.id in self.names and value is not self._ego and _is_plain(value)
+            case ast.Attribute(value=ast.Name(id="globalParameters")):
                 return True
+            case ast.Attribute(value=ast.Name(id="math") as module):
+                return self._is_standard(module) and hasattr(math, node.attr)
             case ast.Attribute():
                 return not node.attr.startswith("_") and self.is_constant(node.value)
             case ast.Subscript():
@@ -240,19 +288,24 @@ class _Translator:
 
     def _is_known_function(self, function: ast.expr) -> bool:
         if isinstance(function, ast.Attribute):
-            return isinstance(function.value, ast.Name) and function.value.id == "math" and hasattr(math, function.attr)
-        return isinstance(function, ast.Name) and function.id in (*FUNCTIONS, *REGIONS)
+            return isinstance(function.value, ast.Name) and function.value.id == "math" and self.is_constant(function)
+        return isinstance(function, ast.Name) and function.id in (*FUNCTIONS, *REGIONS) and self._is_standard(function)
+
+    def _is_standard(self, name: ast.Name) -> bool:
+        """Whether a name of STANDARD stands for what Python and Scenic mean by it."""
+        return name.id not in self._redefined
 
     def _is_ego(self, node: Any) -> bool:
         return isinstance(node, ast.Name) and (node.id == "ego" or self.names.get(node.id) is self._ego)
 
-    def _is_position(self, node: Any) -> bool:
+    def is_position(self, node: Any) -> bool:
+        """Whether it is `ego.position`."""
         return isinstance(node, ast.Attribute) and node.attr == "position" and self._is_ego(node.value)
 
     def _motion(self, node: ast.Attribute) -> Terms:
         if node.attr == "z":
             return self._height()
-        of_position = self._is_position(node.value)
+        of_position = self.is_position(node.value)
         if node.attr not in MOTION or (of_position and node.attr not in ("x", "y")):
             raise _NotNativeError(_shown(node))
         if self._turned and node.attr in ("yaw", "pitch", "roll"):
@@ -270,8 +323,10 @@ class _Translator:
         if len(places) != 1:
             raise _NotNativeError(_shown(node))
         (place,), (car,) = places, others
+        if self._is_region(place):
+            raise _NotNativeError("the distance from a region")
         where = _PerSample(lambda sample: sample.place(place))
-        if self._is_ego(car) or self._is_position(car):
+        if self._is_ego(car) or self.is_position(car):
             return [where, "distance_m"]
         if type(car).__name__ == "PositionOfOp" and self._is_ego(car.target):
             side = type(car.position).__name__
@@ -281,13 +336,17 @@ class _Translator:
 
     def _inside(self, thing: Any, region: Any) -> Terms:
         # `ego in region` asks for the whole car.
-        known = self.names.get(region.id) if isinstance(region, ast.Name) else None
-        called = region.func.id if isinstance(region, ast.Call) and isinstance(region.func, ast.Name) else ""
-        if not (self._is_position(thing) and (type(known).__name__ in REGIONS or called in REGIONS)):
+        if not (self.is_position(thing) and self._is_region(region)):
             raise _NotNativeError("a region")
         if not self.is_constant(region):
             raise _NotNativeError(_shown(region))
         return [_PerSample(lambda sample: sample.region(region))]
+
+
+    def _is_region(self, node: Any) -> bool:
+        known = self.names.get(node.id) if isinstance(node, ast.Name) else None
+        called = node.func.id if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) else ""
+        return type(known).__name__ in REGIONS or called in REGIONS
 
 
 class NativeProgram:
@@ -358,10 +417,17 @@ def native_program(scenario: Any, program: Path, success: SuccessRule) -> tuple[
                 line = node.lineno
                 constant = translator.is_constant(node.value)
                 terms = [] if constant else translator.recorded(node.value)
-                records.append((_record_name(scenario, node), name, node.value, terms))
+                record = _record_name(scenario, node)
+                if record == VERDICT and translator.is_position(node.value):
+                    raise _NotNativeError(f"a position as `{VERDICT}`")
+                records.append((record, name, node.value, terms))
         expressions = (*scenario.recordedExprs, *scenario.recordedInitialExprs, *scenario.recordedFinalExprs)
+        line = 0
+        if len(endings) > MAX_STATEMENTS or len(records) > MAX_STATEMENTS:
+            raise _NotNativeError(f"more than {MAX_STATEMENTS} conditions or records")
+        if any(len(terms) > MAX_TERMS for terms in (*(ending[0] for ending in endings), *(one[3] for one in records))):
+            raise _NotNativeError(f"an expression of more than {MAX_TERMS} terms")
         if (len(endings), len(records)) != (len(conditions), len(expressions)) or len(limits) > 1:
-            line = 0
             raise _NotNativeError("statements that do not stand at the top level")
     except _NotNativeError as reason:
         return None, f"line {line}: {reason}" if line else str(reason)
@@ -417,6 +483,28 @@ def _as_truth(node: Any, terms: Terms) -> Terms:
 
 def _is_truth(node: Any) -> bool:
     return isinstance(node, ast.BoolOp | ast.Compare) or (isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not))
+
+
+def _attribute(value: Any, node: ast.Attribute) -> Any:
+    """The attribute's value; UnusableError if a class of the program computes it."""
+    written = [cls for cls in type(value).__mro__ if node.attr in vars(cls) and not cls.__module__.startswith("scenic.")]
+    if written and _is_scenic(value):
+        kind = type(value).__name__
+        raise UnusableError(
+            f"line {node.lineno}: `{node.attr}` of a {kind} is code, which a condition or record cannot use"
+        )
+    return getattr(value, node.attr)
+
+
+def _is_scenic(value: Any) -> bool:
+    return any(cls.__module__.startswith("scenic.") for cls in type(value).__mro__)
+
+
+def _is_plain(value: Any) -> bool:
+    """Whether no code of the program runs where the value is used: Python's and numpy's, or one of Scenic's classes."""
+    # Of a container Scenic samples the members only where it is used as a value.
+    plain = isinstance(value, bool | int | float | str | numpy.generic | numpy.ndarray | None)
+    return plain or (_is_scenic(value) and not isinstance(value, type) and not inspect.isroutine(value))
 
 
 def _shown(node: Any) -> str:

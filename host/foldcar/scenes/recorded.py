@@ -1,36 +1,54 @@
 """Values that a Scenic program records, as JSON."""
 
 import math
+import sys
 from typing import Any
 
 import numpy
 
 from foldcar.errors import FoldcarError
 
+# Far below what carsim and Python's json take.
+MAX_DEPTH = 20
 
-def to_json(value: Any, name: str) -> Any:
+
+def to_json(value: Any, name: str, depth: int = 0) -> Any:
     """``value`` as JSON data, copied; FoldcarError that names the record ``name`` if it means nothing without Scenic.
 
     Vectors become [x, y, z], orientations [yaw, pitch, roll] in radians, numpy's arrays lists.
     """
-    if value is None or isinstance(value, bool | str):
+    if depth > MAX_DEPTH:
+        raise FoldcarError(f"record {name}: its value is nested deeper than {MAX_DEPTH}")
+    if value is None or isinstance(value, bool):
         return value
+    if isinstance(value, str):
+        return _text(value, name)
     if isinstance(value, int):
+        if abs(value) > sys.float_info.max:
+            raise FoldcarError(f"record {name}: a whole number is above the limit {sys.float_info.max:.2g}")
         return int(value)
     if isinstance(value, float):
         if not math.isfinite(value):
             raise FoldcarError(f"record {name}: {value} is not finite")
         return float(value)
     if isinstance(value, numpy.generic | numpy.ndarray):
-        return to_json(value.tolist(), name)
+        return to_json(value.tolist(), name, depth)
     if isinstance(value, list | tuple):
-        return [to_json(item, name) for item in value]
+        return [to_json(item, name, depth + 1) for item in value]
     if isinstance(value, dict):
         keys = [key for key in value if not isinstance(key, str)]
         if keys:
             raise FoldcarError(f"record {name}: the key {keys[0]!r} of its value is no text")
-        return {key: to_json(item, name) for key, item in value.items()}
+        return {_text(key, name): to_json(item, name, depth + 1) for key, item in value.items()}
     if type(value).__module__ == "scenic.core.vectors":
         angles = getattr(value, "eulerAngles", None)
         return to_json(list(value) if angles is None else list(angles), name)
     raise FoldcarError(f"record {name}: a {type(value).__name__} is nothing to store; record its numbers instead")
+
+
+def _text(text: str, name: str) -> str:
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        raise FoldcarError(f"record {name}: the text {text!a} is no Unicode text (half of a surrogate pair)") from None
+    return str(text)

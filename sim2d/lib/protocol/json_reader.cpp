@@ -8,7 +8,8 @@ namespace {
 
 using nlohmann::json;
 
-constexpr int kDeepest = 8;
+// Records of programs may have constants of 20 levels (host/foldcar/scenes/recorded.py), in an object of 5.
+constexpr int kDeepest = 32;
 constexpr std::size_t kShown = 60;
 
 std::string shown(const json& value) {

@@ -131,7 +131,7 @@ std::optional<Outcome> ProgramRun::check(const CarState& state, double elapsed_s
   const auto ended = std::find_if(program_.endings.begin(), program_.endings.end(), [&](const EndingSpec& ending) {
     return holds(ending.when, state, elapsed_s);
   });
-  const bool limited = program_.time_limit_s && elapsed_s >= *program_.time_limit_s - kRounding_s;
+  const bool limited = program_.time_limit_s && elapsed_s > 0 && elapsed_s >= *program_.time_limit_s - kRounding_s;
   if (ended == program_.endings.end() && !limited) return std::nullopt;
   const bool passed = program_.verdict ? holds(*program_.verdict, state, elapsed_s)
                                        : ended != program_.endings.end() && ended->passed;

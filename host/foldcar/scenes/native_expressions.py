@@ -1,0 +1,232 @@
+"""Expressions of a Scenic program about the car, translated to carsim's postfix order (docs/carsim.md).
+
+Input: syntax trees, the program's names. Output: terms, some of which are known in a sample only. NotNativeError names
+what needs Scenic beside the simulation. What does not mention the car is evaluated in each sample (see sampled_values).
+"""
+
+import ast
+import builtins
+import math
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from foldcar.scenes.program import named_things
+from foldcar.scenes.reading import finite
+from foldcar.scenes.sampled_values import (
+    ARITHMETIC,
+    FUNCTIONS,
+    REGIONS,
+    SIDES,
+    SampledValues,
+    Terms,
+    is_plain,
+    shown,
+)
+
+MOTION = {
+    "x": ("x_m",),
+    "y": ("y_m",),
+    "speed": ("speed_m_s",),
+    "angularSpeed": ("yaw_rate_rad_s", "abs"),
+    "consumedEnergy": ("energy_j",),
+    "heading": ("heading_rad", math.pi / 2, "-", "wrap_rad"),
+    "yaw": ("heading_rad", math.pi / 2, "-", "wrap_rad"),
+    "pitch": ("pitch_rad",),
+    "roll": ("roll_rad",),
+}
+COMPARISONS = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">="}
+# Names whose meaning is known unless the program gives them another one.
+STANDARD = (*FUNCTIONS, *REGIONS, "math", "simulation")
+
+
+class NotNativeError(Exception):
+    """The program needs Scenic beside the simulation; the message says what for."""
+
+
+@dataclass(frozen=True)
+class PerSample:
+    """Terms that are known in a sample only: ``read`` makes them of the values of names."""
+
+    read: Callable[["SampledValues"], Terms]
+
+
+class Translator:
+    """Translates the expressions of one program; raises NotNativeError."""
+
+    def __init__(self, tree: Any, scenario: Any) -> None:
+        from scenic.syntax import veneer
+
+        self._ego, known = scenario.egoObject, named_things(scenario)
+        standard = {name: getattr(veneer, name, getattr(builtins, name, math)) for name in STANDARD}
+        self._redefined = {name for name, value in standard.items() if known.get(name, value) is not value}
+        stored = Counter(
+            node.id for node in ast.walk(tree) if isinstance(node, ast.Name) and not isinstance(node.ctx, ast.Load)
+        )
+        # A name that is assigned twice may have had another value where the expression stands.
+        self.names = {name: value for name, value in known.items() if stored[name] == 1}
+        self._turned = not _stands_in_world(scenario.egoObject)
+
+    def truth(self, node: Any) -> Terms:
+        """A condition."""
+        if self.is_constant(node):
+            return [PerSample(lambda sample: [bool(sample.value(node))])]
+        match node:
+            case ast.BoolOp():
+                joined = "and" if isinstance(node.op, ast.And) else "or"
+                return folded([self._part(part) for part in node.values], joined)
+            case ast.UnaryOp(op=ast.Not()):
+                return [*self.truth(node.operand), "not"]
+            case ast.Compare(ops=[ast.In() | ast.NotIn() as asked]):
+                inside = self._inside(node.left, node.comparators[0])
+                return inside if isinstance(asked, ast.In) else [*inside, "not"]
+            case ast.Compare() if all(type(one) in COMPARISONS for one in node.ops):
+                sides = [self.number(side) for side in (node.left, *node.comparators)]
+                pairs = zip(sides, node.ops, sides[1:], strict=False)
+                return folded([[*left, *right, COMPARISONS[type(one)]] for left, one, right in pairs], "and")
+        raise NotNativeError(shown(node))
+
+    def _part(self, node: Any) -> Terms:
+        return [PerSample(lambda sample: sample.truth(node))] if self.is_constant(node) else self.truth(node)
+
+    def number(self, node: Any) -> Terms:
+        """A number."""
+        if self.is_constant(node):
+            return [PerSample(lambda sample: sample.number(node))]
+        match node:
+            case ast.Attribute(value=ast.Call(func=ast.Name(id="simulation") as called), attr="currentRealTime") if (
+                self._is_standard(called)
+            ):
+                return ["time_s"]
+            case ast.Attribute() if self._is_ego(node.value) or self.is_position(node.value):
+                return self._motion(node)
+            case ast.UnaryOp(op=ast.USub()):
+                return [*self.number(node.operand), "negate"]
+            case ast.BinOp() if type(node.op) in ARITHMETIC:
+                return [*self.number(node.left), *self.number(node.right), ARITHMETIC[type(node.op)][0]]
+            case ast.Call(func=ast.Name(id="abs") as called, args=[argument], keywords=[]) if self._is_standard(called):
+                return [*self.number(argument), "abs"]
+            case ast.Call(func=ast.Name(id="min" | "max" as name) as called, keywords=[]) if len(
+                node.args
+            ) > 1 and self._is_standard(called):
+                return folded([self.number(argument) for argument in node.args], name)
+        if type(node).__name__ == "DistanceFromOp":
+            return self._distance(node)
+        raise NotNativeError(shown(node))
+
+    def recorded(self, node: Any) -> Terms:
+        """A number, a truth or the car's position."""
+        if self.is_position(node):
+            return ["x_m", "y_m", *self._height()]
+        return self.truth(node) if is_truth(node) else self.number(node)
+
+    def is_constant(self, node: Any) -> bool:
+        """Whether an expression is known once the scene is sampled, and evaluating it runs no code of the program."""
+        match node:
+            case ast.Constant():
+                return True
+            case ast.Name():
+                value = self.names.get(node.id)
+                # Of a container Scenic samples the members only where it is used as a value.
+                return node.id in self.names and value is not self._ego and is_plain(value)
+            case ast.Attribute(value=ast.Name(id="globalParameters")):
+                return True
+            case ast.Attribute(value=ast.Name(id="math") as module):
+                return self._is_standard(module) and hasattr(math, node.attr)
+            case ast.Attribute():
+                return not node.attr.startswith("_") and self.is_constant(node.value)
+            case ast.Subscript():
+                return self.is_constant(node.value) and self.is_constant(node.slice)
+            case ast.Tuple() | ast.List():
+                return all(map(self.is_constant, node.elts))
+            case ast.UnaryOp(op=ast.USub() | ast.UAdd()):
+                return self.is_constant(node.operand)
+            case ast.BinOp():
+                return type(node.op) in ARITHMETIC and self.is_constant(node.left) and self.is_constant(node.right)
+            case ast.Call():
+                parts = [*node.args, *(keyword.value for keyword in node.keywords)]
+                return self._is_known_function(node.func) and all(map(self.is_constant, parts))
+        if type(node).__name__ == "DegOp":
+            return self.is_constant(node.operand)
+        return type(node).__name__ == "VectorOp" and self.is_constant(node.left) and self.is_constant(node.right)
+
+    def _is_known_function(self, function: ast.expr) -> bool:
+        if isinstance(function, ast.Attribute):
+            return isinstance(function.value, ast.Name) and function.value.id == "math" and self.is_constant(function)
+        return isinstance(function, ast.Name) and function.id in (*FUNCTIONS, *REGIONS) and self._is_standard(function)
+
+    def _is_standard(self, name: ast.Name) -> bool:
+        """Whether a name of STANDARD stands for what Python and Scenic mean by it."""
+        return name.id not in self._redefined
+
+    def _is_ego(self, node: Any) -> bool:
+        return isinstance(node, ast.Name) and (node.id == "ego" or self.names.get(node.id) is self._ego)
+
+    def is_position(self, node: Any) -> bool:
+        """Whether it is `ego.position`."""
+        return isinstance(node, ast.Attribute) and node.attr == "position" and self._is_ego(node.value)
+
+    def _motion(self, node: ast.Attribute) -> Terms:
+        if node.attr == "z":
+            return self._height()
+        of_position = self.is_position(node.value)
+        if node.attr not in MOTION or (of_position and node.attr not in ("x", "y")):
+            raise NotNativeError(shown(node))
+        if self._turned and node.attr in ("yaw", "pitch", "roll"):
+            raise NotNativeError(f"{shown(node)} of a car whose parentOrientation is not the world's")
+        return list(MOTION[node.attr])
+
+    def _height(self) -> Terms:
+        return ["rise_m", PerSample(lambda sample: [finite("z", sample.ego.position.z)]), "+"]
+
+    def _distance(self, node: Any) -> Terms:
+        # Without the other end it is the distance from the ego.
+        ends: list[Any] = [end if end is not None else ast.Name("ego", ast.Load()) for end in (node.target, node.base)]
+        places = [end for end in ends if self.is_constant(end)]
+        others = [end for end in ends if not self.is_constant(end)]
+        if len(places) != 1:
+            raise NotNativeError(shown(node))
+        (place,), (car,) = places, others
+        if self._is_region(place):
+            raise NotNativeError("the distance from a region")
+        where = PerSample(lambda sample: sample.place(place))
+        if self._is_ego(car) or self.is_position(car):
+            return [where, "distance_m"]
+        if type(car).__name__ == "PositionOfOp" and self._is_ego(car.target):
+            side = type(car.position).__name__
+            if side in SIDES:
+                return [PerSample(lambda sample: sample.side(side)), where, "distance_from_m"]
+        raise NotNativeError(shown(node))
+
+    def _inside(self, thing: Any, region: Any) -> Terms:
+        # `ego in region` asks for the whole car.
+        if not (self.is_position(thing) and self._is_region(region)):
+            raise NotNativeError("a region")
+        if not self.is_constant(region):
+            raise NotNativeError(shown(region))
+        return [PerSample(lambda sample: sample.region(region))]
+
+    def _is_region(self, node: Any) -> bool:
+        known = self.names.get(node.id) if isinstance(node, ast.Name) else None
+        called = node.func.id if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) else ""
+        return type(known).__name__ in REGIONS or called in REGIONS
+
+
+def _stands_in_world(ego: Any) -> bool:
+    from scenic.core.vectors import alwaysGlobalOrientation
+
+    return bool(alwaysGlobalOrientation(ego.parentOrientation))
+
+
+def folded(parts: list[Terms], operation: str) -> Terms:
+    """The terms of an operation of two operands over any number of them."""
+    terms = list(parts[0])
+    for part in parts[1:]:
+        terms += [*part, operation]
+    return terms
+
+
+def is_truth(node: Any) -> bool:
+    """Whether an expression is a condition by its form."""
+    return isinstance(node, ast.BoolOp | ast.Compare) or (isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not))

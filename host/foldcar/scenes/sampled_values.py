@@ -1,0 +1,172 @@
+"""Values of a Scenic program's expressions in a sampled scene, as numbers for carsim.
+
+Input: a sampled scene, the program's names, syntax trees. Output: values, and terms of carsim's expressions
+(docs/carsim.md). Evaluated are only trees that native_expressions has admitted: they do not mention the car.
+"""
+
+import ast
+import inspect
+import math
+import operator
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy
+
+from foldcar.scenes.reading import UnusableError, finite, rounded
+
+# As Scenic has it.
+RADIANS_PER_DEGREE = 0.01745329252
+ARITHMETIC: Mapping[type, tuple[str, Callable[[Any, Any], Any]]] = {
+    ast.Add: ("+", operator.add),
+    ast.Sub: ("-", operator.sub),
+    ast.Mult: ("*", operator.mul),
+    ast.Div: ("/", operator.truediv),
+}
+FUNCTIONS: Mapping[str, Callable[..., Any]] = {"abs": abs, "min": min, "max": max, "float": float, "int": int}
+REGIONS = ("CircularRegion", "RectangularRegion", "PolygonalRegion")
+# The sides of an object that `front of` and its like name, as shares of its length, width and height: ahead, left, up.
+SIDES = {"Front": (1, 0, 0), "Back": (-1, 0, 0), "Left": (0, 1, 0), "Right": (0, -1, 0), "Top": (0, 0, 1)} | {
+    f"{end}{side}": (1 if end == "Front" else -1, 1 if side == "Left" else -1, 0)
+    for end in ("Front", "Back")
+    for side in ("Left", "Right")
+}
+
+# Numbers, truths, polygons and names of operators of carsim's expressions.
+Terms = list[Any]
+
+
+class SampledValues:
+    """The values of a program's names in a sampled scene."""
+
+    def __init__(self, scene: Any, names: Mapping[str, Any]) -> None:
+        self.scene, self.ego, self._names = scene, scene.egoObject, names
+
+    def value(self, node: Any) -> Any:
+        """The value of an expression that :meth:`Translator.is_constant` has admitted.
+
+        Raises UnusableError if it cannot be evaluated, or if it is the car or a value whose code would run.
+        """
+        try:
+            value = self._evaluated(node)
+        except UnusableError:
+            raise
+        except Exception as error:
+            raise UnusableError(f"line {node.lineno}: {type(error).__name__}: {error}") from error
+        if value is self.ego:
+            raise UnusableError(f"line {node.lineno}: {shown(node)} is the car: name it `ego` in conditions and records")
+        if not isinstance(value, list | tuple | dict) and not is_plain(value):
+            raise UnusableError(f"line {node.lineno}: a {type(value).__name__} cannot be used in a condition or record")
+        return value
+
+    def _evaluated(self, node: Any) -> Any:
+        match node:
+            case ast.Constant():
+                return node.value
+            case ast.Name():
+                return self.scene.sample[self._names[node.id]]
+            case ast.Attribute(value=ast.Name(id="globalParameters")):
+                return self.scene.params[node.attr]
+            case ast.Attribute(value=ast.Name(id="math")):
+                return getattr(math, node.attr)
+            case ast.Attribute():
+                return attribute_of(self.value(node.value), node)
+            case ast.Subscript():
+                return self.value(node.value)[self.value(node.slice)]
+            case ast.Tuple() | ast.List():
+                values = [self.value(part) for part in node.elts]
+                return values if isinstance(node, ast.List) else tuple(values)
+            case ast.UnaryOp():
+                value = self.value(node.operand)
+                return -value if isinstance(node.op, ast.USub) else value
+            case ast.BinOp():
+                return ARITHMETIC[type(node.op)][1](self.value(node.left), self.value(node.right))
+            case ast.Call():
+                return self._called(node)
+        if type(node).__name__ == "DegOp":
+            return self.value(node.operand) * RADIANS_PER_DEGREE
+        from scenic.core.vectors import Vector
+
+        return Vector(self.value(node.left), self.value(node.right))  # `left @ right`
+
+    def _called(self, node: ast.Call) -> Any:
+        from scenic.core import regions
+
+        arguments = [self.value(argument) for argument in node.args]
+        named = {keyword.arg: self.value(keyword.value) for keyword in node.keywords if keyword.arg}
+        if isinstance(node.func, ast.Attribute):
+            return getattr(math, node.func.attr)(*arguments, **named)
+        assert isinstance(node.func, ast.Name)
+        called = FUNCTIONS.get(node.func.id) or getattr(regions, node.func.id)
+        return called(*arguments, **named)
+
+    def number(self, node: Any) -> Terms:
+        """A number."""
+        return [finite("a value of the program", self.value(node))]
+
+    def truth(self, node: Any) -> Terms:
+        """A part of `and` or `or`, which Scenic computes bit by bit of what is no truth."""
+        value = self.value(node)
+        if not isinstance(value, bool | numpy.bool_ | int) or value not in (0, 1):
+            raise UnusableError(f"line {node.lineno}: {value!r} beside `and` or `or` is neither True nor False")
+        return [bool(value)]
+
+    def place(self, node: Any) -> Terms:
+        """Coordinates of a place (m), its height over the car's at the start."""
+        from scenic.core.type_support import toVector
+
+        value = self.value(node)
+        try:
+            x, y, z = (finite("a place", part) for part in toVector(value))
+        except TypeError:
+            raise UnusableError(f"line {node.lineno}: {value!r} is no place to measure a distance from") from None
+        return [x, y, rounded(z - float(self.ego.position.z))]
+
+    def region(self, node: Any) -> Terms:
+        """Whether the car is in a region of the ground."""
+        region = self.value(node)
+        if type(region).__name__ == "CircularRegion":
+            return [*(finite("a region", part) for part in (region.center.x, region.center.y, region.radius)), "in_disc"]
+        polygons = region.polygons.geoms
+        if any(polygon.interiors for polygon in polygons):
+            raise UnusableError("a region with a hole cannot be used in a condition")
+        terms: Terms = []
+        for count, polygon in enumerate(polygons):
+            corners = [finite("a region", part) for corner in polygon.exterior.coords[:-1] for part in corner[:2]]
+            terms += [corners] if count == 0 else [corners, "or"]
+        return terms
+
+    def side(self, name: str) -> Terms:
+        """The place on the car that `front of ego` and its like name: ahead, left and up of its middle (m)."""
+        sizes = (self.ego.length, self.ego.width, self.ego.height)
+        return [rounded(share * float(size) / 2) for share, size in zip(SIDES[name], sizes, strict=True)]
+
+
+def attribute_of(value: Any, node: ast.Attribute) -> Any:
+    """The attribute's value; UnusableError if a class of the program computes it."""
+    written = [cls for cls in type(value).__mro__ if node.attr in vars(cls) and not cls.__module__.startswith("scenic.")]
+    if written and is_scenic(value):
+        kind = type(value).__name__
+        raise UnusableError(
+            f"line {node.lineno}: `{node.attr}` of a {kind} is code, which a condition or record cannot use"
+        )
+    return getattr(value, node.attr)
+
+
+def is_scenic(value: Any) -> bool:
+    """Whether a value is of one of Scenic's classes, or of a class derived from one."""
+    return any(cls.__module__.startswith("scenic.") for cls in type(value).__mro__)
+
+
+def is_plain(value: Any) -> bool:
+    """Whether no code of the program runs where the value is used: Python's and numpy's, or one of Scenic's classes."""
+    # Of a container Scenic samples the members only where it is used as a value.
+    plain = isinstance(value, bool | int | float | str | numpy.generic | numpy.ndarray | None)
+    return plain or (is_scenic(value) and not isinstance(value, type) and not inspect.isroutine(value))
+
+
+def shown(node: Any) -> str:
+    """What messages call an expression."""
+    names = {"Name": "`{id}`", "Attribute": "`….{attr}`"}
+    text = names.get(type(node).__name__)
+    return text.format(**vars(node)) if text else type(node).__name__

@@ -17,9 +17,9 @@ from foldcar.calibration import inference as inference_module
 from foldcar.calibration.drive_features import FEATURES, PITCH, TIME, possible_ends
 from foldcar.calibration.emulator import MOST_CELLS, OTHERS, Emulator, cell_inputs, prior_scores, simulate_bank
 from foldcar.calibration.experiment import CalibrationRun, SimulatedDrive, SweptDesign, SweptExperiment
-from foldcar.calibration.inference import ALONE, DRAWS, Inference, Problem, infer, plan
+from foldcar.calibration.inference import ALONE, DRAWS, Inference, Problem, infer, near, plan
 from foldcar.calibration.observations import Cell, Observations
-from foldcar.calibration.parameters import NAMES, PARAMETERS, values_of
+from foldcar.calibration.parameters import NAMES, PARAMETERS, known_scores, values_of
 from foldcar.calibration.posterior import DISCREPANCY, PATH_DISCREPANCY, Posterior, sample_posterior
 from foldcar.calibration.predictions import HEIGHTS, TRIALS, rank_next_trials
 from foldcar.calibration.summary import summarise
@@ -163,6 +163,27 @@ def test_what_further_trials_tell_is_the_information_of_their_count() -> None:
         assert found.parameter == "obstacle_height"
     flat = rank_next_trials(inferred(one, scores, 0.5), experiment({"kind": "patch", "friction": 0.3}))
     assert {found.height for found in flat} == {1.0}
+
+
+@pytest.mark.parametrize("measured", [{"com_height_m": 0.005}, {name: 0.9 for name in NAMES[:4]}])
+def test_measured_parameters_do_not_decide_which_runs_teach(measured: dict[str, float]) -> None:
+    """The scores of measured values have no exact binary form: the standard deviation of a thousand of them is not 0."""
+    draws = np.random.default_rng(1).standard_normal((1000, len(PARAMETERS)))
+    pinned = problem(experiment(), observations((0, 1, 2)), linear(0.0, 0.0))
+    pinned = replace(pinned, known=known_scores(measured))
+    scores = np.random.default_rng(2).standard_normal((500, len(PARAMETERS)))
+    free = [name not in measured for name in NAMES]
+
+    kept = near(scores, pinned.pinned(draws))
+
+    assert 0.9 * len(scores) < kept.sum()
+    assert (kept == near(scores[:, free], draws[:, free])).all()
+    for known in (range(len(PARAMETERS)), range(1, len(PARAMETERS))):
+        pinned = replace(pinned, known=dict.fromkeys(known, 0.1))
+        # With one parameter left the distance is that in its standard deviations.
+        distance = np.abs(scores[:, 0] - draws[:, 0].mean()) / draws[:, 0].std()
+        expected = distance < inference_module.REACH if len(known) < len(PARAMETERS) else np.full(500, True)
+        assert (near(scores, pinned.pinned(draws)) == expected).all()
 
 
 class Inferred(NamedTuple):

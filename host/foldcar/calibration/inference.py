@@ -277,8 +277,13 @@ def rate_error(problem: Problem, bank: Bank) -> float:
 
 
 def near(scores: FloatArray, draws: FloatArray) -> BoolArray:
-    """Which scores (n, parameters) lie in reach of a posterior's draws."""
-    free = draws.std(axis=0) > 0
+    """Which scores (n, parameters) lie in reach of a posterior's draws. Columns in which all draws are equal are left out.
+
+    The standard deviation of equal numbers is not always 0: their mean is rounded.
+    """
+    free = np.ptp(draws, axis=0) > 0
+    if not free.any():
+        return np.ones(len(scores), dtype=bool)
     centred = scores[:, free] - draws[:, free].mean(axis=0)
-    precision = np.linalg.inv(np.cov(draws[:, free].T))
+    precision = np.linalg.inv(np.atleast_2d(np.cov(draws[:, free].T)))
     return np.asarray(np.einsum("np,pq,nq->n", centred, precision, centred) < REACH**2)

@@ -17,6 +17,9 @@ from foldcar.errors import FoldcarError
 from foldcar.simulation.carsim import CarsimLimits
 from foldcar.store.calibrations import Calibration, calibration_named
 from foldcar.store.reader import Store
+from foldcar.store.tables import BY_NAME
+from foldcar.store.trial_records import Ending, TrialDesign
+from foldcar.store.trial_writer import CarFacts, Drive, write_trials
 from forked_foldcar import original
 from study_car import car_body, listing_of
 
@@ -137,6 +140,40 @@ def test_trials_that_fail_raise_obstacles_and_predict_failures(swept: Path) -> N
     assert not any("track_m" in pair["parameters"] for pair in told["correlations"])
     assert any(line.startswith("Most would be learned by 10 trials of 4") for line in told["findings"])
     assert "Measuring often tells more than trials: obstacle_height and com_height_m (--known)." in told["findings"]
+
+
+def test_only_cars_that_were_built_from_the_sheets_have_their_prior(swept: Path, tmp_path: Path) -> None:
+    store = Path(shutil.copy(swept / "swept.db", tmp_path / "s.db"))
+
+    def prior() -> Any:
+        answer = run(tmp_path, "calibrate", "s.db", "--replace", "--name", "mine", "--runs", "500", "--json", *simulated)
+        shown = json.loads(answer.stdout)["parameters"]
+        return next(row for row in shown if row["name"] == "com_height_m")["prior"]
+
+    simulated: tuple[str, ...] = ()
+    with Store.open(store) as opened:
+        parameters = [dict(design) for design in opened.designs("1").values()]
+        scene = json.loads(next(opened.rows(BY_NAME["scene"]))["json"])
+        place = next(opened.rows(BY_NAME["environment"]))["fingerprint"]
+        body, settings = (json.loads(next(opened.rows(BY_NAME[name]))["json"]) for name in ("body", "settings"))
+    for car in ("built", "simulated"):
+        with write_trials(store) as writer:
+            drive = Drive(body, settings, scene, place, "bump.scenic", 0)
+            facts = CarFacts("fw", "hash", "/dev/null", car)
+            for design in parameters:
+                number = writer.begin("1", TrialDesign("W_B_W", design), drive, {}, facts, "log", "Ada")
+                writer.complete(number, Ending("timeout", "time limit", 1.5, "", None))
+
+    driven = prior()
+    simulated = ("--simulated-trials",)
+    rehearsed = prior()
+    simulated = ()
+    shutil.copy(swept / "t.csv", tmp_path)
+    run(tmp_path, "trials", "import", "s.db", "t.csv")
+    with_imported = prior()
+
+    assert [driven[end] for end in ("low", "median", "high")] == pytest.approx([-0.004935, 0, 0.004935], abs=1e-6)
+    assert rehearsed["median"] == with_imported["median"] == pytest.approx(0.01)
 
 
 def calibration(folder: Path, name: str = "mine", store: str = "s.db") -> Calibration:

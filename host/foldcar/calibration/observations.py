@@ -68,7 +68,7 @@ class Observations:
     """Trials: ``cell``, ``car`` (trials,) indices, ``ends`` (trials, ENDS) possible, ``features`` (trials, FEATURES).
 
     ``errors`` (trials, FEATURES) are standard deviations of what was measured. ``car_design`` (cars,) is the index of
-    each car's design; ``notes`` are for the reader.
+    each car's design; ``notes`` are for the reader. ``from_sheets``: all cars were built from the sheets.
     """
 
     cells: tuple[Cell, ...]
@@ -80,6 +80,7 @@ class Observations:
     errors: FloatArray
     simulated: bool
     notes: tuple[str, ...]
+    from_sheets: bool = False
 
     @property
     def passed(self) -> FloatArray:
@@ -144,7 +145,11 @@ def observe(store: Store, experiment: SweptExperiment, simulated: bool, evidence
         raise FoldcarError(f"{store.path}: experiment {name}: no trial to calibrate by: {reasons}{hint}")
     notes = [f"Trials left out: {reasons}."] if reasons else []
     found = _observed(store, experiment, kept, here, evidence)
-    return replace(found, simulated=simulated, notes=(*notes, *found.notes, *_notes(found, simulated)))
+    notes += [*found.notes, *_notes(found, simulated)]
+    # A car that `foldcar log` drove has told the hash of its design; how others were built is not known. The realities of
+    # simulated cars are any.
+    from_sheets = not simulated and all(trial.source is None and trial.design_hash for trial, _ in kept)
+    return replace(found, simulated=simulated, notes=tuple(notes), from_sheets=from_sheets)
 
 
 def _observed(

@@ -5,8 +5,8 @@ parameter's unit. All inference works on scores; what a value does to a run stan
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
-from typing import Any, Literal
+from dataclasses import dataclass, replace
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from scipy.special import ndtr, ndtri
@@ -76,7 +76,7 @@ PARAMETERS = (
     Parameter(
         "com_height_m", "m", "normal", 0.01, 0.012, 0.0,
         "height of the centre of mass above the drawn one",
-        "a battery on the roof lifts it by 28 mm; where the published cars have theirs is not known",
+        "where the battery of a car is that was not built from the sheets is not known; on the roof it lifts it by 28 mm",
     ),
     Parameter(
         "track_m", "m", "normal", 0.0, 0.004, 0.0,
@@ -100,6 +100,13 @@ PARAMETERS = (
     ),
 )  # fmt: skip
 NAMES = tuple(parameter.name for parameter in PARAMETERS)
+# The prior of cars that were built from the sheets, where the place of each part is drawn.
+SHEETS_COM_HEIGHT = replace(
+    PARAMETERS[NAMES.index("com_height_m")],
+    middle=0.0,
+    sd=0.003,
+    source="built from the sheets: tolerances of the parts give 0.0004 m; cables, glue and folding are not in them",
+)
 # Farther out, the emulator has seen no runs.
 LARGEST_SCORE = 2.5
 NOMINAL: Mapping[str, float] = {parameter.name: parameter.nominal for parameter in PARAMETERS}
@@ -132,10 +139,28 @@ def parameter_named(
     return found
 
 
-def known_scores(known: Mapping[str, float]) -> dict[int, float]:
-    """The scores of values that were measured, by the parameter's index. FoldcarError."""
-    scores = {}
-    for name, value in known.items():
-        one = parameter_named(name, value, f"--known {name}", LARGEST_SCORE, with_nominal=False)
-        scores[NAMES.index(name)] = max(-LARGEST_SCORE, one.score(value))
-    return scores
+class ScorePrior(NamedTuple):
+    """A normal prior of a parameter's score in place of the standard normal one; ``sd`` is 0 for a measured value.
+
+    ``source`` is where it comes from.
+    """
+
+    mean: float
+    sd: float
+    source: str
+
+
+def measured_priors(measured: Mapping[str, float]) -> dict[int, ScorePrior]:
+    """The priors of measured values, by the parameter's index. FoldcarError."""
+    priors = {}
+    for name, value in measured.items():
+        parameter = parameter_named(name, value, f"--known {name}", LARGEST_SCORE, with_nominal=False)
+        priors[NAMES.index(name)] = ScorePrior(max(-LARGEST_SCORE, parameter.score(value)), 0.0, "measured (--known)")
+    return priors
+
+
+def sheets_priors() -> dict[int, ScorePrior]:
+    """The priors that cars built from the sheets have instead of those of PARAMETERS, by the parameter's index."""
+    index, narrow = NAMES.index(SHEETS_COM_HEIGHT.name), SHEETS_COM_HEIGHT
+    wide = PARAMETERS[index]
+    return {index: ScorePrior(wide.score(narrow.middle), narrow.sd / wide.sd, narrow.source)}

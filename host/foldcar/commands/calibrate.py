@@ -59,7 +59,7 @@ def calibrate(
     from foldcar.calibration.experiment import Simulator, nominal_counts, read_experiment
     from foldcar.calibration.inference import infer, plan
     from foldcar.calibration.observations import EVIDENCE, experiment_with_trials, observe
-    from foldcar.calibration.parameters import known_scores
+    from foldcar.calibration.parameters import measured_priors, sheets_priors
     from foldcar.calibration.summary import summarise
     from foldcar.commands.progress_bar import TerminalBar
     from foldcar.commands.tables import print_calibration
@@ -72,7 +72,7 @@ def calibrate(
         raise FoldcarError(f'--name "{name}": a name is at most 40 letters, digits, _ . or -, a letter or digit first')
     if evidence not in EVIDENCE:
         raise FoldcarError(f"--evidence {evidence}: not one of {', '.join(EVIDENCE)}")
-    measured = known_scores(dict(_value(text) for text in known or []))
+    measured = measured_priors(dict(_value(text) for text in known or []))
     with Store.open(store) as opened:
         check_calibration_name(opened, name, replace)
         chosen = read_experiment(opened, experiment_with_trials(opened, experiment))
@@ -82,7 +82,8 @@ def calibrate(
     simulator = Simulator(chosen, carsim, jobs or usable_processors(), seed)
     planned = plan(runs, observed, len(chosen.designs)).runs
     with message_on_signal(lambda: "stopped: nothing is stored"), TerminalBar("calibrate", planned) as bar:
-        inference = infer(simulator, observed, runs, bar.done, measured)
+        priors = {**(sheets_priors() if observed.from_sheets else {}), **measured}
+        inference = infer(simulator, observed, runs, bar.done, priors)
         summary = summarise(inference, chosen, nominal, seed, planned, leave_one_out)
     made = new_calibration(name, chosen.info.id, carsim.build, inference.draws, summary)
 

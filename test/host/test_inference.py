@@ -178,7 +178,7 @@ def test_measured_parameters_do_not_decide_which_runs_teach(measured: dict[str, 
     """The scores of measured values have no exact binary form: the standard deviation of a thousand of them is not 0."""
     draws = np.random.default_rng(1).standard_normal((1000, len(PARAMETERS)))
     pinned = problem(experiment(), observations((0, 1, 2)), linear(0.0, 0.0))
-    pinned = replace(pinned, priors=measured_priors(measured))
+    pinned = replace(pinned, priors=measured_priors(measured, "--known"))
     scores = np.random.default_rng(2).standard_normal((500, len(PARAMETERS)))
     free = [name not in measured for name in NAMES]
 

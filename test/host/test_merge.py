@@ -20,7 +20,7 @@ from swept_listing import swept
 from test_store import answer, fill
 from test_trial_store import begin
 
-OLD = "is a store of version 1, and this foldcar reads version 2: sweep into a new store, or use the foldcar that made it"
+OLD = "is a store of version 1, and this foldcar reads version 3: sweep into a new store, or use the foldcar that made it"
 
 
 def digest(store: Path) -> tuple[str, int]:

@@ -121,6 +121,19 @@ def experiment_with_trials(store: Store, named: str | None) -> str:
     return named if named is not None else there[0]
 
 
+def experiment_to_measure(store: Store, named: str | None) -> str:
+    """The experiment that is named, or the only one, of those that were swept or have trials. FoldcarError."""
+    swept = [info.listed_id for info in store.info().experiments.values()] if store.holds_study() else []
+    known = list(dict.fromkeys([*swept, *(trial.experiment for trial in store.trials())]))
+    if named is not None and named in known:
+        return named
+    if named is not None or not known:
+        raise FoldcarError(f'{store.path}: has no experiment "{named or ""}"; it has {", ".join(known) or "none"}')
+    if len(known) > 1:
+        raise FoldcarError(f"{store.path}: has experiments {', '.join(known)}: choose one with --experiment")
+    return known[0]
+
+
 def observe(store: Store, experiment: SweptExperiment, simulated: bool, evidence: str = PATHS) -> Observations:
     """The trials of built cars, or, if ``simulated``, of simulated ones instead; ``evidence`` is one of EVIDENCE."""
     name = experiment.info.id

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.special import ndtr, ndtri
 
 from foldcar.errors import FoldcarError
-from foldcar.typed import did_you_mean
+from foldcar.typed import decimal_number, did_you_mean
 
 FloatArray = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -107,6 +107,8 @@ SHEETS_COM_HEIGHT = replace(
     sd=0.003,
     source="built from the sheets: tolerances of the parts give 0.0004 m; cables, glue and folding are not in them",
 )
+# What a rule and a tilted board measure.
+MEASURABLE = ("obstacle_height", "com_height_m", "track_m")
 # Farther out, the emulator has seen no runs.
 LARGEST_SCORE = 2.5
 NOMINAL: Mapping[str, float] = {parameter.name: parameter.nominal for parameter in PARAMETERS}
@@ -150,12 +152,23 @@ class ScorePrior(NamedTuple):
     source: str
 
 
-def measured_priors(measured: Mapping[str, float]) -> dict[int, ScorePrior]:
-    """The priors of measured values, by the parameter's index. FoldcarError."""
+def measured_value(text: str, place: str) -> tuple[str, float]:
+    """Parse a measured value, NAME=VALUE. FoldcarError names the ``place`` and the limits."""
+    name, _, number = (part.strip() for part in text.partition("="))
+    try:
+        value = decimal_number(number)
+    except ValueError:
+        raise FoldcarError(f"{place} {text}: is not NAME=VALUE with a number") from None
+    parameter_named(name, value, f"{place} {name}".strip(), LARGEST_SCORE, with_nominal=False)
+    return name, value
+
+
+def measured_priors(measured: Mapping[str, float], place: str) -> dict[int, ScorePrior]:
+    """The priors of measured values, by the parameter's index. FoldcarError names the ``place``."""
     priors = {}
     for name, value in measured.items():
-        parameter = parameter_named(name, value, f"--known {name}", LARGEST_SCORE, with_nominal=False)
-        priors[NAMES.index(name)] = ScorePrior(max(-LARGEST_SCORE, parameter.score(value)), 0.0, "measured (--known)")
+        parameter = parameter_named(name, value, f"{place} {name}", LARGEST_SCORE, with_nominal=False)
+        priors[NAMES.index(name)] = ScorePrior(max(-LARGEST_SCORE, parameter.score(value)), 0.0, "measured")
     return priors
 
 

@@ -15,7 +15,7 @@ from foldcar.analysis.words import design_text, listed
 from foldcar.calibration.drive_features import CLIMBING, FAMILIES, FAMILY_NAMES, PITCH, SPEED, TIME, TIPPING, TURNING
 from foldcar.calibration.experiment import SweptExperiment
 from foldcar.calibration.inference import TOLERATED, Inference, Problem
-from foldcar.calibration.parameters import NAMES, PARAMETERS, FloatArray, Parameter, ScorePrior
+from foldcar.calibration.parameters import MEASURABLE, NAMES, PARAMETERS, FloatArray, Parameter, ScorePrior
 from foldcar.calibration.posterior import DISCREPANCY, PATH_DISCREPANCY, Posterior
 from foldcar.calibration.predictions import (
     TRIALS,
@@ -33,8 +33,6 @@ SHOWN_TRIALS = 3
 UNTOLD, TOLD = 0.1, 0.3
 # Correlations from here on are told; at most this many.
 CORRELATED, MOST_PAIRS = 0.25, 3
-# What a rule and a tilted board measure.
-MEASURABLE = ("obstacle_height", "com_height_m", "track_m")
 # Misfits of paths from this size on are told.
 WORTH = 1.15
 _LACKS = {
@@ -283,7 +281,7 @@ def findings(summary: Mapping[str, Any]) -> list[str]:
         told.append(f"Most would be learned by {found[0]['trials']} trials of {trials}.")
     inferred = [one["name"] for one in summary["parameters"] if one["explained"] is not None]
     if measurable := [name for name in MEASURABLE if name in inferred]:
-        told.append(f"Measuring often tells more than trials: {listed(measurable)} (--known).")
+        told.append(f"Measuring often tells more than trials: {listed(measurable)} (`foldcar trials measure`).")
     return told
 
 

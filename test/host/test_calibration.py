@@ -189,10 +189,13 @@ def test_measured_values_are_kept_and_taken_as_known(swept: Path, tmp_path: Path
     answer = run(
         tmp_path, "calibrate", "s.db", "--name", "two", "--runs", "500", "--known", "obstacle_height=1.05", "--json"
     )
+    shown = run(tmp_path, "calibrate", "s.db", "--name", "three", "--runs", "500").stdout
 
     assert before.stdout == "experiment 1: nothing was measured\n"
     assert json.loads(kept.stdout) == {"experiment": "1", "measured": {"obstacle_height": 1.1, "track_m": 0.002}}
     draws = json.loads(answer.stdout)["draws"]
+    rows = [line.split() for line in shown.splitlines()]
+    assert ["obstacle_height", "(×)", "1.1", "1.1", "-"] in rows and ["track_m", "0.002", "0.002", "-"] in rows
     # The command's value goes before the kept one.
     assert {(draw["track_m"], draw["obstacle_height"]) for draw in draws} == {(0.002, 1.05)}
     assert len({draw["friction"] for draw in draws}) > 10

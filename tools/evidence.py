@@ -36,7 +36,7 @@ from foldcar.calibration.emulator import Emulator, cell_inputs, prior_scores, si
 from foldcar.calibration.experiment import CalibrationRun, Simulator, SweptExperiment, read_experiment
 from foldcar.calibration.inference import Inference, Problem, checked
 from foldcar.calibration.observations import EVIDENCE, OUTCOMES, PATHS, Cell, Observations
-from foldcar.calibration.parameters import PARAMETERS, FloatArray, values_of
+from foldcar.calibration.parameters import PARAMETERS, FloatArray, ScorePrior, values_of
 from foldcar.calibration.predictions import rates_of
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.compact_path import answered_path
@@ -179,11 +179,13 @@ def trials_of(one: Reality, number: int, evidence: str, experiment: SweptExperim
     )
 
 
-def measured(one: Reality, number: int) -> dict[int, float]:
-    """The scores of MEASURED parameters by index, each with an error."""
+def measured(one: Reality, number: int) -> dict[int, ScorePrior]:
+    """The priors of MEASURED parameters by index, each with an error of its value."""
     stream = np.random.default_rng(2000 + number)
     return {
-        index: float(one.scores[index] + MEASURED[parameter.name] / parameter.sd * stream.standard_normal())
+        index: ScorePrior(
+            float(one.scores[index] + MEASURED[parameter.name] / parameter.sd * stream.standard_normal()), 0.0, "measured"
+        )
         for index, parameter in enumerate(PARAMETERS)
         if parameter.name in MEASURED
     }
@@ -200,7 +202,7 @@ def true_rates(simulator: Simulator, one: Reality) -> FloatArray:
 
 
 def calibrated(
-    simulator: Simulator, observed: Observations, emulator: Emulator, known: Mapping[int, float]
+    simulator: Simulator, observed: Observations, emulator: Emulator, priors: Mapping[int, ScorePrior]
 ) -> Inference:
     """As the first round of `foldcar calibrate`, with an emulator that is there; rates are simulated afterwards."""
     experiment = simulator.experiment
@@ -209,7 +211,7 @@ def calibrated(
     inputs = np.vstack([inputs[used], inputs[len(observed.cells) :]])
     cells = tuple(observed.cells[one] for one in used)
     observed = replace(observed, cells=cells, cell=np.searchsorted(used, observed.cell))
-    problem = Problem(observed, emulator, inputs, known)
+    problem = Problem(observed, emulator, inputs, priors)
     designs = np.arange(len(experiment.designs))
     return checked(simulator, problem, problem.posterior(SEED), designs, 1, 10**7, silent)
 
@@ -224,8 +226,8 @@ def rows_of(folder: Path, simulator: Simulator, realities: list[Reality], emulat
             errors, covered, explained = [], [], []
             for index, one in enumerate(realities):
                 observed = trials_of(one, number, evidence, experiment)
-                known = measured(one, index) if with_measures else {}
-                make = partial(calibrated, simulator, observed, emulator, known)
+                priors = measured(one, index) if with_measures else {}
+                make = partial(calibrated, simulator, observed, emulator, priors)
                 found = kept(folder / f"{index}-{number}-{name}.pickle", make)
                 rates = rates_of(found, experiment, SEED)
                 ends = np.quantile(rates.predicted, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2], axis=0)

@@ -45,6 +45,7 @@ def full_store(path: Path) -> Path:
             trials.import_trials([{**row, "design": {"width_mm": 95.0}, "sample": at, "outcome": outcome}])
     with write_calibrations(path) as calibrations:
         summary = {"findings": ["nothing"]}
+        calibrations.measure("1", {"track_m": 0.002})
         calibrations.put(Calibration("mine", "1", "b1", "2026-01-02T03:04:05", ({"track_m": 0.25},), summary), False)
     return path
 

@@ -17,7 +17,11 @@ from foldcar.errors import FoldcarError
 from foldcar.simulation.carsim import CarsimLimits
 from foldcar.store.calibrations import Calibration, calibration_named
 from foldcar.store.reader import Store
+from foldcar.store.tables import BY_NAME
+from foldcar.store.trial_records import Ending, TrialDesign
+from foldcar.store.trial_writer import CarFacts, Drive, write_trials
 from forked_foldcar import original
+from full_store import alter
 from study_car import car_body, listing_of
 
 BUMP = """model model
@@ -136,7 +140,94 @@ def test_trials_that_fail_raise_obstacles_and_predict_failures(swept: Path) -> N
     assert all(one["track_m"] == pytest.approx(0, abs=1e-9) for one in told["draws"])
     assert not any("track_m" in pair["parameters"] for pair in told["correlations"])
     assert any(line.startswith("Most would be learned by 10 trials of 4") for line in told["findings"])
-    assert "Measuring often tells more than trials: obstacle_height and com_height_m (--known)." in told["findings"]
+    assert (
+        "Measuring often tells more than trials: obstacle_height and com_height_m (`foldcar trials measure`)."
+        in told["findings"]
+    )
+
+
+def test_only_cars_that_were_built_from_the_sheets_have_their_prior(swept: Path, tmp_path: Path) -> None:
+    store = Path(shutil.copy(swept / "swept.db", tmp_path / "s.db"))
+
+    def prior() -> Any:
+        answer = run(tmp_path, "calibrate", "s.db", "--replace", "--name", "mine", "--runs", "500", "--json", *simulated)
+        shown = json.loads(answer.stdout)["parameters"]
+        return next(row for row in shown if row["name"] == "com_height_m")["prior"]
+
+    simulated: tuple[str, ...] = ()
+    with Store.open(store) as opened:
+        parameters = [dict(design) for design in opened.designs("1").values()]
+        scene = json.loads(next(opened.rows(BY_NAME["scene"]))["json"])
+        place = next(opened.rows(BY_NAME["environment"]))["fingerprint"]
+        body, settings = (json.loads(next(opened.rows(BY_NAME[name]))["json"]) for name in ("body", "settings"))
+    for car in ("built", "simulated"):
+        with write_trials(store) as writer:
+            drive = Drive(body, settings, scene, place, "bump.scenic", 0)
+            facts = CarFacts("fw", "hash", "/dev/null", car)
+            for design in parameters:
+                number = writer.begin("1", TrialDesign("W_B_W", design), drive, {}, facts, "log", "Ada")
+                writer.complete(number, Ending("timeout", "time limit", 1.5, "", None))
+
+    driven = prior()
+    simulated = ("--simulated-trials",)
+    rehearsed = prior()
+    simulated = ()
+    shutil.copy(swept / "t.csv", tmp_path)
+    run(tmp_path, "trials", "import", "s.db", "t.csv")
+    with_imported = prior()
+
+    assert [driven[end] for end in ("low", "median", "high")] == pytest.approx([-0.004935, 0, 0.004935], abs=1e-6)
+    assert rehearsed["median"] == with_imported["median"] == pytest.approx(0.01)
+
+
+def test_measured_values_are_kept_and_taken_as_known(swept: Path, tmp_path: Path) -> None:
+    shutil.copy(swept / "s.db", tmp_path)
+
+    before = run(tmp_path, "trials", "measure", "s.db")
+    run(tmp_path, "trials", "measure", "s.db", "track_m=0.5e-2", "obstacle_height=1.1", "friction=0.9")
+    kept = run(tmp_path, "trials", "measure", "s.db", "track_m=0.002", "friction=", "--json")
+    answer = run(
+        tmp_path, "calibrate", "s.db", "--name", "two", "--runs", "500", "--known", "obstacle_height=1.05", "--json"
+    )
+    shown = run(tmp_path, "calibrate", "s.db", "--name", "three", "--runs", "500").stdout
+
+    assert before.stdout == "experiment 1: nothing was measured\n"
+    assert json.loads(kept.stdout) == {"experiment": "1", "measured": {"obstacle_height": 1.1, "track_m": 0.002}}
+    draws = json.loads(answer.stdout)["draws"]
+    rows = [line.split() for line in shown.splitlines()]
+    assert ["obstacle_height", "(×)", "1.1", "1.1", "-"] in rows and ["track_m", "0.002", "0.002", "-"] in rows
+    # The command's value goes before the kept one.
+    assert {(draw["track_m"], draw["obstacle_height"]) for draw in draws} == {(0.002, 1.05)}
+    assert len({draw["friction"] for draw in draws}) > 10
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("track_m=0.5",), "trials measure: track_m: 0.5 is outside -0.01 to 0.01 (m)"),
+        (("track=0",), 'trials measure: track: unknown parameter "track"'),
+        (("track=",), "trials measure: track=: unknown parameter; known: friction, "),
+        (("track_m=wide",), "trials measure: track_m=wide: is not NAME=VALUE with a number"),
+        (("track_m=0", "track_m=0.001"), "trials measure: track_m: is given twice"),
+        (("track_m=0", "--experiment", "3"), 's.db: has no experiment "3"; it has 1'),
+    ],
+)
+def test_wrong_measurements_are_refused(swept: Path, words: tuple[str, ...], message: str) -> None:
+    before = (swept / "s.db").read_bytes()
+
+    refused = run(swept, "trials", "measure", "s.db", *words, code=2)
+
+    assert refused.stderr.count("\n") == 1 and message in refused.stderr, refused.stderr
+    assert (swept / "s.db").read_bytes() == before
+
+
+def test_a_damaged_measurement_is_refused_by_the_calibration(swept: Path, tmp_path: Path) -> None:
+    shutil.copy(swept / "s.db", tmp_path)
+    alter(tmp_path / "s.db", "INSERT INTO measured VALUES ('1', 'track_m', 0.3)")
+
+    refused = run(tmp_path, "calibrate", "s.db", "--name", "two", "--runs", "500", code=2)
+
+    assert "s.db: measured track_m: 0.3 is outside -0.01 to 0.01 (m)" in refused.stderr
 
 
 def calibration(folder: Path, name: str = "mine", store: str = "s.db") -> Calibration:

@@ -17,9 +17,17 @@ from foldcar.calibration import inference as inference_module
 from foldcar.calibration.drive_features import FEATURES, PITCH, TIME, possible_ends
 from foldcar.calibration.emulator import MOST_CELLS, OTHERS, Emulator, cell_inputs, prior_scores, simulate_bank
 from foldcar.calibration.experiment import CalibrationRun, SimulatedDrive, SweptDesign, SweptExperiment
-from foldcar.calibration.inference import ALONE, DRAWS, Inference, Problem, infer, plan
+from foldcar.calibration.inference import ALONE, DRAWS, Inference, Problem, infer, near, plan
 from foldcar.calibration.observations import Cell, Observations
-from foldcar.calibration.parameters import NAMES, PARAMETERS, values_of
+from foldcar.calibration.parameters import (
+    NAMES,
+    PARAMETERS,
+    SHEETS_COM_HEIGHT,
+    ScorePrior,
+    measured_priors,
+    sheets_priors,
+    values_of,
+)
 from foldcar.calibration.posterior import DISCREPANCY, PATH_DISCREPANCY, Posterior, sample_posterior
 from foldcar.calibration.predictions import HEIGHTS, TRIALS, rank_next_trials
 from foldcar.calibration.summary import summarise
@@ -165,6 +173,52 @@ def test_what_further_trials_tell_is_the_information_of_their_count() -> None:
     assert {found.height for found in flat} == {1.0}
 
 
+@pytest.mark.parametrize("measured", [{"com_height_m": 0.005}, {name: 0.9 for name in NAMES[:4]}])
+def test_measured_parameters_do_not_decide_which_runs_teach(measured: dict[str, float]) -> None:
+    """The scores of measured values have no exact binary form: the standard deviation of a thousand of them is not 0."""
+    draws = np.random.default_rng(1).standard_normal((1000, len(PARAMETERS)))
+    pinned = problem(experiment(), observations((0, 1, 2)), linear(0.0, 0.0))
+    pinned = replace(pinned, priors=measured_priors(measured, "--known"))
+    scores = np.random.default_rng(2).standard_normal((500, len(PARAMETERS)))
+    free = [name not in measured for name in NAMES]
+
+    kept = near(scores, pinned.with_priors(draws))
+
+    assert 0.9 * len(scores) < kept.sum()
+    assert (kept == near(scores[:, free], draws[:, free])).all()
+    for known in (range(len(PARAMETERS)), range(1, len(PARAMETERS))):
+        pinned = replace(pinned, priors=dict.fromkeys(known, ScorePrior(0.1, 0.0, "measured")))
+        # With one parameter left the distance is that in its standard deviations.
+        distance = np.abs(scores[:, 0] - draws[:, 0].mean()) / draws[:, 0].std()
+        expected = distance < inference_module.REACH if len(known) < len(PARAMETERS) else np.full(500, True)
+        assert (near(scores, pinned.with_priors(draws)) == expected).all()
+
+
+def test_trials_that_say_nothing_leave_the_prior_of_the_sheets() -> None:
+    """The posterior of the centre of mass, where no run depends on it, is its prior of these cars: 0 ± 3 mm."""
+    swept = experiment({"kind": "pothole", "depth_m": 0.03})
+    column = NAMES.index("com_height_m")
+    simulator: Any = Formula(seed=7)
+    observed = observations((0, 2, 10), (3, 3, 4))
+    everything = {**dict.fromkeys(range(len(PARAMETERS)), ScorePrior(0.0, 0.0, "measured")), **sheets_priors()}
+    one = replace(problem(swept, observed, linear(0.0, 0.0)), priors=sheets_priors())
+
+    values = PARAMETERS[column].value(one.posterior(1).scores[:, column])
+    found = infer(simulator, observed, RUNS, priors=everything)
+    summary = summarise(found, swept, {}, 7, RUNS, False)
+
+    assert values.mean() == pytest.approx(0, abs=0.0006) and values.std() == pytest.approx(0.003, rel=0.15)
+    shown = next(row for row in summary["parameters"] if row["name"] == "com_height_m")
+    ends = [shown["prior"][end] for end in ("low", "median", "high")]
+    assert ends == pytest.approx([-1.645 * 0.003, 0, 1.645 * 0.003], abs=1e-6)
+    assert shown["explained"] < 0.3 and shown["source"] == SHEETS_COM_HEIGHT.source
+    # Of one parameter that was not measured there are no pairs, and trials tell most about it.
+    assert summary["correlations"] == []
+    assert {row["parameter"] for row in summary["next_trials"]} == {"com_height_m"}
+    measured = replace(found, problem=replace(found.problem, priors=dict.fromkeys(everything, everything[0])))
+    assert {row.parameter for row in rank_next_trials(measured, swept)} == {"discrepancy"}
+
+
 class Inferred(NamedTuple):
     """An inference, the runs that it asked for, and how many it told of."""
 
@@ -179,7 +233,7 @@ def inferred_once() -> Inferred:
     simulator: Any = Formula(seed=7)
     observed = replace(observations((0, 2, 10), (1, 0, 3), (3, 5, 6), (3, 4, 4)), notes=("a note",))
     told: list[int] = []
-    found = infer(simulator, observed, RUNS, told.append, {NAMES.index("track_m"): 0.5})
+    found = infer(simulator, observed, RUNS, told.append, {NAMES.index("track_m"): ScorePrior(0.5, 0.0, "measured")})
     return Inferred(found, simulator.asked, sum(told))
 
 

@@ -12,7 +12,7 @@ from foldcar.store.check import check_store, store_digest
 from foldcar.store.errors import StoreError
 from foldcar.store.merge import merge_stores
 from foldcar.store.reader import Store
-from foldcar.store.tables import EXPERIMENT, RUN, TRIAL, Table
+from foldcar.store.tables import EXPERIMENT, MEASURED, RUN, TRIAL, Table
 from foldcar.store.trial_records import Ending
 from foldcar.store.trial_writer import write_trials
 from full_store import alter, change, contents, full_store
@@ -20,7 +20,7 @@ from swept_listing import swept
 from test_store import answer, fill
 from test_trial_store import begin
 
-OLD = "is a store of version 1, and this foldcar reads version 2: sweep into a new store, or use the foldcar that made it"
+OLD = "is a store of version 1, and this foldcar reads version 3: sweep into a new store, or use the foldcar that made it"
 
 
 def digest(store: Path) -> tuple[str, int]:
@@ -190,6 +190,20 @@ def test_contradictions_are_refused_and_nothing_is_written(
         merge_stores([tmp_path / "a.db", tmp_path / "b.db"], tmp_path / "m.db")
 
     assert sorted(file.name for file in tmp_path.iterdir()) == ["a.db", "b.db"]
+
+
+def test_other_measurements_are_refused(tmp_path: Path) -> None:
+    first = full_store(tmp_path / "a.db")
+    second = Path(shutil.copy(first, tmp_path / "b.db"))
+    same = merge_stores([first, second], tmp_path / "same.db")
+    change(second, MEASURED, "parameter = 'track_m'", value=0.003)
+
+    with pytest.raises(
+        StoreError, match=r"^measured \(experiment 1, parameter track_m\): value is 0.003 in .*b.db, 0.002 in"
+    ):
+        merge_stores([first, second], tmp_path / "m.db")
+
+    assert same["measured"] == 1
 
 
 def test_other_designs_are_refused(tmp_path: Path) -> None:

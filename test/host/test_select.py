@@ -26,6 +26,7 @@ from foldcar.commands.tables import print_selections
 from foldcar.fabrication.patterns import nesting, sheets
 from foldcar.report.page_data import read_experiments
 from foldcar.report.page_remarks import remarks
+from foldcar.store.calibrations import write_calibrations
 from foldcar.store.reader import Store
 from swept_listing import told
 from written_study import add_trials, import_trials, write_study
@@ -42,6 +43,27 @@ def plain(store: Path, capsys: pytest.CaptureFixture[str]) -> str:
     text = " ".join(capsys.readouterr().out.split())
     assert "nan" not in text.lower()
     return text
+
+
+def test_what_was_not_measured_is_named_while_more_trials_are_advised(tmp_path: Path) -> None:
+    store = write_study(tmp_path / "s.db", FAMILY, 40, outcome)
+    (before,) = advise(store)
+    import_trials(store, [({"width_mm": 90.0}, None, "passed"), ({"width_mm": 120.0}, None, "stuck")] * 3)
+
+    (unmeasured,) = advise(store)
+    with write_calibrations(store) as writer:
+        writer.measure("1", {"track_m": 0.001, "obstacle_height": 1.0})
+        writer.measure("2", {"com_height_m": 0.001})
+    (one_missing,) = advise(store)
+    with write_calibrations(store) as writer:
+        writer.measure("1", {"com_height_m": 0.0})
+    (measured,) = advise(store)
+
+    first = "Measure first, before more trials: "
+    assert not any(line.startswith(first) for line in (*before.remarks, *measured.remarks))
+    assert f"{first}obstacle_height, com_height_m and track_m (`foldcar trials measure`)." in unmeasured.remarks
+    assert f"{first}com_height_m (`foldcar trials measure`)." in one_missing.remarks
+    assert measured.recommendations == unmeasured.recommendations != ()
 
 
 def outcome(design: Mapping[str, float], sample: int) -> str:

@@ -35,10 +35,12 @@ from foldcar.analysis.selection import (
     trials_to_tell,
 )
 from foldcar.analysis.words import count, listed, percent, points, rate_text
+from foldcar.calibration.parameters import MEASURABLE
 from foldcar.car.design import compose_columns
 from foldcar.car.folded_car import folded_car
 from foldcar.errors import FoldcarError
 from foldcar.simulation.results import no_rate_text
+from foldcar.store.calibrations import measured_values
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
 
@@ -133,7 +135,18 @@ def select(
     """
     evidence = read_evidence(store, experiment, simulated_trials)
     found = select_evidence(evidence, build, threshold, precision, with_cost)
+    if not simulated_trials:
+        found = [replace(one, remarks=(*measure_first(store, one), *one.remarks)) for one in found]
     return [replace(one, sentence=f"SIMULATED trials. {one.sentence}") for one in found] if simulated_trials else found
+
+
+def measure_first(store: Store, selection: Selection) -> list[str]:
+    """Return a remark that names what was not measured of the built cars and obstacles, if more trials are advised."""
+    missing = [name for name in MEASURABLE if name not in measured_values(store, selection.info.listed_id)]
+    # There is no leader before trials.
+    if not missing or selection.leader is None or not selection.recommendations:
+        return []
+    return [f"Measure first, before more trials: {listed(missing)} (`foldcar trials measure`)."]
 
 
 def select_evidence(

@@ -27,7 +27,7 @@ from foldcar.calibration.emulator import (
 )
 from foldcar.calibration.experiment import CalibrationRun, Simulator
 from foldcar.calibration.observations import BoolArray, Observations
-from foldcar.calibration.parameters import PARAMETERS, FloatArray, values_of
+from foldcar.calibration.parameters import PARAMETERS, FloatArray, ScorePrior, values_of
 from foldcar.calibration.posterior import Features, IntArray, Outcomes, Posterior, outcomes, sample_posterior
 
 # Shares of the runs: from the prior, around posteriors in each of at most ROUNDS; the rest checks the result.
@@ -52,12 +52,15 @@ MOST_TRIALS = 12.0
 
 @dataclass(frozen=True)
 class Problem:
-    """Trials, the emulator that explains them and the cells' ``inputs``; ``known`` maps measured parameters to scores."""
+    """Trials, the emulator that explains them and the cells' ``inputs``.
+
+    ``priors`` are those of parameters, by their index, whose scores are not standard normal before the trials.
+    """
 
     observed: Observations
     emulator: Emulator
     inputs: FloatArray
-    known: Mapping[int, float]
+    priors: Mapping[int, ScorePrior]
 
     @cached_property
     def other(self) -> FloatArray:
@@ -70,11 +73,16 @@ class Problem:
         """How far the cars that drove share a discrepancy (cars, cars)."""
         return self.other[self.observed.car_design]
 
-    def pinned(self, scores: FloatArray) -> FloatArray:
-        """The scores (n, parameters) with those that are known."""
-        scores = scores.copy()
-        for index, score in self.known.items():
-            scores[:, index] = score
+    @property
+    def free(self) -> list[int]:
+        """The indices of the parameters that were not measured."""
+        return [i for i in range(len(PARAMETERS)) if i not in self.priors or self.priors[i].sd > 0]
+
+    def with_priors(self, latent: FloatArray) -> FloatArray:
+        """The scores (n, parameters) of latent values that are standard normal before the trials."""
+        scores: FloatArray = latent.copy()
+        for index, prior in self.priors.items():
+            scores[:, index] = prior.mean + prior.sd * latent[:, index]
         return scores
 
     def posterior(self, seed: int) -> Posterior:
@@ -82,8 +90,8 @@ class Problem:
         features = self.features
         cells = self.inputs[: len(self.observed.cells)]
 
-        def likelihood(scores: FloatArray, tau: FloatArray, kappa: FloatArray) -> FloatArray:
-            scores = self.pinned(scores)
+        def likelihood(latent: FloatArray, tau: FloatArray, kappa: FloatArray) -> FloatArray:
+            scores = self.with_priors(latent)
             by_cell = self.emulator.end_chances(scores, cells)
             chances = by_cell[:, self.observed.cell]
             paths = self._ways(chances)
@@ -93,7 +101,7 @@ class Problem:
             return self._outcomes(success_logits(by_cell), tau).evidence + weight * paths
 
         found = sample_posterior(likelihood, len(PARAMETERS), seed)
-        return replace(found, scores=self.pinned(found.scores))
+        return replace(found, scores=self.with_priors(found.scores))
 
     def _outcomes(self, logits: FloatArray, tau: FloatArray) -> Outcomes:
         """The outcomes by the cells' simulated logits (n, cells) with discrepancies τ (n,)."""
@@ -199,9 +207,12 @@ def infer(
     observed: Observations,
     runs: int,
     done: Callable[[int], None] = lambda runs: None,
-    known: Mapping[int, float] = MappingProxyType({}),
+    priors: Mapping[int, ScorePrior] = MappingProxyType({}),
 ) -> Inference:
-    """Infer the parameters but for ``known`` ones; ``done`` is told of finished runs, Plan.runs in all. FoldcarError."""
+    """Infer the parameters; ``priors`` as in Problem. ``done`` is called with finished runs, Plan.runs in all.
+
+    FoldcarError.
+    """
     seed, experiment = simulator.seed, simulator.experiment
     inputs, width = cell_inputs(experiment, observed.cells)
     planned = plan(runs, observed, len(experiment.designs))
@@ -209,7 +220,7 @@ def infer(
     cars = observed.car_design
 
     def problem_of(bank: Bank) -> Problem:
-        return Problem(observed, bank.emulator(inputs, width, seed), inputs, dict(known))
+        return Problem(observed, bank.emulator(inputs, width, seed), inputs, dict(priors))
 
     problem = problem_of(bank)
     posterior = problem.posterior(seed)
@@ -277,8 +288,13 @@ def rate_error(problem: Problem, bank: Bank) -> float:
 
 
 def near(scores: FloatArray, draws: FloatArray) -> BoolArray:
-    """Which scores (n, parameters) lie in reach of a posterior's draws."""
-    free = draws.std(axis=0) > 0
+    """Which scores (n, parameters) lie in reach of a posterior's draws, but for columns in which all draws are equal.
+
+    The standard deviation of equal numbers is not always 0: their mean is rounded.
+    """
+    free = np.ptp(draws, axis=0) > 0
+    if not free.any():
+        return np.ones(len(scores), dtype=bool)
     centred = scores[:, free] - draws[:, free].mean(axis=0)
-    precision = np.linalg.inv(np.cov(draws[:, free].T))
+    precision = np.linalg.inv(np.atleast_2d(np.cov(draws[:, free].T)))
     return np.asarray(np.einsum("np,pq,nq->n", centred, precision, centred) < REACH**2)

@@ -68,7 +68,7 @@ class Observations:
     """Trials: ``cell``, ``car`` (trials,) indices, ``ends`` (trials, ENDS) possible, ``features`` (trials, FEATURES).
 
     ``errors`` (trials, FEATURES) are standard deviations of what was measured. ``car_design`` (cars,) is the index of
-    each car's design; ``notes`` are for the reader.
+    each car's design; ``notes`` are for the reader. ``from_sheets``: all cars were built from the sheets.
     """
 
     cells: tuple[Cell, ...]
@@ -80,6 +80,7 @@ class Observations:
     errors: FloatArray
     simulated: bool
     notes: tuple[str, ...]
+    from_sheets: bool = False
 
     @property
     def passed(self) -> FloatArray:
@@ -120,6 +121,19 @@ def experiment_with_trials(store: Store, named: str | None) -> str:
     return named if named is not None else there[0]
 
 
+def experiment_to_measure(store: Store, named: str | None) -> str:
+    """The experiment that is named, or the only one, of those that were swept or have trials. FoldcarError."""
+    swept = [info.listed_id for info in store.info().experiments.values()] if store.holds_study() else []
+    known = list(dict.fromkeys([*swept, *(trial.experiment for trial in store.trials())]))
+    if named is not None and named in known:
+        return named
+    if named is not None or not known:
+        raise FoldcarError(f'{store.path}: has no experiment "{named or ""}"; it has {", ".join(known) or "none"}')
+    if len(known) > 1:
+        raise FoldcarError(f"{store.path}: has experiments {', '.join(known)}: choose one with --experiment")
+    return known[0]
+
+
 def observe(store: Store, experiment: SweptExperiment, simulated: bool, evidence: str = PATHS) -> Observations:
     """The trials of built cars, or, if ``simulated``, of simulated ones instead; ``evidence`` is one of EVIDENCE."""
     name = experiment.info.id
@@ -144,7 +158,11 @@ def observe(store: Store, experiment: SweptExperiment, simulated: bool, evidence
         raise FoldcarError(f"{store.path}: experiment {name}: no trial to calibrate by: {reasons}{hint}")
     notes = [f"Trials left out: {reasons}."] if reasons else []
     found = _observed(store, experiment, kept, here, evidence)
-    return replace(found, simulated=simulated, notes=(*notes, *found.notes, *_notes(found, simulated)))
+    notes += [*found.notes, *_notes(found, simulated)]
+    # A car that `foldcar log` drove has told the hash of its design; how others were built is not known. The realities of
+    # simulated cars are any.
+    from_sheets = not simulated and all(trial.source is None and trial.design_hash for trial, _ in kept)
+    return replace(found, simulated=simulated, notes=tuple(notes), from_sheets=from_sheets)
 
 
 def _observed(

@@ -5,14 +5,14 @@ parameter's unit. All inference works on scores; what a value does to a run stan
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
-from typing import Any, Literal
+from dataclasses import dataclass, replace
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from scipy.special import ndtr, ndtri
 
 from foldcar.errors import FoldcarError
-from foldcar.typed import did_you_mean
+from foldcar.typed import decimal_number, did_you_mean
 
 FloatArray = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -76,7 +76,7 @@ PARAMETERS = (
     Parameter(
         "com_height_m", "m", "normal", 0.01, 0.012, 0.0,
         "height of the centre of mass above the drawn one",
-        "a battery on the roof lifts it by 28 mm; where the published cars have theirs is not known",
+        "where the battery of a car is that was not built from the sheets is not known; on the roof it lifts it by 28 mm",
     ),
     Parameter(
         "track_m", "m", "normal", 0.0, 0.004, 0.0,
@@ -100,6 +100,15 @@ PARAMETERS = (
     ),
 )  # fmt: skip
 NAMES = tuple(parameter.name for parameter in PARAMETERS)
+# The prior of cars that were built from the sheets, where the place of each part is drawn.
+SHEETS_COM_HEIGHT = replace(
+    PARAMETERS[NAMES.index("com_height_m")],
+    middle=0.0,
+    sd=0.003,
+    source="built from the sheets: tolerances of the parts give 0.0004 m; cables, glue and folding are not in them",
+)
+# What a rule and a tilted board measure.
+MEASURABLE = ("obstacle_height", "com_height_m", "track_m")
 # Farther out, the emulator has seen no runs.
 LARGEST_SCORE = 2.5
 NOMINAL: Mapping[str, float] = {parameter.name: parameter.nominal for parameter in PARAMETERS}
@@ -132,10 +141,39 @@ def parameter_named(
     return found
 
 
-def known_scores(known: Mapping[str, float]) -> dict[int, float]:
-    """The scores of values that were measured, by the parameter's index. FoldcarError."""
-    scores = {}
-    for name, value in known.items():
-        one = parameter_named(name, value, f"--known {name}", LARGEST_SCORE, with_nominal=False)
-        scores[NAMES.index(name)] = max(-LARGEST_SCORE, one.score(value))
-    return scores
+class ScorePrior(NamedTuple):
+    """A normal prior of a parameter's score in place of the standard normal one; ``sd`` is 0 for a measured value.
+
+    ``source`` is where it comes from.
+    """
+
+    mean: float
+    sd: float
+    source: str
+
+
+def measured_value(text: str, place: str) -> tuple[str, float]:
+    """Parse a measured value, NAME=VALUE. FoldcarError names the ``place`` and the limits."""
+    name, _, number = (part.strip() for part in text.partition("="))
+    try:
+        value = decimal_number(number)
+    except ValueError:
+        raise FoldcarError(f"{place} {text}: is not NAME=VALUE with a number") from None
+    parameter_named(name, value, f"{place} {name}".strip(), LARGEST_SCORE, with_nominal=False)
+    return name, value
+
+
+def measured_priors(measured: Mapping[str, float], place: str) -> dict[int, ScorePrior]:
+    """The priors of measured values, by the parameter's index. FoldcarError names the ``place``."""
+    priors = {}
+    for name, value in measured.items():
+        parameter = parameter_named(name, value, f"{place} {name}", LARGEST_SCORE, with_nominal=False)
+        priors[NAMES.index(name)] = ScorePrior(max(-LARGEST_SCORE, parameter.score(value)), 0.0, "measured")
+    return priors
+
+
+def sheets_priors() -> dict[int, ScorePrior]:
+    """The priors that cars built from the sheets have instead of those of PARAMETERS, by the parameter's index."""
+    index, narrow = NAMES.index(SHEETS_COM_HEIGHT.name), SHEETS_COM_HEIGHT
+    wide = PARAMETERS[index]
+    return {index: ScorePrior(wide.score(narrow.middle), narrow.sd / wide.sd, narrow.source)}

@@ -15,7 +15,7 @@ from foldcar.calibration.effects import HEIGHT_KEYS
 from foldcar.calibration.experiment import SweptExperiment
 from foldcar.calibration.inference import Inference, Problem
 from foldcar.calibration.parameters import NAMES, PARAMETERS, FloatArray
-from foldcar.calibration.posterior import IntArray
+from foldcar.calibration.posterior import DISCREPANCY, IntArray
 
 TRIALS = 10
 # Heights relative to the environment's. Higher ones would ask the emulator for what it has seen little of.
@@ -32,7 +32,8 @@ _WEIGHTS = _WEIGHTS / _WEIGHTS.sum()
 class NextTrials:
     """TRIALS trials of a further car of a design, by its index, with obstacles ``height`` times as high.
 
-    ``bits`` is their mutual information with all parameters, ``parameter`` the one that they tell most about.
+    ``bits`` is their mutual information with all parameters, ``parameter`` the one that they tell most about: the
+    discrepancy if all parameters were measured.
     """
 
     design: int
@@ -128,7 +129,9 @@ def rank_next_trials(inference: Inference, experiment: SweptExperiment) -> list[
         logits = problem.emulator.logits(lowered, problem.inputs[len(problem.observed.cells) + designs])
         for design, offset, one in zip(designs.tolist(), offsets, logits.T, strict=True):
             bits, alone = expected_bits(count_chances(problem, offset, one, TRIALS), scores)
-            found.append(NextTrials(design, height, bits, NAMES[int(np.argmax(alone))]))
+            # The draws of a measured parameter are equal, and their groups differ by chance only.
+            most = max(problem.free, key=lambda index: alone[index], default=None)
+            found.append(NextTrials(design, height, bits, DISCREPANCY.name if most is None else NAMES[most]))
     return sorted(found, key=lambda one: -one.bits)
 
 

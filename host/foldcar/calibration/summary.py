@@ -15,7 +15,7 @@ from foldcar.analysis.words import design_text, listed
 from foldcar.calibration.drive_features import CLIMBING, FAMILIES, FAMILY_NAMES, PITCH, SPEED, TIME, TIPPING, TURNING
 from foldcar.calibration.experiment import SweptExperiment
 from foldcar.calibration.inference import TOLERATED, Inference, Problem
-from foldcar.calibration.parameters import NAMES, PARAMETERS, FloatArray, Parameter
+from foldcar.calibration.parameters import MEASURABLE, NAMES, PARAMETERS, FloatArray, Parameter, ScorePrior
 from foldcar.calibration.posterior import DISCREPANCY, PATH_DISCREPANCY, Posterior
 from foldcar.calibration.predictions import (
     TRIALS,
@@ -33,8 +33,6 @@ SHOWN_TRIALS = 3
 UNTOLD, TOLD = 0.1, 0.3
 # Correlations from here on are told; at most this many.
 CORRELATED, MOST_PAIRS = 0.25, 3
-# What a rule and a tilted board measure.
-MEASURABLE = ("obstacle_height", "com_height_m", "track_m")
 # Misfits of paths from this size on are told.
 WORTH = 1.15
 _LACKS = {
@@ -166,13 +164,9 @@ def _parameters(inference: Inference) -> list[dict[str, Any]]:
     rows = []
     for index, (parameter, scores) in enumerate(zip(PARAMETERS, inference.posterior.scores.T, strict=True)):
         values = np.asarray(parameter.value(scores))
-        if index in inference.problem.known:
-            # It was measured: there is nothing to infer.
-            same = dict.fromkeys(("low", "median", "high"), float(values[0]))
-            measured = {"source": "measured (--known)", "prior": same, "posterior": same}
-            rows.append({**_parameter(parameter, values, None), **measured})
-        else:
-            rows.append(_parameter(parameter, values, scores))
+        # A measured value leaves nothing to explain.
+        explained = scores if index in inference.problem.free else None
+        rows.append(_parameter(parameter, values, explained, inference.problem.priors.get(index)))
     rows.append(_parameter(DISCREPANCY, inference.posterior.discrepancy, None))
     if inference.problem.features is not None:
         for family, values in zip(FAMILY_NAMES, inference.posterior.path_discrepancy.T, strict=True):
@@ -181,20 +175,24 @@ def _parameters(inference: Inference) -> list[dict[str, Any]]:
     return rows
 
 
-def _parameter(parameter: Parameter, values: FloatArray, scores: FloatArray | None) -> dict[str, Any]:
-    prior = [float(parameter.value(z)) for z in (-1.6448536, 0.0, 1.6448536)]
+def _parameter(
+    parameter: Parameter, values: FloatArray, scores: FloatArray | None, prior: ScorePrior | None = None
+) -> dict[str, Any]:
+    prior = prior or ScorePrior(0.0, 1.0, parameter.source)
+    before = [float(parameter.value(prior.mean + prior.sd * z)) for z in (-1.6448536, 0.0, 1.6448536)]
     return {
-        **{name: getattr(parameter, name) for name in ("name", "unit", "meaning", "source", "nominal")},
-        "prior": dict(zip(("low", "median", "high"), prior, strict=True)),
+        **{name: getattr(parameter, name) for name in ("name", "unit", "meaning", "nominal")},
+        "source": prior.source,
+        "prior": dict(zip(("low", "median", "high"), before, strict=True)),
         "posterior": _middle(values),
-        # Share of the prior's variance that is gone; scores have variance 1 before.
-        "explained": None if scores is None else max(0.0, 1 - float(scores.var())),
+        # The share of the prior's variance that is gone.
+        "explained": None if scores is None else max(0.0, 1 - float(scores.var()) / prior.sd**2),
     }
 
 
 def _correlations(inference: Inference) -> list[dict[str, Any]]:
     """Of all pairs of parameters, the strongest first."""
-    free = [i for i in range(len(NAMES)) if i not in inference.problem.known]
+    free = inference.problem.free
     matrix = np.atleast_2d(np.corrcoef(inference.posterior.scores[:, free].T))
     pairs = [
         (NAMES[first], NAMES[second], float(matrix[i, j]))
@@ -283,7 +281,7 @@ def findings(summary: Mapping[str, Any]) -> list[str]:
         told.append(f"Most would be learned by {found[0]['trials']} trials of {trials}.")
     inferred = [one["name"] for one in summary["parameters"] if one["explained"] is not None]
     if measurable := [name for name in MEASURABLE if name in inferred]:
-        told.append(f"Measuring often tells more than trials: {listed(measurable)} (--known).")
+        told.append(f"Measuring often tells more than trials: {listed(measurable)} (`foldcar trials measure`).")
     return told
 
 

@@ -9,7 +9,6 @@ import typer
 from foldcar.commands.options import Jobs, Json, Seed, SimulatedTrialsInstead, output_store, tell
 from foldcar.errors import FoldcarError
 from foldcar.installation import usable_processors
-from foldcar.typed import decimal_number
 
 # What a name may be, so that it can be typed and stand in the names of experiments.
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,39}")
@@ -41,7 +40,7 @@ def calibrate(
     ] = "paths",
     known: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME=VALUE", help="A parameter that was measured; may be repeated."),
+        typer.Option(metavar="NAME=VALUE", help="A measured value; replaces that of `foldcar trials measure`."),
     ] = None,
     replace: Annotated[bool, typer.Option("--replace", help="Replace the calibration of that name.")] = False,
     as_json: Json = False,
@@ -59,30 +58,34 @@ def calibrate(
     from foldcar.calibration.experiment import Simulator, nominal_counts, read_experiment
     from foldcar.calibration.inference import infer, plan
     from foldcar.calibration.observations import EVIDENCE, experiment_with_trials, observe
-    from foldcar.calibration.parameters import known_scores
+    from foldcar.calibration.parameters import measured_priors, measured_value, sheets_priors
     from foldcar.calibration.summary import summarise
     from foldcar.commands.progress_bar import TerminalBar
     from foldcar.commands.tables import print_calibration
     from foldcar.interrupts import message_on_signal
     from foldcar.simulation.carsim import Carsim
-    from foldcar.store.calibrations import check_calibration_name, new_calibration, write_calibrations
+    from foldcar.store.calibrations import check_calibration_name, measured_values, new_calibration, write_calibrations
     from foldcar.store.reader import Store
 
     if not NAME.fullmatch(name):
         raise FoldcarError(f'--name "{name}": a name is at most 40 letters, digits, _ . or -, a letter or digit first')
     if evidence not in EVIDENCE:
         raise FoldcarError(f"--evidence {evidence}: not one of {', '.join(EVIDENCE)}")
-    measured = known_scores(dict(_value(text) for text in known or []))
+    given = dict(measured_value(text, "--known") for text in known or [])
     with Store.open(store) as opened:
         check_calibration_name(opened, name, replace)
         chosen = read_experiment(opened, experiment_with_trials(opened, experiment))
         observed = observe(opened, chosen, simulated_trials, evidence)
         nominal = nominal_counts(opened, chosen)
+        # They were measured on built cars and their obstacles.
+        stored = {} if simulated_trials else measured_values(opened, chosen.info.id)
+    priors = sheets_priors() if observed.from_sheets else {}
+    priors |= measured_priors({**stored, **given}, f"{store}: measured")
     carsim = Carsim()
     simulator = Simulator(chosen, carsim, jobs or usable_processors(), seed)
     planned = plan(runs, observed, len(chosen.designs)).runs
     with message_on_signal(lambda: "stopped: nothing is stored"), TerminalBar("calibrate", planned) as bar:
-        inference = infer(simulator, observed, runs, bar.done, measured)
+        inference = infer(simulator, observed, runs, bar.done, priors)
         summary = summarise(inference, chosen, nominal, seed, planned, leave_one_out)
     made = new_calibration(name, chosen.info.id, carsim.build, inference.draws, summary)
 
@@ -93,11 +96,3 @@ def calibrate(
     else:
         print_calibration(made)
         typer.echo(f'calibration "{name}": {len(made.draws)} draws; store: {store}')
-
-
-def _value(text: str) -> tuple[str, float]:
-    name, _, value = text.partition("=")
-    try:
-        return name.strip(), decimal_number(value)
-    except ValueError:
-        raise FoldcarError(f"--known {text}: is not NAME=VALUE with a number") from None

@@ -199,6 +199,9 @@ def _counted(one: Mapping[str, Any]) -> tuple[str, str, str]:
 
 
 def _median(ends: Mapping[str, Any]) -> str:
+    if math.isclose(ends["low"], ends["high"]):
+        # A measured value has no interval.
+        return f"{ends['median']:.4g}"
     # Millimetres and milliradians are the last digits that matter.
     middle, low, high = (f"{round(ends[name], 3):.2g}" for name in ("median", "low", "high"))
     return f"{middle} ({low}..{high})"

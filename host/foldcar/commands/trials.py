@@ -223,6 +223,51 @@ def restore(
     _change("restore", store, reason, as_json, lambda writer: writer.withdraw(chosen, False, reason, operator))
 
 
+@trials.command()
+def measure(
+    store: TrialStore,
+    values: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="NAME=VALUE...", help="Measured values; NAME= deletes a value. None: show what is kept."),
+    ] = None,
+    experiment: OneExperiment = None,
+    as_json: Json = False,
+) -> None:
+    """Keep what was measured of built cars and obstacles.
+
+    `foldcar calibrate` takes the values as known. obstacle_height is the height of obstacles relative to the planned one;
+    com_height_m and track_m are what the centre of mass is higher, and the track wider, than drawn.
+
+    \b
+    Example: foldcar trials measure study.db obstacle_height=1.04 com_height_m=0.005 track_m=0.002
+    """
+    from foldcar.calibration.observations import experiment_to_measure
+    from foldcar.calibration.parameters import NAMES, PARAMETERS, measured_value
+    from foldcar.store.calibrations import measured_values, write_calibrations
+    from foldcar.store.reader import Store
+
+    names_to_delete = {text[:-1].strip() for text in values or () if text.endswith("=")}
+    for name in names_to_delete - set(NAMES):
+        raise FoldcarError(f"trials measure: {name}=: unknown parameter; known: {', '.join(NAMES)}")
+    changes: dict[str, float | None] = dict.fromkeys(names_to_delete)
+    for text in values or ():
+        if not text.endswith("="):
+            name, value = measured_value(text, "trials measure:")
+            if name in changes:
+                raise FoldcarError(f"trials measure: {name}: is given twice")
+            changes[name] = value
+    with Store.open(store) as opened:
+        chosen = experiment_to_measure(opened, experiment)
+    if changes:
+        with write_calibrations(store) as writer:
+            writer.measure(chosen, changes)
+    with Store.open(store) as opened:
+        kept = measured_values(opened, chosen)
+    units = {parameter.name: parameter.unit for parameter in PARAMETERS}
+    lines = [f"experiment {chosen}: {name} {value:g} {units[name]}" for name, value in kept.items()]
+    tell(as_json, {"experiment": chosen, "measured": kept}, *(lines or [f"experiment {chosen}: nothing was measured"]))
+
+
 def _change(
     command: str, store: Path, reason: str, as_json: bool, change: "Callable[[TrialWriter], list[Correction]]"
 ) -> None:

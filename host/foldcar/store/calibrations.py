@@ -1,6 +1,7 @@
 """Calibrations in a store: draws of the simulator's parameters from their posterior, and what was told with them.
 
-Input: a store, read or opened to be written. Output: Calibrations. A name is given once: runs are simulated under it.
+Input: a store, read or opened to be written. Output: Calibrations; values that were measured, which calibrations take as
+known. A name is given once: runs are simulated under it.
 """
 
 import contextlib
@@ -16,7 +17,7 @@ from foldcar.store.errors import StoreError
 from foldcar.store.info import CALIBRATION_KIND
 from foldcar.store.reader import Store
 from foldcar.store.rows import Row
-from foldcar.store.tables import BUILD, CALIBRATION, EXPERIMENT
+from foldcar.store.tables import BUILD, CALIBRATION, EXPERIMENT, MEASURED
 from foldcar.store.trial_writer import now_utc
 
 
@@ -62,8 +63,21 @@ def calibration_named(store: Store, name: str) -> Calibration:
     return known[name]
 
 
+def measured_values(store: Store, experiment: str) -> dict[str, float]:
+    """The values that were measured for an experiment's trials of built cars, by the parameter's name."""
+    return {row["parameter"]: row["value"] for row in store.rows(MEASURED, "WHERE experiment = ?", experiment)}
+
+
 class CalibrationWriter(StoreConnection):
-    """A store opened for a calibration. Made by :func:`write_calibrations`; its method raises StoreError."""
+    """A store opened for calibrations. Made by :func:`write_calibrations`; its methods raise StoreError."""
+
+    def measure(self, experiment: str, values: Mapping[str, float | None]) -> None:
+        """Store measured values by the parameter's name in place of earlier ones; None deletes a value."""
+        with self._transaction():
+            for name, value in values.items():
+                self._run("DELETE FROM measured WHERE experiment = ? AND parameter = ?", experiment, name)
+                if value is not None:
+                    self._insert(MEASURED, [{"experiment": experiment, "parameter": name, "value": value}])
 
     def put(self, calibration: Calibration, replace: bool) -> None:
         """Store it; StoreError if its name is taken, unless it is to ``replace`` what has it."""

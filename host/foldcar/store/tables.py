@@ -12,7 +12,7 @@ from foldcar.simulation.results import METRICS, OUTCOMES
 from foldcar.store.trial_records import BUILT, CARS, MEDIA_ENDINGS, TRIAL_OUTCOMES, UNKNOWN
 
 # Raised by every change of a table or view; stores of other versions are refused.
-VERSION = 2
+VERSION = 3
 
 # Types of columns in SQL. JSON is text that is JSON; a VALUE is a text or a number; a COUNT is a number from 0.
 SQL_TYPES = {
@@ -308,6 +308,16 @@ CALIBRATION = Table(
     ),
     key=("name",),
 )
+MEASURED = Table(
+    "measured",
+    "a parameter of the simulator that was measured on the built cars and the obstacles of an experiment's trials",
+    (
+        Column("experiment", "TEXT", "the experiment's name, as trials have it"),
+        Column("parameter", "TEXT", "the parameter's name, its unit in it"),
+        Column("value", "REAL", "what was measured"),
+    ),
+    key=("experiment", "parameter"),
+)
 
 # What is referred to stands before what refers to it.
 TABLES = (
@@ -331,6 +341,7 @@ TABLES = (
     TRACK,
     MEDIA,
     CALIBRATION,
+    MEASURED,
 )
 BY_NAME = {table.name: table for table in TABLES}
 

@@ -4,7 +4,7 @@ import numpy
 import pytest
 from scipy import stats
 
-from foldcar.analysis.engine_bias import corrected_rates, pooled_difference
+from foldcar.analysis.engine_bias import pooled_difference
 from foldcar.analysis.rate import (
     Rate,
     anytime_interval,
@@ -94,40 +94,3 @@ def test_the_difference_of_two_simulations_is_that_of_plain_quadrature() -> None
     assert found[1] == pytest.approx((density * ((m - mean) ** 2 + s**2)).sum(), rel=0.005)
     # Without any design in both, what was assumed before: 1 of the mean, 1 of the spread.
     assert pooled_difference([3], [4], [0], [0]) == pytest.approx((0, 2), abs=0.06)
-
-
-def test_few_slow_runs_correct_many_fast_ones_where_the_difference_is_smooth() -> None:
-    """Cars pass where their log-odds exceed the difficulty of an environment, the same in both simulations."""
-    random, widths = numpy.random.default_rng(3), numpy.linspace(0, 1, 19)[:, None]
-    errors, covered = [], []
-    for _ in range(40):
-        fast = 2 - 14 * (widths - random.uniform(0.3, 0.7)) ** 2
-        slow = fast + random.normal(0, 0.7) + random.normal(0, 0.7) * (widths - 0.5)
-        difficulty, own = random.logistic(0, 1.5, 100), random.normal(0, 0.5, (2, 19, 100))
-        fast_passed, slow_passed = (one + scatter > difficulty for one, scatter in zip((fast, slow), own, strict=True))
-        true = stats.norm.cdf((slow - difficulty) / 0.5).mean(axis=1)
-        differences = slow_passed[:, :10].astype(float) - fast_passed[:, :10]
-
-        rates, low, high = corrected_rates(widths, fast_passed.sum(axis=1), [100] * 19, differences)
-
-        covered.append(((low <= true) & (true <= high)).mean())
-        simple = fast_passed.mean(axis=1)
-        every = (rates, slow_passed[:, :10].mean(axis=1), simple, simple + differences.mean(axis=1))
-        errors.append([abs(one - true).mean() for one in every])
-    corrected, *others = numpy.mean(errors, axis=0)
-    assert corrected < 0.8 * min(others)
-    assert numpy.mean(covered) > 0.9
-
-
-def test_a_constant_difference_is_found_at_designs_without_slow_runs_too() -> None:
-    widths, differences = numpy.arange(12.0)[:, None], numpy.zeros((12, 200))
-    same, low, high = corrected_rates(widths, [50] * 12, [100] * 12, differences)
-    differences[:, ::5] = -1
-    differences[6] = numpy.nan
-    lower, *band = corrected_rates(widths, [50] * 12, [100] * 12, differences)
-
-    assert same == pytest.approx(numpy.full(12, 0.5), abs=0.01) and numpy.all((low < 0.5) & (high > 0.5))
-    assert lower == pytest.approx(numpy.full(12, 0.3), abs=0.02)
-    assert (band[1] - band[0])[6] > (band[1] - band[0])[5]
-    with pytest.raises(FoldcarError, match="in two environments or more"):
-        corrected_rates(widths, [50] * 12, [100] * 12, numpy.full((12, 3), numpy.nan))

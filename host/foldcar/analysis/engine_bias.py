@@ -1,21 +1,14 @@
-"""Success rates in one simulation by those in another one.
+"""Success rates in one simulation, predicted from another one: what orders runs, and no part of any statement on rates.
 
-:func:`predicted_rates` orders runs and is no part of any statement on rates. The difference of log-odds (this simulation
-less the other) is normal over designs, with unknown mean and spread, inferred from designs that both have run. Rates are
-masses (RATES,) on a grid that is even in the arcsine: there the prior of Jeffreys is uniform. Some of it is mixed into
-each prediction, so that own runs soon overrule a wrong one.
-
-:func:`corrected_rates` estimates rates in a slow simulation by few runs of each design in it, and many in a fast one that
-has run in the same environments, too: their difference is smoothed over designs.
+The difference of log-odds (this simulation less the other) is normal over designs, with unknown mean and spread, inferred
+from designs that both have run. Rates are masses (RATES,) on a grid that is even in the arcsine: there the prior of
+Jeffreys is uniform. Some of it is mixed into each prediction, so that own runs soon overrule a wrong one.
 """
 
 from typing import Any
 
 import numpy
 from numpy.typing import ArrayLike, NDArray
-
-from foldcar.analysis.gaussian_process import LENGTHS, MANY_LENGTHS, Matern, shares_of, success_model, unit_range
-from foldcar.errors import FoldcarError
 
 # The grid of rates, and the ends of its cells.
 RATES = numpy.sin(numpy.pi / 2 * (numpy.arange(64) + 0.5) / 64) ** 2
@@ -26,62 +19,6 @@ UNPREDICTED = 0.02
 # Before any run (log-odds): standard deviation of the mean difference; scale of the spread's half-normal distribution.
 MEAN_SCALE, SPREAD_SCALE = 1.0, 1.0
 _SPREADS = numpy.linspace(0.05, 4, 80)
-# Of the mean difference of rates over designs, and of its smooth part, candidates: standard deviations.
-MEAN_DIFFERENCE, SMOOTH_DIFFERENCES = 0.15, (0.03, 0.1, 0.2)
-# The least variance of a difference of two runs.
-LEAST_VARIANCE = 1e-3
-
-
-def corrected_rates(
-    parameters: ArrayLike, fast_passed: ArrayLike, fast_runs: ArrayLike, differences: ArrayLike, confidence: float = 0.95
-) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
-    """Return rates in the slow simulation and their credible band (rate, low, high), each (designs,) and 0 to 1.
-
-    The rates are those in the environments of the fast simulation: ``fast_passed`` of ``fast_runs`` (designs,) of designs
-    with ``parameters`` (designs, k). ``differences`` (designs, environments): 1 where a design passes in the slow
-    simulation only, -1 where it passes in the fast one only, 0 where both agree, NaN where one of the two runs is
-    missing. FoldcarError if there are too few designs.
-
-    The mean differences d of designs are normal with covariance K + S. K is a constant and a Matern process. S is the
-    noise of few environments: a part of each design's own and one that all designs share, as they meet the same
-    environments. The rate is the smoothed fast one plus K (K + S)^-1 d.
-
-    Example: ``rate, low, high = corrected_rates(widths, passed, [100] * 37, slow[:, :10] - fast[:, :10])``
-    """
-    from scipy.special import ndtri
-
-    scaled = unit_range(numpy.asarray(parameters, dtype=float))
-    rate, low, high = success_model(parameters, fast_passed, fast_runs).rates(parameters, confidence)
-    table = numpy.asarray(differences, dtype=float)
-    counted = numpy.isfinite(table).sum(axis=1)
-    known = counted > 0
-    if counted.max(initial=0) < 2:
-        raise FoldcarError("a correction needs designs with runs in both simulations in two environments or more")
-    table, counted = table[known], counted[known]
-    means = numpy.nanmean(table, axis=1)
-    left = numpy.where(numpy.isfinite(table), table - means[:, None], 0.0)
-    environments = table.shape[1]
-    own = max((left**2).sum() / max(counted.sum() - len(counted), 1), LEAST_VARIANCE)
-    shared = max((left.mean(axis=0) ** 2).sum() / max(environments - 1, 1) - own / len(means), 0.0)
-    noise = numpy.diag(own / counted) + shared / environments
-    evidence, middles, squares = [], [], []
-    for length in LENGTHS.get(scaled.shape[1], MANY_LENGTHS):
-        smooth = Matern(scaled, length).covariance(scaled, scaled)
-        for strength in SMOOTH_DIFFERENCES:
-            prior = MEAN_DIFFERENCE**2 + strength**2 * smooth
-            across = prior[:, known]
-            covariance = prior[numpy.ix_(known, known)] + noise
-            gain = numpy.linalg.solve(covariance, across.T).T
-            middle = gain @ means
-            evidence.append(-0.5 * (means @ numpy.linalg.solve(covariance, means) + numpy.linalg.slogdet(covariance)[1]))
-            middles.append(middle)
-            squares.append(middle**2 + numpy.diag(prior) - (gain * across).sum(axis=1))
-    weights, reach = shares_of(evidence), ndtri((1 + confidence) / 2)
-    difference = weights @ numpy.array(middles)
-    variance = weights @ numpy.array(squares) - difference**2 + ((high - low) / (2 * reach)) ** 2
-    half = reach * numpy.sqrt(variance)
-    corrected = rate + difference
-    return tuple(numpy.clip(ends, 0, 1) for ends in (corrected, corrected - half, corrected + half))
 
 
 def pooled_difference(

@@ -8,8 +8,6 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from scenic.core.object_types import Constructible
-
 
 def defaults(cls: Any) -> Mapping[str, Any]:
     """The properties of a class of objects, inherited ones among them, with their default values."""
@@ -55,6 +53,8 @@ def conditioned(node: Any) -> Any:
 
 def unsampled(thing: Any) -> Any:
     """The object of the program of which ``thing`` is a sample, through all copies."""
+    from scenic.core.object_types import Constructible
+
     # A distribution has every attribute, as another distribution.
     while isinstance(thing, Constructible) and thing._sampleParent is not None:
         thing = thing._sampleParent

@@ -63,7 +63,8 @@ def refuse_useless_properties(cls: Any, specifiers: Sequence[Any], caller: Frame
     Scenic's own but nothing here.
     """
     for name in (name for one in specifiers for name in one.priorities if name != NAME):
-        if name in scenic_private.final_properties(cls) and name not in SCENICS_FINAL:
+        own = _derives(cls, "Thing") and name not in SCENICS_FINAL
+        if own and name in scenic_private.final_properties(cls):
             sources = scenic_private.sources_of(cls, name)
             how = f"follows from {', '.join(sources)}: set these" if sources else "has no meaning here"
             raise at(SpecifierError(f"{cls.__name__}: {name} {how}"), *_line_of(caller))
@@ -110,7 +111,9 @@ def _refuse_misspelt(error: type[Exception], what: str, name: str, known: Iterab
 
 def _reads(caller: FrameType, name: str) -> bool:
     """Whether the program's file reads a property or parameter of that name."""
-    text = read_text(Path(caller.f_code.co_filename))
+    file = Path(caller.f_code.co_filename)
+    # Scenic also compiles programs that are in no file.
+    text = read_text(file) if file.is_file() else f".{name}"
     return re.search(rf"\.\s*{name}\b(?!\s*=(?!=))|(['\"]){name}\1", text) is not None
 
 

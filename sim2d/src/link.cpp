@@ -35,6 +35,10 @@ constexpr std::size_t kReadSize = 4096;
 // Bytes wait at the port while this process stands still (stopped, or a slow client holds it up): after a longer pause
 // (wall time) they are too old to be executed.
 constexpr auto kLongestPause = std::chrono::seconds(1);
+// A simulation that is faster than real time waits for a host that has been silent for so much of its time (µs), less than
+// the firmware's CMD_TIMEOUT_MS, but no longer (wall time) than a host that lives is silent.
+constexpr std::uint64_t kSilenceUs = 200000;
+constexpr auto kLongestSilence = std::chrono::seconds(1);
 // Longest wait (ms) of a fast simulation for a slow client; in real time the bytes are lost, as on a cable.
 constexpr int kWaitMs = 2000;
 
@@ -107,7 +111,7 @@ class Session {
         const std::chrono::duration<double> behind((due_s - now_s) / options_.speedup);
         started += std::chrono::duration_cast<Clock::duration>(behind);
       }
-      if (now_s >= due_s) {
+      if (now_s >= due_s || waits_for_host()) {
         poll();
         std::this_thread::sleep_for(kPause);
         continue;
@@ -143,9 +147,17 @@ class Session {
     do {
       const std::vector<std::uint8_t> arrived = port_.read(kReadSize);
       if (arrived.empty()) return;
+      heard_ = now;
+      heard_us_ = car_.now_us();
       if (record_ != nullptr) record_->to_car(car_.now_us(), arrived, late);
       car_.receive(arrived, late);
     } while (late);
+  }
+
+  // A host's heartbeats come by the wall clock, which a fast simulation leaves behind.
+  bool waits_for_host() const {
+    return options_.speedup > 1 && heard_ && plugged_in_ && car_.now_us() > heard_us_ + kSilenceUs &&
+           Clock::now() - *heard_ < kLongestSilence;
   }
 
   void handle(const std::string& line) {
@@ -166,6 +178,9 @@ class Session {
   InputLines input_;
   bool plugged_in_ = true;
   Clock::time_point polled_ = Clock::now();
+  // When the last bytes of a host arrived, on the wall clock and on the car's.
+  std::optional<Clock::time_point> heard_;
+  std::uint64_t heard_us_ = 0;
 };
 
 int run_replay(const LinkOptions& options) {

@@ -98,7 +98,7 @@ def test_a_sweep_counts_them_apart(listing: Path, tmp_path: Path, foldcar: Any) 
     assert ", 100.0 % of 12 passed, 8 rejected; store: s.db" in swept.stdout, swept.stderr
     assert (numbers["judged"], numbers["passed"], numbers["rejected"]) == (12, 12, 8)
     assert "8 of 20 runs were rejected: they violated a requirement of the program." in report.stdout
-    assert "every one of 2 designs passes more than 50 % of the environments" in " ".join(report.stdout.split())
+    assert "In simulation each of 2 designs reaches 50 %" in " ".join(report.stdout.split())
     found = evaluate({"type": "W_B_W", "params": [{"common": {"width": 95}}]}, tmp_path / "p.scenic", 10, jobs=1)
     assert found.rate.value == 1 and found.runs["passed"].isna().sum() == 4
 

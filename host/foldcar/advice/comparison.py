@@ -1,15 +1,16 @@
 """Simulation against trials of built cars, design by design: rates, gaps, ranks, and what follows from them in words.
 
-Input: a store, or its evidence. Output: a Comparison of each experiment. A gap is trials minus simulation. The gaps of
-one experiment and their mean hold together with 95 %: each is wider than a single one would be.
+A gap is trials minus simulation. Where trials have a simulation of the same environment, the gap is of these pairs, so
+that harder environments do not count as a difference. The gaps of one experiment and their mean hold together with 95 %:
+each is wider than a single one would be.
 """
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from foldcar.advice.evidence import Design, DesignEvidence, Evidence, read_evidence, swept_ids, unswept_trials
-from foldcar.advice.outlook import outlook
+from foldcar.advice.design_evidence import Design, DesignEvidence, by_car
+from foldcar.advice.evidence import Evidence, read_evidence, swept_ids, unswept_trials
 from foldcar.analysis.gap import (
     AGREES,
     OPTIMISTIC,
@@ -17,10 +18,11 @@ from foldcar.analysis.gap import (
     TOO_FEW,
     Gap,
     RankAgreement,
+    Rates,
     mean_gap,
+    pair_correlation,
     rank_agreement,
 )
-from foldcar.analysis.pooled_bias import MOST_POOLED
 from foldcar.analysis.rate import Rate
 from foldcar.analysis.words import count, listed, points
 from foldcar.store.info import ExperimentInfo
@@ -36,9 +38,9 @@ MARGIN = 0.15
 class DesignComparison:
     """One design with trials. ``simulated`` and ``gap`` are None without runs; ``driven`` is of the cars that drove.
 
-    ``further_car`` is what these say of a further car of the design, as simulation's rate is; ``gap`` goes by it.
-    ``pooled`` is that with the help of simulation and of the other designs' trials; None if no other design of the family
-    was driven. ``agreeing`` of the ``paired`` trials ended as simulation says there, passed or not.
+    ``further_car`` is what these say of a further car of the design, as simulation's rate is. ``pooled`` is that by
+    simulation and the other designs' trials, too; None of a design outside the family. ``agreeing`` of the ``paired``
+    trials ended as simulation says there, passed or not. ``gap`` is of these pairs if ``gap_is_paired``, else of rates.
     ``verdict`` is one of those of :mod:`foldcar.analysis.gap`, None where there is nothing to compare.
     """
 
@@ -48,6 +50,7 @@ class DesignComparison:
     further_car: Rate | None = None
     pooled: Rate | None = None
     gap: Gap | None = None
+    gap_is_paired: bool = False
     verdict: str | None = None
 
     @property
@@ -125,7 +128,7 @@ def compare(
 
 def compare_evidence(evidence: Sequence[Evidence], alone: Sequence[Trial] = (), margin: float = MARGIN) -> Comparison:
     """As :func:`compare`, from evidence that was read; ``alone`` are trials of experiments that were not swept."""
-    experiments = tuple(_experiment(one, margin) for one in evidence)
+    experiments = tuple(compare_experiment(one, margin) for one in evidence)
     apart = tuple(
         f"Experiment {name} was not swept: {count(number, 'trial')} without runs."
         for name, number in Counter(trial.experiment for trial in alone).items()
@@ -133,20 +136,20 @@ def compare_evidence(evidence: Sequence[Evidence], alone: Sequence[Trial] = (), 
     return Comparison(experiments, apart, margin, _overall(experiments))
 
 
-def _experiment(evidence: Evidence, margin: float) -> ExperimentComparison:
+def compare_experiment(evidence: Evidence, margin: float = MARGIN) -> ExperimentComparison:
+    """Compare the trials of one experiment with its runs, as :func:`compare` does."""
     info, driven, remarks = evidence.info, evidence.driven, evidence.remarks
     if not info.success_defined:
         why = "success is undefined in this environment, so that there is no rate to compare; only outcomes are shown."
-        rows = tuple(DesignComparison(one, _driven(one)) for one in driven)
+        rows = tuple(DesignComparison(one, one.driven(CONFIDENCE)) for one in driven)
         return ExperimentComparison(info, rows, f"Nothing to compare: {why}", remarks)
     both = [one for one in driven if one.runs]
     # Bonferroni: all gaps of the experiment and their mean hold together; of one design the mean is its gap.
     together = 1 - (1 - CONFIDENCE) / (len(both) + 1 if len(both) > 1 else 1)
-    cars = [one.cars for one in both if one.cars is not None]
-    seen = outlook(evidence) if evidence.parameters else None
-    rates = () if seen is None or seen.pooled is None else seen.pooled
-    pooled = {} if seen is None else {one.label: rate for one, rate in zip(seen.designs, rates, strict=False)}
-    compared = tuple(_design(one, pooled.get(one.label), together, margin) for one in driven)
+    belief = evidence.belief
+    pooled = {} if belief is None else dict(zip(belief.labels, belief.built, strict=True))
+    rates = {one.label: _rates(one, together) for one in both}
+    compared = tuple(_design(one, pooled.get(one.label), rates.get(one.label), margin) for one in driven)
     if not both:
         why = (
             "no design has both runs and trials."
@@ -154,29 +157,42 @@ def _experiment(evidence: Evidence, margin: float) -> ExperimentComparison:
             else "there are no trials of built cars yet. `foldcar select` says which cars to build."
         )
         return ExperimentComparison(info, compared, f"Nothing to compare: {why}", remarks)
-    mean = mean_gap([one.simulated(together) for one in both], [one.rate(together) for one in cars])
+    mean = mean_gap(list(rates.values()))
     ranks = rank_agreement(
         [one.runs_passed / one.runs for one in both], [one.trials_passed / len(one.trials) for one in both]
     )
     verdict, sentence = _verdict(compared, mean, margin, info.simulation)
-    if seen is not None:
-        remarks = (*remarks, *seen.contradicting.remark([one.label for one in seen.designs]))
-        if sum(bool(one.trials) for one in seen.designs) < sum(evidence.in_family(one) for one in both):
-            remarks = (*remarks, f"Of the driven designs the {MOST_POOLED} with most trials are pooled.")
     return ExperimentComparison(info, compared, sentence, remarks, ranks, mean, verdict)
 
 
-def _design(one: DesignEvidence, pooled: Rate | None, together: float, margin: float) -> DesignComparison:
-    further = None if one.cars is None else one.cars.rate(CONFIDENCE)
-    if not one.runs or one.cars is None:
-        return DesignComparison(one, _driven(one), further_car=further)
-    found = mean_gap([one.simulated(together)], [one.cars.rate(together)])
-    return DesignComparison(one, _driven(one), one.simulated(CONFIDENCE), further, pooled, found, found.verdict(margin))
+def _is_paired(design: DesignEvidence) -> bool:
+    """Whether at least half of a design's trials have a simulation of their environment."""
+    return 2 * len(design.paired) >= len(design.trials)
 
 
-def _driven(one: DesignEvidence) -> Rate:
-    what = "" if one.cars is None else one.cars.text
-    return Rate.counted(one.trials_passed, len(one.trials), what, confidence=CONFIDENCE)
+def _rates(design: DesignEvidence, confidence: float) -> Rates:
+    """The rates in simulation and of a further car that a design's gap is between."""
+    if not _is_paired(design):
+        assert design.cars is not None
+        return Rates(design.simulated(confidence), design.cars.rate(confidence))
+    # The environments are the same: none is harder for the one than for the other.
+    pairs = [replace(trial, expected=None) for trial in design.paired]
+    passed, simulated = [trial.passed for trial in pairs], [bool(trial.simulated) for trial in pairs]
+    f = Rate.counted(
+        sum(simulated), len(pairs), f"in the environments of {count(len(pairs), 'trial')}", confidence=confidence
+    )
+    cars = by_car(pairs, design.spread, design.runs_passed, design.runs)
+    return Rates(f, cars.rate(confidence), pair_correlation(passed, simulated))
+
+
+def _design(design: DesignEvidence, pooled: Rate | None, rates: Rates | None, margin: float) -> DesignComparison:
+    driven = design.driven(CONFIDENCE)
+    further = None if design.cars is None else design.cars.rate(CONFIDENCE)
+    if rates is None:
+        return DesignComparison(design, driven, further_car=further)
+    gap = mean_gap([rates])
+    paired, verdict = _is_paired(design), gap.verdict(margin)
+    return DesignComparison(design, driven, design.simulated(CONFIDENCE), further, pooled, gap, paired, verdict)
 
 
 def _verdict(compared: Sequence[DesignComparison], mean: Gap, margin: float, simulation: str) -> tuple[str, str]:
@@ -189,7 +205,12 @@ def _verdict(compared: Sequence[DesignComparison], mean: Gap, margin: float, sim
     more = "less" if mean.value < 0 else "more"
     apart = f"trials pass {points(mean.value, sign=False)} points {more} often than {simulation}"
     interval = f"{points(mean.low)} to {points(mean.high)}"
-    average = f"on average over {count(sum(map(len, labels.values())), 'design')}, {apart} (95 %: {interval})"
+    paired = [one.gap_is_paired for one in compared if one.gap is not None]
+    where = "in the same environments, " if all(paired) else ""
+    average = f"{where}on average over {count(len(paired), 'design')}, {apart} (95 %: {interval})"
+    pairs, agreeing = (sum(getattr(one, name) for one in compared) for name in ("paired", "agreeing"))
+    if pairs:
+        average += f"; {agreeing} of {pairs} trials ended as simulated in the same environment"
     unsure = f"; {TOO_FEW} to say at {listed(labels[TOO_FEW])}" if TOO_FEW in labels else ""
     said = [verdict for verdict in (OPTIMISTIC, PESSIMISTIC) if verdict in labels]
     if said:

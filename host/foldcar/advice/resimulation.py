@@ -4,6 +4,7 @@ Input: a store. Output: outcomes, from the simulator that made the store's runs;
 comparable with the runs is not simulated: another build of carsim, a calibration, a program that runs beside the car.
 """
 
+import hashlib
 import json
 from collections import Counter
 from collections.abc import Container, Mapping, Sequence
@@ -35,23 +36,22 @@ MOST_RUNS, MOST_TRIALS = 5_000, 2_000
 # Cars of a driven design, each simulated in as many environments: those of its trials, and others if these are few.
 # Beyond MOST_CAR_RUNS a design's cars are not simulated.
 CARS, LEAST_SCENES, MOST_SCENES, MOST_CAR_RUNS = 20, 10, 12, 5_000
-# Which cars passed in a scene, by build, engine, body, settings, cars and scene. It outlives a store: the live page reads
-# its own anew after every trial.
-_PASSED: dict[tuple[Any, ...], list[bool]] = {}
-
 # An outcome, and the time of the run (s), None if it failed.
 Ended = tuple[str, float | None]
+# What runs ended with, by a hash of build, engine, body, settings and scene. It outlives a store: the live page opens its
+# own anew after every trial.
+_ENDED: dict[bytes, Ended] = {}
 
 
 @dataclass(frozen=True)
 class SimulatedCars:
     """Simulated cars of one design: whether each ``passed`` (cars, scenes).
 
-    ``shares``: how many of them, 0 to 1, passed in the scene of a trial, by its number.
+    ``fractions``: the fraction of them (0 to 1) that passed in the scene of a trial, by its number.
     """
 
     passed: NDArray[Any]
-    shares: Mapping[int, float]
+    fractions: Mapping[int, float]
 
 
 class Resimulation:
@@ -120,19 +120,13 @@ class Resimulation:
         except FoldcarError:
             return None
         cars = [self._variation(info, sample) for sample in sorted(self._drives(info).variations)[:CARS]]
-        known_by = (info.carsim_build, info.engine, body, settings, json.dumps(cars))
-        new = [text for text in scenes if (known_by, text) not in _PASSED]
-        self._car_runs += len(cars) * len(new)
+        self._car_runs += len(cars) * len(scenes)
         if self._car_runs > MOST_CAR_RUNS:
             return None
-        if new:
-            ended = self._run(self._simulator(info), body, [(car, text) for text in new for car in cars], settings)
-            for at, text in enumerate(new):
-                some = ended[at * len(cars) : (at + 1) * len(cars)]
-                _PASSED[known_by, text] = [outcome == "passed" for outcome, _ in some]
-        table = numpy.array([_PASSED[known_by, text] for text in scenes]).T
-        shares = dict(zip(scenes, table.mean(axis=0).tolist(), strict=True))
-        return SimulatedCars(table, {number: shares[text] for number, text in placed.items() if text in shares})
+        ended = self._run(self._simulator(info), body, [(car, text) for car in cars for text in scenes], settings)
+        table = numpy.array([outcome == "passed" for outcome, _ in ended]).reshape(len(cars), len(scenes))
+        fractions = dict(zip(scenes, table.mean(axis=0).tolist(), strict=True))
+        return SimulatedCars(table, {number: fractions[text] for number, text in placed.items() if text in fractions})
 
     def _composed(self, info: ExperimentInfo, trial: Trial) -> tuple[str, str]:
         """Body and settings of a trial's design; FoldcarError if it is none."""
@@ -173,15 +167,24 @@ class Resimulation:
     def _run(
         self, carsim: Carsim, body: str, cases: Sequence[tuple[Mapping[str, Any], str]], settings: str
     ) -> list[Ended]:
-        """The body in each case, which is a variation and a scene."""
-        cars, scenes, requests = {}, {}, []
+        """Run the body in each case, which is a variation and a scene, unless that was done before."""
+        bodies: dict[str, str] = {}
+        keys, cars, scenes, requests = [], {}, {}, []
         for number, (variation, scene) in enumerate(cases):
-            name, limits = str(number), carsim.limits().numbers
-            cars[name] = canonical_json(vary_body(json.loads(body), variation, limits)) if variation else body
-            scenes[name] = scene
-            requests.append(RunRequest(name, name, settings, f"environment {number}", number))
-        answers = carsim.run(cars, scenes, requests)
-        return [(outcome_of(answer), answer.get("elapsed_time_s")) for answer in answers]
+            varied = canonical_json(variation)
+            if varied not in bodies:
+                limits = carsim.limits().numbers
+                bodies[varied] = canonical_json(vary_body(json.loads(body), variation, limits)) if variation else body
+            facts = [carsim.build, bodies[varied], settings, scene]
+            keys.append(hashlib.sha256("\0".join(facts).encode()).digest())
+            if keys[-1] not in _ENDED:
+                name = str(number)
+                cars[name], scenes[name] = bodies[varied], scene
+                requests.append(RunRequest(name, name, settings, f"environment {number}", number))
+        answers = carsim.run(cars, scenes, requests) if requests else []
+        for request, answer in zip(requests, answers, strict=True):
+            _ENDED[keys[int(request.body)]] = outcome_of(answer), answer.get("elapsed_time_s")
+        return [_ENDED[key] for key in keys]
 
     def _drives(self, info: ExperimentInfo) -> StoredDrives:
         return self._store.once(("drives", info.id), lambda: read_drives(self._store, info.id))

@@ -1,21 +1,24 @@
-"""Which designs are worth building next, and why, in words: before any trial, and again after each round of them.
+"""Advises which designs to build next: before any trial, and again after each round of them.
 
-Input: a store, or its evidence. Output: a Selection of each swept experiment. Before trials it names the middle, the
-edges and the outside of the feasible region, as the publication of the width study chose; after trials the designs
-whose trials would tell most about which design is best and which ones reach the threshold.
+Before trials it names the middle, the edges and the outside of the feasible region, as the publication of the width
+study chose; after trials the designs whose trials would tell most about which design is best and which ones reach the
+threshold. The report, `foldcar select`, `foldcar log` and the API print the same advice.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy
+from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from foldcar.advice.evidence import Design, Evidence, read_evidence
-from foldcar.advice.outlook import Outlook, outlook
-from foldcar.advice.reasons import Undecided, first_reason, next_reason, region_text, undecided_text
+from foldcar.advice.belief import Belief
+from foldcar.advice.comparison import compare_experiment
+from foldcar.advice.design_evidence import Design, DesignEvidence
+from foldcar.advice.evidence import Evidence, read_evidence
+from foldcar.advice.sentences import Undecided, first_reason, grounds, headline, next_reason, undecided_text
 from foldcar.analysis.built_cars import PRIOR, SPREADS
 from foldcar.analysis.pooled_bias import MOST_POOLED
 from foldcar.analysis.rate import Rate, rate_interval
@@ -39,6 +42,7 @@ from foldcar.calibration.parameters import MEASURABLE
 from foldcar.car.design import compose_columns
 from foldcar.car.folded_car import folded_car
 from foldcar.errors import FoldcarError
+from foldcar.search.design_simulator import fresh_id
 from foldcar.simulation.results import no_rate_text
 from foldcar.store.calibrations import measured_values
 from foldcar.store.info import ExperimentInfo
@@ -47,19 +51,20 @@ from foldcar.store.reader import Store
 BUILD, THRESHOLD, PRECISION = 4, 0.75, 0.15
 # Trials whose information is compared between designs: what an afternoon allows.
 ROUND_TRIALS = 10
+# More designs are thinned out before the most useful are chosen: information is counted for every pair of them.
+MAX_CANDIDATES = 400
 # It is enough when the leader lacks no more on average (0 to 1; or the precision, if that is less), and an hour of work
 # wins less of success by a better leader, or of designs put right.
 MOST_LOSS, LEAST_GAIN = 0.05, 0.01
+# A design whose chance to reach the threshold, and to be the best, is smaller (0 to 1) is not worth building.
+MIN_CHANCE = 0.025
 NEXT = "next"
+# How the remark begins that names what should be measured.
+MEASURE = "Measure first, before more trials:"
 MACHINE = "silhouette"
-# Assumptions, to be replaced by one's own experience: a desktop cutter in film (mm/s), folding, wiring and finding the
-# neutrals of a car's servos, and placing the obstacles of a trial (minutes).
-CUTTING_MM_S, ASSEMBLY_MIN, PLACING_MIN = 20.0, 90.0, 3.0
-BASIS = (
-    "Sheets: 12 x 12 inch, 12 x 24 where a piece is longer, as `foldcar pattern` nests them. Minutes assume cutting at "
-    f"{CUTTING_MM_S:g} mm/s, {ASSEMBLY_MIN:g} min to fold, wire and adjust a car, {PLACING_MIN:g} min to place a trial, "
-    "and the time that simulation drives."
-)
+# Assumptions, to be replaced by one's own experience: a desktop cutter in film (mm/s), placing the obstacles of a trial
+# (minutes), and building a car that cannot be folded by the guide (minutes).
+CUTTING_MM_S, PLACING_MIN, UNKNOWN_ASSEMBLY_MIN = 20.0, 3.0, 60.0
 
 
 @dataclass(frozen=True)
@@ -72,11 +77,12 @@ class Cost:
 
 @dataclass(frozen=True)
 class Recommendation:
-    """A design to try. ``place`` is one of :mod:`foldcar.analysis.selection`, or NEXT after trials; ``reason`` says why.
+    """A design to try next.
 
-    ``expected`` is the rate that trials and simulation give together, None before two designs were driven. ``cars`` more
-    and ``trials`` more in all bring its interval to the precision asked for; ``built``: trials of this design are there.
-    ``cost`` None: the car cannot be cut, or was not nested.
+    ``place`` is one of :mod:`foldcar.analysis.selection`, or NEXT after trials; ``reason`` says why. ``simulated``: the
+    rate of its runs. ``expected``: the rate of a further built car, by simulation and trials together. ``cars`` more and
+    ``trials`` more in all bring its interval to the precision asked for. ``built``: it was driven before. ``cost`` None:
+    the car cannot be cut, or was not nested.
     """
 
     label: str
@@ -84,7 +90,7 @@ class Recommendation:
     place: str
     reason: str
     simulated: Rate
-    expected: Rate | None
+    expected: Rate
     built: bool
     trials_done: int
     cars: int
@@ -92,30 +98,45 @@ class Recommendation:
     cost: Cost | None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Selection:
-    """The advice for one experiment: the answer in ``sentence``, then what it rests on.
+    """The advice for one experiment. Print it to read it.
 
-    ``enough`` says that more trials are not worth their time; then there are no recommendations. ``environments`` are the
-    samples to set up for all recommended designs, ``telling`` of them tell the designs apart in simulation. ``leader``:
-    the best design by trials and simulation together; ``loss``: how much (0 to 1) it lacks on average to the best there
-    may be. ``gain``: what an hour of work wins at most, as LEAST_GAIN. All three are None before trials. ``undecided``:
-    the designs whose interval holds the threshold.
+    ``headline`` says what is known, ``grounds`` what that rests on, ``next_step`` what to do. ``enough``: more trials are
+    not worth their time; then there are no recommendations. ``environments`` are the samples to set up for all
+    recommended designs; the first ``telling`` of them tell the designs apart in simulation. ``leader``: the best design
+    by trials and simulation together. ``loss``: by how much (0 to 1) it lacks on average to the best there may be.
+    ``gain``: what an hour of work wins at most (0 to 1). All three are None before trials. ``basis``: what costs assume.
     """
 
     info: ExperimentInfo
     threshold: float
     precision: float
-    recommendations: tuple[Recommendation, ...]
-    environments: tuple[int, ...]
-    telling: int
-    enough: bool
-    leader: Design | None
-    loss: float | None
-    gain: float | None
-    undecided: tuple[Undecided, ...]
-    sentence: str
-    remarks: tuple[str, ...]
+    headline: str
+    grounds: str = ""
+    next_step: str = ""
+    recommendations: tuple[Recommendation, ...] = ()
+    environments: tuple[int, ...] = ()
+    telling: int = 0
+    enough: bool = False
+    leader: Design | None = None
+    loss: float | None = None
+    gain: float | None = None
+    undecided: tuple[Undecided, ...] = ()
+    remarks: tuple[str, ...] = ()
+    basis: str = ""
+
+    @property
+    def sentence(self) -> str:
+        """The whole advice."""
+        return " ".join(text for text in (self.headline, self.grounds, self.next_step) if text)
+
+    def __repr__(self) -> str:
+        rows = [
+            f"  {one.label}: {one.trials} trials of {count(one.cars, 'car')}; {one.reason}"
+            for one in self.recommendations
+        ]
+        return "\n".join([f"Experiment {self.info.id}: {self.sentence}", *rows])
 
 
 def select(
@@ -127,26 +148,27 @@ def select(
     with_cost: bool = True,
     simulated_trials: bool = False,
 ) -> list[Selection]:
-    """Advice for every swept experiment, or one: up to ``build`` designs each; none if nothing was swept.
+    """Advise on every swept experiment, or one: up to ``build`` designs each; none if nothing was swept.
 
     ``threshold`` (0 to 1) is the success that a good design reaches; None: the listing's highest, or THRESHOLD.
-    ``precision`` is the half-width (0 to 0.5) to which trials are to bring a rate. ``simulated_trials``: go by trials of
-    simulated cars instead of built ones. FoldcarError.
+    ``precision`` is the half-width (0 to 0.5) to which trials are to bring a rate. ``with_cost`` nests the sheets, a
+    second a car. ``simulated_trials``: go by trials of simulated cars instead of built ones. Raises FoldcarError.
     """
     evidence = read_evidence(store, experiment, simulated_trials)
     found = select_evidence(evidence, build, threshold, precision, with_cost)
-    if not simulated_trials:
-        found = [replace(one, remarks=(*measure_first(store, one), *one.remarks)) for one in found]
-    return [replace(one, sentence=f"SIMULATED trials. {one.sentence}") for one in found] if simulated_trials else found
+    if simulated_trials:
+        return [replace(one, headline=f"SIMULATED trials. {one.headline}") for one in found]
+    return [measure_first(store, one) for one in found]
 
 
-def measure_first(store: Store, selection: Selection) -> list[str]:
-    """Return a remark that names what was not measured of the built cars and obstacles, if more trials are advised."""
+def measure_first(store: Store, selection: Selection) -> Selection:
+    """Add what was not measured of the built cars and obstacles to the remarks, if more trials are advised."""
     missing = [name for name in MEASURABLE if name not in measured_values(store, selection.info.listed_id)]
     # There is no leader before trials.
     if not missing or selection.leader is None or not selection.recommendations:
-        return []
-    return [f"Measure first, before more trials: {listed(missing)} (`foldcar trials measure`)."]
+        return selection
+    remark = f"{MEASURE} {listed(missing)} (`foldcar trials measure`)."
+    return replace(selection, remarks=(remark, *selection.remarks))
 
 
 def select_evidence(
@@ -156,195 +178,277 @@ def select_evidence(
     precision: float = PRECISION,
     with_cost: bool = True,
 ) -> list[Selection]:
-    """As :func:`select`, from evidence that was read; ``with_cost`` nests the sheets, a second a car."""
+    """Advise as :func:`select` does, from evidence that was read."""
+    by_id = {one.info.id: one for one in evidence}
     found = []
     for one in evidence:
-        limit = threshold if threshold is not None else max(one.info.thresholds, default=THRESHOLD)
-        seen = outlook(one) if one.info.success_defined else None
-        if seen is None:
-            nothing = None, None, None, (), _nothing(one)
-            found.append(Selection(one.info, limit, precision, (), (), 0, False, *nothing, one.remarks))
-        else:
-            choice = _Choice(one, seen, limit, precision)
-            # Threads for matrices of some tens of rows only wait for each other.
-            with threadpool_limits(1):
-                found.append(choice.selection(build, with_cost))
+        fresh = by_id.get(fresh_id(one.info.id)) if one.info.searched else None
+        if fresh is None:
+            found.append(_select_one(one, build, threshold, precision, with_cost))
+            continue
+        # Rates in the environments that chose the designs are biased.
+        advice = _select_one(fresh, build, threshold, precision, with_cost)
+        judged = f"{len(fresh.designs):,} were judged in {fresh.info.environments:,} fresh environments"
+        start = f"A search tried {count(one.swept, 'design')}; {judged}. "
+        found.append(replace(advice, info=one.info, headline=start + advice.headline))
     return found
 
 
-def _nothing(one: Evidence) -> str:
-    if not one.info.success_defined:
-        return "Nothing to select: success is undefined in this environment, so that no design is better than another."
-    if one.info.stored_runs:
-        return f"Nothing to select: {no_rate_text(one.info.stored_runs)}."
-    return "Nothing to select: no runs are stored yet; sweep the listing with `foldcar sweep`."
+def _select_one(evidence: Evidence, build: int, threshold: float | None, precision: float, with_cost: bool) -> Selection:
+    info, belief = evidence.info, evidence.belief
+    limit = threshold if threshold is not None else max(info.thresholds, default=THRESHOLD)
+    if belief is None:
+        return Selection(info, limit, precision, _nothing(evidence), remarks=evidence.remarks)
+    # Threads for matrices of some tens of rows only wait for each other.
+    with threadpool_limits(1):
+        return _Adviser(evidence, belief, limit, precision).selection(build, with_cost)
+
+
+def _nothing(evidence: Evidence) -> str:
+    info = evidence.info
+    passed, trials = evidence.trial_counts.sum(axis=0).tolist()
+    if not info.success_defined:
+        return f"No car is called good or bad: {info.success_rule}."
+    if not info.stored_runs and trials:
+        return f"{passed} of {count(trials, 'trial')} of built cars passed; nothing was simulated to compare with."
+    if not info.stored_runs:
+        return "No run is stored yet."
+    return f"Nothing can be said: {no_rate_text(info.stored_runs)}."
 
 
 @dataclass(frozen=True)
-class _Choice:
-    """What one experiment's selection is made of."""
+class _Adviser:
+    """Advice from the belief about one experiment."""
 
     evidence: Evidence
-    seen: Outlook
+    belief: Belief
     threshold: float
     precision: float
 
     def selection(self, build: int, with_cost: bool) -> Selection:
-        seen, enough, leader, loss, gain = self.seen, False, None, None, None
-        if seen.driven:
-            best, loss = expected_loss(seen.draws)
-            leader, gain = seen.designs[best].design, self._gain
-            enough = seen.pooled is not None and loss <= min(MOST_LOSS, self.precision) and gain < LEAST_GAIN
+        """Return the advice with up to ``build`` designs."""
+        belief, info, threshold = self.belief, self.evidence.info, self.threshold
+        best, loss = expected_loss(belief.draws)
+        enough = belief.driven and loss <= min(MOST_LOSS, self.precision) and self._gain < LEAST_GAIN
         placed = [] if enough else self._placed(build)
         recommended = tuple(self._recommendation(one, with_cost) for one in placed)
         rows = [one.index for one in placed]
-        met = {trial.sample for index in rows for trial in seen.designs[index].trials}
-        known = [index for index, sample in enumerate(seen.samples) if sample in met]
+        met = {trial.sample for index in rows for trial in belief.designs[index].trials}
+        known = [column for column, sample in enumerate(belief.samples.tolist()) if sample in met]
         wanted = max((one.trials for one in recommended), default=0)
-        columns = telling_environments(seen.passed[rows], wanted, known) if rows else []
-        telling = int(sum(numpy.ptp(seen.passed[rows][:, column]) > 0 for column in columns))
-        samples = tuple(int(seen.samples[column]) for column in columns)
-        info, remarks = self.evidence.info, self._remarks(recommended, wanted, len(samples))
-        sentence = self._sentence(recommended, enough, loss)
+        columns = telling_environments(belief.passed[rows], wanted, known) if rows else []
         return Selection(
-            info, self.threshold, self.precision, recommended, samples, telling, enough, leader, loss, gain,
-            self._undecided, sentence, remarks,
-        )  # fmt: skip
+            info,
+            threshold,
+            self.precision,
+            headline(self.evidence, belief, compare_experiment(self.evidence), threshold),
+            grounds(self.evidence, belief, threshold),
+            self._next_step(recommended, belief.labels[best], loss, enough),
+            recommended,
+            tuple(int(belief.samples[column]) for column in columns),
+            int(sum(numpy.ptp(belief.passed[rows][:, column]) > 0 for column in columns)),
+            enough,
+            belief.designs[best].design if belief.driven else None,
+            loss if belief.driven else None,
+            self._gain if belief.driven else None,
+            self._undecided if belief.driven else (),
+            self._remarks(wanted - len(columns)),
+            self._basis,
+        )
 
     def _placed(self, build: int) -> list[Placed]:
         """The designs, the most useful first."""
-        seen, first = self.seen, []
-        if not seen.driven:
-            rate, low, high = seen.smooth.T
+        belief, first = self.belief, []
+        if not belief.driven:
+            rate, low, high = belief.simulation.T
             # How little is known of each design's side of the threshold.
             doubt = 1 / (1 + numpy.abs(rate - self.threshold) / numpy.maximum(high - low, 1e-9))
-            first = first_designs(seen.parameters, rate, doubt, self.threshold)[:build]
+            first = first_designs(belief.parameters, rate, doubt, self.threshold)[:build]
         taken = [one.index for one in first]
-        zone = self.precision if seen.driven else 0.0
-        more = choose(seen.draws, self.threshold, ROUND_TRIALS, build - len(first), taken, zone=zone)
-        return [*first, *(Placed(index, NEXT) for index in more)]
+        candidates = numpy.union1d(self._open_candidates, numpy.array(taken, dtype=int))
+        zone = self.precision if belief.driven else 0.0
+        chosen = numpy.searchsorted(candidates, taken).tolist()
+        more = choose(belief.draws[:, candidates], self.threshold, ROUND_TRIALS, build - len(first), chosen, zone=zone)
+        return [*first, *(Placed(int(candidates[index]), NEXT) for index in more)]
+
+    @cached_property
+    def _candidates(self) -> NDArray[numpy.int64]:
+        """The driven designs, and evenly spaced ones of the others."""
+        rest = numpy.flatnonzero(self.belief.trials == 0)
+        if len(rest) > MAX_CANDIDATES:
+            rest = rest[numpy.linspace(0, len(rest) - 1, MAX_CANDIDATES).round().astype(int)]
+        return numpy.union1d(rest, numpy.flatnonzero(self.belief.trials))
+
+    @property
+    def _open_candidates(self) -> NDArray[numpy.int64]:
+        """The candidates that may be the best one, or whose side of the threshold is open; all if none is."""
+        belief, candidates = self.belief, self._candidates
+        chances = belief.chances(self.threshold)[candidates]
+        best = (belief.draws.argmax(axis=1)[:, None] == candidates).mean(axis=0)
+        open_ones = ((chances > MIN_CHANCE) & (chances < 1 - MIN_CHANCE)) | (best > MIN_CHANCE)
+        return candidates[open_ones] if open_ones.any() else candidates
 
     @cached_property
     def _gain(self) -> float:
         """What an hour of work wins at most."""
-        each_min = [trial_min(one.mean_time_s) for one in self.seen.designs]
-        work = [[self._effort(at, n).work_min(ASSEMBLY_MIN, one) for at, one in enumerate(each_min)] for n in BATCHES]
-        return gain_per_hour(self.seen.draws, self.threshold, self.precision, work)
+        trials_min = [(index, trial_min(self.belief.designs[index].mean_time_s)) for index in self._candidates.tolist()]
+        work = [
+            [self._effort(index, batch).work_min(self._assembly_min, minutes) for index, minutes in trials_min]
+            for batch in BATCHES
+        ]
+        return gain_per_hour(self.belief.draws[:, self._candidates], self.threshold, self.precision, work)
 
     def _effort(self, index: int, further: int, least: int = 0) -> Effort:
         """The work for so many further independent trials of a design, or ``least`` in all."""
-        one = self.seen.designs[index]
-        driven = [] if one.cars is None else one.cars.counted.astype(int).tolist()
-        return further_effort(further, self._alike[index], ASSEMBLY_MIN, trial_min(one.mean_time_s), driven, least)
+        design = self.belief.designs[index]
+        driven = [] if design.cars is None else design.cars.counted.astype(int).tolist()
+        minutes = trial_min(design.mean_time_s)
+        return further_effort(further, self._correlations[index], self._assembly_min, minutes, driven, least)
 
     @cached_property
-    def _alike(self) -> list[float]:
-        """The correlation of trials of one car, by design; where no cars were simulated, as the others' differ."""
-        own = [None if one.spread is PRIOR else float(one.spread @ SPREADS) for one in self.seen.designs]
+    def _spreads(self) -> NDArray[numpy.float64]:
+        """How much cars of each design differ: where none were simulated, as those of the others do, or as is assumed."""
+        own = [None if one.spread is PRIOR else float(one.spread @ SPREADS) for one in self.belief.designs]
         known = [spread for spread in own if spread is not None]
-        if not known:
-            return [0.0] * len(own)
-        spreads = [sum(known) / len(known) if spread is None else spread for spread in own]
+        usual = sum(known) / len(known) if known else float(PRIOR @ SPREADS)
+        return numpy.array([usual if spread is None else spread for spread in own])
+
+    @cached_property
+    def _correlations(self) -> list[float]:
+        """The correlation of trials of one car, by design."""
         # Some of the draws are enough.
-        some = self.seen.draws[::10].T
-        return [correlation_within_cars(rates, spread) for rates, spread in zip(some, spreads, strict=True)]
+        draws = self.belief.draws[::10].T
+        return [correlation_within_cars(rates, spread) for rates, spread in zip(draws, self._spreads, strict=True)]
+
+    @cached_property
+    def _assembly_min(self) -> float:
+        """The minutes to build a car, as its guide estimates them, of the design in the middle of the family."""
+        design = self.belief.designs[len(self.belief.designs) // 2]
+        return assembly_min(design.vehicle_type, tuple(design.design.items()))
+
+    @property
+    def _basis(self) -> str:
+        return (
+            "Sheets: 12 x 12 inch, 12 x 24 where a piece is longer, as `foldcar pattern` nests them. Minutes assume "
+            f"cutting at {CUTTING_MM_S:g} mm/s, {self._assembly_min:.0f} min to build a car (as its guide estimates, "
+            f"headers and firmware aside), {PLACING_MIN:g} min to place a trial, and the time that simulation drives. "
+            f"Cars and trials are planned for cars of a design that differ by {self._spreads.mean():.1f} in log-odds "
+            "(standard deviation)."
+        )
 
     @cached_property
     def _undecided(self) -> tuple[Undecided, ...]:
         """The designs whose rate may lie on both sides of the threshold, or is not to be trusted."""
-        seen, limit, zone, found = self.seen, self.threshold, self.precision, []
-        for index, (one, known) in enumerate(zip(seen.designs, seen.pooled or (), strict=False)):
-            doubted = index in seen.contradicting.beside
-            if doubted or known.low < limit <= known.high:
-                more = max(1, trials_to_tell(seen.draws[:, index], limit) - len(one.trials))
-                at = not doubted and limit - zone <= known.low and known.high <= limit + zone
-                found.append(Undecided(one.label, one.design, at, more))
+        belief, limit, zone, found = self.belief, self.threshold, self.precision, []
+        for index, (design, rate) in enumerate(zip(belief.designs, belief.built, strict=True)):
+            doubted = index in belief.contradicting.beside
+            if doubted or rate.low < limit <= rate.high:
+                more = max(1, trials_to_tell(belief.draws[:, index], limit) - len(design.trials))
+                at = not doubted and limit - zone <= rate.low and rate.high <= limit + zone
+                found.append(Undecided(design.label, design.design, at, more))
         return tuple(found)
 
     def _recommendation(self, placed: Placed, with_cost: bool) -> Recommendation:
-        seen, index = self.seen, placed.index
-        one = seen.designs[index]
-        expected = None if seen.pooled is None else seen.pooled[index]
-        done = len(one.trials)
-        effort = self._effort(index, 1, trials_needed(seen.draws[:, index], self.precision))
+        index, design = placed.index, self.belief.designs[placed.index]
+        effort = self._effort(index, 1, trials_needed(self.belief.draws[:, index], self.precision))
         if placed.place == NEXT:
-            reason = next_reason(seen, index, self.threshold)
+            reason = next_reason(self.belief, index, self.threshold)
         else:
-            reason = first_reason(placed.place, one, self.evidence.info.simulation)
-        if effort.cars + bool(done) > 1:
-            reason += f"; {effort.each} trials of each car, as cars of one design differ"
-        price = cost(one.vehicle_type, one.design, effort, one.mean_time_s) if with_cost else None
+            reason = first_reason(placed.place, design, self.evidence.info.simulation)
         return Recommendation(
-            one.label, one.design, placed.place, reason, one.simulated(), expected, bool(done), done, effort.cars,
-            effort.trials, price,
+            design.label, design.design, placed.place, reason, design.simulated(), self.belief.built[index],
+            bool(design.trials), len(design.trials), effort.cars, effort.trials,
+            cost(design, effort, self._assembly_min) if with_cost else None,
         )  # fmt: skip
 
-    def _remarks(self, recommended: Sequence[Recommendation], wanted: int, environments: int) -> tuple[str, ...]:
-        seen, info = self.seen, self.evidence.info
-        remarks = [region_text(seen, self.threshold, self.evidence.parameters, info.simulation)]
-        best, passed, number = honest_best(seen.passed)
-        if number and len(seen.designs) > 1:
+    def _remarks(self, missing_environments: int) -> tuple[str, ...]:
+        belief, info, found = self.belief, self.evidence.info, []
+        best, passed, number = honest_best(belief.passed)
+        if number and len(belief.designs) > 1:
             rate = rate_text(passed / number, *rate_interval(passed, number, info.until is not None))
-            remarks.append(
-                f"Best in {info.simulation}: {seen.designs[best].label}, {rate}, chosen in one half of the environments "
+            found.append(
+                f"Best in {info.simulation}: {belief.labels[best]}, {rate}, chosen in one half of the environments "
                 "and counted in the other."
             )
-        if seen.thinned:
-            left = f"{count(seen.thinned, 'design')} between these were left out of the choice, to save time"
-            driven = sum(bool(one.trials) for one in seen.designs)
-            most = f"; of the driven ones the {MOST_POOLED} with most trials count" if driven == MOST_POOLED else ""
-            remarks.append(f"{left}{most}.")
-        if all(one.spread is PRIOR for one in seen.designs):
-            remarks.append(
-                "Cars and trials are planned as if all cars of a design were alike: how they differ is not simulated."
+        thinned = len(belief.designs) - len(self._candidates)
+        if thinned:
+            found.append(f"{count(thinned, 'design')} between these were left out of the choice, to save time.")
+        if belief.unpooled:
+            found.append(f"Of the driven designs the {MOST_POOLED} with most trials count.")
+        if missing_environments > 0:
+            found.append(
+                f"{count(missing_environments, 'trial')} of a design must repeat an environment: sweep more of them."
             )
-        if environments < wanted:
-            remarks.append(f"Only {environments} environments are left that no chosen car has met: sweep more of them.")
-        remarks += seen.contradicting.remark([one.label for one in seen.designs])
-        return (*remarks, *self.evidence.remarks)
+        return (*found, *self.evidence.remarks)
 
-    def _sentence(self, recommended: Sequence[Recommendation], enough: bool, loss: float | None) -> str:
-        seen, limit, simulation = self.seen, percent(self.threshold), self.evidence.info.simulation
-        # In the order of the family, not of use.
-        order = {one.label: row for row, one in enumerate(seen.designs)}
-        named = listed(sorted((one.label for one in recommended), key=order.__getitem__))
-        if loss is None and not (seen.smooth[:, 0] >= self.threshold).any():
-            return f"Build {named}: no trials yet, and no design reaches {limit} in {simulation}; first the best."
-        if loss is None:
-            return f"Build {named}: no trials yet, so these mark the region that reaches {limit} in {simulation}."
-        best, _ = expected_loss(seen.draws)
-        known = None if seen.pooled is None else seen.pooled[best]
-        shown = "" if known is None else f" with {rate_text(known.value, known.low, known.high)}"
-        leads = f"by trials and {simulation} together {seen.designs[best].label} leads{shown}"
-        loses = f"to settle for it loses {points(loss, sign=False)} points on average against the best there may be"
-        if not enough:
-            return f"Next, try {named}: {leads}; {loses}, and an hour of work may win {100 * self._gain:.1f}."
-        rates, unsure = zip(seen.designs, seen.pooled or (), strict=True), {one.label for one in self._undecided}
-        above = [one.label for one, known in rates if known.low >= self.threshold and one.label not in unsure]
-        reach = f"{listed(above)} reach" if len(above) > 1 else f"{above[0] if above else 'no design'} reaches"
-        rest, worth = undecided_text(self._undecided, self.precision), points(LEAST_GAIN, sign=False)
-        return f"Enough: {reach} {limit}, {rest}; {leads}; {loses}, and an hour of work wins less than {worth} point."
+    def _next_step(self, recommended: Sequence[Recommendation], leader: str, loss: float, enough: bool) -> str:
+        lost = f"{points(loss, sign=False)} points"
+        if enough:
+            worth = points(LEAST_GAIN, sign=False)
+            stop = (
+                f"Enough: expected loss if you stop with {leader}: {lost}; an hour of work wins less than {worth} point."
+            )
+            return f"{stop} {undecided_text(self._undecided, self.precision)}".strip()
+        first = recommended[0]
+        index = self.belief.labels.index(first.label)
+        chance = f"{percent(self.belief.chances(self.threshold)[index])} chance to reach {percent(self.threshold)}"
+        cars = f" of {count(first.cars, 'car')}" if first.cars else ""
+        hours = "" if first.cost is None else f", about {_hours(first.cost.minutes)}"
+        then = f"; then {listed([one.label for one in recommended[1:]])}" if len(recommended) > 1 else ""
+        verb = "build" if first.cars else "drive"
+        plan = f"Next, {verb} {first.label}: {chance}; {count(first.trials, 'trial')}{cars}{hours}{then}."
+        if not self.belief.driven:
+            return plan
+        gain = f"an hour of work wins up to {100 * self._gain:.1f}"
+        return f"{plan} Expected loss if you stop with {leader}: {lost}; {gain}."
+
+
+def _hours(minutes: int) -> str:
+    return f"{minutes} min" if minutes < 90 else f"{minutes / 60:.0f} hours"
 
 
 def trial_min(drive_s: float | None) -> float:
-    """The minutes of a trial of ``drive_s`` (None: unknown, then without)."""
+    """Return the minutes of a trial of ``drive_s`` (None: unknown, then without)."""
     return PLACING_MIN + (drive_s or 0.0) / 60
 
 
-def cost(vehicle_type: str, design: Mapping[str, float | str], effort: Effort, drive_s: float | None) -> Cost | None:
-    """The cost of cars and trials of ``drive_s`` each (None: unknown); None if they cannot be cut."""
-    driving_min = effort.trials * trial_min(drive_s)
+@lru_cache
+def assembly_min(vehicle_type: str, design: tuple[tuple[str, float | str], ...]) -> float:
+    """Return the minutes to build a car of the ``design``, pairs of name and value, as its guide estimates them."""
+    # Sheets and proof take a second to import.
+    from foldcar.fabrication.assembly.operations import operations
+    from foldcar.fabrication.patterns.options import options
+    from foldcar.fabrication.patterns.sheets import cut_car, on_a_larger_sheet
+
+    try:
+        folded = folded_car(compose_columns(vehicle_type, dict(design)))
+        return operations(folded, cut_car(folded, on_a_larger_sheet(folded, options(MACHINE)))).minutes
+    except (FoldcarError, ValueError):
+        return UNKNOWN_ASSEMBLY_MIN
+
+
+def cost(design: DesignEvidence, effort: Effort, car_min: float) -> Cost | None:
+    """Return the cost of cars, ``car_min`` minutes each to assemble, and trials; None if they cannot be cut."""
+    driving_min = effort.trials * trial_min(design.mean_time_s)
     if not effort.cars:
         return Cost(0, math.ceil(driving_min))
-    # Sheets take half a second to import, and a report has none.
+    cut = _cut(design.vehicle_type, tuple(design.design.items()))
+    if cut is None:
+        return None
+    sheets, cutting_min = cut
+    return Cost(effort.cars * sheets, math.ceil(effort.cars * (cutting_min + car_min) + driving_min))
+
+
+@lru_cache
+def _cut(vehicle_type: str, design: tuple[tuple[str, float | str], ...]) -> tuple[int, float] | None:
+    """The sheets of a car, and the minutes to cut them; None if it cannot be cut."""
     from foldcar.fabrication.patterns.options import options
     from foldcar.fabrication.patterns.sheets import on_a_larger_sheet, pattern
 
     try:
-        composed = compose_columns(vehicle_type, design)
+        composed = compose_columns(vehicle_type, dict(design))
         folded = folded_car(composed)
         cut = pattern(folded, on_a_larger_sheet(folded, options(MACHINE)), composed.title)
     except (FoldcarError, ValueError):
         return None
-    cutting_min = cut.cut_length_mm / CUTTING_MM_S / 60
-    return Cost(effort.cars * len(cut.sheets), math.ceil(effort.cars * (cutting_min + ASSEMBLY_MIN) + driving_min))
+    return len(cut.sheets), cut.cut_length_mm / CUTTING_MM_S / 60

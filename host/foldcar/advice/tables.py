@@ -37,7 +37,20 @@ def selection_object(one: Selection) -> dict[str, Any]:
     """The selection as plain data; what is unknown is None."""
     plain = {
         name: getattr(one, name)
-        for name in ("threshold", "precision", "enough", "loss", "gain", "sentence", "environments", "telling", "remarks")
+        for name in (
+            "threshold",
+            "precision",
+            "enough",
+            "loss",
+            "gain",
+            "sentence",
+            "headline",
+            "grounds",
+            "next_step",
+            "environments",
+            "telling",
+            "remarks",
+        )
     }
     plain["undecided"] = [{**asdict(design), "design": dict(design.design)} for design in one.undecided]
     designs = [{**asdict(design), "design": dict(design.design)} for design in one.recommendations]
@@ -68,6 +81,7 @@ def _experiment_object(one: ExperimentComparison) -> dict[str, Any]:
                 "swept": design.evidence.swept,
                 **_counts(design),
                 **{name: _object(getattr(design, name)) for name in (*RATES, "gap")},
+                "gap_is_paired": design.gap_is_paired,
                 "verdict": design.verdict,
                 "simulated_outcomes": dict(design.evidence.outcomes),
                 "trial_outcomes": dict(design.driven_outcomes),
@@ -97,7 +111,7 @@ def _counts(one: DesignComparison) -> dict[str, int]:
 
 def _compared(experiment: str, one: DesignComparison) -> dict[str, Any]:
     row: dict[str, Any] = {"experiment": experiment, "vehicle_type": one.evidence.vehicle_type, **one.design}
-    row |= {**_counts(one), "verdict": one.verdict}
+    row |= {**_counts(one), "gap_is_paired": one.gap_is_paired, "verdict": one.verdict}
     row |= _ends({name: getattr(one, name) for name in (*RATES, "gap")})
     outcomes: Mapping[str, Mapping[str, int]] = {"runs": one.evidence.outcomes, "trials": one.driven_outcomes}
     return row | {f"{what}_{name}": number for what, counts in outcomes.items() for name, number in counts.items()}

@@ -5,9 +5,10 @@ A gap is trials minus simulation: below 0 simulation is optimistic.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from foldcar.analysis.rate import Rate
 
@@ -36,17 +37,49 @@ class Gap:
         return PESSIMISTIC if self.low > 0 else TOO_FEW
 
 
-def mean_gap(simulated: Sequence[Rate], driven: Sequence[Rate]) -> Gap:
-    """The mean over designs, at least one, of the differences of their rates, all of one confidence.
+@dataclass(frozen=True)
+class Rates:
+    """Rates of one design in simulation and of built cars, of one confidence; ``correlation`` of paired results, or 0."""
 
-    By the square-and-add method (Newcombe 1998, Zou and Donner 2008); of one design with Wilson's intervals it is
-    Newcombe's hybrid score interval.
+    simulated: Rate
+    driven: Rate
+    correlation: float = 0.0
+
+
+def mean_gap(rates: Sequence[Rates]) -> Gap:
+    """Return the mean over designs, at least one, of the differences of their rates.
+
+    By the square-and-add method (Newcombe 1998, doi:10.1002/(SICI)1097-0258(19980430)17:8<873::AID-SIM779>3.0.CO;2-I; Zou
+    and Donner 2008). Of one design with Wilson's intervals it is Newcombe's hybrid score interval, of pairs his method 10
+    for paired differences (doi:10.1002/(SICI)1097-0258(19981130)17:22<2635::AID-SIM954>3.0.CO;2-C).
     """
-    f, y = (numpy.array([(rate.value, rate.low, rate.high) for rate in rates]) for rates in (simulated, driven))
+    f, y = (
+        numpy.array([(one.value, one.low, one.high) for one in side])
+        for side in ([one.simulated for one in rates], [one.driven for one in rates])
+    )
+    correlation = numpy.array([one.correlation for one in rates])
     value = float((y[:, 0] - f[:, 0]).mean())
-    below = numpy.sqrt(((y[:, 0] - y[:, 1]) ** 2 + (f[:, 2] - f[:, 0]) ** 2).sum()) / len(f)
-    above = numpy.sqrt(((y[:, 2] - y[:, 0]) ** 2 + (f[:, 0] - f[:, 1]) ** 2).sum()) / len(f)
-    return Gap(value, max(-1.0, value - float(below)), min(1.0, value + float(above)), simulated[0].confidence)
+
+    def reach(of_y: NDArray[Any], of_f: NDArray[Any]) -> float:
+        squares = of_y**2 + of_f**2 - 2 * correlation * of_y * of_f
+        return float(numpy.sqrt(squares.sum()) / len(rates))
+
+    low = value - reach(y[:, 0] - y[:, 1], f[:, 2] - f[:, 0])
+    high = value + reach(y[:, 2] - y[:, 0], f[:, 0] - f[:, 1])
+    return Gap(value, max(-1.0, low), min(1.0, high), rates[0].simulated.confidence)
+
+
+def pair_correlation(first: Sequence[bool], second: Sequence[bool]) -> float:
+    """Return the correlation of paired results, corrected for continuity as in Newcombe's method 10; 0 if undefined."""
+    a, b = (numpy.array(one, dtype=float) for one in (first, second))
+    both, neither = float(a @ b), float((1 - a) @ (1 - b))
+    first_only, second_only = float(a @ (1 - b)), float((1 - a) @ b)
+    margins = a.sum() * (1 - a).sum() * b.sum() * (1 - b).sum()
+    if not margins:
+        return 0.0
+    product = both * neither - first_only * second_only
+    corrected = max(product - len(a) / 2, 0.0) if product > 0 else product
+    return float(corrected / numpy.sqrt(margins))
 
 
 @dataclass(frozen=True)

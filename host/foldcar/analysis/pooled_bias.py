@@ -69,16 +69,12 @@ class PooledBias:
     candidates: tuple[Candidate, ...]
     weights: NDArray[Any]
 
-    def rates(self, confidence: float = 0.95, least: int = 2) -> list[Rate]:
-        """The rate of a further car of each design; those without trials have theirs from their neighbours.
+    def rates(self, confidence: float = 0.95) -> list[Rate]:
+        """Return the rate of a further car of each design; those without trials have theirs from their neighbours.
 
-        Intervals are without a normal approximation of a design's own trials. With trials of fewer than ``least`` designs
-        nothing is pooled: those get the interval of their cars alone, the others 0 to 1.
+        Intervals are without a normal approximation of a design's own trials.
         """
         check_confidence(confidence)
-        if len(self._seen) < least:
-            why = "no trials of this design, of one other at most: nothing is known"
-            return [one.rate(confidence) if one else Rate(0.5, 0.0, 1.0, confidence, why) for one in self.cars]
         tail = (1 - confidence) / 2
         counts = [0 if one is None else int(one.counted.sum()) for one in self.cars]
         found = []

@@ -113,7 +113,7 @@ def _print_session(store: Path, numbers: Collection[int]) -> None:
     """Print what the trials ``numbers`` of one experiment were, and what `compare` and `select` say with them."""
     from foldcar.advice.comparison import compare_evidence
     from foldcar.advice.evidence import read_evidence, swept_ids
-    from foldcar.advice.selecting import measure_first, select_evidence
+    from foldcar.advice.selecting import MEASURE, measure_first, select_evidence
     from foldcar.analysis.words import count
     from foldcar.commands.progress_bar import working
     from foldcar.shown_console import shown_console
@@ -128,7 +128,8 @@ def _print_session(store: Path, numbers: Collection[int]) -> None:
         swept = experiment in swept_ids(opened)
         evidence = read_evidence(opened, experiment, counted == SIMULATED) if swept else []
         compared, selections = compare_evidence(evidence), select_evidence(evidence, with_cost=False)
-        missing = [line for one in selections if counted == BUILT for line in measure_first(opened, one)]
+        if counted == BUILT:
+            selections = [measure_first(opened, one) for one in selections]
     completed = [trial for trial in mine if trial.standing == counted and trial.completed]
     passed, others = sum(trial.outcome == "passed" for trial in completed), len(mine) - len(completed)
     more = f"; {count(others, 'more trial')} aborted or withdrawn" if others else ""
@@ -140,5 +141,6 @@ def _print_session(store: Path, numbers: Collection[int]) -> None:
     lines += [f"{row.label}: {row.verdict or 'nothing to compare'}" for row in rows]
     if not swept:
         lines.append(f"Experiment {experiment} was not swept in {store}: there is no simulation to compare with.")
-    lines += [*(one.sentence for one in selections), *missing]
+    for one in selections:
+        lines += [one.sentence, *(remark for remark in one.remarks if remark.startswith(MEASURE))]
     shown_console().print("\n".join(lines))

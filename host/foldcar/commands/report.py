@@ -127,11 +127,7 @@ def _print_summary(data: Mapping[str, Any]) -> None:
 def _lines(one: Mapping[str, Any]) -> Iterator[str]:
     from foldcar.analysis.words import rate_text
 
-    yield one["headline"]
-    for label, said in (("Most likely to work", one["likely"]["text"]), ("To learn most, drive", one["learn"]["text"])):
-        if said:
-            yield f"{label}: {said}"
-    yield from one["edge"]
+    yield from filter(None, (one["headline"], one["grounds"], one["next"]["text"], *one["ranges"]))
     if one["importance"]:
         shares = [
             f"{one['parameters'][row['parameter']]['label']} {rate_text(row['share'], row['low'], row['high'])}"
@@ -145,26 +141,28 @@ def _lines(one: Mapping[str, Any]) -> Iterator[str]:
     yield from one["remarks"]
     number = len(one["designs"]["name"])
     if number > MOST_DESIGNS:
-        yield f"The first {MOST_DESIGNS} of {number:,} designs; `foldcar export` has all runs."
+        yield f"The best {MOST_DESIGNS} of {number:,} designs; `foldcar export` has all runs."
 
 
 def _table(one: Mapping[str, Any]) -> "ResultTable":
+    """The designs, the best first."""
     from foldcar.shown_console import ResultTable
 
     designs = one["designs"]
     driven = any(designs["trials"])
     seen = [code for code, column in enumerate(designs["outcomes"]) if code and any(column)]
-    titles = ["runs", "passed %", "95 % interval", *["trials", "cars", "trials and simulation %"] * driven]
+    titles = ["runs", "passed %", "95 % interval", *["trials", "cars"] * driven, "built cars %"]
     table = ResultTable("design", *titles, *(one["outcome_labels"][code] for code in seen))
-    for at, name in enumerate(designs["name"][:MOST_DESIGNS]):
+    ranked = sorted(range(len(designs["name"])), key=lambda at: -(designs["belief"][at] or 0))
+    for at in ranked[:MOST_DESIGNS]:
         cells = [str(designs["runs"][at]), *_rate(one, at)]
         if driven:
             trials = designs["trials"][at]
-            believed = [designs[key][at] for key in ("belief", "belief_low", "belief_high")]
             cells.append(f"{designs['trials_passed'][at]} of {trials}" if trials else "-")
             cells.append(str(designs["cars"][at] or "-"))
-            cells.append("-" if believed[0] is None else "{:.0f} ({:.0f} - {:.0f})".format(*(100 * x for x in believed)))
-        table.add_row(name, *cells, *(str(designs["outcomes"][code][at]) for code in seen))
+        built = [designs[key][at] for key in ("belief", "belief_low", "belief_high")]
+        cells.append("-" if built[0] is None else "{:.0f} ({:.0f} - {:.0f})".format(*(100 * x for x in built)))
+        table.add_row(designs["name"][at], *cells, *(str(designs["outcomes"][code][at]) for code in seen))
     return table
 
 

@@ -54,7 +54,10 @@ def print_comparison(found: "Comparison") -> None:
             _print_outcomes(console, one.designs)
             if one.mean_gap is not None:
                 console.print("these: the cars that drove; further car, pooled: any car of the design, as in simulation")
-                console.print("gap: further car minus simulation, points; gaps and their mean hold together with 95 %")
+                console.print(
+                    "gap: further car minus simulation, points, in the same environments where most trials have a "
+                    "simulation of theirs; gaps and their mean hold together with 95 %"
+                )
         for line in (rank_text(one.ranks), *one.remarks):
             if line:
                 console.print(line)
@@ -121,14 +124,13 @@ def print_selections(found: "Sequence[Selection]") -> None:
 
 
 def _print_recommended(console: Console, one: "Selection") -> None:
-    expected = ["expected %"] * any(design.expected is not None for design in one.recommendations)
-    heads = ("design", "simulated %", *expected, "trials", "cars", "sheets", "minutes", "why")
+    heads = ("design", "simulated %", "built cars %", "trials", "cars", "sheets", "minutes", "why")
     table = ResultTable(*heads, left=("design", "why"))
     for design in one.recommendations:
         table.add_row(
             design.label,
             _rate(design.simulated),
-            *(_rate(design.expected) for _ in expected),
+            _rate(design.expected),
             f"{design.trials} more" if design.trials_done else str(design.trials),
             str(design.cars),
             *_prices(design),
@@ -145,9 +147,7 @@ def _print_recommended(console: Console, one: "Selection") -> None:
             f"ones; {telling} these designs apart in {one.info.simulation}.",
         )
     if any(design.cost is not None for design in one.recommendations):
-        from foldcar.advice.selecting import BASIS
-
-        console.print(BASIS)
+        console.print(one.basis)
 
 
 def _prices(design: "Recommendation") -> tuple[str, str]:

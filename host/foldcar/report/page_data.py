@@ -1,26 +1,27 @@
 """What the study page shows: one object of plain JSON values, from an open store. This text is its one description.
 
-``{"title", "engine_notes": [text], "experiments": [experiment]}``; an experiment is
+``{"title", "notes", "engine_notes": [text], "experiments": [experiment]}``; an experiment is
 
-- ``id``, ``headline`` (a sentence), ``remarks`` (what a reader must know besides), ``thresholds`` (0 to 1, ascending: a
-  design is good above the last), ``judged`` (whether success is defined), ``simulation`` (what sentences call its
-  engine), ``interval`` (what the intervals of simulated rates are called), ``environments`` (how many there are),
-  ``time_limit_s``.
-- ``likely`` (the designs most likely to work) and ``learn`` (those whose trials would tell most; a gap to sweep):
-  ``{"text", "designs": [index], "why": [text for each]}``; ``edge``: sentences on ends of ranges.
+- ``id``, ``headline`` (what is known), ``grounds`` (what that rests on), ``remarks`` (what a reader must know besides),
+  ``thresholds`` (0 to 1, ascending: a design is good if it reaches the last), ``judged`` (whether success is defined),
+  ``simulation`` (what sentences call its engine), ``interval`` (what the intervals of simulated rates are called),
+  ``environments`` (how many there are), ``time_limit_s``.
+- ``next``: what to do next, ``{"text", "designs": [index], "why": [text for each]}``. This, headline and grounds are
+  those of `foldcar select`. ``ranges``: sentences on gaps and ends of ranges; ``leader``: index of a design, or null.
 - ``parameters``: those that vary, ``{"name", "label", "unit", "values": all that occur, ascending}``;
   ``fixed``: [label, text] of the others.
 - ``designs``: columns, an entry per design, null for what is not known. ``value``: per design the indices into the
   parameters' values (null where the design lacks the parameter); ``name``: the one way in which a design is written;
   ``swept``; ``runs`` and ``passed`` (rejected runs are in neither), ``rate``, ``low``, ``high`` (simulation, 95 %);
   ``outcomes``: a column per outcome; ``trials``, ``trials_passed`` (those that count), ``cars`` (how many drove them),
-  ``trials_low``, ``trials_high`` (of these cars); ``belief``, ``belief_low``, ``belief_high``: what simulation and trials
-  together say of a further car, simulation's rate where no trial tells of it; ``verdict``: "good", "bad" or "open" by the
-  belief's interval and the last threshold; ``refuted``: "optimistic" or "pessimistic" where the design's own trials
+  ``trials_low``, ``trials_high`` (of these cars); ``smooth``, ``smooth_low``, ``smooth_high``: success in this simulator,
+  smoothed over designs; ``belief``, ``belief_low``, ``belief_high``: what simulation and trials together say of a further
+  built car; ``verdict``: "good", "bad" or "open" by the last threshold and the band of built cars, before trials that of
+  simulation; ``refuted``: "optimistic" or "pessimistic" where the design's own trials
   contradict simulation; ``measures``:
   ``{"key", "label", "unit", "better": "less" | "more" | null, "value": column}``.
-- ``engines``: for each other engine that simulated the same cars in the same samples ``{"id": its experiment, "name",
-  "passed", "runs": columns by design, "text": a sentence that compares the results}``.
+- ``engines``: for each other engine or calibration that simulated the same cars in the same samples ``{"id": its
+  experiment, "name", "passed", "runs": columns by design, "text": a sentence that compares the results}``.
 - ``runs``: columns ``design``, ``environment``, ``outcome``, ``time_s`` in the order of design and environment; null
   beyond MOST_RUNS, where ``runs_omitted`` says so.
 - ``outcomes``, ``outcome_labels``: what the numbers of ``outcome`` stand for.
@@ -47,20 +48,26 @@ import shlex
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
+import json5
 import numpy
 from threadpoolctl import threadpool_limits
 
+from foldcar.advice.design_evidence import design_label
+from foldcar.advice.evidence import Evidence, read_evidence, read_unswept
+from foldcar.advice.selecting import Selection, measure_first, select_evidence
 from foldcar.analysis.effects import Effects
 from foldcar.analysis.words import label_and_unit, value_text
 from foldcar.figures.style import OUTCOME_LABELS
 from foldcar.report.environment_values import EnvironmentValues, environment_values
-from foldcar.report.page_advice import Advice
-from foldcar.report.page_designs import Designs, parameter_columns, read_designs
+from foldcar.report.page_designs import DesignColumns, parameter_columns
 from foldcar.report.page_effects import cause_rows, effect_rows, importance_rows, read_effects
 from foldcar.report.page_front import search_front
-from foldcar.report.page_remarks import other_engines, remarks
+from foldcar.report.page_measures import measures
+from foldcar.report.page_ranges import range_sentences
+from foldcar.report.page_remarks import other_simulations, remarks
 from foldcar.search.design_simulator import fresh_id
 from foldcar.simulation.results import NUMBERS, OUTCOMES
 from foldcar.store.info import ExperimentInfo, StudyInfo
@@ -75,150 +82,156 @@ OMITTED = (
 )
 # Of the publication's figure 6.
 THRESHOLDS = (0.5, 0.75)
-# What is not known of an experiment that was not swept.
-UNKNOWN: dict[str, Any] = {
-    **dict.fromkeys(("speed_m_s", "seed", "condition", "variation_seed")),
-    **dict.fromkeys(("environments", "timeout_s", "yaw_rate_rad_s", "planned_runs", "stored_runs"), 0),
-    **dict.fromkeys(("vehicle", "environment", "carsim_build"), ""),
-}
 
 
 @dataclass(frozen=True)
 class Experiment:
-    """An experiment as page and figures take it; ``name`` is its own on the page, ``fresh`` that of a search's best.
+    """An experiment as page and figures take it; ``name`` is its own on the page.
 
-    ``trials`` are those that are shown, ``left_out`` counts the others by standing; ``effects`` is the smooth model of
-    the parameters at ``places``, None if there is none.
+    ``trials`` are those that are shown, ``left_out`` counts the others by standing. ``effects`` is the smooth model of
+    the parameters at ``places``, None if there is none. ``fresh`` is the evidence on a search's best designs in fresh
+    environments.
     """
 
     name: str
-    designs: Designs
+    evidence: Evidence
+    selection: Selection
     trials: Sequence[Trial]
     left_out: Counter[str]
     thresholds: tuple[float, ...]
     effects: Effects | None
     places: list[int]
-    fresh: Designs | None = None
+    fresh: Evidence | None = None
 
     @property
     def info(self) -> ExperimentInfo:
         """The experiment in the store."""
-        return self.designs.info
+        return self.evidence.info
+
+    @cached_property
+    def columns(self) -> DesignColumns:
+        """The designs as columns."""
+        return DesignColumns(self.evidence, self.trials)
 
 
-def read_experiments(store: Store, thresholds: Sequence[float] = (), simulated_trials: bool = False) -> list[Experiment]:
-    """The experiments of a store in their order, then those with trials only. FoldcarError.
+def read_experiments(
+    store: Store, thresholds: Sequence[float] = (), simulated_trials: bool = False, with_cost: bool = False
+) -> list[Experiment]:
+    """Read the experiments of a store in their order, then those with trials only. Raises FoldcarError.
 
     ``thresholds`` of success, 0 to 1; without any, each experiment has its listing's, or THRESHOLDS.
-    ``simulated_trials``: show trials of simulated cars too; they count in no rate.
+    ``simulated_trials``: show trials of simulated cars too; they count in no rate. ``with_cost`` as
+    :func:`foldcar.advice.selecting.select`.
     """
-    infos = store.info().experiments if store.holds_study() else {}
-    everything = {name: (one, list(store.trials(one.listed_id))) for name, one in infos.items()}
+    swept = read_evidence(store)
+    limit = max(thresholds, default=None)
+    selections = select_evidence(swept, threshold=limit, with_cost=with_cost)
+    by_id = {one.info.id: one for one in swept}
+    unswept = read_unswept(store)
+    named = [*by_id.items(), *unswept.items()]
+    selections += select_evidence(list(unswept.values()), threshold=limit)
     found = []
-    for name, (info, trials) in (everything | _unswept_experiments(store)).items():
+    for (name, evidence), selection in zip(named, selections, strict=True):
+        info = evidence.info
+        trials = [one for one in store.trials(info.listed_id) if name in by_id or one.vehicle_type == info.vehicle_type]
         shown, left_out = select_trials(trials, simulated_trials)
-        designs = read_designs(store, info, shown)
-        effects, places = read_effects(designs)
-        again = infos.get(fresh_id(name)) if info.searched else None
-        fresh = None if again is None else read_designs(store, again, ())
+        effects, places = read_effects(evidence)
+        fresh = by_id.get(fresh_id(name)) if info.searched else None
         good = tuple(sorted(set(thresholds))) or info.thresholds or THRESHOLDS
-        found.append(Experiment(name, designs, shown, left_out, good, effects, places, fresh))
+        advice = measure_first(store, selection)
+        found.append(Experiment(name, evidence, advice, shown, left_out, good, effects, places, fresh))
     return found
-
-
-def _unswept_experiments(store: Store) -> dict[str, tuple[ExperimentInfo, list[Trial]]]:
-    """The experiments that have trials only, one for each type of car, as if swept without a run, by their names."""
-    infos = store.info().experiments.values() if store.holds_study() else ()
-    known = {name for info in infos for name in (info.id, info.listed_id)}
-    groups: dict[tuple[str, str], list[Trial]] = {}
-    for trial in store.trials():
-        if trial.experiment not in known:
-            groups.setdefault((trial.experiment, trial.vehicle_type), []).append(trial)
-    return {f"{name}: {kind}, trials only": (_unswept(some), some) for (name, kind), some in groups.items()}
-
-
-def _unswept(trials: Sequence[Trial]) -> ExperimentInfo:
-    first, designs = trials[0], [trial.design for trial in trials]
-    values = {name: sorted({one[name] for one in designs if name in one}) for one in designs for name in one}
-    varied = {name: tuple(some) for name, some in values.items() if len(some) > 1}
-    return ExperimentInfo(
-        **UNKNOWN,
-        id=first.experiment,
-        vehicle_type=first.vehicle_type,
-        varied=varied,
-        fixed={name: some[0] for name, some in values.items() if name not in varied},
-        scenic_program=first.scenic_program or "an unknown program",
-        scenic_params={},
-        variation={},
-        success_rule="a trial has passed as its operator judged",
-        success_defined=True,
-    )
 
 
 def page_data(
     store: Store, command: Sequence[str] = (), experiments: Sequence[Experiment] | None = None
 ) -> dict[str, Any]:
-    """The object described above, without replays and files; ``command`` is that of the report.
+    """Return the object described above, without replays and files; ``command`` is that of the report.
 
-    ``experiments`` are those of the store if the caller has them. FoldcarError.
+    ``experiments`` are those of the store if the caller has them. Raises FoldcarError.
     """
     study = store.info() if store.holds_study() else None
     some = read_experiments(store) if experiments is None else experiments
     # Threads for matrices of some tens of rows only wait for each other.
     with threadpool_limits(1):
         shown = [_experiment(store, study, one, some, command) for one in some]
+    title, notes = _title(study)
     return {
-        "title": study.listing_name if study is not None else store.path.name,
+        "title": title or (study.listing_name if study is not None else store.path.name),
+        "notes": notes,
         "engine_notes": list(dict.fromkeys(one.info.warning for one in some if one.info.warning)),
         "experiments": shown,
     }
 
 
+def _title(study: StudyInfo | None) -> tuple[str, str]:
+    """Title and notes of the listing; empty without."""
+    try:
+        listing = json5.loads(study.listing_text) if study is not None else {}
+        return str(listing.get("title", "")), str(listing.get("notes", ""))
+    except (ValueError, AttributeError):
+        # A search's text, or one of another version, need not be a listing.
+        return "", ""
+
+
 def _experiment(
     store: Store, study: StudyInfo | None, one: Experiment, experiments: Sequence[Experiment], command: Sequence[str]
 ) -> dict[str, Any]:
-    info, designs, effects, places = one.info, one.designs, one.effects, one.places
+    info, evidence, effects, places = one.info, one.evidence, one.effects, one.places
     threshold, few = one.thresholds[-1], info.stored_runs <= MOST_RUNS
-    values = environment_values(store, info) if designs.swept else EnvironmentValues((), numpy.empty((0, 0)))
-    advice = Advice(designs, effects, places, threshold)
-    columns = designs.columns(threshold)
-    headline, likely = advice.headline(), advice.likely()
-    if one.fresh is not None:
-        headline, likely = advice.judged(Advice(one.fresh, None, places, threshold))
-    engines = other_engines(designs, [other.designs for other in experiments])
-    areas = next(
-        (some["value"] for some in columns["measures"] if some["key"] == "sheet_area"), [None] * len(designs.names)
-    )
+    values = environment_values(store, info) if evidence.swept else EnvironmentValues((), numpy.empty((0, 0)))
+    columns, selection = one.columns, one.selection
+    engines = other_simulations(evidence, [other.evidence for other in experiments])
+    costs = measures(store, info, [design.design for design in evidence.family], evidence.runs)
+    areas = next((some["value"] for some in costs if some["key"] == "sheet_area"), [None] * len(columns.names))
     return {
         "id": one.name,
-        "headline": headline,
-        "remarks": [*(engine["text"] for engine in engines), *remarks(designs, one.trials, one.left_out)],
+        "headline": selection.headline,
+        "grounds": selection.grounds,
+        "next": _next(columns.names, selection),
+        "leader": _leader(columns.names, one),
+        "ranges": range_sentences(evidence, effects, places, threshold),
+        "remarks": [*(engine["text"] for engine in engines), *remarks(store, one)],
         "thresholds": list(one.thresholds),
         "judged": info.success_defined,
         "simulation": info.simulation,
-        "interval": designs.interval_name,
+        "interval": columns.interval_name,
         "environments": info.environments,
         "time_limit_s": info.timeout_s,
-        "likely": likely,
-        "learn": advice.learn(),
-        "edge": advice.edges(),
-        "parameters": parameter_columns(designs),
+        "parameters": parameter_columns(evidence),
         "fixed": [[label_and_unit(name)[0], value_text(name, value)] for name, value in info.fixed.items()],
-        "designs": columns,
+        "designs": {**columns.page(threshold), "measures": costs},
         "engines": engines,
-        "effects": [] if effects is None else effect_rows(designs, effects, places),
+        "effects": [] if effects is None else effect_rows(evidence, effects, places),
         "importance": [] if effects is None else importance_rows(effects, places),
-        "causes": cause_rows(designs, values),
-        "runs": _runs(designs) if few else None,
-        "runs_omitted": "" if few else OMITTED.format(info.stored_runs, designs.swept),
+        "causes": cause_rows(evidence, values),
+        "runs": _runs(evidence) if few else None,
+        "runs_omitted": "" if few else OMITTED.format(info.stored_runs, evidence.swept),
         "outcomes": list(OUTCOMES),
         "outcome_labels": [OUTCOME_LABELS[name] for name in OUTCOMES],
         "replays": [],
-        "trials": _trial_rows(store, info, designs, one.trials),
-        "front": search_front(designs, areas, one.fresh),
+        "trials": _trial_rows(store, one),
+        "front": search_front(evidence, areas, one.fresh),
         "provenance": _provenance(study, info, command),
         "files": [],
     }
+
+
+def _next(names: Sequence[str], selection: Selection) -> dict[str, Any]:
+    """What to do next, with the indices of the recommended designs."""
+    known = {name: index for index, name in enumerate(names)}
+    shown = [one for one in selection.recommendations if one.label in known]
+    designs, reasons = [known[one.label] for one in shown], [one.reason for one in shown]
+    return {"text": selection.next_step, "designs": designs, "why": reasons}
+
+
+def _leader(names: Sequence[str], one: Experiment) -> int | None:
+    """The design of the best chance."""
+    belief = (one.fresh or one.evidence).belief
+    if belief is None:
+        return None
+    label = belief.labels[int(belief.chances(one.thresholds[-1]).argmax())]
+    return names.index(label) if label in names else None
 
 
 def _provenance(study: StudyInfo | None, info: ExperimentInfo, command: Sequence[str]) -> list[list[str]]:
@@ -261,15 +274,15 @@ def _frozen(info: ExperimentInfo) -> str:
     return f"as in sample {info.condition['sample']}: {', '.join(what) or 'everything'}"
 
 
-def _trial_rows(store: Store, info: ExperimentInfo, designs: Designs, trials: Sequence[Trial]) -> list[dict[str, Any]]:
+def _trial_rows(store: Store, one: Experiment) -> list[dict[str, Any]]:
     """A row for each trial, in their order; ``environment`` only where the runs have the same samples."""
-    here = store.trials_here(info) if designs.swept else set()
-    indices = [designs.index_of(trial) for trial in trials]
+    info, evidence = one.info, one.evidence
+    here = store.trials_here(info) if evidence.swept else set()
     return [
         {
             "number": trial.id,
-            "design": index,
-            "car": designs.name_of(trial) if index is None else designs.names[index],
+            "design": evidence.index_of(trial),
+            "car": design_label(info, trial.vehicle_type, trial.design),
             "car_name": trial.car_name,
             "standing": trial.standing,
             "environment": trial.sample if trial.id in here else None,
@@ -280,13 +293,13 @@ def _trial_rows(store: Store, info: ExperimentInfo, designs: Designs, trials: Se
             "note": trial.note or trial.source or "",
             "replay": None,
         }
-        for trial, index in zip(trials, indices, strict=True)
+        for trial in one.trials
     ]
 
 
-def _runs(designs: Designs) -> dict[str, list[Any]]:
+def _runs(evidence: Evidence) -> dict[str, list[Any]]:
     """The runs in the order of design and environment, with their outcomes and times (s)."""
-    runs = designs.runs
+    runs = evidence.runs
     times_s = runs.metrics[:, NUMBERS.index("elapsed_time_s")].round(3).tolist()
     return {
         "design": runs.design.tolist(),

@@ -6,31 +6,31 @@ from typing import Any
 import numpy
 from threadpoolctl import threadpool_limits
 
+from foldcar.advice.evidence import Evidence
 from foldcar.analysis.effects import Effect, Effects, fit_effects
 from foldcar.analysis.separation import binned, separations
 from foldcar.analysis.words import count
 from foldcar.errors import FoldcarError
 from foldcar.report.environment_values import EnvironmentValues
-from foldcar.report.page_designs import Designs
 from foldcar.simulation.results import OUTCOMES
 
 DIGITS = 4
 
 
-def read_effects(designs: Designs) -> tuple[Effects | None, list[int]]:
+def read_effects(evidence: Evidence) -> tuple[Effects | None, list[int]]:
     """The smooth model of the parameters of which runs have several values, and their places; None: too few."""
-    known = designs.counted[:, 1] > 0
+    swept = [one for one in evidence.family if one.swept]
+    known = numpy.array([one.runs > 0 for one in swept])
     places = []
-    for place, name in enumerate(designs.values):
-        values = {one.get(name) for one, has in zip(designs.designs, known, strict=True) if has}
-        if len(values) > 1:
+    for place, name in enumerate(evidence.values):
+        if len({one.design[name] for one in swept if one.runs}) > 1:
             places.append(place)
-    names = [list(designs.values)[place] for place in places]
+    names = [list(evidence.values)[place] for place in places]
     # Fewer designs cannot tell so many parameters apart.
-    if not names or known.sum() < 2 ** len(names) or not designs.info.success_defined:
+    if not names or known.sum() < 2 ** len(names) or not evidence.info.success_defined:
         return None, places
-    runs = designs.runs.counted
-    x = [[one.get(name, numpy.nan) for name in names] for one in designs.designs[: designs.swept]]
+    runs = evidence.runs.counted
+    x = [[float(one.design[name]) for name in names] for one in swept]
     try:
         with threadpool_limits(1):
             return fit_effects(x, runs.design, runs.sample, runs.outcome == OUTCOMES.index("passed")), places
@@ -38,7 +38,7 @@ def read_effects(designs: Designs) -> tuple[Effects | None, list[int]]:
         return None, places
 
 
-def effect_rows(designs: Designs, effects: Effects, places: list[int]) -> list[dict[str, Any]]:
+def effect_rows(evidence: Evidence, effects: Effects, places: list[int]) -> list[dict[str, Any]]:
     """The effect of each parameter, over the same combinations of the others for each value."""
     found = []
     for at, place in enumerate(places):
@@ -73,11 +73,11 @@ def importance_rows(effects: Effects, places: Sequence[int]) -> list[dict[str, A
     return sorted(rows, key=lambda row: -row["share"])
 
 
-def cause_rows(designs: Designs, values: EnvironmentValues) -> list[dict[str, Any]]:
+def cause_rows(evidence: Evidence, values: EnvironmentValues) -> list[dict[str, Any]]:
     """What separates runs that passed from runs that failed, the best first, with success over it."""
-    if not designs.info.success_defined:
+    if not evidence.info.success_defined:
         return []
-    runs = designs.runs.counted
+    runs = evidence.runs.counted
     passed = runs.outcome == OUTCOMES.index("passed")
     shown, found = values.shown, []
     for one in separations(values.values, runs.design, runs.sample, passed):

@@ -7,26 +7,26 @@ ones are called best. The objectives are those of :mod:`foldcar.search.objective
 from collections.abc import Sequence
 from typing import Any
 
-from foldcar.report.page_designs import Designs
+from foldcar.advice.evidence import Evidence
 from foldcar.search.design_simulator import Row
 from foldcar.search.objectives import OBJECTIVES, Objective, beaten
 from foldcar.simulation.results import NUMBERS, OUTCOMES
 
 
-def search_front(designs: Designs, areas: Sequence[float | None], fresh: Designs | None) -> dict[str, Any] | None:
+def search_front(evidence: Evidence, areas: Sequence[float | None], fresh: Evidence | None) -> dict[str, Any] | None:
     """The designs that a search tried in all environments; None if no search made the experiment.
 
     ``areas`` are the designs' sheet areas (cm²), ``fresh`` the same experiment in fresh environments.
     """
-    info = designs.info
+    info = evidence.info
     objectives = [OBJECTIVES[name] for name in info.objectives if name in OBJECTIVES]
     if not objectives:
         return None
-    places = {tuple(sorted(one.items())): at for at, one in enumerate(fresh.designs)} if fresh is not None else {}
-    tried, again = _rows(designs), _rows(fresh) if fresh is not None else []
+    places = {tuple(sorted(one.design.items())): at for at, one in enumerate(fresh.family)} if fresh is not None else {}
+    tried, again = _rows(evidence), _rows(fresh) if fresh is not None else []
     points = []
     for index, rows in enumerate(tried):
-        at = places.get(tuple(sorted(designs.designs[index].items())))
+        at = places.get(tuple(sorted(evidence.family[index].design.items())))
         judged = again[at] if at is not None else []
         # Designs that were left early were not tried in all environments.
         if judged or len(rows) == max(map(len, tried)):
@@ -43,10 +43,10 @@ def search_front(designs: Designs, areas: Sequence[float | None], fresh: Designs
     return {"objectives": shown, "points": points}
 
 
-def _rows(designs: Designs) -> list[list[Row]]:
+def _rows(evidence: Evidence) -> list[list[Row]]:
     """The runs of each design that count."""
-    runs = designs.runs.counted
-    found: list[list[Row]] = [[] for _ in designs.designs]
+    runs = evidence.runs.counted
+    found: list[list[Row]] = [[] for _ in evidence.family]
     numbers = (runs.metrics[:, NUMBERS.index(name)].tolist() for name in ("elapsed_time_s", "consumed_energy_j"))
     for design, outcome, time_s, energy_j in zip(runs.design.tolist(), runs.outcome.tolist(), *numbers, strict=True):
         known = (None if value != value else value for value in (time_s, energy_j))

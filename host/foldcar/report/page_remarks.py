@@ -1,30 +1,31 @@
 """What a reader must know of an experiment's numbers beside the numbers: what is missing, left out or of another kind."""
 
 import shlex
-from collections import Counter
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from foldcar.advice.evidence import elsewhere_remarks, run_remarks
+from foldcar.advice.design_evidence import in_family
+from foldcar.advice.evidence import Evidence
 from foldcar.analysis.stopping import LEAST_CHANCE
 from foldcar.analysis.words import count
-from foldcar.report.page_designs import Designs
 from foldcar.simulation.engines import MULTIBODY, engine_title
 from foldcar.simulation.results import OUTCOMES
 from foldcar.store.calibrations import calibrations
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
-from foldcar.store.trial_records import Trial, left_out_text
+
+if TYPE_CHECKING:
+    from foldcar.report.page_data import Experiment
 
 # Different messages of failed runs, and skipped cars, that are shown.
 SHOWN = 3
 
 
-def remarks(designs: Designs, trials: Sequence[Trial], left_out: Counter[str]) -> list[str]:
-    """The remarks on an experiment, of which ``trials`` are shown and ``left_out`` are not, by standing. StoreError."""
-    store, info = designs.store, designs.info
-    ends = dict(zip(OUTCOMES, designs.ends.sum(axis=0).tolist(), strict=True))
-    found = run_remarks(store, info) + stopped_remarks(info)
+def remarks(store: Store, one: "Experiment") -> list[str]:
+    """Return the remarks on an experiment. Raises StoreError."""
+    info, evidence = one.info, one.evidence
+    ends = dict(zip(OUTCOMES, evidence.outcome_counts.sum(axis=0).tolist(), strict=True))
+    found = stopped_remarks(info)
     if ends["terminated"] and info.success_defined:
         found.append(
             f"The program itself ended {ends['terminated']:,} of {info.stored_runs:,} runs; they count as not passed."
@@ -33,21 +34,17 @@ def remarks(designs: Designs, trials: Sequence[Trial], left_out: Counter[str]) -
         more = f"; and {len(info.skipped) - SHOWN} more" if len(info.skipped) > SHOWN else ""
         shown = "; ".join(info.skipped[:SHOWN]) + more
         found.append(f"{count(len(info.skipped), 'car')} of the family cannot be built: {shown}.")
-    found += designs.contradicting.remark(designs.names)
-    strange = sum(designs.index_of(trial) is None for trial in trials)
+    strange = sum(not in_family(info, trial.vehicle_type, trial.design) for trial in one.trials)
     if strange:
         found.append(f"{count(strange, 'trial')} of cars that do not belong to this family count in no rate here.")
-    passed, number = designs.pretended.sum(axis=0).tolist()
+    passed, number = one.columns.simulated_trial_counts.sum(axis=0).tolist()
     if number:
         found.append(f"SIMULATED trials, which count in no rate: {passed} of {number} of simulated cars passed.")
-    left = left_out_text(left_out)
-    found += [left] if left else []
-    for one in calibrations(store):
-        if one.experiment == info.id:
-            found.append(f"Calibration {one.name} ({one.created_utc}, UTC): {' '.join(one.summary['findings'])}")
-    found += designs.car_remarks() if info.success_defined else []
-    elsewhere = [designs.elsewhere[trial.id] for trial in trials if trial.id in designs.elsewhere]
-    return found + elsewhere_remarks(elsewhere, info) + _failures(store, info, ends["failed"])
+    for calibration in calibrations(store):
+        if calibration.experiment == info.id:
+            findings = " ".join(calibration.summary["findings"])
+            found.append(f"Calibration {calibration.name} ({calibration.created_utc}, UTC): {findings}")
+    return [*one.selection.remarks, *found, *_failures(store, info, ends["failed"])]
 
 
 def _failures(store: Store, info: ExperimentInfo, failed: int) -> list[str]:
@@ -92,50 +89,52 @@ def stopped_remarks(info: ExperimentInfo) -> list[str]:
     ]
 
 
-def other_engines(designs: Designs, experiments: Sequence[Designs]) -> list[dict[str, Any]]:
-    """For each engine that simulated the same cars in the same samples, what page_data.py describes as ``engines``.
+def other_simulations(evidence: Evidence, experiments: Sequence[Evidence]) -> list[dict[str, Any]]:
+    """For each other engine or calibration of the same cars in the same samples, what page_data.py calls ``engines``.
 
-    Without runs that both engines judged there is no entry.
+    Without runs that both judged there is no entry.
     """
-    mine = _passed_runs(designs)
-    found = []
+    own_runs, found = _passed_runs(evidence), []
     for other in experiments:
-        if other.info.engine == designs.info.engine or _sampled_alike(other.info) != _sampled_alike(designs.info):
+        if other.info.id == evidence.info.id or _samples(other.info) != _samples(evidence.info):
             continue
-        places = {tuple(sorted(one.items())): at for at, one in enumerate(other.designs)}
-        place = [places.get(tuple(sorted(one.items()))) for one in designs.designs]
-        theirs = _passed_runs(other)
+        places = {tuple(sorted(one.design.items())): at for at, one in enumerate(other.family)}
+        place = [places.get(tuple(sorted(one.design.items()))) for one in evidence.family]
+        other_runs = _passed_runs(other)
         pairs = [
-            (passed, theirs[at, sample])
-            for (design, sample), passed in mine.items()
-            if (at := place[design]) is not None and (at, sample) in theirs
+            (passed, other_runs[at, sample])
+            for (design, sample), passed in own_runs.items()
+            if (at := place[design]) is not None and (at, sample) in other_runs
         ]
         if not pairs:
             continue
-        counts = [(0, 0) if at is None else tuple(other.counted[at].tolist()) for at in place]
-        alike = 100 * sum(a == b for a, b in pairs) / len(pairs)
-        text = (
-            f"{_engine(other.info)}: {sum(b for _, b in pairs):,} of the same {len(pairs):,} runs passed, in "
-            f"{_engine(designs.info)} {sum(a for a, _ in pairs):,}; {alike:.1f} % of the runs have the same result "
-            "in both."
-        )
-        passed, runs = ([count[k] for count in counts] for k in (0, 1))
-        found.append({"id": other.info.id, "name": _engine(other.info), "passed": passed, "runs": runs, "text": text})
+        name, own_name = _simulation(other.info, evidence.info), _simulation(evidence.info, other.info)
+        own_passed, passed = (sum(side) for side in zip(*pairs, strict=True))
+        text = f"{name}: {passed:,} of the same {len(pairs):,} runs passed, {own_name}: {own_passed:,}"
+        if other.info.under == evidence.info.under:
+            alike = 100 * sum(own == others for own, others in pairs) / len(pairs)
+            text += f"; {alike:.1f} % of the runs have the same result in both"
+        counts = [(0, 0) if at is None else tuple(other.run_counts[at].tolist()) for at in place]
+        columns = {key: [count[k] for count in counts] for k, key in enumerate(("passed", "runs"))}
+        found.append({"id": other.info.id, "name": name, **columns, "text": f"{text}."})
     return found
 
 
-def _engine(info: ExperimentInfo) -> str:
-    return engine_title(info.engine) or MULTIBODY
+def _simulation(info: ExperimentInfo, other: ExperimentInfo) -> str:
+    """What tells an experiment's simulation apart from the other's: its engine, or what it was simulated under."""
+    if info.engine != other.engine:
+        return engine_title(info.engine) or MULTIBODY
+    return info.under or "nominal"
 
 
-def _sampled_alike(info: ExperimentInfo) -> tuple[Any, ...]:
-    """What two experiments have in common whose samples are the same."""
-    what = (info.listed_id, info.under, info.vehicle_type, info.fixed, info.scenic_program, info.scenic_params, info.seed)
+def _samples(info: ExperimentInfo) -> tuple[Any, ...]:
+    """What two experiments have in common whose cars and samples are the same."""
+    what = (info.listed_id, info.vehicle_type, info.fixed, info.scenic_program, info.scenic_params, info.seed)
     return *what, info.condition, info.variation, info.variation_seed, info.success_defined and info.success_rule
 
 
-def _passed_runs(designs: Designs) -> dict[tuple[int, int], bool]:
-    """Whether each run that belongs in a rate passed, by its design and sample."""
-    runs = designs.runs.counted
+def _passed_runs(evidence: Evidence) -> dict[tuple[int, int], bool]:
+    """Whether each run that counts passed, by its design and sample."""
+    runs = evidence.runs.counted
     passed = runs.outcome == OUTCOMES.index("passed")
     return dict(zip(zip(runs.design.tolist(), runs.sample.tolist(), strict=True), passed.tolist(), strict=True))

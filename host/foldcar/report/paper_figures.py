@@ -21,7 +21,7 @@ from foldcar.analysis.effects import Effects
 from foldcar.analysis.words import label_and_unit
 from foldcar.figures.style import ACCENT, FAILURE, INK, OUTCOME_COLOURS, OUTCOME_LABELS
 from foldcar.outputs import file_name_part
-from foldcar.report.page_designs import Designs
+from foldcar.report.page_designs import DesignColumns
 from foldcar.report.page_effects import importance_rows, over
 from foldcar.simulation.results import OUTCOMES
 
@@ -45,13 +45,13 @@ class Drawing:
 
 
 def drawings(
-    designs: Designs, effects: Effects | None, places: Sequence[int], thresholds: Sequence[float]
+    designs: DesignColumns, effects: Effects | None, places: Sequence[int], thresholds: Sequence[float]
 ) -> Iterator[Drawing]:
     """The drawings of an experiment, none of a single design; ``effects`` are of the parameters at ``places``."""
-    start = "experiment_" + file_name_part(designs.info.id)
-    judged, run = designs.info.success_defined, bool(designs.ends.any())
-    if len(designs.values) == 1 and (run or designs.tried.any()):
-        (name,) = designs.values
+    start = "experiment_" + file_name_part(designs.evidence.info.id)
+    judged, run = designs.evidence.info.success_defined, bool(designs.evidence.outcome_counts.any())
+    if len(designs.evidence.values) == 1 and (run or designs.evidence.trial_counts.any()):
+        (name,) = designs.evidence.values
         label = label_and_unit(name)[0]
         if judged:
             said = f"Success by {label}: what simulation and trials say, with 95 % bands"
@@ -66,7 +66,7 @@ def drawings(
         caption = f"{said} Thin: single combinations."
         yield Drawing(f"{start}_effects", caption, partial(draw_effects, designs, effects, places, thresholds))
         two = [row["parameter"] for row in importance_rows(effects, places)][:2]
-        first, second = (list(designs.values)[place] for place in two)
+        first, second = (list(designs.evidence.values)[place] for place in two)
         said = f"Success over {label_and_unit(first)[0]} and {label_and_unit(second)[0]} by the smooth model"
         yield Drawing(
             f"{start}_map_by_{first}_and_{second}",
@@ -98,9 +98,9 @@ def success_colour(success: float, thresholds: Sequence[float]) -> Any:
 class Axis:
     """The values of the one parameter, ascending ``ticks`` with ``step`` between them; ``place`` by a design's index."""
 
-    def __init__(self, designs: Designs) -> None:
-        ((self.name, self.ticks),) = designs.values.items()
-        self.place = {at: one[self.name] for at, one in enumerate(designs.designs) if self.name in one}
+    def __init__(self, designs: DesignColumns) -> None:
+        ((self.name, self.ticks),) = designs.evidence.values.items()
+        self.place = {at: float(one.design[self.name]) for at, one in enumerate(designs.evidence.family)}
         self.step = float(numpy.diff(self.ticks).min()) if len(self.ticks) > 1 else 1.0
 
     def finish(self, axes: Axes) -> None:
@@ -112,35 +112,40 @@ class Axis:
         axes.grid(axis="x", visible=False)
 
 
-def draw_feasibility(designs: Designs, thresholds: Sequence[float]) -> Figure:
-    """What simulation and trials together say, with its 95 % band; both beside it. Tinted where it is above the last."""
+def draw_feasibility(designs: DesignColumns, thresholds: Sequence[float]) -> Figure:
+    """Success of this simulator and of built cars, each with its 95 % band; tinted where a built car's rate reaches."""
     axis, figure = Axis(designs), Figure(figsize=(WIDE_IN, 4.0), layout="constrained")
     axes = figure.subplots()
-    believed = sorted((axis.place[at], *one) for at, one in enumerate(designs.believed) if one is not None)
-    x, rate, low, high = numpy.array(believed, dtype=float).reshape(-1, 4).T
-    for place in x[rate > thresholds[-1]]:
+    simulation, built = (
+        numpy.array(sorted((axis.place[at], *band) for at, band in enumerate(bands) if band), dtype=float)
+        .reshape(-1, 4)
+        .T
+        for bands in (designs.simulation, designs.built)
+    )
+    for place in built[0][built[1] >= thresholds[-1]]:
         axes.axvspan(place - axis.step / 2, place + axis.step / 2, color=REGION, linewidth=0, zorder=0)
-    together = designs.pooled is not None
-    label = "simulation and trials together" if together else designs.info.simulation
-    axes.fill_between(x, 100 * low, 100 * high, color=ACCENT, alpha=0.25, linewidth=0)
-    axes.plot(x, 100 * rate, "o-", color=ACCENT, linewidth=1.6, markersize=4, label=f"{label}, 95 % band")
-    if together:
-        _draw_counts(axes, axis, designs.counted, None, f"{designs.info.simulation} alone", fmt="o", color=INK)
+    axes.fill_between(built[0], *(100 * built[2:]), color=ACCENT, alpha=0.22, linewidth=0, label="built cars, 95 % band")
+    axes.plot(built[0], 100 * built[1], "o", color=ACCENT, markersize=4.5, label="built cars, median")
+    axes.fill_between(simulation[0], *(100 * simulation[2:]), color=INK, alpha=0.25, linewidth=0)
+    label = f"{designs.evidence.info.simulation}, 95 % band"
+    axes.plot(simulation[0], 100 * simulation[1], "-", color=INK, linewidth=1.2, label=label)
     _draw_trials(axes, axis, designs, 0.0, -0.12)
     _finish_success(axes, axis, thresholds, "Feasible region")
-    handles = [*axes.get_legend_handles_labels()[0], Patch(color=REGION, label=f"above {100 * thresholds[-1]:g} %")]
-    figure.legend(handles=handles, loc="outside lower center", ncols=4)
+    tint = Patch(color=REGION, label=f"median of built cars reaches {100 * thresholds[-1]:g} %")
+    figure.legend(handles=[*axes.get_legend_handles_labels()[0], tint], loc="outside lower center", ncols=3)
     return figure
 
 
-def draw_success(designs: Designs, thresholds: Sequence[float]) -> Figure:
+def draw_success(designs: DesignColumns, thresholds: Sequence[float]) -> Figure:
     """Bars for the runs of simulation in the colours of their classes; diamonds for trials."""
     axis, figure = Axis(designs), Figure(figsize=(WIDE_IN, HEIGHT_IN), layout="constrained")
     axes = figure.subplots()
     # A white outline keeps the dark error bars visible on navy.
     outline = [withStroke(linewidth=2.2, foreground="white")]
     error_bar = {"elinewidth": 0.9, "capsize": 2.0, "ecolor": INK, "path_effects": outline}
-    for at, ((passed, runs), ends) in enumerate(zip(designs.counted.tolist(), designs.simulated, strict=True)):
+    for at, ((passed, runs), ends) in enumerate(
+        zip(designs.evidence.run_counts.tolist(), designs.run_intervals, strict=True)
+    ):
         if ends is not None:
             rate = passed / runs
             look: dict[str, Any] = {"color": success_colour(rate, thresholds), "error_kw": error_bar}
@@ -161,12 +166,14 @@ def error_percent(rate: float, ends: tuple[float, float]) -> list[list[float]]:
     return [[max(0.0, 100 * (rate - ends[0]))], [max(0.0, 100 * (ends[1] - rate))]]
 
 
-def _draw_trials(axes: Axes, axis: Axis, designs: Designs, built: float, simulated: float) -> None:
+def _draw_trials(axes: Axes, axis: Axis, designs: DesignColumns, built: float, simulated: float) -> None:
     """Filled diamonds for trials of built cars, open ones for those of simulated cars, so far beside the designs."""
-    _draw_counts(axes, axis, designs.tried, designs.driven, "trials", built, fmt="D", color=FAILURE)
-    ends = designs.intervals(designs.pretended)
+    _draw_counts(
+        axes, axis, designs.evidence.trial_counts, designs.trial_intervals, "trials", built, fmt="D", color=FAILURE
+    )
+    ends = designs.intervals(designs.simulated_trial_counts)
     look = {"fmt": "D", "color": FAILURE, "markerfacecolor": "white", "markeredgecolor": FAILURE}
-    _draw_counts(axes, axis, designs.pretended, ends, "simulated trials", simulated, **look)
+    _draw_counts(axes, axis, designs.simulated_trial_counts, ends, "simulated trials", simulated, **look)
 
 
 def _draw_counts(axes: Axes, axis: Axis, counts: Any, ends: Any, label: str, beside: float = 0.0, **look: Any) -> None:
@@ -193,14 +200,14 @@ def _mark_thresholds(axes: Axes, thresholds: Sequence[float]) -> None:
     axes.set_ylim(0, 103)
 
 
-def draw_outcomes(designs: Designs) -> Figure:
+def draw_outcomes(designs: DesignColumns) -> Figure:
     """Stacked bars of the share of each outcome, one bar per value."""
     axis, figure = Axis(designs), Figure(figsize=(WIDE_IN, HEIGHT_IN), layout="constrained")
     axes = figure.subplots()
-    run = [at for at in axis.place if designs.ends[at].sum()]
+    run = [at for at in axis.place if designs.evidence.outcome_counts[at].sum()]
     x, bottom = [axis.place[at] for at in run], numpy.zeros(len(run))
     for code, outcome in enumerate(OUTCOMES):
-        shares = 100 * designs.ends[run, code] / designs.ends[run].sum(axis=1)
+        shares = 100 * designs.evidence.outcome_counts[run, code] / designs.evidence.outcome_counts[run].sum(axis=1)
         if shares.any():
             look: dict[str, Any] = {"color": OUTCOME_COLOURS[outcome], "edgecolor": "white", "linewidth": 0.3}
             axes.bar(x, shares, 0.8 * axis.step, bottom=bottom, label=OUTCOME_LABELS[outcome], **look)
@@ -213,9 +220,9 @@ def draw_outcomes(designs: Designs) -> Figure:
     return figure
 
 
-def draw_effects(designs: Designs, effects: Effects, places: Sequence[int], thresholds: Sequence[float]) -> Figure:
+def draw_effects(designs: DesignColumns, effects: Effects, places: Sequence[int], thresholds: Sequence[float]) -> Figure:
     """Success over each parameter with its band, and curves of single combinations of the others."""
-    names = [list(designs.values)[place] for place in places]
+    names = [list(designs.evidence.values)[place] for place in places]
     rows = -(-len(names) // COLUMNS)
     figure = Figure(figsize=(WIDE_IN, 2.7 * rows + 0.4), layout="constrained")
     grid = figure.subplots(rows, COLUMNS, squeeze=False, sharey=True)
@@ -231,12 +238,14 @@ def draw_effects(designs: Designs, effects: Effects, places: Sequence[int], thre
         axes.set_visible(False)
     for axes in grid[:, 0]:
         axes.set_ylabel("passed (%)")
-    figure.suptitle(f"Effects on success in {designs.info.simulation}", x=0.01, ha="left", fontweight="bold", fontsize=10)
+    figure.suptitle(
+        f"Effects on success in {designs.evidence.info.simulation}", x=0.01, ha="left", fontweight="bold", fontsize=10
+    )
     return figure
 
 
 def draw_map(
-    designs: Designs, effects: Effects, places: Sequence[int], two: Sequence[int], thresholds: Sequence[float]
+    designs: DesignColumns, effects: Effects, places: Sequence[int], two: Sequence[int], thresholds: Sequence[float]
 ) -> Figure:
     """A cell for each pair of values that was run, and lines where the model crosses the thresholds; ``two`` places."""
     x_at, y_at = (list(places).index(place) for place in two)
@@ -260,7 +269,7 @@ def draw_map(
     levels = [100 * one for one in thresholds if inside.min() < 100 * one < inside.max()]
     if levels and min(cells.shape) > 1:
         axes.contour(xs, ys, inside, levels=levels, colors="white", linewidths=1.6)
-    names = [list(designs.values)[place] for place in two]
+    names = [list(designs.evidence.values)[place] for place in two]
     axes.set_xlabel(axis_label(names[0]))
     axes.set_ylabel(axis_label(names[1]))
     axes.set_xticks(xs[:: -(-len(xs) // MOST_TICKS)])

@@ -171,9 +171,9 @@ class Replayer:
 
         FoldcarError if the simulator breaks down.
         """
-        if not one.designs.swept:
+        if not one.evidence.swept:
             return {}
-        info, runs, remarks = one.info, one.designs.runs, shown["remarks"]
+        info, runs, remarks = one.info, one.evidence.runs, shown["remarks"]
         carsim, drives = self.carsim(info.engine), read_drives(store, info.id)
         kept = kept_paths(drives)
         reason = no_replay_because(info, drives, carsim, bool(kept))

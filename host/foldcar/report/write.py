@@ -35,15 +35,15 @@ def write_report(
     FoldcarError if there is nothing to report or the folder cannot be written.
     """
     check_output_folder(folder)
-    experiments = read_experiments(store, thresholds, simulated_trials)
-    if not any(one.trials if not one.designs.swept else one.info.stored_runs for one in experiments):
+    experiments = read_experiments(store, thresholds, simulated_trials, with_cost=True)
+    if not any(one.trials if not one.evidence.swept else one.info.stored_runs for one in experiments):
         raise FoldcarError(f"{store.path}: contains no runs yet; sweep the listing first")
     data = page_data(store, report_command, experiments)
     blobs: dict[str, str] = {}
     planned: list[Drawing] = []
     for number, (one, shown) in enumerate(zip(experiments, data["experiments"], strict=True)):
         with threadpool_limits(1):
-            own = list(drawings(one.designs, one.effects, one.places, one.thresholds))
+            own = list(drawings(one.columns, one.effects, one.places, one.thresholds))
         planned += own
         shown["files"] = [[drawing.caption, f"{drawing.name}.svg"] for drawing in own]
         blobs |= replayer.add(store, one, shown, f"e{number}")

@@ -166,8 +166,13 @@ class ListedEnvironment(Strict):
 
 
 class Listing(Strict):
-    """A whole file. Without experiments it contains designs only, to be built or viewed."""
+    """A whole file. Without experiments it contains designs only, to be built or viewed.
 
+    ``title`` and ``notes`` stand on the report.
+    """
+
+    title: str = Field("", max_length=200)
+    notes: str = Field("", max_length=5000)
     experiments: dict[str, ListedExperiment] = Field({}, min_length=1)
     vehicles: dict[str, ListedVehicle] = Field(min_length=1)
     environments: dict[str, ListedEnvironment] = {}

@@ -1,4 +1,4 @@
-// What simulation and trials together say: a curve over one parameter, a map over two of several, a search's front.
+// Success of this simulator and of built cars: a curve over one parameter, a map over two of several, a search's front.
 
 import { Chart, axisStyle, band, intervals, successAxis, successColour, tipStyle } from "./charts.js";
 import { evidence, percent, withUnit } from "./data.js";
@@ -11,9 +11,9 @@ const CURVE_HEIGHT = 400;
 const table = model => () => {
   const { e } = model, { designs } = e, pair = (low, high) => (low === null ? "–" : `${percent(low)} to ${percent(high)}`);
   return {
-    head: ["design", "belief", "95 %", "simulation", "95 %", ...e.engines.map(one => one.name), "trials", "of cars", "95 % of these"],
+    head: ["design", "built cars", "95 %", "simulation", "95 %", "smoothed", "95 %", ...e.engines.map(one => one.name), "trials", "of cars", "95 % of these"],
     rows: designs.name.map((name, i) => [name, percent(designs.belief[i]), pair(designs.belief_low[i], designs.belief_high[i]),
-      designs.runs[i] ? `${designs.passed[i]} of ${designs.runs[i]}` : "–", pair(designs.low[i], designs.high[i]),
+      designs.runs[i] ? `${designs.passed[i]} of ${designs.runs[i]}` : "–", pair(designs.low[i], designs.high[i]), percent(designs.smooth[i]), pair(designs.smooth_low[i], designs.smooth_high[i]),
       ...e.engines.map(({ passed, runs }) => (runs[i] ? `${passed[i]} of ${runs[i]}` : "–")), designs.trials[i] ? `${designs.trials_passed[i]} of ${designs.trials[i]}` : "–", designs.cars[i] || "–", pair(designs.trials_low[i], designs.trials_high[i])]),
   };
 };
@@ -62,25 +62,12 @@ export class Belief {
 }
 
 function note({ e }) {
-  const parts = [];
-  const driven = e.designs.trials.some(count => count);
-  parts.push(`Belief is of a further built car of a design, ${driven ? "from simulation and trials together; intervals of trials are of the cars that drove" : "and allows for what simulation may be wrong by"}.`);
-  parts.push(`Intervals hold at 95 % for each design by itself. ${e.judged && e.parameters.length < 2 ? `Tint: ${driven ? "belief" : "simulation"} above or below ${percent(e.threshold)}.` : ""}`);
+  const driven = e.designs.trials.some(count => count), parts = [];
+  if (e.judged) parts.push(`Built cars: what ${driven ? "simulation and trials together say" : "simulation says, and how far it may be wrong"}, of a further built car of a design (median).`);
+  if (e.judged && e.designs.smooth.some(share => share !== null)) parts.push("Simulation: squares count runs; the grey band is their rate, smoothed over designs.");
+  if (driven) parts.push("Intervals of trials are of the cars that drove.");
+  parts.push("Bands and intervals hold at 95 % for each design by itself.");
   return parts.join(" ");
-}
-
-// The cells' edges between neighbouring designs that have the same verdict.
-function tints(e, order, x, theme) {
-  const areas = [];
-  order.forEach((design, k) => {
-    const verdict = e.designs.verdict[design], colour = { good: theme.good, bad: theme.bad, open: theme.open }[verdict];
-    if (!colour) return;
-    const from = k ? (x[order[k - 1]] + x[design]) / 2 : x[design], to = k + 1 < order.length ? (x[design] + x[order[k + 1]]) / 2 : x[design];
-    const last = areas[areas.length - 1];
-    if (last && last.verdict === verdict && last.to === from) last.to = to;
-    else areas.push({ verdict, from, to, colour });
-  });
-  return areas.map(({ from, to, colour }) => [{ xAxis: from, itemStyle: { color: colour, opacity: 0.16 } }, { xAxis: to }]);
 }
 
 function curveFigure(model) {
@@ -88,8 +75,8 @@ function curveFigure(model) {
   const x = axis ? axis.values : e.designs.name.map((_, k) => k);
   const order = [...x.keys()].filter(k => x[k] !== null).sort((a, b) => x[a] - x[b]);
   const percents = values => values.map(value => (value === null ? null : 100 * value));
-  const { belief, belief_low, belief_high, rate, low, high, trials, trials_passed, trials_low, trials_high } = e.designs;
-  const [b, bl, bh, s, sl, sh, tl, th] = [belief, belief_low, belief_high, rate, low, high, trials_low, trials_high].map(percents);
+  const { belief, belief_low, belief_high, rate, smooth_low, smooth_high, trials, trials_passed, trials_low, trials_high } = e.designs;
+  const [b, bl, bh, s, sl, sh, tl, th] = [belief, belief_low, belief_high, rate, smooth_low, smooth_high, trials_low, trials_high].map(percents);
   const triple = (lows, highs) => order.filter(k => lows[k] !== null).map(k => [x[k], lows[k], highs[k]]);
   const option = theme => {
     const [least, most] = [x[order[0]], x[order[order.length - 1]]], margin = (most - least) * 0.02 || 1;
@@ -106,10 +93,10 @@ function curveFigure(model) {
         ...(axis ? {} : { minInterval: 1 }) }),
       yAxis: successAxis(theme),
       series: [
-        band(order.filter(k => bl[k] !== null).map(k => [x[k], bl[k], bh[k]]), theme.accent, 0.22),
+        band(triple(bl, bh), theme.accent, 0.2),
+        band(triple(sl, sh), theme.soft, 0.35),
         { name: "belief", type: "line", data: order.map(k => ({ value: [x[k], b[k]], design: k, itemStyle: { opacity: dim(k) } })), symbol: "circle", symbolSize: 9, lineStyle: { width: 0 }, itemStyle: { color: theme.accent }, z: 5, cursor: "pointer",
-          markLine: { silent: true, symbol: "none", data: lines }, markArea: { silent: true, data: tints(e, order, x, theme) } },
-        intervals("simulation", triple(sl, sh), theme.soft, 1, 0.55),
+          markLine: { silent: true, symbol: "none", data: lines } },
         { name: "simulation", type: "scatter", data: order.filter(k => s[k] !== null).map(k => ({ value: [x[k], s[k]], design: k, itemStyle: { color: theme.paper, borderColor: theme.soft, borderWidth: 1.2, opacity: dim(k) } })), symbol: "rect", symbolSize: 6, z: 4 },
         ...e.engines.map(({ name, passed, runs }, n) => ({ name, type: "line", symbol: "triangle", symbolSize: 7, z: 4, silent: true,
           lineStyle: { color: theme.ink, width: 1.5, type: n ? "dotted" : "dashed" }, itemStyle: { color: theme.ink },
@@ -120,13 +107,13 @@ function curveFigure(model) {
     };
   };
   return {
-    label: `Success by ${axis ? axis.label : "design"}: belief with its 95 % band, simulation and trials`, table: table(model), option,
+    label: `Success by ${axis ? axis.label : "design"}: built cars and simulation with 95 % bands, trials`, table: table(model), option,
     controls: [legend(e)], of: ({ data }) => data?.design ?? null,
   };
 }
 
 function legend(e) {
-  const keys = [["belief", "belief of built cars, 95 % band"], ["simulation", "simulation, 95 % intervals"], ...e.engines.map(({ name }, n) => [n ? "engine dotted" : "engine", name])];
+  const keys = [["belief", "built cars, 95 % band"], ["simulation", "runs that passed"], ["smooth", "simulation, 95 % band"], ...e.engines.map(({ name }, n) => [n ? "engine dotted" : "engine", name])];
   if (e.designs.trials.some(count => count)) keys.push(["trials", "trials"]);
   return make("span", { class: "legend" }, ...keys.map(([kind, text]) => make("span", {}, make("i", { class: `key ${kind}` }), text)));
 }
@@ -196,8 +183,9 @@ function mapFigure(model) {
   const options = e.parameters.map((one, k) => [e.axes[k].key, one.label]);
   const pick = key => value => { model.set({ mx: axes[0].key, my: axes[1].key, [key]: value }); model.tell("data"); };
   return {
-    title: "Success in simulation and trials, by design", label: `Success over ${axes[0].label} and ${axes[1].label}`, table: table(model), option,
+    title: "Success of built cars, by design", label: `Success over ${axes[0].label} and ${axes[1].label}`, table: table(model), option,
     controls: [select("→", options, axes[0].key, pick("mx")), select("↑", options, axes[1].key, pick("my")), scale(),
+      make("span", { class: "legend" }, make("span", {}, make("i", { class: "key driven" }), "driven")),
       make("span", { class: "note", text: rest.length && apart && side > 1 ? `In a cell: every ${rest.join(", ")}.` : "" })],
     of: ({ data }) => data?.design ?? null,
   };

@@ -1,13 +1,15 @@
 // The study's data as page_data.py describes it, and what charts ask of it.
 
-export const BELIEF = "success";
+// The axes of success: of built cars, and of runs.
+export const BELIEF = "success", SIMULATED = "simulated";
+export const isSuccess = key => key === BELIEF || key === SIMULATED;
 
 export class Experiment {
   constructor(raw) {
     Object.assign(this, raw);
     this.count = raw.designs.name.length;
     this.threshold = raw.thresholds[raw.thresholds.length - 1];
-    this.axes = [...raw.parameters.map((one, k) => parameterAxis(raw, one, k)), beliefAxis(raw), ...raw.designs.measures.map(measureAxis)];
+    this.axes = [...raw.parameters.map((one, k) => parameterAxis(raw, one, k)), ...(raw.judged ? [successAxis(BELIEF, "built cars, success", raw.designs.belief), successAxis(SIMULATED, "success in simulation", raw.designs.rate)] : []), ...raw.designs.measures.map(measureAxis)];
     this.axis = Object.fromEntries(this.axes.map(axis => [axis.key, axis]));
     if (this.runs) this.indexRuns();
     this.replay = new Map(raw.replays.map(one => [`${one.design}/${one.environment}`, one]));
@@ -40,9 +42,7 @@ function parameterAxis(raw, { name, label, unit, values }, k) {
   return { key: name, label, unit, parameter: k, values: raw.designs.value.map(one => values[one[k]] ?? null) };
 }
 
-function beliefAxis({ designs }) {
-  return { key: BELIEF, label: "success", unit: "%", values: designs.belief.map(share => share === null ? null : 100 * share), better: "more" };
-}
+const successAxis = (key, label, shares) => ({ key, label, unit: "%", values: shares.map(share => (share === null ? null : 100 * share)), better: "more" });
 
 const measureAxis = ({ value, ...named }) => ({ ...named, values: value });
 
@@ -63,7 +63,7 @@ export const valueText = (axis, value) =>
 // What is known of a design's success: [source, text].
 export function evidence({ designs, engines }, k) {
   const span = (low, high) => (low[k] === null ? "" : ` (${percent(low[k])} to ${percent(high[k])})`), rows = [];
-  if (designs.belief[k] !== null) rows.push(["belief", percent(designs.belief[k]) + span(designs.belief_low, designs.belief_high)]);
+  if (designs.belief[k] !== null) rows.push(["built cars (belief)", percent(designs.belief[k]) + span(designs.belief_low, designs.belief_high)]);
   if (designs.runs[k]) rows.push(["simulation", `${designs.passed[k] ?? "–"} of ${designs.runs[k]}${span(designs.low, designs.high)}`]);
   for (const { name, passed, runs } of engines) if (runs[k]) rows.push([name, `${passed[k]} of ${runs[k]}`]);
   if (designs.trials[k]) rows.push(["trials", `${designs.trials_passed[k]} of ${designs.trials[k]}, ${designs.cars[k]} car${designs.cars[k] > 1 ? "s" : ""}${span(designs.trials_low, designs.trials_high)}`]);

@@ -2,7 +2,7 @@
 
 import { linked, scale, tip } from "./belief.js";
 import { Chart, axisStyle, band, successAxis, successColour, tipStyle } from "./charts.js";
-import { BELIEF, number, percent, valueText, withUnit } from "./data.js";
+import { BELIEF, isSuccess, number, percent, valueText, withUnit } from "./data.js";
 import { byId, make, select } from "../../figures/web/dom.js";
 
 const NARROW = 640;
@@ -51,7 +51,7 @@ export class Parameters {
     const options = usable.map(axis => [axis.key, axis.label]), pick = key => value => { model.set({ x: x.key, y: y.key, [key]: value }); this.use(); this.mark(); };
     const figure = make("figure", { "data-chart": "scatter" });
     place.append(make("div", { class: "controls" }, select("→", options, x.key, pick("x")), select("↑", options, y.key, pick("y")), scale()), figure);
-    const axisOf = (theme, axis, up) => (axis.key === BELIEF && up ? successAxis(theme) : axisStyle(theme, withUnit(axis), { type: "value", scale: true, nameGap: up ? 46 : 26 }));
+    const axisOf = (theme, axis, up) => (isSuccess(axis.key) && up ? successAxis(theme) : axisStyle(theme, withUnit(axis), { type: "value", scale: true, nameGap: up ? 46 : 26 }));
     this.points = new Chart(figure, {
       label: `${y.label} by ${x.label} of every design`, table: () => designTable(model),
       option: theme => ({
@@ -102,7 +102,7 @@ function designTable({ e, within }) {
 }
 
 // Axes of which something is known.
-const drawable = e => e.axes.filter(axis => axis.values.some(value => value !== null) && (axis.parameter !== undefined || axis.key === BELIEF || new Set(axis.values).size > 1));
+const drawable = e => e.axes.filter(axis => axis.values.some(value => value !== null) && (axis.parameter !== undefined || isSuccess(axis.key) || new Set(axis.values).size > 1));
 
 class Parallel {
   constructor(model, place) {
@@ -152,7 +152,7 @@ class Parallel {
 
   // Round numbers that hold all values.
   limits(axis) {
-    if (axis.key === BELIEF) return [0, 100];
+    if (isSuccess(axis.key)) return [0, 100];
     const known = axis.values.filter(value => value !== null), least = Math.min(...known), most = Math.max(...known);
     if (axis.parameter !== undefined) return least < most ? [least, most] : [least - 1, most + 1];
     const step = 10 ** Math.floor(Math.log10((most - least) / 4 || 1)), at = [1, 2, 5, 10].map(k => k * step).find(k => (most - least) / k <= 8);

@@ -1,22 +1,23 @@
-// The first screen: the headline, the two lines of advice, remarks, and the design that is chosen or pointed at. The last
+// The first screen: the headline, what it rests on, what to do next, remarks, and the design that is chosen or pointed at. The last
 // one: trials of cars, and where all numbers come from.
 
 import { plainTable } from "./charts.js";
-import { BELIEF, evidence, number, percent, valueText } from "./data.js";
+import { evidence, isSuccess, number, percent, valueText } from "./data.js";
 import { byId, make } from "../../figures/web/dom.js";
 
-const MOST_NAMED = 6;
 // Remarks that are longer are opened by who wants them (characters).
 const LONG = 180;
 
 export function showSummary(model) {
   const { e, study } = model;
   byId("title").textContent = study.title;
+  byId("notes").textContent = study.notes;
   byId("headline").textContent = e.headline;
-  byId("advice").replaceChildren(...[["likely", "Most likely to work"], ["learn", "To learn most"]].map(([key, title]) => advice(model, title, e[key])).filter(Boolean));
-  byId("edge").replaceChildren(...e.edge.map(text => make("li", { text })));
+  byId("grounds").textContent = e.grounds;
+  byId("advice").replaceChildren(...advice(model, e.next));
+  byId("ranges").replaceChildren(...e.ranges.map(text => make("li", { text })));
   byId("remarks").replaceChildren(...[...study.engine_notes, ...e.remarks].map(remark));
-  for (const id of ["edge", "remarks"]) byId(id).hidden = !byId(id).children.length;
+  for (const id of ["ranges", "remarks"]) byId(id).hidden = !byId(id).children.length;
   byId("fixed").replaceChildren(...facts(e).map(([label, text]) => make("li", {}, make("span", { class: "of", text: `${label} ` }), text)));
 }
 
@@ -34,31 +35,15 @@ function facts({ count, environments, runs, designs, trials, fixed }) {
   return [...rows, ...fixed];
 }
 
-// Designs that the text names are pressed there; those that it does not name follow.
-function advice(model, title, { text, designs, why }) {
-  if (!text && !designs.length) return null;
-  const { e } = model, unnamed = [];
-  let parts = [text];
-  designs.slice(0, MOST_NAMED).forEach((design, k) => {
-    const name = e.designs.name[design], at = parts.findIndex(part => typeof part === "string" && part.includes(name));
-    if (at < 0) {
-      unnamed.push(make("li", {}, designButton(model, design), ` ${why[k]}`));
-      return;
-    }
-    const start = parts[at].indexOf(name);
-    parts = [...parts.slice(0, at), parts[at].slice(0, start), designLink(model, design), parts[at].slice(start + name.length), ...parts.slice(at + 1)];
-  });
-  return make("section", { class: "card" }, make("h2", { text: title }), make("p", {}, ...parts), ...(unnamed.length ? [make("ul", { class: "named" }, ...unnamed)] : []));
+// What to do next, and the designs that it is about with the reason for each.
+function advice(model, { text, designs, why }) {
+  if (!text) return [];
+  const rows = designs.map((design, k) => make("li", {}, designButton(model, design), ` ${why[k]}`));
+  return [make("h2", { text: "What to do next" }), make("p", { text }), ...(rows.length ? [make("ul", { class: "named" }, ...rows)] : [])];
 }
 
 export function designButton(model, design, text = model.e.designs.name[design]) {
   return make("button", { type: "button", class: "design", text, title: "its runs", onclick: () => model.open(design), ...pointed(model, design) });
-}
-
-// In a sentence, where it breaks over lines as words do.
-function designLink(model, design) {
-  const text = model.e.designs.name[design], onclick = event => { event.preventDefault(); model.open(design); };
-  return make("a", { href: `#${new URLSearchParams({ e: model.e.id, design: text, at: "runs" })}`, text, onclick, ...pointed(model, design) });
 }
 
 const pointed = (model, design) => ({
@@ -67,11 +52,11 @@ const pointed = (model, design) => ({
 
 // The panel beside the belief: of the design pointed at, else of the chosen one, else of the likeliest.
 export function showDesign(model) {
-  const { e } = model, design = model.hovered ?? model.design ?? e.likely.designs[0] ?? 0, panel = byId("design");
+  const { e } = model, design = model.hovered ?? model.design ?? e.leader ?? 0, panel = byId("design");
   panel.hidden = !e.count;
   if (!e.count) return;
   const { designs } = e, rows = evidence(e, design);
-  for (const axis of e.axes) if (axis.key !== BELIEF && axis.values[design] !== null) rows.push([axis.label, valueText(axis, axis.values[design])]);
+  for (const axis of e.axes) if (!isSuccess(axis.key) && axis.values[design] !== null) rows.push([axis.label, valueText(axis, axis.values[design])]);
   const endings = e.outcomes.map((name, k) => [e.outcome_labels[k], designs.outcomes[k][design]]).filter(([, count]) => count);
   if (endings.length) rows.push(["runs ended", endings.map(([label, count]) => `${label} ${count}`).join(", ")]);
   panel.replaceChildren(
@@ -84,7 +69,7 @@ export function showDesign(model) {
 
 export function verdict({ designs, threshold }, design) {
   const limit = percent(threshold);
-  return { good: `above ${limit}`, bad: `below ${limit}`, open: `${limit}: undecided` }[designs.verdict[design]] ?? "";
+  return { good: `reaches ${limit}`, bad: `below ${limit}`, open: `${limit}: undecided` }[designs.verdict[design]] ?? "";
 }
 
 export function showTrials(model) {

@@ -54,6 +54,10 @@ class SweptExperiment:
         """The index of the design with these parameters; None if it has none such."""
         return self._indices.get(frozenset(parameters.items()))
 
+    def varied(self, design: int) -> dict[str, float]:
+        """The parameters of a design, by its index, that tell it from others of its family."""
+        return {name: float(self.designs[design].parameters[name]) for name in self.info.varied}
+
     @cached_property
     def _indices(self) -> dict[frozenset[tuple[str, float]], int]:
         return {frozenset(design.parameters.items()): i for i, design in enumerate(self.designs)}

@@ -122,7 +122,9 @@ def outcomes(
     ``logits`` (n, groups) are simulated, ``covariance`` (n, cars, cars) is that of the offsets before the trials.
     """
     root = np.linalg.cholesky(covariance + JITTER * np.eye(covariance.shape[1]))
-    return Outcomes(root, laplace(root[:, car], logits, binomial(passed, counted)))
+    # Steps that are too long may overflow before they are halved.
+    with np.errstate(over="ignore"):
+        return Outcomes(np.asarray(root), laplace(root[:, car], logits, binomial(passed, counted)))
 
 
 class Features:

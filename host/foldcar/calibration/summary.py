@@ -14,20 +14,22 @@ from scipy.stats import binom
 from foldcar.analysis.words import design_text, listed
 from foldcar.calibration.drive_features import CLIMBING, FAMILIES, FAMILY_NAMES, PITCH, SPEED, TIME, TIPPING, TURNING
 from foldcar.calibration.experiment import SweptExperiment
-from foldcar.calibration.inference import TOLERATED, Inference, Problem
+from foldcar.calibration.inference import Inference
 from foldcar.calibration.parameters import MEASURABLE, NAMES, PARAMETERS, FloatArray, Parameter, ScorePrior
-from foldcar.calibration.posterior import DISCREPANCY, PATH_DISCREPANCY, Posterior
+from foldcar.calibration.posterior import DISCREPANCY, PATH_DISCREPANCY
 from foldcar.calibration.predictions import (
     TRIALS,
     Rates,
-    count_chances,
     log_score,
     rank_next_trials,
     rates_of,
     share_interval,
+    trial_chances,
 )
 
 CONFIDENCE = 0.9
+# A larger error of the emulator in a rate is told.
+TOLERATED = 0.03
 SHOWN_TRIALS = 3
 # Shares of the prior's variance: a parameter is as unknown as before below the first, known better from the second on.
 UNTOLD, TOLD = 0.1, 0.3
@@ -51,7 +53,9 @@ def summarise(
 ) -> dict[str, Any]:
     """The summary; ``leave_one_out`` also predicts each design from the trials of the others."""
     observed, rates = inference.problem.observed, rates_of(inference, experiment, seed)
-    chances = _chances(inference.problem, inference.posterior, observed.counts())
+    chances = trial_chances(
+        inference.problem, inference.posterior, {design: counted for design, (_, counted) in observed.counts().items()}
+    )
     summary: dict[str, Any] = {
         "experiment": experiment.info.id,
         "seed": seed,
@@ -68,7 +72,7 @@ def summarise(
         "correlations": _correlations(inference),
         "designs": _designs(inference, experiment, nominal, rates, chances),
         "log_likelihood": _log_likelihood(inference, nominal, rates, chances),
-        "emulator": {"error": inference.error, "rounds": inference.rounds, "check_runs": int(inference.counted.max())},
+        "emulator": {"error": inference.error, "check_runs": len(inference.table)},
         "misfits": misfits(inference),
         "notes": list(observed.notes),
         "next_trials": [],
@@ -76,15 +80,10 @@ def summarise(
     if leave_one_out:
         summary["leave_one_out"] = left_out(inference, experiment, nominal, seed)
     for one in rank_next_trials(inference, experiment)[:SHOWN_TRIALS]:
-        told = {"design": varied(experiment, one.design), "obstacle_height": one.height, "trials": TRIALS}
+        told = {"design": experiment.varied(one.design), "obstacle_height": one.height, "trials": TRIALS}
         summary["next_trials"].append({**told, "bits": round(one.bits, 3), "parameter": one.parameter})
     summary["findings"] = findings(summary)
     return summary
-
-
-def varied(experiment: SweptExperiment, design: int) -> dict[str, float]:
-    """The parameters of a design that tell it from others of its family."""
-    return {name: float(experiment.designs[design].parameters[name]) for name in experiment.info.varied}
 
 
 def left_out(inference: Inference, experiment: SweptExperiment, nominal: Nominal, seed: int) -> list[dict[str, Any]]:
@@ -96,31 +95,18 @@ def left_out(inference: Inference, experiment: SweptExperiment, nominal: Nominal
     counts = observed.counts()
     for design, (passed, counted) in counts.items() if len(counts) > 1 else ():
         problem = replace(inference.problem, observed=observed.without(design))
-        chances = _chances(problem, problem.posterior(seed), {design: (passed, counted)})[design]
+        chances = trial_chances(problem, problem.posterior(seed), {design: counted})[design]
         rows.append(
             {
-                "design": varied(experiment, design),
+                "design": experiment.varied(design),
                 "passed": passed,
                 "counted": counted,
-                "predicted": _ends(*share_interval(chances, CONFIDENCE)),
+                "predicted": _ends(chances, CONFIDENCE),
                 "log_score": log_score(chances, passed),
                 "nominal_log_score": nominal_log_score(nominal.get(design), passed, counted),
             }
         )
     return rows
-
-
-def _chances(problem: Problem, posterior: Posterior, counts: Mapping[int, tuple[int, int]]) -> dict[int, FloatArray]:
-    """Log probabilities (n, counted + 1) of how many of as many trials of a further car pass, by design."""
-    tau = posterior.discrepancy
-    outcomes = problem.outcomes(posterior.scores, tau)
-    logits = problem.emulator.logits(
-        posterior.scores, problem.inputs[len(problem.observed.cells) + np.array(list(counts))]
-    )
-    return {
-        design: count_chances(problem, problem.further(outcomes, tau, design), column, counted)
-        for (design, (_, counted)), column in zip(counts.items(), logits.T, strict=True)
-    }
 
 
 def misfits(inference: Inference) -> list[dict[str, Any]]:
@@ -213,17 +199,17 @@ def _designs(
         passed, counted = counts.get(design, (0, 0))
         nominal_passed, runs = nominal.get(design, (0, 0))
         row: dict[str, Any] = {
-            "design": varied(experiment, design),
+            "design": experiment.varied(design),
             "passed": passed,
             "counted": counted,
             "nominal": nominal_passed / runs if runs else None,
             "simulated": {**_middle(calibrated), "mean": float(calibrated.mean())},
             "built": {**_middle(built), "mean": float(built.mean())},
-            "checked": float(inference.passed[column] / inference.counted[column]),
+            "checked": float(np.nanmean(inference.table[:, column])),
         }
         if counted:
-            row["predicted"] = _ends(*share_interval(chances[design], CONFIDENCE))
-            row["predicted_95"] = _ends(*share_interval(chances[design], 0.95))
+            row["predicted"] = _ends(chances[design], CONFIDENCE)
+            row["predicted_95"] = _ends(chances[design], 0.95)
         rows.append(row)
     return rows
 
@@ -245,7 +231,6 @@ def _log_likelihood(
     return {
         "expected": sum(log_score(chances[design], k) for design, (k, _) in counts.items()),
         "draws": float(np.mean(of_draw)),
-        "best_draw": float(np.max(of_draw)),
         "nominal": sum(told) if len(told) == len(scores) else None,
         "best": float(sum(binom.logpmf(k, n, k / n) for k, n in counts.values())),
     }
@@ -256,8 +241,8 @@ def _middle(values: FloatArray) -> dict[str, float]:
     return {"low": low, "high": high, "median": median}
 
 
-def _ends(low: float, high: float) -> dict[str, float]:
-    return {"low": low, "high": high}
+def _ends(chances: FloatArray, confidence: float) -> dict[str, float]:
+    return dict(zip(("low", "high"), share_interval(chances, confidence), strict=True))
 
 
 def findings(summary: Mapping[str, Any]) -> list[str]:

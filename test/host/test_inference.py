@@ -24,7 +24,7 @@ from foldcar.calibration.parameters import (
     PARAMETERS,
     SHEETS_COM_HEIGHT,
     ScorePrior,
-    sheets_priors,
+    built_priors,
     values_of,
 )
 from foldcar.calibration.posterior import DISCREPANCY, PATH_DISCREPANCY, Posterior, sample_posterior
@@ -186,8 +186,9 @@ def test_trials_that_say_nothing_leave_the_prior_of_the_sheets() -> None:
     column = NAMES.index("com_height_m")
     simulator: Any = Formula(seed=7)
     observed = observations((0, 2, 10), (3, 3, 4))
-    everything = {**dict.fromkeys(range(len(PARAMETERS)), ScorePrior(0.0, 0.0, "measured")), **sheets_priors()}
-    one = replace(problem(swept, observed, linear(0.0)), priors=sheets_priors())
+    sheets = built_priors("W_B_W", True)
+    everything = dict.fromkeys(range(len(PARAMETERS)), ScorePrior(0.0, 0.0, "measured")) | sheets
+    one = replace(problem(swept, observed, linear(0.0)), priors=sheets)
 
     values = PARAMETERS[column].value(one.posterior(1).scores[:, column])
     found = infer(simulator, observed, RUNS, priors=everything)
@@ -203,6 +204,18 @@ def test_trials_that_say_nothing_leave_the_prior_of_the_sheets() -> None:
     assert {row["parameter"] for row in summary["next_trials"]} == {"com_height_m"}
     measured = replace(found, problem=replace(found.problem, priors=dict.fromkeys(everything, everything[0])))
     assert {row.parameter for row in rank_next_trials(measured, swept)} == {"discrepancy"}
+
+
+def test_named_cells_narrow_what_stands_for_the_supply() -> None:
+    assert built_priors("W_B_W", False) == {}
+
+    priors = built_priors("W_B_W+cells=nimh", False)
+
+    assert [NAMES[index] for index in priors] == ["servo_torque", "servo_speed"]
+    for (index, prior), middle, sd in zip(priors.items(), (0.95, 1.0), (0.28, 0.12), strict=True):
+        z = np.random.default_rng(1).standard_normal(20_000)
+        logs = np.log(PARAMETERS[index].value(prior.mean + prior.sd * z))
+        assert np.exp(logs.mean()) == pytest.approx(middle, rel=0.01) and logs.std() == pytest.approx(sd, rel=0.02)
 
 
 class Inferred(NamedTuple):

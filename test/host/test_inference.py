@@ -292,7 +292,6 @@ def test_a_summary_has_the_numbers_of_its_draws(inferred_once: Inferred) -> None
     nominal_score = sum(binom.logpmf(k, n, (p + 0.5) / 101) for k, n, p in ((2, 10, 30), (0, 3, 0), (9, 10, 100)))
     assert likelihood["nominal"] == pytest.approx(nominal_score)
     assert summary["notes"] == ["a note"] and summary["misfits"] == []
-    assert summary["trials"] == {"cars": 4, "placed": 0, "timed": 0, "paths": 0}
     # Each design's trials given the others' are told no better than given all.
     assert len(summary["leave_one_out"]) == 3
     for left, one in zip(summary["leave_one_out"], (designs[0], designs[1], designs[3]), strict=True):

@@ -34,11 +34,19 @@ class Rates:
     """Rates of designs: ``simulated`` (checked,) as runs with the published draws counted them, smoothed over designs.
 
     Draws (n, checked): ``calibrated`` are the simulator's under the posterior, ``predicted`` those of built cars.
+    ``shifts`` (checked,) are the emulator's errors, to be added to its log-odds, ``variances`` (checked,) what is left of
+    them: few runs counted them.
     """
 
     simulated: FloatArray
     calibrated: FloatArray
     predicted: FloatArray
+    shifts: FloatArray
+    variances: FloatArray
+
+    def errors(self, designs: IntArray) -> dict[int, tuple[float, float]]:
+        """Shift and variance by the index of the checked ``designs``."""
+        return dict(zip(designs.tolist(), zip(self.shifts.tolist(), self.variances.tolist(), strict=True), strict=True))
 
 
 def rates_of(inference: Inference, experiment: SweptExperiment, seed: int) -> Rates:
@@ -48,10 +56,13 @@ def rates_of(inference: Inference, experiment: SweptExperiment, seed: int) -> Ra
     varied = [list(experiment.varied(design).values()) for design in designs.tolist()]
     simulated = smoothed_simulation(np.array(varied), runs, inference.table.T)
     rates, logits = expit(simulated.mean), problem.logits(posterior.scores, designs)
-    logits = logits + [_shift(column, rate) for column, rate in zip(logits[inference.chosen].T, rates, strict=True)]
+    shifts = np.array([_shift(*pair) for pair in zip(logits[inference.chosen].T, rates, strict=True)])
     mean, variance = problem.offsets(posterior.scores, posterior.discrepancy, designs)
-    offsets = mean + np.sqrt(variance) * np.random.default_rng(seed).standard_normal(mean.shape)
-    return Rates(rates, expit(logits), expit(logits + offsets))
+    stream = np.random.default_rng(seed)
+    offsets = mean + np.sqrt(variance) * stream.standard_normal(mean.shape)
+    errors = stream.standard_normal((len(mean), simulated.columns.shape[1])) @ simulated.columns.T
+    logits = logits + shifts + errors + np.sqrt(simulated.rest) * stream.standard_normal(mean.shape)
+    return Rates(rates, expit(logits), expit(logits + offsets), shifts, simulated.variance)
 
 
 def _shift(logits: FloatArray, rate: float) -> float:
@@ -59,15 +70,20 @@ def _shift(logits: FloatArray, rate: float) -> float:
     return float(brentq(lambda shift: expit(logits + shift).mean() - rate, -30, 30))
 
 
-def trial_chances(problem: Problem, posterior: Posterior, counts: Mapping[int, int]) -> dict[int, FloatArray]:
-    """Log probabilities (n, trials + 1) of how many trials of a further car pass, by a design's number of trials."""
+def trial_chances(
+    problem: Problem, posterior: Posterior, counts: Mapping[int, int], errors: Mapping[int, tuple[float, float]]
+) -> dict[int, FloatArray]:
+    """Log probabilities (n, trials + 1) of how many trials of a further car pass, by a design's number of trials.
+
+    ``errors`` are the emulator's shifts and variances, as in Rates, by the design's index.
+    """
     designs = np.array(list(counts))
     means, variances = problem.offsets(posterior.scores, posterior.discrepancy, designs)
-    logits = problem.logits(posterior.scores, designs)
-    return {
-        design: count_chances(problem, logits[:, i], means[:, i], variances[:, i], counted)
-        for i, (design, counted) in enumerate(counts.items())
-    }
+    logits, chances = problem.logits(posterior.scores, designs), {}
+    for i, (design, counted) in enumerate(counts.items()):
+        shift, variance = errors[design]
+        chances[design] = count_chances(problem, logits[:, i] + shift, means[:, i], variances[:, i] + variance, counted)
+    return chances
 
 
 def count_chances(

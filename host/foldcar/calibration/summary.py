@@ -54,7 +54,8 @@ def summarise(
     """The summary; ``leave_one_out`` also predicts each design from the trials of the others."""
     observed, rates = inference.problem.observed, rates_of(inference, experiment, seed)
     counts = observed.counts()
-    chances = trial_chances(inference.problem, inference.posterior, {design: n for design, (_, n) in counts.items()})
+    trials = {design: counted for design, (_, counted) in counts.items()}
+    chances = trial_chances(inference.problem, inference.posterior, trials, rates.errors(inference.designs))
     summary: dict[str, Any] = {
         "experiment": experiment.info.id,
         "seed": seed,
@@ -80,21 +81,23 @@ def summarise(
         ],
     }
     if leave_one_out:
-        summary["leave_one_out"] = left_out(inference, experiment, nominal, seed)
+        summary["leave_one_out"] = left_out(inference, experiment, nominal, rates, seed)
     summary["findings"] = findings(summary)
     return summary
 
 
-def left_out(inference: Inference, experiment: SweptExperiment, nominal: Nominal, seed: int) -> list[dict[str, Any]]:
+def left_out(
+    inference: Inference, experiment: SweptExperiment, nominal: Nominal, rates: Rates, seed: int
+) -> list[dict[str, Any]]:
     """Predict each design's trials from those of the others, with the log scores of what happened.
 
     The emulator is the same: it knows the simulator only. Empty if there are fewer than two designs.
     """
-    observed, rows = inference.problem.observed, []
+    observed, errors, rows = inference.problem.observed, rates.errors(inference.designs), []
     counts = observed.counts()
     for design, (passed, counted) in counts.items() if len(counts) > 1 else ():
         problem = replace(inference.problem, observed=observed.without(design))
-        chances = trial_chances(problem, problem.posterior(seed), {design: counted})[design]
+        chances = trial_chances(problem, problem.posterior(seed), {design: counted}, errors)[design]
         rows.append(
             {
                 "design": experiment.varied(design),

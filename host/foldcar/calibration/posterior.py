@@ -19,6 +19,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import eigh
 from scipy.optimize import brentq
 from scipy.special import logsumexp
 
@@ -152,9 +153,9 @@ class Features:
             if not len(rows):
                 continue
             own = share * car[np.ix_(rows, rows)] + (1 - share) * np.eye(len(rows))
-            root = np.linalg.inv(np.linalg.cholesky(own))
-            spread, turn = np.linalg.eigh(root @ alike[np.ix_(rows, rows)] @ root.T)
-            self._parts.append((feature, rows, turn.T @ root, np.maximum(spread, 0)))
+            # Directions in which both parts are diagonal, the first with variance 1.
+            spread, turn = eigh(alike[np.ix_(rows, rows)], own)
+            self._parts.append((feature, rows, turn, np.maximum(spread, 0)))
 
     def residuals(self, means: FloatArray) -> FloatArray:
         """What is left (..., trials, features), in standard deviations of runs and independent of the features before.
@@ -174,7 +175,7 @@ class Features:
         found = np.zeros(len(means))
         for feature, rows, turn, spread in self._parts:
             variance = 1 + kappa[:, [FAMILY_OF[feature]]] ** 2 * spread
-            found -= 0.5 * ((left[:, rows, feature] @ turn.T) ** 2 / variance + np.log(variance)).sum(axis=1)
+            found -= 0.5 * ((left[:, rows, feature] @ turn) ** 2 / variance + np.log(variance)).sum(axis=1)
         return found
 
 

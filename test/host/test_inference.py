@@ -28,7 +28,7 @@ from foldcar.calibration.parameters import (
     values_of,
 )
 from foldcar.calibration.posterior import DISCREPANCY, PATH_DISCREPANCY, Posterior, sample_posterior
-from foldcar.calibration.predictions import HEIGHTS, TRIALS, rank_next_trials
+from foldcar.calibration.predictions import HEIGHTS, TRIALS, rank_next_trials, rates_of
 from foldcar.calibration.summary import summarise
 
 SCENES = 30
@@ -296,6 +296,20 @@ def test_a_summary_has_the_numbers_of_its_draws(inferred_once: Inferred) -> None
     assert len(summary["leave_one_out"]) == 3
     for left, one in zip(summary["leave_one_out"], (designs[0], designs[1], designs[3]), strict=True):
         assert left["predicted"]["high"] - left["predicted"]["low"] >= one["predicted"]["high"] - one["predicted"]["low"]
+
+
+def test_rates_are_as_uncertain_as_the_runs_that_counted_them(inferred_once: Inferred) -> None:
+    """Against the binomial error of log-odds: 1 / (n p (1 - p))."""
+    many = inferred_once.found
+    certain = replace(many.posterior, scores=np.zeros((4000, len(PARAMETERS))), discrepancy=np.zeros(4000))
+    table = np.random.default_rng(1).random((400, len(WIDTHS))) < [0.3, 0.4, 0.5, 0.6]
+
+    few = rates_of(replace(many, posterior=certain, table=table.astype(float)), experiment(), 1)
+
+    spread = np.log(few.calibrated / (1 - few.calibrated)).std(axis=0)
+    assert spread == pytest.approx(np.sqrt(few.variances), rel=0.1)
+    assert spread == pytest.approx(1 / np.sqrt(400 * few.simulated * (1 - few.simulated)), rel=0.25)
+    assert few.calibrated == pytest.approx(few.predicted, abs=1e-3)
 
 
 def test_the_formulas_rates_are_found(inferred_once: Inferred) -> None:

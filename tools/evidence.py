@@ -1,10 +1,12 @@
-"""Renews a table of docs/calibration.md: what outcomes, times and paths of trials teach of what no simulator has.
+"""Renews two tables of docs/calibration.md on realities that are simulated: what trials teach, which rates bands hold.
 
-Usage: evidence.py FOLDER PAGE [--realities N]. FOLDER keeps what is simulated: a second call simulates nothing that is
-there. Each reality is MuJoCo with soft tyres, camber, a centre of mass aside and a supply that sags, and with parameters
-of the simulator drawn from their prior. Ten cars of five widths drive there; rates of the widths that no car has are
-predicted by multibody, calibrated by the first 4, 12, 24 and 48 trials, and held against rates simulated in the reality.
-Of some calibrations obstacles, track and centre of mass were measured. Last, multibody has the true parameters.
+Usage: evidence.py FOLDER PAGE. FOLDER keeps what is simulated: a second call simulates nothing that is there. Each
+reality has parameters of the simulator drawn from their prior, four each in MuJoCo with soft tyres, camber, a centre of
+mass aside and a supply that sags; in MuJoCo; in multibody. Ten cars of five widths drive there; rates of the widths that
+no car has are predicted by multibody, calibrated by the first trials, and held against rates simulated in the reality.
+
+The first table has the first four realities with 4, 12, 24 and 48 trials. Of some calibrations obstacles, track and
+centre of mass were measured. Last, multibody has the true parameters. The second table has all realities with 12 trials.
 
 All calibrations share the runs of the prior; those of `foldcar calibrate` have some around their own posterior, too.
 """
@@ -17,7 +19,9 @@ import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import product
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from calibration import kept, table
@@ -40,7 +44,7 @@ from foldcar.calibration.parameters import PARAMETERS, FloatArray, ScorePrior, v
 from foldcar.calibration.predictions import rates_of
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.compact_path import answered_path
-from foldcar.simulation.engines import MUJOCO
+from foldcar.simulation.engines import MUJOCO, MULTIBODY
 from foldcar.simulation.results import outcome_of
 from foldcar.store.reader import Store
 
@@ -51,12 +55,20 @@ WIDTHS = {"from": 65, "to": 185, "step": 10}
 BEYOND = {
     "wheel_camber_rad": 0.035, "tyre_contact_time_s": 0.015, "com_y_m": 0.006, "supply_resistance_ohm": 0.3,
 }  # fmt: skip
+# What realities are simulated by, and what beyond the parameters they have: EACH of a kind, in this order.
+KINDS: tuple[tuple[str, str, dict[str, float]], ...] = (
+    ("MuJoCo and beyond", MUJOCO, BEYOND),
+    ("MuJoCo", MUJOCO, {}),
+    ("multibody", MULTIBODY, {}),
+)
+EACH = 4
 DRIVEN, CARS, TRIALS, NUMBERS = (1, 4, 6, 9, 12), 2, 48, (4, 12, 24, 48)
 # The trials' scenes begin there; those before it are the rates'.
 FIRST_SCENE, RATE_SCENES = 240, 240
 SETS, SEED = 3000, 1
 # What can be measured of obstacles (a share) and a car (m), with a standard deviation, and by what evidence besides.
 MEASURED = {"obstacle_height": 0.02, "com_height_m": 0.002, "track_m": 0.0005}
+COVERAGE_TRIALS, COVERAGE_WAYS = 12, (OUTCOMES, PATHS)
 WAYS = (*((evidence, False) for evidence in EVIDENCE), (OUTCOMES, True), (PATHS, True))
 CONFIDENCE = 0.9
 # What a camera adds to a place (m) and to an angle (rad).
@@ -72,12 +84,20 @@ class Reality:
     trials: list[tuple[str, float, FloatArray]]
 
 
+class Judged(NamedTuple):
+    """Means over designs in per cent: errors without and with discrepancy, covered truths, width of the bands."""
+
+    error: float
+    with_discrepancy: float
+    covered: float
+    width: float
+
+
 def main() -> None:
     """Simulate what is missing in the folder and renew the table of the page."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
     parser.add_argument("page", type=Path)
-    parser.add_argument("--realities", type=int, default=4)
     given = parser.parse_args()
     given.folder.mkdir(parents=True, exist_ok=True)
     with Store.open(swept(given.folder)) as store:
@@ -85,7 +105,7 @@ def main() -> None:
     jobs = len(os.sched_getaffinity(0))
     realities = [
         kept(given.folder / f"reality{one}.pickle", partial(reality, experiment, one, jobs))
-        for one in range(given.realities)
+        for one in range(EACH * len(KINDS))
     ]
     simulator = Simulator(experiment, Carsim(), jobs, SEED)
     layout = trials_of(realities[0], TRIALS, PATHS, experiment)
@@ -94,11 +114,12 @@ def main() -> None:
     )
     inputs, width = cell_inputs(experiment, layout.cells)
     emulator = kept(given.folder / "emulator.pickle", partial(bank.emulator, inputs, width, SEED))
-    rows = "".join(f"{line}\n" for line in rows_of(given.folder, simulator, realities, emulator))
+    study = Study(given.folder, simulator, realities, emulator)
     page = given.page.read_text(encoding="utf-8")
-    given.page.write_text(
-        replaced(page, given.page, "<!-- evidence of tools/evidence.py -->", "<!-- end of evidence -->", rows)
-    )
+    for mark, lines in (("evidence", study.evidence_rows()), ("coverage", study.coverage_rows())):
+        rows = "".join(f"{line}\n" for line in lines)
+        page = replaced(page, given.page, f"<!-- {mark} of tools/evidence.py -->", f"<!-- end of {mark} -->", rows)
+    given.page.write_text(page)
 
 
 def silent(runs: int) -> None:
@@ -130,16 +151,17 @@ def layout_of(trial: int) -> tuple[int, int, int]:
 
 
 def reality(experiment: SweptExperiment, number: int, jobs: int) -> Reality:
-    """True rates and trials, by MuJoCo."""
+    """True rates and trials."""
+    _, engine, beyond = KINDS[number // EACH]
     stream = np.random.default_rng(1000 + number)
     scores = 0.8 * stream.standard_normal((1, len(PARAMETERS)))
-    values = {**values_of(scores)[0], **BEYOND}
+    values = {**values_of(scores)[0], **beyond}
     designs = range(len(experiment.designs))
     asked = [(design, scene, 1_000 + scene, scene) for design in designs for scene in range(RATE_SCENES)]
     trials = [layout_of(trial) for trial in range(TRIALS)]
     asked += [(design, scene, 5_000 + 10 * design + car, 7_000 + i) for i, (design, car, scene) in enumerate(trials)]
     runs = [CalibrationRun(design, values, experiment.scenes[scene], *numbers) for design, scene, *numbers in asked]
-    simulator = Simulator(experiment, Carsim(engine=MUJOCO), jobs, SEED + number)
+    simulator = Simulator(experiment, Carsim(engine=engine), jobs, SEED + number)
     answers = simulator.answers(runs, lambda answer, _: answer)
     outcomes = [outcome_of(answer) for answer in answers]
     apart = len(answers) - TRIALS
@@ -204,7 +226,7 @@ def true_rates(simulator: Simulator, one: Reality) -> FloatArray:
 def calibrated(
     simulator: Simulator, observed: Observations, emulator: Emulator, priors: Mapping[int, ScorePrior]
 ) -> Inference:
-    """As the first round of `foldcar calibrate`, with an emulator that is there; rates are simulated afterwards."""
+    """As `foldcar calibrate` does, by an emulator that is not refined; rates are simulated afterwards."""
     experiment = simulator.experiment
     inputs, _ = cell_inputs(experiment, observed.cells)
     used = np.unique(observed.cell)
@@ -216,40 +238,69 @@ def calibrated(
     return checked(simulator, problem, problem.posterior(SEED), designs, 1, 10**7, silent)
 
 
-def rows_of(folder: Path, simulator: Simulator, realities: list[Reality], emulator: Emulator) -> list[str]:
-    """The table: error, covered truths and explained parameters by number and evidence of trials."""
-    rows, experiment = [], simulator.experiment
-    undriven = np.setdiff1d(np.arange(len(experiment.designs)), DRIVEN)
-    for number in NUMBERS:
-        for evidence, with_measures in WAYS:
+@dataclass(frozen=True)
+class Study:
+    """Calibrations by trials of realities; ``folder`` keeps them."""
+
+    folder: Path
+    simulator: Simulator
+    realities: list[Reality]
+    emulator: Emulator
+
+    @property
+    def undriven(self) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
+        """The designs that no car has."""
+        return np.setdiff1d(np.arange(len(self.simulator.experiment.designs)), DRIVEN)
+
+    def calibration(self, index: int, number: int, evidence: str, with_measures: bool) -> Inference:
+        """The calibration by the first trials of a reality."""
+        reality = self.realities[index]
+        observed = trials_of(reality, number, evidence, self.simulator.experiment)
+        priors = measured(reality, index) if with_measures else {}
+        name = f"{index}-{number}-{evidence}{', measured' if with_measures else ''}"
+        make = partial(calibrated, self.simulator, observed, self.emulator, priors)
+        inference: Inference = kept(self.folder / f"{name}.pickle", make)
+        return inference
+
+    def judged(self, index: int, inference: Inference) -> Judged:
+        """Hold rates of the designs that no car has against the truth."""
+        true, rates = self.realities[index].rates, rates_of(inference, self.simulator.experiment, SEED)
+        low, high = np.quantile(rates.predicted, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2], axis=0)
+        # The truth was counted, too.
+        noise = 1.645 * np.sqrt(true * (1 - true) / RATE_SCENES)
+        held = (low - noise <= true) & (true <= high + noise)
+        columns = (abs(rates.simulated - true), abs(rates.predicted.mean(axis=0) - true), held, high - low)
+        judged = Judged(*(100 * float(column[self.undriven].mean()) for column in columns))
+        print(index, np.round(judged, 1), flush=True)
+        return judged
+
+    def evidence_rows(self) -> list[str]:
+        """The table of error, covered truths and explained parameters by number and evidence of trials."""
+        rows = []
+        for number, (evidence, with_measures) in product(NUMBERS, WAYS):
+            found = [self.calibration(index, number, evidence, with_measures) for index in range(EACH)]
+            judged = np.mean([self.judged(index, inference) for index, inference in enumerate(found)], axis=0)
+            explained = np.mean([1 - inference.posterior.scores.var(axis=0) for inference in found], axis=0)[:4]
             name = f"{evidence}, measured" if with_measures else evidence
-            errors, covered, explained = [], [], []
-            for index, one in enumerate(realities):
-                observed = trials_of(one, number, evidence, experiment)
-                priors = measured(one, index) if with_measures else {}
-                make = partial(calibrated, simulator, observed, emulator, priors)
-                found = kept(folder / f"{index}-{number}-{name}.pickle", make)
-                rates = rates_of(found, experiment, SEED)
-                ends = np.quantile(rates.predicted, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2], axis=0)
-                # The truth was counted, too.
-                noise = 1.645 * np.sqrt(one.rates * (1 - one.rates) / RATE_SCENES)
-                errors.append(
-                    [np.abs(r - one.rates)[undriven].mean() for r in (rates.simulated, rates.predicted.mean(0))]
-                )
-                covered.append(((ends[0] - noise <= one.rates) & (one.rates <= ends[1] + noise))[undriven].mean())
-                explained.append(1 - found.posterior.scores.var(axis=0))
-                print(number, name, index, np.round(errors[-1], 3), round(float(covered[-1]), 2), flush=True)
-            told = [f"{100 * value:.0f}" for value in np.maximum(np.mean(explained, axis=0)[:4], 0)]
-            error = [f"{100 * value:.1f}" for value in np.mean(errors, axis=0)]
-            rows.append([str(number), name, *error, f"{100 * np.mean(covered):.0f}", *told])
-    floor = []
-    for index, one in enumerate(realities):
-        rates = kept(folder / f"true{index}.pickle", partial(true_rates, simulator, one))
-        floor.append(np.abs(rates - one.rates)[undriven].mean())
-    print("true parameters", np.round(floor, 3))
-    rows.append(["", "true parameters", f"{100 * np.mean(floor):.1f}", *[""] * 6])
-    head = ["trials", "by", "error", "with discrepancy", "covered %", "friction", "torque", "speed", "height"]
-    return table(head, rows)
+            shares = [f"{100 * value:.0f}" for value in np.maximum(explained, 0)]
+            rows.append([str(number), name, f"{judged[0]:.1f}", f"{judged[1]:.1f}", f"{judged[2]:.0f}", *shares])
+        floor = []
+        for index, reality in enumerate(self.realities[:EACH]):
+            rates = kept(self.folder / f"true{index}.pickle", partial(true_rates, self.simulator, reality))
+            floor.append(np.abs(rates - reality.rates)[self.undriven].mean())
+        rows.append(["", "true parameters", f"{100 * np.mean(floor):.1f}", *[""] * 6])
+        head = ["trials", "by", "error", "with discrepancy", "covered %", "friction", "torque", "speed", "height"]
+        return table(head, rows)
+
+    def coverage_rows(self) -> list[str]:
+        """The table of error, covered truths and width of bands by kind of reality."""
+        rows = []
+        for evidence, (kind, (name, _, _)) in product(COVERAGE_WAYS, enumerate(KINDS)):
+            indices = range(EACH * kind, EACH * (kind + 1))
+            found = [self.judged(one, self.calibration(one, COVERAGE_TRIALS, evidence, False)) for one in indices]
+            judged = np.mean(found, axis=0)
+            rows.append([name, evidence, f"{judged[1]:.1f}", f"{judged[2]:.0f}", f"{judged[3]:.0f}"])
+        return table(["reality", "by", "error", "covered %", "width"], rows)
 
 
 if __name__ == "__main__":

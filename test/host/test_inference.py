@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from scipy.special import expit
+from scipy.special import expit, log_expit
 from scipy.stats import binom, norm
 
 from foldcar.calibration import emulator
@@ -17,19 +17,18 @@ from foldcar.calibration import inference as inference_module
 from foldcar.calibration.drive_features import FEATURES, PITCH, TIME, possible_ends
 from foldcar.calibration.emulator import MOST_CELLS, OTHERS, Emulator, cell_inputs, prior_scores, simulate_bank
 from foldcar.calibration.experiment import CalibrationRun, SimulatedDrive, SweptDesign, SweptExperiment
-from foldcar.calibration.inference import ALONE, DRAWS, Inference, Problem, infer, near, plan
+from foldcar.calibration.inference import ALONE, DRAWS, Inference, Problem, infer, plan
 from foldcar.calibration.observations import Cell, Observations
 from foldcar.calibration.parameters import (
     NAMES,
     PARAMETERS,
     SHEETS_COM_HEIGHT,
     ScorePrior,
-    measured_priors,
-    sheets_priors,
+    built_priors,
     values_of,
 )
 from foldcar.calibration.posterior import DISCREPANCY, PATH_DISCREPANCY, Posterior, sample_posterior
-from foldcar.calibration.predictions import HEIGHTS, TRIALS, rank_next_trials
+from foldcar.calibration.predictions import HEIGHTS, TRIALS, rank_next_trials, rates_of
 from foldcar.calibration.summary import summarise
 
 SCENES = 30
@@ -55,15 +54,27 @@ def experiment(*terrain: dict[str, Any]) -> SweptExperiment:
     return SweptExperiment(info, designs, ({"terrain": list(terrain)},) * SCENES)
 
 
-def linear(friction: float, width: float, car_sd: float = 0.0) -> Emulator:
-    """The emulator whose logit is a sum: ``friction`` times its score plus ``width`` times the design's input."""
-    weights = np.zeros((len(PARAMETERS) + 1, 1))
-    # The network has the logit of the second end.
-    weights[FRICTION], weights[-1] = -friction, -width
+class Logit:
+    """In place of a network: the logit of not passing is a sum of weighted inputs."""
+
+    classes_ = np.arange(2)
+
+    def __init__(self, weights: np.ndarray[Any, Any]) -> None:
+        self.weights = weights
+
+    def predict_log_proba(self, rows: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+        """Log probabilities of passing and of the first way to fail."""
+        logits = rows @ self.weights
+        return log_expit(np.column_stack([-logits, logits]))
+
+
+def linear(width: float, **weights: float) -> Emulator:
+    """The emulator whose logit is a sum of scores times their ``weights`` and the design's input times ``width``."""
+    row = np.zeros(len(PARAMETERS) + 1)
+    row[[*map(NAMES.index, weights), -1]] = [*weights.values(), width]
     unknown = np.full((FEATURES, FEATURES), np.nan)
     terms = (1 + len(PARAMETERS) * (len(PARAMETERS) + 3) // 2) * 4
-    coefficients = np.zeros((terms, FEATURES))
-    return Emulator((0, 1), (((weights, np.zeros(1)),),), 1, coefficients, unknown[:2], unknown, unknown[0], car_sd)
+    return Emulator((Logit(-row),), 1, np.zeros((terms, FEATURES)), unknown[:2], unknown, unknown[0], 0.0)
 
 
 def observations(*cars: tuple[int, int, int], scene: Any = None) -> Observations:
@@ -152,46 +163,21 @@ def test_what_further_trials_tell_is_the_information_of_their_count() -> None:
     height = NAMES.index("obstacle_height")
     scores = np.zeros((100, len(PARAMETERS)))
     scores[:, height] = np.random.default_rng(1).permutation(np.linspace(-2, 2, 100))
-    emulated = linear(0.0, 0.0)
-    weights = np.zeros((len(PARAMETERS) + 1, 1))
-    weights[height] = 1.5
-    emulated = replace(emulated, networks=(((weights, np.zeros(1)),),))
-    one = problem(swept, observations((0, 0, 3)), emulated)
+    one = problem(swept, observations((0, 0, 3)), linear(0.0, obstacle_height=-1.5))
 
     ranked = rank_next_trials(inferred(one, scores, 0.5), swept)
 
     assert {(found.design, found.height) for found in ranked} == {(d, h) for d in range(4) for h in HEIGHTS}
     assert [found.bits for found in ranked] == sorted((found.bits for found in ranked), reverse=True)
-    outcomes = one.outcomes(scores, np.full(100, 0.5))
+    means, variances = one.offsets(scores, np.full(100, 0.5), np.arange(4))
     for found in ranked:
         # The value that runs would have: the drawn one times the height.
         values = np.array([draw["obstacle_height"] for draw in values_of(scores)]) * found.height
-        mean, variance = one.further(outcomes, np.full(100, 0.5), found.design)
-        assert found.bits == pytest.approx(bits_by_quadrature(-1.5 * np.log(values) / 0.2, mean, variance), abs=0.003)
+        offset = means[:, found.design], variances[:, found.design]
+        assert found.bits == pytest.approx(bits_by_quadrature(-1.5 * np.log(values) / 0.2, *offset), abs=0.003)
         assert found.parameter == "obstacle_height"
     flat = rank_next_trials(inferred(one, scores, 0.5), experiment({"kind": "patch", "friction": 0.3}))
     assert {found.height for found in flat} == {1.0}
-
-
-@pytest.mark.parametrize("measured", [{"com_height_m": 0.005}, {name: 0.9 for name in NAMES[:4]}])
-def test_measured_parameters_do_not_decide_which_runs_teach(measured: dict[str, float]) -> None:
-    """The scores of measured values have no exact binary form: the standard deviation of a thousand of them is not 0."""
-    draws = np.random.default_rng(1).standard_normal((1000, len(PARAMETERS)))
-    pinned = problem(experiment(), observations((0, 1, 2)), linear(0.0, 0.0))
-    pinned = replace(pinned, priors=measured_priors(measured, "--known"))
-    scores = np.random.default_rng(2).standard_normal((500, len(PARAMETERS)))
-    free = [name not in measured for name in NAMES]
-
-    kept = near(scores, pinned.with_priors(draws))
-
-    assert 0.9 * len(scores) < kept.sum()
-    assert (kept == near(scores[:, free], draws[:, free])).all()
-    for known in (range(len(PARAMETERS)), range(1, len(PARAMETERS))):
-        pinned = replace(pinned, priors=dict.fromkeys(known, ScorePrior(0.1, 0.0, "measured")))
-        # With one parameter left the distance is that in its standard deviations.
-        distance = np.abs(scores[:, 0] - draws[:, 0].mean()) / draws[:, 0].std()
-        expected = distance < inference_module.REACH if len(known) < len(PARAMETERS) else np.full(500, True)
-        assert (near(scores, pinned.with_priors(draws)) == expected).all()
 
 
 def test_trials_that_say_nothing_leave_the_prior_of_the_sheets() -> None:
@@ -200,8 +186,9 @@ def test_trials_that_say_nothing_leave_the_prior_of_the_sheets() -> None:
     column = NAMES.index("com_height_m")
     simulator: Any = Formula(seed=7)
     observed = observations((0, 2, 10), (3, 3, 4))
-    everything = {**dict.fromkeys(range(len(PARAMETERS)), ScorePrior(0.0, 0.0, "measured")), **sheets_priors()}
-    one = replace(problem(swept, observed, linear(0.0, 0.0)), priors=sheets_priors())
+    sheets = built_priors("W_B_W", True)
+    everything = dict.fromkeys(range(len(PARAMETERS)), ScorePrior(0.0, 0.0, "measured")) | sheets
+    one = replace(problem(swept, observed, linear(0.0)), priors=sheets)
 
     values = PARAMETERS[column].value(one.posterior(1).scores[:, column])
     found = infer(simulator, observed, RUNS, priors=everything)
@@ -217,6 +204,18 @@ def test_trials_that_say_nothing_leave_the_prior_of_the_sheets() -> None:
     assert {row["parameter"] for row in summary["next_trials"]} == {"com_height_m"}
     measured = replace(found, problem=replace(found.problem, priors=dict.fromkeys(everything, everything[0])))
     assert {row.parameter for row in rank_next_trials(measured, swept)} == {"discrepancy"}
+
+
+def test_named_cells_narrow_what_stands_for_the_supply() -> None:
+    assert built_priors("W_B_W", False) == {}
+
+    priors = built_priors("W_B_W+cells=nimh", False)
+
+    assert [NAMES[index] for index in priors] == ["servo_torque", "servo_speed"]
+    for (index, prior), middle, sd in zip(priors.items(), (0.95, 1.0), (0.28, 0.12), strict=True):
+        z = np.random.default_rng(1).standard_normal(20_000)
+        logs = np.log(PARAMETERS[index].value(prior.mean + prior.sd * z))
+        assert np.exp(logs.mean()) == pytest.approx(middle, rel=0.01) and logs.std() == pytest.approx(sd, rel=0.02)
 
 
 class Inferred(NamedTuple):
@@ -245,7 +244,7 @@ def test_sets_have_scatter_of_their_own_and_one_car_for_all_its_drives(inferred_
     for runs in (RUNS, 24_000):
         assert plan(runs, observed, 4).runs == pytest.approx(runs, rel=0.25)
     assert told == len(asked) <= plan(RUNS, observed, 4).runs
-    check = int(found.counted.sum())
+    check = found.table.size
     learned, checked = asked[:-check], asked[-check:]
     # No two drives scatter alike; one number of a car has one design or is of another design's car with the same values.
     numbers = [run.number for run in learned]
@@ -259,7 +258,7 @@ def test_sets_have_scatter_of_their_own_and_one_car_for_all_its_drives(inferred_
     assert all(designs[:3] == [0, 1, 3] for designs in sets)
     assert {design for designs in sets for design in designs[3:]} == set(range(len(WIDTHS)))
     # The check has the designs with each of the published draws, as often.
-    assert found.designs.tolist() == [0, 1, 2, 3] and found.counted.tolist() == [check / 4] * 4
+    assert found.designs.tolist() == [0, 1, 2, 3] and found.table.shape == (check // 4, 4)
     assert [dict(run.values) for run in checked[:: check // DRAWS]] == found.draws
 
 
@@ -284,21 +283,33 @@ def test_a_summary_has_the_numbers_of_its_draws(inferred_once: Inferred) -> None
     designs = summary["designs"]
     assert [(one["passed"], one["counted"]) for one in designs] == [(2, 10), (0, 3), (0, 0), (9, 10)]
     assert "predicted" not in designs[2] and designs[2]["nominal"] is None
-    for one, passed, counted in zip(designs, inference.passed, inference.counted, strict=True):
-        # Few designs are not smoothed: the calibrated rate is the simulated share.
-        assert one["simulated"]["mean"] == pytest.approx((passed + 0.5) / (counted + 1), abs=0.04)
+    for one, rate in zip(designs, inference.table.mean(axis=0), strict=True):
+        # The calibrated rate is the simulated share, smoothed over designs.
+        assert one["simulated"]["mean"] == pytest.approx(rate, abs=0.05)
     likelihood = summary["log_likelihood"]
     best = sum(binom.logpmf(k, n, k / n) for k, n in ((2, 10), (0, 3), (9, 10)))
-    assert likelihood["best"] == pytest.approx(best) and likelihood["best"] >= likelihood["best_draw"]
-    assert likelihood["best_draw"] >= likelihood["draws"]
+    assert likelihood["best"] == pytest.approx(best) and likelihood["best"] >= likelihood["draws"]
     nominal_score = sum(binom.logpmf(k, n, (p + 0.5) / 101) for k, n, p in ((2, 10, 30), (0, 3, 0), (9, 10, 100)))
     assert likelihood["nominal"] == pytest.approx(nominal_score)
     assert summary["notes"] == ["a note"] and summary["misfits"] == []
-    assert summary["trials"] == {"cars": 4, "placed": 0, "timed": 0, "paths": 0}
     # Each design's trials given the others' are told no better than given all.
     assert len(summary["leave_one_out"]) == 3
     for left, one in zip(summary["leave_one_out"], (designs[0], designs[1], designs[3]), strict=True):
         assert left["predicted"]["high"] - left["predicted"]["low"] >= one["predicted"]["high"] - one["predicted"]["low"]
+
+
+def test_rates_are_as_uncertain_as_the_runs_that_counted_them(inferred_once: Inferred) -> None:
+    """Against the binomial error of log-odds: 1 / (n p (1 - p))."""
+    many = inferred_once.found
+    certain = replace(many.posterior, scores=np.zeros((4000, len(PARAMETERS))), discrepancy=np.zeros(4000))
+    table = np.random.default_rng(1).random((400, len(WIDTHS))) < [0.3, 0.4, 0.5, 0.6]
+
+    few = rates_of(replace(many, posterior=certain, table=table.astype(float)), experiment(), 1)
+
+    spread = np.log(few.calibrated / (1 - few.calibrated)).std(axis=0)
+    assert spread == pytest.approx(np.sqrt(few.variances), rel=0.1)
+    assert spread == pytest.approx(1 / np.sqrt(400 * few.simulated * (1 - few.simulated)), rel=0.25)
+    assert few.calibrated == pytest.approx(few.predicted, abs=1e-3)
 
 
 def test_the_formulas_rates_are_found(inferred_once: Inferred) -> None:
@@ -316,7 +327,7 @@ def test_the_formulas_rates_are_found(inferred_once: Inferred) -> None:
 def test_the_posterior_is_that_of_rejection(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two cars' outcomes and times: the model drawn two million times, kept where all comes out as observed (ABC)."""
     swept, cars = experiment(), ((0, 2, 10), (3, 4, 4))
-    emulated, car_share, sd = linear(2.0, 1.0), 0.36, 0.1
+    emulated, car_share, sd = linear(1.0, friction=2.0), 0.36, 0.1
     coefficients, covariance = emulated.coefficients.copy(), emulated.covariance.copy()
     middle = PARAMETERS[SPEED]
     coefficients[0, TIME], coefficients[4 * (1 + SPEED), TIME] = -math.log(middle.middle), -middle.sd

@@ -1,6 +1,7 @@
 """Choices of parts: in a type string, in a listing, with --set; what follows from them; mistakes."""
 
 import json
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -41,6 +42,21 @@ def test_a_tyre_grips_in_proportion_to_the_default_one_and_the_belly_as_ever() -
     for film in ("card_160", "pp_0.5"):
         (grip,) = {one["grip"] for one in body_json(compose(f"W_B_W+film={film}+tyre=none", {}))["wheels"]}
         assert grip == pytest.approx(number(f"film_{film}", "friction") / 0.6)
+
+
+def test_named_cells_sag_and_cars_without_a_name_for_theirs_stay_as_they_were(carsim_binary: Path) -> None:
+    bodies = {cells: body_json(compose(f"W_B_W+cells={cells}", {})) for cells in OPTIONS["cells"]}
+    six_wheels = body_json(compose("W_B_W_B_W+cells=alkaline", {}))
+
+    assert bodies["unnamed"] == body_json(compose("W_B_W", {})) and "supply_resistance_ohm" not in bodies["unnamed"]
+    assert [body["supply_v"] for body in bodies.values()] == [5.2, 4.9, 5.8]
+    assert [bodies[cells]["supply_resistance_ohm"] for cells in ("nimh", "alkaline")] == [0.25, 0.9]
+    # The simulator's limit: cells of 5.8 V whose voltage six stalled servos halve.
+    stall_a = sum(wheel["servo"]["stall_current_a"] for wheel in six_wheels["wheels"])
+    assert six_wheels["supply_resistance_ohm"] == pytest.approx(2.9 / stall_a, rel=0.01)
+    lines = [json.dumps({"body": {"id": name, **body}}) for name, body in (*bodies.items(), ("six", six_wheels))]
+    answer = subprocess.run([carsim_binary, "batch"], input="\n".join(lines), capture_output=True, text=True, check=True)
+    assert answer.stdout == ""
 
 
 def test_a_listing_and_the_command_line_choose_the_same_parts(tmp_path: Path) -> None:

@@ -4,7 +4,7 @@ import numpy
 import pytest
 from scipy import stats
 
-from foldcar.analysis.engine_bias import pooled_difference
+from foldcar.analysis.engine_bias import corrected_rates, pooled_difference
 from foldcar.analysis.rate import (
     Rate,
     anytime_interval,
@@ -94,3 +94,47 @@ def test_the_difference_of_two_simulations_is_that_of_plain_quadrature() -> None
     assert found[1] == pytest.approx((density * ((m - mean) ** 2 + s**2)).sum(), rel=0.005)
     # Without any design in both, what was assumed before: 1 of the mean, 1 of the spread.
     assert pooled_difference([3], [4], [0], [0]) == pytest.approx((0, 2), abs=0.06)
+
+
+@pytest.mark.parametrize("rough", [0.0, 0.5])
+def test_few_dear_runs_correct_many_cheap_ones(rough: float) -> None:
+    """Cars pass where their log-odds exceed the difficulty of an environment, which is the same in both simulations."""
+    random, widths, errors, covered = numpy.random.default_rng(4), numpy.linspace(0, 1, 19)[:, None], [], []
+    for _ in range(80):
+        cheap = 2 - 14 * (widths - random.uniform(0.3, 0.7)) ** 2
+        dear = cheap + random.normal(0, 0.7) + random.normal(0, 0.7) * (widths - 0.5) + random.normal(0, rough, (19, 1))
+        difficulty, scatter = random.logistic(0, 1.5, 100), random.normal(0, 0.5, (2, 19, 100))
+        passed_cheap, passed_dear = (scatter + numpy.stack([cheap, dear]) > difficulty).astype(float)
+        true = stats.norm.cdf((dear - random.logistic(0, 1.5, 20_000)) / 0.5).mean(axis=1)
+        few = passed_dear[:, :10]
+        simple = passed_cheap.mean(axis=1)
+        passed_dear[:, 10:] = numpy.nan
+
+        rate, low, high = corrected_rates(widths, passed_cheap, passed_dear)
+
+        covered.append(((low <= true) & (true <= high)).mean())
+        others = (few.mean(axis=1), simple, simple + (few - passed_cheap[:, :10]).mean(axis=1))
+        errors.append([abs(estimate - true).mean() for estimate in (rate, *others)])
+    corrected, *others = numpy.mean(errors, axis=0)
+    assert corrected < 0.85 * min(others)
+    assert 0.93 < numpy.mean(covered) < 0.99
+
+
+def test_a_constant_difference_is_found_at_designs_without_dear_runs_too() -> None:
+    widths, cheap = numpy.arange(12.0)[:, None], numpy.tile([0.0, 1.0], (12, 100))
+    cheap[3] = numpy.nan
+    same, low, high = corrected_rates(widths, cheap, cheap)
+    dear = cheap.copy()
+    dear[:, 1::10] = 0
+    dear[6] = numpy.nan
+    lower, *band = corrected_rates(widths, cheap, dear)
+
+    present = numpy.arange(12) != 3
+    assert numpy.isnan([same[3], low[3], high[3]]).all()
+    assert same[present] == pytest.approx(numpy.full(11, 0.5), abs=0.01)
+    assert numpy.all((low < 0.5) & (high > 0.5) | ~present)
+    assert lower[present] == pytest.approx(numpy.full(11, 0.4), abs=0.02)
+    assert (band[1] - band[0])[6] > (band[1] - band[0])[5]
+    for wrong, message in ((numpy.full((12, 200), numpy.nan), "in two environments"), (dear[:, :5], "that are alike")):
+        with pytest.raises(FoldcarError, match=message):
+            corrected_rates(widths, cheap, wrong)

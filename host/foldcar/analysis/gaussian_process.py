@@ -33,7 +33,6 @@ STRENGTHS = (1.5, 5.0)
 LEAST_WEIGHT = 0.01
 # Standard deviation of the constant.
 CONSTANT = 4.0
-LEAST_SMOOTHED = 8
 
 
 @dataclass(frozen=True)
@@ -202,15 +201,6 @@ class SuccessModel:
         if not numpy.all((found > -1e-9) & (found < 1 + 1e-9)):
             raise FoldcarError("a success model has rates only within the range of the designs that it was fitted to")
         return found
-
-
-def can_be_smooth(parameters: NDArray[Any]) -> bool:
-    """Whether a smooth model has enough to go by: LEAST_SMOOTHED designs (d, k), one or two parameters, all varied."""
-    return (
-        parameters.shape[1] in (1, 2)
-        and len(parameters) >= LEAST_SMOOTHED
-        and bool((numpy.ptp(parameters, axis=0) > 0).all())
-    )
 
 
 def success_model(parameters: ArrayLike, passed: ArrayLike, counted: ArrayLike) -> SuccessModel:

@@ -11,22 +11,24 @@ square), boosted trees 7, quadratic logistic regression and random Fourier featu
 their means are polynomials of scores and cell, which there err less than networks (by a tenth of what runs scatter).
 """
 
-import itertools
 import json
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Any
+from typing import Protocol
 
 import numpy as np
-from scipy.special import expit, log_softmax, logsumexp, ndtri
+from scipy.special import expit, logsumexp, ndtri
 from scipy.stats import qmc
+from sklearn.exceptions import ConvergenceWarning
+from sklearn.neural_network import MLPClassifier
+from sklearn.preprocessing import PolynomialFeatures
 from threadpoolctl import threadpool_limits
 
 from foldcar.analysis.built_cars import centre_factor
 from foldcar.calibration.drive_features import ENDS, FEATURES
 from foldcar.calibration.experiment import CalibrationRun, Simulator, SweptExperiment
-from foldcar.calibration.observations import BoolArray, Cell, Observations
+from foldcar.calibration.observations import Cell, Observations
 from foldcar.calibration.parameters import PARAMETERS, FloatArray, values_of
 from foldcar.calibration.posterior import IntArray
 from foldcar.errors import FoldcarError
@@ -57,18 +59,26 @@ LEAST_RUNS = 100
 MOST_SHARE, MOST_CAR_SD = 0.95, 3.0
 
 
+class EndClassifier(Protocol):
+    """What the emulator needs of scikit-learn's MLPClassifier."""
+
+    classes_: IntArray
+
+    def predict_log_proba(self, rows: FloatArray) -> FloatArray:
+        """Return log probabilities (n, classes) by rows (n, parameters + inputs)."""
+
+
 @dataclass(frozen=True)
 class Emulator:
-    """Weights and biases of each network's layers, and polynomials of features; made by :meth:`Bank.emulator`.
+    """Networks for the ends of drives, polynomials for their features; made by :meth:`Bank.emulator`.
 
-    ``ends`` are the columns of ENDS that the networks tell apart. ``designs`` is how many of a cell's inputs are its
-    design's, ``coefficients`` (terms, FEATURES) belong to :func:`_terms`, ``bounds`` (2, FEATURES) are the least and the
-    largest value of features. ``covariance`` (FEATURES, FEATURES) is that of runs about their means, ``shares``
-    (FEATURES,) is the car's part of it, NaN for what too few runs had; ``car_sd`` is that of cars' logits.
+    The first ``designs`` of a cell's inputs are its design's. ``coefficients`` (terms, FEATURES) belong to
+    :func:`_terms`, ``bounds`` (2, FEATURES) are the least and the largest value of features. ``covariance`` (FEATURES,
+    FEATURES) is that of runs about their means, ``shares`` (FEATURES,) the car's part of it, NaN where too few runs have
+    the feature. ``car_sd`` is the standard deviation of cars' logits.
     """
 
-    ends: tuple[int, ...]
-    networks: tuple[tuple[tuple[FloatArray, FloatArray], ...], ...]
+    networks: tuple[EndClassifier, ...]
     designs: int
     coefficients: FloatArray
     bounds: FloatArray
@@ -83,21 +93,12 @@ class Emulator:
 
     def end_chances(self, scores: FloatArray, inputs: FloatArray) -> FloatArray:
         """Log probabilities (n, cells, ENDS) of how a drive ends, by scores (n, parameters) and inputs (cells, k)."""
-        parameters = scores.shape[1]
-        each = []
+        rows = np.hstack([np.repeat(scores, len(inputs), axis=0), np.tile(inputs, (len(scores), 1))])
         with threadpool_limits(1):
-            for (first, bias), *others in self.networks:
-                # The first layer's sum is taken apart into parameters and cell.
-                hidden = (scores @ first[:parameters])[:, None] + (inputs @ first[parameters:] + bias)[None]
-                for weights, shift in others:
-                    hidden = np.tanh(hidden) @ weights + shift
-                if hidden.shape[-1] == 1:
-                    # Of two classes scikit-learn has the logit of the second.
-                    hidden = np.concatenate([np.zeros_like(hidden), hidden], axis=-1)
-                each.append(log_softmax(hidden, axis=-1))
-        found = np.full((len(scores), len(inputs), ENDS), UNKNOWN)
-        found[..., list(self.ends)] = logsumexp(each, axis=0) - np.log(len(each))
-        return np.asarray(found)
+            each = [network.predict_log_proba(rows) for network in self.networks]
+        chances = np.full((len(rows), ENDS), UNKNOWN)
+        chances[:, self.networks[0].classes_] = logsumexp(each, axis=0) - np.log(len(each))
+        return chances.reshape(len(scores), len(inputs), ENDS)
 
     def logits(self, scores: FloatArray, inputs: FloatArray) -> FloatArray:
         """Success logits (n, cells)."""
@@ -105,48 +106,33 @@ class Emulator:
 
     def feature_means(self, scores: FloatArray, inputs: FloatArray) -> FloatArray:
         """Means (n, cells, FEATURES) of the features of drives that have them."""
-        squares, design = _monomials(scores, 2), _design_terms(inputs, self.designs)
-        lines, scenes = _monomials(scores, 1), inputs[:, self.designs :]
-        split = squares.shape[1] * design.shape[1]
-        smooth = self.coefficients[:split].reshape(squares.shape[1], design.shape[1], FEATURES)
+        of_scores, of_designs, lines, scenes = _factors(scores, inputs, self.designs)
+        split = of_scores.shape[1] * of_designs.shape[1]
+        smooth = self.coefficients[:split].reshape(of_scores.shape[1], of_designs.shape[1], FEATURES)
         apart = self.coefficients[split:].reshape(lines.shape[1], scenes.shape[1], FEATURES)
         with threadpool_limits(1):
-            per_cell = (
-                np.tensordot(design, smooth, (1, 1)).transpose(1, 0, 2).reshape(squares.shape[1], len(inputs) * FEATURES)
-            )
-            per_scene = (
-                np.tensordot(scenes, apart, (1, 1)).transpose(1, 0, 2).reshape(lines.shape[1], len(inputs) * FEATURES)
-            )
-            means = squares @ per_cell + lines @ per_scene
-        return np.asarray(means.reshape(len(scores), len(inputs), FEATURES))
+            means = np.einsum("ns,cd,sdf->ncf", of_scores, of_designs, smooth, optimize=True)
+            return np.asarray(means + np.einsum("nl,cs,lsf->ncf", lines, scenes, apart, optimize=True))
 
 
 def success_logits(chances: FloatArray) -> FloatArray:
     """The logits (...,) of passing, by log probabilities (..., ENDS) of all ends."""
-    found = chances[..., 0] - logsumexp(chances[..., 1:], axis=-1)
-    return np.asarray(np.clip(found, -LARGEST_LOGIT, LARGEST_LOGIT))
+    logits = chances[..., 0] - logsumexp(chances[..., 1:], axis=-1)
+    return np.asarray(np.clip(logits, -LARGEST_LOGIT, LARGEST_LOGIT))
 
 
-def _monomials(values: FloatArray, degree: int) -> FloatArray:
-    """The products (n, terms) of at most ``degree`` of the values (n, k)."""
-    columns = [np.ones(len(values))]
-    for number in range(1, degree + 1):
-        for chosen in itertools.combinations_with_replacement(range(values.shape[1]), number):
-            columns.append(np.prod(values[:, chosen], axis=1))
-    return np.column_stack(columns)
-
-
-def _design_terms(inputs: FloatArray, designs: int) -> FloatArray:
-    """The products (n, terms) of the inputs (n, k) that are a design's: of one parameter to the third power."""
-    return _monomials(inputs[:, :designs], 3 if designs == 1 else 2)
+def _factors(scores: FloatArray, inputs: FloatArray, designs: int) -> tuple[FloatArray, ...]:
+    """The factors of the polynomials' terms: squares of scores by powers of a design's, scores by scenes."""
+    of_designs = PolynomialFeatures(3 if designs == 1 else 2).fit_transform(inputs[:, :designs])
+    squares, lines = (PolynomialFeatures(degree).fit_transform(scores) for degree in (2, 1))
+    return squares, of_designs, lines, inputs[:, designs:]
 
 
 def _terms(scores: FloatArray, inputs: FloatArray, designs: int) -> FloatArray:
-    """The terms (runs, terms) of features' polynomials: squares of scores by the design's, and lines by the scene."""
-    design = _design_terms(inputs, designs)
-    smooth = _monomials(scores, 2)[:, :, None] * design[:, None]
-    apart = _monomials(scores, 1)[:, :, None] * inputs[:, None, designs:]
-    return np.hstack([one.reshape(len(scores), -1) for one in (smooth, apart)])
+    """The terms (runs, terms) of features' polynomials, by each run's scores and inputs."""
+    squares, of_designs, lines, scenes = _factors(scores, inputs, designs)
+    products = (squares[:, :, None] * of_designs[:, None], lines[:, :, None] * scenes[:, None])
+    return np.hstack([product.reshape(len(scores), -1) for product in products])
 
 
 @dataclass(frozen=True)
@@ -167,10 +153,6 @@ class Bank:
         """The runs of both."""
         return Bank(*(np.concatenate([getattr(one, field.name) for one in (self, other)]) for field in fields(self)))
 
-    def chosen(self, kept: BoolArray) -> "Bank":
-        """Those of the runs (runs,)."""
-        return Bank(*(getattr(self, field.name)[kept] for field in fields(self)))
-
     def emulator(self, inputs: FloatArray, designs: int, seed: int) -> Emulator:
         """The emulator of these runs; the first ``designs`` of all ``inputs`` (cells, k) are a design's. FoldcarError."""
         passed = self.ends == 0
@@ -180,49 +162,44 @@ class Bank:
                 f"all {len(passed)} simulations of the designs with trials {how}, whatever the parameters: "
                 "nothing can be inferred; check the listing and the designs"
             )
-        ends, networks = _fit_ends(np.hstack([self.scores, inputs[self.cells]]), self.ends, seed)
-        found = Emulator(ends, networks, designs, *self._polynomials(inputs, designs), 0.0)
+        networks = _fit_ends(np.hstack([self.scores, inputs[self.cells]]), self.ends, seed)
+        found = Emulator(networks, designs, *self._polynomials(inputs, designs), 0.0)
         return replace(found, car_sd=self._car_sd(found, inputs))
 
     def _polynomials(self, inputs: FloatArray, designs: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Coefficients, bounds, covariance and cars' shares as in Emulator."""
         terms = _terms(self.scores, inputs[self.cells], designs)
         coefficients = np.zeros((terms.shape[1], FEATURES))
-        bounds, left = np.full((2, FEATURES), np.nan), np.full(self.features.shape, np.nan)
+        bounds, residuals = np.full((2, FEATURES), np.nan), np.full(self.features.shape, np.nan)
         for feature, column in enumerate(self.features.T):
-            had = np.isfinite(column)
-            if had.sum() < LEAST_RUNS:
+            known = np.isfinite(column)
+            if known.sum() < LEAST_RUNS:
                 continue
-            bounds[:, feature] = np.quantile(column[had], [TAIL, 1 - TAIL])
-            known, some = np.clip(column[had], *bounds[:, feature]), terms[had]
+            bounds[:, feature] = np.quantile(column[known], [TAIL, 1 - TAIL])
+            values, rows = np.clip(column[known], *bounds[:, feature]), terms[known]
             # The mean is not shrunk.
-            middle, ridge = known.mean(), RIDGE * np.eye(terms.shape[1])
+            middle, ridge = values.mean(), RIDGE * np.eye(terms.shape[1])
             with threadpool_limits(1):
-                coefficients[:, feature] = np.linalg.solve(some.T @ some + ridge, some.T @ (known - middle))
+                coefficients[:, feature] = np.linalg.solve(rows.T @ rows + ridge, rows.T @ (values - middle))
             coefficients[0, feature] += middle
-            left[had, feature] = known - some @ coefficients[:, feature]
-        covariance = _covariance(left)
-        return coefficients, bounds, covariance, self._shares(left, covariance)
+            residuals[known, feature] = values - rows @ coefficients[:, feature]
+        covariance = _covariance(residuals)
+        return coefficients, bounds, covariance, self._shares(residuals, covariance)
 
-    def _shares(self, left: FloatArray, covariance: FloatArray) -> FloatArray:
-        known = np.isfinite(np.diag(covariance))
-        shares = np.full(FEATURES, np.nan)
-        for feature in np.flatnonzero(known):
+    def _shares(self, residuals: FloatArray, covariance: FloatArray) -> FloatArray:
+        usable, shares = np.isfinite(np.diag(covariance)), np.full(FEATURES, np.nan)
+        for feature in np.flatnonzero(usable):
             # Given the features before it, of runs that have them all.
-            order = np.flatnonzero(known[: feature + 1])
-            root = np.linalg.inv(np.linalg.cholesky(covariance[np.ix_(order, order)]))[-1]
-            rest = left[:, order] @ root
-            had = np.isfinite(rest)
-            product = self._of_one_car(had, rest[had], np.ones(int(had.sum())))
-            shares[feature] = np.clip(product, 0, MOST_SHARE)
+            order = np.flatnonzero(usable[: feature + 1])
+            own = residuals[:, order] @ np.linalg.inv(np.linalg.cholesky(covariance[np.ix_(order, order)]))[-1]
+            shares[feature] = np.clip(self._of_one_car(own, np.isfinite(own).astype(float)), 0, MOST_SHARE)
         return shares
 
     def _car_sd(self, emulator: Emulator, inputs: FloatArray) -> float:
         """The sd of cars' logits: what pairs of runs of one car pass or fail together beyond those of other cars."""
         chance = self.pass_chances(emulator, inputs).clip(*expit([-LARGEST_LOGIT, LARGEST_LOGIT]))
-        rest, slope = (self.ends == 0) - chance, chance * (1 - chance)
-        every = np.ones(len(rest), dtype=bool)
-        return float(np.sqrt(np.clip(self._of_one_car(every, rest, slope), 0, MOST_CAR_SD**2)))
+        product = self._of_one_car((self.ends == 0) - chance, chance * (1 - chance))
+        return float(np.sqrt(np.clip(product, 0, MOST_CAR_SD**2)))
 
     def pass_chances(self, emulator: Emulator, inputs: FloatArray) -> FloatArray:
         """With what probability each of the runs (runs,) passes, by the emulator."""
@@ -232,57 +209,48 @@ class Bank:
             chance[rows] = np.exp(emulator.end_chances(self.scores[rows], inputs[[cell]])[:, 0, 0])
         return chance
 
-    def _of_one_car(self, chosen: BoolArray, rest: FloatArray, slope: FloatArray) -> float:
+    def _of_one_car(self, residuals: FloatArray, slopes: FloatArray) -> float:
         """The mean product of two residuals of one car, in units of their slopes, less that of two cars of a set.
 
-        ``rest`` and ``slope`` (chosen runs,). What two cars of a set share is the emulator's error.
+        ``residuals`` (runs,), NaN where unknown, and ``slopes`` (runs,). What two cars of a set share is the emulator's
+        error.
         """
-        one_car, one_set = (
-            np.array([_pairs(groups[chosen], rest), _pairs(groups[chosen], slope)])
-            for groups in (self._same_car, self.sets)
-        )
+        cars = self.sets * (int(self.cars.max()) + 1) + self.cars
+        values = np.stack([np.nan_to_num(residuals), slopes])
+        one_car, one_set = _pair_products(cars, values), _pair_products(self.sets, values)
         two_cars = one_set - one_car
         return float(one_car[0] / max(one_car[1], 1e-9) - two_cars[0] / max(two_cars[1], 1e-9))
 
-    @property
-    def _same_car(self) -> IntArray:
-        return self.sets * (int(self.cars.max()) + 1) + self.cars
 
-
-def _pairs(groups: IntArray, values: FloatArray) -> float:
-    """The sum of the products of each two values (n,) of one group."""
+def _pair_products(groups: IntArray, values: FloatArray) -> FloatArray:
+    """For each row of ``values`` (k, n), the sum of the products of each two values of one group (n,)."""
     _, index = np.unique(groups, return_inverse=True)
-    return float((np.bincount(index, values) ** 2 - np.bincount(index, values**2)).sum())
+    return np.array([(np.bincount(index, row) ** 2 - np.bincount(index, row**2)).sum() for row in values])
 
 
-def _covariance(left: FloatArray) -> FloatArray:
-    """The covariance (FEATURES, FEATURES) of residuals, NaN where they are unknown, by what each pair of features has."""
-    known = np.isfinite(left)
-    filled = np.where(known, left, 0.0)
+def _covariance(residuals: FloatArray) -> FloatArray:
+    """The covariance (FEATURES, FEATURES) of residuals by the runs that have both; NaN where too few have one."""
+    known = np.isfinite(residuals)
+    filled = np.where(known, residuals, 0.0)
     both = known.astype(float).T @ known
-    found = filled.T @ filled / np.maximum(both, 1)
-    usable = np.diag(both) >= LEAST_RUNS
-    some = found[np.ix_(usable, usable)]
-    scale = np.sqrt(np.diag(some))
+    usable = np.ix_(*2 * [np.diag(both) >= LEAST_RUNS])
+    known_part = (filled.T @ filled / np.maximum(both, 1))[usable]
+    scale = np.sqrt(np.outer(np.diag(known_part), np.diag(known_part)))
     # Pairs that no run had together are taken as independent; what is no covariance is made the nearest one.
-    values, vectors = np.linalg.eigh(some / np.outer(scale, scale))
-    some = (vectors * np.maximum(values, 1e-3)) @ vectors.T * np.outer(scale, scale)
-    found = np.full((FEATURES, FEATURES), np.nan)
-    found[np.ix_(usable, usable)] = some
-    return found
+    values, vectors = np.linalg.eigh(known_part / scale)
+    covariance = np.full((FEATURES, FEATURES), np.nan)
+    covariance[usable] = (vectors * np.maximum(values, 1e-3)) @ vectors.T * scale
+    return covariance
 
 
-def _fit_ends(inputs: FloatArray, ends: IntArray, seed: int) -> tuple[tuple[int, ...], Any]:
-    """The ends that runs had, and networks that tell them apart by inputs (runs, k)."""
-    from sklearn.exceptions import ConvergenceWarning
-    from sklearn.neural_network import MLPClassifier
-
-    runs, networks = len(inputs), []
+def _fit_ends(inputs: FloatArray, ends: IntArray, seed: int) -> tuple[EndClassifier, ...]:
+    """Networks that tell the ends of runs by inputs (runs, k)."""
+    runs = len(inputs)
     # The sums of several threads would depend on their number.
     with threadpool_limits(1), warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)
-        for number in range(NETWORKS):
-            network = MLPClassifier(
+        return tuple(
+            MLPClassifier(
                 HIDDEN,
                 activation="tanh",
                 alpha=float(np.clip(PENALTY_RUNS / runs, *PENALTY_LIMITS)),
@@ -292,8 +260,8 @@ def _fit_ends(inputs: FloatArray, ends: IntArray, seed: int) -> tuple[tuple[int,
                 n_iter_no_change=MOST_EPOCHS,
                 random_state=(seed * NETWORKS + number) % 2**32,
             ).fit(inputs, ends)
-            networks.append(tuple(zip(network.coefs_, network.intercepts_, strict=True)))
-    return tuple(int(end) for end in np.unique(ends)), tuple(networks)
+            for number in range(NETWORKS)
+        )
 
 
 def prior_scores(sets: int, seed: int) -> FloatArray:
@@ -315,8 +283,7 @@ def cell_inputs(experiment: SweptExperiment, cells: Sequence[Cell]) -> tuple[Flo
 
     The varied parameters, each with mean 0 and variance 1 over the designs, and 1 for the scene that the cell is in.
     """
-    varied = list(experiment.info.varied)
-    table = np.array([[float(design.parameters[name]) for name in varied] for design in experiment.designs])
+    table = np.array([list(experiment.varied(design).values()) for design in range(len(experiment.designs))])
     spread = table.std(axis=0)
     design = (table - table.mean(axis=0)) / np.where(spread > 0, spread, 1.0)
     known: dict[str, int] = {}

@@ -54,6 +54,10 @@ class SweptExperiment:
         """The index of the design with these parameters; None if it has none such."""
         return self._indices.get(frozenset(parameters.items()))
 
+    def varied(self, design: int) -> dict[str, float]:
+        """The parameters of a design, by its index, that tell it from others of its family."""
+        return {name: float(self.designs[design].parameters[name]) for name in self.info.varied}
+
     @cached_property
     def _indices(self) -> dict[frozenset[tuple[str, float]], int]:
         return {frozenset(design.parameters.items()): i for i, design in enumerate(self.designs)}
@@ -157,13 +161,14 @@ class Simulator:
         left = iter(runs)
         results: list[T] = []
         chunks = iter(lambda: list(islice(left, CHUNK_RUNS)), [])
-        calls = (partial(self._run, read, chunk, *self._inputs(chunk)) for chunk in chunks)
-        for finished in side_by_side(calls, self._jobs, self._carsim.stop):
+        for finished in side_by_side(
+            (partial(self._run, read, chunk) for chunk in chunks), self._jobs, self._carsim.stop
+        ):
             results += finished
             done(len(finished))
         return results
 
-    def _inputs(self, chunk: list[CalibrationRun]) -> tuple[dict[str, str], dict[str, str], list[RunRequest]]:
+    def _run(self, read: Callable[[dict[str, Any], CalibrationRun], T], chunk: list[CalibrationRun]) -> list[T]:
         bodies, scenes, requests = {}, {}, []
         for name, run in zip(map(str, range(len(chunk))), chunk, strict=True):
             design = self.experiment.designs[run.design]
@@ -172,16 +177,6 @@ class Simulator:
             scenes[name] = canonical_json(calibrated_scene(run.scene, run.values, self.seed, run.number))
             label = f"design {run.design + 1}, drive {run.number}"
             requests.append(RunRequest(name, name, design.settings, label, run.number, compact_path=True))
-        return bodies, scenes, requests
-
-    def _run(
-        self,
-        read: Callable[[dict[str, Any], CalibrationRun], T],
-        chunk: list[CalibrationRun],
-        bodies: dict[str, str],
-        scenes: dict[str, str],
-        requests: list[RunRequest],
-    ) -> list[T]:
         answers = self._carsim.run(bodies, scenes, requests)
         return [read(answer, run) for answer, run in zip(answers, chunk, strict=True)]
 

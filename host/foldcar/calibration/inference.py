@@ -26,16 +26,12 @@ from foldcar.calibration.emulator import (
     success_logits,
 )
 from foldcar.calibration.experiment import CalibrationRun, Simulator
-from foldcar.calibration.observations import BoolArray, Observations
+from foldcar.calibration.observations import Observations
 from foldcar.calibration.parameters import PARAMETERS, FloatArray, ScorePrior, values_of
 from foldcar.calibration.posterior import Features, IntArray, Outcomes, Posterior, outcomes, sample_posterior
 
-# Shares of the runs: from the prior, around posteriors in each of at most ROUNDS; the rest checks the result.
-FIRST, ROUND, ROUNDS = 0.4, 0.15, 3
-# Rounds end when the emulator errs less in the rate of each design.
-TOLERATED = 0.03
-# Runs at the posterior's edges teach; those farther from its middle than this (Mahalanobis) do not.
-REACH = 6.0
+# Fractions of the runs: from the prior, around the first posterior; the rest checks the result.
+FIRST, SECOND = 0.4, 0.2
 # The published draws; fewer runs than LEAST_RUNS teach nothing.
 DRAWS = 100
 LEAST_RUNS = 500  # as `foldcar calibrate` says
@@ -63,15 +59,15 @@ class Problem:
     priors: Mapping[int, ScorePrior]
 
     @cached_property
-    def other(self) -> FloatArray:
+    def likeness(self) -> FloatArray:
         """How far further cars of each design share a discrepancy (designs, cars) with the cars that drove."""
         designs = self.inputs[len(self.observed.cells) :, : self.emulator.designs]
         return likeness(designs)[:, self.observed.car_design]
 
-    @cached_property
+    @property
     def alike(self) -> FloatArray:
         """How far the cars that drove share a discrepancy (cars, cars)."""
-        return self.other[self.observed.car_design]
+        return self.likeness[self.observed.car_design]
 
     @property
     def free(self) -> list[int]:
@@ -87,21 +83,32 @@ class Problem:
 
     def posterior(self, seed: int) -> Posterior:
         """Draws of the posterior."""
-        features = self.features
-        cells = self.inputs[: len(self.observed.cells)]
+        weight = MOST_TRIALS / (MOST_TRIALS + len(self.observed.cell))
 
         def likelihood(latent: FloatArray, tau: FloatArray, kappa: FloatArray) -> FloatArray:
             scores = self.with_priors(latent)
-            by_cell = self.emulator.end_chances(scores, cells)
-            chances = by_cell[:, self.observed.cell]
-            paths = self._ways(chances)
-            if features is not None:
-                paths = paths + features.log_likelihood(self._means(scores), kappa)
-            weight = MOST_TRIALS / (MOST_TRIALS + len(self.observed.cell))
-            return self._outcomes(success_logits(by_cell), tau).evidence + weight * paths
+            chances = self.emulator.end_chances(scores, self._cells)
+            paths = self._ways(chances[:, self.observed.cell])
+            if self.features is not None:
+                paths = paths + self.features.log_likelihood(self._means(scores), kappa)
+            return self._outcomes(success_logits(chances), tau).evidence + weight * paths
 
-        found = sample_posterior(likelihood, len(PARAMETERS), seed)
-        return replace(found, scores=self.with_priors(found.scores))
+        posterior = sample_posterior(likelihood, len(PARAMETERS), seed)
+        return replace(posterior, scores=self.with_priors(posterior.scores))
+
+    def logits(self, scores: FloatArray, designs: IntArray) -> FloatArray:
+        """Simulated success logits (n, designs) in any scene under scores (n, parameters)."""
+        return self.emulator.logits(scores, self.inputs[len(self.observed.cells) + designs])
+
+    def offsets(self, scores: FloatArray, tau: FloatArray, designs: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Mean and variance (n, designs) of the discrepancy of a further car of each design, by the trials' outcomes.
+
+        ``scores`` (n, parameters) and ``tau`` (n,) are draws of the posterior.
+        """
+        outcomes = self._outcomes(self.emulator.logits(scores, self._cells), tau)
+        pairs = [outcomes.further(tau[:, None] ** 2 * self.likeness[design], tau**2) for design in designs.tolist()]
+        means, variances = zip(*pairs, strict=True)
+        return np.column_stack(means), np.column_stack(variances)
 
     def _outcomes(self, logits: FloatArray, tau: FloatArray) -> Outcomes:
         """The outcomes by the cells' simulated logits (n, cells) with discrepancies τ (n,)."""
@@ -114,17 +121,13 @@ class Problem:
     def _groups(self) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
         """Cell, car, passed and all trials (groups,) of each car in each cell."""
         cars = len(self.observed.car_design)
-        found, of = np.unique(self.observed.cell * cars + self.observed.car, return_inverse=True)
+        groups, of = np.unique(self.observed.cell * cars + self.observed.car, return_inverse=True)
         passed = np.bincount(of, self.observed.passed)
-        return found // cars, found % cars, np.asarray(passed), np.bincount(of).astype(np.float64)
+        return groups // cars, groups % cars, np.asarray(passed), np.bincount(of).astype(np.float64)
 
-    def outcomes(self, scores: FloatArray, tau: FloatArray) -> Outcomes:
-        """The outcomes of the trials under scores (n, parameters) with discrepancies τ (n,)."""
-        return self._outcomes(self.emulator.logits(scores, self.inputs[: len(self.observed.cells)]), tau)
-
-    def further(self, found: Outcomes, tau: FloatArray, design: int) -> tuple[FloatArray, FloatArray]:
-        """Mean and variance (n,) of the discrepancy that further cars of a design have, by the outcomes of all trials."""
-        return found.further(tau[:, None] ** 2 * self.other[design], tau**2)
+    @property
+    def _cells(self) -> FloatArray:
+        return self.inputs[: len(self.observed.cells)]
 
     @cached_property
     def features(self) -> Features | None:
@@ -144,8 +147,7 @@ class Problem:
         return None if self.features is None else self.features.residuals(self._means(scores))
 
     def _means(self, scores: FloatArray) -> FloatArray:
-        cells = len(self.observed.cells)
-        return self.emulator.feature_means(scores, self.inputs[:cells])[:, self.observed.cell]
+        return self.emulator.feature_means(scores, self._cells)[:, self.observed.cell]
 
     def _ways(self, chances: FloatArray) -> FloatArray:
         """The log probability (n,) of how the trials that did not pass failed, by chances (n, trials, ENDS)."""
@@ -158,20 +160,20 @@ class Problem:
 
 @dataclass(frozen=True)
 class Inference:
-    """Everything a summary is made of; ``rounds`` were needed, ``error`` is by how much the emulator erred in the last.
+    """Everything a summary is made of.
 
     ``chosen`` are the indices of the published draws; ``designs`` (checked,) are those of the family whose rates were
-    simulated with them: ``passed`` of ``counted`` (checked,).
+    simulated with them: ``table`` (drives, checked) is 1 where a drive passed, 0 where not, NaN where it failed. In a row
+    all designs meet one scene under one draw. ``error`` is by how much the first emulator erred in the rate of a design
+    with trials.
     """
 
     problem: Problem
     posterior: Posterior
     chosen: IntArray
     designs: IntArray
-    passed: FloatArray
-    counted: FloatArray
+    table: FloatArray
     error: float
-    rounds: int
 
     @property
     def draws(self) -> list[dict[str, float]]:
@@ -181,7 +183,7 @@ class Inference:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """How many sets of parameters are drawn from the prior and around posteriors; designs and scenes of the check."""
+    """Numbers of sets of parameters from the prior and around the first posterior; of designs and scenes of the check."""
 
     first: int
     second: int
@@ -193,13 +195,12 @@ class Plan:
 def plan(runs: int, observed: Observations, designs: int) -> Plan:
     """About ``runs`` simulated runs for these trials and ``designs`` of the family; at least LEAST_RUNS."""
     runs = max(LEAST_RUNS, runs)
-    last = (1 - FIRST - ROUNDS * ROUND) * runs / DRAWS
-    driven = len(np.unique(observed.car_design))
-    checked = max(driven, min(designs, MOST_CHECKED, int(last)))
+    last = (1 - FIRST - SECOND) * runs / DRAWS
+    checked = max(len(np.unique(observed.car_design)), min(designs, MOST_CHECKED, int(last)))
     each = min(len(observed.cells), MOST_CELLS) + OTHERS
-    first, second = int(FIRST * runs / each), int(ROUND * runs / each)
+    first, second = int(FIRST * runs / each), int(SECOND * runs / each)
     scenes = max(1, int(last / checked))
-    return Plan(first, second, checked, scenes, each * (first + ROUNDS * second) + DRAWS * checked * scenes)
+    return Plan(first, second, checked, scenes, each * (first + second) + DRAWS * checked * scenes)
 
 
 def infer(
@@ -216,32 +217,21 @@ def infer(
     seed, experiment = simulator.seed, simulator.experiment
     inputs, width = cell_inputs(experiment, observed.cells)
     planned = plan(runs, observed, len(experiment.designs))
-    bank = simulate_bank(simulator, prior_scores(planned.first, seed), observed, 0, done)
-    cars = observed.car_design
 
     def problem_of(bank: Bank) -> Problem:
         return Problem(observed, bank.emulator(inputs, width, seed), inputs, dict(priors))
 
+    bank = simulate_bank(simulator, prior_scores(planned.first, seed), observed, 0, done)
     problem = problem_of(bank)
-    posterior = problem.posterior(seed)
-    error, rounds = np.inf, 0
-    while rounds < ROUNDS:
-        close = near_scores(posterior.scores, planned.second, seed + rounds)
-        more = simulate_bank(simulator, close, observed, planned.first + rounds * planned.second, done)
-        error, rounds = rate_error(problem, more), rounds + 1
-        bank = bank.joined(more)
-        problem = problem_of(bank.chosen(near(bank.scores, posterior.scores)))
-        posterior = problem.posterior(seed)
-        if error < TOLERATED:
-            break
-    unused = (ROUNDS - rounds) * planned.second * (min(len(observed.cells), MOST_CELLS) + OTHERS)
-    spaced = planned.checked
-    if spaced < len(experiment.designs):
-        spaced -= len(np.unique(cars))
-    designs = np.union1d(np.linspace(0, len(experiment.designs) - 1, spaced).round().astype(int), cars)
-    scenes = planned.scenes + unused // (DRAWS * len(designs))
-    first = (planned.first + ROUNDS * planned.second) * (MOST_CELLS + OTHERS + len(cars))
-    return checked(simulator, problem, posterior, designs, scenes, first, done, float(error), rounds)
+    close = near_scores(problem.posterior(seed).scores, planned.second, seed)
+    more = simulate_bank(simulator, close, observed, planned.first, done)
+    error = rate_error(problem, more)
+    problem = problem_of(bank.joined(more))
+    driven = np.unique(observed.car_design)
+    spaced = planned.checked - (len(driven) if planned.checked < len(experiment.designs) else 0)
+    designs = np.union1d(np.linspace(0, len(experiment.designs) - 1, spaced).round().astype(int), driven)
+    first = (planned.first + planned.second) * (MOST_CELLS + OTHERS + len(observed.car_design))
+    return checked(simulator, problem, problem.posterior(seed), designs, planned.scenes, first, done, error)
 
 
 def checked(
@@ -253,7 +243,6 @@ def checked(
     first: int,
     done: Callable[[int], None],
     error: float = np.inf,
-    rounds: int = 0,
 ) -> Inference:
     """The inference with the rates of ``designs``: DRAWS draws in ``scenes`` each, numbered from ``first``."""
     chosen = np.random.default_rng(simulator.seed).choice(len(posterior.scores), DRAWS, replace=False)
@@ -261,20 +250,19 @@ def checked(
     check = [
         # Each of the published draws with cars and in scenes of its own.
         CalibrationRun(int(design), values, every[number % len(every)], first + number, first + number)
-        for number, values in enumerate(one for one in values_of(posterior.scores[chosen]) for _ in range(scenes))
+        for number, values in enumerate(values for values in values_of(posterior.scores[chosen]) for _ in range(scenes))
         for design in designs
     ]
     drives = simulator.drives(check, done)
-    table = np.array([np.nan if one is None else float(one.passed) for one in drives]).reshape(-1, len(designs))
-    counted = np.isfinite(table).sum(axis=0).astype(float)
-    return Inference(problem, posterior, chosen, designs, np.nansum(table, axis=0), counted, error, rounds)
+    table = np.array([np.nan if drive is None else float(drive.passed) for drive in drives])
+    return Inference(problem, posterior, chosen, designs, table.reshape(-1, len(designs)), error)
 
 
 def likeness(designs: FloatArray) -> FloatArray:
     """How far designs (designs, k) share a discrepancy (designs, designs): 1 with themselves."""
     scaled = unit_range(designs)
-    found: FloatArray = COMMON + ALIKE * Matern(scaled, LENGTH).covariance(scaled, scaled)
-    return found + (1 - COMMON - ALIKE) * np.eye(len(designs))
+    shared: FloatArray = COMMON + ALIKE * Matern(scaled, LENGTH).covariance(scaled, scaled)
+    return shared + (1 - COMMON - ALIKE) * np.eye(len(designs))
 
 
 def rate_error(problem: Problem, bank: Bank) -> float:
@@ -285,16 +273,3 @@ def rate_error(problem: Problem, bank: Bank) -> float:
         rest = left[[cell < len(cells) and cells[cell].design == design for cell in bank.cells]]
         found.append(max(0.0, abs(rest.mean()) - rest.std() / np.sqrt(len(rest))))
     return float(max(found))
-
-
-def near(scores: FloatArray, draws: FloatArray) -> BoolArray:
-    """Which scores (n, parameters) lie in reach of a posterior's draws, but for columns in which all draws are equal.
-
-    The standard deviation of equal numbers is not always 0: their mean is rounded.
-    """
-    free = np.ptp(draws, axis=0) > 0
-    if not free.any():
-        return np.ones(len(scores), dtype=bool)
-    centred = scores[:, free] - draws[:, free].mean(axis=0)
-    precision = np.linalg.inv(np.atleast_2d(np.cov(draws[:, free].T)))
-    return np.asarray(np.einsum("np,pq,nq->n", centred, precision, centred) < REACH**2)

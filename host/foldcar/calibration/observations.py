@@ -109,29 +109,29 @@ class Observations:
 
 def experiment_with_trials(store: Store, named: str | None) -> str:
     """The experiment that is named, or the only one with trials. FoldcarError."""
-    there = list(dict.fromkeys(trial.experiment for trial in store.trials()))
-    if not there:
+    tried = list(dict.fromkeys(trial.experiment for trial in store.trials()))
+    if not tried:
         raise FoldcarError(
             f"{store.path}: holds no trials: drive some (`foldcar log`) or import them (`foldcar trials import`)"
         )
-    if named is not None and named not in there:
-        raise FoldcarError(f'{store.path}: has no trials of experiment "{named}", only of {", ".join(there)}')
-    if named is None and len(there) > 1:
-        raise FoldcarError(f"{store.path}: has trials of experiments {', '.join(there)}: choose one with --experiment")
-    return named if named is not None else there[0]
+    return _only(tried, named, f"{store.path}: has no trials of experiment", f"{store.path}: has trials of experiments")
 
 
 def experiment_to_measure(store: Store, named: str | None) -> str:
     """The experiment that is named, or the only one, of those that were swept or have trials. FoldcarError."""
     swept = [info.listed_id for info in store.info().experiments.values()] if store.holds_study() else []
     known = list(dict.fromkeys([*swept, *(trial.experiment for trial in store.trials())]))
-    if named is not None and named in known:
-        return named
-    if named is not None or not known:
-        raise FoldcarError(f'{store.path}: has no experiment "{named or ""}"; it has {", ".join(known) or "none"}')
-    if len(known) > 1:
-        raise FoldcarError(f"{store.path}: has experiments {', '.join(known)}: choose one with --experiment")
-    return known[0]
+    return _only(known, named, f"{store.path}: has no experiment", f"{store.path}: has experiments")
+
+
+def _only(known: list[str], named: str | None, unknown: str, several: str) -> str:
+    if named is None and len(known) > 1:
+        raise FoldcarError(f"{several} {', '.join(known)}: choose one with --experiment")
+    if named is None and known:
+        return known[0]
+    if named not in known:
+        raise FoldcarError(f'{unknown} "{named or ""}"; it has {", ".join(known) or "none"}')
+    return named
 
 
 def observe(store: Store, experiment: SweptExperiment, simulated: bool, evidence: str = PATHS) -> Observations:

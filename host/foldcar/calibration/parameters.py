@@ -11,6 +11,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from scipy.special import ndtr, ndtri
 
+from foldcar.car.parts.catalogue import DEFAULT_CHOICES, split_type
 from foldcar.errors import FoldcarError
 from foldcar.typed import decimal_number, did_you_mean
 
@@ -107,6 +108,18 @@ SHEETS_COM_HEIGHT = replace(
     sd=0.003,
     source="built from the sheets: tolerances of the parts give 0.0004 m; cables, glue and folding are not in them",
 )
+# The priors of cars whose cells are named: the supply, ± 9 % in these factors, is the simulator's.
+NAMED_CELLS = (
+    replace(
+        PARAMETERS[NAMES.index("servo_torque")],
+        middle=0.95,
+        sd=0.28,
+        source="the design names its cells: worn and copied servos, which have down to half",
+    ),
+    replace(
+        PARAMETERS[NAMES.index("servo_speed")], middle=1.0, sd=0.12, source="the design names its cells: the servo's make"
+    ),
+)
 # What a rule and a tilted board measure.
 MEASURABLE = ("obstacle_height", "com_height_m", "track_m")
 # Farther out, the emulator has seen no runs.
@@ -172,8 +185,15 @@ def measured_priors(measured: Mapping[str, float], place: str) -> dict[int, Scor
     return priors
 
 
-def sheets_priors() -> dict[int, ScorePrior]:
-    """The priors that cars built from the sheets have instead of those of PARAMETERS, by the parameter's index."""
-    index, narrow = NAMES.index(SHEETS_COM_HEIGHT.name), SHEETS_COM_HEIGHT
-    wide = PARAMETERS[index]
-    return {index: ScorePrior(wide.score(narrow.middle), narrow.sd / wide.sd, narrow.source)}
+def built_priors(vehicle_type: str, from_sheets: bool) -> dict[int, ScorePrior]:
+    """The priors that built cars have instead of those of PARAMETERS, by the parameter's index.
+
+    Example: ``built_priors("W_B_W+cells=nimh", from_sheets=True)``
+    """
+    named = split_type(vehicle_type)[1].cells != DEFAULT_CHOICES.cells
+    priors = {}
+    for narrow in (*(NAMED_CELLS if named else ()), *((SHEETS_COM_HEIGHT,) if from_sheets else ())):
+        index = NAMES.index(narrow.name)
+        wide = PARAMETERS[index]
+        priors[index] = ScorePrior(wide.score(narrow.middle), narrow.sd / wide.sd, narrow.source)
+    return priors

@@ -19,8 +19,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import expit, log_expit, logsumexp
+from scipy.linalg import eigh
+from scipy.optimize import brentq
+from scipy.special import logsumexp
 
+from foldcar.analysis.gaussian_process import Factors, binomial, laplace
 from foldcar.calibration.drive_features import FAMILY_NAMES, FAMILY_OF
 from foldcar.calibration.parameters import FloatArray, Parameter
 
@@ -39,7 +42,8 @@ MOVES = 12
 # Share of the particles that a step of the temperature leaves effective.
 EFFECTIVE = 0.5
 ACCEPTED = 0.3
-NEWTON_STEPS = 8
+# Added to variances, so that a covariance without a car's own part has a root.
+JITTER = 1e-9
 # A feature farther off than this many standard deviations says no more than one at them.
 FARTHEST = 4.0
 
@@ -91,51 +95,37 @@ def _discrepancies(latent: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 @dataclass(frozen=True, slots=True)
 class Outcomes:
-    """Laplace's approximation for draws (n,): the cars' ``offsets`` e (n, cars), log ``evidence`` (n,) of the outcomes.
+    """Laplace's approximation of cars' offsets e = ``root`` f for draws (n,), with factors f that are standard normal.
 
-    ``slopes`` (n, cars) are the gradient of the log-likelihood at the offsets, ``roots`` the square roots of its
-    negative curvature, ``inverse`` (n, cars, cars) of 1 + root covariance root.
+    ``root`` (n, cars, cars) is the Cholesky factor of the offsets' covariance before the trials.
     """
 
-    offsets: FloatArray
-    evidence: FloatArray
-    slopes: FloatArray
-    roots: FloatArray
-    inverse: FloatArray
+    root: FloatArray
+    factors: Factors
+
+    @property
+    def evidence(self) -> FloatArray:
+        """The log evidence (n,) of the outcomes, without the binomial coefficients."""
+        return np.asarray(self.factors.evidence)
 
     def further(self, cross: FloatArray, variance: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Mean and variance (n,) of another car's offset, by its covariances ``cross`` (n, cars), and its own before."""
-        rooted = self.roots * cross
-        known = np.einsum("nc,ncd,nd->n", rooted, self.inverse, rooted)
-        return np.einsum("nc,nc->n", cross, self.slopes), np.maximum(variance - known, 0)
+        loads = np.linalg.solve(self.root, cross[..., None])[..., 0]
+        known = (loads**2).sum(axis=1) - (np.einsum("nc,ncd->nd", loads, self.factors.root) ** 2).sum(axis=1)
+        return (loads * self.factors.mode).sum(axis=1), np.maximum(variance - known, 0)
 
 
 def outcomes(
     logits: FloatArray, passed: FloatArray, counted: FloatArray, car: IntArray, covariance: FloatArray
 ) -> Outcomes:
-    """Outcomes of groups of trials, ``passed`` of ``counted`` (groups,), each of the ``car`` (groups,) in one cell.
+    """Infer cars' offsets from groups of trials: ``passed`` of ``counted`` (groups,), each of one ``car`` in one cell.
 
-    ``logits`` (n, groups) are simulated, ``covariance`` (n, cars, cars) is that of the cars' offsets. The evidence is but
-    for the binomial coefficients.
+    ``logits`` (n, groups) are simulated, ``covariance`` (n, cars, cars) is that of the offsets before the trials.
     """
-    draws, cars = covariance.shape[:2]
-    member = np.zeros((len(car), cars))
-    member[np.arange(len(car)), car] = 1
-    offsets, unit = np.zeros((draws, cars)), np.eye(cars)
-    for _ in range(NEWTON_STEPS):
-        rate = expit(logits + offsets[:, car])
-        curvature = (counted * rate * (1 - rate)) @ member
-        roots = np.sqrt(curvature)
-        inverse = np.linalg.inv(unit + roots[:, :, None] * covariance * roots[:, None, :])
-        wanted = curvature * offsets + (passed - counted * rate) @ member
-        reached = np.einsum("ncd,nd->nc", covariance, wanted)
-        slopes = wanted - roots * np.einsum("ncd,nd->nc", inverse, roots * reached)
-        # No step is longer than 2: the curvature far from the mode is none of its own.
-        offsets = offsets + np.clip(np.einsum("ncd,nd->nc", covariance, slopes) - offsets, -2, 2)
-    there = logits + offsets[:, car]
-    told = (passed * log_expit(there) + (counted - passed) * log_expit(-there)).sum(axis=1)
-    evidence = told - 0.5 * (slopes * offsets).sum(axis=1) + 0.5 * np.linalg.slogdet(inverse)[1]
-    return Outcomes(offsets, evidence, slopes, roots, inverse)
+    root = np.linalg.cholesky(covariance + JITTER * np.eye(covariance.shape[1]))
+    # Steps that are too long may overflow before they are halved.
+    with np.errstate(over="ignore"):
+        return Outcomes(np.asarray(root), laplace(root[:, car], logits, binomial(passed, counted)))
 
 
 class Features:
@@ -163,9 +153,9 @@ class Features:
             if not len(rows):
                 continue
             own = share * car[np.ix_(rows, rows)] + (1 - share) * np.eye(len(rows))
-            root = np.linalg.inv(np.linalg.cholesky(own))
-            spread, turn = np.linalg.eigh(root @ alike[np.ix_(rows, rows)] @ root.T)
-            self._parts.append((feature, rows, turn.T @ root, np.maximum(spread, 0)))
+            # Directions in which both parts are diagonal, the first with variance 1.
+            spread, turn = eigh(alike[np.ix_(rows, rows)], own)
+            self._parts.append((feature, rows, turn, np.maximum(spread, 0)))
 
     def residuals(self, means: FloatArray) -> FloatArray:
         """What is left (..., trials, features), in standard deviations of runs and independent of the features before.
@@ -185,23 +175,17 @@ class Features:
         found = np.zeros(len(means))
         for feature, rows, turn, spread in self._parts:
             variance = 1 + kappa[:, [FAMILY_OF[feature]]] ** 2 * spread
-            found -= 0.5 * ((left[:, rows, feature] @ turn.T) ** 2 / variance + np.log(variance)).sum(axis=1)
+            found -= 0.5 * ((left[:, rows, feature] @ turn) ** 2 / variance + np.log(variance)).sum(axis=1)
         return found
 
 
 def _next_step(found: FloatArray, most: float) -> float:
     """The largest step of the temperature, up to ``most``, that leaves EFFECTIVE of the particles effective."""
 
-    def effective(step: float) -> float:
-        return float(np.exp(2 * logsumexp(step * found) - logsumexp(2 * step * found))) / len(found)
+    def excess(step: float) -> float:
+        return float(np.exp(2 * logsumexp(step * found) - logsumexp(2 * step * found))) / len(found) - EFFECTIVE
 
-    if effective(most) >= EFFECTIVE:
-        return most
-    low, high = 0.0, most
-    for _ in range(40):
-        middle = (low + high) / 2
-        low, high = (middle, high) if effective(middle) >= EFFECTIVE else (low, middle)
-    return low
+    return most if excess(most) >= 0 else float(brentq(excess, 0.0, most))
 
 
 def _resampled(weights: FloatArray, stream: np.random.Generator) -> IntArray:

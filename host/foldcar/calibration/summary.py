@@ -12,22 +12,24 @@ import numpy as np
 from scipy.stats import binom
 
 from foldcar.analysis.words import design_text, listed
-from foldcar.calibration.drive_features import CLIMBING, FAMILIES, FAMILY_NAMES, PITCH, SPEED, TIME, TIPPING, TURNING
+from foldcar.calibration.drive_features import CLIMBING, FAMILIES, FAMILY_NAMES, SPEED, TIPPING, TURNING
 from foldcar.calibration.experiment import SweptExperiment
-from foldcar.calibration.inference import TOLERATED, Inference, Problem
+from foldcar.calibration.inference import Inference
 from foldcar.calibration.parameters import MEASURABLE, NAMES, PARAMETERS, FloatArray, Parameter, ScorePrior
-from foldcar.calibration.posterior import DISCREPANCY, PATH_DISCREPANCY, Posterior
+from foldcar.calibration.posterior import DISCREPANCY, PATH_DISCREPANCY
 from foldcar.calibration.predictions import (
     TRIALS,
     Rates,
-    count_chances,
     log_score,
     rank_next_trials,
     rates_of,
     share_interval,
+    trial_chances,
 )
 
 CONFIDENCE = 0.9
+# A larger error of the emulator in a rate is told.
+TOLERATED = 0.03
 SHOWN_TRIALS = 3
 # Shares of the prior's variance: a parameter is as unknown as before below the first, known better from the second on.
 UNTOLD, TOLD = 0.1, 0.3
@@ -51,76 +53,62 @@ def summarise(
 ) -> dict[str, Any]:
     """The summary; ``leave_one_out`` also predicts each design from the trials of the others."""
     observed, rates = inference.problem.observed, rates_of(inference, experiment, seed)
-    chances = _chances(inference.problem, inference.posterior, observed.counts())
+    counts = observed.counts()
+    trials = {design: counted for design, (_, counted) in counts.items()}
+    chances = trial_chances(inference.problem, inference.posterior, trials, rates.errors(inference.designs))
     summary: dict[str, Any] = {
         "experiment": experiment.info.id,
         "seed": seed,
         "runs": runs,
         "simulated_trials": observed.simulated,
-        "trials": {
-            "cars": len(np.unique(observed.car)),
-            "placed": int(sum(observed.cells[cell].scene is not None for cell in observed.cell)),
-            "timed": int(np.isfinite(observed.features[:, TIME]).sum()),
-            "paths": int(np.isfinite(observed.features[:, PITCH]).sum()),
-        },
         "parameters": _parameters(inference),
         "car_sd": inference.problem.emulator.car_sd,
         "correlations": _correlations(inference),
         "designs": _designs(inference, experiment, nominal, rates, chances),
         "log_likelihood": _log_likelihood(inference, nominal, rates, chances),
-        "emulator": {"error": inference.error, "rounds": inference.rounds, "check_runs": int(inference.counted.max())},
+        "emulator": {"error": inference.error, "check_runs": len(inference.table)},
         "misfits": misfits(inference),
         "notes": list(observed.notes),
-        "next_trials": [],
+        "next_trials": [
+            {
+                "design": experiment.varied(trials.design),
+                "obstacle_height": trials.height,
+                "trials": TRIALS,
+                "bits": round(trials.bits, 3),
+                "parameter": trials.parameter,
+            }
+            for trials in rank_next_trials(inference, experiment)[:SHOWN_TRIALS]
+        ],
     }
     if leave_one_out:
-        summary["leave_one_out"] = left_out(inference, experiment, nominal, seed)
-    for one in rank_next_trials(inference, experiment)[:SHOWN_TRIALS]:
-        told = {"design": varied(experiment, one.design), "obstacle_height": one.height, "trials": TRIALS}
-        summary["next_trials"].append({**told, "bits": round(one.bits, 3), "parameter": one.parameter})
+        summary["leave_one_out"] = left_out(inference, experiment, nominal, rates, seed)
     summary["findings"] = findings(summary)
     return summary
 
 
-def varied(experiment: SweptExperiment, design: int) -> dict[str, float]:
-    """The parameters of a design that tell it from others of its family."""
-    return {name: float(experiment.designs[design].parameters[name]) for name in experiment.info.varied}
+def left_out(
+    inference: Inference, experiment: SweptExperiment, nominal: Nominal, rates: Rates, seed: int
+) -> list[dict[str, Any]]:
+    """Predict each design's trials from those of the others, with the log scores of what happened.
 
-
-def left_out(inference: Inference, experiment: SweptExperiment, nominal: Nominal, seed: int) -> list[dict[str, Any]]:
-    """Each design's trials as predicted from those of the others, with the log scores of what happened.
-
-    The emulator is the same: it knows the simulator only. Nothing if there are fewer than two designs.
+    The emulator is the same: it knows the simulator only. Empty if there are fewer than two designs.
     """
-    observed, rows = inference.problem.observed, []
+    observed, errors, rows = inference.problem.observed, rates.errors(inference.designs), []
     counts = observed.counts()
     for design, (passed, counted) in counts.items() if len(counts) > 1 else ():
         problem = replace(inference.problem, observed=observed.without(design))
-        chances = _chances(problem, problem.posterior(seed), {design: (passed, counted)})[design]
+        chances = trial_chances(problem, problem.posterior(seed), {design: counted}, errors)[design]
         rows.append(
             {
-                "design": varied(experiment, design),
+                "design": experiment.varied(design),
                 "passed": passed,
                 "counted": counted,
-                "predicted": _ends(*share_interval(chances, CONFIDENCE)),
+                "predicted": _ends(chances, CONFIDENCE),
                 "log_score": log_score(chances, passed),
-                "nominal_log_score": nominal_log_score(nominal.get(design), passed, counted),
+                "nominal_log_score": _nominal_log_score(nominal.get(design), passed, counted),
             }
         )
     return rows
-
-
-def _chances(problem: Problem, posterior: Posterior, counts: Mapping[int, tuple[int, int]]) -> dict[int, FloatArray]:
-    """Log probabilities (n, counted + 1) of how many of as many trials of a further car pass, by design."""
-    tau = posterior.discrepancy
-    outcomes = problem.outcomes(posterior.scores, tau)
-    logits = problem.emulator.logits(
-        posterior.scores, problem.inputs[len(problem.observed.cells) + np.array(list(counts))]
-    )
-    return {
-        design: count_chances(problem, problem.further(outcomes, tau, design), column, counted)
-        for (design, (_, counted)), column in zip(counts.items(), logits.T, strict=True)
-    }
 
 
 def misfits(inference: Inference) -> list[dict[str, Any]]:
@@ -129,64 +117,53 @@ def misfits(inference: Inference) -> list[dict[str, Any]]:
     ``size`` over all trials and features of the family under the posterior, which chance alone brings to 1, in one case
     of twenty above ``by_chance``; ``offset`` is the mean.
     """
-    left = inference.problem.residuals(inference.posterior.scores[inference.chosen])
-    if left is None:
+    residuals = inference.problem.residuals(inference.posterior.scores[inference.chosen])
+    if residuals is None:
         return []
-    found = []
+    rows = []
     for family in FAMILY_NAMES:
-        columns = left[..., [one == family for one in FAMILIES]]
-        known = np.isfinite(columns[0]).any(axis=-1)
-        if not known.any():
-            continue
-        # Each trial by the mean square of its features; the car's share makes trials of one car alike.
-        sizes = np.nanmean(columns[:, known] ** 2, axis=(0, 2))
-        features = np.isfinite(columns[0][known]).sum()
-        found.append(
-            {
-                "family": family,
-                "trials": int(known.sum()),
-                "size": float(np.sqrt(sizes.mean())),
-                "by_chance": float(1 + 1.645 / np.sqrt(2 * features)),
-                "offset": float(np.nanmean(columns)),
-            }
-        )
-    return found
+        columns = residuals[..., [name == family for name in FAMILIES]]
+        known = np.isfinite(columns[0])
+        trials = known.any(axis=-1)
+        if trials.any():
+            # Each trial by the mean square of its features; the car's share makes trials of one car alike.
+            sizes = np.nanmean(columns[:, trials] ** 2, axis=(0, 2))
+            by_chance = float(1 + 1.645 / np.sqrt(2 * known.sum()))
+            size, offset = float(np.sqrt(sizes.mean())), float(np.nanmean(columns))
+            rows.append({"family": family, "trials": len(sizes), "size": size, "by_chance": by_chance, "offset": offset})
+    return rows
 
 
-def nominal_log_score(runs: tuple[int, int] | None, passed: int, counted: int) -> float | None:
-    """The log probability of the trials if a car passes as often as nominal ``runs`` (passed, all) did; None without."""
+def _nominal_log_score(runs: tuple[int, int] | None, passed: int, counted: int) -> float | None:
+    """The log probability of the trials if a car passes as often as nominal ``runs`` (passed, all); None without runs."""
     if runs is None or not runs[1]:
         return None
     return float(binom.logpmf(passed, counted, (runs[0] + 0.5) / (runs[1] + 1)))
 
 
 def _parameters(inference: Inference) -> list[dict[str, Any]]:
+    problem, posterior = inference.problem, inference.posterior
     rows = []
-    for index, (parameter, scores) in enumerate(zip(PARAMETERS, inference.posterior.scores.T, strict=True)):
-        values = np.asarray(parameter.value(scores))
-        # A measured value leaves nothing to explain.
-        explained = scores if index in inference.problem.free else None
-        rows.append(_parameter(parameter, values, explained, inference.problem.priors.get(index)))
-    rows.append(_parameter(DISCREPANCY, inference.posterior.discrepancy, None))
-    if inference.problem.features is not None:
-        for family, values in zip(FAMILY_NAMES, inference.posterior.path_discrepancy.T, strict=True):
-            named = replace(PATH_DISCREPANCY, name=f"{PATH_DISCREPANCY.name} {family}")
-            rows.append(_parameter(named, values, None))
-    return rows
+    for index, (parameter, scores) in enumerate(zip(PARAMETERS, posterior.scores.T, strict=True)):
+        prior = problem.priors.get(index, ScorePrior(0.0, 1.0, parameter.source))
+        # The share of the prior's variance that is gone; a measured value leaves nothing to explain.
+        explained = max(0.0, 1 - float(scores.var()) / prior.sd**2) if index in problem.free else None
+        rows.append(_parameter(parameter, np.asarray(parameter.value(scores)), prior, explained))
+    discrepancies = [(DISCREPANCY, posterior.discrepancy)]
+    if problem.features is not None:
+        for family, values in zip(FAMILY_NAMES, posterior.path_discrepancy.T, strict=True):
+            discrepancies.append((replace(PATH_DISCREPANCY, name=f"{PATH_DISCREPANCY.name} {family}"), values))
+    return rows + [_parameter(one, values, ScorePrior(0.0, 1.0, one.source), None) for one, values in discrepancies]
 
 
-def _parameter(
-    parameter: Parameter, values: FloatArray, scores: FloatArray | None, prior: ScorePrior | None = None
-) -> dict[str, Any]:
-    prior = prior or ScorePrior(0.0, 1.0, parameter.source)
+def _parameter(parameter: Parameter, values: FloatArray, prior: ScorePrior, explained: float | None) -> dict[str, Any]:
     before = [float(parameter.value(prior.mean + prior.sd * z)) for z in (-1.6448536, 0.0, 1.6448536)]
     return {
         **{name: getattr(parameter, name) for name in ("name", "unit", "meaning", "nominal")},
         "source": prior.source,
         "prior": dict(zip(("low", "median", "high"), before, strict=True)),
         "posterior": _middle(values),
-        # The share of the prior's variance that is gone.
-        "explained": None if scores is None else max(0.0, 1 - float(scores.var()) / prior.sd**2),
+        "explained": explained,
     }
 
 
@@ -195,12 +172,11 @@ def _correlations(inference: Inference) -> list[dict[str, Any]]:
     free = inference.problem.free
     matrix = np.atleast_2d(np.corrcoef(inference.posterior.scores[:, free].T))
     pairs = [
-        (NAMES[first], NAMES[second], float(matrix[i, j]))
+        {"parameters": [NAMES[second], NAMES[first]], "correlation": round(float(matrix[i, j]), 3)}
         for i, first in enumerate(free)
         for j, second in enumerate(free[:i])
     ]
-    ranked = sorted(pairs, key=lambda pair: -abs(pair[2]))
-    return [{"parameters": [b, a], "correlation": round(r, 3)} for a, b, r in ranked]
+    return sorted(pairs, key=lambda pair: -abs(pair["correlation"]))
 
 
 def _designs(
@@ -213,17 +189,16 @@ def _designs(
         passed, counted = counts.get(design, (0, 0))
         nominal_passed, runs = nominal.get(design, (0, 0))
         row: dict[str, Any] = {
-            "design": varied(experiment, design),
+            "design": experiment.varied(design),
             "passed": passed,
             "counted": counted,
             "nominal": nominal_passed / runs if runs else None,
             "simulated": {**_middle(calibrated), "mean": float(calibrated.mean())},
             "built": {**_middle(built), "mean": float(built.mean())},
-            "checked": float(inference.passed[column] / inference.counted[column]),
         }
         if counted:
-            row["predicted"] = _ends(*share_interval(chances[design], CONFIDENCE))
-            row["predicted_95"] = _ends(*share_interval(chances[design], 0.95))
+            row["predicted"] = _ends(chances[design], CONFIDENCE)
+            row["predicted_95"] = _ends(chances[design], 0.95)
         rows.append(row)
     return rows
 
@@ -236,17 +211,14 @@ def _log_likelihood(
     ``draws`` is the mean over the published draws, ``best`` what the trials' own rates have, ``nominal`` what nominal
     runs have: all three without a discrepancy; ``expected`` is the mean over the posterior with it integrated out.
     """
-    counts, columns = inference.problem.observed.counts(), {d: i for i, d in enumerate(inference.designs.tolist())}
-    scores = [nominal_log_score(nominal.get(design), k, n) for design, (k, n) in counts.items()]
-    told = [score for score in scores if score is not None]
-    of_draw = sum(
-        binom.logpmf(k, n, rates.calibrated[inference.chosen, columns[design]]) for design, (k, n) in counts.items()
-    )
+    counts = inference.problem.observed.counts()
+    published = dict(zip(inference.designs.tolist(), rates.calibrated[inference.chosen].T, strict=True))
+    scores = [_nominal_log_score(nominal.get(design), k, n) for design, (k, n) in counts.items()]
+    known = [score for score in scores if score is not None]
     return {
         "expected": sum(log_score(chances[design], k) for design, (k, _) in counts.items()),
-        "draws": float(np.mean(of_draw)),
-        "best_draw": float(np.max(of_draw)),
-        "nominal": sum(told) if len(told) == len(scores) else None,
+        "draws": float(sum(binom.logpmf(k, n, published[design]).mean() for design, (k, n) in counts.items())),
+        "nominal": sum(known) if len(known) == len(scores) else None,
         "best": float(sum(binom.logpmf(k, n, k / n) for k, n in counts.values())),
     }
 
@@ -256,8 +228,8 @@ def _middle(values: FloatArray) -> dict[str, float]:
     return {"low": low, "high": high, "median": median}
 
 
-def _ends(low: float, high: float) -> dict[str, float]:
-    return {"low": low, "high": high}
+def _ends(chances: FloatArray, confidence: float) -> dict[str, float]:
+    return dict(zip(("low", "high"), share_interval(chances, confidence), strict=True))
 
 
 def findings(summary: Mapping[str, Any]) -> list[str]:

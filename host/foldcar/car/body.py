@@ -38,15 +38,22 @@ def body_json(design: Design) -> dict[str, Any]:
         "hinges": [_hinge(hinge, car.parts.film) for hinge in car.hinges],
         "track_m": (car.axles[0].center_mm[1] - car.axles[1].center_mm[1]) * MM,
         "wheels": [_wheel(axle, wheel_kg[axle.unit], car.parts) for axle in car.axles],
-        "supply_v": car.parts.battery.supply_v.value,
+        "supply_v": car.parts.cells.supply_v.value,
     }
+    if (resistance_ohm := car.parts.cells.supply_resistance_ohm.value) > 0:
+        body["supply_resistance_ohm"] = min(resistance_ohm, _largest_resistance_ohm(body))
     rounded: dict[str, Any] = json.loads(json.dumps(body), parse_float=lambda digits: _rounded(float(digits)))
     return rounded
 
 
+def _largest_resistance_ohm(body: Mapping[str, Any]) -> float:
+    """The simulator's limit: at it, servos that all stall halve the voltage of the cells."""
+    return _rounded(0.499 * body["supply_v"] / sum(one["servo"]["stall_current_a"] for one in driven_wheels(body)))
+
+
 def full_speed_m_s(design: Design) -> float:
     """The design's highest speed (m/s): no-load wheel speed at the supply voltage times the least driven radius."""
-    line = design.parts.servo.at_voltage(design.parts.battery.supply_v.value)
+    line = design.parts.servo.at_voltage(design.parts.cells.supply_v.value)
     return _rounded(line.no_load_speed_rad_s * min(design.of(i, "radius") for i in design.driven_modules) * MM)
 
 
@@ -85,7 +92,7 @@ def _hinge(hinge: HingeJoint, film: Film) -> dict[str, Any]:
 
 
 def _wheel(axle: Axle, mass_kg: float, parts: Catalogue) -> dict[str, Any]:
-    servo, supply_v = parts.servo, parts.battery.supply_v.value
+    servo, supply_v = parts.servo, parts.cells.supply_v.value
     line = servo.at_voltage(supply_v)
     wheel: dict[str, Any] = {
         "channel": axle.channel,

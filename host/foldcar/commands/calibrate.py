@@ -58,7 +58,7 @@ def calibrate(
     from foldcar.calibration.experiment import Simulator, nominal_counts, read_experiment
     from foldcar.calibration.inference import infer, plan
     from foldcar.calibration.observations import EVIDENCE, experiment_with_trials, observe
-    from foldcar.calibration.parameters import measured_priors, measured_value, sheets_priors
+    from foldcar.calibration.parameters import built_priors, measured_priors, measured_value
     from foldcar.calibration.summary import summarise
     from foldcar.commands.progress_bar import TerminalBar
     from foldcar.commands.tables import print_calibration
@@ -79,7 +79,7 @@ def calibrate(
         nominal = nominal_counts(opened, chosen)
         # They were measured on built cars and their obstacles.
         stored = {} if simulated_trials else measured_values(opened, chosen.info.id)
-    priors = sheets_priors() if observed.from_sheets else {}
+    priors = {} if simulated_trials else built_priors(chosen.info.vehicle_type, observed.from_sheets)
     priors |= measured_priors({**stored, **given}, f"{store}: measured")
     carsim = Carsim()
     simulator = Simulator(chosen, carsim, jobs or usable_processors(), seed)

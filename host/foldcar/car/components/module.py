@@ -241,7 +241,7 @@ def _power_wires(parts: Catalogue) -> list[Wire]:
     return [
         Wire(f"{feather} headers", f"{wing} headers", "stack", "the wing sits on the Feather: I2C on SDA 23 and SCL 22"),
         Wire(f"{parts.lipo.name}", f"{feather} JST", "supply", "3.7 V for the processor"),
-        Wire(f"{parts.battery.name} +", f"{switch} 1", "supply", f"{parts.battery.supply_v.value:g} V for the servos"),
+        Wire(f"{parts.battery.name} +", f"{switch} 1", "supply", f"{parts.cells.supply_v.value:g} V for the servos"),
         Wire(f"{switch} 2", f"{wing} terminal +", "supply", "switched"),
         Wire(f"{parts.battery.name} -", f"{wing} terminal -", "supply", "ground"),
         Wire(f"{feather} USB", "computer", "usb", "to flash, and for trials by cable"),

@@ -145,6 +145,13 @@ class Horn(Bought):
         return min(xs), min(ys), max(xs), max(ys)
 
 
+class Cells(PartData):
+    """What is in the battery's holder: its voltage without a load, its resistance with holder, leads and switch."""
+
+    supply_v: Quantity
+    supply_resistance_ohm: Quantity
+
+
 class Tyre(Bought):
     """A wheel's tyre; without a ``width_mm`` of its own it is cut to the rim's width. Its cost is a wheel's.
 

@@ -12,6 +12,7 @@ from importlib.resources import files
 from typing import Literal
 
 from foldcar.car.parts.bought import (
+    Cells,
     Extensions,
     Feather,
     FeatherWing,
@@ -35,6 +36,7 @@ OPTIONS: dict[str, tuple[str, ...]] = {
     "tyre": ("none", "rubber_band", "silicone_band", "grip_tape", "shrink_tube"),
     "battery": ("4xaa_flat", "4xaa_square"),
     "battery_place": ("floor", "roof"),
+    "cells": ("unnamed", "nimh", "alkaline"),
 }
 
 
@@ -55,6 +57,7 @@ class PartChoices:
     tyre: str = "rubber_band"
     battery: str = "4xaa_square"
     battery_place: str = "floor"
+    cells: str = "unnamed"
 
     def changed(self, names: Mapping[str, str]) -> "PartChoices":
         """These choices with other names by kind; PartError, which lists the known ones, for an unknown one."""
@@ -129,6 +132,7 @@ class Catalogue(Data):
     horn: Horn
     tyre: Tyre
     battery: BoxPart
+    cells: Cells
     battery_place: Literal["floor", "roof"]
 
     @property

@@ -4,7 +4,8 @@ import numpy
 import pytest
 from scipy import stats
 
-from foldcar.analysis.engine_bias import corrected_rates, pooled_difference
+from foldcar.analysis.engine_bias import pooled_difference
+from foldcar.analysis.rate_correction import corrected_rates
 from foldcar.analysis.rate import (
     Rate,
     anytime_interval,

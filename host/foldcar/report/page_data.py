@@ -21,7 +21,8 @@
   contradict simulation; ``measures``:
   ``{"key", "label", "unit", "better": "less" | "more" | null, "value": column}``.
 - ``engines``: for each other engine or calibration that simulated the same cars in the same samples ``{"id": its
-  experiment, "name", "passed", "runs": columns by design, "text": a sentence that compares the results}``.
+  experiment, "name", "passed", "runs": columns by design, "text": a sentence that compares the results, "corrected": null,
+  or columns ``rate``, ``low``, ``high``: rates in a slower engine, estimated from all runs and its few}``.
 - ``runs``: columns ``design``, ``environment``, ``outcome``, ``time_s`` in the order of design and environment; null
   beyond MOST_RUNS, where ``runs_omitted`` says so.
 - ``outcomes``, ``outcome_labels``: what the numbers of ``outcome`` stand for.
@@ -67,7 +68,8 @@ from foldcar.report.page_effects import cause_rows, effect_rows, importance_rows
 from foldcar.report.page_front import search_front
 from foldcar.report.page_measures import measures
 from foldcar.report.page_ranges import range_sentences
-from foldcar.report.page_remarks import other_simulations, remarks
+from foldcar.report.page_remarks import remarks
+from foldcar.report.page_simulations import other_simulations
 from foldcar.search.design_simulator import fresh_id
 from foldcar.simulation.results import NUMBERS, OUTCOMES
 from foldcar.store.info import ExperimentInfo, StudyInfo

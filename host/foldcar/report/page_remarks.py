@@ -1,14 +1,11 @@
 """What a reader must know of an experiment's numbers beside the numbers: what is missing, left out or of another kind."""
 
 import shlex
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from foldcar.advice.design_evidence import in_family
-from foldcar.advice.evidence import Evidence
 from foldcar.analysis.stopping import LEAST_CHANCE
 from foldcar.analysis.words import count
-from foldcar.simulation.engines import MULTIBODY, engine_title
 from foldcar.simulation.results import OUTCOMES
 from foldcar.store.calibrations import calibrations
 from foldcar.store.info import ExperimentInfo
@@ -87,54 +84,3 @@ def stopped_remarks(info: ExperimentInfo) -> list[str]:
         "stopped, by itself and not for all designs together. Rates of designs that stopped early lie on average "
         f"somewhat too far from {away}. Rates over several designs count each design alike.",
     ]
-
-
-def other_simulations(evidence: Evidence, experiments: Sequence[Evidence]) -> list[dict[str, Any]]:
-    """For each other engine or calibration of the same cars in the same samples, what page_data.py calls ``engines``.
-
-    Without runs that both judged there is no entry.
-    """
-    own_runs, found = _passed_runs(evidence), []
-    for other in experiments:
-        if other.info.id == evidence.info.id or _samples(other.info) != _samples(evidence.info):
-            continue
-        places = {tuple(sorted(one.design.items())): at for at, one in enumerate(other.family)}
-        place = [places.get(tuple(sorted(one.design.items()))) for one in evidence.family]
-        other_runs = _passed_runs(other)
-        pairs = [
-            (passed, other_runs[at, sample])
-            for (design, sample), passed in own_runs.items()
-            if (at := place[design]) is not None and (at, sample) in other_runs
-        ]
-        if not pairs:
-            continue
-        name, own_name = _simulation(other.info, evidence.info), _simulation(evidence.info, other.info)
-        own_passed, passed = (sum(side) for side in zip(*pairs, strict=True))
-        text = f"{name}: {passed:,} of the same {len(pairs):,} runs passed, {own_name}: {own_passed:,}"
-        if other.info.under == evidence.info.under:
-            alike = 100 * sum(own == others for own, others in pairs) / len(pairs)
-            text += f"; {alike:.1f} % of the runs have the same result in both"
-        counts = [(0, 0) if at is None else tuple(other.run_counts[at].tolist()) for at in place]
-        columns = {key: [count[k] for count in counts] for k, key in enumerate(("passed", "runs"))}
-        found.append({"id": other.info.id, "name": name, **columns, "text": f"{text}."})
-    return found
-
-
-def _simulation(info: ExperimentInfo, other: ExperimentInfo) -> str:
-    """What tells an experiment's simulation apart from the other's: its engine, or what it was simulated under."""
-    if info.engine != other.engine:
-        return engine_title(info.engine) or MULTIBODY
-    return info.under or "nominal"
-
-
-def _samples(info: ExperimentInfo) -> tuple[Any, ...]:
-    """What two experiments have in common whose cars and samples are the same."""
-    what = (info.listed_id, info.vehicle_type, info.fixed, info.scenic_program, info.scenic_params, info.seed)
-    return *what, info.condition, info.variation, info.variation_seed, info.success_defined and info.success_rule
-
-
-def _passed_runs(evidence: Evidence) -> dict[tuple[int, int], bool]:
-    """Whether each run that counts passed, by its design and sample."""
-    runs = evidence.runs.counted
-    passed = runs.outcome == OUTCOMES.index("passed")
-    return dict(zip(zip(runs.design.tolist(), runs.sample.tolist(), strict=True), passed.tolist(), strict=True))

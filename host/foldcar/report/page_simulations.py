@@ -1,0 +1,95 @@
+"""Other simulations of an experiment's cars in its samples: their runs beside its own, and rates corrected by theirs."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy
+from numpy.typing import NDArray
+
+from foldcar.advice.evidence import Evidence
+from foldcar.analysis.rate_correction import corrected_rates
+from foldcar.errors import FoldcarError
+from foldcar.simulation.engines import MULTIBODY, engine_title
+from foldcar.simulation.results import OUTCOMES
+from foldcar.store.info import ExperimentInfo
+
+Columns = list[float | None]
+
+
+def other_simulations(evidence: Evidence, experiments: Sequence[Evidence]) -> list[dict[str, Any]]:
+    """For each other engine or calibration of the same cars in the same samples, what page_data.py calls ``engines``.
+
+    Without runs that both judged there is no entry.
+    """
+    own_runs, found = _passed_runs(evidence), []
+    for other in experiments:
+        if other.info.id == evidence.info.id or _samples(other.info) != _samples(evidence.info):
+            continue
+        places = {tuple(sorted(one.design.items())): at for at, one in enumerate(other.family)}
+        place = [places.get(tuple(sorted(one.design.items()))) for one in evidence.family]
+        other_runs = _passed_runs(other)
+        pairs = [
+            (passed, other_runs[at, sample])
+            for (design, sample), passed in own_runs.items()
+            if (at := place[design]) is not None and (at, sample) in other_runs
+        ]
+        if not pairs:
+            continue
+        name, own_name = _simulation(other.info, evidence.info), _simulation(evidence.info, other.info)
+        own_passed, passed = (sum(side) for side in zip(*pairs, strict=True))
+        text = f"{name}: {passed:,} of the same {len(pairs):,} runs passed, {own_name}: {own_passed:,}"
+        if other.info.under == evidence.info.under:
+            alike = 100 * sum(own == others for own, others in pairs) / len(pairs)
+            text += f"; {alike:.1f} % of the runs have the same result in both"
+        counts = [(0, 0) if at is None else tuple(other.run_counts[at].tolist()) for at in place]
+        columns = {key: [count[k] for count in counts] for k, key in enumerate(("passed", "runs"))}
+        corrected = _corrected(evidence, other) if other.info.engine and not evidence.info.engine else None
+        if corrected is not None:
+            text += f"; rates corrected by these runs are those of {name}, from few of its runs"
+        found.append({"id": other.info.id, "name": name, **columns, "corrected": corrected, "text": f"{text}."})
+    return found
+
+
+def _simulation(info: ExperimentInfo, other: ExperimentInfo) -> str:
+    """What tells an experiment's simulation apart from the other's: its engine, or what it was simulated under."""
+    if info.engine != other.engine:
+        return engine_title(info.engine) or MULTIBODY
+    return info.under or "nominal"
+
+
+def _samples(info: ExperimentInfo) -> tuple[Any, ...]:
+    """What two experiments have in common whose cars and samples are the same."""
+    what = (info.listed_id, info.vehicle_type, info.fixed, info.scenic_program, info.scenic_params, info.seed)
+    return *what, info.condition, info.variation, info.variation_seed, info.success_defined and info.success_rule
+
+
+def _passed_runs(evidence: Evidence) -> dict[tuple[int, int], bool]:
+    """Whether each run that counts passed, by its design and sample."""
+    runs = evidence.runs.counted
+    passed = runs.outcome == OUTCOMES.index("passed")
+    return dict(zip(zip(runs.design.tolist(), runs.sample.tolist(), strict=True), passed.tolist(), strict=True))
+
+
+def _corrected(evidence: Evidence, other: Evidence) -> dict[str, Columns] | None:
+    """The experiment's rates corrected by the other's runs in the same samples, as columns; None if these are too few."""
+    belief = evidence.belief
+    if belief is None or other.belief is None:
+        return None
+    rows = {tuple(sorted(one.design.items())): row for row, one in enumerate(other.belief.designs)}
+    other_samples = dict(zip(other.belief.samples.tolist(), range(len(other.belief.samples)), strict=True))
+    dear: NDArray[Any] = numpy.full(belief.passed.shape, numpy.nan)
+    for at, one in enumerate(belief.designs):
+        row = rows.get(tuple(sorted(one.design.items())))
+        for column, sample in enumerate(belief.samples.tolist()):
+            if row is not None and sample in other_samples:
+                dear[at, column] = other.belief.passed[row, other_samples[sample]]
+    try:
+        rates = corrected_rates(belief.parameters, belief.passed, dear)
+    except FoldcarError:
+        return None
+    found: dict[str, Columns] = {}
+    for name, values in zip(("rate", "low", "high"), rates, strict=True):
+        found[name] = [None] * len(evidence.family)
+        for place, value in zip(belief.places.tolist(), values.tolist(), strict=True):
+            found[name][place] = round(value, 6)
+    return found

@@ -5,7 +5,6 @@ import pytest
 from scipy import stats
 
 from foldcar.analysis.engine_bias import pooled_difference
-from foldcar.analysis.rate_correction import corrected_rates
 from foldcar.analysis.rate import (
     Rate,
     anytime_interval,
@@ -13,6 +12,7 @@ from foldcar.analysis.rate import (
     limited_mean,
     wilson_interval,
 )
+from foldcar.analysis.rate_correction import corrected_rates
 from foldcar.errors import FoldcarError
 
 

@@ -21,7 +21,7 @@
   contradict simulation; ``measures``:
   ``{"key", "label", "unit", "better": "less" | "more" | null, "value": column}``.
 - ``engines``: for each other engine or calibration that simulated the same cars in the same samples ``{"id": its
-  experiment, "name", "passed", "runs": columns by design, "text": a sentence that compares the results, "corrected": null,
+  experiment, "name", "passed", "runs": columns by design, "text": a sentence that compares them, "corrected": null,
   or columns ``rate``, ``low``, ``high``: rates in a slower engine, estimated from all runs and its few}``.
 - ``runs``: columns ``design``, ``environment``, ``outcome``, ``time_s`` in the order of design and environment; null
   beyond MOST_RUNS, where ``runs_omitted`` says so.

@@ -244,7 +244,7 @@ def test_two_engines_have_a_sentence_and_a_curve_each(tmp_path: Path, carsim_bin
     counts = [int(passed.sum()) for passed in outcomes]
     alike = 100 * numpy.mean(outcomes[0] == outcomes[1])
     assert first["engines"][0]["text"] == (
-        f"side-view: {counts[1]} of the same 12 runs passed, in multibody {counts[0]}; "
+        f"side-view: {counts[1]} of the same 12 runs passed, multibody: {counts[0]}; "
         f"{alike:.1f} % of the runs have the same result in both."
     )
     found = probed(tmp_path, 'found.legend = one("[data-chart=curve]").previousSibling.textContent;' + SERIES)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from foldcar.advice.evidence import Evidence
 from foldcar.analysis.rate_correction import corrected_rates
 from foldcar.errors import FoldcarError
-from foldcar.simulation.engines import MULTIBODY, engine_title
+from foldcar.simulation.engines import MUJOCO, MULTIBODY, engine_of, engine_title
 from foldcar.simulation.results import OUTCOMES
 from foldcar.store.info import ExperimentInfo
 
@@ -43,7 +43,8 @@ def other_simulations(evidence: Evidence, experiments: Sequence[Evidence]) -> li
             text += f"; {alike:.1f} % of the runs have the same result in both"
         counts = [(0, 0) if at is None else tuple(other.run_counts[at].tolist()) for at in place]
         columns = {key: [count[k] for count in counts] for k, key in enumerate(("passed", "runs"))}
-        corrected = _corrected(evidence, other) if other.info.engine and not evidence.info.engine else None
+        engines = engine_of(evidence.info.engine), engine_of(other.info.engine)
+        corrected = _corrected(evidence, other) if engines == (MULTIBODY, MUJOCO) else None
         if corrected is not None:
             text += f"; rates corrected by these runs are those of {name}, from few of its runs"
         found.append({"id": other.info.id, "name": name, **columns, "corrected": corrected, "text": f"{text}."})

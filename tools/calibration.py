@@ -106,10 +106,11 @@ def findings(summary: dict[str, Any]) -> list[str]:
         f"{likelihood['draws']:.1f} on average over the posterior, "
         f"{likelihood['nominal']:.1f} nominal; with the discrepancy integrated out the posterior has "
         f"{likelihood['expected']:.1f}.",
-        f"- Before it was refined, the emulator erred by {100 * emulator['error']:.0f} points, beyond chance, in the "
-        "rate of a width with trials.",
+        f"- The emulator erred by {100 * emulator['error']:.1f} points, beyond chance, in the rate of a width with "
+        "trials: calibrated rates are corrected.",
         f"- The trials cannot tell apart what is correlated: {pairs}.",
-        f"- {summary['findings'][-1].partition('; ')[0]}.",
+        f"- {summary['findings'][-2].partition('; ')[0]}.",
+        f"- {summary['findings'][-1]}",
     ]
 
 

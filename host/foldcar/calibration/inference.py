@@ -105,8 +105,8 @@ class Problem:
 
         ``scores`` (n, parameters) and ``tau`` (n,) are draws of the posterior.
         """
-        outcomes = self._outcomes(self.emulator.logits(scores, self._cells), tau)
-        pairs = [outcomes.further(tau[:, None] ** 2 * self.likeness[design], tau**2) for design in designs.tolist()]
+        cars = self._outcomes(self.emulator.logits(scores, self._cells), tau)
+        pairs = [cars.further(tau[:, None] ** 2 * self.likeness[design], tau**2) for design in designs.tolist()]
         means, variances = zip(*pairs, strict=True)
         return np.column_stack(means), np.column_stack(variances)
 
@@ -164,8 +164,7 @@ class Inference:
 
     ``chosen`` are the indices of the published draws; ``designs`` (checked,) are those of the family whose rates were
     simulated with them: ``table`` (drives, checked) is 1 where a drive passed, 0 where not, NaN where it failed. In a row
-    all designs meet one scene under one draw. ``error`` is by how much the first emulator erred in the rate of a design
-    with trials.
+    all designs meet one scene under one draw.
     """
 
     problem: Problem
@@ -173,7 +172,6 @@ class Inference:
     chosen: IntArray
     designs: IntArray
     table: FloatArray
-    error: float
 
     @property
     def draws(self) -> list[dict[str, float]]:
@@ -224,14 +222,12 @@ def infer(
     bank = simulate_bank(simulator, prior_scores(planned.first, seed), observed, 0, done)
     problem = problem_of(bank)
     close = near_scores(problem.posterior(seed).scores, planned.second, seed)
-    more = simulate_bank(simulator, close, observed, planned.first, done)
-    error = rate_error(problem, more)
-    problem = problem_of(bank.joined(more))
+    problem = problem_of(bank.joined(simulate_bank(simulator, close, observed, planned.first, done)))
     driven = np.unique(observed.car_design)
     spaced = planned.checked - (len(driven) if planned.checked < len(experiment.designs) else 0)
     designs = np.union1d(np.linspace(0, len(experiment.designs) - 1, spaced).round().astype(int), driven)
     first = (planned.first + planned.second) * (MOST_CELLS + OTHERS + len(observed.car_design))
-    return checked(simulator, problem, problem.posterior(seed), designs, planned.scenes, first, done, error)
+    return checked(simulator, problem, problem.posterior(seed), designs, planned.scenes, first, done)
 
 
 def checked(
@@ -242,7 +238,6 @@ def checked(
     scenes: int,
     first: int,
     done: Callable[[int], None],
-    error: float = np.inf,
 ) -> Inference:
     """The inference with the rates of ``designs``: DRAWS draws in ``scenes`` each, numbered from ``first``."""
     chosen = np.random.default_rng(simulator.seed).choice(len(posterior.scores), DRAWS, replace=False)
@@ -255,7 +250,7 @@ def checked(
     ]
     drives = simulator.drives(check, done)
     table = np.array([np.nan if drive is None else float(drive.passed) for drive in drives])
-    return Inference(problem, posterior, chosen, designs, table.reshape(-1, len(designs)), error)
+    return Inference(problem, posterior, chosen, designs, table.reshape(-1, len(designs)))
 
 
 def likeness(designs: FloatArray) -> FloatArray:
@@ -263,13 +258,3 @@ def likeness(designs: FloatArray) -> FloatArray:
     scaled = unit_range(designs)
     shared: FloatArray = COMMON + ALIKE * Matern(scaled, LENGTH).covariance(scaled, scaled)
     return shared + (1 - COMMON - ALIKE) * np.eye(len(designs))
-
-
-def rate_error(problem: Problem, bank: Bank) -> float:
-    """By how much the emulator errs in the rate of a design with trials, at most, beyond chance; over the bank's runs."""
-    cells, found = problem.observed.cells, []
-    left = (bank.ends == 0) - bank.pass_chances(problem.emulator, problem.inputs)
-    for design in np.unique(problem.observed.car_design):
-        rest = left[[cell < len(cells) and cells[cell].design == design for cell in bank.cells]]
-        found.append(max(0.0, abs(rest.mean()) - rest.std() / np.sqrt(len(rest))))
-    return float(max(found))

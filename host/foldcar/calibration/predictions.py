@@ -35,7 +35,7 @@ class Rates:
 
     Draws (n, checked): ``calibrated`` are the simulator's under the posterior, ``predicted`` those of built cars.
     ``shifts`` (checked,) are the emulator's errors, to be added to its log-odds, ``variances`` (checked,) what is left of
-    them: few runs counted them.
+    them: few runs counted them. ``emulator_error`` is the largest in the rate of a design with trials, beyond chance.
     """
 
     simulated: FloatArray
@@ -43,6 +43,7 @@ class Rates:
     predicted: FloatArray
     shifts: FloatArray
     variances: FloatArray
+    emulator_error: float
 
     def errors(self, designs: IntArray) -> dict[int, tuple[float, float]]:
         """Shift and variance by the index of the checked ``designs``."""
@@ -58,11 +59,13 @@ def rates_of(inference: Inference, experiment: SweptExperiment, seed: int) -> Ra
     rates, logits = expit(simulated.mean), problem.logits(posterior.scores, designs)
     shifts = np.array([_shift(*pair) for pair in zip(logits[inference.chosen].T, rates, strict=True)])
     mean, variance = problem.offsets(posterior.scores, posterior.discrepancy, designs)
+    beyond = abs(expit(logits).mean(axis=0) - rates) - np.sqrt(simulated.variance) * rates * (1 - rates)
+    error = max(0.0, float(beyond[np.isin(designs, problem.observed.car_design)].max()))
     stream = np.random.default_rng(seed)
     offsets = mean + np.sqrt(variance) * stream.standard_normal(mean.shape)
     errors = stream.standard_normal((len(mean), simulated.columns.shape[1])) @ simulated.columns.T
     logits = logits + shifts + errors + np.sqrt(simulated.rest) * stream.standard_normal(mean.shape)
-    return Rates(rates, expit(logits), expit(logits + offsets), shifts, simulated.variance)
+    return Rates(rates, expit(logits), expit(logits + offsets), shifts, simulated.variance, error)
 
 
 def _shift(logits: FloatArray, rate: float) -> float:

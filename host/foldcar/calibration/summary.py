@@ -66,7 +66,7 @@ def summarise(
         "correlations": _correlations(inference),
         "designs": _designs(inference, experiment, nominal, rates, chances),
         "log_likelihood": _log_likelihood(inference, nominal, rates, chances),
-        "emulator": {"error": inference.error, "check_runs": len(inference.table)},
+        "emulator": {"error": rates.emulator_error, "check_runs": len(inference.table)},
         "misfits": misfits(inference),
         "notes": list(observed.notes),
         "next_trials": [
@@ -245,8 +245,8 @@ def findings(summary: Mapping[str, Any]) -> list[str]:
         )
     if summary["emulator"]["error"] > TOLERATED:
         told.append(
-            f"The emulator still erred by {100 * summary['emulator']['error']:.0f} points in the rate of a design with "
-            "trials: take more --runs."
+            f"The emulator erred by {100 * summary['emulator']['error']:.0f} points in the rate of a design with trials: "
+            "take more --runs."
         )
     if found := summary["next_trials"]:
         trials = "; of ".join(_trials(one) for one in found)

@@ -10,7 +10,7 @@ from scipy.stats import mannwhitneyu
 
 from foldcar.analysis.separation import binned, separations
 from foldcar.car.variation import draw, spread_named
-from foldcar.report.environment_values import environment_values
+from foldcar.report.environment_values import environment_values, objects_of_pieces
 from foldcar.store.reader import Store
 from swept_listing import foldcar
 
@@ -19,7 +19,9 @@ model model
 param friction = Range(0.4, 0.8)
 for x in (0.4, 0.7):
     new Bump at (Range(x, x + 0.1), 0), facing -90 deg, with height Range(0.01, 0.02)
-goal = new Goal at (1, 0), facing -90 deg
+kerb2 = new Kerb at (0.9, 0), facing -90 deg, with length 0.1, with height Range(0.005, 0.01)
+steps = [new Step at (x, 0.5), with length 0.1, with width 0.1, with height Range(0.01, 0.02) for x in (0.2, 0.4)]
+goal = new Goal at (1.2, 0), facing -90 deg
 ego = new Robot at (0, 0), facing goal
 """
 ENVIRONMENTS = 6
@@ -27,7 +29,7 @@ ENVIRONMENTS = 6
 
 @pytest.fixture(scope="module")
 def store(tmp_path_factory: pytest.TempPathFactory, carsim_binary: Path) -> Path:
-    """A sweep of one car over two bumps, as the workshop builds it."""
+    """A sweep of one car over two bumps and a kerb, as the workshop builds it."""
     folder = tmp_path_factory.mktemp("values")
     (folder / "bumps.scenic").write_text(PROGRAM)
     params = {"timeout": 20, "environments": ENVIRONMENTS, "variation": "workshop", "variation_seed": 5}
@@ -66,9 +68,24 @@ def test_values_are_those_that_scenic_samples_and_the_workshop_draws(store: Path
     # What is the same everywhere tells nothing.
     assert not {"scene_goal_x_m", "scene_start_x_m", "scene_box_1_length_m", "scene_pieces"} & set(columns)
     friction = next(one for one in found.columns if one.name == "scene_friction")
-    height = next(one for one in found.columns if one.name == "scene_box_1_height_m")
     assert (friction.label, friction.unit) == ("friction", "")
-    assert (height.label, height.unit, height.scale) == ("block 1 height", "mm", 1000)
+    # Objects have the program's names; the bumps of the loop have none.
+    labels = {one.name: (one.label, one.unit, one.scale) for one in found.columns}
+    assert labels["scene_box_1_height_m"] == ("bump 1 height", "mm", 1000)
+    assert labels["scene_ramp_1_height_m"] == ("kerb2 height", "mm", 1000)
+    assert labels["scene_box_5_height_m"] == ("steps[1] height", "mm", 1000)
+
+
+def test_pieces_without_the_names_of_objects_are_called_by_their_kind() -> None:
+    terrain = [{"kind": kind} for kind in ("ramp", "box", "box")]
+    named = [("kerb2", 2), ("step", 1)]
+
+    assert objects_of_pieces(named, [{"terrain": terrain}]) == [("kerb2", [0, 1]), ("step", [2])]
+    by_kind = [("ramp or kerb 1", [0]), ("block 1", [1]), ("block 2", [2])]
+    assert objects_of_pieces([], [{"terrain": terrain}]) == by_kind
+    assert objects_of_pieces([("kerb2", 2)], [{"terrain": terrain}]) == by_kind
+    # Environments with other pieces have no common names.
+    assert objects_of_pieces(named, [{"terrain": terrain}, {"terrain": terrain[:2]}]) is None
 
 
 def test_the_export_has_them_beside_every_run(store: Path) -> None:

@@ -175,7 +175,8 @@ def plan_experiment(
     varied = experiment.family.varied
     environment.recall(writer.program_files(experiment.id), writer.knows_environment)
     environment_id = writer.environment(environment.fingerprint)
-    success_rule, defined = writer.success_rule(environment_id) or (environment.success.text, environment.success.defined)
+    # What an earlier sweep has stored need not be compiled.
+    known = writer.environment_facts(environment_id)
     plan = PlannedExperiment(
         id=experiment.id,
         vehicle=experiment.family.vehicle,
@@ -197,8 +198,9 @@ def plan_experiment(
             "variation": dict(experiment.variation),
             "variation_seed": experiment.variation_seed,
             "skipped": experiment.family.skipped,
-            "success_rule": success_rule,
-            "success_defined": defined,
+            "success_rule": known["success_rule"] if known else environment.success.text,
+            "success_defined": known["success_defined"] if known else environment.success.defined,
+            "terrain_objects": known["terrain_objects"] if "terrain_objects" in known else environment.terrain_objects,
             "calibration": environment.calibration,
             **({"listed_environment": environment.listed_fingerprint} if environment.calibration else {}),
             "thresholds": experiment.thresholds,

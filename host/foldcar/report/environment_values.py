@@ -1,8 +1,8 @@
 """Read what was sampled for each run beside its design: the values of its scene and of its built car, as columns.
 
 Input: an open store, which keeps every sample's scene and every draw's differences as JSON. Output: a table of
-environments. A column's name counts pieces of terrain by kind in the order of the program: ``scene_box_2_height_m`` is the
-height of the second box. Its label has the object's name in the program, where the store knows it: ``kerb2 height``.
+environments. A column's name counts pieces of terrain by kind in the order of the program: ``scene_box_2_height_m`` is
+the height of the second box. Its label has the object's name in the program, if the store has it: ``kerb2 height``.
 Differences of a built car are those of :mod:`foldcar.car.variation`; of wheels the mean and left less right.
 Columns that are the same in all environments, or linear in a column before them, are left out.
 """
@@ -79,7 +79,7 @@ def read_scenes(store: Store, info: ExperimentInfo) -> dict[int, Mapping[str, An
     """Return the stored scenes of an experiment by sample, read once from an open store. Raises StoreError."""
     row = store.row(EXPERIMENT, id=info.id)
     return store.once(
-        ("scenes", info.id), lambda: _by_sample(store, row, "sample", "environment_id", "scene", lambda scene: scene)
+        ("read scenes", info.id), lambda: _by_sample(store, row, "sample", "environment_id", "scene", lambda scene: scene)
     )
 
 
@@ -88,8 +88,8 @@ def objects_of_pieces(
 ) -> list[tuple[str, list[int]]] | None:
     """Return the name and the indices of the pieces of each terrain object, the same in all ``scenes``.
 
-    ``objects`` are ExperimentInfo's ``terrain_objects``. Where the store lacks them, each piece is an object. Returns None
-    if the scenes have different pieces.
+    ``objects`` are ExperimentInfo's ``terrain_objects``. Where the store lacks them, each piece is an object. Returns
+    None if the scenes have different pieces.
     """
     kinds = {tuple(piece["kind"] for piece in scene.get("terrain", ())) for scene in scenes}
     if len(kinds) != 1:

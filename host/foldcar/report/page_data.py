@@ -37,6 +37,10 @@
   "rises": whether greater values pass, "bins": [{"from", "to", "runs", "passed"}]}``, the best first: how well the value
   separates passed from failed runs of the same design. It tells something where ``low`` is above 0; all intervals of an
   experiment hold together with 95 %.
+- ``ends``: null, or where the runs that did not pass ended, by progress from the start towards the goal: ``{"from_m",
+  "step_m", "bins", "goal_m": the goal's mean place, "obstacles": [{"name", "from_m", "to_m": its mean ends, "least_m",
+  "most_m": between which it lies in nine of ten environments}], "design", "outcome", "bin", "obstacle", "count"}``. The
+  last five are columns: how many runs of a design ended so, in that bin, at that obstacle (-1: at none).
 - ``front``: null, or of a search ``{"objectives": [{"label", "unit", "better"}], "points": [{"design", "values", "low",
   "high", "fresh", "beaten"}]}``. Values of designs with ``fresh`` are of environments by which nothing was chosen; only
   of these one that is not ``beaten`` (by another of them, in all objectives) may be called best. The others are too good.
@@ -61,6 +65,7 @@ from foldcar.report.page_designs import Designs, parameter_columns, read_designs
 from foldcar.report.page_effects import cause_rows, effect_rows, importance_rows, read_effects
 from foldcar.report.page_front import search_front
 from foldcar.report.page_remarks import other_engines, remarks
+from foldcar.report.page_run_ends import read_run_ends
 from foldcar.search.design_simulator import fresh_id
 from foldcar.simulation.results import NUMBERS, OUTCOMES
 from foldcar.store.info import ExperimentInfo, StudyInfo
@@ -209,6 +214,7 @@ def _experiment(
         "effects": [] if effects is None else effect_rows(designs, effects, places),
         "importance": [] if effects is None else importance_rows(effects, places),
         "causes": cause_rows(designs, values),
+        "ends": read_run_ends(store, info, designs.runs.counted) if designs.swept else None,
         "runs": _runs(designs) if few else None,
         "runs_omitted": "" if few else OMITTED.format(info.stored_runs, designs.swept),
         "outcomes": list(OUTCOMES),

@@ -175,8 +175,11 @@ def plan_experiment(
     varied = experiment.family.varied
     environment.recall(writer.program_files(experiment.id), writer.knows_environment)
     environment_id = writer.environment(environment.fingerprint)
-    # What an earlier sweep has stored need not be compiled.
-    known = writer.environment_facts(environment_id)
+    # What an earlier sweep has stored need not be compiled again.
+    of_program = writer.environment_facts(environment_id)
+    if "terrain_objects" not in of_program:
+        success, objects = environment.success, environment.terrain_objects
+        of_program = {"success_rule": success.text, "success_defined": success.defined, "terrain_objects": objects}
     plan = PlannedExperiment(
         id=experiment.id,
         vehicle=experiment.family.vehicle,
@@ -198,9 +201,7 @@ def plan_experiment(
             "variation": dict(experiment.variation),
             "variation_seed": experiment.variation_seed,
             "skipped": experiment.family.skipped,
-            "success_rule": known["success_rule"] if known else environment.success.text,
-            "success_defined": known["success_defined"] if known else environment.success.defined,
-            "terrain_objects": known["terrain_objects"] if "terrain_objects" in known else environment.terrain_objects,
+            **{name: of_program[name] for name in ("success_rule", "success_defined", "terrain_objects")},
             "calibration": environment.calibration,
             **({"listed_environment": environment.listed_fingerprint} if environment.calibration else {}),
             "thresholds": experiment.thresholds,

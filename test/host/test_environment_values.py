@@ -3,6 +3,7 @@
 import csv
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy
 import pytest
@@ -136,6 +137,35 @@ def test_intervals_hold_the_separation_of_all_environments_together() -> None:
 
     assert ranked == 60
     assert numpy.mean(held) > 0.9
+
+
+def sample_with_noise(random: numpy.random.Generator, environments: int, effect: float) -> Any:
+    """Twelve columns, the first of which has the correlation ``effect`` with how hard an environment is to 20 designs."""
+    values = random.normal(size=(environments, 12))
+    difficulty = effect * values[:, 0] + numpy.sqrt(1 - effect**2) * random.normal(size=environments)
+    design, environment = (at.ravel() for at in numpy.indices((20, environments)))
+    noise = 0.5 * random.normal(size=len(design))
+    return values, design, environment, difficulty[environment] + noise > random.normal(size=20)[design]
+
+
+@pytest.mark.parametrize("missing", [False, True])
+def test_columns_that_tell_nothing_seldom_seem_to_tell_even_of_ten_environments(missing: bool) -> None:
+    random, alarms = numpy.random.default_rng(3), 0
+    for _ in range(200):
+        values, design, environment, passed = sample_with_noise(random, 10, 0.0)
+        # As a sweep leaves them that stops where enough is known.
+        run = environment < random.integers(6, 11, 20)[design] if missing else numpy.full(len(design), True)
+        alarms += any(one.low > 0 for one in separations(values, design[run], environment[run], passed[run]))
+
+    # 5 % of 200 are 10; bounds of normal theory gave 35 %.
+    assert alarms <= 19
+
+
+def test_a_column_that_tells_is_found() -> None:
+    random = numpy.random.default_rng(4)
+    found = [{one.column for one in separations(*sample_with_noise(random, 40, 0.6)) if one.low > 0} for _ in range(60)]
+
+    assert sum(0 in one for one in found) > 40
 
 
 def test_bins_count_every_run_once() -> None:

@@ -49,7 +49,7 @@ class Course:
 
     def within(self, side_m: float) -> "Course":
         """Return the course with the obstacles that are at most ``side_m`` beside the way in any environment."""
-        kept = numpy.flatnonzero((self.gap_m <= side_m).any(axis=0))
+        kept = numpy.flatnonzero((self.gap_m <= side_m).any(axis=0)).tolist()
         names = [self.names[index] for index in kept]
         return Course(self.goal_m, names, self.first_m[:, kept], self.last_m[:, kept], self.gap_m[:, kept])
 

@@ -29,10 +29,11 @@
   "standing": "built" | "simulated", "environment": index or null, "passed": null if aborted, "outcome", "time_s",
   "when", "note", "replay": null, or by replay.py what is drawn of it}``.
 - ``effects``: for each parameter ``{"parameter": its place, "grid": values, "mean", "low", "high": success in
-  simulation, a mean over the same combinations of the other parameters for each value, with a 95 % band, "curves": at
-  most 20 single combinations, "over": which combinations these are, in words}``. Raw averages are of unequal combinations
-  and stand nowhere. ``importance``: ``{"parameter", "share", "low", "high"}``, the share of the variance of success over
-  designs that would go if it were fixed (shares may add up to more than 1); empty with one parameter.
+  simulation, a mean over the same combinations of the other parameters for each value, with the 95 % band of its
+  difference to the mean over all values, "level": [low, high], the 95 % interval of that mean over all values, "curves":
+  at most 20 single combinations, "over": which combinations these are, in words}``. Raw averages are of unequal
+  combinations and stand nowhere. ``importance``: ``{"parameter", "share", "low", "high"}``, the share of the variance of
+  success over designs that would go if it were fixed (shares may add up to more than 1); empty with one parameter.
 - ``causes``: ``{"name": the export's column, "label", "unit", "separation": 0 to 1, "low", "high",
   "rises": whether greater values pass, "bins": [{"from", "to", "runs", "passed"}]}``, the best first: how well the value
   separates passed from failed runs of the same design. It tells something where ``low`` is above 0; all intervals of an

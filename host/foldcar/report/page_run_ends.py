@@ -181,7 +181,7 @@ def read_car_extents(store: Store, info: ExperimentInfo) -> CarExtents:
 
 def _reach_m(body: Mapping[str, Any]) -> tuple[float, float, float]:
     """Return how far a body of docs/carsim.md reaches ahead, behind and sideways (m)."""
-    wheels, segments = body.get("wheels", ()), body.get("segments", ())
+    wheels, segments = ([part for part in body.get(kind, ()) if "x_m" in part] for kind in ("wheels", "segments"))
     ends_m = [(wheel["x_m"], wheel["radius_m"]) for wheel in wheels]
     ends_m += [(segment["x_m"], segment["length_m"] / 2) for segment in segments]
     sides_m = [(body["track_m"] + wheel["width_m"]) / 2 for wheel in wheels]

@@ -54,7 +54,7 @@ def _add_recording_experiment(writer: StoreWriter) -> None:
     """Experiment 2: one design in two samples; the first run records and has a path, the second failed."""
     environment, spread = writer.environment("environment of 2"), writer.spread("workshop")
     plan = PlannedExperiment("2", "car", "hills", environment, spread, 2, {**TOLD, "varied": {}})
-    writer.put_experiment(plan, [PlannedDesign({"width_mm": 80.0}, {"id": "c"}, {"time_limit_s": 9})])
+    writer.put_experiment(plan, [PlannedDesign({"width_mm": 80.0}, {"id": "c", "hinges": []}, {"time_limit_s": 9})])
     recorded = {"way": {"kind": "series", "value": [[0.0, 0.0], [0.25, 0.1]]}, "side": {"kind": "final", "value": 1.5}}
     path = {"rows": 2, "compact": "A" * 16}
     passed = {**METRICS, "outcome": "passed", "recorded": recorded, "path": path}

@@ -36,16 +36,21 @@ def fitted(x: Any, seed: int, environments: int = ENVIRONMENTS) -> Effects:
 
 
 def test_bands_hold_an_additive_truth_although_designs_share_environments() -> None:
-    x, held = family(), []
+    x, held, levels = family(), [], []
     points = numpy.unique(x[:, 1:], axis=0)
     for seed in range(12):
         found = fitted(x, seed).effect(0)
         # The true effect at each value: the mean over the combinations of the others.
         truth = numpy.array([norm.cdf(score(numpy.insert(points, 0, value, axis=1))).mean() for value in found.grid])
-        held.append((found.low <= truth) & (truth <= found.high))
+        shape = truth - truth.mean() + found.mean.mean()
+        held.append((found.low <= shape) & (shape <= found.high))
+        levels.append(found.level[0] <= truth.mean() <= found.level[1])
+        # Designs pass or fail together: differences are known better than the level.
+        assert (found.high - found.low).max() < found.level[1] - found.level[0]
 
     # Independent runs, as success_model takes them, would hold about half.
     assert numpy.mean(held) > 0.85
+    assert numpy.mean(levels) > 0.8
 
 
 def test_a_parameter_without_effect_is_flat_over_unequal_combinations() -> None:

@@ -3,6 +3,7 @@
 import csv
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy
 import pytest
@@ -10,7 +11,7 @@ from scipy.stats import mannwhitneyu
 
 from foldcar.analysis.separation import binned, separations
 from foldcar.car.variation import draw, spread_named
-from foldcar.report.environment_values import environment_values
+from foldcar.report.environment_values import environment_values, objects_of_pieces
 from foldcar.store.reader import Store
 from swept_listing import foldcar
 
@@ -19,7 +20,9 @@ model model
 param friction = Range(0.4, 0.8)
 for x in (0.4, 0.7):
     new Bump at (Range(x, x + 0.1), 0), facing -90 deg, with height Range(0.01, 0.02)
-goal = new Goal at (1, 0), facing -90 deg
+kerb2 = new Kerb at (0.9, 0), facing -90 deg, with length 0.1, with height Range(0.005, 0.01)
+steps = [new Step at (x, 0.5), with length 0.1, with width 0.1, with height Range(0.01, 0.02) for x in (0.2, 0.4)]
+goal = new Goal at (1.2, 0), facing -90 deg
 ego = new Robot at (0, 0), facing goal
 """
 ENVIRONMENTS = 6
@@ -27,7 +30,7 @@ ENVIRONMENTS = 6
 
 @pytest.fixture(scope="module")
 def store(tmp_path_factory: pytest.TempPathFactory, carsim_binary: Path) -> Path:
-    """A sweep of one car over two bumps, as the workshop builds it."""
+    """A sweep of one car over two bumps and a kerb, as the workshop builds it."""
     folder = tmp_path_factory.mktemp("values")
     (folder / "bumps.scenic").write_text(PROGRAM)
     params = {"timeout": 20, "environments": ENVIRONMENTS, "variation": "workshop", "variation_seed": 5}
@@ -66,9 +69,24 @@ def test_values_are_those_that_scenic_samples_and_the_workshop_draws(store: Path
     # What is the same everywhere tells nothing.
     assert not {"scene_goal_x_m", "scene_start_x_m", "scene_box_1_length_m", "scene_pieces"} & set(columns)
     friction = next(one for one in found.columns if one.name == "scene_friction")
-    height = next(one for one in found.columns if one.name == "scene_box_1_height_m")
     assert (friction.label, friction.unit) == ("friction", "")
-    assert (height.label, height.unit, height.scale) == ("block 1 height", "mm", 1000)
+    # Objects have the program's names; the bumps of the loop have none.
+    labels = {one.name: (one.label, one.unit, one.scale) for one in found.columns}
+    assert labels["scene_box_1_height_m"] == ("bump 1 height", "mm", 1000)
+    assert labels["scene_ramp_1_height_m"] == ("kerb2 height", "mm", 1000)
+    assert labels["scene_box_5_height_m"] == ("steps[1] height", "mm", 1000)
+
+
+def test_pieces_without_the_names_of_objects_are_called_by_their_kind() -> None:
+    terrain = [{"kind": kind} for kind in ("ramp", "box", "box")]
+    named = [("kerb2", 2), ("step", 1)]
+
+    assert objects_of_pieces(named, [{"terrain": terrain}]) == [("kerb2", [0, 1]), ("step", [2])]
+    by_kind = [("ramp or kerb 1", [0]), ("block 1", [1]), ("block 2", [2])]
+    assert objects_of_pieces([], [{"terrain": terrain}]) == by_kind
+    assert objects_of_pieces([("kerb2", 2)], [{"terrain": terrain}]) == by_kind
+    # Environments with other pieces have no common names.
+    assert objects_of_pieces(named, [{"terrain": terrain}, {"terrain": terrain[:2]}]) is None
 
 
 def test_the_export_has_them_beside_every_run(store: Path) -> None:
@@ -119,6 +137,35 @@ def test_intervals_hold_the_separation_of_all_environments_together() -> None:
 
     assert ranked == 60
     assert numpy.mean(held) > 0.9
+
+
+def sample_with_noise(random: numpy.random.Generator, environments: int, effect: float) -> Any:
+    """Twelve columns, the first of which has the correlation ``effect`` with how hard an environment is to 20 designs."""
+    values = random.normal(size=(environments, 12))
+    difficulty = effect * values[:, 0] + numpy.sqrt(1 - effect**2) * random.normal(size=environments)
+    design, environment = (at.ravel() for at in numpy.indices((20, environments)))
+    noise = 0.5 * random.normal(size=len(design))
+    return values, design, environment, difficulty[environment] + noise > random.normal(size=20)[design]
+
+
+@pytest.mark.parametrize("missing", [False, True])
+def test_columns_that_tell_nothing_seldom_seem_to_tell_even_of_ten_environments(missing: bool) -> None:
+    random, alarms = numpy.random.default_rng(3), 0
+    for _ in range(200):
+        values, design, environment, passed = sample_with_noise(random, 10, 0.0)
+        # As a sweep leaves them that stops where enough is known.
+        run = environment < random.integers(6, 11, 20)[design] if missing else numpy.full(len(design), True)
+        alarms += any(one.low > 0 for one in separations(values, design[run], environment[run], passed[run]))
+
+    # 5 % of 200 are 10; bounds of normal theory gave 35 %.
+    assert alarms <= 19
+
+
+def test_a_column_that_tells_is_found() -> None:
+    random = numpy.random.default_rng(4)
+    found = [{one.column for one in separations(*sample_with_noise(random, 40, 0.6)) if one.low > 0} for _ in range(60)]
+
+    assert sum(0 in one for one in found) > 40
 
 
 def test_bins_count_every_run_once() -> None:

@@ -29,6 +29,9 @@ PUBLISHED_STYLE = """{
 }"""
 
 
+KEYS = "title, notes, experiments, vehicles, environments"
+
+
 @pytest.mark.parametrize(
     "name", ["1 fresh", "1 (side-view)", "1 (MuJoCo, half step)", "1 (calibrated mine)", "1 (calibrated a\nb)"]
 )
@@ -102,8 +105,8 @@ WIDTH = "vehicles.1.params.0.common.width"
     ("path", "value", "message"),
     [
         ("experiments", {}, ": {}: dictionary should have at least 1 item"),
-        ("enviroments", {}, ': unknown key; known: experiments, vehicles, environments; did you mean "environments"?'),
-        ("vehicle", {}, ': unknown key; known: experiments, vehicles, environments; did you mean "vehicles"?'),
+        ("enviroments", {}, f': unknown key; known: {KEYS}; did you mean "environments"?'),
+        ("vehicle", {}, f': unknown key; known: {KEYS}; did you mean "vehicles"?'),
         ("vehicles.1.typ", "W_B_W", ': unknown key; known: type, parts, params; did you mean "type"?'),
         ("environments.1.condition", {"sample": 0, "object": []}, ".object: unknown key; known: sample, objects, "),
         ("experiments.1.veh_id", 7, ': no "7"; known: 1'),

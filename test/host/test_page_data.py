@@ -82,12 +82,17 @@ def test_time_counts_the_limit_and_energy_is_per_pass(store: Path) -> None:
     page, runs = read(store), Study(store).runs
     at = designs_of(runs, page)
     measures = {one["key"]: one["value"] for one in page["designs"]["measures"]}
+    labels = [one["label"] for one in page["designs"]["measures"]]
+
+    assert labels[:2] == ["time, failures at the limit", "time of passing runs"]
 
     for index in range(4):
         mine = runs[at == index]
         passed = mine["passed"].astype(bool)
         time_s = mine["elapsed_time_s"].where(passed, 120.0).mean()
         assert measures["time"][index] == pytest.approx(time_s, rel=1e-4)
+        passing_s = mine["elapsed_time_s"][passed].mean() if passed.any() else None
+        assert measures["passing_time"][index] == (None if passing_s is None else pytest.approx(passing_s, rel=1e-4))
         energy = mine["consumed_energy_j"].sum() / passed.sum() if passed.any() else None
         assert measures["energy"][index] == (None if energy is None else pytest.approx(energy, rel=1e-4))
     assert all(150 < mass < 500 for mass in measures["mass"][:4])

@@ -127,7 +127,7 @@ def test_several_experiments_and_several_parameters_and_unfinished_ones(tmp_path
     said = " ".join(shown.split())
     for sentence in (
         "Unfinished: 12 of 16 runs are stored",
-        "In simulation no design passes a single environment",
+        "In simulation no run passed",
         "Unfinished: 0 of 10 runs are stored",
         "No run is stored yet.",
         "No replay: the report was made with --no-replay.",
@@ -175,13 +175,13 @@ def test_the_map_has_the_rates_of_the_designs_and_the_effects_their_means(tmp_pa
     with Store.open(write_study(tmp_path / "s.db", {"width_mm": widths, "radius_mm": radii}, samples, passes)) as store:
         (one,) = read_experiments(store)
     assert one.effects is not None
-    passed, runs = one.designs.counted.T
+    passed, runs = one.evidence.run_counts.T
     shares = (passed / runs).reshape(len(widths), len(radii))
 
-    names = [each.name for each in drawings(one.designs, one.effects, one.places, one.thresholds)]
+    names = [each.name for each in drawings(one.columns, one.effects, one.places, one.thresholds)]
     with threadpool_limits(1):
-        axes = draw_map(one.designs, one.effects, one.places, (0, 1), (0.5, 0.75)).axes[0]
-        (across, _) = draw_effects(one.designs, one.effects, one.places, (0.5,)).axes[:2]
+        axes = draw_map(one.columns, one.effects, one.places, (0, 1), (0.5, 0.75)).axes[0]
+        (across, _) = draw_effects(one.columns, one.effects, one.places, (0.5,)).axes[:2]
 
     assert names == ["experiment_1_effects", "experiment_1_map_by_width_mm_and_radius_mm"]
     (mesh,) = [each for each in axes.collections if isinstance(each, QuadMesh)]
@@ -199,10 +199,10 @@ def test_the_region_is_tinted_where_simulation_and_trials_together_say_so(tmp_pa
 
     with Store.open(store) as opened:
         (one,) = read_experiments(opened)
-        axes = draw_feasibility(one.designs, (0.75,)).axes[0]
+        axes = draw_feasibility(one.columns, (0.75,)).axes[0]
 
     assert before["designs"]["verdict"] == ["good"] * len(widths)
-    assert one.designs.believed[2] is not None and one.designs.believed[2][0] < 0.3
+    assert one.columns.built[2] is not None and one.columns.built[2][0] < 0.3
     assert 100.0 not in [patch.get_x() + patch.get_width() / 2 for patch in axes.patches]
 
 

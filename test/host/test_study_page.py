@@ -84,6 +84,7 @@ LOOK = """
 FILTER = """
   const lists = () => one("#listed summary").textContent;
   found.all = lists();
+  found.ended = one("#ends p").textContent;
   const least = one("input[data-key=width_mm][data-end='0']");
   least.closest("details").open = true;
   least.value = 90; least.dispatchEvent(new Event("change")); await pause(50);
@@ -93,6 +94,7 @@ FILTER = """
   chip.click(); await pause(50);
   found.pressed = one("#endings [data-outcome=passed]").getAttribute("aria-pressed");
   found.passed = lists();
+  found.passedEnds = one("#ends").hidden;
   one("#listed details").open = true; await pause(50);
   found.rows = [...document.querySelectorAll("#listed tbody tr")].map(row => row.textContent);
   const behind = one("[data-chart=curve] details"); behind.open = true; await pause(50);
@@ -153,7 +155,7 @@ def used(study: Path) -> Any:
 
 def test_every_chart_is_drawn_and_fits_and_every_control_has_a_name(study: Path, used: Any) -> None:
     for width, found in ((WIDE, used), (390, probed(study, LOOK, width=390))):
-        assert found["charts"] == [[name, True] for name in ("curve", "parallel", "scatter", "grid")]
+        assert found["charts"] == [[name, True] for name in ("curve", "parallel", "scatter", "ends", "grid")]
         assert found["clipped"] == found["unnamed"] == [] and found["unlabelled"] == 0
         assert found["width"] <= width
     # Five screens, but on a telephone.
@@ -174,6 +176,13 @@ def test_filters_keep_what_they_say_and_stand_in_the_address(study: Path, used: 
     counts = [f"{sum(run[0] == d and run[2] == 'passed' for run in runs)} of {SAMPLES}" for d in range(len(WIDTHS))]
     assert [row[3] for row in used["table"]] == counts
     assert "b.width_mm=90..245" in used["filtered"] and "outcome=passed" in used["filtered"]
+
+
+def test_a_sentence_says_at_which_obstacle_runs_fail(study: Path, used: Any) -> None:
+    failed = [run for run in stored(study) if run[2] != "passed"]
+
+    assert re.fullmatch(rf"\d+ % of the {len(failed)} failures end at (near|far).*", used["ended"])
+    assert used["passedEnds"]
 
 
 def test_a_brush_along_an_axis_keeps_its_designs(used: Any) -> None:

@@ -63,7 +63,7 @@ class Evidence:
     @cached_property
     def family(self) -> tuple[DesignEvidence, ...]:
         """The designs of the family, which come first."""
-        return tuple(one for one in self.designs if in_family(self.info, one.vehicle_type, one.design))
+        return tuple(one for one in self.designs if one.swept or in_family(self.info, one.vehicle_type, one.design))
 
     @property
     def swept(self) -> int:
@@ -198,8 +198,8 @@ def _evidence(
         said += remarks.unswept_designs([made[key] for key in unswept])
     here = set[int]() if resimulation is None else store.trials_here(info)
     found = [_with_trials(info, one, by_design.get(key, []), here, resimulation) for key, one in designs.items()]
-    family = [(place, one) for place, one in enumerate(found) if in_family(info, one.vehicle_type, one.design)]
-    known = [(place, one) for place, one in family if one.runs] if info.success_defined else []
+    evidence = Evidence(info, tuple(found), runs, None, ())
+    known = [(place, one) for place, one in enumerate(evidence.family) if one.runs and info.success_defined]
     belief = believe([one for _, one in known], [place for place, _ in known], list(info.varied))
     if info.success_defined:
         said += remarks.cars_of_designs(found)
@@ -207,7 +207,7 @@ def _evidence(
     said += resimulation.remarks(info.id) if resimulation is not None else []
     if belief is not None:
         said += belief.contradicting.remark(belief.labels)
-    return Evidence(info, tuple(found), runs, belief, (*remarks.runs(store, info), *said))
+    return replace(evidence, belief=belief, remarks=(*remarks.runs(store, info), *said))
 
 
 def _design_of(trials: Sequence[Trial]) -> tuple[str, Mapping[str, float]]:

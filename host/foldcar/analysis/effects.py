@@ -33,8 +33,11 @@ MOST_VALUES = 40
 
 @dataclass(frozen=True)
 class Effect:
-    """Success over the values ``grid`` (v,): mean with its 95 % band, each (v,), and ``curves`` (c, v) of single ones.
+    """Success over the values ``grid`` (v,): ``mean`` (v,) and ``curves`` (c, v) of single combinations.
 
+    ``low`` and ``high`` (v,) are the 95 % band of the differences between the values: how far success at a value may be
+    above or below the mean over all values, about the mean curve. ``level`` is the 95 % interval of that mean over all
+    values. All values share the environments, so the differences are known better than the level.
     ``combinations`` of the others are averaged; ``run``: all of them were run at every value, none is the model's alone.
     ``rises``: how probable it is that the mean at the first value, and at the last, is above that of its neighbour.
     """
@@ -43,6 +46,7 @@ class Effect:
     mean: NDArray[Any]
     low: NDArray[Any]
     high: NDArray[Any]
+    level: tuple[float, float]
     curves: NDArray[Any]
     combinations: int
     run: bool
@@ -83,11 +87,14 @@ class Effects:
         grid = values if len(values) <= MOST_VALUES else numpy.linspace(values[0], values[-1], MOST_VALUES)
         drawn = self._over(chosen, [parameter], grid[:, None])
         means = drawn.mean(axis=1)
-        low, high = numpy.quantile(means, (0.025, 0.975), axis=0)
+        level = means.mean(axis=1)
+        low, high = level.mean() + numpy.quantile(means - level[:, None], (0.025, 0.975), axis=0)
+        lowest, highest = numpy.quantile(level, (0.025, 0.975)).tolist()
         shown = numpy.unique(numpy.linspace(0, len(chosen) - 1, MOST_CURVES).round().astype(int))
         curves = numpy.median(drawn[:, shown], axis=0)
         first, last = (float((means[:, end] > means[:, inner]).mean()) for end, inner in ((0, 1), (-1, -2)))
-        return Effect(grid, means.mean(axis=0), low, high, curves, len(chosen), run, (first, last))
+        mean = means.mean(axis=0)
+        return Effect(grid, mean, low, high, (lowest, highest), curves, len(chosen), run, (first, last))
 
     def standardised(
         self, places: Sequence[int], values: ArrayLike, confidence: float = 0.95

@@ -39,7 +39,8 @@ def serve(study: "LiveStudy", title: str, port: int, beside_sweep: bool, as_json
     from foldcar.interrupts import message_on_signal
 
     ended = threading.Event()
-    page = web_page("foldcar.report", "study", data={"title": title, "experiments": [], "live": True}, blobs={})
+    data = {"title": title, "notes": "", "experiments": [], "live": True}
+    page = web_page("foldcar.report", "study", data=data, blobs={})
     with (
         _server(page, study, port, PATIENCE_S if beside_sweep else 0.0) as server,
         message_on_signal(lambda: f"foldcar: {server.url} is closed"),

@@ -45,7 +45,7 @@ def optimize(
         list[ObjectiveName] | None,
         typer.Option(
             metavar="NAME",
-            help="success (default); time to pass (s), the limit if a run does not; energy per pass (J); sheet-area "
+            help="success (default); time (s), failures at the limit; energy per pass (J); sheet-area "
             "(cm²). May be repeated: then none of the best is beaten in all.",
         ),
     ] = None,

@@ -1,23 +1,27 @@
-"""What was sampled for each run beside its design: the values of its scene and of its built car, as columns.
+"""Read what was sampled for each run beside its design: the values of its scene and of its built car, as columns.
 
 Input: an open store, which keeps every sample's scene and every draw's differences as JSON. Output: a table of
-environments. Pieces of terrain are counted by kind in the order of the program: ``scene_box_2_height_m`` is that of the
-second box. Differences of a built car are those of :mod:`foldcar.car.variation`; of wheels the mean and left less right.
-Columns that are the same in all environments, or tell what one before them tells, are left out.
+environments. A column's name counts pieces of terrain by kind in the order of the program: ``scene_box_2_height_m`` is
+the height of the second box. Its label has the object's name in the program, if the store has it: ``kerb2 height``.
+Differences of a built car are those of :mod:`foldcar.car.variation`; of wheels the mean and left less right.
+Columns that are the same in all environments, or linear in a column before them, are left out.
 """
 
+import itertools
 import json
 import math
+import re
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy
 from numpy.typing import NDArray
 
 from foldcar.analysis.words import label_and_unit
 from foldcar.car.variation import SERVO_DIFFERENCES, workshop
+from foldcar.scenes.terrain_kinds import KINDS
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
 from foldcar.store.tables import BY_NAME, DESIGN, EXPERIMENT
@@ -36,6 +40,10 @@ NAMES = {
     "ramp": "ramp or kerb",
     "rough": "rough ground",
 }
+# A column of a piece: the piece's kind and number, the property.
+PIECE = re.compile(rf"scene_((?:{'|'.join(KINDS)})_\d+)_(.+)")
+
+Read = TypeVar("Read")
 
 
 @dataclass(frozen=True)
@@ -67,9 +75,50 @@ def environment_values(store: Store, info: ExperimentInfo) -> EnvironmentValues:
     return store.once(("environment values", info.id), lambda: _read(store, info))
 
 
+def read_scenes(store: Store, info: ExperimentInfo) -> dict[int, Mapping[str, Any]]:
+    """Return the stored scenes of an experiment by sample, read once from an open store. Raises StoreError."""
+    row = store.row(EXPERIMENT, id=info.id)
+    return store.once(
+        ("read scenes", info.id), lambda: _by_sample(store, row, "sample", "environment_id", "scene", lambda scene: scene)
+    )
+
+
+def objects_of_pieces(
+    objects: Sequence[tuple[str, int]], scenes: Iterable[Mapping[str, Any]]
+) -> list[tuple[str, list[int]]] | None:
+    """Return the name and the indices of the pieces of each terrain object, the same in all ``scenes``.
+
+    ``objects`` are ExperimentInfo's ``terrain_objects``. Where the store lacks them, each piece is an object. Returns
+    None if the scenes have different pieces.
+    """
+    kinds = {tuple(piece["kind"] for piece in scene.get("terrain", ())) for scene in scenes}
+    if len(kinds) != 1:
+        return None
+    (pieces,) = kinds
+    if sum(count for _, count in objects) != len(pieces):
+        return [(_piece_label(name), [index]) for index, name in enumerate(_piece_names(pieces))]
+    indices = iter(range(len(pieces)))
+    return [(name, list(itertools.islice(indices, count))) for name, count in objects]
+
+
+def _piece_names(kinds: Iterable[str]) -> Iterator[str]:
+    """Yield ``box_1``, ``ramp_1``, ``box_2``: each piece's kind and its number among those of its kind."""
+    seen = Counter[str]()
+    for kind in kinds:
+        seen[kind] += 1
+        yield f"{kind}_{seen[kind]}"
+
+
+def _piece_label(name: str) -> str:
+    """Return ``block 2`` of box_2."""
+    kind, _, number = name.rpartition("_")
+    return f"{NAMES.get(kind, kind)} {number}"
+
+
 def _read(store: Store, info: ExperimentInfo) -> EnvironmentValues:
     row = store.row(EXPERIMENT, id=info.id)
-    scenes = _by_sample(store, row, "sample", "environment_id", "scene", _scene)
+    stored = read_scenes(store, info)
+    scenes = {sample: _scene(scene) for sample, scene in stored.items()}
     first = store.row(DESIGN, experiment=info.id, position=0)
     body = store.row(BY_NAME["body"], id=first["body_id"])
     wheels = json.loads(body["json"]).get("wheels", ())
@@ -82,18 +131,29 @@ def _read(store: Store, info: ExperimentInfo) -> EnvironmentValues:
         for sample, one in table.items():
             values[sample, [places[name] for name in one]] = list(one.values())
     kept = _telling(values)
-    return EnvironmentValues(tuple(_column(names[at]) for at in kept), values[:, kept])
+    columns = _columns([names[at] for at in kept], _objects_by_piece(info, stored))
+    return EnvironmentValues(columns, values[:, kept])
+
+
+def _objects_by_piece(info: ExperimentInfo, scenes: Mapping[int, Mapping[str, Any]]) -> dict[str, str]:
+    """Return the name of the object that each piece, such as box_2, belongs to."""
+    objects = objects_of_pieces(info.terrain_objects, scenes.values())
+    if objects is None:
+        return {}
+    terrain = next(iter(scenes.values())).get("terrain", ())
+    pieces = list(_piece_names(piece["kind"] for piece in terrain))
+    return {pieces[index]: name for name, indices in objects for index in indices}
 
 
 def _by_sample(
-    store: Store, experiment: Any, table: str, key: str, what: str, numbers: Callable[[Any], dict[str, float]]
-) -> dict[int, dict[str, float]]:
-    """The numbers of each sample's scene or variation; equal ones are read once."""
+    store: Store, experiment: Any, table: str, key: str, what: str, read: Callable[[Any], Read]
+) -> dict[int, Read]:
+    """Return what ``read`` makes of each sample's scene or variation; equal ones are read once."""
     rows = store.rows(BY_NAME[table], f"WHERE {key} = ?1 AND sample < ?2", experiment[key], experiment["environments"])
     ids = {row["sample"]: row[f"{what}_id"] for row in rows}
     wanted = f"WHERE id IN (SELECT {what}_id FROM {table} WHERE {key} = ?1 AND sample < ?2)"
     texts = store.rows(BY_NAME[what], wanted, experiment[key], experiment["environments"])
-    found = {row["id"]: numbers(json.loads(row["json"])) for row in texts}
+    found = {row["id"]: read(json.loads(row["json"])) for row in texts}
     return {sample: found[one] for sample, one in ids.items() if one in found}
 
 
@@ -101,11 +161,10 @@ def _scene(scene: Mapping[str, Any]) -> dict[str, float]:
     found = _numbers("scene", {"friction": scene.get("friction")})
     for what in ("start", "goal"):
         found |= _numbers(f"scene_{what}", scene.get(what) or {})
-    seen, heights = Counter[str](), []
-    for piece in scene.get("terrain", ()):
-        seen[piece["kind"]] += 1
-        found |= _numbers(f"scene_{piece['kind']}_{seen[piece['kind']]}", piece)
-        heights.append(piece.get("height_m", 0.0))
+    terrain = scene.get("terrain", ())
+    for name, piece in zip(_piece_names(piece["kind"] for piece in terrain), terrain, strict=True):
+        found |= _numbers(f"scene_{name}", piece)
+    heights = [piece.get("height_m", 0.0) for piece in terrain]
     return found | {"scene_pieces": len(heights), "scene_highest_m": max(heights, default=0.0)}
 
 
@@ -152,12 +211,25 @@ def _telling(values: NDArray[Any]) -> list[int]:
     return kept
 
 
-def _column(name: str) -> Column:
-    label, unit = label_and_unit(name.removeprefix("scene_"))
-    for kind, text in NAMES.items():
-        start = kind.replace("_", " ") + " "
-        label = text + " " + label.removeprefix(start) if label.startswith(start) else label
+def _columns(names: Sequence[str], objects: Mapping[str, str]) -> tuple[Column, ...]:
+    """Return the columns of these names; ``objects`` has the object's name by that of the piece, such as box_2."""
+    labels = [_label_and_piece(name, objects) for name in names]
+    counts = Counter(label for label, _ in labels)
+    found = []
+    for name, (label, piece) in zip(names, labels, strict=True):
+        # Several pieces of one object may have the same property.
+        text = f"{label} ({piece})" if counts[label] > 1 else label
+        unit = label_and_unit(name)[1]
+        found.append(Column(name, text, *READ_AS.get(unit, (unit, 1.0))))
+    return tuple(found)
+
+
+def _label_and_piece(name: str, objects: Mapping[str, str]) -> tuple[str, str]:
+    """Return what readers call a column, and its piece of terrain, "" if it has none."""
+    of_piece = PIECE.fullmatch(name)
+    if of_piece:
+        piece = _piece_label(of_piece[1])
+        return f"{objects.get(of_piece[1], piece)} {label_and_unit(of_piece[2])[0]}", piece
+    label = label_and_unit(name.removeprefix("scene_"))[0]
     label = {"highest": "highest obstacle", "pieces": "pieces of terrain"}.get(label, label)
-    label = label.replace("car mean", "car, mean").replace("car left less right", "car, left less right")
-    unit, scale = READ_AS.get(unit, (unit, 1.0))
-    return Column(name, label, unit, scale)
+    return label.replace("car mean", "car, mean").replace("car left less right", "car, left less right"), ""

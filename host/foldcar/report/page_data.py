@@ -31,14 +31,19 @@
   "standing": "built" | "simulated", "environment": index or null, "passed": null if aborted, "outcome", "time_s",
   "when", "note", "replay": null, or by replay.py what is drawn of it}``.
 - ``effects``: for each parameter ``{"parameter": its place, "grid": values, "mean", "low", "high": success in
-  simulation, a mean over the same combinations of the other parameters for each value, with a 95 % band, "curves": at
-  most 20 single combinations, "over": which combinations these are, in words}``. Raw averages are of unequal combinations
-  and stand nowhere. ``importance``: ``{"parameter", "share", "low", "high"}``, the share of the variance of success over
-  designs that would go if it were fixed (shares may add up to more than 1); empty with one parameter.
+  simulation, a mean over the same combinations of the other parameters for each value, with the 95 % band of its
+  difference to the mean over all values, "level": [low, high], the 95 % interval of that mean over all values, "curves":
+  at most 20 single combinations, "over": which combinations these are, in words}``. Raw averages are of unequal
+  combinations and stand nowhere. ``importance``: ``{"parameter", "share", "low", "high"}``, the share of the variance of
+  success over designs that would go if it were fixed (shares may add up to more than 1); empty with one parameter.
 - ``causes``: ``{"name": the export's column, "label", "unit", "separation": 0 to 1, "low", "high",
   "rises": whether greater values pass, "bins": [{"from", "to", "runs", "passed"}]}``, the best first: how well the value
   separates passed from failed runs of the same design. It tells something where ``low`` is above 0; all intervals of an
   experiment hold together with 95 %.
+- ``ends``: null, or where the runs that did not pass ended, by progress from the start towards the goal: ``{"from_m",
+  "step_m", "bins", "goal_m": the goal's mean place, "obstacles": [{"name", "from_m", "to_m": its mean ends, "least_m",
+  "most_m": between which it lies in nine of ten environments}], "design", "outcome", "bin", "obstacle", "count"}``. The
+  last five are columns: how many runs of a design ended so, in that bin, at that obstacle (-1: at none).
 - ``front``: null, or of a search ``{"objectives": [{"label", "unit", "better"}], "points": [{"design", "values", "low",
   "high", "fresh", "beaten"}]}``. Values of designs with ``fresh`` are of environments by which nothing was chosen; only
   of these one that is not ``beaten`` (by another of them, in all objectives) may be called best. The others are too good.
@@ -69,6 +74,7 @@ from foldcar.report.page_front import search_front
 from foldcar.report.page_measures import measures
 from foldcar.report.page_ranges import range_sentences
 from foldcar.report.page_remarks import remarks
+from foldcar.report.page_run_ends import read_run_ends
 from foldcar.report.page_simulations import other_simulations
 from foldcar.search.design_simulator import fresh_id
 from foldcar.simulation.results import NUMBERS, OUTCOMES
@@ -90,7 +96,8 @@ THRESHOLDS = (0.5, 0.75)
 class Experiment:
     """An experiment as page and figures take it; ``name`` is its own on the page.
 
-    ``trials`` are those that are shown, ``left_out`` counts the others by standing. ``effects`` is the smooth model of
+    ``trials`` are those that are shown, ``left_out`` counts the others by standing; ``elsewhere``: those that were driven
+    in other environments than the runs, with their Scenic programs. ``effects`` is the smooth model of
     the parameters at ``places``, None if there is none. ``fresh`` is the evidence on a search's best designs in fresh
     environments.
     """
@@ -100,6 +107,7 @@ class Experiment:
     selection: Selection
     trials: Sequence[Trial]
     left_out: Counter[str]
+    elsewhere: Mapping[int, str | None]
     thresholds: tuple[float, ...]
     effects: Effects | None
     places: list[int]
@@ -113,7 +121,7 @@ class Experiment:
     @cached_property
     def columns(self) -> DesignColumns:
         """The designs as columns."""
-        return DesignColumns(self.evidence, self.trials)
+        return DesignColumns(self.evidence, [trial for trial in self.trials if trial.id not in self.elsewhere])
 
 
 def read_experiments(
@@ -141,7 +149,8 @@ def read_experiments(
         fresh = by_id.get(fresh_id(name)) if info.searched else None
         good = tuple(sorted(set(thresholds))) or info.thresholds or THRESHOLDS
         advice = measure_first(store, selection)
-        found.append(Experiment(name, evidence, advice, shown, left_out, good, effects, places, fresh))
+        elsewhere = store.trials_elsewhere(info) if evidence.swept else {}
+        found.append(Experiment(name, evidence, advice, shown, left_out, elsewhere, good, effects, places, fresh))
     return found
 
 
@@ -207,6 +216,7 @@ def _experiment(
         "effects": [] if effects is None else effect_rows(evidence, effects, places),
         "importance": [] if effects is None else importance_rows(effects, places),
         "causes": cause_rows(evidence, values),
+        "ends": read_run_ends(store, info, evidence.runs.counted) if evidence.swept else None,
         "runs": _runs(evidence) if few else None,
         "runs_omitted": "" if few else OMITTED.format(info.stored_runs, evidence.swept),
         "outcomes": list(OUTCOMES),

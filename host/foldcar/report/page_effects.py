@@ -46,7 +46,14 @@ def effect_rows(evidence: Evidence, effects: Effects, places: list[int]) -> list
         curves = one.curves.round(DIGITS).tolist() if len(places) > 1 else []
         rows = {key: getattr(one, key).round(DIGITS).tolist() for key in ("mean", "low", "high")}
         found.append(
-            {"parameter": place, "grid": one.grid.tolist(), **rows, "curves": curves, "over": over(one, len(places))}
+            {
+                "parameter": place,
+                "grid": one.grid.tolist(),
+                **rows,
+                "level": [round(end, DIGITS) for end in one.level],
+                "curves": curves,
+                "over": over(one, len(places)),
+            }
         )
     return found
 

@@ -4,12 +4,14 @@ import shlex
 from typing import TYPE_CHECKING
 
 from foldcar.advice.design_evidence import in_family
+from foldcar.advice.remarks import trials_in_other_environments
 from foldcar.analysis.stopping import LEAST_CHANCE
 from foldcar.analysis.words import count
 from foldcar.simulation.results import OUTCOMES
 from foldcar.store.calibrations import calibrations
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
+from foldcar.store.trial_records import SIMULATED
 
 if TYPE_CHECKING:
     from foldcar.report.page_data import Experiment
@@ -37,6 +39,8 @@ def remarks(store: Store, one: "Experiment") -> list[str]:
     passed, number = one.columns.simulated_trial_counts.sum(axis=0).tolist()
     if number:
         found.append(f"SIMULATED trials, which count in no rate: {passed} of {number} of simulated cars passed.")
+    simulated = [trial.id for trial in one.trials if trial.standing == SIMULATED]
+    found += trials_in_other_environments([one.elsewhere[at] for at in simulated if at in one.elsewhere], info)
     for calibration in calibrations(store):
         if calibration.experiment == info.id:
             findings = " ".join(calibration.summary["findings"])

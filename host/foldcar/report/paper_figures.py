@@ -62,8 +62,8 @@ def drawings(
         if run:
             yield Drawing(f"{start}_outcomes_by_{name}", f"Outcomes by {label}", partial(draw_outcomes, designs))
     if len(places) > 1 and effects is not None:
-        said = f"Success over each parameter, with 95 % bands: {over(effects.effect(0), len(places))}, for the first."
-        caption = f"{said} Thin: single combinations."
+        said = "Success over each parameter, with 95 % bands of the differences between its values"
+        caption = f"{said}: {over(effects.effect(0), len(places))}, for the first. Thin: single combinations."
         yield Drawing(f"{start}_effects", caption, partial(draw_effects, designs, effects, places, thresholds))
         two = [row["parameter"] for row in importance_rows(effects, places)][:2]
         first, second = (list(designs.evidence.values)[place] for place in two)

@@ -16,7 +16,7 @@ from scenic.core.object_types import Constructible, Object
 
 from foldcar.errors import FoldcarError
 from foldcar.scenes import scenic_private
-from foldcar.scenes.program import named_things
+from foldcar.scenes.program import named_instances
 
 
 def condition(
@@ -42,7 +42,7 @@ def condition(
     if not objects and not params:
         raise FoldcarError('condition: names nothing: leave "objects" and "params" out to freeze everything')
     values = {name: [value] for name, value in scenario.params.items()}
-    chosen = [*_named("params", values, params or ()), *_named("objects", _named_instances(scenario), objects or ())]
+    chosen = [*_named("params", values, params or ()), *_named("objects", named_instances(scenario), objects or ())]
     _refuse_shared(scenario, chosen)
     _freeze(chosen, scene.sample)
 
@@ -107,7 +107,7 @@ def _reachable(root: Any, stop: Callable[[Any], bool] = lambda node: False) -> I
 
 def _names(scenario: Any) -> dict[int, str]:
     """What to call parameters and objects, by their ids."""
-    named = {id(thing): f'"{name}"' for name, things in _named_instances(scenario).items() for thing in things}
+    named = {id(thing): f'"{name}"' for name, things in named_instances(scenario).items() for thing in things}
     return {**named, **{id(value): f'param "{name}"' for name, value in scenario.params.items()}}
 
 
@@ -134,14 +134,3 @@ def _named(kind: str, known: Mapping[str, list[Any]], names: Collection[str]) ->
             told = ", ".join(sorted(known)) or "none"
             raise FoldcarError(f'condition: {kind}: no "{name}"; the program names: {told}')
     return [thing for name in names for thing in known[name]]
-
-
-def _named_instances(scenario: Any) -> dict[str, list[Any]]:
-    """The objects and points of the program by the names of its variables."""
-    own = {id(thing) for thing in scenic_private.instances(scenario)}
-    known = {} if scenario.egoObject is None else {"ego": [scenario.egoObject]}
-    for name, value in named_things(scenario).items():
-        things = [scenic_private.unsampled(thing) for thing in (value if isinstance(value, list | tuple) else [value])]
-        if things and all(id(thing) in own for thing in things):
-            known[name] = things
-    return known

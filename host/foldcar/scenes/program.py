@@ -225,6 +225,17 @@ def named_things(scenario: Any) -> dict[str, Any]:
     return scenic_private.names(scenario.dynamicScenario)
 
 
+def named_instances(scenario: Any) -> dict[str, list[Any]]:
+    """The objects and points of a compiled program by the names of its variables; a list of them by the list's name."""
+    own = {id(thing) for thing in scenic_private.instances(scenario)}
+    known = {} if scenario.egoObject is None else {"ego": [scenario.egoObject]}
+    for name, value in named_things(scenario).items():
+        things = [scenic_private.unsampled(thing) for thing in (value if isinstance(value, list | tuple) else [value])]
+        if things and all(id(thing) in own for thing in things):
+            known[name] = things
+    return known
+
+
 @cache
 def parsed_program(source: str) -> ast.AST:
     """The syntax tree of a Scenic program."""

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from foldcar.errors import FoldcarError
 from foldcar.scenes.contained import contained
+from foldcar.scenes.object_names import terrain_objects
 from foldcar.scenes.obstacles import Obstacle
 from foldcar.scenes.program import ProgramError, compile_program, is_dynamic, may_end_itself, overlap_hint
 from foldcar.scenes.program_files import Files, ProgramFiles
@@ -121,6 +122,12 @@ class SceneSource:
     def sample_with_obstacles(self, k: int) -> tuple[dict[str, Any], list[Obstacle]]:
         """What :meth:`sample` gives, and its obstacles."""
         return self._with_obstacles(self.scenic_scene(k), k)
+
+    def terrain_objects(self) -> list[tuple[str, int]]:
+        """The name of each terrain object and its number of pieces, in the order of sample 0's terrain. FoldcarError."""
+        scene = self.scenic_scene(0)
+        with self.files.inside(), contained(SAMPLE_LIMIT_S, f"{self.program}: sample 0", self.program):
+            return terrain_objects(self.scenario, scene)
 
     def _with_obstacles(self, scene: Any, k: int) -> tuple[dict[str, Any], list[Obstacle]]:
         with self.files.inside(), contained(SAMPLE_LIMIT_S, f"{self.program}: sample {k}", self.program):

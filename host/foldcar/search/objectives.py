@@ -60,7 +60,7 @@ def _times_s(rows: Sequence[Row], limit_s: float) -> list[float]:
 
 
 def _time(rows: Sequence[Row], limit_s: float) -> float:
-    """The mean time to pass, the limit where a run does not."""
+    """Return the mean time of the runs (s), where a run that did not pass counts as the time limit."""
     times = _times_s(rows, limit_s)
     return math.fsum([*times, *[limit_s] * (len(rows) - len(times))]) / len(rows)
 
@@ -117,7 +117,7 @@ OBJECTIVES = {
             lambda row, limit_s, aim: math.nan if row.passed is None else aim - row.passed,
         ),
         Objective(
-            "time", "s", False, "mean time to pass, the limit where a run does not", _time, _time_interval,
+            "time", "s", False, "mean time, failures at the limit", _time, _time_interval,
             lambda row, limit_s, aim: math.nan if row.passed is None else _time([row], limit_s) - aim,
         ),
         Objective(

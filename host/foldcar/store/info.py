@@ -1,7 +1,7 @@
 """What a study is: the facts a store keeps beside its runs, as reports print them."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -55,6 +55,8 @@ class ExperimentInfo:
     the names of what it went by.
     ``thresholds`` are the shares of passed runs that tell good designs from bad ones. ``engine`` is the name and version
     of what moved the cars, "" in multibody. ``unlike_sides`` says what that engine cannot know here, "" if nothing.
+    ``terrain_objects`` are the name of each terrain object and its number of pieces, in the order of sample 0's terrain;
+    empty if the store does not have them.
     """
 
     id: str
@@ -89,6 +91,7 @@ class ExperimentInfo:
     objectives: tuple[str, ...] = ()
     engine: str = ""
     unlike_sides: str = ""
+    terrain_objects: Sequence[tuple[str, int]] = ()
 
     @property
     def listed_id(self) -> str:

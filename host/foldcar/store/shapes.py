@@ -63,6 +63,7 @@ class ExperimentFacts(TypedDict):
     objectives: NotRequired[list[str]]
     engine: NotRequired[str]
     unlike_sides: NotRequired[str]
+    terrain_objects: NotRequired[list[tuple[str, NonNegativeInt]]]
     ended_runs: NotRequired[NonNegativeInt | None]
     files: NotRequired[dict[str, str]]
 

@@ -168,13 +168,10 @@ class StoreWriter(StoreConnection):
                 self._update(ENVIRONMENT, row)
         return bool(row["dynamic"])
 
-    def success_rule(self, environment_id: int) -> tuple[str, bool] | None:
-        """When a run in the environment has passed and whether that is defined; None if no experiment says so yet."""
-        for row in self._rows(EXPERIMENT):
-            facts = json.loads(row["facts"])
-            if row["environment_id"] == environment_id:
-                return facts["success_rule"], facts["success_defined"]
-        return None
+    def environment_facts(self, environment_id: int) -> dict[str, Any]:
+        """The facts of an experiment in this environment; empty if no experiment has been swept in it."""
+        rows = self._rows(EXPERIMENT, "WHERE environment_id = ?", environment_id)
+        return dict(json.loads(rows[0]["facts"])) if rows else {}
 
     def spread(self, fingerprint: str) -> int:
         """Id of the spread of cars with this fingerprint."""

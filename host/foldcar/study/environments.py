@@ -85,6 +85,11 @@ class Environment:
         """When a run of the program has passed."""
         return self._open().success
 
+    @property
+    def terrain_objects(self) -> list[tuple[str, int]]:
+        """The name of each terrain object and its number of pieces, in the order of sample 0's terrain."""
+        return self._open().terrain_objects()
+
     def sample(self, k: int) -> dict[str, Any]:
         """Sample ``k`` as a scene object of docs/carsim.md, without id."""
         return self._fixed().sample(k)

@@ -175,7 +175,11 @@ def plan_experiment(
     varied = experiment.family.varied
     environment.recall(writer.program_files(experiment.id), writer.knows_environment)
     environment_id = writer.environment(environment.fingerprint)
-    success_rule, defined = writer.success_rule(environment_id) or (environment.success.text, environment.success.defined)
+    # What an earlier sweep has stored need not be compiled again.
+    of_program = writer.environment_facts(environment_id)
+    if "terrain_objects" not in of_program:
+        success, objects = environment.success, environment.terrain_objects
+        of_program = {"success_rule": success.text, "success_defined": success.defined, "terrain_objects": objects}
     plan = PlannedExperiment(
         id=experiment.id,
         vehicle=experiment.family.vehicle,
@@ -197,8 +201,7 @@ def plan_experiment(
             "variation": dict(experiment.variation),
             "variation_seed": experiment.variation_seed,
             "skipped": experiment.family.skipped,
-            "success_rule": success_rule,
-            "success_defined": defined,
+            **{name: of_program[name] for name in ("success_rule", "success_defined", "terrain_objects")},
             "calibration": environment.calibration,
             **({"listed_environment": environment.listed_fingerprint} if environment.calibration else {}),
             "thresholds": experiment.thresholds,

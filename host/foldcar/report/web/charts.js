@@ -10,6 +10,8 @@ echarts.use([BarChart, CustomChart, HeatmapChart, LineChart, ParallelChart, Scat
   MarkLineComponent, ParallelComponent, TooltipComponent, CanvasRenderer, SVGRenderer]);
 
 const SCALE = [[0xb3, 0x40, 0x00], [0xe8, 0xa8, 0x6b], [0xe4, 0xe0, 0xd4], [0x6b, 0xb8, 0x9e], [0x00, 0x70, 0x52]];
+// Colours of the endings of runs: Okabe and Ito's, as in figures/style.py.
+export const OUTCOMES = { passed: "#009e73", tipped: "#d55e00", stuck: "#56b4e9", off_course: "#cc79a7", timeout: "#f0e442", fault: "#777", terminated: "#0072b2", rejected: "#e69f00", failed: "#999" };
 const all = new Set();
 
 export function colours() {

@@ -6,6 +6,7 @@ import { BELIEF, isSuccess, number, percent, valueText, withUnit } from "./data.
 import { byId, make, select } from "../../figures/web/dom.js";
 
 const NARROW = 640;
+const BANDS = "Bands hold the differences between values, with 95 %: how far success at a value is above or below the mean over all values. All values were run in the same environments, so the level of a whole curve is less sure than its shape.";
 // Rows of the table of designs.
 const MOST_ROWS = 500;
 
@@ -19,10 +20,11 @@ export class Parameters {
     const several = e.parameters.length > 1;
     byId("importance").replaceChildren(...(several && e.importance.length ? importance(e) : []));
     byId("effects").replaceChildren();
+    byId("effects-note").textContent = several && e.effects.length ? BANDS : "";
     if (several) for (const effect of e.effects) {
       const place = byId("effects").appendChild(make("div"));
       this.charts.push(new Chart(place.appendChild(make("figure")), effectFigure(e, effect)));
-      place.append(make("p", { class: "note", text: `In ${e.simulation} by ${e.parameters[effect.parameter].label}: ${effect.over}.` }));
+      place.append(make("p", { class: "note", text: `In ${e.simulation} by ${e.parameters[effect.parameter].label}: ${effect.over}. Level of the whole curve: ${effect.level.map(percent).join(" to ")}.` }));
     }
     const place = byId("designs");
     place.replaceChildren();
@@ -78,18 +80,19 @@ function importance(e) {
 }
 
 function effectFigure(e, { parameter, grid, mean, low, high, curves, over }) {
-  const axis = e.axes[parameter], hundred = value => 100 * value;
+  const axis = e.axes[parameter], hundred = value => 100 * value, level = mean.reduce((sum, value) => sum + value, 0) / mean.length;
+  const points = value => `${value < level ? "−" : "+"}${Math.abs(Math.round(100 * (value - level)))}`, difference = k => `${points(low[k])} to ${points(high[k])} points`;
   return {
     label: `Success by ${axis.label}, ${over}`,
-    table: () => ({ head: [withUnit(axis), "success", "95 %"], rows: grid.map((value, k) => [String(value), percent(mean[k]), `${percent(low[k])} to ${percent(high[k])}`]) }),
+    table: () => ({ head: [withUnit(axis), "success", "to the mean over all values (95 %)"], rows: grid.map((value, k) => [String(value), percent(mean[k]), difference(k)]) }),
     option: theme => ({
       height: 210, grid: { left: 52, right: 12, top: 12, bottom: 42 },
-      tooltip: { trigger: "axis", formatter: ([one]) => `${axis.label} ${number(one.value[0])} ${axis.unit}<br>${percent(mean[one.dataIndex])} (${percent(low[one.dataIndex])} to ${percent(high[one.dataIndex])})`, ...tipStyle(theme) },
+      tooltip: { trigger: "axis", formatter: ([one]) => `${axis.label} ${number(one.value[0])} ${axis.unit}<br>${percent(mean[one.dataIndex])}, to the mean over all values ${difference(one.dataIndex)}`, ...tipStyle(theme) },
       xAxis: axisStyle(theme, withUnit(axis), { type: "value", min: grid[0], max: grid[grid.length - 1] }),
       yAxis: successAxis(theme),
       series: [
         { type: "line", data: grid.map((at, k) => [at, hundred(mean[k])]), symbol: "none", lineStyle: { color: theme.accent, width: 3 }, z: 4 },
-        band(grid.map((at, k) => [at, hundred(low[k]), hundred(high[k])]), theme.accent, 0.22),
+        band(grid.map((at, k) => [at, Math.max(0, hundred(low[k])), Math.min(100, hundred(high[k]))]), theme.accent, 0.22),
         ...curves.map(curve => ({ type: "line", data: grid.map((at, k) => [at, hundred(curve[k])]), symbol: "none", silent: true, lineStyle: { color: theme.soft, width: 1, opacity: 0.35 }, z: 2, tooltip: { show: false } })),
       ],
     }),

@@ -1,11 +1,10 @@
 // Single runs: what separates failed from passed, how they ended, the grid of designs and environments, one run.
 
-import { Chart, axisStyle, successAxis, tableBehind, tipStyle } from "./charts.js";
+import { Chart, OUTCOMES, axisStyle, successAxis, tableBehind, tipStyle } from "./charts.js";
 import { number, percent, withUnit } from "./data.js";
+import { RunEnds } from "./run_ends.js";
 import { byId, make } from "../../figures/web/dom.js";
 
-// Okabe and Ito's, as in figures/style.py.
-const OUTCOMES = { passed: "#009e73", tipped: "#d55e00", stuck: "#56b4e9", off_course: "#cc79a7", timeout: "#f0e442", fault: "#777", terminated: "#0072b2", rejected: "#e69f00", failed: "#999" };
 const MOST_CAUSES = 6;
 const MOST_LISTED = 200;
 // Cells that are elements of their own, which print sharply.
@@ -29,13 +28,16 @@ export class Runs {
     byId("causes").replaceChildren();
     const causes = [...e.causes].sort((a, b) => b.separation - a.separation);
     if (causes.length) this.causes(causes);
+    byId("ends").replaceChildren();
+    this.ends = e.ends ? new RunEnds(model, byId("ends")) : null;
+    if (this.ends) this.charts.push(this.ends.chart);
     byId("grid").replaceChildren();
     this.grid = e.runs && e.count ? new Grid(model, byId("grid")) : null;
     if (this.grid) this.charts.push(this.grid.chart);
     byId("replay").hidden = !e.replayed;
     byId("omitted").textContent = e.runs_omitted || "";
     byId("runs").hidden = !e.count;
-    for (const chart of this.charts) if (chart !== this.grid?.chart) chart.draw();
+    for (const chart of this.charts) if (chart !== this.grid?.chart && chart !== this.ends?.chart) chart.draw();
   }
 
   // Pictures of those that tell something; the rest is in the table.
@@ -56,6 +58,7 @@ export class Runs {
   mark() {
     const { model } = this;
     endings(model);
+    if (this.ends) this.ends.mark();
     if (this.grid) this.grid.mark();
     listed(model);
     if (model.e.replayed) this.replay.show(model.design, model.env, model.state.t ?? 0, model.state.t === null && document.body.dataset.state === "ready");

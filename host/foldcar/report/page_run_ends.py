@@ -1,0 +1,191 @@
+"""Compute where the runs that did not pass ended along the way from start to goal, and at which obstacle.
+
+Input: counted runs, their designs' bodies, the sampled scenes. Output: counts and obstacles for the page. A run's place
+is its progress: the distance from start to goal less the distance from the car's middle to the goal at the end (m). A
+run ended at an obstacle if the car stood over it there. Of several such obstacles it is the one nearest to the middle.
+"""
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy
+from numpy.typing import NDArray
+
+from foldcar.report.environment_values import objects_of_pieces, read_scenes
+from foldcar.scenes.terrain_kinds import kind_of, reach_m
+from foldcar.simulation.results import NUMBERS, OUTCOMES
+from foldcar.store.frames import RunArrays
+from foldcar.store.info import ExperimentInfo
+from foldcar.store.reader import Store
+from foldcar.store.tables import BY_NAME, DESIGN
+
+# Widths of bins (m): the narrowest that makes at most MAX_BINS is taken.
+STEPS_M = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
+MAX_BINS = 60
+# Objects beyond so many are not told apart.
+MAX_OBSTACLES = 60
+# An obstacle's band leaves out this share of the environments at each end.
+TAIL = 0.05
+# In metres of distance from the car's middle, what a metre of an obstacle's length counts: a pothole before its ground.
+LENGTH_WEIGHT = 0.001
+
+
+@dataclass(frozen=True)
+class Course:
+    """The way from start to goal in each environment: ``goal_m`` (environments,), NaN where there is no goal.
+
+    Obstacles, arrays (environments, obstacles), reach from ``first_m`` to ``last_m`` along the way and are ``gap_m``
+    beside it, 0 if they lie on it.
+    """
+
+    goal_m: NDArray[Any]
+    names: Sequence[str]
+    first_m: NDArray[Any]
+    last_m: NDArray[Any]
+    gap_m: NDArray[Any]
+
+    def within(self, side_m: float) -> "Course":
+        """Return the course with the obstacles that are at most ``side_m`` beside the way in any environment."""
+        kept = numpy.flatnonzero((self.gap_m <= side_m).any(axis=0)).tolist()
+        names = [self.names[index] for index in kept]
+        return Course(self.goal_m, names, self.first_m[:, kept], self.last_m[:, kept], self.gap_m[:, kept])
+
+
+@dataclass(frozen=True)
+class CarExtents:
+    """How far each design's body reaches from its middle (m), arrays (designs,)."""
+
+    front_m: NDArray[Any]
+    back_m: NDArray[Any]
+    side_m: NDArray[Any]
+
+
+def read_run_ends(store: Store, info: ExperimentInfo, runs: RunArrays) -> dict[str, Any] | None:
+    """Return the page's ``ends`` (see page_data.py) of counted ``runs``, None if there are none. Raises StoreError."""
+    # Progress towards the goal says nothing of a car that is to drive in circles.
+    if not info.success_defined or info.yaw_rate_rad_s or not len(runs.design):
+        return None
+    course = read_course(info.terrain_objects, read_scenes(store, info), info.environments)
+    return run_ends(course, read_car_extents(store, info), runs)
+
+
+def run_ends(course: Course, extents: CarExtents, runs: RunArrays) -> dict[str, Any] | None:
+    """Return the page's ``ends`` of counted ``runs``; None if no run that did not pass has a place."""
+    progress_m = course.goal_m[runs.sample] - runs.metrics[:, NUMBERS.index("distance_to_target_m")]
+    failed = (runs.outcome != OUTCOMES.index("passed")) & ~numpy.isnan(progress_m)
+    if not failed.any():
+        return None
+    place_m, design, sample, outcome = progress_m[failed], runs.design[failed], runs.sample[failed], runs.outcome[failed]
+    course = course.within(float(extents.side_m.max()))
+    goal_m = float(numpy.nanmean(course.goal_m))
+    low_m, high_m = min(0.0, float(place_m.min())), max(goal_m, float(place_m.max()))
+    step_m = next((step for step in STEPS_M if (high_m - low_m) / step < MAX_BINS - 1), STEPS_M[-1])
+    bins = numpy.floor(place_m / step_m).astype(int)
+    first, last = math.floor(low_m / step_m), math.floor(high_m / step_m)
+    cells = numpy.column_stack([design, outcome, bins - first, met_obstacles(course, extents, place_m, design, sample)])
+    cells, counts = numpy.unique(cells, axis=0, return_counts=True)
+    return {
+        "from_m": round(first * step_m, 6),
+        "step_m": step_m,
+        "bins": last - first + 1,
+        "goal_m": round(goal_m, 4),
+        "obstacles": _obstacle_rows(course),
+        **dict(zip(("design", "outcome", "bin", "obstacle"), cells.T.tolist(), strict=True)),
+        "count": counts.tolist(),
+    }
+
+
+def met_obstacles(
+    course: Course, extents: CarExtents, place_m: NDArray[Any], design: NDArray[Any], sample: NDArray[Any]
+) -> NDArray[Any]:
+    """Return the index of the obstacle that each car (cars,) stood over with its middle at ``place_m``; -1 if none."""
+    front_m, back_m, side_m = (each[design] for each in (extents.front_m, extents.back_m, extents.side_m))
+    nearest_m, found = numpy.full(len(place_m), numpy.inf), numpy.full(len(place_m), -1)
+    for obstacle in range(len(course.names)):
+        first_m, last_m, gap_m = (each[sample, obstacle] for each in (course.first_m, course.last_m, course.gap_m))
+        over = (place_m + front_m >= first_m) & (place_m - back_m <= last_m) & (gap_m <= side_m)
+        away_m = numpy.maximum(numpy.maximum(first_m - place_m, place_m - last_m), 0) + LENGTH_WEIGHT * (last_m - first_m)
+        nearer = over & (away_m < nearest_m)
+        nearest_m[nearer], found[nearer] = away_m[nearer], obstacle
+    return found
+
+
+def _obstacle_rows(course: Course) -> list[dict[str, Any]]:
+    """Return the name of each obstacle, its mean ends (m), and between which places it lies in most environments."""
+    return [
+        {
+            "name": name,
+            "from_m": round(float(numpy.nanmean(first_m)), 4),
+            "to_m": round(float(numpy.nanmean(last_m)), 4),
+            "least_m": round(float(numpy.nanquantile(first_m, TAIL)), 4),
+            "most_m": round(float(numpy.nanquantile(last_m, 1 - TAIL)), 4),
+        }
+        for name, first_m, last_m in zip(course.names, course.first_m.T, course.last_m.T, strict=True)
+    ]
+
+
+def read_course(objects: Sequence[tuple[str, int]], scenes: Mapping[int, Mapping[str, Any]], environments: int) -> Course:
+    """Return the course of ``scenes`` by sample; ``objects`` are ExperimentInfo's ``terrain_objects``.
+
+    Scenes with different pieces, or with more objects than MAX_OBSTACLES, have no obstacles.
+    """
+    named = objects_of_pieces(objects, scenes.values()) or []
+    named = named if len(named) <= MAX_OBSTACLES else []
+    goal_m = numpy.full(environments, numpy.nan)
+    ends_m = numpy.full((3, environments, len(named)), numpy.nan)
+    for sample, scene in scenes.items():
+        start, goal = scene.get("start"), scene.get("goal")
+        if not start or not goal:
+            continue
+        way_m = goal["x_m"] - start["x_m"], goal["y_m"] - start["y_m"]
+        goal_m[sample], way_rad = math.hypot(*way_m), math.atan2(way_m[1], way_m[0])
+        for index, (_, pieces) in enumerate(named):
+            ends_m[:, sample, index] = _extent_m([scene["terrain"][piece] for piece in pieces], start, way_rad)
+    return Course(goal_m, [name for name, _ in named], *ends_m)
+
+
+def _extent_m(
+    pieces: Sequence[Mapping[str, Any]], start: Mapping[str, float], way_rad: float
+) -> tuple[float, float, float]:
+    """Return where an object's pieces begin and end along the way, and how far beside it they are (m)."""
+    cos, sin = math.cos(way_rad), math.sin(way_rad)
+    ends_m = []
+    for piece in pieces:
+        # A hill is taken up to two standard deviations.
+        share = 0.5 if kind_of(piece).shape == "bell" else 1.0
+        length_m, width_m = (share * reach for reach in reach_m(piece))
+        turn_rad = piece.get("heading_rad", 0.0) - way_rad
+        c, s = abs(math.cos(turn_rad)), abs(math.sin(turn_rad))
+        along_m, across_m = length_m * c + width_m * s, length_m * s + width_m * c
+        x_m, y_m = piece["x_m"] - start["x_m"], piece["y_m"] - start["y_m"]
+        ahead_m, left_m = x_m * cos + y_m * sin, y_m * cos - x_m * sin
+        ends_m.append((ahead_m - along_m, ahead_m + along_m, left_m - across_m, left_m + across_m))
+    first_m, last_m, right_m, left_m = (
+        choose(ends) for choose, ends in zip((min, max, min, max), zip(*ends_m, strict=True), strict=True)
+    )
+    return first_m, last_m, max(0.0, right_m, -left_m)
+
+
+def read_car_extents(store: Store, info: ExperimentInfo) -> CarExtents:
+    """Return how far the bodies of the experiment's designs reach. Raises StoreError."""
+    bodies = [row["body_id"] for row in store.rows(DESIGN, "WHERE experiment = ? ORDER BY position", info.id)]
+    wanted = set(bodies)
+    by_id = {row["id"]: _reach_m(json.loads(row["json"])) for row in store.rows(BY_NAME["body"]) if row["id"] in wanted}
+    unknown = (numpy.nan,) * 3
+    front_m, back_m, side_m = numpy.array([by_id.get(body, unknown) for body in bodies]).reshape(-1, 3).T
+    return CarExtents(front_m, back_m, side_m)
+
+
+def _reach_m(body: Mapping[str, Any]) -> tuple[float, float, float]:
+    """Return how far a body of docs/carsim.md reaches ahead, behind and sideways (m)."""
+    wheels, segments = ([part for part in body.get(kind, ()) if "x_m" in part] for kind in ("wheels", "segments"))
+    ends_m = [(wheel["x_m"], wheel["radius_m"]) for wheel in wheels]
+    ends_m += [(segment["x_m"], segment["length_m"] / 2) for segment in segments]
+    sides_m = [(body["track_m"] + wheel["width_m"]) / 2 for wheel in wheels]
+    sides_m += [segment["width_m"] / 2 for segment in segments]
+    if not ends_m:
+        return numpy.nan, numpy.nan, numpy.nan
+    return max(x + reach for x, reach in ends_m), max(reach - x for x, reach in ends_m), max(sides_m)

@@ -126,11 +126,14 @@ def drawn(
         times = random.gamma(20, 0.3 + 0.2 * place[:, 0])
         for run in writer.planned_runs(plan, sample):
             at = run.design
-            yield run, {
-                "outcome": "passed" if passes[at] else str(ends[at]),
-                **dict.fromkeys(NUMBERS, float(0.1 + 0.02 * times[at])),
-                "elapsed_time_s": float(times[at]),
-            }
+            yield (
+                run,
+                {
+                    "outcome": "passed" if passes[at] else str(ends[at]),
+                    **dict.fromkeys(NUMBERS, float(0.1 + 0.02 * times[at])),
+                    "elapsed_time_s": float(times[at]),
+                },
+            )
 
 
 if __name__ == "__main__":

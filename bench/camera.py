@@ -123,9 +123,9 @@ def main() -> None:
         start = find_start(filmed.times_s, filmed.poses, path[:, :3], "film")
 
         def off(shift_s: float, filmed: Any = filmed, truth: Any = truth) -> Any:
-            found = filmed.poses - numpy.array([truth(time_s + shift_s) for time_s in filmed.times_s])
-            found[:, 3:] = numpy.remainder(found[:, 3:] + math.pi, math.tau) - math.pi
-            return found
+            result = filmed.poses - numpy.array([truth(time_s + shift_s) for time_s in filmed.times_s])
+            result[:, 3:] = numpy.remainder(result[:, 3:] + math.pi, math.tau) - math.pi
+            return result
 
         # A frame's time is that of its first row.
         shift_s = min(numpy.arange(-0.03, 0.03, 0.001), key=lambda s: numpy.median(numpy.hypot(*off(s)[:, :2].T)))

@@ -42,16 +42,16 @@ def measured(folder: Path, *words: str) -> dict[str, float]:
     done = subprocess.run([sys.executable, "-c", MEASURED, out, *words], stdout=subprocess.DEVNULL)
     if done.returncode != 0:
         sys.exit(f"foldcar {' '.join(words)}: exit code {done.returncode}")
-    found: dict[str, float] = json.loads(out.read_text())
-    return found
+    result: dict[str, float] = json.loads(out.read_text())
+    return result
 
 
 def sizes(most: int) -> list[int]:
     """Numbers of runs: powers of ten from that of the designs."""
-    found = [DESIGNS]
-    while found[-1] * 10 <= most:
-        found.append(found[-1] * 10)
-    return found
+    sizes = [DESIGNS]
+    while sizes[-1] * 10 <= most:
+        sizes.append(sizes[-1] * 10)
+    return sizes
 
 
 def row(folder: Path, runs: int, before: int, jobs: int) -> list[str]:

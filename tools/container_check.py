@@ -84,8 +84,8 @@ def ignored(folder: str, names: list[str]) -> set[str]:
     inside = Path(folder).is_relative_to(PROJECT) and not Path(folder).is_relative_to(ROOTS)
     top = Path(folder) == PROJECT
     return {
-        name for name in names for one in patterns
-        if inside and (one.parts[0] == "**" or top) and Path(name).match(one.name)
+        name for name in names for pattern in patterns
+        if inside and (pattern.parts[0] == "**" or top) and Path(name).match(pattern.name)
     }  # fmt: skip
 
 

@@ -65,7 +65,7 @@ class Runs:
         counts = None if other is None else (other.passed.tolist(), other.runs.tolist())
         schedule, order = Schedule(rule, most, [0] * designs, counts), []
         while batches := schedule.next():
-            order += [one.design for one in batches if not one.samples.start]
+            order += [batch.design for batch in batches if not batch.samples.start]
             new = {b.design: self.passed[b.design, b.samples.start : b.samples.stop] for b in batches}
             schedule.record({design: (int(row.sum()), len(row)) for design, row in new.items()}, batches)
         return schedule, order

@@ -297,7 +297,7 @@ class Study:
         rows = []
         for evidence, (kind, (name, _, _)) in product(COVERAGE_WAYS, enumerate(KINDS)):
             indices = range(EACH * kind, EACH * (kind + 1))
-            found = [self.judged(one, self.calibration(one, COVERAGE_TRIALS, evidence, False)) for one in indices]
+            found = [self.judged(index, self.calibration(index, COVERAGE_TRIALS, evidence, False)) for index in indices]
             judged = np.mean(found, axis=0)
             rows.append([name, evidence, f"{judged[1]:.1f}", f"{judged[2]:.0f}", f"{judged[3]:.0f}"])
         return table(["reality", "by", "error", "covered %", "width"], rows)

@@ -249,7 +249,7 @@ def engine_rows(results: Results, across: Results) -> list[list[str]]:
 def parted_designs(results: Results) -> list[list[str]]:
     """The designs whose success rates differ most in multibody and MuJoCo, in standard errors of the difference."""
     compared = agreement(results.pairs(MULTIBODY, list(results.designs)))
-    order = sorted(compared.designs.items(), key=lambda item: -abs(item[1].first - item[1].second) / item[1].runs**0.5)
+    order = sorted(compared.designs.items(), key=lambda item: -abs(item[1].first - item[1].second) / item[1].runs ** 0.5)
     table = [["experiment", "design", "runs", "multibody %", "MuJoCo %"]]
     for (name, number), counts in order[:PARTED]:
         designs = results.designs[name]

@@ -110,22 +110,22 @@ def of_places(correlation: float, hard: bool, spread: float) -> list[tuple[float
     ways: list[tuple[str, float]] = [("", 0.0), ("single", 1.0), ("several", 0.5), ("several", 1.0)]
     found: list[list[tuple[float, float]]] = [[] for _ in ways]
     places = placed(numpy.random.default_rng(SEED), PLACED_TRIALS, spread, correlation, hard, CAR_REPEATS)
-    for one in places:
-        weights = simulated_weights(one.simulated, PLACED_TRIALS)
+    for place in places:
+        weights = simulated_weights(place.simulated, PLACED_TRIALS)
         for (way, trust), some in zip(ways, found, strict=True):
-            expected = getattr(one, way) if way else []
-            by = built_cars.shift(expected, one.overall) * trust / built_cars.TRUST
-            passed, counted, shifts = numpy.array([[one.passed], [one.trials], [by]], dtype=float)
+            expected = getattr(place, way) if way else []
+            by = built_cars.shift(expected, place.overall) * trust / built_cars.TRUST
+            passed, counted, shifts = numpy.array([[place.passed], [place.trials], [by]], dtype=float)
             rate = BuiltCars(passed, counted, shifts, weights).rate()
-            some.append((abs(rate.value - one.rate), float(rate.low <= one.rate <= rate.high)))
+            some.append((abs(rate.value - place.rate), float(rate.low <= place.rate <= rate.high)))
     return [(float(error), float(held)) for error, held in (numpy.mean(some, axis=0) for some in found)]
 
 
 def built(passed: Any, each: int, weights: Sequence[Any]) -> list[BuiltCars]:
     """Designs' cars that passed so many (designs, cars) of ``each`` trials."""
     return [
-        BuiltCars(some, numpy.full(len(some), float(each)), numpy.zeros(len(some)), one)
-        for some, one in zip(passed.astype(float), weights, strict=True)
+        BuiltCars(some, numpy.full(len(some), float(each)), numpy.zeros(len(some)), weight)
+        for some, weight in zip(passed.astype(float), weights, strict=True)
     ]
 
 
@@ -136,7 +136,7 @@ def pooled(cars: int, rough: bool, spread: float, told: bool, n: int) -> Cell:
         for row in rows(numpy.random.default_rng(SEED), DESIGNS, cars, n // cars, rough, spread, POOLED_ROWS):
             runs = numpy.column_stack([ENVIRONMENTS * row.simulated, numpy.full(DESIGNS, ENVIRONMENTS)])
             trials = numpy.column_stack([row.passed.sum(axis=1), numpy.full(DESIGNS, n)])
-            weights = [simulated_weights(one, 10) if told else PRIOR for one in row.twins]
+            weights = [simulated_weights(twin, 10) if told else PRIOR for twin in row.twins]
             found = pooled_bias(row.parameters, runs, trials, built(row.passed, n // cars, weights)).rates()
             yield from ((truth, rate.low, rate.high) for truth, rate in zip(row.rates, found, strict=True))
 
@@ -236,8 +236,8 @@ def main(page: Path) -> None:
     with ProcessPoolExecutor(2) as pool:
         cells = {(name, n): pool.submit(line, n) for name, line in LINES.items() for n in COUNTS}
         late = pool.submit(anytime, 10_000)
-        cars = {(one, spread): pool.submit(of_cars, *one, spread) for one in CARS for spread in SPREADS}
-        places = {(one, spread): pool.submit(of_places, *one, spread) for one in PLACES for spread in SPREADS[:2]}
+        cars = {(car, spread): pool.submit(of_cars, *car, spread) for car in CARS for spread in SPREADS}
+        places = {(place, spread): pool.submit(of_places, *place, spread) for place in PLACES for spread in SPREADS[:2]}
         table = [["95 % interval, n =", *(f"{n}" for n in COUNTS)]]
         table += [[name, *(f"{100 * cells[name, n].result()[0]:.1f}" for n in COUNTS)] for name in LINES]
         named = contradictions_table({(at, dip): pool.submit(contradicted, *at, dip) for at in STUDIES for dip in DIPS})
@@ -248,7 +248,7 @@ def main(page: Path) -> None:
         names = ("Wilson, of these cars", "Wilson, of the design", "further car, σ assumed", "further car, σ simulated")
         for at, name in enumerate(names):
             for spread in SPREADS:
-                some = [cars[one, spread].result()[at] for one in CARS]
+                some = [cars[car, spread].result()[at] for car in CARS]
                 of.append([name, f"{spread:g}", *(f"{100 * held:.0f} ({100 * width:.0f})" for held, width in some)])
         head = ("counts alone", "single runs", "several cars, half", "several cars, all")
         scenes = [["trials in", "correlation", "σ", *head]]

@@ -97,7 +97,10 @@ def judge(
     with write_store(store) as writer:
         writer.begin_study(study_facts(study, carsim, "tools/optimize_comparison.py"), carsim.build)
         with open_simulator(fresh, Environment(fresh), writer, carsim, jobs, lambda runs: None, []) as simulator:
-            return {one: SUCCESS.value(simulator.rows(one, range(fresh.environments)), 0.0) for one in sorted(designs)}
+            return {
+                design: SUCCESS.value(simulator.rows(design, range(fresh.environments)), 0.0)
+                for design in sorted(designs)
+            }
 
 
 def print_risk(pairs: int) -> None:

@@ -84,7 +84,7 @@ STATEMENTS = (
     Statement(180, -1, 0.75),
     *(Statement(width, -1, 0.5) for width in (185, 190, 220)),
 )
-WIDTHS = tuple(sorted({one.width_mm for one in STATEMENTS}))
+WIDTHS = tuple(sorted({statement.width_mm for statement in STATEMENTS}))
 
 SEARCH_SEED, CONFIRM_SEED, PAGE_SEED = 2001, 2004, 2006
 FIRST_DESIGNS, FIRST_SCENES = 40, 12
@@ -161,7 +161,7 @@ class Bench:
 
 def scenic_params(sizes: FloatArray) -> dict[str, float]:
     """The environment's parameters (m) of SIZES (mm)."""
-    values = {one.name: round(float(value), 4) for one, value in zip(SIZES, sizes, strict=True)}
+    values = {size.name: round(float(value), 4) for size, value in zip(SIZES, sizes, strict=True)}
     friction, spacing = values.pop("friction"), values.pop("spacing")
     params = {name: value / 1000 for name, value in values.items()}
     params |= {"near_x": NEAR_X_M, "far_x": NEAR_X_M + spacing / 1000, "friction": friction}
@@ -170,11 +170,13 @@ def scenic_params(sizes: FloatArray) -> dict[str, float]:
 
 def likelihoods(counts: Counts, scenes: int) -> list[float]:
     """The posterior probability of each statement under Jeffreys' prior."""
-    found = []
-    for one in STATEMENTS:
-        below = float(betainc(counts[one.width_mm] + 0.5, scenes - counts[one.width_mm] + 0.5, one.bound))
-        found.append(below if one.side < 0 else 1 - below)
-    return found
+    likelihoods = []
+    for statement in STATEMENTS:
+        below = float(
+            betainc(counts[statement.width_mm] + 0.5, scenes - counts[statement.width_mm] + 0.5, statement.bound)
+        )
+        likelihoods.append(below if statement.side < 0 else 1 - below)
+    return likelihoods
 
 
 class Emulator:
@@ -184,7 +186,7 @@ class Emulator:
         self._processes: dict[int, tuple[float, Any]] = {}
         runs = np.asarray(scenes, float)
         for width in WIDTHS:
-            rates = (np.array([one[width] for one in counts]) + 0.5) / (runs + 1)
+            rates = (np.array([count[width] for count in counts]) + 0.5) / (runs + 1)
             logits = np.clip(logit(rates), -LARGEST_LOGIT, LARGEST_LOGIT)
             mean = float(logits.mean())
             kernel = ConstantKernel(4.0, (0.3, 50)) * RBF([0.7] * len(SIZES), (0.2, 10))
@@ -201,22 +203,22 @@ class Emulator:
         total = np.zeros(len(points))
         for width, (mean, process) in self._processes.items():
             above, sd = process.predict(points, return_std=True)
-            for one in STATEMENTS:
-                if one.width_mm == width:
-                    margin = one.side * (mean + above - logit(one.bound))
+            for statement in STATEMENTS:
+                if statement.width_mm == width:
+                    margin = statement.side * (mean + above - logit(statement.bound))
                     total += norm.logcdf(margin / np.hypot(sd, MISFIT_LOGIT))
         return total
 
 
 def unscaled(points: FloatArray) -> FloatArray:
     """Sizes (mm) of points within 0 to 1."""
-    low, high = np.array([one.low for one in SIZES]), np.array([one.high for one in SIZES])
+    low, high = np.array([size.low for size in SIZES]), np.array([size.high for size in SIZES])
     return np.asarray(low + points * (high - low))
 
 
 def scaled(sizes: FloatArray) -> FloatArray:
     """Points within 0 to 1 of sizes (mm)."""
-    low, high = np.array([one.low for one in SIZES]), np.array([one.high for one in SIZES])
+    low, high = np.array([size.low for size in SIZES]), np.array([size.high for size in SIZES])
     return np.asarray((sizes - low) / (high - low))
 
 
@@ -249,7 +251,7 @@ class Search:
     def proposed(self) -> Iterator[FloatArray]:
         """Round sizes (mm), best first: by the mean score of themselves and of their neighbours half a step away."""
         emulator, stream = self.emulator(), np.random.default_rng(SEARCH_SEED + 1)
-        steps = np.array([one.step for one in SIZES])
+        steps = np.array([size.step for size in SIZES])
         sizes = unscaled(stream.random((10 * CANDIDATES, len(SIZES))))
         sizes = np.unique(np.round(np.round(sizes / steps) * steps, 4), axis=0)
         promising = sizes[np.argsort(-emulator.score(scaled(sizes)))[:300]]
@@ -268,7 +270,7 @@ class Search:
 
 def told(sizes: FloatArray) -> str:
     """Sizes in a line."""
-    return ", ".join(f"{one.name} {value:.4g}" for one, value in zip(SIZES, sizes, strict=True))
+    return ", ".join(f"{size.name} {value:.4g}" for size, value in zip(SIZES, sizes, strict=True))
 
 
 def rates_told(counts: Counts, scenes: int) -> str:
@@ -286,7 +288,7 @@ def fits(counts: Counts, scenes: int) -> bool:
 def ranges(fitting: Sequence[FloatArray]) -> str:
     """From where to where each size ranges among sizes that fit."""
     low, high = np.min(fitting, axis=0), np.max(fitting, axis=0)
-    return ", ".join(f"`{one.name}` {a:.3g} to {b:.3g}" for one, a, b in zip(SIZES, low, high, strict=True))
+    return ", ".join(f"`{size.name}` {a:.3g} to {b:.3g}" for size, a, b in zip(SIZES, low, high, strict=True))
 
 
 def table(rows: Mapping[str, Counts], scenes: int) -> list[str]:
@@ -294,7 +296,7 @@ def table(rows: Mapping[str, Counts], scenes: int) -> list[str]:
     lines = [f"|width (mm)|{'|'.join(rows)}|", "|---" * (len(rows) + 1) + "|"]
     for width in WIDTHS:
         rates = [Rate.counted(counts[width], scenes, "") for counts in rows.values()]
-        cells = [f"{100 * one.value:.0f} ({100 * one.low:.0f} to {100 * one.high:.0f})" for one in rates]
+        cells = [f"{100 * rate.value:.0f} ({100 * rate.low:.0f} to {100 * rate.high:.0f})" for rate in rates]
         lines.append(f"|{width}|{'|'.join(cells)}|")
     return lines
 

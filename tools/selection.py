@@ -149,7 +149,7 @@ def rounds(random: numpy.random.Generator, selecting: bool, most: int) -> list[R
             effort = planned(index, draws, widths, 1, trials_needed(draws[:, index], PRECISION))
             widths[index].drive(random, truth[index], spreads[index], effort)
         cars = [widths[index].cars if index in widths else None for index in range(len(WIDTHS))]
-        trials = numpy.array([(0, 0) if one is None else (one.passed.sum(), one.counted.sum()) for one in cars])
+        trials = numpy.array([(0, 0) if car is None else (car.passed.sum(), car.counted.sum()) for car in cars])
         bias = pooled_bias(WIDTHS[:, None], runs, trials, cars)
         draws, rates = bias.draws(DRAWS), bias.rates()
         best, loss = expected_loss(draws)
@@ -160,14 +160,14 @@ def rounds(random: numpy.random.Generator, selecting: bool, most: int) -> list[R
         gain = gain_per_hour(draws, THRESHOLD, PRECISION, work)
         ends = numpy.array([(rate.low, rate.high) for rate in rates])
         designs = numpy.column_stack([ends, draws.mean(axis=0), truth])
-        built = sum(len(one.log_odds) for one in widths.values())
+        built = sum(len(width.log_odds) for width in widths.values())
         found.append(Round(int(trials[:, 1].sum()), built, float(truth.max() - truth[best]), loss, gain, designs))
     return found
 
 
 def planned(index: int, draws: numpy.ndarray, widths: dict[int, Width], further: int, least: int = 0) -> Effort:
     """The cars and trials of a width that `foldcar select` plans."""
-    some = [float(one.weights @ SPREADS) for one in widths.values()]
+    some = [float(width.weights @ SPREADS) for width in widths.values()]
     spread = float(widths[index].weights @ SPREADS) if index in widths else float(numpy.mean(some))
     done = widths[index].counted if index in widths else []
     alike = correlation_within_cars(draws[:, index], spread)
@@ -179,7 +179,7 @@ def selected(runs: numpy.ndarray, draws: numpy.ndarray, number: int) -> Sequence
     if number:
         return choose(draws, THRESHOLD, ROUND_TRIALS, BUILD, zone=PRECISION)
     rates = runs[:, 0] / runs[:, 1]
-    placed = [one.index for one in first_designs(WIDTHS[:, None], rates, rates * (1 - rates), THRESHOLD)][:BUILD]
+    placed = [design.index for design in first_designs(WIDTHS[:, None], rates, rates * (1 - rates), THRESHOLD)][:BUILD]
     return [*placed, *choose(draws, THRESHOLD, ROUND_TRIALS, BUILD - len(placed), placed)]
 
 
@@ -234,8 +234,8 @@ def below(price: float, one: Round) -> bool:
 
 def print_stops(truths: Sequence[Sequence[Round]], name: str, enough: Callable[[Round], bool]) -> None:
     """A row of what holds where a rule ends."""
-    ends = [next(filter(enough, one), None) for one in truths]
-    ended = [one for one in ends if one is not None]
+    ends = [next(filter(enough, truth), None) for truth in truths]
+    ended = [end for end in ends if end is not None]
     cells = [name, f"{len(ended)} of {len(ends)}"]
     if ended:
         for what in ("trials", "cars", "hours"):

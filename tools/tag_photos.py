@@ -26,15 +26,15 @@ def tag_photos(folder: Path) -> list[tuple[Path, list[Corners]]]:
     (archive,) = folder.glob("*.tgz")
     if base64.b64encode(hashlib.sha512(archive.read_bytes()).digest()).decode() != SHA512:
         raise SeedError(f"{PURPOSE}: {archive.name} has another hash than the pinned one")
-    found = []
+    photos = []
     with tarfile.open(archive) as members:
         for name in sorted(name for name in members.getnames() if name.startswith(DATA) and name.endswith(".jpg")):
             photo, listed = members.extractfile(name), members.extractfile(name.removesuffix("jpg") + "txt")
             assert photo is not None and listed is not None
             file = folder / Path(name).name
             file.write_bytes(photo.read())
-            found.append((file, [_corners(line) for line in listed.read().decode().splitlines() if line.strip()]))
-    return found
+            photos.append((file, [_corners(line) for line in listed.read().decode().splitlines() if line.strip()]))
+    return photos
 
 
 def _corners(line: str) -> Corners:

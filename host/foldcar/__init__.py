@@ -48,8 +48,8 @@ if not TYPE_CHECKING:
             raise AttributeError(f"module 'foldcar' has no attribute {name!r}")
         from importlib import import_module
 
-        found = globals()[name] = getattr(import_module(_MODULES[name]), name)
-        return found
+        result = globals()[name] = getattr(import_module(_MODULES[name]), name)
+        return result
 
 
 def __dir__() -> list[str]:

@@ -53,7 +53,7 @@ def _is_shown() -> bool:
     """Whether source is read to be shown, as Scenic's stacks do of every file that runs, foldcar's command too."""
     frame = sys._getframe(3)
     callers = (frame, frame.f_back)
-    return any(one is not None and one.f_globals.get("__name__") == "linecache" for one in callers)
+    return any(caller is not None and caller.f_globals.get("__name__") == "linecache" for caller in callers)
 
 
 # The one that hears now is the last. Python cannot take an audit hook back.

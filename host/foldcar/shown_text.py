@@ -28,9 +28,7 @@ def shown(text: str) -> str:
 
 def decoded(text: str) -> str:
     """The text with bytes that Python could not decode (in a file's name) read as UTF-8, or else written out."""
-    return _UNDECODED.sub(
-        lambda found: found[0].encode(errors="surrogateescape").decode(errors="backslashreplace"), text
-    )
+    return _UNDECODED.sub(lambda found: found[0].encode(errors="surrogateescape").decode(errors="backslashreplace"), text)
 
 
 def spreadsheet_cell(cell: Any) -> Any:

@@ -61,9 +61,9 @@ def _environment(profile: str) -> dict[str, str]:
 def browser() -> str:
     """The browser's command. Without one the test fails, on Ubuntu it is left out."""
     for name in ("chromium", "google-chrome"):
-        found = shutil.which(name)
-        if found is not None and not found.startswith("/snap/"):
-            return found
+        result = shutil.which(name)
+        if result is not None and not result.startswith("/snap/"):
+            return result
     if "\nID=ubuntu\n" in Path("/etc/os-release").read_text(encoding="utf-8"):
         pytest.skip("Ubuntu has no package of Chromium, and there is no Google Chrome")
     pytest.fail("there is no Chromium: tools/install_system_packages.sh tests")
@@ -124,8 +124,8 @@ class Tab:
             answer = json.loads(message)
             if answer.get("id") == self._number:
                 assert "error" not in answer, answer
-                found: dict[str, Any] = answer["result"]
-                return found
+                result: dict[str, Any] = answer["result"]
+                return result
 
     def ask(self, script: str) -> Any:
         """The value of a JavaScript expression on the page."""
@@ -136,10 +136,12 @@ class Tab:
     def wait(self, script: str, seconds: float = 60) -> Any:
         """The expression's value once it is true; fails after so many seconds."""
         until = time.monotonic() + seconds
-        while not (found := self.ask(script)):
-            assert time.monotonic() < until, f"{script} is {found!r}; {self.ask('document.body.innerText.slice(0, 600)')}"
+        while not (result := self.ask(script)):
+            assert time.monotonic() < until, (
+                f"{script} is {result!r}; {self.ask('document.body.innerText.slice(0, 600)')}"
+            )
             time.sleep(0.1)
-        return found
+        return result
 
     def picture(self, file: Path) -> None:
         """Write what is in sight as PNG."""

@@ -96,22 +96,22 @@ class Car:
         """Faces in an order in which later ones hide earlier ones, for a camera above."""
         x, y, z, heading, pitch, roll = pose
         turn, place = rotation(heading, pitch, roll), numpy.array([x, y, z])
-        found = []
+        things = []
         a, b, c = self.half
         sideways = rotation(0) @ numpy.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]])
         for wx, wy in self.wheels:
             wheel = numpy.full((64, 64), numpy.nan, numpy.float32)
             cv2.circle(wheel, (31, 31), 31, 60.0, -1)
-            found.append(Thing(turn @ sideways, place + turn @ (wx, wy, 0), (self.radius, self.radius), wheel))
+            things.append(Thing(turn @ sideways, place + turn @ (wx, wy, 0), (self.radius, self.radius), wheel))
         for side in (-1, 1):
-            found.append(Thing(turn @ sideways, place + turn @ (0, side * b, 0), (a, c), 0.6 * self.plain))
-        found.append(Thing(turn, place + turn @ (0, 0, c), (a, b), self.plain))
+            things.append(Thing(turn @ sideways, place + turn @ (0, side * b, 0), (a, c), 0.6 * self.plain))
+        things.append(Thing(turn, place + turn @ (0, 0, c), (a, b), self.plain))
         # By distance from the ground: the marker is above all.
         size = self.marker_size
-        found.append(
+        things.append(
             marker(self.number, size, place + turn @ (self.marker_x, 0, self.marker_z), turn @ rotation(-numpy.pi / 2))
         )
-        return found
+        return things
 
 
 def car_of(body: Mapping[str, Any], course: Any) -> Car:
@@ -130,16 +130,16 @@ def car_of(body: Mapping[str, Any], course: Any) -> Car:
 
 def floor_markers(course: Any, moved: Mapping[int, tuple[float, float]] | None = None) -> list[Thing]:
     """The floor's markers, those of ``moved`` so far (m) from their places."""
-    found = []
+    markers = []
     for one in course.floor:
         x, y = (moved or {}).get(one.id, (0.0, 0.0))
-        found.append(marker(one.id, course.floor_size_m, (one.x_m + x, one.y_m + y, 0.0), rotation(one.turn_rad)))
-    return found
+        markers.append(marker(one.id, course.floor_size_m, (one.x_m + x, one.y_m + y, 0.0), rotation(one.turn_rad)))
+    return markers
 
 
 def boxes(terrain: Sequence[Mapping[str, Any]], seen_from_m: tuple[float, float, float]) -> list[Thing]:
     """Sides and tops of a scene's boxes, lower ones first, as they stand on each other; near sides hide far ones."""
-    found = []
+    boxes = []
     by_height = sorted(terrain, key=lambda one: one["height_m"])
     for place_in_order, box in enumerate(by_height):
         assert box["kind"] == "box", box["kind"]
@@ -154,9 +154,9 @@ def boxes(terrain: Sequence[Mapping[str, Any]], seen_from_m: tuple[float, float,
             place = middle + half[axis] * out + (low + high) / 2 * up
             grey = numpy.full((2, 2), 60 + 15 * axis, numpy.float32)
             sides.append(Thing(numpy.column_stack([along, up, out]), place, (half[1 - axis], (high - low) / 2), grey))
-        found += sorted(sides, key=lambda side: -numpy.linalg.norm(side.place - numpy.array(seen_from_m)))
-        found.append(Thing(turn, middle + high * up, half, numpy.full((4, 4), 90, numpy.float32)))
-    return found
+        boxes += sorted(sides, key=lambda side: -numpy.linalg.norm(side.place - numpy.array(seen_from_m)))
+        boxes.append(Thing(turn, middle + high * up, half, numpy.full((4, 4), 90, numpy.float32)))
+    return boxes
 
 
 def _covers(box: Mapping[str, Any], x_m: float, y_m: float) -> bool:
@@ -205,8 +205,8 @@ class Camera:
 
     def box(self, things: list[Thing], margin: int = 6) -> tuple[int, int, int, int]:
         corners = numpy.concatenate([
-            one.place + numpy.array([(i * one.half[0], j * one.half[1], 0) for i in (-1, 1) for j in (-1, 1)]) @
-            one.turn.T for one in things
+            thing.place + numpy.array([(i * thing.half[0], j * thing.half[1], 0) for i in (-1, 1) for j in (-1, 1)]) @
+            thing.turn.T for thing in things
         ])  # fmt: skip
         at = self.pixels(corners)
         x0, y0 = numpy.floor(at.min(axis=0)).astype(int) - margin
@@ -223,15 +223,15 @@ class Camera:
     def paint(self, under: Array, things: list[Thing], box: tuple[int, int, int, int], rays: Array) -> Array:
         """The box of a picture, whose pixels are ``under``, with things drawn over it, later ones over earlier ones."""
         values = numpy.repeat(under[None], len(rays), axis=0)
-        for one in things:
-            x0, y0, x1, y1 = self.box([one], 2)
+        for thing in things:
+            x0, y0, x1, y1 = self.box([thing], 2)
             part = (
                 slice(None),
                 slice(max(0, y0 - box[1]), max(0, y1 - box[1])),
                 slice(max(0, x0 - box[0]), max(0, x1 - box[0])),
             )
             if values[part].size:
-                self._put(values[part], one, rays[part])
+                self._put(values[part], thing, rays[part])
         return values.mean(axis=0)
 
     def _put(self, values: Array, thing: Thing, rays: Array) -> None:

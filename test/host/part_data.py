@@ -9,8 +9,8 @@ DATA = files("foldcar.car.parts").joinpath("data")
 
 def part_data(name: str) -> dict[str, Any]:
     """A part's data file."""
-    found: dict[str, Any] = json.loads(DATA.joinpath(f"{name}.json").read_text(encoding="utf-8"))
-    return found
+    result: dict[str, Any] = json.loads(DATA.joinpath(f"{name}.json").read_text(encoding="utf-8"))
+    return result
 
 
 def number(name: str, key: str) -> float:

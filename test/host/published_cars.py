@@ -16,7 +16,7 @@ PUBLISHED = PATTERNS / "published_cars.json"
 @cache
 def designs(file: Path) -> dict[str, Design]:
     """The designs of one file."""
-    return {name: read_family(file, name, one).single() for name, one in read_listing(file)[0].vehicles.items()}
+    return {name: read_family(file, name, vehicle).single() for name, vehicle in read_listing(file)[0].vehicles.items()}
 
 
 @cache

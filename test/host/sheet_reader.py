@@ -114,11 +114,11 @@ def _vectors(shapes: Iterable[Shape]) -> NDArray[np.float64]:
 def _matched(have: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.bool_]:
     """(n,): whether ``other`` has each row of ``have`` within the tolerance, whatever the lines' direction."""
     tree = cKDTree(other)
-    found = np.zeros(len(have), dtype=bool)
+    result = np.zeros(len(have), dtype=bool)
     for sign in (1.0, -1.0):
         turned = have * (1.0, 1.0, 1.0, sign, sign)
-        found |= tree.query(turned, p=np.inf, distance_upper_bound=TOLERANCE_MM)[0] <= TOLERANCE_MM
-    return found
+        result |= tree.query(turned, p=np.inf, distance_upper_bound=TOLERANCE_MM)[0] <= TOLERANCE_MM
+    return result
 
 
 def _row(row: NDArray[np.float64], word: str) -> str:

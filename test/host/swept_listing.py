@@ -34,8 +34,8 @@ def told(*words: str | Path) -> dict[str, Any]:
     """The result of a command as JSON, which may print notes beside it."""
     done = CliRunner().invoke(app, [*map(str, words), "--json"])
     assert done.exit_code == 0, done.output
-    found: dict[str, Any] = json.loads(done.stdout)
-    return found
+    result: dict[str, Any] = json.loads(done.stdout)
+    return result
 
 
 def reported(folder: Path, widths: Sequence[int], environments: int) -> Path:

@@ -123,11 +123,13 @@ def test_the_page_prints_what_select_says(store: Callable[..., Path]) -> None:
     assert (shown["headline"], shown["grounds"]) == (selected.headline, selected.grounds)
     assert shown["next"]["text"] == selected.next_step
     names = [shown["designs"]["name"][index] for index in shown["next"]["designs"]]
-    assert names == [one.label for one in selected.recommendations]
-    assert shown["next"]["why"] == [one.reason for one in selected.recommendations]
+    assert names == [recommendation.label for recommendation in selected.recommendations]
+    assert shown["next"]["why"] == [recommendation.reason for recommendation in selected.recommendations]
     assert set(selected.remarks) <= set(shown["remarks"])
     text = repr(selected)
-    assert selected.headline in text and all(f"\n  {one.label}: " in text for one in selected.recommendations)
+    assert selected.headline in text and all(
+        f"\n  {recommendation.label}: " in text for recommendation in selected.recommendations
+    )
 
 
 def test_a_search_is_judged_by_its_best_in_fresh_environments(tmp_path: Path) -> None:

@@ -37,9 +37,9 @@ def mount_of(car: FoldedCar, part: str) -> Mount:
 
 def test_things_come_in_on_the_side_that_is_open_and_the_battery_changes_with_the_lid_open() -> None:
     folded, steps = car("w95"), assembly_steps(car("w95"))
-    ways = {one.name: one.way_mm for step in steps for one in step.adds}
+    ways = {add.name: add.way_mm for step in steps for add in step.adds}
     sides = {axle.wheel: 1 if axle.side == "left" else -1 for axle in folded.axles}
-    wheels = {one.body: one.way_mm for step in steps for one in step.adds if one.kind == "unit" and one.body in sides}
+    wheels = {add.body: add.way_mm for step in steps for add in step.adds if add.kind == "unit" and add.body in sides}
 
     assert ways["bridge"][0][2] < 0
     assert ways["front left servo"][0][1] < 0 < ways["front right servo"][0][1]
@@ -52,14 +52,14 @@ def test_things_come_in_on_the_side_that_is_open_and_the_battery_changes_with_th
     opened = next(i for i, step in enumerate(service) if step.folds)
     shut = {reach.name for step in service[:opened] for reach in step.reaches}
     assert {folded.parts.feather.name, folded.parts.switch.name} <= shut
-    assert [one.name for step in service[opened:] for one in step.adds] == [folded.parts.battery.name]
+    assert [add.name for step in service[opened:] for add in step.adds] == [folded.parts.battery.name]
 
 
 def test_a_battery_on_the_roof_is_put_on_last_and_taken_off_first() -> None:
     folded = folded_car(compose_design("W_B_W", {"width": 95}, ROOF))
 
     assert found(folded) == []
-    assert [one.name for one in assembly_steps(folded)[-1].adds] == [folded.parts.battery.name]
+    assert [add.name for add in assembly_steps(folded)[-1].adds] == [folded.parts.battery.name]
     assert [step.adds != () for step in service_steps(folded) if step.adds or step.folds] == [True, False]
 
 
@@ -113,7 +113,7 @@ def test_openings_that_are_missing_or_too_small_and_a_battery_that_is_too_high_a
         (f"{feather}, the lid shut", "no room for its plug: beam: left"),
         ("Shut the lid", "does not shut", f"it meets {battery}"),
     ):
-        assert any(all(word in one for word in words) for one in findings), (words, findings)
+        assert any(all(word in finding for word in words) for finding in findings), (words, findings)
 
 
 # The Feather's holes in its board's frame, from Adafruit's drawing; the module's edges lie at y = -9 and 9.
@@ -152,7 +152,7 @@ def test_screws_under_the_module_or_under_a_part_of_the_board_are_found() -> Non
     for spoiled in (with_mounts(folded, screw, under), with_mounts(folded, feather.part, covered)):
         findings = found(spoiled)
         for number in (1, 2):
-            assert any("does not fit" in one and f"board screw {number}" in one for one in findings), findings
+            assert any("does not fit" in finding and f"board screw {number}" in finding for finding in findings), findings
 
 
 def face_pose(car: FoldedCar, name: str) -> Pose:
@@ -197,10 +197,10 @@ def test_blocks_in_the_way_of_fingers_tongues_plugs_and_drivers_are_found() -> N
     findings = blocked(with_block(folded, *poses, *(in_front(folded, *one[:4]) for one in reached)))
 
     for told in at_beam:
-        assert any(told in one and "Push the levers outwards" in one for one in findings), (told, findings)
+        assert any(told in finding and "Push the levers outwards" in finding for finding in findings), (told, findings)
     for i, (name, _, _, _, tool, state) in enumerate(reached, len(at_beam)):
         told = f"{name} has no room for its {tool}: block {i} is in the way"
-        assert any(told in one and state in one for one in findings), (told, findings)
+        assert any(told in finding and state in finding for finding in findings), (told, findings)
     beyond = [in_front(folded, parts.switch.name, 0, *off) for off in ((30, 10.0), (38, 0.0))]
     assert blocked(with_block(folded, *beyond)) == []
 
@@ -209,7 +209,7 @@ def swapped(steps: tuple[AssemblyStep, ...], first: str, second: str) -> tuple[A
     """The steps with two things of one step in each other's place."""
     changed = []
     for step in steps:
-        names = [one.name for one in step.adds]
+        names = [add.name for add in step.adds]
         if first in names and second in names:
             adds, i, k = list(step.adds), names.index(first), names.index(second)
             adds[i], adds[k] = adds[k], adds[i]
@@ -244,16 +244,16 @@ def test_a_wrong_order_is_found() -> None:
 def test_parts_list_and_view_follow_the_same_order() -> None:
     folded, steps = car("hinged"), assembly_steps(car("hinged"))
     parts = {mount.name: mount.part for mount in folded.mounts}
-    used = dict.fromkeys(parts[one.name] for step in steps for one in step.adds if one.kind == "mount")
+    used = dict.fromkeys(parts[add.name] for step in steps for add in step.adds if add.kind == "mount")
     shown = view_steps(folded)
 
     assert [row.name for row in parts_list(folded) if row.name in used] == list(used)
     for number, step in enumerate(steps, 1):
         starts = [
-            next(begin for n, _, begin, _ in shown.ways[one.kind, one.name, one.copy] if n == number)
-            for one in step.adds if one.kind != "unit"
+            next(begin for n, _, begin, _ in shown.ways[add.kind, add.name, add.copy] if n == number)
+            for add in step.adds if add.kind != "unit"
         ]  # fmt: skip
         assert starts == sorted(starts)
-        for one in (one for one in step.adds if one.nut_mm):
+        for one in (add for add in step.adds if add.nut_mm):
             (first, *_) = [way for n, way, _, _ in shown.ways["nut", one.name, 0] if n == number]
             assert np.allclose(first[0], -np.array(one.nut_mm[-1]), atol=1e-3)

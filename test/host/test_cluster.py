@@ -120,8 +120,8 @@ def test_the_rows_are_those_of_a_local_sweep_and_a_worker_of_another_build_gets_
     assert f"its carsim is build anotherbuild, this sweep's is {build}" in told and "worker tcp://127.0.0.1:" in told
     assert digest(tmp_path / "remote.db") == digest(tmp_path / "local.db")
     with Store.open(tmp_path / "remote.db") as store:
-        outcomes = {one.outcome for one in store.results("2")}
-        messages = {one.message for one in store.results("2") if one.message}
+        outcomes = {result.outcome for result in store.results("2")}
+        messages = {result.message for result in store.results("2") if result.message}
     assert outcomes == {"failed", "passed"}
     assert all(f"{tmp_path}/beside.scenic: sample" in message and "too far" in message for message in messages)
     cluster.processes.pop().kill()

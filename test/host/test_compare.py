@@ -156,7 +156,8 @@ def test_ranks_are_told_as_far_as_they_are_defined() -> None:
 ])  # fmt: skip
 def test_simulation_agrees_if_all_designs_and_their_mean_do(labels: Any, mean_high: float, verdict: str) -> None:
     compared: Any = [
-        SimpleNamespace(verdict=one, label="65 mm", gap=0, gap_is_paired=False, paired=0, agreeing=0) for one in labels
+        SimpleNamespace(verdict=label, label="65 mm", gap=0, gap_is_paired=False, paired=0, agreeing=0)
+        for label in labels
     ]
 
     found, sentence = _verdict(compared, Gap(0.02, -0.1, mean_high, 0.95), 0.15, "simulation")
@@ -176,7 +177,7 @@ def test_the_published_table_says_that_simulation_is_optimistic(tmp_path: Path) 
 
     assert whole["trials_alone"] == []
     designs = {one["design"]["width_mm"]: one for one in found["designs"]}
-    verdicts = {width: one["verdict"] for width, one in designs.items()}
+    verdicts = {width: design["verdict"] for width, design in designs.items()}
     # Of one car each: less than the same trials of several would tell.
     assert verdicts == {65: TOO_FEW, 95: OPTIMISTIC, 115: OPTIMISTIC, 180: TOO_FEW}
     assert found["ranks"]["mmrv"] == pytest.approx(0.45 / 4)
@@ -358,7 +359,7 @@ def test_what_is_simulated_now_is_the_car_as_it_varied_then(carsim_limits: Carsi
     asked: list[Any] = []
 
     def answers(bodies: dict[str, str], scenes: dict[str, str], requests: list[RunRequest]) -> list[dict[str, Any]]:
-        asked.extend((json.loads(bodies[one.body]), scenes[one.scene]) for one in requests)
+        asked.extend((json.loads(bodies[request.body]), scenes[request.scene]) for request in requests)
         return [{"outcome": "passed", "elapsed_time_s": 2.0}, {"error": "no"}]
 
     carsim: Any = SimpleNamespace(limits=lambda: carsim_limits, run=answers, build="a build of this test")

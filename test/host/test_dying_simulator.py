@@ -40,22 +40,22 @@ def chunk() -> dict[str, Any]:
 
 def children(parent: int | None = None) -> set[int]:
     """A process's children that still run, this one's by default."""
-    found = set()
+    result = set()
     for entry in Path("/proc").glob("[0-9]*/stat"):
         with contextlib.suppress(OSError):
             state, owner = entry.read_text().rsplit(")", 1)[1].split()[:2]
             if int(owner) == (parent or os.getpid()) and state != "Z":
-                found.add(int(entry.parent.name))
-    return found
+                result.add(int(entry.parent.name))
+    return result
 
 
 def awaited(find: Callable[[], Any], what: str) -> Any:
     """What ``find`` finds, once it does."""
     deadline_s = time.monotonic() + WAIT_S
-    while not (found := find()):
+    while not (result := find()):
         assert time.monotonic() < deadline_s, what
         time.sleep(0.01)
-    return found
+    return result
 
 
 @contextlib.contextmanager

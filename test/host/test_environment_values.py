@@ -53,13 +53,13 @@ def test_values_are_those_that_scenic_samples_and_the_workshop_draws(store: Path
 
     with Store.open(store) as opened:
         found = environment_values(opened, opened.info().experiments["1"])
-    columns = {one.name: found.values[:, at] for at, one in enumerate(found.columns)}
+    columns = {column.name: found.values[:, at] for at, column in enumerate(found.columns)}
 
     assert columns["scene_friction"] == pytest.approx([one["friction"] for one in sampled])
     heights = [[piece["height_m"] for piece in one["terrain"]] for one in sampled]
-    assert columns["scene_box_1_height_m"] == pytest.approx([one[0] for one in heights])
-    assert columns["scene_box_2_height_m"] == pytest.approx([one[1] for one in heights])
-    assert columns["scene_highest_m"] == pytest.approx([max(one) for one in heights])
+    assert columns["scene_box_1_height_m"] == pytest.approx([height[0] for height in heights])
+    assert columns["scene_box_2_height_m"] == pytest.approx([height[1] for height in heights])
+    assert columns["scene_highest_m"] == pytest.approx([max(height) for height in heights])
     assert columns["car_supply_v"] == pytest.approx([one["supply_v"] for one in drawn])
     # Channels 0 and 2 are left wheels; a neutral's error turns right servos the other way.
     speeds = [one["servo_speed"] for one in drawn]
@@ -68,10 +68,10 @@ def test_values_are_those_that_scenic_samples_and_the_workshop_draws(store: Path
     assert columns["car_mean_neutral_us"] == pytest.approx([(a - b + c - d) / 4 for a, b, c, d, *_ in neutrals])
     # What is the same everywhere tells nothing.
     assert not {"scene_goal_x_m", "scene_start_x_m", "scene_box_1_length_m", "scene_pieces"} & set(columns)
-    friction = next(one for one in found.columns if one.name == "scene_friction")
+    friction = next(column for column in found.columns if column.name == "scene_friction")
     assert (friction.label, friction.unit) == ("friction", "")
     # Objects have the program's names; the bumps of the loop have none.
-    labels = {one.name: (one.label, one.unit, one.scale) for one in found.columns}
+    labels = {column.name: (column.label, column.unit, column.scale) for column in found.columns}
     assert labels["scene_box_1_height_m"] == ("bump 1 height", "mm", 1000)
     assert labels["scene_ramp_1_height_m"] == ("kerb2 height", "mm", 1000)
     assert labels["scene_box_5_height_m"] == ("steps[1] height", "mm", 1000)
@@ -98,9 +98,9 @@ def test_the_export_has_them_beside_every_run(store: Path) -> None:
         found = environment_values(opened, opened.info().experiments["1"])
 
     for row in rows:
-        for at, one in enumerate(found.columns):
+        for at, column in enumerate(found.columns):
             value = found.values[int(row["sample"]), at]
-            assert row[one.name] == "" if numpy.isnan(value) else float(row[one.name]) == value
+            assert row[column.name] == "" if numpy.isnan(value) else float(row[column.name]) == value
 
 
 def test_of_one_design_the_separation_is_mann_whitneys_statistic() -> None:
@@ -109,7 +109,7 @@ def test_of_one_design_the_separation_is_mann_whitneys_statistic() -> None:
     passed = values[:, 0] + random.normal(size=40) > 0
     design, environment = numpy.zeros(40, int), numpy.arange(40)
 
-    found = {one.column: one.difference for one in separations(values, design, environment, passed)}
+    found = {separation.column: separation.difference for separation in separations(values, design, environment, passed)}
 
     assert set(found) == {0, 1}  # a constant column separates nothing
     for column, difference in found.items():
@@ -128,7 +128,7 @@ def test_intervals_hold_the_separation_of_all_environments_together() -> None:
         noise = random.normal(size=number)
         return values, design, environment, (values[:, 0] + noise)[environment] > hard[design]
 
-    truth = {one.column: one.difference for one in separations(*sample(2000))}
+    truth = {separation.column: separation.difference for separation in separations(*sample(2000))}
     held, ranked = [], 0
     for _ in range(60):
         found = separations(*sample(40))
@@ -155,7 +155,9 @@ def test_columns_that_tell_nothing_seldom_seem_to_tell_even_of_ten_environments(
         values, design, environment, passed = sample_with_noise(random, 10, 0.0)
         # As a sweep leaves them that stops where enough is known.
         run = environment < random.integers(6, 11, 20)[design] if missing else numpy.full(len(design), True)
-        alarms += any(one.low > 0 for one in separations(values, design[run], environment[run], passed[run]))
+        alarms += any(
+            separation.low > 0 for separation in separations(values, design[run], environment[run], passed[run])
+        )
 
     # 5 % of 200 are 10; bounds of normal theory gave 35 %.
     assert alarms <= 19
@@ -163,7 +165,10 @@ def test_columns_that_tell_nothing_seldom_seem_to_tell_even_of_ten_environments(
 
 def test_a_column_that_tells_is_found() -> None:
     random = numpy.random.default_rng(4)
-    found = [{one.column for one in separations(*sample_with_noise(random, 40, 0.6)) if one.low > 0} for _ in range(60)]
+    found = [
+        {separation.column for separation in separations(*sample_with_noise(random, 40, 0.6)) if separation.low > 0}
+        for _ in range(60)
+    ]
 
     assert sum(0 in one for one in found) > 40
 

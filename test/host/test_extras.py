@@ -78,7 +78,7 @@ def test_what_foldcar_imports_it_declares_and_an_extra_brings_the_modules_that_i
     imported = set()
     for file in Path(foldcar.__file__).parent.rglob("*.py"):
         for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
-            found = [one.name for one in node.names] if isinstance(node, ast.Import) else []
+            found = [name.name for name in node.names] if isinstance(node, ast.Import) else []
             imported |= {name.partition(".")[0] for name in [*found, getattr(node, "module", None) or ""]}
     names = {one.name.lower() for one in declared}
     # These come with Jinja, Matplotlib, Scenic and its scheduler; the last is Webots' own.

@@ -102,13 +102,13 @@ def test_strip_heights_agree_with_points_tried_one_by_one(heights: Heights) -> N
 def highest_box(terrain: Any, line: Any, index: int, offset: Any, tolerance_m: float) -> float:
     """The height of the highest box at a point of a line, boxes being larger by a tolerance."""
     x, y = numpy.array([line.x_m[index], line.y_m[index]]) + offset
-    found = 0.0
+    result = 0.0
     for piece in terrain:
         cos, sin = math.cos(piece["heading_rad"]), math.sin(piece["heading_rad"])
         dx, dy = x - piece["x_m"], y - piece["y_m"]
         outside = max(abs(dx * cos + dy * sin) - piece["length_m"] / 2, abs(dy * cos - dx * sin) - piece["width_m"] / 2)
-        found = max(found, piece["height_m"] if outside <= tolerance_m else 0.0)
-    return found
+        result = max(result, piece["height_m"] if outside <= tolerance_m else 0.0)
+    return result
 
 
 def test_a_map_of_a_hill_is_its_formula_at_the_middles_of_cells(heights: Heights) -> None:

@@ -58,7 +58,7 @@ def resized(car: FoldedCar, chosen: Callable[[str], bool], size: tuple[float, fl
 def test_all_parts_fit_in_the_worst_case(parts: str) -> None:
     car = folded_car(compose(f"W_B_W+{parts}", {"width": 95, "B.length": 120}))
 
-    assert [str(one) for one in check_fits(car)] == []
+    assert [str(fit) for fit in check_fits(car)] == []
     assert all(fit.parts_mm >= 0 and fit.cutter_mm >= 0 for fit in fits(car))
 
 
@@ -119,7 +119,7 @@ def test_the_largest_usb_plug_passes_however_high_its_socket_is() -> None:
 def test_openings_without_room_for_tolerances_are_found(
     chosen: Callable[[str], bool], size: tuple[float, float], name: str, lacks: float
 ) -> None:
-    found = [str(one) for one in check_fits(resized(study_car(), chosen, size))]
+    found = [str(fit) for fit in check_fits(resized(study_car(), chosen, size))]
 
     assert any(one.startswith(f"fit: {name}: lacks {lacks:.2f} mm in the worst case") for one in found), found
 
@@ -127,7 +127,7 @@ def test_openings_without_room_for_tolerances_are_found(
 def test_barbs_in_too_few_layers_and_a_lipo_close_to_the_flange_are_found() -> None:
     car = study_car()
     pieces = tuple(replace(p, count=1) if p.name == "switch doubler" else p for p in car.pieces)
-    thin = [str(one) for one in check_fits(replace(car, pieces=pieces))]
+    thin = [str(fit) for fit in check_fits(replace(car, pieces=pieces))]
     # Two films of 0.23 mm, and 0.05 mm of tape between them, behind a switch for panels of 1 mm.
     assert [one for one in thin if one.startswith("fit: switch's barbs behind layers of film: lacks 0.49 mm")], thin
 

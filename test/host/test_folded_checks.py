@@ -114,7 +114,7 @@ def test_broken_designs_are_found(spoil: Spoil, check: str, words: str) -> None:
 
     findings = check_design(car)
 
-    assert any(one.check == check and words in str(one) for one in findings), "\n".join(map(str, findings))
+    assert any(finding.check == check and words in str(finding) for finding in findings), "\n".join(map(str, findings))
 
 
 def test_parts_that_are_out_of_place_are_found() -> None:

@@ -66,9 +66,9 @@ def sampled(x: Any, runs: Any, trials: Any) -> tuple[Any, Any, Any]:
     # Trials are of one car of each design, which is one of many.
     grid, z = numpy.linspace(-12, 12, 481)[:, None, None], stats.norm.ppf((numpy.arange(50) + 0.5) / 50)[:, None]
     likelihood = []
-    for some in RANGES:
-        chances, within = numpy.zeros((len(grid), len(trials))), PRIOR[numpy.isin(SPREADS, some)]
-        for spread, weight in zip(some, within, strict=True):
+    for range_ in RANGES:
+        chances, within = numpy.zeros((len(grid), len(trials))), PRIOR[numpy.isin(SPREADS, range_)]
+        for spread, weight in zip(range_, within, strict=True):
             rates = expit(math.sqrt(1 + CAR_SLOPE * spread**2) * grid + spread * z)
             chances += weight / within.sum() * stats.binom.pmf(trials[:, 0], trials[:, 1], rates).mean(axis=1)
         each = [numpy.interp(draws[..., at], grid[:, 0, 0], chances[:, at]) for at in range(len(trials))]
@@ -83,8 +83,8 @@ def test_pooled_rates_and_draws_are_those_of_importance_sampling() -> None:
 
     found = pooled_bias(x, runs, trials)
 
-    for one, kernel in zip(found.candidates[:: len(RANGES)], kernels, strict=True):
-        assert one.common @ one.common.T + numpy.diag(one.own**2) == pytest.approx(kernel, abs=1e-6)
+    for candidate, kernel in zip(found.candidates[:: len(RANGES)], kernels, strict=True):
+        assert candidate.common @ candidate.common.T + numpy.diag(candidate.own**2) == pytest.approx(kernel, abs=1e-6)
     # How probable the trials are under each kernel, all alike beforehand, and range of spreads.
     evidence = likelihood.mean(axis=2).ravel()
     assert found.weights == pytest.approx(evidence / evidence.sum(), rel=0.15)

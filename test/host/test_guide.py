@@ -68,7 +68,7 @@ def test_the_guide_puts_things_in_in_the_order_that_is_proved(name: str) -> None
     folded, proved = car(name), assembly_steps(car(name))
 
     for step, shown in zip(proved, guide(name)[-len(proved) :], strict=True):
-        first = [one for one in step.adds if not step.unit or one.body == step.adds[0].body]
+        first = [add for add in step.adds if not step.unit or add.body == step.adds[0].body]
         labels = [label(folded, one) for one in first if one.name != folded.parts.wiring.name]
         repeated = f" ({len(folded.axles)} times)" if step.unit == "wheel" else ""
         assert shown.title == step.title + repeated
@@ -104,7 +104,7 @@ def test_nuts_are_drawn_apart_on_the_side_from_which_they_are_proved_to_come() -
     for step in assembly_steps(folded):
         state.take(step)
         shape = Scene(step, state).shape
-        for added in (one for one in step.adds if one.nut_mm):
+        for added in (add for add in step.adds if add.nut_mm):
             screw = mounts[added.name]
             axis = np.array(screw.pose)[:3, 2]
             at = {}
@@ -130,7 +130,7 @@ def test_hidden_surfaces_agree_with_rays() -> None:
     parts = [part for part in (*folded.placed, *folded.mounts) if part.body == "segment0" and not tiny(state, part)]
     facets = list(together(state.shape(part) for part in parts).facets)
     view = camera(-55, 32)
-    seen = {one.facet.key: one for one in seen_facets(facets, view)}
+    seen = {facet.facet.key: facet for facet in seen_facets(facets, view)}
     low_u, low_v, high_u, high_v = shapely.total_bounds([one.region for one in seen.values()])
     points = np.random.default_rng(1).uniform((low_u, low_v), (high_u, high_v), (500, 2))
 

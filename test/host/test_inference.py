@@ -105,7 +105,7 @@ class Formula:
         asked = list(runs)
         self.asked += asked
         done(len(asked))
-        found: list[SimulatedDrive | None] = []
+        drives: list[SimulatedDrive | None] = []
         for run in asked:
             own, scatter = (np.random.default_rng(n).standard_normal() for n in ([1, run.car], [2, run.number]))
             logit = 2 * np.log(run.values["friction"]) / 0.3 + run.design - 1.5
@@ -114,8 +114,8 @@ class Formula:
             passed = np.random.default_rng([3, run.number]).random() < expit(logit)
             if passed:
                 features[TIME] = -np.log(run.values["servo_speed"]) + 0.06 * own + 0.08 * scatter
-            found.append(SimulatedDrive(0 if passed else 1, features))
-        return found
+            drives.append(SimulatedDrive(0 if passed else 1, features))
+        return drives
 
 
 def test_the_bank_tells_what_of_the_scatter_is_the_cars() -> None:
@@ -232,8 +232,8 @@ def inferred_once() -> Inferred:
     simulator: Any = Formula(seed=7)
     observed = replace(observations((0, 2, 10), (1, 0, 3), (3, 5, 6), (3, 4, 4)), notes=("a note",))
     told: list[int] = []
-    found = infer(simulator, observed, RUNS, told.append, {NAMES.index("track_m"): ScorePrior(0.5, 0.0, "measured")})
-    return Inferred(found, simulator.asked, sum(told))
+    result = infer(simulator, observed, RUNS, told.append, {NAMES.index("track_m"): ScorePrior(0.5, 0.0, "measured")})
+    return Inferred(result, simulator.asked, sum(told))
 
 
 def test_sets_have_scatter_of_their_own_and_one_car_for_all_its_drives(inferred_once: Inferred) -> None:
@@ -281,7 +281,7 @@ def test_a_summary_has_the_numbers_of_its_draws(inferred_once: Inferred) -> None
         else:
             assert one["explained"] == pytest.approx(max(0, 1 - np.var(posterior.scores[:, index])))
     designs = summary["designs"]
-    assert [(one["passed"], one["counted"]) for one in designs] == [(2, 10), (0, 3), (0, 0), (9, 10)]
+    assert [(design["passed"], design["counted"]) for design in designs] == [(2, 10), (0, 3), (0, 0), (9, 10)]
     assert "predicted" not in designs[2] and designs[2]["nominal"] is None
     for one, rate in zip(designs, inference.table.mean(axis=0), strict=True):
         # The calibrated rate is the simulated share, smoothed over designs.

@@ -39,8 +39,8 @@ def wheel(carsim_binary: Path, sources: Path) -> Path:
     options = ["--quiet", "--no-deps", "--no-build-isolation", "--wheel-dir", sources / "dist"]
     environment = {**os.environ, "FOLDCAR_BUILD_DIR": str(carsim_binary.parents[1])}
     subprocess.run([sys.executable, "-m", "pip", "wheel", *options, sources], check=True, cwd=sources, env=environment)
-    (found,) = (sources / "dist").iterdir()
-    return found
+    (result,) = (sources / "dist").iterdir()
+    return result
 
 
 @pytest.fixture(scope="module")

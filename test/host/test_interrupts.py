@@ -87,14 +87,14 @@ def catches(pid: int, number: signal.Signals) -> bool:
 
 def marked(mark: str) -> list[int]:
     """The running processes that were started with that mark, and their children."""
-    found = []
+    result = []
     for folder in Path("/proc").iterdir():
         try:
             if folder.name.isdigit() and f"{MARK}={mark}\0".encode() in (folder / "environ").read_bytes() + b"\0":
-                found.append(int(folder.name))
+                result.append(int(folder.name))
         except OSError:
             continue
-    return found
+    return result
 
 
 def no_process_of(mark: str, within_s: float = 10) -> bool:

@@ -138,7 +138,7 @@ def test_extensions_are_bought_plugged_in_drawn_and_find_room() -> None:
     assert f"| {folded.parts.featherwing.name} 1 | 336 | 399 | 524 | with servo extension, 300 mm |" in text
     assert wiring_drawing(folded, "a car").count(">300 mm<") == 2
     step = next(step for step in assembly_steps(folded) if step.title == "Plug all wires in")
-    assert {one.name for one in step.adds if one.way_mm} == {m.name for m in added}
+    assert {add.name for add in step.adds if add.way_mm} == {m.name for m in added}
 
 
 def test_wire_is_lengthened_by_solder_and_weighs_and_costs_what_it_is_long() -> None:

@@ -264,7 +264,10 @@ def test_all_mistakes_come_at_once_with_what_was_meant(
         ("environments.1.scenic_filename: ", '; did you mean "pyramids.scenic"?'),
     ]
     for start, end in expected:
-        assert [one for one in mistakes if one.startswith(f"  {start}") and one.endswith(end)], (start, mistakes)
+        assert [mistake for mistake in mistakes if mistake.startswith(f"  {start}") and mistake.endswith(end)], (
+            start,
+            mistakes,
+        )
     assert "\n" not in str(caught.value)
     listing_data["experiments"]["1"]["params"] = {"timeuot": 5, "environments": 0}
     with pytest.raises(FoldcarError, match=r"2 mistakes: .*environments: 0: input should be .*timeuot: unknown key"):

@@ -10,7 +10,7 @@ from foldcar.simulation.results import METRICS
 
 
 def test_every_metric_s_name_ends_with_its_unit() -> None:
-    assert METRICS and all(one.name.endswith("_" + one.unit.lower().replace("/", "_")) for one in METRICS)
+    assert METRICS and all(metric.name.endswith("_" + metric.unit.lower().replace("/", "_")) for metric in METRICS)
 
 
 @pytest.mark.parametrize(

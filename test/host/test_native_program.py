@@ -155,8 +155,11 @@ def test_a_value_that_is_no_finite_number_fails_its_run(tmp_path: Path, carsim_b
         ("terminate when (distance to None) < 1", "line 11: None is no place to measure a distance from"),
         ("terminate when ego.x > 1 and 4", "line 11: 4 beside `and` or `or` is neither True nor False"),
         ("param box = object()\nterminate when ego.x > globalParameters.box", "line 12: a object cannot be used in a "),
-        ("class Sign(Marker):\n    @property\n    def limit(self): return 1\nsign = new Sign at (0.1, 0.5)\n"
-         "terminate when ego.x > sign.limit", "line 15: `limit` of a Sign is code, which a condition or record cannot"),
+        (
+            "class Sign(Marker):\n    @property\n    def limit(self): return 1\nsign = new Sign at (0.1, 0.5)\n"
+            "terminate when ego.x > sign.limit",
+            "line 15: `limit` of a Sign is code, which a condition or record cannot",
+        ),
         ("record initial '\\ud800' as a", r"record a: the text '\ud800' is no Unicode text"),
         ("b = 10 ** 400\nrecord initial b as a", "record a: a whole number is above the limit 1.8e+308"),
         ("param a = eval('[' * 22 + ']' * 22)\nrecord initial globalParameters.a as a", "value is nested deeper"),

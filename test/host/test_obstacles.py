@@ -40,10 +40,10 @@ def sampled(tmp_path: Path) -> tuple[dict[str, Any], dict[str, Obstacle]]:
 def test_each_object_of_several_blocks_is_one_letter(sampled: tuple[dict[str, Any], dict[str, Obstacle]]) -> None:
     scene, things = sampled
 
-    assert [(letter, one.name, len(one.pieces)) for letter, one in things.items()] == [
+    assert [(letter, thing.name, len(thing.pieces)) for letter, thing in things.items()] == [
         ("A", "Ramp", 3), ("B", "Kerb", 2), ("C", "StepPyramid", 3), ("D", "Pothole", 1), ("E", "Bump", 2),
     ]  # fmt: skip
-    assert sorted(index for one in things.values() for index in one.pieces) == [
+    assert sorted(index for thing in things.values() for index in thing.pieces) == [
         index for index, piece in enumerate(scene["terrain"]) if not KINDS[piece["kind"]].is_floor
     ]
     rows = {row[0]: row[1:] for row in instructions(scene, things)}
@@ -110,7 +110,7 @@ def test_what_stands_on_one_middle_is_one_obstacle() -> None:
     scene = empty_scene([*PYRAMID, HOLE], goal_x_m=1.3)
     things = things_of(scene["terrain"])
 
-    assert [(letter, one.pieces) for letter, one in things.items()] == [("A", (0, 1)), ("B", (2,))]
+    assert [(letter, thing.pieces) for letter, thing in things.items()] == [("A", (0, 1)), ("B", (2,))]
     rows = {row[0]: row[1:] for row in instructions(scene, things)}
     assert rows["car"][:3] == ("0", "0", "0.0")
     assert rows["A"][:3] == ("450", "50", "5.7")

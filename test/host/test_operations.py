@@ -32,14 +32,14 @@ def car(request: pytest.FixtureRequest) -> FoldedCar:
 def test_steps_put_every_copy_and_part_in_once_and_make_every_join(car: FoldedCar) -> None:
     steps = assembly_steps(car)
 
-    added = Counter((one.kind, one.name, one.copy) for step in steps for one in step.adds if one.kind != "unit")
+    added = Counter((add.kind, add.name, add.copy) for step in steps for add in step.adds if add.kind != "unit")
     joined = Counter(number for step in steps for number in step.joins)
     closed: dict[str, dict[str, float]] = {}
     for step in steps:
         for name, folds in step.folds.items():
             closed.setdefault(name, {}).update(folds)
-    units = Counter((step.unit, one.body) for step in steps if step.unit for one in step.adds)
-    placed = {(one.name, one.body) for step in steps for one in step.adds if one.kind == "unit"}
+    units = Counter((step.unit, add.body) for step in steps if step.unit for add in step.adds)
+    placed = {(add.name, add.body) for step in steps for add in step.adds if add.kind == "unit"}
 
     assert added == Counter(
         [("piece", one.piece, one.copy) for one in car.placed] + [("mount", mount.name, 0) for mount in car.mounts]
@@ -71,7 +71,7 @@ def test_operations_are_those_of_pieces_joins_parts_and_wires(car: FoldedCar) ->
     assert found.nut == 2 * wheels + 2
     assert found.plug == sum(wire.carries != "usb" for wire in car.wires)
     # A wheel is put on as one, and so is every other unit.
-    units = {(step.unit, one.body) for step in assembly_steps(car) if step.unit for one in step.adds}
+    units = {(step.unit, add.body) for step in assembly_steps(car) if step.unit for add in step.adds}
     wiring = sum(mount.part == car.parts.wiring.name for mount in car.mounts)
     assert found.part == len(car.mounts) - screws - wiring + len(units)
 

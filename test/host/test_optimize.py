@@ -103,7 +103,7 @@ def test_a_search_of_all_designs_finds_what_a_sweep_finds(
 def test_a_search_under_a_calibration_shares_the_runs_of_such_a_sweep(
     foldcar_command: Command, listing: Path, tmp_path: Path
 ) -> None:
-    draw = {one.name: one.nominal for one in PARAMETERS}
+    draw = {parameter.name: parameter.nominal for parameter in PARAMETERS}
     with write_calibrations(tmp_path / "s.db") as writer:
         writer.put(new_calibration("high", "1", "a build", [{**draw, "obstacle_height": 2.0}], {"findings": []}), False)
     words = ("--calibration", "high")
@@ -154,16 +154,16 @@ def test_an_interrupted_search_ends_where_an_uninterrupted_one_does(
 def test_objectives_make_failing_at_once_no_gain() -> None:
     passed, tipped, failed = Row("passed", 2.0, 6.0), Row("tipped", 0.1, 0.2), Row("failed", None, None)
     rows = [passed, passed, tipped, failed]
-    values = {name: one.value(rows, 30.0) for name, one in OBJECTIVES.items() if one.value is not None}
+    values = {name: objective.value(rows, 30.0) for name, objective in OBJECTIVES.items() if objective.value is not None}
 
     # The failed run's energy counts as the mean of the others, 12.2 / 3.
     assert values == {"success": 0.5, "time": 16.0, "energy": pytest.approx((12.2 + 12.2 / 3) / 2)}
-    for one in OBJECTIVES.values():
-        if one.value is not None and one.interval is not None:
-            low, high = one.interval(rows, 30.0)
-            assert low <= one.value(rows, 30.0) <= high
-            worse, better = one.value([tipped, tipped, failed], 30.0), values[one.name]
-            assert worse < better if one.largest else worse > better
+    for objective in OBJECTIVES.values():
+        if objective.value is not None and objective.interval is not None:
+            low, high = objective.interval(rows, 30.0)
+            assert low <= objective.value(rows, 30.0) <= high
+            worse, better = objective.value([tipped, tipped, failed], 30.0), values[objective.name]
+            assert worse < better if objective.largest else worse > better
     assert OBJECTIVES["energy"].value is not None and math.isinf(OBJECTIVES["energy"].value([tipped], 30.0))
 
 

@@ -41,8 +41,8 @@ def store(tmp_path_factory: pytest.TempPathFactory, carsim_binary: Path) -> Path
 def read(store: Path) -> dict[str, Any]:
     """The only experiment, as the page gets it."""
     with Store.open(store) as opened:
-        (found,) = json.loads(json.dumps(page_data(opened), allow_nan=False))["experiments"]
-    return dict(found)
+        (result,) = json.loads(json.dumps(page_data(opened), allow_nan=False))["experiments"]
+    return dict(result)
 
 
 def designs_of(table: pandas.DataFrame, page: dict[str, Any]) -> pandas.Series:
@@ -136,7 +136,7 @@ def test_trials_that_refute_simulation_make_a_design_bad(store: Path, tmp_path: 
     assert after["refuted"][best] == ("optimistic" if designs["low"][best] > 0.3 else None)
     # The page and `foldcar compare` name the same.
     with Store.open(again) as opened:
-        compared = {one.label: one.verdict for one in compare(opened, "1").experiments[0].designs}
+        compared = {design.label: design.verdict for design in compare(opened, "1").experiments[0].designs}
     said = {name: how for name, how in zip(after["name"], after["refuted"], strict=True) if how}
     assert said == {name: how for name, how in compared.items() if how in ("optimistic", "pessimistic")}
 

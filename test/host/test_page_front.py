@@ -29,11 +29,11 @@ def searched(
         lambda d, sample: "passed" if sample < counts[d["width_mm"]] else "tipped",
     )
     with Store.open(store) as opened:
-        (found,) = read_evidence(opened)
+        (result,) = read_evidence(opened)
     widths = list(counts)
-    kept = ~numpy.isin(found.runs.design, [widths.index(width) for width in left]) | (found.runs.sample < SAMPLES // 2)
-    runs = type(found.runs)(*(getattr(found.runs, name)[kept] for name in ("design", "sample", "outcome", "metrics")))
-    return replace(found, runs=runs, info=replace(found.info, searched=True, objectives=objectives))
+    kept = ~numpy.isin(result.runs.design, [widths.index(width) for width in left]) | (result.runs.sample < SAMPLES // 2)
+    runs = type(result.runs)(*(getattr(result.runs, name)[kept] for name in ("design", "sample", "outcome", "metrics")))
+    return replace(result, runs=runs, info=replace(result.info, searched=True, objectives=objectives))
 
 
 def beaten(front: Mapping[str, Any] | None) -> dict[int, tuple[bool, bool]]:

@@ -91,7 +91,7 @@ def test_an_independent_reader_of_svg_sees_the_same_points(made: Made) -> None:
             seen |= {(round(end.x, 3), round(made.sheet.height_mm - end.y, 3)) for end in ends}
 
     points = [shape.points_mm if isinstance(shape, Path) else [shape.center_mm] for shape in made.sheet.shapes]
-    meant = {(round(x, 3), round(y, 3)) for some in points for x, y in some}
+    meant = {(round(x, 3), round(y, 3)) for point in points for x, y in point}
     assert len(meant) > 100 and meant == seen
 
 

@@ -157,7 +157,7 @@ def test_the_sheet_that_would_do_does() -> None:
 def cuts_of(flat: FlatPiece, chosen: Options) -> list[tuple[int, LineString]]:
     """Every line that is cut, with the number of the fold whose dash it is, or -1."""
     folds = [LineString([fold.a, fold.b]).buffer(1e-6) for fold in flat.folds]
-    found = []
+    result = []
     for shape in piece_shapes(flat, chosen, [])[0]:
         if isinstance(shape, Circle):
             line = shapely.Point(shape.center_mm).buffer(shape.radius_mm, quad_segs=64).exterior
@@ -165,8 +165,8 @@ def cuts_of(flat: FlatPiece, chosen: Options) -> list[tuple[int, LineString]]:
             line = LineString([*shape.points_mm, *([shape.points_mm[0]] if shape.closed else [])])
         if shape.layer not in ("LABEL", "SCORE"):
             fold = next((i for i, along in enumerate(folds) if along.contains(line)), -1)
-            found.append((fold, line))
-    return found
+            result.append((fold, line))
+    return result
 
 
 @pytest.mark.parametrize("machine", ["silhouette", "laser"])

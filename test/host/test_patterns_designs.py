@@ -39,8 +39,8 @@ def test_the_sheets_are_those_that_are_kept(vehicle: str) -> None:
     findings = {name: check_same(made[name], kept[name]) + check_sheet(kept[name], margin_mm) for name in kept}
     assert not any(findings.values()), findings
     shapes = [sheet.shapes for sheet in made.values()]
-    assert all(any(math.isclose(s.length_mm, 100) for s in some if s.layer == "LABEL") for some in shapes)
-    assert any(s.layer == "QR_CODE" for some in shapes for s in some)
+    assert all(any(math.isclose(s.length_mm, 100) for s in shape if s.layer == "LABEL") for shape in shapes)
+    assert any(s.layer == "QR_CODE" for shape in shapes for s in shape)
 
 
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)

@@ -102,7 +102,7 @@ def test_each_program_has_its_own_neighbour_of_a_name(tmp_path: Path, monkeypatc
         (tmp_path / folder / "helper.py").write_text(f"def value(x):\n    return {number}\n")
         sources[folder] = open_environment(tmp_path / folder / "p.scenic", {}, 1)
 
-    assert [one.sample(k)["friction"] for one in sources.values() for k in range(2)] == [0.3, 0.3, 0.4, 0.4]
+    assert [source.sample(k)["friction"] for source in sources.values() for k in range(2)] == [0.3, 0.3, 0.4, 0.4]
     assert sys.modules.pop("helper") is mine
 
 
@@ -160,9 +160,9 @@ def test_what_a_program_reads_is_part_of_its_fingerprint(experiment: Experiment,
     def edited(name: str) -> str:
         text = (folder / name).read_text()
         (folder / name).write_text(text.replace("1", "2"))
-        found = Environment(experiment).fingerprint
+        result = Environment(experiment).fingerprint
         (folder / name).write_text(text)
-        return found
+        return result
 
     first = Environment(experiment).fingerprint
     assert len({first, *map(edited, read)}) == 1 + len(read)
@@ -238,7 +238,7 @@ def test_a_run_may_import_neighbours_but_read_nothing_that_the_fingerprint_does_
     program.with_name("late.py").write_text("number = 7\n")
     program.write_text(f"{HEAD}def given():\n    import late\n    return late.number\nrecord final given() as n\n")
     assert swept(listing, tmp_path / "s.db", carsim_binary, 1).failed == 0
-    assert [one.recorded["n"].value for one in rows(tmp_path / "s.db")] == [7, 7, 7]
+    assert [row.recorded["n"].value for row in rows(tmp_path / "s.db")] == [7, 7, 7]
 
     program.with_name("late.txt").write_text("7")
     late = str(program.with_name("late.txt"))

@@ -62,7 +62,7 @@ def test_advice_goes_by_the_others_and_says_so(store: Path, tmp_path: Path) -> N
         (advice,) = select(opened, with_cost=False)
     (compared,) = Study(copy).compare().experiments
 
-    rates = {one.label: one.simulated.value for one in advice.recommendations}
+    rates = {recommendation.label: recommendation.simulated.value for recommendation in advice.recommendations}
     assert set(rates) == {"100 mm", "120 mm", "140 mm"} and rates["100 mm"] == 1
     remark = "53 of 80 runs were rejected: they violated a requirement of the program."
     assert any(one.startswith(remark) and "1 design has no other run" in one for one in advice.remarks)

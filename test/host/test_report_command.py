@@ -178,13 +178,13 @@ def test_the_map_has_the_rates_of_the_designs_and_the_effects_their_means(tmp_pa
     passed, runs = one.evidence.run_counts.T
     shares = (passed / runs).reshape(len(widths), len(radii))
 
-    names = [each.name for each in drawings(one.columns, one.effects, one.places, one.thresholds)]
+    names = [drawing.name for drawing in drawings(one.columns, one.effects, one.places, one.thresholds)]
     with threadpool_limits(1):
         axes = draw_map(one.columns, one.effects, one.places, (0, 1), (0.5, 0.75)).axes[0]
         (across, _) = draw_effects(one.columns, one.effects, one.places, (0.5,)).axes[:2]
 
     assert names == ["experiment_1_effects", "experiment_1_map_by_width_mm_and_radius_mm"]
-    (mesh,) = [each for each in axes.collections if isinstance(each, QuadMesh)]
+    (mesh,) = [collection for collection in axes.collections if isinstance(collection, QuadMesh)]
     assert numpy.asarray(mesh.get_array()).reshape(len(radii), len(widths)) == pytest.approx(100 * shares.T, abs=12)
     mean = next(line for line in across.lines if line.get_marker() == "o")
     assert mean.get_ydata() == pytest.approx(100 * shares.mean(axis=1), abs=8)

@@ -45,14 +45,14 @@ def blob_of(page: str, name: str) -> tuple[Any, bytes]:
 
 def integers(content: bytes) -> list[int]:
     """What zigzag LEB128 holds, read here as its definition says."""
-    found, value, shift = [], 0, 0
+    integers, value, shift = [], 0, 0
     for byte in content:
         value |= (byte & 127) << shift
         shift += 7
         if byte < 128:
-            found.append(value >> 1 if value % 2 == 0 else -(value >> 1) - 1)
+            integers.append(value >> 1 if value % 2 == 0 else -(value >> 1) - 1)
             value, shift = 0, 0
-    return found
+    return integers
 
 
 def test_a_path_comes_back_within_half_a_unit() -> None:
@@ -77,7 +77,7 @@ def test_carsims_compact_path_is_that_of_its_rows(study: Path, carsim_binary: Pa
     lines = [{"body": {**body, "id": "b"}}, {"scene": {**scene, "id": "s"}}]
     lines += [{"run": {"id": "rows", **run}}, {"run": {"id": "few", **run, "path_form": "compact"}}]
 
-    rows, few = (one["path"] for one in Carsim(carsim_binary).answers([json.dumps(line) for line in lines]))
+    rows, few = (answer["path"] for answer in Carsim(carsim_binary).answers([json.dumps(line) for line in lines]))
 
     assert few["rows"] == len(rows) >= 20
     assert b64decode(few["compact"]) == compact_path(rows)

@@ -69,8 +69,13 @@ def test_every_experiment_runs_in_both_engines(name: str, tmp_path: Path) -> Non
         pytest.skip(str(error))
     study = read_study(SCENARIOS / f"{name}.json", environments=2)
     first = [
-        replace(one, family=replace(one.family, choices={key: some[:1] for key, some in one.family.choices.items()}))
-        for one in study.experiments
+        replace(
+            experiment,
+            family=replace(
+                experiment.family, choices={key: choice[:1] for key, choice in experiment.family.choices.items()}
+            ),
+        )
+        for experiment in study.experiments
     ]
     study = replace(study, experiments=tuple(first))
     # Compiled once for both.

@@ -76,7 +76,7 @@ def test_a_scenario_has_names_parts_and_a_limit(tmp_path: Path) -> None:
     plain = scenario(tmp_path, f"{HEAD}h = 2\nterminate after 4 steps\n{BEHAVIOR}").dynamicScenario
     assert private.names(plain)["h"] == 2 and private.file_of(plain) == str(tmp_path / "p.scenic")
     assert not private.is_modular(plain) and not private.has_compose(plain)
-    assert [type(one).__name__ for one in private.agents(plain)] == ["Marker"]
+    assert [type(agent).__name__ for agent in private.agents(plain)] == ["Marker"]
     assert private.is_limited(plain) and private.time_limit_s(plain, 0.25) == 1.0
     compose = "    compose:\n        wait\n        terminate\n"
     modular = scenario(tmp_path, MODULAR + compose).dynamicScenario
@@ -89,14 +89,14 @@ def test_samples_know_what_they_are_of(tmp_path: Path) -> None:
     scene, _ = made.generate()
     ego = made.egoObject
     assert private.unsampled(scene.egoObject) is ego and private.unsampled(ego) is ego
-    assert private.conditioned(ego) is ego and any(one is not ego for one in private.dependencies(ego))
+    assert private.conditioned(ego) is ego and any(dependency is not ego for dependency in private.dependencies(ego))
 
 
 def test_objects_are_made_and_sampled(tmp_path: Path) -> None:
     made = scenario(tmp_path, HEAD)
     goal = type(next(thing for thing in made.objects if type(thing).__name__ == "Goal"))
     lone = private.made(goal, [], is_object=False)
-    assert all(lone is not one for one in private.instances(made))
+    assert all(lone is not instance for instance in private.instances(made))
     private.sample_always(lone)
     assert lone.sample() is not lone
 
@@ -111,7 +111,9 @@ def test_a_simulation_shows_its_parts(tmp_path: Path) -> None:
     private.forget_last_simulation(scene.dynamicScenario)
     simulation = Idle(scene, maxSteps=9, name="idle", timestep=0.1)
     assert simulation.result.terminationReason == "reached time limit"
-    assert [one.ty for one in simulation.endings[:1]] == [RequirementType.terminateWhen] and len(simulation.endings) == 2
+    assert [ending.ty for ending in simulation.endings[:1]] == [RequirementType.terminateWhen] and len(
+        simulation.endings
+    ) == 2
     assert len(simulation.monitors) == len(simulation.running) == 1
     assert simulation.copy is not scene.egoObject and simulation.values == {"x": pytest.approx(0)}
     assert not list(private.invoked(scene.dynamicScenario))

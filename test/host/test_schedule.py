@@ -27,7 +27,7 @@ def ended(passed: Any, other: Counts | None, rule: StoppingRule = RULE) -> tuple
     schedule, steps = Schedule(rule, passed.shape[1], [0] * len(passed), other), []
     while batches := schedule.next():
         steps.append(batches)
-        new = {one.design: passed[one.design, one.samples.start : one.samples.stop] for one in batches}
+        new = {batch.design: passed[batch.design, batch.samples.start : batch.samples.stop] for batch in batches}
         # NaN is a rejected run.
         counts = {design: (int(numpy.nansum(row)), int((~numpy.isnan(row)).sum())) for design, row in new.items()}
         schedule.record(counts, batches)

@@ -89,10 +89,12 @@ def test_advice_before_trials_and_after_each_round(tmp_path: Path, monkeypatch: 
 
     assert before.threshold == 0.75 and not before.enough and before.loss is None
     assert "100 to 130 mm surely" in before.headline and "No car was driven yet" in before.headline
-    first = [float(one.design["width_mm"]) for one in before.recommendations]
+    first = [float(recommendation.design["width_mm"]) for recommendation in before.recommendations]
     assert len(first) == 4 and before.recommendations[0].place == MIDDLE and 100 <= first[0] <= 130
     assert min(first) < 90 and max(first) > 140
-    assert len(set(before.environments)) == min(40, max(one.trials for one in before.recommendations))
+    assert len(set(before.environments)) == min(
+        40, max(recommendation.trials for recommendation in before.recommendations)
+    )
     (middle,) = printed["recommendations"]
     assert middle["cost"]["sheets"] >= 1 and middle["trials"] > 5
     with (tmp_path / "build.csv").open() as text:
@@ -113,10 +115,12 @@ def test_advice_before_trials_and_after_each_round(tmp_path: Path, monkeypatch: 
     (after,) = advise(store, build=3)
 
     assert after.next_step.startswith("Next, ") and (after.loss or 0) > 0
-    assert after.recommendations and all(one.place == NEXT for one in after.recommendations)
-    assert any(one.design["width_mm"] not in first for one in after.recommendations)
+    assert after.recommendations and all(recommendation.place == NEXT for recommendation in after.recommendations)
+    assert any(recommendation.design["width_mm"] not in first for recommendation in after.recommendations)
     assert {one.label for one in (*before.recommendations, *after.recommendations)} >= {after.recommendations[0].label}
-    assert not set(after.environments) & set(met) or all(not one.built for one in after.recommendations)
+    assert not set(after.environments) & set(met) or all(
+        not recommendation.built for recommendation in after.recommendations
+    )
 
 
 def test_it_ends_with_a_design_at_the_threshold_and_names_it(tmp_path: Path) -> None:
@@ -145,8 +149,8 @@ def test_cars_that_differ_ask_for_several_of_a_design(tmp_path: Path) -> None:
             belief = one.belief
             assert belief is not None
             designs = tuple(replace(design, spread=(spread == SPREADS).astype(float)) for design in belief.designs)
-            (found,) = select_evidence([replace(one, belief=replace(belief, designs=designs))], with_cost=False)
-            return found
+            (result,) = select_evidence([replace(one, belief=replace(belief, designs=designs))], with_cost=False)
+            return result
 
         alike, differing = with_spread(0.0), with_spread(1.0)
 
@@ -168,7 +172,7 @@ def test_a_lone_failing_design_is_named_and_rates_beside_it_are_open(tmp_path: P
 
     said = "The trials of 110 mm contradict those of the other designs: rates of designs not driven beside it"
     assert f"{said} (100 and 120 mm) are not to be trusted." in found.remarks
-    assert any(one.startswith(said) for one in compared.remarks)
+    assert any(remark.startswith(said) for remark in compared.remarks)
     assert {"100 mm", "120 mm"} <= {one.label for one in found.undecided}
     assert verdicts["100 mm"] == verdicts["120 mm"] == "open" and verdicts["80 mm"] == "good"
     assert contradictions([[1.0], [2.0]], [[9, 10]] * 2, [[0, 9], [9, 9]]) == NONE

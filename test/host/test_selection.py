@@ -40,17 +40,17 @@ def test_first_designs_mark_the_region() -> None:
     rates = numpy.where((WIDTHS >= 95) & (WIDTHS <= 140), 0.9, numpy.where(WIDTHS > 140, 0.4, 0.1))
     doubt = numpy.where(WIDTHS < 100, 0.5, 0.1)
 
-    found = [(WIDTHS[one.index], one.place) for one in first_designs(WIDTHS[:, None], rates, doubt, 0.75)]
+    found = [(WIDTHS[design.index], design.place) for design in first_designs(WIDTHS[:, None], rates, doubt, 0.75)]
 
     assert [place for _, place in found] == [MIDDLE, LOWER_EDGE, ABOVE, BELOW, UPPER_EDGE]
     places = {place: width for width, place in found}
     assert (places[LOWER_EDGE], places[UPPER_EDGE]) == (95, 140)
     assert 115 <= places[MIDDLE] <= 120 and places[BELOW] < 95 and places[ABOVE] > 140
     # A rate at the threshold reaches it.
-    assert [(WIDTHS[one.index], one.place) for one in first_designs(WIDTHS[:, None], rates, doubt, 0.9)] == found
+    assert [(WIDTHS[design.index], design.place) for design in first_designs(WIDTHS[:, None], rates, doubt, 0.9)] == found
     (best,) = first_designs(WIDTHS[:, None], rates, doubt, 0.95)
     assert best.place == BEST
-    assert [one.place for one in first_designs(WIDTHS[:, None], rates, doubt, 0.05)] == [MIDDLE, END, END]
+    assert [design.place for design in first_designs(WIDTHS[:, None], rates, doubt, 0.05)] == [MIDDLE, END, END]
 
 
 def test_first_designs_of_two_parameters_are_on_the_level_set() -> None:

@@ -146,9 +146,7 @@ def test_a_store_too_large_to_copy_is_read_where_it_is(store: Path, monkeypatch:
             reader._connection.execute("DELETE FROM run")
 
 
-def test_a_writer_is_patient_with_another_program_and_then_says_so(
-    store: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_writer_is_patient_with_another_program_and_then_says_so(store: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with another(READ, store) as other:
         command = [sys.executable, "-c", TRY, store]
         with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as writer:

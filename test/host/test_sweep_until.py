@@ -223,7 +223,7 @@ def test_advice_and_python_give_the_interval_that_a_sweep_that_stopped_may_give(
         for rate in (one.simulated(), study.rate(width=state.design["width_mm"])):
             assert [rate.low, rate.high] == expected
             assert rate.method.startswith("anytime-valid interval of")
-    shown = [one.simulated for one in selection.recommendations]
+    shown = [recommendation.simulated for recommendation in selection.recommendations]
     assert shown and all(rate.method.startswith("anytime-valid") for rate in shown)
     assert [(one.simulated().low, one.simulated().high) for one in fixed] == [
         wilson_interval(one.runs_passed, one.runs) for one in fixed

@@ -30,5 +30,5 @@ def test_the_lock_of_npm_pins_hashes_and_names_no_host() -> None:
     text = (PROJECT / "host" / "web" / "package-lock.json").read_text(encoding="utf-8")
     packages = {name: one for name, one in json.loads(text)["packages"].items() if name}
 
-    assert packages and all(one["integrity"].startswith("sha512-") for one in packages.values())
-    assert not any("resolved" in one for one in packages.values())
+    assert packages and all(package["integrity"].startswith("sha512-") for package in packages.values())
+    assert not any("resolved" in package for package in packages.values())

@@ -54,12 +54,12 @@ class ReadNode:
 
     def all(self, name: str) -> "list[ReadNode]":
         """All nodes of that name in it."""
-        found = [self] if self.name == name else []
+        result = [self] if self.name == name else []
         for value in self.fields.values():
             for one in value if isinstance(value, list) else [value]:
                 if isinstance(one, ReadNode):
-                    found += one.all(name)
-        return found
+                    result += one.all(name)
+        return result
 
 
 @dataclass

@@ -71,7 +71,7 @@ def add_experiment(
     told = {**TOLD, "varied": {key: list(values) for key, values in varied.items()}, **facts}
     plan = PlannedExperiment(name, "car", "pyramids", environment, spread, samples, told)
     designs = [{**dict(zip(varied, values, strict=True)), **FIXED} for values in product(*varied.values())]
-    bodies = [{"id": name, **one, "segments": [{"mass_kg": 0.2}], "wheels": []} for one in designs]
+    bodies = [{"id": name, **design, "segments": [{"mass_kg": 0.2}], "wheels": []} for design in designs]
     writer.put_experiment(plan, [PlannedDesign(*one, {"time_limit_s": 120}) for one in zip(designs, bodies, strict=True)])
     for sample in range(samples):
         writer.put_sample(environment, sample, {"of": fingerprint(name), "sample": sample})

@@ -72,18 +72,20 @@ def believe(designs: Sequence[DesignEvidence], places: Sequence[int], names: Seq
     """
     if not designs:
         return None
-    parameters = numpy.array([[float(one.design[name]) for name in names] for one in designs]).reshape(len(designs), -1)
-    runs = numpy.array([(one.runs_passed, one.runs) for one in designs], dtype=float)
-    trials = numpy.array([(one.trials_passed, len(one.trials)) for one in designs], dtype=float)
+    parameters = numpy.array([[float(design.design[name]) for name in names] for design in designs]).reshape(
+        len(designs), -1
+    )
+    runs = numpy.array([(design.runs_passed, design.runs) for design in designs], dtype=float)
+    trials = numpy.array([(design.trials_passed, len(design.trials)) for design in designs], dtype=float)
     # Of many driven designs those with most trials tell most.
     dropped = numpy.argsort(-trials[:, 1], kind="stable")[MOST_POOLED:]
     unpooled = int((trials[dropped, 1] > 0).sum())
     trials[dropped] = 0
-    cars = [one.cars if counted else None for one, counted in zip(designs, trials[:, 1].tolist(), strict=True)]
-    samples = numpy.unique(numpy.concatenate([one.samples for one in designs]))
+    cars = [design.cars if counted else None for design, counted in zip(designs, trials[:, 1].tolist(), strict=True)]
+    samples = numpy.unique(numpy.concatenate([design.samples for design in designs]))
     passed = numpy.full((len(designs), len(samples)), numpy.nan)
-    for row, one in enumerate(designs):
-        passed[row, numpy.searchsorted(samples, one.samples)] = one.passed
+    for row, design in enumerate(designs):
+        passed[row, numpy.searchsorted(samples, design.samples)] = design.passed
     # Threads for matrices of some tens of rows only wait for each other.
     with threadpool_limits(1):
         simulation = smoothed_simulation(parameters, runs, passed)

@@ -230,8 +230,11 @@ def _overall(experiments: Sequence[ExperimentComparison]) -> str:
     if not experiments:
         return "Nothing to compare: the store has no runs yet; sweep the listing into it with `foldcar sweep`."
     several = len(experiments) > 1
-    sentences = [f"Experiment {one.info.id}: {one.sentence}" if several else one.sentence for one in experiments]
-    builds = {one.info.carsim_build for one in experiments}
+    sentences = [
+        f"Experiment {experiment.info.id}: {experiment.sentence}" if several else experiment.sentence
+        for experiment in experiments
+    ]
+    builds = {experiment.info.carsim_build for experiment in experiments}
     if len(builds) > 1:
         sentences.append(f"The experiments were simulated by {len(builds)} builds of carsim: do not compare them.")
     return " ".join(sentences)

@@ -63,17 +63,19 @@ class Evidence:
     @cached_property
     def family(self) -> tuple[DesignEvidence, ...]:
         """The designs of the family, which come first."""
-        return tuple(one for one in self.designs if one.swept or in_family(self.info, one.vehicle_type, one.design))
+        return tuple(
+            design for design in self.designs if design.swept or in_family(self.info, design.vehicle_type, design.design)
+        )
 
     @property
     def swept(self) -> int:
         """The number of designs that were swept, which come first."""
-        return sum(one.swept for one in self.designs)
+        return sum(design.swept for design in self.designs)
 
     @property
     def driven(self) -> list[DesignEvidence]:
         """The designs with trials that count."""
-        return [one for one in self.designs if one.trials]
+        return [design for design in self.designs if design.trials]
 
     @cached_property
     def run_counts(self) -> NDArray[Any]:
@@ -148,7 +150,9 @@ def swept_ids(store: Store) -> set[str]:
 def _unswept_info(trials: Sequence[Trial]) -> ExperimentInfo:
     """An experiment without runs: parameters with several values vary."""
     first, designs = trials[0], [trial.design for trial in trials]
-    values = {name: sorted({one[name] for one in designs if name in one}) for one in designs for name in one}
+    values = {
+        name: sorted({design[name] for design in designs if name in design}) for design in designs for name in design
+    }
     # A design without a parameter has no place among the values of it.
     varied = {name: tuple(known) for name, known in values.items() if len(known) > 1}
     return ExperimentInfo(
@@ -197,7 +201,7 @@ def _evidence(
     if resimulation is not None:
         said += remarks.unswept_designs([made[key] for key in unswept])
     here = set[int]() if resimulation is None else store.trials_here(info)
-    found = [_with_trials(info, one, by_design.get(key, []), here, resimulation) for key, one in designs.items()]
+    found = [_with_trials(info, design, by_design.get(key, []), here, resimulation) for key, design in designs.items()]
     evidence = Evidence(info, tuple(found), runs, None, ())
     known = [(place, one) for place, one in enumerate(evidence.family) if one.runs and info.success_defined]
     belief = believe([one for _, one in known], [place for place, _ in known], list(info.varied))
@@ -220,13 +224,13 @@ def _swept(store: Store, info: ExperimentInfo, runs: RunArrays) -> list[DesignEv
     order = numpy.argsort(runs.design, kind="stable")
     each = numpy.split(order, numpy.searchsorted(runs.design[order], numpy.arange(1, len(designs))))
     elapsed_s = runs.metrics[:, NUMBERS.index("elapsed_time_s")]
-    found = []
+    result = []
     # Split makes one part of no design.
     for design, all_rows in zip(designs, each, strict=False):
         discarded = runs.outcome[all_rows] == OUTCOMES.index(REJECTED)
         rows = all_rows[~discarded]
         times = elapsed_s[rows][~numpy.isnan(elapsed_s[rows])]
-        found.append(
+        result.append(
             DesignEvidence(
                 info.vehicle_type,
                 dict(design),
@@ -240,7 +244,7 @@ def _swept(store: Store, info: ExperimentInfo, runs: RunArrays) -> list[DesignEv
                 rejected=frozenset(runs.sample[all_rows[discarded]].tolist()),
             )
         )
-    return found
+    return result
 
 
 def _unswept(info: ExperimentInfo, trial: Trial, resimulation: Resimulation | None) -> tuple[DesignEvidence, str | None]:

@@ -192,7 +192,7 @@ class Resimulation:
     def _scenes(self, info: ExperimentInfo) -> dict[int, str]:
         """The texts of the scenes that the sweep has stored, by sample."""
         drives = self._drives(info)
-        read = lambda: {sample: drives.text("scene", one) for sample, one in drives.scenes.items()}  # noqa: E731
+        read = lambda: {sample: drives.text("scene", scene) for sample, scene in drives.scenes.items()}  # noqa: E731
         return self._store.once(("scenes", info.id), read)
 
     def _variation(self, info: ExperimentInfo, sample: int | None) -> Mapping[str, Any]:

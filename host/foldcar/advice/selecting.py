@@ -133,8 +133,8 @@ class Selection:
 
     def __repr__(self) -> str:
         rows = [
-            f"  {one.label}: {one.trials} trials of {count(one.cars, 'car')}; {one.reason}"
-            for one in self.recommendations
+            f"  {design.label}: {design.trials} trials of {count(design.cars, 'car')}; {design.reason}"
+            for design in self.recommendations
         ]
         return "\n".join([f"Experiment {self.info.id}: {self.sentence}", *rows])
 
@@ -180,18 +180,18 @@ def select_evidence(
 ) -> list[Selection]:
     """Advise as :func:`select` does, from evidence that was read."""
     by_id = {one.info.id: one for one in evidence}
-    found = []
+    result = []
     for one in evidence:
         fresh = by_id.get(fresh_id(one.info.id)) if one.info.searched else None
         if fresh is None:
-            found.append(_select_one(one, build, threshold, precision, with_cost))
+            result.append(_select_one(one, build, threshold, precision, with_cost))
             continue
         # Rates in the environments that chose the designs are biased.
         advice = _select_one(fresh, build, threshold, precision, with_cost)
         judged = f"{len(fresh.designs):,} were judged in {fresh.info.environments:,} fresh environments"
         start = f"A search tried {count(one.swept, 'design')}; {judged}. "
-        found.append(replace(advice, info=one.info, headline=start + advice.headline))
-    return found
+        result.append(replace(advice, info=one.info, headline=start + advice.headline))
+    return result
 
 
 def _select_one(evidence: Evidence, build: int, threshold: float | None, precision: float, with_cost: bool) -> Selection:
@@ -308,7 +308,7 @@ class _Adviser:
     @cached_property
     def _spreads(self) -> NDArray[numpy.float64]:
         """How much cars of each design differ: where none were simulated, as those of the others do, or as is assumed."""
-        own = [None if one.spread is PRIOR else float(one.spread @ SPREADS) for one in self.belief.designs]
+        own = [None if design.spread is PRIOR else float(design.spread @ SPREADS) for design in self.belief.designs]
         known = [spread for spread in own if spread is not None]
         usual = sum(known) / len(known) if known else float(PRIOR @ SPREADS)
         return numpy.array([usual if spread is None else spread for spread in own])
@@ -339,14 +339,14 @@ class _Adviser:
     @cached_property
     def _undecided(self) -> tuple[Undecided, ...]:
         """The designs whose rate may lie on both sides of the threshold, or is not to be trusted."""
-        belief, limit, zone, found = self.belief, self.threshold, self.precision, []
+        belief, limit, zone, result = self.belief, self.threshold, self.precision, []
         for index, (design, rate) in enumerate(zip(belief.designs, belief.built, strict=True)):
             doubted = index in belief.contradicting.beside
             if doubted or rate.low < limit <= rate.high:
                 more = max(1, trials_to_tell(belief.draws[:, index], limit) - len(design.trials))
                 at = not doubted and limit - zone <= rate.low and rate.high <= limit + zone
-                found.append(Undecided(design.label, design.design, at, more))
-        return tuple(found)
+                result.append(Undecided(design.label, design.design, at, more))
+        return tuple(result)
 
     def _recommendation(self, placed: Placed, with_cost: bool) -> Recommendation:
         index, design = placed.index, self.belief.designs[placed.index]

@@ -90,7 +90,9 @@ def grounds(evidence: Evidence, belief: Belief, threshold: float) -> str:
         said.append(f"{_capital(simulation)} cannot rank {_names(belief, evidence, tied)} ({span}){driven}.")
     driven_designs = sorted(evidence.driven, key=lambda one: -one.trials_passed / len(one.trials))
     if driven_designs:
-        counts = [f"{one.trials_passed} of {len(one.trials)} at {one.label}" for one in driven_designs[:NAMED]]
+        counts = [
+            f"{design.trials_passed} of {len(design.trials)} at {design.label}" for design in driven_designs[:NAMED]
+        ]
         rest = f", of {count(len(driven_designs), 'driven design')}" if len(driven_designs) > NAMED else ""
         said.append(f"Trials that passed: {listed(counts)}{rest}.")
     return " ".join(said)
@@ -141,7 +143,7 @@ def _simulated(belief: Belief, evidence: Evidence, threshold: float) -> str:
     rate, low, _ = belief.simulation.T
     limit, reach, surely = percent(threshold), rate >= threshold, low >= threshold
     if not reach.any():
-        if not sum(one.runs_passed for one in belief.designs):
+        if not sum(design.runs_passed for design in belief.designs):
             return "no run passed"
         best = int(rate.argmax())
         named = "" if len(rate) == 1 else f", {belief.labels[best]},"

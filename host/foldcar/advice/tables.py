@@ -23,14 +23,16 @@ def comparison_object(found: Comparison) -> dict[str, Any]:
     return {
         "sentence": found.sentence,
         "margin": found.margin,
-        "experiments": [_experiment_object(one) for one in found.experiments],
+        "experiments": [_experiment_object(experiment) for experiment in found.experiments],
         "trials_alone": list(found.alone),
     }
 
 
 def write_comparison(found: Comparison, file: Path) -> None:
     """Write a row for each design of each experiment as CSV, atomically. FoldcarError."""
-    _write([_compared(one.info.id, design) for one in found.experiments for design in one.designs], file)
+    _write(
+        [_compared(experiment.info.id, design) for experiment in found.experiments for design in experiment.designs], file
+    )
 
 
 def selection_object(one: Selection) -> dict[str, Any]:
@@ -60,7 +62,14 @@ def selection_object(one: Selection) -> dict[str, Any]:
 
 def write_selection(found: Sequence[Selection], file: Path) -> None:
     """Write a row for each recommended design as CSV, atomically. FoldcarError."""
-    _write([_selected(one, rank, each) for one in found for rank, each in enumerate(one.recommendations, 1)], file)
+    _write(
+        [
+            _selected(one, rank, recommendation)
+            for one in found
+            for rank, recommendation in enumerate(one.recommendations, 1)
+        ],
+        file,
+    )
 
 
 def _experiment_object(one: ExperimentComparison) -> dict[str, Any]:

@@ -120,21 +120,21 @@ def likelihood(designs: Sequence[BuiltCars], ranges: Iterable[NDArray[Any]] = (S
 
     if not designs:
         return [(1.0, CubicSpline(COARSE, numpy.zeros((len(COARSE), 0))))]
-    cars = numpy.hstack([(one.passed, one.counted, one.shift) for one in designs])
+    cars = numpy.hstack([(design.passed, design.counted, design.shift) for design in designs])
     # Many cars have the same trials.
     (k, n, shifts), which = numpy.unique(cars, axis=1, return_inverse=True)
-    starts = numpy.cumsum([0, *(len(one.passed) for one in designs[:-1])])
+    starts = numpy.cumsum([0, *(len(design.passed) for design in designs[:-1])])
     each = numpy.array([_given(COARSE[:, None] + shifts, k, n, spread) for spread in SPREADS.tolist()])
-    some, found = numpy.add.reduceat(each[:, :, which.ravel()], starts, axis=2), []
-    weights = numpy.array([one.weights for one in designs])
+    some, result = numpy.add.reduceat(each[:, :, which.ravel()], starts, axis=2), []
+    weights = numpy.array([design.weights for design in designs])
     assumed = (weights / PRIOR).min(axis=1, keepdims=True)
-    for one in ranges if assumed.any() else (SPREADS,):
-        part = numpy.where(numpy.isin(SPREADS, one), PRIOR, 0)
+    for range_ in ranges if assumed.any() else (SPREADS,):
+        part = numpy.where(numpy.isin(SPREADS, range_), PRIOR, 0)
         with numpy.errstate(divide="ignore"):
             logs = some + numpy.log((weights + assumed * (part / part.sum() - PRIOR)).clip(0)).T[:, None]
         top = logs.max(axis=0)
-        found.append((float(part.sum()), CubicSpline(COARSE, top + numpy.log(numpy.exp(logs - top).sum(axis=0)))))
-    return found
+        result.append((float(part.sum()), CubicSpline(COARSE, top + numpy.log(numpy.exp(logs - top).sum(axis=0)))))
+    return result
 
 
 def _given(log_odds: NDArray[Any], k: NDArray[Any], n: NDArray[Any] | float, spread: float) -> NDArray[Any]:

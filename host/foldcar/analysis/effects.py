@@ -74,9 +74,9 @@ class Effects:
         """Draws (draws, m) of the rates of designs (m, k) within the range of those that were run."""
         scaled, found = (parameters - self.model.low) / self.model.span, []
         random = numpy.random.default_rng(1)
-        for one, drawn in zip(self.model.candidates, self.factors, strict=True):
-            functions = functions_of(one.process, one.strength, scaled)
-            left = numpy.sqrt(numpy.maximum(one.strength**2 - (functions[:, 1:] ** 2).sum(axis=1), 0))
+        for candidate, drawn in zip(self.model.candidates, self.factors, strict=True):
+            functions = functions_of(candidate.process, candidate.strength, scaled)
+            left = numpy.sqrt(numpy.maximum(candidate.strength**2 - (functions[:, 1:] ** 2).sum(axis=1), 0))
             found.append(drawn @ functions.T + left * random.standard_normal((len(drawn), len(scaled))))
         return numpy.asarray(1 / (1 + numpy.exp(-numpy.concatenate(found))))
 
@@ -133,12 +133,12 @@ class Effects:
         total = drawn.var(axis=1)
         if numpy.median(total) < 1e-6:
             return []
-        found = []
+        result = []
         for parameter in range(self.parameters.shape[1]):
             shares = self._carried(parameter) / total
             low, middle, high = numpy.quantile(shares.clip(0, 1), (0.025, 0.5, 0.975))
-            found.append(Importance(float(middle), float(low), float(high)))
-        return found
+            result.append(Importance(float(middle), float(low), float(high)))
+        return result
 
     @cached_property
     def _drawn(self) -> NDArray[Any]:
@@ -189,19 +189,19 @@ def fit_effects(parameters: ArrayLike, design: ArrayLike, environment: ArrayLike
     random, factors = numpy.random.default_rng(0), []
     _, where = numpy.unique(where, return_inverse=True)
     clusters = int(where.max()) + 1
-    for one in model.candidates:
-        number = max(1, round(DRAWS * one.weight))
-        noise = random.standard_normal((number, len(one.factors.mode)))
+    for candidate in model.candidates:
+        number = max(1, round(DRAWS * candidate.weight))
+        noise = random.standard_normal((number, len(candidate.factors.mode)))
         if clusters < LEAST_ENVIRONMENTS:
-            factors.append(one.factors.mode + noise @ one.factors.root.T)
+            factors.append(candidate.factors.mode + noise @ candidate.factors.root.T)
             continue
-        functions = functions_of(one.process, one.strength, scaled)
-        rest = ended - 1 / (1 + numpy.exp(-(functions @ one.factors.mode)))[at]
+        functions = functions_of(candidate.process, candidate.strength, scaled)
+        rest = ended - 1 / (1 + numpy.exp(-(functions @ candidate.factors.mode)))[at]
         gradients = numpy.array([numpy.bincount(where, column[at] * rest, clusters) for column in functions.T])
         gradients -= gradients.mean(axis=1, keepdims=True)
         # As Student's t: the gradients' spread is known from so many environments.
         freedom = clusters - 1
         scale = numpy.sqrt(clusters / random.chisquare(freedom, number))[:, None]
         step = scale * random.standard_normal((number, clusters)) @ gradients.T + noise
-        factors.append(one.factors.mode + step @ one.factors.root @ one.factors.root.T)
+        factors.append(candidate.factors.mode + step @ candidate.factors.root @ candidate.factors.root.T)
     return Effects(model, x[counted > 0], tuple(factors))

@@ -55,9 +55,9 @@ def mean_gap(rates: Sequence[Rates]) -> Gap:
     """
     f, y = (
         numpy.array([(one.value, one.low, one.high) for one in side])
-        for side in ([one.simulated for one in rates], [one.driven for one in rates])
+        for side in ([rate.simulated for rate in rates], [rate.driven for rate in rates])
     )
-    correlation = numpy.array([one.correlation for one in rates])
+    correlation = numpy.array([rate.correlation for rate in rates])
     value = float((y[:, 0] - f[:, 0]).mean())
 
     def reach(of_y: NDArray[Any], of_f: NDArray[Any]) -> float:

@@ -181,13 +181,13 @@ class SuccessModel:
         check_confidence(confidence)
         scaled = self.scaled(parameters, range(len(self.low)))
         first, second = numpy.zeros(len(scaled)), numpy.zeros(len(scaled))
-        for one in self.candidates:
-            here = functions_of(one.process, one.strength, scaled)
-            middle = here @ one.factors.mode
+        for candidate in self.candidates:
+            here = functions_of(candidate.process, candidate.strength, scaled)
+            middle = here @ candidate.factors.mode
             # What the spanning designs leave open between them is added to the variance.
-            left = numpy.maximum(one.strength**2 - (here[:, 1:] ** 2).sum(axis=1), 0)
-            first += one.weight * middle
-            second += one.weight * (middle**2 + ((here @ one.factors.root) ** 2).sum(axis=1) + left)
+            left = numpy.maximum(candidate.strength**2 - (here[:, 1:] ** 2).sum(axis=1), 0)
+            first += candidate.weight * middle
+            second += candidate.weight * (middle**2 + ((here @ candidate.factors.root) ** 2).sum(axis=1) + left)
         reach = ndtri((1 + confidence) / 2) * numpy.sqrt(numpy.maximum(second - first**2, 0))
         rate, low, high = (1 / (1 + numpy.exp(-value)) for value in (first, first - reach, first + reach))
         return rate, low, high
@@ -197,10 +197,10 @@ class SuccessModel:
         x, at = numpy.asarray(values, dtype=float), list(places)
         if x.ndim != 2 or x.shape[1] != len(at):
             raise FoldcarError(f"this success model has {len(at)} parameters of each design")
-        found: NDArray[Any] = (x - self.low[at]) / self.span[at]
-        if not numpy.all((found > -1e-9) & (found < 1 + 1e-9)):
+        result: NDArray[Any] = (x - self.low[at]) / self.span[at]
+        if not numpy.all((result > -1e-9) & (result < 1 + 1e-9)):
             raise FoldcarError("a success model has rates only within the range of the designs that it was fitted to")
-        return found
+        return result
 
 
 def success_model(parameters: ArrayLike, passed: ArrayLike, counted: ArrayLike) -> SuccessModel:
@@ -242,7 +242,9 @@ def lengths_to_try(parameters: NDArray[Any], passed: NDArray[Any], counted: NDAr
     if count in LENGTHS:
         return list(product(LENGTHS[count], repeat=count))
     model = success_model(parameters, passed, counted)
-    return list(dict.fromkeys(tuple(numpy.atleast_1d(one.process.lengths).tolist()) for one in model.candidates))
+    return list(
+        dict.fromkeys(tuple(numpy.atleast_1d(candidate.process.lengths).tolist()) for candidate in model.candidates)
+    )
 
 
 def _tried(
@@ -257,7 +259,7 @@ def _tried(
         before = best
         for at in range(parameters):
             lengths, strength = best
-            some = [((*lengths[:at], one, *lengths[at + 1 :]), strength) for one in MANY_LENGTHS]
+            some = [((*lengths[:at], length, *lengths[at + 1 :]), strength) for length in MANY_LENGTHS]
             tried.update(dict.fromkeys(some))
             best = max(some, key=lambda one: evidence(*one))
         some = [(best[0], one) for one in STRENGTHS]

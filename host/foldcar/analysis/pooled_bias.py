@@ -76,15 +76,15 @@ class PooledBias:
         """
         check_confidence(confidence)
         tail = (1 - confidence) / 2
-        counts = [0 if one is None else int(one.counted.sum()) for one in self.cars]
-        found = []
-        for one, counted, cumulative in zip(self.cars, counts, self._densities().cumsum(axis=1), strict=True):
+        counts = [0 if car is None else int(car.counted.sum()) for car in self.cars]
+        rates = []
+        for car, counted, cumulative in zip(self.cars, counts, self._densities().cumsum(axis=1), strict=True):
             points = numpy.interp([tail, 0.5, 1 - tail], cumulative / cumulative[-1], LOG_ODDS)
             low, middle, high = (float(value) for value in 1 / (1 + numpy.exp(-points)))
-            own = "no trials" if one is None else one.text
+            own = "no trials" if car is None else car.text
             method = f"{own} of this design, {sum(counts) - counted} trials of others, differences to simulation pooled"
-            found.append(Rate(middle, low, high, confidence, method))
-        return found
+            rates.append(Rate(middle, low, high, confidence, method))
+        return rates
 
     def draws(self, number: int = 1000, seed: int = 0) -> NDArray[Any]:
         """About ``number`` draws (draws, d) of the true rates of further cars, 0 to 1, of all designs jointly.
@@ -92,29 +92,35 @@ class PooledBias:
         They say what a trial at one design tells of another.
         """
         random, found = numpy.random.default_rng(seed), []
-        for one, share in zip(self.candidates, numpy.round(number * self.weights).astype(int), strict=True):
-            factors = one.factors.mode + random.standard_normal((share, len(one.factors.mode))) @ one.factors.root.T
-            shared = one.common.shape[1]
-            alone = one.own * random.standard_normal((share, len(one.own)))
-            alone[:, self._seen] = one.own[self._seen] * factors[:, shared:]
-            found.append(self.simulated + factors[:, :shared] @ one.common.T + alone)
+        for candidate, share in zip(self.candidates, numpy.round(number * self.weights).astype(int), strict=True):
+            factors = (
+                candidate.factors.mode
+                + random.standard_normal((share, len(candidate.factors.mode))) @ candidate.factors.root.T
+            )
+            shared = candidate.common.shape[1]
+            alone = candidate.own * random.standard_normal((share, len(candidate.own)))
+            alone[:, self._seen] = candidate.own[self._seen] * factors[:, shared:]
+            found.append(self.simulated + factors[:, :shared] @ candidate.common.T + alone)
         return numpy.asarray(1 / (1 + numpy.exp(-numpy.concatenate(found))))
 
     @property
     def _seen(self) -> NDArray[Any]:
-        return numpy.flatnonzero([one is not None for one in self.cars])
+        return numpy.flatnonzero([car is not None for car in self.cars])
 
     def _densities(self) -> NDArray[Any]:
         """The densities (d, log-odds) at LOG_ODDS: likelihood of the own trials times what all else says, normal."""
         seen, own = self._seen, numpy.zeros((len(self.cars), len(LOG_ODDS)))
-        found, tabulated = numpy.zeros(own.shape), {id(one.trials): one.trials(LOG_ODDS).T for one in self.candidates}
-        for one, weight in zip(self.candidates, self.weights, strict=True):
-            own[seen], of_trials = tabulated[id(one.trials)], _each([one.trials])
-            functions = numpy.hstack([one.common, numpy.zeros((len(one.own), len(seen)))])
-            functions[seen, one.common.shape[1] + numpy.arange(len(seen))] = one.own[seen]
-            middle = (self.simulated + functions @ one.factors.mode)[:, None]
-            variance = ((functions @ one.factors.root) ** 2).sum(axis=1) + one.own**2
-            variance[seen] -= one.own[seen] ** 2
+        densities, tabulated = (
+            numpy.zeros(own.shape),
+            {id(candidate.trials): candidate.trials(LOG_ODDS).T for candidate in self.candidates},
+        )
+        for candidate, weight in zip(self.candidates, self.weights, strict=True):
+            own[seen], of_trials = tabulated[id(candidate.trials)], _each([candidate.trials])
+            functions = numpy.hstack([candidate.common, numpy.zeros((len(candidate.own), len(seen)))])
+            functions[seen, candidate.common.shape[1] + numpy.arange(len(seen))] = candidate.own[seen]
+            middle = (self.simulated + functions @ candidate.factors.mode)[:, None]
+            variance = ((functions @ candidate.factors.root) ** 2).sum(axis=1) + candidate.own**2
+            variance[seen] -= candidate.own[seen] ** 2
             slope, curvature = numpy.zeros_like(middle), numpy.zeros_like(middle)
             slope[seen], curvature[seen] = (part.T for part in of_trials(middle[seen].T)[1:])
             # The own trials' part of the approximation is taken out again.
@@ -122,8 +128,8 @@ class PooledBias:
             middle = middle - variance * slope
             logs = own - (LOG_ODDS - middle) ** 2 / (2 * variance)
             density = numpy.exp(logs - logs.max(axis=1, keepdims=True))
-            found += weight * density / density.sum(axis=1, keepdims=True)
-        return found
+            densities += weight * density / density.sum(axis=1, keepdims=True)
+        return densities
 
 
 def pooled_bias(
@@ -162,7 +168,9 @@ def pooled_bias(
         grid = list(product(SMOOTH, ALONE, of_trials))
         commons = [numpy.column_stack([*constant, smooth * process]) for smooth, _, _ in grid]
         owns = [numpy.sqrt(simulation.rest + alone**2 + smooth**2 * left) for smooth, alone, _ in grid]
-        functions = [numpy.hstack([one[seen], numpy.diag(own[seen])]) for one, own in zip(commons, owns, strict=True)]
+        functions = [
+            numpy.hstack([common[seen], numpy.diag(own[seen])]) for common, own in zip(commons, owns, strict=True)
+        ]
         found = laplace(numpy.array(functions), log_odds[seen], _each([trials for _, _, (_, trials) in grid]))
         for at, (_, _, (prior, trials)) in enumerate(grid):
             factors = Factors(found.mode[at], found.root[at], found.evidence[at])
@@ -239,15 +247,15 @@ def contradictions(
 def _probabilities(facts: bytes) -> NDArray[Any]:
     """How probable each design's trials (d,), or less probable ones, are by the others'."""
     x, f, y, built, smoothed = pickle.loads(facts)
-    random, found = numpy.random.default_rng(1), []
+    random, probabilities = numpy.random.default_rng(1), []
     for index, one in enumerate(built):
         others = y.copy()
         others[index] = 0
         rate = pooled_bias(x, f, others, built, smoothed).draws()[:, index].clip(1e-9, 1 - 1e-9)
         counts = one.count_draws(rate, random)
         tails = (counts <= one.passed.sum()).mean(), (counts >= one.passed.sum()).mean()
-        found.append(2 * float(min(tails)))
-    return numpy.array(found)
+        probabilities.append(2 * float(min(tails)))
+    return numpy.array(probabilities)
 
 
 def _beside(unit: NDArray[Any], driven: NDArray[Any], flagged: Sequence[int]) -> NDArray[Any]:
@@ -256,10 +264,10 @@ def _beside(unit: NDArray[Any], driven: NDArray[Any], flagged: Sequence[int]) ->
     Between: nearer to both than they are to each other (the relative neighbourhood of Toussaint 1980,
     doi:10.1016/0031-3203(80)90066-7); of one parameter, between their values.
     """
-    found = numpy.zeros(len(unit), dtype=bool)
+    result = numpy.zeros(len(unit), dtype=bool)
     apart = numpy.sqrt(((unit[:, None] - unit[driven][None]) ** 2).sum(axis=2))
     for index in flagged:
         away = numpy.sqrt(((unit - unit[index]) ** 2).sum(axis=1))
-        found |= ~((apart < away[:, None]) & (away[driven] < away[:, None]) & (driven != index)).any(axis=1)
-    found[driven] = False
-    return found
+        result |= ~((apart < away[:, None]) & (away[driven] < away[:, None]) & (driven != index)).any(axis=1)
+    result[driven] = False
+    return result

@@ -19,7 +19,6 @@ POOLED_RUNS = 10
 MIN_VARIANCE = 1e-3
 
 
-
 def corrected_rates(
     parameters: ArrayLike, passed_cheap: ArrayLike, passed_dear: ArrayLike, confidence: float = 0.95
 ) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:

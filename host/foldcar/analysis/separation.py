@@ -86,14 +86,14 @@ def separations(values: ArrayLike, design: ArrayLike, environment: ArrayLike, pa
         scores.append(signs.sum(axis=1, dtype=float))
     if not columns:
         return []
-    found = []
+    separations = []
     reaches = _reaches(numpy.array(scores).T, more) / numpy.array(totals)
     for column, difference, reach in zip(columns, differences, reaches.tolist(), strict=True):
         middle, half = numpy.arctanh(numpy.minimum([abs(difference), reach], MAX_SHARE))
         # The interval of the magnitude, from that of the difference.
         low, high = max(0.0, float(numpy.tanh(middle - half))), float(numpy.tanh(middle + half))
-        found.append(Separation(column, difference, low, high))
-    return sorted(found, key=lambda one: -one.share)
+        separations.append(Separation(column, difference, low, high))
+    return sorted(separations, key=lambda one: -one.share)
 
 
 def _reaches(scores: NDArray[Any], more: NDArray[Any]) -> NDArray[Any]:
@@ -126,11 +126,11 @@ def binned(values: ArrayLike, environment: ArrayLike, passed: ArrayLike, most: i
     kinds = numpy.unique(known)
     edges = kinds if len(kinds) <= most else numpy.unique(numpy.quantile(known, numpy.linspace(0, 1, most + 1)[:-1]))
     place = numpy.searchsorted(edges, some, side="right") - 1
-    found = []
+    result = []
     for at in range(len(edges)):
         inside = (place == at) & ~numpy.isnan(some)
         runs = inside[where]
         if runs.any():
             held = some[inside]
-            found.append(Bin(float(held.min()), float(held.max()), int(runs.sum()), int(ended[runs].sum())))
-    return found
+            result.append(Bin(float(held.min()), float(held.max()), int(runs.sum()), int(ended[runs].sum())))
+    return result

@@ -52,10 +52,10 @@ def column_named(name: str, columns: Iterable[str], what: str) -> str:
 
 def columns_named(values: Mapping[str, object], columns: Iterable[str], what: str) -> dict[str, float]:
     """The numbers of ``values`` by column. FoldcarError for names as above, no number, or a column named twice."""
-    known, found = list(columns), dict[str, float]()
+    known, result = list(columns), dict[str, float]()
     for name, value in values.items():
         column = column_named(name, known, what)
-        if column in found:
+        if column in result:
             raise FoldcarError(f"{what}: {name}: {column} is given twice")
-        found[column] = finite(f"{what}: {name}", value, "a number (mm or degrees)")
-    return found
+        result[column] = finite(f"{what}: {name}", value, "a number (mm or degrees)")
+    return result

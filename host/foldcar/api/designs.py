@@ -36,15 +36,15 @@ def design(type: str, /, **values: float) -> Design:
     FoldcarError if there is no such parameter or the car cannot be built.
     """
     letters = set(modules_of(type))
-    keys = {one.column: key for key, one in parameters().items() if one.modules & letters}
+    keys = {parameter.column: key for key, parameter in parameters().items() if parameter.modules & letters}
     for place in {name.partition("_")[0] for name in values}:
         of_place = (find_parameter(place, name) for name in names_in(place))
         keys |= {p.column: p.key for p in of_place if p is not None and p.modules & letters}
     named = columns_named(values, keys, f'design("{type}")')
-    found = compose(type, {keys[column]: value for column, value in named.items()})
+    result = compose(type, {keys[column]: value for column, value in named.items()})
     # Raises what is wrong with the folded car.
-    folded_car(found)
-    return found
+    folded_car(result)
+    return result
 
 
 def design_of(car: Design | Mapping[str, Any]) -> Design:
@@ -82,7 +82,7 @@ def _prepared(type_string: str, values: tuple[tuple[str, float], ...], *argument
     design = compose(type_string, dict(values))
     body = body_json(design)
     # A listing's limits hold for the arguments too.
-    given = {key: one for key, one in zip(LISTED.values(), arguments, strict=True) if one is not None}
+    given = {key: argument for key, argument in zip(LISTED.values(), arguments, strict=True) if argument is not None}
     try:
         params = ExperimentParams.model_validate(given)
     except ValidationError as error:

@@ -103,8 +103,8 @@ def simulate(
 
     def answer_of(by: Runner, **more: float) -> dict[str, Any]:
         settings = canonical_json({**json.loads(text), **more}) if more else text
-        (found,) = by.run({"car": body}, {"scene": scene_text}, [RunRequest("car", "scene", settings, label, sample)])
-        return found
+        (result,) = by.run({"car": body}, {"scene": scene_text}, [RunRequest("car", "scene", settings, label, sample)])
+        return result
 
     asked = {} if path_interval_s is None else {"path_interval_s": finite("path_interval_s", path_interval_s)}
     if runner is simulator():

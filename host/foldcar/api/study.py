@@ -154,20 +154,20 @@ class Study:
 
     def _of_design(self, table: "pandas.DataFrame", design: Mapping[str, float], source: str) -> "pandas.DataFrame":
         parameters = _parameters(table)
-        found = table
+        result = table
         for column, value in columns_named(design, parameters, "rate").items():
-            values = sorted(found[column].dropna().unique())
-            found = found[found[column] == value]
-            if found.empty:
+            values = sorted(result[column].dropna().unique())
+            result = result[result[column] == value]
+            if result.empty:
                 shown = ", ".join(f"{one:g}" for one in values)
                 raise FoldcarError(f"{self.path}: no {source} with {column} {value:g}; there are {shown}")
         for column in parameters:
-            values = sorted(found[column].dropna().unique())
+            values = sorted(result[column].dropna().unique())
             if len(values) > 1:
                 shown = ", ".join(f"{one:g}" for one in values[:5])
                 more = f", … {values[-1]:g}" if len(values) > 5 else ""
                 raise FoldcarError(f"rate: {column} has several values ({shown}{more}): choose one")
-        return found
+        return result
 
     def _read(self, read: Callable[[Store], T]) -> T:
         with Store.open(self.path) as store:

@@ -54,8 +54,8 @@ def _check_same_study(study: Study, store: Path) -> None:
         if swept is None or Path(swept["value"]).name == Path(study.listing_name).name:
             return
         stored = opened.info()
-    own = {(one.id, Path(one.program_name).name) for one in study.experiments}
-    others = {(one.listed_id, Path(one.scenic_program).name) for one in stored.experiments.values()}
+    own = {(experiment.id, Path(experiment.program_name).name) for experiment in study.experiments}
+    others = {(experiment.listed_id, Path(experiment.scenic_program).name) for experiment in stored.experiments.values()}
     if not own & others:
         apart = f"{Path(study.listing_name).stem}.db"
         raise FoldcarError(

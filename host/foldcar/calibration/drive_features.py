@@ -57,7 +57,7 @@ def path_features(rows: FloatArray, scene: Mapping[str, Any]) -> FloatArray:
     reached = int(np.searchsorted(furthest, 1.0))
     # After the goal a built car drives on, a simulated one does not.
     shown = rows[: reached + 1]
-    found, before_s = np.full(FEATURES, np.nan), 0.0
+    features, before_s = np.full(FEATURES, np.nan), 0.0
     # A run ends when the goal is reached, and its last row may lie a rounding before it.
     places = np.append(np.arange(1, STAGES) / STAGES, 1 - 1e-3)
     for stage, place in enumerate(places):
@@ -66,18 +66,18 @@ def path_features(rows: FloatArray, scene: Mapping[str, Any]) -> FloatArray:
             break
         span = slice(max(0, row - 1), row + 1)
         at = [np.interp(place, along[span], column[span]) for column in (rows[:, 0], across, heading_rad)]
-        found[3 * stage : 3 * stage + 3] = math.log(max(at[0] - before_s, LEAST_S)), at[1], at[2]
+        features[3 * stage : 3 * stage + 3] = math.log(max(at[0] - before_s, LEAST_S)), at[1], at[2]
         before_s = at[0]
-    found[PITCH], found[ROLL] = (magnitude(float(np.abs(shown[:, column]).max())) for column in (5, 6))
-    return found
+    features[PITCH], features[ROLL] = (magnitude(float(np.abs(shown[:, column]).max())) for column in (5, 6))
+    return features
 
 
 def told_features(elapsed_s: float | None, passed: bool) -> FloatArray:
     """The features of a trial without a path: its time, if it passed."""
-    found = np.full(FEATURES, np.nan)
+    features = np.full(FEATURES, np.nan)
     if passed and elapsed_s is not None and elapsed_s > 0:
-        found[TIME] = math.log(elapsed_s)
-    return found
+        features[TIME] = math.log(elapsed_s)
+    return features
 
 
 def magnitude(angle_rad: float) -> float:

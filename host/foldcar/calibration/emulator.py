@@ -163,8 +163,8 @@ class Bank:
                 "nothing can be inferred; check the listing and the designs"
             )
         networks = _fit_ends(np.hstack([self.scores, inputs[self.cells]]), self.ends, seed)
-        found = Emulator(networks, designs, *self._polynomials(inputs, designs), 0.0)
-        return replace(found, car_sd=self._car_sd(found, inputs))
+        result = Emulator(networks, designs, *self._polynomials(inputs, designs), 0.0)
+        return replace(result, car_sd=self._car_sd(result, inputs))
 
     def _polynomials(self, inputs: FloatArray, designs: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Coefficients, bounds, covariance and cars' shares as in Emulator."""

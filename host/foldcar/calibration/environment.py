@@ -87,7 +87,7 @@ def calibrated_id(experiment: str, calibration: Calibration) -> str:
 
 def calibrated_study(study: Study, calibration: Calibration) -> Study:
     """The study with its experiments named for the calibration."""
-    named = (replace(one, id=calibrated_id(one.id, calibration)) for one in study.experiments)
+    named = (replace(experiment, id=calibrated_id(experiment.id, calibration)) for experiment in study.experiments)
     return replace(study, experiments=tuple(named))
 
 

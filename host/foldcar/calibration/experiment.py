@@ -82,7 +82,7 @@ def read_experiment(store: Store, name: str) -> SweptExperiment:
             f"{place}: {info.scenic_program} runs beside the simulation, whose scenes cannot be changed; calibrate in an "
             "environment whose program only places things"
         )
-    scenes = [drives.value("scene", one) for one in drives.scenes.values()]
+    scenes = [drives.value("scene", scene) for scene in drives.scenes.values()]
     if len(scenes) < LEAST_SCENES:
         raise FoldcarError(
             f"{place}: the store has {len(scenes)} scenes of its environment, a calibration needs {LEAST_SCENES}: "

@@ -157,12 +157,12 @@ def observe(store: Store, experiment: SweptExperiment, simulated: bool, evidence
         hint = " (--simulated-trials calibrates by them)" if left_out[SIMULATED] else ""
         raise FoldcarError(f"{store.path}: experiment {name}: no trial to calibrate by: {reasons}{hint}")
     notes = [f"Trials left out: {reasons}."] if reasons else []
-    found = _observed(store, experiment, kept, here, evidence)
-    notes += [*found.notes, *_notes(found, simulated)]
+    result = _observed(store, experiment, kept, here, evidence)
+    notes += [*result.notes, *_notes(result, simulated)]
     # A car that `foldcar log` drove has told the hash of its design; how others were built is not known. The realities of
     # simulated cars are any.
     from_sheets = not simulated and all(trial.source is None and trial.design_hash for trial, _ in kept)
-    return replace(found, simulated=simulated, notes=tuple(notes), from_sheets=from_sheets)
+    return replace(result, simulated=simulated, notes=tuple(notes), from_sheets=from_sheets)
 
 
 def _observed(

@@ -143,15 +143,15 @@ def parameter_named(
     if name not in NAMES:
         known = [*NAMES, *others]
         raise FoldcarError(f'{place}: unknown parameter "{name}"{did_you_mean(name, known)}; known: {", ".join(known)}')
-    found = PARAMETERS[NAMES.index(name)]
+    result = PARAMETERS[NAMES.index(name)]
     # The least value of a scatter is none at all.
-    low = 0.0 if found.prior == "half-normal" else float(found.value(-largest_score))
-    high = float(found.value(largest_score))
+    low = 0.0 if result.prior == "half-normal" else float(result.value(-largest_score))
+    high = float(result.value(largest_score))
     if with_nominal:
-        low, high = min(low, found.nominal), max(high, found.nominal)
+        low, high = min(low, result.nominal), max(high, result.nominal)
     if not low <= value <= high:
-        raise FoldcarError(f"{place}: {value:g} is outside {low:.3g} to {high:.3g} ({found.unit})")
-    return found
+        raise FoldcarError(f"{place}: {value:g} is outside {low:.3g} to {high:.3g} ({result.unit})")
+    return result
 
 
 class ScorePrior(NamedTuple):

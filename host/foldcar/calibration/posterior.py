@@ -172,11 +172,11 @@ class Features:
         ``kappa`` (n, families).
         """
         left = np.clip(self.residuals(means), -FARTHEST, FARTHEST)
-        found = np.zeros(len(means))
+        result = np.zeros(len(means))
         for feature, rows, turn, spread in self._parts:
             variance = 1 + kappa[:, [FAMILY_OF[feature]]] ** 2 * spread
-            found -= 0.5 * ((left[:, rows, feature] @ turn) ** 2 / variance + np.log(variance)).sum(axis=1)
-        return found
+            result -= 0.5 * ((left[:, rows, feature] @ turn) ** 2 / variance + np.log(variance)).sum(axis=1)
+        return result
 
 
 def _next_step(found: FloatArray, most: float) -> float:

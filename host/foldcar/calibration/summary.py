@@ -260,9 +260,9 @@ def findings(summary: Mapping[str, Any]) -> list[str]:
 def _fit(summary: Mapping[str, Any]) -> Iterator[str]:
     designs = [one for one in summary["designs"] if one["counted"]]
     outside = [
-        design_text(one["design"])
-        for one in designs
-        if not one["predicted_95"]["low"] <= one["passed"] / one["counted"] <= one["predicted_95"]["high"]
+        design_text(design["design"])
+        for design in designs
+        if not design["predicted_95"]["low"] <= design["passed"] / design["counted"] <= design["predicted_95"]["high"]
     ]
     if outside:
         yield (
@@ -291,7 +291,7 @@ def _known_better(summary: Mapping[str, Any]) -> Iterator[str]:
                 for ends in (one["prior"], one["posterior"])
             )
             yield f"{one['name']} is {after} {one['unit']}, before the trials {before}."
-    untold = [one["name"] for one in rows if one["explained"] < UNTOLD]
+    untold = [row["name"] for row in rows if row["explained"] < UNTOLD]
     if untold:
         yield f"The trials say next to nothing about {', '.join(untold)}: their intervals are those assumed before."
 

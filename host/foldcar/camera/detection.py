@@ -52,7 +52,9 @@ class Detector:
         squares = [one.reshape(4, 2).astype(float) for one in found]
         numbers = [] if ids is None else ids.ravel().tolist()
         return [
-            (k, refined(grey, one)) for k, one in zip(numbers, squares, strict=True) if _shortest(one) >= LEAST_SIDE_PX
+            (k, refined(grey, square))
+            for k, square in zip(numbers, squares, strict=True)
+            if _shortest(square) >= LEAST_SIDE_PX
         ]
 
     def find_near(self, grey: Grey, before: Floats, number: int, reach: float = 0.8) -> Floats | None:
@@ -85,9 +87,9 @@ def _same_square(squares: list[Floats], expected: Floats) -> Floats | None:
     side = _shortest(expected)
     best: Floats | None = None
     nearest = UNREAD_SIDES * side
-    for one in squares:
+    for square in squares:
         for turn in range(4):
-            turned = numpy.roll(one, turn, axis=0)
+            turned = numpy.roll(square, turn, axis=0)
             # Shape and size must be right, the place less so.
             shape = float(numpy.abs((turned - turned.mean(axis=0)) - (expected - expected.mean(axis=0))).max())
             away = float(numpy.linalg.norm(turned.mean(axis=0) - expected.mean(axis=0)))

@@ -124,9 +124,11 @@ def find_pose(
     starts = [*([] if guess is None else [guess]), *_by_itself(pixels, view, marker)]
     if not starts:
         return None
-    standing = [(cost, best), *(_standing(one, pixels, view, marker, ground, pixel) for one in starts)]
+    standing = [(cost, best), *(_standing(start, pixels, view, marker, ground, pixel) for start in starts)]
     cost, best = min(standing, key=lambda one: one[0])
-    free_cost, free = min((_refined(one, pixels, view, marker, None, pixel) for one in starts), key=lambda one: one[0])
+    free_cost, free = min(
+        (_refined(start, pixels, view, marker, None, pixel) for start in starts), key=lambda one: one[0]
+    )
     return free if cost - free_cost > SURPRISE else best
 
 
@@ -139,12 +141,12 @@ def _by_itself(pixels: Floats, view: View, marker: CarMarker) -> list[Floats]:
         None,
         flags=cv2.SOLVEPNP_IPPE_SQUARE,
     )
-    found = []
+    result = []
     for k in range(count):
         turn = view.rotation.T @ cv2.Rodrigues(turns[k])[0] @ PRINTED.T
         middle = view.rotation.T @ (shifts[k].ravel() - view.shift_m)
-        found.append(numpy.array([*(middle - turn @ (marker.x_m, 0.0, marker.z_m)), *angles(turn)]))
-    return found
+        result.append(numpy.array([*(middle - turn @ (marker.x_m, 0.0, marker.z_m)), *angles(turn)]))
+    return result
 
 
 def _standing(

@@ -96,14 +96,14 @@ def track(
         )
 
     def poses_of(some: Sequence[tuple[int, Floats]], pixel: float, ground: Standing) -> list[tuple[float, Pose]]:
-        found, guess = [], None
+        result, guess = [], None
         for frame, corners in some:
             pose = find_pose(corners, view, car, ground, guess, pixel)
             if pose is not None and numpy.isfinite(pose.values).all():
                 guess = pose.values
                 # The rows of a picture are read one after the other.
-                found.append((seen.times_s[frame] + readout_s * float(corners[:, 1].mean()) / height, pose))
-        return found
+                result.append((seen.times_s[frame] + readout_s * float(corners[:, 1].mean()) / height, pose))
+        return result
 
     # A first look at some frames tells how well corners are known in this film.
     pixel_error = PIXEL

@@ -225,7 +225,7 @@ def _fit(seen: Mapping[int, Floats], course: Course, size: tuple[int, int], lens
             best = fit
     assert best is not None
     best = least_squares(residuals, best.x, x_scale=scales, max_nfev=60)
-    found, turn, shift, scale, floor = _split(best.x, start, lens is not None, here)
+    result, turn, shift, scale, floor = _split(best.x, start, lens is not None, here)
     covariance = numpy.linalg.pinv(best.jac.T @ best.jac)
     there = replace(here, floor=tuple(floor))
-    return View(found, turn, shift, there, scale, (), best.x, covariance, lens is not None)
+    return View(result, turn, shift, there, scale, (), best.x, covariance, lens is not None)

@@ -48,7 +48,7 @@ def body_json(design: Design) -> dict[str, Any]:
 
 def _largest_resistance_ohm(body: Mapping[str, Any]) -> float:
     """The simulator's limit: at it, servos that all stall halve the voltage of the cells."""
-    return _rounded(0.499 * body["supply_v"] / sum(one["servo"]["stall_current_a"] for one in driven_wheels(body)))
+    return _rounded(0.499 * body["supply_v"] / sum(wheel["servo"]["stall_current_a"] for wheel in driven_wheels(body)))
 
 
 def full_speed_m_s(design: Design) -> float:
@@ -179,8 +179,13 @@ def _hash(design: Design, body: Mapping[str, Any]) -> str:
 
 def _geometry(body: Mapping[str, Any]) -> dict[str, Any]:
     wheels = [
-        {"channel": one["channel"] + 1, "side": one["side"], "direction": one["servo"]["direction"], "x_m": one["x_m"]}
-        for one in driven_wheels(body)
+        {
+            "channel": wheel["channel"] + 1,
+            "side": wheel["side"],
+            "direction": wheel["servo"]["direction"],
+            "x_m": wheel["x_m"],
+        }
+        for wheel in driven_wheels(body)
     ]
     return {"wheel_radius_m": _least_radius_m(body), "track_m": body["track_m"], "wheels": wheels}
 

@@ -183,14 +183,14 @@ class Design:
     @property
     def segments(self) -> tuple[Segment, ...]:
         """The rigid parts, front to back."""
-        found = []
+        segments = []
         for hinge, group in itertools.groupby(range(len(self.modules)), lambda i: self.modules[i] == HINGE):
             if not hinge:
                 indices = tuple(group)
                 lengths = [self.length_of(i) for i in indices]
                 front = self.module_centers_mm[indices[0]] + lengths[0] / 2
-                found.append(Segment(indices, front - sum(lengths) / 2, sum(lengths)))
-        return tuple(found)
+                segments.append(Segment(indices, front - sum(lengths) / 2, sum(lengths)))
+        return tuple(segments)
 
     def segment_at(self, module: int) -> int:
         """The index of the segment to which the module with index ``module`` belongs."""

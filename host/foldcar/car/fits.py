@@ -146,7 +146,7 @@ def _lipo(mount: Mount, faces: list[PlacedFace], parts: Catalogue) -> Iterator[F
 def _under_lid(mount: Mount, faces: list[PlacedFace], parts: Catalogue) -> Iterator[Fit]:
     """The battery between the walls, and what is as high as the lid."""
     wing, battery, film, cuts = parts.featherwing, parts.battery, parts.film_mm, 2 * parts.assembly.cut_mm.value
-    walls = np.concatenate([one.corners_mm for one in faces if one.face.role == "panel"])
+    walls = np.concatenate([face.corners_mm for face in faces if face.face.role == "panel"])
     # The height of the highest of its upright solids.
     top = max(compose(mount.pose, one.pose)[2][3] + one.size_mm[2] / 2 for one in mount.shape)
     up = float(walls[:, 2].max()) - film / 2 - top

@@ -120,7 +120,7 @@ def _segments(car: FoldedCar) -> dict[str, list[PlacedFace]]:
 
 def _height_mm(faces: Iterable[PlacedFace], name: str) -> float:
     """The greatest height of a beam's face of that name (mm)."""
-    return max(float(one.corners_mm[:, 2].max()) for one in faces if one.face.name == name)
+    return max(float(face.corners_mm[:, 2].max()) for face in faces if face.face.name == name)
 
 
 def _ends(mount: Mount, battery: BoxPart) -> Iterator[tuple[str, Points]]:

@@ -36,8 +36,8 @@ def verify(design: Design) -> Verification:
     faces = sum(len(piece.faces) * piece.count for piece in car.pieces)
     folds = sum(sum(not crease.bend for crease in piece.creases) * piece.count for piece in car.pieces)
     joins = len({join.number for join in car.joins})
-    found = (*check_design(car), *prove(car).findings)
-    return Verification(found, f"{faces} faces, {folds} folds and {joins} joins, fits and assembly checked")
+    result = (*check_design(car), *prove(car).findings)
+    return Verification(result, f"{faces} faces, {folds} folds and {joins} joins, fits and assembly checked")
 
 
 class CheckError(FoldcarError):

@@ -74,7 +74,7 @@ def run_chunk(
         raise CarsimError(f"worker on {socket.gethostname()}: {error}") from error
     if folder:
         there, here = folder.name, str(Path(recipe.program).parent)
-        answers = [{"error": one["error"].replace(there, here)} if "error" in one else one for one in answers]
+        answers = [{"error": answer["error"].replace(there, here)} if "error" in answer else answer for answer in answers]
     return answers, time.perf_counter() - begun_s
 
 

@@ -51,11 +51,11 @@ def doctor(as_json: Json = False) -> None:
     Example: foldcar doctor
     """
     found = []
-    for one in _findings():
-        found.append(one)
+    for finding in _findings():
+        found.append(finding)
         if not as_json:
-            todo = f" -> {one.advice}" if one.advice else ""
-            typer.echo(f"{one.state:<8} {one.name:<11} {' '.join(one.text.split())}{todo}")
+            todo = f" -> {finding.advice}" if finding.advice else ""
+            typer.echo(f"{finding.state:<8} {finding.name:<11} {' '.join(finding.text.split())}{todo}")
     tell(as_json, {"findings": [asdict(one) for one in found]})
     if any(one.state == "missing" for one in found):
         raise typer.Exit(1)

@@ -129,7 +129,7 @@ def _print_session(store: Path, numbers: Collection[int]) -> None:
         evidence = read_evidence(opened, experiment, counted == SIMULATED) if swept else []
         compared, selections = compare_evidence(evidence), select_evidence(evidence, with_cost=False)
         if counted == BUILT:
-            selections = [measure_first(opened, one) for one in selections]
+            selections = [measure_first(opened, selection) for selection in selections]
     completed = [trial for trial in mine if trial.standing == counted and trial.completed]
     passed, others = sum(trial.outcome == "passed" for trial in completed), len(mine) - len(completed)
     more = f"; {count(others, 'more trial')} aborted or withdrawn" if others else ""
@@ -141,6 +141,6 @@ def _print_session(store: Path, numbers: Collection[int]) -> None:
     lines += [f"{row.label}: {row.verdict or 'nothing to compare'}" for row in rows]
     if not swept:
         lines.append(f"Experiment {experiment} was not swept in {store}: there is no simulation to compare with.")
-    for one in selections:
-        lines += [one.sentence, *(remark for remark in one.remarks if remark.startswith(MEASURE))]
+    for selection in selections:
+        lines += [selection.sentence, *(remark for remark in selection.remarks if remark.startswith(MEASURE))]
     shown_console().print("\n".join(lines))

@@ -49,9 +49,7 @@ def optimize(
             "(cm²). May be repeated: then none of the best is beaten in all.",
         ),
     ] = None,
-    designs: Annotated[
-        int, typer.Option(metavar="N", min=1, max=MOST_DESIGNS, help="Designs to try at most.")
-    ] = 50,
+    designs: Annotated[int, typer.Option(metavar="N", min=1, max=MOST_DESIGNS, help="Designs to try at most.")] = 50,
     runs: Annotated[
         int | None, typer.Option(metavar="N", min=1, help="Runs of tried designs at most; default: no limit.")
     ] = None,
@@ -112,6 +110,7 @@ def optimize(
         prune=prune and len(names) == 1,
     )
     found = Found(planned=designs)
+
     def stopped() -> str:
         return f"stopped: {found.designs} of {designs} designs are tried, their runs in {store}; the same command resumes"
 

@@ -91,7 +91,7 @@ def _answer_lines(answer: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
 def variation_text(variation: Mapping[str, Any]) -> str:
     """The variation with three digits of each number: ``supply_v=-0.0931 servo_speed=0.0214,-0.0113,…``."""
     lists = {name: value if isinstance(value, list) else [value] for name, value in variation.items()}
-    return " ".join(f"{name}={','.join(f'{one:.3g}' for one in values)}" for name, values in lists.items())
+    return " ".join(f"{name}={','.join(f'{value:.3g}' for value in values)}" for name, values in lists.items())
 
 
 def _recorded_text(kind: str, value: Any) -> str:

@@ -95,8 +95,8 @@ def _summary(scenes: Iterator[dict[str, Any]]) -> Iterator[str]:
         for kind in numbers.keys() | kinds.keys():
             numbers.setdefault(kind, [0] * seen).append(kinds[kind])
     yield f"  friction {_range(frictions)}"
-    for kind, each in sorted(numbers.items()):
-        yield f"  {kind.replace('_', ' ')}: {_range(each)} in each scene"
+    for kind, number in sorted(numbers.items()):
+        yield f"  {kind.replace('_', ' ')}: {_range(number)} in each scene"
 
 
 def _range(values: Sequence[float]) -> str:

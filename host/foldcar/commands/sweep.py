@@ -169,12 +169,12 @@ def _sweep(asked: "Sweep", scheduler: str | None, jobs: int | None, as_json: boo
 
 def _announce_folding(asked: "Sweep") -> None:
     """Say how long folding takes before the first run, if that is long."""
-    if sum(one.family.combinations for one in asked.study.experiments) < MANY_DESIGNS:
+    if sum(experiment.family.combinations for experiment in asked.study.experiments) < MANY_DESIGNS:
         return
     from foldcar.analysis.words import duration_text
     from foldcar.study.dry_run import fold
 
-    took = duration_text(sum(fold(one.family, 1.0)[1] for one in asked.study.experiments))
+    took = duration_text(sum(fold(experiment.family, 1.0)[1] for experiment in asked.study.experiments))
     note(f"folding and checking all designs comes first and takes about {took}; --dry-run estimates the whole sweep")
 
 

@@ -47,18 +47,21 @@ def print_comparison(found: "Comparison") -> None:
     """Print simulation against trials: the sentence, each experiment's tables, ranks and remarks."""
     console = shown_console(PLAIN_WIDTH)
     console.print(found.sentence, style="bold")
-    for one in found.experiments:
-        console.print(f"\nExperiment {one.info.id}: {one.info.vehicle_type} in {one.info.scenic_program}", style="bold")
-        if one.designs:
-            _print_rates(console, one)
-            _print_outcomes(console, one.designs)
-            if one.mean_gap is not None:
+    for experiment in found.experiments:
+        console.print(
+            f"\nExperiment {experiment.info.id}: {experiment.info.vehicle_type} in {experiment.info.scenic_program}",
+            style="bold",
+        )
+        if experiment.designs:
+            _print_rates(console, experiment)
+            _print_outcomes(console, experiment.designs)
+            if experiment.mean_gap is not None:
                 console.print("these: the cars that drove; further car, pooled: any car of the design, as in simulation")
                 console.print(
                     "gap: further car minus simulation, points, in the same environments where most trials have a "
                     "simulation of theirs; gaps and their mean hold together with 95 %"
                 )
-        for line in (rank_text(one.ranks), *one.remarks):
+        for line in (rank_text(experiment.ranks), *experiment.remarks):
             if line:
                 console.print(line)
     for alone in found.alone:
@@ -93,16 +96,18 @@ def _gap(found: "Gap | None") -> str:
 
 
 def _print_outcomes(console: Console, designs: "Sequence[DesignComparison]") -> None:
-    kinds = {kind for one in designs for counts in (one.evidence.outcomes, one.driven_outcomes) for kind in counts}
+    kinds = {
+        kind for design in designs for counts in (design.evidence.outcomes, design.driven_outcomes) for kind in counts
+    }
     shown = [kind for kind in TRIAL_LABELS if kind in kinds]
     table = ResultTable("outcomes", "of", *(TRIAL_LABELS[kind] for kind in shown), "aborted", left=("outcomes", "of"))
-    for one in designs:
+    for design in designs:
         for what, counts, aborted in (
-            ("runs", one.evidence.outcomes, ""),
-            ("trials", one.driven_outcomes, str(one.evidence.aborted)),
+            ("runs", design.evidence.outcomes, ""),
+            ("trials", design.driven_outcomes, str(design.evidence.aborted)),
         ):
             if counts:
-                table.add_row(one.label, what, *(str(counts.get(kind, 0)) for kind in shown), aborted)
+                table.add_row(design.label, what, *(str(counts.get(kind, 0)) for kind in shown), aborted)
     table.print_on(console)
 
 

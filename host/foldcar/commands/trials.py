@@ -56,7 +56,7 @@ def list_trials(store: TrialStore, experiment: OneExperiment = None, as_json: Js
             known = ", ".join(dict.fromkeys(trial.experiment for trial in opened.trials())) or "none"
             raise FoldcarError(f'{store}: has no trials of experiment "{experiment}"; experiments with trials: {known}')
         corrected = {trial.id for trial in found if trial.corrections}
-        trail = [one for one in opened.corrections() if one.trial in corrected]
+        trail = [correction for correction in opened.corrections() if correction.trial in corrected]
         numbers = {trial.id for trial in found}
         media = [(one, referred_file(store, one.file).is_file()) for one in opened.media() if one.trial in numbers]
     if not as_json:

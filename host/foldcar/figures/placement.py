@@ -39,7 +39,7 @@ def draw_placement(
     side. Raises FoldcarError.
     """
     check_format(file)
-    squares = [*(one[1:] for one in markers), *cards]
+    squares = [*(marker[1:] for marker in markers), *cards]
     extent = view_of([scene], [(0, x + by * side, y + by * side) for x, y, _, side in squares for by in (-0.7, 0.7)])
     ground = height_map(heights, scene, extent, CELLS)
     scale = height_scale([ground])

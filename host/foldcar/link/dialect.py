@@ -161,12 +161,12 @@ def _pymavlink_version() -> str:
     try:
         from importlib.metadata import version
 
-        found = version("pymavlink")
+        result = version("pymavlink")
     except ImportError:
         raise DialectError(f"pymavlink {PYMAVLINK} is not installed") from None
-    if found != PYMAVLINK:
-        raise DialectError(f"pymavlink {found} is installed, not {PYMAVLINK}")
-    return found
+    if result != PYMAVLINK:
+        raise DialectError(f"pymavlink {result} is installed, not {PYMAVLINK}")
+    return result
 
 
 @contextlib.contextmanager
@@ -184,8 +184,12 @@ def _generate(xml: Path, language: str, output: Path) -> None:
     from pymavlink.generator import mavgen, mavparse
 
     options = SimpleNamespace(
-        output=str(output), wire_protocol=mavparse.PROTOCOL_2_0, language=language, validate=False,
-        error_limit=1, strict_units=False,
+        output=str(output),
+        wire_protocol=mavparse.PROTOCOL_2_0,
+        language=language,
+        validate=False,
+        error_limit=1,
+        strict_units=False,
     )
     log = io.StringIO()
     with contextlib.redirect_stdout(log):

@@ -166,14 +166,14 @@ def _sender(message: Any) -> str:
 
 
 def _content(message: Any) -> dict[str, Any]:
-    found = {}
+    result = {}
     for name in message.get_fieldnames():
         value = getattr(message, name)
         value = list(value) if isinstance(value, bytes | bytearray | tuple) else value
         values = value if isinstance(value, list) else [value]
         if all(not isinstance(one, float) or math.isfinite(one) for one in values):
-            found[name] = value
-    return found
+            result[name] = value
+    return result
 
 
 def _schema(message: Any) -> dict[str, Any]:

@@ -66,8 +66,8 @@ class EnvironmentValues:
     @property
     def shown(self) -> NDArray[Any]:
         """The values in the units of the columns."""
-        found: NDArray[Any] = self.values * numpy.array([one.scale for one in self.columns])
-        return found
+        result: NDArray[Any] = self.values * numpy.array([column.scale for column in self.columns])
+        return result
 
 
 def environment_values(store: Store, info: ExperimentInfo) -> EnvironmentValues:
@@ -177,12 +177,12 @@ def _numbers(start: str, some: Mapping[str, Any]) -> dict[str, float]:
 
 
 def _car(drawn: Mapping[str, Any], wheels: Any) -> dict[str, float]:
-    found = {}
+    result = {}
     for name, value in drawn.items():
         if name not in workshop():
             continue
         if not isinstance(value, list):
-            found[f"car_{name}"] = float(value)
+            result[f"car_{name}"] = float(value)
         elif wheels:
             having = [wheel for wheel in wheels if "servo" in wheel or name not in SERVO_DIFFERENCES]
             # A servo that is mounted the other way round turns the other way with the same pulse.
@@ -191,11 +191,11 @@ def _car(drawn: Mapping[str, Any], wheels: Any) -> dict[str, float]:
             sides = {
                 side: [one for one, wheel in zip(each, having, strict=True) if wheel["side"] == side] for side in SIDES
             }
-            found[f"car_mean_{name}"] = sum(each) / len(each)
+            result[f"car_mean_{name}"] = sum(each) / len(each)
             if all(sides.values()):
-                left, right = (sum(some) / len(some) for some in sides.values())
-                found[f"car_left_less_right_{name}"] = left - right
-    return found
+                left, right = (sum(side) / len(side) for side in sides.values())
+                result[f"car_left_less_right_{name}"] = left - right
+    return result
 
 
 def _telling(values: NDArray[Any]) -> list[int]:
@@ -215,13 +215,13 @@ def _columns(names: Sequence[str], objects: Mapping[str, str]) -> tuple[Column, 
     """Return the columns of these names; ``objects`` has the object's name by that of the piece, such as box_2."""
     labels = [_label_and_piece(name, objects) for name in names]
     counts = Counter(label for label, _ in labels)
-    found = []
+    columns = []
     for name, (label, piece) in zip(names, labels, strict=True):
         # Several pieces of one object may have the same property.
         text = f"{label} ({piece})" if counts[label] > 1 else label
         unit = label_and_unit(name)[1]
-        found.append(Column(name, text, *READ_AS.get(unit, (unit, 1.0))))
-    return tuple(found)
+        columns.append(Column(name, text, *READ_AS.get(unit, (unit, 1.0))))
+    return tuple(columns)
 
 
 def _label_and_piece(name: str, objects: Mapping[str, str]) -> tuple[str, str]:

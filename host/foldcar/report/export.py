@@ -122,7 +122,10 @@ def export_trials(store: Store, file: Path, simulated_trials: bool) -> tuple[int
             moved = pa.struct([("name", pa.string()), *(_field(name, pa.float64()) for name in place)])
             fields = [_field(name, types.get(name, pa.string())) for name in names]
             columns.append(
-                [[{"name": name, **dict(zip(place, by, strict=True))} for name, by in one.items()] for one in deviations]
+                [
+                    [{"name": name, **dict(zip(place, by, strict=True))} for name, by in deviation.items()]
+                    for deviation in deviations
+                ]
             )
             schema = pa.schema([*fields, ("deviations", pa.list_(moved))])
             pq.write_table(pa.table(columns, schema=schema), binary)
@@ -149,7 +152,7 @@ class _RunTable:
         infos = store.info().experiments.values() if store.experiment_ids() else ()
         self._sampled = {info.id: environment_values(store, info) for info in infos}
         # Where the sampled values stand in the table of each experiment.
-        at = {id: {one.name: k for k, one in enumerate(table.columns)} for id, table in self._sampled.items()}
+        at = {id: {column.name: k for k, column in enumerate(table.columns)} for id, table in self._sampled.items()}
         names = list(dict.fromkeys(name for places in at.values() for name in places))
         self._places = {id: [places.get(name) for name in names] for id, places in at.items()}
         recorded = (f"{RECORDED_PREFIX}{name}" for name in self.recorded)

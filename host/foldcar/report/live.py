@@ -123,7 +123,7 @@ class LiveStudy:
         with Store.open(self._path) as store:
             infos = list(store.info().experiments.values()) if store.holds_study() else []
             experiments = read_experiments(store, self._thresholds, self._simulated)
-            some = [one for one in experiments if one.trials or one.info.stored_runs]
+            some = [experiment for experiment in experiments if experiment.trials or experiment.info.stored_runs]
             data = page_data(store, self._command, some) if some else None
         return json.dumps(data, separators=(",", ":"), allow_nan=False).encode(), infos
 
@@ -162,7 +162,7 @@ class LiveStudy:
 
 def _stamp(path: Path) -> tuple[Any, ...]:
     """What changes when the store does: time (ns), size and number of its file and of its log."""
-    found = []
+    result = []
     for file in (path, beside(path, "-wal")):
         try:
             status = file.stat()
@@ -170,8 +170,8 @@ def _stamp(path: Path) -> tuple[Any, ...]:
             continue
         # Readers leave an empty log beside the store of a killed sweep.
         if file == path or status.st_size:
-            found.append((status.st_mtime_ns, status.st_size, status.st_ino))
-    return tuple(found)
+            result.append((status.st_mtime_ns, status.st_size, status.st_ino))
+    return tuple(result)
 
 
 class PageServer(ThreadingHTTPServer):

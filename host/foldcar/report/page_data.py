@@ -140,18 +140,20 @@ def read_experiments(
     unswept = read_unswept(store)
     named = [*by_id.items(), *unswept.items()]
     selections += select_evidence(list(unswept.values()), threshold=limit)
-    found = []
+    experiments = []
     for (name, evidence), selection in zip(named, selections, strict=True):
         info = evidence.info
-        trials = [one for one in store.trials(info.listed_id) if name in by_id or one.vehicle_type == info.vehicle_type]
+        trials = [
+            trial for trial in store.trials(info.listed_id) if name in by_id or trial.vehicle_type == info.vehicle_type
+        ]
         shown, left_out = select_trials(trials, simulated_trials)
         effects, places = read_effects(evidence)
         fresh = by_id.get(fresh_id(name)) if info.searched else None
         good = tuple(sorted(set(thresholds))) or info.thresholds or THRESHOLDS
         advice = measure_first(store, selection)
         elsewhere = store.trials_elsewhere(info) if evidence.swept else {}
-        found.append(Experiment(name, evidence, advice, shown, left_out, elsewhere, good, effects, places, fresh))
-    return found
+        experiments.append(Experiment(name, evidence, advice, shown, left_out, elsewhere, good, effects, places, fresh))
+    return experiments
 
 
 def page_data(
@@ -194,7 +196,7 @@ def _experiment(
     columns, selection = one.columns, one.selection
     engines = other_simulations(evidence, [other.evidence for other in experiments])
     costs = measures(store, info, [design.design for design in evidence.family], evidence.runs)
-    areas = next((some["value"] for some in costs if some["key"] == "sheet_area"), [None] * len(columns.names))
+    areas = next((cost["value"] for cost in costs if cost["key"] == "sheet_area"), [None] * len(columns.names))
     return {
         "id": one.name,
         "headline": selection.headline,
@@ -232,7 +234,7 @@ def _experiment(
 def _next(names: Sequence[str], selection: Selection) -> dict[str, Any]:
     """What to do next, with the indices of the recommended designs."""
     known = {name: index for index, name in enumerate(names)}
-    shown = [one for one in selection.recommendations if one.label in known]
+    shown = [recommendation for recommendation in selection.recommendations if recommendation.label in known]
     designs, reasons = [known[one.label] for one in shown], [one.reason for one in shown]
     return {"text": selection.next_step, "designs": designs, "why": reasons}
 
@@ -276,7 +278,7 @@ def _provenance(study: StudyInfo | None, info: ExperimentInfo, command: Sequence
 
 
 def _assigned(values: Mapping[str, Any]) -> str:
-    return ", ".join(f"{name} {f'{one:g}' if isinstance(one, float) else one}" for name, one in values.items())
+    return ", ".join(f"{name} {f'{value:g}' if isinstance(value, float) else value}" for name, value in values.items())
 
 
 def _frozen(info: ExperimentInfo) -> str:

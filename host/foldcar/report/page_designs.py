@@ -64,7 +64,7 @@ class DesignColumns:
         if not self.evidence.info.success_defined:
             return [None] * len(counts)
         ends = [rate.rate_interval(row[0], row[1], sequential) if row[1] else None for row in counts.tolist()]
-        return [None if one is None else (round(one[0], 6), round(one[1], 6)) for one in ends]
+        return [None if end is None else (round(end[0], 6), round(end[1], 6)) for end in ends]
 
     @cached_property
     def simulation(self) -> list[Band]:
@@ -101,7 +101,7 @@ class DesignColumns:
         values = {
             name: {value: at for at, value in enumerate(all_values)} for name, all_values in evidence.values.items()
         }
-        verdicts = {one.label: one.verdict for one in compare_experiment(evidence).designs}
+        verdicts = {design.label: design.verdict for design in compare_experiment(evidence).designs}
         open_places = set()
         if evidence.belief is not None:
             open_places = set(evidence.belief.places[list(evidence.belief.contradicting.beside)].tolist())
@@ -129,11 +129,11 @@ class DesignColumns:
 
 def parameter_columns(evidence: Evidence) -> list[dict[str, Any]]:
     """Return the parameters that vary, with all values that occur."""
-    found = []
+    columns = []
     for name, values in evidence.values.items():
         label, unit = label_and_unit(name)
-        found.append({"name": name, "label": label, "unit": unit, "values": values})
-    return found
+        columns.append({"name": name, "label": label, "unit": unit, "values": values})
+    return columns
 
 
 def verdict(band: Band, threshold: float) -> str | None:
@@ -145,8 +145,10 @@ def verdict(band: Band, threshold: float) -> str | None:
 
 
 def _ends(name: str, intervals: Sequence[Interval]) -> dict[str, list[float | None]]:
-    return {f"{name}{end}": [one and one[at] for one in intervals] for at, end in enumerate(("low", "high"))}
+    return {
+        f"{name}{end}": [interval and interval[at] for interval in intervals] for at, end in enumerate(("low", "high"))
+    }
 
 
 def _bands(name: str, bands: Sequence[Band]) -> dict[str, list[float | None]]:
-    return {f"{name}{end}": [one and one[at] for one in bands] for at, end in enumerate(("", "_low", "_high"))}
+    return {f"{name}{end}": [band and band[at] for band in bands] for at, end in enumerate(("", "_low", "_high"))}

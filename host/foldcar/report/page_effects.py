@@ -40,12 +40,12 @@ def read_effects(evidence: Evidence) -> tuple[Effects | None, list[int]]:
 
 def effect_rows(evidence: Evidence, effects: Effects, places: list[int]) -> list[dict[str, Any]]:
     """The effect of each parameter, over the same combinations of the others for each value."""
-    found = []
+    result = []
     for at, place in enumerate(places):
         one = effects.effect(at)
         curves = one.curves.round(DIGITS).tolist() if len(places) > 1 else []
         rows = {key: getattr(one, key).round(DIGITS).tolist() for key in ("mean", "low", "high")}
-        found.append(
+        result.append(
             {
                 "parameter": place,
                 "grid": one.grid.tolist(),
@@ -55,7 +55,7 @@ def effect_rows(evidence: Evidence, effects: Effects, places: list[int]) -> list
                 "over": over(one, len(places)),
             }
         )
-    return found
+    return result
 
 
 def over(effect: Effect, parameters: int) -> str:
@@ -86,14 +86,14 @@ def cause_rows(evidence: Evidence, values: EnvironmentValues) -> list[dict[str, 
         return []
     runs = evidence.runs.counted
     passed = runs.outcome == OUTCOMES.index("passed")
-    shown, found = values.shown, []
-    for one in separations(values.values, runs.design, runs.sample, passed):
-        column = values.columns[one.column]
+    shown, rows = values.shown, []
+    for separation in separations(values.values, runs.design, runs.sample, passed):
+        column = values.columns[separation.column]
         bins = [
             {"from": float(f"{bin.first:.6g}"), "to": float(f"{bin.last:.6g}"), "runs": bin.runs, "passed": bin.passed}
-            for bin in binned(shown[:, one.column], runs.sample, passed)
+            for bin in binned(shown[:, separation.column], runs.sample, passed)
         ]
-        told = {"name": column.name, "label": column.label, "unit": column.unit, "rises": one.difference > 0}
-        shares = {"separation": one.share, "low": one.low, "high": one.high}
-        found.append({**told, **{key: round(share, DIGITS) for key, share in shares.items()}, "bins": bins})
-    return found
+        told = {"name": column.name, "label": column.label, "unit": column.unit, "rises": separation.difference > 0}
+        shares = {"separation": separation.share, "low": separation.low, "high": separation.high}
+        rows.append({**told, **{key: round(share, DIGITS) for key, share in shares.items()}, "bins": bins})
+    return rows

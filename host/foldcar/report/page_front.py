@@ -31,14 +31,15 @@ def search_front(evidence: Evidence, areas: Sequence[float | None], fresh: Evide
         # Designs that were left early were not tried in all environments.
         if judged or len(rows) == max(map(len, tried)):
             points.append(_point(index, objectives, judged or rows, info.timeout_s, areas[index], bool(judged)))
-    signs = [-1 if one.largest else 1 for one in objectives]
+    signs = [-1 if objective.largest else 1 for objective in objectives]
     for fresh_too in (True, False):
-        some = [one for one in points if one["fresh"] == fresh_too]
+        some = [point for point in points if point["fresh"] == fresh_too]
         losses = [_losses(one["values"], signs) for one in some]
-        for one, mine in zip(some, losses, strict=True):
-            one["beaten"] = beaten(mine, losses)
+        for one, loss in zip(some, losses, strict=True):
+            one["beaten"] = beaten(loss, losses)
     shown = [
-        {"label": one.meaning, "unit": one.unit or "%", "better": "more" if one.largest else "less"} for one in objectives
+        {"label": objective.meaning, "unit": objective.unit or "%", "better": "more" if objective.largest else "less"}
+        for objective in objectives
     ]
     return {"objectives": shown, "points": points}
 
@@ -46,23 +47,23 @@ def search_front(evidence: Evidence, areas: Sequence[float | None], fresh: Evide
 def _rows(evidence: Evidence) -> list[list[Row]]:
     """The runs of each design that count."""
     runs = evidence.runs.counted
-    found: list[list[Row]] = [[] for _ in evidence.family]
+    rows: list[list[Row]] = [[] for _ in evidence.family]
     numbers = (runs.metrics[:, NUMBERS.index(name)].tolist() for name in ("elapsed_time_s", "consumed_energy_j"))
     for design, outcome, time_s, energy_j in zip(runs.design.tolist(), runs.outcome.tolist(), *numbers, strict=True):
         known = (None if value != value else value for value in (time_s, energy_j))
-        found[design].append(Row(OUTCOMES[outcome], *known))
-    return found
+        rows[design].append(Row(OUTCOMES[outcome], *known))
+    return rows
 
 
 def _point(
     index: int, objectives: Sequence[Objective], rows: list[Row], limit_s: float, area_cm2: float | None, fresh: bool
 ) -> dict[str, Any]:
     found = []
-    for one in objectives:
-        if one.value is None or one.interval is None:
+    for objective in objectives:
+        if objective.value is None or objective.interval is None:
             found.append([area_cm2] * 3)
             continue
-        numbers, unit = (one.value(rows, limit_s), *one.interval(rows, limit_s)), 1 if one.unit else 100
+        numbers, unit = (objective.value(rows, limit_s), *objective.interval(rows, limit_s)), 1 if objective.unit else 100
         found.append([float(f"{unit * x:.5g}") if abs(x) != float("inf") else None for x in numbers])
     values, low, high = map(list, zip(*found, strict=True))
     return {"design": index, "values": values, "low": low, "high": high, "fresh": fresh, "beaten": False}

@@ -29,7 +29,7 @@ def measures(
     store: Store, info: ExperimentInfo, designs: Sequence[Mapping[str, Any]], runs: RunArrays
 ) -> list[dict[str, Any]]:
     """Return a column for each measure of ``designs``, whose first ones are the store's. Raises StoreError."""
-    number, found = len(designs), []
+    number, measures = len(designs), []
     if info.success_defined:
         counted = runs.counted
         passed = counted.outcome == OUTCOMES.index("passed")
@@ -41,7 +41,7 @@ def measures(
         # A failed run, whose energy is unknown, counts as the mean.
         known = numpy.bincount(counted.design, ~numpy.isnan(energy_j), minlength=number)
         drawn = _ratio(numpy.bincount(counted.design, numpy.nan_to_num(energy_j), minlength=number), known)
-        found += [
+        measures += [
             _measure(
                 "time", "time, failures at the limit", "s",
                 _ratio(passing_total_s + (total - crossed) * info.timeout_s, total),
@@ -49,10 +49,12 @@ def measures(
             _measure("passing_time", "time of passing runs", "s", _ratio(passing_total_s, crossed)),
             _measure("energy", "energy per pass", "J", _ratio(drawn * total, crossed)),
         ]  # fmt: skip
-    found.append(_measure("mass", "mass", "g", _masses_g(store, info, number)))
+    measures.append(_measure("mass", "mass", "g", _masses_g(store, info, number)))
     if number <= MOST_FOLDED:
-        found.append(_measure("sheet_area", "sheet area", "cm²", numpy.array([_area_cm2(info, one) for one in designs])))
-    return found
+        measures.append(
+            _measure("sheet_area", "sheet area", "cm²", numpy.array([_area_cm2(info, design) for design in designs]))
+        )
+    return measures
 
 
 def _measure(key: str, label: str, unit: str, values: NDArray[Any]) -> dict[str, Any]:
@@ -61,13 +63,13 @@ def _measure(key: str, label: str, unit: str, values: NDArray[Any]) -> dict[str,
 
 
 def _ratio(above: NDArray[Any], below: NDArray[Any]) -> NDArray[Any]:
-    found: NDArray[Any] = numpy.divide(above, below, out=numpy.full(len(above), numpy.nan), where=below > 0)
-    return found
+    result: NDArray[Any] = numpy.divide(above, below, out=numpy.full(len(above), numpy.nan), where=below > 0)
+    return result
 
 
 def _masses_g(store: Store, info: ExperimentInfo, number: int) -> NDArray[Any]:
     """The designs' masses (g), from the bodies that were simulated; NaN for designs that were not."""
-    found, known = numpy.full(number, numpy.nan), dict[int, float]()
+    result, known = numpy.full(number, numpy.nan), dict[int, float]()
     rows = list(store.rows(DESIGN, "WHERE experiment = ? ORDER BY position", info.id))
     wanted = {row["body_id"] for row in rows}
     for body in store.rows(BY_NAME["body"]):
@@ -76,8 +78,8 @@ def _masses_g(store: Store, info: ExperimentInfo, number: int) -> NDArray[Any]:
             bodies = [*parts.get("segments", ()), *parts.get("wheels", ())]
             known[body["id"]] = 1000 * sum(one["mass_kg"] for one in bodies) if bodies else numpy.nan
     for index, row in enumerate(rows):
-        found[index] = known.get(row["body_id"], numpy.nan)
-    return found
+        result[index] = known.get(row["body_id"], numpy.nan)
+    return result
 
 
 def _area_cm2(info: ExperimentInfo, design: Mapping[str, Any]) -> float:

@@ -50,7 +50,7 @@ def _gap(effects: Effects, names: Sequence[str], threshold: float, simulation: s
 
 def _ends(effects: Effects, names: Sequence[str]) -> list[str]:
     """Ends of ranges at which success still rises."""
-    found = []
+    ends = []
     for at, name in enumerate(names):
         effect = effects.effect(at)
         if len(effect.grid) < 3:
@@ -61,8 +61,8 @@ def _ends(effects: Effects, names: Sequence[str]) -> list[str]:
             if higher and rises > 0.95 and _extendable(name, value, end == -1):
                 where = f"{label_and_unit(name)[0]} {value_text(name, value)}"
                 end_name = "upper" if end else "lower"
-                found.append(f"Success still rises at {where}, the range's {end_name} end: extend it if it can be built.")
-    return found
+                ends.append(f"Success still rises at {where}, the range's {end_name} end: extend it if it can be built.")
+    return ends
 
 
 def _extendable(name: str, value: float, upwards: bool) -> bool:

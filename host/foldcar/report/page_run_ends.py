@@ -103,14 +103,14 @@ def met_obstacles(
 ) -> NDArray[Any]:
     """Return the index of the obstacle that each car (cars,) stood over with its middle at ``place_m``; -1 if none."""
     front_m, back_m, side_m = (each[design] for each in (extents.front_m, extents.back_m, extents.side_m))
-    nearest_m, found = numpy.full(len(place_m), numpy.inf), numpy.full(len(place_m), -1)
+    nearest_m, obstacles = numpy.full(len(place_m), numpy.inf), numpy.full(len(place_m), -1)
     for obstacle in range(len(course.names)):
         first_m, last_m, gap_m = (each[sample, obstacle] for each in (course.first_m, course.last_m, course.gap_m))
         over = (place_m + front_m >= first_m) & (place_m - back_m <= last_m) & (gap_m <= side_m)
         away_m = numpy.maximum(numpy.maximum(first_m - place_m, place_m - last_m), 0) + LENGTH_WEIGHT * (last_m - first_m)
         nearer = over & (away_m < nearest_m)
-        nearest_m[nearer], found[nearer] = away_m[nearer], obstacle
-    return found
+        nearest_m[nearer], obstacles[nearer] = away_m[nearer], obstacle
+    return obstacles
 
 
 def _obstacle_rows(course: Course) -> list[dict[str, Any]]:

@@ -21,7 +21,7 @@ def other_simulations(evidence: Evidence, experiments: Sequence[Evidence]) -> li
 
     Without runs that both judged there is no entry.
     """
-    own_runs, found = _passed_runs(evidence), []
+    own_runs, simulations = _passed_runs(evidence), []
     for other in experiments:
         if other.info.id == evidence.info.id or _samples(other.info) != _samples(evidence.info):
             continue
@@ -47,8 +47,8 @@ def other_simulations(evidence: Evidence, experiments: Sequence[Evidence]) -> li
         corrected = _corrected(evidence, other) if engines == (MULTIBODY, MUJOCO) else None
         if corrected is not None:
             text += f"; rates corrected by these runs are those of {name}, from few of its runs"
-        found.append({"id": other.info.id, "name": name, **columns, "corrected": corrected, "text": f"{text}."})
-    return found
+        simulations.append({"id": other.info.id, "name": name, **columns, "corrected": corrected, "text": f"{text}."})
+    return simulations
 
 
 def _simulation(info: ExperimentInfo, other: ExperimentInfo) -> str:
@@ -76,11 +76,11 @@ def _corrected(evidence: Evidence, other: Evidence) -> dict[str, Columns] | None
     belief = evidence.belief
     if belief is None or other.belief is None:
         return None
-    rows = {tuple(sorted(one.design.items())): row for row, one in enumerate(other.belief.designs)}
+    rows = {tuple(sorted(design.design.items())): row for row, design in enumerate(other.belief.designs)}
     other_samples = dict(zip(other.belief.samples.tolist(), range(len(other.belief.samples)), strict=True))
     dear: NDArray[Any] = numpy.full(belief.passed.shape, numpy.nan)
-    for at, one in enumerate(belief.designs):
-        row = rows.get(tuple(sorted(one.design.items())))
+    for at, design in enumerate(belief.designs):
+        row = rows.get(tuple(sorted(design.design.items())))
         for column, sample in enumerate(belief.samples.tolist()):
             if row is not None and sample in other_samples:
                 dear[at, column] = other.belief.passed[row, other_samples[sample]]
@@ -88,9 +88,9 @@ def _corrected(evidence: Evidence, other: Evidence) -> dict[str, Columns] | None
         rates = corrected_rates(belief.parameters, belief.passed, dear)
     except FoldcarError:
         return None
-    found: dict[str, Columns] = {}
+    result: dict[str, Columns] = {}
     for name, values in zip(("rate", "low", "high"), rates, strict=True):
-        found[name] = [None] * len(evidence.family)
+        result[name] = [None] * len(evidence.family)
         for place, value in zip(belief.places.tolist(), values.tolist(), strict=True):
-            found[name][place] = round(value, 6)
-    return found
+            result[name][place] = round(value, 6)
+    return result

@@ -107,7 +107,7 @@ class Axis:
         """Label the axis."""
         axes.set_xlabel(axis_label(self.name))
         if len(self.ticks) <= MOST_TICKS:
-            axes.set_xticks(self.ticks, [f"{one:g}" for one in self.ticks])
+            axes.set_xticks(self.ticks, [f"{tick:g}" for tick in self.ticks])
         axes.set_xlim(self.ticks[0] - 0.65 * self.step, self.ticks[-1] + 0.65 * self.step)
         axes.grid(axis="x", visible=False)
 
@@ -266,7 +266,7 @@ def draw_map(
                 colour = "white" if value < 55 else INK
                 axes.text(xs[column], ys[row], f"{value:.0f}", ha="center", va="center", fontsize=8, color=colour)
     inside = numpy.ma.masked_invalid(cells)
-    levels = [100 * one for one in thresholds if inside.min() < 100 * one < inside.max()]
+    levels = [100 * threshold for threshold in thresholds if inside.min() < 100 * threshold < inside.max()]
     if levels and min(cells.shape) > 1:
         axes.contour(xs, ys, inside, levels=levels, colors="white", linewidths=1.6)
     names = [list(designs.evidence.values)[place] for place in two]

@@ -111,17 +111,17 @@ def simulate_paths(
     done: Callable[[int], None] = lambda runs: None,
 ) -> Paths:
     """The paths of the ``chosen`` runs; ``done`` is told how many runs each chunk had. FoldcarError."""
-    found, keys = Paths(), list(chosen)
+    paths, keys = Paths(), list(chosen)
     chunks = [keys[start : start + CHUNK_RUNS] for start in range(0, len(keys), CHUNK_RUNS)]
     calls = (_run_call(drives, chunk, carsim) for chunk in chunks)
     for chunk, answers in zip(chunks, side_by_side(calls, jobs, carsim.stop), strict=True):
         for key, answer in zip(chunk, answers, strict=True):
             if (answer.get("outcome"), answer.get("elapsed_time_s")) == chosen[key]:
-                found.paths[key] = KeptPath(answer["path"]["rows"], answer["path"]["compact"])
+                paths.paths[key] = KeptPath(answer["path"]["rows"], answer["path"]["compact"])
             else:
-                found.differing.append(key)
+                paths.differing.append(key)
         done(len(chunk))
-    return found
+    return paths
 
 
 def _run_call(drives: StoredDrives, chunk: Sequence[Key], carsim: Carsim) -> Callable[[], list[dict[str, Any]]]:
@@ -222,14 +222,14 @@ class Replayer:
 
     def _scene_blobs(self, drives: StoredDrives, samples: Sequence[int], carsim: Carsim) -> Blobs:
         """The ground of each sample: samples of one scene, as of a fixed course, have it computed once."""
-        heights, found = carsim_heights(carsim), {}
+        heights, blobs = carsim_heights(carsim), {}
         texts = {drives.scenes[sample]: drives.value("scene", drives.scenes[sample]) for sample in samples}
         calls = (partial(ground_data, scene, heights, len(texts)) for scene in texts.values())
         made = dict(zip(texts, (blob(*one) for one in side_by_side(calls, self.jobs, carsim.stop)), strict=True))
         for sample in samples:
-            found[f"scene-{sample}"] = made[drives.scenes[sample]]
+            blobs[f"scene-{sample}"] = made[drives.scenes[sample]]
             self.done(1)
-        return found
+        return blobs
 
 
 def no_replay_because(info: ExperimentInfo, drives: StoredDrives, carsim: Carsim | str, kept: bool) -> str | None:
@@ -256,13 +256,13 @@ def _path_blobs(drives: StoredDrives, paths: Paths, chosen: Mapping[Key, End]) -
     by_design: dict[int, list[Key]] = {}
     for key in paths.paths:
         by_design.setdefault(key[0], []).append(key)
-    found = {}
+    blobs = {}
     for design, keys in by_design.items():
         hinges = len(drives.value("body", drives.bodies[design])["hinges"])
         runs = [[key[1], paths.paths[key].rows, chosen[key][1]] for key in keys]
         content = b"".join(paths.paths[key].content for key in keys)
-        found[f"runs-{design}"] = blob({"hinges": hinges, "runs": runs}, content)
-    return found
+        blobs[f"runs-{design}"] = blob({"hinges": hinges, "runs": runs}, content)
+    return blobs
 
 
 def _car_blobs(info: ExperimentInfo, drives: StoredDrives, designs: Sequence[int], carsim: Carsim) -> Blobs:

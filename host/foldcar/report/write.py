@@ -36,17 +36,19 @@ def write_report(
     """
     check_output_folder(folder)
     experiments = read_experiments(store, thresholds, simulated_trials, with_cost=True)
-    if not any(one.trials if not one.evidence.swept else one.info.stored_runs for one in experiments):
+    if not any(
+        experiment.trials if not experiment.evidence.swept else experiment.info.stored_runs for experiment in experiments
+    ):
         raise FoldcarError(f"{store.path}: contains no runs yet; sweep the listing first")
     data = page_data(store, report_command, experiments)
     blobs: dict[str, str] = {}
     planned: list[Drawing] = []
-    for number, (one, shown) in enumerate(zip(experiments, data["experiments"], strict=True)):
+    for number, (experiment, shown) in enumerate(zip(experiments, data["experiments"], strict=True)):
         with threadpool_limits(1):
-            own = list(drawings(one.columns, one.effects, one.places, one.thresholds))
+            own = list(drawings(experiment.columns, experiment.effects, experiment.places, experiment.thresholds))
         planned += own
         shown["files"] = [[drawing.caption, f"{drawing.name}.svg"] for drawing in own]
-        blobs |= replayer.add(store, one, shown, f"e{number}")
+        blobs |= replayer.add(store, experiment, shown, f"e{number}")
     try:
         with tempfile.TemporaryDirectory(dir=folder.parent, prefix=f".{folder.name}.") as temporary:
             made = Path(temporary)

@@ -69,7 +69,7 @@ class Mutations:
 
 def _place_of(copy: Any, specifiers: Sequence[Any]) -> Any:
     """The specifier of what ``specifiers`` specify for ``copy``, and of the place it has when noise is added."""
-    specified = {name for one in specifiers for name in one.priorities} - {"mutationScale"}
+    specified = {name for specifier in specifiers for name in specifier.priorities} - {"mutationScale"}
     values = {name: getattr(copy, name) for name in copy.properties if name in specified}
     for name, kind in NOISY.items():
         if name in copy.properties:

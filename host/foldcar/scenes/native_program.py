@@ -116,7 +116,9 @@ def _check_only_translatable_parts(scenario: Any) -> None:
         "a modular scenario": scenic_private.is_modular(dynamic) or scenic_private.has_compose(dynamic),
         "monitors": bool(scenario.monitors),
         "behaviors": bool(scenic_private.agents(dynamic)),
-        "a requirement on the run": any(one.proposition.has_temporal_operator for one in scenario.requirements),
+        "a requirement on the run": any(
+            requirement.proposition.has_temporal_operator for requirement in scenario.requirements
+        ),
     }
     for name, present in parts.items():
         if present:
@@ -130,7 +132,13 @@ def _statements(tree: Any, kind: str) -> Iterator[Any]:
 def _record_name(scenario: Any, node: Any) -> str:
     """The name under which Scenic keeps a record: its own where the statement gives none."""
     expressions = (*scenario.recordedExprs, *scenario.recordedInitialExprs, *scenario.recordedFinalExprs)
-    return str(next(one.name for one in expressions if one.line == node.lineno and node.name in (None, one.name)))
+    return str(
+        next(
+            expression.name
+            for expression in expressions
+            if expression.line == node.lineno and node.name in (None, expression.name)
+        )
+    )
 
 
 def _resolved(terms: Terms, sample: SampledValues) -> Terms:

@@ -22,14 +22,14 @@ def terrain_objects(scenario: Any, scene: Any) -> list[tuple[str, int]]:
     pairs = [pair for pair in zip(scenario.objects, scene.objects, strict=True) if is_a(pair[1], "Terrain")]
     totals = Counter(type(sampled).__name__ for _, sampled in pairs)
     numbers = Counter[str]()
-    found = []
+    objects = []
     for original, sampled in pairs:
         kind = type(sampled).__name__
         numbers[kind] += 1
         number = f" {numbers[kind]}" if totals[kind] > 1 else ""
         name = variables.get(id(original)) or _in_words(kind) + number
-        found.append((name, len(terrain_pieces(sampled))))
-    return found
+        objects.append((name, len(terrain_pieces(sampled))))
+    return objects
 
 
 def _variables(scenario: Any) -> dict[int, str]:

@@ -116,9 +116,9 @@ class ProgramFiles:
 def content(folder: Path, name: str, digest: str) -> bytes:
     """What is in a program's file. FoldcarError if that is no longer the digest's."""
     with suppress(OSError):
-        found = (folder / name).read_bytes()
-        if content_digest(name, found) == digest:
-            return found
+        result = (folder / name).read_bytes()
+        if content_digest(name, result) == digest:
+            return result
     raise _changed(folder / name)
 
 

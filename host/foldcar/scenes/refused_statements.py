@@ -62,7 +62,7 @@ def refuse_useless_properties(cls: Any, specifiers: Sequence[Any], caller: Frame
     That is one that resembles one of ``cls``, belongs to another class of the vocabulary, follows from others, or is of
     Scenic's own but nothing here.
     """
-    for name in (name for one in specifiers for name in one.priorities if name != NAME):
+    for name in (name for specifier in specifiers for name in specifier.priorities if name != NAME):
         own = _derives(cls, "Thing") and name not in SCENICS_FINAL
         if own and name in scenic_private.final_properties(cls):
             sources = scenic_private.sources_of(cls, name)
@@ -141,13 +141,20 @@ def _vocabularys_parameters() -> frozenset[str]:
 def refuse_undefined_names(code: CodeType, namespace: Mapping[str, Any]) -> None:
     """Raise NameError, with file and line, for the first name in a nested block of ``code`` that is nowhere assigned."""
     nested = list(_blocks(code))
-    known = {one.argval for block in nested for one in dis.get_instructions(block) if one.opname.startswith("STORE_")}
+    known = {
+        instruction.argval
+        for block in nested
+        for instruction in dis.get_instructions(block)
+        if instruction.opname.startswith("STORE_")
+    }
     for block in nested[1:]:
         lines = dict(dis.findlinestarts(block))
         line: int | None = block.co_firstlineno
-        for one in dis.get_instructions(block):
-            line, name = lines.get(one.offset, line), one.argval
-            if one.opname == "LOAD_GLOBAL" and not (name in known or name in namespace or hasattr(builtins, name)):
+        for instruction in dis.get_instructions(block):
+            line, name = lines.get(instruction.offset, line), instruction.argval
+            if instruction.opname == "LOAD_GLOBAL" and not (
+                name in known or name in namespace or hasattr(builtins, name)
+            ):
                 raise at(NameError(f"name '{name}' is not defined", name=name), code.co_filename, line)
 
 

@@ -111,7 +111,9 @@ class SceneSource:
             raise ProgramError(f"{self.program}: sample {k}", error, self.program) from error
         # Scenic would check all requirements again in the simulation, also soft ones that this sample need not fulfil.
         scene.temporalRequirements = tuple(
-            one for one in scene.temporalRequirements if one.proposition.has_temporal_operator
+            temporalrequirement
+            for temporalrequirement in scene.temporalRequirements
+            if temporalrequirement.proposition.has_temporal_operator
         )
         return scene
 

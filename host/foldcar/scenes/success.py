@@ -48,7 +48,7 @@ def success_rule(scenario: Any, program: Path) -> SuccessRule:
         conditions = [*scenario.terminationConditions, *scenario.terminateSimulationConditions]
         lines = {condition.line for condition in conditions}
         # Without conditions, as in most programs, it need not be parsed. Of each its line, its text, the place's text.
-        found = [one for one in _approaches(program, scenario, goal) if one[0] in lines] if lines else []
+        found = [approach for approach in _approaches(program, scenario, goal) if approach[0] in lines] if lines else []
         if len({place for _, _, place in found}) > 1:
             found = [one for one in found if one[2].lower() == TARGET]
             if not found:

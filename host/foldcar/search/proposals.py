@@ -62,7 +62,9 @@ class Proposals:
         optuna.logging.set_verbosity(optuna.logging.ERROR)
         warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
         self._sampler = sampler
-        self._study = optuna.create_study(directions=["maximize" if one.largest else "minimize" for one in objectives])
+        self._study = optuna.create_study(
+            directions=["maximize" if objective.largest else "minimize" for objective in objectives]
+        )
         self._grid = [] if sampler != "grid" else grid([len(self._levels[key]) for key in self._varied], designs)
         self._left = iter(self._grid)
         self._trial: Trial | None = None
@@ -131,7 +133,7 @@ class Proposals:
 
     def best(self, count: int) -> list[Tried]:
         """The best ``count`` of those tried in all environments; with several objectives, those none beats in all."""
-        signs = np.array([-1 if one.largest else 1 for one in self._objectives])
+        signs = np.array([-1 if objective.largest else 1 for objective in self._objectives])
         found = [(tuple(signs * one.objectives), one) for one in self.tried if not one.pruned]
         every = [losses for losses, _ in found]
         front = [(losses, one) for losses, one in found if len(signs) == 1 or not beaten(losses, every)]

@@ -88,7 +88,7 @@ class Found:
 def searched_study(study: Study, fresh: int) -> Study:
     """The study's only experiment, and the same in ``fresh`` other samples, with other built cars. FoldcarError."""
     if len(study.experiments) > 1:
-        known = ", ".join(one.id for one in study.experiments)
+        known = ", ".join(experiment.id for experiment in study.experiments)
         raise FoldcarError(f"{study.listing_name}: experiments: has several; choose one with --experiment: {known}")
     (chosen,) = study.experiments
     other = replace(
@@ -120,7 +120,7 @@ def search(
     experiment, fresh = study.experiments
     environment = environment_of(experiment)
     _check(experiment, environment, plan)
-    names = [one.name for one in plan.objectives]
+    names = [objective.name for objective in plan.objectives]
 
     def simulated(runs: int) -> None:
         found.new += runs
@@ -170,7 +170,7 @@ def _try_designs(
             proposals.refuse(no_rate_text(len(made)))
             continue
         mean_time_s = _value(OBJECTIVES["time"], experiment, values, rows)
-        worth = [_value(one, experiment, values, rows) for one in plan.objectives]
+        worth = [_value(objective, experiment, values, rows) for objective in plan.objectives]
         proposals.tell(worth, made, pruned, mean_time_s)
         found.designs += 1
         found.pruned += pruned
@@ -187,7 +187,7 @@ def _value(objective: Objective, experiment: Experiment, values: Values, rows: S
 
 
 def _judged(experiment: Experiment, plan: Plan, tried: Tried, rows: Sequence[Row]) -> Judged:
-    told = [one if rows or one.value is None else None for one in plan.objectives]
+    told = [objective if rows or objective.value is None else None for objective in plan.objectives]
     return Judged(
         experiment.family.design(tried.values).columns,
         tried.objectives,
@@ -209,7 +209,7 @@ def batches(environments: int) -> list[range]:
 
 def _check(experiment: Experiment, environment: Environment, plan: Plan) -> None:
     """FoldcarError if the plan has no meaning for the experiment."""
-    if all(one.value is None for one in plan.objectives):
+    if all(objective.value is None for objective in plan.objectives):
         raise FoldcarError("--objective sheet-area: needs no simulation; name what the car shall do as well")
     if plan.runs is not None and plan.runs < experiment.environments:
         raise FoldcarError(f"--runs {plan.runs}: one design takes {experiment.environments}, one in each environment")

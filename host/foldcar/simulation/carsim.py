@@ -122,15 +122,15 @@ class Carsim:
         """The answers of ``carsim batch`` to lines of its input; CarsimError if one of them is an error."""
         answer = self._output(["batch"], lines, self._stops)
         try:
-            found: list[dict[str, Any]] = [json.loads(line) for line in answer.stdout.splitlines()]
+            answers: list[dict[str, Any]] = [json.loads(line) for line in answer.stdout.splitlines()]
         except ValueError as error:
             raise CarsimError(f"{self.binary}: answered what is no JSON") from error
-        for one in found:
+        for one in answers:
             if "error" in one:
                 raise CarsimError(f"{self.binary}: {one['error']['message']}")
         if answer.returncode != 0:
             raise CarsimError(f"{self.binary}: {process_ending(answer.returncode, answer.stderr)}")
-        return found
+        return answers
 
     def _batch(
         self, bodies: Mapping[str, str], scenes: Mapping[str, str], requests: Sequence[RunRequest], stops: int
@@ -248,7 +248,7 @@ class PulseTrain:
 def ask_pulses(carsim: Carsim, settings: Sequence[Mapping[str, Any]]) -> list[PulseTrain]:
     """The trains of several settings (keys of docs/carsim.md's ``pulses``), in order."""
     keys = ("speed_m_s", "yaw_rate_rad_s", "time_limit_s", "parameters")
-    asked = [{key: one[key] for key in keys if key in one} for one in settings]
+    asked = [{key: setting[key] for key in keys if key in setting} for setting in settings]
     lines = [json.dumps({"pulses": {"id": str(index), **one}}) for index, one in enumerate(asked)]
     trains = []
     for answer in carsim.answers(lines):

@@ -66,5 +66,5 @@ def answered_path(answer: Mapping[str, Any]) -> NDArray[numpy.float64]:
     columns = numpy.cumsum(numpy.cumsum(((left >> 1) ^ -(left & 1)).reshape(-1, rows), axis=1), axis=1)[:6]
     units = numpy.array([PLACE_M] * 3 + [ANGLE_RAD] * 3)
     times_s = numpy.minimum(KEPT_INTERVAL_S * numpy.arange(rows), answer["elapsed_time_s"])
-    found: NDArray[numpy.float64] = numpy.vstack([times_s, columns * units[:, None]]).T
-    return found
+    result: NDArray[numpy.float64] = numpy.vstack([times_s, columns * units[:, None]]).T
+    return result

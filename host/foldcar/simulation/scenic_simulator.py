@@ -193,7 +193,7 @@ class CarSimulation(Simulation):  # type: ignore[misc]
         look, steps = self._state, self._steps
         for row, state in enumerate(self._carsim.rows()[:-1]):
             self._show(state, self._steps_at(state))
-            violated = [one for one in self._requirements if one.value() is B4.FALSE]
+            violated = [requirement for requirement in self._requirements if requirement.value() is B4.FALSE]
             ended = self._ended()
             if violated or ended or state.t_s >= limit_s:
                 self._row, self._native = row, None
@@ -205,8 +205,8 @@ class CarSimulation(Simulation):  # type: ignore[misc]
     def _ended(self) -> bool:
         """Whether a condition to end the run holds in the state that is shown."""
         return any(
-            one.isTrue().is_truthy if one.ty is RequirementType.terminateSimulationWhen else one.evaluate()
-            for one in self._endings
+            ending.isTrue().is_truthy if ending.ty is RequirementType.terminateSimulationWhen else ending.evaluate()
+            for ending in self._endings
         )
 
     def updateObjects(self) -> None:  # noqa: N802
@@ -217,9 +217,11 @@ class CarSimulation(Simulation):  # type: ignore[misc]
             return
         # Scenic has just started the scenario.
         scenic_private.round_time_limit(scenario)
-        self._requirements = [one for one in scenic_private.requirement_monitors(scenario) if not is_about_looks(one)]
-        for one in self._requirements:
-            one.monitor = ChangesMonitor(one.proposition)
+        self._requirements = [
+            monitor for monitor in scenic_private.requirement_monitors(scenario) if not is_about_looks(monitor)
+        ]
+        for requirement in self._requirements:
+            requirement.monitor = ChangesMonitor(requirement.proposition)
 
     def actionsAreCompatible(self, agent: Any, actions: tuple[Any, ...]) -> bool:  # noqa: N802
         """Scenic's hook."""

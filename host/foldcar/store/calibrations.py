@@ -56,7 +56,7 @@ def calibrations(store: Store) -> list[Calibration]:
 
 def calibration_named(store: Store, name: str) -> Calibration:
     """The calibration of that name; StoreError if there is none."""
-    known = {one.name: one for one in calibrations(store)}
+    known = {calibration.name: calibration for calibration in calibrations(store)}
     if name not in known:
         has = f"it has {', '.join(known)}" if known else "make one with `foldcar calibrate`"
         raise StoreError(f'{store.path}: has no calibration "{name}"; {has}')
@@ -103,7 +103,7 @@ class CalibrationWriter(StoreConnection):
 
 def check_calibration_name(store: Store, name: str, replace: bool) -> None:
     """StoreError if there is a calibration of that name that is not to be replaced, or that was swept under."""
-    if all(one.name != name for one in calibrations(store)):
+    if all(calibration.name != name for calibration in calibrations(store)):
         return
     if not replace:
         raise _taken(store.path, name)

@@ -60,7 +60,7 @@ def runs_frame(store: Store, experiment: str | None = None) -> pd.DataFrame:
         tables = [runs_frame(store, name) for name in names]
         found = pd.concat(tables, ignore_index=True)
         # The parameters of all experiments stand together, as those of one do.
-        parameters = dict.fromkeys(column for one in tables for column in one if column not in COLUMNS)
+        parameters = dict.fromkeys(column for table in tables for column in table if column not in COLUMNS)
         return found[[*HEAD, *parameters, *COLUMNS[len(HEAD) :]]]
     texts, none = _texts([]), np.empty(0)
     empty = {**dict.fromkeys(HEAD, texts), "sample": none.astype(np.int64), "outcome": texts}

@@ -70,8 +70,8 @@ class Store:
         """What ``read`` gives, kept under ``key``: an open store never changes, and a million runs take long to read."""
         if key not in self._read_once:
             self._read_once[key] = read()
-        found: T = self._read_once[key]
-        return found
+        result: T = self._read_once[key]
+        return result
 
     def holds_study(self) -> bool:
         """Whether a sweep has begun; a store may hold trials only."""
@@ -141,7 +141,7 @@ class Store:
         for row in self.rows(TRIAL, "WHERE ?1 IS NULL OR experiment = ?1 ORDER BY id", experiment):
             told = {**row, "withdrawn": bool(row["withdrawn"]), "corrections": corrections[row["id"]]}
             told |= {"design": json.loads(row["design"]), "deviations": self._deviations(row)}
-            yield Trial(**{one.name: told[one.name] for one in fields(Trial)})
+            yield Trial(**{field.name: told[field.name] for field in fields(Trial)})
 
     def trials_elsewhere(self, info: ExperimentInfo) -> dict[int, str | None]:
         """Trials in another environment than that of the experiment's runs: number and Scenic program, if known.
@@ -169,7 +169,7 @@ class Store:
         trials = list(self.rows(TRIAL, "WHERE experiment = ? AND environment_id IS NOT NULL", info.listed_id))
         elsewhere = any(row["environment_id"] != here for row in trials)
         scenes = self._sampled_scenes(here) if elsewhere else {}
-        found, same = set(), {here: True}
+        result, same = set(), {here: True}
         for row in trials:
             other = row["environment_id"]
             if other not in same:
@@ -177,8 +177,8 @@ class Store:
                 common = samples.keys() & scenes.keys()
                 same[other] = bool(common) and all(samples[sample] == scenes[sample] for sample in common)
             if same[other] or self._is_planned_scene(row, scenes):
-                found.add(row["id"])
-        return found
+                result.add(row["id"])
+        return result
 
     def _is_planned_scene(self, trial: Row, scenes: Mapping[int, str]) -> bool:
         """Whether a trial's scene is that of its sample in ``scenes``; a scene placed otherwise than planned is not."""
@@ -201,10 +201,10 @@ class Store:
 
     def trial(self, number: int) -> Trial:
         """The trial of that number; StoreError if there is none."""
-        found = next((trial for trial in self.trials() if trial.id == number), None)
-        if found is None:
+        result = next((trial for trial in self.trials() if trial.id == number), None)
+        if result is None:
             raise StoreError(f"{self.path}: has no trial {number}")
-        return found
+        return result
 
     def _deviations(self, row: Row) -> dict[str, tuple[float, float, float]]:
         return {name: (x, y, turn) for name, (x, y, turn) in json.loads(row["deviations"]).items()}

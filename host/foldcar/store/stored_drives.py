@@ -35,13 +35,13 @@ class StoredDrives:
 
     def value(self, table: str, row_id: int) -> dict[str, Any]:
         """The object that a text stands for."""
-        found: dict[str, Any] = json.loads(self.text(table, row_id))
-        return found
+        result: dict[str, Any] = json.loads(self.text(table, row_id))
+        return result
 
     @cached_property
     def varied(self) -> bool:
         """Whether any car differs from its design."""
-        return any(self.value("variation", one) for one in set(self.variations.values()))
+        return any(self.value("variation", variation) for variation in set(self.variations.values()))
 
 
 def read_drives(store: Store, experiment: str) -> StoredDrives:
@@ -55,11 +55,11 @@ def read_drives(store: Store, experiment: str) -> StoredDrives:
     return StoredDrives(
         store,
         experiment,
-        [json.loads(one["parameters"]) for one in designs],
-        [one["position"] for one in designs],
-        [one["body_id"] for one in designs],
-        [one["settings_id"] for one in designs],
-        {one["sample"]: one["scene_id"] for one in samples},
-        {one["sample"]: one["variation_id"] for one in draws},
+        [json.loads(design["parameters"]) for design in designs],
+        [design["position"] for design in designs],
+        [design["body_id"] for design in designs],
+        [design["settings_id"] for design in designs],
+        {sample["sample"]: sample["scene_id"] for sample in samples},
+        {draw["sample"]: draw["variation_id"] for draw in draws},
         None if dynamic is None else bool(dynamic),
     )

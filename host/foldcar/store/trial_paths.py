@@ -100,9 +100,9 @@ def _path(rows: Sequence[Sequence[float]]) -> Rows | None:
     """The rows with headings that go on beyond a half turn; None if they are too few for a path."""
     if len(rows) < 2:
         return None
-    found = numpy.array(rows)
-    found[:, 4] = numpy.unwrap(found[:, 4])
-    return found
+    result = numpy.array(rows)
+    result[:, 4] = numpy.unwrap(result[:, 4])
+    return result
 
 
 def _film_error(track: Track) -> tuple[float, float]:

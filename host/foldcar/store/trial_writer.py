@@ -205,12 +205,12 @@ class TrialWriter(StoreConnection):
         digest = sha256_of(file)
         if digest is None:
             raise StoreError(f"{file}: no such file")
-        found = Media(trial, kind, reference(self.path, file), digest)
-        row = {**asdict(found), "added_utc": now_utc()}
+        result = Media(trial, kind, reference(self.path, file), digest)
+        row = {**asdict(result), "added_utc": now_utc()}
         with self._transaction():
             self._trial(trial)
             self._insert(MEDIA, [{**row, "trial_id": row.pop("trial")}], "OR REPLACE")
-        return found
+        return result
 
     def place(
         self, trial: int, deviations: Mapping[str, tuple[float, float, float]], scene: Mapping[str, Any], reason: str,

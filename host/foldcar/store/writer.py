@@ -278,11 +278,11 @@ class StoreWriter(StoreConnection):
         """The JSON texts of rows of ``body``, ``scene``, ``settings`` or ``variation``, at most some thousands."""
         wanted = set(row_ids)
         where = f"WHERE id IN ({', '.join('?' * len(wanted))})"
-        found = {row["id"]: str(row["json"]) for row in self._rows(BY_NAME[table], where, *wanted)}
-        for missing in wanted - found.keys():
+        texts = {row["id"]: str(row["json"]) for row in self._rows(BY_NAME[table], where, *wanted)}
+        for missing in wanted - texts.keys():
             # Raises the error that names it.
-            found[missing] = str(self._row(BY_NAME[table], id=missing)["json"])
-        return found
+            texts[missing] = str(self._row(BY_NAME[table], id=missing)["json"])
+        return texts
 
     def result(self, run: PlannedRun) -> dict[str, Any]:
         """The stored outcome and metrics of a run that has a result."""

@@ -124,7 +124,7 @@ class ExperimentRuns:
         schedule = Schedule(rule, plan.environments, known.reached, other)
         most, decided = self.counts.total, self.counts.decided
         while batches := schedule.next():
-            wanted = {one.design: one.samples for one in batches}
+            wanted = {batch.design: batch.samples for batch in batches}
             yield from self._simulate(wanted, self.counts.done + sum(map(len, wanted.values())))
             yield from self.pool.finish()
             schedule.record({one: writer.run_counts(plan, one, samples) for one, samples in wanted.items()}, batches)

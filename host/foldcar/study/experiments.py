@@ -144,5 +144,5 @@ def run_settings(
 
 def engine_study(study: Study, carsim: "Carsim") -> Study:
     """The study with its experiments named for the simulator's engine."""
-    named = (replace(one, id=engine_id(one.id, carsim.engine)) for one in study.experiments)
+    named = (replace(experiment, id=engine_id(experiment.id, carsim.engine)) for experiment in study.experiments)
     return replace(study, experiments=tuple(named))

@@ -95,7 +95,7 @@ class Family:
     @property
     def skipped(self) -> list[str]:
         """The members that cannot be built, each with the reason: ``width=30 mm: width: 30 is below the minimum …``."""
-        found = []
+        result = []
         for values in self._combinations():
             error = self.error(values)
             if error is not None:
@@ -106,8 +106,8 @@ class Family:
                     if len(choices) > 1
                 ]
                 at_fault = "" if error.parameter is None else f"{error.parameter}: "
-                found.append(f"{', '.join(varied)}: {at_fault}{error.message}")
-        return found
+                result.append(f"{', '.join(varied)}: {at_fault}{error.message}")
+        return result
 
     def design(self, values: tuple[float, ...]) -> Design:
         """The design with these values, in the order of ``choices``; DesignError if it cannot be built."""

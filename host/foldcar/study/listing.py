@@ -28,7 +28,10 @@ class ListingError(FoldcarError):
         """The one mistake, or a line for each behind one that counts them."""
         if len(self.mistakes) < 2:
             return super().lines()
-        return [f"{self.file}: {self._count()}".rstrip(), *(f"  {' '.join(one.split())}" for one in self.mistakes)]
+        return [
+            f"{self.file}: {self._count()}".rstrip(),
+            *(f"  {' '.join(mistake.split())}" for mistake in self.mistakes),
+        ]
 
     def _count(self) -> str:
         return f"{len(self.mistakes)} mistakes: " if len(self.mistakes) > 1 else ""

@@ -59,7 +59,9 @@ class PlannedDesigns:
 def planned_designs(study: Study, store: Path, table: Mapping[str, TableRow]) -> dict[str, PlannedDesigns]:
     """The designs of every experiment by its id, all of them checked. FoldcarError."""
     stored = stored_designs(store, [experiment.id for experiment in study.experiments])
-    return {one.id: PlannedDesigns(one, table, stored.get(one.id)) for one in study.experiments}
+    return {
+        experiment.id: PlannedDesigns(experiment, table, stored.get(experiment.id)) for experiment in study.experiments
+    }
 
 
 def planned_design(experiment: Experiment, design: Design, table: Mapping[str, TableRow]) -> PlannedDesign:

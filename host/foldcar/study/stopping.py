@@ -128,7 +128,7 @@ class Schedule:
         batches: list[Batch] = []
         # Of equals the first one in the listing: the sort is stable, the last digits of sums are not.
         for at in numpy.argsort(-worth.round(9), kind="stable"):
-            if len(batches) >= STEP_SHARE * len(still) and sum(len(one.samples) for one in batches) >= STEP_RUNS:
+            if len(batches) >= STEP_SHARE * len(still) and sum(len(batch.samples) for batch in batches) >= STEP_RUNS:
                 break
             design = int(still[at])
             batches.append(self._batch(design, masses[design]))
@@ -136,14 +136,14 @@ class Schedule:
 
     def record(self, counts: Mapping[int, tuple[int, int]], batches: Sequence[Batch]) -> None:
         """The results of a step: of each design's new samples, how many passed and how many belong in a rate."""
-        for one in batches:
-            design = one.design
+        for batch in batches:
+            design = batch.design
             passed, counted = counts[design]
             self.passed[design] += passed
             self.counted[design] += counted
-            self.runs[design] = one.samples.stop
+            self.runs[design] = batch.samples.stop
         self.decided = self._rule.decided(self.passed, self.counted)
-        for design in {one.design for one in batches}:
+        for design in {batch.design for batch in batches}:
             self.closed[design] = self.runs[design] >= self._reached[design] and self._ended(design)
 
     def _ended(self, design: int) -> bool:
@@ -179,8 +179,8 @@ class Schedule:
         zones = numpy.searchsorted(self._rule.thresholds, RATES)
         sides = numpy.stack([masses[:, zones == zone].sum(axis=1) for zone in range(zones.max() + 1)])
         bits = -(sides * numpy.log2(numpy.maximum(sides, 1e-300))).sum(axis=0)
-        found: NDArray[numpy.float64] = bits / left
-        return found
+        result: NDArray[numpy.float64] = bits / left
+        return result
 
 
 def _runs_to_decide(rule: StoppingRule, most: int) -> NDArray[numpy.float64]:

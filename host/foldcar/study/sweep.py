@@ -61,7 +61,9 @@ class Sweep:
     @cached_property
     def progress(self) -> Progress:
         """The counts, of which ``total`` is all runs, stored or not."""
-        return Progress(total=sum(len(self.designs[one.id]) * one.environments for one in self.study.experiments))
+        return Progress(
+            total=sum(len(self.designs[experiment.id]) * experiment.environments for experiment in self.study.experiments)
+        )
 
     def run(
         self,
@@ -139,11 +141,11 @@ class Sweep:
         for name, what in unlike.items():
             if what:
                 yield f"experiment {name}: {unlike_sides_text(what)}"
-        for one in self.study.experiments:
-            skipped = one.family.skipped
+        for experiment in self.study.experiments:
+            skipped = experiment.family.skipped
             if skipped:
-                count = len(one.family) + len(skipped)
-                yield f"experiment {one.id}: {len(skipped)} of {count} cars cannot be built and are skipped:"
+                count = len(experiment.family) + len(skipped)
+                yield f"experiment {experiment.id}: {len(skipped)} of {count} cars cannot be built and are skipped:"
                 yield from (f"  {car}" for car in skipped[:SHOWN_SKIPPED])
             if len(skipped) > SHOWN_SKIPPED:
                 yield f"  and {len(skipped) - SHOWN_SKIPPED} more, which `foldcar sweep --dry-run` lists"

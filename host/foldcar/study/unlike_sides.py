@@ -98,12 +98,12 @@ def _alike(carsim: Carsim, bodies: Sequence[Mapping[str, Any]], scenes: Sequence
         x_m, y_m = _track_points(bodies, scene)
         lines.append(json.dumps({"scene": {**scene, "id": "s"}}))
         lines.append(json.dumps({"heights": {"id": str(index), "scene": "s", "x_m": x_m, "y_m": y_m}}))
-    found = []
+    result = []
     for answer in carsim.answers(lines):
         heights, friction = (numpy.reshape(answer[name], (2, -1)) for name in ("z_m", "friction"))
         apart = [numpy.abs(left - right).max() for left, right in (heights, friction)]
-        found.append(bool(apart[0] <= HEIGHT_M and apart[1] <= FRICTION))
-    return found
+        result.append(bool(apart[0] <= HEIGHT_M and apart[1] <= FRICTION))
+    return result
 
 
 def _track_points(bodies: Sequence[Mapping[str, Any]], scene: Mapping[str, Any]) -> tuple[list[float], list[float]]:
@@ -119,7 +119,7 @@ def _track_points(bodies: Sequence[Mapping[str, Any]], scene: Mapping[str, Any])
         for wheel in body["wheels"]
         for edge in (-1, 0, 1)
     }
-    across_m = numpy.array([side * one for side in (1, -1) for one in sorted(edges)])
+    across_m = numpy.array([side * edge for side in (1, -1) for edge in sorted(edges)])
     ahead, left = numpy.meshgrid(along_m, across_m)
     x_m, y_m = start["x_m"] + ahead * c - left * s, start["y_m"] + ahead * s + left * c
     return x_m.ravel().tolist(), y_m.ravel().tolist()

@@ -26,12 +26,12 @@ Standing = Mapping[str, tuple[Obstacle, str]]
 
 def standing(scene: Mapping[str, Any], things: Mapping[str, Obstacle], deviations: Deviations) -> Standing:
     """The obstacles of a scene where they were measured to stand."""
-    found = {}
+    result = {}
     for letter, thing in things.items():
         x_m, y_m, turned_rad = deviations.get(letter, (0.0, 0.0, 0.0))
         moved = replace(thing, x_m=thing.x_m + x_m, y_m=thing.y_m + y_m, heading_rad=thing.heading_rad + turned_rad)
-        found[letter] = moved, what_it_is(scene, thing)
-    return found
+        result[letter] = moved, what_it_is(scene, thing)
+    return result
 
 
 def next_sample(

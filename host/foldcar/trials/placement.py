@@ -103,22 +103,22 @@ def ask_deviations(
 ) -> dict[str, tuple[float, float, float]]:
     """Measured deviations (m, m, rad) by name: those of the options, else those typed; none without ``answers``."""
     names = [CAR, *things]
-    found: dict[str, tuple[float, float, float]] = {}
+    deviations: dict[str, tuple[float, float, float]] = {}
     if given is not None:
         for text in given:
             name, by = parse_deviation(text, names)
-            if name in found:
+            if name in deviations:
                 raise FoldcarError(f'--deviation "{text}": {name} is given twice')
-            found[name] = by
+            deviations[name] = by
     elif answers is not None:
         say("Measured deviations, one per line: NAME X_MM Y_MM [HEADING_DEG]; Enter to finish.")
         while typed := answers.line("deviation: "):
             try:
                 name, by = parse_deviation(typed, names)
-                found[name] = by
+                deviations[name] = by
             except FoldcarError as error:
                 say(f"  {error}")
-    return found
+    return deviations
 
 
 def parse_deviation(text: str, names: Sequence[str]) -> tuple[str, tuple[float, float, float]]:

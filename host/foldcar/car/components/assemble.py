@@ -193,9 +193,13 @@ class _Pieces:
             steps[self.home[a]].append((self.home[b], step))
             steps[self.home[b]].append((self.home[a], inverse(step)))
 
-        for one in self.graph.placements:
-            a, b = self.owner[one.on], self.owner[one.face]
-            add(a, b, compose(self.fused[a].poses[one.on], one.pose, inverse(self.fused[b].poses[one.face])))
+        for placement in self.graph.placements:
+            a, b = self.owner[placement.on], self.owner[placement.face]
+            add(
+                a,
+                b,
+                compose(self.fused[a].poses[placement.on], placement.pose, inverse(self.fused[b].poses[placement.face])),
+            )
         for link, edge_a, edge_b, _ in self.seams:
             if link.kind == "tab" and self.home[edge_a[0]] != self.home[edge_b[0]]:
                 across = across_crease(self._ends(edge_a), self._ends(edge_b), link.angle_rad)
@@ -218,7 +222,7 @@ class _Pieces:
             kind: JoinKind = "lap" if self.home[a[0]] == self.home[b[0]] else "tab"
             ends = (self.home[b[0]], EdgeRef(face.name, 0)), (self.home[a[0]], self._ref(a))
             yield Bound(i, kind, *ends, length)
-        for one in (one for one in self.graph.placements if one.laminated):
+        for one in (placement for placement in self.graph.placements if placement.laminated):
             layer, on = ((self.home[face], self._ref((face, 0))) for face in (self.owner[one.face], self.owner[one.on]))
             yield Bound(None, "laminate", layer, on, 0.0)
         found: dict[tuple[object, ...], Bound] = {}

@@ -124,11 +124,11 @@ class Component:
         self.path, self.body, self.parts = path, body, parts or catalogue()
         given = dict(values or {})
         self.keys = {name: name for name in given} if keys is None else keys
-        self.values = {one.name: one.default_with(self.parts) for one in self.parameters} | given
-        for one in self.parameters:
-            complaint = one.complaint(self[one.name], self.parts)
+        self.values = {parameter.name: parameter.default_with(self.parts) for parameter in self.parameters} | given
+        for parameter in self.parameters:
+            complaint = parameter.complaint(self[parameter.name], self.parts)
             if complaint:
-                raise self.misfit(one.name, complaint)
+                raise self.misfit(parameter.name, complaint)
         self.children: dict[str, Component] = {}
         for sub in self.subcomponents():
             if sub.name in self.children:

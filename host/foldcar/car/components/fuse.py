@@ -76,7 +76,7 @@ def _fused(graph: Graph, poses: dict[str, Pose], tags: dict[Edge, object], inner
         atom = graph.atoms[path]
         holes += atom.holes if pose is IDENTITY else (_moved(hole, pose) for hole in atom.holes)
         marks += (Mark(mark.name, tuple(_flat(pose, at) for at in mark.outline_mm)) for mark in atom.marks)
-        accesses += (replace(one, pose=compose(pose, one.pose)) for one in atom.accesses)
+        accesses += (replace(access, pose=compose(pose, access.pose)) for access in atom.accesses)
     outline = tuple(ring[i][1] for i in corners)
     face = Face(first.path, outline, tuple(holes), first.role, tuple(marks), tuple(accesses))
     return Fused(face, first, poses, edges)

@@ -51,7 +51,7 @@ def body_properties(car: FoldedCar, body: str) -> MassProperties:
 def mount_properties(mount: Mount) -> MassProperties:
     """A part of uniform density, the sum of its solids, or else its box (SI units, car's frame)."""
     volumes = [math.prod(solid.size_mm) * (math.pi / 4 if solid.kind == "cylinder" else 1.0) for solid in mount.shape]
-    found = []
+    properties = []
     for solid, volume in zip(mount.shape, volumes, strict=True):
         mass_kg = mount.mass_kg * volume / sum(volumes)
         x, y, z = (size * MM for size in solid.size_mm)
@@ -62,8 +62,8 @@ def mount_properties(mount: Mount) -> MassProperties:
             squares = np.square((x, y, z))
             moments = mass_kg / 12 * (squares.sum() - squares)
         own = MassProperties(mass_kg, np.zeros(3), np.diag(moments))
-        found.append(_turned(own, compose(mount.pose, solid.pose)))
-    return assemble(found)
+        properties.append(_turned(own, compose(mount.pose, solid.pose)))
+    return assemble(properties)
 
 
 def placing_mm(car: FoldedCar) -> float:

@@ -103,9 +103,9 @@ def plate(shape: shapely.Geometry, thickness_mm: float, title: str) -> Blocks:
 
 def convex_parts(shape: shapely.Geometry) -> list[Points]:
     """The corners of convex polygons that make up a shape: its triangles."""
-    polygons = [one for one in shapely.get_parts(shape) if one.geom_type == "Polygon" and one.area > LEAST_MM**2]
+    polygons = [part for part in shapely.get_parts(shape) if part.geom_type == "Polygon" and part.area > LEAST_MM**2]
     triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(shapely.MultiPolygon(polygons)))
-    return [shapely.get_coordinates(one)[:-1] for one in triangles]
+    return [shapely.get_coordinates(triangle)[:-1] for triangle in triangles]
 
 
 def solid_blocks(solid: Solid, title: str) -> Blocks:

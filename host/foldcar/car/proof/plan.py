@@ -41,25 +41,25 @@ class Building:
     ) -> None:  # fmt: skip
         """Append a step; pieces come in folded, unless it is ``flat``. A step that does nothing is left out."""
         pieces, mounts, units, closed = list(pieces), list(mounts), list(units), dict(folds or {})
-        for one in pieces:
-            whole = self.roles.whole(one.piece)
+        for piece in pieces:
+            whole = self.roles.whole(piece.piece)
             if not flat and whole:
-                closed.setdefault(one.piece, whole)
-        self._there |= {(one.piece, one.copy) for one in pieces}
+                closed.setdefault(piece.piece, whole)
+        self._there |= {(piece.piece, piece.copy) for piece in pieces}
         self.parts |= {mount.name for mount in mounts}
         self._shaped |= {name for name, fractions in closed.items() if any(fractions.values())}
         if unit:
-            self._apart |= {one.piece for one in pieces}
+            self._apart |= {piece.piece for piece in pieces}
         for came in units:
             self._apart -= {added.name for step in self.steps if step.unit == came.name for added in step.adds}
         joins = self._joins(flat, unit)
         adds = (
-            *(Added("piece", one.piece, one.copy, one.body) for one in pieces),
+            *(Added("piece", piece.piece, piece.copy, piece.body) for piece in pieces),
             *units,
             *(Added("mount", mount.name, 0, mount.body) for mount in mounts),
         )
         screws = [mount for mount in mounts if self.roles.is_fastener(mount)]
-        reaches = tuple(Reach(m.name, i) for m in screws for i, one in enumerate(m.accesses) if one.tool == "driver")
+        reaches = tuple(Reach(m.name, i) for m in screws for i, access in enumerate(m.accesses) if access.tool == "driver")
         if adds or joins or closed:
             self.steps.append(AssemblyStep(title, closed, adds, joins, reaches, unit))
 
@@ -111,12 +111,12 @@ def _segments(roles: Roles, building: Building) -> None:
     """Beams, their layers and walls, servos, caps, what joins segments."""
     others = list(roles.others())
     bases = [roles.base[body] for body in roles.bodies]
-    layers = [one for one in others if roles.is_layer(one)]
+    layers = [other for other in others if roles.is_layer(other)]
 
     def on(several: Sequence[PlacedPiece]) -> list[PlacedPiece]:
-        return [one for one in layers if (host := roles.host(one)) is not None and host[0] in several]
+        return [layer for layer in layers if (host := roles.host(layer)) is not None and host[0] in several]
 
-    rest = [one for one in others if one not in layers]
+    rest = [other for other in others if other not in layers]
     between = [one for one in rest if roles.is_between(one)]
     caps = [one for one in rest if one not in between and not roles.is_carrier(one)]
     title = "Tape the layers onto the flat beam" if on(bases) else "Lay out the beam"
@@ -135,7 +135,7 @@ def _segments(roles: Roles, building: Building) -> None:
         units = [Added("unit", _unit(roles, one), 0, one.body) for one in doubled]
         alone = [one for one in group if one not in doubled]
         building.step(title, alone, units=units, folds={one.piece: roles.whole(one.piece) for one in doubled})
-    building.step("Glue the other layers on", [one for one in layers if roles.host(one) is None])
+    building.step("Glue the other layers on", [layer for layer in layers if roles.host(layer) is None])
 
 
 def _unit(roles: Roles, one: PlacedPiece) -> str:
@@ -146,24 +146,24 @@ def _unit(roles: Roles, one: PlacedPiece) -> str:
 def _inside(roles: Roles, building: Building) -> None:
     """The carriers with their boards, what lies under them, other parts."""
     car, wheels = roles.car, set(roles.wheels)
-    carriers = [one for one in roles.others() if roles.is_carrier(one)]
-    carried = [m for one in carriers for m in roles.carried(one) if not roles.is_fastener(m)]
+    carriers = [other for other in roles.others() if roles.is_carrier(other)]
+    carried = [m for carrier in carriers for m in roles.carried(carrier) if not roles.is_fastener(m)]
     parts = [m for m in car.mounts if m.body not in wheels and not roles.is_fastener(m) and m.name not in building.parts]
     wires = [extension.name for extension in car.parts.extensions.sold] + [car.parts.wiring.name]
     plugged = sorted((m for m in parts if m.part in wires), key=lambda m: m.part == wires[-1])
     with_wheels = (car.parts.axle_tube.name, car.parts.axle_cap.name)
     parts = [m for m in parts if m not in (*plugged, *carried) and not roles.is_on_lid(m) and m.part not in with_wheels]
     under = [m for m in parts if m.part == car.parts.lipo.name and carriers]
-    for one in carriers:
-        boards = sorted((m for m in roles.carried(one) if not roles.is_fastener(m)), key=lambda m: m.pose[2][3])
-        name, parts_on, whole = _unit(roles, one), building.with_screws(boards), roles.whole(one.piece)
-        building.step(f"Screw the boards onto the flat {one.piece}", [one], parts_on, unit=name, flat=True)
-        building.step(f"Fold the {one.piece}", folds={one.piece: whole} if whole else {}, unit=name)
+    for carrier in carriers:
+        boards = sorted((m for m in roles.carried(carrier) if not roles.is_fastener(m)), key=lambda m: m.pose[2][3])
+        name, parts_on, whole = _unit(roles, carrier), building.with_screws(boards), roles.whole(carrier.piece)
+        building.step(f"Screw the boards onto the flat {carrier.piece}", [carrier], parts_on, unit=name, flat=True)
+        building.step(f"Fold the {carrier.piece}", folds={carrier.piece: whole} if whole else {}, unit=name)
     for mount in under:
         building.step(f"Put the {mount.name} in", mounts=building.with_screws([mount]))
-    for one in carriers:
-        units = [Added("unit", _unit(roles, one), 0, one.body)]
-        building.step(f"Put the {one.piece} with the boards in", units=units)
+    for carrier in carriers:
+        units = [Added("unit", _unit(roles, carrier), 0, carrier.body)]
+        building.step(f"Put the {carrier.piece} with the boards in", units=units)
     for mount in (mount for mount in parts if mount not in under):
         building.step(f"Put the {mount.name} in", mounts=building.with_screws([mount]))
     screws = [m for m in car.mounts if roles.is_fastener(m) and m.name not in building.parts and m.body not in wheels]

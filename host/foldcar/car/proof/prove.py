@@ -69,7 +69,7 @@ class _Prover:
             first = step.adds[0].body
             if step.unit in self.roles.wheel_units and added.body != first:
                 # Wheels are alike: the way of the first one's, turned with the wheel.
-                mine = [one for one in step.adds if one.body == added.body]
+                mine = [add for add in step.adds if add.body == added.body]
                 twin = [one for one in found if one.body == first][mine.index(added)]
                 came = replace(added, way_mm=tuple(self._turned(move, first, added.body) for move in twin.way_mm))
             else:
@@ -78,7 +78,7 @@ class _Prover:
                     came = self._way(place, added, before)
             self.standing.setdefault(group, {}).update({key: self._solid(key) for key in self._keys(added)})
             if came.body == first or step.unit not in self.roles.wheel_units:
-                self._reach(place, [one for one in step.reaches if one.name == added.name], group)
+                self._reach(place, [reach for reach in step.reaches if reach.name == added.name], group)
             found.append(came)
         return replace(step, adds=tuple(found))
 

@@ -40,11 +40,11 @@ def moved(pose: Matrix, points: NDArray[np.float64]) -> NDArray[np.float64]:
 def glued_offset_mm(piece: Piece, fraction: Fraction = 1.0) -> dict[str, float]:
     """Offset of each tab from its middle plane (mm) when it is fixed to the inside of another face."""
     tabs = {face.name for face in piece.faces if face.role == "tab"}
-    found = {}
+    result = {}
     for crease in (one for one in piece.creases if one.child.face in tabs):
         share = fraction.get(crease.name, 0.0) if isinstance(fraction, Mapping) else fraction
-        found[crease.child.face] = piece.thickness_mm * (1 if crease.angle_rad > 0 else -1) * share
-    return found
+        result[crease.child.face] = piece.thickness_mm * (1 if crease.angle_rad > 0 else -1) * share
+    return result
 
 
 def face_points(face: Face) -> tuple[NDArray[np.float64], list[int]]:

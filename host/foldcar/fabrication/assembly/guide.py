@@ -63,15 +63,15 @@ def guide_page(folded: FoldedCar, cut: CutCar, machine: str, title: str, sheets:
 
 def steps(folded: FoldedCar, cut: CutCar, machine: str) -> list[Step]:
     """All steps, from cutting on a machine of that name to the finished car."""
-    found = [out_of_sheets(cut, machine), *parted(folded, cut)]
+    steps = [out_of_sheets(cut, machine), *parted(folded, cut)]
     state = State(folded)
     for step, done in by_step(folded):
         lines = step_lines(step, state)
         state.take(step)
         repeated = len(state.unit_bodies(step.unit)) if step.unit else 1
         title = f"{step.title} ({repeated} times)" if repeated > 1 else step.title
-        found.append(Step(title, lines, step_pictures(step, state, step.title), done))
-    return found
+        steps.append(Step(title, lines, step_pictures(step, state, step.title), done))
+    return steps
 
 
 def out_of_sheets(cut: CutCar, machine: str) -> Step:

@@ -98,7 +98,7 @@ def service_picture(car: FoldedCar) -> tuple[Drawing, ...]:
         at = state.pose(mount) @ np.array(access.pose)
         ends = np.stack([at[:3, 3] + at[:3, 2] * min(access.length_mm, longest_mm), at[:3, 3]])
         word = reached_word(car, mount, reach.index)
-        arrows.append(Arrow(ends, "tool", "" if any(one.text == word for one in arrows) else word))
+        arrows.append(Arrow(ends, "tool", "" if any(arrow.text == word for arrow in arrows) else word))
     caption = "the lid open, without wheels" if lids else "without wheels"
     opened = Drawing(together(map(state.shape, shown)), FROM_RIGHT, "Service", arrows=arrows, caption=caption)
     return (*pictures, opened)
@@ -132,12 +132,12 @@ def _views(scene: "Scene") -> list[tuple[Camera, str]]:
     sides = scene.from_
     if not sides and np.ptp(points([scene.shape])[:, 2]) < FLAT_MM:
         return [(FLAT, "")]
-    left, right = any(one[1] > SIDEWAYS for one in sides), any(one[1] < -SIDEWAYS for one in sides)
+    left, right = any(side[1] > SIDEWAYS for side in sides), any(side[1] < -SIDEWAYS for side in sides)
     if left and right:
         return [(FROM_RIGHT, "seen from the right"), (FROM_LEFT, "seen from the left")]
-    if sides and all(one[2] < -SIDEWAYS for one in sides):
+    if sides and all(side[2] < -SIDEWAYS for side in sides):
         return [(FROM_BELOW, "seen from below")]
-    if sides and all(one[0] < -SIDEWAYS for one in sides):
+    if sides and all(side[0] < -SIDEWAYS for side in sides):
         return [(FROM_REAR, "seen from the rear")]
     return [(FROM_LEFT, "seen from the left") if left else (FROM_RIGHT, "seen from the right")]
 
@@ -184,7 +184,7 @@ class Scene:
 
     def arrows_in(self, view: Camera) -> list[Arrow]:
         """The arrows of what comes towards the car from the camera's side, or across."""
-        ways = [(one, one.points_mm[0] - one.points_mm[-1]) for one in self.arrows]
+        ways = [(arrow, arrow.points_mm[0] - arrow.points_mm[-1]) for arrow in self.arrows]
         return [one for one, way in ways if way @ view.toward > -BEHIND * np.linalg.norm(way)]
 
     def _added(self, added: Added) -> list[Shape]:

@@ -279,7 +279,7 @@ def service_lines(car: FoldedCar, steps: Sequence[AssemblyStep]) -> tuple[str, .
         )
     if opened:
         lines.append(f"Reached with the lid open: {listed(opened)}.")
-    taken = {mounts[one.name].part for step in steps for one in step.adds}
+    taken = {mounts[add.name].part for step in steps for add in step.adds}
     return (
         *lines,
         *(f"Change cells: take the {name} out, and charge its cells in their own charger." for name in sorted(taken)),

@@ -85,7 +85,7 @@ def seen_facets(facets: Sequence[Facet], view: Camera) -> list[Seen]:
     # Rounding can make holes touch the outlines of faces seen almost edge-on.
     shapes = shapely.make_valid(outlines[kept])
     planes = np.array([_depth(facets[i], view) for i in kept]).reshape(-1, 3)
-    found = []
+    result = []
     for place, hidden in _hidden(shapes, planes).items():
         facet, region = facets[kept[place]], shapes[place]
         rest = _polygons(shapely.difference(region, shapely.union_all(hidden))) if hidden else region
@@ -94,8 +94,8 @@ def seen_facets(facets: Sequence[Facet], view: Camera) -> list[Seen]:
             # Rounding leaves slivers between adjacent hiding faces.
             region = rest.buffer(-SLIVER_MM, join_style="mitre").buffer(SLIVER_MM, join_style="mitre")
         if region.area > LEAST_AREA_MM2:
-            found.append(_seen(facet, region, whole, view))
-    return sorted(found, key=lambda seen: float((seen.facet.rings_mm[0] @ view.toward).mean()))
+            result.append(_seen(facet, region, whole, view))
+    return sorted(result, key=lambda seen: float((seen.facet.rings_mm[0] @ view.toward).mean()))
 
 
 def _hidden(shapes: NDArray[np.object_], planes: Vector) -> dict[int, list[BaseGeometry]]:

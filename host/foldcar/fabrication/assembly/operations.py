@@ -117,7 +117,7 @@ def by_step(car: FoldedCar) -> list[tuple[AssemblyStep, Operations]]:
     pieces = {piece.name: piece for piece in car.pieces}
     mounts = {mount.name: mount for mount in car.mounts}
     nutted = {part.name for _, part in car.parts if isinstance(part, Screw) and part.nut_width_mm}
-    found = []
+    result = []
     for step in assembly_steps(car):
         folded = [pieces[name] for name in step.folds]
         joins = [join for join in car.joins if join.number in step.joins for _ in range(_times(car, join))]
@@ -137,8 +137,8 @@ def by_step(car: FoldedCar) -> list[tuple[AssemblyStep, Operations]]:
         )
         for name, creases in step.folds.items():
             before.setdefault(name, {}).update(creases)
-        found.append((step, done))
-    return found
+        result.append((step, done))
+    return result
 
 
 def closing(step: AssemblyStep, before: Mapping[str, Mapping[str, float]], piece: Piece) -> list[Crease]:
@@ -153,7 +153,7 @@ def closing(step: AssemblyStep, before: Mapping[str, Mapping[str, float]], piece
 def plugs_in(car: FoldedCar, step: AssemblyStep) -> list[Wire]:
     """The wires plugged in a step: those of the boards' stack with the upper board, all others with the wires."""
     parts = {mount.name: mount.part for mount in car.mounts}
-    added = {parts[one.name] for one in step.adds if one.kind == "mount"}
+    added = {parts[add.name] for add in step.adds if add.kind == "mount"}
     steps = {"stack": car.parts.featherwing.name}
     wires = [wire for wire in car.wires if wire.carries in PLUGGED]
     return [wire for wire in wires if steps.get(wire.carries, car.parts.wiring.name) in added]

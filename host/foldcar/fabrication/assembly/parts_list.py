@@ -122,7 +122,7 @@ def _bought(folded: FoldedCar) -> list[Row]:
     masses: dict[str, float] = {}
     for mount in folded.mounts:
         masses[mount.part] = masses.get(mount.part, 0.0) + mount.mass_kg
-    order = [mounts[one.name].part for step in planned(folded) for one in step.adds if one.kind == "mount"]
+    order = [mounts[add.name].part for step in planned(folded) for add in step.adds if add.kind == "mount"]
     counts = {name: counts[name] for name in dict.fromkeys([*order, *counts])}
     rows = [Row(name, count, "", masses[name], *_cost(bought.get(name), count, folded)) for name, count in counts.items()]
     rows = [_with_wire(folded, row) if row.name == folded.parts.wiring.name else row for row in rows]

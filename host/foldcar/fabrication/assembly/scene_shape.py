@@ -72,7 +72,7 @@ class SceneShapes:
             for face in plain.faces:
                 rings = [face.outline_mm, *(hole.outline_mm for hole in face.holes)]
                 points = [moved(poses[face.name], np.array(ring)) / UNIT_MM for ring in rings]
-                faces.append([np.rint(one).astype(int).ravel().tolist() for one in points])
+                faces.append([np.rint(point).astype(int).ravel().tolist() for point in points])
             self._film[piece] = self._number({"faces": faces})
         return self._film[piece]
 
@@ -85,8 +85,8 @@ class SceneShapes:
 
 
 def _rows(pose: Any) -> list[float]:
-    found: list[float] = np.round(pose[:3], DECIMALS).ravel().tolist()
-    return found
+    rows: list[float] = np.round(pose[:3], DECIMALS).ravel().tolist()
+    return rows
 
 
 def _beyond_hinge(folded: FoldedCar, placed: PlacedPiece, piece: Piece) -> dict[str, str]:
@@ -98,18 +98,18 @@ def _beyond_hinge(folded: FoldedCar, placed: PlacedPiece, piece: Piece) -> dict[
     place = np.array(placed.pose) @ face_poses(piece)[crease.parent.face]
     (middle,) = moved(place, np.array([np.mean(edge(faces, crease.parent), axis=0)]))
     hinge = min(folded.hinges, key=lambda one: float(np.linalg.norm(middle - one.center_mm)))
-    found = {crease.child.face: hinge.rear if placed.body == hinge.front else hinge.front}
+    result = {crease.child.face: hinge.rear if placed.body == hinge.front else hinge.front}
     # Creases stand in the order from the root: each parent is placed before its children.
     for other in piece.creases:
-        if other.parent.face in found:
-            found[other.child.face] = found[other.parent.face]
-    return found
+        if other.parent.face in result:
+            result[other.child.face] = result[other.parent.face]
+    return result
 
 
 def _solids(mount: Mount) -> list[dict[str, Any]]:
     if max(mount.size_mm) < LEAST_PART_MM:
         return []
-    shapes = [(one.kind, one.size_mm, np.array(one.pose)) for one in mount.solids]
+    shapes = [(solid.kind, solid.size_mm, np.array(solid.pose)) for solid in mount.solids]
     if not shapes or len(shapes) > MOST_SOLIDS:
         return [{"kind": "ring" if shapes else "box", "size": _sides(mount.size_mm), "pose": _rows(np.eye(4))}]
     return [

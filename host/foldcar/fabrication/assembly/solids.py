@@ -57,12 +57,12 @@ def film_mesh(piece: Piece) -> "Trimesh":
 def film_solids(folded: FoldedCar) -> list[Solid]:
     """Every copy of every piece of film, folded."""
     pieces = {piece.name: (piece, film_mesh(piece)) for piece in folded.pieces}
-    found = []
+    solids = []
     for placed in folded.placed:
         piece, mesh = pieces[placed.piece]
         name = piece.name if piece.count == 1 else f"{piece.name} {placed.copy + 1}"
-        found.append(Solid(f"{name} ({placed.body})", "film", mesh.copy().apply_transform(np.array(placed.pose))))
-    return found
+        solids.append(Solid(f"{name} ({placed.body})", "film", mesh.copy().apply_transform(np.array(placed.pose))))
+    return solids
 
 
 def mount_solid(mount: Mount) -> Solid:

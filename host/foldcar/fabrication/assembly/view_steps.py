@@ -55,13 +55,13 @@ def view_steps(folded: FoldedCar) -> ViewSteps:
     steps = assembly_steps(folded)
     roles = roles_of(folded)
     bases = {body: _key(one) for body, one in roles.base.items()}
-    found = ViewSteps([step.title for step in steps], bases, {name: lid.creases for name, lid in roles.lids.items()})
+    result = ViewSteps([step.title for step in steps], bases, {name: lid.creases for name, lid in roles.lids.items()})
     every: list[PlacedPiece | Mount] = [*folded.placed, *folded.mounts]
     things = {_key(one): one for one in every}
     for key, thing in things.items():
         host = roles.host(thing) if isinstance(thing, PlacedPiece) else roles.mount_host(thing)
         if host is not None:
-            found.rides[key] = (_key(host[0]), host[1])
+            result.rides[key] = (_key(host[0]), host[1])
     units: dict[tuple[str, str], list[Part]] = {}
     for number, step in enumerate(steps, 1):
         for place, added in enumerate(step.adds):
@@ -73,22 +73,22 @@ def view_steps(folded: FoldedCar) -> ViewSteps:
                 things[nut] = things["mount", added.name, 0]
                 if step.unit:
                     units[step.unit, added.body].append(nut)
-                found.ways[nut] = [(number, _out(added.nut_mm), begin, begin + 1 - TOGETHER)]
-                if ("mount", added.name, 0) in found.rides:
-                    found.rides[nut] = found.rides["mount", added.name, 0]
+                result.ways[nut] = [(number, _out(added.nut_mm), begin, begin + 1 - TOGETHER)]
+                if ("mount", added.name, 0) in result.rides:
+                    result.rides[nut] = result.rides["mount", added.name, 0]
             alone = [(added.kind, added.name, added.copy)]
             for part in units[added.name, added.body] if added.kind == "unit" else alone:
                 way = _out(added.way_mm)
-                found.ways.setdefault(part, []).append((number, way, begin, begin + 1 - TOGETHER))
+                result.ways.setdefault(part, []).append((number, way, begin, begin + 1 - TOGETHER))
         for piece, folds in step.folds.items():
             for crease, share in folds.items():
-                found.closing.setdefault((piece, crease), []).append((number, share))
+                result.closing.setdefault((piece, crease), []).append((number, share))
     for one in folded.pieces:
-        first = min((ways[0][0] for part, ways in found.ways.items() if part[:2] == ("piece", one.name)), default=1)
+        first = min((ways[0][0] for part, ways in result.ways.items() if part[:2] == ("piece", one.name)), default=1)
         for fold in one.creases:
-            found.closing.setdefault((one.name, fold.name), [(first, 1.0)])
-    found.exploded = dict(_exploded(found, folded, things))
-    return found
+            result.closing.setdefault((one.name, fold.name), [(first, 1.0)])
+    result.exploded = dict(_exploded(result, folded, things))
+    return result
 
 
 def _key(one: PlacedPiece | Mount) -> Part:

@@ -241,8 +241,8 @@ def _slits(outline: Polygon, faces: Sequence[FlatFace], folds: Sequence[Fold]) -
 def moved_to_origin(flat: FlatPiece) -> FlatPiece:
     """The piece with its lower left corner at the origin."""
     x0, y0, *_ = flat.outline.bounds
-    found: FlatPiece = _shifted(flat, -x0, -y0)
-    return found
+    result: FlatPiece = _shifted(flat, -x0, -y0)
+    return result
 
 
 def _shifted(value: Any, x: float, y: float) -> Any:

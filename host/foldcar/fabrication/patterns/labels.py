@@ -105,7 +105,9 @@ def _first_fit(
     for height in heights:
         strokes, width = text_strokes(text, height)
         depth = CLEAR_MM + height * (1 + DESCENT) / 2
-        middles = np.array([[at + depth * to for at, to in zip(one.point, one.inward, strict=True)] for one in places])
+        middles = np.array(
+            [[at + depth * to for at, to in zip(place.point, place.inward, strict=True)] for place in places]
+        )
         corner = -width / 2, -height / 2 + height * DESCENT / 2
 
         def put(points: Sequence[Point], i: slice, at: Points = middles, corner: Point = corner) -> Points:

@@ -92,7 +92,7 @@ class _Area:
 
     def turned(self, outline: Polygon) -> list[_Turned]:
         """The piece in every turn that fits into the empty area."""
-        found: list[_Turned] = []
+        result: list[_Turned] = []
         for turn in range(4):
             motion = Motion(turn)
             moved = Polygon([motion.apply((x, y)) for x, y in outline.exterior.coords])
@@ -101,13 +101,13 @@ class _Area:
             if min(spare) < -1e-6:
                 continue
             cells = _touched(moved, (x0, y0), 0)
-            if any(np.array_equal(cells, other.cells) for other in found):
+            if any(np.array_equal(cells, other.cells) for other in result):
                 continue
             apron = math.ceil(self.gap_mm / CELL_MM - 1e-9)
             grown = _touched(moved.buffer(self.gap_mm, quad_segs=16), (x0, y0), apron)
             columns, rows = (max(0, math.floor(length / CELL_MM + 1e-6)) + 1 for length in spare)
-            found.append(_Turned(turn, cells, grown, apron, (x0, y0), (rows, columns)))
-        return found
+            result.append(_Turned(turn, cells, grown, apron, (x0, y0), (rows, columns)))
+        return result
 
     def kept_off(self, placed: _Turned, other: _Turned) -> Cells:
         """Where ``placed`` keeps ``other`` off; the first is as far down and left as any (see `_Sheet.blocked`)."""

@@ -21,7 +21,7 @@ import numpy
 from synthetic_trials import SIMULATED_CARS, centre_of, logistic, of_built
 from threadpoolctl import threadpool_limits
 
-from foldcar.advice.selecting import ASSEMBLY_MIN, LEAST_GAIN, MOST_LOSS, PLACING_MIN, PRECISION, ROUND_TRIALS
+from foldcar.advice.selecting import LEAST_GAIN, MOST_LOSS, PLACING_MIN, PRECISION, ROUND_TRIALS, UNKNOWN_ASSEMBLY_MIN
 from foldcar.analysis.built_cars import SPREADS, BuiltCars, simulated_weights
 from foldcar.analysis.pooled_bias import pooled_bias
 from foldcar.analysis.selection import (
@@ -119,7 +119,7 @@ class Round:
     @property
     def hours(self) -> float:
         """What the work took so far."""
-        return (self.cars * ASSEMBLY_MIN + self.trials * TRIAL_MIN) / 60
+        return float(self.cars * UNKNOWN_ASSEMBLY_MIN + self.trials * TRIAL_MIN) / 60
 
     def wrong(self) -> tuple[float, ...]:
         """Shares of widths: decided; decided wrongly; by their mean on the wrong side; and so by more than PRECISION."""
@@ -154,7 +154,7 @@ def rounds(random: numpy.random.Generator, selecting: bool, most: int) -> list[R
         draws, rates = bias.draws(DRAWS), bias.rates()
         best, loss = expected_loss(draws)
         work = [
-            [planned(at, draws, widths, batch).work_min(ASSEMBLY_MIN, TRIAL_MIN) for at in range(len(WIDTHS))]
+            [planned(at, draws, widths, batch).work_min(UNKNOWN_ASSEMBLY_MIN, TRIAL_MIN) for at in range(len(WIDTHS))]
             for batch in BATCHES
         ]
         gain = gain_per_hour(draws, THRESHOLD, PRECISION, work)
@@ -171,7 +171,7 @@ def planned(index: int, draws: numpy.ndarray, widths: dict[int, Width], further:
     spread = float(widths[index].weights @ SPREADS) if index in widths else float(numpy.mean(some))
     done = widths[index].counted if index in widths else []
     alike = correlation_within_cars(draws[:, index], spread)
-    return further_effort(further, alike, ASSEMBLY_MIN, TRIAL_MIN, done, least)
+    return further_effort(further, alike, UNKNOWN_ASSEMBLY_MIN, TRIAL_MIN, done, least)
 
 
 def selected(runs: numpy.ndarray, draws: numpy.ndarray, number: int) -> Sequence[int]:

@@ -59,7 +59,8 @@ class Building:
             *(Added("mount", mount.name, 0, mount.body) for mount in mounts),
         )
         screws = [mount for mount in mounts if self.roles.is_fastener(mount)]
-        reaches = tuple(Reach(m.name, i) for m in screws for i, access in enumerate(m.accesses) if access.tool == "driver")
+        drivers = ((m.name, i) for m in screws for i, access in enumerate(m.accesses) if access.tool == "driver")
+        reaches = tuple(Reach(*place) for place in drivers)
         if adds or joins or closed:
             self.steps.append(AssemblyStep(title, closed, adds, joins, reaches, unit))
 

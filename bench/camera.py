@@ -23,15 +23,15 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "test" / "host"))
 
 from filmed import Film, Filming, Thing, boxes, car_of, floor_markers, pose_at  # noqa: E402
-from foldcar.camera.film import read_film  # noqa: E402
-from foldcar.camera.filming import car_marker, find_start  # noqa: E402
-from foldcar.camera.ground import standing  # noqa: E402
-from foldcar.camera.markers import rectangle  # noqa: E402
-from foldcar.camera.tracking import track  # noqa: E402
 from foldcar.errors import FoldcarError  # noqa: E402
 from foldcar.simulation.carsim import Carsim  # noqa: E402
 from foldcar.simulation.heights import carsim_heights  # noqa: E402
 from foldcar.simulation.runner import RunRequest  # noqa: E402
+from foldcar.trials.camera.film import read_film  # noqa: E402
+from foldcar.trials.camera.filming import car_marker, find_start  # noqa: E402
+from foldcar.trials.camera.ground import standing  # noqa: E402
+from foldcar.trials.camera.markers import rectangle  # noqa: E402
+from foldcar.trials.camera.tracking import track  # noqa: E402
 from study_car import car_texts  # noqa: E402
 
 COURSE = rectangle()

@@ -174,10 +174,10 @@ def filmed(study: Path, number: int) -> Path:
     """A film of the trial as a phone on a tripod makes it: the true path by the simulated car's log, the true ground."""
     sys.path.insert(0, str(ROOT / "test" / "host"))
     from filmed import Film, Filming, boxes, car_of, floor_markers, pose_at
-    from foldcar.camera.markers import rectangle
     from foldcar.link.tlog import read_tlog, trial_start_s
     from foldcar.store.log_files import log_file
     from foldcar.store.reader import Store
+    from foldcar.trials.camera.markers import rectangle
 
     with Store.open(study) as store:
         trial, texts = store.trial(number), store.trial_drive(number)

@@ -15,10 +15,10 @@ from typing import Any
 
 from page_block import replaced
 
-from foldcar.calibration.experiment import Simulator, nominal_counts, read_experiment
-from foldcar.calibration.inference import Inference, infer
-from foldcar.calibration.observations import observe
-from foldcar.calibration.summary import summarise
+from foldcar.inference.calibration.experiment import Simulator, nominal_counts, read_experiment
+from foldcar.inference.calibration.inference import Inference, infer
+from foldcar.inference.calibration.observations import observe
+from foldcar.inference.calibration.summary import summarise
 from foldcar.outputs import atomic_file
 from foldcar.simulation.carsim import Carsim
 from foldcar.store.reader import Store

@@ -20,10 +20,10 @@ import numpy
 from numpy.typing import NDArray
 from page_block import replaced
 
-from foldcar.analysis.rate import wilson_interval
-from foldcar.analysis.stopping import StoppingRule
 from foldcar.outputs import atomic_file
 from foldcar.simulation.engines import MUJOCO, MULTIBODY
+from foldcar.statistics.rate import wilson_interval
+from foldcar.statistics.stopping import StoppingRule
 from foldcar.store.reader import Store
 from foldcar.study.stopping import Schedule
 

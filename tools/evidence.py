@@ -27,7 +27,7 @@ import numpy as np
 from calibration import kept, table
 from page_block import replaced
 
-from foldcar.calibration.drive_features import (
+from foldcar.inference.calibration.drive_features import (
     ENDS,
     FEATURES,
     PASSED,
@@ -36,12 +36,12 @@ from foldcar.calibration.drive_features import (
     possible_ends,
     told_features,
 )
-from foldcar.calibration.emulator import Emulator, cell_inputs, prior_scores, simulate_bank
-from foldcar.calibration.experiment import CalibrationRun, Simulator, SweptExperiment, read_experiment
-from foldcar.calibration.inference import Inference, Problem, checked
-from foldcar.calibration.observations import EVIDENCE, OUTCOMES, PATHS, Cell, Observations
-from foldcar.calibration.parameters import PARAMETERS, FloatArray, ScorePrior, values_of
-from foldcar.calibration.predictions import rates_of
+from foldcar.inference.calibration.emulator import Emulator, cell_inputs, prior_scores, simulate_bank
+from foldcar.inference.calibration.experiment import CalibrationRun, Simulator, SweptExperiment, read_experiment
+from foldcar.inference.calibration.inference import Inference, Problem, checked
+from foldcar.inference.calibration.observations import EVIDENCE, OUTCOMES, PATHS, Cell, Observations
+from foldcar.inference.calibration.parameters import PARAMETERS, FloatArray, ScorePrior, values_of
+from foldcar.inference.calibration.predictions import rates_of
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.compact_path import answered_path
 from foldcar.simulation.engines import MUJOCO, MULTIBODY

@@ -13,7 +13,6 @@ from typing import NamedTuple
 import numpy
 from page_block import replaced
 
-from foldcar.analysis.rate import wilson_interval
 from foldcar.api.sweeping import planned_sweep
 from foldcar.commands.progress_bar import ProgressBar
 from foldcar.errors import FoldcarError
@@ -21,6 +20,7 @@ from foldcar.installation import usable_processors
 from foldcar.outputs import atomic_file
 from foldcar.simulation.engines import ELLIPSOID, ENGINES, HALF_STEP, MUJOCO, MULTIBODY, SIDE_VIEW
 from foldcar.simulation.results import REJECTED
+from foldcar.statistics.rate import wilson_interval
 from foldcar.store.info import engine_id
 from foldcar.store.reader import Store
 

@@ -22,17 +22,17 @@ from scipy.special import betainc, betaln, xlog1py, xlogy
 from scipy.stats import norm
 from synthetic_trials import ENVIRONMENTS, driven, of_built, placed, rows
 
-from foldcar.analysis import built_cars
-from foldcar.analysis.built_cars import PRIOR, BuiltCars, simulated_weights
-from foldcar.analysis.gaussian_process import success_model
-from foldcar.analysis.pooled_bias import contradictions, pooled_bias
-from foldcar.analysis.rate import (
+from foldcar.outputs import atomic_file
+from foldcar.statistics import built_cars
+from foldcar.statistics.built_cars import PRIOR, BuiltCars, simulated_weights
+from foldcar.statistics.gaussian_process import success_model
+from foldcar.statistics.pooled_bias import contradictions, pooled_bias
+from foldcar.statistics.rate import (
     anytime_interval,
     clopper_pearson_interval,
     limited_mean,
     wilson_interval,
 )
-from foldcar.outputs import atomic_file
 
 MARKS = {
     "coverage": ("<!-- coverage of tools/interval_coverage.py -->", "<!-- end of coverage -->"),

@@ -16,17 +16,17 @@ from pathlib import Path
 import numpy
 from scipy.stats import norm
 
-from foldcar.analysis.stopping import evidence_of_worse
-from foldcar.search.design_simulator import Row, Values, open_simulator
-from foldcar.search.objectives import OBJECTIVES
-from foldcar.search.proposals import PRUNING_RISK, Proposals
-from foldcar.search.search import batches, searched_study
 from foldcar.simulation.carsim import Carsim
+from foldcar.statistics.stopping import evidence_of_worse
 from foldcar.store.frames import runs_frame
 from foldcar.store.reader import Store
 from foldcar.store.writer import write_store
 from foldcar.study.environments import Environment
 from foldcar.study.experiments import Experiment, Study, read_study
+from foldcar.study.search.design_simulator import Row, Values, open_simulator
+from foldcar.study.search.objectives import OBJECTIVES
+from foldcar.study.search.proposals import PRUNING_RISK, Proposals
+from foldcar.study.search.search import batches, searched_study
 from foldcar.study.sweep import Sweep, study_facts
 
 LISTING = Path(__file__).resolve().parents[1] / "examples" / "design_space.json"

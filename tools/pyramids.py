@@ -31,15 +31,15 @@ from sklearn.exceptions import ConvergenceWarning
 from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import RBF, ConstantKernel
 
-from foldcar.analysis.rate import Rate
-from foldcar.calibration.parameters import FloatArray
 from foldcar.car.body import body_json
 from foldcar.errors import FoldcarError
+from foldcar.inference.calibration.parameters import FloatArray
 from foldcar.outputs import atomic_file
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.engines import MUJOCO, MULTIBODY
 from foldcar.simulation.results import outcome_of
 from foldcar.simulation.runner import RunRequest
+from foldcar.statistics.rate import Rate
 from foldcar.store.writer import canonical_json
 from foldcar.study.environments import Environment
 from foldcar.study.experiments import read_study

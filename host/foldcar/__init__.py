@@ -12,13 +12,13 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from collections.abc import Collection
 
-    from foldcar.analysis.rate import Rate
     from foldcar.api.designs import design
     from foldcar.api.environment import environment
     from foldcar.api.oracle import Evaluation, Result, evaluate, simulate
     from foldcar.api.study import Study, sweep
     from foldcar.car.design import Design
     from foldcar.errors import FoldcarError
+    from foldcar.statistics.rate import Rate
 
 __all__ = [
     "Design", "Evaluation", "FoldcarError", "Rate", "Result", "Study", "condition", "design", "environment", "evaluate",
@@ -29,7 +29,7 @@ _MODULES = {
     "Design": "foldcar.car.design",
     "Evaluation": "foldcar.api.oracle",
     "FoldcarError": "foldcar.errors",
-    "Rate": "foldcar.analysis.rate",
+    "Rate": "foldcar.statistics.rate",
     "Result": "foldcar.api.oracle",
     "Study": "foldcar.api.study",
     "design": "foldcar.api.designs",

@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from foldcar.advice.evidence import Evidence, read_evidence
-from foldcar.advice.selecting import Selection, select, select_evidence
+from foldcar.inference.evidence import Evidence, read_evidence
+from foldcar.inference.selecting import Selection, select, select_evidence
 from foldcar.report.page_data import page_data, read_experiments
 from foldcar.report.page_ranges import range_sentences
 from foldcar.store.reader import Store

@@ -11,9 +11,9 @@ import pytest
 
 import foldcar
 from conftest import STEP_PYRAMIDS
-from foldcar.analysis.rate import wilson_interval
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.results import NUMBERS
+from foldcar.statistics.rate import wilson_interval
 from foldcar.study.experiments import read_study
 from foldcar.study.sweep import Sweep
 from study_car import empty_scene

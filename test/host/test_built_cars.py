@@ -6,7 +6,7 @@ from scipy.optimize import brentq
 from scipy.special import expit
 from scipy.stats import beta, binom, norm
 
-from foldcar.analysis.built_cars import PRIOR, RANGES, SLOPE, SPREADS, BuiltCars, likelihood, simulated_weights
+from foldcar.statistics.built_cars import PRIOR, RANGES, SLOPE, SPREADS, BuiltCars, likelihood, simulated_weights
 
 Z = numpy.linspace(-9, 9, 3001)
 MASS = norm.pdf(Z) * (Z[1] - Z[0])

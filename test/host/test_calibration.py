@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from scipy.stats import binom, halfnorm, lognorm, norm
 
-from foldcar.calibration.effects import calibrated_scene, calibrated_variation
-from foldcar.calibration.parameters import NAMES, NOMINAL, PARAMETERS
-from foldcar.calibration.predictions import share_interval
 from foldcar.car.variation import draw, vary_body, workshop
 from foldcar.errors import FoldcarError
+from foldcar.inference.calibration.effects import calibrated_scene, calibrated_variation
+from foldcar.inference.calibration.parameters import NAMES, NOMINAL, PARAMETERS
+from foldcar.inference.calibration.predictions import share_interval
 from foldcar.simulation.carsim import CarsimLimits
 from foldcar.store.calibrations import Calibration, calibration_named
 from foldcar.store.reader import Store

@@ -14,16 +14,6 @@ import pytest
 from pypdf import PdfReader
 
 from filmed import Camera, Car, Film, Filming, Thing, boxes, floor_markers, marker, pose_at, rotation
-from foldcar.camera.detection import Detector
-from foldcar.camera.film import read_film
-from foldcar.camera.filming import car_marker, propose
-from foldcar.camera.ground import Place, fit_heights, height_remarks, standing
-from foldcar.camera.lens import BOARD_SQUARES, SQUARE_M, Lens, board, calibrate
-from foldcar.camera.markers import FIRST_OBSTACLE_ID, FloorMarker, course_json, read_course, rectangle
-from foldcar.camera.photo import find_placed
-from foldcar.camera.poses import CarMarker, find_pose
-from foldcar.camera.tracking import smooth, track
-from foldcar.camera.view import find_view
 from foldcar.car.body import body_json
 from foldcar.car.design import compose
 from foldcar.errors import FoldcarError
@@ -36,6 +26,16 @@ from foldcar.store.reader import Store
 from foldcar.store.trial_paths import trial_path
 from foldcar.store.trial_records import Ending, TrialDesign
 from foldcar.store.trial_writer import CarFacts, Drive, write_trials
+from foldcar.trials.camera.detection import Detector
+from foldcar.trials.camera.film import read_film
+from foldcar.trials.camera.filming import car_marker, propose
+from foldcar.trials.camera.ground import Place, fit_heights, height_remarks, standing
+from foldcar.trials.camera.lens import BOARD_SQUARES, SQUARE_M, Lens, board, calibrate
+from foldcar.trials.camera.markers import FIRST_OBSTACLE_ID, FloorMarker, course_json, read_course, rectangle
+from foldcar.trials.camera.photo import find_placed
+from foldcar.trials.camera.poses import CarMarker, find_pose
+from foldcar.trials.camera.tracking import smooth, track
+from foldcar.trials.camera.view import find_view
 from forked_foldcar import original
 from study_car import car_texts
 

@@ -4,8 +4,8 @@ import json
 from pathlib import Path
 from typing import Any
 
-from foldcar.calibration.environment import read_reality, real_run
 from foldcar.commands.listed_run import listed_run
+from foldcar.inference.calibration.environment import read_reality, real_run
 from foldcar.store.reader import Store
 from live_car import LOG, car_at_port, trials_in, write_free_course
 from study_car import listing_of

@@ -17,13 +17,13 @@ from typing import Any
 import pytest
 
 from foldcar import __version__
-from foldcar.cluster import simulators
-from foldcar.cluster.simulators import check_scheduler, open_cluster
 from foldcar.errors import FoldcarError
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.runner import RunRequest
 from foldcar.store.check import store_digest
 from foldcar.store.reader import Store
+from foldcar.study.cluster import simulators
+from foldcar.study.cluster.simulators import check_scheduler, open_cluster
 from foldcar.study.experiments import read_study
 from foldcar.study.sweep import Sweep
 from shell_signals import like_a_shell

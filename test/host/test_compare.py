@@ -13,12 +13,16 @@ import numpy
 import pytest
 from typer.testing import CliRunner
 
-from foldcar.advice.comparison import _verdict
-from foldcar.advice.design_evidence import in_family
-from foldcar.advice.resimulation import Resimulation
-from foldcar.advice.selecting import select as select_designs
-from foldcar.analysis.built_cars import BuiltCars
-from foldcar.analysis.gap import (
+from foldcar.cli import app
+from foldcar.inference.comparison import _verdict
+from foldcar.inference.design_evidence import in_family
+from foldcar.inference.resimulation import Resimulation
+from foldcar.inference.selecting import select as select_designs
+from foldcar.report.page_data import page_data
+from foldcar.simulation.carsim import Carsim, CarsimLimits
+from foldcar.simulation.runner import RunRequest
+from foldcar.statistics.built_cars import BuiltCars
+from foldcar.statistics.gap import (
     AGREES,
     OPTIMISTIC,
     PESSIMISTIC,
@@ -29,12 +33,8 @@ from foldcar.analysis.gap import (
     pair_correlation,
     rank_agreement,
 )
-from foldcar.analysis.rate import Rate, wilson_interval
-from foldcar.analysis.words import rank_text
-from foldcar.cli import app
-from foldcar.report.page_data import page_data
-from foldcar.simulation.carsim import Carsim, CarsimLimits
-from foldcar.simulation.runner import RunRequest
+from foldcar.statistics.rate import Rate, wilson_interval
+from foldcar.statistics.words import rank_text
 from foldcar.store.reader import Store
 from foldcar.store.tables import BY_NAME
 from foldcar.store.trial_records import Ending, TrialDesign
@@ -326,7 +326,7 @@ def test_of_many_designs_that_the_sweep_lacks_a_bounded_number_is_simulated(
     made = []
     run = Carsim.run
     monkeypatch.setattr(Carsim, "run", lambda *words: made.append(words) or run(*words))
-    monkeypatch.setattr("foldcar.advice.resimulation.MOST_RUNS", 4)
+    monkeypatch.setattr("foldcar.inference.resimulation.MOST_RUNS", 4)
 
     (found,) = compare(store)["experiments"]
 
@@ -345,7 +345,7 @@ def test_of_more_designs_than_can_be_pooled_the_rest_are_compared_alone(
     store = write_study(tmp_path / "s.db", WIDTHS, 100, passing(SIMULATED))
     add_trials(store, [({"width_mm": width}, k, "passed") for width in WIDTHS["width_mm"] for k in range(4)])
     (pooled,) = compare(store)["experiments"]
-    monkeypatch.setattr("foldcar.advice.belief.MOST_POOLED", 3)
+    monkeypatch.setattr("foldcar.inference.belief.MOST_POOLED", 3)
     (alone,) = compare(store)["experiments"]
 
     changed = [a["pooled"] != b["pooled"] for a, b in zip(pooled["designs"], alone["designs"], strict=True)]

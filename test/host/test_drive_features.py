@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from foldcar.calibration.drive_features import (
+from foldcar.inference.calibration.drive_features import (
     CLIMBING,
     FAMILIES,
     FEATURES,

@@ -8,8 +8,8 @@ import pytest
 from scipy.stats import norm
 from threadpoolctl import threadpool_limits
 
-from foldcar.analysis.effects import Effects, fit_effects
 from foldcar.errors import FoldcarError
+from foldcar.statistics.effects import Effects, fit_effects
 
 ENVIRONMENTS = 60
 

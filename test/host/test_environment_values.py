@@ -9,9 +9,9 @@ import numpy
 import pytest
 from scipy.stats import mannwhitneyu
 
-from foldcar.analysis.separation import binned, separations
 from foldcar.car.variation import draw, spread_named
 from foldcar.report.environment_values import environment_values, objects_of_pieces
+from foldcar.statistics.separation import binned, separations
 from foldcar.store.reader import Store
 from swept_listing import foldcar
 

@@ -10,14 +10,22 @@ from scipy import stats
 from sklearn.gaussian_process import GaussianProcessClassifier
 from sklearn.gaussian_process.kernels import ConstantKernel, Matern
 
-from foldcar.analysis import gaussian_process
-from foldcar.analysis.built_cars import PRIOR, RANGES, SPREADS, BuiltCars
-from foldcar.analysis.built_cars import SLOPE as CAR_SLOPE
-from foldcar.analysis.gaussian_process import CONSTANT, Candidate, Factors, SuccessModel, binomial, laplace, success_model
-from foldcar.analysis.pooled_bias import ALONE, LENGTHS, SLOPE, SMOOTH, pooled_bias
-from foldcar.analysis.pooled_bias import CONSTANT as COMMON
-from foldcar.analysis.smoothed_simulation import smoothed_simulation
 from foldcar.errors import FoldcarError
+from foldcar.statistics import gaussian_process
+from foldcar.statistics.built_cars import PRIOR, RANGES, SPREADS, BuiltCars
+from foldcar.statistics.built_cars import SLOPE as CAR_SLOPE
+from foldcar.statistics.gaussian_process import (
+    CONSTANT,
+    Candidate,
+    Factors,
+    SuccessModel,
+    binomial,
+    laplace,
+    success_model,
+)
+from foldcar.statistics.pooled_bias import ALONE, LENGTHS, SLOPE, SMOOTH, pooled_bias
+from foldcar.statistics.pooled_bias import CONSTANT as COMMON
+from foldcar.statistics.smoothed_simulation import smoothed_simulation
 
 
 def expit(log_odds: Any) -> Any:

@@ -12,14 +12,14 @@ import pytest
 from scipy.special import expit, log_expit
 from scipy.stats import binom, norm
 
-from foldcar.calibration import emulator
-from foldcar.calibration import inference as inference_module
-from foldcar.calibration.drive_features import FEATURES, PITCH, TIME, possible_ends
-from foldcar.calibration.emulator import MOST_CELLS, OTHERS, Emulator, cell_inputs, prior_scores, simulate_bank
-from foldcar.calibration.experiment import CalibrationRun, SimulatedDrive, SweptDesign, SweptExperiment
-from foldcar.calibration.inference import ALONE, DRAWS, Inference, Problem, infer, plan
-from foldcar.calibration.observations import Cell, Observations
-from foldcar.calibration.parameters import (
+from foldcar.inference.calibration import emulator
+from foldcar.inference.calibration import inference as inference_module
+from foldcar.inference.calibration.drive_features import FEATURES, PITCH, TIME, possible_ends
+from foldcar.inference.calibration.emulator import MOST_CELLS, OTHERS, Emulator, cell_inputs, prior_scores, simulate_bank
+from foldcar.inference.calibration.experiment import CalibrationRun, SimulatedDrive, SweptDesign, SweptExperiment
+from foldcar.inference.calibration.inference import ALONE, DRAWS, Inference, Problem, infer, plan
+from foldcar.inference.calibration.observations import Cell, Observations
+from foldcar.inference.calibration.parameters import (
     NAMES,
     PARAMETERS,
     SHEETS_COM_HEIGHT,
@@ -27,9 +27,9 @@ from foldcar.calibration.parameters import (
     built_priors,
     values_of,
 )
-from foldcar.calibration.posterior import DISCREPANCY, PATH_DISCREPANCY, Posterior, sample_posterior
-from foldcar.calibration.predictions import HEIGHTS, TRIALS, rank_next_trials, rates_of
-from foldcar.calibration.summary import summarise
+from foldcar.inference.calibration.posterior import DISCREPANCY, PATH_DISCREPANCY, Posterior, sample_posterior
+from foldcar.inference.calibration.predictions import HEIGHTS, TRIALS, rank_next_trials, rates_of
+from foldcar.inference.calibration.summary import summarise
 
 SCENES = 30
 RUNS = 2700

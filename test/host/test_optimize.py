@@ -15,16 +15,16 @@ import shapely
 
 import foldcar
 from conftest import STEP_PYRAMIDS
-from foldcar.analysis.stopping import evidence_of_worse
-from foldcar.calibration.parameters import PARAMETERS
 from foldcar.car.design import compose
 from foldcar.car.folded_car import folded_car
 from foldcar.car.proof.check_film import flat_polygons
-from foldcar.search.design_simulator import Row
-from foldcar.search.objectives import OBJECTIVES, film_area_cm2
-from foldcar.search.proposals import Proposals
+from foldcar.inference.calibration.parameters import PARAMETERS
+from foldcar.statistics.stopping import evidence_of_worse
 from foldcar.store.calibrations import new_calibration, write_calibrations
 from foldcar.study.experiments import read_study
+from foldcar.study.search.design_simulator import Row
+from foldcar.study.search.objectives import OBJECTIVES, film_area_cm2
+from foldcar.study.search.proposals import Proposals
 
 Command = Callable[..., "subprocess.CompletedProcess[str]"]
 # One of the six cars cannot be built: its wheels would touch.

@@ -7,12 +7,12 @@ from typing import Any
 import pandas
 import pytest
 
-from foldcar.advice.comparison import compare
-from foldcar.analysis.rate import wilson_interval
 from foldcar.api.study import Study
+from foldcar.inference.comparison import compare
 from foldcar.report import page_data as module
 from foldcar.report.page_data import page_data
 from foldcar.simulation.results import OUTCOMES
+from foldcar.statistics.rate import wilson_interval
 from foldcar.store.reader import Store
 from swept_listing import STEP_PYRAMIDS, foldcar
 

@@ -8,10 +8,10 @@ from typing import Any
 import numpy
 import pytest
 
-from foldcar.advice.evidence import Evidence, read_evidence
-from foldcar.analysis.rate import wilson_interval
+from foldcar.inference.evidence import Evidence, read_evidence
 from foldcar.report.page_front import search_front
 from foldcar.simulation.results import NUMBERS
+from foldcar.statistics.rate import wilson_interval
 from foldcar.store.reader import Store
 from written_study import write_study
 

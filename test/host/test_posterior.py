@@ -8,8 +8,8 @@ import pytest
 from scipy.special import expit, logsumexp
 from scipy.stats import binom, norm
 
-from foldcar.calibration.drive_features import FAMILY_OF, FEATURES
-from foldcar.calibration.posterior import DISCREPANCY, Features, outcomes, sample_posterior
+from foldcar.inference.calibration.drive_features import FAMILY_OF, FEATURES
+from foldcar.inference.calibration.posterior import DISCREPANCY, Features, outcomes, sample_posterior
 
 
 def grid() -> tuple[Any, Any, Any, Any]:

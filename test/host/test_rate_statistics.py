@@ -4,16 +4,16 @@ import numpy
 import pytest
 from scipy import stats
 
-from foldcar.analysis.engine_bias import pooled_difference
-from foldcar.analysis.rate import (
+from foldcar.errors import FoldcarError
+from foldcar.statistics.engine_bias import pooled_difference
+from foldcar.statistics.rate import (
     Rate,
     anytime_interval,
     clopper_pearson_interval,
     limited_mean,
     wilson_interval,
 )
-from foldcar.analysis.rate_correction import corrected_rates
-from foldcar.errors import FoldcarError
+from foldcar.statistics.rate_correction import corrected_rates
 
 
 def test_no_success_of_ten_has_the_closed_form() -> None:

@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
-from foldcar.calibration.environment import read_reality, real_run
-from foldcar.calibration.parameters import NOMINAL
 from foldcar.commands.listed_run import listed_run, simulated_run
 from foldcar.errors import FoldcarError
+from foldcar.inference.calibration.environment import read_reality, real_run
+from foldcar.inference.calibration.parameters import NOMINAL
 from foldcar.store.calibrations import new_calibration, write_calibrations
 from foldcar.store.reader import Store
 

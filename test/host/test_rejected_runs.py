@@ -9,14 +9,14 @@ from typing import Any
 import pytest
 
 from browser import study_of
-from foldcar.advice.selecting import select
-from foldcar.analysis.rate import anytime_interval
-from foldcar.analysis.stopping import StoppingRule
 from foldcar.api.oracle import evaluate
 from foldcar.api.study import Study
+from foldcar.inference.selecting import select
 from foldcar.report.page_data import page_data
 from foldcar.scenes.source import open_environment
 from foldcar.simulation.results import OUTCOMES
+from foldcar.statistics.rate import anytime_interval
+from foldcar.statistics.stopping import StoppingRule
 from foldcar.store.reader import Store
 from written_study import add_trials, write_study
 

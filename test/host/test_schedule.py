@@ -8,9 +8,9 @@ from typing import Any
 import numpy
 import pytest
 
-from foldcar.analysis.rate import anytime_interval
-from foldcar.analysis.stopping import LEAST_CHANCE, StoppingRule
 from foldcar.simulation.carsim import Carsim
+from foldcar.statistics.rate import anytime_interval
+from foldcar.statistics.stopping import LEAST_CHANCE, StoppingRule
 from foldcar.store.reader import Store
 from foldcar.study.experiments import read_study
 from foldcar.study.stopping import Batch, Schedule, stopping_rules

@@ -12,15 +12,6 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from foldcar.advice import selecting as costs
-from foldcar.advice.comparison import compare
-from foldcar.advice.evidence import read_evidence
-from foldcar.advice.selecting import NEXT, Selection, select_evidence
-from foldcar.advice.selecting import select as select_designs
-from foldcar.analysis.built_cars import SPREADS
-from foldcar.analysis.pooled_bias import NONE, contradictions
-from foldcar.analysis.rate import wilson_interval
-from foldcar.analysis.selection import BEST, MIDDLE, Effort
 from foldcar.car.design import compose_columns
 from foldcar.car.folded_car import folded_car
 from foldcar.cli import app
@@ -29,7 +20,16 @@ from foldcar.fabrication.assembly.operations import operations
 from foldcar.fabrication.patterns import nesting, sheets
 from foldcar.fabrication.patterns.options import options
 from foldcar.fabrication.patterns.sheets import cut_car, on_a_larger_sheet
+from foldcar.inference import selecting as costs
+from foldcar.inference.comparison import compare
+from foldcar.inference.evidence import read_evidence
+from foldcar.inference.selecting import NEXT, Selection, select_evidence
+from foldcar.inference.selecting import select as select_designs
 from foldcar.report.page_data import read_experiments
+from foldcar.statistics.built_cars import SPREADS
+from foldcar.statistics.pooled_bias import NONE, contradictions
+from foldcar.statistics.rate import wilson_interval
+from foldcar.statistics.selection import BEST, MIDDLE, Effort
 from foldcar.store.calibrations import write_calibrations
 from foldcar.store.reader import Store
 from swept_listing import told
@@ -231,7 +231,7 @@ def test_of_very_many_driven_designs_those_with_most_trials_count(
     import_trials(store, trials)
     (whole,) = advise(store)
     for module in ("belief", "selecting"):
-        monkeypatch.setattr(f"foldcar.advice.{module}.MOST_POOLED", 2)
+        monkeypatch.setattr(f"foldcar.inference.{module}.MOST_POOLED", 2)
     (found,) = advise(store)
 
     said = "Of the driven designs the 2 with most trials count."

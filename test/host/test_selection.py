@@ -8,9 +8,9 @@ from scipy.optimize import brentq
 from scipy.special import expit
 from scipy.stats import binom, norm
 
-from foldcar.analysis.pooled_bias import contradictions
-from foldcar.analysis.rate import wilson_interval
-from foldcar.analysis.selection import (
+from foldcar.statistics.pooled_bias import contradictions
+from foldcar.statistics.rate import wilson_interval
+from foldcar.statistics.selection import (
     ABOVE,
     BELOW,
     BEST,

@@ -14,16 +14,16 @@ from scipy.integrate import quad
 from scipy.stats import binom
 from typer.testing import CliRunner
 
-from foldcar.advice.evidence import read_evidence
-from foldcar.advice.selecting import select
-from foldcar.analysis.rate import anytime_interval, wilson_interval
-from foldcar.analysis.stopping import StoppingRule
 from foldcar.api.study import Study
 from foldcar.cli import app
 from foldcar.commands.sweep import stopping_lines
 from foldcar.errors import FoldcarError
+from foldcar.inference.evidence import read_evidence
+from foldcar.inference.selecting import select
 from foldcar.report.page_data import page_data
 from foldcar.report.page_remarks import stopped_remarks
+from foldcar.statistics.rate import anytime_interval, wilson_interval
+from foldcar.statistics.stopping import StoppingRule
 from foldcar.store.reader import Store
 from foldcar.study.experiment_runs import Progress
 from foldcar.study.experiments import read_study

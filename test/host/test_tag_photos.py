@@ -12,7 +12,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tools"))
 from seed_files import SeedError
 from tag_photos import tag_photos
 
-from foldcar.camera.detection import Detector
+from foldcar.trials.camera.detection import Detector
 
 
 def test_markers_in_photographs_are_read_and_lie_where_another_detector_has_them(tmp_path: Path) -> None:

@@ -10,7 +10,6 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from foldcar.analysis.rate import Rate, check_confidence
 from foldcar.api.arguments import finite, whole
 from foldcar.api.designs import built_cars, design_of, prepared
 from foldcar.api.environment import Environment, Scene, environment, simulator
@@ -19,6 +18,7 @@ from foldcar.errors import FoldcarError
 from foldcar.installation import usable_processors
 from foldcar.simulation.results import NUMBERS, has_passed, no_rate_text, outcome_of
 from foldcar.simulation.runner import Runner, RunRequest, side_by_side
+from foldcar.statistics.rate import Rate, check_confidence
 from foldcar.store.writer import canonical_json
 from foldcar.study.limits import MOST_ENVIRONMENTS, MOST_JOBS
 

@@ -5,14 +5,14 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
-from foldcar.advice.comparison import MARGIN, Comparison, compare
-from foldcar.advice.selecting import BUILD, PRECISION, Selection, select
-from foldcar.analysis.effects import Standardised, fit_effects
-from foldcar.analysis.rate import Rate
-from foldcar.analysis.words import count as count_text
 from foldcar.api.arguments import column_named, columns_named, whole
 from foldcar.errors import FoldcarError
+from foldcar.inference.comparison import MARGIN, Comparison, compare
+from foldcar.inference.selecting import BUILD, PRECISION, Selection, select
 from foldcar.simulation.results import no_rate_text
+from foldcar.statistics.effects import Standardised, fit_effects
+from foldcar.statistics.rate import Rate
+from foldcar.statistics.words import count as count_text
 from foldcar.store.connection import require_store
 from foldcar.store.frames import runs_frame, trials_frame
 from foldcar.store.reader import ExperimentInfo, Store
@@ -101,7 +101,7 @@ class Study:
         with_cost: bool = False,
         simulated_trials: bool = False,
     ) -> list[Selection]:
-        """Which designs to build and try next, for each experiment: :func:`foldcar.advice.selecting.select`.
+        """Which designs to build and try next, for each experiment: :func:`foldcar.inference.selecting.select`.
 
         Sheets are nested, and costs known, only ``with_cost``: a second a car. FoldcarError.
         """
@@ -113,7 +113,7 @@ class Study:
     def compare(
         self, *, experiment: str | None = None, margin: float = MARGIN, simulated_trials: bool = False
     ) -> Comparison:
-        """Simulation against trials of built cars: :func:`foldcar.advice.comparison.compare`. FoldcarError."""
+        """Simulation against trials of built cars: :func:`foldcar.inference.comparison.compare`. FoldcarError."""
         return self._read(lambda store: compare(store, experiment, margin, simulated_trials))
 
     def success_model(self, *parameters: str, experiment: str | None = None) -> Standardised:

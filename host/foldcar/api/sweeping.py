@@ -37,7 +37,7 @@ def planned_sweep(
     study = engine_study(study, carsim)
     real = None
     if reality is not None:
-        from foldcar.calibration.environment import as_calibration, read_reality
+        from foldcar.inference.calibration.environment import as_calibration, read_reality
 
         real = as_calibration(reality, read_reality(reality, engine))
     study, environment_of = under_calibration(study, store, calibration, real)
@@ -72,7 +72,7 @@ def under_calibration(
         raise FoldcarError("--calibration and --reality: both say what to simulate with; give one of them")
     if name is None and reality is None:
         return study, Environment
-    from foldcar.calibration.environment import calibrated_environment, calibrated_study
+    from foldcar.inference.calibration.environment import calibrated_environment, calibrated_study
     from foldcar.store.calibrations import calibration_named
 
     if reality is None:

@@ -48,10 +48,10 @@ def select(
     \b
     Example: foldcar select study.db --build 4
     """
-    from foldcar.advice.tables import selection_object, write_selection
     from foldcar.api.study import Study
     from foldcar.commands.progress_bar import working
     from foldcar.commands.tables import print_selections
+    from foldcar.inference.tables import selection_object, write_selection
 
     check_distinct([store], [csv])
     half_width = parse_points("--precision", precision, least=1, most=45)
@@ -87,10 +87,10 @@ def compare(
     \b
     Example: foldcar compare study.db
     """
-    from foldcar.advice.tables import comparison_object, write_comparison
     from foldcar.api.study import Study
     from foldcar.commands.progress_bar import working
     from foldcar.commands.tables import print_comparison
+    from foldcar.inference.tables import comparison_object, write_comparison
 
     check_distinct([store], [csv])
     share = parse_points("--margin", margin)

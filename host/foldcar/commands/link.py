@@ -49,8 +49,8 @@ def link(
     import json
     import sys
 
-    from foldcar.calibration.environment import read_reality
     from foldcar.car.body import car_json
+    from foldcar.inference.calibration.environment import read_reality
     from foldcar.interrupts import message_on_signal
     from foldcar.link.simulated_car import simulated_car
     from foldcar.simulation.runner import CarsimError
@@ -88,7 +88,7 @@ def _world(one: ListedRun, k: int, reality: Mapping[str, float] | None, car: str
 
     The name of a built ``car`` draws what belongs to the car; without one it is the sample's.
     """
-    from foldcar.calibration.environment import real_run
+    from foldcar.inference.calibration.environment import real_run
     from foldcar.scenes.fingerprint import scene_name
 
     scene, limits = one.environment.sample(k), one.carsim.limits().numbers

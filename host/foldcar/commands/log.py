@@ -72,9 +72,9 @@ def log(
     \b
     Example: foldcar log scenarios/width_study.json --experiment 1 --store study.db
     """
-    from foldcar.camera.markers import read_course
     from foldcar.interrupts import message_on_signal
     from foldcar.store.trial_records import TRIAL_OUTCOMES, checked_name
+    from foldcar.trials.camera.markers import read_course
     from foldcar.trials.session import Session, SessionOptions
 
     if outcome is not None and outcome not in TRIAL_OUTCOMES:
@@ -111,12 +111,12 @@ def log(
 
 def _print_session(store: Path, numbers: Collection[int]) -> None:
     """Print what the trials ``numbers`` of one experiment were, and what `compare` and `select` say with them."""
-    from foldcar.advice.comparison import compare_evidence
-    from foldcar.advice.evidence import read_evidence, swept_ids
-    from foldcar.advice.selecting import MEASURE, measure_first, select_evidence
-    from foldcar.analysis.words import count
     from foldcar.commands.progress_bar import working
+    from foldcar.inference.comparison import compare_evidence
+    from foldcar.inference.evidence import read_evidence, swept_ids
+    from foldcar.inference.selecting import MEASURE, measure_first, select_evidence
     from foldcar.shown_console import shown_console
+    from foldcar.statistics.words import count
     from foldcar.store.reader import Store
     from foldcar.store.trial_records import BUILT, SIMULATED
 

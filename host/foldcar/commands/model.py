@@ -38,11 +38,11 @@ def model(
     \b
     Example: foldcar model scenarios/width_study.json --vehicle 1 --set width=95 --to mjcf -o models
     """
-    from foldcar.analysis.words import design_text
     from foldcar.car.body import body_json
     from foldcar.commands.listed_run import listed_family
     from foldcar.models.exported_car import car_name, scene_name
     from foldcar.outputs import atomic_file, make_output_folder
+    from foldcar.statistics.words import design_text
 
     if to not in FORMATS:
         raise FoldcarError(f"--to {to}: not one of {', '.join(FORMATS)}")

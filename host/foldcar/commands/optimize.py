@@ -24,7 +24,7 @@ from foldcar.errors import FoldcarError
 from foldcar.study.limits import MOST_ENVIRONMENTS
 
 if TYPE_CHECKING:
-    from foldcar.search.search import Found
+    from foldcar.study.search.search import Found
 
 MOST_DESIGNS = 100_000
 
@@ -88,10 +88,10 @@ def optimize(
     from foldcar.commands.progress_bar import SearchBar
     from foldcar.commands.tables import print_search
     from foldcar.interrupts import message_on_signal
-    from foldcar.search.objectives import OBJECTIVES
-    from foldcar.search.search import Found, Plan, search, searched_study
     from foldcar.simulation.carsim import Carsim
     from foldcar.study.experiments import read_study
+    from foldcar.study.search.objectives import OBJECTIVES
+    from foldcar.study.search.search import Found, Plan, search, searched_study
 
     check_scheduler_option(scheduler, jobs)
     names = [one.value for one in objective or [ObjectiveName.success]]

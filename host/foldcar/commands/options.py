@@ -214,7 +214,7 @@ SimulatedTrialsInstead = Annotated[
 def check_scheduler_option(scheduler: str | None, jobs: int | None) -> None:
     """FoldcarError if the option's value is none, or stands beside ``--jobs``."""
     if scheduler is not None:
-        from foldcar.cluster.simulators import check_scheduler
+        from foldcar.study.cluster.simulators import check_scheduler
 
         check_scheduler(scheduler, jobs)
 
@@ -227,7 +227,7 @@ def simulators(
     if scheduler is None:
         yield jobs or usable_processors()
         return
-    from foldcar.cluster.simulators import open_cluster
+    from foldcar.study.cluster.simulators import open_cluster
 
     with open_cluster(scheduler, carsim, say) as cluster:
         yield cluster

@@ -9,8 +9,8 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from foldcar.shown_console import shown_console
 
 if TYPE_CHECKING:
-    from foldcar.search.search import Found
     from foldcar.study import experiment_runs as study
+    from foldcar.study.search.search import Found
 
 _Bar = TypeVar("_Bar", bound="TerminalBar")
 

@@ -125,7 +125,7 @@ def _print_summary(data: Mapping[str, Any]) -> None:
 
 
 def _lines(one: Mapping[str, Any]) -> Iterator[str]:
-    from foldcar.analysis.words import rate_text
+    from foldcar.statistics.words import rate_text
 
     yield from filter(None, (one["headline"], one["grounds"], one["next"]["text"], *one["ranges"]))
     if one["importance"]:

@@ -29,8 +29,8 @@ def run(
     \b
     Example: foldcar run scenarios/width_study.json --experiment 1 --set width=115 --sample 3 --plot run.png
     """
-    from foldcar.analysis.words import design_text
     from foldcar.simulation.results import NUMBERS, outcome_of
+    from foldcar.statistics.words import design_text
 
     listed = listed_run(listing, experiment, settings, sample, engine)
     chosen, design, variation = listed.experiment, listed.design, listed.variation

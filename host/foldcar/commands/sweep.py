@@ -31,7 +31,7 @@ from foldcar.errors import FoldcarError
 from foldcar.installation import usable_processors
 
 if TYPE_CHECKING:
-    from foldcar.analysis.stopping import StoppingRule
+    from foldcar.statistics.stopping import StoppingRule
     from foldcar.study.experiment_runs import Progress
     from foldcar.study.experiments import Experiment
     from foldcar.study.stopping import DesignState
@@ -102,8 +102,8 @@ def sweep(
 
 def _print_estimates(asked: "Sweep", jobs: int, as_json: bool) -> None:
     """Print what the sweep would take."""
-    from foldcar.analysis.words import count, duration_text
     from foldcar.commands.progress_bar import working
+    from foldcar.statistics.words import count, duration_text
     from foldcar.study.dry_run import estimates
 
     with working("folding designs and simulating a few runs"):
@@ -171,7 +171,7 @@ def _announce_folding(asked: "Sweep") -> None:
     """Say how long folding takes before the first run, if that is long."""
     if sum(experiment.family.combinations for experiment in asked.study.experiments) < MANY_DESIGNS:
         return
-    from foldcar.analysis.words import duration_text
+    from foldcar.statistics.words import duration_text
     from foldcar.study.dry_run import fold
 
     took = duration_text(sum(fold(experiment.family, 1.0)[1] for experiment in asked.study.experiments))
@@ -199,7 +199,7 @@ def _success(progress: "Progress") -> str:
 
 def stopping_lines(experiment: "Experiment", rule: "StoppingRule", states: "Sequence[DesignState]") -> Iterator[str]:
     """How many designs of the experiment are decided, what that means, and which are not."""
-    from foldcar.analysis.words import design_text, listed
+    from foldcar.statistics.words import design_text, listed
 
     mine = [state for state in states if state.experiment == experiment.id]
     undecided = [state for state in mine if not state.decided]

@@ -11,19 +11,19 @@ from typing import TYPE_CHECKING, Any
 import typer
 from rich.console import Console
 
-from foldcar.analysis.words import design_text, points, rank_text
 from foldcar.figures.style import OUTCOME_LABELS
 from foldcar.shown_console import ResultTable, shown_console
+from foldcar.statistics.words import design_text, points, rank_text
 from foldcar.store.trial_records import BUILT, SIMULATED, UNKNOWN, WITHDRAWN, Correction, Trial
 
 if TYPE_CHECKING:
-    from foldcar.advice.comparison import Comparison, DesignComparison, ExperimentComparison
-    from foldcar.advice.selecting import Recommendation, Selection
-    from foldcar.analysis.gap import Gap
-    from foldcar.analysis.rate import Rate
-    from foldcar.search.objectives import Objective
-    from foldcar.search.search import Found, Plan
+    from foldcar.inference.comparison import Comparison, DesignComparison, ExperimentComparison
+    from foldcar.inference.selecting import Recommendation, Selection
+    from foldcar.statistics.gap import Gap
+    from foldcar.statistics.rate import Rate
     from foldcar.store.calibrations import Calibration
+    from foldcar.study.search.objectives import Objective
+    from foldcar.study.search.search import Found, Plan
 
 PLAIN_WIDTH = 200
 TRIAL_LABELS = {**OUTCOME_LABELS, "not_passed": "not passed"}

@@ -14,8 +14,8 @@ from foldcar.commands.options import Json, OutputFolder, check_distinct, note, o
 from foldcar.errors import FoldcarError
 
 if TYPE_CHECKING:
-    from foldcar.camera.lens import Lens
-    from foldcar.camera.markers import Course
+    from foldcar.trials.camera.lens import Lens
+    from foldcar.trials.camera.markers import Course
 
 COURSE, SHEETS = "course.json", "markers.pdf"
 
@@ -46,9 +46,9 @@ def markers(
     \b
     Example: foldcar markers -o markers --course 1500x1000
     """
-    from foldcar.camera.markers import SIDE_MM, course_json, rectangle
-    from foldcar.camera.sheets import sheets
     from foldcar.outputs import atomic_file, make_output_folder
+    from foldcar.trials.camera.markers import SIDE_MM, course_json, rectangle
+    from foldcar.trials.camera.sheets import sheets
 
     found = re.fullmatch(r"([0-9]+(?:\.[0-9]+)?)x([0-9]+(?:\.[0-9]+)?)", course)
     if found is None:
@@ -84,7 +84,7 @@ def lens(
     """
     from dataclasses import asdict
 
-    from foldcar.camera.lens import calibrate, write_lens
+    from foldcar.trials.camera.lens import calibrate, write_lens
 
     check_distinct(files, [output])
     found, views = calibrate(files)
@@ -123,8 +123,8 @@ def track(
     Example: foldcar track trial.mp4 --trial 7 --store study.db
     """
     file = file or _attached_film(store, trial)
-    from foldcar.camera.lens import PHOTOS, read_lens
-    from foldcar.camera.markers import read_course, rectangle
+    from foldcar.trials.camera.lens import PHOTOS, read_lens
+    from foldcar.trials.camera.markers import read_course, rectangle
 
     check_distinct([file, store, *(one for one in (course, lens, listing) if one)], [path])
     known = read_course(course) if course else rectangle()
@@ -161,10 +161,10 @@ def _attached_film(store: Path, number: int) -> Path:
 def _film(
     film: Path, store: Path, number: int, course: "Course", lens: "Lens | None", path: Path | None, as_json: bool
 ) -> None:
-    from foldcar.camera.filming import track_trial
     from foldcar.simulation.carsim import Carsim
     from foldcar.store.reader import Store
     from foldcar.store.trial_writer import write_trials
+    from foldcar.trials.camera.filming import track_trial
 
     with Store.open(store) as opened:
         trial = opened.trial(number)
@@ -201,10 +201,6 @@ def _photo(
     photo: Path, store: Path, number: int, course: "Course", lens: "Lens | None", listing: Path | None, operator: str,
     as_json: bool,
 ) -> None:  # fmt: skip
-    from foldcar.camera.film import read_photo
-    from foldcar.camera.filming import car_marker
-    from foldcar.camera.ground import standing
-    from foldcar.camera.photo import find_placed
     from foldcar.commands.tables import correction_text
     from foldcar.simulation.carsim import Carsim
     from foldcar.simulation.heights import carsim_heights
@@ -213,6 +209,10 @@ def _photo(
     from foldcar.store.writer import canonical_json
     from foldcar.study.environments import Environment
     from foldcar.study.experiments import read_study
+    from foldcar.trials.camera.film import read_photo
+    from foldcar.trials.camera.filming import car_marker
+    from foldcar.trials.camera.ground import standing
+    from foldcar.trials.camera.photo import find_placed
     from foldcar.trials.placement import lettered, placed
 
     if listing is None:

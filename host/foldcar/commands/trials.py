@@ -241,8 +241,8 @@ def measure(
     \b
     Example: foldcar trials measure study.db obstacle_height=1.04 com_height_m=0.005 track_m=0.002
     """
-    from foldcar.calibration.observations import experiment_to_measure
-    from foldcar.calibration.parameters import NAMES, PARAMETERS, measured_value
+    from foldcar.inference.calibration.observations import experiment_to_measure
+    from foldcar.inference.calibration.parameters import NAMES, PARAMETERS, measured_value
     from foldcar.store.calibrations import measured_values, write_calibrations
     from foldcar.store.reader import Store
 
@@ -330,12 +330,12 @@ def export(
     \b
     Example: foldcar trials export study.db 7 --mcap trial7.mcap
     """
-    from foldcar.analysis.words import design_text
     from foldcar.link.mcap_export import NO_START, export_mcap
     from foldcar.models.foxglove_scene import foxglove_scene
     from foldcar.models.ground import smooth_ground, start_height_m
     from foldcar.simulation.carsim import Carsim
     from foldcar.simulation.heights import carsim_heights
+    from foldcar.statistics.words import design_text
     from foldcar.store.log_files import intact_log, log_file
     from foldcar.store.reader import Store
 

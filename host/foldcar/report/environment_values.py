@@ -19,9 +19,9 @@ from typing import Any, TypeVar
 import numpy
 from numpy.typing import NDArray
 
-from foldcar.analysis.words import label_and_unit
 from foldcar.car.variation import SERVO_DIFFERENCES, workshop
 from foldcar.scenes.terrain_kinds import KINDS
+from foldcar.statistics.words import label_and_unit
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
 from foldcar.store.tables import BY_NAME, DESIGN, EXPERIMENT

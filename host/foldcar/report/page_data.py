@@ -61,12 +61,10 @@ import json5
 import numpy
 from threadpoolctl import threadpool_limits
 
-from foldcar.advice.design_evidence import design_label
-from foldcar.advice.evidence import Evidence, read_evidence, read_unswept
-from foldcar.advice.selecting import Selection, measure_first, select_evidence
-from foldcar.analysis.effects import Effects
-from foldcar.analysis.words import label_and_unit, value_text
 from foldcar.figures.style import OUTCOME_LABELS
+from foldcar.inference.design_evidence import design_label
+from foldcar.inference.evidence import Evidence, read_evidence, read_unswept
+from foldcar.inference.selecting import Selection, measure_first, select_evidence
 from foldcar.report.environment_values import EnvironmentValues, environment_values
 from foldcar.report.page_designs import DesignColumns, parameter_columns
 from foldcar.report.page_effects import cause_rows, effect_rows, importance_rows, read_effects
@@ -76,11 +74,13 @@ from foldcar.report.page_ranges import range_sentences
 from foldcar.report.page_remarks import remarks
 from foldcar.report.page_run_ends import read_run_ends
 from foldcar.report.page_simulations import other_simulations
-from foldcar.search.design_simulator import fresh_id
 from foldcar.simulation.results import NUMBERS, OUTCOMES
+from foldcar.statistics.effects import Effects
+from foldcar.statistics.words import label_and_unit, value_text
 from foldcar.store.info import ExperimentInfo, StudyInfo
 from foldcar.store.reader import Store
 from foldcar.store.trial_records import Trial, select_trials
+from foldcar.study.search.design_simulator import fresh_id
 
 # Runs that the page holds one by one.
 MOST_RUNS = 50_000
@@ -131,7 +131,7 @@ def read_experiments(
 
     ``thresholds`` of success, 0 to 1; without any, each experiment has its listing's, or THRESHOLDS.
     ``simulated_trials``: show trials of simulated cars too; they count in no rate. ``with_cost`` as
-    :func:`foldcar.advice.selecting.select`.
+    :func:`foldcar.inference.selecting.select`.
     """
     swept = read_evidence(store)
     limit = max(thresholds, default=None)

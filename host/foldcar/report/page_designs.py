@@ -8,11 +8,11 @@ from typing import Any
 import numpy
 from numpy.typing import NDArray
 
-from foldcar.advice.comparison import compare_experiment
-from foldcar.advice.evidence import Evidence
-from foldcar.analysis import rate
-from foldcar.analysis.gap import OPTIMISTIC, PESSIMISTIC
-from foldcar.analysis.words import label_and_unit
+from foldcar.inference.comparison import compare_experiment
+from foldcar.inference.evidence import Evidence
+from foldcar.statistics import rate
+from foldcar.statistics.gap import OPTIMISTIC, PESSIMISTIC
+from foldcar.statistics.words import label_and_unit
 from foldcar.store.trial_records import SIMULATED, Trial
 
 Interval = tuple[float, float] | None

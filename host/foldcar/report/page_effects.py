@@ -6,13 +6,13 @@ from typing import Any
 import numpy
 from threadpoolctl import threadpool_limits
 
-from foldcar.advice.evidence import Evidence
-from foldcar.analysis.effects import Effect, Effects, fit_effects
-from foldcar.analysis.separation import binned, separations
-from foldcar.analysis.words import count
 from foldcar.errors import FoldcarError
+from foldcar.inference.evidence import Evidence
 from foldcar.report.environment_values import EnvironmentValues
 from foldcar.simulation.results import OUTCOMES
+from foldcar.statistics.effects import Effect, Effects, fit_effects
+from foldcar.statistics.separation import binned, separations
+from foldcar.statistics.words import count
 
 DIGITS = 4
 

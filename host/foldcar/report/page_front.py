@@ -1,16 +1,16 @@
 """What a search found, for the page: designs that none beats in all objectives, with values from fresh environments.
 
 Values in the environments that a design was chosen by are too good as a rule: only designs that were judged in fresh
-ones are called best. The objectives are those of :mod:`foldcar.search.objectives`, by the same functions.
+ones are called best. The objectives are those of :mod:`foldcar.study.search.objectives`, by the same functions.
 """
 
 from collections.abc import Sequence
 from typing import Any
 
-from foldcar.advice.evidence import Evidence
-from foldcar.search.design_simulator import Row
-from foldcar.search.objectives import OBJECTIVES, Objective, beaten
+from foldcar.inference.evidence import Evidence
 from foldcar.simulation.results import NUMBERS, OUTCOMES
+from foldcar.study.search.design_simulator import Row
+from foldcar.study.search.objectives import OBJECTIVES, Objective, beaten
 
 
 def search_front(evidence: Evidence, areas: Sequence[float | None], fresh: Evidence | None) -> dict[str, Any] | None:

@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 
 from foldcar.car.design import compose_columns
 from foldcar.errors import FoldcarError
-from foldcar.search.objectives import film_area_cm2
 from foldcar.simulation.results import NUMBERS, OUTCOMES
 from foldcar.store.frames import RunArrays
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
 from foldcar.store.tables import BY_NAME, DESIGN
+from foldcar.study.search.objectives import film_area_cm2
 
 # Folding a car takes some 10 ms: more designs have no sheet area.
 MOST_FOLDED = 300

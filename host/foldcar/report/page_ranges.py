@@ -4,10 +4,10 @@ from collections.abc import Sequence
 
 import numpy
 
-from foldcar.advice.evidence import Evidence
-from foldcar.analysis.effects import Effects
-from foldcar.analysis.words import design_text, label_and_unit, percent, value_text
 from foldcar.car.design_parameters import declared, key_of
+from foldcar.inference.evidence import Evidence
+from foldcar.statistics.effects import Effects
+from foldcar.statistics.words import design_text, label_and_unit, percent, value_text
 
 # A rate that rises by less than this at an end of the range (0 to 1) does not count.
 MIN_RISE = 0.02

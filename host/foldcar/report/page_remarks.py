@@ -3,11 +3,11 @@
 import shlex
 from typing import TYPE_CHECKING
 
-from foldcar.advice.design_evidence import in_family
-from foldcar.advice.remarks import trials_in_other_environments
-from foldcar.analysis.stopping import LEAST_CHANCE
-from foldcar.analysis.words import count
+from foldcar.inference.design_evidence import in_family
+from foldcar.inference.remarks import trials_in_other_environments
 from foldcar.simulation.results import OUTCOMES
+from foldcar.statistics.stopping import LEAST_CHANCE
+from foldcar.statistics.words import count
 from foldcar.store.calibrations import calibrations
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store

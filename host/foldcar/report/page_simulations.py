@@ -6,11 +6,11 @@ from typing import Any
 import numpy
 from numpy.typing import NDArray
 
-from foldcar.advice.evidence import Evidence
-from foldcar.analysis.rate_correction import corrected_rates
 from foldcar.errors import FoldcarError
+from foldcar.inference.evidence import Evidence
 from foldcar.simulation.engines import MUJOCO, MULTIBODY, engine_of, engine_title
 from foldcar.simulation.results import OUTCOMES
+from foldcar.statistics.rate_correction import corrected_rates
 from foldcar.store.info import ExperimentInfo
 
 Columns = list[float | None]

@@ -17,13 +17,13 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
 
-from foldcar.analysis.effects import Effects
-from foldcar.analysis.words import label_and_unit
 from foldcar.figures.style import ACCENT, FAILURE, INK, OUTCOME_COLOURS, OUTCOME_LABELS
 from foldcar.outputs import file_name_part
 from foldcar.report.page_designs import DesignColumns
 from foldcar.report.page_effects import importance_rows, over
 from foldcar.simulation.results import OUTCOMES
+from foldcar.statistics.effects import Effects
+from foldcar.statistics.words import label_and_unit
 
 WIDE_IN, HEIGHT_IN = 7.2, 3.7
 GREEN, BLUE, NAVY, REGION, NOT_RUN = "#62b85f", "#3f7fd0", "#14265c", "#dff1ea", "#e6e6e6"

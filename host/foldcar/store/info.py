@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from foldcar.simulation.engines import ENGINES, engine_title
 
 if TYPE_CHECKING:
-    from foldcar.analysis.stopping import StoppingRule
+    from foldcar.statistics.stopping import StoppingRule
 
 
 # What an experiment may be simulated under: a calibration of its store, or the parameters of a file.

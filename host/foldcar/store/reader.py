@@ -36,7 +36,7 @@ from foldcar.store.tables import (
 from foldcar.store.trial_records import Correction, Media, Track, Trial
 
 if TYPE_CHECKING:
-    from foldcar.analysis.stopping import StoppingRule
+    from foldcar.statistics.stopping import StoppingRule
 
 __all__ = ["ExperimentInfo", "Store", "StoreError", "StudyInfo"]
 
@@ -369,7 +369,7 @@ def _stopped(facts: Mapping[str, Any] | None, counts: DesignCounts) -> "tuple[St
     """The rule that the sweep stopped by, if any, and whether each design is decided by it."""
     if facts is None:
         return None, [False] * len(counts.runs)
-    from foldcar.analysis.stopping import StoppingRule
+    from foldcar.statistics.stopping import StoppingRule
 
     rule = StoppingRule.from_facts(facts)
     return rule, rule.decided(counts.passed, counts.counted).tolist()

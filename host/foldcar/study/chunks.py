@@ -1,4 +1,4 @@
-"""Runs chunks of runs in several simulators, on this machine or on others (foldcar.cluster), a bounded number at a time.
+"""Runs chunks of runs in several simulators, here or on other machines (foldcar.study.cluster), some at a time.
 
 Input: runs one by one. Output: finished chunks as they end. Chunks grow until one takes a second or so, and shrink at
 the end of a sweep so that all simulators end at about the same time.

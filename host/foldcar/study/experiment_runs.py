@@ -10,8 +10,8 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from foldcar.analysis.stopping import StoppingRule
 from foldcar.simulation.results import REJECTED
+from foldcar.statistics.stopping import StoppingRule
 from foldcar.store.tables import DRAW, SAMPLE
 from foldcar.store.writer import PlannedExperiment, StoreWriter, canonical_json
 from foldcar.study.chunks import ChunkPool, FinishedRun

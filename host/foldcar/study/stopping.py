@@ -14,10 +14,10 @@ from dataclasses import dataclass
 import numpy
 from numpy.typing import NDArray
 
-from foldcar.analysis.engine_bias import RATES, predicted_rates
-from foldcar.analysis.rate import anytime_interval
-from foldcar.analysis.stopping import StoppingRule
 from foldcar.errors import FoldcarError
+from foldcar.statistics.engine_bias import RATES, predicted_rates
+from foldcar.statistics.rate import anytime_interval
+from foldcar.statistics.stopping import StoppingRule
 from foldcar.store.designs import DesignCounts
 from foldcar.study.experiments import Experiment, Study
 

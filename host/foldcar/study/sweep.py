@@ -11,13 +11,13 @@ from datetime import datetime, timezone
 from functools import cached_property, partial
 from pathlib import Path
 
-from foldcar.analysis.stopping import StoppingRule
 from foldcar.errors import FoldcarError
 from foldcar.scenes.fingerprint import scenic_version
 from foldcar.shown_text import decoded
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.engines import ENGINES, SIDE_VIEW
 from foldcar.simulation.results import outcome_of
+from foldcar.statistics.stopping import StoppingRule
 from foldcar.store.info import unlike_sides_text
 from foldcar.store.writer import PlannedExperiment, StoreWriter, write_store
 from foldcar.study.chunks import ChunkPool, FinishedRun, Simulators

@@ -19,10 +19,10 @@ from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
 
-from foldcar.analysis.words import count, design_text
 from foldcar.car.design import Design, DesignError, compose_columns
 from foldcar.car.design_parameters import key_of, parameters
 from foldcar.errors import FoldcarError
+from foldcar.statistics.words import count, design_text
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
 from foldcar.store.trial_records import BUILT, CARS, LONGEST_S, MOST_ID, TRIAL_OUTCOMES, checked_name

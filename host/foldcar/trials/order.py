@@ -11,8 +11,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
-from foldcar.analysis.words import listed
 from foldcar.scenes.obstacles import Obstacle
+from foldcar.statistics.words import listed
 from foldcar.trials.placement import Deviations, what_it_is
 
 # All orders of a block are compared: 720.

@@ -13,7 +13,6 @@ from pathlib import Path
 from string import ascii_uppercase
 from typing import Any
 
-from foldcar.camera.markers import Course, card_of
 from foldcar.car.design import Design
 from foldcar.errors import FoldcarError
 from foldcar.outputs import make_output_folder
@@ -21,6 +20,7 @@ from foldcar.scenes.obstacles import CAR, Obstacle, footprint
 from foldcar.scenes.terrain_kinds import description
 from foldcar.shown_console import ResultTable, shown_console
 from foldcar.simulation.carsim import Carsim
+from foldcar.trials.camera.markers import Course, card_of
 from foldcar.trials.person import Answers, say
 from foldcar.typed import decimal_number
 

@@ -14,7 +14,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from foldcar.camera.markers import Course
 from foldcar.car.body import body_json
 from foldcar.car.design import Design
 from foldcar.errors import FoldcarError
@@ -30,6 +29,7 @@ from foldcar.store.trial_records import BUILT, SIMULATED, Ending, TrialDesign
 from foldcar.store.trial_writer import CarFacts, Drive, TrialWriter, write_trials
 from foldcar.study.environments import Environment
 from foldcar.study.experiments import read_study
+from foldcar.trials.camera.markers import Course
 from foldcar.trials.drive_view import DriveView
 from foldcar.trials.driving import CTRL_C, DRIVES_ON, DriveEnd, drive
 from foldcar.trials.media import Arrivals, media_kind

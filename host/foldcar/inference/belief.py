@@ -1,0 +1,98 @@
+"""Belief about the designs of an experiment: of this simulator, and of built cars by simulation and trials together.
+
+One belief serves `select`, `compare`, the report and the API.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from foldcar.inference.design_evidence import DesignEvidence
+from foldcar.statistics.pooled_bias import MOST_POOLED, Contradictions, contradictions, pooled_bias
+from foldcar.statistics.rate import Rate
+from foldcar.statistics.smoothed_simulation import smoothed_simulation
+
+# Draws of the rates; fewer of many designs, so that there are at most MAX_NUMBERS numbers.
+MAX_DRAWS, MIN_DRAWS, MAX_NUMBERS = 3000, 500, 2_000_000
+
+
+@dataclass(frozen=True)
+class Belief:
+    """Belief about n designs with runs.
+
+    ``places`` (n,): their indices in the evidence. ``parameters`` (n, k). ``passed`` (n, environments): 1 where the run
+    passed, 0 where not, NaN without a run, in the environments ``samples``. ``simulation`` (n, 3): success in this
+    simulator, smoothed over designs: rate, low, high (95 %). ``built``: the rate of a further built car of each design.
+    ``draws`` (draws, n) of the latter, jointly. ``trials`` (n,): the number that counts. ``unpooled``: driven designs
+    whose trials are left out, as MOST_POOLED others have more.
+    """
+
+    designs: tuple[DesignEvidence, ...]
+    places: NDArray[Any]
+    parameters: NDArray[Any]
+    samples: NDArray[Any]
+    passed: NDArray[Any]
+    trials: NDArray[Any]
+    simulation: NDArray[Any]
+    built: tuple[Rate, ...]
+    draws: NDArray[Any]
+    contradicting: Contradictions
+    unpooled: int
+
+    @property
+    def driven(self) -> bool:
+        """Whether there are trials that count."""
+        return bool(self.trials.any())
+
+    @property
+    def labels(self) -> list[str]:
+        """The designs' names."""
+        return [design.label for design in self.designs]
+
+    def chances(self, threshold: float) -> NDArray[Any]:
+        """Return the probability (n,) that a further built car of each design reaches the ``threshold`` (0 to 1)."""
+        return numpy.asarray((self.draws >= threshold).mean(axis=0))
+
+    @property
+    def judged(self) -> NDArray[Any]:
+        """What designs are called good or bad by (n, 3): built cars once there are trials, before that simulation."""
+        if not self.driven:
+            return self.simulation
+        return numpy.array([(rate.value, rate.low, rate.high) for rate in self.built])
+
+
+def believe(designs: Sequence[DesignEvidence], places: Sequence[int], names: Sequence[str]) -> Belief | None:
+    """Infer the belief about ``designs`` that have runs, which differ in the parameters ``names``.
+
+    ``places`` are their indices in the evidence. Returns None without designs.
+    """
+    if not designs:
+        return None
+    parameters = numpy.array([[float(design.design[name]) for name in names] for design in designs]).reshape(
+        len(designs), -1
+    )
+    runs = numpy.array([(design.runs_passed, design.runs) for design in designs], dtype=float)
+    trials = numpy.array([(design.trials_passed, len(design.trials)) for design in designs], dtype=float)
+    # Of many driven designs those with most trials tell most.
+    dropped = numpy.argsort(-trials[:, 1], kind="stable")[MOST_POOLED:]
+    unpooled = int((trials[dropped, 1] > 0).sum())
+    trials[dropped] = 0
+    cars = [design.cars if counted else None for design, counted in zip(designs, trials[:, 1].tolist(), strict=True)]
+    samples = numpy.unique(numpy.concatenate([design.samples for design in designs]))
+    passed = numpy.full((len(designs), len(samples)), numpy.nan)
+    for row, design in enumerate(designs):
+        passed[row, numpy.searchsorted(samples, design.samples)] = design.passed
+    # Threads for matrices of some tens of rows only wait for each other.
+    with threadpool_limits(1):
+        simulation = smoothed_simulation(parameters, runs, passed)
+        bias = pooled_bias(parameters, runs, trials, cars, simulation)
+        draws = bias.draws(max(MIN_DRAWS, min(MAX_DRAWS, MAX_NUMBERS // len(designs))))
+        contradicting = contradictions(parameters, runs, trials, cars, simulation)
+        return Belief(
+            tuple(designs), numpy.array(places), parameters, samples, passed, trials[:, 1], simulation.rates(),
+            tuple(bias.rates()), draws, contradicting, unpooled,
+        )  # fmt: skip

@@ -1,0 +1,240 @@
+"""Simulation against trials of built cars, design by design: rates, gaps, ranks, and what follows from them in words.
+
+A gap is trials minus simulation. Where trials have a simulation of the same environment, the gap is of these pairs, so
+that harder environments do not count as a difference. The gaps of one experiment and their mean hold together with 95 %:
+each is wider than a single one would be.
+"""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from foldcar.inference.design_evidence import Design, DesignEvidence, by_car
+from foldcar.inference.evidence import Evidence, read_evidence, swept_ids, unswept_trials
+from foldcar.statistics.gap import (
+    AGREES,
+    OPTIMISTIC,
+    PESSIMISTIC,
+    TOO_FEW,
+    Gap,
+    RankAgreement,
+    Rates,
+    mean_gap,
+    pair_correlation,
+    rank_agreement,
+)
+from foldcar.statistics.rate import Rate
+from foldcar.statistics.words import count, listed, points
+from foldcar.store.info import ExperimentInfo
+from foldcar.store.reader import Store
+from foldcar.store.trial_records import Trial
+
+CONFIDENCE = 0.95
+# Rates that differ by less agree, as far as a choice of cars goes.
+MARGIN = 0.15
+
+
+@dataclass(frozen=True)
+class DesignComparison:
+    """One design with trials. ``simulated`` and ``gap`` are None without runs; ``driven`` is of the cars that drove.
+
+    ``further_car`` is what these say of a further car of the design, as simulation's rate is. ``pooled`` is that by
+    simulation and the other designs' trials, too; None of a design outside the family. ``agreeing`` of the ``paired``
+    trials ended as simulation says there, passed or not. ``gap`` is of these pairs if ``gap_is_paired``, else of rates.
+    ``verdict`` is one of those of :mod:`foldcar.statistics.gap`, None where there is nothing to compare.
+    """
+
+    evidence: DesignEvidence
+    driven: Rate
+    simulated: Rate | None = None
+    further_car: Rate | None = None
+    pooled: Rate | None = None
+    gap: Gap | None = None
+    gap_is_paired: bool = False
+    verdict: str | None = None
+
+    @property
+    def label(self) -> str:
+        """The design for the reader."""
+        return self.evidence.label
+
+    @property
+    def design(self) -> Design:
+        """The design's parameters."""
+        return self.evidence.design
+
+    @property
+    def cars(self) -> int:
+        """The number of cars that drove."""
+        return 0 if self.evidence.cars is None else len(self.evidence.cars.passed)
+
+    @property
+    def paired(self) -> int:
+        """The number of trials with a simulation of their environment."""
+        return len(self.evidence.paired)
+
+    @property
+    def agreeing(self) -> int:
+        """How many paired trials passed where simulation passes, or did not where it does not."""
+        return sum(trial.passed == bool(trial.simulated) for trial in self.evidence.paired)
+
+    @property
+    def driven_outcomes(self) -> Mapping[str, int]:
+        """The trials by outcome."""
+        return Counter(trial.outcome for trial in self.evidence.trials)
+
+
+@dataclass(frozen=True)
+class ExperimentComparison:
+    """One swept experiment; ``mean_gap`` is over its designs with runs and trials, None if there are none.
+
+    ``verdict`` is one of a design's, "mixed", or None; ``sentence`` says it. ``info`` is the experiment.
+    """
+
+    info: ExperimentInfo
+    designs: tuple[DesignComparison, ...]
+    sentence: str
+    remarks: tuple[str, ...]
+    ranks: RankAgreement | None = None
+    mean_gap: Gap | None = None
+    verdict: str | None = None
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A store's comparison; ``sentence`` is its answer in short, ``alone`` tells of trials that no sweep goes with."""
+
+    experiments: tuple[ExperimentComparison, ...]
+    alone: tuple[str, ...]
+    margin: float
+    sentence: str
+
+
+def compare(
+    store: Store,
+    experiment: str | None = None,
+    margin: float = MARGIN,
+    simulated_trials: bool = False,
+) -> Comparison:
+    """Compare a store's trials with its runs; rates that differ by at most ``margin`` (0 to 1) agree.
+
+    ``simulated_trials``: trials of simulated cars instead of those of built ones. FoldcarError.
+    """
+    known = {trial.experiment for trial in store.trials()} - swept_ids(store)
+    evidence = [] if experiment in known else read_evidence(store, experiment, simulated_trials)
+    found = compare_evidence(evidence, unswept_trials(store, experiment, simulated_trials), margin)
+    return replace(found, sentence=f"SIMULATED trials. {found.sentence}") if simulated_trials else found
+
+
+def compare_evidence(evidence: Sequence[Evidence], alone: Sequence[Trial] = (), margin: float = MARGIN) -> Comparison:
+    """As :func:`compare`, from evidence that was read; ``alone`` are trials of experiments that were not swept."""
+    experiments = tuple(compare_experiment(one, margin) for one in evidence)
+    apart = tuple(
+        f"Experiment {name} was not swept: {count(number, 'trial')} without runs."
+        for name, number in Counter(trial.experiment for trial in alone).items()
+    )
+    return Comparison(experiments, apart, margin, _overall(experiments))
+
+
+def compare_experiment(evidence: Evidence, margin: float = MARGIN) -> ExperimentComparison:
+    """Compare the trials of one experiment with its runs, as :func:`compare` does."""
+    info, driven, remarks = evidence.info, evidence.driven, evidence.remarks
+    if not info.success_defined:
+        why = "success is undefined in this environment, so that there is no rate to compare; only outcomes are shown."
+        rows = tuple(DesignComparison(one, one.driven(CONFIDENCE)) for one in driven)
+        return ExperimentComparison(info, rows, f"Nothing to compare: {why}", remarks)
+    both = [one for one in driven if one.runs]
+    # Bonferroni: all gaps of the experiment and their mean hold together; of one design the mean is its gap.
+    together = 1 - (1 - CONFIDENCE) / (len(both) + 1 if len(both) > 1 else 1)
+    belief = evidence.belief
+    pooled = {} if belief is None else dict(zip(belief.labels, belief.built, strict=True))
+    rates = {one.label: _rates(one, together) for one in both}
+    compared = tuple(_design(one, pooled.get(one.label), rates.get(one.label), margin) for one in driven)
+    if not both:
+        why = (
+            "no design has both runs and trials."
+            if driven
+            else "there are no trials of built cars yet. `foldcar select` says which cars to build."
+        )
+        return ExperimentComparison(info, compared, f"Nothing to compare: {why}", remarks)
+    mean = mean_gap(list(rates.values()))
+    ranks = rank_agreement(
+        [one.runs_passed / one.runs for one in both], [one.trials_passed / len(one.trials) for one in both]
+    )
+    verdict, sentence = _verdict(compared, mean, margin, info.simulation)
+    return ExperimentComparison(info, compared, sentence, remarks, ranks, mean, verdict)
+
+
+def _is_paired(design: DesignEvidence) -> bool:
+    """Whether at least half of a design's trials have a simulation of their environment."""
+    return 2 * len(design.paired) >= len(design.trials)
+
+
+def _rates(design: DesignEvidence, confidence: float) -> Rates:
+    """The rates in simulation and of a further car that a design's gap is between."""
+    if not _is_paired(design):
+        assert design.cars is not None
+        return Rates(design.simulated(confidence), design.cars.rate(confidence))
+    # The environments are the same: none is harder for the one than for the other.
+    pairs = [replace(trial, expected=None) for trial in design.paired]
+    passed, simulated = [trial.passed for trial in pairs], [bool(trial.simulated) for trial in pairs]
+    f = Rate.counted(
+        sum(simulated), len(pairs), f"in the environments of {count(len(pairs), 'trial')}", confidence=confidence
+    )
+    cars = by_car(pairs, design.spread, design.runs_passed, design.runs)
+    return Rates(f, cars.rate(confidence), pair_correlation(passed, simulated))
+
+
+def _design(design: DesignEvidence, pooled: Rate | None, rates: Rates | None, margin: float) -> DesignComparison:
+    driven = design.driven(CONFIDENCE)
+    further = None if design.cars is None else design.cars.rate(CONFIDENCE)
+    if rates is None:
+        return DesignComparison(design, driven, further_car=further)
+    gap = mean_gap([rates])
+    paired, verdict = _is_paired(design), gap.verdict(margin)
+    return DesignComparison(design, driven, design.simulated(CONFIDENCE), further, pooled, gap, paired, verdict)
+
+
+def _verdict(compared: Sequence[DesignComparison], mean: Gap, margin: float, simulation: str) -> tuple[str, str]:
+    """The experiment's verdict and its sentence."""
+    start = simulation[0].upper() + simulation[1:]
+    labels: dict[str, list[str]] = {}
+    for one in compared:
+        if one.verdict is not None:
+            labels.setdefault(one.verdict, []).append(one.label)
+    more = "less" if mean.value < 0 else "more"
+    apart = f"trials pass {points(mean.value, sign=False)} points {more} often than {simulation}"
+    interval = f"{points(mean.low)} to {points(mean.high)}"
+    paired = [one.gap_is_paired for one in compared if one.gap is not None]
+    where = "in the same environments, " if all(paired) else ""
+    average = f"{where}on average over {count(len(paired), 'design')}, {apart} (95 %: {interval})"
+    pairs, agreeing = (sum(getattr(one, name) for one in compared) for name in ("paired", "agreeing"))
+    if pairs:
+        average += f"; {agreeing} of {pairs} trials ended as simulated in the same environment"
+    unsure = f"; {TOO_FEW} to say at {listed(labels[TOO_FEW])}" if TOO_FEW in labels else ""
+    said = [verdict for verdict in (OPTIMISTIC, PESSIMISTIC) if verdict in labels]
+    if said:
+        text = " and ".join(f"{verdict} at {listed(labels[verdict])}" for verdict in said)
+        return said[0] if len(said) == 1 else "mixed", f"{start} is {text}{unsure}; {average}."
+    verdict = mean.verdict(margin)
+    if verdict in (OPTIMISTIC, PESSIMISTIC):
+        return verdict, f"{start} is {verdict} {average}; no single design shows it."
+    within = f"within {points(margin, sign=False)} points"
+    if AGREES in labels:
+        agrees = AGREES if verdict == AGREES and TOO_FEW not in labels else TOO_FEW
+        return agrees, f"{start} and trials agree {within} at {listed(labels[AGREES])}{unsure}; {average}."
+    return TOO_FEW, f"{TOO_FEW.capitalize()} to say whether {simulation} and trials agree {within}; {average}."
+
+
+def _overall(experiments: Sequence[ExperimentComparison]) -> str:
+    if not experiments:
+        return "Nothing to compare: the store has no runs yet; sweep the listing into it with `foldcar sweep`."
+    several = len(experiments) > 1
+    sentences = [
+        f"Experiment {experiment.info.id}: {experiment.sentence}" if several else experiment.sentence
+        for experiment in experiments
+    ]
+    builds = {experiment.info.carsim_build for experiment in experiments}
+    if len(builds) > 1:
+        sentences.append(f"The experiments were simulated by {len(builds)} builds of carsim: do not compare them.")
+    return " ".join(sentences)

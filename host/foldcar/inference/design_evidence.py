@@ -1,0 +1,153 @@
+"""What a store knows of one design: its runs in sampled environments and the trials of its built cars."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy
+from numpy.typing import NDArray
+
+from foldcar.inference.resimulation import SimulatedCars
+from foldcar.simulation.results import OUTCOMES
+from foldcar.statistics.built_cars import PRIOR, BuiltCars, shift, simulated_weights
+from foldcar.statistics.rate import Rate
+from foldcar.statistics.words import count, design_text
+from foldcar.store.info import ExperimentInfo
+
+Design = Mapping[str, float | str]
+
+
+def design_key(vehicle_type: str, design: Design) -> Any:
+    """Return what identifies a design."""
+    return vehicle_type, tuple(sorted(design.items()))
+
+
+@dataclass(frozen=True)
+class PairedTrial:
+    """A completed trial of a built car, with the simulation of its environment.
+
+    ``simulated`` is 1 if simulation passes there, 0 if not, None if unknown; ``resimulated``: it was simulated now, as it
+    was placed. ``sample``: the sampled environment, None if unknown. ``expected``: the fraction (0 to 1) of several
+    simulated cars of the design that pass there, None if they were not simulated. ``car_name`` None: a car without name.
+    """
+
+    outcome: str
+    sample: int | None
+    simulated: int | None
+    resimulated: bool
+    expected: float | None = None
+    car_name: str | None = None
+
+    @property
+    def passed(self) -> bool:
+        """Whether the car passed."""
+        return self.outcome == "passed"
+
+
+@dataclass(frozen=True)
+class DesignEvidence:
+    """The runs and trials of one design.
+
+    ``passed`` (runs,) says whether each run that counts passed, ``samples`` (runs,) in which environment; ``rejected``
+    are the environments of rejected runs, which do not count. ``outcomes`` counts all runs by outcome. ``mean_time_s`` is
+    the mean time of the runs that count, None without. ``swept`` is False for a design that only trials have; its runs
+    were made now, if any. ``sequential``: a stopping rule ended its runs. ``spread``: weights of how much cars of the
+    design differ (:mod:`foldcar.statistics.built_cars`). ``aborted`` trials count in no rate.
+    """
+
+    vehicle_type: str
+    design: Design
+    label: str
+    swept: bool
+    samples: NDArray[Any]
+    passed: NDArray[Any]
+    outcomes: Mapping[str, int]
+    mean_time_s: float | None
+    trials: tuple[PairedTrial, ...] = ()
+    aborted: int = 0
+    sequential: bool = False
+    rejected: frozenset[int] = frozenset()
+    spread: NDArray[Any] = field(default_factory=lambda: PRIOR)
+
+    @property
+    def runs(self) -> int:
+        """The number of runs that count."""
+        return len(self.passed)
+
+    @property
+    def runs_passed(self) -> int:
+        """The number of runs that passed."""
+        return int(self.passed.sum())
+
+    @property
+    def trials_passed(self) -> int:
+        """The number of trials that passed."""
+        return sum(trial.passed for trial in self.trials)
+
+    @property
+    def outcome_counts(self) -> list[int]:
+        """The number of runs of each of OUTCOMES."""
+        return [self.outcomes.get(outcome, 0) for outcome in OUTCOMES]
+
+    def simulated(self, confidence: float = 0.95) -> Rate:
+        """Return the success rate of its runs, of which there is at least one."""
+        return Rate.counted(self.runs_passed, self.runs, count(self.runs, "run"), self.sequential, confidence)
+
+    def driven(self, confidence: float = 0.95) -> Rate:
+        """Return the success rate of the cars that drove the trials, of which there is at least one."""
+        return Rate.counted(
+            self.trials_passed, len(self.trials), "" if self.cars is None else self.cars.text, confidence=confidence
+        )
+
+    @property
+    def cars(self) -> BuiltCars | None:
+        """The trials by the car that drove; None without trials."""
+        return by_car(self.trials, self.spread, self.runs_passed, self.runs) if self.trials else None
+
+    @property
+    def paired(self) -> list[PairedTrial]:
+        """The trials with a simulation of their environment."""
+        return [trial for trial in self.trials if trial.simulated is not None]
+
+
+def by_car(trials: Sequence[PairedTrial], spread: NDArray[Any], runs_passed: int, runs: int) -> BuiltCars:
+    """Group trials of one design, at least one, by the car that drove.
+
+    Trials in environments that are easier or harder for simulated cars than all runs shift the log-odds.
+    """
+    cars: dict[str | None, list[PairedTrial]] = {}
+    for trial in trials:
+        cars.setdefault(trial.car_name, []).append(trial)
+    counts = [(sum(trial.passed for trial in of_car), len(of_car)) for of_car in cars.values()]
+    passed, counted = numpy.array(counts, dtype=float).T
+    overall = (runs_passed + 0.5) / (runs + 1)
+    shifts = [shift([trial.expected for trial in of_car], overall) for of_car in cars.values()]
+    return BuiltCars(passed, counted, numpy.array(shifts), spread)
+
+
+def simulated_spread(cars: SimulatedCars | None) -> NDArray[Any]:
+    """Return the weights of how much a design's cars differ: as simulated ones do, or as is assumed without these."""
+    return PRIOR if cars is None else simulated_weights(cars.passed.sum(axis=1), cars.passed.shape[1])
+
+
+def in_family(info: ExperimentInfo, vehicle_type: str, design: Design) -> bool:
+    """Return whether a design belongs to the experiment's family: it differs in the varied parameters only."""
+    return (
+        vehicle_type == info.vehicle_type
+        and all(design.get(name) == value for name, value in info.fixed.items())
+        and set(design) == {*info.fixed, *info.varied}
+    )
+
+
+def design_label(info: ExperimentInfo, vehicle_type: str, design: Design) -> str:
+    """Return the name of a design for readers: its varied parameters, and what else differs from the family."""
+    varied = {name: design[name] for name in info.varied if name in design}
+    text = design_text(
+        varied
+        | {
+            name: value
+            for name, value in design.items()
+            if info.fixed.get(name, value) != value or name not in (*info.fixed, *info.varied)
+        }
+    )
+    return text if vehicle_type == info.vehicle_type else f"{vehicle_type} of {text}"

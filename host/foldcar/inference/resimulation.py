@@ -1,0 +1,202 @@
+"""Simulates what a sweep lacks: trials as they were placed, designs that only trials have, several cars of one design.
+
+Input: a store. Output: outcomes, from the simulator that made the store's runs; nothing is stored. What would not be
+comparable with the runs is not simulated: another build of carsim, a calibration, a program that runs beside the car.
+"""
+
+import hashlib
+import json
+from collections import Counter
+from collections.abc import Container, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy
+from numpy.typing import NDArray
+
+from foldcar.car.body import body_json
+from foldcar.car.design import compose_columns
+from foldcar.car.folded_car import folded_car
+from foldcar.car.variation import vary_body
+from foldcar.errors import FoldcarError
+from foldcar.simulation.carsim import Carsim
+from foldcar.simulation.engines import engine_of
+from foldcar.simulation.results import outcome_of
+from foldcar.simulation.runner import RunRequest
+from foldcar.statistics.words import count
+from foldcar.store.info import ExperimentInfo
+from foldcar.store.reader import Store
+from foldcar.store.stored_drives import StoredDrives, read_drives
+from foldcar.store.trial_records import Trial
+from foldcar.store.writer import canonical_json
+from foldcar.study.experiments import run_settings
+
+# Runs of designs, beyond those of the first, and trials that one command simulates: some twenty seconds each.
+MOST_RUNS, MOST_TRIALS = 5_000, 2_000
+# Cars of a driven design, each simulated in as many environments: those of its trials, and others if these are few.
+# Beyond MOST_CAR_RUNS a design's cars are not simulated.
+CARS, LEAST_SCENES, MOST_SCENES, MOST_CAR_RUNS = 20, 10, 12, 5_000
+# An outcome, and the time of the run (s), None if it failed.
+Ended = tuple[str, float | None]
+# What runs ended with, by a hash of build, engine, body, settings and scene. It outlives a store: the live page opens its
+# own anew after every trial.
+_ENDED: dict[bytes, Ended] = {}
+
+
+@dataclass(frozen=True)
+class SimulatedCars:
+    """Simulated cars of one design: whether each ``passed`` (cars, scenes).
+
+    ``fractions``: the fraction of them (0 to 1) that passed in the scene of a trial, by its number.
+    """
+
+    passed: NDArray[Any]
+    fractions: Mapping[int, float]
+
+
+class Resimulation:
+    """Runs of one store that are made now. The simulator is looked for when it is first needed."""
+
+    def __init__(self, store: Store) -> None:
+        self._store = store
+        self._refusals: dict[str, str | None] = {}
+        self._refused: Counter[str] = Counter()
+        self._beyond: Counter[str] = Counter()
+        self._runs = self._trials = self._car_runs = 0
+
+    def trial(self, info: ExperimentInfo, trial: Trial) -> str | None:
+        """The outcome of a trial's car in the scene as placed, varied as the run of that sample; None if unknown."""
+        drive = self._store.trial_drive(trial.id)
+        if drive is None:
+            return None
+        if self._refusal(info) is not None:
+            self._refused[info.id] += 1
+            return None
+        if self._trials >= MOST_TRIALS:
+            self._beyond[info.id] += 1
+            return None
+        self._trials += 1
+        body, settings, scene = drive
+        case = self._variation(info, trial.sample), scene
+        ((outcome, _),) = self._run(self._simulator(info), body, [case], settings)
+        return outcome
+
+    def design(self, info: ExperimentInfo, trial: Trial) -> tuple[list[Ended], str | None]:
+        """The design of a trial in all stored environments of the experiment, in order; else none, and why."""
+        refusal = self._refusal(info)
+        if refusal is not None:
+            return [], refusal
+        scenes = self._scenes(info)
+        if self._runs and self._runs + len(scenes) > MOST_RUNS:
+            return [], f"no more than {MOST_RUNS:,} runs are made at a time; sweep it"
+        self._runs += len(scenes)
+        try:
+            body, settings = self._composed(info, trial)
+        except FoldcarError as error:
+            return [], str(error).rstrip(".")
+        cases = [(self._variation(info, sample), text) for sample, text in scenes.items()]
+        return self._run(self._simulator(info), body, cases, settings), None
+
+    def cars(self, info: ExperimentInfo, trials: Sequence[Trial], here: Container[int]) -> "SimulatedCars | None":
+        """Cars of one design, as the experiment varies them, in the environments of its ``trials``; None if unknown.
+
+        ``here`` are the trials whose sample is the sweep's.
+        """
+        if self._refusal(info) is not None or not self._drives(info).varied:
+            return None
+        stored, drives = self._scenes(info), {trial.id: self._store.trial_drive(trial.id) for trial in trials}
+        placed = {number: drive[2] for number, drive in drives.items() if drive is not None}
+        placed |= {
+            trial.id: stored[trial.sample]
+            for trial in trials
+            if trial.id not in placed and trial.id in here and trial.sample in stored
+        }
+        scenes = list(dict.fromkeys(placed.values()))[:MOST_SCENES]
+        others = [text for text in stored.values() if text not in scenes]
+        scenes += others[: max(0, LEAST_SCENES - len(scenes))]
+        try:
+            known = next((drive[:2] for drive in drives.values() if drive is not None), None)
+            body, settings = known or self._composed(info, trials[0])
+        except FoldcarError:
+            return None
+        cars = [self._variation(info, sample) for sample in sorted(self._drives(info).variations)[:CARS]]
+        self._car_runs += len(cars) * len(scenes)
+        if self._car_runs > MOST_CAR_RUNS:
+            return None
+        ended = self._run(self._simulator(info), body, [(car, text) for car in cars for text in scenes], settings)
+        table = numpy.array([outcome == "passed" for outcome, _ in ended]).reshape(len(cars), len(scenes))
+        fractions = dict(zip(scenes, table.mean(axis=0).tolist(), strict=True))
+        return SimulatedCars(table, {number: fractions[text] for number, text in placed.items() if text in fractions})
+
+    def _composed(self, info: ExperimentInfo, trial: Trial) -> tuple[str, str]:
+        """Body and settings of a trial's design; FoldcarError if it is none."""
+        design = compose_columns(trial.vehicle_type, trial.design)
+        folded_car(design)
+        body, table = body_json(design), self._simulator(info).parameter_table()
+        place = f"{self._store.path}: experiment {info.id}"
+        settings = run_settings(design, body, table, info.timeout_s, info.speed_m_s, info.yaw_rate_rad_s, place)
+        return canonical_json(body), canonical_json(settings)
+
+    def remarks(self, experiment: str) -> list[str]:
+        """What is said of trials of that experiment that should have been simulated and were not."""
+        why = {f"no more than {MOST_TRIALS:,} are at a time": self._beyond[experiment]}
+        why[str(self._refusals.get(experiment))] = self._refused[experiment]
+        return [f"{count(number, 'trial')} not simulated as placed: {text}." for text, number in why.items() if number]
+
+    def _refusal(self, info: ExperimentInfo) -> str | None:
+        if info.id not in self._refusals:
+            self._refusals[info.id] = self._why_not(info)
+        return self._refusals[info.id]
+
+    def _why_not(self, info: ExperimentInfo) -> str | None:
+        if info.under is not None:
+            return f"the runs are those of {info.under}"
+        if self._drives(info).dynamic:
+            return f"{info.scenic_program} runs beside the simulation"
+        try:
+            build = self._simulator(info).build
+        except FoldcarError as error:
+            return str(error)
+        if build == info.carsim_build:
+            return None
+        return f"the runs are of carsim {info.carsim_build[:12]}, this one is {build[:12]}; sweep again"
+
+    def _simulator(self, info: ExperimentInfo) -> Carsim:
+        return self._store.once(("carsim", info.engine), lambda: Carsim(engine=engine_of(info.engine)))
+
+    def _run(
+        self, carsim: Carsim, body: str, cases: Sequence[tuple[Mapping[str, Any], str]], settings: str
+    ) -> list[Ended]:
+        """Run the body in each case, which is a variation and a scene, unless that was done before."""
+        bodies: dict[str, str] = {}
+        keys, cars, scenes, requests = [], {}, {}, []
+        for number, (variation, scene) in enumerate(cases):
+            varied = canonical_json(variation)
+            if varied not in bodies:
+                limits = carsim.limits().numbers
+                bodies[varied] = canonical_json(vary_body(json.loads(body), variation, limits)) if variation else body
+            facts = [carsim.build, bodies[varied], settings, scene]
+            keys.append(hashlib.sha256("\0".join(facts).encode()).digest())
+            if keys[-1] not in _ENDED:
+                name = str(number)
+                cars[name], scenes[name] = bodies[varied], scene
+                requests.append(RunRequest(name, name, settings, f"environment {number}", number))
+        answers = carsim.run(cars, scenes, requests) if requests else []
+        for request, answer in zip(requests, answers, strict=True):
+            _ENDED[keys[int(request.body)]] = outcome_of(answer), answer.get("elapsed_time_s")
+        return [_ENDED[key] for key in keys]
+
+    def _drives(self, info: ExperimentInfo) -> StoredDrives:
+        return self._store.once(("drives", info.id), lambda: read_drives(self._store, info.id))
+
+    def _scenes(self, info: ExperimentInfo) -> dict[int, str]:
+        """The texts of the scenes that the sweep has stored, by sample."""
+        drives = self._drives(info)
+        read = lambda: {sample: drives.text("scene", scene) for sample, scene in drives.scenes.items()}  # noqa: E731
+        return self._store.once(("scenes", info.id), read)
+
+    def _variation(self, info: ExperimentInfo, sample: int | None) -> Mapping[str, Any]:
+        """How the car of that sample differs from its design."""
+        drives = self._drives(info)
+        known = info.variation and sample in drives.variations
+        return drives.value("variation", drives.variations[sample]) if known and sample is not None else {}

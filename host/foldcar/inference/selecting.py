@@ -1,0 +1,454 @@
+"""Advises which designs to build next: before any trial, and again after each round of them.
+
+Before trials it names the middle, the edges and the outside of the feasible region, as the publication of the width
+study chose; after trials the designs whose trials would tell most about which design is best and which ones reach the
+threshold. The report, `foldcar select`, `foldcar log` and the API print the same advice.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+
+import numpy
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from foldcar.car.design import compose_columns
+from foldcar.car.folded_car import folded_car
+from foldcar.errors import FoldcarError
+from foldcar.inference.belief import Belief
+from foldcar.inference.calibration.parameters import MEASURABLE
+from foldcar.inference.comparison import compare_experiment
+from foldcar.inference.design_evidence import Design, DesignEvidence
+from foldcar.inference.evidence import Evidence, read_evidence
+from foldcar.inference.sentences import Undecided, first_reason, grounds, headline, next_reason, undecided_text
+from foldcar.simulation.results import no_rate_text
+from foldcar.statistics.built_cars import PRIOR, SPREADS
+from foldcar.statistics.pooled_bias import MOST_POOLED
+from foldcar.statistics.rate import Rate, rate_interval
+from foldcar.statistics.selection import (
+    BATCHES,
+    Effort,
+    Placed,
+    choose,
+    correlation_within_cars,
+    expected_loss,
+    first_designs,
+    further_effort,
+    gain_per_hour,
+    honest_best,
+    telling_environments,
+    trials_needed,
+    trials_to_tell,
+)
+from foldcar.statistics.words import count, listed, percent, points, rate_text
+from foldcar.store.calibrations import measured_values
+from foldcar.store.info import ExperimentInfo
+from foldcar.store.reader import Store
+from foldcar.study.search.design_simulator import fresh_id
+
+BUILD, THRESHOLD, PRECISION = 4, 0.75, 0.15
+# Trials whose information is compared between designs: what an afternoon allows.
+ROUND_TRIALS = 10
+# More designs are thinned out before the most useful are chosen: information is counted for every pair of them.
+MAX_CANDIDATES = 400
+# It is enough when the leader lacks no more on average (0 to 1; or the precision, if that is less), and an hour of work
+# wins less of success by a better leader, or of designs put right.
+MOST_LOSS, LEAST_GAIN = 0.05, 0.01
+# A design whose chance to reach the threshold, and to be the best, is smaller (0 to 1) is not worth building.
+MIN_CHANCE = 0.025
+NEXT = "next"
+# How the remark begins that names what should be measured.
+MEASURE = "Measure first, before more trials:"
+MACHINE = "silhouette"
+# Assumptions, to be replaced by one's own experience: a desktop cutter in film (mm/s), placing the obstacles of a trial
+# (minutes), and building a car that cannot be folded by the guide (minutes).
+CUTTING_MM_S, PLACING_MIN, UNKNOWN_ASSEMBLY_MIN = 20.0, 3.0, 60.0
+
+
+@dataclass(frozen=True)
+class Cost:
+    """``sheets`` of film, 0 where no car is to be built; ``minutes`` for the cars and the trials."""
+
+    sheets: int
+    minutes: int
+
+
+@dataclass(frozen=True)
+class Recommendation:
+    """A design to try next.
+
+    ``place`` is one of :mod:`foldcar.statistics.selection`, or NEXT after trials; ``reason`` says why. ``simulated``: the
+    rate of its runs. ``expected``: the rate of a further built car, by simulation and trials together. ``cars`` more and
+    ``trials`` more in all bring its interval to the precision asked for. ``built``: it was driven before. ``cost`` None:
+    the car cannot be cut, or was not nested.
+    """
+
+    label: str
+    design: Design
+    place: str
+    reason: str
+    simulated: Rate
+    expected: Rate
+    built: bool
+    trials_done: int
+    cars: int
+    trials: int
+    cost: Cost | None
+
+
+@dataclass(frozen=True, repr=False)
+class Selection:
+    """The advice for one experiment. Print it to read it.
+
+    ``headline`` says what is known, ``grounds`` what that rests on, ``next_step`` what to do. ``enough``: more trials are
+    not worth their time; then there are no recommendations. ``environments`` are the samples to set up for all
+    recommended designs; the first ``telling`` of them tell the designs apart in simulation. ``leader``: the best design
+    by trials and simulation together. ``loss``: by how much (0 to 1) it lacks on average to the best there may be.
+    ``gain``: what an hour of work wins at most (0 to 1). All three are None before trials. ``basis``: what costs assume.
+    """
+
+    info: ExperimentInfo
+    threshold: float
+    precision: float
+    headline: str
+    grounds: str = ""
+    next_step: str = ""
+    recommendations: tuple[Recommendation, ...] = ()
+    environments: tuple[int, ...] = ()
+    telling: int = 0
+    enough: bool = False
+    leader: Design | None = None
+    loss: float | None = None
+    gain: float | None = None
+    undecided: tuple[Undecided, ...] = ()
+    remarks: tuple[str, ...] = ()
+    basis: str = ""
+
+    @property
+    def sentence(self) -> str:
+        """The whole advice."""
+        return " ".join(text for text in (self.headline, self.grounds, self.next_step) if text)
+
+    def __repr__(self) -> str:
+        rows = [
+            f"  {design.label}: {design.trials} trials of {count(design.cars, 'car')}; {design.reason}"
+            for design in self.recommendations
+        ]
+        return "\n".join([f"Experiment {self.info.id}: {self.sentence}", *rows])
+
+
+def select(
+    store: Store,
+    build: int = BUILD,
+    threshold: float | None = None,
+    precision: float = PRECISION,
+    experiment: str | None = None,
+    with_cost: bool = True,
+    simulated_trials: bool = False,
+) -> list[Selection]:
+    """Advise on every swept experiment, or one: up to ``build`` designs each; none if nothing was swept.
+
+    ``threshold`` (0 to 1) is the success that a good design reaches; None: the listing's highest, or THRESHOLD.
+    ``precision`` is the half-width (0 to 0.5) to which trials are to bring a rate. ``with_cost`` nests the sheets, a
+    second a car. ``simulated_trials``: go by trials of simulated cars instead of built ones. Raises FoldcarError.
+    """
+    evidence = read_evidence(store, experiment, simulated_trials)
+    found = select_evidence(evidence, build, threshold, precision, with_cost)
+    if simulated_trials:
+        return [replace(one, headline=f"SIMULATED trials. {one.headline}") for one in found]
+    return [measure_first(store, one) for one in found]
+
+
+def measure_first(store: Store, selection: Selection) -> Selection:
+    """Add what was not measured of the built cars and obstacles to the remarks, if more trials are advised."""
+    missing = [name for name in MEASURABLE if name not in measured_values(store, selection.info.listed_id)]
+    # There is no leader before trials.
+    if not missing or selection.leader is None or not selection.recommendations:
+        return selection
+    remark = f"{MEASURE} {listed(missing)} (`foldcar trials measure`)."
+    return replace(selection, remarks=(remark, *selection.remarks))
+
+
+def select_evidence(
+    evidence: Sequence[Evidence],
+    build: int = BUILD,
+    threshold: float | None = None,
+    precision: float = PRECISION,
+    with_cost: bool = True,
+) -> list[Selection]:
+    """Advise as :func:`select` does, from evidence that was read."""
+    by_id = {one.info.id: one for one in evidence}
+    result = []
+    for one in evidence:
+        fresh = by_id.get(fresh_id(one.info.id)) if one.info.searched else None
+        if fresh is None:
+            result.append(_select_one(one, build, threshold, precision, with_cost))
+            continue
+        # Rates in the environments that chose the designs are biased.
+        advice = _select_one(fresh, build, threshold, precision, with_cost)
+        judged = f"{len(fresh.designs):,} were judged in {fresh.info.environments:,} fresh environments"
+        start = f"A search tried {count(one.swept, 'design')}; {judged}. "
+        result.append(replace(advice, info=one.info, headline=start + advice.headline))
+    return result
+
+
+def _select_one(evidence: Evidence, build: int, threshold: float | None, precision: float, with_cost: bool) -> Selection:
+    info, belief = evidence.info, evidence.belief
+    limit = threshold if threshold is not None else max(info.thresholds, default=THRESHOLD)
+    if belief is None:
+        return Selection(info, limit, precision, _nothing(evidence), remarks=evidence.remarks)
+    # Threads for matrices of some tens of rows only wait for each other.
+    with threadpool_limits(1):
+        return _Adviser(evidence, belief, limit, precision).selection(build, with_cost)
+
+
+def _nothing(evidence: Evidence) -> str:
+    info = evidence.info
+    passed, trials = evidence.trial_counts.sum(axis=0).tolist()
+    if not info.success_defined:
+        return f"No car is called good or bad: {info.success_rule}."
+    if not info.stored_runs and trials:
+        return f"{passed} of {count(trials, 'trial')} of built cars passed; nothing was simulated to compare with."
+    if not info.stored_runs:
+        return "No run is stored yet."
+    return f"Nothing can be said: {no_rate_text(info.stored_runs)}."
+
+
+@dataclass(frozen=True)
+class _Adviser:
+    """Advice from the belief about one experiment."""
+
+    evidence: Evidence
+    belief: Belief
+    threshold: float
+    precision: float
+
+    def selection(self, build: int, with_cost: bool) -> Selection:
+        """Return the advice with up to ``build`` designs."""
+        belief, info, threshold = self.belief, self.evidence.info, self.threshold
+        best, loss = expected_loss(belief.draws)
+        enough = belief.driven and loss <= min(MOST_LOSS, self.precision) and self._gain < LEAST_GAIN
+        placed = [] if enough else self._placed(build)
+        recommended = tuple(self._recommendation(one, with_cost) for one in placed)
+        rows = [one.index for one in placed]
+        met = {trial.sample for index in rows for trial in belief.designs[index].trials}
+        known = [column for column, sample in enumerate(belief.samples.tolist()) if sample in met]
+        wanted = max((one.trials for one in recommended), default=0)
+        columns = telling_environments(belief.passed[rows], wanted, known) if rows else []
+        return Selection(
+            info,
+            threshold,
+            self.precision,
+            headline(self.evidence, belief, compare_experiment(self.evidence), threshold),
+            grounds(self.evidence, belief, threshold),
+            self._next_step(recommended, belief.labels[best], loss, enough),
+            recommended,
+            tuple(int(belief.samples[column]) for column in columns),
+            int(sum(numpy.ptp(belief.passed[rows][:, column]) > 0 for column in columns)),
+            enough,
+            belief.designs[best].design if belief.driven else None,
+            loss if belief.driven else None,
+            self._gain if belief.driven else None,
+            self._undecided if belief.driven else (),
+            self._remarks(wanted - len(columns)),
+            self._basis,
+        )
+
+    def _placed(self, build: int) -> list[Placed]:
+        """The designs, the most useful first."""
+        belief, first = self.belief, []
+        if not belief.driven:
+            rate, low, high = belief.simulation.T
+            # How little is known of each design's side of the threshold.
+            doubt = 1 / (1 + numpy.abs(rate - self.threshold) / numpy.maximum(high - low, 1e-9))
+            first = first_designs(belief.parameters, rate, doubt, self.threshold)[:build]
+        taken = [one.index for one in first]
+        candidates = numpy.union1d(self._open_candidates, numpy.array(taken, dtype=int))
+        zone = self.precision if belief.driven else 0.0
+        chosen = numpy.searchsorted(candidates, taken).tolist()
+        more = choose(belief.draws[:, candidates], self.threshold, ROUND_TRIALS, build - len(first), chosen, zone=zone)
+        return [*first, *(Placed(int(candidates[index]), NEXT) for index in more)]
+
+    @cached_property
+    def _candidates(self) -> NDArray[numpy.int64]:
+        """The driven designs, and evenly spaced ones of the others."""
+        rest = numpy.flatnonzero(self.belief.trials == 0)
+        if len(rest) > MAX_CANDIDATES:
+            rest = rest[numpy.linspace(0, len(rest) - 1, MAX_CANDIDATES).round().astype(int)]
+        return numpy.union1d(rest, numpy.flatnonzero(self.belief.trials))
+
+    @property
+    def _open_candidates(self) -> NDArray[numpy.int64]:
+        """The candidates that may be the best one, or whose side of the threshold is open; all if none is."""
+        belief, candidates = self.belief, self._candidates
+        chances = belief.chances(self.threshold)[candidates]
+        best = (belief.draws.argmax(axis=1)[:, None] == candidates).mean(axis=0)
+        open_ones = ((chances > MIN_CHANCE) & (chances < 1 - MIN_CHANCE)) | (best > MIN_CHANCE)
+        return candidates[open_ones] if open_ones.any() else candidates
+
+    @cached_property
+    def _gain(self) -> float:
+        """What an hour of work wins at most."""
+        trials_min = [(index, trial_min(self.belief.designs[index].mean_time_s)) for index in self._candidates.tolist()]
+        work = [
+            [self._effort(index, batch).work_min(self._assembly_min, minutes) for index, minutes in trials_min]
+            for batch in BATCHES
+        ]
+        return gain_per_hour(self.belief.draws[:, self._candidates], self.threshold, self.precision, work)
+
+    def _effort(self, index: int, further: int, least: int = 0) -> Effort:
+        """The work for so many further independent trials of a design, or ``least`` in all."""
+        design = self.belief.designs[index]
+        driven = [] if design.cars is None else design.cars.counted.astype(int).tolist()
+        minutes = trial_min(design.mean_time_s)
+        return further_effort(further, self._correlations[index], self._assembly_min, minutes, driven, least)
+
+    @cached_property
+    def _spreads(self) -> NDArray[numpy.float64]:
+        """How much cars of each design differ: where none were simulated, as those of the others do, or as is assumed."""
+        own = [None if design.spread is PRIOR else float(design.spread @ SPREADS) for design in self.belief.designs]
+        known = [spread for spread in own if spread is not None]
+        usual = sum(known) / len(known) if known else float(PRIOR @ SPREADS)
+        return numpy.array([usual if spread is None else spread for spread in own])
+
+    @cached_property
+    def _correlations(self) -> list[float]:
+        """The correlation of trials of one car, by design."""
+        # Some of the draws are enough.
+        draws = self.belief.draws[::10].T
+        return [correlation_within_cars(rates, spread) for rates, spread in zip(draws, self._spreads, strict=True)]
+
+    @cached_property
+    def _assembly_min(self) -> float:
+        """The minutes to build a car, as its guide estimates them, of the design in the middle of the family."""
+        design = self.belief.designs[len(self.belief.designs) // 2]
+        return assembly_min(design.vehicle_type, tuple(design.design.items()))
+
+    @property
+    def _basis(self) -> str:
+        return (
+            "Sheets: 12 x 12 inch, 12 x 24 where a piece is longer, as `foldcar pattern` nests them. Minutes assume "
+            f"cutting at {CUTTING_MM_S:g} mm/s, {self._assembly_min:.0f} min to build a car (as its guide estimates, "
+            f"headers and firmware aside), {PLACING_MIN:g} min to place a trial, and the time that simulation drives. "
+            f"Cars and trials are planned for cars of a design that differ by {self._spreads.mean():.1f} in log-odds "
+            "(standard deviation)."
+        )
+
+    @cached_property
+    def _undecided(self) -> tuple[Undecided, ...]:
+        """The designs whose rate may lie on both sides of the threshold, or is not to be trusted."""
+        belief, limit, zone, result = self.belief, self.threshold, self.precision, []
+        for index, (design, rate) in enumerate(zip(belief.designs, belief.built, strict=True)):
+            doubted = index in belief.contradicting.beside
+            if doubted or rate.low < limit <= rate.high:
+                more = max(1, trials_to_tell(belief.draws[:, index], limit) - len(design.trials))
+                at = not doubted and limit - zone <= rate.low and rate.high <= limit + zone
+                result.append(Undecided(design.label, design.design, at, more))
+        return tuple(result)
+
+    def _recommendation(self, placed: Placed, with_cost: bool) -> Recommendation:
+        index, design = placed.index, self.belief.designs[placed.index]
+        effort = self._effort(index, 1, trials_needed(self.belief.draws[:, index], self.precision))
+        if placed.place == NEXT:
+            reason = next_reason(self.belief, index, self.threshold)
+        else:
+            reason = first_reason(placed.place, design, self.evidence.info.simulation)
+        return Recommendation(
+            design.label, design.design, placed.place, reason, design.simulated(), self.belief.built[index],
+            bool(design.trials), len(design.trials), effort.cars, effort.trials,
+            cost(design, effort, self._assembly_min) if with_cost else None,
+        )  # fmt: skip
+
+    def _remarks(self, missing_environments: int) -> tuple[str, ...]:
+        belief, info, found = self.belief, self.evidence.info, []
+        best, passed, number = honest_best(belief.passed)
+        if number and len(belief.designs) > 1:
+            rate = rate_text(passed / number, *rate_interval(passed, number, info.until is not None))
+            found.append(
+                f"Best in {info.simulation}: {belief.labels[best]}, {rate}, chosen in one half of the environments "
+                "and counted in the other."
+            )
+        thinned = len(belief.designs) - len(self._candidates)
+        if thinned:
+            found.append(f"{count(thinned, 'design')} between these were left out of the choice, to save time.")
+        if belief.unpooled:
+            found.append(f"Of the driven designs the {MOST_POOLED} with most trials count.")
+        if missing_environments > 0:
+            found.append(
+                f"{count(missing_environments, 'trial')} of a design must repeat an environment: sweep more of them."
+            )
+        return (*found, *self.evidence.remarks)
+
+    def _next_step(self, recommended: Sequence[Recommendation], leader: str, loss: float, enough: bool) -> str:
+        lost = f"{points(loss, sign=False)} points"
+        if enough:
+            worth = points(LEAST_GAIN, sign=False)
+            stop = (
+                f"Enough: expected loss if you stop with {leader}: {lost}; an hour of work wins less than {worth} point."
+            )
+            return f"{stop} {undecided_text(self._undecided, self.precision)}".strip()
+        first = recommended[0]
+        index = self.belief.labels.index(first.label)
+        chance = f"{percent(self.belief.chances(self.threshold)[index])} chance to reach {percent(self.threshold)}"
+        cars = f" of {count(first.cars, 'car')}" if first.cars else ""
+        hours = "" if first.cost is None else f", about {_hours(first.cost.minutes)}"
+        then = f"; then {listed([one.label for one in recommended[1:]])}" if len(recommended) > 1 else ""
+        verb = "build" if first.cars else "drive"
+        plan = f"Next, {verb} {first.label}: {chance}; {count(first.trials, 'trial')}{cars}{hours}{then}."
+        if not self.belief.driven:
+            return plan
+        gain = f"an hour of work wins up to {100 * self._gain:.1f}"
+        return f"{plan} Expected loss if you stop with {leader}: {lost}; {gain}."
+
+
+def _hours(minutes: int) -> str:
+    return f"{minutes} min" if minutes < 90 else f"{minutes / 60:.0f} hours"
+
+
+def trial_min(drive_s: float | None) -> float:
+    """Return the minutes of a trial of ``drive_s`` (None: unknown, then without)."""
+    return PLACING_MIN + (drive_s or 0.0) / 60
+
+
+@lru_cache
+def assembly_min(vehicle_type: str, design: tuple[tuple[str, float | str], ...]) -> float:
+    """Return the minutes to build a car of the ``design``, pairs of name and value, as its guide estimates them."""
+    # Sheets and proof take a second to import.
+    from foldcar.fabrication.assembly.operations import operations
+    from foldcar.fabrication.patterns.options import options
+    from foldcar.fabrication.patterns.sheets import cut_car, on_a_larger_sheet
+
+    try:
+        folded = folded_car(compose_columns(vehicle_type, dict(design)))
+        return operations(folded, cut_car(folded, on_a_larger_sheet(folded, options(MACHINE)))).minutes
+    except (FoldcarError, ValueError):
+        return UNKNOWN_ASSEMBLY_MIN
+
+
+def cost(design: DesignEvidence, effort: Effort, car_min: float) -> Cost | None:
+    """Return the cost of cars, ``car_min`` minutes each to assemble, and trials; None if they cannot be cut."""
+    driving_min = effort.trials * trial_min(design.mean_time_s)
+    if not effort.cars:
+        return Cost(0, math.ceil(driving_min))
+    cut = _cut(design.vehicle_type, tuple(design.design.items()))
+    if cut is None:
+        return None
+    sheets, cutting_min = cut
+    return Cost(effort.cars * sheets, math.ceil(effort.cars * (cutting_min + car_min) + driving_min))
+
+
+@lru_cache
+def _cut(vehicle_type: str, design: tuple[tuple[str, float | str], ...]) -> tuple[int, float] | None:
+    """The sheets of a car, and the minutes to cut them; None if it cannot be cut."""
+    from foldcar.fabrication.patterns.options import options
+    from foldcar.fabrication.patterns.sheets import on_a_larger_sheet, pattern
+
+    try:
+        composed = compose_columns(vehicle_type, dict(design))
+        folded = folded_car(composed)
+        cut = pattern(folded, on_a_larger_sheet(folded, options(MACHINE)), composed.title)
+    except (FoldcarError, ValueError):
+        return None
+    return len(cut.sheets), cut.cut_length_mm / CUTTING_MM_S / 60

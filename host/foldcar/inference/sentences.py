@@ -1,0 +1,189 @@
+"""The adviser's sentences: what is known of designs, what that rests on, what to do next, and why.
+
+Verbs follow probability: designs *reach* the threshold with a chance of KNOWN at least, *probably* with PROBABLE.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy
+from numpy.typing import NDArray
+
+from foldcar.inference.belief import Belief
+from foldcar.inference.comparison import ExperimentComparison
+from foldcar.inference.design_evidence import DesignEvidence
+from foldcar.inference.evidence import Evidence
+from foldcar.statistics import selection
+from foldcar.statistics.gap import OPTIMISTIC, PESSIMISTIC
+from foldcar.statistics.words import count, listed, percent, points, span_text
+
+KNOWN, PROBABLE = 0.975, 0.8
+# Designs that one sentence names.
+NAMED = 3
+
+_FIRST = {
+    selection.MIDDLE: "the middle of the feasible region: if it fails, the whole region is in doubt",
+    selection.LOWER_EDGE: "the lower edge of the feasible region: is the border where simulation sees it?",
+    selection.UPPER_EDGE: "the upper edge of the feasible region: is the border where simulation sees it?",
+    selection.EDGE: "an edge of the feasible region: is the border where simulation sees it?",
+    selection.BELOW: "just outside, below the region: bounds it, or shows that simulation is too strict",
+    selection.ABOVE: "just outside, above the region: bounds it, or shows that simulation is too strict",
+    selection.OUTSIDE: "just outside the region: bounds it, or shows that simulation is too strict",
+    selection.BEST: "the best in simulation, though no design reaches the threshold there",
+    selection.END: "an end of the range, all of which is feasible in simulation: no border is in it",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Undecided:
+    """A design whose interval contains the threshold; ``at`` it: within the precision on both sides.
+
+    About ``trials`` more have an even chance to tell on which side it is.
+    """
+
+    label: str
+    design: Mapping[str, float | str]
+    at: bool
+    trials: int
+
+
+def headline(evidence: Evidence, belief: Belief, compared: ExperimentComparison, threshold: float) -> str:
+    """Return what is known: which designs reach the threshold, in simulation or, once cars were driven, as built cars."""
+    limit, simulation = percent(threshold), evidence.info.simulation
+    chances = belief.chances(threshold)
+    best = int(chances.argmax())
+    best_chance = f"{belief.labels[best]} has the best chance, {percent(chances[best])}"
+    if not belief.driven:
+        built = f"No car was driven yet; of built cars {best_chance}." if len(chances) > 1 else "No car was driven yet."
+        return f"In {simulation} {_simulated(belief, evidence, threshold)}. {built}"
+    wrong = []
+    for verdict in (OPTIMISTIC, PESSIMISTIC):
+        names = [design.label for design in compared.designs if design.verdict == verdict]
+        wrong += [f"{verdict} at {listed(names)}"] if names else []
+    start = f"Trials contradict {simulation}: it is {' and '.join(wrong)}. " if wrong else ""
+    trusted = ~numpy.isin(numpy.arange(len(chances)), belief.contradicting.beside)
+    known, probable = trusted & (chances >= KNOWN), trusted & (chances >= PROBABLE) & (chances < KNOWN)
+    if known.any():
+        also = f"; {_names(belief, evidence, probable)} probably" if probable.any() else ""
+        verb = "reaches" if _is_one(known) else "reach"
+        return f"{start}{_capital(_names(belief, evidence, known))} {verb} {limit}{also}."
+    if probable.any():
+        verb = "reaches" if _is_one(probable) else "reach"
+        least = f"a chance of at least {percent(chances[probable].min())}"
+        return f"{start}{_capital(_names(belief, evidence, probable))} probably {verb} {limit}, with {least}."
+    if len(chances) == 1:
+        return f"{start}Whether the design reaches {limit} is not known: its chance is {percent(chances[0])}."
+    return f"{start}No design is known to reach {limit}; {best_chance}."
+
+
+def grounds(evidence: Evidence, belief: Belief, threshold: float) -> str:
+    """Return what the headline rests on: which designs simulation cannot rank, and the trials of driven designs."""
+    said, simulation = [], evidence.info.simulation
+    if belief.driven:
+        said.append(f"In {simulation} {_simulated(belief, evidence, threshold)}.")
+    rates = belief.simulation
+    tied = rates[:, 2] >= rates[:, 0].max()
+    if tied.sum() > 1:
+        low, high = (f"{100 * end:.0f}" for end in (rates[tied, 0].min(), rates[tied, 0].max()))
+        span = f"{low} %" if low == high else f"{low} to {high} %"
+        driven = "" if not belief.driven or belief.trials[tied].any() else "; none of these was driven"
+        said.append(f"{_capital(simulation)} cannot rank {_names(belief, evidence, tied)} ({span}){driven}.")
+    driven_designs = sorted(evidence.driven, key=lambda one: -one.trials_passed / len(one.trials))
+    if driven_designs:
+        counts = [
+            f"{design.trials_passed} of {len(design.trials)} at {design.label}" for design in driven_designs[:NAMED]
+        ]
+        rest = f", of {count(len(driven_designs), 'driven design')}" if len(driven_designs) > NAMED else ""
+        said.append(f"Trials that passed: {listed(counts)}{rest}.")
+    return " ".join(said)
+
+
+def undecided_text(undecided: Sequence[Undecided], precision: float) -> str:
+    """Return which designs are undecided and how many trials would decide them; "" without any."""
+    said = []
+    for at in (True, False):
+        group = sorted((one for one in undecided if one.at == at), key=lambda one: one.trials)
+        if not group:
+            continue
+        more = [count(len(group) - NAMED, "further design")] if len(group) > NAMED else []
+        names = listed([*(one.label for one in group[:NAMED]), *more])
+        verb = "is" if len(group) == 1 else "are"
+        where = f"within {points(precision, sign=False)} points of the threshold" if at else "undecided"
+        first = f" of {group[0].label}" if len(group) > 1 else ""
+        said.append(f"{names} {verb} {where}; some {_rounded(group[0].trials)} more trials{first} may tell.")
+    return _capital(" ".join(said))
+
+
+def first_reason(place: str, design: DesignEvidence, simulation: str) -> str:
+    """Return why a design is built before there are trials."""
+    return f"{_FIRST[place]}; {simulation} passes {percent(design.runs_passed / design.runs)}"
+
+
+def next_reason(belief: Belief, index: int, threshold: float) -> str:
+    """Return why a design is tried next, from what is believed of it."""
+    low, high = belief.built[index].low, belief.built[index].high
+    if low < threshold <= high:
+        chance = percent(belief.chances(threshold)[index])
+        parts = [
+            f"its rate is {percent(low)} to {percent(high)}: it reaches {percent(threshold)} with a chance of {chance}"
+        ]
+    else:
+        parts = [f"its rate is {percent(low)} to {percent(high)}, which bounds its neighbours'"]
+    best = float((belief.draws.argmax(axis=1) == index).mean())
+    if best >= 1.5 / len(belief.designs):
+        parts.append(f"it is the best with a chance of {percent(best)}")
+    design = belief.designs[index]
+    if design.trials:
+        parts.append(f"{design.trials_passed} of {count(len(design.trials), 'trial')} passed")
+    return "; ".join(parts)
+
+
+def _simulated(belief: Belief, evidence: Evidence, threshold: float) -> str:
+    """Which designs reach the threshold in simulation, as a clause: ``75 to 150 mm reach 75 %, 80 to 140 mm surely``."""
+    rate, low, _ = belief.simulation.T
+    limit, reach, surely = percent(threshold), rate >= threshold, low >= threshold
+    if not reach.any():
+        if not sum(design.runs_passed for design in belief.designs):
+            return "no run passed"
+        best = int(rate.argmax())
+        named = "" if len(rate) == 1 else f", {belief.labels[best]},"
+        return f"no design reaches {limit}; the best{named} passes {percent(rate[best])}"
+    verb = "reaches" if _is_one(reach) else "reach"
+    text = f"{_names(belief, evidence, reach)} {verb} {limit}"
+    if (surely == reach).all():
+        return f"{text} surely (95 %)"
+    if not surely.any():
+        return f"{text}, none surely (95 %)"
+    return f"{text}, {_names(belief, evidence, surely)} surely (95 % each)"
+
+
+def _names(belief: Belief, evidence: Evidence, chosen: NDArray[numpy.bool_]) -> str:
+    """The chosen designs: ranges of neighbours where one parameter varies, else how many they are."""
+    number, total = int(chosen.sum()), len(chosen)
+    if total == 1:
+        return "the design"
+    if number == total:
+        return f"each of {total:,} designs"
+    if len(evidence.parameters) != 1:
+        return belief.labels[int(chosen.argmax())] if number == 1 else f"{number:,} of {total:,} designs"
+    order = numpy.argsort(belief.parameters[:, 0], kind="stable")
+    values, inside = belief.parameters[order, 0], chosen[order]
+    ranges = []
+    for run in numpy.split(numpy.arange(total), numpy.flatnonzero(numpy.diff(inside)) + 1):
+        if inside[run[0]]:
+            ranges.append(span_text(evidence.parameters[0], float(values[run[0]]), float(values[run[-1]])))
+    return listed(ranges)
+
+
+def _is_one(chosen: NDArray[numpy.bool_]) -> bool:
+    """Whether the verb after their names is singular."""
+    return bool(chosen.sum() == 1 or chosen.all())
+
+
+def _rounded(number: int) -> str:
+    step = 10 ** max(0, len(str(number)) - 2)
+    return f"{-(-number // step) * step:,}"
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]

@@ -1,0 +1,100 @@
+"""Designs and rates as readers are told of them: ``95 mm``, ``width 95 mm, radius 60 mm``, ``12 %``."""
+
+from collections.abc import Iterable, Mapping, Sequence
+
+from foldcar.statistics.gap import RankAgreement
+
+# Ends of columns' names, and how their units are written; longer ends first.
+COLUMN_UNITS = {
+    "rad_s": "rad/s", "m_s": "m/s", "mm": "mm", "cm2": "cm²", "m": "m", "deg": "°", "rad": "rad", "kg": "kg", "g": "g",
+    "s": "s", "v": "V", "j": "J", "us": "µs",
+}  # fmt: skip
+
+
+def design_text(design: Mapping[str, float | str]) -> str:
+    """A design by the given parameters: the value with its unit; with names if there are several or it has no unit."""
+    if not design:
+        return "the design"
+    parts = {name: value_text(name, value) for name, value in design.items()}
+    labels = [label_and_unit(name) for name in parts]
+    if len(parts) == 1 and labels[0][1]:
+        return next(iter(parts.values()))
+    return ", ".join(f"{label} {text}" for (label, _), text in zip(labels, parts.values(), strict=True))
+
+
+def value_text(name: str, value: float | str | None) -> str:
+    """The value of the parameter ``name`` with its unit."""
+    if value is None:
+        return "unknown"
+    unit = label_and_unit(name)[1]
+    return value if isinstance(value, str) else f"{value:g}{' ' if unit not in ('', '°') else ''}{unit}"
+
+
+def label_and_unit(name: str) -> tuple[str, str]:
+    """What a column is called, and its unit: ``wheel radius`` and ``mm`` of wheel_radius_mm; no unit is empty."""
+    stem = next((end for end in COLUMN_UNITS if name.endswith(f"_{end}")), "")
+    label = name.removesuffix(f"_{stem}") if stem else name
+    return label.replace("_", " "), COLUMN_UNITS.get(stem, "")
+
+
+def percent(share: float) -> str:
+    """A share of 0 to 1 in whole per cent; what is not quite none or all is said so."""
+    if 0 < share < 0.005:
+        return "below 0.5 %"
+    if 0.995 < share < 1:
+        return "above 99.5 %"
+    return f"{100 * share:.0f} %"
+
+
+def rate_text(rate: float, low: float, high: float) -> str:
+    """A rate of 0 to 1 with its interval: ``70 % (40 % to 89 %)``."""
+    return f"{percent(rate)} ({percent(low)} to {percent(high)})"
+
+
+def points(difference: float, sign: bool = True) -> str:
+    """A difference of shares in whole points, with a sign: ``-30``."""
+    return f"{100 * difference:+.0f}" if sign and round(100 * difference) else f"{abs(100 * difference):.0f}"
+
+
+def span_text(name: str, first: float, last: float) -> str:
+    """A range of values of the parameter ``name``: ``75 to 150 mm``; the one value if it is one."""
+    low, high = value_text(name, first), value_text(name, last)
+    return low if low == high else f"{first:g} to {high}"
+
+
+def listed(names: Iterable[str]) -> str:
+    """``a``, ``a and b``, ``a, b and c``; numbers with one unit share it: ``95, 115 and 180 mm``.
+
+    Names that have commas themselves are set apart by semicolons: ``a, b; c, d``.
+    """
+    texts = _sharing_unit(list(names))
+    if len(texts) > 1 and any("," in text for text in texts):
+        return "; ".join(texts)
+    return texts[0] if len(texts) == 1 else f"{', '.join(texts[:-1])} and {texts[-1]}" if texts else "none"
+
+
+def count(number: int, noun: str) -> str:
+    """``1 trial``, ``2 trials``."""
+    return f"{number:,} {noun}{'' if number == 1 else 's'}"
+
+
+def duration_text(seconds: float) -> str:
+    """``12 s``, ``3 min``, ``5.5 h``, ``4.2 days``."""
+    for unit, length_s, most in (("s", 1, 100), ("min", 60, 100), ("h", 3600, 48)):
+        if seconds < most * length_s:
+            return f"{seconds / length_s:.2g} {unit}"
+    return f"{seconds / 86400:,.1f} days"
+
+
+def _sharing_unit(texts: Sequence[str]) -> list[str]:
+    parts = [text.rpartition(" ") for text in texts]
+    if len(texts) > 1 and all(head and " " not in head and unit == parts[0][2] for head, _, unit in parts):
+        return [*(head for head, _, _ in parts[:-1]), texts[-1]]
+    return list(texts)
+
+
+def rank_text(ranks: RankAgreement | None) -> str | None:
+    """How well simulation ranks the driven designs; None for fewer than two."""
+    if ranks is None or ranks.mmrv is None:
+        return None
+    return f"Over {ranks.designs} designs: mean maximum rank violation {ranks.mmrv:.2f}."

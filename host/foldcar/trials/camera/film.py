@@ -1,0 +1,84 @@
+"""Reads films and photos: grey pictures with the times that the file gives them.
+
+Times are the file's presentation times, never counted frames: phones film at a rate that varies. FoldcarError of one line
+that names the file for what cannot be read.
+"""
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy
+
+from foldcar.errors import FoldcarError
+from foldcar.trials.camera.detection import Grey
+
+LEAST_PX = 320
+LONGEST_S = 600.0
+
+
+def read_photo(file: Path) -> Grey:
+    """A photo in grey, turned as its camera was held."""
+    try:
+        data = file.read_bytes()
+    except OSError as error:
+        raise FoldcarError(f"{file}: cannot be read: {error.strerror}") from error
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    picture: Any = cv2.imdecode(numpy.frombuffer(data, dtype=numpy.uint8), cv2.IMREAD_GRAYSCALE) if data else None
+    if picture is None:
+        raise FoldcarError(f"{file}: is no picture that can be read (JPEG, PNG)")
+    _check_size(file, picture)
+    grey: Grey = picture
+    return grey
+
+
+def read_film(file: Path) -> Iterator[tuple[float, Grey]]:
+    """Time (s from the first frame's) and grey picture of each frame; repeated frames and times are left out."""
+    capture = _open(file)
+    try:
+        first: float | None = None
+        last_s, before = -1.0, None
+        while True:
+            ok, frame = capture.read()
+            if not ok:
+                break
+            at_s = float(capture.get(cv2.CAP_PROP_POS_MSEC)) / 1000
+            first = at_s if first is None else first
+            grey: Grey = frame if frame.ndim == 2 else cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY)
+            if before is None:
+                _check_size(file, grey)
+            # A recorder that drops a frame may repeat the one before, whose time it then was not.
+            repeated = before is not None and numpy.array_equal(grey[::16, ::16], before)
+            before = grey[::16, ::16].copy()
+            time_s = at_s - first
+            if time_s > LONGEST_S:
+                raise FoldcarError(f"{file}: is longer than {LONGEST_S:g} s: cut it to the trial")
+            if time_s > last_s and not repeated:
+                last_s = time_s
+                yield time_s, grey
+        if first is None:
+            raise FoldcarError(f"{file}: is no film that can be read: it has no frames")
+    finally:
+        capture.release()
+
+
+def _open(file: Path) -> Any:
+    if not file.is_file():
+        raise FoldcarError(f"{file}: {'is no file' if file.exists() else 'no such file'}")
+    if file.suffix.lower() in (".heic", ".heif"):
+        raise FoldcarError(f"{file}: photos in HEIC are not read: save it as JPEG, or set the camera to JPEG")
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    # FFmpeg's own words are no line of ours: AV_LOG_QUIET.
+    os.environ["OPENCV_FFMPEG_LOGLEVEL"] = "-8"
+    capture = cv2.VideoCapture(str(file), cv2.CAP_FFMPEG)
+    if not capture.isOpened():
+        raise FoldcarError(f"{file}: is no film that can be read (MP4, MOV, MKV, AVI)")
+    return capture
+
+
+def _check_size(file: Path, grey: Grey) -> None:
+    height, width = grey.shape
+    if min(height, width) < LEAST_PX:
+        raise FoldcarError(f"{file}: is {width} × {height} pixels: its shorter side is below {LEAST_PX}")

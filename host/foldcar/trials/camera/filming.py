@@ -1,0 +1,304 @@
+"""A trial's film put together with the trial: when the drive began, how it ended, what the store keeps.
+
+Input: a store, the number of a trial, a film, course, lens, a carsim. Output: a Track record of the store.
+
+The film's time of the trial's start is that of the car's first movement. The simulated car is driven by the same
+firmware: film and simulation are laid over each other between 3 and 40 mm from the start. Servos of one kind differ in
+how soon they turn by some 10 ms, which remains. The attitudes in a car's log come ten times a second and 15 to 30 ms
+late: they tell no better. The end is proposed by the rules that end the simulator's runs (docs/carsim.md), as far as a
+film shows it; a person decides.
+"""
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy
+
+from foldcar.errors import FoldcarError
+from foldcar.simulation.carsim import Carsim
+from foldcar.simulation.heights import carsim_heights
+from foldcar.simulation.runner import RunRequest
+from foldcar.store.log_files import sha256_of
+from foldcar.store.reader import Store
+from foldcar.store.trial_records import Track
+from foldcar.store.writer import canonical_json
+from foldcar.trials.camera.detection import Floats
+from foldcar.trials.camera.film import read_film
+from foldcar.trials.camera.ground import standing
+from foldcar.trials.camera.lens import Lens
+from foldcar.trials.camera.markers import Course
+from foldcar.trials.camera.photo import LAID_RAD
+from foldcar.trials.camera.poses import CarMarker
+from foldcar.trials.camera.tracking import Track as Filmed
+from foldcar.trials.camera.tracking import track
+
+# A car that stood farther from where the trial has it (m, rad) is told; a film of a car beyond OTHER_TRIAL is refused.
+ELSEWHERE_M, ELSEWHERE_RAD = 0.015, math.radians(4)
+OTHER_TRIAL_M, OTHER_TRIAL_RAD = 0.060, math.radians(20)
+SET_OFF_M = numpy.linspace(0.003, 0.040, 12)
+# Where time scales are fitted, and the largest that a car's own speed explains. Slow motion is 2 to 32 times as slow.
+SCALED_M = numpy.linspace(0.003, 0.120, 24)
+MOST_SCALE = 1.5
+# A scale beyond this is remarked on: 24 or 25 frames a second saved as 30, or servos that are slow or quick.
+REMARKED_SCALE = 1.12
+# A trial that a person ends lasts longer than the drive to the goal.
+LATE_S = 0.2
+SERVOS_S = 0.015
+REST_S = 0.1
+# As in sim2d/lib/trial/ending.h.
+TIPPED_UP = 0.26
+STUCK_M, STUCK_RAD, STUCK_S = 0.010, 0.035, 4.0
+HELD_M, HELD_S = 0.050, 8.0
+# A marker that is last seen tilted like this, and never again, is under the car.
+TIPPING_UP = 0.6
+UNSEEN_S = 0.7
+
+
+@dataclass(frozen=True)
+class Start:
+    """The trial's start on the film's clock (s), and its standard deviation.
+
+    ``scale`` is how many times longer the film's car takes than the simulated one over the first 120 mm.
+    """
+
+    film_s: float
+    error_s: float
+    scale: float
+
+    def remarks(self) -> list[str]:
+        """A remark if the film's car is much slower or quicker than the simulated one."""
+        if 1 / REMARKED_SCALE < self.scale < REMARKED_SCALE:
+            return []
+        return [
+            f"the car sets off {_pace(self.scale)} as in simulation: if the film was saved at another frame rate, all "
+            "times are wrong by this factor; otherwise the servos are slower or quicker than in simulation"
+        ]
+
+
+@dataclass(frozen=True)
+class Ending:
+    """``outcome`` is one of a trial's, None where the film does not tell; where and when (trial's time), and why."""
+
+    outcome: str | None
+    time_s: float
+    x_m: float
+    y_m: float
+    why: str
+
+
+def car_marker(body: Mapping[str, Any], course: Course) -> CarMarker:
+    """The marker above the lid of the segment whose pose is the car's."""
+    segment = min(body["segments"], key=lambda one: abs(one["x_m"]))
+    lid_m = segment["center_z_m"] + segment["height_m"] / 2
+    return CarMarker(course.car_size_m, course.car_x_m, lid_m + course.car_height_m)
+
+
+def track_trial(
+    store: Store, number: int, film: Path, course: Course, lens: Lens | None, carsim: Carsim
+) -> tuple[Track, tuple[str, ...]]:
+    """Where the car was in the trial by its film, and what to say of it; FoldcarError of one line."""
+    texts = store.trial_drive(number)
+    if texts is None:
+        raise FoldcarError(f"{store.path}: trial {number} was imported without a scene: it cannot be filmed")
+    body, settings, scene = (json.loads(text) for text in texts)
+    ground = standing(scene, carsim_heights(carsim), body)
+    filmed = track(
+        read_film(film), str(film), course, lens, lambda scale: car_marker(body, course.printed(scale)), ground
+    )
+    start = find_start(filmed.times_s, filmed.poses, _simulated(body, settings, scene, carsim), str(film))
+    times_s = filmed.times_s - start.film_s
+    turns = abs(settings["speed_m_s"]) <= 0.05 * abs(settings["yaw_rate_rad_s"])
+    ending = propose(times_s, filmed.poses, scene, settings["time_limit_s"], turns, filmed.film_s - start.film_s)
+    elapsed_s = store.trial(number).elapsed_time_s
+    if ending.outcome in ("passed", "off_course") and elapsed_s is not None and ending.time_s > elapsed_s + LATE_S:
+        raise FoldcarError(
+            f"{film}: {ending.why} after {ending.time_s:.2f} s, but trial {number} ended after {elapsed_s:.2f} s: it is "
+            "a film of another trial, or in slow motion"
+        )
+    remarks = [
+        *filmed.remarks,
+        *start.remarks(),
+        *_elsewhere(filmed, times_s, scene["start"], f"{film}: is a film of another trial"),
+    ]
+    digest = sha256_of(film)
+    assert digest is not None
+    facts = _facts(filmed, start, ending, lens, remarks)
+    record = Track(number, film.name, digest, round(start.film_s, 4), ending.outcome, facts, _rows(times_s, filmed))
+    return record, tuple(remarks)
+
+
+def _simulated(body: Any, settings: Any, scene: Any, carsim: Carsim) -> Floats:
+    """Time, x and y of the simulated car's first seconds in the same trial."""
+    request = RunRequest("car", "scene", canonical_json({**settings, "path_interval_s": 0.01}), "film", 0)
+    (answer,) = carsim.run({"car": canonical_json(body)}, {"scene": canonical_json(scene)}, [request])
+    if "path" not in answer:
+        raise FoldcarError(f"the trial cannot be simulated: {answer.get('error', 'no path')}")
+    return numpy.array(answer["path"])[:, :3]
+
+
+def _facts(filmed: Filmed, start: Start, ending: Ending, lens: Lens | None, remarks: list[str]) -> dict[str, Any]:
+    x, y, heading = filmed.frame_error
+    view = filmed.view
+    return {
+        "end_s": round(ending.time_s, 3), "end_x_m": round(ending.x_m, 4), "end_y_m": round(ending.y_m, 4), "why":
+        ending.why, "start_error_s": round(start.error_s, 4),
+        "frame_error_m": [round(float(x), 5), round(float(y), 5)],
+        # The marker on the lid is glued by hand.
+        "heading_error_rad": round(math.hypot(heading, LAID_RAD), 5),
+        "corner_error_px": round(filmed.pixel_error, 3), "seen": round(filmed.seen, 4),
+        "lens": "given" if lens else "fitted to the floor markers", "focal_px": round(view.lens.focal_px, 1),
+        "camera_m": [round(float(value), 3) for value in view.place_m], "remarks": list(remarks),
+    }  # fmt: skip
+
+
+def _rows(times_s: Any, filmed: Filmed) -> list[list[float]]:
+    upper = [(0, 0), (0, 1), (0, 3), (1, 1), (1, 3), (3, 3), (2, 2), (4, 4), (5, 5)]
+    return [
+        [
+            round(float(time_s), 4),
+            *(round(float(value), 5) for value in pose),
+            *(float(f"{spread[k]:.3g}") for k in upper),
+        ]
+        for time_s, pose, spread in zip(times_s, filmed.poses, filmed.covariances, strict=True)
+    ]
+
+
+def _elsewhere(filmed: Filmed, times_s: Any, start: Mapping[str, float], refusal: str) -> list[str]:
+    """A remark if the car stood elsewhere than the trial says; FoldcarError, which ``refusal`` begins, if too far."""
+    before = filmed.poses[times_s < 0]
+    if not len(before):
+        return []
+    x, y, _, heading, *_ = numpy.median(before, axis=0)
+    away_m = math.hypot(x - start["x_m"], y - start["y_m"])
+    turned = math.remainder(heading - start["heading_rad"], math.tau)
+    if away_m < ELSEWHERE_M and abs(turned) < ELSEWHERE_RAD:
+        return []
+    remark = (
+        f"the car began {1000 * away_m:.0f} mm and {math.degrees(turned):+.1f}° from where the trial has it: at "
+        f"{1000 * x:.0f}, {1000 * y:.0f} mm, {math.degrees(heading):.1f}°"
+    )
+    if away_m > OTHER_TRIAL_M or abs(turned) > OTHER_TRIAL_RAD:
+        raise FoldcarError(f"{refusal}: {remark}; if it is of this one, correct its places by a photo")
+    return [remark]
+
+
+def find_start(times_s: Floats, poses: Floats, simulated: Floats, where: str) -> Start:
+    """The start of the trial; ``simulated`` are rows of time in the trial, x, y.
+
+    FoldcarError, beginning with ``where``, if the car moves from the film's first frame on, or never, or if film time and
+    simulated time have a scale that no car's speed explains.
+    """
+    resting = times_s < times_s[0] + REST_S
+    away = numpy.linalg.norm(poses[:, :2] - numpy.median(poses[resting, :2], axis=0), axis=1)
+    if numpy.ptp(poses[resting, :2], axis=0).max() > SET_OFF_M[0]:
+        raise FoldcarError(f"{where}: the car moves from the first frame on: begin to film before it starts")
+    beyond = numpy.flatnonzero(away > SET_OFF_M[-1])
+    simulated_away = numpy.linalg.norm(simulated[:, 1:3] - simulated[0, 1:3], axis=1)
+    if not len(beyond) or simulated_away.max() < SET_OFF_M[-1]:
+        raise FoldcarError(
+            f"{where}: the car does not move by {1000 * SET_OFF_M[-1]:.0f} mm: its start is not to be seen"
+        )
+    # What lies before is the last time that it stood still.
+    first = int(beyond[0])
+    reached = [_when(times_s[: first + 1], away[: first + 1], far) for far in SET_OFF_M]
+    end = int(numpy.argmax(simulated_away >= SET_OFF_M[-1]))
+    wanted = [_when(simulated[: end + 1, 0], simulated_away[: end + 1], far) for far in SET_OFF_M]
+    offsets = numpy.subtract(reached, wanted)
+    # The first distances are short, and beyond them an obstacle may slow the car down: the scale nearer to 1 counts.
+    film = _scaled(times_s, away, simulated, simulated_away)
+    scale = min(float(numpy.polyfit(wanted, reached, 1)[0]), film, key=lambda one: abs(math.log(max(one, 1e-3))))
+    if not 1 / MOST_SCALE < scale < MOST_SCALE:
+        raise FoldcarError(
+            f"{where}: the car sets off {_pace(scale)} as in simulation: the film is in slow motion or time "
+            "lapse; save it at the speed of the drive, or film without"
+        )
+    error = float(numpy.hypot(SERVOS_S, offsets.std()))
+    return Start(float(numpy.median(offsets)), error, scale)
+
+
+def _pace(scale: float) -> str:
+    return f"{scale:.2g} times as slow" if scale > 1 else f"{1 / max(scale, 1e-3):.2g} times as fast"
+
+
+def _scaled(times_s: Floats, away: Floats, simulated: Floats, simulated_away: Floats) -> float:
+    """How many times longer the film's car takes to the distances of SCALED_M that both cars reach."""
+    farthest = min(away.max(), simulated_away.max())
+    far = SCALED_M[: int(numpy.searchsorted(SCALED_M, farthest, "right"))]
+    first, end = (int(numpy.argmax(one >= far[-1])) + 1 for one in (away, simulated_away))
+    reached = [_when(times_s[:first], away[:first], one) for one in far]
+    wanted = [_when(simulated[:end, 0], simulated_away[:end], one) for one in far]
+    return float(numpy.polyfit(wanted, reached, 1)[0])
+
+
+def _when(times_s: Floats, away: Floats, far: float) -> float:
+    """The last time at which ``away`` rose through ``far``."""
+    at = int(numpy.flatnonzero(away < far)[-1]) if (away < far).any() else 0
+    if at + 1 >= len(away):
+        return float(times_s[-1])
+    share = (far - away[at]) / max(away[at + 1] - away[at], 1e-9)
+    return float(times_s[at] + share * (times_s[at + 1] - times_s[at]))
+
+
+def propose(
+    times_s: Floats, poses: Floats, scene: Mapping[str, Any], time_limit_s: float, turns: bool, film_end_s: float
+) -> Ending:
+    """The end of the drive; ``turns``: it was told to turn on the spot, or nearly."""
+    driving = numpy.flatnonzero((times_s >= 0) & (times_s <= time_limit_s))
+    if not len(driving):
+        return Ending(None, 0.0, float(poses[0, 0]), float(poses[0, 1]), "the film does not show the drive")
+    was_short = True
+    moved = left = int(driving[0])
+    for at in driving.tolist():
+        time_s, (x, y, _, heading, pitch, roll) = float(times_s[at]), poses[at]
+        if math.cos(pitch) * math.cos(roll) < TIPPED_UP:
+            return Ending("tipped", time_s, x, y, f"tilted by more than {math.degrees(math.acos(TIPPED_UP)):.0f}°")
+        short = _short_of_goal(scene["goal"], x, y)
+        if was_short and not short:
+            return _passed(times_s, poses, scene["goal"], at)
+        was_short = short
+        course = scene["course"]
+        if not (course["x_min_m"] <= x <= course["x_max_m"] and course["y_min_m"] <= y <= course["y_max_m"]):
+            return Ending("off_course", time_s, x, y, "its middle left the course")
+        if math.dist((x, y), poses[left, :2]) > HELD_M:
+            left = at
+        elif not turns and time_s - times_s[left] >= HELD_S:
+            return Ending("stuck", time_s, x, y, f"less than {1000 * HELD_M:.0f} mm in {HELD_S:g} s")
+        if math.dist((x, y), poses[moved, :2]) > STUCK_M or abs(heading - poses[moved, 3]) > STUCK_RAD:
+            moved = at
+        elif time_s - times_s[moved] >= STUCK_S:
+            return Ending("stuck", time_s, x, y, f"less than {1000 * STUCK_M:.0f} mm in {STUCK_S:g} s")
+    last = int(driving[-1])
+    time_s, (x, y, _, _, pitch, roll) = float(times_s[last]), poses[last]
+    end_s = min(film_end_s, time_limit_s)
+    if end_s - time_s > UNSEEN_S:
+        if math.cos(pitch) * math.cos(roll) < TIPPING_UP:
+            return Ending("tipped", time_s, x, y, "last seen as it tipped")
+        return Ending(None, time_s, x, y, "its marker is not seen any more")
+    if film_end_s >= time_limit_s:
+        return Ending("timeout", time_limit_s, x, y, f"the time limit of {time_limit_s:g} s")
+    return Ending(None, time_s, x, y, "the film ends before the drive")
+
+
+def _passed(times_s: Floats, poses: Floats, goal: Mapping[str, Any], at: int) -> Ending:
+    """The moment between two frames in which the car reached the goal."""
+    steps = numpy.linspace(0, 1, 21)
+    before = max(at - 1, 0)
+    share = next(
+        s for s in steps if not _short_of_goal(goal, *(poses[before, :2] + s * (poses[at, :2] - poses[before, :2])))
+    )
+    x, y = poses[before, :2] + share * (poses[at, :2] - poses[before, :2])
+    time_s = times_s[before] + share * (times_s[at] - times_s[before])
+    return Ending("passed", float(time_s), float(x), float(y), "its middle reached the goal")
+
+
+def _short_of_goal(goal: Mapping[str, Any] | None, x: float, y: float) -> bool:
+    if goal is None:
+        return True
+    dx, dy = goal["x_m"] - x, goal["y_m"] - y
+    if goal["kind"] == "disc":
+        return math.hypot(dx, dy) > float(goal["radius_m"])
+    return bool(dx * math.cos(goal["heading_rad"]) + dy * math.sin(goal["heading_rad"]) > 0)

@@ -1,0 +1,163 @@
+"""The markers as sheets to print: PDF at true scale, with a bar to measure, and the board for the lens.
+
+Input: a course. Output: the file's bytes, a page of A4 for each sheet: floor markers, one a page; the car's with a
+stand to fold; obstacles' cards; the board. Every square is drawn as such, so that printers have no pixels to smooth.
+"""
+
+import io
+from itertools import pairwise
+from string import ascii_uppercase
+from typing import Any
+
+import cv2
+import numpy
+from reportlab import rl_config
+from reportlab.lib.units import mm
+from reportlab.pdfgen.canvas import Canvas
+
+from foldcar.errors import FoldcarError
+from foldcar.trials.camera.lens import BOARD_MARKER_M, BOARD_SQUARES, SQUARE_M, board
+from foldcar.trials.camera.markers import CAR_ID, CARD_MARGIN, FIRST_OBSTACLE_ID, MODULES, MOST_OBSTACLES, Course
+
+PAGE_MM = (210.0, 297.0)
+EDGE_MM = 12.0
+BAR_MM = 100.0
+CAPTION_MM = 7.0
+
+
+def sheets(course: Course, obstacles: int = 4) -> bytes:
+    """The file's bytes, with cards for that many obstacles; FoldcarError if a marker is larger than the page."""
+    rl_config.useA85 = 0
+    binary = io.BytesIO()
+    canvas = Canvas(binary, pagesize=(PAGE_MM[0] * mm, PAGE_MM[1] * mm), invariant=1, pageCompression=1)
+    canvas.setTitle("Markers")
+    canvas.setCreator("foldcar")
+    canvas.setViewerPreference("PrintScaling", "None")
+    for marker in course.floor:
+        size = 1000 * course.floor_size_m
+        x, y = (PAGE_MM[0] - size) / 2, (PAGE_MM[1] - size) / 2
+        _begin(canvas)
+        card = _card(canvas, marker.id, x, y, size)
+        place = f"middle at x = {1000 * marker.x_m:.0f} mm, y = {1000 * marker.y_m:.0f} mm"
+        _text(canvas, PAGE_MM[0] / 2, y - card - 11, f"Floor marker {marker.id}: {place}; flat, fixed with tape", 11)
+        # Where the middle of its sides is, to measure to.
+        for dx, dy in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+            at = (x + size / 2 + dx * (size / 2 + card), y + size / 2 + dy * (size / 2 + card))
+            canvas.line(*at, at[0] + 5 * dx, at[1] + 5 * dy)
+        _arrow(canvas, x + size + card + 4, y + size / 2, "x")
+        canvas.showPage()
+    _car_page(canvas, course)
+    _obstacle_pages(canvas, course, min(obstacles, MOST_OBSTACLES))
+    _board_page(canvas)
+    canvas.save()
+    return binary.getvalue()
+
+
+def _begin(canvas: Any) -> None:
+    """Millimetres, and the bar to measure."""
+    canvas.scale(mm, mm)
+    canvas.setLineWidth(0.2)
+    canvas.line(EDGE_MM, EDGE_MM, EDGE_MM + BAR_MM, EDGE_MM)
+    for x in range(0, int(BAR_MM) + 1, 10):
+        canvas.line(EDGE_MM + x, EDGE_MM, EDGE_MM + x, EDGE_MM + (3 if x % 50 else 5))
+    canvas.setFont("Helvetica", 3)
+    canvas.drawString(EDGE_MM + BAR_MM + 3, EDGE_MM, f"{BAR_MM:.0f} mm: print at 100 %, then measure this bar")
+
+
+def _text(canvas: Any, x: float, y: float, text: str, points: float) -> None:
+    canvas.setFont("Helvetica", points / 2.83)
+    canvas.drawCentredString(x, y, text)
+
+
+def _arrow(canvas: Any, x: float, y: float, text: str) -> None:
+    canvas.line(x, y, x + 9, y)
+    canvas.line(x + 9, y, x + 6.5, y + 1.5)
+    canvas.line(x + 9, y, x + 6.5, y - 1.5)
+    _text(canvas, x + 12, y - 1, text, 9)
+
+
+def _card(canvas: Any, number: int, x: float, y: float, size: float) -> float:
+    """Draw a marker, its lower left corner at (x, y), and its card's outline; gives the width of the white around it."""
+    margin = CARD_MARGIN * size
+    if size + 2 * margin > PAGE_MM[0] - 2:
+        raise FoldcarError(f"a marker of {size:g} mm with its margin is wider than a page of {PAGE_MM[0]:g} mm")
+    dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
+    _squares(canvas, cv2.aruco.generateImageMarker(dictionary, number, MODULES), x, y, size)
+    canvas.setDash([1.0, 1.0])
+    canvas.rect(x - margin, y - margin, size + 2 * margin, size + 2 * margin)
+    canvas.setDash([])
+    return margin
+
+
+def _squares(canvas: Any, picture: Any, x: float, y: float, size: float) -> None:
+    """Draw the black pixels of a small picture as one path, so that no viewer shows lines between them."""
+    step = size / picture.shape[1]
+    path = canvas.beginPath()
+    dark = picture < 128
+    changes = numpy.flatnonzero((dark[1:] != dark[:-1]).any(axis=1)) + 1
+    bands = [0, *changes.tolist(), len(dark)]
+    for top, below in pairwise(bands):
+        edges = numpy.flatnonzero(numpy.diff(numpy.concatenate([[0], dark[top], [0]]).astype(int)))
+        for begin, end in zip(edges[::2], edges[1::2], strict=True):
+            path.rect(x + begin * step, y + (len(dark) - below) * step, (end - begin) * step, (below - top) * step)
+    canvas.setFillGray(0)
+    canvas.drawPath(path, stroke=0, fill=1)
+
+
+def _car_page(canvas: Any, course: Course) -> None:
+    """The car's marker on a stand: a box without a bottom, walls as high as the marker stands above the lid."""
+    _begin(canvas)
+    size, height = 1000 * course.car_size_m, 1000 * course.car_height_m
+    x, y = (PAGE_MM[0] - size) / 2, 170 - size / 2
+    side = size + 2 * _card(canvas, CAR_ID, x, y, size)
+    low_x, low_y = x - (side - size) / 2, y - (side - size) / 2
+    if height:
+        tab = 8.0
+        canvas.rect(low_x - height, low_y, side + 2 * height, side)
+        canvas.rect(low_x, low_y - height, side, side + 2 * height)
+        for left, low, wide, high in (
+            (low_x - height - tab, low_y, tab, side), (low_x + side + height, low_y, tab, side),
+            (low_x, low_y - height - tab, side, tab), (low_x, low_y + side + height, side, tab),
+        ):  # fmt: skip
+            canvas.rect(left, low, wide, high)
+    _text(canvas, PAGE_MM[0] / 2, y + size + (side - size) / 2 + height + 15, "front of the car", 11)
+    middle = f"its middle {1000 * course.car_x_m:.0f} mm ahead of the car's middle"
+    middle = middle if course.car_x_m else "on the middle of the lid"
+    stand = f"Fold at all lines, walls down, tape at the corners, feet outwards onto the lid: {height:.0f} mm above it"
+    _text(canvas, PAGE_MM[0] / 2, 49, f"The car's marker, {middle}", 10)
+    _text(canvas, PAGE_MM[0] / 2, 43, stand if height else "Flat on the lid", 10)
+    canvas.showPage()
+
+
+def _obstacle_pages(canvas: Any, course: Course, count: int) -> None:
+    size = 1000 * course.obstacle_size_m
+    side = size * (1 + 2 * CARD_MARGIN)
+    columns = max(1, int((PAGE_MM[0] - 2 * EDGE_MM) // (side + 4)))
+    rows = max(1, int((PAGE_MM[1] - 3 * EDGE_MM) // (side + CAPTION_MM + 4)))
+    for first in range(0, count, rows * columns):
+        _begin(canvas)
+        for at in range(first, min(count, first + rows * columns)):
+            row, column = divmod(at - first, columns)
+            x = EDGE_MM + column * (side + 4) + CARD_MARGIN * size
+            y = PAGE_MM[1] - EDGE_MM - (row + 1) * (side + CAPTION_MM + 4) + CARD_MARGIN * size
+            _card(canvas, FIRST_OBSTACLE_ID + at, x, y, size)
+            letter = ascii_uppercase[at]
+            canvas.setFillGray(0)
+            _text(canvas, x + size / 2, y + size + 3, letter, 14)
+            _text(canvas, x + size / 2, y - CARD_MARGIN * size + 4.5, "this edge at the middle of its left side;", 5)
+            _text(canvas, x + size / 2, y - CARD_MARGIN * size + 2, "hill, hole, patch: middle on its middle", 5)
+        canvas.showPage()
+
+
+def _board_page(canvas: Any) -> None:
+    _begin(canvas)
+    columns, rows = BOARD_SQUARES
+    # Pixels a square: those of a marker's module.
+    modules = 7
+    share = round(SQUARE_M / BOARD_MARKER_M * modules * 100)
+    picture = board().generateImage((columns * share, rows * share), None, 0, 1)
+    wide = 1000 * SQUARE_M * columns
+    x, y = (PAGE_MM[0] - wide) / 2, 28.0
+    _squares(canvas, picture, x, y, wide)
+    _text(canvas, PAGE_MM[0] / 2, PAGE_MM[1] - 8, "Board for the lens: glue it onto something flat", 10)
+    canvas.showPage()

@@ -1,0 +1,87 @@
+"""Names of built cars: a car stays the same in all its trials, in simulation too; designs are judged by their cars."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+from foldcar.commands.listed_run import listed_run
+from foldcar.inference.calibration.environment import read_reality, real_run
+from foldcar.store.reader import Store
+from live_car import LOG, car_at_port, trials_in, write_free_course
+from study_car import listing_of
+
+STEP_PYRAMIDS = Path(__file__).resolve().parents[3] / "scenarios" / "step_pyramids.scenic"
+
+
+def write_listing(folder: Path, **params: Any) -> Path:
+    data = listing_of(STEP_PYRAMIDS, {"width": [180, 120]}, timeout=120, environments=30, **params)
+    (folder / "l.json").write_text(json.dumps(data))
+    return folder / "l.json"
+
+
+def test_a_named_car_is_the_same_in_every_sample_and_no_other(tmp_path: Path) -> None:
+    listing = write_listing(tmp_path, variation="workshop")
+    first, second = (listed_run(listing, "1", ["width=180"], k) for k in (0, 1))
+    ada = first.body_in(0, "Ada")
+
+    assert ada == first.body_in(1, "Ada") == second.body_in(0, "Ada") and first.scene != second.scene
+    assert first.body_in(0) == first.body and first.body_in(1) == second.body
+    assert len({json.dumps(body) for body in (ada, first.body_in(0, "Ben"), first.body_in(0))}) == 3
+    # Under a reality the start scatters in each trial.
+    (tmp_path / "reality.json").write_text('{"wheel_spread": 1.5, "start_heading_sd_rad": 0.1}')
+    values, limits = read_reality(tmp_path / "reality.json", "multibody"), first.carsim.limits().numbers
+    real = [
+        real_run(first.experiment, first.nominal, first.scene, values, sample, limits, car)
+        for sample, car in ((0, "Ada"), (1, "Ada"), (0, "Ben"))
+    ]
+    assert real[0][0] == real[1][0] != real[2][0]
+    assert real[0][1]["start"] != real[1][1]["start"] and real[0][1] == real[2][1]
+
+
+def test_a_driven_trial_has_its_cars_name_which_a_correction_changes(tmp_path: Path, foldcar: Any, refused: Any) -> None:
+    write_free_course(tmp_path)
+    with car_at_port() as car:
+        driven = foldcar(*LOG, "--port", car.port, "--yes", "--trials", "1", "--countdown", "0", "--car", " Ada ")
+    assert driven.returncode == 0, driven.stderr
+    assert [trial.car_name for trial in trials_in(tmp_path / "s.db")] == ["Ada"]
+
+    corrected = foldcar("trials", "correct", "s.db", "1", "--car-name", "Ben", "--reason", "two of them")
+    assert '"Ada" -> "Ben"' in corrected.stdout
+    assert "Ben" in foldcar("trials", "list", "s.db").stdout
+    assert foldcar("export", "s.db", "--trials", "t.csv", "--simulated-trials").returncode == 0
+    assert ",Ben," in (tmp_path / "t.csv").read_text()
+    long = "--car: 'xxxxxxxxxx"
+    assert refused(*LOG, "--port", "none", "--car", "x" * 50).startswith(long)
+    assert "is no name of 1 to 40" in refused("trials", "correct", "s.db", "1", "--car-name", "", "--reason", "x")
+
+
+def test_a_design_is_judged_by_its_cars_and_by_what_simulation_finds_of_their_environments(
+    tmp_path: Path, foldcar: Any
+) -> None:
+    write_listing(tmp_path, variation="workshop")
+    assert foldcar("sweep", "l.json", "--store", "s.db").returncode == 0
+    with Store.open(tmp_path / "s.db") as store:
+        runs = [run for run in store.results("1") if run.design["width_mm"] == 180]
+    failed = [run.sample for run in runs if run.outcome != "passed"]
+    assert 3 < len(failed) < 27
+    lines = ["vehicle_type,outcome,source,width_mm,sample,car_name"]
+    for at, sample in enumerate(failed[:8]):
+        outcome = "passed" if at % 2 else "stuck"
+        car = "Ada" if at < 4 else "Ben"
+        lines += [f"W_B_W,{outcome},notes,180,{sample},{car}", f"W_B_W,{outcome},notes,120,{sample},"]
+    (tmp_path / "t.csv").write_text("\n".join(lines))
+    assert foldcar("trials", "import", "s.db", "t.csv", "--experiment", "1").returncode == 0
+
+    (found,) = json.loads(foldcar("compare", "s.db", "--json").stdout)["experiments"]
+
+    two, one = found["designs"]
+    assert (two["cars"], one["cars"], two["trials"], one["trials"]) == (2, 1, len(failed[:8]), len(failed[:8]))
+    assert "of 2 cars, for a further car" in two["further_car"]["method"]
+    assert two["further_car"]["high"] - two["further_car"]["low"] > two["driven"]["high"] - two["driven"]["low"]
+    # Simulation fails more often in these environments than in all.
+    assert two["further_car"]["value"] > two["driven"]["value"]
+    remarks = " ".join(found["remarks"])
+    assert "Trials without a car's name are taken for those of one car of their design, at 120 mm" in remarks
+    assert "in log-odds (standard deviation), is that of simulated ones" in remarks
+    shown = foldcar("compare", "s.db").stdout
+    assert "further car %" in shown and "these: the cars that drove" in shown

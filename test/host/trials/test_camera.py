@@ -1,0 +1,494 @@
+"""Films and photos with known truth, drawn by `filmed.py`: what `foldcar track`, `lens` and `markers` make of them."""
+
+import csv
+import json
+import math
+import re
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy
+import pytest
+from pypdf import PdfReader
+
+from filmed import Camera, Car, Film, Filming, Thing, boxes, floor_markers, marker, pose_at, rotation
+from foldcar.car.body import body_json
+from foldcar.car.design import compose
+from foldcar.errors import FoldcarError
+from foldcar.link.mcap_export import export_mcap
+from foldcar.scenes.obstacles import Obstacle
+from foldcar.simulation.carsim import Carsim
+from foldcar.simulation.heights import carsim_heights
+from foldcar.simulation.runner import RunRequest
+from foldcar.store.reader import Store
+from foldcar.store.trial_paths import trial_path
+from foldcar.store.trial_records import Ending, TrialDesign
+from foldcar.store.trial_writer import CarFacts, Drive, write_trials
+from foldcar.trials.camera.detection import Detector
+from foldcar.trials.camera.film import read_film
+from foldcar.trials.camera.filming import car_marker, propose
+from foldcar.trials.camera.ground import Place, fit_heights, height_remarks, standing
+from foldcar.trials.camera.lens import BOARD_SQUARES, SQUARE_M, Lens, board, calibrate
+from foldcar.trials.camera.markers import FIRST_OBSTACLE_ID, FloorMarker, course_json, read_course, rectangle
+from foldcar.trials.camera.photo import find_placed
+from foldcar.trials.camera.poses import CarMarker, find_pose
+from foldcar.trials.camera.tracking import smooth, track
+from foldcar.trials.camera.view import find_view
+from forked_foldcar import original
+from study_car import car_texts
+
+COURSE = rectangle(1.1, 0.8)
+# Where the film's trial begins (s), and the middle of each exposure after the frame's time.
+START_S, EXPOSURE_S = 0.4, 0.004
+BOX = {"kind": "box", "x_m": 0.5, "y_m": 0.09, "heading_rad": 0.2, "length_m": 0.15, "width_m": 0.15, "height_m": 0.025}
+SCENE = {
+    "friction": 0.7,
+    "terrain": [BOX],
+    "start": {"x_m": 0.1, "y_m": -0.02, "heading_rad": 0.03},
+    "goal": {"kind": "line", "x_m": 1.0, "y_m": 0.0, "heading_rad": 0.0},
+    "course": {"x_min_m": -0.5, "x_max_m": 2.0, "y_min_m": -1.0, "y_max_m": 1.0},
+}
+FILMING = Filming(
+    960, 540, place_m=(0.5, -1.3, 1.2), aim_m=(0.55, 0.02, 0.0), k1=-0.02, exposure_s=EXPOSURE_S, readout_s=0.02
+)
+
+
+def floor_things(course: Any = COURSE, box: Any = BOX) -> list[Thing]:
+    """The floor's markers and a box."""
+    return [*floor_markers(course), *boxes([box], FILMING.place_m)]
+
+
+@pytest.fixture(scope="module")
+def trial(tmp_path_factory: Any) -> Any:
+    """A store with a trial, its film with four frames dropped, and the true pose at each time of the film."""
+    folder = tmp_path_factory.mktemp("film")
+    body, settings = car_texts(95, 8)
+    request = RunRequest("car", "scene", json.dumps({**json.loads(settings), "path_interval_s": 0.01}), "t", 0)
+    (answer,) = Carsim().run({"car": body}, {"scene": json.dumps(SCENE)}, [request])
+    path = numpy.array(answer["path"])
+    driven = pose_at(path, START_S)
+
+    def truth(at_s: float) -> Any:
+        # The simulation ends at the goal, the car drives on.
+        beyond_s = max(0.0, at_s - START_S - path[-1, 0])
+        return driven(at_s) + beyond_s * numpy.array([0.69, 0, 0, 0, 0, 0])
+
+    with write_trials(folder / "s.db") as writer:
+        drive = Drive(json.loads(body), json.loads(settings), SCENE, "fingerprint", "box.scenic", 0)
+        number = writer.begin("1", TrialDesign("W_B_W", {}), drive, {}, CarFacts("b", "d", "p", "built"), "gone.tlog", "")
+        writer.complete(number, Ending("stuck", "key", None, "", None))
+    film = Film(replace(FILMING, dropped=(25, 26, 27, 40)), floor_things(), Car(), truth)
+    film.write(folder / "trial.mp4", START_S + path[-1, 0] + 0.15)
+    (folder / "course.json").write_text(json.dumps(course_json(COURSE)))
+    return folder, truth, answer
+
+
+def test_a_film_gives_path_start_and_outcome(trial: Any) -> None:
+    folder, truth, answer = trial
+
+    options = ["--trial", "1", "--store", "s.db", "--course", "course.json", "--csv", "p.csv", "--json"]
+    done = original().run(["track", "trial.mp4", *options], folder)
+
+    assert done.returncode == 0, done.stderr
+    said = json.loads(done.stdout)
+    # The rows' read-out is known to half of it.
+    assert abs(said["start_s"] - START_S) < 0.02
+    assert (said["outcome"], answer["outcome"]) == ("passed", "passed")
+    assert abs(said["end_s"] - answer["elapsed_time_s"]) < 0.03 and abs(said["end_x_m"] - 1.0) < 0.01
+    assert "stored as stuck: foldcar trials correct s.db 1 --outcome passed" in done.stderr
+    with (folder / "p.csv").open(newline="") as file:
+        rows = [{name: float(text) for name, text in row.items()} for row in csv.DictReader(file)]
+    path = numpy.array([list(row.values())[:7] for row in rows])
+    shift_s = min(numpy.arange(-0.02, 0.02, 0.001), key=lambda s: numpy.median(_off(path, truth, s)[0]))
+    place_m, angles = _off(path, truth, shift_s)
+    assert abs(shift_s) < 0.015
+    assert numpy.median(place_m) < 0.002 and numpy.quantile(place_m, 0.95) < 0.008
+    assert numpy.degrees(numpy.median(numpy.abs(angles), axis=0)).max() < 0.5
+    # The film's errors are as large as it says.
+    spread_m2 = numpy.median([row["var_x_m2"] + row["var_y_m2"] for row in rows])
+    said_m = numpy.hypot(max(said["frame_error_m"]), numpy.sqrt(spread_m2))
+    assert numpy.median(place_m) < 2 * said_m < 0.02
+    # Without a log the replay is of the film.
+    with Store.open(folder / "s.db") as store:
+        shown, kept = trial_path(store, store.trial(1)), store.track(1)
+    assert shown.path is not None and abs(shown.end_s - path[-1, 0]) < 1e-3
+    assert kept is not None and len(kept.rows) == len(rows) and kept.film == "trial.mp4"
+
+
+def pictures(scene: Any) -> tuple[list[tuple[Any, Any]], Any, Any]:
+    """True poses and corners of the car's marker as a camera sees them, of a drive there; the view, the car's body."""
+    body, settings = car_texts(95, 8)
+    request = RunRequest("car", "scene", json.dumps({**json.loads(settings), "path_interval_s": 0.033}), "t", 0)
+    (answer,) = Carsim().run({"car": body}, {"scene": json.dumps(scene)}, [request])
+    filming, chance = Filming(k1=-0.02), numpy.random.default_rng(4)
+    camera, course, car = Camera(filming), rectangle(), Car()
+
+    def corners(thing: Thing) -> Any:
+        side = thing.half[0] / 1.4
+        flat = numpy.array([(-side, side, 0), (side, side, 0), (side, -side, 0), (-side, -side, 0)])
+        return camera.pixels(thing.place + flat @ thing.turn.T) + chance.normal(0, 0.15, (4, 2))
+
+    floor = {one.id: corners(thing) for one, thing in zip(course.floor, floor_markers(course), strict=True)}
+    view = find_view(floor, course, (filming.width, filming.height), None, "picture")
+    shown = [(numpy.array(row[1:7]), corners(car.things(row[1:7])[-1])) for row in answer["path"]]
+    return shown, view, json.loads(body)
+
+
+@pytest.mark.parametrize("factor", [1.0, 1.2])
+def test_obstacles_are_as_high_as_the_car_shows(factor: float) -> None:
+    box = {**BOX, "x_m": 0.7, "height_m": 0.03}
+    shown, view, body = pictures({**SCENE, "terrain": [{**box, "height_m": 0.03 * factor}]})
+    planned, car = standing({**SCENE, "terrain": [box]}, carsim_heights(Carsim()), body), car_marker(body, COURSE)
+
+    poses = [find_pose(seen, view, car, planned) for _, seen in shown]
+    found = fit_heights([pose for pose in poses if pose], planned, 0.15)
+
+    height, error = found.factors[1], found.factor_errors[1]
+    assert abs(height - factor) < 2 * error < 0.15
+    told = [f"obstacle at 700, 90 mm were {height:.2f} ± {error:.2f} times as high as planned"] if factor != 1 else []
+    remarks = height_remarks(found, "film")
+    with pytest.raises(FoldcarError, match=r"film: is a film of another trial: .* obstacle at 700, 90 mm"):
+        height_remarks(replace(found, factors=found.factors * [1, 0.3]), "film")
+    assert len(remarks) == len(told) and all(one in remark for one, remark in zip(told, remarks, strict=True))
+    off = numpy.array([find_pose(seen, view, car, found).values - true for true, seen in shown])
+    place_m = numpy.hypot(off[:, 0], off[:, 1])
+    assert numpy.median(place_m) < 0.003 and numpy.quantile(place_m, 0.95) < 0.006
+
+
+def test_a_car_that_leans_on_a_pyramid_is_where_it_is_seen() -> None:
+    sides_m = (0.23, 0.16, 0.09)
+    steps = [
+        {"kind": "box", "x_m": 0.46, "y_m": 0.12, "heading_rad": 0.0, "length_m": a, "width_m": a, "height_m": 0.0295 * k}
+        for k, a in enumerate(sides_m, 1)
+    ]
+    scene = {**SCENE, "terrain": steps, "start": {"x_m": 0.0, "y_m": 0.01, "heading_rad": 0.01}}
+    shown, view, body = pictures(scene)
+    ground, car = standing(scene, carsim_heights(Carsim()), body), car_marker(body, rectangle())
+
+    ground = fit_heights([find_pose(corners, view, car, ground) for _, corners in shown], ground, 0.15)
+    poses = [find_pose(corners, view, car, ground) for _, corners in shown]
+
+    true = numpy.array([pose for pose, _ in shown])
+    # From there on it falls onto its side.
+    leans = (numpy.abs(true[:, 4:6]).max(axis=1) > math.radians(10)) & (true[:, 0] < 0.6)
+    assert leans.sum() > 15 and numpy.abs(true[:, 5]).max() > math.radians(25)
+    off = numpy.array([pose.values for pose in poses])[leans] - true[leans]
+    error = numpy.sqrt([pose.covariance(0.15).diagonal() for pose in poses])[leans]
+    assert abs(off[:, 1].mean()) < 0.0025 and abs(off[:, 2].mean()) < 0.002
+    assert (abs(off[:, 1]) < 2 * error[:, 1]).mean() > 0.8
+
+
+def test_a_car_with_wheels_of_two_radii_stands_tilted() -> None:
+    body = body_json(compose("W_B_W", {"W2.radius": 50}))
+    stance = standing({**SCENE, "terrain": []}, carsim_heights(Carsim()), body).at(Place(0.5, 0.0, 0.3))
+
+    # Axles 140 mm apart, the car's middle halfway between them.
+    assert stance.values == pytest.approx([0.055, math.asin(10 / 140), 0.0], abs=3e-4)
+
+
+def test_a_car_with_a_wheel_on_a_step_stands_on_a_diagonal() -> None:
+    body = json.loads(car_texts(95, 8)[0])
+    ahead, left = body["wheels"][0]["x_m"], body["track_m"] / 2
+    box = {**BOX, "x_m": 0.5 + ahead, "y_m": left, "heading_rad": 0.0, "length_m": 0.06, "width_m": 0.06}
+    ground = standing({**SCENE, "terrain": [box]}, carsim_heights(Carsim()), body)
+    sure = ground.rescaled(ground.factors, 0 * ground.factors)
+
+    stance = sure.at(Place(0.5, 0.0, 0.0))
+
+    # It leans between two planes: one has the other front wheel on the floor, one the other rear wheel.
+    height, slope, bank = 0.025 / 2, 0.025 / 2 / ahead, 0.025 / 2 / left
+    assert stance.values == pytest.approx([body["wheels"][0]["radius_m"] + height, slope / 2, bank / 2], abs=1e-3)
+    for pitch, roll in ((0.0, bank), (slope, 0.0)):
+        off = numpy.array([0.0, pitch, roll]) - [0.0, slope / 2, bank / 2]
+        assert off @ numpy.linalg.inv(stance.covariance) @ off < 2
+    assert numpy.sqrt(stance.covariance[0, 0]) < 0.005
+
+
+def _off(path: Any, truth: Any, shift_s: float) -> tuple[Any, Any]:
+    off = numpy.array([row[1:] - truth(row[0] + START_S + shift_s) for row in path])
+    off[:, 3:] = numpy.remainder(off[:, 3:] + numpy.pi, 2 * numpy.pi) - numpy.pi
+    return numpy.linalg.norm(off[:, :2], axis=1), off[:, 3:]
+
+
+def photo(course: Any, *more: Thing, pose: Any = None, **changes: Any) -> Any:
+    """A picture of the course with things on it."""
+    film = Film(replace(FILMING, readout_s=0.0, exposure_s=0.0, **changes), [*floor_things(course), *more],
+                Car() if pose is not None else None, lambda at_s: pose)  # fmt: skip
+    return film.frame(0.0)
+
+
+def test_a_photo_gives_the_places_of_car_and_obstacles() -> None:
+    thing = Obstacle("Bump", (0,), 0.49, 0.10, 0.18, 0.15, 0.15)
+    back = 0.075 + COURSE.card_reach_m
+    card = numpy.array([0.5 - back * numpy.sin(0.2), 0.09 + back * numpy.cos(0.2), 0.0])
+    card_marker = marker(FIRST_OBSTACLE_ID, COURSE.obstacle_size_m, card, rotation(0.2))
+    pose = numpy.array([0.104, -0.025, 0.06, 0.06, 0.0, 0.0])
+    body = json.loads(car_texts()[0])
+
+    picture = photo(COURSE, card_marker, pose=pose)
+    ground = standing({**SCENE, "terrain": []}, carsim_heights(Carsim()), body)
+    things = {"A": thing, "B": thing}
+    found = find_placed(picture, "photo", COURSE, None, SCENE, things, car_marker(body, COURSE), ground)
+
+    assert found.missing == ("B",)
+    for name, true in {"A": (0.01, -0.01, 0.02), "car": (0.004, -0.005, 0.03)}.items():
+        off = numpy.abs(numpy.subtract(found.deviations[name], true))
+        assert (off < 3 * numpy.array(found.errors[name])).all() and off[:2].max() < 0.003 and off[2] < 0.012, name
+        assert max(found.errors[name][:2]) < 0.004
+
+
+def test_a_card_on_a_hill_or_a_hole_lies_as_high_as_these_carry_it() -> None:
+    hill = {"kind": "hill", "x_m": 0.4, "y_m": 0.1, "heading_rad": 0.2, "sd_along_m": 0.08, "sd_across_m": 0.06}
+    hole = {"kind": "pothole", "x_m": 0.8, "y_m": -0.1, "radius_m": 0.03, "depth_m": 0.02, "edge_m": 0.005}
+    scene = {**SCENE, "terrain": [{**hill, "height_m": 0.04}, hole]}
+    things = {
+        "A": Obstacle("Hill", (0,), 0.4, 0.1, 0.2, 0.64, 0.48),
+        "B": Obstacle("Pothole", (1,), 0.8, -0.1, 0.0, 0.06, 0.06),
+    }
+    # The card is wider than the hole; how it is turned says nothing.
+    size, places = COURSE.obstacle_size_m, ((0.41, 0.085, 0.04, 0.25), (0.79, -0.08, 0.0, 0.7))
+    cards = [marker(FIRST_OBSTACLE_ID + k, size, (x, y, z), rotation(turn)) for k, (x, y, z, turn) in enumerate(places)]
+    body = json.loads(car_texts()[0])
+    ground = standing(scene, carsim_heights(Carsim()), body)
+
+    found = find_placed(photo(COURSE, *cards), "photo", COURSE, None, scene, things, car_marker(body, COURSE), ground)
+
+    for name, true in {"A": (0.01, -0.015, 0.05), "B": (-0.01, 0.02, 0.0)}.items():
+        off = numpy.abs(numpy.subtract(found.deviations[name], true))
+        assert (off < 3 * numpy.array(found.errors[name])).all() and off[:2].max() < 0.004 and off[2] < 0.012, name
+        assert 0.002 < max(found.errors[name][:2]) < {"A": 0.012, "B": 0.006}[name]
+
+
+def test_places_by_a_photo_are_a_correction_of_the_trial(trial: Any, tmp_path: Path) -> None:
+    (tmp_path / "s.db").write_bytes((trial[0] / "s.db").read_bytes())
+    scene = {**SCENE, "start": {"x_m": 0.11, "y_m": 0.0, "heading_rad": 0.0}}
+
+    with write_trials(tmp_path / "s.db") as writer:
+        made = [writer.place(1, {"car": (0.01, 0.02, -0.03)}, scene, "by photo.jpg", "Ada") for _ in range(2)]
+
+    with Store.open(tmp_path / "s.db") as store:
+        found, drive = store.trial(1), store.trial_drive(1)
+        (correction,) = store.corrections(1)
+    assert [len(one) for one in made] == [1, 0]
+    assert found.deviations == {"car": (0.01, 0.02, -0.03)} and drive is not None and json.loads(drive[2]) == scene
+    assert (correction.field, correction.before, correction.reason) == ("deviations", "{}", "by photo.jpg")
+
+
+def seen(course: Any) -> dict[int, Any]:
+    return Detector().find(photo(course))
+
+
+def played_at(trial: Any, fps: float) -> str:
+    """The name of a copy of the trial's film, of 30 frames a second, that is played at another rate."""
+    frames = list(read_film(trial[0] / "trial.mp4"))
+    height, width = frames[0][1].shape
+    name = f"{fps:g}.mp4"
+    writer = cv2.VideoWriter(str(trial[0] / name), cv2.VideoWriter_fourcc(*"mp4v"), fps, (width, height), False)
+    for _, grey in frames:
+        writer.write(grey)
+    writer.release()
+    return name
+
+
+def test_a_film_at_another_speed_is_refused_or_remarked_on(trial: Any) -> None:
+    options = ["--trial", "1", "--store", "s.db", "--course", "course.json"]
+    slow = original().run(["track", played_at(trial, 15.0), *options], trial[0])
+    of_24 = original().run(["track", played_at(trial, 24.0), *options], trial[0])
+
+    assert slow.returncode == 2
+    assert re.search(r"15\.mp4: the car sets off (1\.[89]|2|2\.[012]) times as slow as in simulation", slow.stderr)
+    assert of_24.returncode == 0
+    assert re.search(r"24\.mp4: the car sets off 1\.[23] times as slow as in simulation: if the film was", of_24.stderr)
+
+
+@pytest.mark.parametrize(
+    ("scene", "elapsed_s", "message"),
+    [
+        ({"start": {**SCENE["start"], "x_m": 0.0}}, None, "is a film of another trial: the car began 100 mm"),
+        ({}, 0.5, "ended after 0.50 s: it is a film of another trial"),
+    ],
+)
+def test_a_film_of_another_trial_is_refused(
+    trial: Any, tmp_path: Path, scene: Any, elapsed_s: float | None, message: str
+) -> None:
+    body, settings = (json.loads(text) for text in car_texts(95, 8))
+    with write_trials(tmp_path / "s.db") as writer:
+        drive = Drive(body, settings, {**SCENE, **scene}, "fingerprint", "box.scenic", 0)
+        number = writer.begin("1", TrialDesign("W_B_W", {}), drive, {}, CarFacts("b", "d", "p", "built"), "gone.tlog", "")
+        writer.complete(number, Ending("stuck", "key", elapsed_s, "", None))
+
+    options = ["--trial", "1", "--store", str(tmp_path / "s.db"), "--course", "course.json"]
+    done = original().run(["track", "trial.mp4", *options], trial[0])
+
+    assert done.returncode == 2 and message in done.stderr
+    with Store.open(tmp_path / "s.db") as opened:
+        assert opened.track(1) is None
+
+
+def test_missing_and_moved_floor_markers_are_told() -> None:
+    size = (FILMING.width, FILMING.height)
+    whole = seen(COURSE)
+    three = {number: one for number, one in whole.items() if number != 2}
+    pushed = replace(COURSE, floor=tuple(replace(m, x_m=m.x_m + 0.04 * (m.id == 1)) for m in COURSE.floor))
+    camera = Camera(FILMING)
+
+    assert find_view(whole, COURSE, size, None, "photo").remarks == ()
+    view = find_view(three, COURSE, size, None, "photo")
+    assert view.remarks == ("floor marker 2 is not seen",)
+    assert abs(view.lens.focal_px / camera.focal - 1) < 0.02 and numpy.abs(view.place_m - camera.place).max() < 0.03
+    (told,) = find_view(seen(pushed), COURSE, size, None, "photo").remarks
+    assert re.fullmatch(r"floor marker 1 lies (3[89]|4[012]) mm from its place, at 11[34]\d, \d+ mm: left out", told)
+    turned = replace(COURSE, floor=(FloorMarker(0, 0.0, 0.4, 1.2), *COURSE.floor[1:]))
+    assert find_view(seen(turned), turned, size, None, "photo").remarks == ()
+    with pytest.raises(FoldcarError, match=r"^photo: floor markers 1, 2 not seen: 3 of 4 are needed$"):
+        find_view({number: whole[number] for number in (0, 3)}, COURSE, size, None, "photo")
+    with pytest.raises(FoldcarError, match=r"^photo: the floor markers do not lie where the course has them"):
+        find_view(whole, rectangle(1.0, 0.9), size, None, "photo")
+
+
+def test_the_lens_of_a_board_is_that_of_the_camera(tmp_path: Path) -> None:
+    columns, rows = BOARD_SQUARES
+    texture = board().generateImage((columns * 40, rows * 40), None, 0, 1).astype(numpy.float32)
+    plate = Thing(numpy.eye(3), numpy.zeros(3), (columns * SQUARE_M / 2, rows * SQUARE_M / 2), texture)
+    places = [
+        *((0.0, -0.12, 0.3), (0.15, -0.1, 0.25), (-0.15, -0.12, 0.28), (0.05, 0.2, 0.25), (0.0, -0.25, 0.2)),
+        *((0.2, 0.02, 0.22), (-0.2, 0.05, 0.25), (0.1, -0.02, 0.35), (-0.08, 0.1, 0.33), (0.12, 0.14, 0.24)),
+    ]
+    filming = Filming(width=640, height=360, k1=-0.05, k2=0.01, moments=1)
+    for at, place in enumerate(places):
+        one = replace(filming, place_m=place, aim_m=(0.02 * (at % 3 - 1), 0.015 * (at % 4 - 1), 0.0))
+        cv2.imwrite(str(tmp_path / f"{at}.png"), Film(one, [plate], None, None).frame(0.0))
+
+    lens, views = calibrate(sorted(tmp_path.glob("*.png")))
+
+    camera = Camera(filming)
+    assert views >= 8 and abs(lens.focal_px / camera.focal - 1) < 0.005
+    assert numpy.abs(numpy.subtract(lens.middle_px, camera.middle)).max() < 4
+    corner = numpy.array([[0.5, 0.28, 1.0]])
+    true = camera.pixels(corner @ camera.turn + camera.place)
+    assert numpy.abs(lens.pixels(corner) - true).max() < 2
+    with pytest.raises(FoldcarError, match=r"^.*/0.png: 1 views show at least 20 corners"):
+        calibrate([tmp_path / "0.png"])
+
+
+def test_sheets_have_markers_of_their_size_that_are_read(tmp_path: Path, foldcar: Any) -> None:
+    done = foldcar("markers", "-o", "m", "--course", "1100x800")
+
+    assert (done.returncode, done.stdout.split()) == (0, ["m/markers.pdf", "m/course.json"])
+    assert json.loads((tmp_path / "m" / "course.json").read_text()) == course_json(COURSE)
+    pages = PdfReader(tmp_path / "m" / "markers.pdf").pages
+    found = {}
+    for page in pages:
+        assert [round(float(side) / 72 * 25.4) for side in page.mediabox[2:]] == [210, 297]
+        picture = numpy.full((2970, 2100), 255, numpy.uint8)
+        content = page.get_contents().get_data().decode("latin-1")
+        # What is filled, not what is drawn as a line.
+        filled = " ".join(re.findall(r"n ((?:[-.\d]+ [-.\d]+ [-.\d]+ [-.\d]+ re\s+)+)f", content))
+        for words in re.findall(r"([-.\d]+) ([-.\d]+) ([-.\d]+) ([-.\d]+) re", filled):
+            x, y, wide, high = (10 * float(number) for number in words)
+            picture[round(2970 - y - high) : round(2970 - y), round(x) : round(x + wide)] = 0
+        found |= Detector().find(picture)
+    sides = {number: float(numpy.linalg.norm(one[0] - one[1])) / 10 for number, one in found.items()}
+    expected = {**dict.fromkeys(range(4), 120), 10: 50, **dict.fromkeys(range(20, 24), 60)}
+    assert {number: round(side) for number, side in sides.items()} == expected
+
+
+def test_endings_follow_the_simulators_rules() -> None:
+    times_s = numpy.arange(0, 12, 0.05)
+    still = numpy.zeros((len(times_s), 6))
+    driving = still.copy()
+    driving[:, 0] = 0.2 * times_s
+    aside, tipped = driving.copy(), driving.copy()
+    aside[:, 1] = times_s
+    tipped[20:, 5] = 1.4
+
+    def outcome(poses: Any, until: int = len(times_s), limit_s: float = 11.0, film_s: float = 12.0) -> Any:
+        return propose(times_s[:until], poses[:until], SCENE, limit_s, False, film_s)
+
+    passed = outcome(driving)
+    assert (passed.outcome, round(passed.time_s, 2), round(passed.x_m, 3)) == ("passed", 5.0, 1.0)
+    assert (outcome(still).outcome, outcome(still).time_s) == ("stuck", 4.0)
+    assert (outcome(aside).outcome, outcome(tipped).outcome) == ("off_course", "tipped")
+    assert outcome(driving, limit_s=3.0).outcome == "timeout"
+    assert outcome(driving, until=20).why == "its marker is not seen any more"
+    assert outcome(driving, until=20, film_s=1.0).why == "the film ends before the drive"
+
+
+def test_the_smooth_path_leaves_wrong_readings_out() -> None:
+    chance = numpy.random.default_rng(2)
+    times_s = numpy.sort(chance.uniform(0, 3, 90))
+    true = numpy.column_stack([0.5 * times_s, 0.1 * numpy.sin(2 * times_s), *[0 * times_s] * 4])
+    noise = numpy.array([0.002, 0.002, 0.002, 0.01, 0.01, 0.01])
+    poses = true + noise * chance.standard_normal(true.shape)
+    poses[40, :2] += 0.1
+    spread = numpy.repeat(numpy.diag(noise**2)[None], len(poses), axis=0)
+
+    path, spreads, used = smooth(times_s, poses, spread)
+
+    assert numpy.flatnonzero(~used).tolist() == [40]
+    off = path[used] - true[used]
+    assert numpy.sqrt(numpy.mean(off[:, 0] ** 2)) < 0.0018
+    scores = off / numpy.sqrt(numpy.array([numpy.diag(one) for one in spreads[used]]))
+    assert 0.6 < numpy.sqrt(numpy.mean(scores**2)) < 1.2
+
+
+def test_a_film_is_in_the_mcap_of_its_trial(tmp_path: Path) -> None:
+    from mcap.reader import make_reader
+
+    log = Path(__file__).parents[1] / "data" / "trial.tlog"
+    rows = [[0.05 * k, 0.01 * k, *[0.0] * 14] for k in range(20)]
+
+    export_mcap(log, tmp_path / "t.mcap", {}, filmed=rows)
+
+    with (tmp_path / "t.mcap").open("rb") as file:
+        found = [(m.log_time, json.loads(m.data)) for _, c, m in make_reader(file).iter_messages(topics=["/camera/pose"])]
+    assert [content["x_m"] for _, content in found] == [row[1] for row in rows]
+    assert abs((found[-1][0] - found[0][0]) / 1e9 - 0.95) < 1e-6
+
+
+def test_a_byte_order_mark_is_no_part_of_a_course(tmp_path: Path) -> None:
+    (tmp_path / "course.json").write_text("\ufeff" + json.dumps(course_json(COURSE)), encoding="utf-8")
+
+    assert course_json(read_course(tmp_path / "course.json")) == course_json(COURSE)
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (("gone.mp4",), "gone.mp4: no such file"),
+        (("text.mp4",), "text.mp4: is no film that can be read (MP4, MOV, MKV, AVI)"),
+        (("text.heic",), "text.heic: photos in HEIC are not read: save it as JPEG, or set the camera to JPEG"),
+        (("text.jpg", "--listing", "l.json"), "text.jpg: is no picture that can be read (JPEG, PNG)"),
+        (("text.jpg",), "text.jpg: with a photo --listing names the listing, whose program knows the obstacles"),
+        (("gone.mp4", "--course", "c.json"), "c.json: floor: two markers have the id 0"),
+        (("gone.mp4", "--course", "text.mp4"), "text.mp4: Invalid JSON: expected ident at line 1 column 2"),
+        (
+            ("gone.mp4", "--lens", "lens.json"),
+            "lens.json: focal_px: Input should be greater than or equal to 100, not -5",
+        ),
+    ],
+)
+def test_what_cannot_be_used_is_told_in_a_line(trial: Any, tmp_path: Path, foldcar: Any, words: Any, told: str) -> None:
+    for name in ("text.mp4", "text.jpg", "text.heic"):
+        (tmp_path / name).write_bytes(b"no film or photo")
+    course = course_json(COURSE)
+    course["floor"][1]["id"] = 0
+    (tmp_path / "c.json").write_text(json.dumps(course))
+    lens = Lens(1280, 720, -5, (640, 360))
+    (tmp_path / "lens.json").write_text(json.dumps(asdict(lens)))
+    (tmp_path / "s.db").write_bytes((trial[0] / "s.db").read_bytes())
+
+    answer = foldcar("track", *words, "--trial", "1", "--store", "s.db")
+
+    assert (answer.returncode, answer.stdout, answer.stderr) == (2, "", f"foldcar: error: {told}\n")
+
+
+def test_a_camera_that_moves_is_refused(tmp_path: Path) -> None:
+    pictures = [(0.0, photo(COURSE)), (0.5, photo(COURSE, place_m=(0.52, -1.3, 1.2)))]
+    # Each is shown long enough to be looked at.
+    frames = [(at_s + k / 30, grey) for at_s, grey in pictures for k in range(15)]
+
+    with pytest.raises(FoldcarError, match=r"^film: the camera moved, .*: use a tripod$"):
+        track(frames, "film", COURSE, None, lambda scale: CarMarker(0.05, 0.0, 0.06), None)  # type: ignore[arg-type]

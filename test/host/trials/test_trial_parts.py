@@ -1,0 +1,281 @@
+"""Units of trials: placement and deviations, a servo's deadband, parameter files, logs, ports, car.json."""
+
+import grp
+import json
+import math
+import os
+import pty
+import re
+import resource
+import signal
+import struct
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from foldcar.car.body import car_json, design_hash, design_name
+from foldcar.car.design import compose
+from foldcar.errors import FoldcarError
+from foldcar.link.car import REASONS
+from foldcar.link.connection import Connection
+from foldcar.link.dialect import load_dialect
+from foldcar.link.parameters import differences, equal_float32, read_file, value_text, write_file
+from foldcar.link.stream import choose_port, open_stream, permission_text
+from foldcar.link.tlog import LogError, TlogWriter, log_damage, read_tlog
+from foldcar.trials.driving import drive_end
+from foldcar.trials.placement import ask_deviations, parse_deviation
+from foldcar.trials.servo_edges import find_edges
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "C 1 2", "A 1", "A x 2", "A 1 2 3 4", "A nan 1", "A 2000 1", "A 1 1 200"],
+)
+def test_a_bad_deviation_says_what_is_wrong(text: str) -> None:
+    with pytest.raises(FoldcarError, match=r'^deviation "'):
+        parse_deviation(text, ["car", "A", "B"])
+    with pytest.raises(FoldcarError, match='--deviation "car 5 5": car is given twice'):
+        ask_deviations(None, {}, ["car 1 1", "car 5 5"])
+
+
+@pytest.mark.parametrize(("neutral", "deadband"), [(1487, 5), (1531, 90)])
+def test_a_servos_edges_are_found_within_the_drivers_step(neutral: float, deadband: float) -> None:
+    asked = []
+
+    def turns(pulse_us: int) -> int:
+        asked.append(pulse_us)
+        return 0 if abs(pulse_us - neutral) <= deadband else int(math.copysign(1, pulse_us - neutral))
+
+    edges = find_edges(turns)
+
+    assert edges.neutral_us == pytest.approx(neutral, abs=2) and edges.deadband_us == pytest.approx(deadband, abs=2)
+    assert len(asked) <= 20 and len(set(asked)) == len(asked)
+
+
+@pytest.mark.parametrize("turns", [lambda pulse: 0, lambda pulse: 1 if pulse < 1500 else -1])
+def test_a_wrongly_wired_servo_is_reported(turns: Any) -> None:
+    with pytest.raises(FoldcarError, match="µs the wheel does not turn as it should"):
+        find_edges(turns)
+
+
+def test_a_parameter_file_reads_back_to_the_same_32_bit_numbers(tmp_path: Path) -> None:
+    values = {f"P{k}": struct.unpack("<f", struct.pack("<f", x))[0] for k, x in enumerate((0.1, 3.4, 25e6, -1 / 3, 0))}
+
+    write_file(tmp_path / "p.parm", values, "of a car")
+
+    read = read_file(tmp_path / "p.parm")
+    assert all(equal_float32(read[name], value) for name, value in values.items()) and len(read) == 5
+    assert value_text(values["P1"]) == "3.4" and value_text(values["P2"]) == "25000000"
+    assert differences(read, values) == []
+    differing = differences({"A": 1.0, "B": 2.0}, {"B": 3.0, "C": 4.0})
+    assert differing == [("A", 1.0, None), ("B", 2.0, 3.0), ("C", None, 4.0)]
+
+
+def test_parameter_files_of_other_programs_are_read(tmp_path: Path) -> None:
+    (tmp_path / "p.param").write_bytes("\ufeff#NOTE: of Mission Planner\r\nA,1.5\r\nB,-2\r\nC\t3\r\n".encode())
+
+    assert read_file(tmp_path / "p.param") == {"A": 1.5, "B": -2, "C": 3}
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "contains no parameters"),
+        ("A,1,5\n", "line 1: not NAME VALUE: A,1,5"),
+        ("A 1\nB\n", "line 2: not NAME VALUE: B"),
+        ("A nan\n", "line 1: not NAME VALUE"),
+        ("A 1e39\n", r"line 1: A: 1e39 is beyond ±3\.4e\+38"),
+        ("A 1 2\n", "line 1: not NAME VALUE"),
+        ("A 1\n# c\nA 2 # again\n", "line 3: A occurs twice"),
+    ],
+)
+def test_a_bad_parameter_file_is_refused(tmp_path: Path, text: str, message: str) -> None:
+    (tmp_path / "p.parm").write_text(text)
+
+    with pytest.raises(FoldcarError, match=f"p.parm: {message}"):
+        read_file(tmp_path / "p.parm")
+
+
+def heartbeats(count: int) -> list[bytes]:
+    d = load_dialect()
+    mav = d.MAVLink(None, srcSystem=1, srcComponent=1)
+    packets = []
+    for k in range(count):
+        mav.seq = k % 256
+        packets.append(d.MAVLink_heartbeat_message(10, 0, 0, k, 4, 3).pack(mav))
+    return packets
+
+
+def test_a_log_is_whole_up_to_where_it_was_cut(tmp_path: Path) -> None:
+    log = TlogWriter(tmp_path / "logs" / "t.tlog")
+    for k, packet in enumerate(heartbeats(5)):
+        log.write(packet, 1_000_000 + k)
+    data = log.file.read_bytes()
+
+    assert [(t, m.custom_mode) for t, m in read_tlog(log.file)] == [(1_000_000 + k, k) for k in range(5)]
+    for cut in (1, 8, 20, len(data) // 5 - 1):
+        log.file.write_bytes(data[:-cut])
+        assert len(list(read_tlog(log.file))) == 4
+    log.file.write_bytes(data)
+    assert log_damage(log.file) is None
+    after_all_times = b"\xff" * 8 + data[8 : len(data) // 5]
+    for damage in (bytes(4096), b"12345678nonsense", bytes(7), b"12345678\xfd\xff", after_all_times):
+        log.file.write_bytes(data + damage)
+        assert len(list(read_tlog(log.file))) == 5
+        assert f"its last {len(damage)} bytes, from where no packet begins, are" in str(log_damage(log.file))
+    log.close()
+    with pytest.raises(LogError, match="exists already"):
+        TlogWriter(log.file)
+
+
+def test_a_full_disk_is_told_and_leaves_whole_packets(tmp_path: Path) -> None:
+    """A limit on the file's size truncates a packet, as a full disk does."""
+    packet = heartbeats(1)[0]
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    ignored = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    log = TlogWriter(tmp_path / "t.tlog")
+    try:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (2 * (8 + len(packet)) + 10, before[1]))
+        log.write(packet)
+        log.write(packet)
+        with pytest.raises(LogError, match="cannot be written: No space left on device"):
+            log.write(packet)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+        signal.signal(signal.SIGXFSZ, ignored)
+    log.close()
+    assert len(list(read_tlog(log.file))) == 2
+
+
+def test_car_json_agrees_with_the_simulators_body() -> None:
+    design = compose("W_B_W", {"width": 95.0})
+
+    content = car_json(design)
+
+    assert [content[key] for key in ("format", "wheel_radius_m", "length_m", "width_m")] == [1, 0.06, 0.2, 0.095]
+    assert [(w["channel"], w["side"], w["direction"]) for w in content["wheels"]] == [
+        (1, "left", 1), (2, "right", -1), (3, "left", 1), (4, "right", -1),
+    ]  # fmt: skip
+    assert not any(name.endswith(("_SIDE", "_DIRECTION")) or name == "TRACK_M" for name in content["parameters"])
+    assert len(content["hash"]) == 16 and int(content["hash"], 16)
+    assert len(json.dumps(content, indent=2)) < 8192
+
+
+def test_every_design_has_a_hash_and_a_short_name_of_its_own() -> None:
+    designs = [compose("W_B_W", {"width": float(w)}) for w in range(65, 250, 20)]
+    designs += [compose("W_B_H_W_H_W", {"radius": 30.0, "W.length": 80.0, "H.fold_up": up}) for up in (0.0, 5.0)]
+
+    assert len({design_hash(design) for design in designs}) == len(designs)
+    assert all(0 < len(design_name(design).encode()) <= 32 for design in designs)
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("/dev/no-such-port", "/dev/no-such-port: no such port"),
+        ("/etc/passwd", "/etc/passwd: not a serial port"),
+        ("tcp:localhost:99999", "tcp:localhost:99999: not tcp:HOST:PORT"),
+        ("tcp:localhost:1", "tcp:localhost:1: cannot be reached: Connection refused"),
+        ("tcp:a..b:5760", 'tcp:a..b:5760: "a..b" is no name of a host'),
+        ("/dev/null", "/dev/null: not a serial port"),
+    ],
+)
+def test_a_port_that_cannot_be_opened_is_reported(name: str, message: str) -> None:
+    with pytest.raises(FoldcarError) as error:
+        open_stream(name)
+
+    assert str(error.value) == message
+
+
+def test_no_permission_names_the_group_to_join() -> None:
+    group = grp.getgrgid(Path("/dev/tty").stat().st_gid).gr_name
+
+    assert f"belongs to group {group}; `sudo usermod -aG {group} $USER`" in permission_text("/dev/tty")
+
+
+def test_a_port_that_another_program_uses_is_reported() -> None:
+    ours, theirs = pty.openpty()
+    first = open_stream(os.ttyname(theirs))
+    try:
+        with pytest.raises(FoldcarError, match="another program uses this port"):
+            open_stream(os.ttyname(theirs))
+    finally:
+        first.close()
+        os.close(ours)
+        os.close(theirs)
+
+
+def ports(monkeypatch: pytest.MonkeyPatch, *found: tuple[str, int | None, int | None]) -> None:
+    """The machine's serial ports, as pyserial lists them."""
+    listed = [SimpleNamespace(device=d, vid=vid, pid=pid, description="a thing") for d, vid, pid in found]
+    monkeypatch.setattr("serial.tools.list_ports.comports", lambda: listed)
+
+
+def test_the_only_board_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    ports(monkeypatch, ("/dev/ttyS0", None, None), ("/dev/ttyACM0", 1, 2), ("/dev/ttyUSB1", 0x10C4, 0xEA60))
+
+    assert choose_port(None) == "/dev/ttyUSB1"
+    assert choose_port("/dev/pts/3") == "/dev/pts/3"
+
+
+@pytest.mark.parametrize(
+    ("found", "message"),
+    [
+        ([], "no car is plugged in"),
+        ([("/dev/ttyACM0", 1, 2)], "no port with a Feather's USB bridge.*--port /dev/ttyACM0 "),
+        ([("/dev/a", 0x1A86, 0x55D4), ("/dev/b", 0x10C4, 0xEA60)], "/dev/a .*, /dev/b .*; choose one with --port"),
+    ],
+)
+def test_without_a_single_board_a_port_must_be_named(monkeypatch: pytest.MonkeyPatch, found: Any, message: str) -> None:
+    ports(monkeypatch, *found)
+
+    with pytest.raises(FoldcarError, match=message):
+        choose_port(None)
+
+
+def test_messages_that_come_together_are_all_read() -> None:
+    ours, theirs = pty.openpty()
+    connection = Connection(open_stream(os.ttyname(theirs)))
+    try:
+        os.write(ours, b"".join(heartbeats(5)))
+
+        found = [connection.wait_for(lambda m: m.get_type() == "HEARTBEAT", 5.0) for _ in range(5)]
+
+        assert [message.custom_mode for message in found if message is not None] == [0, 1, 2, 3, 4]
+        assert (connection.received, connection.lost, connection.damaged) == (5, 0, 0)
+        os.write(ours, heartbeats(9)[8])
+        connection.wait_for(lambda m: m.custom_mode == 8, 5.0)
+        assert (connection.received, connection.lost) == (6, 3)
+    finally:
+        connection.close()
+        os.close(ours)
+        os.close(theirs)
+
+
+def test_every_reason_of_a_refusal_has_words() -> None:
+    header = Path(__file__).resolve().parents[3] / "firmware" / "lib" / "supervisor" / "supervisor.h"
+    listed = re.search(r"enum class Refusal[^{]*\{([^}]*)\}", header.read_text())
+
+    assert listed is not None
+    names = re.findall(r"\bk[A-Z]\w*", re.sub(r"//.*", "", listed[1]))
+    assert len(REASONS) == len(names) and len(set(REASONS)) == len(REASONS)
+
+
+def test_a_log_that_breaks_off_or_lacks_bytes_is_told() -> None:
+    dialect = load_dialect()
+
+    def end(how: str, log_lost: int, lost_bytes: int) -> tuple[str, str | None]:
+        message = dialect.MAVLink_foldcar_trial_message(
+            20_000, 7, 3_000, 3_000, 0.2, 0.0, dialect.FOLDCAR_STATE_FINISHED, getattr(dialect, f"FOLDCAR_END_{how}"),
+            dialect.FOLDCAR_FAULT_NONE, 1, log_lost, dialect.FOLDCAR_LOG_OPEN,
+        )  # fmt: skip
+        told = drive_end(dialect, message, lost_bytes)
+        assert told.elapsed_time_s == 3.0
+        return told.ending, told.outcome
+
+    assert end("TIME_LIMIT", 0, 0) == ("time limit, untethered", "timeout")
+    assert end("TIME_LIMIT", 12, 40) == ("time limit, untethered, 40 bytes of its log lost", "timeout")
+    assert end("STOPPED", 12, 0) == ("stopped, untethered, 12 bytes of its log lost", None)
+    assert end("NONE", 0, 0) == ("its log breaks off, untethered", "aborted")

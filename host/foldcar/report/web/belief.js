@@ -64,7 +64,7 @@ export class Belief {
 function note({ e }) {
   const driven = e.designs.trials.some(count => count), parts = [];
   if (e.judged) parts.push(`Built cars: what ${driven ? "simulation and trials together say" : "simulation says, and how far it may be wrong"}, of a further built car of a design (median).`);
-  if (e.judged && e.designs.smooth.some(share => share !== null)) parts.push("Simulation: squares count runs; the grey band is their rate, smoothed over designs.");
+  if (e.judged && e.parameters.length < 2 && e.designs.smooth.some(share => share !== null)) parts.push("Simulation: squares count runs; the grey band is their rate, smoothed over designs.");
   if (driven) parts.push("Intervals of trials are of the cars that drove.");
   parts.push("Bands and intervals hold at 95 % for each design by itself.");
   return parts.join(" ");

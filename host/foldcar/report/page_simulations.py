@@ -46,7 +46,7 @@ def other_simulations(evidence: Evidence, experiments: Sequence[Evidence]) -> li
         engines = engine_of(evidence.info.engine), engine_of(other.info.engine)
         corrected = _corrected(evidence, other) if engines == (MULTIBODY, MUJOCO) else None
         if corrected is not None:
-            text += f"; rates corrected by these runs are those of {name}, from few of its runs"
+            text += f"; the chart shows the rates corrected by these runs"
         simulations.append({"id": other.info.id, "name": name, **columns, "corrected": corrected, "text": f"{text}."})
     return simulations
 

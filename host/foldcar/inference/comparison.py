@@ -128,7 +128,7 @@ def compare(
 
 def compare_evidence(evidence: Sequence[Evidence], alone: Sequence[Trial] = (), margin: float = MARGIN) -> Comparison:
     """As :func:`compare`, from evidence that was read; ``alone`` are trials of experiments that were not swept."""
-    experiments = tuple(compare_experiment(one, margin) for one in evidence)
+    experiments = tuple(compare_experiment(experiment, margin) for experiment in evidence)
     apart = tuple(
         f"Experiment {name} was not swept: {count(number, 'trial')} without runs."
         for name, number in Counter(trial.experiment for trial in alone).items()
@@ -141,15 +141,15 @@ def compare_experiment(evidence: Evidence, margin: float = MARGIN) -> Experiment
     info, driven, remarks = evidence.info, evidence.driven, evidence.remarks
     if not info.success_defined:
         why = "success is undefined in this environment, so that there is no rate to compare; only outcomes are shown."
-        rows = tuple(DesignComparison(one, one.driven(CONFIDENCE)) for one in driven)
+        rows = tuple(DesignComparison(design, design.driven(CONFIDENCE)) for design in driven)
         return ExperimentComparison(info, rows, f"Nothing to compare: {why}", remarks)
-    both = [one for one in driven if one.runs]
+    both = [design for design in driven if design.runs]
     # Bonferroni: all gaps of the experiment and their mean hold together; of one design the mean is its gap.
     together = 1 - (1 - CONFIDENCE) / (len(both) + 1 if len(both) > 1 else 1)
     belief = evidence.belief
     pooled = {} if belief is None else dict(zip(belief.labels, belief.built, strict=True))
-    rates = {one.label: _rates(one, together) for one in both}
-    compared = tuple(_design(one, pooled.get(one.label), rates.get(one.label), margin) for one in driven)
+    rates = {design.label: _rates(design, together) for design in both}
+    compared = tuple(_design(design, pooled.get(design.label), rates.get(design.label), margin) for design in driven)
     if not both:
         why = (
             "no design has both runs and trials."
@@ -159,7 +159,8 @@ def compare_experiment(evidence: Evidence, margin: float = MARGIN) -> Experiment
         return ExperimentComparison(info, compared, f"Nothing to compare: {why}", remarks)
     mean = mean_gap(list(rates.values()))
     ranks = rank_agreement(
-        [one.runs_passed / one.runs for one in both], [one.trials_passed / len(one.trials) for one in both]
+        [design.runs_passed / design.runs for design in both],
+        [design.trials_passed / len(design.trials) for design in both],
     )
     verdict, sentence = _verdict(compared, mean, margin, info.simulation)
     return ExperimentComparison(info, compared, sentence, remarks, ranks, mean, verdict)
@@ -199,16 +200,16 @@ def _verdict(compared: Sequence[DesignComparison], mean: Gap, margin: float, sim
     """The experiment's verdict and its sentence."""
     start = simulation[0].upper() + simulation[1:]
     labels: dict[str, list[str]] = {}
-    for one in compared:
-        if one.verdict is not None:
-            labels.setdefault(one.verdict, []).append(one.label)
+    for design in compared:
+        if design.verdict is not None:
+            labels.setdefault(design.verdict, []).append(design.label)
     more = "less" if mean.value < 0 else "more"
     apart = f"trials pass {points(mean.value, sign=False)} points {more} often than {simulation}"
     interval = f"{points(mean.low)} to {points(mean.high)}"
-    paired = [one.gap_is_paired for one in compared if one.gap is not None]
+    paired = [design.gap_is_paired for design in compared if design.gap is not None]
     where = "in the same environments, " if all(paired) else ""
     average = f"{where}on average over {count(len(paired), 'design')}, {apart} (95 %: {interval})"
-    pairs, agreeing = (sum(getattr(one, name) for one in compared) for name in ("paired", "agreeing"))
+    pairs, agreeing = (sum(getattr(design, name) for design in compared) for name in ("paired", "agreeing"))
     if pairs:
         average += f"; {agreeing} of {pairs} trials ended as simulated in the same environment"
     unsure = f"; {TOO_FEW} to say at {listed(labels[TOO_FEW])}" if TOO_FEW in labels else ""

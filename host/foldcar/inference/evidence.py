@@ -80,22 +80,24 @@ class Evidence:
     @cached_property
     def run_counts(self) -> NDArray[Any]:
         """How many runs of each design of the family passed, and how many count (family, 2)."""
-        return numpy.array([(one.runs_passed, one.runs) for one in self.family], dtype=int).reshape(-1, 2)
+        return numpy.array([(design.runs_passed, design.runs) for design in self.family], dtype=int).reshape(-1, 2)
 
     @cached_property
     def trial_counts(self) -> NDArray[Any]:
         """How many trials of each design of the family passed, and how many count (family, 2)."""
-        return numpy.array([(one.trials_passed, len(one.trials)) for one in self.family], dtype=int).reshape(-1, 2)
+        return numpy.array([(design.trials_passed, len(design.trials)) for design in self.family], dtype=int).reshape(
+            -1, 2
+        )
 
     @cached_property
     def outcome_counts(self) -> NDArray[Any]:
         """How many runs of each design of the family ended in each way (family, OUTCOMES)."""
-        return numpy.array([one.outcome_counts for one in self.family], dtype=int).reshape(-1, len(OUTCOMES))
+        return numpy.array([design.outcome_counts for design in self.family], dtype=int).reshape(-1, len(OUTCOMES))
 
     @cached_property
     def values(self) -> dict[str, list[float]]:
         """The values that occur of each varied parameter, ascending."""
-        return {name: sorted({float(one.design[name]) for one in self.family}) for name in self.info.varied}
+        return {name: sorted({float(design.design[name]) for design in self.family}) for name in self.info.varied}
 
     def index_of(self, trial: Trial) -> int | None:
         """Return the place of a trial's design in the family; None if it is not of the family, or has no place here."""
@@ -103,7 +105,7 @@ class Evidence:
 
     @cached_property
     def _places(self) -> dict[Any, int]:
-        return {design_key(one.vehicle_type, one.design): index for index, one in enumerate(self.family)}
+        return {design_key(design.vehicle_type, design.design): index for index, design in enumerate(self.family)}
 
 
 def read_evidence(store: Store, experiment: str | None = None, simulated_trials: bool = False) -> list[Evidence]:
@@ -203,7 +205,7 @@ def _evidence(
     here = set[int]() if resimulation is None else store.trials_here(info)
     found = [_with_trials(info, design, by_design.get(key, []), here, resimulation) for key, design in designs.items()]
     evidence = Evidence(info, tuple(found), runs, None, ())
-    known = [(place, one) for place, one in enumerate(evidence.family) if one.runs and info.success_defined]
+    known = [(place, design) for place, design in enumerate(evidence.family) if design.runs and info.success_defined]
     belief = believe([one for _, one in known], [place for place, _ in known], list(info.varied))
     if info.success_defined:
         said += remarks.cars_of_designs(found)
@@ -282,7 +284,7 @@ def _trials(
     """The trials to compare, aborted ones among them; remarks on them and on those left out or driven elsewhere."""
     kept, said = _select(trials, simulated_trials)
     said += remarks.trials(info, kept)
-    said += remarks.trials_in_other_environments([elsewhere[one.id] for one in kept if one.id in elsewhere], info)
+    said += remarks.trials_in_other_environments([elsewhere[trial.id] for trial in kept if trial.id in elsewhere], info)
     return [trial for trial in kept if trial.id not in elsewhere], said
 
 

@@ -155,10 +155,10 @@ def select(
     second a car. ``simulated_trials``: go by trials of simulated cars instead of built ones. Raises FoldcarError.
     """
     evidence = read_evidence(store, experiment, simulated_trials)
-    found = select_evidence(evidence, build, threshold, precision, with_cost)
+    selections = select_evidence(evidence, build, threshold, precision, with_cost)
     if simulated_trials:
-        return [replace(one, headline=f"SIMULATED trials. {one.headline}") for one in found]
-    return [measure_first(store, one) for one in found]
+        return [replace(selection, headline=f"SIMULATED trials. {selection.headline}") for selection in selections]
+    return [measure_first(store, selection) for selection in selections]
 
 
 def measure_first(store: Store, selection: Selection) -> Selection:
@@ -179,18 +179,18 @@ def select_evidence(
     with_cost: bool = True,
 ) -> list[Selection]:
     """Advise as :func:`select` does, from evidence that was read."""
-    by_id = {one.info.id: one for one in evidence}
+    by_id = {experiment.info.id: experiment for experiment in evidence}
     result = []
-    for one in evidence:
-        fresh = by_id.get(fresh_id(one.info.id)) if one.info.searched else None
+    for experiment in evidence:
+        fresh = by_id.get(fresh_id(experiment.info.id)) if experiment.info.searched else None
         if fresh is None:
-            result.append(_select_one(one, build, threshold, precision, with_cost))
+            result.append(_select_one(experiment, build, threshold, precision, with_cost))
             continue
         # Rates in the environments that chose the designs are biased.
         advice = _select_one(fresh, build, threshold, precision, with_cost)
         judged = f"{len(fresh.designs):,} were judged in {fresh.info.environments:,} fresh environments"
-        start = f"A search tried {count(one.swept, 'design')}; {judged}. "
-        result.append(replace(advice, info=one.info, headline=start + advice.headline))
+        start = f"A search tried {count(experiment.swept, 'design')}; {judged}. "
+        result.append(replace(advice, info=experiment.info, headline=start + advice.headline))
     return result
 
 
@@ -235,7 +235,7 @@ class _Adviser:
         rows = [one.index for one in placed]
         met = {trial.sample for index in rows for trial in belief.designs[index].trials}
         known = [column for column, sample in enumerate(belief.samples.tolist()) if sample in met]
-        wanted = max((one.trials for one in recommended), default=0)
+        wanted = max((design.trials for design in recommended), default=0)
         columns = telling_environments(belief.passed[rows], wanted, known) if rows else []
         return Selection(
             info,
@@ -264,7 +264,7 @@ class _Adviser:
             # How little is known of each design's side of the threshold.
             doubt = 1 / (1 + numpy.abs(rate - self.threshold) / numpy.maximum(high - low, 1e-9))
             first = first_designs(belief.parameters, rate, doubt, self.threshold)[:build]
-        taken = [one.index for one in first]
+        taken = [placed.index for placed in first]
         candidates = numpy.union1d(self._open_candidates, numpy.array(taken, dtype=int))
         zone = self.precision if belief.driven else 0.0
         chosen = numpy.searchsorted(candidates, taken).tolist()
@@ -394,7 +394,7 @@ class _Adviser:
         chance = f"{percent(self.belief.chances(self.threshold)[index])} chance to reach {percent(self.threshold)}"
         cars = f" of {count(first.cars, 'car')}" if first.cars else ""
         hours = "" if first.cost is None else f", about {_hours(first.cost.minutes)}"
-        then = f"; then {listed([one.label for one in recommended[1:]])}" if len(recommended) > 1 else ""
+        then = f"; then {listed([design.label for design in recommended[1:]])}" if len(recommended) > 1 else ""
         verb = "build" if first.cars else "drive"
         plan = f"Next, {verb} {first.label}: {chance}; {count(first.trials, 'trial')}{cars}{hours}{then}."
         if not self.belief.driven:

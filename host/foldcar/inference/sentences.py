@@ -88,7 +88,7 @@ def grounds(evidence: Evidence, belief: Belief, threshold: float) -> str:
         span = f"{low} %" if low == high else f"{low} to {high} %"
         driven = "" if not belief.driven or belief.trials[tied].any() else "; none of these was driven"
         said.append(f"{_capital(simulation)} cannot rank {_names(belief, evidence, tied)} ({span}){driven}.")
-    driven_designs = sorted(evidence.driven, key=lambda one: -one.trials_passed / len(one.trials))
+    driven_designs = sorted(evidence.driven, key=lambda design: -design.trials_passed / len(design.trials))
     if driven_designs:
         counts = [
             f"{design.trials_passed} of {len(design.trials)} at {design.label}" for design in driven_designs[:NAMED]
@@ -102,7 +102,7 @@ def undecided_text(undecided: Sequence[Undecided], precision: float) -> str:
     """Return which designs are undecided and how many trials would decide them; "" without any."""
     said = []
     for at in (True, False):
-        group = sorted((one for one in undecided if one.at == at), key=lambda one: one.trials)
+        group = sorted((design for design in undecided if design.at == at), key=lambda one: one.trials)
         if not group:
             continue
         more = [count(len(group) - NAMED, "further design")] if len(group) > NAMED else []

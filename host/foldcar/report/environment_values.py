@@ -205,7 +205,7 @@ def _telling(values: NDArray[Any]) -> list[int]:
         there = ~numpy.isnan(column)
         if there.sum() < 2 or numpy.ptp(column[there]) <= 1e-9 * abs(column[there]).max():
             continue
-        alike = [one for one in kept if (numpy.isnan(values[:, one]) != there).all()]
+        alike = [index for index in kept if (numpy.isnan(values[:, index]) != there).all()]
         if all(abs(numpy.corrcoef(values[there, one], column[there])[0, 1]) <= SAME for one in alike):
             kept.append(at)
     return kept

@@ -214,7 +214,7 @@ def list_type(recorded: Iterable[Recorded | None]) -> Any:
     """
     import pyarrow as pa
 
-    found = [one for one in recorded if one is not None and one.value is not None]
+    found = [record for record in recorded if record is not None and record.value is not None]
     if not found or not all(isinstance(one.value, list) for one in found):
         return None
     series = [one.kind == "series" for one in found]

@@ -157,7 +157,7 @@ class LiveStudy:
 
     def _changed_s(self) -> float | None:
         seen = _stamp(self._path)
-        return None if not seen else round(max(0.0, time.time() - max(one[0] for one in seen) / 1e9), 1)
+        return None if not seen else round(max(0.0, time.time() - max(stamp[0] for stamp in seen) / 1e9), 1)
 
 
 def _stamp(path: Path) -> tuple[Any, ...]:

@@ -136,7 +136,7 @@ def read_experiments(
     swept = read_evidence(store)
     limit = max(thresholds, default=None)
     selections = select_evidence(swept, threshold=limit, with_cost=with_cost)
-    by_id = {one.info.id: one for one in swept}
+    by_id = {evidence.info.id: evidence for evidence in swept}
     unswept = read_unswept(store)
     named = [*by_id.items(), *unswept.items()]
     selections += select_evidence(list(unswept.values()), threshold=limit)

@@ -77,7 +77,7 @@ class DesignColumns:
         """The success of a further built car; by its trials alone for a design without runs."""
         belief, bands = self.evidence.belief, self._bands([])
         if belief is not None:
-            bands = self._bands([[one.value, one.low, one.high] for one in belief.built])
+            bands = self._bands([[rate.value, rate.low, rate.high] for rate in belief.built])
         for index, design in enumerate(self.evidence.family):
             if bands[index] is None and design.cars is not None and self.evidence.info.success_defined:
                 alone = design.cars.rate()
@@ -106,9 +106,9 @@ class DesignColumns:
         if evidence.belief is not None:
             open_places = set(evidence.belief.places[list(evidence.belief.contradicting.beside)].tolist())
         return {
-            "value": [[values[name][float(one.design[name])] for name in values] for one in family],
+            "value": [[values[name][float(design.design[name])] for name in values] for design in family],
             "name": self.names,
-            "swept": [one.swept for one in family],
+            "swept": [design.swept for design in family],
             "runs": evidence.run_counts[:, 1].tolist(),
             "passed": evidence.run_counts[:, 0].tolist(),
             "rate": [round(passed / runs, 6) if runs else None for passed, runs in evidence.run_counts.tolist()],
@@ -116,7 +116,7 @@ class DesignColumns:
             "outcomes": evidence.outcome_counts.T.tolist(),
             "trials": evidence.trial_counts[:, 1].tolist(),
             "trials_passed": evidence.trial_counts[:, 0].tolist(),
-            "cars": [0 if one.cars is None else len(one.cars.passed) for one in family],
+            "cars": [0 if design.cars is None else len(design.cars.passed) for design in family],
             **_ends("trials_", self.trial_intervals),
             **_bands("smooth", self.simulation),
             **_bands("belief", self.built),

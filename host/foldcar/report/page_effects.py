@@ -19,18 +19,18 @@ DIGITS = 4
 
 def read_effects(evidence: Evidence) -> tuple[Effects | None, list[int]]:
     """The smooth model of the parameters of which runs have several values, and their places; None: too few."""
-    swept = [one for one in evidence.family if one.swept]
-    known = numpy.array([one.runs > 0 for one in swept])
+    swept = [design for design in evidence.family if design.swept]
+    known = numpy.array([design.runs > 0 for design in swept])
     places = []
     for place, name in enumerate(evidence.values):
-        if len({one.design[name] for one in swept if one.runs}) > 1:
+        if len({design.design[name] for design in swept if design.runs}) > 1:
             places.append(place)
     names = [list(evidence.values)[place] for place in places]
     # Fewer designs cannot tell so many parameters apart.
     if not names or known.sum() < 2 ** len(names) or not evidence.info.success_defined:
         return None, places
     runs = evidence.runs.counted
-    x = [[float(one.design[name]) for name in names] for one in swept]
+    x = [[float(design.design[name]) for name in names] for design in swept]
     try:
         with threadpool_limits(1):
             return fit_effects(x, runs.design, runs.sample, runs.outcome == OUTCOMES.index("passed")), places

@@ -22,7 +22,9 @@ def search_front(evidence: Evidence, areas: Sequence[float | None], fresh: Evide
     objectives = [OBJECTIVES[name] for name in info.objectives if name in OBJECTIVES]
     if not objectives:
         return None
-    places = {tuple(sorted(one.design.items())): at for at, one in enumerate(fresh.family)} if fresh is not None else {}
+    places = (
+        {tuple(sorted(design.design.items())): at for at, design in enumerate(fresh.family)} if fresh is not None else {}
+    )
     tried, again = _rows(evidence), _rows(fresh) if fresh is not None else []
     points = []
     for index, rows in enumerate(tried):

@@ -76,7 +76,7 @@ def _masses_g(store: Store, info: ExperimentInfo, number: int) -> NDArray[Any]:
         if body["id"] in wanted:
             parts = json.loads(body["json"])
             bodies = [*parts.get("segments", ()), *parts.get("wheels", ())]
-            known[body["id"]] = 1000 * sum(one["mass_kg"] for one in bodies) if bodies else numpy.nan
+            known[body["id"]] = 1000 * sum(part["mass_kg"] for part in bodies) if bodies else numpy.nan
     for index, row in enumerate(rows):
         result[index] = known.get(row["body_id"], numpy.nan)
     return result

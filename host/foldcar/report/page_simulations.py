@@ -25,8 +25,8 @@ def other_simulations(evidence: Evidence, experiments: Sequence[Evidence]) -> li
     for other in experiments:
         if other.info.id == evidence.info.id or _samples(other.info) != _samples(evidence.info):
             continue
-        places = {tuple(sorted(one.design.items())): at for at, one in enumerate(other.family)}
-        place = [places.get(tuple(sorted(one.design.items()))) for one in evidence.family]
+        places = {tuple(sorted(design.design.items())): at for at, design in enumerate(other.family)}
+        place = [places.get(tuple(sorted(design.design.items()))) for design in evidence.family]
         other_runs = _passed_runs(other)
         pairs = [
             (passed, other_runs[at, sample])
@@ -46,7 +46,7 @@ def other_simulations(evidence: Evidence, experiments: Sequence[Evidence]) -> li
         engines = engine_of(evidence.info.engine), engine_of(other.info.engine)
         corrected = _corrected(evidence, other) if engines == (MULTIBODY, MUJOCO) else None
         if corrected is not None:
-            text += f"; the chart shows the rates corrected by these runs"
+            text += "; the chart shows the rates corrected by these runs"
         simulations.append({"id": other.info.id, "name": name, **columns, "corrected": corrected, "text": f"{text}."})
     return simulations
 

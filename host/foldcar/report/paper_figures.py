@@ -100,7 +100,7 @@ class Axis:
 
     def __init__(self, designs: DesignColumns) -> None:
         ((self.name, self.ticks),) = designs.evidence.values.items()
-        self.place = {at: float(one.design[self.name]) for at, one in enumerate(designs.evidence.family)}
+        self.place = {at: float(design.design[self.name]) for at, design in enumerate(designs.evidence.family)}
         self.step = float(numpy.diff(self.ticks).min()) if len(self.ticks) > 1 else 1.0
 
     def finish(self, axes: Axes) -> None:

@@ -54,7 +54,7 @@ def mean_gap(rates: Sequence[Rates]) -> Gap:
     for paired differences (doi:10.1002/(SICI)1097-0258(19981130)17:22<2635::AID-SIM954>3.0.CO;2-C).
     """
     f, y = (
-        numpy.array([(one.value, one.low, one.high) for one in side])
+        numpy.array([(rate.value, rate.low, rate.high) for rate in side])
         for side in ([rate.simulated for rate in rates], [rate.driven for rate in rates])
     )
     correlation = numpy.array([rate.correlation for rate in rates])

@@ -225,7 +225,7 @@ def success_model(parameters: ArrayLike, passed: ArrayLike, counted: ArrayLike) 
         return process, laplace(functions_of(process, strength, scaled), numpy.zeros(len(n)), binomial(k, n))
 
     tried = list(_tried(x.shape[1], lambda lengths, strength: fitted(lengths, strength)[1].evidence))
-    weights = shares_of([fitted(*one)[1].evidence for one in tried])
+    weights = shares_of([fitted(*candidate)[1].evidence for candidate in tried])
     weights = numpy.where(weights >= LEAST_WEIGHT, weights, 0.0)
     weights /= weights.sum()
     found = []

@@ -165,7 +165,7 @@ def pooled_bias(
     log_odds = simulation.mean
     scaled = unit_range(x)
     spanning, seen = spread_designs(scaled), y[:, 1] > 0
-    of_trials = likelihood([one for one in built if one is not None], RANGES)
+    of_trials = likelihood([cars for cars in built if cars is not None], RANGES)
     # The slope turns around the driven designs: it says nothing of them on the whole.
     centre = log_odds[seen].mean() if seen.any() else log_odds.mean()
     constant = (numpy.full(len(x), CONSTANT), SLOPE * (log_odds - centre), simulation.columns)

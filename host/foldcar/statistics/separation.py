@@ -93,7 +93,7 @@ def separations(values: ArrayLike, design: ArrayLike, environment: ArrayLike, pa
         # The interval of the magnitude, from that of the difference.
         low, high = max(0.0, float(numpy.tanh(middle - half))), float(numpy.tanh(middle + half))
         separations.append(Separation(column, difference, low, high))
-    return sorted(separations, key=lambda one: -one.share)
+    return sorted(separations, key=lambda separation: -separation.share)
 
 
 def _reaches(scores: NDArray[Any], more: NDArray[Any]) -> NDArray[Any]:

@@ -236,11 +236,11 @@ def findings(summary: Mapping[str, Any]) -> list[str]:
     """What the numbers say and cannot say, in sentences; the first is whether the trials are explained."""
     told = [*_fit(summary), *_known_better(summary)]
     strong = [one for one in summary["correlations"] if abs(one["correlation"]) >= CORRELATED]
-    for one in strong[:MOST_PAIRS]:
-        first, second = one["parameters"]
-        other = "lower" if one["correlation"] > 0 else "higher"
+    for pair in strong[:MOST_PAIRS]:
+        first, second = pair["parameters"]
+        other = "lower" if pair["correlation"] > 0 else "higher"
         told.append(
-            f"The trials cannot tell {first} and {second} apart (correlation {one['correlation']:+.2f}): lower {first} "
+            f"The trials cannot tell {first} and {second} apart (correlation {pair['correlation']:+.2f}): lower {first} "
             f"with {other} {second} explains them as well."
         )
     if summary["emulator"]["error"] > TOLERATED:

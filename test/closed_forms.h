@@ -45,7 +45,7 @@ struct DriveOf {
         scene(scene_spec),
         terrain(scene.terrain),
         step_s(step_of(options)),
-        car(put_down(body, scene, terrain, options)),
+        car(create_car(body, scene, terrain, options)),
         pulses_us(pulses) {}
   DriveOf(const BodySpec& body_spec, const SceneSpec& scene_spec, double fraction, const Options& options = {})
       : DriveOf(body_spec, scene_spec, pulses_for(body_spec, fraction), options) {}
@@ -58,7 +58,7 @@ struct DriveOf {
   double unexplained_j() { return car.mechanical_energy_j() - car.state().motor_work_j; }
 
  private:
-  static Car put_down(const BodySpec& body, const SceneSpec& scene, const SceneTerrain& terrain, const Options& options) {
+  static Car create_car(const BodySpec& body, const SceneSpec& scene, const SceneTerrain& terrain, const Options& options) {
     if constexpr (std::is_constructible_v<Car, const BodySpec&, double, const Terrain&, const PoseSpec&, const Options&,
                                           Stopwatch*>) {
       return Car(body, scene.friction, terrain, scene.start, options, nullptr);
@@ -70,7 +70,7 @@ struct DriveOf {
 
 // Put down from no height, for what impacts would disturb.
 template <class Options>
-Options put_down_gently(double rate_hz = 240) {
+Options create_gently(double rate_hz = 240) {
   Options options;
   options.drop_m = 0;
   options.rate_hz = rate_hz;

@@ -12,7 +12,7 @@ using Drive = DriveOf<MultibodyCar, StepOptions>;
 
 inline const SceneSpec kFlat = scene_of({}, 0.6);
 
-inline StepOptions gently(double rate_hz = 240) { return put_down_gently<StepOptions>(rate_hz); }
+inline StepOptions gently(double rate_hz = 240) { return create_gently<StepOptions>(rate_hz); }
 
 inline TrialResult run_trial(const BodySpec& body, const SceneSpec& scene, const TrialSpec& trial,
                              const StepOptions& options = {}, Stopwatch* stopwatch = nullptr,

@@ -69,7 +69,7 @@ class Application {
   bool is_driving() const { return supervisor_.pulses_enabled(); }
   bool is_armed() const { return supervisor_.state() == State::kArmed || is_driving(); }
   // Whether the car has disarmed because its host was silent, and has not been armed since.
-  bool left_alone() const { return supervisor_.left_alone(); }
+  bool host_timed_out() const { return supervisor_.host_timed_out(); }
   const TrialRequest& trial() const { return supervisor_.trial(); }
   TrialEnd trial_end() const { return supervisor_.trial_end(); }
   const DesignResult& design() const { return design_; }

@@ -232,11 +232,11 @@ void Link::answer_ping(const mavlink_message_t& message) {
 // A host that was not there when the state changed is told it too.
 void Link::report_changes() {
   const Fault fault = application_.status().fault;
-  const bool left_alone = application_.left_alone();
+  const bool host_timed_out = application_.host_timed_out();
   if (fault != reported_fault_ || (host_is_new_ && fault != Fault::kNone)) report_fault();
-  if (left_alone && (!reported_left_alone_ || host_is_new_)) report_left_alone();
+  if (host_timed_out && (!reported_host_timeout_ || host_is_new_)) report_host_timeout();
   reported_fault_ = fault;
-  reported_left_alone_ = left_alone;
+  reported_host_timeout_ = host_timed_out;
   host_is_new_ = false;
 }
 
@@ -250,7 +250,7 @@ void Link::report_fault() {
   }
 }
 
-void Link::report_left_alone() {
+void Link::report_host_timeout() {
   // In tenths, because printing a float may take memory from the heap.
   const long tenths = std::lround(10.0f * application_.parameters().get(Parameter::kArmTimeoutS));
   char line[96];

@@ -61,7 +61,7 @@ class Link {
   void answer_ping(const mavlink_message_t& message);
   void report_changes();
   void report_fault();
-  void report_left_alone();
+  void report_host_timeout();
   CarView view() const;
 
   Hal hal_;
@@ -79,7 +79,7 @@ class Link {
   Host holder_;  // the host that armed the car last
   std::array<std::uint32_t, 256> last_packet_ms_{};  // by system number; 0 before the first
   Fault reported_fault_ = Fault::kNone;
-  bool reported_left_alone_ = false;
+  bool reported_host_timeout_ = false;
   bool host_is_new_ = false;  // a host was heard that was not before
   std::uint64_t next_complaint_us_ = 0;
 };

@@ -24,14 +24,14 @@ Refusal Supervisor::arm(float battery_v, std::uint64_t now_us) {
   const Refusal refusal = check_battery(battery_v);
   if (refusal != Refusal::kNone) return refusal;
   refreshed_us_ = now_us;
-  left_alone_ = false;
+  host_timed_out_ = false;
   state_ = State::kArmed;
   return refusal;
 }
 
 Refusal Supervisor::disarm() {
   if (state_ == State::kFault) return Refusal::kFaultLatched;
-  leave(State::kDisarmed, TrialEnd::kDisarmed);
+  set_state(State::kDisarmed, TrialEnd::kDisarmed);
   return Refusal::kNone;
 }
 
@@ -77,7 +77,7 @@ Refusal Supervisor::test(float time_s, float battery_v, std::uint64_t now_us) {
 
 Refusal Supervisor::stop() {
   if (state_ == State::kRunning) {
-    leave(State::kFinished, TrialEnd::kStopped);
+    set_state(State::kFinished, TrialEnd::kStopped);
   } else if (pulses_enabled()) {
     state_ = State::kDisarmed;
   }
@@ -101,7 +101,7 @@ Refusal Supervisor::refresh_command(std::uint64_t now_us) {
 void Supervisor::report(Fault fault) {
   if (state_ == State::kFault) return;
   fault_ = fault;
-  leave(State::kFault, TrialEnd::kFault);
+  set_state(State::kFault, TrialEnd::kFault);
 }
 
 void Supervisor::tick(const SupervisorInputs& inputs) {
@@ -113,15 +113,15 @@ void Supervisor::tick(const SupervisorInputs& inputs) {
   if (inputs.imu_lost) return report(Fault::kImu);
   const std::uint64_t silent_us = inputs.now_us - refreshed_us_;
   if (state_ == State::kArmed) {
-    left_alone_ = silent_us > from_ms(1000.0f * parameters_.get(Parameter::kArmTimeoutS));
-    if (left_alone_) state_ = State::kDisarmed;
+    host_timed_out_ = silent_us > from_ms(1000.0f * parameters_.get(Parameter::kArmTimeoutS));
+    if (host_timed_out_) state_ = State::kDisarmed;
     return;
   }
   if (tilted && state_ != State::kTesting) return report(Fault::kTilt);
 
   if (state_ == State::kRunning) {
     trial_elapsed_us_ = inputs.now_us - trial_started_us_;
-    if (trial_elapsed_us_ >= trial_limit_us_) return leave(State::kFinished, TrialEnd::kTimeLimit);
+    if (trial_elapsed_us_ >= trial_limit_us_) return set_state(State::kFinished, TrialEnd::kTimeLimit);
     if (trial_.untethered) return;
   }
   if (state_ == State::kTesting && inputs.now_us >= test_until_us_) {
@@ -166,7 +166,7 @@ bool Supervisor::tilted_for_long(const SupervisorInputs& inputs) {
   return tilted && inputs.now_us - tilted_since_us_ >= from_ms(parameters_.get(Parameter::kTiltMs));
 }
 
-void Supervisor::leave(State state, TrialEnd end) {
+void Supervisor::set_state(State state, TrialEnd end) {
   if (state_ == State::kRunning) trial_end_ = end;
   state_ = state;
 }

@@ -122,7 +122,7 @@ class Supervisor {
   State state() const { return state_; }
   Fault fault() const { return fault_; }
   // Whether the car has disarmed because its host was silent, and has not been armed since.
-  bool left_alone() const { return left_alone_; }
+  bool host_timed_out() const { return host_timed_out_; }
 
   // Elapsed time (µs), request and end of the current trial, else of the last one.
   std::uint64_t trial_elapsed_us() const { return trial_elapsed_us_; }
@@ -135,13 +135,13 @@ class Supervisor {
   bool battery_low_for_long(const SupervisorInputs& inputs);
   bool tilted_for_long(const SupervisorInputs& inputs);
   // Changes the state; end is kept as the end of a trial that runs.
-  void leave(State state, TrialEnd end);
+  void set_state(State state, TrialEnd end);
 
   const Parameters& parameters_;
   State state_ = State::kDisarmed;
   Fault fault_ = Fault::kNone;
   Refusal design_refusal_ = Refusal::kNone;
-  bool left_alone_ = false;
+  bool host_timed_out_ = false;
   TrialRequest trial_;
   TrialEnd trial_end_ = TrialEnd::kNone;
   bool battery_low_ = false;

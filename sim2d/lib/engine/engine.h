@@ -21,11 +21,11 @@ class Engine {
   virtual std::string name() const = 0;
   // Length of its steps.
   virtual double step_s() const = 0;
-  // The car, put down at the scene's start at rest, its wheels all but on the ground. terrain is the scene's; body,
+  // Creates the car at the scene's start, at rest, wheels just above the ground. terrain is the scene's; body,
   // scene, terrain and stopwatch (may be null) must outlive the car. Throws std::runtime_error for what it cannot model.
-  virtual std::unique_ptr<SimCar> put_down(const BodySpec& body, const SceneSpec& scene, const Terrain& terrain,
-                                           Stopwatch* stopwatch) const = 0;
-  // The car put down in the scene, as MuJoCo's XML. Throws std::runtime_error of an engine that has no such model.
+  virtual std::unique_ptr<SimCar> create_car(const BodySpec& body, const SceneSpec& scene, const Terrain& terrain,
+                                             Stopwatch* stopwatch) const = 0;
+  // The car in the scene, as MuJoCo's XML. Throws std::runtime_error of an engine that has no such model.
   virtual std::string mjcf(const BodySpec&, const SceneSpec&, const Terrain&, const std::string& /*name*/) const {
     throw std::runtime_error("mjcf: this program's engine is not MuJoCo");
   }

@@ -113,7 +113,7 @@ std::vector<std::uint8_t> LinkedCar::step() {
 }
 
 void LinkedCar::place_at_start() {
-  car_ = engine_.put_down(world_->body, world_->scene, *terrain_, nullptr);
+  car_ = engine_.create_car(world_->body, world_->scene, *terrain_, nullptr);
   motion_sensor_ = MotionSensor();
 }
 

@@ -68,7 +68,7 @@ MujocoCar::MujocoCar(const BodySpec& body, const SceneSpec& scene, const Terrain
       data_(mj_makeData(built_.model.get())),
       supply_(body) {
   const ScopedTimer timer(stopwatch_ != nullptr ? &stopwatch_->terrain_s : nullptr);
-  put_down();
+  place_on_ground();
   drive_wheels({});
   take_friction();
   mj_step1(built_.model.get(), data_.get());
@@ -77,7 +77,7 @@ MujocoCar::MujocoCar(const BodySpec& body, const SceneSpec& scene, const Terrain
 }
 
 // The lowest height at which nothing touches, by bisection: contacts are as the engine will see them.
-void MujocoCar::put_down() {
+void MujocoCar::place_on_ground() {
   mjModel* model = built_.model.get();
   data_->qpos[0] = scene_.start.x_m;
   data_->qpos[1] = scene_.start.y_m;

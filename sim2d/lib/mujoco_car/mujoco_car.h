@@ -47,7 +47,7 @@ class MujocoCar : public SimCar {
   mjData& data() { return *data_; }
 
  private:
-  void put_down();
+  void place_on_ground();
   void take_friction();
   void drive_wheels(const PulsesUs& pulses_us);
   void count_energy();

@@ -31,8 +31,8 @@ std::string MujocoEngine::name() const {
   return name;
 }
 
-std::unique_ptr<SimCar> MujocoEngine::put_down(const BodySpec& body, const SceneSpec& scene, const Terrain& terrain,
-                                               Stopwatch* stopwatch) const {
+std::unique_ptr<SimCar> MujocoEngine::create_car(const BodySpec& body, const SceneSpec& scene, const Terrain& terrain,
+                                                 Stopwatch* stopwatch) const {
   return std::make_unique<MujocoCar>(body, scene, terrain, options_, stopwatch);
 }
 

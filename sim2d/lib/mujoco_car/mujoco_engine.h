@@ -12,8 +12,8 @@ class MujocoEngine : public Engine {
   explicit MujocoEngine(const MujocoOptions& options = {});
   std::string name() const override;
   double step_s() const override { return options_.step_s; }
-  std::unique_ptr<SimCar> put_down(const BodySpec& body, const SceneSpec& scene, const Terrain& terrain,
-                                   Stopwatch* stopwatch) const override;
+  std::unique_ptr<SimCar> create_car(const BodySpec& body, const SceneSpec& scene, const Terrain& terrain,
+                                     Stopwatch* stopwatch) const override;
   std::string mjcf(const BodySpec& body, const SceneSpec& scene, const Terrain& terrain,
                    const std::string& name) const override;
 

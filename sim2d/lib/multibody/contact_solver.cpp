@@ -24,19 +24,13 @@ constexpr double kRestitution = 0.2;
 // The iterations end when the last one changed no row's velocity by more than this.
 constexpr double kTolerance_m_s = 5e-4;
 
-// Rows are handled in pairs of numbers, as processors do, two at a time; zeros fill them up.
-typedef double Pair __attribute__((vector_size(2 * sizeof(double)), aligned(sizeof(double)), may_alias));
-
-const Pair* pairs(const double* numbers) { return reinterpret_cast<const Pair*>(numbers); }
-
+// Four sums side by side, which the compiler computes in vector registers; zeros fill rows up to a multiple of four.
 double dot(const double* a, const double* b, std::size_t padded) {
-  Pair even = {0, 0}, odd = {0, 0};
-  for (std::size_t i = 0; i < padded / 2; i += 2) {
-    even += pairs(a)[i] * pairs(b)[i];
-    odd += pairs(a)[i + 1] * pairs(b)[i + 1];
+  double sums[4] = {0, 0, 0, 0};
+  for (std::size_t i = 0; i < padded; i += 4) {
+    for (std::size_t k = 0; k < 4; ++k) sums[k] += a[i + k] * b[i + k];
   }
-  even += odd;
-  return even[0] + even[1];
+  return (sums[0] + sums[2]) + (sums[1] + sums[3]);
 }
 
 }  // namespace
@@ -129,9 +123,8 @@ double ContactSolver::impulse_change(const Row& row, std::size_t index, double w
 }
 
 void ContactSolver::apply(std::size_t index, double impulse) {
-  const Pair* response = pairs(&response_[index * padded_]);
-  Pair* velocity = reinterpret_cast<Pair*>(velocity_.data());
-  for (std::size_t i = 0; i < padded_ / 2; ++i) velocity[i] += impulse * response[i];
+  const double* response = &response_[index * padded_];
+  for (std::size_t i = 0; i < padded_; ++i) velocity_[i] += impulse * response[i];
 }
 
 double ContactSolver::iterate(const std::vector<Contact>& contacts, bool backward, bool use_bias) {

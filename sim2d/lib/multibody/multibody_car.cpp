@@ -39,7 +39,7 @@ MultibodyCar::MultibodyCar(const BodySpec& body, double friction, const Terrain&
       supply_(body) {
   check_plain_tyres(body, "multibody");
   if (terrain.ground() != nullptr) ground_.emplace(*terrain.ground(), body, constants_);
-  put_down(start, options.drop_m);
+  place_on_ground(start, options.drop_m);
 }
 
 template <typename Counts>
@@ -70,7 +70,7 @@ double MultibodyCar::lowest_m(const Counts& counts) {
 }
 
 // Rolled as far as the heights under its sides differ, then put at the drop above the lowest height without overlap.
-void MultibodyCar::put_down(const PoseSpec& start, double drop_m) {
+void MultibodyCar::place_on_ground(const PoseSpec& start, double drop_m) {
   state_.heading_rad = start.heading_rad;
   const auto [s, c] = sine_and_cosine(start.heading_rad);
   const Rotation level = rotation_by({0, 0, start.heading_rad});

@@ -28,7 +28,7 @@ namespace foldcar {
 struct StepOptions {
   double rate_hz = 240;
   int iterations = 40;     // of the contact solver, at most
-  double drop_m = 0.0005;  // height over the ground from which the car is put down
+  double drop_m = 0.0005;  // height over the ground at which the car is created
 };
 
 // One car on its terrain.
@@ -52,7 +52,7 @@ class MultibodyCar : public SimCar {
   CarDynamics& dynamics() { return car_; }
 
  private:
-  void put_down(const PoseSpec& start, double drop_m);
+  void place_on_ground(const PoseSpec& start, double drop_m);
   // The lowest height of the car's origin at which none of the contacts that count overlaps.
   template <typename Counts>
   double lowest_m(const Counts& counts);

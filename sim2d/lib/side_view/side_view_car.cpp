@@ -92,7 +92,7 @@ SideViewCar::SideViewCar(const BodySpec& body, const SceneSpec& scene, const Ter
     pair.settling = 1 / (1 + rotors_kg_m2 * kUnits2 / own);
   }
   ground_.extend(-reach_m_, reach_m_);
-  put_down(options.drop_m);
+  place_on_ground(options.drop_m);
   state_.heading_rad = scene.start.heading_rad;
   update_state();
 }
@@ -185,7 +185,7 @@ void SideViewCar::check_masses() const {
   }
 }
 
-void SideViewCar::put_down(double drop_m) {
+void SideViewCar::place_on_ground(double drop_m) {
   float top = 0;
   for (const b2Fixture* one = ground_.body().GetFixtureList(); one != nullptr; one = one->GetNext()) {
     for (int32 child = 0; child < one->GetShape()->GetChildCount(); ++child) {

@@ -28,7 +28,7 @@ struct SideViewOptions {
   double rate_hz = 240;
   int velocity_iterations = 8;
   int position_iterations = 3;
-  double drop_m = 0.0005;  // height over the ground from which the car is put down
+  double drop_m = 0.0005;  // height over the ground at which the car is created
 };
 
 class SideViewCar : public SimCar, private b2ContactListener {
@@ -70,7 +70,7 @@ class SideViewCar : public SimCar, private b2ContactListener {
   void add_segments();
   void add_pair(const WheelSpec& left, const WheelSpec& right);
   void check_masses() const;
-  void put_down(double drop_m);
+  void place_on_ground(double drop_m);
   void drive_wheels(const PulsesUs& pulses_us);
   void bend_hinges();
   template <typename Step>

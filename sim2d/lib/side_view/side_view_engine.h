@@ -11,8 +11,8 @@ class SideViewEngine : public Engine {
   explicit SideViewEngine(const SideViewOptions& options = {}) : options_(options) {}
   std::string name() const override { return "side-view"; }
   double step_s() const override { return 1 / options_.rate_hz; }
-  std::unique_ptr<SimCar> put_down(const BodySpec& body, const SceneSpec& scene, const Terrain& terrain,
-                                   Stopwatch* stopwatch) const override {
+  std::unique_ptr<SimCar> create_car(const BodySpec& body, const SceneSpec& scene, const Terrain& terrain,
+                                     Stopwatch* stopwatch) const override {
     return std::make_unique<SideViewCar>(body, scene, terrain, options_, stopwatch);
   }
 

@@ -14,7 +14,7 @@ namespace foldcar {
 
 // A moment at which the pulse widths (µs) change, and what they are from then on.
 struct PulseChange {
-  double t_s = 0;  // since the start of the trial; the first is negative: when the car is put down
+  double t_s = 0;  // since the start of the trial; the first is negative: when the car is created
   PulsesUs pulses_us{};
 };
 

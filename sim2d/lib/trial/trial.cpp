@@ -33,7 +33,7 @@ class Trial::Simulation {
         hal_(kLogicBattery_v),
         application_(hal_.hal(), parameters_),
         own_terrain_(terrain == nullptr ? std::make_unique<const SceneTerrain>(scene.terrain) : nullptr),
-        car_(engine.put_down(body, scene, terrain == nullptr ? *own_terrain_ : *terrain, stopwatch)) {
+        car_(engine.create_car(body, scene, terrain == nullptr ? *own_terrain_ : *terrain, stopwatch)) {
     application_.begin();
   }
 

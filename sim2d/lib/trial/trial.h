@@ -1,4 +1,4 @@
-// One trial: a car with its firmware, put down in a scene, armed, started and driven to its end.
+// One trial: a car with its firmware, created in a scene, armed, started and driven to its end.
 //
 // Input: body, scene, firmware parameters, set-point and time limit. Output: how it ended and what it took, or,
 // step by step, where the car is. A pure function of its input; many trials may run in one process.

@@ -15,7 +15,7 @@ using namespace foldcar;
 namespace {
 
 using Drive = DriveOf<SideViewCar, SideViewOptions>;
-SideViewOptions gently(double rate_hz = 240) { return put_down_gently<SideViewOptions>(rate_hz); }
+SideViewOptions gently(double rate_hz = 240) { return create_gently<SideViewOptions>(rate_hz); }
 const Nearness<SideViewOptions> kNear{0.006, 0.001, 0.005, true, 0.05, gently(960), false, gently(960)};
 
 }  // namespace

@@ -40,7 +40,7 @@ CONSTANT, SLOPE = 1.5, 0.5
 # The grid: standard deviation and length (as a part of the parameters' range) of the smooth part; of one design's own.
 SMOOTH = (0.2, 0.7, 2.0)
 LENGTHS = (0.15, 0.4, 1.0)
-ALONE = (0.05, 0.1, 0.2, 0.6)
+ALONE = (0.1, 0.3, 1.0)
 # Designs with trials that are pooled at most: the work grows with the cube of their number.
 MOST_POOLED = 200
 # Results that the others' trials make less probable than this contradict them (both tails; docs/statistics.md).

@@ -118,7 +118,7 @@ def compare(
 ) -> Comparison:
     """Compare a store's trials with its runs; rates that differ by at most ``margin`` (0 to 1) agree.
 
-    ``simulated_trials``: trials of simulated cars instead of those of built ones. FoldcarError.
+    ``simulated_trials``: trials of simulated cars instead of those of built ones. Raises FoldcarError.
     """
     known = {trial.experiment for trial in store.trials()} - swept_ids(store)
     evidence = [] if experiment in known else read_evidence(store, experiment, simulated_trials)

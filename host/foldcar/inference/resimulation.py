@@ -129,7 +129,7 @@ class Resimulation:
         return SimulatedCars(table, {number: fractions[text] for number, text in placed.items() if text in fractions})
 
     def _composed(self, info: ExperimentInfo, trial: Trial) -> tuple[str, str]:
-        """Body and settings of a trial's design; FoldcarError if it is none."""
+        """Return body and settings of a trial's design. Raises FoldcarError if it cannot be built."""
         design = compose_columns(trial.vehicle_type, trial.design)
         folded_car(design)
         body, table = body_json(design), self._simulator(info).parameter_table()

@@ -29,7 +29,7 @@ def comparison_object(found: Comparison) -> dict[str, Any]:
 
 
 def write_comparison(found: Comparison, file: Path) -> None:
-    """Write a row for each design of each experiment as CSV, atomically. FoldcarError."""
+    """Write a row for each design of each experiment as CSV, atomically. Raises FoldcarError."""
     _write(
         [_compared(experiment.info.id, design) for experiment in found.experiments for design in experiment.designs], file
     )
@@ -61,7 +61,7 @@ def selection_object(one: Selection) -> dict[str, Any]:
 
 
 def write_selection(found: Sequence[Selection], file: Path) -> None:
-    """Write a row for each recommended design as CSV, atomically. FoldcarError."""
+    """Write a row for each recommended design as CSV, atomically. Raises FoldcarError."""
     _write(
         [
             _selected(one, rank, recommendation)

@@ -71,7 +71,7 @@ class EnvironmentValues:
 
 
 def environment_values(store: Store, info: ExperimentInfo) -> EnvironmentValues:
-    """The values of an experiment's environments, read once from an open store. StoreError."""
+    """The values of an experiment's environments, read once from an open store. Raises StoreError."""
     return store.once(("environment values", info.id), lambda: _read(store, info))
 
 

@@ -46,7 +46,7 @@ SUFFIXES = ("mm", "deg", "m", "rad", "v", "us")
 
 
 def export_csv(store: Store, file: Path, failed: bool = False) -> int:
-    """Write the runs, or the ``failed`` ones, as CSV atomically; returns the number of rows. FoldcarError.
+    """Write the runs, or the ``failed`` ones, as CSV atomically; returns the number of rows. Raises FoldcarError.
 
     Numbers are read back exactly.
     """
@@ -71,7 +71,7 @@ def write_csv(store: Store, text: TextIO, failed: bool = False) -> int:
 
 
 def export_parquet(store: Store, file: Path, failed: bool = False) -> int:
-    """Write the runs, or the ``failed`` ones, as Parquet atomically; returns the number of rows. FoldcarError."""
+    """Write the runs, or the ``failed`` ones, as Parquet atomically; returns the number of rows. Raises FoldcarError."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -100,7 +100,7 @@ def export_trials(store: Store, file: Path, simulated_trials: bool) -> tuple[int
 
     Returns the number of rows and a sentence that says which trials are left out, None if all are there. The file is
     written atomically. Deviations in CSV are JSON: {name: [x in m, y in m, heading in rad]}; in Parquet a list of name,
-    x_m, y_m, heading_rad. FoldcarError.
+    x_m, y_m, heading_rad. Raises FoldcarError.
     """
     trials, left_out = select_trials(store.trials(), simulated_trials)
     design = list(dict.fromkeys(name for trial in trials for name in trial.design))

@@ -79,10 +79,10 @@ class LiveStudy:
         changed, state = self._changed_s(), self._state()
         with self._lock:
             version = f"{self._name}-{self._number}"
-            told = {"version": version, "state": state, "changed_s": changed, "error": self._error, **self._counts}
+            status = {"version": version, "state": state, "changed_s": changed, "error": self._error, **self._counts}
             study = b"null" if query == version else self._study
             self._told = f"{version} {state}"
-        return json.dumps(told, separators=(",", ":")).encode()[:-1] + b',"study":' + study + b"}"
+        return json.dumps(status, separators=(",", ":")).encode()[:-1] + b',"study":' + study + b"}"
 
     def follow(self, ended: Callable[[], bool] = lambda: False) -> None:
         """Make the data whenever the store has changed and a page polls, until ``ended`` and a page has the last ones."""
@@ -177,7 +177,7 @@ def _stamp(path: Path) -> tuple[Any, ...]:
 class PageServer(ThreadingHTTPServer):
     """Serves ``page`` (HTML), and what ``poll`` makes of a query. ``port`` 0 is a free one.
 
-    FoldcarError if the port is taken.
+    Raises FoldcarError if the port is taken.
     """
 
     daemon_threads = True

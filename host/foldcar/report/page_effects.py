@@ -93,7 +93,7 @@ def cause_rows(evidence: Evidence, values: EnvironmentValues) -> list[dict[str, 
             {"from": float(f"{bin.first:.6g}"), "to": float(f"{bin.last:.6g}"), "runs": bin.runs, "passed": bin.passed}
             for bin in binned(shown[:, separation.column], runs.sample, passed)
         ]
-        told = {"name": column.name, "label": column.label, "unit": column.unit, "rises": separation.difference > 0}
+        facts = {"name": column.name, "label": column.label, "unit": column.unit, "rises": separation.difference > 0}
         shares = {"separation": separation.share, "low": separation.low, "high": separation.high}
-        rows.append({**told, **{key: round(share, DIGITS) for key, share in shares.items()}, "bins": bins})
+        rows.append({**facts, **{key: round(share, DIGITS) for key, share in shares.items()}, "bins": bins})
     return rows

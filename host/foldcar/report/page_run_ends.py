@@ -25,7 +25,7 @@ from foldcar.store.tables import BY_NAME, DESIGN
 # Widths of bins (m): the narrowest that makes at most MAX_BINS is taken.
 STEPS_M = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
 MAX_BINS = 60
-# Objects beyond so many are not told apart.
+# More objects are not distinguished.
 MAX_OBSTACLES = 60
 # An obstacle's band leaves out this share of the environments at each end.
 TAIL = 0.05

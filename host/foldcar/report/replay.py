@@ -97,7 +97,7 @@ def choose_runs(
 
 
 def kept_paths(drives: StoredDrives) -> dict[Key, KeptPath]:
-    """The paths that the sweep kept. StoreError."""
+    """The paths that the sweep kept. Raises StoreError."""
     places = {position: place for place, position in enumerate(drives.positions)}
     found = drives.store.kept_paths(drives.experiment)
     return {(places[position], sample): KeptPath(rows, text) for position, sample, rows, text in found}
@@ -110,7 +110,7 @@ def simulate_paths(
     jobs: int,
     done: Callable[[int], None] = lambda runs: None,
 ) -> Paths:
-    """The paths of the ``chosen`` runs; ``done`` is told how many runs each chunk had. FoldcarError."""
+    """The paths of the ``chosen`` runs; ``done`` is called with the number of runs of each chunk. Raises FoldcarError."""
     paths, keys = Paths(), list(chosen)
     chunks = [keys[start : start + CHUNK_RUNS] for start in range(0, len(keys), CHUNK_RUNS)]
     calls = (_run_call(drives, chunk, carsim) for chunk in chunks)
@@ -159,7 +159,7 @@ Blobs = dict[str, str]
 
 @dataclass(frozen=True)
 class Replayer:
-    """``carsim`` gives the simulator with an engine, or why there is none; ``plan`` and ``done`` hear of steps."""
+    """``carsim`` gives the simulator with an engine, or why it is missing; ``plan`` and ``done`` get numbers of steps."""
 
     carsim: Callable[[str], Carsim | str]
     jobs: int = 1
@@ -169,7 +169,7 @@ class Replayer:
     def add(self, store: Store, one: Experiment, shown: dict[str, Any], key: str) -> Blobs:
         """Put the replay of an experiment into its data ``shown``; its blobs by their ids, which begin with ``key``.
 
-        FoldcarError if the simulator breaks down.
+        Raises FoldcarError if the simulator breaks down.
         """
         if not one.evidence.swept:
             return {}

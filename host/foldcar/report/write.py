@@ -32,7 +32,7 @@ def write_report(
 
     ``simulated_trials``: show trials of simulated cars too; ``replayer`` simulates the runs that the page replays;
     ``thresholds`` are those of :func:`read_experiments`. Returns the page's data, for a summary on the terminal. Raises
-    FoldcarError if there is nothing to report or the folder cannot be written.
+    Raises FoldcarError if there is nothing to report or the folder cannot be written.
     """
     check_output_folder(folder)
     experiments = read_experiments(store, thresholds, simulated_trials, with_cost=True)

@@ -170,5 +170,5 @@ def simulated_weights(passed: ArrayLike, scenes: int) -> NDArray[Any]:
     k, cars = numpy.unique(numpy.asarray(passed, dtype=float), return_counts=True)
     some = [_given(COARSE[:, None], k, float(scenes), spread) @ cars for spread in SPREADS.tolist()]
     logs = CubicSpline(COARSE, numpy.array(some).T)(FINE)
-    told = PRIOR * numpy.exp(logs + JEFFREYS[:, None] - logs.max()).sum(axis=0)
-    return numpy.asarray((1 - UNTOLD) * told / told.sum() + UNTOLD * PRIOR)
+    informed = PRIOR * numpy.exp(logs + JEFFREYS[:, None] - logs.max()).sum(axis=0)
+    return numpy.asarray((1 - UNTOLD) * informed / informed.sum() + UNTOLD * PRIOR)

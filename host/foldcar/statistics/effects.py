@@ -174,12 +174,12 @@ class Standardised:
     places: tuple[int, ...]
 
     def rates(self, parameters: ArrayLike, confidence: float = 0.95) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
-        """The rate and its band (rate, low, high), each (m,) and 0 to 1, at parameters (m, k). FoldcarError."""
+        """The rate and its band (rate, low, high), each (m,) and 0 to 1, at parameters (m, k). Raises FoldcarError."""
         return self.effects.standardised(self.places, parameters, confidence)
 
 
 def fit_effects(parameters: ArrayLike, design: ArrayLike, environment: ArrayLike, passed: ArrayLike) -> Effects:
-    """Fit to designs (d, k) and runs (n,): index of the design, of the environment, 1 if passed. FoldcarError."""
+    """Fit to designs (d, k) and runs (n,): index of the design, of the environment, 1 if passed. Raises FoldcarError."""
     x = numpy.asarray(parameters, dtype=float)
     at, where = numpy.asarray(design), numpy.asarray(environment)
     ended = numpy.asarray(passed, dtype=float)

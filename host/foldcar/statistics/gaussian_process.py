@@ -65,7 +65,7 @@ class Matern:
 class Factors:
     """The posterior of functions' factors: mode (..., p), a root (..., p, p) of their covariance, log evidence (...).
 
-    The evidence is but for the binomial coefficients, which all candidates share.
+    The evidence leaves out the binomial coefficients, which all candidates share.
     """
 
     mode: NDArray[Any]
@@ -204,7 +204,7 @@ class SuccessModel:
 
 
 def success_model(parameters: ArrayLike, passed: ArrayLike, counted: ArrayLike) -> SuccessModel:
-    """Fit to designs with parameters (d, k) of which ``passed`` of ``counted`` runs (d,) succeeded. FoldcarError."""
+    """Fit to designs with parameters (d, k): ``passed`` of ``counted`` runs (d,) succeeded. Raises FoldcarError."""
     x, k, n = (numpy.asarray(values, dtype=float) for values in (parameters, passed, counted))
     if x.ndim != 2 or not x.shape[1] or not numpy.all(numpy.isfinite(x)):
         raise FoldcarError("a success model needs a table of designs with at least one parameter, all finite")

@@ -239,12 +239,14 @@ def contradictions(
     driven = numpy.flatnonzero(y[:, 1])
     if len(driven) < LEAST_DRIVEN or not x.size:
         return NONE
-    told = driven[numpy.argsort(-y[driven, 1], kind="stable")][:MOST_CHECKED]
+    checked = driven[numpy.argsort(-y[driven, 1], kind="stable")][:MOST_CHECKED]
     alike = (SPREADS == 0).astype(float)
-    built = [BuiltCars(y[at, :1], y[at, 1:], numpy.zeros(1), alike) if cars is None else cars[at] for at in told.tolist()]
-    smoothed = (smoothed_simulation(x, f) if simulation is None else simulation).of(told)
-    probable = _probabilities(pickle.dumps((x[told], f[told], y[told], built, smoothed)))
-    flagged = sorted(told[probable < LEAST_PROBABILITY].tolist())
+    built = [
+        BuiltCars(y[at, :1], y[at, 1:], numpy.zeros(1), alike) if cars is None else cars[at] for at in checked.tolist()
+    ]
+    smoothed = (smoothed_simulation(x, f) if simulation is None else simulation).of(checked)
+    probable = _probabilities(pickle.dumps((x[checked], f[checked], y[checked], built, smoothed)))
+    flagged = sorted(checked[probable < LEAST_PROBABILITY].tolist())
     if not flagged:
         return NONE
     return Contradictions(tuple(flagged), tuple(numpy.flatnonzero(_beside(unit_range(x), driven, flagged)).tolist()))

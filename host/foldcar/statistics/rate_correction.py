@@ -26,8 +26,8 @@ def corrected_rates(
 
     ``passed_cheap`` and ``passed_dear`` (designs, environments) are 1 where a run passed, 0 where it did not, NaN where
     the simulation has no run; a column is the same environment in both. ``parameters`` (designs, k) are those of the
-    designs. A design without a run in the cheap simulation has NaN. FoldcarError if fewer than two environments have runs
-    in both simulations.
+    designs. A design without a run in the cheap simulation has NaN. Raises FoldcarError if fewer than two
+    environments have runs in both simulations.
 
     The rate is the cheap one, smoothed over designs, plus the difference of both. The mean differences d of designs,
     over the environments with runs in both, are normal with covariance K + S. K is that of the true differences: a

@@ -321,7 +321,7 @@ def telling_environments(passed: ArrayLike, number: int, met: Collection[int] = 
     for size in range(1, min(number, len(free)) + 1):
         left = numpy.array([index for index in free if index not in chosen])
         off = (((total[:, None] + table[:, left]) / size - shares[:, None]) ** 2).sum(axis=0)
-        # Differences below a tenth of an environment are none.
+        # Differences below a tenth of an environment count as equal.
         order = numpy.lexsort((left, -spread[left], numpy.round(off * size**2, 1)))
         chosen.append(int(left[order[0]]))
         total = total + table[:, chosen[-1]]

@@ -160,7 +160,7 @@ def _extended(
 
 
 def _directions(covariance: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Columns (d, r) whose products with their transpose are the covariance (d, d), but for variances (d,), given too."""
+    """Return columns (d, r) and variances (d,) whose columns columns^T + diag(variances) is the covariance (d, d)."""
     values, vectors = numpy.linalg.eigh(covariance)
     kept = numpy.flatnonzero(values > max(MIN_VARIANCE, 1e-6 * values[-1]))[::-1][:MAX_DIRECTIONS]
     columns = vectors[:, kept] * numpy.sqrt(values[kept])

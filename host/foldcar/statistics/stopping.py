@@ -1,4 +1,4 @@
-"""When runs have told enough of a design: what `foldcar sweep --until` and `foldcar optimize` go by."""
+"""Stopping rules: when the runs of a design suffice, for `foldcar sweep --until` and `foldcar optimize`."""
 
 import math
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""Designs and rates as readers are told of them: ``95 mm``, ``width 95 mm, radius 60 mm``, ``12 %``."""
+"""Designs and rates in words: ``95 mm``, ``width 95 mm, radius 60 mm``, ``12 %``."""
 
 from collections.abc import Iterable, Mapping, Sequence
 

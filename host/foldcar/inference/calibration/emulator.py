@@ -154,7 +154,7 @@ class Bank:
         return Bank(*(np.concatenate([getattr(one, field.name) for one in (self, other)]) for field in fields(self)))
 
     def emulator(self, inputs: FloatArray, designs: int, seed: int) -> Emulator:
-        """The emulator of these runs; the first ``designs`` of all ``inputs`` (cells, k) are a design's. FoldcarError."""
+        """Fit to these runs; the first ``designs`` of all ``inputs`` (cells, k) are a design's. Raises FoldcarError."""
         passed = self.ends == 0
         if len(np.unique(passed)) < 2:
             how = "pass" if passed.any() else "fail"
@@ -321,7 +321,7 @@ def simulate_bank(
             drive = first * (MOST_CELLS + OTHERS) + len(runs)
             runs.append(CalibrationRun(cell.design, values, scene, (first + index) * (cars + OTHERS) + car, drive))
     drives = simulator.drives(runs, done)
-    told = [(row, drive) for row, drive in zip(rows, drives, strict=True) if drive is not None]
-    sets, cell_of, car_of = (np.array([row[i] for row, _ in told], dtype=np.int64) for i in range(3))
-    ends = np.array([drive.end for _, drive in told], dtype=np.int64)
-    return Bank(scores[sets], first + sets, cell_of, car_of, ends, np.array([drive.features for _, drive in told]))
+    driven = [(row, drive) for row, drive in zip(rows, drives, strict=True) if drive is not None]
+    sets, cell_of, car_of = (np.array([row[i] for row, _ in driven], dtype=np.int64) for i in range(3))
+    ends = np.array([drive.end for _, drive in driven], dtype=np.int64)
+    return Bank(scores[sets], first + sets, cell_of, car_of, ends, np.array([drive.features for _, drive in driven]))

@@ -34,7 +34,7 @@ NAME_DIGITS = 8
 
 
 class CalibratedEnvironment(Environment):
-    """Built from the calibrated experiment of :func:`calibrated_study`. FoldcarError if it cannot be simulated so."""
+    """Built from the calibrated experiment of :func:`calibrated_study`. Raises FoldcarError if that cannot be simulated."""
 
     def __init__(self, experiment: Experiment, calibration: Calibration, listed_id: str) -> None:
         super().__init__(experiment)
@@ -103,7 +103,7 @@ def _hashed(*parts: Any) -> str:
 
 def read_reality(file: Path, engine: str) -> dict[str, float]:
     """Parameters by name for an engine: all that calibrations have, those of ``file`` and the nominal values of the
-    others, and those of realities only that are not nominal. FoldcarError."""
+    others, and those of realities only that are not nominal. Raises FoldcarError."""
     data, _ = load_listing(file)
     if not isinstance(data, Mapping):
         raise FoldcarError(f"{file}: is not a JSON object of parameters, as docs/calibration.md has them")

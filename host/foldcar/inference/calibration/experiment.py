@@ -1,7 +1,7 @@
 """A swept experiment of a store as a calibration takes it: its designs and scenes, and runs of them.
 
 Input: a store and the name of an experiment. Output: a SweptExperiment, without listing and program; how runs under
-changed parameters went, in order, the same for any number of processes. FoldcarError.
+changed parameters went, in order, the same for any number of processes. Raises FoldcarError.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -64,7 +64,7 @@ class SweptExperiment:
 
 
 def read_experiment(store: Store, name: str) -> SweptExperiment:
-    """The experiment ``name`` of ``store``. FoldcarError."""
+    """The experiment ``name`` of ``store``. Raises FoldcarError."""
     place = f"{store.path}: experiment {name}"
     known = store.info().experiments
     if name not in known:
@@ -141,7 +141,7 @@ class Simulator:
     def drives(
         self, runs: Iterable[CalibrationRun], done: Callable[[int], None] = lambda runs: None
     ) -> list[SimulatedDrive | None]:
-        """How each run went, None if it failed; ``done`` is told of finished runs. FoldcarError."""
+        """How each run went, None if it failed; ``done`` is called with finished runs. Raises FoldcarError."""
         results = self.answers(runs, _drive, done)
         failed = results.count(None)
         if failed > MOST_FAILED * len(results):

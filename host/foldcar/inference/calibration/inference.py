@@ -153,9 +153,9 @@ class Problem:
         """The log probability (n,) of how the trials that did not pass failed, by chances (n, trials, ENDS)."""
         failed = self.observed.passed == 0
         ends = chances[:, failed, 1:]
-        told = np.where(self.observed.ends[failed, 1:], ends, -np.inf)
+        seen = np.where(self.observed.ends[failed, 1:], ends, -np.inf)
         # No simulation tells that a way to fail is impossible.
-        return np.asarray(np.maximum(logsumexp(told, axis=-1) - logsumexp(ends, axis=-1), -LARGEST_LOGIT).sum(axis=1))
+        return np.asarray(np.maximum(logsumexp(seen, axis=-1) - logsumexp(ends, axis=-1), -LARGEST_LOGIT).sum(axis=1))
 
 
 @dataclass(frozen=True)
@@ -210,7 +210,7 @@ def infer(
 ) -> Inference:
     """Infer the parameters; ``priors`` as in Problem. ``done`` is called with finished runs, Plan.runs in all.
 
-    FoldcarError.
+    Raises FoldcarError.
     """
     seed, experiment = simulator.seed, simulator.experiment
     inputs, width = cell_inputs(experiment, observed.cells)

@@ -2,7 +2,7 @@
 
 Input: a store, a swept experiment. Output: Observations. A trial whose place is known is one of its own *cell*, a design
 in the scene as it was placed; all others of a design are in its cell of any scene. Trials of a design without a car's
-name are of one car. FoldcarError.
+name are of one car. Raises FoldcarError.
 """
 
 import json
@@ -108,7 +108,7 @@ class Observations:
 
 
 def experiment_with_trials(store: Store, named: str | None) -> str:
-    """The experiment that is named, or the only one with trials. FoldcarError."""
+    """The experiment that is named, or the only one with trials. Raises FoldcarError."""
     tried = list(dict.fromkeys(trial.experiment for trial in store.trials()))
     if not tried:
         raise FoldcarError(
@@ -118,7 +118,7 @@ def experiment_with_trials(store: Store, named: str | None) -> str:
 
 
 def experiment_to_measure(store: Store, named: str | None) -> str:
-    """The experiment that is named, or the only one, of those that were swept or have trials. FoldcarError."""
+    """The experiment that is named, or the only one, of those that were swept or have trials. Raises FoldcarError."""
     swept = [info.listed_id for info in store.info().experiments.values()] if store.holds_study() else []
     known = list(dict.fromkeys([*swept, *(trial.experiment for trial in store.trials())]))
     return _only(known, named, f"{store.path}: has no experiment", f"{store.path}: has experiments")
@@ -211,7 +211,7 @@ def _observed(
 
 
 def _felt(log: Path | None, features: FloatArray) -> FloatArray:
-    """Adds to ``features`` what a built car felt by its log; returns the errors (FEATURES,). FoldcarError."""
+    """Adds to ``features`` what a built car felt by its log; returns the errors (FEATURES,). Raises FoldcarError."""
     errors = np.zeros(FEATURES)
     if log is None:
         return errors

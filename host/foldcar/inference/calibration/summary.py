@@ -28,14 +28,14 @@ from foldcar.inference.calibration.predictions import (
 from foldcar.statistics.words import design_text, listed
 
 CONFIDENCE = 0.9
-# A larger error of the emulator in a rate is told.
+# A larger error of the emulator in a rate is reported.
 TOLERATED = 0.03
 SHOWN_TRIALS = 3
 # Shares of the prior's variance: a parameter is as unknown as before below the first, known better from the second on.
 UNTOLD, TOLD = 0.1, 0.3
-# Correlations from here on are told; at most this many.
+# Correlations from here on are reported; at most this many.
 CORRELATED, MOST_PAIRS = 0.25, 3
-# Misfits of paths from this size on are told.
+# Misfits of paths from this size on are reported.
 WORTH = 1.15
 _LACKS = {
     SPEED: "look at supply, servos and rolling on flat ground",
@@ -234,27 +234,27 @@ def _ends(chances: FloatArray, confidence: float) -> dict[str, float]:
 
 def findings(summary: Mapping[str, Any]) -> list[str]:
     """What the numbers say and cannot say, in sentences; the first is whether the trials are explained."""
-    told = [*_fit(summary), *_known_better(summary)]
+    findings = [*_fit(summary), *_known_better(summary)]
     strong = [one for one in summary["correlations"] if abs(one["correlation"]) >= CORRELATED]
     for pair in strong[:MOST_PAIRS]:
         first, second = pair["parameters"]
         other = "lower" if pair["correlation"] > 0 else "higher"
-        told.append(
+        findings.append(
             f"The trials cannot tell {first} and {second} apart (correlation {pair['correlation']:+.2f}): lower {first} "
             f"with {other} {second} explains them as well."
         )
     if summary["emulator"]["error"] > TOLERATED:
-        told.append(
+        findings.append(
             f"The emulator erred by {100 * summary['emulator']['error']:.0f} points in the rate of a design with trials: "
             "take more --runs."
         )
     if found := summary["next_trials"]:
         trials = "; of ".join(_trials(one) for one in found)
-        told.append(f"Most would be learned by {found[0]['trials']} trials of {trials}.")
+        findings.append(f"Most would be learned by {found[0]['trials']} trials of {trials}.")
     inferred = [one["name"] for one in summary["parameters"] if one["explained"] is not None]
     if measurable := [name for name in MEASURABLE if name in inferred]:
-        told.append(f"Measuring often tells more than trials: {listed(measurable)} (`foldcar trials measure`).")
-    return told
+        findings.append(f"Measuring often tells more than trials: {listed(measurable)} (`foldcar trials measure`).")
+    return findings
 
 
 def _fit(summary: Mapping[str, Any]) -> Iterator[str]:

@@ -34,7 +34,7 @@ NAME_DIGITS = 8
 
 
 class CalibratedEnvironment(Environment):
-    """Built from the calibrated experiment of :func:`calibrated_study`. Raises FoldcarError if that cannot be simulated."""
+    """Built from the calibrated experiment of :func:`calibrated_study`. Raises FoldcarError without simulator."""
 
     def __init__(self, experiment: Experiment, calibration: Calibration, listed_id: str) -> None:
         super().__init__(experiment)

@@ -15,13 +15,37 @@ bool has_wheel_on(const Parameters& parameters, Side side) {
   return false;
 }
 
+enum class Request : std::uint8_t { kArm, kDisarm, kStart, kDrive, kTest, kRefresh, kAcknowledge };
+
+// Why the state alone refuses a request; kNone where it does not. Columns are in the order of State.
+constexpr Refusal kRefusals[][7] = {
+    // disarmed, armed, running, finished, fault, manual, testing
+    /* arm */ {Refusal::kNone, Refusal::kNone, Refusal::kRunning, Refusal::kNone, Refusal::kFaultLatched,
+               Refusal::kRunning, Refusal::kRunning},
+    /* disarm */ {Refusal::kNone, Refusal::kNone, Refusal::kNone, Refusal::kNone, Refusal::kFaultLatched,
+                  Refusal::kNone, Refusal::kNone},
+    /* start */ {Refusal::kNotArmed, Refusal::kNone, Refusal::kRunning, Refusal::kNotArmed, Refusal::kFaultLatched,
+                 Refusal::kRunning, Refusal::kRunning},
+    /* drive */ {Refusal::kNotArmed, Refusal::kNone, Refusal::kRunning, Refusal::kNotArmed, Refusal::kFaultLatched,
+                 Refusal::kNone, Refusal::kRunning},
+    /* test */ {Refusal::kNone, Refusal::kNotDisarmed, Refusal::kRunning, Refusal::kNone, Refusal::kFaultLatched,
+                Refusal::kRunning, Refusal::kNone},
+    /* refresh */ {Refusal::kNotRunning, Refusal::kNone, Refusal::kNone, Refusal::kNotRunning, Refusal::kFaultLatched,
+                   Refusal::kNone, Refusal::kNone},
+    /* acknowledge */ {Refusal::kNoFault, Refusal::kNoFault, Refusal::kNoFault, Refusal::kNoFault, Refusal::kNone,
+                       Refusal::kNoFault, Refusal::kNoFault},
+};
+
+Refusal refusal_in(State state, Request request) {
+  return kRefusals[static_cast<std::size_t>(request)][static_cast<std::size_t>(state)];
+}
+
 }  // namespace
 
 Refusal Supervisor::arm(float battery_v, std::uint64_t now_us) {
-  if (state_ == State::kFault) return Refusal::kFaultLatched;
-  if (pulses_enabled()) return Refusal::kRunning;
-  if (design_refusal_ != Refusal::kNone) return design_refusal_;
-  const Refusal refusal = check_battery(battery_v);
+  Refusal refusal = refusal_in(state_, Request::kArm);
+  if (refusal == Refusal::kNone) refusal = design_refusal_;
+  if (refusal == Refusal::kNone) refusal = check_battery(battery_v);
   if (refusal != Refusal::kNone) return refusal;
   refreshed_us_ = now_us;
   host_timed_out_ = false;
@@ -30,16 +54,14 @@ Refusal Supervisor::arm(float battery_v, std::uint64_t now_us) {
 }
 
 Refusal Supervisor::disarm() {
-  if (state_ == State::kFault) return Refusal::kFaultLatched;
-  set_state(State::kDisarmed, TrialEnd::kDisarmed);
-  return Refusal::kNone;
+  const Refusal refusal = refusal_in(state_, Request::kDisarm);
+  if (refusal == Refusal::kNone) set_state(State::kDisarmed, TrialEnd::kDisarmed);
+  return refusal;
 }
 
 Refusal Supervisor::start(const TrialRequest& request, std::uint64_t now_us) {
-  if (state_ == State::kFault) return Refusal::kFaultLatched;
-  if (pulses_enabled()) return Refusal::kRunning;
-  if (state_ != State::kArmed) return Refusal::kNotArmed;
-  const Refusal refusal = check(request);
+  Refusal refusal = refusal_in(state_, Request::kStart);
+  if (refusal == Refusal::kNone) refusal = check(request);
   if (refusal != Refusal::kNone) return refusal;
   trial_ = request;
   trial_end_ = TrialEnd::kNone;
@@ -52,9 +74,8 @@ Refusal Supervisor::start(const TrialRequest& request, std::uint64_t now_us) {
 }
 
 Refusal Supervisor::drive_manually(bool moves, std::uint64_t now_us) {
-  if (state_ == State::kFault) return Refusal::kFaultLatched;
-  if (state_ == State::kRunning || state_ == State::kTesting) return Refusal::kRunning;
-  if (state_ != State::kArmed && state_ != State::kManual) return Refusal::kNotArmed;
+  const Refusal refusal = refusal_in(state_, Request::kDrive);
+  if (refusal != Refusal::kNone) return refusal;
   if (state_ == State::kArmed && !moves) return Refusal::kNone;
   refreshed_us_ = now_us;
   state_ = State::kManual;
@@ -62,12 +83,10 @@ Refusal Supervisor::drive_manually(bool moves, std::uint64_t now_us) {
 }
 
 Refusal Supervisor::test(float time_s, float battery_v, std::uint64_t now_us) {
-  if (state_ == State::kFault) return Refusal::kFaultLatched;
-  if (state_ == State::kRunning || state_ == State::kManual) return Refusal::kRunning;
-  if (state_ == State::kArmed) return Refusal::kNotDisarmed;
-  if (design_refusal_ != Refusal::kNone) return design_refusal_;
-  if (!(time_s >= 0.0f && time_s <= kLongestTestS)) return Refusal::kTest;
-  const Refusal refusal = check_battery(battery_v);
+  Refusal refusal = refusal_in(state_, Request::kTest);
+  if (refusal == Refusal::kNone) refusal = design_refusal_;
+  if (refusal == Refusal::kNone && !(time_s >= 0.0f && time_s <= kLongestTestS)) refusal = Refusal::kTest;
+  if (refusal == Refusal::kNone) refusal = check_battery(battery_v);
   if (refusal != Refusal::kNone) return refusal;
   refreshed_us_ = now_us;
   test_until_us_ = now_us + from_ms(1000.0f * time_s);
@@ -85,17 +104,17 @@ Refusal Supervisor::stop() {
 }
 
 Refusal Supervisor::acknowledge() {
-  if (state_ != State::kFault) return Refusal::kNoFault;
+  const Refusal refusal = refusal_in(state_, Request::kAcknowledge);
+  if (refusal != Refusal::kNone) return refusal;
   fault_ = Fault::kNone;
   state_ = State::kDisarmed;
-  return Refusal::kNone;
+  return refusal;
 }
 
 Refusal Supervisor::refresh_command(std::uint64_t now_us) {
-  if (state_ == State::kFault) return Refusal::kFaultLatched;
-  if (state_ != State::kArmed && !pulses_enabled()) return Refusal::kNotRunning;
-  refreshed_us_ = now_us;
-  return Refusal::kNone;
+  const Refusal refusal = refusal_in(state_, Request::kRefresh);
+  if (refusal == Refusal::kNone) refreshed_us_ = now_us;
+  return refusal;
 }
 
 void Supervisor::report(Fault fault) {

@@ -1,0 +1,28 @@
+"""The table of requests in docs/firmware.md is that of the firmware's supervisor."""
+
+import re
+from pathlib import Path
+
+PROJECT = Path(__file__).resolve().parents[3]
+SOURCE = PROJECT / "firmware" / "lib" / "supervisor" / "supervisor.cpp"
+# The page's words for requests.
+REQUESTS = {
+    "arm": "arm", "disarm": "disarm", "start": "start", "drive": "the stick moves", "test": "test an output",
+    "acknowledge": "acknowledge",
+}  # fmt: skip
+
+
+def test_requests_are_accepted_in_the_states_that_the_page_names() -> None:
+    table = SOURCE.read_text(encoding="utf-8").partition("kRefusals[][7] = {")[2].partition("};")[0]
+    states = re.findall(r"\w+", table.partition("//")[2].partition("\n")[0])
+    accepted = {
+        request: [state for state, refusal in zip(states, re.findall(r"k\w+", row), strict=True) if refusal == "kNone"]
+        for request, row in re.findall(r"/\* (\w+) \*/ \{(.*?)\}", table, re.DOTALL)
+    }
+    page = (PROJECT / "docs" / "firmware.md").read_text(encoding="utf-8")
+    rows = dict(re.findall(r"^\|([^|]+)\|([^|]+)\|", page.partition("## States")[2].partition("## ")[0], re.MULTILINE))
+
+    for request, words in REQUESTS.items():
+        said = rows[words]
+        named = [state for state in states if state != "fault"] if said == "all but fault" else said.split(", ")
+        assert sorted(named) == sorted(accepted[request]), request

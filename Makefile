@@ -66,7 +66,7 @@ HEADER_FLAGS := -fsyntax-only -std=gnu++17 -Wall -Wextra -Werror -pthread -DUNIT
 HEADER_COMPILERS := g++ $(shell command -v clang++)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup mujoco study pyramids calibration fidelity statistics dear_runs test test-packages test-native headers test-host lint bench fuzz races fresh container-check clean wheel release lock system-packages platformio installed fuzz-packages check docs tidy determinism golden
+.PHONY: help setup mujoco study pyramids calibration fidelity statistics test test-packages test-native headers test-host lint bench fuzz races fresh container-check clean wheel release lock system-packages platformio installed fuzz-packages check docs tidy determinism golden
 .DELETE_ON_ERROR:
 # Else make removes them as intermediate.
 .PRECIOUS: .pio/fuzz/obj/%.o
@@ -86,7 +86,6 @@ help:
 	@echo 'make pyramids  set up, search sizes of the step pyramids that fit the publication, bring docs/scenarios.md up to date'
 	@echo 'make calibration  set up, calibrate by the published trials and by hidden realities, renew docs/calibration.md'
 	@echo 'make statistics  measure coverage of the intervals and trials saved, and bring docs/statistics.md up to date'
-	@echo 'make dear_runs  set up, measure what MuJoCo until decided costs, and bring docs/advice.md up to date'
 	@echo 'make fresh     as root: make study and make test in a bare root of SUITE=$(SUITE) (TARGETS=study: the study only)'
 	@echo 'make container-check  as root: the steps of the Dockerfile in bare roots, without a container engine'
 	@echo 'make release   archive of the sources and wheel with carsim, in dist/, checked and tried outside the checkout'
@@ -121,9 +120,6 @@ fidelity: setup mujoco
 
 statistics: .venv/installed
 	$(BIN)/python tools/interval_coverage.py docs/statistics.md
-
-dear_runs: setup mujoco
-	$(BIN)/python tools/dear_runs.py out/dear_runs docs/advice.md
 
 # All else runs beside the host's tests, in the time in which these wait for cars and browsers. What fails stands last, also
 # under make -j; a shell's background ignores Ctrl-C, hence the trap, and timeout ends all that it started.

@@ -16,7 +16,7 @@ from markupsafe import Markup
 from shapely.geometry.base import BaseGeometry
 
 from foldcar.fabrication.assembly.facets import Shape
-from foldcar.fabrication.assembly.hidden_surfaces import Camera, Seen, Vector, seen_facets
+from foldcar.fabrication.assembly.hidden_surfaces import Camera, Vector, VisibleFacet, visible_facets
 
 # RGB (0 to 255) of the printed and the other side.
 COLOURS = {
@@ -82,9 +82,9 @@ class Drawing:
     caption: str = ""
 
     @cached_property
-    def seen(self) -> list[Seen]:
+    def seen(self) -> list[VisibleFacet]:
         """The facets that are at least partly visible, farthest first."""
-        return seen_facets(self.shape.facets, self.view)
+        return visible_facets(self.shape.facets, self.view)
 
     @cached_property
     def svg(self) -> Markup:
@@ -107,7 +107,7 @@ class Drawing:
         return Markup("".join([head, *body, "</svg>"]))
 
 
-def _face(seen: Seen, size: float, faded: bool) -> str:
+def _face(seen: VisibleFacet, size: float, faded: bool) -> str:
     base = np.array(COLOURS[seen.facet.material][0 if seen.front else 1])
     if faded:
         base = base + (PALE - base) * FADED
@@ -120,7 +120,7 @@ def _face(seen: Seen, size: float, faded: bool) -> str:
     )
 
 
-def _lines(shape: Shape, seen: Sequence[Seen], view: Camera, size: float) -> list[str]:
+def _lines(shape: Shape, seen: Sequence[VisibleFacet], view: Camera, size: float) -> list[str]:
     visible = {visible_facet.facet.key: visible_facet for visible_facet in seen}
     groups: dict[tuple[str, tuple[str, ...]], list[Vector]] = {}
     for line in shape.lines:
@@ -150,7 +150,7 @@ def _lines(shape: Shape, seen: Sequence[Seen], view: Camera, size: float) -> lis
     return texts
 
 
-def _marks(marks: Sequence[Mark], seen: Sequence[Seen], view: Camera, size: float) -> list[str]:
+def _marks(marks: Sequence[Mark], seen: Sequence[VisibleFacet], view: Camera, size: float) -> list[str]:
     regions = {visible_facet.facet.key: visible_facet.region for visible_facet in seen}
     texts: list[str] = []
     placed: list[Vector] = []

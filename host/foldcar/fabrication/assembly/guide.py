@@ -67,7 +67,7 @@ def steps(folded: FoldedCar, cut: CutCar, machine: str) -> list[Step]:
     state = State(folded)
     for step, done in operations_by_step(folded):
         lines = step_lines(step, state)
-        state.take(step)
+        state.apply_step(step)
         repeated = len(state.unit_bodies(step.unit)) if step.unit else 1
         title = f"{step.title} ({repeated} times)" if repeated > 1 else step.title
         steps.append(Step(title, lines, step_pictures(step, state, step.title), done))

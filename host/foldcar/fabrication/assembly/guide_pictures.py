@@ -77,7 +77,7 @@ def service_picture(car: FoldedCar) -> tuple[Drawing, ...]:
     """Return pictures of the finished car: how its lids open, and, with open lids, what plugs and fingers reach."""
     state = State(car)
     for step in assembly_steps(car):
-        state.take(step)
+        state.apply_step(step)
     wheels = {axle.wheel for axle in car.axles}
     shown = [part for part in state.in_place if part.body not in wheels and not is_hidden(state, part)]
     lids = [step.folds for step in service_steps(car) if step.folds]
@@ -129,7 +129,7 @@ def _views(scene: "Scene") -> list[tuple[Camera, str]]:
     """Return the cameras and captions of a scene's pictures."""
     if scene.outward is not None:
         return [(camera(35 if scene.outward[1] > 0 else -35, 18), "seen from its outer side")]
-    sides = scene.from_
+    sides = scene.sides
     if not sides and np.ptp(points([scene.shape])[:, 2]) < FLAT_MM:
         return [(FLAT, "")]
     left, right = any(side[1] > SIDEWAYS for side in sides), any(side[1] < -SIDEWAYS for side in sides)
@@ -143,7 +143,7 @@ def _views(scene: "Scene") -> list[tuple[Camera, str]]:
 
 
 @dataclass(frozen=True)
-class _Apart:
+class _DisplacedPart:
     """A part that stands apart: its bounding box in place (2, 3), its direction out, and its total shift (mm)."""
 
     box_mm: Vector
@@ -152,7 +152,7 @@ class _Apart:
 
 
 class Scene:
-    """``shape``, ``faded`` keys, ``arrows`` and ``marks`` of a step; ``from_`` are directions that large parts come from.
+    """``shape``, ``faded`` keys, ``arrows`` and ``marks`` of a step; ``sides`` are directions that large parts come from.
 
     ``outward`` is the direction away from the car, if the step puts a wheel together.
     """
@@ -163,10 +163,10 @@ class Scene:
         axle = next((axle for axle in state.car.axles if axle.wheel == body), None)
         self.axle_mm = None if axle is None else np.array(axle.center_mm)
         self.outward = None if axle is None else np.array([0.0, 1.0 if axle.side == "left" else -1.0, 0.0])
-        self.from_: list[Vector] = []
+        self.sides: list[Vector] = []
         self.arrows: list[Arrow] = []
         self.marks: list[Mark] = []
-        self._apart: list[_Apart] = []
+        self._displaced: list[_DisplacedPart] = []
         shown = [added for added in step.adds if not step.unit or added.body == body]
         new = {id(part) for added in shown for part in state.parts(added)}
         present = [part for part in (state.unit(step.unit, body) if step.unit else state.in_place) if id(part) not in new]
@@ -194,33 +194,33 @@ class Scene:
             (screw,) = parts
             assert isinstance(screw, Mount)
             shank, nut = shank_and_nut(screw)
-            return [*self._come(added, [shank]), *self._come(replace(added, way_mm=added.nut_mm[-1:]), [nut])]
-        return self._come(added, parts)
+            return [*self._insert(added, [shank]), *self._insert(replace(added, way_mm=added.nut_mm[-1:]), [nut])]
+        return self._insert(added, parts)
 
-    def _come(self, added: Added, parts: Sequence[Part]) -> list[Shape]:
+    def _insert(self, added: Added, parts: Sequence[Part]) -> list[Shape]:
         in_place = points([self.state.shape(part) for part in parts])
         box = np.stack([in_place.min(axis=0), in_place.max(axis=0)])
         moves = self._moves(added, box)
         shift = -np.sum(moves, axis=0) if moves else np.zeros(3)
         if moves:
             out = shift / np.linalg.norm(shift)
-            before = self._before(box, out)
+            before = self._shift_of_obstacle(box, out)
             if np.ptp(box, axis=0).max() > SMALL_MM:
-                self.from_.append(out)
+                self.sides.append(out)
             middle = box.mean(axis=0) + before + shift
             self.arrows.append(Arrow(np.cumsum([middle, *moves], axis=0), "tool" if self._is_screw(added) else "way"))
             shift = shift + before
-            self._apart.append(_Apart(box, out, shift))
+            self._displaced.append(_DisplacedPart(box, out, shift))
         for part in parts:
             if isinstance(part, PlacedPiece):
                 self._mark(part, shift)
         return [self.state.shape(part, shift, creases=not moves) for part in parts]
 
-    def _before(self, box: Vector, out: Vector) -> Vector:
+    def _shift_of_obstacle(self, box: Vector, out: Vector) -> Vector:
         """Return the largest shift of a part that stands apart in the way of a box moving out in that direction."""
         across = np.abs(out) < ACROSS
         shifts = [np.zeros(3)]
-        for earlier in self._apart:
+        for earlier in self._displaced:
             overlap = (box[0] <= earlier.box_mm[1]) & (earlier.box_mm[0] <= box[1])
             if float(earlier.out @ out) > ALIKE and overlap[across].all():
                 shifts.append(earlier.shift_mm)

@@ -18,7 +18,7 @@ Part = PlacedPiece | Mount
 
 
 class State:
-    """The car after some steps; ``take`` adds a step. ``before`` is the stage before the last step."""
+    """The car after some steps; ``apply_step`` adds a step. ``before`` is the stage before the last step."""
 
     def __init__(self, car: FoldedCar) -> None:
         self.car, self.roles = car, roles_of(car)
@@ -37,7 +37,7 @@ class State:
         """The folds that are closed now."""
         return self.stage.folds
 
-    def take(self, step: AssemblyStep) -> None:
+    def apply_step(self, step: AssemblyStep) -> None:
         """Advance to the state after ``step``. Parts of a unit come into the car with the unit."""
         self.close(step.folds)
         for added in step.adds:

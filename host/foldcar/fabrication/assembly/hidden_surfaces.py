@@ -53,7 +53,7 @@ class Camera:
 
 
 @dataclass(frozen=True)
-class Seen:
+class VisibleFacet:
     """A facet and its visible ``region`` on the picture, which is ``whole`` if nothing of it is hidden.
 
     ``lit`` is its brightness from 0 to 1; ``front`` if its normal points to the camera.
@@ -74,7 +74,7 @@ def camera(azimuth_deg: float, elevation_deg: float) -> Camera:
     return Camera(right, np.cross(toward, right), toward)
 
 
-def seen_facets(facets: Sequence[Facet], view: Camera) -> list[Seen]:
+def visible_facets(facets: Sequence[Facet], view: Camera) -> list[VisibleFacet]:
     """Return the facets that are at least partly visible, farthest first."""
     facets = [facet for facet in facets if not facet.closed or facet.normal @ view.toward > 0]
     rings = [ring for facet in facets for ring in facet.rings_mm]
@@ -94,7 +94,7 @@ def seen_facets(facets: Sequence[Facet], view: Camera) -> list[Seen]:
             # Rounding leaves slivers between adjacent hiding faces.
             region = rest.buffer(-SLIVER_MM, join_style="mitre").buffer(SLIVER_MM, join_style="mitre")
         if region.area > MIN_AREA_MM2:
-            result.append(_seen(facet, region, whole, view))
+            result.append(_visible_facet(facet, region, whole, view))
     return sorted(result, key=lambda seen: float((seen.facet.rings_mm[0] @ view.toward).mean()))
 
 
@@ -171,8 +171,8 @@ def _polygons(geometry: BaseGeometry) -> BaseGeometry:
     return shapely.MultiPolygon([part for part in shapely.get_parts(geometry) if part.geom_type == "Polygon"])
 
 
-def _seen(facet: Facet, region: BaseGeometry, whole: bool, view: Camera) -> Seen:
+def _visible_facet(facet: Facet, region: BaseGeometry, whole: bool, view: Camera) -> VisibleFacet:
     front = bool(facet.normal @ view.toward > 0)
     light = view.toward + 0.6 * view.up - 0.35 * view.right
     lit = float((facet.normal if front else -facet.normal) @ light / np.linalg.norm(light))
-    return Seen(facet, region, whole, max(0.0, lit), front)
+    return VisibleFacet(facet, region, whole, max(0.0, lit), front)

@@ -88,7 +88,7 @@ def view_data(folded: FoldedCar) -> dict[str, Any]:
             "solids": [{"kind": item.kind, "size": item.size_mm, "pose": _numbers(item.pose)} for item in mount.shape],
             **_part(mount.body, mount.pose, steps, (kind, mount.name.removeprefix(NUT_OF), 0)),
         })  # fmt: skip
-    for part, flat in zip(parts, laid_out(extents), strict=True):
+    for part, flat in zip(parts, arrange_in_rows(extents), strict=True):
         part["flat"] = flat
         if part["rides"] is not None:
             host, face = part["rides"]
@@ -190,7 +190,7 @@ def _numbers(pose: Pose) -> list[float]:
     return [round(value, 6) for row in pose for value in row]
 
 
-def laid_out(extents: list[tuple[float, float, float, float]]) -> list[list[float]]:
+def arrange_in_rows(extents: list[tuple[float, float, float, float]]) -> list[list[float]]:
     """Arrange rectangles without overlap in rows around the centre; return poses [x, y, turn] of their origins.
 
     A rectangle is minimum x and y, size along x and y (mm). Rectangles longer along y than along x are turned by 90°, so

@@ -22,7 +22,7 @@ from foldcar.car.design import Design, DesignError, compose
 from foldcar.car.design_parameters import parameter_of, parameters
 from foldcar.car.folded_car import folded_car
 from foldcar.car.parts.catalogue import OPTIONS, PartChoices, catalogue
-from foldcar.car.verify import CheckError, refuse, verify
+from foldcar.car.verify import CheckError, raise_on_findings, verify
 from foldcar.errors import FoldcarError
 from foldcar.fabrication.patterns.options import MACHINES, Options, options
 from foldcar.fabrication.patterns.sheet_files import WRITERS, pdf
@@ -105,7 +105,7 @@ def _places(chance: random.Random, modules: str) -> dict[str, float]:
 
 def _value(chance: random.Random, declared: Parameter) -> float:
     """A value, mostly near the default, sometimes at or beyond a limit."""
-    default, least, most = declared.default_with(catalogue()), declared.least_with(catalogue()), declared.maximum
+    default, least, most = declared.default_with(catalogue()), declared.minimum_with(catalogue()), declared.maximum
     kind = chance.random()
     if kind < 0.6:
         value = default * chance.uniform(0.7, 1.6)
@@ -126,7 +126,7 @@ def sheets(design: Design, chosen: Options) -> None:
         findings += check_sheet(sheet, chosen.margin_mm)
         for ending, write in WRITERS.items():
             findings += check_text(READERS[ending], sheet, write(sheet), chosen)
-    refuse(design.title, [*findings, *check_pdf(made.sheets, pdf(made.sheets, design.title))])
+    raise_on_findings(design.title, [*findings, *check_pdf(made.sheets, pdf(made.sheets, design.title))])
 
 
 def tried(draw: Draw, make: Callable[[Design, Options], object] = sheets) -> Outcome:

@@ -28,7 +28,7 @@ class Made:
 def written_sample() -> Made:
     with pytest.MonkeyPatch.context() as patch:
         # The first layout does.
-        patch.setattr(nesting, "MOST_TRIES", 0)
+        patch.setattr(nesting, "MAX_TRIES", 0)
         sheet = pattern(folded_box(40.0), CHOSEN, "sample", COMMAND).sheets[0]
     texts = {ending: write(sheet) for ending, write in WRITERS.items()}
     return Made(sheet, texts, pdf([sheet, sheet], "sample"))

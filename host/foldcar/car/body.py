@@ -1,9 +1,9 @@
-"""What simulator and firmware are told of a design: its body, car.json (docs/firmware.md), firmware parameters.
+"""A design as simulator and firmware read it: its body, car.json (docs/firmware.md), firmware parameters.
 
 Input: a Design, compiled to its folded car (millimetres). Output: the ``body`` object of docs/carsim.md without its id,
-plain JSON in SI units, rounded to nine significant digits so that the same car has the same bytes on every machine; the
-content of car.json with a hash that identifies the design; values of rows of the parameter table that `carsim params`
-prints, which is declared in the firmware and is only checked against here.
+in SI units, rounded to nine significant digits so that the same car has the same bytes on every machine; the content of
+car.json with a hash that identifies the design; values of firmware parameters. The firmware declares the table of its
+parameters, which `carsim params` prints; here values are only checked against it.
 """
 
 import hashlib
@@ -25,9 +25,9 @@ MM = 1e-3
 
 
 def body_json(design: Design) -> dict[str, Any]:
-    """The simulator's body of the design: segments, hinges, wheels with servos, supply voltage (SI units).
+    """Return the simulator's body of the design: segments, hinges, wheels with servos, supply voltage (SI units).
 
-    DesignError if the design cannot be compiled.
+    Raises DesignError if the design cannot be compiled.
     """
     car = folded_car(design)
     # Wheels of one unit are alike.
@@ -41,18 +41,18 @@ def body_json(design: Design) -> dict[str, Any]:
         "supply_v": car.parts.cells.supply_v.value,
     }
     if (resistance_ohm := car.parts.cells.supply_resistance_ohm.value) > 0:
-        body["supply_resistance_ohm"] = min(resistance_ohm, _largest_resistance_ohm(body))
+        body["supply_resistance_ohm"] = min(resistance_ohm, _max_resistance_ohm(body))
     rounded: dict[str, Any] = json.loads(json.dumps(body), parse_float=lambda digits: _rounded(float(digits)))
     return rounded
 
 
-def _largest_resistance_ohm(body: Mapping[str, Any]) -> float:
-    """The simulator's limit: at it, servos that all stall halve the voltage of the cells."""
+def _max_resistance_ohm(body: Mapping[str, Any]) -> float:
+    """The simulator's limit, at which the voltage of the cells halves if all servos stall."""
     return _rounded(0.499 * body["supply_v"] / sum(wheel["servo"]["stall_current_a"] for wheel in driven_wheels(body)))
 
 
 def full_speed_m_s(design: Design) -> float:
-    """The design's highest speed (m/s): no-load wheel speed at the supply voltage times the least driven radius."""
+    """The design's maximum speed (m/s): no-load wheel speed at the supply voltage times the smallest driven radius."""
     line = design.parts.servo.at_voltage(design.parts.cells.supply_v.value)
     return _rounded(line.no_load_speed_rad_s * min(design.of(i, "radius") for i in design.driven_modules) * MM)
 
@@ -128,13 +128,13 @@ def driven_wheels(body: Mapping[str, Any]) -> list[Mapping[str, Any]]:
 
 
 def _rounded(value: float) -> float:
-    """To nine significant digits; adding zero turns -0.0, which cancelling terms may leave, into 0.0."""
+    """Round to nine significant digits; adding zero turns -0.0, which cancelling terms may leave, into 0.0."""
     return float(f"{value:.9g}") + 0.0
 
 
 FORMAT = 1
 HASH_DIGITS = 16
-MOST_NAME_BYTES = 32
+MAX_NAME_BYTES = 32
 # The firmware derives these from wheels, wheel_radius_m and track_m of the file.
 FIXED = ("WHEEL_RADIUS_M", "TRACK_M")
 FIXED_ENDINGS = ("_SIDE", "_DIRECTION")
@@ -164,7 +164,7 @@ def design_name(design: Design) -> str:
     """A readable name: modules, width × length and wheels' radii in mm, at most 32 bytes of UTF-8."""
     radii = ",".join(dict.fromkeys(f"{radius:g}" for radius in design.radii_mm))
     text = f"{design.composition} {design.width_mm:g}x{design.length_mm:g} r{radii}"
-    return text.encode()[:MOST_NAME_BYTES].decode(errors="ignore")
+    return text.encode()[:MAX_NAME_BYTES].decode(errors="ignore")
 
 
 def design_hash(design: Design) -> str:
@@ -187,11 +187,11 @@ def _geometry(body: Mapping[str, Any]) -> dict[str, Any]:
         }
         for wheel in driven_wheels(body)
     ]
-    return {"wheel_radius_m": _least_radius_m(body), "track_m": body["track_m"], "wheels": wheels}
+    return {"wheel_radius_m": _min_radius_m(body), "track_m": body["track_m"], "wheels": wheels}
 
 
-def _least_radius_m(body: Mapping[str, Any]) -> float:
-    """The radius that the firmware's wheel speeds are for: the smallest driven wheel's, so that none turns faster."""
+def _min_radius_m(body: Mapping[str, Any]) -> float:
+    """The radius (m) for the firmware's wheel speeds: the smallest driven wheel's, so that no wheel turns faster."""
     return min(float(wheel["radius_m"]) for wheel in driven_wheels(body))
 
 
@@ -218,7 +218,7 @@ def firmware_parameters(design: Design, body: Mapping[str, Any] | None = None) -
     """
     body = body_json(design) if body is None else body
     wheels = {wheel["channel"]: wheel for wheel in driven_wheels(body)}
-    radius_m = _least_radius_m(body)
+    radius_m = _min_radius_m(body)
     values: dict[str, float] = {
         "WHEEL_RADIUS_M": radius_m,
         "TRACK_M": body["track_m"],
@@ -234,13 +234,13 @@ def firmware_parameters(design: Design, body: Mapping[str, Any] | None = None) -
         values[f"{prefix}_SIDE"] = SIDES[wheel["side"]]
         values |= {f"{prefix}_{key.upper()}": servo[key] for key in ("direction", "neutral_us", "deadband_us")}
         # A larger wheel turns more slowly, so that all roll at one speed.
-        share = radius_m / wheel["radius_m"]
-        values[f"{prefix}_GAIN_US"] = _rounded(share * span_us / servo["no_load_speed_rad_s"])
+        speed_ratio = radius_m / wheel["radius_m"]
+        values[f"{prefix}_GAIN_US"] = _rounded(speed_ratio * span_us / servo["no_load_speed_rad_s"])
     return values
 
 
 def check_parameters(values: Mapping[str, float], table: Mapping[str, TableRow]) -> None:
-    """FoldcarError if the table lacks a parameter or its limits exclude the value."""
+    """Raise FoldcarError if the table lacks a parameter or its limits exclude the value."""
     for name, value in values.items():
         row = table.get(name)
         if row is None:

@@ -4,10 +4,10 @@ Input: a type string (``W_B_W``) and parameter values in millimetres and degrees
 ``W.length``). Output: an immutable Design; its geometry in millimetres, x forward from the middle of the
 car's length, hinges flat.
 
-A shared parameter has one value for the whole car; the other ones belong to a module and hold for every module of that
-letter. A place sets the value of one module: ``W2.radius`` is that of the second W from the front. In listings a
-parameter is found under its module (``{"W": {"length": 60}}``), its place (``{"W2": …}``) or, if shared, ``common``.
-A user's own modules come from ``--components FILE``: an error in it is a message of one line that names file and line.
+A shared parameter has one value for the whole car; other parameters hold for every module of their letter. A place sets
+the value of one module: ``W2.radius`` is the radius of the second W from the front. In listings a parameter stands
+under its module (``{"W": {"length": 60}}``), its place (``{"W2": …}``) or, if shared, ``common``. ``--components FILE``
+adds a user's own modules: an error in it is a message of one line that names file and line.
 """
 
 import cmath
@@ -18,7 +18,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-from foldcar.car.components.component import ROUNDING, at_least
+from foldcar.car.components.component import ROUNDING, minimum_text
 from foldcar.car.components.composite import Composite
 from foldcar.car.components.hinge_module import HingeModule
 from foldcar.car.components.module import BrainModule, Module, WheelModule
@@ -33,7 +33,7 @@ from foldcar.car.design_parameters import (
     place_keys,
     places_of,
 )
-from foldcar.car.parts.catalogue import DEFAULT_CHOICES, Catalogue, PartChoices, PartError, catalogue, chosen, split_type
+from foldcar.car.parts.catalogue import DEFAULT_CHOICES, Catalogue, PartChoices, PartError, catalogue_of, split_type
 from foldcar.car.user_modules import component_errors
 from foldcar.errors import FoldcarError
 
@@ -56,7 +56,7 @@ class DesignError(FoldcarError):
 class ModuleValues:
     """The values of one module's parameters (mm, degrees) by name, and the key of the design that sets each.
 
-    ``root`` if a composite names it as the one that carries the electronics.
+    ``root``: a composite names the module as the one that carries the electronics.
     """
 
     kind: type[Module] | type[HingeModule]
@@ -78,8 +78,8 @@ class Segment:
 class Design:
     """A design that passed its checks. ``values`` holds every parameter of its modules by key, in mm and degrees.
 
-    The value of a place (``W2.radius``) stands before that of the letter, for this module. ``letters`` are those of the
-    type string, front to back; ``modules`` are those of its composites too.
+    The value of a place (``W2.radius``) overrides that of the letter for this module. ``letters`` are those of the type
+    string, front to back; ``modules`` also resolve its composites.
     """
 
     letters: tuple[str, ...]
@@ -89,7 +89,7 @@ class Design:
     @property
     def parts(self) -> Catalogue:
         """The data of the car's parts."""
-        return chosen(self.choices)
+        return catalogue_of(self.choices)
 
     @property
     def composition(self) -> str:
@@ -103,7 +103,7 @@ class Design:
 
     @property
     def title(self) -> str:
-        """The car in a line: its type, what its modules share or a composite sets, and its axles without servos."""
+        """The car in a line: its type, shared values, values that a composite sets, and axles without servos."""
         return " ".join([self.type, *(f"{key}={value:g}" for key, value in self.values.items() if _is_of_car(key))])
 
     @property
@@ -114,7 +114,7 @@ class Design:
 
     @cached_property
     def of_modules(self) -> tuple[ModuleValues, ...]:
-        """The values of each module, front to back. ComponentError if those of a composite's modules do not fit."""
+        """The values of each module, front to back. Raises ComponentError if those of a composite do not fit."""
         places = zip(self.letters, places_of(self.letters), strict=True)
         modules = (_module_values(letter, place, self.values, self.parts) for letter, place in places)
         return tuple(itertools.chain.from_iterable(modules))
@@ -202,7 +202,7 @@ class Design:
 
 
 def _is_of_car(key: str) -> bool:
-    """Whether a parameter concerns more than the shape of one kind of module."""
+    """Whether a parameter concerns the car: it is shared, a switch, or of a composite."""
     parameter = parameter_of(key)
     if parameter is None:
         return False
@@ -211,14 +211,15 @@ def _is_of_car(key: str) -> bool:
 
 
 def modules_of(type_string: str) -> tuple[str, ...]:
-    """The module letters of a type string; DesignError for unknown, missing or wrongly placed modules."""
+    """Parse the module letters of a type string. Raises DesignError for unknown, missing or misplaced modules."""
     letters = tuple(type_string.partition("+")[0].split("_"))
     for letter in letters:
         if letter not in MODULES:
-            known = ", ".join(f"{known} ({kind.title})" for known, kind in MODULES.items())
+            known = ", ".join(f"{name} ({kind.title})" for name, kind in MODULES.items())
             raise DesignError(None, f'"{type_string}" has unknown module "{letter}"; known: {known}')
     with component_errors(DesignError):
-        modules = [module for letter in letters for module in _module_values(letter, letter, {}, catalogue())]
+        parts = catalogue_of(DEFAULT_CHOICES)
+        modules = [module for letter in letters for module in _module_values(letter, letter, {}, parts)]
     order = [module.kind.letter for module in modules]
     axles = sum(issubclass(module.kind, WheelModule) for module in modules)
     for kind, count in ((WheelModule, axles), (BrainModule, order.count(BrainModule.letter))):
@@ -235,7 +236,7 @@ def modules_of(type_string: str) -> tuple[str, ...]:
 
 
 def _module_values(letter: str, place: str, values: Mapping[str, float], parts: Catalogue) -> list[ModuleValues]:
-    """The values of the module, or the modules, at a place: those of the place before the letter's, then shared ones."""
+    """Return the values of the module (or modules) at a place: the place's, else the letter's, else the shared ones."""
     kind, keys = MODULES[letter], dict[str, str]()
     for parameter in kind.parameters:
         candidates = (f"{place}.{parameter.name}", f"{letter}.{parameter.name}", parameter.name)
@@ -253,10 +254,10 @@ def _module_values(letter: str, place: str, values: Mapping[str, float], parts: 
 
 
 def compose(type_string: str, values: Mapping[str, float], choices: PartChoices | None = None) -> Design:
-    """The design with ``values`` (mm, degrees; by key) and defaults for all others; DesignError if it cannot be built.
+    """Return the design with ``values`` (mm, degrees; by key) and defaults for all others.
 
     Without ``choices`` the parts are those that the type string names. A key may be a place:
-    ``compose("W_B_W", {"W2.radius": 50})``.
+    ``compose("W_B_W", {"W2.radius": 50})``. Raises DesignError if the design cannot be built.
     """
     letters = modules_of(type_string)
     if choices is None:
@@ -264,18 +265,18 @@ def compose(type_string: str, values: Mapping[str, float], choices: PartChoices 
             _, choices = split_type(type_string)
         except PartError as error:
             raise DesignError(None, str(error)) from error
-    design = Design(letters, _complete(type_string, letters, values, chosen(choices)), choices)
+    design = Design(letters, _complete_values(type_string, letters, values, catalogue_of(choices)), choices)
     with component_errors(DesignError):
         _check(type_string, design)
     return design
 
 
 def _check(type_string: str, design: Design) -> None:
-    """DesignError or ComponentError for a value that cannot be."""
+    """Raise DesignError or ComponentError for a value that is not allowed."""
     for key, value in design.values.items():
-        complaint = declared(key).complaint(value, design.parts)
-        if complaint:
-            raise DesignError(key, complaint)
+        limit_error = declared(key).limit_error(value, design.parts)
+        if limit_error:
+            raise DesignError(key, limit_error)
     tyre = design.parts.tyre
     for module in design.wheel_modules:
         width_mm, setting = design.of(module, "tire_thickness"), design.of_modules[module].keys.get("tire_thickness")
@@ -288,7 +289,7 @@ def _check(type_string: str, design: Design) -> None:
 
 
 def _check_alike(design: Design) -> None:
-    """DesignError if modules differ in what they must have in common: the beams' width and height, the track."""
+    """Raise DesignError if modules differ in uniform parameters: the beams' width and height, the track."""
     first: dict[str, ModuleValues] = {}
     for module in design.of_modules:
         for name in (parameter.name for parameter in module.kind.parameters if parameter.uniform):
@@ -300,7 +301,7 @@ def _check_alike(design: Design) -> None:
 
 
 def compose_columns(type_string: str, columns: Mapping[str, float | str]) -> Design:
-    """The design of a row of results: ``compose_columns("W_B_W", {"width_mm": 95})``; DesignError for another column."""
+    """Return the design of a row of results, as of ``{"width_mm": 95}``. Raises DesignError for another column."""
     values = {}
     for column, value in columns.items():
         key = key_of(column)
@@ -310,10 +311,10 @@ def compose_columns(type_string: str, columns: Mapping[str, float | str]) -> Des
     return compose(type_string, values)
 
 
-def _complete(
+def _complete_values(
     type_string: str, letters: tuple[str, ...], values: Mapping[str, float], parts: Catalogue
 ) -> dict[str, float]:
-    """The values by key, with defaults for all that no value or place sets; DesignError for a key that sets nothing."""
+    """Return the values by key, with defaults for those not set. Raises DesignError for a key that sets nothing."""
     complete: dict[str, float] = {}
     for key, parameter in parameters().items():
         if parameter.modules.isdisjoint(letters):
@@ -328,12 +329,12 @@ def _complete(
         complete |= set_by_place
     for key in values:
         if key not in complete:
-            raise DesignError(key, _unknown(type_string, letters, key, complete))
+            raise DesignError(key, _unknown_key_message(type_string, letters, key, complete))
     return complete
 
 
-def _unknown(type_string: str, letters: Sequence[str], key: str, known: Iterable[str]) -> str:
-    """Why a key sets nothing in a car."""
+def _unknown_key_message(type_string: str, letters: Sequence[str], key: str, known: Iterable[str]) -> str:
+    """Return why a key sets nothing in a car."""
     group, _, name = key.partition(".")
     place = PLACE.fullmatch(group)
     if place is not None and place[1] in letters:
@@ -348,22 +349,22 @@ def _unknown(type_string: str, letters: Sequence[str], key: str, known: Iterable
 def design_errors(
     type_string: str, values: Mapping[str, float], parts: Catalogue
 ) -> dict[str, tuple[DesignError, float]]:
-    """For every value beyond its limits, by key: the error, and the limit."""
+    """Return the error and the limit for every value beyond its limits, by key."""
     letters, errors = modules_of(type_string), {}
     for key, value in values.items():
         parameter = parameter_of(key)
         if parameter is None or parameter.modules.isdisjoint(letters):
             continue
         declaration = parameter.declared
-        complaint = declaration.complaint(value, parts)
-        if complaint:
-            limit = declaration.maximum if value > declaration.maximum else declaration.least_with(parts)
-            errors[key] = (DesignError(key, complaint), limit)
+        limit_error = declaration.limit_error(value, parts)
+        if limit_error:
+            limit = declaration.maximum if value > declaration.maximum else declaration.minimum_with(parts)
+            errors[key] = (DesignError(key, limit_error), limit)
     return errors
 
 
 def _check_wheels(design: Design) -> None:
-    """DesignError if neighbouring wheels would touch or the belly would touch the ground."""
+    """Raise DesignError if neighbouring wheels would touch or the belly would touch the ground."""
     height, belly = design.height_mm, design.parts.assembly.belly_clearance_mm
     # Axles are at half the body's height.
     least = height / 2 + belly.value
@@ -371,7 +372,7 @@ def _check_wheels(design: Design) -> None:
     for radius, key, _ in wheels:
         if radius < least - ROUNDING:
             why = f"half of height {height:g} and {belly.value:g} under the belly"
-            raise DesignError(key, f"{radius:g} is below the minimum {at_least(least)} ({why})")
+            raise DesignError(key, f"{radius:g} is below the minimum {minimum_text(least)} ({why})")
     for front, rear in itertools.pairwise(wheels):
         least_distance = front[0] + rear[0] + design.parts.assembly.wheel_distance_mm.value
         distance, flat = _folded_distance_mm(design, front[2], rear[2])
@@ -385,7 +386,7 @@ def _check_wheels(design: Design) -> None:
 
 
 def _folded_distance_mm(design: Design, front: int, rear: int) -> tuple[float, float]:
-    """The least distance of the axles of two modules (mm) with the hinges between at one of their limits, and flat.
+    """Return the distance (mm) of two modules' axles: the minimum over the limits of the hinges between, and flat.
 
     Hinges are at the floor, half the body's height below the axles.
     """
@@ -395,7 +396,7 @@ def _folded_distance_mm(design: Design, front: int, rear: int) -> tuple[float, f
         return flat, flat
     hinges.reverse()
     drop, places = design.height_mm / 2, [centers[i] for i in (rear, *hinges, front)]
-    # From the rear axle forwards, along and up; each stretch is pitched once more than the one before it.
+    # Steps from the rear axle forwards, along (real) and up (imaginary); each hinge pitches all steps after it.
     rises = [-drop, *[0.0] * (len(hinges) - 1), drop]
     steps = [complex(ahead - behind, up) for behind, ahead, up in zip(places, places[1:], rises, strict=False)]
     distances = []

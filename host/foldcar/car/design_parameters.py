@@ -46,7 +46,7 @@ def parameters() -> dict[str, DesignParameter]:
                 if parameter.shared == shared:
                     key = parameter.name if shared else f"{letter}.{parameter.name}"
                     having.setdefault(key, (parameter, set()))[1].add(letter)
-    return {key: DesignParameter(key, frozenset(letters), one) for key, (one, letters) in having.items()}
+    return {key: DesignParameter(key, frozenset(letters), parameter) for key, (parameter, letters) in having.items()}
 
 
 # A place: the letter of a module and its number among those, counted from the front.
@@ -54,9 +54,9 @@ PLACE = re.compile(r"(.*[^0-9])([1-9][0-9]*)")
 
 
 def find_parameter(group: str, name: str) -> DesignParameter | None:
-    """The parameter that ``{group: {name: …}}`` of a listing sets, or None; ``group`` is ``common``, a letter or a place.
+    """Return the parameter that ``{group: {name: …}}`` of a listing sets, or None if there is no such parameter.
 
-    ``find_parameter("W2", "radius").key`` is ``"W2.radius"``.
+    ``group`` is ``common``, a letter or a place. ``find_parameter("W2", "radius").key`` is ``"W2.radius"``.
     """
     shared = parameters().get(name)
     if shared is not None and (group == "common" or group in shared.modules):
@@ -71,13 +71,13 @@ def find_parameter(group: str, name: str) -> DesignParameter | None:
 
 
 def parameter_of(key: str) -> DesignParameter | None:
-    """The parameter of a key: ``radius``, ``W.length``, ``W2.radius``; None if there is none."""
+    """Return the parameter of a key such as ``radius``, ``W.length`` or ``W2.radius``, or None for other keys."""
     group, _, name = key.rpartition(".")
     return find_parameter(group or "common", name)
 
 
 def key_of(column: str) -> str | None:
-    """The key of a column of results: ``W2.radius`` of ``W2_radius_mm``; None if it is no column of a parameter."""
+    """Return the key of a column of results, ``W2.radius`` of ``W2_radius_mm``, or None for columns of other values."""
     for key, parameter in parameters().items():
         if parameter.column == column:
             return key
@@ -106,7 +106,7 @@ def names_in(group: str) -> list[str]:
 
 
 def declared(key: str) -> Parameter:
-    """The declaration of the parameter of a key, which must be one."""
+    """Return the declaration of the parameter with this key, which must exist."""
     parameter = parameter_of(key)
     assert parameter is not None, key
     return parameter.declared

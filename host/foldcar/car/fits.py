@@ -1,7 +1,7 @@
 """The worst case of the fits between bought parts and the film around them.
 
-Input: a FoldedCar. Output: Fits: the room at nominal sizes, measured on the folded car, and what the tolerances of the
-parts and of the cutter take of it at most. Findings where none is left.
+Input: a FoldedCar. Output: Fits, each with the clearance at nominal sizes, measured on the folded car, and the most that
+tolerances of parts and cutter reduce it. A fit without clearance in the worst case is a finding.
 """
 
 import math
@@ -21,7 +21,7 @@ ROUNDING_MM = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """``nominal_mm`` is the room at nominal sizes; ``parts_mm`` and ``cutter_mm`` the most that tolerances take of it."""
+    """``nominal_mm`` is the nominal clearance; ``parts_mm`` and ``cutter_mm`` are the most that tolerances reduce it."""
 
     name: str
     nominal_mm: float
@@ -30,12 +30,12 @@ class Fit:
 
     @property
     def worst_mm(self) -> float:
-        """The room that is left in the worst case, negative if the parts do not fit then."""
+        """The clearance in the worst case, negative if the parts do not fit then."""
         return self.nominal_mm - self.parts_mm - self.cutter_mm
 
 
 def check_fits(car: FoldedCar) -> Iterator[Finding]:
-    """A finding for each fit without room in the worst case."""
+    """Yield a finding for each fit without clearance in the worst case."""
     for fit in fits(car):
         if fit.worst_mm < -ROUNDING_MM:
             took = f"of {fit.nominal_mm:.2f} mm parts take {fit.parts_mm:.2f} mm, the cutter {fit.cutter_mm:.2f} mm"
@@ -43,27 +43,28 @@ def check_fits(car: FoldedCar) -> Iterator[Finding]:
 
 
 def fits(car: FoldedCar) -> tuple[Fit, ...]:
-    """The fits of a car, of each kind the tightest one."""
+    """Return the fits of a car, of each kind the tightest one."""
     parts, bodies = car.parts, place(car)
     holes = {hole.name: hole for piece in car.pieces for face in piece.faces for hole in face.holes}
-    found = [fit for name, hole in holes.items() for fit in _in_discs_and_walls(name.rpartition(".")[2], hole, parts)]
+    last_names = {name: name.rpartition(".")[2] for name in holes}
+    candidates = [fit for name, hole in holes.items() for fit in _in_discs_and_walls(last_names[name], hole, parts)]
     for mount in car.mounts:
-        mine = [holes[name] for name in mount.holes if name in holes]
+        own_holes = [holes[name] for name in mount.holes if name in holes]
         if mount.part == parts.servo.name:
-            found += _servo(mine[0], parts)
+            candidates += _servo(own_holes[0], parts)
         elif mount.part == parts.feather.name:
-            found += (_board_screw(hole, parts) for hole in mine)
+            candidates += (_board_screw(hole, parts) for hole in own_holes)
         elif mount.part == parts.switch.name:
-            found += _switch(mine[0], car)
+            candidates += _switch(own_holes[0], car)
         elif mount.part == parts.lipo.name:
-            found += _lipo(mount, bodies[mount.body], parts)
+            candidates += _lipo(mount, bodies[mount.body], parts)
         elif mount.part in (parts.battery.name, parts.featherwing.name):
-            found += _under_lid(mount, bodies[mount.body], parts)
-    least: dict[str, Fit] = {}
-    for fit in found:
-        if fit.name not in least or fit.worst_mm < least[fit.name].worst_mm:
-            least[fit.name] = fit
-    return tuple(least.values())
+            candidates += _under_lid(mount, bodies[mount.body], parts)
+    tightest: dict[str, Fit] = {}
+    for fit in candidates:
+        if fit.name not in tightest or fit.worst_mm < tightest[fit.name].worst_mm:
+            tightest[fit.name] = fit
+    return tuple(tightest.values())
 
 
 def _inside(name: str, room_mm: float, part: Quantity, parts: Catalogue) -> Fit:
@@ -72,7 +73,7 @@ def _inside(name: str, room_mm: float, part: Quantity, parts: Catalogue) -> Fit:
 
 
 def _in_discs_and_walls(name: str, hole: Hole, parts: Catalogue) -> Iterator[Fit]:
-    """What is named after its hole: the wheel's screws in their slots towards the axle, the USB plug."""
+    """Yield the fits that a hole's name determines: wheel screws in their slots towards the axle, rods, the USB plug."""
     cut = parts.assembly.cut_mm.value
     if name.startswith("horn screw"):
         long, wide = _size(hole, hole.center_mm or (1.0, 0.0))
@@ -85,8 +86,8 @@ def _in_discs_and_walls(name: str, hole: Hole, parts: Catalogue) -> Iterator[Fit
     elif name == "USB":
         usb = parts.plugs.usb
         diagonal = math.hypot(usb.width_mm.value, usb.thickness_mm.value)
-        # What is off by some height counts twice in a diameter; the hole and the bridge's legs are cut.
-        taken = math.hypot(usb.width_mm.most, usb.thickness_mm.most) - diagonal
+        # A deviation in height counts twice in a diameter. The hole and the bridge's legs are cut.
+        taken = math.hypot(usb.width_mm.max_value, usb.thickness_mm.max_value) - diagonal
         taken += 2 * (parts.feather.usb.tolerance + parts.spacer.length_mm.tolerance)
         yield Fit("USB plug in its hole", _size(hole)[0] - diagonal, taken, 4 * cut)
 
@@ -114,7 +115,7 @@ def _board_screw(hole: Hole, parts: Catalogue) -> Fit:
 
 
 def _switch(opening: Hole, car: FoldedCar) -> Iterator[Fit]:
-    """Its body in the slot, its barbs behind the film and tape of the panel and of all layers with that slot."""
+    """Yield the fits of the switch: body in slot, barbs behind film and tape of panel and layers with this slot."""
     switch, film, tape = car.parts.switch, car.parts.film.thickness_mm, car.parts.assembly.tape_mm
     slot = _size(opening)
     for room, part in zip(slot, (switch.body_length_mm, switch.body_width_mm), strict=True):
@@ -127,7 +128,7 @@ def _switch(opening: Hole, car: FoldedCar) -> Iterator[Fit]:
 
 
 def _lipo(mount: Mount, faces: list[PlacedFace], parts: Catalogue) -> Iterator[Fit]:
-    """The LiPo is laid into its outline, below the bridge, with the bridge's flange and feet beside it."""
+    """Yield the fits of the LiPo, which lies in its outline below the bridge, between the bridge's flange and feet."""
     lipo, film = parts.lipo, parts.film_mm
     laid, cut = parts.assembly.placement_mm.value, parts.assembly.cut_mm.value
     bridge = {face.face.name: face.corners_mm for face in faces if face.piece.name == "bridge"}
@@ -135,7 +136,7 @@ def _lipo(mount: Mount, faces: list[PlacedFace], parts: Catalogue) -> Iterator[F
     def gap(face: str, axis: int) -> float:
         return float(np.abs(bridge[face][:, axis] - mount.pose[axis][3]).min()) - mount.half_mm(axis)
 
-    # The feet lie beside it, with their edges towards it; of shelf and flange it meets a side.
+    # The feet's edges face the LiPo, whereas shelf and flange face it with a side, half a film nearer.
     yield Fit("LiPo below the bridge", gap("shelf", 2) - film / 2, lipo.height_mm.tolerance, cut)
     taken = lipo.width_mm.tolerance / 2 + laid
     yield Fit("LiPo beside the bridge's flange", gap("flange", 0) - film / 2, taken, cut)
@@ -144,11 +145,11 @@ def _lipo(mount: Mount, faces: list[PlacedFace], parts: Catalogue) -> Iterator[F
 
 
 def _under_lid(mount: Mount, faces: list[PlacedFace], parts: Catalogue) -> Iterator[Fit]:
-    """The battery between the walls, and what is as high as the lid."""
+    """Yield the fits of the battery between the walls and of what stands below the lid."""
     wing, battery, film, cuts = parts.featherwing, parts.battery, parts.film_mm, 2 * parts.assembly.cut_mm.value
     walls = np.concatenate([face.corners_mm for face in faces if face.face.role == "panel"])
     # The height of the highest of its upright solids.
-    top = max(compose(mount.pose, one.pose)[2][3] + one.size_mm[2] / 2 for one in mount.shape)
+    top = max(compose(mount.pose, solid.pose)[2][3] + solid.size_mm[2] / 2 for solid in mount.shape)
     up = float(walls[:, 2].max()) - film / 2 - top
     if mount.part == wing.name:
         taken = _sum(wing.gap_mm, wing.plug_top_mm, parts.feather.board_mm, wing.board_mm, parts.spacer.length_mm)
@@ -160,8 +161,8 @@ def _under_lid(mount: Mount, faces: list[PlacedFace], parts: Catalogue) -> Itera
         yield Fit(f"{battery.name} under the lid", up, _sum(battery.height_mm, parts.pad.height_mm), cuts)
 
 
-def _sum(*several: Quantity) -> float:
-    return sum(one.tolerance for one in several)
+def _sum(*quantities: Quantity) -> float:
+    return sum(quantity.tolerance for quantity in quantities)
 
 
 def _size(hole: Hole, along: Point = (1.0, 0.0)) -> Point:

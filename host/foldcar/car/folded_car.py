@@ -1,7 +1,7 @@
 """The folded car of a design: modules fused to segments, caps on their ends, hinges between them, wheels on servos.
 
-Input: a design. Output: the immutable FoldedCar that every exporter and the simulator's body read. The car tells a module
-what it must know of the others: its segment's ends, the floor beside it, the tyres next to it.
+Input: a design. Output: the immutable FoldedCar that every exporter and the simulator's body read. The car gives each
+module the settings that depend on other modules: its segment's ends, the floor beside it, the tyres next to it.
 """
 
 import math
@@ -12,10 +12,10 @@ from functools import lru_cache
 from foldcar.car.components.assemble import Assembly, assemble, build
 from foldcar.car.components.box_beam import PANELS, flap_end_mm, latch_mm, put_cap, wall_mm
 from foldcar.car.components.bridge import plug_room_mm, usb_height_mm
-from foldcar.car.components.component import ROUNDING, Component, Sub, at_least
+from foldcar.car.components.component import ROUNDING, Component, Sub, minimum_text
 from foldcar.car.components.hinge_module import HingeModule, stiffness_n_m_rad
 from foldcar.car.components.module import BrainModule, ElectronicsModule
-from foldcar.car.components.mounts import ROD_LAYER_MM, depth_mm, inside_mm, put_switch
+from foldcar.car.components.mounts import ROD_LAYER_MM, put_switch, servo_reach_mm, switch_depth_mm
 from foldcar.car.components.shape import Shape
 from foldcar.car.components.wheel import Wheel
 from foldcar.car.design import HINGE, Design, DesignError
@@ -23,13 +23,13 @@ from foldcar.car.design_parameters import places_of
 from foldcar.car.folded.model import FoldedCar, HingeJoint, PlacedPiece, Wire
 from foldcar.car.folded.pose import apply, compose, edge, folded, rotation, translation
 from foldcar.car.folded.stance import center_mm, standing
-from foldcar.car.leads import with_leads
-from foldcar.car.parts.catalogue import Catalogue, PartChoices, chosen
-from foldcar.car.user_modules import building, component_errors
+from foldcar.car.leads import with_extensions
+from foldcar.car.parts.catalogue import Catalogue, PartChoices, catalogue_of
+from foldcar.car.user_modules import component_errors, forbid_new_files
 
 
 class Car(Component):
-    """The component of a whole car but its wheels. Its values are the design's, by key."""
+    """The component of a whole car without its wheels. Its values are the design's, by key."""
 
     def __init__(self, design: Design) -> None:
         self.design = design
@@ -41,18 +41,18 @@ class Car(Component):
         subs = []
         for i, own in enumerate(self.design.of_modules):
             kind: type[Component] = ElectronicsModule if i == self.design.electronics else own.kind
-            known = {} if kind is HingeModule else around(self.design, i)
+            settings = {} if kind is HingeModule else settings_from_car(self.design, i)
             body = f"segment{self.design.segment_at(i)}"
-            subs.append(Sub(self.names[i], kind, {**own.values, **known}, own.keys, body))
+            subs.append(Sub(self.names[i], kind, {**own.values, **settings}, own.keys, body))
         return subs
 
     def build(self, shape: Shape) -> None:
         """Fuse neighbouring beams, close the segments' ends with caps, glue on the hinges."""
         letters = self.design.modules
-        for i, (one, following) in enumerate(zip(self.names, self.names[1:], strict=False)):
+        for i, (front_module, rear_module) in enumerate(zip(self.names, self.names[1:], strict=False)):
             if HINGE not in letters[i : i + 2]:
                 for panel in PANELS:
-                    shape.connect(f"{one}.beam.{panel}.rear", f"{following}.beam.{panel}.front", "rigid")
+                    shape.connect(f"{front_module}.beam.{panel}.rear", f"{rear_module}.beam.{panel}.front", "rigid")
         outer_mm = self.design.width_mm, self.design.height_mm
         for number, segment in enumerate(self.design.segments, 1):
             for end, module in (("front", segment.modules[0]), ("rear", segment.modules[-1])):
@@ -74,18 +74,18 @@ class Car(Component):
 
 
 def folded_car(design: Design) -> FoldedCar:
-    """The folded car of a design; DesignError if its parts do not fit."""
+    """Return the folded car of a design. Raises DesignError if its parts do not fit."""
     return _folded_car(design.letters, tuple(design.values.items()), design.choices)
 
 
 @lru_cache(maxsize=64)
 def _folded_car(letters: tuple[str, ...], values: tuple[tuple[str, float], ...], choices: PartChoices) -> FoldedCar:
     design = Design(letters, dict(values), choices)
-    with building(), component_errors(DesignError):
+    with forbid_new_files(), component_errors(DesignError):
         graph = build(Car(design))
         frame = assemble(graph)
     count, axles = len(frame.axles), list(frame.axles)
-    # Wheels without servos follow on the outputs.
+    # The channels of wheels without servos follow those of the outputs.
     order = sorted(range(count), key=lambda n: not frame.axles[n].driven)
     for channel, n in enumerate(order):
         end, axle = f"axle {n // 2 + 1} ", frame.axles[n]
@@ -93,7 +93,7 @@ def _folded_car(letters: tuple[str, ...], values: tuple[tuple[str, float], ...],
             end = "" if count <= 2 else ("front ", "rear ")[n // 2]
         servo = f"{end}{axle.side} servo" if axle.driven else ""
         axles[n] = replace(axle, wheel=f"wheel{channel}", servo=servo, channel=channel)
-    titles = {mine.servo: axle.servo for mine, axle in zip(frame.axles, axles, strict=True) if axle.driven}
+    titles = {local.servo: axle.servo for local, axle in zip(frame.axles, axles, strict=True) if axle.driven}
     mounts = []
     for mount in frame.mounts:
         # Servos and their screws are named by their place in the car.
@@ -112,9 +112,9 @@ def _folded_car(letters: tuple[str, ...], values: tuple[tuple[str, float], ...],
             axle = axles[n] = replace(axles[n], unit=unit)
             # The wheel is turned by half a turn about z on the right side.
             pose = compose(translation(*axle.center_mm), rotation("z", 0.0 if axle.side == "left" else math.pi))
-            for one in wheel.placed:
-                copy = copies * counts[one.piece] + one.copy
-                placed.append(PlacedPiece(one.piece, copy, axle.wheel, compose(pose, one.pose)))
+            for placed_copy in wheel.placed:
+                copy = copies * counts[placed_copy.piece] + placed_copy.copy
+                placed.append(PlacedPiece(placed_copy.piece, copy, axle.wheel, compose(pose, placed_copy.pose)))
             for m in wheel.mounts:
                 name = f"{m.name} of {axle.wheel}"
                 mounts.append(replace(m, name=name, body=axle.wheel, pose=compose(pose, m.pose)))
@@ -124,13 +124,13 @@ def _folded_car(letters: tuple[str, ...], values: tuple[tuple[str, float], ...],
         wires.append(Wire(f"{design.parts.featherwing.name} channel {axle.channel}", axle.servo, "signal", turns))
     solid = tuple(pieces), tuple(placed), tuple(joins), tuple(mounts)
     hinges = tuple(_hinges(frame, design.parts))
-    car = with_leads(FoldedCar(*solid, tuple(axles), hinges, tuple(wires), design.parts))
+    car = with_extensions(FoldedCar(*solid, tuple(axles), hinges, tuple(wires), design.parts))
     _check_stance(design, car)
     return car
 
 
 def _check_stance(design: Design, car: FoldedCar) -> None:
-    """DesignError if wheels of different radii tilt the body so far that it would touch the ground."""
+    """Raise DesignError if wheels of different radii tilt the body so far that it would touch the ground."""
     if len(set(design.radii_mm)) == 1:
         return
     x, _, z = center_mm(car)
@@ -138,7 +138,7 @@ def _check_stance(design: Design, car: FoldedCar) -> None:
     ends = [segment.center_mm + side * segment.length_mm / 2 for segment in design.segments for side in (-1, 1)]
 
     def clear(least: float) -> bool:
-        """Whether the belly is clear of the ground if no wheel is smaller than this."""
+        """Whether the belly clears the ground if wheels smaller than this had this radius."""
         wheels = [(at, max(radius, least)) for at, radius in zip(design.axles_mm, design.radii_mm, strict=True)]
         stands = standing(wheels, (x, z))
         return all(stands.height_mm(end, -half) >= belly - ROUNDING for end in ends)
@@ -148,20 +148,20 @@ def _check_stance(design: Design, car: FoldedCar) -> None:
     if clear(low) or not clear(high):
         return
     module = min(design.wheel_modules, key=lambda i: design.of(i, "radius"))
-    while high - low > STANCE_MM:
+    while high - low > STANCE_TOLERANCE_MM:
         middle = (low + high) / 2
         low, high = (low, middle) if clear(middle) else (middle, high)
     why = f"beside {max(design.radii_mm):g}: the tilted body is less than {belly:g} above the ground"
-    message = f"{design.of(module, 'radius'):g} is below the minimum {at_least(high)} ({why})"
+    message = f"{design.of(module, 'radius'):g} is below the minimum {minimum_text(high)} ({why})"
     raise DesignError(design.of_modules[module].keys.get("radius"), message)
 
 
-# The values of a wheel that tell it from others, by name.
+# The values of a wheel by name, which distinguish it from others.
 WheelValues = tuple[tuple[str, float], ...]
 
 
 def wheel_units(design: Design) -> dict[WheelValues, list[int]]:
-    """The indices of the wheel modules whose wheels are alike, by the values of these wheels."""
+    """Group the indices of the wheel modules by the values of their wheels."""
     units: dict[WheelValues, list[int]] = {}
     for module in design.wheel_modules:
         values = tuple((parameter.name, design.of(module, parameter.name)) for parameter in Wheel.parameters)
@@ -170,7 +170,7 @@ def wheel_units(design: Design) -> dict[WheelValues, list[int]]:
 
 
 def _unit_title(design: Design, modules: Sequence[int]) -> str:
-    """What wheels of these modules are called: ``wheel`` if all are alike, ``rear wheel``, ``axle 2 wheel``."""
+    """Return the name of these modules' wheels: ``wheel`` if all are alike, ``rear wheel``, ``axle 2 wheel``."""
     every = design.wheel_modules
     if len(modules) == len(every):
         return "wheel"
@@ -181,7 +181,7 @@ def _unit_title(design: Design, modules: Sequence[int]) -> str:
 
 
 def _named(wheel: Assembly, unit: str) -> Assembly:
-    """The assembly of a wheel with the unit's title in the names of its pieces: ``rear wheel hub``."""
+    """Return the assembly of a wheel with the unit's title in the names of its pieces: ``rear wheel hub``."""
     names = {piece.name: unit + piece.name.removeprefix("wheel") for piece in wheel.pieces}
     pieces = (replace(piece, name=names[piece.name], label=names[piece.name]) for piece in wheel.pieces)
     placed = (replace(copy, piece=names[copy.piece]) for copy in wheel.placed)
@@ -191,11 +191,11 @@ def _named(wheel: Assembly, unit: str) -> Assembly:
 
 @lru_cache(maxsize=8)
 def _wheel(values: WheelValues, choices: PartChoices) -> Assembly:
-    return assemble(build(Wheel(dict(values), body="wheel", parts=chosen(choices))))
+    return assemble(build(Wheel(dict(values), body="wheel", parts=catalogue_of(choices))))
 
 
 def _hinges(frame: Assembly, parts: Catalogue) -> list[HingeJoint]:
-    """One hinge at the crease of every flexure, front to back."""
+    """Return a hinge for the crease of every flexure, front to back."""
     pieces = {piece.name: piece for piece in frame.pieces}
     hinges = []
     for placed in frame.placed:
@@ -216,33 +216,33 @@ def _hinges(frame: Assembly, parts: Catalogue) -> list[HingeJoint]:
     return sorted(hinges, key=lambda hinge: -hinge.center_mm[0])
 
 
-# The least radius of a wheel beside larger ones is found this accurately.
-STANCE_MM = 1e-3
-# As far as a floor reaches where no tyre limits the place of USB.
+# Tolerance (mm) of the bisection for the minimum radius of a wheel beside larger ones.
+STANCE_TOLERANCE_MM = 1e-3
+# Limit (mm) of the place of USB on a side without a tyre.
 FAR_MM = 2000.0
-# The fold of a lid's flap beside its latch is at least so long.
-LEAST_FOLD_MM = 1.0
+# Minimum length (mm) of the fold of a lid's flap beside its latch.
+MIN_FOLD_MM = 1.0
 
 
 def switch_cap(design: Design) -> str:
-    """The outer cap that carries the switch: the one nearer to the electronics, but not at their own end."""
+    """Return the outer cap that carries the switch: the nearer to the electronics, unless their module ends there."""
     index, last = design.electronics, len(design.modules) - 1
     in_front = index > 0 and (index == last or index <= last - index)
     return "front cap 1" if in_front else f"rear cap {len(design.segments)}"
 
 
-def around(design: Design, module: int) -> dict[str, float]:
-    """What the car sets of a module that is no hinge."""
-    known = _flap(design, module)
+def settings_from_car(design: Design, module: int) -> dict[str, float]:
+    """Return the values that the car sets for a module other than a hinge."""
+    settings = _flap(design, module)
     if module in design.wheel_modules:
-        # No cap is at the inner end of a module that is not a segment of its own.
+        # Only a module that is a segment of its own has a cap at its inner end.
         alone = len(design.segment_of(module).modules) == 1
         tab = design.parts.assembly.cap_tab_mm.value if alone else 0.0
-        known |= {"towards_middle": _towards_middle(design, module), "tab_there": tab}
+        settings |= {"towards_middle": _towards_middle(design, module), "tab_depth": tab}
     if module == design.electronics:
-        known |= {"floor_front": _floor(design, module, -1), "floor_rear": _floor(design, module, 1)}
-        known |= dict(zip(("usb_low", "usb_high"), _between_tyres(design, module), strict=True))
-    return known
+        settings |= {"floor_front": _floor(design, module, -1), "floor_rear": _floor(design, module, 1)}
+        settings |= dict(zip(("usb_low", "usb_high"), _between_tyres(design, module), strict=True))
+    return settings
 
 
 def _towards_middle(design: Design, module: int) -> float:
@@ -250,31 +250,34 @@ def _towards_middle(design: Design, module: int) -> float:
 
 
 def _flap(design: Design, module: int) -> dict[str, float]:
-    """Where the lid's flap ends on a module; the latches, one at each end of a long segment, and at one the pull tab."""
+    """Return where the lid's flap ends on a module, and whether the module has latches and the pull tab.
+
+    A long segment has a latch at each end, a short one at the end with the longer module. One latch has the pull tab.
+    """
     segment, length = design.segment_of(module), design.length_of(module)
     end, (notch, _) = flap_end_mm(design.parts), latch_mm(design.parts)
     ends = {"front": segment.modules[0], "rear": segment.modules[-1]}
     long = segment.length_mm - 2 * end > design.parts.assembly.lock_distance_mm.value
     latched = list(ends) if long else [max(ends, key=lambda at: design.length_of(ends[at]))]
-    known: dict[str, float] = {}
+    settings: dict[str, float] = {}
     for at, outer in ends.items():
         latch = module == outer and at in latched
-        known |= {f"flap_{at}": end * (module == outer), f"latch_{at}": float(latch)}
-        known |= {f"pull_{at}": float(latch and at == latched[0])}
-    least = notch + LEAST_FOLD_MM + end * [*ends.values()].count(module)
-    if (known["latch_front"] or known["latch_rear"]) and length < least - ROUNDING:
+        settings |= {f"flap_{at}": end * (module == outer), f"latch_{at}": float(latch)}
+        settings |= {f"pull_{at}": float(latch and at == latched[0])}
+    least = notch + MIN_FOLD_MM + end * [*ends.values()].count(module)
+    if (settings["latch_front"] or settings["latch_rear"]) and length < least - ROUNDING:
         key = design.of_modules[module].keys.get("length")
-        raise DesignError(key, f"{length:g} is below the minimum {at_least(least)} (the latch of a segment's lid)")
-    return known
+        raise DesignError(key, f"{length:g} is below the minimum {minimum_text(least)} (the latch of a segment's lid)")
+    return settings
 
 
 def _floor(design: Design, module: int, step: int) -> float:
-    """Free floor (mm) before (``step`` -1) or behind (1) a module, up to a servo's layer, a cap's tab or the switch."""
+    """Return the free floor (mm) before (``step`` -1) or behind (1) a module, up to a servo, cap tab or switch."""
     free, i = 0.0, module + step
     while i in design.segment_of(module).modules:
         if i in design.wheel_modules:
             driven = design.of(i, "driven")
-            long, short = inside_mm(design.parts) if driven else (ROD_LAYER_MM, ROD_LAYER_MM)
+            long, short = servo_reach_mm(design.parts) if driven else (ROD_LAYER_MM, ROD_LAYER_MM)
             # The long side points forward if ``towards_middle`` is 1.
             return free + design.length_of(i) / 2 - (long if _towards_middle(design, i) == step else short)
         if design.modules[i] != BrainModule.letter:
@@ -283,12 +286,12 @@ def _floor(design: Design, module: int, step: int) -> float:
         i += step
     cap = f"{'front' if step < 0 else 'rear'} cap {design.segment_at(module) + 1}"
     gap = design.parts.assembly.part_gap_mm.value
-    depth = depth_mm(design.parts) + gap if cap == switch_cap(design) else 0.0
+    depth = switch_depth_mm(design.parts) + gap if cap == switch_cap(design) else 0.0
     return free - max(design.parts.assembly.cap_tab_mm.value, depth)
 
 
 def _between_tyres(design: Design, module: int) -> tuple[float, float]:
-    """Where a USB plug passes the tyres next to the module (mm from its rear)."""
+    """Return the limits (mm from the module's rear) between which a USB plug clears the tyres next to it."""
     rear = design.module_centers_mm[module] - design.length_of(module) / 2
     gap = design.parts.assembly.part_gap_mm.value
     off = usb_height_mm(design.parts) - wall_mm(design.height_mm, design.parts) / 2

@@ -1,8 +1,8 @@
-"""How long every lead of a car must be along its way, how long it is, and the servo extensions that make up for it.
+"""Lengths of a car's leads: needed along their ways and available; servo extensions where a lead is too short.
 
-Input: a FoldedCar. Output: Leads; the car with its extensions. A lead is laid along floor and walls, so that
-a stretch of its way is as long as its parts along x, y and z together; from segment to segment it passes the slits of
-the caps, with the hinge where these are farthest apart. Lengths are in mm, in the car's frame.
+Input: a FoldedCar. Output: Leads; the car with its extensions. A lead is laid along floor and walls, so the length of a
+stretch is the sum of its parts along x, y and z. From segment to segment it passes through the slits of the caps, whose
+distance counts at the hinge angle where it is largest. Lengths are in mm, in the car's frame.
 """
 
 from collections.abc import Iterable, Iterator
@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 from foldcar.car.design import DesignError
 from foldcar.car.folded.model import FoldedCar, Mount, Wire
 from foldcar.car.folded.placed import PlacedFace, place
-from foldcar.car.folded.pose import apply, folded_back, translation
+from foldcar.car.folded.pose import apply, hinge_motion, translation
 from foldcar.car.parts.quantity import Bought, BoxPart, PartData
 
 Points = NDArray[np.float64]
-# A direction's component along an axis of the car from which on it counts as that axis.
+# A direction counts as an axis of the car if its component along this axis is larger.
 ALONG = 0.9
 # Between an extension's joint and the layers of a wall (mm).
 JOINT_GAP_MM = 1.0
@@ -28,11 +28,11 @@ SIDES = (("rear", "front"), ("right", "left"))
 
 @dataclass(frozen=True, slots=True)
 class Lead:
-    """``way_mm`` from ``start`` to ``end``, ``needed_mm`` with slack and joints, ``there_mm`` at least by its data.
+    """A lead: ``way_mm`` from ``start`` to ``end``, ``needed_mm`` with slack and joints, ``available_mm`` at least.
 
-    ``kind`` tells what is done if it is too short: "plug" leads take an extension, if they are servos', "solder" leads
-    are lengthened; a "wire" is cut from stock and has no length of its own. ``leaves`` is the side of a battery at
-    which its leads lie.
+    ``kind`` decides what is done if it is too short. A servo's "plug" lead gets an extension, a "solder" lead is
+    lengthened; a "wire" is cut from stock and has no length of its own. ``leaves`` is the side of a battery at which its
+    leads lie.
     """
 
     start: str
@@ -40,48 +40,50 @@ class Lead:
     kind: Literal["plug", "solder", "wire"]
     way_mm: float
     needed_mm: float
-    there_mm: float
+    available_mm: float
     extension: str = ""
     leaves: str = ""
 
     @property
     def missing_mm(self) -> float:
-        """How much is missing, 0 if it is long enough."""
-        return max(0.0, self.needed_mm - self.there_mm)
+        """The missing length (mm), 0 if the lead is long enough."""
+        return max(0.0, self.needed_mm - self.available_mm)
 
 
 def leads(car: FoldedCar) -> tuple[Lead, ...]:
-    """The leads of all servos and batteries and the wires of the switch; none of a car without a servo driver."""
+    """Return the leads of servos and batteries and the wires of the switch; none for a car without a servo driver."""
     if not any(mount.part == car.parts.featherwing.name for mount in car.mounts):
         return ()
     ways = _Ways(car)
     return (*ways.servos(), ways.lipo(), *ways.supply())
 
 
-def wire_mm(several: Iterable[Lead]) -> float:
-    """The length of wire (mm) that is cut from stock: the switch's wire and what lengthens the battery's leads."""
-    return sum(lead.missing_mm for lead in several if lead.kind != "plug")
+def stock_wire_mm(leads_of_car: Iterable[Lead]) -> float:
+    """The length of wire (mm) cut from stock: the switch's wire and the wire that lengthens the battery's leads."""
+    return sum(lead.missing_mm for lead in leads_of_car if lead.kind != "plug")
 
 
-def more_wire_m(several: Iterable[Lead], wiring: PartData) -> float:
-    """The length of wire (m) beyond that which the wiring's mass and cost include."""
-    return max(0.0, wire_mm(several) - wiring.wire_mm.value) / 1000
+def extra_wire_m(leads_of_car: Iterable[Lead], wiring: PartData) -> float:
+    """The length of wire (m) beyond the length that is included in the wiring's mass and cost."""
+    return max(0.0, stock_wire_mm(leads_of_car) - wiring.wire_mm.value) / 1000
 
 
-def with_leads(car: FoldedCar) -> FoldedCar:
-    """The car with an extension for each servo whose lead is too short, and with the mass of all its wire.
+def with_extensions(car: FoldedCar) -> FoldedCar:
+    """Return the car with an extension for each servo whose lead is too short, and with the mass of all its wire.
 
-    DesignError if none is long enough.
+    Raises DesignError if no extension is long enough.
     """
     sold, mounts = car.parts.extensions.sold, {mount.name: mount for mount in car.mounts}
-    servos, found = {axle.servo for axle in car.axles if axle.driven}, leads(car)
+    servos, car_leads = {axle.servo for axle in car.axles if axle.driven}, leads(car)
     added: dict[str, Mount] = {}
-    for lead in (one for one in found if one.start in servos and one.missing_mm > 0):
-        extension = next((one for one in sold if _with(car, lead.there_mm, one) >= lead.needed_mm), None)
+    for lead in (lead for lead in car_leads if lead.start in servos and lead.missing_mm > 0):
+        extended = ((extension, _extended_mm(car, lead.available_mm, extension)) for extension in sold)
+        extension = next((extension for extension, length in extended if length >= lead.needed_mm), None)
         if extension is None:
-            longest = f"{_with(car, lead.there_mm, sold[-1]):.0f} mm with the longest extension, {sold[-1].name}"
-            told = f"the lead of the {lead.start} must be {lead.needed_mm:.0f} mm long, but is {longest}"
-            raise DesignError(None, f"{told}: make the car shorter")
+            longest_mm = _extended_mm(car, lead.available_mm, sold[-1])
+            longest = f"{longest_mm:.0f} mm with the longest extension, {sold[-1].name}"
+            message = f"the lead of the {lead.start} must be {lead.needed_mm:.0f} mm long, but is {longest}"
+            raise DesignError(None, f"{message}: make the car shorter")
         added[lead.start] = _joint(car, mounts[lead.start], extension)
     wires: list[Wire] = []
     for wire in car.wires:
@@ -91,18 +93,18 @@ def with_leads(car: FoldedCar) -> FoldedCar:
         else:
             wires.append(wire)
     wiring = car.parts.wiring
-    more_kg = more_wire_m(found, wiring) * wiring.wire_kg_m.value
+    more_kg = extra_wire_m(car_leads, wiring) * wiring.wire_kg_m.value
     heavier = (replace(m, mass_kg=m.mass_kg + more_kg) if m.part == wiring.name else m for m in car.mounts)
     return replace(car, mounts=(*heavier, *added.values()), wires=tuple(wires))
 
 
-def _with(car: FoldedCar, lead_mm: float, extension: Bought) -> float:
-    """The least length (mm) of a lead that is plugged into an extension."""
-    return lead_mm + extension.length_mm.least - car.parts.plugs.servo.inserted_mm.value
+def _extended_mm(car: FoldedCar, lead_mm: float, extension: Bought) -> float:
+    """The minimum length (mm) of a lead that is plugged into an extension."""
+    return lead_mm + extension.length_mm.min_value - car.parts.plugs.servo.inserted_mm.value
 
 
 def _joint(car: FoldedCar, servo: Mount, extension: Bought) -> Mount:
-    """An extension's socket with the servo's plug in it, on the floor under the servo, beside its wall."""
+    """Return the mount of an extension's socket with the servo's plug, on the floor under the servo, beside its wall."""
     parts, film, sold = car.parts, car.parts.film_mm, car.parts.extensions
     size = (sold.joint_length_mm.value, sold.joint_width_mm.value, sold.joint_height_mm.value)
     # z of the servo's frame points inwards; its ears lie on the wall's outside.
@@ -115,7 +117,7 @@ def _joint(car: FoldedCar, servo: Mount, extension: Bought) -> Mount:
 
 def _segments(car: FoldedCar) -> dict[str, list[PlacedFace]]:
     """The faces of the segments, by body."""
-    return place(car, {one.body for one in car.placed if one.body.startswith("segment")})
+    return place(car, {placed.body for placed in car.placed if placed.body.startswith("segment")})
 
 
 def _height_mm(faces: Iterable[PlacedFace], name: str) -> float:
@@ -124,7 +126,7 @@ def _height_mm(faces: Iterable[PlacedFace], name: str) -> float:
 
 
 def _ends(mount: Mount, battery: BoxPart) -> Iterator[tuple[str, Points]]:
-    """The middles of both ends of a battery's length, with their side of the car."""
+    """Yield the middles of both ends of a battery's length, each with its side of the car."""
     axis = min((0, 1), key=lambda i: abs(mount.size_mm[i] - battery.length_mm.value))
     pose = np.array(mount.pose)
     for off in (-pose[:3, axis] * mount.size_mm[axis] / 2, pose[:3, axis] * mount.size_mm[axis] / 2):
@@ -133,7 +135,7 @@ def _ends(mount: Mount, battery: BoxPart) -> Iterator[tuple[str, Points]]:
 
 
 class _Ways:
-    """Where the leads of one car start and end, and the ways between."""
+    """The starts and ends of one car's leads, and the ways between them."""
 
     def __init__(self, car: FoldedCar) -> None:
         self.car, self.parts, self.wing = car, car.parts, car.parts.featherwing.name
@@ -142,7 +144,7 @@ class _Ways:
         self.of_part = {mount.part: mount for mount in car.mounts}
 
     def servos(self) -> Iterator[Lead]:
-        """The leads of the servos, to their outputs."""
+        """Yield the servos' leads to their outputs."""
         parts, servo, wing = self.parts, self.parts.servo, self.parts.featherwing
         leaves = (-servo.length_mm.value / 2, 0.0, servo.depth_mm.value / 2 - servo.lead_height_mm.value)
         # Where leads bend over the plugs, in the frame of the driver's box.
@@ -151,49 +153,49 @@ class _Ways:
         for axle in (axle for axle in self.car.axles if axle.driven):
             start = np.array(apply(self.mounts[axle.servo].pose, *leaves))
             way = self.way(start, self._at(self.wing, (*wing.outputs.at_mm[axle.channel], up)), axle.body, self.wing)
-            there, extension = servo.lead_length_mm.least, ""
+            available, extension_name = servo.lead_length_mm.min_value, ""
             chained = [self.mounts[w.a].part for w in self.car.wires if w.b == axle.servo and w.a in self.mounts]
-            for one in (one for one in parts.extensions.sold if one.name in chained):
-                there, extension = _with(self.car, there, one), one.name
+            for extension in (extension for extension in parts.extensions.sold if extension.name in chained):
+                available, extension_name = _extended_mm(self.car, available, extension), extension.name
             length, needed = self._needed(way, ends)
-            yield Lead(axle.servo, f"{self.wing} {axle.channel}", "plug", length, needed, there, extension)
+            yield Lead(axle.servo, f"{self.wing} {axle.channel}", "plug", length, needed, available, extension_name)
 
     def lipo(self) -> Lead:
-        """The LiPo's lead, to its socket on the Feather."""
+        """Return the LiPo's lead to its socket on the Feather."""
         feather, lipo = self.parts.feather, self.of_part[self.parts.lipo.name]
         (x, y, z), (_, wide, _) = feather.battery_socket.at_mm, feather.battery_socket.size_mm
         mouth = self._at(feather.name, (x, y + wide / 2, z - feather.height_mm.value / 2))
         ends = _ends(lipo, self.parts.lipo)
         way, side = min((self.way(end, mouth, lipo.body, feather.name), side) for side, end in ends)
         ends_mm = self.parts.wiring.slack_mm.value + self.parts.plugs.battery.inserted_mm.value
-        there = self.parts.lipo.lead_length_mm.least
-        return Lead(lipo.name, f"{feather.name} JST", "plug", *self._needed(way, ends_mm), there, leaves=side)
+        available = self.parts.lipo.lead_length_mm.min_value
+        return Lead(lipo.name, f"{feather.name} JST", "plug", *self._needed(way, ends_mm), available, leaves=side)
 
     def supply(self) -> Iterator[Lead]:
-        """The battery's leads, + over the switch, and the wire from switch to terminal block."""
+        """Yield the battery's leads, + to the switch and - to the terminal block, and the wire between these two."""
         parts, wing = self.parts, self.parts.featherwing
         battery, switch = self.of_part[parts.battery.name], self.of_part[parts.switch.name]
-        joint, there = parts.wiring.joint_mm.value, parts.battery.lead_length_mm.least
+        joint, available = parts.wiring.joint_mm.value, parts.battery.lead_length_mm.min_value
         (x, y, z), (_, wide, _) = wing.terminal_block.at_mm, wing.terminal_block.size_mm
         block = self._at(wing.name, (x, y + wide / 2, z - wing.height_mm.value / 2))
         tails = self._at(switch.name, (0.0, 0.0, -switch.size_mm[2] / 2))
         targets = (("+", f"{switch.name} 1", tails, switch.name), ("-", f"{wing.name} terminal -", block, wing.name))
-        # It is taken out for its cells with its leads on: lifted above the walls, but on the roof.
+        # The battery is lifted above the walls, with its leads on, to change its cells; on the roof it is there already.
         walls = _height_mm(self.bodies[battery.body], "left")
         lift = np.array((0.0, 0.0, max(0.0, walls - (battery.pose[2][3] - battery.size_mm[2] / 2))))
-        found: list[list[Lead]] = []
+        by_side: list[list[Lead]] = []
         for side, end in _ends(battery, parts.battery):
-            found.append([])
+            by_side.append([])
             for sign, name, target, at in targets:
-                way = max(self.way(one, target, battery.body, at) for one in (end, end + lift))
+                way = max(self.way(start, target, battery.body, at) for start in (end, end + lift))
                 needed = self._needed(way, joint)
-                found[-1].append(Lead(f"{battery.name} {sign}", name, "solder", *needed, there, leaves=side))
-        yield from min(found, key=lambda several: sum(lead.needed_mm for lead in several))
+                by_side[-1].append(Lead(f"{battery.name} {sign}", name, "solder", *needed, available, leaves=side))
+        yield from min(by_side, key=lambda pair: sum(lead.needed_mm for lead in pair))
         needed = self._needed(self.way(tails, block, switch.body, wing.name), 2 * joint)
         yield Lead(f"{switch.name} 2", f"{wing.name} terminal +", "wire", *needed, 0.0)
 
     def _needed(self, way: tuple[float, int], ends_mm: float) -> tuple[float, float]:
-        """The length of a way, and that of its lead with slack and what its ends take."""
+        """Return the length of a way, and the length that its lead needs, with slack and the lengths of its ends."""
         wiring, (length, hinges) = self.parts.wiring, way
         slack = length * (1 + wiring.slack_share.value) + hinges * wiring.hinge_slack_mm.value
         return length, slack + ends_mm
@@ -202,30 +204,30 @@ class _Ways:
         return np.array(apply(self.of_part[part].pose, *point))
 
     def way(self, start: Points, end: Points, body: str, at: str) -> tuple[float, int]:
-        """Length (mm) of the way from a point in ``body`` to one at the part ``at``, and how many hinges it crosses."""
-        first, last = (int(one.removeprefix("segment")) for one in (body, self.of_part[at].body))
-        here = self._inside(start, body)
-        length = float(np.abs(start - here).sum())
+        """Return the length (mm) of the way from a point in ``body`` to one at part ``at``, and its number of hinges."""
+        first, last = (int(name.removeprefix("segment")) for name in (body, self.of_part[at].body))
+        position = self._inside(start, body)
+        length = float(np.abs(start - position).sum())
         for i in range(first, last) if first < last else range(first - 1, last - 1, -1):
-            # The slits at the rear of the segment before the hinge and at the front of the one behind it.
+            # The slits in the caps before and behind the hinge.
             slits = [min(self._holes(f"segment{i}", 0), key=lambda point: float(point[0])),
                      max(self._holes(f"segment{i + 1}", 0), key=lambda point: float(point[0]))]  # fmt: skip
             hinge = self.car.hinges[i]
-            turns = (folded_back(hinge, angle) for angle in (hinge.min_rad, 0.0, hinge.max_rad))
+            turns = (hinge_motion(hinge, angle) for angle in (hinge.min_rad, 0.0, hinge.max_rad))
             gap = max(float(np.linalg.norm(slits[0] - np.array(apply(turn, *slits[1])))) for turn in turns)
             near, far = slits if first < last else slits[::-1]
-            length += float(np.abs(near - here).sum()) + gap
-            here = far
-        return length + float(np.abs(end - here).sum()), abs(last - first)
+            length += float(np.abs(near - position).sum()) + gap
+            position = far
+        return length + float(np.abs(end - position).sum()), abs(last - first)
 
     def _inside(self, start: Points, body: str) -> Points:
-        """The point where a lead enters the body: the lead's hole in the lid for a battery on the roof."""
+        """Return the point where a lead enters the body: the hole in the lid for a battery on the roof."""
         if self.parts.battery_place != "roof" or start[2] < _height_mm(self.bodies[body], "left"):
             return start
         return next(self._holes(body, 2))
 
     def _holes(self, body: str, axis: int) -> Iterator[Points]:
-        """The middles of ways for cables in faces across an axis."""
+        """Yield the middles of cable slits in faces across an axis."""
         for face in self.bodies[body]:
             slits = [hole for hole in face.face.holes if hole.kind == "slit"]
             if slits and abs(face.normal[axis]) > ALONG:

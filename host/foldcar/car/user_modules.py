@@ -1,7 +1,7 @@
-"""Modules of cars that a user defines in a Python file, as ``--components`` names it.
+"""Users' own modules of cars, defined in a Python file that ``--components`` names.
 
-Input: a file. Output: its classes among MODULES, and a hash of all files that they consist of. Modules see the
-environment variables that Scenic programs see. An error in the file is a message of one line that names file and line.
+Input: a file. Output: its classes, added to MODULES, and a hash of all files that they consist of. Modules see the same
+environment variables as Scenic programs. An error in the file is a message of one line that names file and line.
 """
 
 import contextlib
@@ -24,17 +24,20 @@ from foldcar.errors import FoldcarError
 from foldcar.read_files import file_digest, heard_files, is_own, only_minimal_variables
 
 # All files that users' modules consist of.
-_read: set[Path] = set()
+_module_files: set[Path] = set()
 
 
 def load_components(file: Path) -> list[str]:
-    """Register the modules that the file defines and return their letters; FoldcarError if it fails or has none."""
+    """Register the modules that the file defines and return their letters.
+
+    Raises FoldcarError if the file fails or defines no module.
+    """
     path = file.resolve()
     if path in USER_FILES:
         return USER_FILES[path]
     spec = importlib.util.spec_from_file_location(f"foldcar_components_{path.stem}", path)
     if spec is None or spec.loader is None or not path.is_file():
-        raise FoldcarError(f"--components {file}: is no Python file")
+        raise FoldcarError(f"--components {file}: is not a Python file")
     module = importlib.util.module_from_spec(spec)
     try:
         with only_minimal_variables(), heard_files() as heard:
@@ -50,34 +53,34 @@ def load_components(file: Path) -> list[str]:
         raise FoldcarError(f"{file}:1: defines no subclass of Module or Composite of foldcar.car.components")
     sys.modules[module.__name__] = module
     for kind in kinds:
-        for told in _refusals(kind):
-            raise FoldcarError(f"{file}:{inspect.getsourcelines(kind)[1]}: {kind.__name__}{told}")
+        for reason in _rejections(kind):
+            raise FoldcarError(f"{file}:{inspect.getsourcelines(kind)[1]}: {kind.__name__}{reason}")
         MODULES[kind.letter] = kind
         parameters.cache_clear()
         _check(file, kind)
     USER_FILES[path] = [kind.letter for kind in kinds]
-    # Python reads compiled modules where it has them: their sources are found by name.
+    # Python reads compiled modules where it has them, so their sources are found by name.
     modules = (getattr(module, "__file__", None) for module in list(sys.modules.values()))
     imported = (Path(file) for file in modules if file and Path(file).is_relative_to(path.parent))
     opened = (file for file, state in heard.read.items() if state is not None or file.is_relative_to(path.parent))
-    _read.update(file for file in (path, *opened, *imported) if _counts(file, path.parent))
-    _read.update(path.parent.glob("*.py"))
+    _module_files.update(file for file in (path, *opened, *imported) if _identifies_module(file, path.parent))
+    _module_files.update(path.parent.glob("*.py"))
     return USER_FILES[path]
 
 
-def _counts(file: Path, folder: Path) -> bool:
-    """Whether a file that was read tells a user's module in ``folder`` from another one."""
+def _identifies_module(file: Path, folder: Path) -> bool:
+    """Whether the content of a file that was read is part of a user's module in ``folder``."""
     return file.suffix != ".pyc" and is_own(file.absolute(), folder)
 
 
 def _check(file: Path, kind: type[Module] | type[Composite]) -> None:
-    """FoldcarError if the module with its defaults cannot be, or if a composite's modules are no chain."""
+    """Raise FoldcarError if the module cannot be made with its defaults, or a composite's modules form no chain."""
     try:
-        made = kind(path=kind.letter)
-        if isinstance(made, Composite):
-            made.check()
-        elif any(isinstance(child, Module | HingeModule) for child in made.children.values()):
-            raise ComponentError(made.path, "has modules in it: derive it from Composite and connect them")
+        instance = kind(path=kind.letter)
+        if isinstance(instance, Composite):
+            instance.check()
+        elif any(isinstance(child, Module | HingeModule) for child in instance.children.values()):
+            raise ComponentError(instance.path, "has modules in it: derive it from Composite and connect them")
     except Exception as error:
         del MODULES[kind.letter]
         parameters.cache_clear()
@@ -88,46 +91,47 @@ def _check(file: Path, kind: type[Module] | type[Composite]) -> None:
         raise FoldcarError(f"{file}:{(lines or [inspect.getsourcelines(kind)[1]])[-1]}: {text}") from error
 
 
-def _refusals(kind: type[Module] | type[Composite]) -> Iterator[str]:
-    """Why a user's module is not taken."""
+def _rejections(kind: type[Module] | type[Composite]) -> Iterator[str]:
+    """Yield the reasons for which a user's module is rejected."""
     for attribute in ("letter", "title"):
         if not isinstance(getattr(kind, attribute, None), str):
-            yield f' has no text "{attribute}"'
+            yield f' has no string "{attribute}"'
     letter = kind.letter
     if not letter.isalnum() or letter == "common" or letter[-1].isdigit():
-        yield f': letter "{letter}" is not made of letters and digits, a letter last'
+        yield f': letter "{letter}" must consist of letters and digits and end in a letter'
     if letter in MODULES:
-        yield f': letter "{letter}" is that of {MODULES[letter].__name__} already'
+        yield f': letter "{letter}" is already used by {MODULES[letter].__name__}'
     if issubclass(kind, ElectronicsModule):
-        yield ": carries electronics, which B does; derive it from Module"
-    known = {key: parameter.declared for key, parameter in parameters().items()}
+        yield ": derives from the class that carries the electronics; derive it from Module"
+    by_key = {key: parameter.declared for key, parameter in parameters().items()}
     for parameter in kind.parameters:
-        of_car = known.get(parameter.name, parameter)
-        # What all beams share is the car's; a composite gives its modules what it likes.
+        of_car = by_key.get(parameter.name, parameter)
+        # Parameters that all beams share are the car's; a composite may set any value of its modules.
         if of_car != parameter and (parameter.shared or (of_car.uniform and issubclass(kind, Module))):
-            yield f': its parameter "{parameter.name}" is declared otherwise than that of the whole car'
+            yield f': its parameter "{parameter.name}" must be declared like that of the whole car'
 
 
 def components_digest() -> str:
-    """The hash of all files that users' modules consist of: what loading them read, and Python files beside them."""
+    """Return the hash of all files of users' modules: those read while loading them, and Python files beside them."""
     digest = hashlib.sha256()
     folders = {path.parent for path in USER_FILES}
-    for file in sorted(_read):
+    for file in sorted(_module_files):
         names = sorted(os.path.relpath(file, folder) for folder in folders)
         digest.update(json.dumps([names, file_digest(file)]).encode())
     return digest.hexdigest()
 
 
 @contextlib.contextmanager
-def building() -> Iterator[None]:
-    """FoldcarError if users' modules read other files within the block than when they were loaded."""
+def forbid_new_files() -> Iterator[None]:
+    """Raise FoldcarError if users' modules read files within the block that they did not read when loaded."""
     if not USER_FILES:
         yield
         return
     with only_minimal_variables(), heard_files() as heard:
         yield
     for file, state in heard.read.items():
-        if state is not None and file not in _read and all(_counts(file, path.parent) for path in USER_FILES):
+        new = state is not None and file not in _module_files
+        if new and all(_identifies_module(file, path.parent) for path in USER_FILES):
             raise FoldcarError(
                 f"{next(iter(USER_FILES))}: reads {file} while a car is folded, too late to tell designs apart by it; "
                 "read it at the module's head"
@@ -136,7 +140,7 @@ def building() -> Iterator[None]:
 
 @contextlib.contextmanager
 def component_errors(refusal: Callable[[str | None, str], FoldcarError]) -> Iterator[None]:
-    """Turn what goes wrong in components into a ``refusal`` of a key; it names file and line of a user's component."""
+    """Turn errors in components into a ``refusal`` of a key, which names file and line of a user's component."""
     try:
         yield
     except ComponentError as error:

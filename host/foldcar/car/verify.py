@@ -1,6 +1,6 @@
 """The verification of a design: all checks of its folded car and the proof of its assembly.
 
-Input: a design or a FoldedCar. Output: findings (none, if it can be built).
+Input: a design or a FoldedCar. Output: findings; a car without findings can be built.
 """
 
 from collections.abc import Sequence
@@ -18,25 +18,26 @@ from foldcar.errors import FoldcarError
 
 @dataclass(frozen=True)
 class Verification:
-    """Findings, and in words what was checked."""
+    """The findings, and a sentence on what was checked."""
 
     findings: tuple[Finding, ...]
     checked: str
 
 
-def check_design(car: FoldedCar) -> list[Finding]:
-    """All findings about a folded car but those of its assembly."""
-    findings = [found for piece in car.pieces for found in check_flat(piece, car.parts.assembly.fold_distance_mm.value)]
+def check_folded_car(car: FoldedCar) -> list[Finding]:
+    """Return all findings about a folded car, except those of its assembly."""
+    distance_mm = car.parts.assembly.fold_distance_mm.value
+    findings = [finding for piece in car.pieces for finding in check_flat(piece, distance_mm)]
     return [*findings, *check_joins(car, place(car)), *check_film_apart(car), *check_fits(car)]
 
 
 def verify(design: Design) -> Verification:
-    """All checks of the design's folded car; DesignError if the design cannot be compiled."""
+    """Run all checks of the design's folded car. Raises DesignError if the design cannot be compiled."""
     car = folded_car(design)
     faces = sum(len(piece.faces) * piece.count for piece in car.pieces)
     folds = sum(sum(not crease.bend for crease in piece.creases) * piece.count for piece in car.pieces)
     joins = len({join.number for join in car.joins})
-    result = (*check_design(car), *prove(car).findings)
+    result = (*check_folded_car(car), *prove(car).findings)
     return Verification(result, f"{faces} faces, {folds} folds and {joins} joins, fits and assembly checked")
 
 
@@ -44,8 +45,8 @@ class CheckError(FoldcarError):
     """A car that failed its checks; the message names the first finding."""
 
 
-def refuse(title: str, findings: Sequence[str]) -> None:
-    """CheckError, with the first of them, if there are any."""
+def raise_on_findings(title: str, findings: Sequence[str]) -> None:
+    """Raise CheckError with the first finding, if there are any."""
     if findings:
         more = f" (and {len(findings) - 1} more)" if len(findings) > 1 else ""
         raise CheckError(f"{title}: {findings[0]}{more}")

@@ -51,7 +51,7 @@ def view(
     """
     require("fabricate")
     from foldcar.car.folded_car import folded_car
-    from foldcar.car.verify import refuse, verify
+    from foldcar.car.verify import raise_on_findings, verify
     from foldcar.fabrication.assembly.view_page import view_page
     from foldcar.outputs import atomic_file
 
@@ -59,7 +59,7 @@ def view(
     shown = viewed_run(listing, run, vehicle, settings) if run is not None else None
     design = shown.design if shown else listed_family(listing, vehicle, settings)[1].single()
     folded, title = folded_car(design), design.title
-    refuse(title, list(map(str, verify(design).findings)))
+    raise_on_findings(title, list(map(str, verify(design).findings)))
     page = view_page(folded, title, _replayed(shown, folded) if shown else None)
     with atomic_file(output) as binary:
         binary.write(page.encode())

@@ -1,6 +1,6 @@
-"""Everything that is made of one car: the files of its folder by name.
+"""Makes one car: all files of its folder by name.
 
-Input: a Design and Options. Output: a MadeCar. Findings of the car's checks are a CheckError: it has no files then.
+Input: a Design and Options. Output: a MadeCar. If the car's checks have findings, CheckError is raised instead.
 """
 
 import json
@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass
 from foldcar.car.body import body_json, car_json
 from foldcar.car.design import Design
 from foldcar.car.folded_car import folded_car
-from foldcar.car.verify import refuse, verify
+from foldcar.car.verify import raise_on_findings, verify
 from foldcar.fabrication.assembly.guide import guide_page
 from foldcar.fabrication.assembly.operations import Operations, operations
 from foldcar.fabrication.assembly.parts_list import (
@@ -27,7 +27,7 @@ from foldcar.fabrication.patterns.cutting import coupon, how_to_cut
 from foldcar.fabrication.patterns.nesting import NestingError
 from foldcar.fabrication.patterns.options import MACHINES, Options
 from foldcar.fabrication.patterns.sheet_files import WRITERS, pdf, preview
-from foldcar.fabrication.patterns.sheets import Pattern, cut_car, on_a_larger_sheet, pattern_of
+from foldcar.fabrication.patterns.sheets import Pattern, cut_car, enlarge_sheet, pattern_of
 from foldcar.version import __version__
 
 # The page to open first.
@@ -39,7 +39,7 @@ SHEETS = "sheets.pdf"
 
 @dataclass(frozen=True, slots=True)
 class MadeCar:
-    """``files`` are relative paths and contents; ``checks`` says in words what was checked."""
+    """A car that passed its checks; ``files`` are relative paths and contents, ``checks`` says what was checked."""
 
     title: str
     pattern: Pattern
@@ -51,13 +51,13 @@ class MadeCar:
 
 
 def make_car(design: Design, chosen: Options, command: str = "", larger: bool = False) -> MadeCar:
-    """The car with all its files; CheckError if something is wrong with one, FoldcarError if it cannot be cut.
+    """Make the car with all its files. Raises CheckError if a check fails, FoldcarError if the car cannot be cut.
 
-    ``command`` is what makes the same files again; it stands on the sheets. ``larger``: the machine's next larger
-    sheet is taken where a piece does not fit on the chosen one.
+    ``command`` makes the same files again; it is printed on the sheets. ``larger``: the machine's next larger sheet is
+    used if a piece does not fit on the chosen one.
     """
     title, folded = design.title, folded_car(design)
-    chosen = on_a_larger_sheet(folded, chosen) if larger else chosen
+    chosen = enlarge_sheet(folded, chosen) if larger else chosen
     pieces = cut_car(folded, chosen)
     try:
         cut = pattern_of(pieces, chosen, title, command)
@@ -66,7 +66,7 @@ def make_car(design: Design, chosen: Options, command: str = "", larger: bool = 
     test_piece = coupon(chosen, folded.parts)
     endings = ["svg", "dxf", *(["lbrn2"] if MACHINES[chosen.machine].files == "lbrn2" else [])]
     verified = verify(design)
-    refuse(title, [*map(str, verified.findings), *cut.torn])
+    raise_on_findings(title, [*map(str, verified.findings), *cut.torn])
     done = operations(folded, pieces)
     texts = {
         "view.html": view_page(folded, title),
@@ -92,7 +92,7 @@ def make_car(design: Design, chosen: Options, command: str = "", larger: bool = 
     )
     rows = parts_list(folded, cut.sheets)
     made = MadeCar(title, cut, total_mass_kg(rows), total_cost_usd(rows), done, files, checks)
-    # To make it again, and to know which files may be replaced.
+    # The manifest lets a user make the car again, and tells which files may be replaced.
     manifest = {
         "foldcar": __version__,
         "command": command,

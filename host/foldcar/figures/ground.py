@@ -22,7 +22,7 @@ AZIMUTH_RAD = numpy.radians(135)
 ALTITUDE_RAD = numpy.radians(45)
 STEEPER = 1.5
 SHADE = 0.45
-LEAST_RANGE_MM = 1.0
+MIN_RANGE_MM = 1.0
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class HeightMap:
 
 
 def height_map(heights: Heights, scene: Mapping[str, Any], extent: Extent, cells: int) -> HeightMap:
-    """The ground over approximately ``extent``, with ``cells`` cells along its longer side."""
+    """Return the ground over approximately ``extent``, with ``cells`` cells along its longer side."""
     cell = max(extent.size_m) / cells
     columns, rows = (max(2, round(size / cell)) for size in extent.size_m)
     x = extent.x_min_m + cell * (numpy.arange(columns) + 0.5)
@@ -60,21 +60,21 @@ def height_map(heights: Heights, scene: Mapping[str, Any], extent: Extent, cells
 
 
 def height_scale(maps: Sequence[HeightMap]) -> ScalarMappable:
-    """The scale (mm) over all heights of the maps, linear in height on both sides of 0."""
-    low = min((float(numpy.min(one.z_m)) for one in maps), default=0.0) * 1e3
-    high = max((float(numpy.max(one.z_m)) for one in maps), default=0.0) * 1e3
+    """Return the colour scale (mm) over all heights of the maps, linear in height on both sides of 0."""
+    low = min((float(numpy.min(height_map.z_m)) for height_map in maps), default=0.0) * 1e3
+    high = max((float(numpy.max(height_map.z_m)) for height_map in maps), default=0.0) * 1e3
     low, high = min(low, 0.0), max(high, 0.0)
-    high = max(high, LEAST_RANGE_MM + low)
+    high = max(high, MIN_RANGE_MM + low)
     values = numpy.linspace(low, high, COLOURS)
     depth = max(-low, high / 2)
     colours = [ABOVE(value / high) if value >= 0 else BELOW(-value / depth) for value in values]
     return ScalarMappable(Normalize(low, high), ListedColormap(colours))
 
 
-def shaded(one: HeightMap, scale: ScalarMappable) -> NDArray[Any]:
-    """The map's colours, (rows, columns, 3); level ground has the scale's colour."""
-    colours = scale.to_rgba(one.z_m * 1e3)[..., :3]
-    slope_y, slope_x = numpy.gradient(one.z_m * STEEPER, one.cell_m)
+def shaded(ground: HeightMap, scale: ScalarMappable) -> NDArray[Any]:
+    """Return the map's colours, (rows, columns, 3); level ground has the scale's colour."""
+    colours = scale.to_rgba(ground.z_m * 1e3)[..., :3]
+    slope_y, slope_x = numpy.gradient(ground.z_m * STEEPER, ground.cell_m)
     towards = numpy.cos(ALTITUDE_RAD) * (slope_y * numpy.sin(AZIMUTH_RAD) + slope_x * numpy.cos(AZIMUTH_RAD))
     level = numpy.sin(ALTITUDE_RAD)
     # Lambert's cosine law, relative to level ground.

@@ -1,4 +1,4 @@
-"""Templates of HTML pages, and what stands in them: scripts and data."""
+"""Templates of HTML pages, and the scripts and data in them."""
 
 import json
 from collections.abc import Callable, Mapping
@@ -13,7 +13,7 @@ from foldcar.shown_text import markdown_text
 
 
 def page_template(package: str, file: str, filters: Mapping[str, Callable[..., Any]] | None = None) -> Template:
-    """The template, with ``markdown``, which escapes texts, and ``filters`` in addition to jinja's filters."""
+    """Return a template with jinja's filters, ``filters``, and ``markdown``, which escapes texts."""
     environment = Environment(
         loader=PackageLoader(package, "."),
         autoescape=True,
@@ -26,20 +26,20 @@ def page_template(package: str, file: str, filters: Mapping[str, Callable[..., A
 
 
 def web_page(package: str, name: str, **values: Any) -> str:
-    """The page web/NAME.html of a package, with its style NAME.css and its bundled script NAME.js. FoldcarError."""
+    """Return web/NAME.html of a package with its style NAME.css and its bundled script NAME.js. Raises FoldcarError."""
     style = files(package).joinpath(f"web/{name}.css").read_text(encoding="utf-8")
     template = page_template(package, f"web/{name}.html", {"script_json": script_json})
     return template.render(style=Markup(style), program=bundle(f"{name}.js"), **values)
 
 
 def bundle(name: str) -> Markup:
-    """A page's script with the libraries that it needs, for a script element. FoldcarError if it was not bundled."""
+    """Return a page's script with its libraries, for a script element. Raises FoldcarError if it was not bundled."""
     file = files("foldcar").joinpath(f"bundles/{name}")
     if not file.is_file():
-        raise FoldcarError(f"{file}: the page's script is not there: run `make setup` in the checkout, which bundles it")
+        raise FoldcarError(f"{file}: the page's script is missing: run `make setup` in the checkout, which bundles it")
     return Markup(file.read_text(encoding="utf-8").replace("</script", "<\\/script"))
 
 
 def script_json(value: Any) -> Markup:
-    """JSON that is safe inside a script element. ValueError if a number is NaN or infinite."""
+    """Return JSON that is safe inside a script element. Raises ValueError if a number is NaN or infinite."""
     return Markup(json.dumps(value, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c"))

@@ -17,7 +17,7 @@ from foldcar.simulation.heights import Heights
 
 WIDTH_IN = 10.0
 CELLS = 600
-# Half a long edge.
+# An edge is long if its half length is above this.
 LONG_M = 0.2
 LETTER = {"boxstyle": "circle,pad=0.25", "facecolor": "white", "edgecolor": INK, "linewidth": 0.8}
 
@@ -100,7 +100,7 @@ def _draw_outline(
     facecolor: str,
     label: str | None = None,
 ) -> Any:
-    """Draw a turned rectangle; the middle of its rear side."""
+    """Draw a turned rectangle, and return the middle of its rear side."""
     half, side = length_m / 2, width_m / 2
     corners = [(half, side), (half, -side), (-half, -side), (-half, side)]
     place = Affine2D().rotate(turn_rad).translate(*at)

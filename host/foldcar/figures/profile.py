@@ -1,4 +1,4 @@
-"""The ground under a car's wheel tracks: a line on it, and the largest height along a strip beside the line.
+"""The ground under a car's wheel tracks: a line on it, and the maximum height along a strip beside the line.
 
 Input: a path or a start, a function for heights. Output: lines and heights in m.
 """
@@ -11,7 +11,7 @@ import numpy
 
 from foldcar.simulation.heights import Floats, Heights
 
-# Points across a tyre's strip: a corner that enters it by less than a sixth of its width may be missed.
+# Points across a tyre's strip: a corner that overlaps it by less than a sixth of its width may be missed.
 ACROSS = 7
 
 
@@ -26,7 +26,7 @@ class Line:
 
 
 def travelled_m(path: Sequence[Sequence[float]]) -> Floats:
-    """Distance travelled at each row of ``path`` (docs/carsim.md), (n,) in m; it decreases where the car rolls back."""
+    """Return the distance travelled at each row of ``path``, (n,) in m; it decreases where the car rolls back."""
     rows = numpy.asarray(path, dtype=float)
     heading = numpy.unwrap(rows[:, 4])
     middle = (heading[1:] + heading[:-1]) / 2
@@ -35,7 +35,7 @@ def travelled_m(path: Sequence[Sequence[float]]) -> Floats:
 
 
 def driven_line(path: Sequence[Sequence[float]], margin_m: float, spacing_m: float = 1e-3) -> Line:
-    """The line that the car's centre drove, extended straight by ``margin_m``, with a point every ``spacing_m``."""
+    """Return the line that the car's centre drove, extended by ``margin_m``, with a point every ``spacing_m``."""
     rows = numpy.asarray(path, dtype=float)
     travelled = travelled_m(path)
     # Rolling back does not lengthen the line.
@@ -54,7 +54,7 @@ def driven_line(path: Sequence[Sequence[float]], margin_m: float, spacing_m: flo
 
 
 def straight_line(start: Mapping[str, Any], first_m: float, last_m: float) -> Line:
-    """The straight line along a pose's heading, between two distances from it, with a point every millimetre."""
+    """Return the straight line along a pose's heading between two distances, with a point every millimetre."""
     at = numpy.arange(first_m, last_m + 5e-4, 1e-3, dtype=float)
     heading = start["heading_rad"]
     x, y = start["x_m"] + at * numpy.cos(heading), start["y_m"] + at * numpy.sin(heading)
@@ -62,7 +62,7 @@ def straight_line(start: Mapping[str, Any], first_m: float, last_m: float) -> Li
 
 
 def strip_heights_m(heights: Heights, scene: Mapping[str, Any], line: Line, left_m: float, width_m: float) -> Floats:
-    """The largest height, (n,) in m, across a strip ``width_m`` wide, ``left_m`` to the left of ``line``.
+    """Return the maximum height, (n,) in m, across a strip ``width_m`` wide, ``left_m`` to the left of ``line``.
 
     At each point of the line the strip is a segment across the heading, sampled from edge to edge.
     """

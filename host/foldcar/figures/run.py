@@ -25,7 +25,7 @@ CELLS = 600
 VIEW_IN = 7.5
 LABELS_IN = 0.8
 TITLE_IN = 0.3
-MOST_POSES = 12
+MAX_POSES = 12
 
 
 def draw_run(
@@ -62,7 +62,7 @@ def draw_run(
 
 
 def poses_to_draw(travelled: Sequence[float], spacing_m: float) -> list[int]:
-    """Indices of the rows at which to draw the car: the first, the last, and one per ``spacing_m`` of new distance."""
+    """Return the rows at which to draw the car: the first, the last, and one for each ``spacing_m`` of new distance."""
     chosen = [0]
     for index, distance in enumerate(travelled):
         if distance >= travelled[chosen[-1]] + spacing_m:
@@ -74,7 +74,7 @@ def poses_to_draw(travelled: Sequence[float], spacing_m: float) -> list[int]:
 
 
 def segment_places(body: Mapping[str, Any], row: Any) -> list[tuple[Any, Any]]:
-    """The pose of each segment at a row of the path, seen from the right.
+    """Return the pose of each segment at a row of the path, seen from the right.
 
     A pose is a (2, 2) matrix ``turn`` and a (2,) position ``origin`` relative to the car's origin (m): the point
     (x, z) of the car with flat hinges is at ``(x, z) @ turn + origin``.
@@ -105,9 +105,9 @@ def _turn(pitch: float) -> Any:
 def _fit_height(figure: Figure, side: Axes, above: Axes) -> None:
     """Set the figure's height such that both views fit at its width, up to a limit."""
     heights_in = []
-    for axes, most_in in ((side, 3.0), (above, 4.2)):
+    for axes, max_in in ((side, 3.0), (above, 4.2)):
         (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
-        heights_in.append(min(VIEW_IN * (top - bottom) / (right - left), most_in) + LABELS_IN)
+        heights_in.append(min(VIEW_IN * (top - bottom) / (right - left), max_in) + LABELS_IN)
     figure.set_size_inches(WIDTH_IN, sum(heights_in) + TITLE_IN)
     grid = above.get_gridspec()
     assert grid is not None
@@ -131,7 +131,7 @@ def _draw_side(
         )
         axes.plot(line.distance_m, strip, color="#6b4a17", linewidth=0.8, linestyle="--" if left > 0 else "-", zorder=3)
     travelled = travelled_m(rows)
-    spacing_m = max(2.05 * reach, (line.distance_m[-1] - line.distance_m[0]) / MOST_POSES)
+    spacing_m = max(2.05 * reach, (line.distance_m[-1] - line.distance_m[0]) / MAX_POSES)
     chosen = poses_to_draw(list(travelled), spacing_m)
     for index in chosen:
         final = index == chosen[-1]
@@ -149,7 +149,7 @@ def _draw_side(
 
 
 def _draw_car(axes: Axes, body: Mapping[str, Any], distance_m: float, row: Any, colour: str) -> float:
-    """Draw the car at a row of the path; returns the height of its highest point (m)."""
+    """Draw the car at a row of the path, and return the height (m) of its highest point."""
     z, roll = float(row[3]), float(row[6])
     places = segment_places(body, row)
     top = z

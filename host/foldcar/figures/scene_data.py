@@ -15,19 +15,22 @@ from foldcar.simulation.compact_path import varints
 from foldcar.simulation.heights import Heights
 
 HEIGHT_M = 0.0005
-# What one scene of a page may take, and all of them: carsim computes these in some seconds, a browser draws them at once.
-MOST_POINTS_OF_A_SCENE = 40_000
-MOST_POINTS = 1_500_000
+# Maximum points of one scene of a page, and of all scenes: carsim computes them in seconds, a browser draws them at once.
+MAX_POINTS_OF_A_SCENE = 40_000
+MAX_POINTS = 1_500_000
 
 
 def ground_data(scene: Mapping[str, Any], heights: Heights, scenes: int = 1) -> tuple[dict[str, Any], bytes]:
-    """The head ``{"scene", "grid"}`` and the bytes of one of so many scenes of a page; without smooth ground, no grid."""
+    """Return the head ``{"scene", "grid"}`` and the bytes of one of a page's ``scenes``.
+
+    Without smooth ground the grid is None, and there are no bytes.
+    """
     bounds = smooth_bounds_m(scene)
     if bounds is None:
         return {"scene": dict(scene), "grid": None}, b""
     x_min, x_max, y_min, y_max = bounds
-    most = min(MOST_POINTS_OF_A_SCENE, MOST_POINTS // scenes)
-    spacing = max(SPACINGS_M[-1], math.sqrt((x_max - x_min) * (y_max - y_min) / most))
+    max_points = min(MAX_POINTS_OF_A_SCENE, MAX_POINTS // scenes)
+    spacing = max(SPACINGS_M[-1], math.sqrt((x_max - x_min) * (y_max - y_min) / max_points))
     grid = smooth_ground(scene, heights, (spacing,))
     assert grid is not None
     rows, columns = grid.z_m.shape
@@ -40,5 +43,5 @@ def ground_data(scene: Mapping[str, Any], heights: Heights, scenes: int = 1) -> 
         "rows": rows,
         "height_m": HEIGHT_M,
     }
-    whole = numpy.rint(grid.z_m.ravel() / HEIGHT_M).astype(numpy.int64)
-    return {"scene": dict(scene), "grid": head}, varints(numpy.diff(whole, prepend=0))
+    integers = numpy.rint(grid.z_m.ravel() / HEIGHT_M).astype(numpy.int64)
+    return {"scene": dict(scene), "grid": head}, varints(numpy.diff(integers, prepend=0))

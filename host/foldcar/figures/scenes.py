@@ -15,7 +15,7 @@ from foldcar.figures.style import ACCENT, FAILURE, drawing_style
 from foldcar.figures.top_view import VIEW_MARGIN_M, draw_top_view, view_of
 from foldcar.simulation.heights import Heights
 
-MOST_SCENES = 9
+MAX_SCENES = 9
 # Cells along the longer side of a panel.
 FINE_CELLS = 600
 # Panels in a row, the height of a profile, pixels per inch and colours of a PNG.
@@ -26,7 +26,7 @@ TRACK_M, TYRE_M = 0.111, 0.012
 
 
 def is_long(extent: Extent) -> bool:
-    """Whether pictures of that extent stand below each other."""
+    """Whether pictures of that extent are stacked below each other."""
     length, width = extent.size_m
     return length > 2.5 * width
 
@@ -38,7 +38,7 @@ def draw_environment(scenes: Sequence[Mapping[str, Any]], file: Path, heights: H
     """
     check_format(file)
     distinct: list[Mapping[str, Any]] = []
-    for scene in scenes[:MOST_SCENES]:
+    for scene in scenes[:MAX_SCENES]:
         if not any({**scene, "id": ""} == {**other, "id": ""} for other in distinct):
             distinct.append(scene)
     count, extent = len(distinct), view_of(distinct)
@@ -82,7 +82,7 @@ def draw_environment(scenes: Sequence[Mapping[str, Any]], file: Path, heights: H
 
 
 def _draw_profile(axes: Axes, scene: Mapping[str, Any], heights: Heights) -> None:
-    """The ground under both wheel tracks from start straight to goal; heights (mm) are exaggerated."""
+    """Draw the ground under both wheel tracks from start straight to goal; heights (mm) are exaggerated."""
     heading_rad, way_m = _way(scene)
     line = straight_line({**scene["start"], "heading_rad": heading_rad}, -VIEW_MARGIN_M, way_m + VIEW_MARGIN_M)
     for name, side, colour, look in (("left", 0.5, ACCENT, "-"), ("right", -0.5, FAILURE, "--")):
@@ -95,7 +95,7 @@ def _draw_profile(axes: Axes, scene: Mapping[str, Any], heights: Heights) -> Non
 
 
 def _way(scene: Mapping[str, Any]) -> tuple[float, float]:
-    """Heading and distance (m) from the start to the goal or its line; without a goal, ahead to the end of the course."""
+    """Return heading and distance (m) from the start to the goal or its line; without a goal, to the course's end."""
     start, goal, course = scene["start"], scene["goal"], scene["course"]
     heading_rad = start["heading_rad"]
     if goal is not None:

@@ -22,7 +22,7 @@ OUTLINE = {"fill": False, "edgecolor": "#00000059", "linewidth": 0.5, "zorder": 
 
 
 def view_of(scenes: Sequence[Mapping[str, Any]], path: Any = ()) -> Extent:
-    """The extent to show of several scenes: starts, goals, terrain and path; the course if there is no goal."""
+    """Return the extent of several scenes: starts, goals, terrain and path, and the course if there is no goal."""
     x: list[float] = []
     y: list[float] = []
     for scene in scenes:
@@ -36,7 +36,7 @@ def view_of(scenes: Sequence[Mapping[str, Any]], path: Any = ()) -> Extent:
         y += [place[1] for place in places]
         for piece in scene["terrain"]:
             reach = _half_diagonal_m(piece)
-            # A long wall across the course is not shown to its ends.
+            # The view does not extend to the ends of a long wall across the course.
             x += [piece["x_m"] - min(reach, 0.4), piece["x_m"] + min(reach, 0.4)]
             y += [piece["y_m"] - min(reach, 0.4), piece["y_m"] + min(reach, 0.4)]
     if len(path):
@@ -103,7 +103,7 @@ def _draw_outline(axes: Axes, piece: Mapping[str, Any]) -> None:
 
 
 def _contoured(piece: Mapping[str, Any]) -> bool:
-    """Whether contours show a piece; those of edges and of rough ground would hide it."""
+    """Whether contours show a piece; contours of edges and of rough ground would hide it."""
     return kind_of(piece).form != "block" and not kind_of(piece).is_floor
 
 
@@ -134,7 +134,7 @@ def _half_diagonal_m(piece: Mapping[str, Any]) -> float:
     shape = kind_of(piece).shape
     if shape == "rectangle":
         return math.hypot(along, across)
-    # Half of where a hill ends is where it can be seen to rise.
+    # A hill's visible rise begins at half of its reach.
     return max(along, across) / 2 if shape == "bell" else along
 
 
@@ -152,7 +152,7 @@ def _draw_goal(axes: Axes, scene: Mapping[str, Any]) -> None:
 
 
 def _line_in_course(x: float, y: float, heading_rad: float, course: Mapping[str, float]) -> Any:
-    """The ends, (2, 2), of the line through the point across the heading, clipped to the course."""
+    """Return the ends, (2, 2), of the line through the point across the heading, clipped to the course."""
     along = numpy.array([-numpy.sin(heading_rad), numpy.cos(heading_rad)])
     reach = []
     for position, slope, axis in ((x, along[0], "x"), (y, along[1], "y")):

@@ -418,11 +418,11 @@ def assembly_min(vehicle_type: str, design: tuple[tuple[str, float | str], ...])
     # Sheets and proof take a second to import.
     from foldcar.fabrication.assembly.operations import operations
     from foldcar.fabrication.patterns.options import options
-    from foldcar.fabrication.patterns.sheets import cut_car, on_a_larger_sheet
+    from foldcar.fabrication.patterns.sheets import cut_car, enlarge_sheet
 
     try:
         folded = folded_car(compose_columns(vehicle_type, dict(design)))
-        return operations(folded, cut_car(folded, on_a_larger_sheet(folded, options(MACHINE)))).minutes
+        return operations(folded, cut_car(folded, enlarge_sheet(folded, options(MACHINE)))).minutes
     except (FoldcarError, ValueError):
         return UNKNOWN_ASSEMBLY_MIN
 
@@ -443,12 +443,12 @@ def cost(design: DesignEvidence, effort: Effort, car_min: float) -> Cost | None:
 def _cut(vehicle_type: str, design: tuple[tuple[str, float | str], ...]) -> tuple[int, float] | None:
     """The sheets of a car, and the minutes to cut them; None if it cannot be cut."""
     from foldcar.fabrication.patterns.options import options
-    from foldcar.fabrication.patterns.sheets import on_a_larger_sheet, pattern
+    from foldcar.fabrication.patterns.sheets import enlarge_sheet, pattern
 
     try:
         composed = compose_columns(vehicle_type, dict(design))
         folded = folded_car(composed)
-        cut = pattern(folded, on_a_larger_sheet(folded, options(MACHINE)), composed.title)
+        cut = pattern(folded, enlarge_sheet(folded, options(MACHINE)), composed.title)
     except (FoldcarError, ValueError):
         return None
     return len(cut.sheets), cut.cut_length_mm / CUTTING_MM_S / 60

@@ -1,4 +1,4 @@
-"""A Webots controller, which Webots runs: gives a car's motors what the firmware's pulses ask of its servos.
+"""A controller that Webots runs: drives a car's motors as the firmware's pulses drive its servos.
 
 Its argument names a JSON file beside it, which foldcar.models.webots_world wrote: how long the car stands first, its
 motors, and rows of a time (s) and the fractions of full speed from then on, null for no pulse (the motor is free).
@@ -20,7 +20,7 @@ def main() -> None:
     step_ms = int(robot.getBasicTimeStep())
     motors = [robot.getDevice(name) for name in drive["motors"]]
     for motor in motors:
-        # Without an end: a motor that is asked for a speed.
+        # An infinite position makes Webots control the motor's speed.
         motor.setPosition(float("inf"))
         motor.setVelocity(0.0)
         motor.setAvailableTorque(0.0)

@@ -18,13 +18,13 @@ from foldcar.scenes.terrain_kinds import kind_of
 FLOOR, PIECE = {"r": 0.93, "g": 0.92, "b": 0.88, "a": 1.0}, {"r": 0.75, "g": 0.6, "b": 0.4, "a": 1.0}
 BODY, TYRE = {"r": 0.1, "g": 0.45, "b": 0.7, "a": 0.8}, {"r": 0.15, "g": 0.15, "b": 0.15, "a": 1.0}
 FLOOR_DEPTH_M = 0.01
-# A finer grid is thinned out to about this many points along each side.
-MOST_POINTS_A_SIDE = 150
+# A finer grid is thinned out to this number of points along each side.
+MAX_POINTS_PER_SIDE = 150
 ARC_SLICES = 12
 
 
 def foxglove_scene(body: Mapping[str, Any], scene: Mapping[str, Any], grid: HeightGrid | None) -> dict[str, Any]:
-    """The message: entities ``car`` and ``ground``."""
+    """Return the message with the entities ``car`` and ``ground``."""
     pieces = [piece for piece in scene["terrain"] if kind_of(piece).form == "block"]
     ground = [_block(piece) for piece in pieces]
     course = scene["course"]
@@ -76,7 +76,7 @@ def _pose(place: tuple[float, float, float], heading_rad: float = 0.0) -> dict[s
 
 
 def _block(piece: Mapping[str, Any]) -> dict[str, Any]:
-    """A block's outline seen from its side, drawn out across."""
+    """Return a block as triangles: its outline from the side, extruded across."""
     half, height, across = piece["length_m"] / 2, piece["height_m"], piece["width_m"] / 2
     if piece["kind"] == "box":
         side = [(-half, 0.0), (half, 0.0), (half, height), (-half, height)]
@@ -100,7 +100,7 @@ def _block(piece: Mapping[str, Any]) -> dict[str, Any]:
 
 def _surface(grid: HeightGrid) -> dict[str, Any]:
     rows, columns = (
-        numpy.unique(numpy.linspace(0, count - 1, min(count, MOST_POINTS_A_SIDE)).round().astype(int))
+        numpy.unique(numpy.linspace(0, count - 1, min(count, MAX_POINTS_PER_SIDE)).round().astype(int))
         for count in grid.z_m.shape
     )
     x = numpy.linspace(grid.x_min_m, grid.x_max_m, grid.z_m.shape[1])[columns]

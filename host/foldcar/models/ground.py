@@ -1,9 +1,9 @@
 """The smooth part of a scene's ground as a grid of heights, and how high a level car stands at its start.
 
 Input: body and scene of docs/carsim.md; heights as carsim computes them, so that shapes of smooth ground are defined
-once. Output: a HeightGrid, or None if nothing is smooth; the height of the car's frame with which it all but touches the
-ground. Tyres are cylinders and bellies boxes, as in the exported models, compared with the ground at points, those along
-every edge among them; of a height field both ways to split a cell into triangles count, because engines differ in them.
+once. Output: a HeightGrid, or None without smooth ground; the height of the car's frame just above contact with the
+ground. Tyres are cylinders and bellies boxes, as in the exported models. They are compared with the ground at points,
+also along every edge. Both ways to split a height field's cell into triangles count, because engines differ in them.
 """
 
 import math
@@ -24,18 +24,18 @@ from foldcar.simulation.heights import Heights
 
 Floats = NDArray[numpy.float64]
 
-# The grid ends a car's length beyond the course, which no car leaves.
+# The grid extends beyond the course, which no car leaves, by a car's length.
 MARGIN_M = 0.3
-# The grid is as coarse as this interpolation error at the cells' centres allows, because contacts cost time per
+# Maximum interpolation error at the cells' centres. The grid is as coarse as it allows, because contacts cost time per
 # cell. carsim's own profiles have the same tolerance.
 ERROR_M = 2e-4
 SPACINGS_M = (0.02, 0.01, 0.005)
-MOST_POINTS = 4_000_000
-# The car falls this far.
+MAX_POINTS = 4_000_000
+# The car starts this far above contact.
 FALL_M = 5e-4
-# Between points of a part, at which it and what lies beneath are compared. Of no more than this area is no contact.
-SPACING_M, LEAST_M2 = 1e-3, 1e-12
-# As accurately as engines see contacts; the same height, whatever rounding a scene's numbers have.
+# Spacing of the points at which parts are compared with the ground. A common area up to the minimum is not a contact.
+SPACING_M, MIN_AREA_M2 = 1e-3, 1e-12
+# The accuracy of engines' contacts; rounding up to it gives the same height, whatever rounding a scene's numbers have.
 RASTER_M = 1e-5
 
 
@@ -51,7 +51,7 @@ class HeightGrid:
 
 
 def smooth_bounds_m(scene: Mapping[str, Any]) -> tuple[float, float, float, float] | None:
-    """Least and largest x, then y, of the scene's smooth ground as far as cars get; None without any."""
+    """Return x_min, x_max, y_min, y_max of the scene's smooth ground within reach of cars; None without smooth ground."""
     bounds = [bounds_m(piece) for piece in scene["terrain"] if kind_of(piece).form == "smooth"]
     if not bounds:
         return None
@@ -66,23 +66,23 @@ def smooth_bounds_m(scene: Mapping[str, Any]) -> tuple[float, float, float, floa
 def smooth_ground(
     scene: Mapping[str, Any], heights: Heights, spacings_m: Sequence[float] = SPACINGS_M
 ) -> HeightGrid | None:
-    """The grid of the scene's smooth ground; None without any.
+    """Return the grid of the scene's smooth ground, or None without smooth ground.
 
-    It is the coarsest of ``spacings_m`` whose error at the cells' centres is within ERROR_M, else the finest.
-    FoldcarError if even the coarsest has more than MOST_POINTS points.
+    Its spacing is the coarsest of ``spacings_m`` with an error within ERROR_M at the cells' centres, else the finest.
+    Raises FoldcarError if even the coarsest grid has more than MAX_POINTS points.
     """
-    found = smooth_bounds_m(scene)
-    if found is None:
+    bounds = smooth_bounds_m(scene)
+    if bounds is None:
         return None
-    x_min, x_max, y_min, y_max = found
+    x_min, x_max, y_min, y_max = bounds
     smooth = {**scene, "terrain": [piece for piece in scene["terrain"] if kind_of(piece).form == "smooth"]}
     grid = None
     for spacing_m in spacings_m:
         columns = max(2, math.ceil((x_max - x_min) / spacing_m) + 1)
         rows = max(2, math.ceil((y_max - y_min) / spacing_m) + 1)
-        if rows * columns > MOST_POINTS:
+        if rows * columns > MAX_POINTS:
             if grid is None:
-                raise FoldcarError(f"terrain: {rows} x {columns} heights are above the limit {MOST_POINTS}")
+                raise FoldcarError(f"terrain: {rows} x {columns} heights are above the limit {MAX_POINTS}")
             break
         x = numpy.linspace(x_min, x_max, columns, dtype=float)
         y = numpy.linspace(y_min, y_max, rows, dtype=float)
@@ -110,7 +110,7 @@ class _Part:
     radius_m: float = math.inf
 
     def underside(self, x: Floats) -> Floats:
-        """Heights (m) of the lowest points at places x."""
+        """Return the heights (m) of the part's lowest points at places x."""
         if math.isinf(self.radius_m):
             return numpy.full_like(x, self.z_m)
         along = numpy.minimum(numpy.abs(x - self.x_m), self.radius_m)
@@ -118,8 +118,8 @@ class _Part:
 
 
 def start_height_m(body: Mapping[str, Any], scene: Mapping[str, Any], grid: HeightGrid | None) -> float:
-    """Height (m) of the car's frame at the scene's start."""
-    start, needed = scene["start"], -math.inf
+    """Return the height (m) of the car's frame at the scene's start."""
+    start, min_height = scene["start"], -math.inf
     cos, sin = math.cos(start["heading_rad"]), math.sin(start["heading_rad"])
     blocks = [piece for piece in scene["terrain"] if kind_of(piece).form == "block"]
     grounds = [(rectangle(block, reach_m(block)), partial(_block_top, block)) for block in blocks]
@@ -129,11 +129,11 @@ def start_height_m(body: Mapping[str, Any], scene: Mapping[str, Any], grid: Heig
         beneath = rectangle(place, (part.half_length_m, part.half_width_m))
         for area, top in ((beneath, partial(_grid_top, grid)), *grounds):
             common = beneath.intersection(area)
-            if common.area > LEAST_M2:
+            if common.area > MIN_AREA_M2:
                 x, y = _points(common)
                 along = (x - start["x_m"]) * cos + (y - start["y_m"]) * sin
-                needed = max(needed, float(numpy.max(top(x, y) - part.underside(along))))
-    return float(math.ceil(needed / RASTER_M) * RASTER_M + FALL_M)
+                min_height = max(min_height, float(numpy.max(top(x, y) - part.underside(along))))
+    return float(math.ceil(min_height / RASTER_M) * RASTER_M + FALL_M)
 
 
 def _parts(body: Mapping[str, Any]) -> list[_Part]:
@@ -149,7 +149,7 @@ def _parts(body: Mapping[str, Any]) -> list[_Part]:
 
 
 def _points(area: shapely.Polygon) -> Floats:
-    """Points (x, y) of the area and along its edge, SPACING_M apart at most."""
+    """Return points (2, n) of the area and along its edge, SPACING_M apart at most."""
     edge = shapely.get_coordinates(shapely.segmentize(area, SPACING_M)).T
     x_min, y_min, x_max, y_max = area.bounds
     inner = numpy.meshgrid(numpy.arange(x_min, x_max, SPACING_M), numpy.arange(y_min, y_max, SPACING_M))
@@ -170,7 +170,7 @@ def _block_top(block: Mapping[str, Any], x: Floats, y: Floats) -> Floats:
 
 
 def _grid_top(grid: HeightGrid | None, x: Floats, y: Floats) -> Floats:
-    """Heights of the grid, and of the level floor around it."""
+    """Return heights of the grid, and of the level floor around it."""
     if grid is None:
         return numpy.zeros_like(x)
     rows, columns = grid.z_m.shape

@@ -1,4 +1,4 @@
-"""A car and its scene as MJCF, MuJoCo's XML: the model of carsim's own engine, saved by it."""
+"""A car and its scene as MJCF, MuJoCo's XML: the model that carsim's MuJoCo engine uses and saves."""
 
 import json
 from collections.abc import Mapping
@@ -6,7 +6,7 @@ from typing import Any
 
 from foldcar.simulation.carsim import Carsim, input_line
 
-# A level floor without end, for the course's limits end a run only.
+# A level floor without end: the course's limits only end a run.
 LEVEL_SCENE: dict[str, Any] = {
     "friction": 1.0,
     "terrain": [],
@@ -17,10 +17,10 @@ LEVEL_SCENE: dict[str, Any] = {
 
 
 def mjcf(carsim: Carsim, body: Mapping[str, Any], scene: Mapping[str, Any] | None = None, name: str = "foldcar") -> str:
-    """The text of the model, of that name, of body and scene of docs/carsim.md, put down at the scene's start.
+    """Return the model of body and scene of docs/carsim.md, with the car at the scene's start, as MJCF.
 
-    Without a scene the car stands on a level floor with friction 1. ``carsim`` must have MuJoCo; CarsimError if it does
-    not, or refuses body or scene.
+    Without a scene the car stands on a level floor with friction 1. Raises CarsimError if ``carsim`` has no MuJoCo, or
+    refuses body or scene.
     """
     lines = [input_line("body", "car", json.dumps(body)), input_line("scene", "scene", json.dumps(scene or LEVEL_SCENE))]
     (answer,) = carsim.answers([*lines, json.dumps({"mjcf": {"id": name, "body": "car", "scene": "scene"}})])

@@ -6,7 +6,7 @@ of flexures and the ground cannot be represented. The root link is the front seg
 middle of the car's length at axle height): PyBullet and DART give a link without inertia 1 kg.
 
 URDF itself has no friction of contacts: ``contact`` is Bullet's element, ``gazebo`` Gazebo's, ``drake:`` Drake's, which
-also takes the inertia of the rotors. Other programs pass over them. All coefficients are those on ground of friction 1.
+also takes the inertia of the rotors. Other programs ignore them. All coefficients are those on ground of friction 1.
 """
 
 import math
@@ -25,17 +25,17 @@ from foldcar.models.exported_car import (
 )
 
 ROOT = "base_link"
-# URDF requires a limit of speed, and some programs stop a joint at it: no flexure turns this fast.
+# URDF requires a speed limit, and some programs stop a joint at it, so it is above the speed of every flexure.
 FREE_RAD_S = 1000.0
 
 
 def numbers(*values: float) -> str:
-    """Numbers as the text of an attribute, separated by spaces."""
+    """Format numbers as the text of an attribute, separated by spaces."""
     return " ".join(f"{value + 0.0:.9g}" for value in values)
 
 
 def urdf(body: Mapping[str, Any], name: str) -> str:
-    """The robot description of the car, named ``name``."""
+    """Return the robot description of the car, named ``name``."""
     robot = Element("robot", {"name": name, "xmlns:drake": "http://drake.mit.edu"})
     # For MuJoCo only, which would otherwise fuse the root to the world.
     add(add(robot, "mujoco"), "compiler", fusestatic="false")
@@ -87,7 +87,7 @@ def _add_wheel(robot: Element, body: Mapping[str, Any], wheel: Mapping[str, Any]
     actuator = add(transmission, "actuator", name=f"{name}_servo")
     add(actuator, "hardwareInterface").text = effort
     add(actuator, "mechanicalReduction").text = "1"
-    # The inertia is the rotor's as the wheel feels it, so the ratio is 1.
+    # The rotor's inertia is given at the wheel, so the ratio is 1.
     add(actuator, "drake:rotor_inertia", value=numbers(wheel["servo"]["rotor_inertia_kg_m2"]))
     add(actuator, "drake:gear_ratio", value="1")
 
@@ -132,12 +132,12 @@ def _add_joint(robot: Element, name: str, kind: str, parent: str, child: str, pl
 
 
 def _hinge_place(body: Mapping[str, Any], segment: int) -> tuple[float, float, float]:
-    """Position (m) of the hinge in front of a segment; for the first one the car's origin."""
+    """Return the position (m) of the hinge in front of a segment; for the first segment the car's origin."""
     if segment == 0:
         return 0.0, 0.0, 0.0
     hinge = body["hinges"][segment - 1]
     return hinge["x_m"], 0.0, hinge["z_m"]
 
 
-def _minus(one: tuple[float, ...], other: tuple[float, ...]) -> tuple[float, ...]:
-    return tuple(a - b for a, b in zip(one, other, strict=True))
+def _minus(first: tuple[float, ...], second: tuple[float, ...]) -> tuple[float, ...]:
+    return tuple(a - b for a, b in zip(first, second, strict=True))

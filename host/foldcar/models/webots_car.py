@@ -20,7 +20,7 @@ from foldcar.models.exported_car import (
     wheel_name,
 )
 
-# The oldest version with these nodes; later ones read its files, older ones refuse them.
+# The oldest version with these nodes; later versions read its files, older ones refuse them.
 HEADER = "#VRML_SIM R2023b utf8"
 
 
@@ -37,16 +37,16 @@ class Is(str):
 
 
 class Vector(tuple[float, ...]):
-    """Numbers that are one value: a position, a direction or a rotation."""
+    """Numbers that form one value: a position, a direction or a rotation."""
 
 
 def vector(*values: float) -> Vector:
-    """A Vector of these numbers."""
+    """Return a Vector of these numbers."""
     return Vector(values)
 
 
 def node_text(node: Node, depth: int = 0) -> str:
-    """The node as text, indented by two spaces per level."""
+    """Format the node as text, indented by two spaces per level."""
     lines = [f"{name} {_value(value, depth + 1)}" for name, value in node.fields.items()]
     return _block(f"{node.name} {{", lines, "}", depth)
 
@@ -70,16 +70,16 @@ def _value(value: Any, depth: int) -> str:
         case str():
             return json.dumps(value, ensure_ascii=False)
         case [Node(), *_]:
-            return _block("[", [_value(one, depth + 1) for one in value], "]", depth)
+            return _block("[", [_value(item, depth + 1) for item in value], "]", depth)
     separator = ", " if value and isinstance(value[0], Vector) else " "
-    return f"[ {separator.join(_value(one, depth) for one in value)} ]" if value else "[ ]"
+    return f"[ {separator.join(_value(item, depth) for item in value)} ]" if value else "[ ]"
 
 
 BODY_COLOUR, TYRE_COLOUR = vector(0.1, 0.45, 0.7), vector(0.15, 0.15, 0.15)
 
 
 def webots_proto(body: Mapping[str, Any], name: str, comment: str) -> str:
-    """The PROTO ``name``, which its file must be named after; ``comment`` is one line that describes it."""
+    """Return the text of the PROTO ``name``, as its file must be called too; ``comment`` describes it in one line."""
     fields = (
         ("SFVec3f", "translation", f"0 0 {max(wheel['radius_m'] for wheel in body['wheels']):.9g}"),
         ("SFRotation", "rotation", "0 0 1 0"),
@@ -94,19 +94,19 @@ def webots_proto(body: Mapping[str, Any], name: str, comment: str) -> str:
 
 
 def contact_materials(body: Mapping[str, Any]) -> dict[str, float]:
-    """Grip (friction relative to a tyre's) by the names of the car's contact materials."""
+    """Return the grip (friction relative to a tyre's) of the car's contact materials by their names."""
     materials = {f"{segment_name(i)} belly": s["grip"] for i, s in enumerate(body["segments"])}
     return materials | {f"{wheel_name(wheel)} tyre": wheel["grip"] for wheel in body["wheels"]}
 
 
 def shape(geometry: Node, colour: tuple[float, ...]) -> Node:
-    """A visible shape of the geometry."""
+    """Return a visible shape of the geometry."""
     appearance = Node("PBRAppearance", {"baseColor": colour, "roughness": 0.8, "metalness": 0})
     return Node("Shape", {"appearance": appearance, "geometry": geometry})
 
 
 def placed(geometry: Node, place: tuple[float, ...], turn: tuple[float, ...]) -> Node:
-    """A node at position ``place`` (m) with rotation ``turn`` (axis, angle in rad)."""
+    """Return a node at position ``place`` (m) with rotation ``turn`` (axis, angle in rad)."""
     return Node("Pose", {"translation": vector(*place), "rotation": vector(*turn), "children": [geometry]})
 
 
@@ -161,7 +161,7 @@ def _wheel(body: Mapping[str, Any], wheel: Mapping[str, Any]) -> Node:
     devices = [Node("PositionSensor", {"name": f"{name} angle"})]
     if "servo" in wheel:
         stall, no_load = servo_limits(body, wheel)
-        # Without an explicit sound Webots downloads one.
+        # Webots downloads a sound unless one is given.
         motor = {"name": f"{name} servo", "maxVelocity": no_load, "maxTorque": stall, "sound": ""}
         devices.insert(0, Node("RotationalMotor", motor))
     joint = {

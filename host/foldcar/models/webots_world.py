@@ -40,7 +40,7 @@ def webots_world(
     grid: HeightGrid | None = None,
     drive: str = "",
 ) -> str:
-    """The world file; without a scene a level floor with friction 1 and the car at its origin.
+    """Return the world file. Without a scene it has a level floor with friction 1 and the car at its origin.
 
     ``drive`` names the controller's file of the car's drive.
     """
@@ -115,7 +115,7 @@ def _block(piece: Mapping[str, Any], name: str) -> Node:
 
 
 def _wedge(length: float, width: float, height: float) -> Node:
-    """A ramp as a closed face set, faces counter-clockwise seen from outside."""
+    """Return a ramp as a closed face set, faces counter-clockwise seen from outside."""
     x, y = length / 2, width / 2
     points = [(-x, -y, 0), (-x, y, 0), (x, -y, height), (x, y, height)]
     points += [(px, py, -SUNK_M) for px, py, _ in points]
@@ -131,7 +131,7 @@ def _solid(name: str, seen: Node, bounds: Node, **place: Any) -> Node:
 
 
 def _looking() -> tuple[float, float, float, float]:
-    """The rotation (axis, angle in rad) from x forward, y left, z up to the axes of the viewpoint."""
+    """Return the rotation (axis, angle in rad) from x forward, y left, z up to the axes of the viewpoint."""
     forward = numpy.subtract(LOOKS_AT_M, EYE_M)
     forward = forward / numpy.linalg.norm(forward)
     left = numpy.cross((0, 0, 1), forward)
@@ -143,12 +143,12 @@ def _looking() -> tuple[float, float, float, float]:
 
 
 def controller_program() -> str:
-    """The controller's source, the same for every car."""
+    """Return the controller's source, the same for every car."""
     return (Path(__file__).parent / f"{CONTROLLER}.py").read_text(encoding="utf-8")
 
 
 def controller_drive(body: Mapping[str, Any], pulses: PulseTrain, settling_s: float) -> str:
-    """The drive of a car that stands for ``settling_s`` first, as the controller reads it; fractions to 1e-6."""
+    """Return the drive of a car that first stands for ``settling_s``, for the controller; fractions to 1e-6."""
     rows: list[list[float | None]] = []
     for t_s, widths in zip(pulses.times_s, pulses.widths_us, strict=True):
         fractions = [drive_fraction(wheel["servo"], widths[wheel["channel"]]) for wheel in driven_wheels(body)]
@@ -162,7 +162,7 @@ def controller_drive(body: Mapping[str, Any], pulses: PulseTrain, settling_s: fl
 
 
 def drive_fraction(servo: Mapping[str, float], pulse_us: float) -> float | None:
-    """The fraction of full speed, positive forward; None without a pulse, when the motor gives no torque."""
+    """Return the fraction of full speed, positive forward; None without a pulse, when the motor has no torque."""
     if pulse_us <= 0:
         return None
     offset_us = servo["direction"] * (pulse_us - servo["neutral_us"])

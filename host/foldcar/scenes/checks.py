@@ -1,7 +1,7 @@
 """Checks that a scene can be simulated: objects upright and on the course, a free start, a goal that can be reached.
 
-Input: parts of the scene in the simulator's frame and the Scenic objects they come from. Output: none; each function
-raises UnusableError if its check fails.
+Input: parts of the scene in the simulator's frame and their Scenic objects. Each function raises UnusableError if its
+check fails, and returns nothing.
 """
 
 import math
@@ -16,15 +16,15 @@ from foldcar.scenes.terrain_kinds import bounds_m, kind_of, reach_m
 # Scenic's specifiers such as `on` leave a gap of its contact tolerance.
 STANDING_TOLERANCE_M = 1e-3
 LEVEL_TOLERANCE_RAD = 1e-6
-# What touches does not overlap.
+# Objects that only touch do not overlap.
 ROUNDING_M2 = 1e-9
-FARTHEST_M = 1000.0
+MAX_COORDINATE_M = 1000.0
 
 Pose = Mapping[str, Any]
 
 
 def check_standing(thing: Any) -> None:
-    """The object stands upright on the ground: its z is 0 or half its height, its pitch and roll are 0."""
+    """Check that an object stands upright on the ground: z is 0 or half its height, pitch and roll are 0."""
     z, height = finite("z", thing.position.z, thing), finite("height", thing.height, thing)
     if abs(z) > STANDING_TOLERANCE_M and abs(z - height / 2) > STANDING_TOLERANCE_M:
         raise UnusableError(
@@ -38,29 +38,29 @@ def check_standing(thing: Any) -> None:
 
 
 def check_course(course: Mapping[str, float]) -> None:
-    """The course has a positive area, and its sides are within the simulator's limits."""
+    """Check that the course has a positive area, and its sides are within the simulator's limits."""
     for axis in ("x", "y"):
         low, high = course[f"{axis}_min_m"], course[f"{axis}_max_m"]
         for side, value in (("min", low), ("max", high)):
-            if abs(value) > FARTHEST_M:
-                raise UnusableError(f"param course_{axis}_{side}: {value} is beyond ±{FARTHEST_M:g} m")
+            if abs(value) > MAX_COORDINATE_M:
+                raise UnusableError(f"param course_{axis}_{side}: {value} is beyond ±{MAX_COORDINATE_M:g} m")
         if low >= high:
             raise UnusableError(f"param course_{axis}_min: {low} is not below course_{axis}_max {high}")
 
 
 def check_inside(course: Mapping[str, float], place: Pose, thing: Any) -> None:
-    """The position of a start, a goal or a Marker is on the course."""
+    """Check that the position of a start, a goal or a Marker is on the course."""
     _check_overlap(course, place, (place["x_m"], place["x_m"], place["y_m"], place["y_m"]), thing)
 
 
 def check_on_course(course: Mapping[str, float], pieces: Iterable[Pose], thing: Any) -> None:
-    """Every piece of a Terrain object overlaps the course: a car cannot meet one outside."""
+    """Check that every piece of a Terrain object overlaps the course, because cars do not leave it."""
     for piece in pieces:
         _check_overlap(course, piece, bounds_m(piece), thing)
 
 
 def check_free_start(start: Pose, ego: Any, terrain: Sequence[Pose], owners: Sequence[Any]) -> None:
-    """The start is outside each block or completely on it, not across its edge, where the car would not stand level.
+    """Check that the start is not across the edge of a block, where the car would not stand level.
 
     ``owners`` are the Scenic objects of the pieces of ``terrain``.
     """
@@ -83,7 +83,7 @@ def _stands_level(start: Pose, half: tuple[float, float], piece: Pose) -> bool:
 
 
 def check_goal_ahead(start: Pose, goal: Pose, thing: Any) -> None:
-    """The goal is not reached at the start already, and is ahead of it if it is a line."""
+    """Check that the start is outside the goal's disc, or before the goal's line."""
     dx_m, dy_m = goal["x_m"] - start["x_m"], goal["y_m"] - start["y_m"]
     if goal["kind"] == "line":
         if dx_m * math.cos(goal["heading_rad"]) + dy_m * math.sin(goal["heading_rad"]) <= STANDING_TOLERANCE_M:
@@ -98,7 +98,7 @@ def check_goal_ahead(start: Pose, goal: Pose, thing: Any) -> None:
 
 
 def _check_overlap(course: Mapping[str, float], place: Pose, bounds: Sequence[float], thing: Any) -> None:
-    """What is at ``place``, from x_min to x_max and y_min to y_max (``bounds``), is not wholly beside the course."""
+    """Check that ``bounds`` (x_min, x_max, y_min, y_max) of the object at ``place`` overlap the course."""
     for axis, low_end, high_end in (("x", bounds[0], bounds[1]), ("y", bounds[2], bounds[3])):
         low, high = course[f"{axis}_min_m"], course[f"{axis}_max_m"]
         if not (low <= high_end and low_end <= high):
@@ -107,6 +107,6 @@ def _check_overlap(course: Mapping[str, float], place: Pose, bounds: Sequence[fl
 
 
 def rectangle(place: Pose, half: tuple[float, float]) -> Any:
-    """The rectangle at ``place`` of those half sizes along its heading and across (m)."""
+    """Return the rectangle at ``place`` with these half sizes (m) along its heading and across."""
     turned = affinity.rotate(box(-half[0], -half[1], *half), place["heading_rad"], (0, 0), use_radians=True)
     return affinity.translate(turned, place["x_m"], place["y_m"])

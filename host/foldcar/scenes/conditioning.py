@@ -28,13 +28,13 @@ def condition(
     """Freeze parts of ``scenario`` as they are in ``scene``, for all scenes it generates from now on.
 
     ``objects`` are names that the program gives to objects, points or lists of them; ``params`` are names of global
-    parameters. With neither, everything is frozen; with one of them, only what it
-    names, with the random values beneath it: what else depends on these follows. A random value of several belongs to
-    the parameter that it is, else to the first parameter that depends on it, else to the first object or named point.
+    parameters. With neither, everything is frozen. With one of them, only the named parts are frozen, with the random
+    values that they depend on; other parts that depend on these follow. A random value that is a parameter belongs to it.
+    A shared value belongs to the first parameter that depends on it, else to the first object or named point.
 
     Changes ``scenario`` in place, like Scenic's `conditionOn`, but never ``scene``. Raises FoldcarError for unknown
-    names, listing the known ones, and if a random value beneath what is named belongs to something that is not: it
-    would be frozen too, or no longer be the same for both.
+    names, with the known ones, and if a named part depends on a random value that belongs to another part: this value
+    would be frozen for both parts, or differ between them.
     """
     if objects is None and params is None:
         _freeze(scenario.dependencies, scene.sample)
@@ -48,37 +48,37 @@ def condition(
 
 
 def _freeze(roots: Collection[Any], sample: Any) -> None:
-    """Fix the roots and what they depend on at their values in ``sample``."""
+    """Fix the roots, and the values that they depend on, at their values in ``sample``."""
     for node in [node for root in roots for node in _reachable(root)]:
         if node not in sample:
             continue
         value = sample[node]
         constant = _without_noise(value) if isinstance(node, Constructible) else ConstantSamplable(value)
-        # Not the node's own method: that of a converted value would also fix the value which is converted.
+        # Not the node's own method: a converted value's method would also fix the value before conversion.
         Samplable.conditionTo(node, constant)
 
 
 def _refuse_shared(scenario: Any, chosen: Collection[Any]) -> None:
-    """Raise FoldcarError if one of ``chosen`` depends on a random value that belongs to something else."""
+    """Raise FoldcarError if one of ``chosen`` depends on a random value that belongs to another part."""
     owners = _ownership(scenario)
-    ours = {id(one) for one in chosen}
+    chosen_ids = {id(thing) for thing in chosen}
     names = _names(scenario)
-    for one in chosen:
-        others = {id(owners[id(node)]): owners[id(node)] for node in _random_now(one) if id(node) in owners}
-        foreign = [_called(other, names) for identity, other in others.items() if identity not in ours]
+    for thing in chosen:
+        others = {id(owners[id(node)]): owners[id(node)] for node in _random_now(thing) if id(node) in owners}
+        foreign = [_label(other, names) for identity, other in others.items() if identity not in chosen_ids]
         if foreign:
             raise FoldcarError(
-                f"condition: {_called(one, names)} depends on a random value of {' and of '.join(foreign)}, which would "
+                f"condition: {_label(thing, names)} depends on a random value of {' and of '.join(foreign)}, which would "
                 "be frozen too: name it as well, or leave both"
             )
 
 
 def _ownership(scenario: Any) -> dict[int, Any]:
-    """The owner of each random value, by the value's id."""
+    """Return the owner of each random value, by the value's id."""
     names = _names(scenario)
     instances = [thing for thing in scenic_private.instances(scenario) if isinstance(thing, Object) or id(thing) in names]
     own = {id(thing): thing for thing in [*scenario.params.values(), *instances]}
-    # What is the value of a parameter, an object or a point with a name owns itself, even if others depend on it.
+    # A parameter's value, an object or a named point owns itself, even if others depend on it.
     owners = dict(own)
     for owner in own.values():
         for node in _random_now(owner):
@@ -87,12 +87,12 @@ def _ownership(scenario: Any) -> dict[int, Any]:
 
 
 def _random_now(root: Any) -> Iterator[Any]:
-    """Every random value on which ``root`` depends, itself included, but for what is frozen already."""
+    """Yield every random value on which ``root`` depends, including itself, except frozen ones."""
     return _reachable(root, stop=lambda node: not needsSampling(scenic_private.conditioned(node)))
 
 
 def _reachable(root: Any, stop: Callable[[Any], bool] = lambda node: False) -> Iterator[Any]:
-    """Every random value on which ``root`` depends, itself included, each once, but for those at which to ``stop``."""
+    """Yield every random value on which ``root`` depends, including itself, once; ``stop`` excludes values."""
     seen: set[int] = set()
     waiting = [root]
     while waiting:
@@ -100,24 +100,24 @@ def _reachable(root: Any, stop: Callable[[Any], bool] = lambda node: False) -> I
         if id(node) in seen or not isinstance(node, Samplable) or not needsSampling(node) or stop(node):
             continue
         seen.add(id(node))
-        # Scenic's pruning conditions distributions too, in order to narrow them.
+        # Scenic's pruning also conditions distributions, in order to narrow them.
         waiting += scenic_private.dependencies(node)
         yield node
 
 
 def _names(scenario: Any) -> dict[int, str]:
-    """What to call parameters and objects, by their ids."""
+    """Return the names of parameters and objects in messages, by their ids."""
     named = {id(thing): f'"{name}"' for name, things in named_instances(scenario).items() for thing in things}
     return {**named, **{id(value): f'param "{name}"' for name, value in scenario.params.items()}}
 
 
-def _called(thing: Any, names: Mapping[int, str]) -> str:
+def _label(thing: Any, names: Mapping[int, str]) -> str:
     line = getattr(thing, "creationLine", ("", 0))[1]
     return names.get(id(thing)) or f"the {type(thing).__name__} of line {line}, which has no name"
 
 
 def _without_noise(thing: Any) -> Any:
-    """A copy of a sampled object on which mutation has no effect."""
+    """Return a copy of a sampled object on which mutation has no effect."""
     twin = copy.copy(thing)
     if isinstance(thing, Object):
         # Scenic reads an object's attributes from its dynamic proxy, which outside simulations is the object itself.
@@ -128,9 +128,9 @@ def _without_noise(thing: Any) -> Any:
 
 
 def _named(kind: str, known: Mapping[str, list[Any]], names: Collection[str]) -> list[Any]:
-    """What the program calls by these names; FoldcarError if it does not."""
+    """Return the things with these names in the program. Raises FoldcarError for unknown names."""
     for name in names:
         if name not in known:
-            told = ", ".join(sorted(known)) or "none"
-            raise FoldcarError(f'condition: {kind}: no "{name}"; the program names: {told}')
+            names_known = ", ".join(sorted(known)) or "none"
+            raise FoldcarError(f'condition: {kind}: no "{name}"; the program names: {names_known}')
     return [thing for name in names for thing in known[name]]

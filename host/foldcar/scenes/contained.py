@@ -1,10 +1,10 @@
-"""Runs code of a Scenic program so that this process survives it, in time and where it was.
+"""Runs code of a Scenic program with a time limit, so that this process and its working folder survive it.
 
-A program is code with the user's rights, and by mistake it may end Python, leave its folder, loop or sleep for ever: then
-what was asked for would silently not be done, or be written somewhere else.
+A program is code with the user's rights. By mistake it may end Python, change the working folder, loop or sleep for
+ever. Then a command would silently do nothing, or write into another folder.
 
-The limit is one of wall time. It works in the main thread only, to which Python delivers signals; other threads have no
-limit. C code of a library is interrupted when it returns to Python.
+The limit is wall time. It works in the main thread only, to which Python delivers signals; other threads have no limit.
+C code of a library is interrupted when it returns to Python.
 """
 
 import contextlib

@@ -3,7 +3,7 @@
 Input: a Scenic program's name and files, its parameters and seed. Output: a SHA-256 in hexadecimal digits. It also covers
 foldcar's folders of code that samples scenes (with the vocabulary) or runs Scenic beside the simulation, and Scenic's
 version. A changed hash causes only new sampling: the key of a run without Scenic beside it contains the scene itself.
-Also the name of a sampled scene, by which `foldcar link` and `foldcar log` know whether they mean the same one.
+This file also names sampled scenes, so that `foldcar link` and `foldcar log` can check that they use the same scene.
 """
 
 import hashlib
@@ -25,9 +25,9 @@ VARIATION_CODE = (PACKAGE / "car" / "variation.py", PACKAGE / "car" / "workshop.
 def environment_fingerprint(
     program: Path, files: Files, params: Mapping[str, Any], seed: int, condition: Mapping[str, Any] | None = None
 ) -> str:
-    """The fingerprint of ``program`` with ``files`` and the rest of its environment (see open_environment).
+    """Return the fingerprint of ``program`` with ``files`` and the rest of its environment (see open_environment).
 
-    Files count by their paths relative to the program's folder, so that a study may be moved as a whole.
+    Files are named by their paths relative to the program's folder, so that a study may be moved as a whole.
     """
     folder = program.parent.resolve()
     contents = sorted((Path(os.path.relpath(folder / name, folder)).as_posix(), digest) for name, digest in files.items())
@@ -36,31 +36,31 @@ def environment_fingerprint(
 
 
 def spread_fingerprint(spread: Mapping[str, float], seed: int) -> str:
-    """The fingerprint of the variations drawn from a spread with ``seed``."""
+    """Return the fingerprint of the variations drawn from a spread with ``seed``."""
     return hashlib.sha256(json.dumps([spread, seed, variation_code()], sort_keys=True).encode()).hexdigest()
 
 
 @cache
 def scene_code() -> str:
-    """The hash of foldcar's code, vocabulary included, that samples scenes and runs Scenic beside carsim."""
+    """Return the hash of foldcar's code, with the vocabulary, that samples scenes and runs Scenic beside carsim."""
     return code_digest(SCENE_CODE)
 
 
 @cache
 def variation_code() -> str:
-    """The hash of the code and data that draw variations and apply them to bodies."""
+    """Return the hash of the code and data that draw variations and apply them to bodies."""
     return code_digest(VARIATION_CODE)
 
 
 def scenic_version() -> str:
-    """The version of the installed Scenic."""
+    """Return the version of the installed Scenic."""
     return version("scenic")
 
 
 def code_digest(places: Sequence[Path]) -> str:
-    """The hash of names and contents of files, and of all files below folders except compiled Python.
+    """Return the hash of names and contents of files, and of all files below folders except compiled Python.
 
-    FileNotFoundError if one of ``places`` is no such file or folder: code that has moved would go unnoticed.
+    Raises FileNotFoundError if one of ``places`` has no files: code that has moved would go unnoticed.
     """
     digest = hashlib.sha256()
     for place in places:
@@ -77,7 +77,7 @@ def code_digest(places: Sequence[Path]) -> str:
 
 
 def scene_name(scene: Mapping[str, Any], sample: int) -> str:
-    """The name of sample ``sample``, whose scene (docs/carsim.md) is ``scene``: 16 digits of its hash, /, the number."""
+    """Return the name of sample ``sample`` with this scene (docs/carsim.md): 16 digits of its hash, /, the number."""
     content = {key: value for key, value in scene.items() if key != "id"}
     text = json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
     return f"{hashlib.sha256(text.encode()).hexdigest()[:16]}/{sample}"

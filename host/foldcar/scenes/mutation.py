@@ -1,9 +1,9 @@
-"""Makes `mutate` take Points, and what is placed relative to a mutated Point follow it.
+"""Lets `mutate` accept Points, and lets objects that are placed relative to a mutated Point follow it.
 
 Scenic computes an object's place when the object is created, and adds the noise of `mutate` to the named object alone
 when it samples; it refuses Points. Here a mutated Point takes its place from a hidden copy of itself, to which Scenic
-adds the noise, so that whatever is placed relative to the Point inherits it. `mutate` comes after the Point: a program
-that mutates Points is compiled twice, the first time to learn which.
+adds the noise. Objects that are placed relative to the Point inherit it. `mutate` comes after the Point, so a program
+that mutates Points is compiled twice, the first time to find these Points.
 
 Input: the calls of `new` and `mutate` of a program that is compiled. Output: things with noise.
 """
@@ -24,27 +24,27 @@ NOISY = {"position": Vector, "yaw": float, "pitch": float, "roll": float}
 
 
 class Mutations:
-    """What one compilation creates, by number in order of creation, and which Points it mutates (``points``).
+    """The objects that one compilation creates, numbered in order of creation, and the ``points`` that it mutates.
 
-    ``followed`` are the numbers of those that are to take their place from a copy.
+    ``followed`` are the numbers of Points that take their place from a copy.
     """
 
     def __init__(self, followed: Collection[int] = ()) -> None:
         self.points: set[int] = set()
         self._followed = frozenset(followed)
-        # All that was created: while it lives its id is its own.
+        # All created objects: while an object lives, its id is unique.
         self._created: list[Any] = []
         self._numbers: dict[int, int] = {}  # of things by id
         self._copies: dict[int, Any] = {}
 
     def create(self, cls: Any, specifiers: list[Any]) -> Any:
-        """The new instance of a Scenic class."""
+        """Create an instance of a Scenic class."""
         number = len(self._created)
         # The number is taken first, because a property's default may create things too.
         self._created.append(None)
         if number in self._followed:
             copy = self._copies[number] = scenic_private.made(cls, specifiers, is_object=False)
-            # As Scenic's `mutate` does: it has to be sampled even if it depends on nothing random.
+            # Like Scenic's `mutate`: the copy must be sampled even if it depends on nothing random.
             scenic_private.sample_always(copy)
             specifiers = [_place_of(copy, specifiers)]
         thing = self._created[number] = scenic_private.made(cls, specifiers)
@@ -52,7 +52,7 @@ class Mutations:
         return thing
 
     def mutate_points(self, things: Sequence[Any], scale: Any) -> list[Any]:
-        """Mutate the Points of ``things``; the rest, for Scenic's own `mutate`. Raises TypeError like that one."""
+        """Mutate the Points of ``things``; return the others, for Scenic's `mutate`. Raises TypeError like Scenic's."""
         points = [thing for thing in things if isinstance(thing, Point) and not isinstance(thing, Object)]
         if points and not isinstance(scale, int | float):
             raise TypeError('"mutate X by Y" with Y not a number')
@@ -68,7 +68,7 @@ class Mutations:
 
 
 def _place_of(copy: Any, specifiers: Sequence[Any]) -> Any:
-    """The specifier of what ``specifiers`` specify for ``copy``, and of the place it has when noise is added."""
+    """Return a specifier with the properties that ``specifiers`` set, and the place that ``copy`` has with its noise."""
     specified = {name for specifier in specifiers for name in specifier.priorities} - {"mutationScale"}
     values = {name: getattr(copy, name) for name in copy.properties if name in specified}
     for name, kind in NOISY.items():

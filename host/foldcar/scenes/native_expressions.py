@@ -1,7 +1,7 @@
-"""Expressions of a Scenic program about the car, translated to carsim's postfix order (docs/carsim.md).
+"""Translates expressions of a Scenic program about the car to carsim's postfix order (docs/carsim.md).
 
 Input: syntax trees, the program's names. Output: terms, some of which are known in a sample only. NotNativeError names
-what needs Scenic beside the simulation. What does not mention the car is evaluated in each sample (see sampled_values).
+the part that needs Scenic beside the simulation. Expressions without the car are evaluated per sample (sampled_values).
 """
 
 import ast
@@ -37,7 +37,7 @@ MOTION = {
     "roll": ("roll_rad",),
 }
 COMPARISONS = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">="}
-# Names whose meaning is known unless the program gives them another one.
+# Names with a standard meaning, unless the program redefines them.
 STANDARD = (*FUNCTIONS, *REGIONS, "math", "simulation")
 
 
@@ -47,13 +47,13 @@ class NotNativeError(Exception):
 
 @dataclass(frozen=True)
 class PerSample:
-    """Terms that are known in a sample only: ``read`` makes them of the values of names."""
+    """Terms that are known in a sample only: ``read`` computes them from the values of names."""
 
     read: Callable[["SampledValues"], Terms]
 
 
 class Translator:
-    """Translates the expressions of one program; raises NotNativeError."""
+    """Translates the expressions of one program. Raises NotNativeError for those that need Scenic."""
 
     def __init__(self, tree: Any, scenario: Any) -> None:
         from scenic.syntax import veneer
@@ -69,7 +69,7 @@ class Translator:
         self._turned = not _stands_in_world(scenario.egoObject)
 
     def truth(self, node: Any) -> Terms:
-        """A condition."""
+        """Translate a condition."""
         if self.is_constant(node):
             return [PerSample(lambda sample: [bool(sample.value(node))])]
         match node:
@@ -78,20 +78,20 @@ class Translator:
                 return folded([self._part(part) for part in node.values], joined)
             case ast.UnaryOp(op=ast.Not()):
                 return [*self.truth(node.operand), "not"]
-            case ast.Compare(ops=[ast.In() | ast.NotIn() as asked]):
+            case ast.Compare(ops=[ast.In() | ast.NotIn() as operator]):
                 inside = self._inside(node.left, node.comparators[0])
-                return inside if isinstance(asked, ast.In) else [*inside, "not"]
-            case ast.Compare() if all(type(one) in COMPARISONS for one in node.ops):
+                return inside if isinstance(operator, ast.In) else [*inside, "not"]
+            case ast.Compare() if all(type(operator) in COMPARISONS for operator in node.ops):
                 sides = [self.number(side) for side in (node.left, *node.comparators)]
                 pairs = zip(sides, node.ops, sides[1:], strict=False)
-                return folded([[*left, *right, COMPARISONS[type(one)]] for left, one, right in pairs], "and")
+                return folded([[*left, *right, COMPARISONS[type(operator)]] for left, operator, right in pairs], "and")
         raise NotNativeError(shown(node))
 
     def _part(self, node: Any) -> Terms:
         return [PerSample(lambda sample: sample.truth(node))] if self.is_constant(node) else self.truth(node)
 
     def number(self, node: Any) -> Terms:
-        """A number."""
+        """Translate a number."""
         if self.is_constant(node):
             return [PerSample(lambda sample: sample.number(node))]
         match node:
@@ -116,7 +116,7 @@ class Translator:
         raise NotNativeError(shown(node))
 
     def recorded(self, node: Any) -> Terms:
-        """A number, a truth or the car's position."""
+        """Translate a recorded value: a number, a boolean or the car's position."""
         if self.is_position(node):
             return ["x_m", "y_m", *self._height()]
         return self.truth(node) if is_truth(node) else self.number(node)
@@ -128,7 +128,7 @@ class Translator:
                 return True
             case ast.Name():
                 value = self.names.get(node.id)
-                # Of a container Scenic samples the members only where it is used as a value.
+                # Scenic samples the members of a container only where the container is used as a value.
                 return node.id in self.names and value is not self._ego and is_plain(value)
             case ast.Attribute(value=ast.Name(id="globalParameters")):
                 return True
@@ -157,14 +157,14 @@ class Translator:
         return isinstance(function, ast.Name) and function.id in (*FUNCTIONS, *REGIONS) and self._is_standard(function)
 
     def _is_standard(self, name: ast.Name) -> bool:
-        """Whether a name of STANDARD stands for what Python and Scenic mean by it."""
+        """Whether a name of STANDARD has its standard meaning in the program."""
         return name.id not in self._redefined
 
     def _is_ego(self, node: Any) -> bool:
         return isinstance(node, ast.Name) and (node.id == "ego" or self.names.get(node.id) is self._ego)
 
     def is_position(self, node: Any) -> bool:
-        """Whether it is `ego.position`."""
+        """Whether an expression is `ego.position`."""
         return isinstance(node, ast.Attribute) and node.attr == "position" and self._is_ego(node.value)
 
     def _motion(self, node: ast.Attribute) -> Terms:
@@ -181,7 +181,7 @@ class Translator:
         return ["rise_m", PerSample(lambda sample: [finite("z", sample.ego.position.z)]), "+"]
 
     def _distance(self, node: Any) -> Terms:
-        # Without the other end it is the distance from the ego.
+        # Without a second end it is the distance from the ego.
         ends: list[Any] = [end if end is not None else ast.Name("ego", ast.Load()) for end in (node.target, node.base)]
         places = [end for end in ends if self.is_constant(end)]
         others = [end for end in ends if not self.is_constant(end)]
@@ -200,7 +200,7 @@ class Translator:
         raise NotNativeError(shown(node))
 
     def _inside(self, thing: Any, region: Any) -> Terms:
-        # `ego in region` asks for the whole car.
+        # `ego in region` holds if the whole car is inside.
         if not (self.is_position(thing) and self._is_region(region)):
             raise NotNativeError("a region")
         if not self.is_constant(region):
@@ -208,9 +208,9 @@ class Translator:
         return [PerSample(lambda sample: sample.region(region))]
 
     def _is_region(self, node: Any) -> bool:
-        known = self.names.get(node.id) if isinstance(node, ast.Name) else None
+        value = self.names.get(node.id) if isinstance(node, ast.Name) else None
         called = node.func.id if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) else ""
-        return type(known).__name__ in REGIONS or called in REGIONS
+        return type(value).__name__ in REGIONS or called in REGIONS
 
 
 def _stands_in_world(ego: Any) -> bool:
@@ -220,7 +220,7 @@ def _stands_in_world(ego: Any) -> bool:
 
 
 def folded(parts: list[Terms], operation: str) -> Terms:
-    """The terms of an operation of two operands over any number of them."""
+    """Return the terms that apply a binary operation to any number of operands in turn."""
     terms = list(parts[0])
     for part in parts[1:]:
         terms += [*part, operation]
@@ -228,5 +228,5 @@ def folded(parts: list[Terms], operation: str) -> Terms:
 
 
 def is_truth(node: Any) -> bool:
-    """Whether an expression is a condition by its form."""
+    """Whether an expression has the form of a condition."""
     return isinstance(node, ast.BoolOp | ast.Compare) or (isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not))

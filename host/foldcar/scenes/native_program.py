@@ -1,4 +1,4 @@
-"""What a Scenic program says of its runs, translated for carsim, so that Scenic need not run beside it.
+"""Translates a program's statements about its runs for carsim, so that Scenic need not run beside it.
 
 Input: a compiled program, then its sampled scenes. Output: the member `program` of a scene (docs/carsim.md). Translated
 are `terminate when`, `terminate after` and `record` of the top level.
@@ -19,21 +19,21 @@ from foldcar.typed import read_text
 
 # A time limit beyond carsim's own, which ends every run, has no effect.
 MAX_TIME_LIMIT_S = 3600.0
-# carsim's limits (program_input.cpp). Where an expression has at most this many terms before it is sampled, it has room
-# for those that follow from a sample.
+# carsim's limits (program_input.cpp). An expression with at most this number of terms before sampling has room for the
+# terms that a sample adds.
 MAX_STATEMENTS, MAX_TERMS = 100, 400
 RECORDS = {"RecordInitial": "initial", "RecordFinal": "final", "Record": "series"}
 
 
 class NativeProgram:
-    """What a program says of its runs, in a form that :meth:`of_scene` completes for each sampled scene."""
+    """A program's statements about its runs, in a form that :meth:`of_scene` completes for each sampled scene."""
 
     def __init__(self, translator: Translator, endings: list[tuple[Terms, bool]], limits: list[Any],
                  records: list[tuple[str, str, Any, Terms]]) -> None:  # fmt: skip
         self._names, self._endings, self._limits, self._records = translator.names, endings, limits, records
 
     def of_scene(self, scene: Any) -> dict[str, Any]:
-        """The member `program` of a scene of docs/carsim.md. Raises UnusableError or FoldcarError."""
+        """Return the member `program` of a scene of docs/carsim.md. Raises UnusableError or FoldcarError."""
         sample = SampledValues(scene, self._names)
         step_s = outer_step_s(scene.params)
         endings = [
@@ -70,7 +70,7 @@ class NativeProgram:
 
 
 def native_program(scenario: Any, program: Path, success: SuccessRule) -> tuple[NativeProgram | None, str]:
-    """The program's translation, or None and what it needs Scenic beside the simulation for, with its line."""
+    """Translate the program; else return None and the part, with its line, that needs Scenic beside the simulation."""
     tree = parsed_program(read_text(program))
     line = 0
     try:
@@ -101,7 +101,8 @@ def native_program(scenario: Any, program: Path, success: SuccessRule) -> tuple[
         line = 0
         if len(endings) > MAX_STATEMENTS or len(records) > MAX_STATEMENTS:
             raise NotNativeError(f"more than {MAX_STATEMENTS} conditions or records")
-        if any(len(terms) > MAX_TERMS for terms in (*(ending[0] for ending in endings), *(one[3] for one in records))):
+        expressions_terms = (*(ending[0] for ending in endings), *(record[3] for record in records))
+        if any(len(terms) > MAX_TERMS for terms in expressions_terms):
             raise NotNativeError(f"an expression of more than {MAX_TERMS} terms")
         if (len(endings), len(records)) != (len(conditions), len(expressions)) or len(limits) > 1:
             raise NotNativeError("statements that do not stand at the top level")
@@ -130,7 +131,7 @@ def _statements(tree: Any, kind: str) -> Iterator[Any]:
 
 
 def _record_name(scenario: Any, node: Any) -> str:
-    """The name under which Scenic keeps a record: its own where the statement gives none."""
+    """Return the name under which Scenic keeps a record: the statement's, or else one that Scenic makes."""
     expressions = (*scenario.recordedExprs, *scenario.recordedInitialExprs, *scenario.recordedFinalExprs)
     return str(
         next(

@@ -33,19 +33,19 @@ def terrain_objects(scenario: Any, scene: Any) -> list[tuple[str, int]]:
 
 
 def _variables(scenario: Any) -> dict[int, str]:
-    """The variable of each object by the object's id."""
-    found: dict[int, str] = {}
+    """Return the variable of each object by the object's id."""
+    variables: dict[int, str] = {}
     for name, things in named_instances(scenario).items():
         for index, thing in enumerate(things):
-            found.setdefault(id(thing), name if len(things) == 1 else f"{name}[{index}]")
-    # The variable of a loop names only the object that the loop made last.
-    unnamed = {_line(thing) for thing in scenario.objects if id(thing) not in found}
+            variables.setdefault(id(thing), name if len(things) == 1 else f"{name}[{index}]")
+    # The variable of a loop names only the object of the loop's last pass.
+    unnamed = {_line(thing) for thing in scenario.objects if id(thing) not in variables}
     looped = {id(thing) for thing in scenario.objects if _line(thing) in unnamed}
-    return {thing: name for thing, name in found.items() if thing not in looped}
+    return {thing: name for thing, name in variables.items() if thing not in looped}
 
 
 def _line(thing: Any) -> Any:
-    """The file and the line that made the object."""
+    """Return the file and the line that made the object."""
     return getattr(thing, "creationLine", thing)
 
 

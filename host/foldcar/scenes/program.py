@@ -1,8 +1,8 @@
-"""Compiles a Scenic program and finds whether it is dynamic and whether it may end a simulation.
+"""Compiles a Scenic program and determines whether it is dynamic and whether it may end a simulation.
 
 Input: a program's path and parameters. Output: Scenic's scenario; FoldcarError of one line for a program that cannot
 be sampled. `model model` is searched beside the program, then in foldcar's vocabulary/. Scenic takes most of a second to
-import: it is imported in the functions that use it.
+import, so the functions that use it import it.
 """
 
 import ast
@@ -27,16 +27,16 @@ from foldcar.scenes.syntax_hints import syntax_hint
 from foldcar.typed import did_you_mean, did_you_mean_file, read_text
 
 COMPILE_LIMIT_S = 120.0
-MOST_OBJECTS = 10_000
+MAX_OBJECTS = 10_000
 # The vocabulary has its own folder: Scenic finds it on sys.path, which must not expose foldcar's modules.
 VOCABULARY_DIR = Path(__file__).resolve().parent / "vocabulary"
 VOCABULARY = VOCABULARY_DIR / "model.scenic"
 
 
 def compile_program(program: Path, params: Mapping[str, Any], files: ProgramFiles | None = None) -> Any:
-    """The compiled scenario of ``program``, its parameters overridden by ``params``; ``files`` learns what it reads.
+    """Compile ``program``, its parameters overridden by ``params``; ``files`` records the files that it reads.
 
-    Raises FoldcarError.
+    Raises FoldcarError if the program cannot be compiled or sampled.
     """
     files = ProgramFiles(program) if files is None else files
     if not program.is_file():
@@ -50,8 +50,8 @@ def compile_program(program: Path, params: Mapping[str, Any], files: ProgramFile
     scenario, mutated = _compiled(program, files, params)
     if mutated:
         scenario, _ = _compiled(program, files, params, mutated)
-    if len(scenario.objects) > MOST_OBJECTS:
-        raise FoldcarError(f"{program}: {len(scenario.objects)} objects are above the limit {MOST_OBJECTS} of a scene")
+    if len(scenario.objects) > MAX_OBJECTS:
+        raise FoldcarError(f"{program}: {len(scenario.objects)} objects are above the limit {MAX_OBJECTS} of a scene")
     if scenario.egoObject is None:
         raise FoldcarError(f"{program}: no ego: the program must define `ego = new Robot …`")
     if scenario.externalParams:
@@ -62,9 +62,9 @@ def compile_program(program: Path, params: Mapping[str, Any], files: ProgramFile
 def _compiled(
     program: Path, files: ProgramFiles, params: Mapping[str, Any], followed: Collection[int] = ()
 ) -> tuple[Any, set[int]]:
-    """The scenario of ``program``, and which Points it mutates; ``followed`` as in Mutations. Raises FoldcarError."""
+    """Return the scenario, and the Points that it mutates; ``followed`` as in Mutations. Raises FoldcarError."""
     with _no_collection(), warnings.catch_warnings():
-        # Scenic installs an excepthook, and warns if another library has installed one before.
+        # Scenic installs an excepthook, and warns if another library has done so before.
         warnings.filterwarnings("ignore", message="unable to install sys.excepthook")
         import scenic
     from foldcar.scenes.mutation import Mutations
@@ -119,32 +119,32 @@ class ProgramError(FoldcarError):
             self._excerpt = [f"  {text}", *([] if column is None else [f"  {caret}"])]
 
     def lines(self) -> list[str]:
-        """The message, and the line at fault."""
+        """Return the message, and the line at fault."""
         return [*super().lines(), *self._excerpt]
 
 
 def _place(error: BaseException) -> tuple[str | None, int | None, int | None]:
-    """The Scenic file, line and column (from 0) at fault, as far as the error tells them."""
+    """Return the Scenic file, line and column (from 0) at fault, as far as the error has them."""
     file, line, offset = (getattr(error, name, None) for name in ("filename", "lineno", "offset"))
     if isinstance(file, str) and file.endswith(".scenic"):
         return file, line, offset - 1 if offset else None
     for frame in reversed(traceback.extract_tb(error.__traceback__)):
         if frame.filename.endswith(".scenic"):
-            # Python knows columns from 3.11 on. That of a statement says nothing of a name in it.
+            # Python has columns from 3.11 on. The column of a statement is not that of a name in it.
             column = None if _undefined_name(error) else getattr(frame, "colno", None)
             return frame.filename, frame.lineno, column
     return None, line, None
 
 
 def one_line(error: BaseException, program: Path) -> str:
-    """The error as one line, with the line of the program if the error has one."""
+    """Format the error as one line, with the line of the program if the error has one."""
     file, line, _ = _place(error)
     where = "" if line is None else line_prefix(file, line, program)
     kind = "" if type(error).__module__.startswith("scenic.") else f"{type(error).__name__}: "
     message = overlap_hint(" ".join(str(error).split()) or "no message")
     text = linecache.getline(file, line).rstrip() if file is not None and line is not None else ""
     hint = syntax_hint(error, text)
-    # Scenic's own guess is wrong where `new` is there.
+    # Scenic's guess is wrong where `new` is present.
     message = message.removesuffix(" Perhaps you forgot 'new'?").removesuffix(".") if hint else message
     return where + kind + message + hint + _name_hint(error)
 
@@ -155,7 +155,7 @@ def _undefined_name(error: BaseException) -> str | None:
 
 
 def _name_hint(error: BaseException) -> str:
-    """What to do about a name that is not defined, "" for other errors."""
+    """Return a hint on a name that is not defined; "" for other errors."""
     if str(error).startswith("could not import world model"):
         return "; foldcar's is `model model`"
     name = _undefined_name(error)
@@ -172,19 +172,19 @@ def _name_hint(error: BaseException) -> str:
 
 
 def line_prefix(file: str | None, line: int, program: Path) -> str:
-    """The line, as a prefix of messages on ``program``; ``file`` may be one that it imports."""
+    """Return the line as a prefix of messages on ``program``; ``file`` may be an imported program."""
     same = file is None or Path(file).resolve() == program.resolve()
     return f"line {line}: " if same else f"{file}: line {line}: "
 
 
 def overlap_hint(message: str) -> str:
-    """Scenic's message, with the way to permit it if it is about objects that overlap."""
+    """Return Scenic's message; for overlapping objects, with a hint on how to permit them."""
     return f"{message}; `with allowCollisions True` permits it" if " intersects " in message else message
 
 
 @contextlib.contextmanager
 def _no_collection() -> Iterator[None]:
-    """Importing and compiling make much and discard little: without collecting it they take two thirds of the time."""
+    """Disable garbage collection: importing and compiling discard little, and take two thirds of the time without it."""
     collecting = gc.isenabled()
     gc.disable()
     try:
@@ -221,24 +221,24 @@ def _is_number(value: Any) -> bool:
 
 
 def named_things(scenario: Any) -> dict[str, Any]:
-    """The variables of a compiled program by name: its globals and, in a modular scenario, the names of its `setup`."""
+    """Return a compiled program's variables by name: its globals and, in a modular scenario, the names of `setup`."""
     return scenic_private.names(scenario.dynamicScenario)
 
 
 def named_instances(scenario: Any) -> dict[str, list[Any]]:
-    """The objects and points of a compiled program by the names of its variables; a list of them by the list's name."""
+    """Return a compiled program's objects and points by the names of its variables; a list by the list's name."""
     own = {id(thing) for thing in scenic_private.instances(scenario)}
-    known = {} if scenario.egoObject is None else {"ego": [scenario.egoObject]}
+    instances = {} if scenario.egoObject is None else {"ego": [scenario.egoObject]}
     for name, value in named_things(scenario).items():
         things = [scenic_private.unsampled(thing) for thing in (value if isinstance(value, list | tuple) else [value])]
         if things and all(id(thing) in own for thing in things):
-            known[name] = things
-    return known
+            instances[name] = things
+    return instances
 
 
 @cache
 def parsed_program(source: str) -> ast.AST:
-    """The syntax tree of a Scenic program."""
+    """Return the syntax tree of a Scenic program."""
     from scenic.syntax.parser import parse_string
 
     tree: ast.AST = parse_string(source, "exec")

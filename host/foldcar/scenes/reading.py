@@ -8,7 +8,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-# Scenes are hashed and compared as text: rounding removes the last bits, in which machines may differ.
+# Scenes are hashed and compared as text; rounding removes the last bits, in which machines may differ.
 DECIMALS = 9
 # The interval at which Scenic looks at a simulation.
 OUTER_STEP_S = 0.25
@@ -29,7 +29,7 @@ def is_a(thing: Any, kind: str) -> bool:
 
 
 def finite(name: str, value: Any, thing: Any = None) -> float:
-    """``value`` as a rounded float; UnusableError, which names ``name``, if it is not a finite number."""
+    """Return ``value`` as a rounded float. Raises UnusableError, which names ``name``, if it is not a finite number."""
     try:
         value_read = float(value)
     except (TypeError, ValueError):
@@ -40,12 +40,12 @@ def finite(name: str, value: Any, thing: Any = None) -> float:
 
 
 def rounded(value: float) -> float:
-    """The value rounded to DECIMALS digits; never -0.0."""
+    """Round the value to DECIMALS digits; never -0.0."""
     return round(value, DECIMALS) + 0.0
 
 
 def pose(thing: Any) -> dict[str, float]:
-    """Position (``x_m``, ``y_m``) and heading (rad, from +x counter-clockwise, within ±π) in the simulator's frame."""
+    """Return position (``x_m``, ``y_m``) and heading (rad, from +x counter-clockwise, ±π) in the simulator's frame."""
     heading_rad = math.remainder(finite("heading", thing.heading, thing) + math.pi / 2, 2 * math.pi)
     return {
         "x_m": finite("x", thing.position.x, thing),
@@ -55,7 +55,7 @@ def pose(thing: Any) -> dict[str, float]:
 
 
 def param(scene: Any, name: str) -> float:
-    """The value of a parameter that model.scenic declares; UnusableError if it is missing or not a finite number."""
+    """Return a parameter that model.scenic declares. Raises UnusableError if it is missing or not a finite number."""
     if name not in scene.params:
         raise UnusableError(f"param {name} is missing: the program must begin with `model model`")
     return finite(f"param {name}", scene.params[name])
@@ -68,9 +68,9 @@ def _name(thing: Any) -> str:
 
 
 def outer_step_s(params: Mapping[str, Any], given: float | None = None) -> float:
-    """The outer step (s): ``given``, or ``param timestep``, which is Scenic's own name for it, or ``param outer_step_s``.
+    """Return the outer step (s): ``given``, else ``param timestep`` (Scenic's name for it), else ``param outer_step_s``.
 
-    UnusableError if it is no number or beyond the limits.
+    Raises UnusableError if it is not a number or beyond the limits.
     """
     name = "timestep" if "timestep" in params else "outer_step_s"
     value = params.get(name, OUTER_STEP_S) if given is None else given
@@ -78,7 +78,7 @@ def outer_step_s(params: Mapping[str, Any], given: float | None = None) -> float
     try:
         step_s = float(value)
     except (TypeError, ValueError):
-        raise UnusableError(f"param {name}: {value} is no number") from None
+        raise UnusableError(f"param {name}: {value} is not a number") from None
     if not low - 1e-9 <= step_s <= high:
         raise UnusableError(f"param {name}: {value} is not within {low:.4g} to {high:g} s")
     return step_s

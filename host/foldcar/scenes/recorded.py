@@ -8,12 +8,12 @@ import numpy
 
 from foldcar.errors import FoldcarError
 
-# Far below what carsim and Python's json take.
+# Far below the limits of carsim and of Python's json.
 MAX_DEPTH = 20
 
 
 def to_json(value: Any, name: str, depth: int = 0) -> Any:
-    """``value`` as JSON data, copied; FoldcarError that names the record ``name`` if it means nothing without Scenic.
+    """Return ``value`` as JSON data, copied. Raises FoldcarError, which names the record, for other types of values.
 
     Vectors become [x, y, z], orientations [yaw, pitch, roll] in radians, numpy's arrays lists.
     """
@@ -25,7 +25,7 @@ def to_json(value: Any, name: str, depth: int = 0) -> Any:
         return _text(value, name)
     if isinstance(value, int):
         if abs(value) > sys.float_info.max:
-            raise FoldcarError(f"record {name}: a whole number is above the limit {sys.float_info.max:.2g}")
+            raise FoldcarError(f"record {name}: an integer is above the limit {sys.float_info.max:.2g}")
         return int(value)
     if isinstance(value, float):
         if not math.isfinite(value):
@@ -38,17 +38,17 @@ def to_json(value: Any, name: str, depth: int = 0) -> Any:
     if isinstance(value, dict):
         keys = [key for key in value if not isinstance(key, str)]
         if keys:
-            raise FoldcarError(f"record {name}: the key {keys[0]!r} of its value is no text")
+            raise FoldcarError(f"record {name}: the key {keys[0]!r} of its value is not a string")
         return {_text(key, name): to_json(item, name, depth + 1) for key, item in value.items()}
     if type(value).__module__ == "scenic.core.vectors":
         angles = getattr(value, "eulerAngles", None)
         return to_json(list(value) if angles is None else list(angles), name)
-    raise FoldcarError(f"record {name}: a {type(value).__name__} is nothing to store; record its numbers instead")
+    raise FoldcarError(f"record {name}: a {type(value).__name__} cannot be stored; record its numbers instead")
 
 
 def _text(text: str, name: str) -> str:
     try:
         text.encode()
     except UnicodeEncodeError:
-        raise FoldcarError(f"record {name}: the text {text!a} is no Unicode text (half of a surrogate pair)") from None
+        raise FoldcarError(f"record {name}: the string {text!a} is not Unicode (half of a surrogate pair)") from None
     return str(text)

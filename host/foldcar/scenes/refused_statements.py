@@ -1,9 +1,9 @@
-"""Refuses statements of a program that do not mean what they say: Scenic would notice in each run, or never.
+"""Refuses statements of a program that do not have the effect they seem to have; Scenic notices late or never.
 
-Properties and parameters that resemble a known one (`heigth`): Scenic takes any. Headings in degrees: Scenic's angles are
-radians, and `facing -90` means -90 rad. Names that are defined nowhere: Python looks for those of a condition in a run.
-Statements about a run in a program that another one imports: Scenic 3.1 takes over its objects, parameters and
-requirements (a modular scenario those of its file's top level), but no `terminate`, `record` or `require monitor`.
+Properties and parameters that resemble a known one (`heigth`): Scenic accepts any. Headings in degrees: Scenic's angles
+are radians, and `facing -90` means -90 rad. Names that are defined nowhere: Python looks up those of a condition in a
+run. Statements about a run in an imported program: Scenic 3.1 takes over its objects, parameters and requirements (a
+modular scenario those of its file's top level), but no `terminate`, `record` or `require monitor`.
 """
 
 import ast
@@ -26,18 +26,18 @@ from foldcar.scenes import scenic_private
 from foldcar.scenes.program import VOCABULARY, named_things, parsed_program
 from foldcar.typed import did_you_mean, read_text
 
-# Names at least this similar (difflib's ratio) are taken for a mistake: `heigth`, `lenght`, `stepheight`, `heights`.
+# Names at least this similar (difflib's ratio) count as mistakes: `heigth`, `lenght`, `stepheight`, `heights`.
 SIMILARITY = 0.75
-# Scenic uses it where an object has it; no class declares it.
+# A property that Scenic uses if an object has it, although no class declares it.
 NAME = "name"
 ANGLES = ("yaw", "pitch", "roll")
 DROPPED = (
     *("_terminationConditions", "_terminateSimulationConditions", "_monitorRequirements"),
     *("_recordedExprs", "_recordedInitialExprs", "_recordedFinalExprs"),
 )
-# Properties that Scenic computes itself, and refuses in words of its own.
+# Properties that Scenic computes itself, and refuses with messages of its own.
 SCENICS_FINAL = ("heading", "observations", "orientation")
-# Properties that change nothing, by the class that they belong to, and why.
+# Properties without effect: the class that they belong to, their names, and why.
 USELESS = (
     ("Robot", ("behavior",), "the firmware drives the car, as fast as the experiment's speed_m_s and yaw_rate_rad_s say"),
     ("Robot", ("consumedEnergy",), "it is 0 at the start"),
@@ -51,7 +51,7 @@ DISTRIBUTIONS = ("Range", "DiscreteRange", "Normal", "TruncatedNormal", "Uniform
 
 
 def at(error: Any, file: str | None, line: int | None) -> Exception:
-    """``error`` with the place at which Scenic's messages, and foldcar's, say that it is."""
+    """Return ``error`` with the file and line that Scenic's and foldcar's messages name."""
     error.filename, error.lineno = file, line
     return error  # type: ignore[no-any-return]
 
@@ -59,8 +59,8 @@ def at(error: Any, file: str | None, line: int | None) -> Exception:
 def refuse_useless_properties(cls: Any, specifiers: Sequence[Any], caller: FrameType) -> None:
     """Raise Scenic's SpecifierError if ``caller`` makes an object with a property that has no effect on it.
 
-    That is one that resembles one of ``cls``, belongs to another class of the vocabulary, follows from others, or is of
-    Scenic's own but nothing here.
+    Such a property resembles one of ``cls``, belongs to another class of the vocabulary, follows from others, or is one
+    of Scenic's that has no meaning here.
     """
     for name in (name for specifier in specifiers for name in specifier.priorities if name != NAME):
         own = _derives(cls, "Thing") and name not in SCENICS_FINAL
@@ -80,10 +80,10 @@ def refuse_useless_properties(cls: Any, specifiers: Sequence[Any], caller: Frame
 
 
 def _owners(name: str, caller: FrameType) -> list[str]:
-    """The vocabulary's classes that have a property of that name, as far as the program sees them."""
-    known = {value.__name__: value for value in caller.f_globals.values() if isinstance(value, type)}
+    """Return the vocabulary's classes that have a property of that name and are visible to the program."""
+    visible = {value.__name__: value for value in caller.f_globals.values() if isinstance(value, type)}
     return sorted(
-        one.__name__ for one in known.values() if _derives(one, "Thing") and name in scenic_private.defaults(one)
+        cls.__name__ for cls in visible.values() if _derives(cls, "Thing") and name in scenic_private.defaults(cls)
     )
 
 
@@ -103,8 +103,8 @@ def refuse_misspelt_parameters(names: Iterable[str], caller: FrameType) -> None:
 
 def _refuse_misspelt(error: type[Exception], what: str, name: str, known: Iterable[str], caller: FrameType) -> None:
     """Raise the error unless the name is known, resembles no known one, or the program reads it."""
-    begins = [one for one in known if one.startswith(f"{name}_")]
-    near = [] if name in known else difflib.get_close_matches(name, known, n=1, cutoff=SIMILARITY) or begins
+    longer = [other for other in known if other.startswith(f"{name}_")]
+    near = [] if name in known else difflib.get_close_matches(name, known, n=1, cutoff=SIMILARITY) or longer
     if near and not _reads(caller, name):
         raise at(error(f"{what}; did you mean {near[0]}?"), *_line_of(caller))
 
@@ -141,7 +141,7 @@ def _vocabularys_parameters() -> frozenset[str]:
 def refuse_undefined_names(code: CodeType, namespace: Mapping[str, Any]) -> None:
     """Raise NameError, with file and line, for the first name in a nested block of ``code`` that is nowhere assigned."""
     nested = list(_blocks(code))
-    known = {
+    assigned = {
         instruction.argval
         for block in nested
         for instruction in dis.get_instructions(block)
@@ -153,13 +153,13 @@ def refuse_undefined_names(code: CodeType, namespace: Mapping[str, Any]) -> None
         for instruction in dis.get_instructions(block):
             line, name = lines.get(instruction.offset, line), instruction.argval
             if instruction.opname == "LOAD_GLOBAL" and not (
-                name in known or name in namespace or hasattr(builtins, name)
+                name in assigned or name in namespace or hasattr(builtins, name)
             ):
                 raise at(NameError(f"name '{name}' is not defined", name=name), code.co_filename, line)
 
 
 def _blocks(code: CodeType) -> Iterator[CodeType]:
-    """The code and that of what is nested in it."""
+    """Yield the code and all code nested in it."""
     yield code
     for constant in code.co_consts:
         if isinstance(constant, CodeType):
@@ -181,7 +181,7 @@ def refuse_degrees(node: ast.AST, file: str) -> None:
 
 
 def _numbers(angle: ast.AST) -> Iterator[float]:
-    """The number that ``angle`` is, or those that a distribution is given."""
+    """Yield the number that ``angle`` is, or the numbers in a distribution's arguments."""
     if isinstance(angle, ast.Call) and isinstance(angle.func, ast.Name) and angle.func.id in DISTRIBUTIONS:
         for argument in angle.args:
             yield from _numbers(argument)
@@ -195,8 +195,8 @@ def _numbers(angle: ast.AST) -> Iterator[float]:
 
 
 def refuse_lost_statements(inherited: Any) -> None:
-    """Raise Scenic's InvalidScenarioError if ``inherited``, the scenario that another one inherits, has any of them."""
-    lost = [(one.line, one.ty.value) for place in DROPPED for one in getattr(inherited, place)]
+    """Raise Scenic's InvalidScenarioError if an ``inherited`` scenario has statements that Scenic drops."""
+    lost = [(statement.line, statement.ty.value) for place in DROPPED for statement in getattr(inherited, place)]
     if scenic_private.is_limited(inherited):
         # Scenic does not keep its line.
         lost.append((0, "terminate after"))
@@ -211,7 +211,7 @@ def refuse_same_names(scenario: Any) -> None:
     """Raise Scenic's InvalidScenarioError, with the line, if two records have one name: only one would be kept."""
     lines: dict[str, int] = {}
     records = [*scenario.recordedExprs, *scenario.recordedInitialExprs, *scenario.recordedFinalExprs]
-    for record in sorted(records, key=lambda one: int(one.line)):
+    for record in sorted(records, key=lambda record: int(record.line)):
         if record.name in lines:
             what = f"`{record.ty.value} … as {record.name}`: line {lines[record.name]} records under this name already"
             raise at(InvalidScenarioError(what), None, record.line)

@@ -1,7 +1,7 @@
 """Values of a Scenic program's expressions in a sampled scene, as numbers for carsim.
 
 Input: a sampled scene, the program's names, syntax trees. Output: values, and terms of carsim's expressions
-(docs/carsim.md). Evaluated are only trees that native_expressions has admitted: they do not mention the car.
+(docs/carsim.md). Only trees are evaluated that native_expressions has admitted; they do not mention the car.
 """
 
 import ast
@@ -15,7 +15,7 @@ import numpy
 
 from foldcar.scenes.reading import UnusableError, finite, rounded
 
-# As Scenic has it.
+# Scenic's constant.
 RADIANS_PER_DEGREE = 0.01745329252
 ARITHMETIC: Mapping[type, tuple[str, Callable[[Any, Any], Any]]] = {
     ast.Add: ("+", operator.add),
@@ -25,14 +25,14 @@ ARITHMETIC: Mapping[type, tuple[str, Callable[[Any, Any], Any]]] = {
 }
 FUNCTIONS: Mapping[str, Callable[..., Any]] = {"abs": abs, "min": min, "max": max, "float": float, "int": int}
 REGIONS = ("CircularRegion", "RectangularRegion", "PolygonalRegion")
-# The sides of an object that `front of` and its like name, as shares of its length, width and height: ahead, left, up.
+# The sides of an object that `front of`, `left of` … name, as fractions of its length, width and height.
 SIDES = {"Front": (1, 0, 0), "Back": (-1, 0, 0), "Left": (0, 1, 0), "Right": (0, -1, 0), "Top": (0, 0, 1)} | {
     f"{end}{side}": (1 if end == "Front" else -1, 1 if side == "Left" else -1, 0)
     for end in ("Front", "Back")
     for side in ("Left", "Right")
 }
 
-# Numbers, truths, polygons and names of operators of carsim's expressions.
+# Numbers, booleans, polygons and names of operators of carsim's expressions.
 Terms = list[Any]
 
 
@@ -43,9 +43,9 @@ class SampledValues:
         self.scene, self.ego, self._names = scene, scene.egoObject, names
 
     def value(self, node: Any) -> Any:
-        """The value of an expression that :meth:`Translator.is_constant` has admitted.
+        """Evaluate an expression that :meth:`Translator.is_constant` has admitted.
 
-        Raises UnusableError if it cannot be evaluated, or if it is the car or a value whose code would run.
+        Raises UnusableError if it cannot be evaluated, or if it is the car or a value whose use would run code.
         """
         try:
             value = self._evaluated(node)
@@ -101,29 +101,29 @@ class SampledValues:
         return called(*arguments, **named)
 
     def number(self, node: Any) -> Terms:
-        """A number."""
+        """Return the term of a number."""
         return [finite("a value of the program", self.value(node))]
 
     def truth(self, node: Any) -> Terms:
-        """A part of `and` or `or`, which Scenic computes bit by bit of what is no truth."""
+        """Return the term of a part of `and` or `or`, which Scenic computes bitwise for values other than booleans."""
         value = self.value(node)
         if not isinstance(value, bool | numpy.bool_ | int) or value not in (0, 1):
             raise UnusableError(f"line {node.lineno}: {value!r} beside `and` or `or` is neither True nor False")
         return [bool(value)]
 
     def place(self, node: Any) -> Terms:
-        """Coordinates of a place (m), its height over the car's at the start."""
+        """Return the terms of a place's coordinates (m), its height relative to the car's at the start."""
         from scenic.core.type_support import toVector
 
         value = self.value(node)
         try:
             x, y, z = (finite("a place", part) for part in toVector(value))
         except TypeError:
-            raise UnusableError(f"line {node.lineno}: {value!r} is no place to measure a distance from") from None
+            raise UnusableError(f"line {node.lineno}: {value!r} is not a place to measure a distance from") from None
         return [x, y, rounded(z - float(self.ego.position.z))]
 
     def region(self, node: Any) -> Terms:
-        """Whether the car is in a region of the ground."""
+        """Return the terms of the condition that the car is in a region of the ground."""
         region = self.value(node)
         if type(region).__name__ == "CircularRegion":
             return [*(finite("a region", part) for part in (region.center.x, region.center.y, region.radius)), "in_disc"]
@@ -137,13 +137,13 @@ class SampledValues:
         return terms
 
     def side(self, name: str) -> Terms:
-        """The place on the car that `front of ego` and its like name: ahead, left and up of its middle (m)."""
+        """Return the place on the car that `front of ego`, … name: ahead, left and up of its middle (m)."""
         sizes = (self.ego.length, self.ego.width, self.ego.height)
-        return [rounded(share * float(size) / 2) for share, size in zip(SIDES[name], sizes, strict=True)]
+        return [rounded(fraction * float(size) / 2) for fraction, size in zip(SIDES[name], sizes, strict=True)]
 
 
 def attribute_of(value: Any, node: ast.Attribute) -> Any:
-    """The attribute's value; UnusableError if a class of the program computes it."""
+    """Return the attribute's value. Raises UnusableError if a class of the program computes it."""
     written = [cls for cls in type(value).__mro__ if node.attr in vars(cls) and not cls.__module__.startswith("scenic.")]
     if written and is_scenic(value):
         kind = type(value).__name__
@@ -159,14 +159,14 @@ def is_scenic(value: Any) -> bool:
 
 
 def is_plain(value: Any) -> bool:
-    """Whether no code of the program runs where the value is used: Python's and numpy's, or one of Scenic's classes."""
-    # Of a container Scenic samples the members only where it is used as a value.
+    """Whether using the value runs no code of the program: a value of Python, numpy or a class of Scenic."""
+    # Scenic samples the members of a container only where the container is used as a value.
     plain = isinstance(value, bool | int | float | str | numpy.generic | numpy.ndarray | None)
     return plain or (is_scenic(value) and not isinstance(value, type) and not inspect.isroutine(value))
 
 
 def shown(node: Any) -> str:
-    """What messages call an expression."""
+    """Return the name of an expression in messages."""
     names = {"Name": "`{id}`", "Attribute": "`….{attr}`"}
     text = names.get(type(node).__name__)
     return text.format(**vars(node)) if text else type(node).__name__

@@ -26,16 +26,16 @@ from foldcar.scenes.terrain_kinds import HEIGHT_M, KINDS, kind_of
 if TYPE_CHECKING:
     from foldcar.scenes.native_program import NativeProgram
 
-MOST_FRICTION = 5.0
+MAX_FRICTION = 5.0
 PLACE_M = (-1000.0, 1000.0)
 TURN_RAD = (-100.0, 100.0)
 
 PLACE_KEYS = {"x_m": PLACE_M, "y_m": PLACE_M, "heading_rad": TURN_RAD}
-MOST_PIECES = 10_000
+MAX_PIECES = 10_000
 # The simulator represents rough ground as a grid with cells of an eighth of the correlation length.
 GRID_FINENESS = 8
-MOST_NODES = 4_000_000
-# Sizes that others of the piece bound: the key, its largest value, what that is.
+MAX_NODES = 4_000_000
+# Sizes that are limited by other sizes of the piece: the key, its maximum, and what the maximum is.
 BOUNDED: Mapping[str, tuple[str, Callable[[Mapping[str, Any]], float], str]] = {
     "half_round": ("height_m", lambda piece: piece["length_m"] / 2, "half the length"),
     "pothole": ("edge_m", lambda piece: piece["radius_m"], "the radius"),
@@ -47,16 +47,16 @@ COURSE_SIDES = ("x_min", "x_max", "y_min", "y_max")
 def scene_with_obstacles(
     scene: Any, program: Path, where: str, needs_goal: bool = True, native: "NativeProgram | None" = None
 ) -> tuple[dict[str, Any], list[Obstacle]]:
-    """The scene in metres and radians, without an id, and what of its terrain stands on the floor as one thing.
+    """Return the scene in metres and radians, without an id, and its obstacles.
 
     ``where`` follows the program's name in the messages of FoldcarErrors. Without ``needs_goal`` a program may have
-    no Goal, and the scene's goal is None then. ``native`` is what the program says of its runs, if carsim evaluates it.
+    no Goal; the scene's goal is None then. ``native`` has the program's statements about runs, if carsim evaluates them.
     """
     try:
         described, obstacles = _scene_with_obstacles(scene, needs_goal)
         return described if native is None else described | {"program": native.of_scene(scene)}, obstacles
     except UnusableError as problem:
-        # Where the program, or one that it imports, creates the thing.
+        # The line where the program, or an imported one, creates the object.
         file, number = getattr(problem.thing, "creationLine", (None, 0))
         line = line_prefix(file, number, program) if number else ""
         raise FoldcarError(f"{program}: {where}: {line}{problem}") from None
@@ -69,8 +69,8 @@ def _scene_with_obstacles(scene: Any, needs_goal: bool) -> tuple[dict[str, Any],
     course = {f"{side}_m": param(scene, f"course_{side}") for side in COURSE_SIDES}
     check_course(course)
     friction = param(scene, "friction")
-    if not 0 < friction <= MOST_FRICTION:
-        raise UnusableError(f"param friction: {friction} is not above 0 and at most {MOST_FRICTION:g}")
+    if not 0 < friction <= MAX_FRICTION:
+        raise UnusableError(f"param friction: {friction} is not above 0 and at most {MAX_FRICTION:g}")
     outer_step_s(scene.params)
     terrain: list[dict[str, Any]] = []
     owners: list[Any] = []
@@ -85,8 +85,8 @@ def _scene_with_obstacles(scene: Any, needs_goal: bool) -> tuple[dict[str, Any],
             owners.extend([thing] * len(pieces))
             indices = range(len(terrain) - len(pieces), len(terrain))
             objects.append((type(thing).__name__, pose(thing)["heading_rad"], indices))
-            if len(terrain) > MOST_PIECES:
-                raise UnusableError(f"the terrain has more than {MOST_PIECES} pieces", thing)
+            if len(terrain) > MAX_PIECES:
+                raise UnusableError(f"the terrain has more than {MAX_PIECES} pieces", thing)
             continue
         check_inside(course, pose(thing), thing)
         if is_a(thing, "Goal"):
@@ -120,7 +120,7 @@ def _goal(thing: Any) -> dict[str, Any]:
 
 
 def terrain_pieces(thing: Any) -> list[dict[str, Any]]:
-    """The pieces of a Terrain object in the simulator's frame (m, rad). Raises UnusableError."""
+    """Return the pieces of a Terrain object in the simulator's frame (m, rad). Raises UnusableError."""
     try:
         parts = list(thing.pieces())
     except Exception as error:
@@ -132,7 +132,7 @@ def terrain_pieces(thing: Any) -> list[dict[str, Any]]:
 
 
 def _checked(part: Any, thing: Any) -> dict[str, Any]:
-    """A piece in its object's frame with all keys of its kind, each checked to be a number within its limits."""
+    """Return a piece in its object's frame with all keys of its kind. Raises UnusableError for a value beyond limits."""
     if not isinstance(part, Mapping) or part.get("kind") not in KINDS:
         raise UnusableError(f"{part!r} is not a piece of terrain; its kind must be one of {', '.join(KINDS)}", thing)
     kind = part["kind"]
@@ -155,16 +155,16 @@ def _checked(part: Any, thing: Any) -> dict[str, Any]:
     if kind == "rough":
         cells = GRID_FINENESS / checked["correlation_m"]
         nodes = (checked["length_m"] * cells + 1) * (checked["width_m"] * cells + 1)
-        if nodes > MOST_NODES:
-            raise UnusableError(f"rough: correlation_m: makes {nodes:.3g} heights, the limit is {MOST_NODES:.3g}", thing)
+        if nodes > MAX_NODES:
+            raise UnusableError(f"rough: correlation_m: makes {nodes:.3g} heights, the limit is {MAX_NODES:.3g}", thing)
         if checked["seed"] != int(checked["seed"]):
-            raise UnusableError(f"rough: seed: {checked['seed']:g} is not a whole number", thing)
+            raise UnusableError(f"rough: seed: {checked['seed']:g} is not an integer", thing)
         checked["seed"] = int(checked["seed"])
     return checked
 
 
 def _placed(part: dict[str, Any], place: Mapping[str, float]) -> dict[str, Any]:
-    """The piece in the world's frame; ``place`` is its object's pose."""
+    """Return the piece in the world's frame; ``place`` is its object's pose."""
     cos, sin = math.cos(place["heading_rad"]), math.sin(place["heading_rad"])
     ahead, left = part["x_m"], part["y_m"]
     piece = {

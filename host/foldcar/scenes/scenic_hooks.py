@@ -1,8 +1,8 @@
-"""What foldcar changes in Scenic's compiler while it compiles a program.
+"""Changes to Scenic's compiler while it compiles a program.
 
-`mutate` takes Points, and what does not mean what it says is refused (see refused_statements). Statements keep the lines
-that they are on: Scenic gives `ego = …` the line of the block around it. The vocabulary is parsed once. The names of
-Scenic 3.1 that are used here are not public; tests fail when they change.
+`mutate` accepts Points, and misleading statements are refused (see refused_statements). Statements keep their own lines,
+whereas Scenic gives `ego = …` the line of the block around it. The vocabulary is parsed once. The names of Scenic 3.1
+that are used here are not public; tests fail when they change.
 """
 
 import ast
@@ -37,7 +37,7 @@ from foldcar.scenes.refused_statements import (
 def hooks(mutations: Mutations) -> Iterator[None]:
     """Within the block, Scenic compiles with these changes and reports to ``mutations`` what it creates and mutates.
 
-    The program keeps its `new` and `mutate` for its simulations, in which they do what Scenic's do.
+    The program keeps `new` and `mutate` for its simulations, in which they act like Scenic's.
     """
     compiler, scenario = ScenicToPythonTransformer, DynamicScenario
     scenics_new, scenics_mutate, scenics_visit = veneer.new, veneer.mutate, compiler.visit
@@ -62,12 +62,12 @@ def hooks(mutations: Mutations) -> Iterator[None]:
 
     def visit(self: Any, node: Any) -> Any:
         refuse_degrees(node, self.filename)
-        made = scenics_visit(self, node)
+        compiled = scenics_visit(self, node)
         if isinstance(node, ast.AST) and hasattr(node, "lineno"):
-            for one in made if isinstance(made, list) else [made]:
-                if isinstance(one, ast.AST) and not hasattr(one, "lineno"):
-                    ast.copy_location(one, node)
-        return made
+            for part in compiled if isinstance(compiled, list) else [compiled]:
+                if isinstance(part, ast.AST) and not hasattr(part, "lineno"):
+                    ast.copy_location(part, node)
+        return compiled
 
     def parse(source: str, mode: str, filename: str) -> Any:
         if Path(filename).parent == VOCABULARY_DIR:
@@ -83,11 +83,11 @@ def hooks(mutations: Mutations) -> Iterator[None]:
         scenics_inherit(self, other)
 
     def compile_requirement(self: Any, namespace: Any, scenario: Any, syntax: Any = None) -> Any:
-        # Of its syntax Scenic infers where samples can be, also from what is said of the run, such as its endings.
+        # From the syntax of requirements Scenic infers where samples can be, even from endings, which concern the run.
         return scenics_compile(self, namespace, scenario, syntax if self.ty.constrainsSampling else None)
 
     changes: list[tuple[Any, str, Any]] = [
-        *((veneer, one.__name__, one) for one in (new, mutate, param)),
+        *((veneer, function.__name__, function) for function in (new, mutate, param)),
         *((translator, "executeCodeIn", execute), (translator, "parse_string", parse)),
         *((compiler, "visit", visit), (scenario, "_inherit", inherit)),
         (PendingRequirement, "compile", compile_requirement),
@@ -105,5 +105,5 @@ def hooks(mutations: Mutations) -> Iterator[None]:
 
 @cache
 def _vocabulary(source: str, mode: str, filename: str) -> bytes:
-    """The pickled syntax tree of a file of the vocabulary. Parsing takes half the time of compiling a small program."""
+    """Return a vocabulary file's pickled syntax tree. Parsing takes half the time of compiling a small program."""
     return pickle.dumps(parse_string(source, mode, filename=filename))

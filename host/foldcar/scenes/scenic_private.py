@@ -1,7 +1,7 @@
-"""All names of Scenic 3.1 that are not public and that foldcar uses, with what each stands for.
+"""All private names of Scenic 3.1 that foldcar uses, each behind a function.
 
-A new version of Scenic that changes one of them fails here, and in the tests of this file, and nowhere else. What is
-changed in Scenic's compiler, by public names of its modules, is in scenic_hooks.
+A new version of Scenic that changes one of them fails here and in the tests of this file only. Changes to Scenic's
+compiler, by public names of its modules, are in scenic_hooks.
 """
 
 import math
@@ -10,52 +10,52 @@ from typing import Any
 
 
 def defaults(cls: Any) -> Mapping[str, Any]:
-    """The properties of a class of objects, inherited ones among them, with their default values."""
-    known: Mapping[str, Any] = cls._defaults
-    return known
+    """Return the properties of a class of objects, including inherited ones, with their default values."""
+    properties: Mapping[str, Any] = cls._defaults
+    return properties
 
 
 def final_properties(cls: Any) -> frozenset[str]:
-    """The properties of a class that follow from others, and cannot be specified."""
+    """Return the properties of a class that follow from others and cannot be specified."""
     return frozenset(cls._finalProperties)
 
 
 def sources_of(cls: Any, name: str) -> list[str]:
-    """The properties of a class from which the default of another one is computed."""
+    """Return the properties from which a class computes the default of the property ``name``."""
     return sorted(cls._defaults[name].requiredProperties)
 
 
 def made(cls: Any, specifiers: Sequence[Any], is_object: bool = True) -> Any:
-    """An instance of a class of objects, as `new` makes it; without ``is_object`` one that is no part of the scenario."""
+    """Make an instance of a class like `new`; without ``is_object`` it is not part of the scenario."""
     return cls._withSpecifiers(specifiers) if is_object else cls._withSpecifiers(specifiers, register=False)
 
 
 def sample_always(thing: Any) -> None:
-    """Have an object sampled even if it depends on nothing random."""
+    """Make Scenic sample an object even if it depends on nothing random."""
     thing._needsSampling = thing._isLazy = True
 
 
 def instances(scenario: Any) -> Iterable[Any]:
-    """All objects, points and oriented points that a compiled program has created."""
+    """Return all objects, points and oriented points that a compiled program has created."""
     created: Iterable[Any] = scenario._instances
     return created
 
 
 def dependencies(node: Any) -> list[Any]:
-    """The values on which a value depends, and those on which what it is conditioned to depends."""
+    """Return the values on which a value, or the value that it is conditioned to, depends."""
     return [*node._dependencies, *node._conditioned._dependencies]
 
 
 def conditioned(node: Any) -> Any:
-    """What a value is conditioned to: itself unless somebody has."""
+    """Return the value that a value is conditioned to; by default itself."""
     return node._conditioned
 
 
 def unsampled(thing: Any) -> Any:
-    """The object of the program of which ``thing`` is a sample, through all copies."""
+    """Return the program's object of which ``thing`` is a sample, through all copies."""
     from scenic.core.object_types import Constructible
 
-    # A distribution has every attribute, as another distribution.
+    # A distribution has every attribute, each of which is a distribution again.
     while isinstance(thing, Constructible) and thing._sampleParent is not None:
         thing = thing._sampleParent
     return thing
@@ -72,9 +72,9 @@ def has_compose(dynamic: Any) -> bool:
 
 
 def agents(dynamic: Any) -> Sequence[Any]:
-    """The objects with behaviors."""
-    known: Sequence[Any] = dynamic._agents
-    return known
+    """Return the objects with behaviors."""
+    objects: Sequence[Any] = dynamic._agents
+    return objects
 
 
 def is_limited(dynamic: Any) -> bool:
@@ -83,14 +83,14 @@ def is_limited(dynamic: Any) -> bool:
 
 
 def time_limit_s(dynamic: Any, timestep: float) -> float:
-    """The `terminate after` of a scenario, whose looks are ``timestep`` (s) apart; infinity without one."""
+    """Return the limit (s) of `terminate after`, infinity without it; ``timestep`` (s) is between Scenic's looks."""
     if dynamic._timeLimit is None:
         return math.inf
     return float(dynamic._timeLimit * (1.0 if dynamic._timeLimitIsInSeconds else timestep))
 
 
 def round_time_limit(dynamic: Any) -> None:
-    """Have a started scenario's limit a whole number of looks where rounding alone has made it none.
+    """Make a started scenario's limit an integer number of looks, if it is one up to rounding errors.
 
     1.1 s in steps of 0.1 s is a little more than 11 steps in floating-point numbers.
     """
@@ -99,13 +99,13 @@ def round_time_limit(dynamic: Any) -> None:
 
 
 def defer_time_limit(dynamic: Any) -> None:
-    """Have a scenario's limit come after its conditions at the next look, which Scenic counts like a whole step."""
+    """Let a scenario's limit apply after its conditions at the next look, which Scenic counts as a full step."""
     if dynamic._timeLimitInSteps is not None:
         dynamic._timeLimitInSteps = max(dynamic._timeLimitInSteps, dynamic._elapsedTime + 1)
 
 
 def names(dynamic: Any) -> dict[str, Any]:
-    """The variables of a compiled program by name: its globals and, in a modular scenario, those of its `setup`."""
+    """Return a compiled program's variables by name: its globals and, in a modular scenario, those of its `setup`."""
     modular: dict[str, Any] = {}
     namespace = dynamic._dummyNamespace
     if namespace is None:
@@ -115,70 +115,70 @@ def names(dynamic: Any) -> dict[str, Any]:
 
 
 def file_of(dynamic: Any) -> str | None:
-    """The file of a program of plain statements."""
+    """Return the file of a program of plain statements, or None."""
     return (dynamic._dummyNamespace or {}).get("__file__")
 
 
 def forget_last_simulation(dynamic: Any) -> None:
-    """Put a scenario back that was ended from outside or by a precondition: Scenic leaves it as it was then."""
+    """Reset a scenario that was ended from outside or by a precondition, because Scenic leaves it running."""
     dynamic._subScenarios = []
     dynamic._isRunning = False
 
 
 def endings(dynamic: Any) -> list[Any]:
-    """The conditions of a scenario with its sampled values: `terminate when`, then `terminate simulation when`."""
+    """Return a scenario's conditions with its sampled values: `terminate when`, then `terminate simulation when`."""
     return [*dynamic._terminationConditions, *dynamic._terminateSimulationConditions]
 
 
 def end_simulation_when(dynamic: Any, ending: Any) -> None:
-    """Add a condition of that kind to a scenario, for the simulation that begins."""
+    """Add a condition `terminate simulation when` to a scenario, for the simulation that begins."""
     dynamic._terminateSimulationConditions = (*dynamic._terminateSimulationConditions, ending)
 
 
 def requirement_monitors(dynamic: Any) -> Iterable[Any]:
-    """The temporal requirements of a started scenario."""
-    known: Iterable[Any] = dynamic._requirementMonitors
-    return known
+    """Return the temporal requirements of a started scenario."""
+    monitors: Iterable[Any] = dynamic._requirementMonitors
+    return monitors
 
 
 def recorded(dynamic: Any, kind: Any, steps: float) -> Mapping[str, Any]:
-    """The values by name that a scenario records at a look: ``kind`` is one of RequirementType."""
+    """Return the values by name that a scenario records at a look; ``kind`` is a RequirementType."""
     values: Mapping[str, Any] = dynamic._evaluateRecordedExprs(kind, steps)
     return values
 
 
 def invoked(dynamic: Any) -> Iterable[Any]:
-    """The scenarios that a running one has invoked."""
-    known: Iterable[Any] = dynamic._subScenarios
-    return known
+    """Return the scenarios that a running scenario has invoked."""
+    scenarios: Iterable[Any] = dynamic._subScenarios
+    return scenarios
 
 
 def temporal_requirements(dynamic: Any) -> Iterable[Any]:
-    """The requirements of a running scenario, among which Scenic 3.1 has records and endings of an invoked one."""
-    known: Iterable[Any] = dynamic._temporalRequirements
-    return known
+    """Return a running scenario's requirements; in Scenic 3.1 these include records and endings of invoked ones."""
+    requirements: Iterable[Any] = dynamic._temporalRequirements
+    return requirements
 
 
 def running_generator(behavior: Any) -> Any:
-    """The generator that a behavior is, while it runs."""
+    """Return the generator of a running behavior."""
     return behavior._runningIterator
 
 
 def shown_copy(thing: Any) -> Any:
-    """The copy that represents an object during a simulation; writing its dictionary bypasses Scenic's proxy."""
+    """Return the copy that represents an object in a simulation; writing its dictionary bypasses Scenic's proxy."""
     return object.__getattribute__(thing, "_dynamicProxy")
 
 
 def caches(cls: Any) -> set[str]:
-    """The attributes in which an object of a class keeps what it has computed from its pose."""
+    """Return the attributes in which an object of a class caches values computed from its pose."""
     return {f"_cached_{name}" for name in cls._cache_clearers}
 
 
 def derived_while_driving(cls: Any) -> set[str]:
-    """The properties of a class that Scenic computes anew from others during a simulation."""
+    """Return the properties of a class that Scenic recomputes from others during a simulation."""
     return set(cls._dynamicFinalProperties)
 
 
 def derive_again(thing: Any) -> None:
-    """Compute these properties of an object."""
+    """Recompute the properties of an object that follow from others."""
     thing._recomputeDynamicFinals()

@@ -49,7 +49,7 @@ class SceneSource:
 
     @property
     def needs_scenic(self) -> str:
-        """What Scenic must evaluate beside carsim, with its line; "" if nothing."""
+        """The part, with its line, that Scenic must evaluate beside carsim; "" if there is none."""
         return self._native[1]
 
     @cached_property
@@ -63,22 +63,22 @@ class SceneSource:
 
     @cached_property
     def success(self) -> SuccessRule:
-        """When a run of the program has passed."""
+        """The rule by which a run of the program has passed."""
         with self.files.inside():
             return success_rule(self.scenario, self.program)
 
     def fixed_files(self) -> Files:
-        """The files of the program: what compiling and sample 0 read. It must not read others afterwards."""
+        """Fix and return the program's files: those that compiling and sample 0 read. It must not read others later."""
         if self._first is None:
             self._first = self.sample(0)
         return self.files.fix()
 
     def sample(self, k: int) -> dict[str, Any]:
-        """Sample ``k`` (0, 1, …) as the "scene" object of docs/carsim.md without its id.
+        """Draw sample ``k`` (0, 1, …) as the "scene" object of docs/carsim.md without its id.
 
-        Lengths in metres, angles in radians, rounded to 1e-9. Raises FoldcarError if the program rejects
-        every sample, fails, takes longer than SAMPLE_LIMIT_S, or the simulator cannot represent the scene; or if
-        sample 0 is another one than fixed_files drew.
+        Lengths are in metres, angles in radians, rounded to 1e-9. Raises FoldcarError if the program rejects every
+        sample, fails, or takes longer than SAMPLE_LIMIT_S; if the simulator cannot represent the scene; or if sample 0
+        differs from the one that fixed_files drew.
         """
         scene = self.describe(self.scenic_scene(k), k)
         if k == 0 and self._first is not None and scene != self._first:
@@ -86,12 +86,12 @@ class SceneSource:
         return scene
 
     def scenic_scene(self, k: int) -> Any:
-        """Sample ``k`` as a Scenic Scene. Raises FoldcarError like :meth:`sample`."""
+        """Draw sample ``k`` as a Scenic Scene. Raises FoldcarError like :meth:`sample`."""
         from scenic.core.distributions import RejectionException
 
         if k < 0:
             raise FoldcarError(f"{self.program}: sample {k} is below the minimum 0")
-        # Sampling binds the program's names to sampled values: it is translated before.
+        # Sampling binds the program's names to sampled values, so the program is translated before.
         self._native  # noqa: B018
         try:
             with (
@@ -109,7 +109,7 @@ class SceneSource:
             raise
         except Exception as error:
             raise ProgramError(f"{self.program}: sample {k}", error, self.program) from error
-        # Scenic would check all requirements again in the simulation, also soft ones that this sample need not fulfil.
+        # Scenic would check all requirements again in the simulation, even soft ones that this sample need not fulfil.
         scene.temporalRequirements = tuple(
             temporalrequirement
             for temporalrequirement in scene.temporalRequirements
@@ -118,15 +118,15 @@ class SceneSource:
         return scene
 
     def describe(self, scene: Any, k: int) -> dict[str, Any]:
-        """The "scene" object of docs/carsim.md for sample ``k``'s Scene. Raises FoldcarError."""
+        """Return the "scene" object of docs/carsim.md for sample ``k``'s Scene. Raises FoldcarError."""
         return self._with_obstacles(scene, k)[0]
 
     def sample_with_obstacles(self, k: int) -> tuple[dict[str, Any], list[Obstacle]]:
-        """What :meth:`sample` gives, and its obstacles."""
+        """Return what :meth:`sample` returns, and the obstacles."""
         return self._with_obstacles(self.scenic_scene(k), k)
 
     def terrain_objects(self) -> list[tuple[str, int]]:
-        """The name of each terrain object and its number of pieces, in the order of sample 0's terrain. FoldcarError."""
+        """Return name and number of pieces of each terrain object, in sample 0's order. Raises FoldcarError."""
         scene = self.scenic_scene(0)
         with self.files.inside(), contained(SAMPLE_LIMIT_S, f"{self.program}: sample 0", self.program):
             return terrain_objects(self.scenario, scene)
@@ -138,7 +138,7 @@ class SceneSource:
             )
 
     def _rejection_reason(self, k: int) -> str:
-        """The reason for a rejection, read from Scenic's output, the only place where Scenic reports it."""
+        """Return the reason for a rejection, read from Scenic's output, the only place where Scenic reports it."""
         from scenic.core.distributions import RejectionException
 
         printed = io.StringIO()
@@ -162,18 +162,18 @@ def open_environment(
 ) -> SceneSource:
     """Compile ``program`` with ``params`` in place of its own parameters.
 
-    ``files`` are what the program must consist of, as fixed_files gave them; None takes it as it is.
+    ``files`` are the files that the program must consist of, as fixed_files returned them; None allows any files.
 
     ``condition`` fixes parts of the environment at their values in one of its samples:
     {"sample": its number, "objects": names, "params": names}; without "objects" and "params", everything.
 
-    Raises FoldcarError in one line if the file is missing or does not compile, if a parameter or a name is
-    unknown or of the wrong type.
+    Raises FoldcarError of one line if the file is missing or does not compile, or if a parameter or a name is unknown or
+    of the wrong type.
     """
     with seeded(f"{seed}/compile"):
-        found = ProgramFiles(program, files)
-        scenario = compile_program(program, params, found)
-    source = SceneSource(program, found, scenario, seed)
+        program_files = ProgramFiles(program, files)
+        scenario = compile_program(program, params, program_files)
+    source = SceneSource(program, program_files, scenario, seed)
     if condition is not None:
         from foldcar.scenes.conditioning import condition as freeze
 
@@ -186,7 +186,7 @@ def open_environment(
 
 
 def other_scene(program: Path, k: int) -> FoldcarError:
-    """The error that sample ``k`` is another scene than before."""
+    """Return the error for a sample ``k`` that differs from the first draw."""
     return FoldcarError(
         f"{program}: sample {k} is another scene now than when it was first drawn: the program depends on more than its "
         "parameters, its seed and the files that it reads, as on a random generator of its own or on the time"

@@ -1,8 +1,8 @@
-"""When a run of a Scenic program has passed: what the program says of it, as a rule that people can read.
+"""The success rule of a Scenic program, in words: when a run has passed.
 
-A run that reaches the Goal has passed. A run that the program ends itself has passed if its record `passed` is true; in a
-program without such a record, if a `terminate when` ended it that says that the car is close to its target. A program
-with none of these defines no success.
+A run that reaches the Goal has passed. A run that the program ends has passed if its record `passed` is true. Without
+such a record, it has passed if it was ended by a `terminate when` whose condition is that the car is close to its target.
+A program with none of these defines no success.
 """
 
 import ast
@@ -15,19 +15,19 @@ from foldcar.scenes.program import named_things, parsed_program
 from foldcar.scenes.reading import is_a
 from foldcar.typed import read_text
 
-# A program that records its verdict under this name decides about runs that it ends itself.
+# The name of the record with which a program decides whether a run that it ends has passed.
 VERDICT = "passed"
-# Of several places that conditions measure the distance to, the one of this name is the target.
+# If conditions measure the distance to several places, the place of this name is the target.
 TARGET = "target"
-# What may stand for a place beside a name: `(0, -1)`, `0 @ -1`, `-1`.
+# Syntax of a place without a name: `(0, -1)`, `0 @ -1`, `-1`.
 LITERALS = (ast.Tuple, ast.Constant, ast.UnaryOp, ast.USub, ast.UAdd, ast.Load)
 
 
 @dataclass(frozen=True, slots=True)
 class SuccessRule:
-    """``defined`` says whether runs can pass at all; ``text`` is the rule, or why there is none, as a sentence.
+    """When runs have passed. ``defined``: runs can pass; ``text`` is the rule, or why there is none, as a sentence.
 
-    ``endings`` are the conditions, as Scenic names them, with which a run that the program ends has passed.
+    ``endings`` are the conditions, as Scenic names them, that end a run as passed.
     """
 
     defined: bool
@@ -36,7 +36,7 @@ class SuccessRule:
 
 
 def success_rule(scenario: Any, program: Path) -> SuccessRule:
-    """The rule of a compiled program."""
+    """Return the success rule of a compiled program."""
     goal = any(is_a(thing, "Goal") for thing in scenario.objects)
     ways = ["it reaches its Goal"] if goal else []
     endings: frozenset[str] = frozenset()
@@ -47,14 +47,15 @@ def success_rule(scenario: Any, program: Path) -> SuccessRule:
     else:
         conditions = [*scenario.terminationConditions, *scenario.terminateSimulationConditions]
         lines = {condition.line for condition in conditions}
-        # Without conditions, as in most programs, it need not be parsed. Of each its line, its text, the place's text.
-        found = [approach for approach in _approaches(program, scenario, goal) if approach[0] in lines] if lines else []
-        if len({place for _, _, place in found}) > 1:
-            found = [one for one in found if one[2].lower() == TARGET]
-            if not found:
+        # The program need not be parsed without conditions. An approach is line, text and the place's text.
+        candidates = _approaches(program, scenario, goal) if lines else ()
+        approaches = [approach for approach in candidates if approach[0] in lines]
+        if len({place for _, _, place in approaches}) > 1:
+            approaches = [approach for approach in approaches if approach[2].lower() == TARGET]
+            if not approaches:
                 ambiguous = " (it measures the distance to several places, and none is named `target`)"
-        ways += [f"`{text}` (line {line}) ends it with the car upright" for line, text, _ in found]
-        endings = frozenset(str(c) for c in conditions if c.line in {line for line, _, _ in found})
+        ways += [f"`{text}` (line {line}) ends it with the car upright" for line, text, _ in approaches]
+        endings = frozenset(str(c) for c in conditions if c.line in {line for line, _, _ in approaches})
     if ways:
         return SuccessRule(True, f"a run has passed if {', or if '.join(ways)}, within the time limit", endings)
     return SuccessRule(
@@ -65,9 +66,9 @@ def success_rule(scenario: Any, program: Path) -> SuccessRule:
 
 
 def _approaches(program: Path, scenario: Any, goal: bool) -> Iterator[tuple[int, str, str]]:
-    """The program's conditions to terminate that hold when the car is close to its Goal or, without one, to a place.
+    """Yield the conditions to terminate that hold when the car is close to its Goal or, without a Goal, to a place.
 
-    Of each its line, its text and the place's text.
+    Each has its line, its text and the place's text.
     """
     source = read_text(program)
     things = named_things(scenario)
@@ -75,22 +76,22 @@ def _approaches(program: Path, scenario: Any, goal: bool) -> Iterator[tuple[int,
         if type(node).__name__ not in ("TerminateWhen", "TerminateSimulationWhen"):
             continue
         condition: Any = node
-        for part in _all_of(condition.cond):
-            place = _approached(part)
+        for part in _conjuncts(condition.cond):
+            place = _approached_place(part)
             if place is not None and _is_target(place, things, goal):
                 text = " ".join((ast.get_source_segment(source, node) or "").split())
                 yield condition.lineno, text, ast.get_source_segment(source, place) or ast.dump(place)
 
 
-def _all_of(condition: ast.AST) -> list[ast.AST]:
-    """The parts that all hold when the condition does."""
+def _conjuncts(condition: ast.AST) -> list[ast.AST]:
+    """Return the parts of a condition that are joined by `and`."""
     if isinstance(condition, ast.BoolOp) and isinstance(condition.op, ast.And):
-        return [part for value in condition.values for part in _all_of(value)]
+        return [part for value in condition.values for part in _conjuncts(value)]
     return [condition]
 
 
-def _approached(condition: ast.AST) -> ast.expr | None:
-    """The place of `distance from ego to PLACE <= …` in any order and form; None if the condition is another one."""
+def _approached_place(condition: ast.AST) -> ast.expr | None:
+    """Return the place of `distance from ego to PLACE <= …` in any order and form; None for other conditions."""
     if not isinstance(condition, ast.Compare) or len(condition.ops) != 1:
         return None
     (operator,), left, right = condition.ops, condition.left, condition.comparators[0]
@@ -101,14 +102,14 @@ def _approached(condition: ast.AST) -> ast.expr | None:
     if type(left).__name__ != "DistanceFromOp" or type(right).__name__ == "DistanceFromOp":
         return None
     distance: Any = left
-    # Without the other end it is the distance from the ego.
+    # Without a second end it is the distance from the ego.
     ends = [end for end in (distance.target, distance.base) if end is not None]
     places = [end for end in ends if not (isinstance(end, ast.Name) and end.id == "ego")]
     return places[0] if len(places) == 1 else None
 
 
 def _is_target(place: ast.expr, things: dict[str, Any], goal: bool) -> bool:
-    """Whether the car is to go there: to the Goal if there is one, else to a place where no terrain is."""
+    """Whether a place is the car's target: the Goal if there is one, else a place without terrain."""
     root = place
     while isinstance(root, ast.Attribute):
         root = root.value

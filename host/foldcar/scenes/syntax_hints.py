@@ -1,4 +1,4 @@
-"""What to change in a line of a Scenic program that is written as in Scenic 2, as the publication's programs are.
+"""Hints for lines of a Scenic program that are written in Scenic 2's syntax, as in the publication's programs.
 
 Input: an error and the text of its line. Output: a hint to append to its message.
 """
@@ -13,7 +13,7 @@ FACES_A_NAME = re.compile(r"\bfacing\s+(?!toward\b|away\b|directly\b)([A-Za-z_]\
 
 
 def syntax_hint(error: BaseException, text: str) -> str:
-    """The hint for an error in the line ``text``, "" if there is none.
+    """Return the hint for an error in the line ``text``, or "" without a hint.
 
     For ``ego = Robot at startPos facing endPos`` it names ``new``, the comma and ``facing toward``.
     """

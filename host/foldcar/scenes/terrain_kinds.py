@@ -1,4 +1,4 @@
-"""The table of terrain kinds, for everything but the simulator; pieces are those of docs/carsim.md.
+"""The table of terrain kinds for the host; the simulator has its own. Pieces are those of docs/carsim.md.
 
 A kind's ``form`` is its effect on the ground: a ``block`` is a solid with edges, ``smooth`` ground is added to the
 heights of the floor, a ``patch`` changes the friction only. Its ``shape`` in the ground plane is a ``rectangle``
@@ -75,12 +75,12 @@ KINDS: Mapping[str, TerrainKind] = {
 
 
 def kind_of(piece: Mapping[str, Any]) -> TerrainKind:
-    """The kind of a checked piece."""
+    """Return the kind of a checked piece."""
     return KINDS[piece["kind"]]
 
 
 def reach_m(piece: Mapping[str, Any]) -> tuple[float, float]:
-    """Half the extent of a piece's ground along its heading and across (m)."""
+    """Return half the extent (m) of a piece's ground along its heading and across."""
     shape = kind_of(piece).shape
     if shape == "bell":
         return BELL_REACH_SD * piece["sd_along_m"], BELL_REACH_SD * piece["sd_across_m"]
@@ -90,7 +90,7 @@ def reach_m(piece: Mapping[str, Any]) -> tuple[float, float]:
 
 
 def bounds_m(piece: Mapping[str, Any]) -> tuple[float, float, float, float]:
-    """x_min, x_max, y_min, y_max of a placed piece's ground (m)."""
+    """Return x_min, x_max, y_min, y_max (m) of a placed piece's ground."""
     along, across = reach_m(piece)
     heading_rad = piece.get("heading_rad", 0.0)
     cos, sin = abs(math.cos(heading_rad)), abs(math.sin(heading_rad))
@@ -99,7 +99,7 @@ def bounds_m(piece: Mapping[str, Any]) -> tuple[float, float, float, float]:
 
 
 def description(piece: Mapping[str, Any]) -> str:
-    """The kind and its sizes in mm, for the instructions of a trial."""
+    """Describe a piece, its kind and its sizes in mm, for the instructions of a trial."""
     along_m, across_m = (2 * reach for reach in reach_m(piece))
     sizes = {**piece, "along_m": along_m, "across_m": across_m}
     in_mm = {key: 1000 * value if key.endswith("_m") else value for key, value in sizes.items()}

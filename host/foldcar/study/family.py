@@ -21,7 +21,7 @@ from foldcar.car.design_parameters import (
     places_of,
 )
 from foldcar.car.folded_car import folded_car
-from foldcar.car.parts.catalogue import DEFAULT_CHOICES, OPTIONS, PartChoices, PartError, chosen, split_type
+from foldcar.car.parts.catalogue import DEFAULT_CHOICES, OPTIONS, PartChoices, PartError, catalogue_of, split_type
 from foldcar.study.listing import ListedVehicle, ListingError
 from foldcar.typed import did_you_mean
 
@@ -136,7 +136,7 @@ class Family:
 
     def _errors(self, values: Mapping[str, float]) -> list[DesignError]:
         """What is wrong with a design: all values beyond their limits or, with none, what else is wrong first."""
-        beyond = design_errors(self.type, values, chosen(self.parts))
+        beyond = design_errors(self.type, values, catalogue_of(self.parts))
         first = self._first_error(values)
         return [error for error, _ in beyond.values()] or ([] if first is None else [first])
 

@@ -15,7 +15,7 @@ from foldcar.car.folded.pose import compose, inverse, translation
 from foldcar.car.folded.pose import folded as folded_poses
 from foldcar.car.folded_car import folded_car
 from foldcar.car.parts.catalogue import DEFAULT_CHOICES
-from foldcar.car.proof.plan import planned
+from foldcar.car.proof.plan import plan_assembly
 from foldcar.car.proof.prove import assembly_steps, prove, prove_steps, service_steps
 from foldcar.car.proof.step import AssemblyStep
 from foldcar.fabrication.assembly.parts_list import parts_list
@@ -50,7 +50,7 @@ def test_things_come_in_on_the_side_that_is_open_and_the_battery_changes_with_th
 
     service = service_steps(folded)
     opened = next(i for i, step in enumerate(service) if step.folds)
-    shut = {reach.name for step in service[:opened] for reach in step.reaches}
+    shut = {reach.name for step in service[:opened] for reach in step.tool_uses}
     assert {folded.parts.feather.name, folded.parts.switch.name} <= shut
     assert [add.name for step in service[opened:] for add in step.adds] == [folded.parts.battery.name]
 
@@ -169,7 +169,7 @@ def blocked(car: FoldedCar) -> list[str]:
 def in_front(car: FoldedCar, part: str, index: int, off_mm: float, beside_mm: float = 0.0) -> Pose:
     """The pose of a block of 2 mm before what is reached, so far from it and from the access's axis."""
     mount = mount_of(car, part)
-    return compose(mount.pose, mount.accesses[index].pose, translation(beside_mm, 0, off_mm + 1))
+    return compose(mount.pose, mount.clearances[index].pose, translation(beside_mm, 0, off_mm + 1))
 
 
 def test_blocks_in_the_way_of_fingers_tongues_plugs_and_drivers_are_found() -> None:
@@ -222,7 +222,7 @@ def swapped(steps: tuple[AssemblyStep, ...], first: str, second: str) -> tuple[A
 def test_a_wrong_order_is_found() -> None:
     folded = car("w95")
     feather, wing = folded.parts.feather.name, folded.parts.featherwing.name
-    steps = planned(folded)
+    steps = plan_assembly(folded)
     early = [(feather, "board screw 1"), ("front left servo", "front left servo screw 1"),
              ("horn of wheel0", "centre screw of wheel0")]  # fmt: skip
     shuffled = steps

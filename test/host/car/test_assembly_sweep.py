@@ -5,7 +5,7 @@ import pytest
 import shapely
 
 from foldcar.car.folded.pose import translation
-from foldcar.car.proof.blocks import SKIN_MM, Blocks, blocks_of, box, hit, plate, prism, way_out
+from foldcar.car.proof.blocks import SKIN_MM, Blocks, blocks_of, box, find_exit_path, first_obstacle, plate, prism
 
 FILM_MM = 0.25
 
@@ -24,7 +24,7 @@ def test_a_box_passes_a_slot_up_to_the_tolerated_overlap_of_0_1_mm(each_side_mm:
     moving = blocks_of([box((20.0, 8.0, 15.0))], "box").moved(translation(0, 0, -20))
 
     for size in ((20 + 2 * each_side_mm, 30.0), (30.0, 8 + 2 * each_side_mm)):
-        assert (hit(moving, slotted(*size), (0, 0, 40)) is None) is free
+        assert (first_obstacle(moving, slotted(*size), (0, 0, 40)) is None) is free
 
 
 def test_film_of_any_thickness_is_not_stepped_over() -> None:
@@ -35,8 +35,8 @@ def test_film_of_any_thickness_is_not_stepped_over() -> None:
             small = blocks_of([box((0.5, 0.5, 0.5))], "grain").moved(translation(x, y, -z))
             wall = plate(shapely.box(-50, -50, 50, 50), thickness, "wall")
 
-            assert hit(small, wall, (0, 0, 1000.0)) == "wall"
-            assert hit(small, wall, (0, 0, -1000.0)) is None
+            assert first_obstacle(small, wall, (0, 0, 1000.0)) == "wall"
+            assert first_obstacle(small, wall, (0, 0, -1000.0)) is None
 
 
 def passes(low: np.ndarray, high: np.ndarray, move: np.ndarray) -> bool:
@@ -59,7 +59,7 @@ def test_boxes_past_boxes_agree_with_the_slab_method() -> None:
         other = blocks_of([box(tuple(b))], "other").moved(translation(*centre))
         free = passes(centre - half, centre + half, move)
 
-        assert (hit(one, other, move) is None) is free
+        assert (first_obstacle(one, other, move) is None) is free
         found.append(free)
 
     assert 60 < sum(found) < 240
@@ -74,9 +74,9 @@ def test_two_moves_lead_out_of_a_hook_and_none_out_of_a_closed_box() -> None:
     half_roof = box((10, 20, 1)) + np.array((-5, 0, 10))
     part = blocks_of([box((6, 6, 6)) + np.array((-5, 0, 0))], "part")
 
-    assert way_out(part, blocks_of([*cup, roof], "box")).moves_mm is None
-    hook = way_out(part, blocks_of([*cup, half_roof], "box")).moves_mm
-    open_cup = way_out(part, blocks_of(cup, "box")).moves_mm
+    assert find_exit_path(part, blocks_of([*cup, roof], "box")).moves_mm is None
+    hook = find_exit_path(part, blocks_of([*cup, half_roof], "box")).moves_mm
+    open_cup = find_exit_path(part, blocks_of(cup, "box")).moves_mm
 
     assert hook is not None and len(hook) == 2 and hook[0][0] > 0 and hook[1][2] > 0
     assert open_cup is not None and len(open_cup) == 1 and open_cup[0][2] > 0

@@ -18,7 +18,7 @@ from foldcar.car.design_parameters import MODULES, parameters
 from foldcar.car.folded.pose import apply, folded
 from foldcar.car.folded_car import folded_car
 from foldcar.car.parts.catalogue import catalogue
-from foldcar.car.user_modules import building, components_digest, load_components
+from foldcar.car.user_modules import components_digest, forbid_new_files, load_components
 from foldcar.car.verify import verify
 from foldcar.errors import FoldcarError
 
@@ -172,7 +172,7 @@ def test_every_parameter_says_what_it_is() -> None:
     for parameter in parameters().values():
         declared = parameter.declared
         assert declared.help and declared.reason and declared.unit in ("mm", "deg", "")
-        assert declared.least_with(catalogue()) <= declared.default_with(catalogue()) <= declared.maximum
+        assert declared.minimum_with(catalogue()) <= declared.default_with(catalogue()) <= declared.maximum
 
 
 DOC = (Path(__file__).parents[3] / "docs" / "compiler.md").read_text(encoding="utf-8")
@@ -239,7 +239,7 @@ def test_environment_variables_are_no_part_of_a_user_module(tmp_path: Path, monk
     load_components(file)
 
     assert compose("W_B_Tail", {}).columns["Tail_offset_mm"] == 5
-    with building():
+    with forbid_new_files():
         assert "OFFSET" not in os.environ
     assert os.environ["OFFSET"] == "15"
 
@@ -249,12 +249,12 @@ def test_environment_variables_are_no_part_of_a_user_module(tmp_path: Path, monk
     [
         (("class Tail(Module):", "class Tail(Module)"), ":7: expected ':'"),
         (("import put_caster", "import put_castor"), ":4: ImportError: cannot import name 'put_castor'"),
-        (('letter = "Tail"', 'letter = "W"'), ':7: Tail: letter "W" is that of WheelModule already'),
-        (('letter = "Tail"', "letter = 3"), ':7: Tail has no text "letter"'),
-        (('"offset", 5, 0', '"width", 5, 0'), ':7: Tail: its parameter "width" is declared otherwise'),
-        (('letter = "Tail"', 'letter = "Tail2"'), ':7: Tail: letter "Tail2" is not made of letters and dig'),
+        (('letter = "Tail"', 'letter = "W"'), ':7: Tail: letter "W" is already used by WheelModule'),
+        (('letter = "Tail"', "letter = 3"), ':7: Tail has no string "letter"'),
+        (('"offset", 5, 0', '"width", 5, 0'), ':7: Tail: its parameter "width" must be declared like'),
+        (('letter = "Tail"', 'letter = "Tail2"'), ':7: Tail: letter "Tail2" must consist of letters and dig'),
         (("class Tail(Module):", "from foldcar.car.components.module import *\nclass Tail(ElectronicsModule):"),
-         ":8: Tail: carries electronics"),
+         ":8: Tail: derives from the class that carries the electronics"),
         (("class Tail(Module)", "class Tail(object)"), ":1: defines no subclass of Module or Composite of foldcar"),
     ],
 )  # fmt: skip
@@ -295,7 +295,7 @@ def test_a_module_that_cannot_be_built_is_named_with_file_and_line(
 
 
 def test_a_file_that_is_not_there_is_named() -> None:
-    with pytest.raises(FoldcarError, match=r"^--components nowhere.py: is no Python file$"):
+    with pytest.raises(FoldcarError, match=r"^--components nowhere.py: is not a Python file$"):
         load_components(Path("nowhere.py"))
 
 
@@ -323,7 +323,7 @@ def test_commands_accept_user_modules(
 def test_the_parameter_table_is_that_of_the_components() -> None:
     rows = {
         f"|`{key}`|{' '.join(sorted(p.modules))}|{p.declared.unit}|{p.declared.default_with(catalogue()):g}"
-        f"|{p.declared.least_with(catalogue()):g}|{p.declared.maximum:g}|{p.declared.help}|"
+        f"|{p.declared.minimum_with(catalogue()):g}|{p.declared.maximum:g}|{p.declared.help}|"
         for key, p in parameters().items()
     }
 

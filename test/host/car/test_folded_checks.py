@@ -11,7 +11,7 @@ from foldcar.car.design import compose
 from foldcar.car.folded.model import Crease, EdgeRef, Face, FoldedCar, Hole, Piece
 from foldcar.car.folded_car import folded_car
 from foldcar.car.proof.prove import prove
-from foldcar.car.verify import check_design, verify
+from foldcar.car.verify import check_folded_car, verify
 from spoiled_car import moved, with_faces, with_holes, with_mounts
 
 Spoil = Callable[[FoldedCar], FoldedCar]
@@ -112,7 +112,7 @@ def test_cars_that_can_be_built_pass(type_string: str, values: dict[str, float])
 def test_broken_designs_are_found(spoil: Spoil, check: str, words: str) -> None:
     car = spoil(folded_car(compose("W_B_W", {})))
 
-    findings = check_design(car)
+    findings = check_folded_car(car)
 
     assert any(finding.check == check and words in str(finding) for finding in findings), "\n".join(map(str, findings))
 
@@ -137,12 +137,12 @@ def with_hinge(**changes: float) -> FoldedCar:
 
 
 def test_hinges_are_checked_at_their_limits() -> None:
-    assert check_design(with_hinge()) == []
+    assert check_folded_car(with_hinge()) == []
     # The stop reaches to the other cap; the lids, 6 mm apart and 49.75 mm above the strip, meet at 6.9 degrees.
-    stopped = check_design(with_hinge(max_rad=math.radians(4)))
+    stopped = check_folded_car(with_hinge(max_rad=math.radians(4)))
     assert stopped and all("folded by 4.0 degrees: front cap 2: cap runs into hinge stop" in str(one) for one in stopped)
-    met = check_design(with_hinge(max_rad=math.radians(9)))
+    met = check_folded_car(with_hinge(max_rad=math.radians(9)))
     assert any("folded by 9.0 degrees: front cap 2: cap runs into rear cap 1: cap" in str(one) for one in met)
     # At axle height the strip would let the floors run into each other over a crest.
-    down = check_design(with_hinge(center_mm=(-40.0, 0.0, 0.0)))
+    down = check_folded_car(with_hinge(center_mm=(-40.0, 0.0, 0.0)))
     assert any("folded by -60.0 degrees: beam 2: floor runs into beam 1: floor" in str(one) for one in down)

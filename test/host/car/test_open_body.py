@@ -48,7 +48,7 @@ def test_caps_fit_inside_the_walls(film: str, t: float) -> None:
 def usb(car: FoldedCar) -> tuple[tuple[float, float, float], float]:
     """The middle of the USB socket's mouth (mm) and the diameter that its plug needs."""
     feather = next(mount for mount in car.mounts if mount.part == car.parts.feather.name)
-    way = feather.accesses[0]
+    way = feather.clearances[0]
     return apply(chain(feather.pose, way.pose), 0, 0), way.diameter_mm
 
 

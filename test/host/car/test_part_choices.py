@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 from foldcar.car.body import body_json
 from foldcar.car.design import DesignError, compose
-from foldcar.car.parts.catalogue import DEFAULT_CHOICES, OPTIONS, chosen, split_type
+from foldcar.car.parts.catalogue import DEFAULT_CHOICES, OPTIONS, catalogue_of, split_type
 from foldcar.cli import app
 from foldcar.study.family import read_family
 from foldcar.study.listing import ListingError
@@ -25,7 +25,7 @@ def listing(folder: Path, vehicle: dict[str, object]) -> Path:
 
 def test_every_choice_has_data_and_its_type_string_names_it_again() -> None:
     for choices in (DEFAULT_CHOICES.changed({kind: name}) for kind, names in OPTIONS.items() for name in names):
-        assert chosen(choices).film.thickness_mm.value == number(f"film_{choices.film}", "thickness_mm")
+        assert catalogue_of(choices).film.thickness_mm.value == number(f"film_{choices.film}", "thickness_mm")
         assert split_type(f"W_B_W{choices.suffix}") == ("W_B_W", choices)
     assert DEFAULT_CHOICES.suffix == ""
 
@@ -95,7 +95,7 @@ def test_mistakes_in_a_listing_name_key_and_known_names(tmp_path: Path, parts: o
     ("type_string", "message"),
     [
         ("W_B_W+tyre=slik", '"W_B_W+tyre=slik": tyre: unknown name "slik"; known: none'),
-        ("W_B_W+tyre=none+tyre=none", "is no +KIND=NAME of a part"),
+        ("W_B_W+tyre=none+tyre=none", "must be +KIND=NAME of a part"),
     ],
 )
 def test_mistakes_in_a_type_string_are_named(type_string: str, message: str) -> None:

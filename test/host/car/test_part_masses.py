@@ -18,7 +18,7 @@ from foldcar.car.design import compose
 from foldcar.car.folded.model import FoldedCar
 from foldcar.car.folded.placed import place
 from foldcar.car.folded_car import folded_car
-from foldcar.car.leads import leads, wire_mm
+from foldcar.car.leads import leads, stock_wire_mm
 from foldcar.car.parts.catalogue import OPTIONS, Catalogue
 from foldcar.car.variation import workshop
 from foldcar.fabrication.assembly.parts_list import parts_list, parts_list_csv, parts_list_text, total_mass_kg
@@ -42,7 +42,7 @@ def film_mm2(car: FoldedCar) -> float:
 def leads_g(car: FoldedCar) -> float:
     """Servo extensions, and wire beyond that which the wiring's mass includes."""
     sold = {one["name"]: one["mass_kg"]["value"] for one in part_data("extensions")["sold"]}
-    more_mm = max(0.0, wire_mm(leads(car)) - number("wiring", "wire_mm"))
+    more_mm = max(0.0, stock_wire_mm(leads(car)) - number("wiring", "wire_mm"))
     extensions = sum(sold[lead.extension] for lead in leads(car) if lead.extension)
     return 1e3 * extensions + more_mm * number("wiring", "wire_kg_m")
 

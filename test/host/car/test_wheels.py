@@ -18,7 +18,7 @@ from foldcar.car.folded.placed import PlacedFace, place
 from foldcar.car.folded.pose import compose as chain
 from foldcar.car.folded.pose import rotation, translation
 from foldcar.car.folded_car import folded_car
-from foldcar.car.parts.catalogue import OPTIONS, PartChoices, chosen
+from foldcar.car.parts.catalogue import OPTIONS, PartChoices, catalogue_of
 from foldcar.car.proof.check_film import check_film_apart, check_flat
 from foldcar.fabrication.patterns.flat_piece import flat_piece
 from foldcar.fabrication.patterns.options import options
@@ -41,7 +41,7 @@ def wheel(car: FoldedCar) -> dict[str, PlacedFace]:
 
 @pytest.mark.parametrize("name", OPTIONS["horn"])
 def test_a_horn_turns_above_the_screws_of_its_servo(name: str) -> None:
-    parts = chosen(PartChoices(horn=name))
+    parts = catalogue_of(PartChoices(horn=name))
     servo, horn = parts.servo, parts.horn
     outer_face = servo.spline_top_mm.value - horn.spline_depth_mm.value + horn.height_mm.value
     heads = servo.ear_underside_mm.value + servo.ear_thickness_mm.value + parts.screw.head_height_mm.value
@@ -129,9 +129,9 @@ def test_a_hubs_walls_do_not_overlap_it_in_the_flat() -> None:
 def alone(radius: float, width: float, choices: PartChoices) -> FoldedCar:
     """A left wheel by itself at the origin."""
     values = {"radius": radius, "tire_thickness": width}
-    made = assemble(build(Wheel(values, body="wheel0", parts=chosen(choices))))
+    made = assemble(build(Wheel(values, body="wheel0", parts=catalogue_of(choices))))
     axle = Axle("wheel0", "segment0", "servo", 0, "left", 1, (0.0, 0.0, 0.0), radius, width)
-    return FoldedCar(made.pieces, made.placed, made.joins, made.mounts, (axle,), (), (), chosen(choices))
+    return FoldedCar(made.pieces, made.placed, made.joins, made.mounts, (axle,), (), (), catalogue_of(choices))
 
 
 @pytest.mark.parametrize(
@@ -156,7 +156,7 @@ def test_wheels_are_made_with_every_horn_from_the_least_radius_on(horn: str, fil
         assert len(screws) == 3
         for screw in screws:
             x, y, _ = disc.in_face(np.array(screw.pose)[None, :3, 3])[0]
-            assert not shapely.Point(x, y).buffer(screw.accesses[0].diameter_mm / 2).intersects(disc.polygon)
+            assert not shapely.Point(x, y).buffer(screw.clearances[0].diameter_mm / 2).intersects(disc.polygon)
             x, y, _ = hub.in_face(np.array(screw.pose)[None, :3, 3])[0]
             head = shapely.Point(x, y).buffer(screw.size_mm[0] / 2 + 0.5)
             assert shapely.Polygon(hub.face.outline_mm).covers(head), (radius, horn)
@@ -197,7 +197,7 @@ def critical_n_m(outer_m: float, ties: int) -> float:
 
 @pytest.mark.parametrize("radius", [25.0, 60.0, 150.0])
 def test_a_rubber_band_does_not_make_discs_wavy(radius: float) -> None:
-    size = WheelSize(radius, 12.0, chosen(PartChoices()))
+    size = WheelSize(radius, 12.0, catalogue_of(PartChoices()))
     disc_m = size.disc_radius_mm * 1e-3
 
     # A band of 12 x 1 mm², stretched by a tenth, pulls with 1.8 N around two discs.

@@ -37,7 +37,7 @@ import json
 from foldcar.__main__ import main
 from foldcar.fabrication.patterns import nesting
 # The first order of pieces that fits: a search takes longer than all else.
-nesting.MOST_TRIES = 0
+nesting.MAX_TRIES = 0
 for words in json.loads(sys.argv[1]):
     sys.argv[:] = ["foldcar", *words]
     try:

@@ -110,7 +110,7 @@ def test_every_car_is_made_and_its_own_command_makes_it_anew_alike_but_never_ove
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("--set", "width=95", "--sheet", "110x110"), "it cannot be parted; --sheet 12in would do"),
+        (("--set", "width=95", "--sheet", "110x110"), "it cannot be split; --sheet 12in would do"),
         (("--set", "width=95", "--machine", "axe"), "--machine axe: not one of silhouette, cricut, laser, scissors"),
         ((), "has 2 values (95, 245); choose one"),
     ],

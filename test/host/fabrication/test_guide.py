@@ -16,11 +16,11 @@ from foldcar.car.folded.model import FoldedCar
 from foldcar.car.folded.pose import compose
 from foldcar.car.proof.prove import assembly_steps
 from foldcar.car.proof.step import Added
-from foldcar.fabrication.assembly.facets import together
+from foldcar.fabrication.assembly.facets import merge_shapes
 from foldcar.fabrication.assembly.guide import guide_page, steps
-from foldcar.fabrication.assembly.guide_pictures import Scene, Step, service_picture, tiny
+from foldcar.fabrication.assembly.guide_pictures import Scene, Step, is_hidden, service_picture
 from foldcar.fabrication.assembly.guide_state import State
-from foldcar.fabrication.assembly.hidden_surfaces import camera, seen_facets
+from foldcar.fabrication.assembly.hidden_surfaces import camera, visible_facets
 from foldcar.fabrication.patterns.options import options
 from foldcar.fabrication.patterns.sheets import CutCar, cut_car
 from published_cars import car
@@ -102,7 +102,7 @@ def test_nuts_are_drawn_apart_on_the_side_from_which_they_are_proved_to_come() -
     folded = car("hinged")
     mounts, state, drawn = {mount.name: mount for mount in folded.mounts}, State(folded), 0
     for step in assembly_steps(folded):
-        state.take(step)
+        state.apply_step(step)
         shape = Scene(step, state).shape
         for added in (add for add in step.adds if add.nut_mm):
             screw = mounts[added.name]
@@ -127,10 +127,10 @@ def test_hidden_surfaces_agree_with_rays() -> None:
     folded = car("w95")
     state = State(folded)
     state.close({piece.name: {crease.name: 0.6 for crease in piece.creases} for piece in folded.pieces})
-    parts = [part for part in (*folded.placed, *folded.mounts) if part.body == "segment0" and not tiny(state, part)]
-    facets = list(together(state.shape(part) for part in parts).facets)
+    parts = [part for part in (*folded.placed, *folded.mounts) if part.body == "segment0" and not is_hidden(state, part)]
+    facets = list(merge_shapes(state.shape(part) for part in parts).facets)
     view = camera(-55, 32)
-    seen = {facet.facet.key: facet for facet in seen_facets(facets, view)}
+    seen = {facet.facet.key: facet for facet in visible_facets(facets, view)}
     low_u, low_v, high_u, high_v = shapely.total_bounds([one.region for one in seen.values()])
     points = np.random.default_rng(1).uniform((low_u, low_v), (high_u, high_v), (500, 2))
 

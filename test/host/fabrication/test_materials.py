@@ -96,7 +96,7 @@ def test_a_machine_that_does_not_cut_the_film_is_refused(tmp_path: Path) -> None
 
 def test_a_hinge_of_another_film_has_its_own_sheet_and_is_bought(monkeypatch: pytest.MonkeyPatch) -> None:
     # The first layout is as good as the best here.
-    monkeypatch.setattr(nesting, "MOST_TRIES", 0)
+    monkeypatch.setattr(nesting, "MAX_TRIES", 0)
     folded = folded_car(compose("W_B_H_W", {"W.length": 100, "H.thickness": 0.127}))
     made = pattern(folded, options("laser"), "a car")
     *others, last = made.sheets

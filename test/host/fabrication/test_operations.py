@@ -14,8 +14,8 @@ from foldcar.fabrication.assembly.operations import (
     Operations,
     is_screw,
     kinds,
-    of_sheets,
     operations,
+    operations_of_sheets,
 )
 from foldcar.fabrication.patterns import nesting
 from foldcar.fabrication.patterns.flat_piece import FlatPiece
@@ -81,7 +81,7 @@ def test_openings_weeded_are_the_closed_inner_contours_of_the_sheets(
     car: FoldedCar, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # The first layout does: where pieces lie changes no opening.
-    monkeypatch.setattr(nesting, "MOST_TRIES", 0)
+    monkeypatch.setattr(nesting, "MAX_TRIES", 0)
     chosen = options("scissors")
     cut = cut_car(car, chosen)
     sheets = pattern_of(cut, chosen, "a car").sheets
@@ -92,7 +92,7 @@ def test_openings_weeded_are_the_closed_inner_contours_of_the_sheets(
         inside += inner.count("<circle") + inner.count("z")
 
     assert inside > 40
-    assert of_sheets(cut).weed == operations(car, cut).weed == inside
+    assert operations_of_sheets(cut).weed == operations(car, cut).weed == inside
 
 
 def protrusions(flat: FlatPiece) -> int:

@@ -136,7 +136,7 @@ def test_the_code_says_the_command(found: dict[str, Sheet]) -> None:
 
 
 def test_folds_that_no_machine_cuts_are_dashed_lines(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(nesting, "MOST_TRIES", 0)
+    monkeypatch.setattr(nesting, "MAX_TRIES", 0)
     chosen = options("scissors")
     sheet = pattern(folded_box(30.0), chosen, "sample").sheets[0]
     drawn, written = svg(sheet), dxf(sheet)

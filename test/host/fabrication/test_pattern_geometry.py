@@ -22,12 +22,12 @@ from foldcar.fabrication.patterns.nesting import NestingError, nest
 from foldcar.fabrication.patterns.options import Options, options, sheet_size_mm
 from foldcar.fabrication.patterns.piece_shapes import cut_shapes, dashes, narrowest_film, piece_shapes
 from foldcar.fabrication.patterns.sheets import pattern
-from foldcar.fabrication.patterns.splitting import as_cut
+from foldcar.fabrication.patterns.splitting import split_to_fit
 
 
 @pytest.fixture(autouse=True)
 def few_layouts(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(nesting, "MOST_TRIES", 10)
+    monkeypatch.setattr(nesting, "MAX_TRIES", 10)
 
 
 def plain(**changes: object) -> Options:
@@ -145,7 +145,7 @@ def test_faces_that_touch_without_a_fold_are_cut_apart() -> None:
 def test_the_sheet_that_would_do_does() -> None:
     car, small = folded_box(60.0), options("scissors", sheet="100x150")
 
-    with pytest.raises(NestingError, match=r"disc is 120\.0 x 120\.0 mm.*cannot be parted") as refused:
+    with pytest.raises(NestingError, match=r"disc is 120\.0 x 120\.0 mm.*cannot be split") as refused:
         pattern(car, small, "box")
 
     advised = re.search(r"--sheet (\S+) would do", str(refused.value))
@@ -211,7 +211,7 @@ def test_a_beam_too_large_for_the_sheet_is_parted_at_a_fold_and_joined_by_a_tab(
     chosen = options("silhouette", sheet="150x150", margin_mm=5)
     car = folded_box(40.0)
 
-    cut = as_cut(car, chosen)
+    cut = split_to_fit(car, chosen)
     pieces, joins = cut.pieces, cut.joins
 
     parts = [piece for piece in pieces if piece.name.startswith("beam, part")]
@@ -226,7 +226,7 @@ def test_a_beam_too_large_for_the_sheet_is_parted_at_a_fold_and_joined_by_a_tab(
     by_name = {piece.name: {face.name for face in piece.faces} for piece in pieces}
     assert all(join.a.face in by_name[join.piece_a] and join.b.face in by_name[join.piece_b] for join in joins)
     # A fold that does not help is left alone.
-    small = as_cut(car, options("silhouette", sheet="110x110", margin_mm=5))
+    small = split_to_fit(car, options("silhouette", sheet="110x110", margin_mm=5))
     assert "beam" in [piece.name for piece in small.pieces]
 
 

@@ -13,7 +13,7 @@ from foldcar.car.verify import verify
 from foldcar.fabrication.patterns.labels import join_marks
 from foldcar.fabrication.patterns.options import options
 from foldcar.fabrication.patterns.piece_shapes import narrowest_film, piece_shapes
-from foldcar.fabrication.patterns.sheets import cut_car, on_a_larger_sheet
+from foldcar.fabrication.patterns.sheets import cut_car, enlarge_sheet
 from published_cars import PATTERNS, PUBLISHED, car, design, designs
 from sheet_reader import check_same, check_sheet, read_svg
 
@@ -50,7 +50,7 @@ def test_every_design_passes_the_verification(file: Path) -> None:
 
 @pytest.mark.parametrize(("name", "sheet"), [("w95", "12in"), ("six", "12x24in")])
 def test_a_car_takes_the_smallest_of_a_machines_sheets_that_holds_its_pieces(name: str, sheet: str) -> None:
-    assert on_a_larger_sheet(folded_car(design(name)), options("cricut")).sheet == sheet
+    assert enlarge_sheet(folded_car(design(name)), options("cricut")).sheet == sheet
 
 
 def test_the_published_cars_are_there() -> None:

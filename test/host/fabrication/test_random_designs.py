@@ -30,7 +30,7 @@ def foldable() -> Draw:
 @pytest.mark.slow
 def test_random_designs_are_made_or_refused_with_what_would_do(monkeypatch: pytest.MonkeyPatch) -> None:
     # Small sheets are nested sooner, and the first layout is checked as well as the best.
-    monkeypatch.setattr(nesting, "MOST_TRIES", 0)
+    monkeypatch.setattr(nesting, "MAX_TRIES", 0)
     drawn = [replace(draw, sheet=None) for draw in draws(CARS, SEED)]
     outcomes = [tried(draw) for draw in drawn]
 

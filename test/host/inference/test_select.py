@@ -19,7 +19,7 @@ from foldcar.commands.tables import print_selections
 from foldcar.fabrication.assembly.operations import operations
 from foldcar.fabrication.patterns import nesting, sheets
 from foldcar.fabrication.patterns.options import options
-from foldcar.fabrication.patterns.sheets import cut_car, on_a_larger_sheet
+from foldcar.fabrication.patterns.sheets import cut_car, enlarge_sheet
 from foldcar.inference import selecting as costs
 from foldcar.inference.comparison import compare
 from foldcar.inference.evidence import read_evidence
@@ -81,7 +81,7 @@ FAMILY = {"width_mm": [float(width) for width in range(70, 190, 10)]}
 
 def test_advice_before_trials_and_after_each_round(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     # The first order of pieces that fits: a search takes longer than all else.
-    monkeypatch.setattr(nesting, "MOST_TRIES", 0)
+    monkeypatch.setattr(nesting, "MAX_TRIES", 0)
     store = write_study(tmp_path / "s.db", FAMILY, 40, outcome, thresholds=[0.5, 0.75])
 
     (before,) = advise(store)
@@ -269,6 +269,6 @@ def test_many_designs_are_thinned_evenly_from_first_to_last(tmp_path: Path, monk
 def test_a_car_takes_as_long_as_its_guide_says() -> None:
     width = 95.0
     folded = folded_car(compose_columns("W_B_W", {"width_mm": width}))
-    cut = cut_car(folded, on_a_larger_sheet(folded, options("silhouette")))
+    cut = cut_car(folded, enlarge_sheet(folded, options("silhouette")))
 
     assert costs.assembly_min("W_B_W", (("width_mm", width),)) == operations(folded, cut).minutes

@@ -21,7 +21,7 @@ sys.modules.update(dict.fromkeys({[name for names in MODULES.values() for name i
 from foldcar.cli import main
 from foldcar.fabrication.patterns import nesting
 # `select` nests a car's sheets: the first order that fits, as a search takes longer than all else.
-nesting.MOST_TRIES = 0
+nesting.MAX_TRIES = 0
 sys.argv[0] = "foldcar"
 for words in json.loads(sys.argv.pop()):
     sys.argv[1:] = words

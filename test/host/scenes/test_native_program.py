@@ -151,8 +151,8 @@ def test_a_value_that_is_no_finite_number_fails_its_run(tmp_path: Path, carsim_b
         ("param who = ego\nrecord final globalParameters.who.x as x", "line 12: `….who` is the car: name it `ego` in "),
         ("import math\nrecord final math.sqrt(-1) + ego.x as x", "line 12: ValueError: math domain error"),
         ("record final 1 / 0 + ego.x as x", "line 11: ZeroDivisionError: division by zero"),
-        ("terminate when (distance to (0.1, 0.2) + (0.3, 0)) < 1", "line 11: (0.1, 0.2, 0.3, 0) is no place to measure "),
-        ("terminate when (distance to None) < 1", "line 11: None is no place to measure a distance from"),
+        ("terminate when (distance to (0.1, 0.2) + (0.3, 0)) < 1", "line 11: (0.1, 0.2, 0.3, 0) is not a place to "),
+        ("terminate when (distance to None) < 1", "line 11: None is not a place to measure a distance from"),
         ("terminate when ego.x > 1 and 4", "line 11: 4 beside `and` or `or` is neither True nor False"),
         ("param box = object()\nterminate when ego.x > globalParameters.box", "line 12: a object cannot be used in a "),
         (
@@ -160,8 +160,8 @@ def test_a_value_that_is_no_finite_number_fails_its_run(tmp_path: Path, carsim_b
             "terminate when ego.x > sign.limit",
             "line 15: `limit` of a Sign is code, which a condition or record cannot",
         ),
-        ("record initial '\\ud800' as a", r"record a: the text '\ud800' is no Unicode text"),
-        ("b = 10 ** 400\nrecord initial b as a", "record a: a whole number is above the limit 1.8e+308"),
+        ("record initial '\\ud800' as a", r"record a: the string '\ud800' is not Unicode"),
+        ("b = 10 ** 400\nrecord initial b as a", "record a: an integer is above the limit 1.8e+308"),
         ("param a = eval('[' * 22 + ']' * 22)\nrecord initial globalParameters.a as a", "value is nested deeper"),
     ],
 )

@@ -178,7 +178,7 @@ def test_statements_beside_a_scenario_that_scenic_would_drop(tmp_path: Path) -> 
         ("new Bump at (0.5, 0),\n    with yaw Range(0, 180)\n", "line 5: `with yaw`: 180 is"),
         ("param timestep = 0\n", "param timestep: 0 is not within 0.004167 to 60 s"),
         ("param outer_step_s = 0\n", "param outer_step_s: 0 is not within 0.004167 to 60 s"),
-        ("param friction = 0.5, outer_step_s = 'soon'\n", "param outer_step_s: soon is no number"),
+        ("param friction = 0.5, outer_step_s = 'soon'\n", "param outer_step_s: soon is not a number"),
         (
             "record ego.position.x as a\nrecord final ego.position.y as a\n",
             "line 5: `record final … as a`: line 4 records under this name already",
@@ -218,7 +218,7 @@ def test_statements_that_can_only_fail_in_a_run(tmp_path: Path, text: str, part:
             EGO + GOAL + "new RoughGround at (0.5, 0), with correlation 0.0015\n",
             "rough: correlation_m: makes 1.71e+07 heights, the limit is 4e+06",
         ),
-        (EGO + GOAL + "new RoughGround at (0.5, 0), with seed 1.5\n", "rough: seed: 1.5 is not a whole number"),
+        (EGO + GOAL + "new RoughGround at (0.5, 0), with seed 1.5\n", "rough: seed: 1.5 is not an integer"),
         (
             EGO + GOAL + f"{PIECES}        return [{{'kind': 'box', 'length_m': 1}}]\nnew Own at (0.5, 0)\n",
             "line 7: Own at (0.5, 0): box: width_m is missing",
@@ -245,7 +245,7 @@ def test_starts_beside_a_block_wholly_on_one_or_on_a_hill_are_fine(tmp_path: Pat
 
 
 def test_too_many_objects(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(scenic_program, "MOST_OBJECTS", 20)
+    monkeypatch.setattr(scenic_program, "MAX_OBJECTS", 20)
     text = f"model model\n{EGO}{GOAL}for _ in range(19):\n    new Marker at (0, 0)\n"
     assert "21 objects are above the limit 20 of a scene" in message(tmp_path, text)
 

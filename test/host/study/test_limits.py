@@ -9,8 +9,8 @@ import pytest
 
 from foldcar.car.body import CHANNELS
 from foldcar.car.design import MAX_AXLES, MAX_SEGMENTS
-from foldcar.scenes.checks import FARTHEST_M
-from foldcar.scenes.scene_json import MOST_FRICTION, MOST_NODES, MOST_PIECES, PLACE_KEYS
+from foldcar.scenes.checks import MAX_COORDINATE_M
+from foldcar.scenes.scene_json import MAX_FRICTION, MAX_NODES, MAX_PIECES, PLACE_KEYS
 from foldcar.scenes.terrain_kinds import KINDS
 from foldcar.simulation.carsim import CarsimLimits
 from study_car import asked, car_body, empty_scene, hinged_body
@@ -114,10 +114,10 @@ def test_no_scene_has_terrain_that_the_simulator_refuses(carsim_limits: CarsimLi
 def test_no_scene_is_larger_than_the_simulator_takes(carsim_limits: CarsimLimits) -> None:
     numbers = carsim_limits.numbers
 
-    assert numbers["scene.terrain.count"] == (0, MOST_PIECES)
-    assert numbers["scene.terrain.rough.nodes"] == (0, MOST_NODES)
-    assert numbers["scene.friction"][1] == MOST_FRICTION
-    assert numbers["scene.course.x_min_m"] == (-FARTHEST_M, FARTHEST_M)
+    assert numbers["scene.terrain.count"] == (0, MAX_PIECES)
+    assert numbers["scene.terrain.rough.nodes"] == (0, MAX_NODES)
+    assert numbers["scene.friction"][1] == MAX_FRICTION
+    assert numbers["scene.course.x_min_m"] == (-MAX_COORDINATE_M, MAX_COORDINATE_M)
 
 
 def test_the_rules_of_a_trial_are_the_documented_ones(carsim_limits: CarsimLimits) -> None:

@@ -1,7 +1,7 @@
-"""From a component to pieces: join its fused faces over folds to pieces, pose each in the car.
+"""Assembles a component: joins its fused faces over folds to pieces and poses each piece in the car.
 
-Input: a solved component. Output: pieces (trees of faces), each distinct one with its count, the poses of their copies,
-joins, mounts and axles. A loop of folds, or a face without any join, is a ComponentError.
+Input: a solved component. Output: distinct pieces (trees of faces) with their counts, the poses of their copies, joins,
+mounts and axles. A loop of folds, or a face without any join, is a ComponentError.
 """
 
 import math
@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from foldcar.car.components.component import Component, ComponentError
-from foldcar.car.components.fuse import Fused, fuse, spread
+from foldcar.car.components.fuse import Fused, fuse, propagate_poses
 from foldcar.car.components.shape import Edge, Graph, Link, Shape
 from foldcar.car.folded.model import (
     IDENTITY,
@@ -46,7 +46,7 @@ class Assembly:
 
 
 class Seam(NamedTuple):
-    """Edges of two fused faces (first atom's path, index) that meet, the one of ``b`` so long; one of their links."""
+    """Edges ``a`` and ``b`` of two fused faces (first atom's path, index) that meet, b's length, one of their links."""
 
     link: Link
     a: Edge
@@ -54,7 +54,7 @@ class Seam(NamedTuple):
     length_mm: float
 
 
-class Bound(NamedTuple):
+class IndexedJoin(NamedTuple):
     """A join of two pieces by their indices; joins of one ``seam`` have the same number."""
 
     seam: object
@@ -66,7 +66,7 @@ class Bound(NamedTuple):
 
 
 def build(component: Component, graph: Graph | None = None) -> Graph:
-    """The graph of faces and links that a solved component and all its subcomponents build."""
+    """Build a solved component and its subcomponents; return the graph of their faces and links."""
     graph = graph if graph is not None else Graph()
     for child in component.children.values():
         build(child, graph)
@@ -75,68 +75,68 @@ def build(component: Component, graph: Graph | None = None) -> Graph:
 
 
 def assemble(graph: Graph) -> Assembly:
-    """The graph's assembly, posed from the face that ``graph.origin`` names, or else from the first face.
+    """Return the graph's assembly, posed from the face that ``graph.origin`` names, or else from the first face.
 
-    ComponentError for a loop of folds or a face that is joined to nothing.
+    Raises ComponentError for a loop of folds or a face that is joined to nothing.
     """
-    made = _Pieces(graph)
-    roots = made.root_poses()
+    builder = _Pieces(graph)
+    roots = builder.root_poses()
     world = {
-        path: compose(roots[made.home[first]], made.local(first), pose)
-        for first, one in made.fused.items()
-        for path, pose in one.poses.items()
+        path: compose(roots[builder.home[first]], builder.local(first), pose)
+        for first, fused in builder.fused.items()
+        for path, pose in fused.poses.items()
     }
-    bodies = [made.fused[next(iter(sheet))].first.body for sheet in made.sheets]
-    kept, placed, joins = _counted(made.pieces(), list(zip(bodies, roots, strict=True)), list(made.joins()))
+    bodies = [builder.fused[next(iter(sheet))].first.body for sheet in builder.sheets]
+    distinct, placed, joins = _counted(builder.pieces(), list(zip(bodies, roots, strict=True)), list(builder.joins()))
     mounts = []
     for mount in graph.mounts:
         on = str(mount.face)
-        mounts.append(replace(mount, pose=compose(world[on], mount.pose), face=made.names[made.owner[on]]))
+        mounts.append(replace(mount, pose=compose(world[on], mount.pose), face=builder.names[builder.owner[on]]))
     axles = (replace(axle, center_mm=apply(world[on], *axle.center_mm)) for on, axle in graph.axles)
-    return Assembly(tuple(kept), tuple(placed), tuple(joins), tuple(mounts), tuple(axles))
+    return Assembly(tuple(distinct), tuple(placed), tuple(joins), tuple(mounts), tuple(axles))
 
 
 def _seams(graph: Graph, fused: dict[str, Fused], owner: dict[str, str]) -> Iterator[Seam]:
-    """Each connection of two fused faces once; ComponentError if the two edges differ in length after fusing."""
-    found = set()
+    """Yield each connection of two fused faces once. Raises ComponentError if its edges differ in length after fusing."""
+    seen = set()
     for link in (link for link in graph.links if link.kind != "rigid"):
         a, b = ((owner[path], fused[owner[path]].edges[path, index]) for path, index in (link.a, link.b))
-        if (a, b) not in found:
+        if (a, b) not in seen:
             first, second = (math.dist(*side(fused[path].face.outline_mm, index)) for path, index in (a, b))
             if abs(first - second - 2 * link.inset_mm) > 1e-4:
-                told = f"meets {link.b[0]} in edges of {first:g} and {second:g} mm once they are fused"
-                raise ComponentError(link.a[0], told)
-            found.add((a, b))
+                message = f"meets {link.b[0]} in edges of {first:g} and {second:g} mm once they are fused"
+                raise ComponentError(link.a[0], message)
+            seen.add((a, b))
             yield Seam(link, a, b, second)
 
 
 class _Pieces:
     """The pieces of a graph.
 
-    ``sheets`` are the fused faces of each, parents before children, with their poses in the frame of its first one;
+    ``sheets`` are the fused faces of each piece, parents before children, with their poses in its first face's frame.
     ``home`` is the index of a fused face's piece. ``tabs`` grow from edge b of a seam and are glued to the face of edge
-    a, in the plane of that.
+    a, in that face's plane.
     """
 
     def __init__(self, graph: Graph) -> None:
         self.graph, self.fused = graph, fuse(graph)
-        self.owner = {path: first for first, one in self.fused.items() for path in one.poses}
+        self.owner = {path: first for first, edge in self.fused.items() for path in edge.poses}
         self.seams = list(_seams(graph, self.fused, self.owner))
         self.folds = [seam for seam in self.seams if seam.link.kind in FOLDED]
         steps: dict[str, list[tuple[str, Pose]]] = defaultdict(list)
         for seam in self.folds:
-            for one, other in ((seam.a, seam.b), (seam.b, seam.a)):
-                step = across_crease(self._ends(one), self._ends(other), seam.link.angle_rad)
-                steps[one[0]].append((other[0], step))
+            for edge, opposite in ((seam.a, seam.b), (seam.b, seam.a)):
+                step = across_crease(self._ends(edge), self._ends(opposite), seam.link.angle_rad)
+                steps[edge[0]].append((opposite[0], step))
         self.sheets: list[dict[str, Pose]] = []
         self.home: dict[str, int] = {}
         for first in (first for first in self.fused if first not in self.home):
-            self.sheets.append(spread(first, IDENTITY, steps))
+            self.sheets.append(propagate_poses(first, IDENTITY, steps))
             self.home |= dict.fromkeys(self.sheets[-1], len(self.sheets) - 1)
             count = sum(seam.a[0] in self.sheets[-1] for seam in self.folds)
             if count >= len(self.sheets[-1]):
-                told = f"is in a loop of {count} folds, which no flat sheet has; make one of them a tab"
-                raise ComponentError(first, told)
+                message = f"is in a loop of {count} folds, which no flat sheet has; make one of them a tab"
+                raise ComponentError(first, message)
         self.names: dict[str, str] = {}
         for sheet in self.sheets:
             # The last part of the path if it is unique within the piece, else the whole path.
@@ -145,10 +145,10 @@ class _Pieces:
             self.names |= {first: first if used[name] > 1 else name for first, name in short.items()}
         self.tabs: list[tuple[Face, Seam]] = []
         for index in range(len(self.sheets)):
-            mine = [seam for seam in self.seams if seam.link.kind == "tab" and self.home[seam.b[0]] == index]
+            own_seams = [seam for seam in self.seams if seam.link.kind == "tab" and self.home[seam.b[0]] == index]
             # Tabs of one piece that join the same two faces are numbered.
-            titles = _titles([f"{self.names[seam.b[0]]} tab to {self.names[seam.a[0]]}" for seam in mine])
-            self.tabs += [(_tab(title, seam), seam) for title, seam in zip(titles, mine, strict=True)]
+            titles = _titles([f"{self.names[seam.b[0]]} tab to {self.names[seam.a[0]]}" for seam in own_seams])
+            self.tabs += [(_tab(title, seam), seam) for title, seam in zip(titles, own_seams, strict=True)]
         self.tabs.sort(key=lambda tab: self.seams.index(tab[1]))
 
     def local(self, first: str) -> Pose:
@@ -172,16 +172,16 @@ class _Pieces:
             parent, child = (a, b) if order[a[0]] < order[b[0]] else (b, a)
             name = f"{self.names[parent[0]]} to {self.names[child[0]]}"
             ends, limits = (self._ref(parent), self._ref(child)), (link.min_rad, link.max_rad)
-            found = Crease(name, *ends, link.angle_rad, link.kind == "hinge", *limits, link.kind == "bend")
-            creases.append((order[child[0]], found))
+            crease = Crease(name, *ends, link.angle_rad, link.kind == "hinge", *limits, link.kind == "bend")
+            creases.append((order[child[0]], crease))
         creases.sort(key=lambda pair: pair[0])
-        mine = [(face, seam) for face, seam in self.tabs if self.home[seam.b[0]] == index]
-        grown = (Crease(face.name, self._ref(s.b), EdgeRef(face.name, 0), s.link.angle_rad) for face, s in mine)
+        own_tabs = [(face, seam) for face, seam in self.tabs if self.home[seam.b[0]] == index]
+        grown = (Crease(face.name, self._ref(s.b), EdgeRef(face.name, 0), s.link.angle_rad) for face, s in own_tabs)
         faces = [replace(self.fused[first].face, name=self.names[first]) for first in sheet]
         folds = (*(crease for _, crease in creases), *grown)
         root = self.fused[next(iter(sheet))].first
         label = root.piece or self.names[root.path]
-        return Piece(label, label, (*faces, *(face for face, _ in mine)), folds, root.thickness_mm)
+        return Piece(label, label, (*faces, *(face for face, _ in own_tabs)), folds, root.thickness_mm)
 
     def root_poses(self) -> list[Pose]:
         """The pose of each piece's first face in the car."""
@@ -207,25 +207,26 @@ class _Pieces:
         path, pose = self.graph.origin or (next(iter(self.graph.atoms)), IDENTITY)
         first = self.owner[path]
         begin = compose(pose, inverse(self.fused[first].poses[path]), inverse(self.local(first)))
-        poses = spread(self.home[first], begin, steps)
+        poses = propagate_poses(self.home[first], begin, steps)
         for face, index in self.home.items():
             if index not in poses:
                 raise ComponentError(face, "is joined to nothing")
         return [poses[i] for i in range(len(self.sheets))]
 
-    def joins(self) -> Iterator[Bound]:
-        """The joins of tabs, of placed layers, and of faces that are in their places already.
+    def joins(self) -> Iterator[IndexedJoin]:
+        """Yield the joins of tabs, of placed layers, and of faces that other joins have placed already.
 
-        Edges that tuck into the same one are one seam, as are all hooks of one strip in one disc.
+        Edges that tuck into the same edge are one seam, as are all hooks of one strip in one disc.
         """
         for i, (face, (_, a, b, length)) in enumerate(self.tabs):
             kind: JoinKind = "lap" if self.home[a[0]] == self.home[b[0]] else "tab"
             ends = (self.home[b[0]], EdgeRef(face.name, 0)), (self.home[a[0]], self._ref(a))
-            yield Bound(i, kind, *ends, length)
-        for one in (placement for placement in self.graph.placements if placement.laminated):
-            layer, on = ((self.home[face], self._ref((face, 0))) for face in (self.owner[one.face], self.owner[one.on]))
-            yield Bound(None, "laminate", layer, on, 0.0)
-        found: dict[tuple[object, ...], Bound] = {}
+            yield IndexedJoin(i, kind, *ends, length)
+        for placement in (placement for placement in self.graph.placements if placement.laminated):
+            faces = self.owner[placement.face], self.owner[placement.on]
+            layer, on = ((self.home[face], self._ref((face, 0))) for face in faces)
+            yield IndexedJoin(None, "laminate", layer, on, 0.0)
+        by_ends: dict[tuple[object, ...], IndexedJoin] = {}
         for contact in self.graph.contacts:
             first, second = (self.owner[path] for path, _ in (contact.a, contact.b))
             a, b = (
@@ -237,8 +238,9 @@ class _Pieces:
                 seam = (self.home[first], self.home[second])
             length = 0.0 if contact.kind == "laminate" else math.dist(*self.graph.ends_mm(contact.a))
             ends = (self.home[first], self._ref(a)), (self.home[second], self._ref(b))
-            found.setdefault((contact.kind, a, b, contact.slot), Bound(seam, contact.kind, *ends, length, contact.slot))
-        yield from found.values()
+            join = IndexedJoin(seam, contact.kind, *ends, length, contact.slot)
+            by_ends.setdefault((contact.kind, a, b, contact.slot), join)
+        yield from by_ends.values()
 
 
 def _tab(name: str, seam: Seam) -> Face:
@@ -248,7 +250,7 @@ def _tab(name: str, seam: Seam) -> Face:
 
 
 def _titles(labels: list[str]) -> list[str]:
-    """The labels; those that occur more than once get " 1", " 2", … appended."""
+    """Return the labels, with " 1", " 2", … appended to those that occur more than once."""
     counts, seen = Counter(labels), Counter[str]()
     numbered = []
     for label in labels:
@@ -258,35 +260,35 @@ def _titles(labels: list[str]) -> list[str]:
 
 
 def _counted(
-    pieces: list[Piece], places: list[tuple[str, Pose]], bound: list[Bound]
+    pieces: list[Piece], places: list[tuple[str, Pose]], bound: list[IndexedJoin]
 ) -> tuple[list[Piece], list[PlacedPiece], list[Join]]:
-    """Distinct pieces with counts, their placed copies, and the joins with the names of pieces, numbered from 1.
+    """Return distinct pieces with counts, their placed copies, and the joins by piece names, numbered from 1.
 
-    Only pieces that are laminated onto others and nothing else are merged; every other piece has its own name.
+    Equal pieces are merged only if lamination onto others is their only join; every other piece has its own name.
     """
     single = {join.b[0] for join in bound} | {join.a[0] for join in bound if join.kind != "laminate"}
-    kept: list[Piece] = []
+    distinct: list[Piece] = []
     index_of: list[int] = []
-    same: dict[Piece, int] = {}
+    index_by_content: dict[Piece, int] = {}
     for i, piece in enumerate(pieces):
         anonymous = replace(piece, faces=tuple(_without_names(face) for face in piece.faces))
-        index = len(kept) if i in single else same.setdefault(anonymous, len(kept))
-        if index < len(kept):
-            kept[index] = replace(kept[index], count=kept[index].count + 1)
+        index = len(distinct) if i in single else index_by_content.setdefault(anonymous, len(distinct))
+        if index < len(distinct):
+            distinct[index] = replace(distinct[index], count=distinct[index].count + 1)
         else:
-            kept.append(piece)
+            distinct.append(piece)
         index_of.append(index)
-    names = _titles([piece.label for piece in kept])
-    kept = [replace(piece, name=title, label=title) for piece, title in zip(kept, names, strict=True)]
+    names = _titles([piece.label for piece in distinct])
+    distinct = [replace(piece, name=title, label=title) for piece, title in zip(distinct, names, strict=True)]
     placed, copies = [], Counter[int]()
     for index, (body, pose) in zip(index_of, places, strict=True):
-        placed.append(PlacedPiece(kept[index].name, copies[index], body, pose))
+        placed.append(PlacedPiece(distinct[index].name, copies[index], body, pose))
         copies[index] += 1
 
     def end(index: int, ref: EdgeRef) -> tuple[str, EdgeRef]:
-        """The name of a piece, and an edge of it with the face's name: a merged piece has those of the one kept."""
+        """Return a piece's name and an edge with its face's name; a merged piece has the names of the piece kept."""
         face = [face.name for face in pieces[index].faces].index(ref.face)
-        piece = kept[index_of[index]]
+        piece = distinct[index_of[index]]
         return piece.name, EdgeRef(piece.faces[face].name, ref.index)
 
     joins: list[Join] = []
@@ -297,7 +299,7 @@ def _counted(
         seam = a[0] if join.kind == "laminate" else join.seam
         number = numbers.setdefault((join.kind, seam), len(numbers) + 1)
         joins.append(Join(number, join.kind, *a, *b, join.length_mm, join.slot))
-    return kept, placed, joins
+    return distinct, placed, joins
 
 
 def _without_names(face: Face) -> Face:

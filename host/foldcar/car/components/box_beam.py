@@ -3,10 +3,10 @@
 Faces: ``right``, ``floor``, ``left``, ``lid``, ``flap``, each with x forward; neighbouring beams are fused along their
 ``front`` and ``rear`` edges. The lid turns about the left wall's upper edge. Its flap hangs inside the right wall, and
 is held by a latch at one end of the lid or at both: a tongue on the flap's lower edge goes through a slot of that wall.
-Beyond the fold the flap goes on as a lever, which stands up in a notch of the lid: pushed outwards from above, it
-turns the flap about the wall's upper edge and draws the tongue in. A pull tab across one notch lifts the lid. All of it
-is reached from above, so that no wheel is in the way. ``width`` and ``height`` are outer dimensions; faces are the
-film's middle surface.
+Beyond the fold the flap continues as a lever, which stands up in a notch of the lid. A finger pushes it outwards from
+above: the flap turns about the wall's upper edge and draws the tongue in. A pull tab across one notch lifts the lid.
+Both are reached from above, so that no wheel is in the way. ``width`` and ``height`` are outer dimensions; faces are
+the film's middle surface.
 """
 
 import math
@@ -14,22 +14,22 @@ from collections.abc import Mapping
 
 from foldcar.car.components.bridge import mouth_mm, span_mm, stack_height_mm
 from foldcar.car.components.component import Component, Parameter
-from foldcar.car.components.mounts import least_doubler_mm
+from foldcar.car.components.mounts import min_doubler_mm
 from foldcar.car.components.shape import Shape
-from foldcar.car.folded.model import Access, Point
+from foldcar.car.folded.model import Point, ToolClearance
 from foldcar.car.folded.pose import compose, rotation, translation
 from foldcar.car.parts.catalogue import Catalogue
 
 
-def _least_height(parts: Catalogue) -> float:
+def _min_height_mm(parts: Catalogue) -> float:
     film, assembly = parts.film_mm, parts.assembly
     boards = stack_height_mm(parts) + film / 2
     # A servo's layer in the middle of the right wall ends below the lid's flap.
-    beside_flap = least_doubler_mm(parts) + 2 * (assembly.flap_mm.value + film + assembly.slot_clearance_mm.value)
+    beside_flap = min_doubler_mm(parts) + 2 * (assembly.flap_mm.value + film + assembly.slot_clearance_mm.value)
     return max(boards, beside_flap) + film
 
 
-def _least_width(parts: Catalogue) -> float:
+def _min_width_mm(parts: Catalogue) -> float:
     assembly, film = parts.assembly, parts.film_mm
     _, right = span_mm(parts)
     # The lid's flap goes down between the boards and the right wall.
@@ -39,11 +39,11 @@ def _least_width(parts: Catalogue) -> float:
 
 
 WIDTH = Parameter(
-    "width", 95, _least_width, 500,
+    "width", 95, _min_width_mm, 500,
     "outer width of the body", "the boards across it", shared=True, uniform=True,
 )  # fmt: skip
 HEIGHT = Parameter(
-    "height", 50, _least_height, 200, "outer height of the body; axles stand at half of it",
+    "height", 50, _min_height_mm, 200, "outer height of the body; axles stand at half of it",
     "the boards and their plugs over the LiPo", shared=True, uniform=True,
 )  # fmt: skip
 PANELS = ("floor", "right", "left", "lid", "flap")
@@ -72,14 +72,14 @@ def latch_mm(parts: Catalogue) -> Point:
 class BoxBeam(Component):
     """Three walls, a lid and its flap with up to two latches, at the ``front`` and at the ``rear``.
 
-    The car sets for each end: ``flap_END``, where the flap, which ends before the tabs of an end cap, begins (mm);
-    ``latch_END`` and ``pull_END``, 1 if a latch is there and, beside it, the lid's pull tab.
+    The car sets for each END: ``flap_END``, the flap's distance (mm) from that end, which keeps it clear of a cap's tabs;
+    ``latch_END``, 1 if there is a latch; ``pull_END``, 1 if the lid's pull tab is beside it.
     """
 
     parameters = (LENGTH, WIDTH, HEIGHT)
 
     def build(self, shape: Shape) -> None:
-        """The floor, the two walls folded up from it, the lid folded from the left one."""
+        """Add the floor, the two walls folded up from it, the lid folded from the left wall, flap and latches."""
         length = self["length"]
         across, up = wall_mm(self["width"], self.parts), wall_mm(self["height"], self.parts)
         for name, size in (("floor", across), ("right", up), ("left", up)):
@@ -89,8 +89,8 @@ class BoxBeam(Component):
         starts = {end: self[f"flap_{end}"] + notch * self[f"latch_{end}"] for end in ("front", "rear")}
         self._lid(shape, starts)
         self._flap(shape, starts)
-        for one, following in (("right", "floor"), ("floor", "left"), ("left", "lid"), ("lid", "flap")):
-            shape.connect(f"{one}.far", f"{following}.near", "fold", 90)
+        for panel, following in (("right", "floor"), ("floor", "left"), ("left", "lid"), ("lid", "flap")):
+            shape.connect(f"{panel}.far", f"{following}.near", "fold", 90)
         for edge in ("far", "far front", "far rear"):
             if edge in shape.edges("lid"):
                 shape.touch("tuck", f"lid.{edge}", "right.near")
@@ -99,7 +99,7 @@ class BoxBeam(Component):
                 self._latch(shape, end)
 
     def _lid(self, shape: Shape, starts: Mapping[str, float]) -> None:
-        """The lid, narrower than the floor by the film of wall and flap and their clearance, with a latch's notches."""
+        """Add the lid with its latches' notches; it is narrower than the floor by wall, flap and their clearance."""
         assembly, film = self.parts.assembly, self.parts.film_mm
         length, (along, depth) = self["length"], latch_mm(self.parts)
         width, gap = wall_mm(self["width"], self.parts) - film - assembly.flap_gap_mm.value, assembly.grip_gap_mm.value
@@ -110,7 +110,7 @@ class BoxBeam(Component):
             if not first:
                 points["far"] = (length - starts["front"], width)
             if self[f"latch_{end}"]:
-                # Against x: the notch's sides and, between its corners, the edge of the pull tab.
+                # In the direction of -x: the notch's sides and, between its corners, the edge of the pull tab.
                 high = x + (along if end == "front" else 0.0)
                 low, bottom = high - along, width - depth - self[f"pull_{end}"] * assembly.grip_mm.value
                 points |= {f"{end} side": (high, width), f"{end} corner": (high, bottom)}
@@ -123,7 +123,7 @@ class BoxBeam(Component):
         shape.face("lid", points)
 
     def _flap(self, shape: Shape, starts: Mapping[str, float]) -> None:
-        """The flap, x from the rear end of its fold; levers above it, the edges of tongues below."""
+        """Add the flap, x from the rear end of its fold, with levers above it and the edges of tongues below."""
         assembly = self.parts.assembly
         long = self["length"] - sum(starts.values())
         notch, depth, grip = latch_mm(self.parts)[0], assembly.flap_mm.value, assembly.grip_mm.value
@@ -145,7 +145,7 @@ class BoxBeam(Component):
         shape.face("flap", {"near": (0.0, 0.0), **front, **rear})
 
     def _latch(self, shape: Shape, end: str) -> None:
-        """A tongue at the flap's lower edge, folded outwards through a slot of the right wall; perhaps the pull tab."""
+        """Add a tongue at the flap's lower edge, folded outwards through a slot of the right wall; pull tab if set."""
         assembly, film = self.parts.assembly, self.parts.film_mm
         width, play, (notch, _) = assembly.lock_mm.value, assembly.slot_clearance_mm.value, latch_mm(self.parts)
         reach = 1.5 * film + assembly.flap_gap_mm.value + assembly.lock_reach_mm.value
@@ -155,27 +155,28 @@ class BoxBeam(Component):
         shape.connect(f"flap.lock {end}", f"{end} tongue.near", "fold", -90)
         shape.rectangular_hole("right", f"{end} lock slot", "slot", at, width + 2 * play, film + play)
         shape.touch("lock", f"{end} tongue.tip", "right", f"{end} lock slot")
-        # A finger pushes its lever outwards until the tip is within the wall; the lever, as high, goes out as far.
+        # A finger pushes the lever outwards until the tip is within the wall; the lever, equally high, moves as far out.
         (finger, long), stroke, on_lid = self.parts.tools.finger_mm, assembly.lock_reach_mm.value + film, at[1] + film
         pushed = compose(translation(width / 2, stroke - finger / 2, -on_lid), rotation("x", math.pi))
         drawn = compose(translation(0.0, -(film + stroke) / 2, 0.0), rotation("y", math.pi / 2))
-        shape.reach(f"{end} tongue", Access("finger", pushed, finger, long))
-        shape.reach(f"{end} tongue", Access("tongue", drawn, stroke, width))
+        shape.require_clearance(f"{end} tongue", ToolClearance("finger", pushed, finger, long))
+        shape.require_clearance(f"{end} tongue", ToolClearance("tongue", drawn, stroke, width))
         if self[f"pull_{end}"]:
             self._pull_tab(shape, end, notch - 2 * assembly.grip_gap_mm.value)
 
     def _pull_tab(self, shape: Shape, end: str, width_mm: float) -> None:
-        """The lid's pull tab across a notch, with room for two fingers."""
+        """Add the lid's pull tab across a notch, with room for two fingers."""
         film, (finger, long) = self.parts.film_mm, self.parts.tools.finger_mm
         shape.face(f"{end} pull tab", _tongue(width_mm, self.parts.assembly.grip_mm.value), role="tab")
         shape.connect(f"lid.{end} grip", f"{end} pull tab.near", "fold", -90)
         for side in (-1, 1):
             at = translation(width_mm / 2, film, side * (finger / 2 + film))
-            shape.reach(f"{end} pull tab", Access("finger", compose(at, rotation("x", -math.pi / 2)), finger, long))
+            pose = compose(at, rotation("x", -math.pi / 2))
+            shape.require_clearance(f"{end} pull tab", ToolClearance("finger", pose, finger, long))
 
 
 def _tongue(width_mm: float, reach_mm: float) -> dict[str, Point]:
-    """A tongue with its corners cut off, folded along its first edge."""
+    """Return the outline of a tongue with its corners cut off, folded along its first edge."""
     corner = min(1.0, reach_mm / 2)
     return {"near": (0.0, 0.0), "1": (width_mm, 0.0), "tip": (width_mm - corner, reach_mm), "3": (corner, reach_mm)}
 
@@ -186,12 +187,12 @@ OPPOSITE = {"left": "right", "right": "left", "floor": "floor", "lid": "lid"}
 
 
 def cap_inset_mm(parts: Catalogue) -> float:
-    """Distance of a cap's edges from the middle surfaces of the walls (mm): one film, so that its tabs fit inside."""
+    """Distance (mm) of a cap's edges from the walls' middle surfaces: film and clearance, so that its tabs fit inside."""
     return parts.film_mm + parts.assembly.cap_clearance_mm.value
 
 
 def put_cap(shape: Shape, cap: str, end: str, module: str, outer_mm: Point, slit_mm: float) -> None:
-    """Tape a cap into the ``end`` (front or rear) of the beam of ``module``, with a way for cables ``slit_mm`` long.
+    """Tape a cap into the ``end`` (front or rear) of the beam of ``module``, with a cable slit ``slit_mm`` long.
 
     Faces ``CAP.cap``, seen from inside, with edges near (floor), front, far (lid) and rear, and ``CAP.flange``, under the
     lid. x points right on a front cap and left on a rear cap. ``outer_mm`` is the body's width and height.

@@ -1,26 +1,26 @@
 """A bridge over the LiPo that carries the boards: a shelf across the car on two legs, whose feet are taped to the floor.
 
-A flange at one of its long edges, with a tongue through the floor, holds it against the push and pull of a USB plug,
-under which legs alone would fold over. It drops in from above with the boards screwed on.
+A flange at one of its long edges has a tongue through the floor. It holds the bridge against the push and pull of a USB
+plug, which would fold the legs over. The bridge drops in from above with the boards screwed on.
 """
 
 import math
 from collections.abc import Sequence
 
-from foldcar.car.components.mounts import cylinder, screw_in
+from foldcar.car.components.mounts import add_screw, cylinder
 from foldcar.car.components.shape import Shape
-from foldcar.car.folded.model import Access, Pose, Solid
+from foldcar.car.folded.model import Pose, Solid, ToolClearance
 from foldcar.car.folded.pose import compose, rotation, translation
 from foldcar.car.parts.bought import Feather, FeatherWing
 from foldcar.car.parts.catalogue import Catalogue
 from foldcar.car.parts.quantity import Box, PartData
 
-# How far a flange's ends stay off the legs' feet.
+# Distance of a flange's ends from the legs' feet.
 FOOT_CLEARANCE_MM = 0.5
 
 
 def half_width_mm(parts: Catalogue) -> float:
-    """Half of the bridge's length along the car (mm): the boards', and film around their screws."""
+    """Half of the bridge's length along the car (mm), with room for the boards and film around their screws."""
     feather, assembly = parts.feather, parts.assembly
     screws = max(abs(y) for _, y in feather.free_holes(parts.board_screw))
     around = assembly.screw_hole_mm.value / 2 + assembly.fold_distance_mm.value
@@ -53,13 +53,13 @@ def span_mm(parts: Catalogue) -> tuple[float, float]:
 
 
 def middle_mm(parts: Catalogue, y_mm: float) -> float:
-    """y of the bridge's middle, if that of its boards is ``y_mm``."""
+    """y (mm) of the bridge's middle if the middle of its boards is at ``y_mm``."""
     left, right = span_mm(parts)
     return y_mm + (left - right) / 2
 
 
 def put_bridge(shape: Shape, floor: str, x_mm: float, y_mm: float, side: int) -> None:
-    """Put it onto the face ``floor``, the middle of its boards at (x, y), USB towards +y, and the boards onto it.
+    """Put the bridge onto the face ``floor``, and the boards onto it, their middle at (x, y), USB towards +y.
 
     Faces ``bridge.shelf``, x forward and its origin at its right rear corner, legs, feet and ``bridge.flange`` at the
     front edge (``side`` 1) or the rear one (-1).
@@ -93,9 +93,9 @@ def put_bridge(shape: Shape, floor: str, x_mm: float, y_mm: float, side: int) ->
 
 
 def _fasten(shape: Shape, shelf: str, middle: tuple[float, float]) -> None:
-    """Spacers and screws at the Feather's free holes, a foam pad under its other end; on them Feather and wing.
+    """Add spacers and screws at the Feather's free holes, a foam pad under its other end, and Feather and wing on them.
 
-    The module covers a part of the holes at the antenna. The pad is pressed to the spacers' height.
+    The radio module covers the holes at the antenna in part. The pad is pressed to the spacers' height.
     """
     parts, film = shape.parts, shape.parts.film_mm
     feather, spacer = parts.feather, parts.spacer
@@ -108,7 +108,7 @@ def _fasten(shape: Shape, shelf: str, middle: tuple[float, float]) -> None:
         round_one = (cylinder(spacer.diameter_mm.value, -tall / 2, tall / 2, bore_mm=spacer.hole_mm.value),)
         shape.box(spacer.name, f"spacer {i}", shelf, pose, size, spacer.mass_kg.value, (), round_one)
         below = compose(translation(*at, -film / 2), rotation("x", math.pi))
-        screw_in(shape, parts.board_screw, f"board screw {i}", shelf, below, film + tall + feather.board_mm.value)
+        add_screw(shape, parts.board_screw, f"board screw {i}", shelf, below, film + tall + feather.board_mm.value)
     pad = parts.board_pad
     size = (pad.width_mm.value, pad.length_mm.value, tall)
     pose = translation(middle[0], middle[1] - (feather.length_mm.value - pad.length_mm.value) / 2, (film + tall) / 2)
@@ -123,17 +123,17 @@ def mouth_mm(parts: Catalogue) -> float:
 
 
 def plug_room_mm(plug: PartData) -> float:
-    """Diameter of the cylinder (mm) that the largest of such plugs passes."""
-    return math.hypot(plug.width_mm.most, plug.thickness_mm.most)
+    """Diameter of the cylinder (mm) that the largest plug of this kind passes through."""
+    return math.hypot(plug.width_mm.max_value, plug.thickness_mm.max_value)
 
 
 def _put_boards(shape: Shape, on: str, under: Pose, holes: Sequence[str]) -> None:
-    """Add the Feather, ``under`` its board's frame in that of the face ``on``, and the wing with servos' plugs in it."""
+    """Add the Feather and the wing with the servos' plugs; ``under`` is the Feather's pose in the face ``on``."""
     parts, feather, wing = shape.parts, shape.parts.feather, shape.parts.featherwing
 
-    def plug(name: str, pose: Pose) -> Access:
-        one: PartData = getattr(parts.plugs, name)
-        return Access("plug", pose, plug_room_mm(one), one.length_mm.most)
+    def plug(name: str, pose: Pose) -> ToolClearance:
+        data: PartData = getattr(parts.plugs, name)
+        return ToolClearance("plug", pose, plug_room_mm(data), data.length_mm.max_value)
 
     (_, y, z), socket = feather.usb.at_mm, feather.battery_socket
     usb = compose(translation(-mouth_mm(parts), y, z), rotation("y", -math.pi / 2))
@@ -149,21 +149,21 @@ def _put_boards(shape: Shape, on: str, under: Pose, holes: Sequence[str]) -> Non
         ways.append(plug("servo", translation(x, y, top)))
     # The reset button stands between plugs, so that a screwdriver's tip presses it, not a finger.
     x, y, z = wing.reset.at_mm
-    ways.append(Access("driver", translation(x, y, z + wing.reset.size_mm[2] / 2), *parts.tools.driver_mm))
+    ways.append(ToolClearance("driver", translation(x, y, z + wing.reset.size_mm[2] / 2), *parts.tools.driver_mm))
     _put(shape, wing, on, compose(under, translation(0, 0, feather.board_mm.value + wing.gap_mm.value)), solids, ways, ())
 
 
 def _put(
-    shape: Shape, board: Feather | FeatherWing, on: str, under: Pose, boxes: Sequence[Box], ways: Sequence[Access],
+    shape: Shape, board: Feather | FeatherWing, on: str, under: Pose, boxes: Sequence[Box], ways: Sequence[ToolClearance],
     holes: Sequence[str],
 ) -> None:  # fmt: skip
-    """Add a board; boxes and accesses are given in its own frame."""
+    """Add a board with ``boxes`` on it and the clearances ``ways``, both in the board's frame."""
     length, width, height = board.size_mm
     down = translation(0, 0, -height / 2)
     middle = translation(0, 0, (board.board_mm.value - height) / 2)
-    bores = tuple((x, y, several.diameter_mm) for several in board.holes for x, y in several.at_mm)
+    bores = tuple((x, y, pattern.diameter_mm) for pattern in board.holes for x, y in pattern.at_mm)
     plate = Solid("box", (length, width, board.board_mm.value), middle, bores)
     solids = [plate, *(Solid("box", box.size_mm, compose(down, translation(*box.at_mm))) for box in boxes)]
-    accesses = [Access(way.tool, compose(down, way.pose), way.diameter_mm, way.length_mm) for way in ways]
+    clearances = [ToolClearance(way.tool, compose(down, way.pose), way.diameter_mm, way.length_mm) for way in ways]
     pose = compose(under, translation(0, 0, height / 2))
-    shape.box(board.name, board.name, on, pose, board.size_mm, board.mass_kg.value, holes, solids, accesses)
+    shape.box(board.name, board.name, on, pose, board.size_mm, board.mass_kg.value, holes, solids, clearances)

@@ -26,9 +26,9 @@ Number = float | Callable[[Catalogue], float]
 class Parameter:
     """A parameter of a component, in millimetres or degrees (``unit``).
 
-    A shared one has one value for the whole car, unless a place sets that of one module; a ``uniform`` one cannot differ
-    from module to module. ``sold`` are the only values that there are, if any: what can be bought. A switch has no unit,
-    and the value 0 (false) or 1 (true). A design has the value of an ``optional`` one only if it is set.
+    A shared parameter has one value for the whole car, unless a place overrides it for one module; a ``uniform`` one
+    cannot differ between modules. ``sold`` are the values that can be bought; without it every value within the limits
+    is allowed. A switch has no unit and the value 0 (false) or 1 (true). A design has an ``optional`` one only if set.
     """
 
     name: str
@@ -45,44 +45,44 @@ class Parameter:
 
     @property
     def is_switch(self) -> bool:
-        """Whether it is either true or false."""
+        """Whether its value is either true or false."""
         return not self.unit
 
     def default_with(self, parts: Catalogue) -> float:
         """The default with these parts."""
         return float(self.default(parts) if callable(self.default) else self.default)
 
-    def least_with(self, parts: Catalogue) -> float:
+    def minimum_with(self, parts: Catalogue) -> float:
         """The minimum with these parts."""
         return float(self.minimum(parts) if callable(self.minimum) else self.minimum)
 
-    def complaint(self, value: float, parts: Catalogue) -> str | None:
-        """The error message for a value outside the limits with these parts, or None."""
+    def limit_error(self, value: float, parts: Catalogue) -> str | None:
+        """Return the error message for a value that is not allowed with these parts, or None if it is allowed."""
         if self.is_switch:
             return None if value in (0, 1) else f"{value:g} is neither true nor false"
-        least = self.least_with(parts)
-        if not value >= least - ROUNDING:
+        minimum = self.minimum_with(parts)
+        if not value >= minimum - ROUNDING:
             metres = f"; lengths of cars are in mm: {value:g} m is {1000 * value:g}" if 0 < value < 1 else ""
             hint = metres if self.unit == "mm" else ""
-            return f"{value:g} is below the minimum {at_least(least)} ({self.reason}){hint}"
+            return f"{value:g} is below the minimum {minimum_text(minimum)} ({self.reason}){hint}"
         if not value <= self.maximum + ROUNDING:
-            return f"{value:g} is above the maximum {at_most(self.maximum)}"
+            return f"{value:g} is above the maximum {maximum_text(self.maximum)}"
         sold = self.sold(parts) if self.sold else [value]
-        nearest = min(sold, key=lambda one: abs(one - value))
+        nearest = min(sold, key=lambda size: abs(size - value))
         if abs(nearest - value) > ROUNDING:
             side = "above" if value > nearest else "below"
-            known = ", ".join(f"{one:g}" for one in sold)
-            return f"{value:g} is {side} the {nearest:g} of the nearest that is sold ({known})"
+            sizes = ", ".join(f"{size:g}" for size in sold)
+            return f"{value:g} is {side} the {nearest:g} of the nearest that is sold ({sizes})"
         return None
 
 
-def at_least(limit: float) -> str:
-    """A lower limit as text, rounded so that a value like it is not below."""
+def minimum_text(limit: float) -> str:
+    """Format a lower limit, rounded up so that the value shown is itself allowed."""
     return f"{math.ceil(limit * 1000 - 1e-6) / 1000:.10g}"
 
 
-def at_most(limit: float) -> str:
-    """An upper limit as text, rounded so that a value like it is not above."""
+def maximum_text(limit: float) -> str:
+    """Format an upper limit, rounded down so that the value shown is itself allowed."""
     return f"{math.floor(limit * 1000 + 1e-6) / 1000:.10g}"
 
 
@@ -98,7 +98,7 @@ class ComponentError(FoldcarError):
 class Sub:
     """A subcomponent of class ``kind`` with these values; ``body`` names its rigid body, by default the parent's.
 
-    ``keys`` tell which of the parent's parameters a value is, if that has another name.
+    ``keys`` maps a value's name to the parent's parameter that sets it, where the two names differ.
     """
 
     name: str
@@ -120,30 +120,30 @@ class Component:
         self, values: Mapping[str, float] | None = None, path: str = "", body: str = "", parts: Catalogue | None = None,
         keys: Mapping[str, str] | None = None,
     ) -> None:  # fmt: skip
-        """``keys`` are the outermost parameters that set values. ComponentError for a value outside its limits."""
+        """``keys`` are the outermost parameters that set values. Raises ComponentError for a value outside its limits."""
         self.path, self.body, self.parts = path, body, parts or catalogue()
         given = dict(values or {})
         self.keys = {name: name for name in given} if keys is None else keys
         self.values = {parameter.name: parameter.default_with(self.parts) for parameter in self.parameters} | given
         for parameter in self.parameters:
-            complaint = parameter.complaint(self[parameter.name], self.parts)
-            if complaint:
-                raise self.misfit(parameter.name, complaint)
+            limit_error = parameter.limit_error(self[parameter.name], self.parts)
+            if limit_error:
+                raise self.parameter_error(parameter.name, limit_error)
         self.children: dict[str, Component] = {}
         for sub in self.subcomponents():
             if sub.name in self.children:
                 raise ComponentError(path, f'two subcomponents are called "{sub.name}"')
-            known = {name: self.keys.get(sub.keys.get(name, name)) for name in sub.values}
-            outermost = {name: key for name, key in known.items() if key is not None}
-            made = sub.kind(sub.values, self._under(sub.name), sub.body or self.body, self.parts, outermost)
-            self.children[sub.name] = made
+            outer_keys = {name: self.keys.get(sub.keys.get(name, name)) for name in sub.values}
+            outermost = {name: key for name, key in outer_keys.items() if key is not None}
+            child = sub.kind(sub.values, self._under(sub.name), sub.body or self.body, self.parts, outermost)
+            self.children[sub.name] = child
 
     def subcomponents(self) -> Sequence[Sub]:
         """The subcomponents; none by default."""
         return ()
 
     def sub(self, name: str, kind: "type[Component]", inherit: str = "", **others: str | float) -> Sub:
-        """A subcomponent that inherits parameters under the same name, or under another one, or has values of its own.
+        """Return a subcomponent that inherits parameters, under the same or another name, or has values of its own.
 
         ``self.sub("car", WheelModule, "width height", length="wheel_length", driven=False)``. All others are defaults.
         """
@@ -158,7 +158,7 @@ class Component:
         return Sub(name, kind, {parameter: self[own] for parameter, own in inherited.items()} | fixed, inherited)
 
     def build(self, shape: "Shape") -> None:
-        """Make the component's faces and connect them; its subcomponents are built."""
+        """Make the component's faces and connect them; its subcomponents are built before."""
 
     def __getitem__(self, name: str) -> float:
         """A parameter's value in its unit."""
@@ -166,7 +166,7 @@ class Component:
             raise ComponentError(self.path, f'has no parameter "{name}"; it has {", ".join(self.values) or "none"}')
         return self.values[name]
 
-    def misfit(self, name: str, message: str) -> ComponentError:
+    def parameter_error(self, name: str, message: str) -> ComponentError:
         """A ComponentError whose cause is the parameter ``name``."""
         return ComponentError(self._under(name), message, self.keys.get(name))
 

@@ -1,7 +1,7 @@
-"""Modules connected to each other, which a type string names like one module: a part of a car, or a whole one.
+"""Composites: connected modules that a type string names like one module; a part of a car, or a whole car.
 
-A subclass declares its parameters, its subcomponents - modules, hinges, other composites - with the values that they
-inherit, and which ends meet. A car with it is that of the type string of its modules, front to back. docs/compiler.md
+A subclass declares its parameters, its subcomponents (modules, hinges, other composites) with the values that they
+inherit, and which ends meet. In a car it stands for the type string of its modules, front to back. docs/compiler.md
 has an example.
 """
 
@@ -23,10 +23,10 @@ class Link(NamedTuple):
 
 
 class Composite(Component):
-    """``connections`` are the ends that meet: ``("car.rear", "brain.front")``.
+    """Connected modules; ``connections`` are the ends that meet: ``("car.rear", "brain.front")``.
 
-    ``root`` is the name of the subcomponent with the module B that carries the electronics; without it, the car's first B
-    does.
+    ``root`` is the name of the subcomponent with the module B that carries the electronics. By default it is the car's
+    first B.
     """
 
     letter: ClassVar[str]
@@ -35,7 +35,7 @@ class Composite(Component):
     root: ClassVar[str] = ""
 
     def modules(self) -> Iterator[Link]:
-        """Its modules, front to back, those of composites in it among them. ComponentError if they are no chain."""
+        """Yield its modules, front to back, with those of nested composites. Raises ComponentError if not a chain."""
         for name in self._order():
             child = self.children[name]
             if isinstance(child, Composite):
@@ -46,7 +46,7 @@ class Composite(Component):
                 raise ComponentError(child.path, f"is a {type(child).__name__}, not a module, a hinge or a composite")
 
     def check(self) -> None:
-        """ComponentError if its modules are no chain, or its root carries no electronics."""
+        """Raise ComponentError if its modules do not form a chain, or its root cannot carry the electronics."""
         links = list(self.modules())
         roots = [link.module for link in links if link.root]
         if self.root and (len(roots) != 1 or not isinstance(roots[0], BrainModule)):
@@ -74,7 +74,7 @@ class Composite(Component):
         return chains[0]
 
     def _end(self, place: str) -> tuple[str, str]:
-        """Name and end of ``car.rear``."""
+        """Split ``car.rear`` into name and end. Raises ComponentError if either is unknown."""
         name, _, end = place.rpartition(".")
         if name not in self.children or end not in ENDS:
             names = ", ".join(self.children)

@@ -1,6 +1,6 @@
-"""Faces that are linked rigidly become one: fused outlines, with the holes, marks and accesses of all of them.
+"""Fuses rigidly linked faces to one face with a common outline and all their holes, marks and clearances.
 
-Input: a graph of faces and links. Output: each fused face with where its atoms lie in it and what became of their edges.
+Input: a graph of faces and links. Output: fused faces, their atoms' poses, and the outline edge of each atom's edge.
 """
 
 import math
@@ -11,7 +11,7 @@ from typing import NamedTuple, TypeVar
 
 from foldcar.car.components.component import ComponentError
 from foldcar.car.components.shape import Atom, Edge, Graph
-from foldcar.car.folded.model import IDENTITY, Access, Face, Hole, Mark, Point, Pose
+from foldcar.car.folded.model import IDENTITY, Face, Hole, Mark, Point, Pose, ToolClearance
 from foldcar.car.folded.pose import across_crease, apply, compose
 
 Key = TypeVar("Key")
@@ -20,9 +20,9 @@ GRID_MM = 1e-6
 
 
 class Fused(NamedTuple):
-    """A face made of atoms: ``poses`` of the atoms in its frame, ``edges`` from an atom's edge to an outline edge.
+    """A face made of atoms. Its frame is that of the atom ``first``.
 
-    Its frame is that of the atom ``first``.
+    ``poses`` are the atoms' poses in it, ``edges`` maps an atom's edge to the index of an outline edge.
     """
 
     face: Face
@@ -32,53 +32,56 @@ class Fused(NamedTuple):
 
 
 def fuse(graph: Graph) -> dict[str, Fused]:
-    """The fused faces by the path of their first atom; ComponentError if an outline is not one closed polygon."""
+    """Return the fused faces by the path of their first atom. Raises ComponentError if an outline is not one polygon."""
     steps: dict[str, list[tuple[str, Pose]]] = defaultdict(list)
     inner: set[Edge] = set()
     for link in (link for link in graph.links if link.kind == "rigid"):
         inner.update((link.a, link.b))
-        for one, other in ((link.a, link.b), (link.b, link.a)):
-            steps[one[0]].append((other[0], across_crease(graph.ends_mm(one), graph.ends_mm(other), 0.0)))
+        for edge, opposite in ((link.a, link.b), (link.b, link.a)):
+            steps[edge[0]].append((opposite[0], across_crease(graph.ends_mm(edge), graph.ends_mm(opposite), 0.0)))
     groups: dict[str, dict[str, Pose]] = {}
     owner: dict[str, str] = {}
     for path in graph.atoms:
         if path not in owner:
-            groups[path] = spread(path, IDENTITY, steps)
+            groups[path] = propagate_poses(path, IDENTITY, steps)
             owner |= dict.fromkeys(groups[path], path)
     tags: dict[Edge, object] = {}
     for link in (link for link in graph.links if link.kind != "rigid"):
-        how = (link.kind, link.angle_rad, link.depth_mm)
-        tags[link.a] = (*how, "a", owner[link.b[0]])
-        tags[link.b] = (*how, "b", owner[link.a[0]])
+        kind = (link.kind, link.angle_rad, link.depth_mm)
+        tags[link.a] = (*kind, "a", owner[link.b[0]])
+        tags[link.b] = (*kind, "b", owner[link.a[0]])
     return {first: _fused(graph, poses, tags, inner) for first, poses in groups.items()}
 
 
-def spread(start: Key, pose: Pose, steps: Mapping[Key, list[tuple[Key, Pose]]]) -> dict[Key, Pose]:
-    """The poses of all that steps lead to, breadth first; a step is a neighbour and its pose in the frame here."""
+def propagate_poses(start: Key, pose: Pose, steps: Mapping[Key, list[tuple[Key, Pose]]]) -> dict[Key, Pose]:
+    """Return the poses of all nodes reachable from ``start``. A step is a neighbour and its pose in the node's frame.
+
+    The search is breadth first.
+    """
     poses, queue = {start: pose}, [start]
-    for here in queue:
-        for other, step in steps.get(here, ()):
-            if other not in poses:
-                poses[other] = compose(poses[here], step)
-                queue.append(other)
+    for current in queue:
+        for neighbour, step in steps.get(current, ()):
+            if neighbour not in poses:
+                poses[neighbour] = compose(poses[current], step)
+                queue.append(neighbour)
     return poses
 
 
 def _fused(graph: Graph, poses: dict[str, Pose], tags: dict[Edge, object], inner: set[Edge]) -> Fused:
-    """One face; neighbouring collinear edges that are linked to the same face in the same way become one edge."""
+    """Return one face. Neighbouring collinear edges with the same kind of link to the same face become one edge."""
     first = graph.atoms[next(iter(poses))]
     ring = _ring(graph, poses, inner)
-    corners = [i for i in range(len(ring)) if not _goes_on(ring, tags, i)]
-    # Edges before the first corner go on the last one.
+    corners = [i for i in range(len(ring)) if not _is_collinear(ring, tags, i)]
+    # Edges before the first corner continue the last edge.
     edges = {edge: (sum(corner <= i for corner in corners) - 1) % len(corners) for i, (edge, _) in enumerate(ring)}
-    holes, marks, accesses = list[Hole](), list[Mark](), list[Access]()
+    holes, marks, clearances = list[Hole](), list[Mark](), list[ToolClearance]()
     for path, pose in poses.items():
         atom = graph.atoms[path]
         holes += atom.holes if pose is IDENTITY else (_moved(hole, pose) for hole in atom.holes)
         marks += (Mark(mark.name, tuple(_flat(pose, at) for at in mark.outline_mm)) for mark in atom.marks)
-        accesses += (replace(access, pose=compose(pose, access.pose)) for access in atom.accesses)
+        clearances += (replace(clearance, pose=compose(pose, clearance.pose)) for clearance in atom.clearances)
     outline = tuple(ring[i][1] for i in corners)
-    face = Face(first.path, outline, tuple(holes), first.role, tuple(marks), tuple(accesses))
+    face = Face(first.path, outline, tuple(holes), first.role, tuple(marks), tuple(clearances))
     return Fused(face, first, poses, edges)
 
 
@@ -105,7 +108,7 @@ def _ring(graph: Graph, poses: dict[str, Pose], inner: set[Edge]) -> list[tuple[
     return ring
 
 
-def _goes_on(ring: list[tuple[Edge, Point]], tags: dict[Edge, object], i: int) -> bool:
+def _is_collinear(ring: list[tuple[Edge, Point]], tags: dict[Edge, object], i: int) -> bool:
     """Whether the edges before and after point i are collinear and have equal tags."""
     if tags.get(ring[i - 1][0]) != tags.get(ring[i][0]):
         return False

@@ -1,14 +1,14 @@
 """The hinge H: a strip of film under the floors of two segments, which pitch against each other about its middle.
 
 The strip is glued from below to the floors before and behind the gap. The front segment may pitch nose down (over a
-crest) by ``fold_down``, and nose up by ``fold_up``, until the lids meet or a stop between the lids limits it.
+crest) by ``fold_down``, and nose up by ``fold_up``. The meeting lids, or a stop between them, limit the latter.
 """
 
 import math
 from itertools import pairwise
 
 from foldcar.car.components.box_beam import HEIGHT, WIDTH, cap_inset_mm, wall_mm
-from foldcar.car.components.component import ROUNDING, Component, Parameter, at_least, at_most
+from foldcar.car.components.component import ROUNDING, Component, Parameter, maximum_text, minimum_text
 from foldcar.car.components.shape import Shape
 from foldcar.car.folded.pose import compose, rotation, translation
 from foldcar.car.parts.bought import Film
@@ -16,7 +16,7 @@ from foldcar.car.parts.catalogue import Catalogue, film_of, films
 
 
 def _thicknesses_mm(parts: Catalogue) -> list[float]:
-    """The films that a hinge's strip may be of: those of the car's material."""
+    """Return the thicknesses (mm) of the films of the car's material, of which a hinge's strip may be."""
     return [film.thickness_mm.value for film in films(parts.film.name)]
 
 
@@ -24,14 +24,14 @@ FOLD_DOWN_DEG = 60
 
 
 def _length_mm(parts: Catalogue) -> float:
-    """The default length: 6 mm, or what the film needs to bend by the default angle."""
+    """Return the default length: 6 mm, or more if the film needs it to bend by the default angle."""
     return max(6.0, math.ceil(parts.film.least_bend_radius_mm.value * math.radians(FOLD_DOWN_DEG)))
 
 
-# The stop is a square tube of film below the lids; shares are of the body's width and of the tube's height.
+# The stop is a square tube of film below the lids. STOP_SHARE is a fraction of the body's width, GLUE_SHARE of the web.
 STOP_FROM_LID_MM = 2.0
 STOP_WEB_MM = 12.0
-LEAST_STOP_MM = 1.0
+MIN_STOP_MM = 1.0
 STOP_SHARE = 1 / 3
 GLUE_SHARE = 0.45
 
@@ -64,35 +64,37 @@ class HingeModule(Component):
     )  # fmt: skip
 
     def build(self, shape: Shape) -> None:
-        """The faces ``front half`` and ``rear half``, y to the left, with the flexure at their common edge; the stop.
+        """Add faces ``front half`` and ``rear half``, y to the left, the flexure at their common edge, and the stop.
 
-        ComponentError if ``fold_up`` is beyond the angle at which the lids meet, or the strip would bend too sharply.
+        Raises ComponentError if ``fold_up`` exceeds the angle where the lids meet, or the strip would bend too sharply.
         """
-        # The segments are turned about the middle of the strip.
+        # The segments turn about the middle of the strip.
         limit = math.degrees(2 * math.atan2(self["length"] / 2, wall_mm(self["height"], self.parts)))
         if self["fold_up"] > limit + ROUNDING:
             meet = f"where the lids meet at H.length {self['length']:g} and height {self['height']:g}"
-            raise self.misfit("fold_up", f"{self['fold_up']:g} is above the maximum {at_most(limit)} ({meet})")
-        # It is an arc at either limit.
+            above = f"{self['fold_up']:g} is above the maximum {maximum_text(limit)}"
+            raise self.parameter_error("fold_up", f"{above} ({meet})")
+        # At either limit the strip is an arc.
         film, bend = film_of(self.parts.film, self["thickness"]), math.radians(max(self["fold_down"], self["fold_up"]))
-        least = film.least_bend_radius_mm.value * bend
-        if self["length"] < least - ROUNDING:
+        minimum = film.least_bend_radius_mm.value * bend
+        if self["length"] < minimum - ROUNDING:
             bent = f"{film.title} bent by {math.degrees(bend):g}° on {film.least_bend_radius_mm.value:g} mm"
-            raise self.misfit("length", f"{self['length']:g} is below the minimum {at_least(least)} ({bent})")
+            below = f"{self['length']:g} is below the minimum {minimum_text(minimum)}"
+            raise self.parameter_error("length", f"{below} ({bent})")
         half, width = self["length"] / 2 + self.parts.assembly.hinge_glue_mm.value, wall_mm(self["width"], self.parts)
         for name in ("front half", "rear half"):
             shape.rectangle(name, half, width, piece="hinge strip", thickness_mm=self["thickness"])
         limits = (-math.radians(self["fold_down"]), math.radians(self["fold_up"]))
         shape.connect("front half.rear", "rear half.front", "hinge", 0, limits_rad=limits)
-        if self._stop_mm() >= LEAST_STOP_MM:
+        if self._stop_mm() >= MIN_STOP_MM:
             # The stop's tube: two flaps glued to the cap, two sides, and the face that the other cap meets.
             web, reach = self._web_mm(), self._stop_mm()
             flap = web * GLUE_SHARE
             sizes = {"glue 1": flap, "side 1": reach, "stop": web, "side 2": reach, "glue 2": flap}
             for name, size in sizes.items():
                 shape.rectangle(name, width * STOP_SHARE, size, piece="hinge stop")
-            for one, following in pairwise(sizes):
-                shape.connect(f"{one}.far", f"{following}.near", "fold", 90)
+            for name, following in pairwise(sizes):
+                shape.connect(f"{name}.far", f"{following}.near", "fold", 90)
 
     def join(self, shape: Shape, hinge: str, modules: tuple[str, str], caps: tuple[str, str]) -> None:
         """Glue the strip under the floors of the modules before and behind, and the stop onto the cap before the gap.
@@ -106,7 +108,7 @@ class HingeModule(Component):
         shape.place(f"{hinge}.front half", f"{front}.beam.floor", at, laminated=True)
         length = shape.face_size_mm(f"{rear}.beam.floor")[0]
         shape.place(f"{hinge}.rear half", f"{rear}.beam.floor", translation(length - glue, 0, under), laminated=True)
-        if self._stop_mm() >= LEAST_STOP_MM:
+        if self._stop_mm() >= MIN_STOP_MM:
             width = shape.face_size_mm(f"{caps[0]}.cap")[0]
             top = wall_mm(self["height"], self.parts) - STOP_FROM_LID_MM - cap_inset_mm(self.parts)
             glue = self._web_mm() * GLUE_SHARE
@@ -115,7 +117,7 @@ class HingeModule(Component):
             shape.place(f"{hinge}.glue 1", f"{caps[0]}.cap", compose(corner, rotation("y", math.pi)), laminated=True)
 
     def _stop_mm(self) -> float:
-        """Reach of the stop (mm) from the front segment's cap, such that it meets the other cap at the upper limit."""
+        """Depth of the stop (mm) from the front segment's cap, with which it meets the other cap at the upper limit."""
         half, up = self["length"] / 2, math.radians(self["fold_up"])
         gap = half + half / math.cos(up) - (wall_mm(self["height"], self.parts) - STOP_FROM_LID_MM) * math.tan(up)
         # Less the film: half a thickness each of cap and stop at the contact, and of cap and flap at the glued end.

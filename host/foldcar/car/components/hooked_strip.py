@@ -4,9 +4,9 @@ A strip is a polygon of facets in the model and a smooth curve when built: its f
 that its middle surface bends to.
 
 The rim is equal strips around the discs, each hooked to the next one. A strip's hooks drop from outside into notches in
-the discs' edges, where its necks lie flush with the running circle. Its first facet has a tongue whose head passes the
-wide part of the slot in the last facet of the strip before and is then pulled into the narrow part. That facet dips by
-the film's thickness, so that the circle stays even.
+the discs' edges, where its necks lie flush with the running circle. Its first facet has a tongue, the last facet of the
+strip before it a slot. The tongue's head passes the slot's wide part and is then pulled into the narrow part. The last
+facet dips by the film's thickness, so that the circle stays even.
 
 The hub is a layer glued onto the inner disc over the horn, with three walls folded up from its edges. A hook on each
 drops through a slot of the outer disc, which is then turned until the hooks lie behind film; the rim holds it there.
@@ -23,29 +23,29 @@ from foldcar.car.folded.pose import compose, rotation, translation
 from foldcar.car.parts.bought import Horn
 from foldcar.car.parts.catalogue import Catalogue
 
-# A rim strip is no longer than this, so that it fits on a sheet of A4.
-LONGEST_STRIP_MM = 250.0
-# The rim is tied to the discs at least so often; spans shorter than this do not make a disc of thin film stiffer.
-LEAST_TIES = 4
-LEAST_SPAN_MM = 65.0
+# The maximum length of a rim strip, so that it fits on a sheet of A4.
+MAX_STRIP_MM = 250.0
+# Minimum number of ties from rim to disc. Spans shorter than the minimum do not make a disc of thin film stiffer.
+MIN_TIES = 4
+MIN_SPAN_MM = 65.0
 # A tyre pulls with this force around the discs: a band of 12 x 1 mm² of natural rubber (1.5 MPa), stretched by a tenth.
 TYRE_PULL_N = 1.8
-# A disc that is clamped at its hub, held inwards by the rim and outwards at the ties stays even up to an edge load of so
-# many times D / span², D its bending stiffness (Ritz solution: 22 to 33 for 4 to 6 ties and radii of 30 to 150 mm).
+# A disc is clamped at its hub, held inwards by the rim and outwards at the ties. It buckles above an edge load of
+# CRITICAL D / span², with the bending stiffness D (Ritz solution: 22 to 33 for 4 to 6 ties and radii of 30 to 150 mm).
 CRITICAL = 25.0
 POISSON = 0.38
-# Least length of a facet of the rim: its last one has the slot for the next strip's tongue.
+# Minimum length of a facet of the rim: the last facet has the slot for the next strip's tongue.
 RIM_FACET_MM = 7.8
 # The hub's walls, each an eighth of a turn wide, as seen from the axle.
 WALLS = 3
 WALL_RAD = math.pi / 4
 # Film between a slot and another edge, and between the notches of the rim and the hub's walls.
 BRIDGE_MM = 1.5
-LEAST_WEB_MM = 4.0
+MIN_WEB_MM = 4.0
 # Neck and hooks of the rim.
 NECK_MM = 3.0
 HOOK_MM = 1.5
-# Play of the hub's necks towards the axle, which lets the outer disc run out of true: as little as machines repeat.
+# Play of the hub's necks towards the axle, which lets the outer disc run out of true: the repeatability of the machines.
 PLAY_MM = 0.1
 
 
@@ -60,16 +60,16 @@ class WheelSize:
         self.disc_radius_mm = radius_mm - parts.tyre.thickness_mm.value
         # Width of the strips between the discs, with some play.
         self.between_mm = width_mm - 2 * (self.film_mm + self.clearance_mm)
-        # The rim, along the film's middle, is so many equal strips.
+        # Length of the rim along the film's middle, and the number of equal strips that it consists of.
         length_mm = 2 * math.pi * (self.disc_radius_mm - self.film_mm / 2)
-        self.strips = math.ceil(length_mm / LONGEST_STRIP_MM)
-        # Each strip is tied to the discs, on each edge, so often that the tyre's pull T makes no disc of 0.25 mm wavy: it
-        # loads the edge of each disc with N = T / 2 R; that stays even up to N = CRITICAL D / span².
+        self.strips = math.ceil(length_mm / MAX_STRIP_MM)
+        # The tyre's pull T loads the edge of each disc with N = T / 2 R. A disc does not buckle up to N = CRITICAL D /
+        # span², which limits the span between ties on each edge of a strip.
         radius_m, modulus = self.disc_radius_mm * 1e-3, parts.film.youngs_modulus_pa.value
         stiffness_n_m = modulus * (self.film_mm * 1e-3) ** 3 / 12 / (1 - POISSON**2)
-        span_mm = max(LEAST_SPAN_MM, 1e3 * math.sqrt(CRITICAL * stiffness_n_m * 2 * radius_m / TYRE_PULL_N))
+        span_mm = max(MIN_SPAN_MM, 1e3 * math.sqrt(CRITICAL * stiffness_n_m * 2 * radius_m / TYRE_PULL_N))
         spans = math.ceil(2 * math.pi * self.disc_radius_mm / self.strips / span_mm)
-        self.ties = max(spans, math.ceil(LEAST_TIES / self.strips))
+        self.ties = max(spans, math.ceil(MIN_TIES / self.strips))
         # Directions of the ties around the axle, from x towards z of the wheel's frame; strip after strip.
         count = self.strips * self.ties
         self.tie_angles_rad = [2 * math.pi * i / count for i in range(count)]
@@ -78,7 +78,7 @@ class WheelSize:
         self.facet_mm = length_mm / (count * self.facets_per_tie)
         self.turn_rad = 2 * math.pi / (count * self.facets_per_tie)
         self.apothem_mm = self.facet_mm / 2 / math.tan(self.turn_rad / 2)
-        # A strip's last facet dips until its end lies a film within the next strip's first one, at this slope to it.
+        # A strip's last facet dips until its end is one film inside the next strip's first facet, at this slope to it.
         self.slope_rad = math.asin(math.sin(self.turn_rad) - self.film_mm / self.facet_mm)
         # Half the width of a notch in a disc, and the distance of its bottom from the axle.
         self.notch_mm = NECK_MM / 2 + self.clearance_mm, self.apothem_mm - self.film_mm / 2 - self.clearance_mm
@@ -89,7 +89,7 @@ class WheelSize:
 
 
 def wheel_screws_mm(horn: Horn) -> tuple[Point, Point]:
-    """The two holes of the horn, farthest from each other, that hold the wheel: points of the horn's frame."""
+    """Return the two holes that hold the wheel, the farthest from each other: points of the horn's frame."""
     holes = horn.wheel_screws.at_mm
     return max(((a, b) for a in holes for b in holes), key=lambda pair: (math.dist(*pair), pair[0]))
 
@@ -102,14 +102,14 @@ def access_radius_mm(parts: Catalogue) -> float:
 
 
 def hub_mm(parts: Catalogue) -> float:
-    """Distance of the hub's walls from the axle (mm): film is left between their slots and the hole for the driver."""
+    """Distance of the hub's walls from the axle (mm), which leaves film between their slots and the driver's hole."""
     return access_radius_mm(parts) + BRIDGE_MM + PLAY_MM + parts.film_mm / 2
 
 
-def least_radius_mm(parts: Catalogue) -> float:
-    """Least rolling radius of a wheel: hub, film to the rim's notches, tyre; in tenths of a millimetre."""
+def min_radius_mm(parts: Catalogue) -> float:
+    """Minimum rolling radius of a wheel: hub, film to the rim's notches, tyre; rounded up to 0.1 mm."""
     corner = hub_mm(parts) / math.cos(WALL_RAD / 2)
-    least = corner + LEAST_WEB_MM + 2 * parts.film_mm + parts.tyre.thickness_mm.value
+    least = corner + MIN_WEB_MM + 2 * parts.film_mm + parts.tyre.thickness_mm.value
     return math.ceil(10 * least - 1e-9) / 10
 
 
@@ -119,7 +119,7 @@ TAPER_MM = 1.0
 
 
 class Hook(NamedTuple):
-    """A neck that passes a disc over ``reach_mm``, and a head that reaches beyond it to the left, the right or both."""
+    """A neck that passes through a disc over ``reach_mm``, and a head wider than the neck to the left, right or both."""
 
     neck_mm: float
     left_mm: float
@@ -127,9 +127,9 @@ class Hook(NamedTuple):
     reach_mm: float
 
     def path(self, side: str, x: float, y: float) -> dict[str, Point]:
-        """Its part of an outline, counter-clockwise, for a neck at ``x`` on the edge ``inner`` or ``outer`` at ``y``.
+        """Return its part of an outline, counter-clockwise, for a neck at ``x`` on the edge ``side`` at ``y``.
 
-        The edge at its tip is ``inner tip`` or ``outer tip``.
+        ``side`` is ``inner`` or ``outer``; the edge at the hook's tip is ``inner tip`` or ``outer tip``.
         """
         out = -1 if side == "inner" else 1
         near, far = y + out * self.reach_mm, y + out * (self.reach_mm + DEPTH_MM)
@@ -146,10 +146,10 @@ class Hook(NamedTuple):
 def facet(
     length_mm: float, width_mm: float, hooks: tuple[Hook | None, Hook | None] = (None, None), base_mm: float = 0.0
 ) -> dict[str, Point]:
-    """The outline of a facet with the names of its edges, counter-clockwise from the origin.
+    """Return the outline of a facet with the names of its edges, counter-clockwise from the origin.
 
-    Edges ``next`` and ``last`` lie at x = length and 0, ``inner`` and ``outer`` between; ``hooks`` for the inner and the
-    outer disc stand in their middles. With ``base_mm`` the middle of ``last`` is an edge ``base``, so long.
+    Edges ``next`` and ``last`` lie at x = length and 0, ``inner`` and ``outer`` between. ``hooks`` for the inner and the
+    outer disc stand in the middles of these. With ``base_mm``, ``last`` has an edge ``base`` so long in its middle.
     """
     outline = {"inner": (0.0, 0.0)}
     if hooks[0] is not None:
@@ -163,18 +163,18 @@ def facet(
     return outline
 
 
-# The tongue: the lengths of its part outside, of the part through the slot (at least, and per thickness) and of the head.
+# Lengths of the tongue's parts: outside, through the slot (minimum, and multiple of the film's thickness), head.
 OUTSIDE_MM = 1.9
 THROUGH_MM = 1.4
 THROUGH_FILMS = 2.8
 HEAD_MM = 3.4
-# The slot: how far its narrow part reaches over the head, and the length of the wide part.
+# The slot: how far its narrow part extends over the head, and the length of the wide part.
 OVER_MM = 0.7
 WIDE_MM = 1.2
 
 
 def build_rim(shape: Shape, size: WheelSize) -> None:
-    """Faces ``rim 0 0`` … (strip, facet) and the tongues; hooks in the edges ``notch i`` of the discs."""
+    """Add faces ``rim 0 0`` … (strip, facet) and tongues, and join their hooks to the edges ``notch i`` of the discs."""
     per_strip = size.ties * size.facets_per_tie
     for strip in range(size.strips):
         _strip(shape, size, strip, per_strip)
@@ -216,7 +216,7 @@ def _tongue_mm(size: WheelSize) -> Point:
 
 
 def _slot(size: WheelSize) -> list[Point]:
-    """The slot in the last facet's frame: narrow where the tongue passes, wide beyond, where its head is put in."""
+    """Return the slot in the last facet's frame: narrow where the tongue passes, wide where its head is put in."""
     short, apart = _start_mm(size)
     along = math.sqrt(_through_mm(size) ** 2 - (2 * apart) ** 2)
     start = size.facet_mm - short - OUTSIDE_MM
@@ -236,14 +236,14 @@ def _through_mm(size: WheelSize) -> float:
 
 
 def _start_mm(size: WheelSize) -> Point:
-    """How far the next strip starts before that facet ends, along it, and the distance of its tongue from it (mm)."""
+    """Overlap (mm) of the next strip's start along the last facet, and distance of the strip's tongue from that facet."""
     slope, film = size.slope_rad, size.film_mm
     shift = size.facet_mm * (math.cos(slope) - math.cos(size.turn_rad))
     return shift * math.cos(slope) - film * math.sin(slope), shift * math.sin(slope) + film * math.cos(slope)
 
 
 def _tongue(shape: Shape, size: WheelSize, strip: int) -> None:
-    """The tongue: a part parallel to the facet under it, a part through its slot, a head behind it."""
+    """Add the tongue: a part parallel to the facet under it, a part through that facet's slot, and a head behind it."""
     w, spread = _tongue_mm(size)
     for name, length in (("out", OUTSIDE_MM), ("through", _through_mm(size))):
         corners = {"root": (0.0, 0.0), "b": (w, 0.0), "end": (w, length), "a": (0.0, length)}
@@ -270,7 +270,7 @@ EVEN_MM = 0.02
 
 
 def build_hub(shape: Shape, size: WheelSize) -> None:
-    """Faces ``hub`` and ``wall 1`` …; slots in the face ``outer``."""
+    """Add faces ``hub`` and ``wall 1`` …, and cut slots into the face ``outer``."""
     shape.face("hub", _layer(size), piece="wheel hub")
     shape.place("hub", "inner", translation(0, 0, size.film_mm), laminated=True)
     length = 2 * size.hub_mm * math.tan(WALL_RAD / 2)
@@ -285,7 +285,7 @@ def build_hub(shape: Shape, size: WheelSize) -> None:
 
 
 def turn_rad(size: WheelSize) -> float:
-    """Angle by which the outer disc is turned against the hub until the hooks hold."""
+    """Angle (rad) by which the outer disc is turned relative to the hub until the hooks hold."""
     inside = size.hub_mm - size.film_mm / 2
     return math.atan((WALL_NECK_MM / 2 + WALL_HOOK_MM) / inside) - math.atan(WALL_NECK_MM / 2 / inside)
 

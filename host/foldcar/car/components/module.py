@@ -13,7 +13,7 @@ from typing import ClassVar, Literal, NamedTuple
 from foldcar.car.components.box_beam import HEIGHT, WIDTH, BoxBeam, latch_mm, wall_mm
 from foldcar.car.components.bridge import half_width_mm, middle_mm, mouth_mm, plug_room_mm, put_bridge, usb_height_mm
 from foldcar.car.components.component import ROUNDING, Component, Parameter, Sub
-from foldcar.car.components.mounts import inside_mm, least_doubler_mm, put_rod, put_servo, screw_end_mm
+from foldcar.car.components.mounts import min_doubler_mm, put_rod, put_servo, screw_end_mm, servo_reach_mm
 from foldcar.car.components.shape import Shape
 from foldcar.car.components.wheel import DRIVEN, RADIUS, TYRE_WIDTH
 from foldcar.car.folded.model import Wire
@@ -38,8 +38,8 @@ class Module(Component):
         return (Sub("beam", BoxBeam, self.values),)
 
 
-def _least_wheel_module(parts: Catalogue) -> float:
-    """From the far edge of the screw hole on the servo's long side to the fold, on both sides of the axis (mm)."""
+def _min_wheel_module_mm(parts: Catalogue) -> float:
+    """Minimum length (mm): on both sides of the axis, the farther screw hole and its distance from the fold."""
     servo = parts.servo
     reach = servo.length_mm.value / 2 - servo.axis_from_end_mm.value + screw_end_mm(parts)
     return 2 * (reach + parts.assembly.fold_distance_mm.value)
@@ -48,8 +48,8 @@ def _least_wheel_module(parts: Catalogue) -> float:
 class WheelModule(Module):
     """One axle in the middle of the module, at half its height: two servos, or a rod on which the wheels turn freely.
 
-    The car sets ``towards_middle``, 1 if the middle of the segment lies in front of the module's, else -1, and
-    ``tab_there``, the depth (mm) of the end cap's tab on the side walls at the module's end towards that middle.
+    The car sets ``towards_middle``: 1 if the segment's middle lies in front of the module's middle, else -1. It also sets
+    ``tab_depth`` (mm), the depth of the end cap's tab on the side walls at the module's end nearer to that middle.
     """
 
     letter = "W"
@@ -59,7 +59,7 @@ class WheelModule(Module):
         HEIGHT,
         RADIUS,
         Parameter(
-            "length", 60, _least_wheel_module, 400, "length of a wheel module, its axle in the middle",
+            "length", 60, _min_wheel_module_mm, 400, "length of a wheel module, its axle in the middle",
             "the opening and screws of one servo",
         ),
         TYRE_WIDTH,
@@ -67,7 +67,7 @@ class WheelModule(Module):
     )  # fmt: skip
 
     def build(self, shape: Shape) -> None:
-        """Put a servo into each side wall, its long side towards the middle of the segment, and a wheel onto it."""
+        """Mount a servo with a wheel in each side wall, its long side towards the segment's middle; or a rod."""
         parts, servo, horn = self.parts, self.parts.servo, self.parts.horn
         axis = (self["length"] / 2, wall_mm(self["height"], parts) / 2)
         # From the side wall's outer surface to the wheel: the inner disc lies on the horn's outer face.
@@ -82,14 +82,14 @@ class WheelModule(Module):
                 shape.axle(f"beam.{side}", "", side, (*axis, out), self["radius"], running)
             return
         # The layer behind a servo, or the nut of its screw, must not meet the tab of a cap.
-        least = math.ceil(20 * (inside_mm(parts)[0] + self["tab_there"])) / 10
-        if self["tab_there"] > 0 and self["length"] < least:
+        least = math.ceil(20 * (servo_reach_mm(parts)[0] + self["tab_depth"])) / 10
+        if self["tab_depth"] > 0 and self["length"] < least:
             why = f"a segment of its own: one {servo.name} and the cap's tabs"
-            raise self.misfit("length", f"{self['length']:g} is below the minimum {least:g} ({why})")
+            raise self.parameter_error("length", f"{self['length']:g} is below the minimum {least:g} ({why})")
         # The layer behind a servo is at most twice as high as it, and clear of the lid's flap and its locks.
         flap = parts.assembly.flap_mm.value + parts.film_mm + parts.assembly.slot_clearance_mm.value
         clear = min(wall_mm(self["height"], parts) - 2 * flap, 2 * servo.width_mm.value)
-        height = max(least_doubler_mm(parts), clear)
+        height = max(min_doubler_mm(parts), clear)
         for side in SIDES:
             wall = f"beam.{side}"
             name = put_servo(shape, f"{side} servo", wall, axis, self["towards_middle"], height)
@@ -97,11 +97,11 @@ class WheelModule(Module):
 
 
 class Layout(NamedTuple):
-    """Boards with LiPo and battery beside each other on the floor, or the battery on the roof.
+    """An arrangement along x (mm) of boards, LiPo and battery on the floor, or with the battery on the roof.
 
-    The boards' middle may be anywhere from ``low`` to ``high`` along x (mm), if that is not empty; it is ``boards_mm``.
-    ``lipo_mm`` and ``battery_mm`` are the middles of these. ``side`` is the bridge's edge with the flange, at the
-    battery: 1 the front one, -1 the rear one; ``turned`` tells that the battery's length lies across the car.
+    The boards' middle may be anywhere from ``low`` to ``high``; the layout does not fit if ``low`` exceeds ``high``.
+    ``boards_mm``, ``lipo_mm`` and ``battery_mm`` are the middles. ``side`` is the bridge's edge with the flange, at the
+    battery: 1 is the front, -1 the rear. ``turned``: the battery's length lies across the car.
     """
 
     low: float
@@ -114,7 +114,7 @@ class Layout(NamedTuple):
 
     @property
     def missing_mm(self) -> float:
-        """How much longer the module must be for it, not above 0 if it fits."""
+        """By how much (mm) the module is too short for this layout; 0 or less if it fits."""
         return self.low - self.high
 
 
@@ -132,8 +132,8 @@ class BrainModule(Module):
 class ElectronicsModule(BrainModule):
     """The body module that carries boards and batteries.
 
-    The car sets ``floor_front`` and ``floor_rear``, the free floor (mm) of the neighbours, below 0 if an end cap's tab is
-    there, and ``usb_low`` and ``usb_high``, between which USB is clear of the tyres (mm from the rear).
+    The car sets ``floor_front`` and ``floor_rear``, the free floor (mm) of the neighbours, negative at an end cap's tab.
+    It also sets ``usb_low`` and ``usb_high`` (mm from the rear), between which USB is clear of the tyres.
     """
 
     def build(self, shape: Shape) -> None:
@@ -153,13 +153,13 @@ class ElectronicsModule(BrainModule):
         shape.graph.wires += _power_wires(parts)
 
     def _battery(self, shape: Shape, layout: Layout, boards_y: float) -> None:
-        """Stand the battery on its pad onto the floor or the roof, across the car where it balances the boards."""
+        """Add pad and battery on the floor or the roof, at the position across the car that balances the boards."""
         parts, film, across = self.parts, self.parts.film_mm, wall_mm(self["width"], self.parts)
         battery, pad, roof = parts.battery, parts.pad, parts.battery_place == "roof"
-        light = sum(part.mass_kg.value for part in (parts.feather, parts.featherwing, parts.lipo))
+        boards_kg = sum(part.mass_kg.value for part in (parts.feather, parts.featherwing, parts.lipo))
         reach = (across - film - (battery.length_mm if layout.turned else battery.width_mm).value) / 2
-        off = (boards_y - across / 2) * light / battery.mass_kg.value
-        y = across / 2 - min(max(off, -reach), reach)
+        offset = (boards_y - across / 2) * boards_kg / battery.mass_kg.value
+        y = across / 2 - min(max(offset, -reach), reach)
         x = layout.battery_mm
         up = film / 2
         for part in (pad, battery):
@@ -172,40 +172,40 @@ class ElectronicsModule(BrainModule):
             self._lead(shape, x + battery.width_mm.value / 2)
 
     def _lead(self, shape: Shape, end_mm: float) -> None:
-        """Cut a hole for the battery's lead into the lid, before the battery on the roof and near the left wall.
+        """Cut a hole for the battery's lead into the lid, in front of the battery on the roof and near the left wall.
 
-        ComponentError if the battery would lie on a latch of the lid, or where fingers hold its tab, or without a lead.
+        Raises ComponentError if the module is too short for battery, lead hole, latch and fingers at the pull tab.
         """
         battery, assembly = self.parts.battery, self.parts.assembly
         hole, edge = assembly.lead_hole_mm.value, assembly.fold_distance_mm.value
-        least = battery.width_mm.value + 2 * (2 * edge + hole)
+        minimum = battery.width_mm.value + 2 * (2 * edge + hole)
         (notch, _), (finger, _) = latch_mm(self.parts), self.parts.tools.finger_mm
         latch = notch / 2 + max(notch, finger) / 2
-        taken = max(self[f"latch_{end}"] * (self[f"flap_{end}"] + latch) for end in ("front", "rear"))
-        if taken:
-            least = max(least, battery.width_mm.most + 2 * (assembly.placement_mm.value + taken))
-        if self["length"] < least - ROUNDING:
+        latch_end_mm = max(self[f"latch_{end}"] * (self[f"flap_{end}"] + latch) for end in ("front", "rear"))
+        if latch_end_mm:
+            minimum = max(minimum, battery.width_mm.max_value + 2 * (assembly.placement_mm.value + latch_end_mm))
+        if self["length"] < minimum - ROUNDING:
             what = f"the {battery.name} on the roof beside its lead and the lid's latch"
-            raise self.misfit("length", _too_small(self["length"], least, what))
+            raise self.parameter_error("length", _too_small(self["length"], minimum, what))
         shape.round_hole("beam.lid", "lead", "slit", (end_mm + edge + hole / 2, edge + hole), hole)
 
     def _layouts(self) -> Iterator[Layout]:
-        """All layouts, possible or not; none if the battery is too wide for the floor in the worst case."""
+        """Yield every layout, whether it fits or not; none if the battery is too wide for the floor in the worst case."""
         parts, assembly, length = self.parts, self.parts.assembly, self["length"]
         sizes = (parts.battery.width_mm, parts.battery.length_mm)
-        several = [
+        orientations = [
             (along.value, side, across is sizes[1])
             for along, across in (sizes, sizes[::-1])
             for side in (-1, 1)
-            if across.most + 2 * assembly.cut_mm.value <= self["width"] - 2 * parts.film_mm + ROUNDING
+            if across.max_value + 2 * assembly.cut_mm.value <= self["width"] - 2 * parts.film_mm + ROUNDING
         ]
-        for along_mm, side, turned in [(0.0, -1, True)] if parts.battery_place == "roof" else several:
+        for along_mm, side, turned in [(0.0, -1, True)] if parts.battery_place == "roof" else orientations:
             # From the boards' middle to the battery's end of the layout; the LiPo's lead leaves the Feather at the front.
             near = half_width_mm(parts) + parts.film_mm
             if along_mm:
                 gap = assembly.part_gap_mm.value if side < 0 else parts.plugs.battery.length_mm.value
                 near += gap + along_mm
-            # To the LiPo's far side: the flange comes down beside it, wherever in its outline it lies.
+            # To the LiPo's far side: the flange comes down beside the LiPo, which may lie anywhere within its outline.
             lipo = parts.lipo.width_mm
             beside = assembly.placement_mm.value + lipo.tolerance / 2 + assembly.slot_clearance_mm.value
             far = parts.film_mm / 2 + beside + lipo.value - half_width_mm(parts)
@@ -218,22 +218,22 @@ class ElectronicsModule(BrainModule):
 
     @property
     def layout(self) -> Layout:
-        """How boards and battery lie; ComponentError if there is no place for them."""
-        battery, length, found = self.parts.battery, self["length"], list(self._layouts())
-        if not found:
-            most = min(size.most for size in (battery.length_mm, battery.width_mm))
+        """The fitting layout with the boards nearest to the middle. Raises ComponentError if none fits."""
+        battery, length, layouts = self.parts.battery, self["length"], list(self._layouts())
+        if not layouts:
+            most = min(size.max_value for size in (battery.length_mm, battery.width_mm))
             least = most + 2 * (self.parts.assembly.cut_mm.value + self.parts.film_mm)
-            raise self.misfit("width", _too_small(self["width"], least, battery.name))
-        possible = [layout for layout in found if layout.missing_mm <= ROUNDING]
+            raise self.parameter_error("width", _too_small(self["width"], least, battery.name))
+        possible = [layout for layout in layouts if layout.missing_mm <= ROUNDING]
         if possible:
             return min(possible, key=lambda layout: abs(layout.boards_mm - length / 2))
-        best = min(found, key=lambda layout: layout.missing_mm)
+        best = min(layouts, key=lambda layout: layout.missing_mm)
         what = "the boards" if self.parts.battery_place == "roof" else f"the boards and the {battery.name}"
-        if all(not layout.turned for layout in found):
+        if all(not layout.turned for layout in layouts):
             what += f" lengthwise at width {self['width']:g}"
         if best.low == self["usb_low"] or best.high == self["usb_high"]:
             what += ", with a USB plug clear of the tyres"
-        raise self.misfit("length", _too_small(length, length + best.missing_mm, what))
+        raise self.parameter_error("length", _too_small(length, length + best.missing_mm, what))
 
 
 def _power_wires(parts: Catalogue) -> list[Wire]:

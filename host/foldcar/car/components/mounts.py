@@ -1,15 +1,15 @@
-"""Parts in walls, caps and floors, with layers of film behind them, and screws: servo, rod, switch and ball caster.
+"""Mounts of servo, rod, switch and ball caster in walls, caps and floors, with layers of film behind them; screws.
 
-A servo is inserted from outside until its ears lie on the wall: its shaft points outwards, its length runs along the
+A servo is inserted from outside until its ears lie on the wall. Its shaft points outwards, its length runs along the
 wall. A rod passes both walls and carries wheels that turn freely. A switch snaps into an end cap. A caster is screwed
-under the floor of a user's module; in the simulator, which has contacts for wheels and bellies only, it is mass without
-contact. A screw's frame has its origin in the middle of its length, z along its axis towards its head.
+under the floor of a user's module. The simulator has contacts for wheels and bellies only, so a caster is mass without
+contact there. A screw's frame has its origin in the middle of its length, z along its axis towards its head.
 """
 
 import math
 
 from foldcar.car.components.shape import Shape, on_circle, rectangle_around
-from foldcar.car.folded.model import IDENTITY, Access, Point, Pose, Solid
+from foldcar.car.folded.model import IDENTITY, Point, Pose, Solid, ToolClearance
 from foldcar.car.folded.pose import compose, rotation, translation
 from foldcar.car.parts.bought import Screw
 from foldcar.car.parts.catalogue import Catalogue
@@ -19,8 +19,8 @@ from foldcar.car.parts.quantity import Quantity
 ARC_STEPS = 24
 
 
-def inside_mm(parts: Catalogue) -> tuple[float, float]:
-    """From the axis to the last layer or nut inside (mm), on the servo's long side and on its short one."""
+def servo_reach_mm(parts: Catalogue) -> tuple[float, float]:
+    """Distance (mm) from the axis to the end of the servo's layer or nut, on its long side and on its short side."""
     servo, nut = parts.servo, parts.screw.nut_width_mm
     middle = servo.length_mm.value / 2 - servo.axis_from_end_mm.value
     corner = 0.0 if nut is None else nut.value / 3**0.5
@@ -29,28 +29,28 @@ def inside_mm(parts: Catalogue) -> tuple[float, float]:
 
 
 def doubler_length_mm(parts: Catalogue) -> float:
-    """Length of the second layer (mm), which reaches past the notches."""
+    """Length (mm) of the second layer of film behind a servo, which reaches past the notches."""
     return 2 * (screw_end_mm(parts) + parts.assembly.doubler_margin_mm.value)
 
 
 def screw_end_mm(parts: Catalogue) -> float:
-    """From the middle of the opening to the outer end of a screw's notch (mm).
+    """Distance (mm) from the middle of the opening to the outer end of a screw's notch.
 
-    Servos whose screws are farther apart find room there; if they are nearer, their own slots take them.
+    The notch has room for servos whose screws are farther apart; for screws that are nearer the servo's own slots do.
     """
-    return (parts.servo.screw_spacing_mm.most + parts.assembly.screw_hole_mm.value) / 2
+    return (parts.servo.screw_spacing_mm.max_value + parts.assembly.screw_hole_mm.value) / 2
 
 
-def least_doubler_mm(parts: Catalogue) -> float:
-    """The least height of the second layer (mm)."""
+def min_doubler_mm(parts: Catalogue) -> float:
+    """Minimum height (mm) of the second layer of film behind a servo."""
     margins = parts.assembly.opening_clearance_mm.value + parts.assembly.doubler_margin_mm.value
-    return parts.servo.width_mm.most + 2 * margins
+    return parts.servo.width_mm.max_value + 2 * margins
 
 
 def put_servo(shape: Shape, name: str, wall: str, axis_mm: Point, inward: float, height_mm: float) -> str:
     """Put a servo into the face ``wall``, with a second layer ``height_mm`` high behind it: the face ``NAME.doubler``.
 
-    ``axis_mm``: the point where its axis passes the wall; ``inward`` is 1 if its long side lies towards +x, else -1.
+    ``axis_mm`` is the point where its axis passes the wall. ``inward`` is 1 if its long side lies towards +x, else -1.
     Returns the name of the mounted part.
     """
     parts, servo, film = shape.parts, shape.parts.servo, shape.parts.film_mm
@@ -68,7 +68,7 @@ def put_servo(shape: Shape, name: str, wall: str, axis_mm: Point, inward: float,
     for i, side in enumerate((-1, 1), 1):
         under = (x + side * servo.screw_spacing_mm.value / 2, y, -film / 2 - servo.ear_thickness_mm.value)
         seat, grip = compose(translation(*under), rotation("x", math.pi)), servo.ear_thickness_mm.value + 2 * film
-        screw_in(shape, parts.screw, f"{title} screw {i}", wall, seat, grip)
+        add_screw(shape, parts.screw, f"{title} screw {i}", wall, seat, grip)
     return title
 
 
@@ -78,7 +78,7 @@ ROD_LAYER_MM = 10.0
 
 def rod_hole_mm(parts: Catalogue) -> float:
     """Diameter of a hole in a wall (mm) that the thickest rod passes."""
-    return parts.axle_rod.diameter_mm.most + 2 * parts.assembly.cut_mm.value
+    return parts.axle_rod.diameter_mm.max_value + 2 * parts.assembly.cut_mm.value
 
 
 def wheel_hole_mm(parts: Catalogue) -> float:
@@ -91,7 +91,7 @@ def put_rod(
 ) -> None:
     """Put a rod through two faces, ``apart_mm`` from each other, with tubes and caps on it for a wheel at each end.
 
-    ``axis_mm`` is where it passes either, ``gap_mm`` from a wall to its wheel, ``wheel_mm`` the width of that.
+    ``axis_mm`` is where it passes each face, ``gap_mm`` the distance of a wheel from its wall, ``wheel_mm`` its width.
     """
     parts, film = shape.parts, shape.parts.film_mm
     rod, tube, cap = parts.axle_rod, parts.axle_tube, parts.axle_cap
@@ -120,7 +120,7 @@ def put_rod(
 
 
 def _solids(parts: Catalogue) -> list[Solid]:
-    """Body, ears, turret, idler and spline in the frame of the body's middle, whose z points to the servo's bottom."""
+    """Return the servo's body, ears, turret, idler and spline in the body's frame, whose z points to its bottom."""
     servo = parts.servo
     length, width, depth = servo.length_mm.value, servo.width_mm.value, servo.depth_mm.value
 
@@ -144,14 +144,14 @@ def _solids(parts: Catalogue) -> list[Solid]:
 
 
 def _opening(shape: Shape, face: str, name: str, x: float, y: float) -> str:
-    """Cut the servo's opening, with a notch for the screw at each end; returns its full name.
+    """Cut the servo's opening, with a notch for the screw at each end, and return its full name.
 
-    One piece of waste instead of three: between a hole and the opening there would be less than 1 mm of film, which holds
-    nothing. A notch holds its screw across the wall's length and outwards, the servo's body rests inwards.
+    Separate screw holes would leave less than 1 mm of film beside the opening, which holds nothing. A notch holds its
+    screw across the wall's length and outwards; inwards the servo's body holds it.
     """
     servo, assembly = shape.parts.servo, shape.parts.assembly
     clearance, r = 2 * assembly.opening_clearance_mm.value, assembly.screw_hole_mm.value / 2
-    a, b = ((size.most + clearance) / 2 for size in (servo.length_mm, servo.width_mm))
+    a, b = ((size.max_value + clearance) / 2 for size in (servo.length_mm, servo.width_mm))
     far = screw_end_mm(shape.parts) - r
     turns = [math.pi * (i / ARC_STEPS - 0.5) for i in range(ARC_STEPS + 1)]
     half = [(a, -b), (a, -r), *on_circle(r, turns, (far, 0.0)), (a, r), (a, b)]
@@ -159,8 +159,8 @@ def _opening(shape: Shape, face: str, name: str, x: float, y: float) -> str:
     return shape.polygon_hole(face, name, "opening", [(x + u, y + v) for u, v in outline])
 
 
-def depth_mm(parts: Catalogue) -> float:
-    """How far the switch reaches inwards from the panel (mm)."""
+def switch_depth_mm(parts: Catalogue) -> float:
+    """Depth (mm) of the switch inside the panel."""
     switch = parts.switch
     return switch.height_mm.value - switch.rocker_height_mm.value - switch.bezel_height_mm.value
 
@@ -169,9 +169,9 @@ def put_switch(shape: Shape, panel: str, at_mm: Point) -> None:
     """Put the switch into the face ``panel``, seen from inside, with faces ``switch.layer 1`` … behind it."""
     switch, parts, film = shape.parts.switch, shape.parts, shape.parts.film_mm
     slot, around = (switch.slot_length_mm.value, switch.slot_width_mm.value), 2 * parts.assembly.switch_margin_mm.value
-    # So many layers of film and tape that the barbs of any such switch hold.
-    thin = parts.film.thickness_mm.least + parts.assembly.tape_mm.least
-    layers = math.ceil((switch.panel_least_mm.most - parts.film.thickness_mm.least) / thin - 1e-9)
+    # The barbs of every such switch must hold behind the layers of film and tape.
+    thin = parts.film.thickness_mm.min_value + parts.assembly.tape_mm.min_value
+    layers = math.ceil((switch.panel_least_mm.max_value - parts.film.thickness_mm.min_value) / thin - 1e-9)
     for i in range(max(1, layers)):
         name = f"switch.layer {i + 1}"
         outline = rectangle_around((0.0, 0.0), slot[0] + around, slot[1] + around)
@@ -187,7 +187,7 @@ def put_switch(shape: Shape, panel: str, at_mm: Point) -> None:
         Solid("box", (*size, end - start), translation(0, 0, (start + end) / 2))
         for size, start, end in ((bezel, low, high), (body, high, half), (body, -half, low))
     ]
-    finger = Access("finger", translation(0, 0, half), *parts.tools.finger_mm)
+    finger = ToolClearance("finger", translation(0, 0, half), *parts.tools.finger_mm)
     shape.box(switch.name, switch.name, panel, pose, switch.size_mm, switch.mass_kg.value, [hole], solids, [finger])
 
 
@@ -215,10 +215,10 @@ def cylinder(
     return Solid("cylinder", (diameter_mm, diameter_mm, high_mm - low_mm), pose, bores)
 
 
-def screw_in(shape: Shape, screw: Screw, name: str, on: str, under_head: Pose, grip_mm: float) -> None:
-    """Add a screw: ``under_head`` is the point below its head in the frame of the face ``on``, z outwards.
+def add_screw(shape: Shape, screw: Screw, name: str, on: str, under_head: Pose, grip_mm: float) -> None:
+    """Add a screw to the face ``on``. ``under_head`` is the point below its head in that face's frame, z outwards.
 
-    Its nut is ``grip_mm`` below the head.
+    Its nut, if it has one, is ``grip_mm`` below the head.
     """
     head, shank = screw.head_height_mm.value, screw.length_mm.value
     middle = (head - shank) / 2
@@ -227,10 +227,10 @@ def screw_in(shape: Shape, screw: Screw, name: str, on: str, under_head: Pose, g
         cylinder(screw.diameter_mm.value, -shank - middle, -middle),
     ]
     if screw.nut_width_mm is not None and screw.nut_height_mm is not None:
-        # A nut is held with a flat towards what stands beside it.
+        # Parts beside a nut face one of its flats, so its width across flats counts.
         low = -grip_mm - screw.nut_height_mm.value - middle
         solids.append(cylinder(screw.nut_width_mm.value, low, -grip_mm - middle))
     size = (screw.head_diameter_mm.value, screw.head_diameter_mm.value, head + shank)
     pose = compose(under_head, translation(0, 0, middle))
-    accesses = [Access("driver", translation(0, 0, head - middle), *shape.parts.tools.driver_mm)]
-    shape.box(screw.name, name, on, pose, size, screw.mass_kg.value, (), solids, accesses)
+    clearances = [ToolClearance("driver", translation(0, 0, head - middle), *shape.parts.tools.driver_mm)]
+    shape.box(screw.name, name, on, pose, size, screw.mass_kg.value, (), solids, clearances)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from foldcar.car.components.component import ComponentError
-from foldcar.car.folded.model import Access, Axle, Hole, HoleKind, JoinKind, Mark, Mount, Point, Pose, Solid, Wire
+from foldcar.car.folded.model import Axle, Hole, HoleKind, JoinKind, Mark, Mount, Point, Pose, Solid, ToolClearance, Wire
 from foldcar.car.folded.pose import side as ends_of
 from foldcar.car.folded.pose import translation
 from foldcar.car.folded.weight import area_mm2
@@ -36,12 +36,12 @@ class Atom:
     body: str
     holes: list[Hole] = field(default_factory=list)
     marks: list[Mark] = field(default_factory=list)
-    accesses: list[Access] = field(default_factory=list)
+    clearances: list[ToolClearance] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
 class Link:
-    """Two edges (face path, index) that meet at ``angle_rad``. A tab grows from edge ``b`` and is glued at edge ``a``.
+    """Two edges (face path, index) that meet at ``angle_rad``; a tab grows from edge ``b`` and is glued at edge ``a``.
 
     ``depth_mm`` and ``inset_mm`` describe a tab (see Shape.connect), ``min_rad`` and ``max_rad`` a hinge.
     """
@@ -68,7 +68,7 @@ class Placement:
 
 @dataclass(frozen=True)
 class Contact:
-    """A join between faces that other links and placements have put in their places: edges, or the face of ``b``.
+    """A join between faces whose poses other links and placements determine: of two edges, or of an edge and b's face.
 
     ``slot`` is the hole of b's face that the tongue with tip ``a`` goes through.
     """
@@ -83,8 +83,8 @@ class Contact:
 class Graph:
     """Everything that the components of a tree have built; ``origin`` is a face and its pose in the car.
 
-    Mounts and axles are given in the frame of a face: that of their ``face``, or the one named with the axle. ``linked``
-    has the path of the edge that an edge is linked to.
+    A mount is given in the frame of its ``face``, an axle in the frame of the face named with it. ``linked`` maps an
+    edge to the path of the edge that it is linked to.
     """
 
     atoms: dict[str, Atom] = field(default_factory=dict)
@@ -122,10 +122,10 @@ class Shape:
         self, name: str, outline_mm: Sequence[Point] | Mapping[str, Point], *, piece: str = "",
         role: Literal["panel", "tab", "rim"] = "panel", thickness_mm: float | None = None, body: str = "",
     ) -> None:  # fmt: skip
-        """Add a polygon, counter-clockwise; keys of ``outline_mm`` name the edges that begin there, "0", "1", … without.
+        """Add a polygon, counter-clockwise. Keys of ``outline_mm`` name the edges that begin there; default "0", "1", …
 
         ``piece`` names the piece whose root this face becomes, ``body`` its rigid body, by default the component's.
-        ComponentError for a second face of that name or an outline that runs clockwise.
+        Raises ComponentError for a second face of that name or an outline that runs clockwise.
         """
         path = self.path(name)
         if path in self.graph.atoms:
@@ -150,18 +150,18 @@ class Shape:
     def rectangular_hole(
         self, face: str, name: str, kind: HoleKind, center_mm: Point, length_mm: float, width_mm: float
     ) -> str:
-        """Cut a rectangle with sides along x and y of the face; returns its full name."""
+        """Cut a rectangle with sides along x and y of the face, and return its full name."""
         outline = rectangle_around(center_mm, length_mm, width_mm)
         return self._hole(face, Hole(self.path(name), kind, outline, None, center_mm))
 
     def round_hole(self, face: str, name: str, kind: HoleKind, center_mm: Point, diameter_mm: float) -> str:
-        """Cut a circle; returns its full name."""
+        """Cut a circle and return its full name."""
         turns = [2 * math.pi * i / CIRCLE_POINTS for i in range(CIRCLE_POINTS)]
         outline = tuple(on_circle(diameter_mm / 2, turns, center_mm))
         return self._hole(face, Hole(self.path(name), kind, outline, diameter_mm, center_mm))
 
     def slotted_hole(self, face: str, name: str, kind: HoleKind, start_mm: Point, end_mm: Point, width_mm: float) -> str:
-        """Cut a slot with round ends about two points, a circle if they are one; returns its full name."""
+        """Cut a slot with round ends about two points, or a circle if they coincide, and return its full name."""
         (x0, y0), (x1, y1) = start_mm, end_mm
         if start_mm == end_mm:
             return self.round_hole(face, name, kind, start_mm, width_mm)
@@ -172,7 +172,7 @@ class Shape:
         return self._hole(face, Hole(self.path(name), kind, (*ends[0], *ends[1]), None, middle))
 
     def polygon_hole(self, face: str, name: str, kind: HoleKind, outline_mm: Sequence[Point]) -> str:
-        """Cut a polygon, counter-clockwise; returns its full name."""
+        """Cut a polygon, counter-clockwise, and return its full name."""
         return self._hole(face, Hole(self.path(name), kind, tuple(outline_mm)))
 
     def connect(
@@ -182,33 +182,33 @@ class Shape:
         """Join two edges of equal length: folded or bent by the angle, fused flat, hinged, or by a tab of ``b`` on ``a``.
 
         ``depth_mm`` is a tab's depth, ``limits_rad`` a hinge's range. A tab lies ``inset_mm`` above the face it is glued
-        to, its edge may be shorter by twice as much. ComponentError if lengths differ or an edge is joined already.
+        to; its edge is shorter by twice this. Raises ComponentError if lengths differ or an edge is joined already.
         """
         first, second = self._edge(a), self._edge(b)
         lengths = [math.dist(*self.graph.ends_mm(edge)) for edge in (first, second)]
         if abs(lengths[0] - lengths[1] - 2 * inset_mm) > LENGTH_TOLERANCE_MM:
-            here, there = self.graph.edge_path(first), self.graph.edge_path(second)
-            told = f"is {lengths[0]:g} mm long, {there} is {lengths[1]:g} mm: a {kind} joins edges of equal length"
-            raise ComponentError(here, told)
+            first_path, second_path = self.graph.edge_path(first), self.graph.edge_path(second)
+            sizes = f"is {lengths[0]:g} mm long, {second_path} is {lengths[1]:g} mm"
+            raise ComponentError(first_path, f"{sizes}: a {kind} joins edges of equal length")
         for edge, other in ((first, second), (second, first)):
             path = self.graph.edge_path(other)
             if edge in self.graph.linked:
-                told = f"is connected to {path} and {self.graph.linked[edge]}"
-                raise ComponentError(self.graph.edge_path(edge), told)
+                message = f"is connected to {path} and {self.graph.linked[edge]}"
+                raise ComponentError(self.graph.edge_path(edge), message)
             self.graph.linked[edge] = path
         self.graph.links.append(Link(kind, first, second, math.radians(angle_deg), depth_mm, *limits_rad, inset_mm))
 
     def place(self, face: str, on: str, pose: Pose, laminated: bool = False) -> None:
-        """Set a face's pose in the frame of the face ``on``, without a join or ``laminated``: glued onto it."""
+        """Set a face's pose in the frame of the face ``on``; if ``laminated``, it is also glued onto that face."""
         self.graph.placements.append(Placement(self._face(face), self._face(on), pose, laminated))
 
     def layer(self, name: str, on: str, outline_mm: Sequence[Point], at_mm: Point, piece: str, level: int = 1) -> None:
-        """Glue a layer of film, a new face, onto the face ``on``, its origin at a point of that; levels count from 1."""
+        """Add a layer of film, a new face, glued onto ``on`` with its origin at ``at_mm`` there; levels count from 1."""
         self.face(name, outline_mm, piece=piece, body=self.body_of(on))
         self.place(name, on, translation(*at_mm, level * self.parts.film_mm), laminated=True)
 
     def touch(self, kind: JoinKind, a: str, b: str, slot: str | None = None) -> None:
-        """Join edges or faces that folds and placements have put in their places.
+        """Join edges or faces whose poses folds and placements determine.
 
         tuck: edge ``a`` lies loosely inside edge ``b``. rim: the neck behind edge ``a`` lies in a notch, whose bottom is
         edge ``b``. laminate: face ``a`` is glued onto face ``b``. lock, tab_slot: the tongue whose tip is edge ``a``
@@ -218,15 +218,15 @@ class Shape:
         second = self._edge(b) if kind in ("tuck", "rim") else (self._face(b), 0)
         self.graph.contacts.append(Contact(kind, first, second, self.path(slot) if slot else None))
 
-    def reach(self, face: str, access: Access) -> None:
-        """Ask for room at a face, in its frame, where it is gripped or pressed."""
-        self.graph.atoms[self._face(face)].accesses.append(access)
+    def require_clearance(self, face: str, clearance: ToolClearance) -> None:
+        """Require free space at a face that is gripped or pressed; the clearance is given in the face's frame."""
+        self.graph.atoms[self._face(face)].clearances.append(clearance)
 
     def part(self, part: BoxPart, on: str, center_mm: tuple[float, float, float], *, turned: bool = False,
              marked: bool = False) -> None:  # fmt: skip
         """Add a bought part of the catalogue, its height along the face's z; ``turned`` puts its length along y.
 
-        If it is ``marked`` the face has its outline, which it is laid into.
+        If it is ``marked``, its outline is printed on the face as the place to lay it.
         """
         length, width, height = part.size_mm
         size = (width, length, height) if turned else part.size_mm
@@ -237,18 +237,18 @@ class Shape:
 
     def box(self, part: str, name: str, on: str, pose: Pose, size_mm: tuple[float, float, float],
             mass_kg: float, holes: Sequence[str] = (), solids: Sequence[Solid] = (),
-            accesses: Sequence[Access] = ()) -> None:  # fmt: skip
+            clearances: Sequence[ToolClearance] = ()) -> None:  # fmt: skip
         """Add a bought part of that size (x, y, z); ``pose`` is that of its centre in the frame of the face ``on``.
 
-        ``solids`` and ``accesses`` are given in the frame of its centre.
+        ``solids`` and ``clearances`` are given in the frame of its centre.
         """
         face = self._face(on)
-        shape = tuple(holes), tuple(solids), tuple(accesses)
+        shape = tuple(holes), tuple(solids), tuple(clearances)
         self.graph.mounts.append(Mount(part, name, self.graph.atoms[face].body, pose, size_mm, mass_kg, face, *shape))
 
     def axle(self, on: str, servo: str, side: Literal["left", "right"], center_mm: tuple[float, float, float],
              radius_mm: float, tyre_width_mm: float) -> None:  # fmt: skip
-        """Add a wheel that the part ``servo`` turns, or no part; ``center_mm`` is its centre in the frame of ``on``."""
+        """Add a wheel with its centre (mm) in the frame of the face ``on``, driven by ``servo``, or free if it is ""."""
         face = self._face(on)
         # Servos turn counter-clockwise above neutral, so those on the right turn backwards. The car numbers the channels.
         turned = (servo, -1, side, 1 if side == "left" else -1)

@@ -16,17 +16,17 @@ from foldcar.car.components.hooked_strip import (
     build_hub,
     build_rim,
     first_facet_pose,
-    least_radius_mm,
+    min_radius_mm,
     wheel_screws_mm,
 )
-from foldcar.car.components.mounts import cylinder, screw_in, wheel_hole_mm
+from foldcar.car.components.mounts import add_screw, cylinder, wheel_hole_mm
 from foldcar.car.components.shape import Shape, on_circle
 from foldcar.car.folded.model import Point, Solid
 from foldcar.car.folded.pose import apply, compose, inverse, rotation, translation
 from foldcar.car.parts.catalogue import Catalogue
 
 RADIUS = Parameter(
-    "radius", 60, least_radius_mm, 150, "rolling radius of the wheels, tyre included",
+    "radius", 60, min_radius_mm, 150, "rolling radius of the wheels, tyre included",
     "a hub between whose walls a driver reaches the horn's screws, and a rim", shared=True,
 )  # fmt: skip
 TYRE_WIDTH = Parameter(
@@ -51,7 +51,7 @@ class Wheel(Component):
     parameters = (RADIUS, TYRE_WIDTH, DRIVEN)
 
     def build(self, shape: Shape) -> None:
-        """Faces ``inner``, ``outer``, ``hub``, ``wall 1`` … and ``rim 0 0`` …"""
+        """Add faces ``inner``, ``outer``, ``hub``, ``wall 1`` … and ``rim 0 0`` …, horn or rod holes, and the tyre."""
         size = WheelSize(self["radius"], self["tire_thickness"], self.parts)
         # The discs are drawn as seen from inside the wheel.
         for name, mirror in (("inner", -1), ("outer", 1)):
@@ -78,23 +78,23 @@ class Wheel(Component):
         shape.begin_at("inner", poses["inner"])
 
     def _holes(self, shape: Shape, size: WheelSize) -> None:
-        """Holes for the horn's screws in the inner disc and the hub's layer on it, and the access to them."""
+        """Cut holes for the horn's screws into inner disc and hub, and the hole for the driver into the outer disc."""
         assembly, horn = self.parts.assembly, self.parts.horn
         for face in ("inner", "hub"):
             shape.round_hole(face, f"{face}.hub", "axle", (0, 0), horn.recess_diameter_mm.value)
             for i, center in enumerate(wheel_screws_mm(horn)):
                 # Slots towards the axle, for horns whose holes lie nearer to it or farther from it.
                 off, far = horn.wheel_screws.tolerance, math.hypot(*center)
-                wide = self.parts.horn_screw.diameter_mm.most + 2 * assembly.cut_mm.value
-                near, out = ((center[0] * share, center[1] * share) for share in (1 - off / far, 1 + off / far))
+                wide = self.parts.horn_screw.diameter_mm.max_value + 2 * assembly.cut_mm.value
+                near, out = ((center[0] * scale, center[1] * scale) for scale in (1 - off / far, 1 + off / far))
                 shape.slotted_hole(face, f"{face}.horn screw {i + 1}", "screw", near, out, wide)
         shape.round_hole("outer", "outer.access", "opening", (0, 0), 2 * access_radius_mm(self.parts))
 
 
 def _disc(size: WheelSize, mirror: int) -> dict[str, Point]:
-    """The outline of a disc with a notch for each tie: the bottom of notch i is the edge ``notch i``.
+    """Return the outline of a disc with a notch for each tie: the bottom of notch i is the edge ``notch i``.
 
-    ``mirror`` is -1 if directions in the wheel's frame run clockwise in the disc's.
+    ``mirror`` is -1 if directions in the wheel's frame run clockwise in the disc's, else 1.
     """
     radius, (half, bottom) = size.disc_radius_mm, size.notch_mm
     opening = math.asin(half / radius)
@@ -112,7 +112,7 @@ def _disc(size: WheelSize, mirror: int) -> dict[str, Point]:
     return outline
 
 
-# The tyre's ring is modelled as so many boxes.
+# The number of boxes that model the tyre's ring.
 TYRE_BOXES = 48
 
 
@@ -125,15 +125,15 @@ def _horn(shape: Shape, size: WheelSize) -> None:
     box, solids = (x1 - x0, y1 - y0, horn.height_mm.value), _horn_solids(shape.parts, center)
     shape.box(horn.name, "horn", "inner", translation(*center), box, horn.mass_kg.value, solids=solids)
     seat = translation(0, 0, under - horn.recess_depth_mm.value)
-    screw_in(shape, parts.centre_screw, "centre screw", "inner", seat, 0.0)
+    add_screw(shape, parts.centre_screw, "centre screw", "inner", seat, 0.0)
     for i, (x, y) in enumerate(wheel_screws_mm(horn)):
         # On the hub's layer.
         seat = translation(x, y, -under + size.film_mm)
-        screw_in(shape, parts.horn_screw, f"wheel screw {i + 1}", "inner", seat, 0.0)
+        add_screw(shape, parts.horn_screw, f"wheel screw {i + 1}", "inner", seat, 0.0)
 
 
 def _horn_solids(parts: Catalogue, center: tuple[float, float, float]) -> list[Solid]:
-    """Hub and arms or disc, relative to the middle of the horn's box."""
+    """Return the horn's hub and its arms or disc, relative to the middle of its box."""
     horn, screw = parts.horn, parts.horn_screw.diameter_mm.value
     x, y, _ = center
     height, flat, recess = horn.height_mm.value, horn.thickness_mm.value, horn.recess_depth_mm.value
@@ -161,7 +161,7 @@ def _horn_solids(parts: Catalogue, center: tuple[float, float, float]) -> list[S
 
 
 def _tyre(shape: Shape, size: WheelSize) -> None:
-    """A ring of boxes over both discs and the rim."""
+    """Add the tyre: a ring of boxes over both discs and the rim."""
     tyre = shape.parts.tyre
     width, thick = tyre.running_width_mm(size.width_mm), tyre.thickness_mm.value
     step = 2 * math.pi / TYRE_BOXES

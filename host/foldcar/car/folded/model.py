@@ -1,4 +1,4 @@
-"""The data model of a folded car: its film and everything fixed to it, immutable, read by every exporter.
+"""The immutable data model of a folded car, its film and everything fixed to it; every exporter reads it.
 
 Lengths in millimetres, angles in radians. Each face has a frame: its outline lies in the plane z = 0, its printed
 side faces +z. Folding turns a child face about the edge it shares with its parent; a positive angle lifts the child
@@ -33,7 +33,7 @@ class Hole:
 
 @dataclass(frozen=True, slots=True)
 class Mark:
-    """Where the mount of that name is laid: its outline on the printed side, counter-clockwise in the face's frame."""
+    """The place of the mount ``name``: its outline on the printed side, counter-clockwise in the face's frame."""
 
     name: str
     outline_mm: tuple[Point, ...]
@@ -43,7 +43,7 @@ class Mark:
 class Face:
     """One flat polygon of film. ``role`` is panel, tab or rim; edge i runs from outline point i to i + 1.
 
-    ``accesses`` are what must be free at a face that is gripped or pressed, in its frame.
+    ``clearances`` are the spaces, in the face's frame, that must be free where it is gripped or pressed.
     """
 
     name: str
@@ -51,7 +51,7 @@ class Face:
     holes: tuple[Hole, ...] = ()
     role: Literal["panel", "tab", "rim"] = "panel"
     marks: tuple[Mark, ...] = ()
-    accesses: tuple["Access", ...] = ()
+    clearances: tuple["ToolClearance", ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,7 +126,7 @@ class Join:
 class Solid:
     """A box, or a cylinder along z (diameter, diameter, length); ``pose`` is that of its middle in its part's frame.
 
-    ``bores`` are round holes along z through it, (x, y, diameter): screws stand in them, and nothing else does.
+    ``bores`` are round holes along z through it, (x, y, diameter), for screws only.
     """
 
     kind: Literal["box", "cylinder"]
@@ -136,10 +136,10 @@ class Solid:
 
 
 @dataclass(frozen=True, slots=True)
-class Access:
-    """A cylinder along +z from ``pose`` in the frame of its part or face that must be free, from there outwards.
+class ToolClearance:
+    """A space that a tool needs: a cylinder along +z from ``pose`` in the frame of its part or face.
 
-    ``tool`` is what needs it: a screwdriver, a plug with its hand, a finger; the film of a tongue that is drawn in.
+    ``tool`` is a screwdriver, a plug with the hand that holds it, a finger, or the film of a tongue that is drawn in.
     """
 
     tool: Literal["driver", "plug", "finger", "tongue"]
@@ -152,7 +152,7 @@ class Access:
 class Mount:
     """A bought part: the name of its catalogue entry, the pose of its box's centre in the car, size along its axes.
 
-    ``solids`` are its shape, if that is more than its box.
+    ``solids`` are its shape; a part without them is a box.
     """
 
     part: str
@@ -164,7 +164,7 @@ class Mount:
     face: str | None = None
     holes: tuple[str, ...] = ()
     solids: tuple[Solid, ...] = ()
-    accesses: tuple[Access, ...] = ()
+    clearances: tuple[ToolClearance, ...] = ()
 
     @property
     def shape(self) -> tuple[Solid, ...]:
@@ -181,7 +181,7 @@ class Axle:
     """A wheel's joint: the mount ``servo`` on ``channel`` turns the body ``wheel`` about +y at ``center_mm`` in the car.
 
     ``direction`` is 1 if the wheel turns forward for pulses above neutral, else -1. Wheels of one ``unit`` are alike.
-    Without a servo (``servo`` is empty) it turns freely, and ``channel`` is no output's: it follows on the servos'.
+    Without a servo (``servo`` is empty) it turns freely, and ``channel`` is a number after those of the servos' outputs.
     """
 
     wheel: str

@@ -1,6 +1,6 @@
 """A folded car's faces in space, the input of the checks: polygon, pose, corner points.
 
-Input: a FoldedCar. Output: placed faces by body; wheels are equal, so only the first one is placed.
+Input: a FoldedCar. Output: placed faces by body; wheels of a unit are equal, so by default only the first is placed.
 """
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
@@ -76,9 +76,9 @@ def polygon(face: Face) -> shapely.Polygon:
 
 
 def place(car: FoldedCar, only: Collection[str] = ()) -> dict[str, list[PlacedFace]]:
-    """The faces of ``only`` these bodies, or else of every segment and of the first wheel of each unit, by body.
+    """Return faces by body: of the bodies ``only``, by default of every segment and the first wheel of each unit.
 
-    Beyond a flexure a face belongs to the segment behind.
+    A face beyond a flexure belongs to the segment behind.
     """
     pieces = {piece.name: piece for piece in car.pieces}
     behind = {hinge.front: hinge.rear for hinge in car.hinges}
@@ -88,18 +88,18 @@ def place(car: FoldedCar, only: Collection[str] = ()) -> dict[str, list[PlacedFa
     others = {placed.body for placed in turning} - set(first.values())
     shapes: dict[str, dict[str, Pose]] = {}
     placed: dict[str, list[PlacedFace]] = {}
-    for one in car.placed:
-        piece = pieces[one.piece]
-        owner = {piece.faces[0].name: one.body}
+    for copy in car.placed:
+        piece = pieces[copy.piece]
+        owner = {piece.faces[0].name: copy.body}
         for crease in piece.creases:
-            here = owner[crease.parent.face]
-            owner[crease.child.face] = behind.get(here, here) if crease.flexure else here
-        wanted = [f for f in piece.faces if (owner[f.name] in only if only else one.body not in others)]
-        if wanted and piece.name not in shapes:
+            parent_body = owner[crease.parent.face]
+            owner[crease.child.face] = behind.get(parent_body, parent_body) if crease.flexure else parent_body
+        wanted_faces = [f for f in piece.faces if (owner[f.name] in only if only else copy.body not in others)]
+        if wanted_faces and piece.name not in shapes:
             shapes[piece.name] = folded(piece)
-        for face in wanted:
-            body, pose = owner[face.name], compose(one.pose, shapes[piece.name][face.name])
-            placed.setdefault(body, []).append(PlacedFace(piece, one.copy, body, face, pose))
+        for face in wanted_faces:
+            body, pose = owner[face.name], compose(copy.pose, shapes[piece.name][face.name])
+            placed.setdefault(body, []).append(PlacedFace(piece, copy.copy, body, face, pose))
     return placed
 
 

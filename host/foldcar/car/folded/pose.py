@@ -1,4 +1,4 @@
-"""Poses as nested tuples (4x4 homogeneous matrices, row-major, in mm and rad), and those of a piece's faces."""
+"""Poses as nested tuples (4x4 homogeneous matrices, row-major, in mm and rad); the poses of a piece's faces."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -85,9 +85,10 @@ def _cos_sin(angle_rad: float) -> tuple[float, float]:
 
 
 def folded(piece: Piece, fraction: float | Mapping[str, float] = 1.0) -> dict[str, Pose]:
-    """The poses of a piece's faces by name, in the frame of its first one.
+    """Return the poses of a piece's faces by name, in the frame of its first face.
 
-    ``fraction`` of the fold angles, from 0 (flat) to 1 (assembled): of all, or by crease, 0 for those not named.
+    ``fraction`` of the fold angles goes from 0 (flat) to 1 (assembled): one number for all creases, or one for each by
+    name, 0 for those not named.
     """
     faces = {face.name: face for face in piece.faces}
     poses = {piece.faces[0].name: IDENTITY}
@@ -108,7 +109,7 @@ def side(outline_mm: Sequence[Point], index: int) -> tuple[Point, Point]:
     return outline_mm[index], outline_mm[(index + 1) % len(outline_mm)]
 
 
-def folded_back(hinge: HingeJoint, angle_rad: float) -> Pose:
-    """The rear segment's motion in the front one's frame (mm); a positive angle is the front segment nose up."""
+def hinge_motion(hinge: HingeJoint, angle_rad: float) -> Pose:
+    """Return the rear segment's motion in the front segment's frame (mm); a positive angle is the front nose up."""
     x, y, z = hinge.center_mm
     return compose(translation(x, y, z), rotation("y", angle_rad), translation(-x, -y, -z))

@@ -1,4 +1,4 @@
-"""How a folded car stands on level ground, hinges flat: wheels of different radii tilt it.
+"""The stance of a folded car on level ground, hinges flat: wheels of different radii tilt it.
 
 Input: a FoldedCar. Output: pitch and height. With the pitch θ, nose up, a point (x, z) of the car's frame is
 x sin θ + z cos θ + h above the ground. An axle lies at z = 0, a wheel of radius r stands if x sin θ + h = r. So two axles
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from foldcar.car.folded.model import FoldedCar, Point
 from foldcar.car.folded.weight import assemble, body_properties
 
-# A wheel stands if it is no higher over the ground than this.
+# A wheel at this height over the ground or less counts as standing.
 ROUNDING_MM = 1e-9
 
 
@@ -37,7 +37,7 @@ def center_mm(car: FoldedCar) -> tuple[float, float, float]:
 
 
 def stance(car: FoldedCar) -> Stance:
-    """How the car stands."""
+    """Return the car's stance."""
     wheels = [(axle.center_mm[0], axle.radius_mm) for axle in car.axles]
     if len({radius for _, radius in wheels}) == 1:
         return Stance(0.0, wheels[0][1])
@@ -46,9 +46,9 @@ def stance(car: FoldedCar) -> Stance:
 
 
 def standing(wheels_mm: Sequence[Point], center_mm: Point) -> Stance:
-    """The stance of wheels, (x, radius) each, in which the centre of mass (x, z) is lowest.
+    """Return the stance of wheels, (x, radius) each, in which the centre of mass (x, z) is lowest.
 
-    It is on two axles or, with the centre of mass below one axle, on this one: the body hangs from it.
+    The car stands on two axles. With the centre of mass below an axle, it may instead hang from this axle alone.
     """
     x, z = center_mm
     stances = [Stance(0.0, max(radius for _, radius in wheels_mm))]

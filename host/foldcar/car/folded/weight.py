@@ -43,13 +43,13 @@ def assemble(bodies: Iterable[MassProperties]) -> MassProperties:
 
 
 def body_properties(car: FoldedCar, body: str) -> MassProperties:
-    """Film and parts of ``segment0`` … or ``wheel0`` … as one rigid body, hinges flat (SI units, car's frame)."""
-    film = (plate_properties(one, car.parts.film) for one in place(car, (body,))[body])
+    """Mass properties of film and parts of ``segment0`` … or ``wheel0`` …, hinges flat (SI units, car's frame)."""
+    film = (plate_properties(face, car.parts.film) for face in place(car, (body,))[body])
     return assemble([*film, *(mount_properties(mount) for mount in car.mounts if mount.body == body)])
 
 
 def mount_properties(mount: Mount) -> MassProperties:
-    """A part of uniform density, the sum of its solids, or else its box (SI units, car's frame)."""
+    """Mass properties of a part of uniform density, made of its solids or its box (SI units, car's frame)."""
     volumes = [math.prod(solid.size_mm) * (math.pi / 4 if solid.kind == "cylinder" else 1.0) for solid in mount.shape]
     properties = []
     for solid, volume in zip(mount.shape, volumes, strict=True):
@@ -66,8 +66,8 @@ def mount_properties(mount: Mount) -> MassProperties:
     return assemble(properties)
 
 
-def placing_mm(car: FoldedCar) -> float:
-    """How far the centre of mass is off along the floor at most, if parts are laid into their outlines by eye (mm)."""
+def max_placement_shift_mm(car: FoldedCar) -> float:
+    """Maximum shift (mm) of the centre of mass along the floor if parts are laid into their outlines by eye."""
     marked = {mark.name for piece in car.pieces for face in piece.faces for mark in face.marks}
     laid_kg = sum(mount.mass_kg for mount in car.mounts if mount.name in marked)
     whole_kg = sum(body_properties(car, body).mass_kg for body in {placed.body for placed in car.placed})
@@ -84,9 +84,9 @@ def area_mm2(outline: Sequence[Point]) -> float:
     return doubled / 2
 
 
-def plate_properties(one: PlacedFace, film: Film) -> MassProperties:
-    """A face as a plate of uniform thickness (SI units, car's frame)."""
-    face, thickness_mm = one.face, one.piece.thickness_mm
+def plate_properties(placed: PlacedFace, film: Film) -> MassProperties:
+    """Mass properties of a face as a plate of uniform thickness (SI units, car's frame)."""
+    face, thickness_mm = placed.face, placed.piece.thickness_mm
     moments = _moments(face.outline_mm) - sum((_moments(hole.outline_mm) for hole in face.holes), np.zeros(6))
     area, first_x, first_y, xx, yy, xy = moments
     x, y = first_x / area, first_y / area
@@ -96,7 +96,7 @@ def plate_properties(one: PlacedFace, film: Film) -> MassProperties:
     inertia = np.array([[yy + through, -xy, 0.0], [-xy, xx + through, 0.0], [0.0, 0.0, xx + yy]])
     inertia *= density_kg_mm2 * MM**2
     center = np.array([x * MM, y * MM, 0.0])
-    return _turned(MassProperties(area * density_kg_mm2, center, inertia), one.pose)
+    return _turned(MassProperties(area * density_kg_mm2, center, inertia), placed.pose)
 
 
 def _moments(outline: Sequence[Point]) -> NDArray[np.float64]:
@@ -115,7 +115,7 @@ def _moments(outline: Sequence[Point]) -> NDArray[np.float64]:
 
 
 def _turned(properties: MassProperties, pose: Pose) -> MassProperties:
-    """The body moved by the pose (mm)."""
+    """Return the mass properties of the body moved by the pose (mm)."""
     matrix = np.array(pose)
     turn, shift = matrix[:3, :3], matrix[:3, 3] * MM
     center = turn @ properties.center_m + shift

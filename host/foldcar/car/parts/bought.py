@@ -11,7 +11,7 @@ from foldcar.car.parts.quantity import Bought, Box, BoxPart, Data, Holes, PartDa
 
 
 class Cutting(Data):
-    """How each machine cuts a film, and who says so; None for a machine that does not."""
+    """How each machine cuts a film, with the source; None for a machine that does not cut it."""
 
     silhouette: str | None
     cricut: str | None
@@ -23,7 +23,7 @@ class Film(PartData):
     """A film of one thickness; films of one material have the same ``name``.
 
     Bent below ``least_bend_radius_mm`` it keeps a crease or cracks. ``friction`` is that of bare film on the ground.
-    ``tape`` is what holds it, ``folding`` how its folds are made, ``hinge`` how it stands being bent in use.
+    ``tape`` says what tape holds it, ``folding`` how its folds are made, ``hinge`` how it endures bending in use.
     """
 
     sold_as: str
@@ -50,17 +50,17 @@ class Spacer(Bought):
 
 
 class Tools(PartData):
-    """The room that a screwdriver, a finger, and a nut before its screw need."""
+    """The space that a screwdriver, a finger, and a nut before its screw need."""
 
     @property
     def finger_mm(self) -> tuple[float, float]:
         """Diameter and length of the largest finger (mm)."""
-        return self.finger_diameter_mm.most, self.finger_length_mm.most
+        return self.finger_diameter_mm.max_value, self.finger_length_mm.max_value
 
     @property
     def driver_mm(self) -> tuple[float, float]:
         """Diameter and length of the largest screwdriver's shaft (mm)."""
-        return self.driver_diameter_mm.most, self.driver_length_mm.most
+        return self.driver_diameter_mm.max_value, self.driver_length_mm.max_value
 
 
 STANDARD_GRAVITY_M_S2 = 9.80665
@@ -97,11 +97,11 @@ class Servo(Bought):
     def at_voltage(self, voltage_v: float) -> ServoLine:
         """Linear interpolation (or extrapolation) of the two data-sheet points at ``voltage_v``, in SI units."""
         low, high = self.operating_points
-        share = (voltage_v - low.voltage_v) / (high.voltage_v - low.voltage_v)
+        fraction = (voltage_v - low.voltage_v) / (high.voltage_v - low.voltage_v)
 
         def between(name: str) -> float:
             first, last = (float(getattr(point, name).value) for point in (low, high))
-            return first + share * (last - first)
+            return first + fraction * (last - first)
 
         return ServoLine(
             no_load_speed_rad_s=between("no_load_speed_rpm") * 2 * math.pi / 60,
@@ -125,7 +125,7 @@ class Horn(Bought):
     """A servo horn; it comes with the servo, and its mass counts to the wheel's.
 
     Its frame: the axis is z, arms in the plane of x and y, the first along x. Arms or disc are flush with the hub's
-    outer face. ``holes`` are all, ``wheel_screws`` those of them that hold a wheel. Its cost says whence it comes.
+    outer face. ``holes`` are all its holes, ``wheel_screws`` those for the wheel's screws. Its cost tells its origin.
     """
 
     arms: Arms | None
@@ -135,7 +135,7 @@ class Horn(Bought):
 
     @property
     def extent_mm(self) -> tuple[float, float, float, float]:
-        """Least x and y, greatest x and y of arms, disc and hub (mm)."""
+        """Minimum x and y, maximum x and y of arms, disc and hub (mm)."""
         half = max(self.hub_diameter_mm.value, self.disc_diameter_mm.value if self.disc_diameter_mm else 0.0) / 2
         xs, ys = [-half, half], [-half, half]
         if self.arms:
@@ -146,7 +146,7 @@ class Horn(Bought):
 
 
 class Cells(PartData):
-    """What is in the battery's holder: its voltage without a load, its resistance with holder, leads and switch."""
+    """The cells in the battery's holder: voltage without load, resistance with holder, leads and switch."""
 
     supply_v: Quantity
     supply_resistance_ohm: Quantity
@@ -168,7 +168,7 @@ class Tyre(Bought):
         return rim_width_mm if self.width_mm is None else min(self.width_mm.value, rim_width_mm)
 
     def cut(self, radius_mm: float, rim_width_mm: float) -> str:
-        """What to cut for a wheel of that outer radius: a strip as long as the tyre's middle, or a piece of tube."""
+        """Return what to cut for a wheel of that outer radius: a strip as long as the tyre's middle, or a tube."""
         wide, thick = self.running_width_mm(rim_width_mm), self.thickness_mm.value
         if self.form == "tube":
             least = 2 * (radius_mm - thick)
@@ -197,18 +197,18 @@ class Feather(BoxPart):
 
     @property
     def standing(self) -> tuple[Box, ...]:
-        """What stands on the board, with the pins below it."""
+        """Everything that stands on the board, and the pins below it."""
         socket = self.battery_socket
         return (*self.headers, *self.joints, *self.small, self.usb, socket, self.antenna, self.reset)
 
     def free_holes(self, screw: Screw) -> list[tuple[float, float]]:
-        """The holes beside which a screw's nut can be turned: nothing stands on the board there."""
+        """Return the holes where a screw's nut can be turned, because nothing on the board is in the way."""
         nut = screw.nut_width_mm.value / math.sqrt(3) if screw.nut_width_mm else screw.diameter_mm.value / 2
 
         def apart(box: Box, at: tuple[float, float]) -> float:
             return math.hypot(*(max(0.0, abs(at[i] - box.at_mm[i]) - box.size_mm[i] / 2) for i in (0, 1)))
 
-        holes = [at for several in self.holes for at in several.at_mm]
+        holes = [at for pattern in self.holes for at in pattern.at_mm]
         return [at for at in holes if all(apart(box, at) > nut for box in self.standing)]
 
 
@@ -228,9 +228,9 @@ class FeatherWing(BoxPart):
 
 
 class Plugs(PartData):
-    """The plugs that must pass, with their housings: the computer's, the servos' and the LiPo's.
+    """The computer's, the servos' and the LiPo's plugs with their housings, which need clearance.
 
-    ``inserted_mm`` of a plug's way is in its socket.
+    ``inserted_mm`` is the length of a plug inside its socket.
     """
 
     usb: PartData

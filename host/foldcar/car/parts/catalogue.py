@@ -1,7 +1,7 @@
 """The parts catalogue from data/*.json, and the parts that a vehicle chooses: one of each kind, by name.
 
-A choice is checked where it is read, so that everything downstream holds valid names. A type string names the choices
-that are not the default ones, so that it says what a car is: ``W_B_W+tyre=none``.
+A choice is checked where it is read, so that everything downstream has valid names. A type string names the choices
+that differ from the defaults, so that it describes the whole car: ``W_B_W+tyre=none``.
 """
 
 import json
@@ -29,7 +29,7 @@ from foldcar.car.parts.quantity import Bought, BoxPart, Data, PartData, Quantity
 from foldcar.errors import FoldcarError
 from foldcar.typed import did_you_mean
 
-# Kind of part → its names; the data of a part are in KIND_NAME.json. Where the battery sits has none.
+# Kind of part → its names; the data of a part are in KIND_NAME.json. The place of the battery has no data.
 OPTIONS: dict[str, tuple[str, ...]] = {
     "film": ("0.127", "0.19", "0.25", "card_160", "card_300", "pp_0.5", "pp_0.8"),
     "horn": ("one_sided", "two_sided", "cross", "disc"),
@@ -41,7 +41,7 @@ OPTIONS: dict[str, tuple[str, ...]] = {
 
 
 class PartError(FoldcarError):
-    """A kind or a name of a part that is not known. ``kind`` is the one whose name is at fault, or None."""
+    """An unknown kind of part, or an unknown name of a part of ``kind``, which is None for an unknown kind."""
 
     def __init__(self, kind: str | None, message: str) -> None:
         super().__init__(f"{kind}: {message}" if kind else message)
@@ -60,7 +60,7 @@ class PartChoices:
     cells: str = "unnamed"
 
     def changed(self, names: Mapping[str, str]) -> "PartChoices":
-        """These choices with other names by kind; PartError, which lists the known ones, for an unknown one."""
+        """Return these choices with other names by kind. Raises PartError, which lists the known names or kinds."""
         for kind, name in names.items():
             if kind not in OPTIONS:
                 close = did_you_mean(kind, list(OPTIONS))
@@ -72,7 +72,7 @@ class PartChoices:
 
     @property
     def suffix(self) -> str:
-        """What follows the modules in a type string: every name that is not the default one, as ``+tyre=none``."""
+        """The end of a type string, after the modules: every name that is not the default, as ``+tyre=none``."""
         usual = asdict(DEFAULT_CHOICES)
         return "".join(f"+{kind}={name}" for kind, name in asdict(self).items() if name != usual[kind])
 
@@ -81,13 +81,13 @@ DEFAULT_CHOICES = PartChoices()
 
 
 def split_type(type_string: str) -> tuple[str, PartChoices]:
-    """The modules (``W_B_W``) and the parts of a type string; PartError for parts that are not known."""
+    """Split a type string into modules (``W_B_W``) and parts. Raises PartError for unknown parts."""
     modules, *named = type_string.split("+")
     names: dict[str, str] = {}
-    for one in named:
-        kind, equals, name = one.partition("=")
+    for choice in named:
+        kind, equals, name = choice.partition("=")
         if not equals or kind in names:
-            raise PartError(None, f'"{type_string}": "+{one}" is no +KIND=NAME of a part, as in W_B_W+tyre=none')
+            raise PartError(None, f'"{type_string}": "+{choice}" must be +KIND=NAME of a part, as in W_B_W+tyre=none')
         names[kind] = name
     try:
         return modules, DEFAULT_CHOICES.changed(names)
@@ -98,11 +98,11 @@ def split_type(type_string: str) -> tuple[str, PartChoices]:
 class Catalogue(Data):
     """The parts of one car, each from the file of its name: those that all cars have and those that it chooses.
 
-    ``screw`` holds a servo in its wall, ``board_screw`` with a ``spacer`` the Feather's end at USB, ``board_pad`` its
-    other end, ``horn_screw`` a wheel on a horn, ``centre_screw`` the horn on the servo, ``pad`` the battery in its place.
-    ``axle_rod`` carries wheels that no servo drives, an ``axle_tube`` keeps each off its wall, an ``axle_cap`` on it.
-    ``headers`` have a price only: their mass is in the boards'. ``wire_mm`` of wire are in the mass and cost of
-    ``wiring``, which has the slack that leads need on their ways. Leads leave the middle of an end of a battery's length.
+    ``screw`` holds a servo in its wall, ``board_screw`` with a ``spacer`` holds the Feather's end at USB, ``board_pad``
+    its other end. ``horn_screw`` holds a wheel on a horn, ``centre_screw`` the horn on the servo, ``pad`` the battery.
+    ``axle_rod`` carries wheels without servos; an ``axle_tube`` keeps each off its wall, an ``axle_cap`` on the rod.
+    ``headers`` have a price only: their mass is in the boards'. Mass and cost of ``wiring`` include ``wire_mm`` of wire;
+    ``wiring`` also has the slack that leads need. Leads leave the middle of an end of a battery's length.
     ``assembly`` has the clearances, laminations and contact properties of a folded car.
     """
 
@@ -154,32 +154,32 @@ class Catalogue(Data):
 
 def catalogue() -> Catalogue:
     """The catalogue of the default choices."""
-    return chosen(DEFAULT_CHOICES)
+    return catalogue_of(DEFAULT_CHOICES)
 
 
 @cache
-def chosen(choices: PartChoices) -> Catalogue:
-    """The catalogue with these choices; the package contains its data."""
-    data, found = files("foldcar.car.parts").joinpath("data"), {}
+def catalogue_of(choices: PartChoices) -> Catalogue:
+    """Return the catalogue with these choices, read from the package's data."""
+    data, contents = files("foldcar.car.parts").joinpath("data"), {}
     for field in Catalogue.model_fields:
         name = getattr(choices, field, None)
         if field != "battery_place":
             file = f"{field}_{name}.json" if name else f"{field}.json"
-            found[field] = json.loads(data.joinpath(file).read_text(encoding="utf-8"))
-    return Catalogue.model_validate(found | {"battery_place": choices.battery_place})
+            contents[field] = json.loads(data.joinpath(file).read_text(encoding="utf-8"))
+    return Catalogue.model_validate(contents | {"battery_place": choices.battery_place})
 
 
 @cache
 def films(name: str) -> tuple[Film, ...]:
-    """The films of the material of that name, the thinnest first."""
-    found = (chosen(DEFAULT_CHOICES.changed({"film": film})).film for film in OPTIONS["film"])
-    return tuple(sorted((film for film in found if film.name == name), key=lambda film: film.thickness_mm.value))
+    """Return the films of the material of that name, the thinnest first."""
+    candidates = (catalogue_of(DEFAULT_CHOICES.changed({"film": film})).film for film in OPTIONS["film"])
+    return tuple(sorted((film for film in candidates if film.name == name), key=lambda film: film.thickness_mm.value))
 
 
 def film_of(car_film: Film, thickness_mm: float) -> Film:
-    """The film of that thickness of the car's material; PartError if there is none."""
-    known = {film.thickness_mm.value: film for film in films(car_film.name)}
-    if thickness_mm not in known:
-        sold = ", ".join(f"{one:g}" for one in known)
+    """Return the film of the car's material with that thickness. Raises PartError if it is not sold."""
+    by_thickness = {film.thickness_mm.value: film for film in films(car_film.name)}
+    if thickness_mm not in by_thickness:
+        sold = ", ".join(f"{thickness:g}" for thickness in by_thickness)
         raise PartError("film", f"no {car_film.name} of {thickness_mm:g} mm; known: {sold}")
-    return known[thickness_mm]
+    return by_thickness[thickness_mm]

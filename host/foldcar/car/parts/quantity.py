@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict
 
 
 class Data(BaseModel):
-    """The base of everything in a data file: unknown keys are mistakes."""
+    """The base of everything in a data file; unknown keys are errors."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -22,13 +22,13 @@ class Quantity(Data):
     source: str
 
     @property
-    def least(self) -> float:
-        """The least of its expected values."""
+    def min_value(self) -> float:
+        """The smallest expected value."""
         return self.value - self.tolerance
 
     @property
-    def most(self) -> float:
-        """The largest of its expected values."""
+    def max_value(self) -> float:
+        """The largest expected value."""
         return self.value + self.tolerance
 
 
@@ -56,7 +56,7 @@ class Holes(Places):
 
 
 class PartData(BaseModel):
-    """The base of all parts: its class declares what is no Quantity, its data file the quantities, by their names."""
+    """The base of all parts. The data file has the quantities by name; the class declares all other fields."""
 
     model_config = ConfigDict(extra="allow", frozen=True)
     __pydantic_extra__: dict[str, Quantity]

@@ -1,8 +1,8 @@
-"""Film and parts as convex solids, whether they collide while they move, and a way out of what surrounds them.
+"""Film and parts as convex solids: collisions while they move, and straight paths out of their surroundings.
 
-A face is a plate of its film's thickness without its holes, cut into triangles that are extruded. From all solids a skin
-is taken: what touches, or overlaps by less, does not collide. A solid that is translated sweeps the convex hull of both
-ends, so nothing is stepped over, however thin. Lengths in mm.
+A face is a plate of its film's thickness without its holes, cut into triangles that are extruded. All solids are shrunk
+by a skin: solids that touch, or overlap by less, do not collide. A translated solid sweeps the convex hull of both
+positions, so that no obstacle is skipped, however thin. Lengths in mm.
 """
 
 import itertools
@@ -16,15 +16,15 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from foldcar.car.folded.model import Access, Pose, Solid
+from foldcar.car.folded.model import Pose, Solid, ToolClearance
 from foldcar.car.folded.pose import translation
 from foldcar.car.proof.step import Vector
 
 # Solids may overlap by twice this.
 SKIN_MM = 0.05
-LEAST_MM = 0.01
+MIN_SIZE_MM = 0.01
 SIDES = 16
-# The hull of points needs no faces, which fcl.Convex uses for large bodies only; an open one keeps it to the points.
+# fcl.Convex uses faces for large bodies only; with one open face it uses the points alone.
 _NO_FACES = np.array([3, 0, 1, 2], dtype=np.int32)
 
 Points = NDArray[np.float64]
@@ -32,7 +32,7 @@ Points = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Blocks:
-    """Convex solids: the corners of all, (n, 3) in mm, where those of each begin, and what each belongs to."""
+    """Convex solids: all corners, (n, 3) in mm; the index of each solid's first corner; each solid's title."""
 
     corners_mm: Points
     starts: NDArray[np.intp]
@@ -40,51 +40,51 @@ class Blocks:
 
     @cached_property
     def low(self) -> Points:
-        """The least coordinates of each, (k, 3)."""
+        """The minimum coordinates of each solid, (k, 3)."""
         low: Points = np.minimum.reduceat(self.corners_mm, self.starts) if self.titles else self.corners_mm
         return low
 
     @cached_property
     def high(self) -> Points:
-        """The largest coordinates of each, (k, 3)."""
+        """The maximum coordinates of each solid, (k, 3)."""
         high: Points = np.maximum.reduceat(self.corners_mm, self.starts) if self.titles else self.corners_mm
         return high
 
     def part(self, i: int) -> Points:
-        """The corners of one."""
+        """The corners of solid ``i``, (n, 3)."""
         return self.corners_mm[self.starts[i] : self.starts[i + 1] if i + 1 < len(self.titles) else None]
 
     @cached_property
     def solids(self) -> dict[int, fcl.CollisionObject]:
-        """Those that fcl was given, by their number."""
+        """Cache of fcl's objects by the solids' indices."""
         return {}
 
     def where(self, titles: Collection[str], among: bool = True) -> "Blocks":
-        """The solids whose title is ``among`` these, or is not."""
+        """Return the solids whose title is among ``titles``, or, without ``among``, those whose title is not."""
         kept = [i for i, title in enumerate(self.titles) if (title in titles) == among]
         return blocks_of([self.part(i) for i in kept], [self.titles[i] for i in kept])
 
     def moved(self, pose: Pose) -> "Blocks":
-        """The solids moved by a pose."""
+        """Return the solids moved by a pose."""
         matrix = np.array(pose)
         return Blocks(self.corners_mm @ matrix[:3, :3].T + matrix[:3, 3], self.starts, self.titles)
 
 
 def blocks_of(corners_mm: Iterable[Points], titles: str | Sequence[str]) -> Blocks:
-    """Convex solids from their corners, with one title or each with its own."""
+    """Return convex solids from their corners, with one common title or one title for each."""
     parts = list(corners_mm)
     starts = np.cumsum([0, *map(len, parts)])[:-1]
     names = (titles,) * len(parts) if isinstance(titles, str) else tuple(titles)
     return Blocks(np.concatenate([np.zeros((0, 3)), *parts]), starts, names)
 
 
-def together(several: Iterable[Blocks]) -> Blocks:
-    """All solids of several."""
-    several = list(several)
-    shifts = np.cumsum([0, *(len(one.corners_mm) for one in several)])
-    starts = [one.starts + shift for one, shift in zip(several, shifts[:-1], strict=True)]
-    corners = np.concatenate([np.zeros((0, 3)), *(one.corners_mm for one in several)])
-    titles = tuple(itertools.chain.from_iterable(one.titles for one in several))
+def merge_blocks(groups: Iterable[Blocks]) -> Blocks:
+    """Return all solids of the groups."""
+    groups = list(groups)
+    shifts = np.cumsum([0, *(len(group.corners_mm) for group in groups)])
+    starts = [group.starts + shift for group, shift in zip(groups, shifts[:-1], strict=True)]
+    corners = np.concatenate([np.zeros((0, 3)), *(group.corners_mm for group in groups)])
+    titles = tuple(itertools.chain.from_iterable(group.titles for group in groups))
     return Blocks(corners, np.concatenate([np.zeros(0, dtype=np.intp), *starts]), titles)
 
 
@@ -103,7 +103,7 @@ def plate(shape: shapely.Geometry, thickness_mm: float, title: str) -> Blocks:
 
 def convex_parts(shape: shapely.Geometry) -> list[Points]:
     """The corners of convex polygons that make up a shape: its triangles."""
-    polygons = [part for part in shapely.get_parts(shape) if part.geom_type == "Polygon" and part.area > LEAST_MM**2]
+    polygons = [part for part in shapely.get_parts(shape) if part.geom_type == "Polygon" and part.area > MIN_SIZE_MM**2]
     triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(shapely.MultiPolygon(polygons)))
     return [shapely.get_coordinates(triangle)[:-1] for triangle in triangles]
 
@@ -121,54 +121,59 @@ def solid_blocks(solid: Solid, title: str) -> Blocks:
     return plate(shape.difference(shapely.union_all(bores)), z, title).moved(solid.pose)
 
 
-def access_blocks(access: Access, title: str) -> Blocks:
+def clearance_blocks(clearance: ToolClearance, title: str) -> Blocks:
     """The cylinder that must be free, in its part's frame."""
-    corners = prism(access.diameter_mm / 2 - SKIN_MM, SKIN_MM, access.length_mm)
-    return blocks_of([corners], title).moved(access.pose)
+    corners = prism(clearance.diameter_mm / 2 - SKIN_MM, SKIN_MM, clearance.length_mm)
+    return blocks_of([corners], title).moved(clearance.pose)
 
 
 def box(size_mm: tuple[float, float, float]) -> Points:
     """The corners of a box around the origin, (8, 3)."""
-    half = np.maximum(np.array(size_mm) / 2 - SKIN_MM, LEAST_MM)
+    half = np.maximum(np.array(size_mm) / 2 - SKIN_MM, MIN_SIZE_MM)
     return np.array(list(itertools.product((-1, 1), repeat=3))) * half
 
 
 def prism(radius_mm: float, low_mm: float, high_mm: float) -> Points:
     """The corners of a cylinder along z; the prism has the cylinder's section area."""
-    radius = max(radius_mm, LEAST_MM) * math.sqrt(2 * math.pi / SIDES / math.sin(2 * math.pi / SIDES))
+    radius = max(radius_mm, MIN_SIZE_MM) * math.sqrt(2 * math.pi / SIDES / math.sin(2 * math.pi / SIDES))
     turns = 2 * math.pi * np.arange(SIDES) / SIDES
     circle = np.column_stack([radius * np.cos(turns), radius * np.sin(turns)])
     return np.vstack([np.column_stack([circle, np.full(SIDES, z)]) for z in (low_mm, high_mm)])
 
 
-# How far a first move goes, if a second one is needed.
+# Lengths to try for a first move, if a second one is needed.
 FIRST_MM = (1.0, 2.0, 4.0, 8.0, 15.0, 25.0, 40.0, 60.0)
-# A way ends this far beyond everything.
+# An exit path ends this far beyond all standing solids.
 CLEAR_MM = 20.0
 AXES: tuple[Vector, ...] = ((0, 0, 1), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, -1))
 
 
 @dataclass(frozen=True)
-class Way:
-    """A way out as straight moves, or, if there is none, what is met in each direction that was tried."""
+class ExitPath:
+    """A path out as straight moves, or None with the obstacle ``met`` in each direction that was tried.
+
+    ``stuck`` names a solid that the moving ones overlap before they move.
+    """
 
     moves_mm: tuple[Vector, ...] | None
     met: tuple[tuple[Vector, str], ...] = ()
     stuck: str = ""
 
 
-# Pairs of titles that may overlap: what is joined.
+# Pairs of titles that may overlap, because they are joined.
 Ignored = frozenset[tuple[str, str]]
 NOTHING: Ignored = frozenset()
 
 
-def hit(moving: Blocks, standing: Blocks, move_mm: Vector = (0.0, 0.0, 0.0), ignored: Ignored = NOTHING) -> str | None:
-    """What the solids meet first while they are moved, or None."""
-    return swept(moving, moving.moved(translation(*move_mm)) if any(move_mm) else moving, standing, ignored)
+def first_obstacle(
+    moving: Blocks, standing: Blocks, move_mm: Vector = (0.0, 0.0, 0.0), ignored: Ignored = NOTHING
+) -> str | None:
+    """Return the title of the first solid that the moving solids collide with, or None."""
+    return swept_obstacle(moving, moving.moved(translation(*move_mm)) if any(move_mm) else moving, standing, ignored)
 
 
-def swept(start: Blocks, end: Blocks, standing: Blocks, ignored: Ignored = NOTHING) -> str | None:
-    """What the hulls of the solids at two places meet, or None; the nearest first."""
+def swept_obstacle(start: Blocks, end: Blocks, standing: Blocks, ignored: Ignored = NOTHING) -> str | None:
+    """Return the title of the nearest solid that the solids collide with between two places, or None."""
     if not start.titles or not standing.titles:
         return None
     pairs = _near(np.minimum(start.low, end.low), np.maximum(start.high, end.high), standing)
@@ -190,59 +195,60 @@ def swept(start: Blocks, end: Blocks, standing: Blocks, ignored: Ignored = NOTHI
 
 
 def _near(low: Points, high: Points, standing: Blocks) -> NDArray[np.intp]:
-    """Index pairs (n, 2) of bounds that overlap: of the moving and of the standing solids."""
-    # The few standing solids that reach into the bounds of all moving ones.
-    some = np.flatnonzero(((standing.low <= high.max(axis=0)) & (standing.high >= low.min(axis=0))).all(axis=1))
-    overlap = (low[:, None] <= standing.high[None, some]) & (high[:, None] >= standing.low[None, some])
+    """Return index pairs (n, 2) of moving and standing solids whose bounds overlap."""
+    # The few standing solids that overlap the common bounds of all moving ones.
+    candidates = np.flatnonzero(((standing.low <= high.max(axis=0)) & (standing.high >= low.min(axis=0))).all(axis=1))
+    overlap = (low[:, None] <= standing.high[None, candidates]) & (high[:, None] >= standing.low[None, candidates])
     first, second = np.nonzero(overlap.all(axis=2))
-    return np.column_stack([first, some[second]])
+    return np.column_stack([first, candidates[second]])
 
 
-def way_out(
+def find_exit_path(
     moving: Blocks, standing: Blocks, own: Iterable[Vector] = (), ignored: Ignored = NOTHING, only_own: bool = False
-) -> Way:
-    """A straight way out, or two; tries the car's axes and those of the part (``own``), or ``only_own``, straight.
+) -> ExitPath:
+    """Find a path out of one or two straight moves, along the car's axes or the part's ``own`` axes.
 
-    A way from above counts half its length, and short first moves come first.
+    With ``only_own`` it tries single moves along the part's own axes. Single moves are tried in order of length, where a
+    move upwards counts half; then short first moves before longer ones.
     """
-    place = hit(moving, standing, ignored=ignored)
+    place = first_obstacle(moving, standing, ignored=ignored)
     if place is not None:
-        return Way(None, stuck=place)
+        return ExitPath(None, stuck=place)
     directions: list[Vector] = []
-    for one in own if only_own else (*AXES, *own):
-        if all(np.dot(one, other) < 0.999 for other in directions):
-            directions.append(one)
+    for direction in own if only_own else (*AXES, *own):
+        if all(np.dot(direction, other) < 0.999 for other in directions):
+            directions.append(direction)
     moves = [(direction, _out(moving, standing, direction)) for direction in directions]
     moves.sort(key=lambda pair: float(np.linalg.norm(pair[1])) * (0.5 if pair[0][2] > 0.999 else 1.0))
     met: list[tuple[Vector, str]] = []
     for direction, move in moves:
-        obstacle = hit(moving, standing, move, ignored)
+        obstacle = first_obstacle(moving, standing, move, ignored)
         if obstacle is None:
-            return Way((move,))
+            return ExitPath((move,))
         met.append((direction, obstacle))
     free = [direction for direction, _ in met if not only_own]
     for length in FIRST_MM:
         for direction in list(free):
             first = vector(np.array(direction) * length)
-            if hit(moving, standing, first, ignored) is not None:
+            if first_obstacle(moving, standing, first, ignored) is not None:
                 free.remove(direction)
                 continue
-            there = moving.moved(translation(*first))
-            for then in (then for then, _ in met if abs(np.dot(then, direction)) < 0.9):
-                second = _out(there, standing, then)
-                if hit(there, standing, second, ignored) is None:
-                    return Way((first, second), tuple(met))
-    return Way(None, tuple(met))
+            moved = moving.moved(translation(*first))
+            for second_direction in (other for other, _ in met if abs(np.dot(other, direction)) < 0.9):
+                second = _out(moved, standing, second_direction)
+                if first_obstacle(moved, standing, second, ignored) is None:
+                    return ExitPath((first, second), tuple(met))
+    return ExitPath(None, tuple(met))
 
 
 def _out(moving: Blocks, standing: Blocks, direction: Vector) -> Vector:
-    """The move in a direction that takes the bounds of the moving solids clear of the standing ones'."""
+    """Return the move in a direction that takes the moving solids' bounds clear of the standing ones'."""
     if not standing.titles:
         return vector(np.array(direction) * CLEAR_MM)
     low, high = moving.low.min(axis=0), moving.high.max(axis=0)
-    least, most = standing.low.min(axis=0), standing.high.max(axis=0)
+    low_bounds, high_bounds = standing.low.min(axis=0), standing.high.max(axis=0)
     lengths = [
-        (most[i] - low[i] if direction[i] > 0 else high[i] - least[i]) / abs(direction[i])
+        (high_bounds[i] - low[i] if direction[i] > 0 else high[i] - low_bounds[i]) / abs(direction[i])
         for i in range(3)
         if abs(direction[i]) > 1e-6
     ]
@@ -250,6 +256,6 @@ def _out(moving: Blocks, standing: Blocks, direction: Vector) -> Vector:
 
 
 def vector(values: NDArray[np.float64]) -> Vector:
-    """The (3,) numbers of an array, zeros without a sign."""
+    """Return the (3,) numbers of an array, zeros without a sign."""
     x, y, z = (float(value) + 0.0 for value in values)
     return (x, y, z)

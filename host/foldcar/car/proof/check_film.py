@@ -1,7 +1,7 @@
-"""Checks of film: pieces as they are cut, no film in other film, edges that meet, tongues that pass their slots.
+"""Checks of film: flat pieces, collisions of film with film, edges that must meet, tongues that must pass their slots.
 
-Input: a piece; a car with its placed faces; the first wheel stands for all of its unit. Output: findings.
-That parts do not overlap is proved with the assembly (prove.py).
+Input: a piece; a car with its placed faces. The first wheel stands for all wheels of its unit. Output: findings.
+prove.py checks parts for overlaps, with the assembly.
 """
 
 import itertools
@@ -15,19 +15,19 @@ from shapely.affinity import affine_transform
 
 from foldcar.car.folded.model import Face, FoldedCar, Join, Piece
 from foldcar.car.folded.placed import Bodies, Finding, PlacedFace, polygon
-from foldcar.car.folded.pose import edge, folded, folded_back
-from foldcar.car.proof.blocks import Blocks, hit, together
+from foldcar.car.folded.pose import edge, folded, hinge_motion
+from foldcar.car.proof.blocks import Blocks, first_obstacle, merge_blocks
 from foldcar.car.proof.roles import roles_of
 from foldcar.car.proof.scene import Scene, Stage, title
 
-# Without a grid, an edge that two faces share but for rounding can make GEOS return the wrong side of it.
+# Without a grid, an edge that two faces share up to rounding can make GEOS return its wrong side.
 GRID_MM = 1e-6
 # Overlaps up to this are rounding errors.
 OVERLAP_MM2 = 1e-3
 
 
 def check_flat(piece: Piece, hole_to_fold_mm: float) -> Iterator[Finding]:
-    """Findings about the flat piece; every hole must be ``hole_to_fold_mm`` or more from every fold."""
+    """Yield findings about the flat piece; every hole must be ``hole_to_fold_mm`` or more from every fold."""
     unsound = [finding for face in piece.faces for finding in _outlines(piece, face)]
     yield from unsound
     yield from _holes_at_folds(piece, hole_to_fold_mm)
@@ -63,18 +63,18 @@ def _outlines(piece: Piece, face: Face) -> Iterator[Finding]:
         taken = shapely.union(taken, shape)
 
 
-def _holes_at_folds(piece: Piece, least_mm: float) -> Iterator[Finding]:
+def _holes_at_folds(piece: Piece, min_distance_mm: float) -> Iterator[Finding]:
     faces = {face.name: face for face in piece.faces}
     refs = (ref for crease in piece.creases if not crease.bend for ref in (crease.parent, crease.child))
     lines: dict[str, list[shapely.LineString]] = defaultdict(list)
     for ref in refs:
         lines[ref.face].append(shapely.LineString(edge(faces, ref)))
-    for name, several in lines.items():
+    for name, folds in lines.items():
         for hole in faces[name].holes:
-            nearest = min(line.distance(shapely.Polygon(hole.outline_mm)) for line in several)
-            if nearest < least_mm - 1e-6:
+            nearest = min(line.distance(shapely.Polygon(hole.outline_mm)) for line in folds)
+            if nearest < min_distance_mm - 1e-6:
                 place = f"{piece.name}: {name}: {hole.name}"
-                yield Finding("hole", place, f"is {nearest:.2f} mm from a fold, the limit is {least_mm:g} mm")
+                yield Finding("hole", place, f"is {nearest:.2f} mm from a fold, the limit is {min_distance_mm:g} mm")
 
 
 def _overlaps(piece: Piece) -> Iterator[Finding]:
@@ -88,48 +88,48 @@ def _overlaps(piece: Piece) -> Iterator[Finding]:
 
 
 def check_film_apart(car: FoldedCar) -> Iterator[Finding]:
-    """Findings where film runs into other film of its body, or of the next one at a limit of a hinge, all others flat.
+    """Yield findings where film collides with other film of its body, or of the next segment at a hinge's limit.
 
-    Hinge strips bend at the limits and are not checked there.
+    The other hinges are flat then. Hinge strips bend at the limits and are not checked there.
     """
     roles = roles_of(car)
-    scene, stage = Scene(roles, tongues=True), Stage(roles, {name: roles.whole(name) for name in roles.pieces})
+    scene, stage = Scene(roles, tongues=True), Stage(roles, {name: roles.all_folded(name) for name in roles.pieces})
     # Beside a bend, which is modelled as an edge, thick film reaches into its neighbour.
     bends = [(piece.name, c.parent.face, c.child.face) for piece in car.pieces for c in piece.creases if c.bend]
     joined = scene.ignored(("tab", "lap")) | {(title(name, a), title(name, b)) for name, a, b in bends}
 
     def film(body: str, but: frozenset[str] = frozenset()) -> Blocks:
-        placed = (one for one in roles.placed(body) if one.piece not in but)
-        return together(scene.solid(("piece", one.piece, one.copy), stage) for one in placed)
+        placed = (copy for copy in roles.placed(body) if copy.piece not in but)
+        return merge_blocks(scene.solid(("piece", copy.piece, copy.copy), stage) for copy in placed)
 
     for body in (*roles.bodies, *(wheels[0] for wheels in roles.wheel_units.values())):
         solids = film(body)
         titles = list(dict.fromkeys(solids.titles))
-        for n, one in enumerate(titles, 1):
-            met = hit(solids.where({one}), solids.where(set(titles[n:])), ignored=joined)
+        for n, face_title in enumerate(titles, 1):
+            met = first_obstacle(solids.where({face_title}), solids.where(set(titles[n:])), ignored=joined)
             if met is not None:
-                yield Finding("crossing", one, f"runs into {met}")
+                yield Finding("crossing", face_title, f"runs into {met}")
     strips = frozenset(piece.name for piece in car.pieces if any(crease.flexure for crease in piece.creases))
     for hinge in car.hinges:
         front, rear = (film(body, strips) for body in (hinge.front, hinge.rear))
         for angle in (hinge.min_rad, hinge.max_rad):
-            moved = rear.moved(folded_back(hinge, angle))
-            for one in dict.fromkeys(moved.titles):
-                met = hit(moved.where({one}), front)
+            moved = rear.moved(hinge_motion(hinge, angle))
+            for face_title in dict.fromkeys(moved.titles):
+                met = first_obstacle(moved.where({face_title}), front)
                 if met is not None:
                     place = f"between {hinge.front} and {hinge.rear}, folded by {math.degrees(angle):.1f} degrees"
-                    yield Finding("hinge", place, f"{one} runs into {met}")
+                    yield Finding("hinge", place, f"{face_title} runs into {met}")
 
 
 CLOSURE_MM = 0.05
-# Between films that lie on or inside each other.
+# Tolerance (mm) between films that lie on or inside each other.
 FIT_MM = 0.3
 # The area of a tab that may lie beside its face or over a hole in it.
 TAB_OVER_MM2 = 0.05
 
 
 def check_joins(car: FoldedCar, bodies: Bodies) -> Iterator[Finding]:
-    """Findings about every join, in each body that has both its faces."""
+    """Yield findings about every join, in each body that has both its faces."""
     checks = {"tab": _tab, "lap": _tab, "tab_slot": _tongue, "lock": _tongue}
     copies: dict[tuple[str, str], list[PlacedFace]] = defaultdict(list)
     for face in (face for faces in bodies.values() for face in faces):
@@ -144,9 +144,9 @@ def check_joins(car: FoldedCar, bodies: Bodies) -> Iterator[Finding]:
 
 
 def _gap_mm(join: Join, a: PlacedFace, b: PlacedFace) -> float:
-    """The larger distance between the ends of two edges (mm), in the better of the two directions.
+    """Return the larger distance (mm) between the ends of two edges, in the better of the two directions.
 
-    A tab lies on the inside of a wall and may be narrower: its edge must lie along the wall's, seen across the wall.
+    A tab lies on the inside of a wall and may be narrower: its edge must lie along the wall's edge, seen across the wall.
     """
     first, second = a.edge_mm(join.a.index), b.edge_mm(join.b.index)
     if join.kind == "tab":
@@ -166,8 +166,8 @@ def _tab(join: Join, a: PlacedFace, b: PlacedFace) -> Iterator[Finding]:
     height = float(np.abs(local[:, 2] - layer).max())
     limit = FIT_MM if join.kind == "tab" else CLOSURE_MM
     if height > limit:
-        told = f"the tab stands {height:.3f} mm off the face it is glued to, the limit is {limit:g} mm"
-        yield Finding("tab", place, told)
+        message = f"the tab stands {height:.3f} mm off the face it is glued to, the limit is {limit:g} mm"
+        yield Finding("tab", place, message)
         return
     over = shapely.Polygon(local[:, :2]).difference(b.polygon)
     # Shrinking removes the slivers that a tab as wide as its face leaves.

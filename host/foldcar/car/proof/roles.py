@@ -1,7 +1,7 @@
-"""What each piece and part of a folded car is for, as far as the order of assembly depends on it; the lids of beams.
+"""The role of each piece and part of a folded car in its assembly; the lids of beams.
 
-Input: a FoldedCar. Output: its beams, what opens of them without harm, the layers, caps, carriers of boards and
-fasteners. All follows from joins, creases and mounts.
+Input: a FoldedCar. Output: its beams, their lids, layers, caps, carriers of boards and fasteners. All roles follow from
+joins, creases and mounts.
 """
 
 from collections.abc import Iterator
@@ -11,18 +11,18 @@ from functools import cache, lru_cache
 import numpy as np
 import shapely
 
-from foldcar.car.folded.model import Access, Face, FoldedCar, Join, Mount, Piece, PlacedPiece, Pose, Solid
+from foldcar.car.folded.model import Face, FoldedCar, Join, Mount, Piece, PlacedPiece, Pose, Solid, ToolClearance
 from foldcar.car.folded.placed import polygon
 from foldcar.car.folded.pose import apply, compose, folded, inverse
 from foldcar.car.parts.bought import Screw
 from foldcar.car.proof.step import Thing
 
 PARALLEL = 0.999
-# A shank stands in a bore if it reaches no farther into its wall than this.
+# A shank stands in a bore if it overlaps the bore's wall by no more than this.
 TOUCH_MM = 0.1
 # Layers lie closer than this to the face they are glued to.
 LAYER_MM = 1.5
-# A piece, and a face of it that something is fixed to.
+# A copy of a piece, and the face of it that a part is fixed to; None for a part that is not fixed.
 Host = tuple[PlacedPiece, str] | None
 
 
@@ -39,17 +39,17 @@ class Roles:
         self.car = car
         self.pieces = {piece.name: piece for piece in car.pieces}
         self.faces = {piece.name: {face.name: face for face in piece.faces} for piece in car.pieces}
-        self.copies = {(one.piece, one.copy): one for one in car.placed}
+        self.copies = {(copy.piece, copy.copy): copy for copy in car.placed}
         self.mounts = {mount.name: mount for mount in car.mounts}
-        self.bodies = sorted({one.body for one in car.placed if one.body.startswith("segment")})
+        self.bodies = sorted({copy.body for copy in car.placed if copy.body.startswith("segment")})
         self.wheels = [axle.wheel for axle in car.axles]
         # The wheels of each unit, which are alike.
         self.wheel_units: dict[str, list[str]] = {}
         for axle in car.axles:
             self.wheel_units.setdefault(axle.unit, []).append(axle.wheel)
         area = {piece.name: sum(polygon(face).area for face in piece.faces) for piece in car.pieces}
-        self.base = {body: max(self.placed(body), key=lambda one: area[one.piece]) for body in self.bodies}
-        self.bases = {one.piece for one in self.base.values()}
+        self.base = {body: max(self.placed(body), key=lambda copy: area[copy.piece]) for body in self.bodies}
+        self.bases = {copy.piece for copy in self.base.values()}
         self.lids = {name: lid_of(car, self.pieces[name]) for name in sorted(self.bases)}
         self.finished = {piece.name: folded(piece) for piece in car.pieces}
         self.fastener_names = {part.name for part in car.parts.bought if isinstance(part, Screw)}
@@ -59,31 +59,31 @@ class Roles:
 
     def placed(self, body: str) -> list[PlacedPiece]:
         """The copies of pieces in a body."""
-        return [one for one in self.car.placed if one.body == body]
+        return [copy for copy in self.car.placed if copy.body == body]
 
-    def others(self) -> Iterator[PlacedPiece]:
-        """The copies of pieces in all segments, but for the beams."""
+    def non_base_copies(self) -> Iterator[PlacedPiece]:
+        """Yield the copies of pieces in all segments, without the beams."""
         for body in self.bodies:
-            yield from (one for one in self.placed(body) if one is not self.base[body])
+            yield from (copy for copy in self.placed(body) if copy is not self.base[body])
 
-    def _host(self, one: PlacedPiece) -> Host:
-        """The piece that a piece is fixed to, and the face of it that it moves with; None for a beam or a loose piece."""
-        base = self.base.get(one.body)
-        if base is None or one is base:
+    def _host(self, copy: PlacedPiece) -> Host:
+        """Return the piece and face that a copy is fixed to and moves with; None for a beam or a loose piece."""
+        base = self.base.get(copy.body)
+        if base is None or copy is base:
             return None
-        layer = self.is_layer(one)
-        glued = [j for j in self.joined(one.piece) if j.kind in GLUED]
-        for other in (base, *(p for p in self.placed(one.body) if p not in (base, one))):
-            ends = ((j.piece_b, j.b.face) if j.piece_a == one.piece else (j.piece_a, j.a.face) for j in glued)
+        layer = self.is_layer(copy)
+        glued = [j for j in self.joined(copy.piece) if j.kind in GLUED]
+        for other in (base, *(p for p in self.placed(copy.body) if p not in (base, copy))):
+            ends = ((j.piece_b, j.b.face) if j.piece_a == copy.piece else (j.piece_a, j.a.face) for j in glued)
             for face in (face for piece, face in ends if piece == other.piece):
-                if self._lies_on(one, other, face) if layer else not self.is_layer(other):
+                if self._lies_on(copy, other, face) if layer else not self.is_layer(other):
                     return other, face
         return None
 
     def mount_host(self, mount: Mount) -> Host:
         """The piece and its face that a mount is fixed to."""
-        several = (*([self.base[mount.body]] if mount.body in self.base else []), *self.placed(mount.body))
-        return next(((one, mount.face) for one in several if mount.face in self.finished[one.piece]), None)
+        candidates = (*([self.base[mount.body]] if mount.body in self.base else []), *self.placed(mount.body))
+        return next(((copy, mount.face) for copy in candidates if mount.face in self.finished[copy.piece]), None)
 
     def is_on_lid(self, mount: Mount) -> bool:
         """Whether a mount lies on the outer side of a lid."""
@@ -95,106 +95,106 @@ class Roles:
         return compose(inverse(self.pose_of(*host)), mount.pose)[2][3] < 0
 
     def _on_beam(self, host: Host, body: str) -> Host:
-        """What a host is fixed to in the end, its beam; None if that is none."""
+        """Follow a host to the beam that it is fixed to in the end; None if there is no beam."""
         while host is not None and host[0] is not self.base.get(body):
             host = self.host(host[0])
         return host
 
-    def pose_of(self, one: PlacedPiece, face: str) -> Pose:
+    def pose_of(self, copy: PlacedPiece, face: str) -> Pose:
         """The pose of a face in the finished car."""
-        return compose(one.pose, self.finished[one.piece][face])
+        return compose(copy.pose, self.finished[copy.piece][face])
 
-    def whole(self, piece: str) -> dict[str, float]:
-        """The fractions of a piece's folds when it is folded: 1 for each crease."""
+    def all_folded(self, piece: str) -> dict[str, float]:
+        """Return the fractions of a folded piece's folds: 1 for each crease."""
         return {crease.name: 1.0 for crease in self.pieces[piece].creases}
 
     def joined(self, piece: str) -> list[Join]:
         """The joins of a piece with others."""
         return [j for j in self.car.joins if (j.piece_a == piece) != (j.piece_b == piece)]
 
-    def is_layer(self, one: PlacedPiece) -> bool:
-        """Whether it is a flat piece that is only laminated to others."""
-        return not self.pieces[one.piece].creases and {j.kind for j in self.joined(one.piece)} == {"laminate"}
+    def is_layer(self, copy: PlacedPiece) -> bool:
+        """Whether a copy is of a flat piece whose only joins are laminations."""
+        return not self.pieces[copy.piece].creases and {j.kind for j in self.joined(copy.piece)} == {"laminate"}
 
-    def is_between(self, one: PlacedPiece) -> bool:
-        """Whether it joins segments or is fixed to other pieces than beams: hinge strips, stops."""
-        if any(crease.flexure for crease in self.pieces[one.piece].creases):
+    def is_connector(self, copy: PlacedPiece) -> bool:
+        """Whether a copy joins segments or is fixed to other pieces than beams: hinge strips, stops."""
+        if any(crease.flexure for crease in self.pieces[copy.piece].creases):
             return True
-        partners = {j.piece_b if j.piece_a == one.piece else j.piece_a for j in self.joined(one.piece)}
+        partners = {j.piece_b if j.piece_a == copy.piece else j.piece_a for j in self.joined(copy.piece)}
         return bool(partners) and not partners & self.bases
 
     def is_wound(self, piece: str) -> bool:
         """Whether a piece is wound around discs, into whose edges it hooks."""
         return any(join.kind == "rim" and join.piece_a == piece for join in self.joined(piece))
 
-    def carried(self, one: PlacedPiece) -> list[Mount]:
+    def carried(self, copy: PlacedPiece) -> list[Mount]:
         """The mounts on the faces of a piece that are not on its beam."""
-        mine = {face.name for face in self.pieces[one.piece].faces}
-        base = {face.name for face in self.pieces[self.base[one.body].piece].faces} if one.body in self.base else set()
-        return [m for m in self.car.mounts if m.body == one.body and m.face in mine - base]
+        own_faces = {face.name for face in self.pieces[copy.piece].faces}
+        base = {face.name for face in self.pieces[self.base[copy.body].piece].faces} if copy.body in self.base else set()
+        return [m for m in self.car.mounts if m.body == copy.body and m.face in own_faces - base]
 
-    def is_carrier(self, one: PlacedPiece) -> bool:
-        """Whether it carries boards, which are screwed to it before it goes in."""
-        return any(mount.part in self.board_names for mount in self.carried(one))
+    def is_carrier(self, copy: PlacedPiece) -> bool:
+        """Whether a copy carries boards, which are screwed to it before it goes in."""
+        return any(mount.part in self.board_names for mount in self.carried(copy))
 
     def is_fastener(self, mount: Mount) -> bool:
         """Whether a mount is a screw, with its nut."""
         return mount.part in self.fastener_names
 
     def _held_by(self, screw: Mount) -> list[Mount]:
-        """The mounts that a screw passes through, in bores of theirs."""
+        """Return the mounts with bores through which a screw passes."""
         others = [m for m in self.car.mounts if not self.is_fastener(m)]
         return [m for m in others if any(stands_in(screw, a, m, b) for a in screw.solids for b in m.solids)]
 
     def passed_by(self, screw: Mount) -> tuple[Thing, ...]:
-        """What the shank of a screw, the second of its solids, passes, from the head on: parts with bores, and film."""
+        """Return the parts with bores and the film that a screw's shank, its second solid, passes, from the head on."""
         shank = screw.solids[1]
         onto = inverse(compose(screw.pose, shank.pose))
-        found: list[tuple[float, Thing]] = []
+        passed: list[tuple[float, Thing]] = []
         for mount in self.held_by(screw):
             held = [solid for solid in mount.solids if stands_in(screw, shank, mount, solid)]
             heights = [compose(onto, mount.pose, solid.pose)[2][3] for solid in held]
-            found += [(max(heights), ("mount", mount.name, 0))] if heights else []
-        for one in self.placed(screw.body):
-            for face in self.pieces[one.piece].faces:
-                pose = compose(onto, self.pose_of(one, face.name))
+            passed += [(max(heights), ("mount", mount.name, 0))] if heights else []
+        for copy in self.placed(screw.body):
+            for face in self.pieces[copy.piece].faces:
+                pose = compose(onto, self.pose_of(copy, face.name))
                 height, (x, y, _) = pose[2][3], apply(inverse(pose), 0.0, 0.0)
                 flat = abs(pose[2][2]) > PARALLEL and abs(height) < shank.size_mm[2] / 2
                 if flat and shapely.Polygon(face.outline_mm).contains(shapely.Point(x, y)):
-                    found.append((height, ("piece", one.piece, one.copy)))
-        return tuple(thing for _, thing in sorted(found, key=lambda one: -one[0]))
+                    passed.append((height, ("piece", copy.piece, copy.copy)))
+        return tuple(thing for _, thing in sorted(passed, key=lambda copy: -copy[0]))
 
-    def from_outside(self, mount: Mount, access: Access) -> bool:
-        """Whether an access leads out of a segment, or starts outside it, other than through the lid above."""
+    def from_outside(self, mount: Mount, clearance: ToolClearance) -> bool:
+        """Whether a clearance leads out of a segment other than through the lid above, or starts outside it."""
         base = self.base.get(mount.body)
         if base is None:
             return True
         panels = [face for face in self.pieces[base.piece].faces if face.role == "panel"]
         corners = [apply(self.pose_of(base, face.name), *point) for face in panels for point in face.outline_mm]
         low, high = np.min(corners, axis=0), np.max(corners, axis=0)
-        pose = compose(mount.pose, access.pose)
-        start, end = (np.array(apply(pose, 0.0, 0.0, z)) for z in (0.0, access.length_mm))
+        pose = compose(mount.pose, clearance.pose)
+        start, end = (np.array(apply(pose, 0.0, 0.0, z)) for z in (0.0, clearance.length_mm))
         inside = ((start > low) & (start < high)).all()
         return bool(not inside or (end < low).any() or (end > high)[:2].any())
 
-    def _lies_on(self, one: PlacedPiece, other: PlacedPiece, name: str) -> bool:
+    def _lies_on(self, copy: PlacedPiece, other: PlacedPiece, name: str) -> bool:
         """Whether a piece lies on a face of another one."""
-        onto = compose(inverse(self.pose_of(other, name)), one.pose)
-        middle = polygon(self.pieces[one.piece].faces[0]).representative_point()
+        onto = compose(inverse(self.pose_of(other, name)), copy.pose)
+        middle = polygon(self.pieces[copy.piece].faces[0]).representative_point()
         x, y, z = apply(onto, middle.x, middle.y)
         on = shapely.Polygon(self.faces[other.piece][name].outline_mm).contains(shapely.Point(x, y))
         return bool(on and abs(onto[2][2]) > PARALLEL and abs(z) < LAYER_MM)
 
 
-# Joins that hold for good; locks and tucks open again.
+# Permanent joins; locks and tucks can be opened.
 GLUED = frozenset({"lap", "tab", "rim", "laminate"})
 
 
 @dataclass(frozen=True)
 class Lid:
-    """The part of a beam that opens: faces, the folds that open it, its hinge first, and the joins that shut it.
+    """The part of a beam that opens: its faces, the folds that open it (its hinge first), and the joins that shut it.
 
-    ``gripped`` are those of the faces that fingers press or hold to open it.
+    ``gripped`` are the faces that fingers press or hold to open it.
     """
 
     faces: frozenset[str]
@@ -204,7 +204,7 @@ class Lid:
 
 
 def lid_of(car: FoldedCar, base: Piece) -> Lid:
-    """The lid of a beam with all that hangs on it; none without a lock."""
+    """Return the lid of a beam with all faces that hang on it; an empty lid if the beam has no lock."""
     locked = any(join.kind == "lock" and join.piece_a == join.piece_b == base.name for join in car.joins)
     moving = {face.name for face in base.faces if locked and face.name.rpartition(".")[2] == "lid"}
     for crease in base.creases:
@@ -217,15 +217,15 @@ def lid_of(car: FoldedCar, base: Piece) -> Lid:
         ends = {(join.piece_a, join.a.face), (join.piece_b, join.b.face)}
         if sum(piece == base.name and face in moving for piece, face in ends) == 1:
             shutting.add(join.number)
-    gripped = tuple(face for face in base.faces if face.name in moving and face.accesses)
+    gripped = tuple(face for face in base.faces if face.name in moving and face.clearances)
     return Lid(frozenset(moving), order, tuple(sorted(shutting)), gripped)
 
 
-def stands_in(one: Mount, solid: Solid, other: Mount, held: Solid) -> bool:
+def stands_in(screw: Mount, solid: Solid, other: Mount, held: Solid) -> bool:
     """Whether a cylinder of one part, a screw's shank, stands in a bore of a solid of another part."""
     if solid.kind != "cylinder" or not held.bores:
         return False
-    onto = np.array(compose(inverse(compose(other.pose, held.pose)), one.pose, solid.pose))
+    onto = np.array(compose(inverse(compose(other.pose, held.pose)), screw.pose, solid.pose))
     x, y, z = onto[:3, 3]
     if abs(onto[2, 2]) < PARALLEL or abs(z) >= (solid.size_mm[2] + held.size_mm[2]) / 2:
         return False

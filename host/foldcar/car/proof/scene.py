@@ -13,18 +13,18 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from foldcar.car.folded.model import IDENTITY, Access, Join, JoinKind, Mount, PlacedPiece, Pose
+from foldcar.car.folded.model import IDENTITY, Join, JoinKind, Mount, PlacedPiece, Pose, ToolClearance
 from foldcar.car.folded.placed import polygon
 from foldcar.car.folded.pose import apply, compose, edge, folded, inverse, side
-from foldcar.car.proof.blocks import Blocks, Ignored, access_blocks, plate, solid_blocks, together
+from foldcar.car.proof.blocks import Blocks, Ignored, clearance_blocks, merge_blocks, plate, solid_blocks
 from foldcar.car.proof.roles import Host, Roles
-from foldcar.car.proof.step import Folds, Reach, Thing
+from foldcar.car.proof.step import Folds, Thing, ToolUse
 
 
 class Stage:
     """The car with its folds closed by fractions, by piece and crease.
 
-    What is fixed to a piece follows the face it is fixed to; the root of a beam stays where it is in the finished car.
+    A part follows the face that it is fixed to. The root face of a beam stays where it is in the finished car.
     """
 
     def __init__(self, roles: Roles, folds: Folds) -> None:
@@ -32,45 +32,45 @@ class Stage:
         self._folded = cache(lambda name: folded(roles.pieces[name], folds.get(name, {})))
 
     def closed(self, folds: Folds) -> "Stage":
-        """The stage with these folds closed, too."""
+        """Return the stage with these folds closed in addition."""
         changed = {piece: {**self.folds.get(piece, {}), **fractions} for piece, fractions in folds.items()}
         return Stage(self.roles, {**self.folds, **changed})
 
-    def root(self, one: PlacedPiece) -> Pose:
+    def root(self, copy: PlacedPiece) -> Pose:
         """The pose of the first face of a copy of a piece."""
-        return compose(self._shift(self.roles.host(one)), one.pose)
+        return compose(self._shift(self.roles.host(copy)), copy.pose)
 
-    def faces(self, one: PlacedPiece) -> dict[str, Pose]:
+    def faces(self, copy: PlacedPiece) -> dict[str, Pose]:
         """The poses of the faces of a copy of a piece."""
-        root = self.root(one)
-        return {face: compose(root, pose) for face, pose in self._folded(one.piece).items()}
+        root = self.root(copy)
+        return {face: compose(root, pose) for face, pose in self._folded(copy.piece).items()}
 
     def mount(self, mount: Mount) -> Pose:
         """The pose of a mount."""
         return compose(self._shift(self.roles.mount_host(mount)), mount.pose)
 
     def poses(self, thing: Thing) -> dict[str, Pose]:
-        """The poses of a piece's faces by name, or that of a mount by its own."""
+        """The poses of a piece's faces by their names, or the pose of a mount by its name."""
         kind, name, copy = thing
         return (
             self.faces(self.roles.copies[name, copy]) if kind == "piece" else {name: self.mount(self.roles.mounts[name])}
         )
 
     def _shift(self, host: Host) -> Pose:
-        """The motion of a face from its place in the finished car."""
+        """The motion of a face relative to its place in the finished car."""
         if host is None:
             return IDENTITY
-        one, face = host
-        above = self._shift(self.roles.host(one))
-        now, then = self._folded(one.piece)[face], self.roles.finished[one.piece][face]
-        return above if now == then else compose(above, one.pose, now, inverse(then), inverse(one.pose))
+        piece, face = host
+        above = self._shift(self.roles.host(piece))
+        now, then = self._folded(piece.piece)[face], self.roles.finished[piece.piece][face]
+        return above if now == then else compose(above, piece.pose, now, inverse(then), inverse(piece.pose))
 
 
 TONGUES = frozenset({"lock", "tab_slot", "rim"})
 # Tongues leave the plane of their slot at an angle whose sine is more than this.
 UPRIGHT = 0.3
 FAR_MM = 1000.0
-# Tongues reach so far behind the tip that a join names.
+# Distance by which tongues extend behind the tip that a join names.
 BEHIND_MM = 1.0
 
 
@@ -80,23 +80,23 @@ def title(piece: str, face: str) -> str:
 
 
 class Scene:
-    """Solids of one car, without its ``tongues`` where they are in their slots, or with them."""
+    """Solids of one car. Without ``tongues``, a tongue is cut off where it is in its slot."""
 
     def __init__(self, roles: Roles, tongues: bool = False) -> None:
         self.roles = roles
-        # The solids of pieces and mounts at the poses where they were last.
+        # Cache of the solids of pieces and mounts at their latest poses.
         self._last: dict[Thing, tuple[dict[str, Pose], Blocks]] = {}
         self._tongues: dict[tuple[str, str], list[shapely.Geometry]] = defaultdict(list)
-        # A tongue's piece is cut whole where it meets a face of another one.
+        # All faces of a tongue's piece are cut where it meets a face of another piece.
         cuts = {(j.piece_a, j.piece_b, j.b.face, j.a.face if j.piece_a == j.piece_b else ""): j for j in roles.car.joins}
         for join in (join for join in cuts.values() if join.kind in TONGUES and not tongues):
             for face, tongue in self._through(join):
                 self._tongues[join.piece_a, face].append(tongue)
         self._face = cache(self._made_face)
-        self._mount = cache(lambda mount: together(solid_blocks(solid, mount.name) for solid in mount.shape))
+        self._mount = cache(lambda mount: merge_blocks(solid_blocks(solid, mount.name) for solid in mount.shape))
 
     def solid(self, thing: Thing, stage: Stage) -> Blocks:
-        """A copy of a piece, or a mount; nothing for loose wires."""
+        """Return the solids of a copy of a piece, or of a mount; none for loose wires."""
         poses, (kind, name, _) = stage.poses(thing), thing
         if thing not in self._last or self._last[thing][0] != poses:
             if kind == "piece":
@@ -105,50 +105,50 @@ class Scene:
                 mount = self.roles.mounts[name]
                 loose = mount.part == self.roles.car.parts.wiring.name
                 parts = [] if loose else [self._mount(mount).moved(poses[name])]
-            self._last[thing] = poses, together(parts)
+            self._last[thing] = poses, merge_blocks(parts)
         return self._last[thing][1]
 
     def screw(self, mount: Mount, stage: Stage) -> list[Blocks]:
-        """Head with shank, then the nut: the solids from the third on."""
-        several = [solid_blocks(solid, mount.name).moved(stage.mount(mount)) for solid in mount.shape]
-        return [together(several[:2]), *several[2:]]
+        """Return head with shank, the first two solids of a screw, and then its nut, if it has one."""
+        solids = [solid_blocks(solid, mount.name).moved(stage.mount(mount)) for solid in mount.shape]
+        return [merge_blocks(solids[:2]), *solids[2:]]
 
-    def access(self, reach: Reach, stage: Stage) -> tuple[Access, Blocks]:
-        """An access and its cylinder, which is named as what is reached."""
-        if not reach.piece:
-            mount = self.roles.mounts[reach.name]
-            access, name, pose = mount.accesses[reach.index], mount.name, stage.mount(mount)
+    def clearance(self, tool_use: ToolUse, stage: Stage) -> tuple[ToolClearance, Blocks]:
+        """Return the clearance that a tool use needs, and its cylinder with the title of the part that is reached."""
+        if not tool_use.piece:
+            mount = self.roles.mounts[tool_use.name]
+            clearance, name, pose = mount.clearances[tool_use.index], mount.name, stage.mount(mount)
         else:
-            face = self.roles.faces[reach.piece][reach.name]
-            access, name = face.accesses[reach.index], title(reach.piece, reach.name)
-            pose = stage.faces(self.roles.copies[reach.piece, 0])[reach.name]
-        return access, access_blocks(access, name).moved(pose)
+            face = self.roles.faces[tool_use.piece][tool_use.name]
+            clearance, name = face.clearances[tool_use.index], title(tool_use.piece, tool_use.name)
+            pose = stage.faces(self.roles.copies[tool_use.piece, 0])[tool_use.name]
+        return clearance, clearance_blocks(clearance, name).moved(pose)
 
     def ignored(self, kinds: Collection[JoinKind] = ("tab", "lap", "rim")) -> Ignored:
-        """The pairs of faces that tabs join: a tab is modelled in the plane it is glued to, or on it."""
+        """Return the pairs of joined faces, which may overlap: a tab is modelled in or on the plane it is glued to."""
         glued = (join for join in self.roles.car.joins if join.kind in kinds)
         ends = [(title(join.piece_a, join.a.face), title(join.piece_b, join.b.face)) for join in glued]
         return frozenset(ends) | {(b, a) for a, b in ends}
 
     def _made_face(self, name: str, face_name: str) -> Blocks:
-        """A face in its own frame, without its tongues and what bends at its folds."""
+        """Return a face in its own frame, without its tongues and the strips that bend at its folds."""
         piece, face = self.roles.pieces[name], self.roles.faces[name][face_name]
         folds = (ref for c in piece.creases if not c.bend for ref in (c.parent, c.child) if ref.face == face_name)
         lines = (shapely.LineString(side(face.outline_mm, ref.index)) for ref in folds)
         bends = (line.buffer(piece.thickness_mm / 2, cap_style="flat") for line in lines)
         shape: shapely.Geometry = polygon(face)
-        for one in (*self._tongues[name, face_name], *bends):
-            shape = shape.difference(one)
+        for removed in (*self._tongues[name, face_name], *bends):
+            shape = shape.difference(removed)
         return plate(shape, piece.thickness_mm, title(name, face_name))
 
     def _through(self, join: Join) -> Iterator[tuple[str, shapely.Geometry]]:
-        """Bands of faces, in their frames, in and behind the film that a tongue goes through, as far as its tip.
+        """Yield bands of faces, in their frames, from the film that a tongue goes through to the tongue's tip.
 
         All faces of the tongue's piece are cut there, unless it locks into itself: tongues may share a slot.
         """
         roles, piece = self.roles, self.roles.pieces[join.piece_a]
         tip = np.mean(edge(roles.faces[join.piece_a], join.a), axis=0)
-        copies = ([one for one in roles.car.placed if one.piece == name] for name in (join.piece_a, join.piece_b))
+        copies = ([copy for copy in roles.car.placed if copy.piece == name] for name in (join.piece_a, join.piece_b))
         # No piece with a tongue is twice in one body.
         tongue, slotted = next(pair for pair in itertools.product(*copies) if pair[0].body == pair[1].body)
         onto = inverse(roles.pose_of(slotted, join.b.face))

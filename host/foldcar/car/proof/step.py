@@ -1,6 +1,6 @@
-"""A step of the assembly: which folds are closed, what goes in on which way, what is joined, which tools must reach.
+"""A step of the assembly: folds that are closed, parts with their insertion paths, joins, and tools that are used.
 
-Everything stands at its pose in the finished car (folded/model.py), as far as the folds are closed.
+Poses are those of the finished car (folded/model.py), as far as the folds are closed.
 """
 
 from collections.abc import Mapping
@@ -16,11 +16,11 @@ Folds = Mapping[str, Mapping[str, float]]
 
 @dataclass(frozen=True, slots=True)
 class Added:
-    """A copy of a piece, a mount (by its name) or a unit that was put together apart, and its way into the assembly.
+    """A copy of a piece, a mount (by its name) or a unit assembled outside the car, and its insertion path ``way_mm``.
 
-    ``way_mm`` are straight moves in the car's frame, in order; their sum leads to its place. No moves: it does not
-    come in as a whole, but is bent, stuck on or laid out. ``body`` is that of the finished car. Of a screw, ``way_mm`` is
-    that of head and shank, ``nut_mm`` that of its nut; ``passes`` are the things that its shank passes, from the head on.
+    The path is straight moves in the car's frame, in order, which end at its place. It is empty for a part that is bent,
+    stuck on or laid out. ``body`` is that of the finished car. Of a screw, ``way_mm`` is the path of head and shank,
+    ``nut_mm`` the path of its nut; ``passes`` are the parts that its shank passes through, from the head on.
     """
 
     kind: Literal["piece", "mount", "unit"]
@@ -33,10 +33,10 @@ class Added:
 
 
 @dataclass(frozen=True, slots=True)
-class Reach:
-    """A tool, plug or finger used in a step: the access ``index`` of a mount, or of a face of ``piece``.
+class ToolUse:
+    """A tool, plug or finger used in a step: clearance ``index`` of mount ``name``, or of face ``name`` of ``piece``.
 
-    A driver comes with its screw.
+    A screwdriver is used when its screw is added.
     """
 
     name: str
@@ -48,14 +48,14 @@ class Reach:
 class AssemblyStep:
     """One step. ``folds`` maps piece and crease to the fraction of its angle from this step on, 0 before it is named.
 
-    ``joins`` are the numbers of the joins made in it. A step with a ``unit`` puts that unit together apart from the
-    car, once for each body named by its ``adds``; a later step adds the unit to the car. In a step of service, ``adds``
-    are the things that are taken out and put back.
+    ``joins`` are the numbers of the joins made in it. A step with a ``unit`` assembles that unit outside the car, once
+    for each body named by its ``adds``; a later step adds the unit to the car. In a step of service, ``adds`` are the
+    parts that are taken out and put back.
     """
 
     title: str
     folds: Folds
     adds: tuple[Added, ...]
     joins: tuple[int, ...]
-    reaches: tuple[Reach, ...] = ()
+    tool_uses: tuple[ToolUse, ...] = ()
     unit: str = ""

@@ -1,1 +1,1 @@
-"""Products of a folded car besides its sheets: meshes, FOLD files, parts list, wiring, guide and view."""
+"""Products of a folded car besides its sheets: meshes, parts list, wiring, guide and view."""

@@ -16,7 +16,7 @@ from markupsafe import Markup
 from shapely.geometry.base import BaseGeometry
 
 from foldcar.fabrication.assembly.facets import Shape
-from foldcar.fabrication.assembly.hidden_surfaces import Camera, Seen, Vector, seen_facets
+from foldcar.fabrication.assembly.hidden_surfaces import Camera, Vector, VisibleFacet, visible_facets
 
 # RGB (0 to 255) of the printed and the other side.
 COLOURS = {
@@ -34,16 +34,16 @@ LINES = {
     "valley": ("#0b62a8", (3.5, 2), 0.32),
     "flat": ("#777777", (1, 2), 0.24),
 }
-# Of what is there already: share of the way to a pale grey.
+# Colour of parts that are in place already: fraction of the way to a pale grey.
 FADED, PALE = 0.62, np.array((243, 244, 246))
 ARROWS = {"way": ("#c8102e", 0.6), "tool": ("#6a3d9a", 0.45)}
 # Lines along the common edge of two faces lie on the border of their visible regions: tolerance for drawing them.
 EDGE_SLACK_MM = 0.08
-# Shares of the larger side.
-MARGIN, LEAST_ARROW = 0.04, 0.012
-# Height of an arrow's text as a share of the larger side, width of a letter as a share of that height.
+# Fractions of the picture's larger side.
+MARGIN, MIN_ARROW = 0.04, 0.012
+# Height of an arrow's text as a fraction of the larger side, width of a letter as a fraction of that height.
 TEXT, LETTER = 0.03, 0.6
-# Least distance of two marks as a share of the larger side, a little more than their diameter.
+# Minimum distance of two marks as a fraction of the larger side, a little more than their diameter.
 MARKS_APART = 0.036
 
 
@@ -58,10 +58,7 @@ class Mark:
 
 @dataclass(frozen=True)
 class Arrow:
-    """A way through points, (n, 3) in mm, drawn over everything: of something that moves, or of a tool.
-
-    ``text`` stands at its start.
-    """
+    """The path of a part or a tool through points, (n, 3) in mm, drawn over everything; ``text`` stands at its start."""
 
     points_mm: Vector
     kind: Literal["way", "tool"] = "way"
@@ -70,7 +67,7 @@ class Arrow:
 
 @dataclass(frozen=True)
 class Drawing:
-    """One picture; it is drawn when its SVG is asked for.
+    """One picture, which is drawn when its SVG is read.
 
     ``enlarged`` scales the marks, for pictures that are shown small; facets with keys in ``faded`` are paler.
     """
@@ -85,22 +82,23 @@ class Drawing:
     caption: str = ""
 
     @cached_property
-    def seen(self) -> list[Seen]:
+    def seen(self) -> list[VisibleFacet]:
         """The facets that are at least partly visible, farthest first."""
-        return seen_facets(self.shape.facets, self.view)
+        return visible_facets(self.shape.facets, self.view)
 
     @cached_property
     def svg(self) -> Markup:
         """The SVG element, which a template does not escape; its viewBox fits the shape and the arrows."""
         seen, view = self.seen, self.view
-        drawn = [one.region for one in seen] + [shapely.linestrings(view.flat(arrow.points_mm)) for arrow in self.arrows]
+        drawn = [visible.region for visible in seen]
+        drawn += [shapely.linestrings(view.flat(arrow.points_mm)) for arrow in self.arrows]
         left, low, right, high = shapely.total_bounds(drawn)
         size = max(right - left, high - low)
         texts = [len(arrow.text) * LETTER * TEXT * size for arrow in self.arrows]
         right = max([right, *(view.flat(a.points_mm)[0][0] + wide for a, wide in zip(self.arrows, texts, strict=True))])
         edge = MARGIN * size
         box = f"{left - edge:.2f} {-high - edge:.2f} {right - left + 2 * edge:.2f} {high - low + 2 * edge:.2f}"
-        body = [_face(one, size, one.facet.key in self.faded) for one in seen]
+        body = [_face(visible, size, visible.facet.key in self.faded) for visible in seen]
         body += _lines(self.shape, seen, view, size)
         body += [_arrow(arrow, view, size) for arrow in self.arrows]
         body += _marks(self.marks, seen, view, size * self.enlarged)
@@ -109,7 +107,7 @@ class Drawing:
         return Markup("".join([head, *body, "</svg>"]))
 
 
-def _face(seen: Seen, size: float, faded: bool) -> str:
+def _face(seen: VisibleFacet, size: float, faded: bool) -> str:
     base = np.array(COLOURS[seen.facet.material][0 if seen.front else 1])
     if faded:
         base = base + (PALE - base) * FADED
@@ -122,8 +120,8 @@ def _face(seen: Seen, size: float, faded: bool) -> str:
     )
 
 
-def _lines(shape: Shape, seen: Sequence[Seen], view: Camera, size: float) -> list[str]:
-    visible = {one.facet.key: one for one in seen}
+def _lines(shape: Shape, seen: Sequence[VisibleFacet], view: Camera, size: float) -> list[str]:
+    visible = {visible_facet.facet.key: visible_facet for visible_facet in seen}
     groups: dict[tuple[str, tuple[str, ...]], list[Vector]] = {}
     for line in shape.lines:
         keys = tuple(key for key in line.keys if key in visible)
@@ -152,8 +150,8 @@ def _lines(shape: Shape, seen: Sequence[Seen], view: Camera, size: float) -> lis
     return texts
 
 
-def _marks(marks: Sequence[Mark], seen: Sequence[Seen], view: Camera, size: float) -> list[str]:
-    regions = {one.facet.key: one.region for one in seen}
+def _marks(marks: Sequence[Mark], seen: Sequence[VisibleFacet], view: Camera, size: float) -> list[str]:
+    regions = {visible_facet.facet.key: visible_facet.region for visible_facet in seen}
     texts: list[str] = []
     placed: list[Vector] = []
     for mark in marks:
@@ -174,7 +172,7 @@ def _marks(marks: Sequence[Mark], seen: Sequence[Seen], view: Camera, size: floa
 
 
 def _free(at: Vector, placed: Sequence[Vector], apart: float) -> Vector:
-    """The place, moved away from those before it that it would cover."""
+    """Return the place, moved away from earlier marks that it would cover."""
     for _ in placed:
         near = min(placed, key=lambda other: float(np.linalg.norm(at - other)))
         off = at - near
@@ -186,13 +184,13 @@ def _free(at: Vector, placed: Sequence[Vector], apart: float) -> Vector:
 
 
 def _arrow(arrow: Arrow, view: Camera, size: float) -> str:
-    """The line with a white edge, so that it is visible on any colour, and its head."""
+    """Return the SVG of an arrow, its line with a white edge, so that it is visible on any colour."""
     points = view.flat(arrow.points_mm)
     colour, width = ARROWS[arrow.kind]
     thick, head = size * width / 100, size * (0.008 + 0.025 * width)
     along = points[-1] - points[-2]
     length = float(np.linalg.norm(along))
-    if length < LEAST_ARROW * size:
+    if length < MIN_ARROW * size:
         return ""
     along = along / length * min(head, 0.6 * length)
     across = 0.42 * np.array([-along[1], along[0]])

@@ -1,4 +1,4 @@
-"""Poses, points and triangles of a folded piece's faces, in millimetres; what a bought part is made of."""
+"""Poses, points and triangles of a folded piece's faces, in millimetres; the material of a bought part."""
 
 import itertools
 from collections.abc import Mapping
@@ -17,19 +17,19 @@ Matrix = NDArray[np.float64]
 # 0 is flat, 1 folded: one number for a piece, or one for each crease by its name (0 for those not named).
 Fraction = float | Mapping[str, float]
 Material = Literal["film", "tyre", "servo", "board", "battery", "other"]
-# By a word in a part's name in the catalogue, the first that is there.
+# The material by the first of these words that occurs in the part's name in the catalogue.
 MATERIAL_OF: dict[str, Material] = {
     "featherwing": "board", "servo": "servo", "aa": "battery", "lipo": "battery", "feather": "board", "tyre": "tyre",
 }  # fmt: skip
 
 
 def face_poses(piece: Piece, fraction: Fraction = 1.0) -> dict[str, Matrix]:
-    """The (4, 4) poses of all faces by name, in the root face's frame."""
+    """Return the (4, 4) poses of all faces by name, in the root face's frame."""
     return {name: np.array(pose) for name, pose in folded(piece, fraction).items()}
 
 
 def moved(pose: Matrix, points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Points (n, 2) or (n, 3) transformed by the pose, (n, 3)."""
+    """Return points, (n, 2) or (n, 3), transformed by the pose, (n, 3)."""
     points = np.asarray(points, dtype=np.float64)
     if points.shape[1] == 2:
         points = np.column_stack([points, np.zeros(len(points))])
@@ -41,22 +41,22 @@ def glued_offset_mm(piece: Piece, fraction: Fraction = 1.0) -> dict[str, float]:
     """Offset of each tab from its middle plane (mm) when it is fixed to the inside of another face."""
     tabs = {face.name for face in piece.faces if face.role == "tab"}
     result = {}
-    for crease in (one for one in piece.creases if one.child.face in tabs):
+    for crease in (crease for crease in piece.creases if crease.child.face in tabs):
         share = fraction.get(crease.name, 0.0) if isinstance(fraction, Mapping) else fraction
         result[crease.child.face] = piece.thickness_mm * (1 if crease.angle_rad > 0 else -1) * share
     return result
 
 
 def face_points(face: Face) -> tuple[NDArray[np.float64], list[int]]:
-    """Points (n, 2) of outline and holes in sequence, and the end index of each of these rings."""
+    """Return points (n, 2) of outline and holes in sequence, and the end index of each of these rings."""
     rings = [np.array(ring, dtype=np.float64) for ring in (face.outline_mm, *(hole.outline_mm for hole in face.holes))]
     return np.concatenate(rings), list(np.cumsum([len(ring) for ring in rings]))
 
 
 def face_triangles(face: Face) -> NDArray[np.int64]:
-    """Indices (m, 3) into ``face_points``, counter-clockwise seen from the printed side.
+    """Return triangles as indices (m, 3) into ``face_points``, counter-clockwise seen from the printed side.
 
-    Every point is a corner of a triangle, also one inside a straight edge, because neighbouring faces share it.
+    Every point is a corner of a triangle, even inside a straight edge, because neighbouring faces share it.
     """
     points, ends = face_points(face)
     polygon = Polygon(points[: ends[0]], [points[a:b] for a, b in itertools.pairwise(ends)])

@@ -16,7 +16,7 @@ from foldcar.fabrication.assembly.hidden_surfaces import Facet, Vector
 
 SMALL_HOLE_MM = 4.0
 CYLINDER_ENDS = 2
-# So many boxes stand for a ring around z, as those of a tyre; it is drawn round.
+# A part of at least this number of boxes is a ring around z, such as a tyre, and is drawn round.
 RING_SOLIDS, RING_SIDES = 16, 40
 CYLINDER_SIDES, SMALL_CYLINDER_SIDES = 16, 8
 
@@ -42,8 +42,8 @@ class Shape:
     lines: tuple[EdgeLine, ...]
 
 
-def together(shapes: Iterable[Shape]) -> Shape:
-    """Several shapes as one; their keys must differ."""
+def merge_shapes(shapes: Iterable[Shape]) -> Shape:
+    """Merge several shapes to one; their keys must differ."""
     facets, lines = zip(*((shape.facets, shape.lines) for shape in shapes), strict=True)
     return Shape(tuple(itertools.chain(*facets)), tuple(itertools.chain(*lines)))
 
@@ -56,9 +56,9 @@ def film_shape(
     tabs: bool = True,
     creases: bool = True,
 ) -> Shape:
-    """One copy of a piece, folded by ``fraction``, its root face at ``pose``.
+    """Return the shape of one copy of a piece, folded by ``fraction``, its root face at ``pose``.
 
-    Keys are ``prefix`` and the face's name. ``creases`` draws folds as such, not as edges.
+    Keys are ``prefix`` and the face's name. With ``creases`` folds are drawn as folds, else as edges.
     """
     poses = {name: pose @ at for name, at in face_poses(piece, fraction).items()}
     facets, lines = [], []
@@ -82,7 +82,7 @@ def film_shape(
 
 
 def mount_shape(mount: Mount, pose: Matrix | None = None) -> Shape:
-    """A bought part's solids, or its box without any, at its pose in the car or at ``pose``."""
+    """Return the shape of a bought part, its solids or its box, at its pose in the car or at ``pose``."""
     pose = np.array(mount.pose) if pose is None else pose
     facets, lines = [], []
     if len(mount.solids) >= RING_SOLIDS:
@@ -99,17 +99,17 @@ def mount_shape(mount: Mount, pose: Matrix | None = None) -> Shape:
 
 
 def _edges(ring: Vector) -> Vector:
-    """Both ends of each edge, (n, 2, 3)."""
+    """Return both ends of each edge, (n, 2, 3)."""
     return np.stack([ring, np.roll(ring, -1, 0)], axis=1)
 
 
 def shank_and_nut(screw: Mount) -> tuple[Mount, Mount]:
-    """A screw, which is head, shank and nut, as head with shank and as its nut, each by a name of its own."""
+    """Split a screw of head, shank and nut into head with shank, and its nut, which gets a name of its own."""
     return replace(screw, solids=screw.solids[:2]), replace(screw, name=f"{NUT_OF}{screw.name}", solids=screw.solids[2:])
 
 
 def _ring(mount: Mount, pose: Matrix) -> Iterator[tuple[tuple[Vector, ...], Vector]]:
-    """Both faces and the outer side of the ring in a mount's box; it is as thick as the first of its solids."""
+    """Yield the faces and the outer side of the ring in a mount's box, as thick as the first of its solids."""
     circle = _circle(RING_SIDES)
     outer_mm, half = mount.size_mm[0] / 2, mount.size_mm[2] / 2
     inner_mm = outer_mm - min(mount.solids[0].size_mm)
@@ -129,13 +129,13 @@ def _circle(sides: int) -> Vector:
 
 
 def _side(low: Vector, high: Vector, i: int) -> Vector:
-    """Corners of the side between two round ends that begins at their corner i."""
+    """Return the corners of the side between two round ends that begins at their corner i."""
     j = (i + 1) % len(low)
     return np.stack([low[i], low[j], high[j], high[i]])
 
 
 def _sides(solid: Solid, pose: Matrix) -> Iterator[tuple[tuple[Vector], Vector]]:
-    """The sides of a solid, each with its normal; both ends of a cylinder come first."""
+    """Yield the sides of a solid, each with its normal; both ends of a cylinder come first."""
     half = np.array(solid.size_mm) / 2
     if solid.kind == "box":
         for axis in range(3):
@@ -155,7 +155,7 @@ def _sides(solid: Solid, pose: Matrix) -> Iterator[tuple[tuple[Vector], Vector]]
 
 
 def _hole_ring(hole: Hole) -> Vector:
-    """The hole's outline; a circle has as many corners as are visible in a picture."""
+    """Return the hole's outline; a circle has only as many corners as are visible in a picture."""
     if hole.diameter_mm is None or hole.center_mm is None:
         return np.array(hole.outline_mm)
     sides = 16 if hole.diameter_mm > SMALL_HOLE_MM else 10
@@ -163,9 +163,9 @@ def _hole_ring(hole: Hole) -> Vector:
 
 
 def _folded_edges(piece: Piece, shown: set[str]) -> dict[tuple[str, int], tuple[LineKind | None, tuple[str, ...]]]:
-    """The line along each edge that two shown faces share (None for no line) and the other face, by the parent's edge.
+    """Return, by edge, the kind of line along edges that two shown faces share, and the other face.
 
-    Smooth bends have no folds between their facets.
+    The parent's edge has the line; the child's edge has None. Smooth bends have no lines between their facets.
     """
     edges: dict[tuple[str, int], tuple[LineKind | None, tuple[str, ...]]] = {}
     for crease in piece.creases:

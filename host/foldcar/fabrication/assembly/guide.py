@@ -11,20 +11,20 @@ from markupsafe import Markup
 from foldcar.car.folded.model import FoldedCar
 from foldcar.car.proof.prove import service_steps
 from foldcar.fabrication.assembly.drawing import Drawing
-from foldcar.fabrication.assembly.facets import Shape, film_shape, mount_shape, together
+from foldcar.fabrication.assembly.facets import Shape, film_shape, merge_shapes, mount_shape
 from foldcar.fabrication.assembly.guide_pictures import Step, join_marks, service_picture, step_pictures
 from foldcar.fabrication.assembly.guide_state import State, key
-from foldcar.fabrication.assembly.guide_words import DRIVER, listed, numbers, service_lines, step_lines
+from foldcar.fabrication.assembly.guide_words import DRIVER, join_words, number_ranges, service_lines, step_lines
 from foldcar.fabrication.assembly.hidden_surfaces import Camera, camera
 from foldcar.fabrication.assembly.operations import (
-    by_step,
     is_screw,
     is_wound,
     kinds,
     minutes,
-    of_parting,
-    of_sheets,
     operations,
+    operations_by_step,
+    operations_of_sheets,
+    operations_of_splices,
 )
 from foldcar.fabrication.assembly.parts_list import parts_list
 from foldcar.fabrication.assembly.view_page import facts
@@ -42,7 +42,7 @@ FROM_FRONT = camera(38, 30)
 
 
 def guide_page(folded: FoldedCar, cut: CutCar, machine: str, title: str, sheets: Sequence[Sheet] = ()) -> str:
-    """The page of a car that is cut from these sheets on a machine of that name."""
+    """Return the page of a car that is cut from these sheets on a machine of that name."""
     lines = service_lines(folded, service_steps(folded))
     return page_template("foldcar.fabrication.assembly", "guide.html").render(
         title=title,
@@ -56,18 +56,18 @@ def guide_page(folded: FoldedCar, cut: CutCar, machine: str, title: str, sheets:
         minutes=minutes,
         parts=folded.parts,
         driver=DRIVER,
-        screws=listed(sorted({mount.part for mount in folded.mounts if is_screw(folded.parts, mount)})),
+        screws=join_words(sorted({mount.part for mount in folded.mounts if is_screw(folded.parts, mount)})),
         wiring=Markup(wiring_drawing(folded, title)),
     )
 
 
 def steps(folded: FoldedCar, cut: CutCar, machine: str) -> list[Step]:
-    """All steps, from cutting on a machine of that name to the finished car."""
-    steps = [out_of_sheets(cut, machine), *parted(folded, cut)]
+    """Return all steps, from cutting on a machine of that name to the finished car."""
+    steps = [out_of_sheets(cut, machine), *splice_steps(folded, cut)]
     state = State(folded)
-    for step, done in by_step(folded):
+    for step, done in operations_by_step(folded):
         lines = step_lines(step, state)
-        state.take(step)
+        state.apply_step(step)
         repeated = len(state.unit_bodies(step.unit)) if step.unit else 1
         title = f"{step.title} ({repeated} times)" if repeated > 1 else step.title
         steps.append(Step(title, lines, step_pictures(step, state, step.title), done))
@@ -75,7 +75,7 @@ def steps(folded: FoldedCar, cut: CutCar, machine: str) -> list[Step]:
 
 
 def out_of_sheets(cut: CutCar, machine: str) -> Step:
-    """The step that cuts all pieces, with a picture of each, for a machine of that name."""
+    """Return the step that cuts all pieces, with a picture of each, for a machine of that name."""
     pictures = []
     for piece in cut.car.pieces:
         shape = film_shape(piece, np.eye(4), 0.0)
@@ -95,35 +95,36 @@ def out_of_sheets(cut: CutCar, machine: str) -> Step:
         "same on both sides of a join.",
         "Crease every fold once before you build: valleys (blue, dashed) towards you, mountains (red, dash-dotted) away "
         "from you, the printed side up.",
-        *([f"Do not crease the {listed(wound)}: they are curled."] if wound else []),
+        *([f"Do not crease the {join_words(wound)}: they are curled."] if wound else []),
     )
-    return Step("Cut the pieces", lines, tuple(pictures), of_sheets(cut))
+    return Step("Cut the pieces", lines, tuple(pictures), operations_of_sheets(cut))
 
 
-def parted(folded: FoldedCar, cut: CutCar) -> Iterator[Step]:
-    """The step that joins pieces split along folds to fit the sheets."""
-    known = {join.number for join in folded.joins}
+def splice_steps(folded: FoldedCar, cut: CutCar) -> Iterator[Step]:
+    """Yield the step that joins pieces split along folds to fit the sheets, if there are any."""
+    whole_numbers = {join.number for join in folded.joins}
     cut_names = {piece.name for piece in cut.car.pieces}
     lines, pictures = [], []
     for piece in (piece for piece in folded.pieces if piece.name not in cut_names):
         parts = [part for part in cut.car.pieces if part.name.startswith(f"{piece.name}, part ")]
         names = {part.name for part in parts}
-        new = {join.number for join in cut.car.joins if join.piece_a in names and join.number not in known}
+        new = {join.number for join in cut.car.joins if join.piece_a in names and join.number not in whole_numbers}
         times = f", {piece.count} times" if piece.count > 1 else ""
         lines.append(
-            f"The {piece.label} is cut as {listed([part.label for part in parts])}{times}: fold each tab and tape it to "
-            f"the printed side of the panel with the same number, join {numbers(new)}. From now on it is one piece."
+            f"The {piece.label} is cut as {join_words([part.label for part in parts])}{times}: fold each tab and tape it "
+            f"to the printed side of the panel with the same number, join {number_ranges(new)}. "
+            "From now on it is one piece."
         )
         for part in parts:
             marks = [mark for mark in join_marks(cut.car, part, np.eye(4), 0.5) if int(mark.text) in new]
             text = f"{part.label}, half folded"
             pictures.append(Drawing(film_shape(part, np.eye(4), 0.5), ASLANT, text, marks, caption=text))
     if lines:
-        yield Step("Join the parts of pieces", tuple(lines), tuple(pictures), of_parting(folded, cut))
+        yield Step("Join the parts of pieces", tuple(lines), tuple(pictures), operations_of_splices(folded, cut))
 
 
 def whole_car(folded: FoldedCar, view: Camera) -> Shape:
-    """The closed car from outside: film without tabs, of that only what faces the camera unprinted; servos."""
+    """Return the closed car from outside: servos, and film without tabs whose unprinted side faces the camera."""
     pieces = {piece.name: piece for piece in folded.pieces}
     shapes = []
     for placed in folded.placed:
@@ -135,4 +136,4 @@ def whole_car(folded: FoldedCar, view: Camera) -> Shape:
     parts = folded.parts
     outer = {part.name for part in (parts.tyre, parts.switch, parts.axle_rod, parts.axle_tube, parts.axle_cap)}
     shapes += [mount_shape(mount) for mount in folded.mounts if mount.name in driving or mount.part in outer]
-    return together(shapes)
+    return merge_shapes(shapes)

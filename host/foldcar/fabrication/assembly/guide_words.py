@@ -1,4 +1,4 @@
-"""What a step of the guide says: what to fold, to put in and to screw in the order of the proof, to join, to plug.
+"""The instructions of a step of the guide: what to fold, insert, screw (in the order of the proof), join and plug.
 
 Input: an AssemblyStep and the State before it. Output: lines of text. Numbers are those printed on the sheets.
 """
@@ -16,35 +16,36 @@ from foldcar.car.folded.model import FoldedCar, Join, Mount
 from foldcar.car.leads import leads
 from foldcar.car.proof.step import Added, AssemblyStep, Vector
 from foldcar.fabrication.assembly.guide_state import State
-from foldcar.fabrication.assembly.operations import closing, is_screw, is_wound, plugs_in, turned
+from foldcar.fabrication.assembly.operations import closing, disc_turns, is_screw, is_wound, plugs_in
 from foldcar.fabrication.assembly.parts_list import tyre_cut
-from foldcar.fabrication.assembly.wiring import remedy
+from foldcar.fabrication.assembly.wiring import lead_remedy
 
 DRIVER = "PH0 screwdriver"
-# What is farther from the car's middle is beside it.
+# Parts farther from the car's middle than this are on its left or right.
 BESIDE_MM = 10.0
-# Of several beams, a screw's own is meant.
+# The number of a beam is left out: a screw passes through its own beam.
 NUMBER = re.compile(r" \d+$")
 SIDES = (("the front", "the rear"), ("the left", "the right"), ("above", "below"))
 
 
 def step_lines(step: AssemblyStep, before: State) -> tuple[str, ...]:
-    """The instructions."""
+    """Return the instructions of a step."""
     car = before.car
     return (
-        *_first(step, before),
+        *_preparation(step, before),
         *_folds(step, before),
         *_put_in(step, before),
         *_joins(car, step),
         *_plugs(car, step),
-        *_care(car, step, before),
+        *_cautions(car, step, before),
     )
 
 
 def _folds(step: AssemblyStep, before: State) -> Iterator[str]:
     wound = [before.pieces[name] for name in step.folds if is_wound(before.pieces[name])]
     if wound:
-        yield f"Curl {listed([f'the {piece.label}' for piece in wound])} evenly, without a crease, printed side inside."
+        labels = join_words([f"the {piece.label}" for piece in wound])
+        yield f"Curl {labels} evenly, without a crease, printed side inside."
     alike: dict[str, list[str]] = {}
     for name, creases in step.folds.items():
         piece = before.pieces[name]
@@ -54,23 +55,24 @@ def _folds(step: AssemblyStep, before: State) -> Iterator[str]:
         kinds = Counter(("valley" if angle > 0 else "mountain", round(abs(angle))) for angle in angles)
         texts = [f"{n} {kind} fold{'s' if n > 1 else ''} of {degrees}°" for (kind, degrees), n in kinds.items()]
         opened = [crease.name for crease in made if crease not in shut]
-        left = f"; fold {listed(opened)} too, and open them again" if opened else ""
-        named = f" ({listed([crease.name for crease in shut])})" if before.closed.get(name) else ""
+        left = f"; fold {join_words(opened)} too, and open them again" if opened else ""
+        named = f" ({join_words([crease.name for crease in shut])})" if before.closed.get(name) else ""
         if made:
-            alike.setdefault(f"{listed(texts)}{named}{left}", []).append(f"the {piece.label}")
-    for text, labels in alike.items():
-        yield f"Fold {listed(labels)}: {text}{', each' if len(labels) > 1 else ''}."
+            alike.setdefault(f"{join_words(texts)}{named}{left}", []).append(f"the {piece.label}")
+    for text, pieces in alike.items():
+        yield f"Fold {join_words(pieces)}: {text}{', each' if len(pieces) > 1 else ''}."
 
 
 def _put_in(step: AssemblyStep, before: State) -> list[str]:
-    """What goes in, in the order of the step.
+    """Return the instructions for the parts that go in, in the order of the step.
 
-    Of wheels, the first one stands for all; loose wires have lines of their own. What repeats is told once.
+    The first wheel stands for all; loose wires have lines of their own. Repeated instructions are written once.
     """
     shown = [a for a in step.adds if not step.unit or a.body == step.adds[0].body]
     wires = {mount.name for mount in before.car.mounts if mount.part == before.car.parts.wiring.name}
-    told = [f"{_label(one, before)}: {_how(one, before, bool(step.unit))}" for one in shown if one.name not in wires]
-    counted = [(text, len(list(alike))) for text, alike in itertools.groupby(told)]
+    placed = [added for added in shown if added.name not in wires]
+    instructions = [f"{_label(added, before)}: {_origin(added, before, bool(step.unit))}" for added in placed]
+    counted = [(text, len(list(alike))) for text, alike in itertools.groupby(instructions)]
     texts = [f"{count} × {text}" if count > 1 else text for text, count in counted]
     period = next((p for p in range(1, len(texts) + 1) if texts == texts[:p] * (len(texts) // p)), 1)
     if 1 < period < len(texts):
@@ -86,8 +88,8 @@ def _label(added: Added, before: State) -> str:
     return before.mounts[added.name].part
 
 
-def _how(added: Added, before: State, apart: bool) -> str:
-    """Where a thing comes from, move by move; of a screw also what it passes, its tool and its nut."""
+def _origin(added: Added, before: State, apart: bool) -> str:
+    """Return where a part comes from, move by move; for a screw also what it passes, its tool and its nut."""
     car = before.car
     if added.kind == "mount" and is_screw(car.parts, before.mounts[added.name]):
         labels = {("mount", name): mount.part for name, mount in before.mounts.items()}
@@ -97,11 +99,13 @@ def _how(added: Added, before: State, apart: bool) -> str:
         if not added.nut_mm and passed:
             *passed, last = passed
             into = f" into the {last}"
-        through = f" through {listed([f'the {name}' for name in passed])}" if passed else ""
-        nut = f", its nut {_from(added, added.nut_mm[-1:], before, apart)}, held with pliers" if added.nut_mm else ""
-        return f"{_from(added, added.way_mm, before, apart)}{through}{into}, with the {DRIVER}{nut}"
+        through = f" through {join_words([f'the {name}' for name in passed])}" if passed else ""
+        nut = ""
+        if added.nut_mm:
+            nut = f", its nut {_directions(added, added.nut_mm[-1:], before, apart)}, held with pliers"
+        return f"{_directions(added, added.way_mm, before, apart)}{through}{into}, with the {DRIVER}{nut}"
     if added.way_mm:
-        return _from(added, added.way_mm, before, apart)
+        return _directions(added, added.way_mm, before, apart)
     if added.kind == "piece" and is_wound(before.pieces[added.name]):
         return "wind it around the discs"
     if added.kind == "mount" and added.body in {axle.wheel for axle in car.axles}:
@@ -109,8 +113,8 @@ def _how(added: Added, before: State, apart: bool) -> str:
     return "lay it down"
 
 
-def _from(added: Added, moves: Sequence[Vector], before: State, apart: bool) -> str:
-    """The sides that moves come from; on a wheel those of the wheel, else outside or inside of the car's walls."""
+def _directions(added: Added, moves: Sequence[Vector], before: State, apart: bool) -> str:
+    """Return the sides that moves come from: the wheel's if ``apart``, else outside or inside of the car's walls."""
     axle = next((axle for axle in before.car.axles if axle.wheel == added.body), None)
     place = before.mounts[added.name].pose[1][3] if added.kind == "mount" else 0.0
     y = axle.center_mm[1] if axle else place
@@ -137,29 +141,29 @@ def _joins(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
         yield f"Tape the {labels[name]} {how}: join {number}."
     yield from _wheel_joins(car, step)
     own = {join.number for join in joins if join.kind == "rim" or _is_of_rim(car, join)}
-    own |= {join.number for join in turned(car, step)}
+    own |= {join.number for join in disc_turns(car, step)}
     for kinds, text in (
         (("tab", "lap"), "Tape the tabs to the inside of the panel with the same number: join {}."),
         (("tab_slot",), "Push the tongues through the slots with the same number: join {}."),
         (("lock",), "Hold the levers outwards, press the lid down, let go: the tongues go into their slots: join {}."),
         (("tuck",), "Lay the edges inside the walls, without tape: join {}."),
     ):
-        found = {join.number for join in joins if join.kind in kinds} - own
-        if found:
-            yield text.format(numbers(found))
+        joined = {join.number for join in joins if join.kind in kinds} - own
+        if joined:
+            yield text.format(number_ranges(joined))
 
 
 def _is_of_rim(car: FoldedCar, join: Join) -> bool:
-    """Whether a wound strip locks."""
+    """Whether a join is a lock of a wound strip."""
     return join.kind == "lock" and is_wound(next(piece for piece in car.pieces if piece.name == join.piece_a))
 
 
 def _wheel_joins(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
-    """How the hub's hooks, the rim's hooks and its tongues are joined."""
+    """Yield how the hub's hooks, the rim's hooks and its tongues are joined."""
     joins = [join for join in car.joins if join.number in step.joins]
     labels = {piece.name: piece.label for piece in car.pieces}
     units = {placed.piece: axle for axle in car.axles for placed in car.placed if placed.body == axle.wheel}
-    for join in turned(car, step):
+    for join in disc_turns(car, step):
         axle = units[join.piece_b]
         angle = math.degrees(turn_rad(WheelSize(axle.radius_mm, axle.tyre_width_mm, car.parts)))
         yield (
@@ -168,12 +172,12 @@ def _wheel_joins(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
         )
     rims = {join.number for join in joins if join.kind == "rim"}
     if rims:
-        yield f"Drop the strip's hooks from outside into the notches of both discs: join {numbers(rims)}."
+        yield f"Drop the strip's hooks from outside into the notches of both discs: join {number_ranges(rims)}."
     tongues = {join.number for join in joins if _is_of_rim(car, join)}
     if tongues:
         yield (
             "Put each tongue's head through the wide part of its slot and pull it into the narrow part; the last one "
-            f"goes in before the hooks beside it drop into their notches: join {numbers(tongues)}."
+            f"goes in before the hooks beside it drop into their notches: join {number_ranges(tongues)}."
         )
 
 
@@ -186,21 +190,21 @@ def _plugs(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
         extended.setdefault(mounts[wire.a], []).append(f"the {wire.b}")
     for extension, servos in extended.items():
         each = ", each" if len(servos) > 1 else ""
-        yield f"Plug {listed(servos)} into a {extension}{each}; tape the joints to the floor."
+        yield f"Plug {join_words(servos)} into a {extension}{each}; tape the joints to the floor."
     if signals:
         count = sum(axle.driven for axle in car.axles)
         yield f"Plug {count} servos into the outputs that their leads are marked with; the brown lead is ground."
         if car.hinges:
             yield "Lead cables between segments through the openings of the caps, with a loop at each hinge."
-    lengths = {(lead.start, lead.end): remedy(lead) for lead in leads(car)}
+    lengths = {(lead.start, lead.end): lead_remedy(lead) for lead in leads(car)}
     for wire in wires:
         if wire.carries != "signal":
             notes = [wire.note, lengths.get((wire.a, wire.b), "")]
             yield f"{wire.a[0].upper()}{wire.a[1:]} to {wire.b}: {'; '.join(note for note in notes if note)}."
 
 
-def _first(step: AssemblyStep, before: State) -> Iterator[str]:
-    """What is done to parts before they go in."""
+def _preparation(step: AssemblyStep, before: State) -> Iterator[str]:
+    """Yield what is done to parts before they go in."""
     if before.car.parts.servo.name in {before.mounts[added.name].part for added in step.adds if added.kind == "mount"}:
         axles = sorted((axle for axle in before.car.axles if axle.driven), key=lambda axle: axle.channel)
         marks = "; ".join(f"{axle.servo} {axle.channel}" for axle in axles)
@@ -212,16 +216,16 @@ def _first(step: AssemblyStep, before: State) -> Iterator[str]:
 
 
 def _cut_lengths(car: FoldedCar, step: AssemblyStep, before: State) -> Iterator[str]:
-    """To what length rods and tubes are cut."""
+    """Yield the lengths to which rods and tubes are cut."""
     added = [before.mounts[thing.name] for thing in step.adds if thing.kind == "mount"]
     for part in (car.parts.axle_rod, car.parts.axle_tube):
         lengths = sorted({f"{mount.size_mm[2]:.1f}" for mount in added if mount.part == part.name}, key=float)
         if lengths:
-            yield f"Before: cut the {part.name} to {listed(lengths)} mm, and take the burr off its ends."
+            yield f"Before: cut the {part.name} to {join_words(lengths)} mm, and take the burr off its ends."
 
 
-def _care(car: FoldedCar, step: AssemblyStep, before: State) -> Iterator[str]:
-    """What a part asks for beside its place."""
+def _cautions(car: FoldedCar, step: AssemblyStep, before: State) -> Iterator[str]:
+    """Yield notes on parts: orientation, fixing, checks."""
     parts = {before.mounts[added.name].part for added in step.adds if added.kind == "mount"}
     if car.parts.servo.name in parts:
         yield "The shaft is at the end of the servo that is nearer to the wheel's axle."
@@ -246,7 +250,7 @@ def _care(car: FoldedCar, step: AssemblyStep, before: State) -> Iterator[str]:
         limits = [(-math.degrees(hinge.min_rad), math.degrees(hinge.max_rad)) for hinge in car.hinges]
         texts = [f"from {down:.0f}° nose down to {up:.0f}° nose up" for down, up in limits]
         alike = len(set(texts)) == 1
-        ranges = texts[0] if alike else listed([f"{text} at hinge {n}" for n, text in enumerate(texts, 1)])
+        ranges = texts[0] if alike else join_words([f"{text} at hinge {n}" for n, text in enumerate(texts, 1)])
         yield (
             f"A hinge's strip stays uncreased between the segments, which then pitch freely {ranges} against each other."
         )
@@ -255,43 +259,43 @@ def _care(car: FoldedCar, step: AssemblyStep, before: State) -> Iterator[str]:
 
 
 def service_lines(car: FoldedCar, steps: Sequence[AssemblyStep]) -> tuple[str, ...]:
-    """How the finished car is opened, charged, connected and reset; ``steps`` are those that are proved."""
+    """Return how the finished car is opened, charged, connected and reset; ``steps`` are the proved service steps."""
     parts = car.parts
     mounts = {mount.name: mount for mount in car.mounts}
     lids = [number for number, step in enumerate(steps) if step.folds]
     reached: dict[bool, list[str]] = {False: [], True: []}
     for number, step in enumerate(steps):
-        for reach in step.reaches:
+        for reach in step.tool_uses:
             if not reach.piece:
-                word = reached_word(car, mounts[reach.name], reach.index)
+                word = reached_part(car, mounts[reach.name], reach.index)
                 reached[bool(lids) and number > lids[0]].append(word)
     shut, opened = (list(dict.fromkeys(reached[state])) for state in (False, True))
     opening = {name for step in steps for name in step.folds}
     locks = {join.number for join in car.joins if join.kind == "lock" and {join.piece_a, join.piece_b} & opening}
     lines = []
     if shut:
-        lines.append(f"Reached from outside{', the lid shut' if lids else ''}: {listed(shut)}.")
+        lines.append(f"Reached from outside{', the lid shut' if lids else ''}: {join_words(shut)}.")
     if lids:
         lines.append(
             "To open the lid, one latch after the other: with a fingertip on the lid push the lever, "
-            f"which stands at the right wall, outwards; that draws the tongue below it, join {numbers(locks)}, out of "
-            "its slot. Then lift the lid by its pull tab."
+            f"which stands at the right wall, outwards; that draws the tongue below it, join {number_ranges(locks)}, out "
+            "of its slot. Then lift the lid by its pull tab."
         )
     if opened:
-        lines.append(f"Reached with the lid open: {listed(opened)}.")
-    taken = {mounts[add.name].part for step in steps for add in step.adds}
+        lines.append(f"Reached with the lid open: {join_words(opened)}.")
+    removed = {mounts[add.name].part for step in steps for add in step.adds}
     return (
         *lines,
-        *(f"Change cells: take the {name} out, and charge its cells in their own charger." for name in sorted(taken)),
+        *(f"Change cells: take the {name} out, and charge its cells in their own charger." for name in sorted(removed)),
         f"Charge the {parts.lipo.name} in the car: the {parts.feather.name} charges it from USB.",
         f"Reset: press the {parts.featherwing.name}'s button with the tip of a screwdriver"
         f"{', the lid open' if lids else ''}; the servos stop, and the car waits to be told to go.",
     )
 
 
-def reached_word(car: FoldedCar, mount: Mount, index: int) -> str:
-    """What a plug or finger reaches at access ``index`` of a mount, in a word."""
-    parts, tool = car.parts, mount.accesses[index].tool
+def reached_part(car: FoldedCar, mount: Mount, index: int) -> str:
+    """Return a word for the part that a plug or finger reaches at clearance ``index`` of a mount."""
+    parts, tool = car.parts, mount.clearances[index].tool
     if mount.part == parts.switch.name:
         return "switch"
     if tool in ("finger", "driver"):
@@ -301,8 +305,8 @@ def reached_word(car: FoldedCar, mount: Mount, index: int) -> str:
     return "servos' plugs" if mount.part == parts.featherwing.name else f"plug of {mount.name}"
 
 
-def numbers(joins: Iterable[int]) -> str:
-    """Numbers as text, ranges shortened: ``2 to 5, 11``."""
+def number_ranges(joins: Iterable[int]) -> str:
+    """Format numbers with ranges shortened: ``2 to 5, 11``."""
     runs: list[list[int]] = []
     for number in sorted(joins):
         if runs and number == runs[-1][-1] + 1:
@@ -312,6 +316,6 @@ def numbers(joins: Iterable[int]) -> str:
     return ", ".join(f"{run[0]} to {run[-1]}" if len(run) > 2 else ", ".join(map(str, run)) for run in runs)
 
 
-def listed(names: Sequence[str]) -> str:
-    """Names as text: ``a, b and c``."""
+def join_words(names: Sequence[str]) -> str:
+    """Join names to a list in words: ``a, b and c``."""
     return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)

@@ -1,8 +1,8 @@
 """Computes the visible regions of flat faces in space exactly.
 
 Input: Facets in millimetres and a Camera. Output: for each visible facet its visible region on the picture plane. The
-depth of a flat face is linear over the picture, so one face hides the part of another that lies in both outlines on
-that side of a line where it is nearer; faces may intersect.
+depth of a flat face is linear over the picture. So, of the common part of two outlines, a face hides the side of a line
+where it is nearer. Faces may intersect.
 """
 
 import math
@@ -17,7 +17,7 @@ from shapely.geometry.base import BaseGeometry
 
 # Faces closer to each other than this are in contact: neither hides the other.
 TOUCHING_MM = 0.05
-LEAST_AREA_MM2 = 0.02
+MIN_AREA_MM2 = 0.02
 # Rounded, so that outlines that coincide do so exactly.
 GRID_DECIMALS = 4
 SLIVER_MM = 0.02
@@ -48,13 +48,13 @@ class Camera:
     toward: Vector
 
     def flat(self, points: Vector) -> Vector:
-        """The projections, (n, 2), of points (n, 3): right and up are positive."""
+        """Return the projections, (n, 2), of points (n, 3): right and up are positive."""
         return np.column_stack([points @ self.right, points @ self.up])
 
 
 @dataclass(frozen=True)
-class Seen:
-    """A facet and its visible ``region`` on the picture; ``whole`` if nothing of it is hidden.
+class VisibleFacet:
+    """A facet and its visible ``region`` on the picture, which is ``whole`` if nothing of it is hidden.
 
     ``lit`` is its brightness from 0 to 1; ``front`` if its normal points to the camera.
     """
@@ -67,21 +67,21 @@ class Seen:
 
 
 def camera(azimuth_deg: float, elevation_deg: float) -> Camera:
-    """The camera in this direction: azimuth counter-clockwise from +x, elevation above the horizon."""
+    """Return the camera in this direction: azimuth counter-clockwise from +x, elevation above the horizon."""
     a, e = math.radians(azimuth_deg), math.radians(elevation_deg)
     toward = np.array([math.cos(a) * math.cos(e), math.sin(a) * math.cos(e), math.sin(e)])
     right = np.array([-math.sin(a), math.cos(a), 0.0])
     return Camera(right, np.cross(toward, right), toward)
 
 
-def seen_facets(facets: Sequence[Facet], view: Camera) -> list[Seen]:
-    """The facets that are at least partly visible, farthest first."""
+def visible_facets(facets: Sequence[Facet], view: Camera) -> list[VisibleFacet]:
+    """Return the facets that are at least partly visible, farthest first."""
     facets = [facet for facet in facets if not facet.closed or facet.normal @ view.toward > 0]
     rings = [ring for facet in facets for ring in facet.rings_mm]
     corners = np.round(view.flat(np.concatenate(rings)), GRID_DECIMALS)
     lines = shapely.linearrings(corners, indices=np.repeat(range(len(rings)), list(map(len, rings))))
     outlines = shapely.polygons(lines, indices=np.repeat(range(len(facets)), [len(facet.rings_mm) for facet in facets]))
-    kept = np.flatnonzero(shapely.area(outlines) > LEAST_AREA_MM2)
+    kept = np.flatnonzero(shapely.area(outlines) > MIN_AREA_MM2)
     # Rounding can make holes touch the outlines of faces seen almost edge-on.
     shapes = shapely.make_valid(outlines[kept])
     planes = np.array([_depth(facets[i], view) for i in kept]).reshape(-1, 3)
@@ -89,34 +89,37 @@ def seen_facets(facets: Sequence[Facet], view: Camera) -> list[Seen]:
     for place, hidden in _hidden(shapes, planes).items():
         facet, region = facets[kept[place]], shapes[place]
         rest = _polygons(shapely.difference(region, shapely.union_all(hidden))) if hidden else region
-        whole = region.area - rest.area < LEAST_AREA_MM2
+        whole = region.area - rest.area < MIN_AREA_MM2
         if not whole:
             # Rounding leaves slivers between adjacent hiding faces.
             region = rest.buffer(-SLIVER_MM, join_style="mitre").buffer(SLIVER_MM, join_style="mitre")
-        if region.area > LEAST_AREA_MM2:
-            result.append(_seen(facet, region, whole, view))
+        if region.area > MIN_AREA_MM2:
+            result.append(_visible_facet(facet, region, whole, view))
     return sorted(result, key=lambda seen: float((seen.facet.rings_mm[0] @ view.toward).mean()))
 
 
 def _hidden(shapes: NDArray[np.object_], planes: Vector) -> dict[int, list[BaseGeometry]]:
-    """The regions that hide each outline, nearer ones or their nearer parts; by its number, without those all covered."""
+    """Return the regions that hide each outline, by its number: nearer outlines or their nearer parts.
+
+    Outlines that are completely covered are left out.
+    """
     behind, ahead, wholly = _overlapping(shapes, planes)
     # A face completely behind another one is invisible, and hides nothing that the other one does not hide.
     covered = behind[wholly][shapely.covers(shapes[ahead[wholly]], shapes[behind[wholly]])]
-    hidden: dict[int, list[BaseGeometry]] = {int(one): [] for one in np.setdiff1d(range(len(shapes)), covered)}
+    hidden: dict[int, list[BaseGeometry]] = {int(rear): [] for rear in np.setdiff1d(range(len(shapes)), covered)}
     wanted = ~np.isin(behind, covered) & ~np.isin(ahead, covered)
-    for one, other, whole in zip(behind[wanted], ahead[wanted], wholly[wanted], strict=True):
-        part = shapes[other]
+    for rear, front, whole in zip(behind[wanted], ahead[wanted], wholly[wanted], strict=True):
+        part = shapes[front]
         if not whole:
-            part = _nearer(_polygons(shapely.intersection(shapes[one], part)), planes[other] - planes[one])
-        hidden[one].append(part)
+            part = _nearer(_polygons(shapely.intersection(shapes[rear], part)), planes[front] - planes[rear])
+        hidden[rear].append(part)
     return hidden
 
 
 def _overlapping(
     shapes: NDArray[np.object_], planes: Vector
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.bool_]]:
-    """Pairs, (n,) indices each, of outlines whose first is partly behind the second; (n,) whether it is completely."""
+    """Return pairs of outlines, (n,) indices each, the first partly behind the second; (n,) whether completely."""
     shapely.prepare(shapes)
     behind, ahead = STRtree(shapes).query(shapes, predicate="intersects")
     corners, owners = shapely.get_coordinates(shapes, return_index=True)
@@ -134,7 +137,7 @@ def _overlapping(
 
 
 def _depth(facet: Facet, view: Camera) -> Vector:
-    """(c, a, b): the facet's depth at the picture's point (u, v) is c + a u + b v; larger is nearer."""
+    """Return (c, a, b): the facet's depth at the picture's point (u, v) is c + a u + b v; larger is nearer."""
     normal = facet.normal
     slope = normal @ view.toward
     a, b = -(normal @ view.right) / slope, -(normal @ view.up) / slope
@@ -143,7 +146,7 @@ def _depth(facet: Facet, view: Camera) -> Vector:
 
 
 def _nearer(region: BaseGeometry, ahead: Vector) -> BaseGeometry:
-    """The part of a region where ``ahead``, the plane of depth differences, exceeds TOUCHING_MM."""
+    """Return the part of a region where ``ahead``, the plane of depth differences, exceeds TOUCHING_MM."""
     corners = shapely.get_coordinates(region)
     lead = ahead[0] + corners @ ahead[1:] - TOUCHING_MM
     if (lead <= 0).all():
@@ -162,14 +165,14 @@ def _nearer(region: BaseGeometry, ahead: Vector) -> BaseGeometry:
 
 
 def _polygons(geometry: BaseGeometry) -> BaseGeometry:
-    """The polygons of a geometry, without points and lines."""
+    """Return the polygons of a geometry, without points and lines."""
     if geometry.geom_type in ("Polygon", "MultiPolygon"):
         return geometry
     return shapely.MultiPolygon([part for part in shapely.get_parts(geometry) if part.geom_type == "Polygon"])
 
 
-def _seen(facet: Facet, region: BaseGeometry, whole: bool, view: Camera) -> Seen:
+def _visible_facet(facet: Facet, region: BaseGeometry, whole: bool, view: Camera) -> VisibleFacet:
     front = bool(facet.normal @ view.toward > 0)
     light = view.toward + 0.6 * view.up - 0.35 * view.right
     lit = float((facet.normal if front else -facet.normal) @ light / np.linalg.norm(light))
-    return Seen(facet, region, whole, max(0.0, lit), front)
+    return VisibleFacet(facet, region, whole, max(0.0, lit), front)

@@ -1,7 +1,7 @@
 """The bill of materials: film and bought parts with quantities, masses and costs, as Markdown and as CSV; the fits.
 
-Input: a FoldedCar, and the sheets that it is cut from: film is bought by whole sheets. Without sheets it is counted as
-cut, without waste. Output: rows, and texts of them, parts in the order in which they go in.
+Input: a FoldedCar, and the sheets that it is cut from, because film is bought by whole sheets. Without sheets only the
+film in the car is counted. Output: rows, and texts of them, with parts in the order of assembly.
 """
 
 import csv
@@ -15,12 +15,12 @@ from typing import Any
 from foldcar.car.fits import fits
 from foldcar.car.folded.model import FoldedCar, Piece
 from foldcar.car.folded.stance import center_mm, stance
-from foldcar.car.folded.weight import placing_mm
-from foldcar.car.leads import leads, more_wire_m, wire_mm
+from foldcar.car.folded.weight import max_placement_shift_mm
+from foldcar.car.leads import extra_wire_m, leads, stock_wire_mm
 from foldcar.car.parts.bought import Tyre
 from foldcar.car.parts.catalogue import film_of
 from foldcar.car.parts.quantity import Bought
-from foldcar.car.proof.plan import planned
+from foldcar.car.proof.plan import plan_assembly
 from foldcar.fabrication.assembly.faces import piece_area_mm2
 from foldcar.fabrication.assembly.operations import Operations, is_wound, kinds, minutes
 from foldcar.fabrication.patterns.drawing import Sheet
@@ -30,7 +30,7 @@ from foldcar.shown_text import spreadsheet_cell
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One line: a quantity of a part with its total mass and its cost, None if nobody knows it."""
+    """One line: a quantity of a part with its total mass and cost; the cost is None if it is unknown."""
 
     name: str
     quantity: float
@@ -46,7 +46,7 @@ class Row:
 
 
 def parts_list(folded: FoldedCar, sheets: Sequence[Sheet] = ()) -> tuple[Row, ...]:
-    """All rows: film, then the bought parts that are placed in the car."""
+    """Return all rows: film, then the bought parts of the car."""
     return (*_film(folded, sheets), *_bought(folded))
 
 
@@ -61,7 +61,7 @@ def total_cost_usd(rows: tuple[Row, ...]) -> float:
 
 
 def parts_list_text(folded: FoldedCar, title: str, sheets: Sequence[Sheet] = (), done: Operations | None = None) -> str:
-    """The parts list as Markdown: parts to buy, pieces to cut, the worst case of every fit, the work by hand."""
+    """Return the parts list as Markdown: parts to buy, pieces to cut, the worst case of every fit, the work by hand."""
     rows = parts_list(folded, sheets)
     return page_template("foldcar.fabrication.assembly", "parts.md").render(
         title=title,
@@ -79,7 +79,7 @@ def parts_list_text(folded: FoldedCar, title: str, sheets: Sequence[Sheet] = (),
 
 
 def _folds(piece: Piece) -> str:
-    """How the piece is bent: creased, or not."""
+    """Return the text on a piece's folds: their number, or that it is curled."""
     if is_wound(piece):
         return "curl, do not crease"
     creased = sum(not crease.flexure for crease in piece.creases)
@@ -88,7 +88,7 @@ def _folds(piece: Piece) -> str:
 
 
 def parts_list_csv(folded: FoldedCar, sheets: Sequence[Sheet] = ()) -> str:
-    """The same rows for a spreadsheet; mass in grams, cost in US dollars."""
+    """Return the rows as CSV for a spreadsheet; mass in grams, cost in US dollars."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(["part", "quantity", "unit", "mass_g", "cost_usd", "note"])
@@ -107,10 +107,10 @@ def _film(folded: FoldedCar, sheets: Sequence[Sheet]) -> Iterator[Row]:
         film = film_of(folded.parts.film, thickness)
         bought, note = area, f"sold as {film.sold_as}; as cut, sheets have more"
         if sheets:
-            mine = [sheet for sheet in sheets if sheet.film == film.title]
-            bought = sum(sheet.width_mm * sheet.height_mm for sheet in mine)
-            size = f"{mine[0].width_mm:g} x {mine[0].height_mm:g} mm"
-            note = f"sold as {film.sold_as}; {len(mine)} sheets of {size}, {area * 1e-6:.4f} m² of it in the car"
+            own_sheets = [sheet for sheet in sheets if sheet.film == film.title]
+            bought = sum(sheet.width_mm * sheet.height_mm for sheet in own_sheets)
+            size = f"{own_sheets[0].width_mm:g} x {own_sheets[0].height_mm:g} mm"
+            note = f"sold as {film.sold_as}; {len(own_sheets)} sheets of {size}, {area * 1e-6:.4f} m² of it in the car"
         mass_kg = area * thickness * 1e-9 * film.density_kg_m3.value
         yield Row(film.title, bought * 1e-6, "m²", mass_kg, bought * 1e-6 * film.cost_usd_m2.value, note)
 
@@ -122,7 +122,7 @@ def _bought(folded: FoldedCar) -> list[Row]:
     masses: dict[str, float] = {}
     for mount in folded.mounts:
         masses[mount.part] = masses.get(mount.part, 0.0) + mount.mass_kg
-    order = [mounts[add.name].part for step in planned(folded) for add in step.adds if add.kind == "mount"]
+    order = [mounts[add.name].part for step in plan_assembly(folded) for add in step.adds if add.kind == "mount"]
     counts = {name: counts[name] for name in dict.fromkeys([*order, *counts])}
     rows = [Row(name, count, "", masses[name], *_cost(bought.get(name), count, folded)) for name, count in counts.items()]
     rows = [_with_wire(folded, row) if row.name == folded.parts.wiring.name else row for row in rows]
@@ -135,15 +135,15 @@ def _bought(folded: FoldedCar) -> list[Row]:
 
 
 def _with_wire(folded: FoldedCar, row: Row) -> Row:
-    """The row of the wires with the length that is cut, and the cost of what goes beyond that which is included."""
-    wiring, found = folded.parts.wiring, leads(folded)
-    more = more_wire_m(found, wiring) * wiring.wire_usd_m.value
-    note = f"{math.ceil(wire_mm(found) / 10) * 10} mm of wire, solder, heat-shrink: see the wiring"
+    """Return the row of the wires with the length to cut, and the cost of wire beyond the length included."""
+    wiring, car_leads = folded.parts.wiring, leads(folded)
+    more = extra_wire_m(car_leads, wiring) * wiring.wire_usd_m.value
+    note = f"{math.ceil(stock_wire_mm(car_leads) / 10) * 10} mm of wire, solder, heat-shrink: see the wiring"
     return replace(row, cost_usd=(row.cost_usd or 0.0) + more, note=note)
 
 
 def _cost(part: Bought | None, count: int, folded: FoldedCar) -> tuple[float | None, str]:
-    """The cost of so many of them, and a note; a module of one's own may place a part that is not in the catalogue."""
+    """Return the cost of ``count`` parts and a note. A part of a user's module may be missing in the catalogue (None)."""
     if part is None:
         return None, "no price known"
     if part.cost_usd.value == 0:
@@ -156,7 +156,7 @@ def _cost(part: Bought | None, count: int, folded: FoldedCar) -> tuple[float | N
 
 
 def tyre_cut(folded: FoldedCar, only: str = "") -> str:
-    """What to cut for the tyre of each wheel, or of the ``only`` unit's: "a strip of 374 x 12 mm for each"."""
+    """Return what to cut for each wheel's tyre, or for unit ``only``'s: "a strip of 374 x 12 mm for each"."""
     units = {axle.unit: folded.parts.tyre.cut(axle.radius_mm, axle.tyre_width_mm) for axle in folded.axles}
     if only or len(set(units.values())) == 1:
         return f"{units[only] if only else next(iter(units.values()))} for each"
@@ -164,10 +164,10 @@ def tyre_cut(folded: FoldedCar, only: str = "") -> str:
 
 
 def _balance(folded: FoldedCar) -> dict[str, Any] | None:
-    """Where the centre of mass is, which the battery's place decides, and how far it moves at most (mm)."""
+    """Return where the centre of mass is, which depends on the battery's place, and its maximum shift (mm)."""
     if not folded.axles:
         return None
     x, _, z = center_mm(folded)
     side = "in front of" if x > 0 else "behind"
     where = "at the middle" if abs(x) < 0.5 else f"{abs(x):.0f} mm {side} the middle"
-    return {"where": where, "high_mm": stance(folded).height_mm(x, z), "placing_mm": placing_mm(folded)}
+    return {"where": where, "high_mm": stance(folded).height_mm(x, z), "placing_mm": max_placement_shift_mm(folded)}

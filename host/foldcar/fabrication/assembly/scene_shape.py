@@ -1,4 +1,4 @@
-"""Cars and runs for pages on which they drive: faces of film as they are folded, bought parts as solids; a run's path.
+"""Cars and runs for pages that show them driving: folded faces of film, bought parts as solids; a run's path.
 
 Input: FoldedCars, bodies and scenes of docs/carsim.md, a run's result and path. Output: JSON that ``car.js`` and
 ``run.js`` read: outlines in tenths of a millimetre, solids and poses in millimetres, all else in SI units. Small holes
@@ -21,11 +21,11 @@ from foldcar.simulation.heights import Heights
 
 UNIT_MM = 0.1
 HOLES = ("opening", "vent")
-# Parts with no side as long are not seen on a car that drives, and neither are solids of parts that are as thin.
-LEAST_PART_MM = 9.0
-LEAST_SOLID_MM = 3.0
-# A ring of more solids is meant to be round.
-MOST_SOLIDS = 12
+# Smaller parts, and thinner solids of parts, are not visible on a car that drives.
+MIN_PART_MM = 9.0
+MIN_SOLID_MM = 3.0
+# A part of more solids is drawn as a ring.
+MAX_SOLIDS = 12
 DECIMALS = 3
 
 
@@ -35,10 +35,10 @@ def _without_small_holes(piece: Piece) -> Piece:
 
 
 class SceneShapes:
-    """Shapes of cars that share their ``pieces``: each is there once, ``{"faces"}`` or ``{"solids"}`` in its frame.
+    """Shapes of cars that share their ``pieces``; each piece is ``{"faces"}`` or ``{"solids"}`` in its frame.
 
-    A face is a list of rings, the outline before its holes: x, y, z of its points one after the other. A solid is
-    ``{"kind", "size", "pose"}``, a pose the first three rows of its matrix.
+    A face is a list of rings, the outline before its holes: x, y, z of its points in sequence. A solid is
+    ``{"kind", "size", "pose"}``, where a pose is the first three rows of its matrix.
     """
 
     def __init__(self) -> None:
@@ -47,9 +47,9 @@ class SceneShapes:
         self._film: dict[Piece, int] = {}
 
     def add(self, folded: FoldedCar) -> list[dict[str, Any]]:
-        """The parts of a car: ``{"piece": its number, "body", "pose"}``, of a hinge's strip ``"beyond"``, too.
+        """Add a car; return its parts ``{"piece": its number, "body", "pose"}``, for a hinge's strip with ``"beyond"``.
 
-        That is the body of each face by its number where it is another one.
+        ``"beyond"`` maps the number of each face that belongs to another body to this body.
         """
         pieces, parts = {piece.name: piece for piece in folded.pieces}, []
         for placed in folded.placed:
@@ -90,16 +90,16 @@ def _rows(pose: Any) -> list[float]:
 
 
 def _beyond_hinge(folded: FoldedCar, placed: PlacedPiece, piece: Piece) -> dict[str, str]:
-    """The faces of a hinge's strip, by name, that move with the segment at its other end."""
+    """Return the faces of a hinge's strip, by name, that move with the segment at its other end."""
     crease = next((crease for crease in piece.creases if crease.flexure), None)
     if crease is None or not folded.hinges:
         return {}
     faces = {face.name: face for face in piece.faces}
     place = np.array(placed.pose) @ face_poses(piece)[crease.parent.face]
     (middle,) = moved(place, np.array([np.mean(edge(faces, crease.parent), axis=0)]))
-    hinge = min(folded.hinges, key=lambda one: float(np.linalg.norm(middle - one.center_mm)))
+    hinge = min(folded.hinges, key=lambda hinge: float(np.linalg.norm(middle - hinge.center_mm)))
     result = {crease.child.face: hinge.rear if placed.body == hinge.front else hinge.front}
-    # Creases stand in the order from the root: each parent is placed before its children.
+    # Creases are ordered from the root, so that each parent is placed before its children.
     for other in piece.creases:
         if other.parent.face in result:
             result[other.child.face] = result[other.parent.face]
@@ -107,15 +107,15 @@ def _beyond_hinge(folded: FoldedCar, placed: PlacedPiece, piece: Piece) -> dict[
 
 
 def _solids(mount: Mount) -> list[dict[str, Any]]:
-    if max(mount.size_mm) < LEAST_PART_MM:
+    if max(mount.size_mm) < MIN_PART_MM:
         return []
     shapes = [(solid.kind, solid.size_mm, np.array(solid.pose)) for solid in mount.solids]
-    if not shapes or len(shapes) > MOST_SOLIDS:
+    if not shapes or len(shapes) > MAX_SOLIDS:
         return [{"kind": "ring" if shapes else "box", "size": _sides(mount.size_mm), "pose": _rows(np.eye(4))}]
     return [
         {"kind": kind, "size": _sides(size), "pose": _rows(pose)}
         for kind, size, pose in shapes
-        if sorted(size)[1] >= LEAST_SOLID_MM
+        if sorted(size)[1] >= MIN_SOLID_MM
     ]
 
 
@@ -130,15 +130,15 @@ def recorded_run(
     answer: Mapping[str, Any],
     path: Sequence[Sequence[float]],
     heights: Heights,
-    told: str,
+    message: str,
 ) -> dict[str, Any]:
-    """The object that run.js reads; ``told`` says which run it is and what is to be known of it."""
+    """Return the object that run.js reads; ``message`` says which run it is, and notes on it."""
     head, content = ground_data(scene, heights)
     shapes = SceneShapes()
     parts = shapes.add(folded)
     return {
-        "told": f"{told} The wheels turn as if they did not slip: a path has no angles of wheels. Orange: the goal"
-        + ("; violet: a friction of its own." if any(one["kind"] == "patch" for one in scene["terrain"]) else "."),
+        "told": f"{message} The wheels turn as if they did not slip: a path has no angles of wheels. Orange: the goal"
+        + ("; violet: a friction of its own." if any(piece["kind"] == "patch" for piece in scene["terrain"]) else "."),
         "outcome": answer["outcome"],
         "rows": np.round(np.asarray(path, dtype=float), 5).tolist(),
         "car": {"body": drawn_body(body), "shape": {"pieces": shapes.pieces, "parts": parts}},
@@ -147,7 +147,7 @@ def recorded_run(
 
 
 def drawn_body(body: Mapping[str, Any]) -> dict[str, Any]:
-    """What is drawn of a car's body of docs/carsim.md: its geometry."""
+    """Return the geometry of a car's body of docs/carsim.md, for drawing."""
     return {
         "track_m": body["track_m"],
         "segments": _of(body["segments"], "x_m", "length_m", "width_m", "height_m", "center_z_m"),

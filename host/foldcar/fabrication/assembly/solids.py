@@ -30,7 +30,7 @@ DIGITS = 5
 
 @dataclass(frozen=True)
 class Solid:
-    """One part: its name, its material, its mesh in the car's frame (mm)."""
+    """A part's name, material, and mesh in the car's frame (mm)."""
 
     name: str
     material: Material
@@ -38,7 +38,7 @@ class Solid:
 
 
 def film_mesh(piece: Piece) -> "Trimesh":
-    """The folded piece in its root face's frame."""
+    """Return the mesh of the folded piece in its root face's frame."""
     from trimesh.creation import extrude_triangulation
     from trimesh.util import concatenate
 
@@ -55,7 +55,7 @@ def film_mesh(piece: Piece) -> "Trimesh":
 
 
 def film_solids(folded: FoldedCar) -> list[Solid]:
-    """Every copy of every piece of film, folded."""
+    """Return every copy of every piece of film, folded."""
     pieces = {piece.name: (piece, film_mesh(piece)) for piece in folded.pieces}
     solids = []
     for placed in folded.placed:
@@ -66,14 +66,14 @@ def film_solids(folded: FoldedCar) -> list[Solid]:
 
 
 def mount_solid(mount: Mount) -> Solid:
-    """A bought part's box."""
+    """Return a bought part's box."""
     from trimesh.creation import box
 
     return Solid(mount.name, mount_material(mount), box(mount.size_mm, np.array(mount.pose)))
 
 
 def stl_bytes(solids: Sequence[Solid]) -> bytes:
-    """A binary STL file of all solids in one mesh of several shells."""
+    """Return a binary STL file of all solids in one mesh of several shells."""
     from trimesh.exchange.stl import export_stl
     from trimesh.util import concatenate
 
@@ -82,7 +82,7 @@ def stl_bytes(solids: Sequence[Solid]) -> bytes:
 
 
 def obj_files(solids: Sequence[Solid], name: str) -> dict[str, bytes]:
-    """NAME.obj, an object for each solid, and NAME.mtl with their materials."""
+    """Return NAME.obj with an object for each solid, and NAME.mtl with their materials."""
     import trimesh
     from trimesh.exchange.obj import export_obj
     from trimesh.visual import TextureVisuals
@@ -91,7 +91,7 @@ def obj_files(solids: Sequence[Solid], name: str) -> dict[str, bytes]:
     materials = {key: SimpleMaterial(name=key, diffuse=colour) for key, colour in COLOURS.items()}
     scene = trimesh.Scene()
     for solid in solids:
-        # Of a name OBJ takes what comes before a blank.
+        # OBJ cuts a name off at a blank.
         title, mesh = solid.name.replace(" ", "_"), solid.mesh
         mesh.visual, mesh.metadata["name"] = TextureVisuals(material=materials[solid.material]), title
         scene.add_geometry(mesh, node_name=title, geom_name=title)

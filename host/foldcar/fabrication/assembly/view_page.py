@@ -1,8 +1,8 @@
-"""The view page: one HTML file with a model of the car that is put together, without network access.
+"""The view page: one HTML file with a model of the car during its assembly, without network access.
 
-Input: a FoldedCar; for a car that drives, its run. Output: the page's text, which contains its script with three.js
-(tools/web_bundles.py) and the data that the scripts read: triangulated faces, folds, parts with their poses, the order of
-assembly; in millimetres and radians, poses are 16 numbers, row-major. The page computes the folding.
+Input: a FoldedCar; for a car that drives, its run. Output: the page's text with its script, three.js
+(tools/web_bundles.py) and the scripts' data: triangulated faces, folds, parts with their poses, the order of assembly.
+Units are millimetres and radians, poses are 16 numbers, row-major. The page computes the folding.
 """
 
 import math
@@ -29,25 +29,25 @@ from foldcar.fabrication.assembly.view_steps import NUT, Part, ViewSteps, view_s
 from foldcar.fabrication.patterns.drawing import Sheet
 from foldcar.figures.page import bundle, page_template, script_json
 
-ROOM = "foldcar.fabrication.assembly"
+PACKAGE = "foldcar.fabrication.assembly"
 DECIMALS = 4
 GAP_MM = 12.0
 
 
 def view_page(folded: FoldedCar, title: str, run: Mapping[str, Any] | None = None) -> str:
-    """The page's text. ``run`` is the object that run.js reads."""
-    return page_template(ROOM, "web/view.html").render(
+    """Return the page's text. ``run`` is the object that run.js reads."""
+    return page_template(PACKAGE, "web/view.html").render(
         title=title,
         facts=facts(folded),
         run=run,
         data=script_json({"car": view_data(folded), "run": run}),
-        style=Markup(files(ROOM).joinpath("web/view.css").read_text(encoding="utf-8")),
+        style=Markup(files(PACKAGE).joinpath("web/view.css").read_text(encoding="utf-8")),
         program=bundle("view.js"),
     )
 
 
 def facts(folded: FoldedCar, sheets: Sequence[Sheet] = ()) -> str:
-    """Mass, film, wheels and cost of the car in one line; without sheets the cost leaves out the film's waste."""
+    """Return mass, film, wheels and cost of the car in one line; without sheets the cost excludes the film's waste."""
     rows = parts_list(folded, sheets)
     waste = "" if sheets else ", without the film's waste"
     count = sum(piece.count for piece in folded.pieces)
@@ -59,13 +59,13 @@ def facts(folded: FoldedCar, sheets: Sequence[Sheet] = ()) -> str:
 
 
 def view_data(folded: FoldedCar) -> dict[str, Any]:
-    """The object of a car that the page's scripts read."""
+    """Return the object of a car that the page's scripts read."""
     steps = view_steps(folded)
     # Laminated pieces lie on the printed, inner side.
     layers = {join.piece_a for join in folded.joins if join.kind == "laminate"}
     glued = {(join.piece_a, join.a.face) for join in folded.joins if join.kind in ("tab", "lap", "rim")}
     index = {piece.name: i for i, piece in enumerate(folded.pieces)}
-    number = {("piece", one.piece, one.copy): i for i, one in enumerate(folded.placed)}
+    number = {("piece", item.piece, item.copy): i for i, item in enumerate(folded.placed)}
     mounts: list[tuple[Mount, str]] = []
     for mount in folded.mounts:
         nutted = (NUT, mount.name, 0) in steps.ways
@@ -85,26 +85,26 @@ def view_data(folded: FoldedCar) -> dict[str, Any]:
         parts.append({
             "name": mount.name if mount.name == mount.part else f"{mount.name} ({mount.part})",
             "material": mount_material(mount),
-            "solids": [{"kind": one.kind, "size": one.size_mm, "pose": _numbers(one.pose)} for one in mount.shape],
+            "solids": [{"kind": item.kind, "size": item.size_mm, "pose": _numbers(item.pose)} for item in mount.shape],
             **_part(mount.body, mount.pose, steps, (kind, mount.name.removeprefix(NUT_OF), 0)),
         })  # fmt: skip
-    for part, flat in zip(parts, laid_out(extents), strict=True):
+    for part, flat in zip(parts, arrange_in_rows(extents), strict=True):
         part["flat"] = flat
         if part["rides"] is not None:
             host, face = part["rides"]
-            faces = [one.name for one in folded.pieces[index[host[1]]].faces]
+            faces = [item.name for item in folded.pieces[index[host[1]]].faces]
             part["rides"] = [number[host], faces.index(face)]
     return {
         "pieces": [_piece(piece, steps, glued) for piece in folded.pieces],
         "parts": parts,
         "steps": steps.titles,
-        "lid": {index[name]: _children(folded.pieces[index[name]], found) for name, found in steps.lids.items() if found},
+        "lid": {index[name]: _children(folded.pieces[index[name]], lid) for name, lid in steps.lids.items() if lid},
         "ground": _ground_mm(folded),
     }
 
 
 def _part(body: str, pose: Pose, steps: ViewSteps, key: Part) -> dict[str, Any]:
-    # What no step puts in is there from the first one on.
+    # A part that no step adds is in the car from the first step on.
     ways = steps.ways.get(key, [(1, (), 0.0, 1.0)])
     exploded = steps.exploded.get(key, (0.0, 0.0, 0.0))
     return {"body": body, "pose": _numbers(pose), "ways": ways, "exploded": exploded, "rides": steps.rides.get(key)}
@@ -143,12 +143,12 @@ def _piece(piece: Piece, steps: ViewSteps, glued: set[tuple[str, str]]) -> dict[
 
 
 def _is_smooth(crease: Crease, faces: dict[str, Face]) -> bool:
-    """Whether nothing is seen of the crease: a rim bends smoothly between its facets."""
+    """Whether the crease is invisible: a rim bends smoothly between its facets."""
     return crease.bend or (faces[crease.parent.face].role == "rim" and faces[crease.child.face].role == "rim")
 
 
 def _shared_edges(piece: Piece, faces: dict[str, Face]) -> tuple[dict[str, set[int]], dict[str, list[tuple[int, str]]]]:
-    """By face: edges that are not cut, and points on smooth bends, each with the face beyond it."""
+    """Return, by face, the edges that are not cut, and the points on smooth bends, each with the face beyond it."""
     uncut: dict[str, set[int]] = {name: set() for name in faces}
     smooth: dict[str, list[tuple[int, str]]] = {name: [] for name in faces}
     for crease in piece.creases:
@@ -163,18 +163,18 @@ def _shared_edges(piece: Piece, faces: dict[str, Face]) -> tuple[dict[str, set[i
 
 
 def _same_length(faces: dict[str, Face], a: EdgeRef, b: EdgeRef) -> bool:
-    lengths = [float(np.linalg.norm(np.subtract(*edge(faces, one)))) for one in (a, b)]
+    lengths = [float(np.linalg.norm(np.subtract(*edge(faces, end)))) for end in (a, b)]
     return abs(lengths[0] - lengths[1]) < 1e-3
 
 
 def _children(piece: Piece, creases: tuple[str, ...]) -> list[int]:
-    """The faces, by number, that turn about these creases."""
+    """Return the numbers of the faces that turn about these creases."""
     number = {face.name: i for i, face in enumerate(piece.faces)}
     return [number[crease.child.face] for crease in piece.creases if crease.name in creases]
 
 
 def _flat_extent(piece: Piece) -> tuple[float, float, float, float]:
-    """Minimum x and y, size along x and y (mm) of the flat piece in its root face's frame."""
+    """Return minimum x and y, size along x and y (mm) of the flat piece in its root face's frame."""
     poses = face_poses(piece, 0.0)
     corners = np.concatenate([moved(poses[face.name], np.array(face.outline_mm)) for face in piece.faces])
     low, size = corners.min(axis=0), np.ptp(corners, axis=0)
@@ -190,11 +190,11 @@ def _numbers(pose: Pose) -> list[float]:
     return [round(value, 6) for row in pose for value in row]
 
 
-def laid_out(extents: list[tuple[float, float, float, float]]) -> list[list[float]]:
-    """Poses [x, y, turn] of origins that arrange rectangles without overlap in rows around the centre.
+def arrange_in_rows(extents: list[tuple[float, float, float, float]]) -> list[list[float]]:
+    """Arrange rectangles without overlap in rows around the centre; return poses [x, y, turn] of their origins.
 
-    A rectangle is minimum x and y, size along x and y (mm). Those longer along y than along x are turned by 90°, so that
-    rows are low; the highest come first, each in the first row with room.
+    A rectangle is minimum x and y, size along x and y (mm). Rectangles longer along y than along x are turned by 90°, so
+    that rows are low. The highest rectangles are placed first, each in the first row with room.
     """
     sizes = [(max(e[2], e[3]) + GAP_MM, min(e[2], e[3]) + GAP_MM) for e in extents]
     width = max(1.15 * math.sqrt(sum(a * b for a, b in sizes)), max(a for a, _ in sizes))

@@ -1,7 +1,7 @@
-"""The order of assembly as the view plays it: when each fold closes, when and along which way each part goes in.
+"""The order of assembly as the view plays it: when each fold closes, when and along which path each part goes in.
 
-Input: a FoldedCar. Output: steps counted from 1; lengths in millimetres. A part without a way (it is bent, stuck on or
-laid out) is drawn in its place.
+Input: a FoldedCar. Output: steps counted from 1; lengths in millimetres. A part without an insertion path (it is bent,
+stuck on or laid out) is drawn in its place.
 """
 
 from collections.abc import Iterator, Sequence
@@ -17,14 +17,14 @@ from foldcar.car.proof.roles import roles_of
 Vector = tuple[float, float, float]
 Part = tuple[str, str, int]  # piece, mount or a screw's nut, its name, copy
 NUT = "nut"
-# Step, motions out, and from when to when of the step's motions, 0 to 1, the part goes in.
+# Step, motions out, and start and end of the part's insertion as fractions of the step's time.
 Ways = list[tuple[int, tuple[Vector, ...], float, float]]
 
-# Beyond its way out a part meets nothing more: it is drawn coming from at least so far.
-LEAST_WAY_MM = 30.0
-# The last part of a step begins to go in at this share of the time for all.
+# Minimum length of the drawn path: beyond its way out a part meets no obstacle.
+MIN_WAY_MM = 30.0
+# The last part of a step begins to go in at this fraction of the step's time.
 TOGETHER = 0.5
-# How far out the first part is drawn in the exploded view, and how much farther each that goes the same way after it.
+# Distance of the first part in the exploded view, and additional distance of each later part in the same direction.
 FIRST_MM, NEXT_MM = 30.0, 16.0
 # Parts at the same depth go out together.
 SAME_MM = 1.0
@@ -32,10 +32,11 @@ SAME_MM = 1.0
 
 @dataclass
 class ViewSteps:
-    """``ways`` of a part: its motions out, by the step that puts it, or its unit, in; ``closing``: (step, share) pairs.
+    """The steps of the view. ``ways`` has a part's motions out, by the step that adds the part or its unit.
 
-    A crease is (piece, name). ``exploded`` is a part's displacement in the exploded view (mm), ``rides`` the piece and
-    face that it moves with, ``bases`` the beams by body, ``lids`` the creases that open the car, by piece.
+    ``closing`` has (step, fraction) pairs by crease, which is (piece, name). ``exploded`` is a part's displacement in
+    the exploded view (mm), ``rides`` the piece and face that a part moves with. ``bases`` are the beams by body, ``lids``
+    the creases that open the car, by piece.
     """
 
     titles: list[str]
@@ -48,16 +49,16 @@ class ViewSteps:
 
 
 def view_steps(folded: FoldedCar) -> ViewSteps:
-    """What the steps of the car's guide do to every part and crease.
+    """Return what the steps of the car's guide do to every part and crease.
 
-    What none of them names is there, and folded, from the first one on.
+    A part or crease that no step names is in place, and folded, from the first step on.
     """
     steps = assembly_steps(folded)
     roles = roles_of(folded)
-    bases = {body: _key(one) for body, one in roles.base.items()}
+    bases = {body: _key(item) for body, item in roles.base.items()}
     result = ViewSteps([step.title for step in steps], bases, {name: lid.creases for name, lid in roles.lids.items()})
     every: list[PlacedPiece | Mount] = [*folded.placed, *folded.mounts]
-    things = {_key(one): one for one in every}
+    things = {_key(item): item for item in every}
     for key, thing in things.items():
         host = roles.host(thing) if isinstance(thing, PlacedPiece) else roles.mount_host(thing)
         if host is not None:
@@ -83,28 +84,28 @@ def view_steps(folded: FoldedCar) -> ViewSteps:
         for piece, folds in step.folds.items():
             for crease, share in folds.items():
                 result.closing.setdefault((piece, crease), []).append((number, share))
-    for one in folded.pieces:
-        first = min((ways[0][0] for part, ways in result.ways.items() if part[:2] == ("piece", one.name)), default=1)
-        for fold in one.creases:
-            result.closing.setdefault((one.name, fold.name), [(first, 1.0)])
+    for item in folded.pieces:
+        first = min((ways[0][0] for part, ways in result.ways.items() if part[:2] == ("piece", item.name)), default=1)
+        for fold in item.creases:
+            result.closing.setdefault((item.name, fold.name), [(first, 1.0)])
     result.exploded = dict(_exploded(result, folded, things))
     return result
 
 
-def _key(one: PlacedPiece | Mount) -> Part:
-    return ("piece", one.piece, one.copy) if isinstance(one, PlacedPiece) else ("mount", one.name, 0)
+def _key(item: PlacedPiece | Mount) -> Part:
+    return ("piece", item.piece, item.copy) if isinstance(item, PlacedPiece) else ("mount", item.name, 0)
 
 
 def _out(way_mm: Sequence[Vector]) -> tuple[Vector, ...]:
-    """The way out: the way in, backwards."""
+    """Return the way out: the reversed insertion path."""
     way = [-np.array(move) for move in reversed(way_mm)]
     if way:
-        way[-1] *= max(1.0, LEAST_WAY_MM / float(np.linalg.norm(way[-1])))
+        way[-1] *= max(1.0, MIN_WAY_MM / float(np.linalg.norm(way[-1])))
     return tuple(_vector(move) for move in way)
 
 
-def _usual(folded: FoldedCar, body: str) -> Vector:
-    """Out along the axle for what is of a wheel, else up."""
+def _axis_out(folded: FoldedCar, body: str) -> Vector:
+    """Return the direction outwards along the axle for a wheel's part, else up."""
     axle = next((axle for axle in folded.axles if axle.wheel == body), None)
     if axle is None:
         return (0.0, 0.0, 1.0)
@@ -114,23 +115,23 @@ def _usual(folded: FoldedCar, body: str) -> Vector:
 def _exploded(
     steps: ViewSteps, folded: FoldedCar, things: dict[Part, PlacedPiece | Mount]
 ) -> Iterator[tuple[Part, Vector]]:
-    """Each part along its way, farther out than those of its body that go the same way and lie further in.
+    """Yield each part's displacement along its way out, larger for parts farther out in that direction of their body.
 
-    What has no way goes along the axle, if it is of a wheel, else up.
+    A part without a way goes outwards along the axle if it is of a wheel, else up.
     """
     groups: dict[tuple[str, tuple[int, ...]], list[tuple[float, Part, NDArray[np.float64]]]] = {}
     for part, ways in steps.ways.items():
         if part in steps.bases.values():
             continue
-        one = things[part]
-        # A nut stands off the end of its screw, however it got there.
+        thing = things[part]
+        # A nut stands off the end of its screw, whatever its insertion path.
         outs = [way[:1] if part[0] == NUT else way for _, way, _, _ in ways]
-        directions = [np.array(way).sum(axis=0) if way else np.array(_usual(folded, one.body)) for way in outs]
+        directions = [np.array(way).sum(axis=0) if way else np.array(_axis_out(folded, thing.body)) for way in outs]
         directions = [direction / np.linalg.norm(direction) for direction in directions]
-        key = (one.body, tuple(int(value) for value in np.rint(3 * directions[0])))
+        key = (thing.body, tuple(int(value) for value in np.rint(3 * directions[0])))
         # A unit goes out as a whole.
         unit = sum(directions[1:], np.zeros(3)) * FIRST_MM
-        groups.setdefault(key, []).append((float(np.array(one.pose)[:3, 3] @ directions[0]), part, unit))
+        groups.setdefault(key, []).append((float(np.array(thing.pose)[:3, 3] @ directions[0]), part, unit))
     for (_, rounded), members in groups.items():
         along = np.array(rounded) / np.linalg.norm(rounded)
         rank, before = -1, -np.inf

@@ -1,7 +1,7 @@
 """The wiring: servo and direction of each output of the servo driver, the supplies, the length of every lead.
 
-Input: a FoldedCar. Output: Markdown; a drawing as SVG, in millimetres of a page, the car's front up. Outputs count from 0
-as on the board, channels from 1 as in the firmware's parameter names.
+Input: a FoldedCar. Output: Markdown; a drawing as SVG, in millimetres of a page, the car's front up. Outputs are numbered
+from 0 as on the board, channels from 1 as in the firmware's parameter names.
 """
 
 import math
@@ -10,9 +10,8 @@ from foldcar.car.folded.model import FoldedCar
 from foldcar.car.leads import Lead, leads
 from foldcar.figures.page import page_template
 
-# The option of a wire to the servo driver's output enable: the board's pin, as in the firmware's output_gate.h, and a
-# pull-up that holds the enable off while the pin floats, against the wing's 10 kΩ to ground. The chip needs 0.7 of its
-# supply.
+# An optional wire to the servo driver's output enable: the board's pin, as in the firmware's output_gate.h, and a pull-up
+# that holds the enable off while the pin floats, against the wing's 10 kΩ to ground. The chip needs 0.7 of its supply.
 OE_GPIO, OE_PULL_UP_OHM = 27, 2200.0
 OE_PULL_DOWN_OHM, LOGIC_V, OE_OFF_SHARE = 10e3, 3.3, 0.7
 CARRIES = {"signal": "signal", "supply": "supply", "stack": "plugged together", "usb": "USB"}
@@ -20,7 +19,7 @@ OUTPUTS = 8
 
 
 def wiring_text(folded: FoldedCar, title: str) -> str:
-    """The wiring as Markdown."""
+    """Return the wiring as Markdown."""
     parts = folded.parts
     axles = sorted((axle for axle in folded.axles if axle.driven), key=lambda axle: axle.channel)
     return page_template("foldcar.fabrication.assembly", "wiring.md").render(
@@ -50,11 +49,11 @@ def _is_switched(folded: FoldedCar) -> bool:
 
 def _note(lead: Lead) -> str:
     side = f"leaves the battery on the {lead.leaves}" if lead.leaves else ""
-    return "; ".join(text for text in (side, remedy(lead)) if text)
+    return "; ".join(text for text in (side, lead_remedy(lead)) if text)
 
 
-def remedy(lead: Lead) -> str:
-    """What is done so that a lead is long enough, "" for nothing."""
+def lead_remedy(lead: Lead) -> str:
+    """Return the instruction that makes a lead long enough; "" if it is."""
     length = _cut_mm(lead)
     if lead.kind == "wire":
         return f"cut {length} mm of wire"
@@ -68,16 +67,16 @@ def _cut_mm(lead: Lead) -> int:
 
 
 def wiring_drawing(folded: FoldedCar, title: str) -> str:
-    """The drawing's SVG file."""
-    found = leads(folded)
+    """Return the drawing as SVG."""
+    car_leads = leads(folded)
     axles = {axle.channel: axle for axle in folded.axles if axle.driven}
     page = page_template("foldcar.fabrication.assembly", "wiring.svg").render(
         title=title,
         parts=folded.parts,
         axles=[axles.get(output) for output in range(OUTPUTS)],
-        extended={lead.start: lead.extension.rpartition(", ")[2] for lead in found if lead.extension},
+        extended={lead.start: lead.extension.rpartition(", ")[2] for lead in car_leads if lead.extension},
         switched=_is_switched(folded),
-        lengths=[(one, f"{_cut_mm(one)} mm") for one in found if one.kind != "plug" and one.missing_mm > 0],
+        lengths=[(lead, f"{_cut_mm(lead)} mm") for lead in car_leads if lead.kind != "plug" and lead.missing_mm > 0],
         gpio=OE_GPIO,
         pull_up_ohm=OE_PULL_UP_OHM,
     )

@@ -1,8 +1,8 @@
-"""How a film is cut on a machine: a page that says what to do with the sheets, and a calibration coupon.
+"""Instructions for cutting a film on a machine: a page about the sheets, and a calibration coupon.
 
 The coupon determines the fold dashes, slot clearance and kerf of a film and a machine. "folds" is a comb of tongues with
-dashes of the labelled lengths of cut and bridge: fold each and choose the one that bends cleanly and does not tear.
-"slots" fits the 10 mm tongue: the smallest clearance whose slot accepts it without bulging is the tab clearance. "kerf":
+dashes of the labelled lengths of cut and bridge: fold each, and choose the one that bends cleanly and does not tear.
+"slots" fits the 10 mm tongue: the tab clearance is the smallest whose slot accepts the tongue without bulging. "kerf":
 if the kerf is right, the 20 mm square fills its window without play, and the bar is 100.0 mm long.
 """
 
@@ -12,7 +12,7 @@ from foldcar.car.parts.catalogue import Catalogue
 from foldcar.fabrication.patterns.drawing import LAYERS, Motion, Path, Point, Shape, Sheet, bounds
 from foldcar.fabrication.patterns.flat_piece import FlatPiece
 from foldcar.fabrication.patterns.labels import text_strokes
-from foldcar.fabrication.patterns.nesting import NestingError, advice, all_fit, fits, too_large
+from foldcar.fabrication.patterns.nesting import NestingError, all_fit, fits, suggest_sheet, too_large_message
 from foldcar.fabrication.patterns.options import MACHINES, Options
 from foldcar.fabrication.patterns.piece_shapes import cut_shapes, dashes
 from foldcar.fabrication.patterns.sheets import REFERENCE_MM, Pattern, rounded, title_shapes, title_size_mm, wrapped
@@ -35,7 +35,7 @@ TEXT_MM = 2.0
 
 
 def how_to_cut(made: Pattern, command: str) -> str:
-    """The page, in Markdown."""
+    """Return the page how_to_cut.md for the sheets, in Markdown."""
     chosen = made.options
     used = {shape.layer for sheet in made.sheets for shape in sheet.shapes}
     return page_template("foldcar.fabrication.patterns", "how_to_cut.md").render(
@@ -53,7 +53,7 @@ def how_to_cut(made: Pattern, command: str) -> str:
 
 
 def coupon(chosen: Options, parts: Catalogue) -> Sheet:
-    """The coupon for the film of a car with these parts."""
+    """Return the coupon for the film of a car with these parts. Raises NestingError if it does not fit on a sheet."""
     window = Polygon(box(0, 0, 30, 34).exterior, [box(5, 5, 25, 25).exterior])
     # The width of the tongue is that of slots without clearance.
     tongue = Polygon([(0, 0), (30, 0), (30, 8), (20, 8), (20, 20), (10, 20), (10, 8), (0, 8)])
@@ -77,8 +77,8 @@ def coupon(chosen: Options, parts: Catalogue) -> Sheet:
         y = top + chosen.gap_mm + chosen.kerf_mm
     taken = Polygon(box(margin, margin, right, y).exterior)
     if not fits((right - margin, y - margin), chosen.sheet_size_mm, margin):
-        large = too_large("calibration coupon", taken, chosen.sheet_size_mm, margin)
-        raise NestingError(f"{large}; {advice(lambda other: all_fit([taken], other), [taken], chosen)}")
+        large = too_large_message("calibration coupon", taken, chosen.sheet_size_mm, margin)
+        raise NestingError(f"{large}; {suggest_sheet(lambda other: all_fit([taken], other), [taken], chosen)}")
     size = chosen.sheet_size_mm if right + margin <= chosen.sheet_size_mm[0] else chosen.sheet_size_mm[::-1]
     return Sheet("coupon", *size, tuple(tuple(rounded(group)) for group in groups), chosen.dashed)
 
@@ -88,7 +88,7 @@ def _piece(label: str, outline: Polygon) -> FlatPiece:
 
 
 def _text(text: str, x: float, y: float, height: float = TEXT_MM) -> list[Shape]:
-    """A text centred at x with its base line at y."""
+    """Return the strokes of a text centred at x with its base line at y."""
     strokes, width = text_strokes(text, height)
     return [Path("LABEL", tuple((x - width / 2 + u, y + v) for u, v in stroke)) for stroke in strokes]
 

@@ -1,9 +1,9 @@
 """The geometry of a sheet: polylines and circles on layers, in millimetres, x right and y up from a corner.
 
-Names, colours and line weights
-of layers are equal in all file formats. Their colours are those of LightBurn's palette (docs.lightburnsoftware.com, Color
-Palette), which so gives each layer its own settings, and Origami Simulator's: mountain red, valley blue, outline black.
-Layers are written in the order of cutting: outlines last, so that pieces do not move before.
+Names, colours and line weights of layers are equal in all file formats. The colours are of LightBurn's palette
+(docs.lightburnsoftware.com, Color Palette), so that LightBurn gives each layer its own settings. They are also those of
+Origami Simulator: mountain red, valley blue, outline black. Layers are written in the order of cutting, outlines last,
+so that pieces do not move before.
 """
 
 import itertools
@@ -145,14 +145,14 @@ class Sheet:
 
     @property
     def layers(self) -> Iterator[tuple[Layer, list[tuple[Shape, ...]]]]:
-        """Every layer in the order of cutting, with its cuts in theirs."""
+        """Yield every layer in the order of cutting, with its cuts in their order."""
         return ((layer, list(self.on(layer.name))) for layer in LAYERS.values())
 
     def on(self, layer: LayerName) -> Iterator[tuple[Shape, ...]]:
-        """A layer's cuts in their order: a closed line or circle alone, a group's open lines together.
+        """Yield a layer's cuts in their order: a closed line or circle alone, a group's open lines together.
 
-        Small before large, since film holds a blade less the more of it is cut; among those of a size, by factors of
-        two, always the one that starts nearest to where the last ended, from the sheet's lower left corner.
+        Small cuts precede large ones, since film is held less the more of it is cut. Among cuts of a size class (factors
+        of two), the next is the nearest to the end of the last, beginning at the sheet's lower left corner.
         """
         cuts: list[tuple[Shape, ...]] = []
         for group in self.groups:
@@ -165,16 +165,16 @@ class Sheet:
             x0, y0, x1, y1 = bounds(cut)
             sizes.setdefault(math.frexp(max(x1 - x0, y1 - y0))[1], []).append(cut)
         place = (0.0, 0.0)
-        for _, left in sorted(sizes.items()):
-            while left:
-                starts = [math.dist(place, _ends(cut[0])[0]) for cut in left]
-                cut = left.pop(starts.index(min(starts)))
+        for _, remaining in sorted(sizes.items()):
+            while remaining:
+                starts = [math.dist(place, _ends(cut[0])[0]) for cut in remaining]
+                cut = remaining.pop(starts.index(min(starts)))
                 place = _ends(cut[-1])[1]
                 yield cut
 
 
 def _ends(shape: Shape) -> tuple[Point, Point]:
-    """Where the cut of a shape starts and ends; that of a circle at its right."""
+    """Return where the cut of a shape starts and ends; a circle's cut does both at its right."""
     if isinstance(shape, Circle):
         right = shape.center_mm[0] + shape.radius_mm, shape.center_mm[1]
         return right, right

@@ -24,9 +24,9 @@ GRID_MM = 1e-4
 # Corners closer than this to the line through their neighbours are removed.
 STRAIGHT_MM = 1e-3
 # A remainder of a face's edge shorter than this is a rounding error, not a slit between two faces.
-SHORTEST_SLIT_MM = 0.05
+MIN_SLIT_MM = 0.05
 # Beyond this fold angle faces lie on each other, and there is no bend deduction.
-LARGEST_BEND_RAD = math.radians(150)
+MAX_BEND_RAD = math.radians(150)
 
 # Outlines of parts are drawn as corners with sides so long.
 CORNER_MM = 6.0
@@ -50,8 +50,8 @@ class Fold:
 class FlatFace:
     """A face in the flat, for labels. ``edges`` are numbered as in the face, ``holes`` has the edges of holes by name.
 
-    ``laid`` has those of the outlines of parts that are laid onto it. Edges run counter-clockwise, those of holes
-    clockwise: the film is on their left.
+    ``laid`` has the edges of the outlines of parts that are laid onto it. Edges run counter-clockwise, those of holes
+    clockwise, so that the film is on their left.
     """
 
     name: str
@@ -91,7 +91,7 @@ class FlatPiece:
 
 @lru_cache(maxsize=256)
 def flat_piece(piece: Piece, chosen: Options) -> FlatPiece:
-    """The flat piece; ValueError if its faces are not one connected area."""
+    """Unfold a piece. Raises ValueError if its faces are not one connected area."""
     thickness = piece.thickness_mm
     faces = {face.name: face for face in piece.faces}
     inward = {face.name: [_free_edge_mm(face, chosen)] * len(face.outline_mm) for face in piece.faces}
@@ -106,7 +106,7 @@ def flat_piece(piece: Piece, chosen: Options) -> FlatPiece:
     lines = [(_fold(crease, by_name), crease.bend) for crease in piece.creases]
     folds = tuple(fold for fold, bent in lines if fold is not None and not bent)
     bends = tuple((fold.a, fold.b) for fold, bent in lines if fold is not None and bent)
-    # Rounded to the grid, a corner within the edge of another face would leave it: both edges get the fold's ends.
+    # Rounding to the grid would move a corner off another face's edge, so both edges get the fold's ends as points.
     ends = MultiPoint([end for fold, _ in lines if fold is not None for end in (fold.a, fold.b)])
     outline = shapely.union_all([shapely.snap(face.outline, ends, GRID_MM) for face in flat], grid_size=GRID_MM)
     outline = shapely.simplify(outline, STRAIGHT_MM)
@@ -144,7 +144,7 @@ def bend_deduction_mm(angle_rad: float, thickness_mm: float, chosen: Options) ->
     t and k-factor k; 0 where faces fold onto each other.
     """
     angle = abs(angle_rad)
-    if angle > LARGEST_BEND_RAD:
+    if angle > MAX_BEND_RAD:
         return 0.0
     radius = chosen.bend_radius_mm
     setbacks = 2 * (radius + thickness_mm / 2) * math.tan(angle / 2)
@@ -165,7 +165,7 @@ def _free_edge_mm(face: Face, chosen: Options) -> float:
 
 
 def _placings(piece: Piece, thickness_mm: float, chosen: Options) -> dict[str, Callable[[Point], Point]]:
-    """Each face's motion into the flat; children are moved towards their parent by the bend deduction."""
+    """Return each face's motion into the flat; children are moved towards their parent by the bend deduction."""
     faces = {face.name: face for face in piece.faces}
     poses = folded(piece, 0.0)
     shifts = {piece.faces[0].name: (0.0, 0.0)}
@@ -203,26 +203,26 @@ def _flat_face(face: Face, corners: list[list[Point]], place: Callable[[Point], 
 
 
 def _corners(edges: Sequence[Edge]) -> Iterator[Edge]:
-    """Both ends of every edge, with the film of the outline on their left."""
+    """Yield short lines at both ends of every edge, with the film of the outline on their left."""
     for a, b in edges:
-        share = min(CORNER_MM / math.dist(a, b), 0.5)
-        for start, end in ((0.0, share), (1 - share, 1.0)):
+        fraction = min(CORNER_MM / math.dist(a, b), 0.5)
+        for start, end in ((0.0, fraction), (1 - fraction, 1.0)):
             near, far = ((a[0] + s * (b[0] - a[0]), a[1] + s * (b[1] - a[1])) for s in (start, end))
             yield near, far
 
 
 def _fold(crease: Crease, faces: dict[str, FlatFace]) -> Fold | None:
-    """The common part of both edges, which may be shorter than either; None if there is none."""
+    """Return the common part of both edges as a fold, or None if they have none."""
     a, b = faces[crease.parent.face].edges[crease.parent.index]
     c, d = faces[crease.child.face].edges[crease.child.index]
     length = math.dist(a, b)
     along = ((b[0] - a[0]) / length, (b[1] - a[1]) / length)
 
-    def share(p: Point) -> float:
+    def position(p: Point) -> float:
         return (p[0] - a[0]) * along[0] + (p[1] - a[1]) * along[1]
 
-    low, high = max(0.0, min(share(c), share(d))), min(length, max(share(c), share(d)))
-    if high - low < SHORTEST_SLIT_MM:
+    low, high = max(0.0, min(position(c), position(d))), min(length, max(position(c), position(d)))
+    if high - low < MIN_SLIT_MM:
         return None
     kind: FoldKind = "flexure" if crease.flexure else "valley" if crease.angle_rad > 0 else "mountain"
     ends = [(a[0] + s * along[0], a[1] + s * along[1]) for s in (low, high)]
@@ -230,41 +230,42 @@ def _fold(crease: Crease, faces: dict[str, FlatFace]) -> Fold | None:
 
 
 def _slits(outline: Polygon, faces: Sequence[FlatFace], folds: Sequence[Fold]) -> tuple[tuple[Point, ...], ...]:
-    """The slits: lines where two faces touch without a fold between them."""
+    """Return the slits: lines where two faces touch without a fold between them."""
     edges = shapely.union_all([face.outline.exterior for face in faces], grid_size=GRID_MM)
     kept: Any = shapely.union_all([outline.boundary, *(LineString([f.a, f.b]) for f in folds)])
-    left = shapely.difference(edges, shapely.buffer(kept, 2 * STRAIGHT_MM, quad_segs=1))
-    parts = shapely.get_parts(shapely.line_merge(left))
-    return tuple(tuple(part.coords) for part in parts if part.length > SHORTEST_SLIT_MM)
+    uncovered = shapely.difference(edges, shapely.buffer(kept, 2 * STRAIGHT_MM, quad_segs=1))
+    parts = shapely.get_parts(shapely.line_merge(uncovered))
+    return tuple(tuple(part.coords) for part in parts if part.length > MIN_SLIT_MM)
 
 
 def moved_to_origin(flat: FlatPiece) -> FlatPiece:
-    """The piece with its lower left corner at the origin."""
+    """Return the piece with its lower left corner at the origin."""
     x0, y0, *_ = flat.outline.bounds
     result: FlatPiece = _shifted(flat, -x0, -y0)
     return result
 
 
 def _shifted(value: Any, x: float, y: float) -> Any:
-    """The value with all points in it moved by (x, y)."""
+    """Return the value with all points in it moved by (x, y)."""
     match value:
         case float(), float():
             return value[0] + x, value[1] + y
         case tuple():
-            return tuple(_shifted(one, x, y) for one in value)
+            return tuple(_shifted(item, x, y) for item in value)
         case dict():
-            return {key: _shifted(one, x, y) for key, one in value.items()}
+            return {key: _shifted(item, x, y) for key, item in value.items()}
         case Polygon():
             return shapely.affinity.translate(value, x, y)
         case FlatPiece() | FlatFace() | Fold():
-            return replace(value, **{one.name: _shifted(getattr(value, one.name), x, y) for one in fields(value)})
+            return replace(value, **{item.name: _shifted(getattr(value, item.name), x, y) for item in fields(value)})
     return value
 
 
 def offset_edges(outline_mm: Sequence[Point], inward_mm: Sequence[float]) -> list[list[Point]]:
-    """The corner points after edge i (from corner i to i + 1) moved by ``inward_mm[i]``, outline counter-clockwise.
+    """Move edge i (from corner i to i + 1) inwards by ``inward_mm[i]`` and return the new points of each corner.
 
-    One point per corner; two where collinear edges move by different distances, the first on the edge that ends there.
+    The outline is counter-clockwise. A corner has one point, or two where collinear edges move by different distances,
+    the first on the edge that ends there.
     """
     count = len(outline_mm)
     lines = []

@@ -37,9 +37,9 @@ APART_MM = 2.5
 DESCENT = 0.35
 # At most this many of several suitable edges are tried.
 PLACES = 8
-# How far above or below a face layers of film and tape lie at most.
+# Maximum distance of layers of film and tape from the face they are glued to.
 LAYERS_MM = 3.0
-# What the name of a part of a piece has between the piece's and its number.
+# The text between a piece's name and the number of its part.
 PART = ", part "
 # In the font's units: height of a capital, and the y of its base line.
 CAP_UNITS = 21
@@ -58,7 +58,7 @@ class EdgeMark:
 def label_paths(
     flat: FlatPiece, name: str, marks: Iterable[EdgeMark], quarter_turns: int
 ) -> tuple[list[Path], list[str]]:
-    """Strokes of name and numbers, upright after ``quarter_turns``; the texts that did not fit."""
+    """Return the strokes of name and numbers, upright after ``quarter_turns``, and the texts that did not fit."""
     turn = quarter_turns * math.pi / 2
     taken: list[BaseGeometry] = [LineString([f.a, f.b]) for f in flat.folds]
     taken += [LineString(line) for line in (*flat.slits, *flat.marks)]
@@ -71,17 +71,17 @@ def label_paths(
     # Numbers first, because they have fewer possible places than the name.
     for mark in marks:
         room = free if mark.within is None else free.intersection(mark.within)
-        found = _first_fit(room, mark.text, list(_beside_edges(mark, turn)), NUMBER_HEIGHTS_MM)
-        if found is None:
+        fit = _first_fit(room, mark.text, list(_beside_edges(mark, turn)), NUMBER_HEIGHTS_MM)
+        if fit is None:
             missing.append(mark.text)
             continue
-        free = free.difference(found[1].buffer(APART_MM, join_style="mitre"))
-        paths += found[0]
-    found = _first_fit(free, name, _in_faces(flat, turn), NAME_HEIGHTS_MM)
-    if found is None:
+        free = free.difference(fit[1].buffer(APART_MM, join_style="mitre"))
+        paths += fit[0]
+    fit = _first_fit(free, name, _in_faces(flat, turn), NAME_HEIGHTS_MM)
+    if fit is None:
         missing.append(name)
     else:
-        paths += found[0]
+        paths += fit[0]
     return paths, missing
 
 
@@ -97,7 +97,7 @@ class _Place:
 def _first_fit(
     free: BaseGeometry, text: str, places: list[_Place], heights: tuple[float, ...]
 ) -> tuple[list[Path], Polygon] | None:
-    """The text at the largest height that fits at one of the places, with its box; None if none fits."""
+    """Return the text at the largest height that fits at one of the places, with its box; None if none fits."""
     if free.is_empty or not places:
         return None
     shapely.prepare(free)
@@ -117,31 +117,31 @@ def _first_fit(
         corners = [(0.0, -height * DESCENT), (width, -height * DESCENT), (width, height), (0.0, height)]
         boxes = shapely.polygons(put(corners, slice(None)))
         for i in np.flatnonzero(shapely.contains(free, boxes))[:1].tolist():
-            there = (put(stroke, slice(i, i + 1))[0].tolist() for stroke in strokes)
-            return [Path("LABEL", tuple((x, y) for x, y in line)) for line in there], boxes[i]
+            moved = (put(stroke, slice(i, i + 1))[0].tolist() for stroke in strokes)
+            return [Path("LABEL", tuple((x, y) for x, y in line)) for line in moved], boxes[i]
     return None
 
 
 def _upright(angle: float) -> float:
-    """The line's direction, or its reverse, in which text is not upside down; vertical text is read from the right."""
+    """Return the line's direction or its reverse, so that text is not upside down; vertical text reads from the right."""
     angle = math.remainder(angle, math.pi)
     return angle + math.pi if angle < -math.pi / 2 + 1e-6 else angle
 
 
 def _beside_edges(mark: EdgeMark, turn: float) -> Iterator[_Place]:
-    """Places along each edge, from its middle outwards; then farther inside."""
+    """Yield places along each edge, from its middle outwards; then farther inside."""
     for (ax, ay), (bx, by) in mark.edges:
         length = math.hypot(bx - ax, by - ay)
         inward = (-(by - ay) / length, (bx - ax) / length)
         angle = _upright(math.atan2(by - ay, bx - ax) + turn) - turn
         for deep in (1.2, 0.0, 3.0, 6.0):
-            for share in (0.5, 0.4, 0.6, 0.3, 0.7, 0.2, 0.8, 0.1, 0.9):
-                point = (ax + share * (bx - ax) + deep * inward[0], ay + share * (by - ay) + deep * inward[1])
+            for fraction in (0.5, 0.4, 0.6, 0.3, 0.7, 0.2, 0.8, 0.1, 0.9):
+                point = (ax + fraction * (bx - ax) + deep * inward[0], ay + fraction * (by - ay) + deep * inward[1])
                 yield _Place(point, angle, inward)
 
 
 def _in_faces(flat: FlatPiece, turn: float) -> list[_Place]:
-    """Places on the faces, largest face first, from its centre outwards, first along its longer side.
+    """Return places on the faces, largest face first, from its centre outwards, first along its longer side.
 
     A strip, which bends smoothly, counts as one face.
     """
@@ -161,9 +161,9 @@ def _in_faces(flat: FlatPiece, turn: float) -> list[_Place]:
 
 
 def join_marks(piece: FlatPiece, car: FoldedCar, whole: FoldedCar) -> Iterator[EdgeMark]:
-    """The numbers of all joins of the piece; the names of parts laid onto it.
+    """Yield the numbers of all joins of the piece, and the names of parts laid onto it.
 
-    ``car`` has pieces parted to fit the sheets, ``whole`` has them whole, as they are placed in the car.
+    ``car`` has pieces split to fit the sheets, ``whole`` has whole pieces, as they are placed in the car.
     """
     faces = {face.name: face for face in piece.faces}
     seen: set[tuple[int, str]] = set()
@@ -195,12 +195,12 @@ def join_marks(piece: FlatPiece, car: FoldedCar, whole: FoldedCar) -> Iterator[E
 
 
 def _under(face: FlatFace, join: Join, whole: FoldedCar) -> Iterator[tuple[Edge, ...]]:
-    """For each layer that a join lays on a face: the edges of the opening that it surrounds, or of its own outline."""
+    """Yield, for each layer that a join lays on a face, the edges of the opening in it, or of its own outline."""
     above, below = (name.partition(PART)[0] for name in (join.piece_a, join.piece_b))
-    piece = next(one for one in whole.pieces if one.name == below)
-    outline = next(one for one in piece.faces if one.name == face.name).outline_mm
+    piece = next(other for other in whole.pieces if other.name == below)
+    outline = next(other for other in piece.faces if other.name == face.name).outline_mm
     pairs = [((outline[i], outline[(i + 1) % len(outline)]), edge) for i, edge in face.edges.items() if i < len(outline)]
-    # From the face's frame to the flat one, by its longest edge that is whole; a bend shortens one by less than 1 mm.
+    # The motion from the face's frame to the flat, by its longest unsplit edge; a bend shortens it by less than 1 mm.
     kept = [pair for pair in pairs if abs(math.dist(*pair[0]) - math.dist(*pair[1])) < 1.0]
     if not kept:
         yield tuple(_edges(face, join.b, join, None))
@@ -223,27 +223,27 @@ def _under(face: FlatFace, join: Join, whole: FoldedCar) -> Iterator[tuple[Edge,
 
 @lru_cache(maxsize=256)
 def _layers(car: FoldedCar, piece_a: str, face_a: str, piece_b: str, face_b: str) -> tuple[shapely.Polygon, ...]:
-    """The outlines of what lies on a face, of one joined face and its like, in the face's frame (mm), each place once."""
+    """Return the outlines (mm) of laminated faces like ``face_a`` on ``face_b``, in its frame, each place once."""
     placed = [face for faces in placed_faces(car).values() for face in faces if face.piece.name in (piece_a, piece_b)]
-    below = next(one for one in placed if (one.piece.name, one.face.name) == (piece_b, face_b))
+    lower_face = next(face for face in placed if (face.piece.name, face.face.name) == (piece_b, face_b))
     alike = {join.a.face for join in car.joins if (join.piece_a, join.kind) == (piece_a, "laminate")} | {face_a}
-    found: dict[tuple[int, int], shapely.Polygon] = {}
-    for one in placed:
-        if one.piece.name != piece_a or one.face.name not in alike:
+    outlines: dict[tuple[int, int], shapely.Polygon] = {}
+    for placed_face in placed:
+        if placed_face.piece.name != piece_a or placed_face.face.name not in alike:
             continue
-        points = below.in_face(one.corners_mm)
+        points = lower_face.in_face(placed_face.corners_mm)
         area = shapely.Polygon(points[:, :2])
-        if np.abs(points[:, 2]).max() < LAYERS_MM and below.polygon.envelope.intersection(area).area > 1.0:
-            found.setdefault((round(area.centroid.x), round(area.centroid.y)), area)
-    return tuple(found.values())
+        if np.abs(points[:, 2]).max() < LAYERS_MM and lower_face.polygon.envelope.intersection(area).area > 1.0:
+            outlines.setdefault((round(area.centroid.x), round(area.centroid.y)), area)
+    return tuple(outlines.values())
 
 
 def _edges(face: FlatFace, ref: EdgeRef, join: Join, slot: str | None) -> list[Edge]:
-    """The edges beside which the number may be written, with the film on their left."""
+    """Return the edges beside which the number may be written, with the film on their left."""
     if slot is not None and slot in face.holes:
         return list(face.holes[slot])
     if join.kind == "laminate":
-        # Doublings are aligned by their holes.
+        # Layers are aligned by their holes.
         edges = [edge for ring in face.holes.values() for edge in ring] or list(face.edges.values())
         return sorted(edges, key=_slant)[:PLACES]
     if ref.index not in face.edges:
@@ -253,7 +253,7 @@ def _edges(face: FlatFace, ref: EdgeRef, join: Join, slot: str | None) -> list[E
 
 
 def _slant(edge: Edge) -> float:
-    """Deviation from the x and y directions: beside an edge along one of them (0) numbers are easiest to read."""
+    """Deviation of an edge from the x and y directions: numbers beside an edge along x or y (0) are easiest to read."""
     (ax, ay), (bx, by) = edge
     return round(min(abs(bx - ax), abs(by - ay)) / (abs(bx - ax) + abs(by - ay)), 3)
 
@@ -267,7 +267,7 @@ def _font() -> HersheyFonts:
 
 @cache
 def text_strokes(text: str, height_mm: float) -> tuple[tuple[tuple[Point, ...], ...], float]:
-    """The strokes of ``text`` with capitals ``height_mm`` high, from x = 0 on the base line, and its width (mm)."""
+    """Return the strokes of ``text`` with capitals ``height_mm`` high, from x = 0 on the base line, and its width."""
     scale = height_mm / CAP_UNITS
     printable = "".join(c if " " <= c <= "~" else "?" for c in text)
     strokes = [

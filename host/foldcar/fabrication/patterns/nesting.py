@@ -3,10 +3,10 @@
 Input: outlines in millimetres with counts, the sheet's size, margin and gap. Output: sheet and motion of every copy.
 
 Pieces are placed one after the other, each as low and then as far left as possible on the first sheet with room. A local
-search over their orders, from the largest first, exchanges pieces and keeps what takes less film. A piece is a raster of
-the cells that it touches; where one placed piece keeps another away is the correlation of the two rasters, one of them
-grown by the gap, which is computed once for each pair (no-fit polygons, as rasters). The search has a fixed seed and ends
-after a fixed amount of work, not time: the same pieces give the same layout.
+search over their orders starts with the largest piece first, exchanges pieces and keeps orders that take less film. A
+piece is a raster of the cells that it touches. The no-fit mask of two pieces is the correlation of their rasters, one of
+them grown by the gap; it is computed once for each pair. The search has a fixed seed and ends after a fixed amount of
+work, not time: the same pieces give the same layout.
 """
 
 import math
@@ -26,16 +26,16 @@ from foldcar.fabrication.patterns.options import MACHINES, MAX_SHEET_MM, Options
 
 CELL_MM = 1.0
 MAX_SHEETS = 200
-# The search ends after so many orders, or positions looked at in all: a second or two. It goes on so many times as long
-# while little of the last sheet is taken, and the pieces' area would fit on fewer sheets.
-MOST_TRIES = 300
-MOST_POSITIONS = 1e9
-LONGER = 4
-LITTLE = 0.25
+# The search ends after this number of orders or of positions examined: a second or two. It continues up to
+# MAX_EXTENSIONS times as long while the last sheet is sparse and the pieces' area would fit on fewer sheets.
+MAX_TRIES = 300
+MAX_POSITIONS = 1e9
+MAX_EXTENSIONS = 4
+SPARSE_FRACTION = 0.25
 SEED = 1
-# How often the search changes when the title is placed, not the order.
+# Probability with which the search changes when the title is placed, instead of the order.
 TITLE_SHARE = 0.1
-# Rounding errors of outlines: what reaches into a cell by less does not touch it.
+# Rounding errors of outlines: an overlap with a cell below this does not count.
 TOUCH_MM = 1e-4
 
 Cells = NDArray[np.bool_]
@@ -66,33 +66,37 @@ class Nest:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Turned:
+class _RotatedPiece:
     """A piece in one of four turns, its lower left corner at the first cell's.
 
-    ``cells`` are those that it touches, ``grown`` those that it touches grown by the gap, ``apron`` cells farther out.
-    ``places`` are the numbers of rows and of columns at which its first cell may be.
+    ``cells`` are the cells that it touches, ``grown`` those that it touches when grown by the gap; ``grown`` has
+    ``padding_cells`` more cells below and left. ``places`` are the numbers of rows and columns for its first cell.
     """
 
     turn: int
     cells: Cells
     grown: Cells
-    apron: int
+    padding_cells: int
     corner_mm: Point
     places: tuple[int, int]
 
 
+# The turns of one piece.
+_Turns = Sequence[_RotatedPiece]
+
+
 class _Area:
-    """A sheet's usable area as a raster, and what keeps pieces apart on it."""
+    """A sheet's usable area as a raster, with the no-fit masks of pairs of pieces."""
 
     def __init__(self, size_mm: tuple[float, float], margin_mm: float, gap_mm: float) -> None:
         self.margin_mm = margin_mm
         self.gap_mm = gap_mm
         self.usable_mm = (size_mm[0] - 2 * margin_mm, size_mm[1] - 2 * margin_mm)
-        self._kept: dict[tuple[int, int], tuple[_Turned, _Turned, Cells]] = {}
+        self._masks: dict[tuple[int, int], tuple[_RotatedPiece, _RotatedPiece, Cells]] = {}
 
-    def turned(self, outline: Polygon) -> list[_Turned]:
-        """The piece in every turn that fits into the empty area."""
-        result: list[_Turned] = []
+    def turned(self, outline: Polygon) -> list[_RotatedPiece]:
+        """Return the piece in every turn that fits into the empty area."""
+        result: list[_RotatedPiece] = []
         for turn in range(4):
             motion = Motion(turn)
             moved = Polygon([motion.apply((x, y)) for x, y in outline.exterior.coords])
@@ -103,32 +107,36 @@ class _Area:
             cells = _touched(moved, (x0, y0), 0)
             if any(np.array_equal(cells, other.cells) for other in result):
                 continue
-            apron = math.ceil(self.gap_mm / CELL_MM - 1e-9)
-            grown = _touched(moved.buffer(self.gap_mm, quad_segs=16), (x0, y0), apron)
+            padding_cells = math.ceil(self.gap_mm / CELL_MM - 1e-9)
+            grown = _touched(moved.buffer(self.gap_mm, quad_segs=16), (x0, y0), padding_cells)
             columns, rows = (max(0, math.floor(length / CELL_MM + 1e-6)) + 1 for length in spare)
-            result.append(_Turned(turn, cells, grown, apron, (x0, y0), (rows, columns)))
+            result.append(_RotatedPiece(turn, cells, grown, padding_cells, (x0, y0), (rows, columns)))
         return result
 
-    def kept_off(self, placed: _Turned, other: _Turned) -> Cells:
-        """Where ``placed`` keeps ``other`` off; the first is as far down and left as any (see `_Sheet.blocked`)."""
+    def no_fit_mask(self, placed: _RotatedPiece, other: _RotatedPiece) -> Cells:
+        """Return the no-fit mask: offsets of ``other`` relative to ``placed`` at which the two come too near.
+
+        The first element is the lowest and leftmost offset (see `_Sheet.blocked`).
+        """
         key = (id(placed), id(other))
-        if key not in self._kept:
+        if key not in self._masks:
             rows, columns = (a + b - 1 for a, b in zip(placed.grown.shape, other.cells.shape, strict=True))
             size = [next_fast_len(rows, real=True), next_fast_len(columns, real=True)]
-            grown, mirrored = (rfft2(one.astype(np.float32), size) for one in (placed.grown, other.cells[::-1, ::-1]))
+            rasters = placed.grown, other.cells[::-1, ::-1]
+            grown, mirrored = (rfft2(raster.astype(np.float32), size) for raster in rasters)
             # Counts of cells: 0.5 is far above the rounding errors.
-            self._kept[key] = (placed, other, irfft2(grown * mirrored, size)[:rows, :columns] > 0.5)
-        return self._kept[key][2]
+            self._masks[key] = (placed, other, irfft2(grown * mirrored, size)[:rows, :columns] > 0.5)
+        return self._masks[key][2]
 
-    def motion(self, turned: _Turned, row: int, column: int) -> Motion:
+    def motion(self, turned: _RotatedPiece, row: int, column: int) -> Motion:
         """The motion of a piece whose first cell is at that row and column."""
         x = self.margin_mm + column * CELL_MM - turned.corner_mm[0]
         y = self.margin_mm + row * CELL_MM - turned.corner_mm[1]
         return Motion(turned.turn, (x, y))
 
 
-def _touched(outline: Polygon, corner_mm: Point, apron: int) -> Cells:
-    """The cells that the polygon touches, from ``apron`` cells below and left of the corner to as many beyond its box."""
+def _touched(outline: Polygon, corner_mm: Point, padding_cells: int) -> Cells:
+    """Return the raster of cells that the polygon touches, with padding below and left of the corner."""
     _, _, x1, y1 = outline.bounds
     columns, rows = (math.ceil((high - low) / CELL_MM - 1e-6) for low, high in zip(corner_mm, (x1, y1), strict=True))
     # A square touches the polygon if its centre is in the polygon or in an edge drawn with the square as a pen.
@@ -138,28 +146,29 @@ def _touched(outline: Polygon, corner_mm: Point, apron: int) -> Cells:
     strokes = np.concatenate([ring[:-1, None] + pen, ring[1:, None] + pen], axis=1)
     drawn = shapely.union_all([outline, *shapely.convex_hull(shapely.multipoints(strokes))])
     shapely.prepare(drawn)
-    xs = corner_mm[0] + (np.arange(-apron, columns) + 0.5) * CELL_MM
-    ys = corner_mm[1] + (np.arange(-apron, rows) + 0.5) * CELL_MM
+    xs = corner_mm[0] + (np.arange(-padding_cells, columns) + 0.5) * CELL_MM
+    ys = corner_mm[1] + (np.arange(-padding_cells, rows) + 0.5) * CELL_MM
     return np.asarray(shapely.contains_xy(drawn, *np.meshgrid(xs, ys)))
 
 
 @dataclass(slots=True)
 class _Sheet:
-    """The pieces on one sheet with their rows and columns, their highest row, and where they keep others off."""
+    """The pieces on one sheet with their rows and columns, their highest row, and the blocked places of others."""
 
     area: _Area
-    placed: list[tuple[_Turned, int, int]] = field(default_factory=list)
+    placed: list[tuple[_RotatedPiece, int, int]] = field(default_factory=list)
     top: int = 0
     top_of_pieces: int = 0
     _blocked: dict[int, tuple[Cells, int]] = field(default_factory=dict)
 
-    def blocked(self, turned: _Turned) -> Cells:
-        """The rows and columns at which the piece would come too near to another."""
+    def blocked(self, turned: _RotatedPiece) -> Cells:
+        """Return the rows and columns at which the piece would come too near to another."""
         blocked, known = self._blocked.get(id(turned)) or (np.zeros(turned.places, dtype=bool), 0)
         rows, columns = turned.places
         for other, row, column in self.placed[known:]:
-            kept = self.area.kept_off(other, turned)
-            up, right = row - other.apron - turned.cells.shape[0] + 1, column - other.apron - turned.cells.shape[1] + 1
+            kept = self.area.no_fit_mask(other, turned)
+            up = row - other.padding_cells - turned.cells.shape[0] + 1
+            right = column - other.padding_cells - turned.cells.shape[1] + 1
             above, beyond = min(rows, up + kept.shape[0]), min(columns, right + kept.shape[1])
             low, left = max(0, up), max(0, right)
             if low < above and left < beyond:
@@ -167,7 +176,7 @@ class _Sheet:
         self._blocked[id(turned)] = (blocked, len(self.placed))
         return blocked
 
-    def place(self, turns: Sequence[_Turned]) -> Motion | None:
+    def place(self, turns: _Turns) -> Motion | None:
         """Put the piece, in one of its turns, where its top is lowest; None if no turn fits."""
         places = []
         for turned in turns:
@@ -194,10 +203,9 @@ def nest(
 ) -> Nest:
     """Lay out pieces (name, outline, count), with a title of that size on every sheet that has room for it.
 
-    On each sheet a box of ``box_mm``, if any, then takes a place that pieces and title left free. The last sheet is the
-    one with most film left.
-
-    NestingError, naming the piece, its size and the sheet's, if a piece does not fit on a sheet.
+    Then, on each sheet, a box of ``box_mm``, if any, takes a place that pieces and title leave free. The last sheet is
+    the one with most film left. Raises NestingError, which names the piece, its size and the sheet's, if a piece does not
+    fit on a sheet.
     """
     area = _Area(size_mm, margin_mm, gap_mm)
     title, box = (area.turned(shapely.box(0, 0, *size))[:1] if min(size) > 0 else [] for size in (title_mm, box_mm))
@@ -206,8 +214,8 @@ def nest(
     turns = [area.turned(outline) for _, outline, _ in pieces]
     for (name, outline, _), turned in zip(pieces, turns, strict=True):
         if not turned:
-            raise NestingError(too_large(name, outline, size_mm, margin_mm))
-    best = _searched(area, title, turns, _first_orders(pieces), _least_sheets(area, pieces))
+            raise NestingError(too_large_message(name, outline, size_mm, margin_mm))
+    best = _search_layout(area, title, turns, _first_orders(pieces), _min_sheets(area, pieces))
     ranks = sorted(range(len(best.sheets)), key=lambda k: (best.sheets[k] is best.last, k))
     placements: list[list[Placement]] = [[] for _ in pieces]
     for index, sheet, motion in best.copies:
@@ -216,8 +224,8 @@ def nest(
     return Nest(tuple(map(tuple, placements)), tuple(best.titles[k] for k in ranks), boxes)
 
 
-def _least_sheets(area: _Area, pieces: Sequence[tuple[str, Polygon, int]]) -> int:
-    """A lower bound: pieces grown by half of the gap overlap nowhere and stay on a sheet's usable area grown as much."""
+def _min_sheets(area: _Area, pieces: Sequence[tuple[str, Polygon, int]]) -> int:
+    """Lower bound of the sheets: pieces grown by half the gap do not overlap in the usable area grown as much."""
     taken: float = sum(outline.buffer(area.gap_mm / 2).area * count for _, outline, count in pieces)
     return math.ceil(taken / math.prod(side + area.gap_mm for side in area.usable_mm))
 
@@ -232,49 +240,49 @@ class _Layout:
 
     @property
     def last(self) -> _Sheet | None:
-        """The sheet with most film left, to which the pieces are to be few and low."""
+        """The sheet with most film left, on which pieces should be few and low."""
         return min(self.sheets, key=lambda sheet: sheet.top_of_pieces, default=None)
 
     @property
     def film(self) -> tuple[int, ...]:
-        """What is to be small: number of sheets, missing titles; height and area (cells) taken of the last one."""
+        """The cost to minimise: number of sheets, missing titles, height and area (cells) taken of the last sheet."""
         if self.last is None:
             return (0,)
         taken = sum(int(turned.cells.sum()) for turned, _, _ in self.last.placed)
         return len(self.sheets), self.titles.count(None), self.last.top_of_pieces, taken
 
 
-def _searched(
-    area: _Area, title: Sequence[_Turned], turns: Sequence[Sequence[_Turned]], orders: Sequence[list[int]], least: int
+def _search_layout(
+    area: _Area, title: _Turns, turns: Sequence[_Turns], orders: Sequence[list[int]], min_sheets: int
 ) -> _Layout:
-    """The best layout that a local search finds; of those with most titles, since the bar on them proves the scale.
+    """Find the best layout by local search, first by the number of titles, whose reference bar proves the scale.
 
-    ``least`` is a lower bound of the number of sheets.
+    ``min_sheets`` is a lower bound of the number of sheets.
     """
     chance = random.Random(SEED)
-    starts = [(_lay(area, title, turns, order, first), order, first) for order in orders for first in (True, False)]
-    here, order, first = min(starts, key=lambda start: start[0].film)
+    starts = [(_lay_out(area, title, turns, order, first), order, first) for order in orders for first in (True, False)]
+    current, order, first = min(starts, key=lambda start: start[0].film)
 
     def worth(layout: _Layout) -> tuple[int, ...]:
         return layout.titles.count(None), *layout.film
 
     best = min((layout for layout, _, _ in starts), key=worth)
     positions = sum(math.prod(turned.places) for index in order for turned in turns[index])
-    tries = min(MOST_TRIES, int(MOST_POSITIONS / positions)) if len(order) > 1 else 0
-    little = LITTLE * math.prod(area.usable_mm) / CELL_MM**2
-    for number in range(LONGER * tries):
-        if number >= tries and (len(best.sheets) <= least or best.film[-1] > little):
+    tries = min(MAX_TRIES, int(MAX_POSITIONS / positions)) if len(order) > 1 else 0
+    sparse = SPARSE_FRACTION * math.prod(area.usable_mm) / CELL_MM**2
+    for number in range(MAX_EXTENSIONS * tries):
+        if number >= tries and (len(best.sheets) <= min_sheets or best.film[-1] > sparse):
             break
-        changed = (order, not first) if chance.random() < TITLE_SHARE else (_exchanged(order, chance), first)
-        layout = _lay(area, title, turns, *changed)
-        if layout.film <= here.film:
-            here, (order, first) = layout, changed
+        changed = (order, not first) if chance.random() < TITLE_SHARE else (_changed_order(order, chance), first)
+        layout = _lay_out(area, title, turns, *changed)
+        if layout.film <= current.film:
+            current, (order, first) = layout, changed
         best = min(best, layout, key=worth)
     return best
 
 
-def _exchanged(order: Sequence[int], chance: random.Random) -> list[int]:
-    """The order with two different pieces exchanged, or one moved to another place."""
+def _changed_order(order: Sequence[int], chance: random.Random) -> list[int]:
+    """Return the order with two different pieces exchanged, or one moved to another place."""
     other = list(order)
     i, j = chance.sample(range(len(order)), 2)
     if chance.random() < 0.5:
@@ -285,7 +293,7 @@ def _exchanged(order: Sequence[int], chance: random.Random) -> list[int]:
 
 
 def _first_orders(pieces: Sequence[tuple[str, Polygon, int]]) -> list[list[int]]:
-    """Copies by decreasing area of the box, by decreasing length."""
+    """Return two orders of the copies: by decreasing area of the box, and by decreasing length."""
     boxes = [outline.bounds for _, outline, _ in pieces]
     sides = [(x1 - x0, y1 - y0) for x0, y0, x1, y1 in boxes]
     copies = [index for index, (_, _, count) in enumerate(pieces) for _ in range(count)]
@@ -295,10 +303,8 @@ def _first_orders(pieces: Sequence[tuple[str, Polygon, int]]) -> list[list[int]]
     ]
 
 
-def _lay(
-    area: _Area, title: Sequence[_Turned], turns: Sequence[Sequence[_Turned]], order: Sequence[int], title_first: bool
-) -> _Layout:
-    """The layout of the copies in that order; titles take a sheet's corner, or what the pieces have left."""
+def _lay_out(area: _Area, title: _Turns, turns: Sequence[_Turns], order: Sequence[int], title_first: bool) -> _Layout:
+    """Lay the copies out in that order; titles take a sheet's corner, or a place that the pieces leave free."""
     sheets: list[_Sheet] = []
     titles: list[Motion | None] = []
     copies: list[tuple[int, int, Motion]] = []
@@ -331,18 +337,18 @@ def fits(extent_mm: tuple[float, float], size_mm: tuple[float, float], margin_mm
     return low <= least + 1e-6 and high <= greatest + 1e-6
 
 
-def too_large(name: str, outline: Polygon, size_mm: tuple[float, float], margin_mm: float) -> str:
-    """The message for a piece that does not fit on a sheet."""
+def too_large_message(name: str, outline: Polygon, size_mm: tuple[float, float], margin_mm: float) -> str:
+    """Return the message for a piece that does not fit on a sheet."""
     x0, y0, x1, y1 = outline.bounds
     usable = [side - 2 * margin_mm for side in size_mm]
     return (
         f"--sheet: {name} is {x1 - x0:.1f} x {y1 - y0:.1f} mm, but of a sheet of {size_mm[0]:g} x {size_mm[1]:g} mm "
-        f"with margins of {margin_mm:g} mm only {usable[0]:g} x {usable[1]:g} mm can be used, and it cannot be parted"
+        f"with margins of {margin_mm:g} mm only {usable[0]:g} x {usable[1]:g} mm can be used, and it cannot be split"
     )
 
 
-def advice(enough: Callable[[Options], bool], outlines: Iterable[Polygon], chosen: Options) -> str:
-    """What would do: the machine's smallest sheet for which ``enough`` holds, else one as large as the outlines (mm)."""
+def suggest_sheet(enough: Callable[[Options], bool], outlines: Iterable[Polygon], chosen: Options) -> str:
+    """Suggest the machine's smallest sheet for which ``enough`` holds, else one as large as the outlines (mm)."""
     width, height = chosen.sheet_size_mm
     for name in MACHINES[chosen.machine].sheets:
         other = replace(chosen, sheet=name)

@@ -1,7 +1,7 @@
 """The options of a pattern for a machine and a sheet: kerf, folds, clearances, sizes; profiles of machines.
 
-Input: a machine's name and changed values. Output: Options; OptionError for a value outside its limits. What is known of
-a machine stands in ``machines.json``: its preset, its sheets, how its program takes a file, what to do with each layer.
+Input: a machine's name and changed values. Output: Options; OptionError for a value outside its limits. The data of
+machines are in ``machines.json``: preset, sheets, how the machine's program reads a file, what to do with each layer.
 """
 
 import json
@@ -16,9 +16,9 @@ from foldcar.errors import FoldcarError
 
 INCH_MM = 25.4
 MAX_SHEET_MM = 5000.0
-# Film between two cuts that does not tear; the bridges within a fold are the option dash_bridge_mm.
-LEAST_FILM_MM = 1.5
-# Less is cut away by the blade's or beam's own deviation, 0.1 to 0.2 mm on each side.
+# Minimum film between two cuts, which does not tear; the bridges within a fold are the option dash_bridge_mm.
+MIN_FILM_MM = 1.5
+# Narrower film is cut away by the blade's or beam's own deviation, 0.1 to 0.2 mm on each side.
 TORN_FILM_MM = 0.4
 
 # Width and height in millimetres.
@@ -100,7 +100,10 @@ MACHINES = {name: Machine(Options(name, **data.pop("options")), **data) for name
 
 
 def options(machine: str, **changes: Any) -> Options:
-    """The machine's preset with these fields changed; None keeps a field, names are of any case. OptionError."""
+    """Return the machine's preset with these fields changed; None keeps a field, names are case-insensitive.
+
+    Raises OptionError for an unknown name or a value outside its limits.
+    """
     machine = machine.lower()
     changes = {key: value.lower() if isinstance(value, str) else value for key, value in changes.items()}
     if machine not in MACHINES:
@@ -122,7 +125,7 @@ def options(machine: str, **changes: Any) -> Options:
 
 
 def sheet_size_mm(sheet: str) -> tuple[float, float]:
-    """Width and height (mm) of a sheet given by name or as WIDTHxHEIGHT in millimetres or inches. OptionError."""
+    """Parse width and height (mm) of a sheet from its name or WIDTHxHEIGHT in mm or inches. Raises OptionError."""
     if sheet in SHEETS:
         return SHEETS[sheet]
     match = re.fullmatch(r"([0-9.]+)x([0-9.]+)(in)?", sheet)
@@ -141,7 +144,7 @@ def sheet_size_mm(sheet: str) -> tuple[float, float]:
 
 
 def arguments(chosen: Options) -> list[str]:
-    """The words of a command that choose these options."""
+    """Return the words of a command line that choose these options."""
     preset = MACHINES[chosen.machine].preset
     words = [] if chosen.machine == "silhouette" else ["--machine", chosen.machine]
     for field in fields(chosen):

@@ -1,7 +1,7 @@
-"""A flat piece as shapes on layers: kerf-compensated cuts, fold dashes or score lines, labels; the film between its cuts.
+"""A flat piece as shapes on layers: kerf-compensated cuts, fold dashes or score lines, labels; its narrowest film.
 
-Input: a FlatPiece and Options. Output: shapes; the narrowest film of the piece: a bridge too narrow tears while it is cut
-or folded. The bridges between the cuts of one fold are an option of their own (``dash_bridge_mm``) and not counted.
+Input: a FlatPiece and Options. Output: shapes; the narrowest film between two cuts, because a bridge too narrow tears
+while it is cut or folded. The bridges between the cuts of one fold (``dash_bridge_mm``) are not counted.
 """
 
 import math
@@ -16,28 +16,28 @@ from shapely.geometry.base import BaseGeometry
 from foldcar.fabrication.patterns.drawing import Circle, LayerName, Path, Point, Shape
 from foldcar.fabrication.patterns.flat_piece import FlatPiece, Fold
 from foldcar.fabrication.patterns.labels import EdgeMark, label_paths
-from foldcar.fabrication.patterns.options import LEAST_FILM_MM, Options
+from foldcar.fabrication.patterns.options import MIN_FILM_MM, Options
 
 FOLD_LAYERS: dict[str, LayerName] = {"mountain": "FOLD_MOUNTAIN", "valley": "FOLD_VALLEY"}
-# No machine cuts less in one piece.
-SHORTEST_CUT_MM = 0.3
-# A fold with no room for a cut between its ends' films has one of this share of its length, but none below this length:
-# a fold so short bends without one.
-SHORT_FOLD_SHARE = 1 / 3
-LEAST_CUT_MM = 1.0
+# The shortest cut that a machine makes.
+MIN_CUT_MM = 0.3
+# A fold without room for a cut between the films at its ends has a cut of this fraction of its length. A cut below the
+# minimum is left out, because a fold so short bends without it.
+SHORT_FOLD_FRACTION = 1 / 3
+MIN_FOLD_CUT_MM = 1.0
 
 Cut = tuple[Point, Point]
 EDGE, SLIT, DASHES = "its edge", "a slit", "a fold's dashes"
-# What is as wide as the film between a fold's cuts, which is creased, does not tear while it is weeded.
+# Film as wide as the bridges between a fold's cuts, which are creased, does not tear during weeding.
 NARROW_FILM_MM = 1.0
-# Beside rounding errors of the buffers' arcs.
+# Rounding errors of the buffers' arcs.
 ROUNDING_MM = 0.01
 
 
 def piece_shapes(
     flat: FlatPiece, chosen: Options, marks: Iterable[EdgeMark], quarter_turns: int = 0
 ) -> tuple[list[Shape], list[str]]:
-    """The piece's shapes in its own frame, texts upright after the quarter turns; warnings as texts."""
+    """Return the piece's shapes in its own frame, with texts upright after the quarter turns, and warnings."""
     labels, missing = label_paths(flat, flat.label, marks, quarter_turns)
     warnings = [f'{flat.label}: no room for the label "{text}"' for text in missing]
     shapes: list[Shape] = list(labels)
@@ -48,7 +48,7 @@ def piece_shapes(
 
 
 def cut_shapes(flat: FlatPiece, kerf_mm: float) -> list[Shape]:
-    """Outline and openings, offset by half a kerf so that the cut piece has its size."""
+    """Return outline and openings, offset by half a kerf so that the cut piece has its nominal size."""
     half = kerf_mm / 2
     shapes: list[Shape] = [Circle("CUT_INNER", middle, diameter / 2 - half) for middle, diameter in flat.circles]
     shapes += [Path("CUT_INNER", slit) for slit in flat.slits]
@@ -86,21 +86,21 @@ def _folds(flat: FlatPiece, chosen: Options) -> Iterator[Shape]:
 def dashes(
     a: Point, b: Point, cut_mm: float, bridge_mm: float, kerf_mm: float = 0.0, taken: BaseGeometry | None = None
 ) -> list[Cut]:
-    """The cuts along the fold from ``a`` to ``b``, outside of ``taken``: other cuts and the film that they must keep.
+    """Return the cuts along the fold from ``a`` to ``b``, outside of ``taken``: other cuts with the film around them.
 
     Without ``taken`` the fold has a bridge at both ends. The finished cuts, kerf included, have the length ``cut_mm``;
-    bridges are at least ``bridge_mm``, equal between two cuts. A short fold has a shorter cut, a tiny one none.
+    bridges are at least ``bridge_mm``, equal between two cuts. A short fold has a shorter cut, a tiny fold none.
     """
     length = math.dist(a, b)
 
     def at(distance: float) -> Point:
-        share = distance / length
-        return a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])
+        fraction = distance / length
+        return a[0] + fraction * (b[0] - a[0]), a[1] + fraction * (b[1] - a[1])
 
     free = [(bridge_mm, length - bridge_mm)] if taken is None else list(_free(a, b, taken))
     cuts = [cut for low, high in free for cut in _row(low, high, cut_mm, bridge_mm)]
-    half = length * SHORT_FOLD_SHARE / 2
-    if not cuts and 2 * half >= LEAST_CUT_MM:
+    half = length * SHORT_FOLD_FRACTION / 2
+    if not cuts and 2 * half >= MIN_FOLD_CUT_MM:
         cuts = [(length / 2 - half, length / 2 + half)]
     # The beam or blade is as wide as the kerf at both ends of its way.
     trims = ((low, high, min(kerf_mm, (high - low) / 2) / 2) for low, high in cuts)
@@ -108,7 +108,7 @@ def dashes(
 
 
 def _free(a: Point, b: Point, taken: BaseGeometry) -> Iterator[tuple[float, float]]:
-    """The parts of the fold outside of ``taken`` by their distances from ``a`` (mm)."""
+    """Yield the parts of the fold outside of ``taken`` by their distances from ``a`` (mm)."""
     for part in shapely.get_parts(LineString([a, b]).difference(taken)):
         if part.length > 0:
             low, high = sorted(math.dist(a, p) for p in (part.coords[0], part.coords[-1]))
@@ -116,12 +116,12 @@ def _free(a: Point, b: Point, taken: BaseGeometry) -> Iterator[tuple[float, floa
 
 
 def _row(low: float, high: float, cut_mm: float, bridge_mm: float) -> Iterator[tuple[float, float]]:
-    """Cuts from ``low`` to ``high``, the first and last at the ends; a single one in the middle."""
+    """Yield cuts from ``low`` to ``high``, the first and last at the ends; a single cut in the middle."""
     room = high - low
     count = math.floor((room + bridge_mm) / (cut_mm + bridge_mm) + 1e-9)
     if count < 2:
         cut = min(cut_mm, room)
-        if cut >= SHORTEST_CUT_MM:
+        if cut >= MIN_CUT_MM:
             yield (low + high - cut) / 2, (low + high + cut) / 2
         return
     step = (room - cut_mm) / (count - 1)
@@ -143,11 +143,11 @@ class Film:
 
 
 def fold_cuts(flat: FlatPiece, chosen: Options) -> tuple[tuple[Fold, tuple[Cut, ...]], ...]:
-    """Each fold that is cut, with its cuts, which keep ``LEAST_FILM_MM`` from all other cuts of the piece."""
+    """Return each fold that is cut, with its cuts, which keep ``MIN_FILM_MM`` from all other cuts of the piece."""
     if chosen.fold != "dash":
         return ()
     lines = [flat.outline.boundary, *(hole for _, hole in _openings(flat)), *(LineString(slit) for slit in flat.slits)]
-    taken = shapely.union_all(lines).buffer(LEAST_FILM_MM + chosen.kerf_mm / 2, quad_segs=16)
+    taken = shapely.union_all(lines).buffer(MIN_FILM_MM + chosen.kerf_mm / 2, quad_segs=16)
     shapely.prepare(taken)
     return tuple(
         (fold, tuple(dashes(fold.a, fold.b, chosen.dash_cut_mm, chosen.dash_bridge_mm, chosen.kerf_mm, taken)))
@@ -181,12 +181,12 @@ def narrowest_film(flat: FlatPiece, chosen: Options) -> Film | None:
 
 
 def _openings(flat: FlatPiece) -> Iterator[tuple[str, BaseGeometry]]:
-    """Name and area of every opening and round hole."""
+    """Yield name and area of every opening and round hole."""
     named = [(name.rpartition(".")[2], Polygon([a for a, _ in ring]).centroid)
              for face in flat.faces for name, ring in face.holes.items()]  # fmt: skip
 
     def name(middle: ShapelyPoint) -> str:
-        return min(named, key=lambda one: float(one[1].distance(middle)), default=("a hole", middle))[0]
+        return min(named, key=lambda entry: float(entry[1].distance(middle)), default=("a hole", middle))[0]
 
     for ring in flat.outline.interiors:
         yield name(Polygon(ring).centroid), Polygon(ring)

@@ -32,7 +32,7 @@ SVG_DECIMALS = 3
 
 
 def svg(sheet: Sheet) -> str:
-    """The file's text; width and height are in mm, and the viewBox has the same numbers.
+    """Return the SVG file's text; width and height are in mm, and the viewBox has the same numbers.
 
     A piece's open lines on one layer (dashes and letters) are one path; outlines and circles are separate elements.
     """
@@ -58,7 +58,7 @@ def svg(sheet: Sheet) -> str:
 
 
 def _svg_elements(group: Sequence[Shape], height: float) -> Iterator[str]:
-    """The group's elements; in SVG y points down."""
+    """Yield the group's elements; in SVG y points down."""
     lines = []
     for shape in group:
         if isinstance(shape, Circle):
@@ -73,7 +73,7 @@ def _svg_elements(group: Sequence[Shape], height: float) -> Iterator[str]:
 
 
 def _svg_path(path: Path, height: float) -> str:
-    """Path data with relative steps, which are half as long; differences of rounded points do not accumulate errors."""
+    """Return path data with relative steps, half as long; differences of rounded points do not accumulate errors."""
     places = [(round(x, SVG_DECIMALS), round(height - y, SVG_DECIMALS)) for x, y in path.points_mm]
     first, *_ = places
     steps = [f"{_svg_number(b[0] - a[0])} {_svg_number(b[1] - a[1])}" for a, b in itertools.pairwise(places)]
@@ -86,7 +86,7 @@ def _svg_number(value: float) -> str:
 
 
 def dxf(sheet: Sheet) -> str:
-    """The file's text: LWPOLYLINEs and CIRCLEs on named layers, $INSUNITS 4, the sheet's limits set."""
+    """Return the DXF file's text: LWPOLYLINEs and CIRCLEs on named layers, $INSUNITS 4, the sheet's limits set."""
     # Fixed dates and ids, so that the same sheet gives the same bytes.
     fixed = dxf_options.write_fixed_meta_data_for_testing
     dxf_options.write_fixed_meta_data_for_testing = True
@@ -133,7 +133,7 @@ TOOL_LAYER = 30
 
 
 def lbrn(sheet: Sheet) -> str:
-    """The project's text. The QR code's output is off; powers and speeds are left to LightBurn's presets."""
+    """Return the LightBurn project's text. The QR code's output is off; powers and speeds are LightBurn's presets."""
     root = ET.Element("LightBurnProject", AppVersion="1.2.01", FormatVersion="1", MaterialHeight="0", MirrorX="False",
                       MirrorY="False")  # fmt: skip
     for priority, layer in enumerate(LAYERS.values()):
@@ -178,7 +178,7 @@ def _lbrn_number(value: float) -> str:
 
 
 def pdf(sheets: Sequence[Sheet], title: str) -> bytes:
-    """The file's bytes: a page for each sheet, without paper's margins."""
+    """Return the PDF file's bytes: a page for each sheet, without margins of paper."""
     # No ASCII-85 encoding: compressed streams are binary.
     rl_config.useA85 = 0
     binary = io.BytesIO()
@@ -214,9 +214,9 @@ def pdf(sheets: Sequence[Sheet], title: str) -> bytes:
     return binary.getvalue()
 
 
-# Pixels of a sheet's longer side, at which the names on pieces can be read; of the picture's sides, at most.
+# Pixels of a sheet's longer side, at which the names on pieces can be read; maximum pixels of the picture's sides.
 SHEET_PX = 1300
-MOST_PX = 6000
+MAX_PX = 6000
 DPI = 100
 # Heights, in pixels, of a sheet's heading, of the picture's and of the legend.
 HEADING_PX = 45
@@ -229,14 +229,14 @@ FACETS = 32
 
 @drawing_style({"text.parse_math": False})
 def preview(sheets: Sequence[Sheet], title: str) -> bytes:
-    """The bytes of a PNG to look at before cutting, not to cut from.
+    """Return the bytes of a PNG for checking the sheets before cutting; it is not for cutting.
 
-    Every sheet has its name and film, its lines have the colours of their layers, its pieces are shaded.
+    Every sheet has its name and film. Lines have the colours of their layers, pieces are shaded.
     """
     columns = math.ceil(math.sqrt(len(sheets)))
     rows = math.ceil(len(sheets) / columns)
     width_mm, height_mm = (max(getattr(sheet, side) for sheet in sheets) for side in ("width_mm", "height_mm"))
-    scale = min(SHEET_PX / max(width_mm, height_mm), MOST_PX / (columns * width_mm), MOST_PX / (rows * height_mm))
+    scale = min(SHEET_PX / max(width_mm, height_mm), MAX_PX / (columns * width_mm), MAX_PX / (rows * height_mm))
     cell = width_mm * scale + MARGIN_PX, height_mm * scale + HEADING_PX
     wide, high = columns * cell[0] + MARGIN_PX, rows * cell[1] + LEGEND_PX + HEADING_PX
     figure = Figure(figsize=(wide / DPI, high / DPI), dpi=DPI, facecolor="white")
@@ -271,7 +271,7 @@ def preview(sheets: Sequence[Sheet], title: str) -> bytes:
 
 
 def _picture_points(shape: Shape) -> list[Point]:
-    """The shape's line, that of a closed one back to its start; a circle as a polygon."""
+    """Return the points of the shape's line; a closed line ends at its start, a circle is a polygon."""
     if isinstance(shape, Circle):
         return on_circle(shape.radius_mm, (2 * math.pi * k / FACETS for k in range(FACETS + 1)), shape.center_mm)
     return [*shape.points_mm, *shape.points_mm[: shape.closed]]

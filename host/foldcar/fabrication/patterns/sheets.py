@@ -18,10 +18,10 @@ from foldcar.car.parts.catalogue import film_of
 from foldcar.fabrication.patterns.drawing import LAYERS, Motion, Path, Point, Shape, Sheet
 from foldcar.fabrication.patterns.flat_piece import FlatPiece, flat_piece, moved_to_origin
 from foldcar.fabrication.patterns.labels import join_marks, text_strokes
-from foldcar.fabrication.patterns.nesting import NestingError, advice, all_fit, nest
+from foldcar.fabrication.patterns.nesting import NestingError, all_fit, nest, suggest_sheet
 from foldcar.fabrication.patterns.options import MACHINES, TORN_FILM_MM, OptionError, Options
 from foldcar.fabrication.patterns.piece_shapes import Film, narrowest_film, outer_cut, piece_shapes
-from foldcar.fabrication.patterns.splitting import as_cut
+from foldcar.fabrication.patterns.splitting import split_to_fit
 
 # Length of the bar by which the scale of a cut or printed sheet is checked.
 REFERENCE_MM = 100.0
@@ -34,7 +34,7 @@ MODULE_MM = LAYERS["QR_CODE"].width_mm
 
 
 def wrapped(texts: Iterable[str]) -> list[str]:
-    """The texts in lines no longer than the bar, broken at blanks where there are any."""
+    """Wrap the texts to lines no longer than the reference bar, at blanks where there are any."""
     lines = []
     for text in texts:
         line = ""
@@ -62,12 +62,12 @@ def _width_mm(text: str) -> float:
 
 
 def title_size_mm(lines: int) -> Point:
-    """Width and height of the place for the bar and that many lines of text."""
+    """Width and height (mm) of the title: the bar and that many lines of text."""
     return REFERENCE_MM + 2.0, TICK_MM + 2.0 + lines * LINE_MM
 
 
 def title_shapes(lines: Sequence[str]) -> list[Shape]:
-    """The reference bar with a tick every 10 mm, and the lines of text (see `wrapped`) above it; from the origin."""
+    """Draw the reference bar with a tick every 10 mm, and the lines of text (see `wrapped`) above it, at the origin."""
     x = y = 1.0
     shapes: list[Shape] = [Path("LABEL", ((x, y), (x + REFERENCE_MM, y)))]
     for i in range(11):
@@ -81,17 +81,17 @@ def title_shapes(lines: Sequence[str]) -> list[Shape]:
 
 
 def modules(text: str) -> tuple[tuple[bool, ...], ...]:
-    """The code's rows from the top, dark modules true; the smallest version, with the best correction that it holds."""
+    """Return the QR code's rows from the top, dark modules true: the smallest version, with its best correction."""
     return tuple(tuple(map(bool, row)) for row in segno.make(text, error="l", micro=False).matrix)
 
 
 def code_size_mm(text: str) -> float:
-    """The side of the code with the blank around it."""
+    """The side (mm) of the QR code with the blank around it."""
     return (len(modules(text)) + 2 * QUIET_MODULES) * MODULE_MM
 
 
 def code_shapes(text: str) -> list[Shape]:
-    """The code, its blank's lower left corner at the origin."""
+    """Draw the QR code, its blank's lower left corner at the origin."""
     rows = modules(text)
     shapes: list[Shape] = []
     for up, row in enumerate(reversed(rows)):
@@ -107,9 +107,9 @@ def code_shapes(text: str) -> list[Shape]:
 
 @dataclass(frozen=True, slots=True)
 class Pattern:
-    """The flat pieces and sheets of one car, the options, warnings as texts, the narrowest film between two cuts (mm).
+    """The flat pieces and sheets of one car, the options, warnings, the narrowest film between two cuts (mm).
 
-    ``film`` is what the car is bought and cut from. ``torn`` are findings: film too narrow to be cut at all.
+    ``film`` is the film that the car is cut from. ``torn`` are findings: film too narrow to be cut at all.
     """
 
     title: str
@@ -123,7 +123,7 @@ class Pattern:
 
     @property
     def cut_length_mm(self) -> float:
-        """Length of all cuts, with dashes, without scored folds and labels (mm)."""
+        """Length (mm) of all cuts, including dashes, without scored folds and labels."""
         return sum(
             shape.length_mm
             for sheet in self.sheets
@@ -133,7 +133,7 @@ class Pattern:
 
     @property
     def film_area_mm2(self) -> float:
-        """Area of all copies of the pieces, overlaps included (mm²)."""
+        """Area (mm²) of all copies of the pieces, including overlaps."""
         return sum(piece.area_mm2 * piece.count for piece in self.pieces)
 
 
@@ -147,26 +147,26 @@ class CutCar:
 
 
 def cut_car(folded: FoldedCar, chosen: Options) -> CutCar:
-    """The car's pieces, split to fit the sheet as far as possible.
+    """Return the car's pieces, split to fit the sheet as far as possible.
 
-    OptionError if the machine does not cut the car's film.
+    Raises OptionError if the machine does not cut the car's film.
     """
     film = folded.parts.film
     if getattr(film.cutting, chosen.machine) is None:
         others = " or ".join(name for name, how in film.cutting if how is not None)
         raise OptionError(f"--machine {chosen.machine}: does not cut {film.title}; only {others} would do")
-    car = as_cut(folded, chosen)
+    car = split_to_fit(folded, chosen)
     turning = {placed.piece for placed in car.placed if placed.body.startswith("wheel")}
     flat = (flat_piece(piece, chosen) for piece in car.pieces)
     # Discs stay around their centres.
-    pieces = tuple(one if one.name in turning and not one.bends else moved_to_origin(one) for one in flat)
+    pieces = tuple(piece if piece.name in turning and not piece.bends else moved_to_origin(piece) for piece in flat)
     return CutCar(car, pieces, folded)
 
 
-def on_a_larger_sheet(folded: FoldedCar, chosen: Options) -> Options:
-    """The options with the first of the machine's sheets, from the chosen one on, that every piece fits on.
+def enlarge_sheet(folded: FoldedCar, chosen: Options) -> Options:
+    """Return the options with the machine's smallest sheet, from the chosen one on, that every piece fits on.
 
-    Those that were chosen if none does.
+    If the pieces fit on none of the sheets, the options are returned unchanged.
     """
     names = MACHINES[chosen.machine].sheets
     for name in names[names.index(chosen.sheet) :]:
@@ -177,18 +177,18 @@ def on_a_larger_sheet(folded: FoldedCar, chosen: Options) -> Options:
 
 
 def pattern(folded: FoldedCar, chosen: Options, title: str, command: str = "") -> Pattern:
-    """The car's sheets; NestingError."""
+    """Return the car's sheets. Raises NestingError if a piece does not fit on a sheet."""
     return pattern_of(cut_car(folded, chosen), chosen, title, command)
 
 
 def pattern_of(cut: CutCar, chosen: Options, title: str, command: str = "") -> Pattern:
-    """The sheets of a car whose pieces are split already; NestingError."""
+    """Return the sheets of a car whose pieces are split already. Raises NestingError if a piece does not fit."""
     films = {piece.label: film for piece in cut.pieces if (film := narrowest_film(piece, chosen)) is not None}
     narrow = [f"{label}: {_narrow(film)}" for label, film in films.items() if film.narrow]
     try:
         sheets, unmarked = _lay_out(cut, chosen, title, command)
     except NestingError as error:
-        raise NestingError(f"{error}; {_advice(cut.car, chosen)}") from error
+        raise NestingError(f"{error}; {_suggested_sheet(cut.car, chosen)}") from error
     least = min((film.width_mm for film in films.values()), default=math.inf)
     torn = tuple(f"{label}: {_narrow(film)}" for label, film in films.items() if film.width_mm < TORN_FILM_MM)
     return Pattern(title, cut.pieces, sheets, (*narrow, *unmarked), chosen, cut.car.parts.film, least, torn)
@@ -198,16 +198,16 @@ def _narrow(film: Film) -> str:
     return f"only {film.width_mm:.2f} mm of film between {film.between[0]} and {film.between[1]}: it may tear"
 
 
-def _advice(car: FoldedCar, chosen: Options) -> str:
+def _suggested_sheet(car: FoldedCar, chosen: Options) -> str:
     def outlines(other: Options) -> list[Polygon]:
         return [outer_cut(piece, other.kerf_mm) for piece in cut_car(car, other).pieces]
 
     whole = [outer_cut(flat_piece(piece, chosen), chosen.kerf_mm) for piece in car.pieces]
-    return advice(lambda other: all_fit(outlines(other), other), whole, chosen)
+    return suggest_sheet(lambda other: all_fit(outlines(other), other), whole, chosen)
 
 
 def _lay_out(cut: CutCar, chosen: Options, title: str, command: str) -> tuple[tuple[Sheet, ...], list[str]]:
-    """The pieces nested on sheets of their films, and warnings: labels, reference bars, QR codes without room."""
+    """Nest the pieces on sheets of their films; also return warnings: labels, reference bars, QR codes without room."""
     width, height = chosen.sheet_size_mm
     titles = [film_of(cut.car.parts.film, piece.thickness_mm).title for piece in cut.pieces]
     # As many lines as with the longest numbers.

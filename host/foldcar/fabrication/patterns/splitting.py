@@ -1,6 +1,6 @@
-"""Parts pieces that are too large for a sheet along folds.
+"""Splits pieces that are too large for a sheet along folds.
 
-Input: a FoldedCar, Options. Output: the car with a tab in place of each fold that is cut, and new joins; parts are
+Input: a FoldedCar, Options. Output: the car with a tab in place of each fold that is cut, and new joins; the parts are
 labelled "1 of 3" and so on.
 """
 
@@ -15,14 +15,14 @@ from foldcar.fabrication.patterns.nesting import fits
 from foldcar.fabrication.patterns.options import Options
 
 
-def as_cut(car: FoldedCar, chosen: Options) -> FoldedCar:
-    """The car with too large pieces split; its ``placed`` still name the whole pieces."""
+def split_to_fit(car: FoldedCar, chosen: Options) -> FoldedCar:
+    """Return the car with pieces that are too large split; its ``placed`` still name the whole pieces."""
     pieces: list[Piece] = []
     joins = list(car.joins)
     numbers = itertools.count(max((join.number for join in joins), default=0) + 1)
     depth = car.parts.assembly.lap_flap_mm.value
     for piece in car.pieces:
-        parts, new = _parts_along(piece, chosen, numbers, depth)
+        parts, new = _split_pieces(piece, chosen, numbers, depth)
         pieces += parts
         if new:
             home = {face.name: part.name for part in parts for face in part.faces}
@@ -37,12 +37,12 @@ def as_cut(car: FoldedCar, chosen: Options) -> FoldedCar:
     return replace(car, pieces=tuple(pieces), joins=tuple(joins))
 
 
-def _parts_along(
+def _split_pieces(
     piece: Piece, chosen: Options, numbers: "itertools.count[int]", depth_mm: float
 ) -> tuple[list[Piece], list[Join]]:
-    """The numbered parts of a piece, tabs of that depth, and the whole piece's joins between them.
+    """Split a piece with tabs of that depth; return its numbered parts and the joins between them.
 
-    The whole piece and no joins if it fits or splitting does not help.
+    If the piece fits, or splitting does not help, return the whole piece and no joins.
     """
     waiting, done, joins = [piece], list[Piece](), dict[str, Join]()
     while waiting:
@@ -62,12 +62,12 @@ def _parts_along(
         replace(part, name=f"{piece.name}, part {i}", label=f"{piece.label or piece.name}, {i} of {len(done)}")
         for i, part in enumerate(done, 1)
     ]
-    # The first face of a part that was taken off is the child of its fold.
+    # The first face of a part that was split off is the child of its fold.
     return named, [joins[part.faces[0].name] for part in done if part.faces[0].name in joins]
 
 
 def _best_crease(piece: Piece, chosen: Options, depth_mm: float) -> Crease | None:
-    """The fold between two panels whose parts exceed the sheet least, then are most equal in size; None without folds."""
+    """Return the fold between panels whose parts exceed the sheet least, then are most equal; None without folds."""
     roles = {face.name: face.role for face in piece.faces}
     best = None
     for index, crease in enumerate(piece.creases):
@@ -83,7 +83,7 @@ def _best_crease(piece: Piece, chosen: Options, depth_mm: float) -> Crease | Non
 
 
 def _cut_along(piece: Piece, crease: Crease, depth: float) -> tuple[Piece, Piece]:
-    """The two parts: the first with a tab in place of the fold, the second with the fold's child and its descendants."""
+    """Return two parts: one with a tab in place of the fold, the other with the fold's child and its descendants."""
     members = {crease.child.face}
     # Creases of parents precede those of their children.
     for other in piece.creases:
@@ -95,9 +95,9 @@ def _cut_along(piece: Piece, crease: Crease, depth: float) -> tuple[Piece, Piece
 
     kept = (*(f for f in piece.faces if f.name not in members), tab)
     rest = replace(piece, faces=kept, creases=(*(c for c in piece.creases if c.child.face not in members), fold))
-    off = sorted((f for f in piece.faces if f.name in members), key=lambda face: face.name != crease.child.face)
+    removed = sorted((f for f in piece.faces if f.name in members), key=lambda face: face.name != crease.child.face)
     creases = tuple(c for c in piece.creases if c.parent.face in members)
-    return rest, replace(piece, faces=tuple(off), creases=creases)
+    return rest, replace(piece, faces=tuple(removed), creases=creases)
 
 
 def _tab_name(crease: Crease) -> str:

@@ -33,7 +33,7 @@ class _ShownConsole(Console):
 
 
 # Rows beyond which nobody reads a table without a pager.
-MOST_FRAMED = 500
+MAX_FRAMED = 500
 
 
 class ResultTable:
@@ -52,7 +52,7 @@ class ResultTable:
 
     def print_on(self, console: Console) -> None:
         """Print it on a `shown_console`."""
-        if len(self._rows) > MOST_FRAMED:
+        if len(self._rows) > MAX_FRAMED:
             console.file.write("".join(f"{line}\n" for line in self._lines()))
             return
         table = Table(box=SIMPLE_HEAD if console.is_terminal else None, pad_edge=False)

@@ -19,7 +19,7 @@ from foldcar.errors import FoldcarError
 from foldcar.store.writer import canonical_json
 from foldcar.study.experiments import run_settings
 from foldcar.study.family import read_family
-from foldcar.study.limits import GREATEST_SEED
+from foldcar.study.limits import MAX_SEED
 from foldcar.study.listing import ExperimentParams, ListingError
 from foldcar.study.listing_file import validated_listing
 
@@ -72,7 +72,7 @@ def prepared(design: Design, timeout_s: float, speed_m_s: float | None, yaw_rate
 def built_cars(body: str, count: int, spread: str | Mapping[str, float], seed: int) -> dict[str, str]:
     """The bodies of ``count`` built cars by name, in order, as a listing's ``variation`` makes them. FoldcarError."""
     chosen = spread_named(spread, "variation")
-    number = whole("variation_seed", seed, 0, GREATEST_SEED)
+    number = whole("variation_seed", seed, 0, MAX_SEED)
     nominal, limits = json.loads(body), simulator().limits().numbers
     return {f"car {k}": canonical_json(vary_body(nominal, draw(chosen, number, k), limits)) for k in range(count)}
 

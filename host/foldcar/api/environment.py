@@ -18,7 +18,7 @@ from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.runner import Runner
 from foldcar.simulation.scenic_runner import ScenicRunner
 from foldcar.store.writer import canonical_json
-from foldcar.study.limits import GREATEST_SEED, MOST_ENVIRONMENTS
+from foldcar.study.limits import MAX_ENVIRONMENTS, MAX_SEED
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class Environment:
 
     def scene(self, k: int) -> Scene:
         """Sample ``k`` (0, 1, …), the same as a sweep's. FoldcarError if the program is at fault."""
-        number = whole("scene", k, 0, MOST_ENVIRONMENTS - 1)
+        number = whole("scene", k, 0, MAX_ENVIRONMENTS - 1)
         if number not in self._scenes:
             self._scenes[number] = Scene(self, number, canonical_json(self._source.sample(number)))
         return self._scenes[number]
@@ -87,7 +87,7 @@ def environment(program: str | Path, *, seed: int = 0, params: Mapping[str, Any]
 
     FoldcarError if there is no such file or the seed is none.
     """
-    number = whole("seed", seed, 0, GREATEST_SEED)
+    number = whole("seed", seed, 0, MAX_SEED)
     # The working directory may change afterwards.
     file = Path(program).resolve()
     if not file.is_file():

@@ -20,7 +20,7 @@ from foldcar.simulation.results import NUMBERS, has_passed, no_rate_text, outcom
 from foldcar.simulation.runner import Runner, RunRequest, side_by_side
 from foldcar.statistics.rate import Rate, check_confidence
 from foldcar.store.writer import canonical_json
-from foldcar.study.limits import MOST_ENVIRONMENTS, MOST_JOBS
+from foldcar.study.limits import MAX_ENVIRONMENTS, MAX_JOBS
 
 if TYPE_CHECKING:
     import pandas
@@ -143,8 +143,8 @@ def evaluate(
     check_confidence(confidence)
     car = design_of(design)
     place = _environment(environment, seed, params)
-    count = whole("n", n, 1, MOST_ENVIRONMENTS)
-    workers = whole("jobs", jobs, 1, MOST_JOBS) if jobs is not None else usable_processors()
+    count = whole("n", n, 1, MAX_ENVIRONMENTS)
+    workers = whole("jobs", jobs, 1, MAX_JOBS) if jobs is not None else usable_processors()
     body, text = prepared(car, timeout_s, speed_m_s, yaw_rate_rad_s)
     bodies = {"car": body}
     if variation is not None:

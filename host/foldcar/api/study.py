@@ -16,13 +16,13 @@ from foldcar.statistics.words import count as count_text
 from foldcar.store.connection import require_store
 from foldcar.store.frames import runs_frame, trials_frame
 from foldcar.store.reader import ExperimentInfo, Store
-from foldcar.study.limits import MOST_ENVIRONMENTS, MOST_JOBS
+from foldcar.study.limits import MAX_ENVIRONMENTS, MAX_JOBS
 
 if TYPE_CHECKING:
     import pandas
 
 T = TypeVar("T")
-MOST_BUILT = 50
+MAX_BUILT = 50
 
 
 class Study:
@@ -105,7 +105,7 @@ class Study:
 
         Sheets are nested, and costs known, only ``with_cost``: a second a car. FoldcarError.
         """
-        number = whole("build", build, 1, MOST_BUILT)
+        number = whole("build", build, 1, MAX_BUILT)
         return self._read(
             lambda store: select(store, number, threshold, precision, experiment, with_cost, simulated_trials)
         )
@@ -197,8 +197,8 @@ def sweep(
     from foldcar.api.sweeping import planned_sweep
     from foldcar.installation import usable_processors
 
-    count = None if environments is None else whole("environments", environments, 1, MOST_ENVIRONMENTS)
-    workers = usable_processors() if jobs is None else whole("jobs", jobs, 1, MOST_JOBS)
+    count = None if environments is None else whole("environments", environments, 1, MAX_ENVIRONMENTS)
+    workers = usable_processors() if jobs is None else whole("jobs", jobs, 1, MAX_JOBS)
     command = f"foldcar.sweep({str(listing)!r}, {str(store)!r})"
     planned_sweep(Path(listing), Path(store), command, experiment=experiment, environments=count).run(workers)
     return Study(store)

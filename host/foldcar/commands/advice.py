@@ -13,16 +13,16 @@ from foldcar.commands.options import (
     StudyStore,
     check_distinct,
     parse_points,
-    tell,
+    print_result,
     thresholds_of_success,
 )
 
-MOST_BUILD = 50
+MAX_BUILD = 50
 
 
 def select(
     store: StudyStore,
-    build: Annotated[int, typer.Option(metavar="N", min=1, max=MOST_BUILD, help="How many designs to name.")] = 4,
+    build: Annotated[int, typer.Option(metavar="N", min=1, max=MAX_BUILD, help="How many designs to name.")] = 4,
     threshold: Annotated[
         float | None,
         typer.Option(
@@ -63,7 +63,7 @@ def select(
     if csv is not None:
         write_selection(found, csv)
     if as_json:
-        tell(as_json, {"store": store, "experiments": [selection_object(one) for one in found]})
+        print_result(as_json, {"store": store, "experiments": [selection_object(one) for one in found]})
     else:
         print_selections(found)
         _say_written(csv, sum(len(one.recommendations) for one in found))
@@ -99,7 +99,7 @@ def compare(
     if csv is not None:
         write_comparison(found, csv)
     if as_json:
-        tell(as_json, {"store": store, **comparison_object(found)})
+        print_result(as_json, {"store": store, **comparison_object(found)})
     else:
         print_comparison(found)
         _say_written(csv, sum(len(one.designs) for one in found.experiments))

@@ -6,14 +6,14 @@ from typing import Annotated
 
 import typer
 
-from foldcar.commands.options import Jobs, Json, Seed, SimulatedTrialsInstead, output_store, tell
+from foldcar.commands.options import Jobs, Json, Seed, SimulatedTrialsInstead, output_store, print_result
 from foldcar.errors import FoldcarError
 from foldcar.installation import usable_processors
 
 # What a name may be, so that it can be typed and stand in the names of experiments.
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,39}")
 DEFAULT_RUNS = 24_000
-LEAST_RUNS, MOST_RUNS = 500, 10_000_000
+MIN_RUNS, MAX_RUNS = 500, 10_000_000
 
 
 def calibrate(
@@ -26,7 +26,7 @@ def calibrate(
         str | None, typer.Option(metavar="ID", help="Experiment whose trials count; default: the only one with trials.")
     ] = None,
     runs: Annotated[
-        int, typer.Option(metavar="N", min=LEAST_RUNS, max=MOST_RUNS, help="Runs to simulate, roughly.")
+        int, typer.Option(metavar="N", min=MIN_RUNS, max=MAX_RUNS, help="Runs to simulate, roughly.")
     ] = DEFAULT_RUNS,
     seed: Seed = 1,
     jobs: Jobs = None,
@@ -92,7 +92,7 @@ def calibrate(
     with write_calibrations(store) as writer:
         writer.put(made, replace)
     if as_json:
-        tell(True, {"store": store, "name": name, "draws": [dict(draw) for draw in made.draws], **summary})
+        print_result(True, {"store": store, "name": name, "draws": [dict(draw) for draw in made.draws], **summary})
     else:
         print_calibration(made)
         typer.echo(f'calibration "{name}": {len(made.draws)} draws; store: {store}')

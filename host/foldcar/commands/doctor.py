@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Literal
 
 import typer
 
-from foldcar.commands.options import Json, tell
+from foldcar.commands.options import Json, print_result
 from foldcar.errors import FoldcarError
 from foldcar.installation import MODULES, PACKAGE, pio_program, source_tree
 from foldcar.version import __version__
@@ -56,7 +56,7 @@ def doctor(as_json: Json = False) -> None:
         if not as_json:
             todo = f" -> {finding.advice}" if finding.advice else ""
             typer.echo(f"{finding.state:<8} {finding.name:<11} {' '.join(finding.text.split())}{todo}")
-    tell(as_json, {"findings": [asdict(one) for one in found]})
+    print_result(as_json, {"findings": [asdict(one) for one in found]})
     if any(one.state == "missing" for one in found):
         raise typer.Exit(1)
 

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import typer
 
 from foldcar.commands.listed_run import ListedRun, listed_run
-from foldcar.commands.options import Components, Engine, ExperimentId, Listing, Sample, Settings, note
+from foldcar.commands.options import Components, Engine, ExperimentId, Listing, Sample, Settings, print_note
 
 # Samples to which a host can move the car; drawing this many takes some seconds.
 MAX_SAMPLES = 1000
@@ -59,7 +59,7 @@ def link(
     built = None if car is None else checked_name(car, "--car")
     one = listed_run(listing, experiment, settings, sample, engine)
     if built is not None and reality is None and not one.experiment.variation:
-        note(f"experiment {one.experiment.id} has no variation: {built} is as designed, like every other car")
+        print_note(f"experiment {one.experiment.id} has no variation: {built} is as designed, like every other car")
     values = None if reality is None else read_reality(reality, engine)
     others = (k for k in range(min(one.experiment.environments, MAX_SAMPLES)) if k != sample)
     worlds = [_world(one, k, values, built) for k in (sample, *others)]

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from foldcar.commands.options import note, tell
+from foldcar.commands.options import print_note, print_result
 from foldcar.errors import FoldcarError
 from foldcar.installation import python_command
 
@@ -45,7 +45,7 @@ def serve(study: "LiveStudy", title: str, port: int, beside_sweep: bool, as_json
         _server(page, study, port, PATIENCE_S if beside_sweep else 0.0) as server,
         message_on_signal(lambda: f"foldcar: {server.url} is closed"),
     ):
-        tell(as_json, {"url": server.url}, f"{server.url} (until Ctrl-C)")
+        print_result(as_json, {"url": server.url}, f"{server.url} (until Ctrl-C)")
         sys.stdout.flush()
         if hasattr(os, "nice"):
             os.nice(NICENESS)
@@ -91,7 +91,7 @@ def served_beside(store: Path, port: int) -> Iterator[None]:
         url = process.stdout.readline().decode().partition(" ")[0].strip()
         if not url:
             raise typer.Exit(2)
-        note(f"live page: {url}")
+        print_note(f"live page: {url}")
         try:
             yield
         finally:

@@ -8,9 +8,9 @@ import typer
 
 from foldcar.commands.options import Components, ExperimentId, Listing, Port, Settings, design_settings, output_store
 from foldcar.errors import FoldcarError
-from foldcar.study.limits import MOST_ENVIRONMENTS
+from foldcar.study.limits import MAX_ENVIRONMENTS
 
-MOST_COUNTDOWN_S = 60
+MAX_COUNTDOWN_S = 60
 
 
 def log(
@@ -27,7 +27,7 @@ def log(
         typer.Option(
             metavar="K",
             min=0,
-            max=MOST_ENVIRONMENTS - 1,
+            max=MAX_ENVIRONMENTS - 1,
             help="Sampled environment; default: the one with the fewest trials.",
         ),
     ] = None,
@@ -45,7 +45,7 @@ def log(
     ] = None,
     operator: Annotated[str, typer.Option(metavar="NAME", help="The driver's name; stored with each trial.")] = "",
     countdown: Annotated[
-        int, typer.Option(metavar="S", min=0, max=MOST_COUNTDOWN_S, help="Seconds before the start.")
+        int, typer.Option(metavar="S", min=0, max=MAX_COUNTDOWN_S, help="Seconds before the start.")
     ] = 3,
     untethered: Annotated[
         bool, typer.Option("--untethered", help="Drive without the cable; the car keeps the log.")

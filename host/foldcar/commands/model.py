@@ -5,7 +5,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from foldcar.commands.options import Components, Json, Listing, OutputFolder, Sample, Settings, design_settings, tell
+from foldcar.commands.options import (
+    Components,
+    Json,
+    Listing,
+    OutputFolder,
+    Sample,
+    Settings,
+    design_settings,
+    print_result,
+)
 from foldcar.errors import FoldcarError
 
 if TYPE_CHECKING:
@@ -93,7 +102,7 @@ def model(
         with atomic_file(target) as binary:
             binary.write(text.encode())
     written = [output / name for name in files]
-    tell(as_json, {"files": written}, *written)
+    print_result(as_json, {"files": written}, *written)
 
 
 def _drive(

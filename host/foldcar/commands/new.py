@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from foldcar.commands.options import Json, tell
+from foldcar.commands.options import Json, print_result
 from foldcar.errors import FoldcarError
 from foldcar.installation import PACKAGE, source_tree
 from foldcar.outputs import make_output_folder
@@ -82,7 +82,7 @@ def new(
         raise FoldcarError(f"{folder}: cannot be written: {error.strerror or error}") from error
     lines = [f"{folder}: {', '.join(names)}; now type:", f"  cd {shlex.quote(str(folder))}"]
     lines += [f"  {command}" for command in commands]
-    tell(as_json, {"folder": folder, "files": [folder / name for name in names]}, *lines)
+    print_result(as_json, {"folder": folder, "files": [folder / name for name in names]}, *lines)
 
 
 def _remove(folder: Path, made: bool) -> None:

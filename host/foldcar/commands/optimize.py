@@ -17,16 +17,16 @@ from foldcar.commands.options import (
     UnderCalibration,
     check_scheduler_option,
     command_line,
+    print_result,
     simulators,
-    tell,
 )
 from foldcar.errors import FoldcarError
-from foldcar.study.limits import MOST_ENVIRONMENTS
+from foldcar.study.limits import MAX_ENVIRONMENTS
 
 if TYPE_CHECKING:
     from foldcar.study.search.search import Found
 
-MOST_DESIGNS = 100_000
+MAX_DESIGNS = 100_000
 
 
 class ObjectiveName(str, Enum):
@@ -49,7 +49,7 @@ def optimize(
             "(cm²). May be repeated: then none of the best is beaten in all.",
         ),
     ] = None,
-    designs: Annotated[int, typer.Option(metavar="N", min=1, max=MOST_DESIGNS, help="Designs to try at most.")] = 50,
+    designs: Annotated[int, typer.Option(metavar="N", min=1, max=MAX_DESIGNS, help="Designs to try at most.")] = 50,
     runs: Annotated[
         int | None, typer.Option(metavar="N", min=1, help="Runs of tried designs at most; default: no limit.")
     ] = None,
@@ -58,7 +58,7 @@ def optimize(
         int, typer.Option(metavar="N", min=1, max=100, help="How many of the best to judge in fresh environments.")
     ] = 3,
     fresh: Annotated[
-        int, typer.Option(metavar="N", min=1, max=MOST_ENVIRONMENTS, help="Fresh environments to judge them in.")
+        int, typer.Option(metavar="N", min=1, max=MAX_ENVIRONMENTS, help="Fresh environments to judge them in.")
     ] = 200,
     sampler: Annotated[
         Literal["tpe", "nsga2", "random", "grid"],
@@ -123,7 +123,9 @@ def optimize(
         search(study, plan, store, carsim, places, command_line(), found, bar.update, environment_of)
     chosen = study.experiments[0]
     if as_json:
-        tell(as_json, {"store": store, "experiment": chosen.id, "objectives": names, **_search_object(names, found)})
+        print_result(
+            as_json, {"store": store, "experiment": chosen.id, "objectives": names, **_search_object(names, found)}
+        )
     else:
         print_search(plan, found, store, list(chosen.family.varied))
 

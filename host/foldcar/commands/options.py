@@ -15,7 +15,7 @@ import typer
 from foldcar.errors import FoldcarError
 from foldcar.installation import usable_processors
 from foldcar.outputs import check_output_file, check_output_folder, check_replaceable
-from foldcar.study.limits import GREATEST_SEED, MOST_ENVIRONMENTS, MOST_JOBS, checked_threshold
+from foldcar.study.limits import MAX_ENVIRONMENTS, MAX_JOBS, MAX_SEED, checked_threshold
 from foldcar.typed import decimal_number, did_you_mean
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ STANDARD_OUTPUT = Path("-")
 Json = Annotated[bool, typer.Option("--json", help="Print the result as one JSON object, and nothing else.")]
 
 
-def tell(as_json: bool, result: Mapping[str, Any], *lines: object) -> None:
+def print_result(as_json: bool, result: Mapping[str, Any], *lines: object) -> None:
     """Print the object in ASCII, or else the lines; paths become texts, a number that is none (NaN, infinite) null."""
     if as_json:
         typer.echo(json.dumps(_plain(result), indent=2, allow_nan=False))
@@ -36,7 +36,7 @@ def tell(as_json: bool, result: Mapping[str, Any], *lines: object) -> None:
             typer.echo(line)
 
 
-def note(text: str) -> None:
+def print_note(text: str) -> None:
     """Print a note on standard error."""
     typer.echo(f"note: {text}", err=True)
 
@@ -148,18 +148,16 @@ Vehicle = Annotated[
 ]
 Sample = Annotated[
     int,
-    typer.Option(metavar="K", min=0, max=MOST_ENVIRONMENTS - 1, help="Number of the sampled environment and built car."),
+    typer.Option(metavar="K", min=0, max=MAX_ENVIRONMENTS - 1, help="Number of the sampled environment and built car."),
 ]
 Environments = Annotated[
     int | None,
-    typer.Option(
-        metavar="N", min=1, max=MOST_ENVIRONMENTS, help="Sampled environments, instead of the listing's number."
-    ),
+    typer.Option(metavar="N", min=1, max=MAX_ENVIRONMENTS, help="Sampled environments, instead of the listing's number."),
 ]
-Seed = Annotated[int, typer.Option(metavar="S", min=0, max=GREATEST_SEED, help="Of all that is random.")]
+Seed = Annotated[int, typer.Option(metavar="S", min=0, max=MAX_SEED, help="Of all that is random.")]
 Jobs = Annotated[
     int | None,
-    typer.Option(metavar="N", min=1, max=MOST_JOBS, help="Simulators in parallel; default: one per processor."),
+    typer.Option(metavar="N", min=1, max=MAX_JOBS, help="Simulators in parallel; default: one per processor."),
 ]
 Engine = Annotated[
     str,

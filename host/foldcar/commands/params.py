@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from foldcar.commands.options import Json, Port, output_file, tell
+from foldcar.commands.options import Json, Port, output_file, print_result
 from foldcar.errors import FoldcarError
 from foldcar.typed import did_you_mean
 
@@ -82,7 +82,7 @@ def save(
         values = read_parameters(car)
     name = identity.name or "a car without a design"
     write_file(file, values, f"parameters of {name} ({identity.hash or 'no car.json'}), firmware {identity.build}")
-    tell(as_json, {"file": file, "parameters": _numbers(values)}, f"{file}: {len(values)} parameters")
+    print_result(as_json, {"file": file, "parameters": _numbers(values)}, f"{file}: {len(values)} parameters")
 
 
 @params.command()
@@ -115,7 +115,7 @@ def load(file: ParameterFile, port: Port = None, as_json: Json = False) -> None:
                 typer.echo(f"{error}", err=True)
     unchanged = len(wanted) - len(rows)
     result = {"set": done, "unchanged": unchanged, "refused": refused}
-    tell(as_json, result, f"{len(done)} parameters set, {unchanged} unchanged")
+    print_result(as_json, result, f"{len(done)} parameters set, {unchanged} unchanged")
     if refused:
         raise FoldcarError(f"{file}: {len(refused)} of {len(wanted)} parameters were refused, the first is {refused[0]}")
 
@@ -136,7 +136,7 @@ def diff(file: ParameterFile, port: Port = None, as_json: Json = False) -> None:
     lines = [f"{name:<16} {_text(has):>12} {_text(value):>12}" for name, has, value in rows]
     alone = sum(has is None or value is None for _, has, value in rows)
     only = f"; {alone} are only on one side" if alone else ""
-    tell(
+    print_result(
         as_json,
         {"compared": len(wanted), "differing": differing},
         *([f"{'':<16} {'car':>12} {'file':>12}", *lines] if rows else []),
@@ -203,7 +203,7 @@ def calibrate_servos(
 def _show(as_json: bool, values: Mapping[str, float], *lines: str, **more: Any) -> None:
     """Print parameters, a line each."""
     rows = (f"{name:<16} {_text(value)}" for name, value in values.items())
-    tell(as_json, {**more, "parameters": _numbers(values)}, *lines, *rows)
+    print_result(as_json, {**more, "parameters": _numbers(values)}, *lines, *rows)
 
 
 @contextlib.contextmanager

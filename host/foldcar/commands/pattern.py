@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from foldcar.commands.options import Components, Json, Listing, Machine, OutputFolder, Settings, Sheet, tell
+from foldcar.commands.options import Components, Json, Listing, Machine, OutputFolder, Settings, Sheet, print_result
 from foldcar.installation import require
 from foldcar.shown_text import decoded
 
@@ -99,7 +99,7 @@ def pattern(
             of_vehicles = f" of {vehicles} vehicles" if vehicles > 1 else ""
             lines += [*skipped, f"{len(cars)} cars{of_vehicles} in {output}: {_amounts(cars)}"]
     # The folder has been written by now.
-    tell(as_json, {"folder": output, "cars": cars, "skipped": skipped}, *lines)
+    print_result(as_json, {"folder": output, "cars": cars, "skipped": skipped}, *lines)
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from foldcar.commands.live import PORT, LivePort, serve
-from foldcar.commands.options import Json, SimulatedTrials, StudyStore, output_folder, tell, thresholds_of_success
+from foldcar.commands.options import Json, SimulatedTrials, StudyStore, output_folder, print_result, thresholds_of_success
 from foldcar.errors import FoldcarError
 from foldcar.installation import usable_processors
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 PIPED_WIDTH = 160
 # Designs that are listed; of more the export has all.
-MOST_DESIGNS = 60
+MAX_DESIGNS = 60
 # What the summary as an object leaves to the page.
 PAGE_ONLY = ("runs", "runs_omitted", "replay", "replays", "files", "provenance", "outcome_labels")
 
@@ -91,7 +91,7 @@ def report(
         data = write_report(opened, output, command, simulated_trials, replayer, thresholds)
     if as_json:
         told = [{key: value for key, value in one.items() if key not in PAGE_ONLY} for one in data["experiments"]]
-        tell(True, {"store": store, "page": output / PAGE, "experiments": told})
+        print_result(True, {"store": store, "page": output / PAGE, "experiments": told})
         return
     _print_summary(data)
     typer.echo(f"report: {output / PAGE}")
@@ -140,8 +140,8 @@ def _lines(one: Mapping[str, Any]) -> Iterator[str]:
         yield f"What separates passed from failed runs of a design (0 to 1): {', '.join(names)}."
     yield from one["remarks"]
     number = len(one["designs"]["name"])
-    if number > MOST_DESIGNS:
-        yield f"The best {MOST_DESIGNS} of {number:,} designs; `foldcar export` has all runs."
+    if number > MAX_DESIGNS:
+        yield f"The best {MAX_DESIGNS} of {number:,} designs; `foldcar export` has all runs."
 
 
 def _table(one: Mapping[str, Any]) -> "ResultTable":
@@ -154,7 +154,7 @@ def _table(one: Mapping[str, Any]) -> "ResultTable":
     titles = ["runs", "passed %", "95 % interval", *["trials", "cars"] * driven, "built cars %"]
     table = ResultTable("design", *titles, *(one["outcome_labels"][code] for code in seen))
     ranked = sorted(range(len(designs["name"])), key=lambda at: -(designs["belief"][at] or 0))
-    for at in ranked[:MOST_DESIGNS]:
+    for at in ranked[:MAX_DESIGNS]:
         cells = [str(designs["runs"][at]), *_rate(one, at)]
         if driven:
             trials = designs["trials"][at]

@@ -7,9 +7,19 @@ from typing import Any
 import typer
 
 from foldcar.commands.listed_run import listed_run, simulated_run
-from foldcar.commands.options import Components, Engine, ExperimentId, Json, Listing, Picture, Sample, Settings, tell
+from foldcar.commands.options import (
+    Components,
+    Engine,
+    ExperimentId,
+    Json,
+    Listing,
+    Picture,
+    Sample,
+    Settings,
+    print_result,
+)
 
-LEAST_NAME_WIDTH = 22
+MIN_NAME_WIDTH = 22
 
 
 def run(
@@ -68,8 +78,8 @@ def run(
         "recorded": answer.get("recorded", {}),
         "picture": plot,
     }
-    width = max(LEAST_NAME_WIDTH, *(len(name) + 1 for name, _ in lines))
-    tell(as_json, result, *(f"{name:<{width}}{text}" for name, text in lines))
+    width = max(MIN_NAME_WIDTH, *(len(name) + 1 for name, _ in lines))
+    print_result(as_json, result, *(f"{name:<{width}}{text}" for name, text in lines))
     if "error" in answer:
         raise typer.Exit(1)
 

@@ -20,11 +20,11 @@ from foldcar.commands.options import (
     Seed,
     check_distinct,
     output_file,
-    tell,
+    print_result,
 )
 from foldcar.errors import FoldcarError
 from foldcar.outputs import atomic_file, make_output_folder
-from foldcar.study.limits import MOST_ENVIRONMENTS
+from foldcar.study.limits import MAX_ENVIRONMENTS
 
 if TYPE_CHECKING:
     from foldcar.scenes.source import SceneSource
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 def sample(
     scenario: Annotated[Path, typer.Argument(metavar="SCENARIO", help="Scenic program.")],
     count: Annotated[
-        int, typer.Option("-n", "--count", metavar="N", min=1, max=MOST_ENVIRONMENTS, help="Number of scenes.")
+        int, typer.Option("-n", "--count", metavar="N", min=1, max=MAX_ENVIRONMENTS, help="Number of scenes.")
     ] = 1,
     seed: Seed = 0,
     param: Annotated[
@@ -83,7 +83,7 @@ def sample(
 
         draw_environment(shown, plot, carsim_heights(Carsim()), f"{scenario.name}, seed {seed}")
         result["picture"] = plot
-    tell(as_json, result, *lines)
+    print_result(as_json, result, *lines)
 
 
 def _summary(scenes: Iterator[dict[str, Any]]) -> Iterator[str]:
@@ -169,4 +169,4 @@ def gallery(
         file = output / f"{program.stem}.png"
         draw_environment(scenes, file, heights, program.stem)
         files.append(file)
-    tell(as_json, {"files": files}, *files)
+    print_result(as_json, {"files": files}, *files)

@@ -14,7 +14,7 @@ from foldcar.commands.options import (
     check_distinct,
     counts_text,
     output_file,
-    tell,
+    print_result,
 )
 from foldcar.errors import FoldcarError
 
@@ -37,7 +37,7 @@ def check(
     state = f"{len(findings)} damaged" if findings else "sound"
     result = {"store": store, "version": VERSION, "rows": done.rows, "logs": done.logs, "findings": findings}
     lines = [*findings, f"{state}; {done.rows} rows, {done.logs} logs read; version {VERSION}"]
-    tell(as_json, result, *(f"{store}: {line}" for line in lines))
+    print_result(as_json, result, *(f"{store}: {line}" for line in lines))
     if findings:
         raise typer.Exit(1)
 
@@ -63,7 +63,7 @@ def merge(
     check_distinct(stores, [output])
     rows = merge_stores(stores, output)
     counts = {f"{table}s": rows[table] for table in ("run", "experiment", "trial")}
-    tell(as_json, {"store": output, **counts}, f"{output}: {counts_text(counts)}")
+    print_result(as_json, {"store": output, **counts}, f"{output}: {counts_text(counts)}")
 
 
 def export(
@@ -126,7 +126,7 @@ def export(
             messages += [f"{trials}: {left_out}"] if left_out else []
         if digest:
             told = dict(zip(("digest", "runs"), store_digest(opened), strict=True))
-    tell(
+    print_result(
         as_json,
         {"store": store, "written": written, **told},
         *([f"{told['digest']}  {told['runs']} runs"] if digest else []),

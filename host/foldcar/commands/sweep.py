@@ -23,9 +23,9 @@ from foldcar.commands.options import (
     UnderCalibration,
     check_scheduler_option,
     command_line,
-    note,
+    print_note,
+    print_result,
     simulators,
-    tell,
 )
 from foldcar.errors import FoldcarError
 from foldcar.installation import usable_processors
@@ -121,7 +121,7 @@ def _print_estimates(asked: "Sweep", jobs: int, as_json: bool) -> None:
             lines += [f"    {reason}" for reason in one.refused]
     lines.append(f"about {duration_text(seconds)} with {count(jobs, 'simulator')}; the store about {size / 1e6:.1f} MB")
     lines.append("This is an estimate from a few runs; nothing was written. Runs that the store has are not repeated.")
-    tell(
+    print_result(
         as_json,
         {"store": asked.store, "seconds": seconds, "bytes": size, "experiments": [asdict(one) for one in found]},
         *lines,
@@ -161,7 +161,7 @@ def _sweep(asked: "Sweep", scheduler: str | None, jobs: int | None, as_json: boo
     lines = [f"{_counts(progress, with_success=not rules)}; store: {store}"]
     for chosen in asked.study.experiments if rules else ():
         lines += stopping_lines(chosen, rules[chosen.id], progress.states)
-    tell(as_json, result, *lines)
+    print_result(as_json, result, *lines)
     if progress.failed:
         _say_failed(store, [chosen.id for chosen in asked.study.experiments], progress.failed, progress.total)
         raise typer.Exit(1)
@@ -175,7 +175,9 @@ def _announce_folding(asked: "Sweep") -> None:
     from foldcar.study.dry_run import fold
 
     took = duration_text(sum(fold(experiment.family, 1.0)[1] for experiment in asked.study.experiments))
-    note(f"folding and checking all designs comes first and takes about {took}; --dry-run estimates the whole sweep")
+    print_note(
+        f"folding and checking all designs comes first and takes about {took}; --dry-run estimates the whole sweep"
+    )
 
 
 def _counts(progress: "Progress", with_success: bool) -> str:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from foldcar.commands.options import Json, OutputFolder, check_distinct, note, output_file, tell
+from foldcar.commands.options import Json, OutputFolder, check_distinct, output_file, print_note, print_result
 from foldcar.errors import FoldcarError
 
 if TYPE_CHECKING:
@@ -63,11 +63,11 @@ def markers(
     with atomic_file(files[0]) as binary:
         binary.write(pdf)
     if files[1].exists():
-        note(f"{files[1]}: is there already and stays as it is")
+        print_note(f"{files[1]}: is there already and stays as it is")
     else:
         with atomic_file(files[1]) as binary:
             binary.write((json.dumps(course_json(made), indent=1) + "\n").encode())
-    tell(as_json, {"files": files}, *files)
+    print_result(as_json, {"files": files}, *files)
 
 
 def lens(
@@ -90,7 +90,7 @@ def lens(
     found, views = calibrate(files)
     write_lens(found, output)
     line = f"{output}: focal length {found.focal_px:.0f} pixels, fits {views} views to {found.error_px:.2f} pixels"
-    tell(as_json, {"files": [output], "views": views, "lens": asdict(found)}, line)
+    print_result(as_json, {"files": [output], "views": views, "lens": asdict(found)}, line)
 
 
 def track(
@@ -150,7 +150,7 @@ def _attached_film(store: Path, number: int) -> Path:
         raise FoldcarError(f"{store}: trial {number} has no film: name one, as `foldcar track FILM --trial {number}`")
     film = referred_file(store, films[-1].file)
     if len(films) > 1:
-        note(f"trial {number} has {len(films)} films: {film} is tracked")
+        print_note(f"trial {number} has {len(films)} films: {film} is tracked")
     digest = sha256_of(film)
     if digest != films[-1].sha256:
         why = "no such file" if digest is None else "is not the film that was attached: its SHA-256 is another"
@@ -184,9 +184,9 @@ def _film(
         f"the film shows: {found.outcome or 'no outcome'} after {facts['end_s']:.2f} s at {end}: {facts['why']}",
     ]
     for remark in remarks:
-        note(f"{film}: {remark}")
+        print_note(f"{film}: {remark}")
     if found.outcome is not None and found.outcome != trial.outcome:
-        note(
+        print_note(
             f"trial {number} is stored as {trial.outcome}: foldcar trials correct {store} {number} --outcome "
             f'{found.outcome} --reason "seen on the film"'
         )
@@ -194,7 +194,7 @@ def _film(
         "trial": number, "start_s": found.start_s, "outcome": found.outcome, **facts, "poses": len(found.rows),
         "files": [path] if path else [],
     }  # fmt: skip
-    tell(as_json, result, *lines, *([path] if path else []))
+    print_result(as_json, result, *lines, *([path] if path else []))
 
 
 def _photo(
@@ -234,9 +234,9 @@ def _photo(
     ground = standing(scene, carsim_heights(Carsim()), body)
     found = find_placed(grey, str(photo), course, lens, scene, things, car_marker(body, course), ground)
     for remark in found.remarks:
-        note(f"{photo}: {remark}")
+        print_note(f"{photo}: {remark}")
     for name in found.missing:
-        note(f"{photo}: the marker of {name} is not seen: it stays as the trial has it")
+        print_note(f"{photo}: the marker of {name} is not seen: it stays as the trial has it")
     deviations = dict(trial.deviations)
     for name, (x, y, turn) in found.deviations.items():
         deviations[name] = (round(x, 5), round(y, 5), round(turn, 5))
@@ -258,7 +258,7 @@ def _photo(
         "trial": number, "deviations": found.deviations, "errors": found.errors, "missing": found.missing,
         "corrections": len(made),
     }  # fmt: skip
-    tell(as_json, result, *lines, *map(correction_text, made))
+    print_result(as_json, result, *lines, *map(correction_text, made))
 
 
 def _write_csv(file: Path, rows: Any) -> None:

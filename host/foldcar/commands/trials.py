@@ -17,9 +17,9 @@ from foldcar.commands.options import (
     SimulatedTrials,
     TrialNumber,
     TrialStore,
-    note,
     output_file,
-    tell,
+    print_note,
+    print_result,
 )
 from foldcar.errors import FoldcarError
 
@@ -67,7 +67,7 @@ def list_trials(store: TrialStore, experiment: OneExperiment = None, as_json: Js
         "media": [{**asdict(one), "missing": not there} for one, there in media],
     }
     files = [f"trial {one.trial}: {one.kind} {one.file}{'' if there else ' (missing)'}" for one, there in media]
-    tell(as_json, result, *map(correction_text, trail), *files)
+    print_result(as_json, result, *map(correction_text, trail), *files)
 
 
 @trials.command()
@@ -121,7 +121,7 @@ def replay(
                 felt = log_features(log)
                 _note_damage(log)
         except FoldcarError as error:
-            note(f"{error}")
+            print_note(f"{error}")
     mark = "" if trial.standing == BUILT else f"  ({STANDING_TEXTS[trial.standing]})"
     lines = [
         f"{'':<10}{'outcome':<12}{'time (s)':>9}",
@@ -139,7 +139,7 @@ def replay(
         lines.append(f"picture: {plot}")
     simulated = {"outcome": outcome, "elapsed_time_s": simulated_s, "message": answer.get("error")}
     result = {"trial": asdict(trial), "simulated": simulated, "agrees": agrees, "picture": plot}
-    tell(as_json, {**result, "log": felt and asdict(felt)}, *lines)
+    print_result(as_json, {**result, "log": felt and asdict(felt)}, *lines)
 
 
 def _felt_lines(felt: "LogFeatures") -> list[str]:
@@ -265,7 +265,9 @@ def measure(
         kept = measured_values(opened, chosen)
     units = {parameter.name: parameter.unit for parameter in PARAMETERS}
     lines = [f"experiment {chosen}: {name} {value:g} {units[name]}" for name, value in kept.items()]
-    tell(as_json, {"experiment": chosen, "measured": kept}, *(lines or [f"experiment {chosen}: nothing was measured"]))
+    print_result(
+        as_json, {"experiment": chosen, "measured": kept}, *(lines or [f"experiment {chosen}: nothing was measured"])
+    )
 
 
 def _change(
@@ -281,7 +283,7 @@ def _change(
     require_store(store)
     with write_trials(store) as writer:
         made = change(writer)
-    tell(as_json, {"corrections": [asdict(one) for one in made]}, *map(correction_text, made))
+    print_result(as_json, {"corrections": [asdict(one) for one in made]}, *map(correction_text, made))
 
 
 @trials.command("import")
@@ -301,16 +303,16 @@ def import_file(
     from foldcar.store.trial_writer import write_trials
     from foldcar.trials.csv_import import import_notes, read_trials, swept_experiments
 
-    found = read_trials(file, experiment, swept_experiments(store), note)
+    found = read_trials(file, experiment, swept_experiments(store), print_note)
     with write_trials(store) as writer:
         numbers = writer.import_trials(found)
     for one in import_notes(store, found):
-        note(one)
+        print_note(one)
     known = len(found) - len(numbers)
     range_text = f", {numbers[0]} to {numbers[-1]}" if numbers else ""
     known_text = f"; {known} were imported before" if known else ""
     line = f"{len(numbers)} trials imported{range_text}{known_text}; store: {store}"
-    tell(as_json, {"store": store, "imported": numbers, "known": known}, line)
+    print_result(as_json, {"store": store, "imported": numbers, "known": known}, line)
 
 
 @trials.command()
@@ -363,14 +365,14 @@ def export(
         start = {**scene["start"], "z_m": start_height_m(body, scene, grid)}
     count = export_mcap(log, mcap, facts, scene_update, start, filmed.rows if filmed else ())
     _note_damage(log)
-    tell(as_json, {"files": [mcap], "messages": count}, f"{mcap}: {count} messages")
+    print_result(as_json, {"files": [mcap], "messages": count}, f"{mcap}: {count} messages")
 
 
 def _note_damage(log: Path) -> None:
     from foldcar.link.tlog import log_damage
 
     if damage := log_damage(log):
-        note(damage)
+        print_note(damage)
 
 
 @trials.command()
@@ -393,4 +395,4 @@ def dialect(output: OutputFolder, as_json: Json = False) -> None:
     file = output / "v1.0" / "foldcar.xml"
     with atomic_file(file) as binary:
         binary.write(text.encode())
-    tell(as_json, {"files": [file]}, file)
+    print_result(as_json, {"files": [file]}, file)

@@ -16,12 +16,12 @@ from foldcar.commands.options import (  # fmt: skip
     Vehicle,
     check_distinct,
     output_file,
-    tell,
+    print_result,
 )
 from foldcar.commands.run import variation_text
 from foldcar.errors import FoldcarError
 from foldcar.installation import require
-from foldcar.study.limits import MOST_ENVIRONMENTS
+from foldcar.study.limits import MAX_ENVIRONMENTS
 
 if TYPE_CHECKING:
     from foldcar.car.folded.model import FoldedCar
@@ -63,7 +63,7 @@ def view(
     page = view_page(folded, title, _replayed(shown, folded) if shown else None)
     with atomic_file(output) as binary:
         binary.write(page.encode())
-    tell(as_json, {"files": [output]}, output)
+    print_result(as_json, {"files": [output]}, output)
 
 
 def _replayed(listed: ListedRun, folded: "FoldedCar") -> dict[str, Any]:
@@ -84,8 +84,8 @@ def _replayed(listed: ListedRun, folded: "FoldedCar") -> dict[str, Any]:
 def viewed_run(listing: Path, run: str, vehicle: str | None, settings: Sequence[str] | None) -> ListedRun:
     """The run that the option names; FoldcarError unless it names one, of that vehicle if one is given."""
     named = re.fullmatch(r"([^/]+)(?:/([0-9]{1,8}))?", run)
-    if named is None or int(named[2] or 0) >= MOST_ENVIRONMENTS:
-        most = MOST_ENVIRONMENTS - 1
+    if named is None or int(named[2] or 0) >= MAX_ENVIRONMENTS:
+        most = MAX_ENVIRONMENTS - 1
         raise FoldcarError(f"--run {run}: not EXPERIMENT/SAMPLE with a sample from 0 to {most}, as in 1/3")
     experiment = named[1]
     listed = listed_run(listing, experiment, settings, int(named[2] or 0))

@@ -31,7 +31,7 @@ PHOTO, FILM = "photo", "film"
 MEDIA_ENDINGS = {PHOTO: (".jpg", ".jpeg", ".png", ".heic"), FILM: (".mp4", ".mov", ".m4v", ".mkv", ".avi", ".webm")}
 
 # The largest whole number that SQLite keeps.
-MOST_ID = 2**63 - 1
+MAX_ID = 2**63 - 1
 
 # A trial of a day is a slip of the pen (s).
 LONGEST_S = 86_400.0

@@ -25,7 +25,7 @@ from foldcar.store.trial_records import (
     CARS,
     CORRECTABLE,
     LONGEST_S,
-    MOST_ID,
+    MAX_ID,
     RUNNING,
     TRIAL_OUTCOMES,
     Correction,
@@ -177,7 +177,7 @@ class TrialWriter(StoreConnection):
         return made
 
     def _trial(self, number: int) -> Row:
-        found = self._rows(TRIAL, "WHERE id = ?", number) if number <= MOST_ID else []
+        found = self._rows(TRIAL, "WHERE id = ?", number) if number <= MAX_ID else []
         if not found:
             raise StoreError(f"{self.path}: has no trial {number}")
         return found[0]

@@ -63,7 +63,7 @@ class LocalSimulators:
 
 
 FIRST_CHUNK_RUNS = 8
-LEAST_CHUNK_RUNS = 4
+MIN_CHUNK_RUNS = 4
 MAX_CHUNK_RUNS = 512
 
 Key = tuple[int, int, int, int]
@@ -146,7 +146,7 @@ class ChunkPool:
         self._keepers[_key(run)] = paths if paths.wants(run.design) else None
         self._chunk.append(run)
         if len(self._chunk) >= min(
-            self._chunk_runs, max(LEAST_CHUNK_RUNS, not_submitted // (2 * self._simulators.count))
+            self._chunk_runs, max(MIN_CHUNK_RUNS, not_submitted // (2 * self._simulators.count))
         ):
             self._submit()
             # One chunk waits behind every running one, so that no worker idles while this thread writes.

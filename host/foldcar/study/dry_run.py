@@ -21,7 +21,7 @@ from foldcar.study.sweep import Sweep
 FOLDING_S = 20.0
 PROBES = 8
 # In the store: an empty one, a run, a kept path, of which there are a bounded number.
-EMPTY_BYTES, RUN_BYTES, PATH_BYTES, MOST_PATHS = 100_000, 85, 320, 9_000
+EMPTY_BYTES, RUN_BYTES, PATH_BYTES, MAX_PATHS = 100_000, 85, 320, 9_000
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,7 @@ def _estimate(sweep: Sweep, experiment: Experiment, environment: Environment, jo
         run_s = max(0.0, time.perf_counter() - started_s - 2 * first_s) / (2 * len(requests) - 1)
     buildable = round(count * (1 - len(refused) / folded))
     runs = buildable * experiment.environments
-    paths = 0 if environment.dynamic else min(runs, MOST_PATHS)
+    paths = 0 if environment.dynamic else min(runs, MAX_PATHS)
     scene_bytes = 2 * sum(map(len, scenes.values())) / len(scenes) if environment.variation(0) else len(scenes["0"])
     design_bytes = sum(map(len, bodies.values())) / len(bodies)
     return Estimate(

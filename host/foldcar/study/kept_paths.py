@@ -11,17 +11,17 @@ from foldcar.simulation.results import OUTCOMES
 # Failed runs have no path, and those of a program's own ending are not the simulator's alone.
 REPLAYED = tuple(name for name in OUTCOMES if name in ("passed", "tipped", "stuck", "off_course", "timeout", "fault"))
 # Before compression; a third of it is left in the page. 160 bytes are a second of a run, the width study has 2.7 million.
-MOST_BYTES = 3_000_000
-MOST_RUNS = 5_000
+MAX_BYTES = 3_000_000
+MAX_RUNS = 5_000
 # More cannot be told apart on a screen.
-MOST_DESIGNS = 400
+MAX_DESIGNS = 400
 
 
 def shown_designs(count: int) -> list[int]:
     """The places of the designs that a page shows: all, or as many as fit, evenly spread over the family."""
-    if count <= MOST_DESIGNS:
+    if count <= MAX_DESIGNS:
         return list(range(count))
-    return [place * (count - 1) // (MOST_DESIGNS - 1) for place in range(MOST_DESIGNS)]
+    return [place * (count - 1) // (MAX_DESIGNS - 1) for place in range(MAX_DESIGNS)]
 
 
 class KeptPaths:
@@ -45,7 +45,7 @@ class KeptPaths:
         """Whether to keep the path of a run that has ended so, of so many characters in base64; if so it is counted."""
         if outcome not in REPLAYED or not self.wants(design):
             return False
-        fits = self._runs < MOST_RUNS and self._bytes < MOST_BYTES
+        fits = self._runs < MAX_RUNS and self._bytes < MAX_BYTES
         if not fits and (design, outcome) in self._endings:
             return False
         self._count(design, outcome, characters)

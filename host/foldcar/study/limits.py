@@ -2,12 +2,12 @@
 
 from typing import Any
 
-# Sampled environments of an experiment, the samples 0 to MOST_ENVIRONMENTS - 1.
-MOST_ENVIRONMENTS = 1_000_000
+# Sampled environments of an experiment, the samples 0 to MAX_ENVIRONMENTS - 1.
+MAX_ENVIRONMENTS = 1_000_000
 # SQLite's largest whole number.
-GREATEST_SEED = 2**63 - 1
+MAX_SEED = 2**63 - 1
 # Processes that simulate side by side.
-MOST_JOBS = 256
+MAX_JOBS = 256
 
 
 # Far beyond every length, time, seed and count, and far within what a double holds.

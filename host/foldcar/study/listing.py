@@ -12,7 +12,7 @@ from typing import Annotated, Any
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from foldcar.errors import FoldcarError
-from foldcar.study.limits import GREATEST_SEED, MOST_ENVIRONMENTS, checked_threshold
+from foldcar.study.limits import MAX_ENVIRONMENTS, MAX_SEED, checked_threshold
 
 MAX_FAMILY_VALUES = 100_000
 
@@ -117,12 +117,12 @@ class ExperimentParams(Strict):
     """
 
     timeout: float = Field(120.0, gt=0)
-    environments: int = Field(1, ge=1, le=MOST_ENVIRONMENTS)
+    environments: int = Field(1, ge=1, le=MAX_ENVIRONMENTS)
     threshold: Annotated[tuple[float, ...], BeforeValidator(_thresholds)] = ()
     speed: float | None = Field(None, gt=0, le=5)
     yaw_rate: float = Field(0.0, ge=-20, le=20)
     variation: Annotated[str | dict[str, Any] | None, BeforeValidator(_spread)] = None
-    variation_seed: int | None = Field(None, ge=0, le=GREATEST_SEED)
+    variation_seed: int | None = Field(None, ge=0, le=MAX_SEED)
 
     @model_validator(mode="after")
     def _seed_has_a_use(self) -> "ExperimentParams":
@@ -153,7 +153,7 @@ class ListedCondition(Strict):
     If both are None, everything keeps its value; if one is None, only what the other names.
     """
 
-    sample: int = Field(ge=0, lt=MOST_ENVIRONMENTS)
+    sample: int = Field(ge=0, lt=MAX_ENVIRONMENTS)
     objects: list[str] | None = None
     params: list[str] | None = None
 
@@ -163,7 +163,7 @@ class ListedEnvironment(Strict):
 
     scenic_filename: str
     wbt_filename: str | None = None
-    seed: int = Field(0, ge=0, le=GREATEST_SEED)
+    seed: int = Field(0, ge=0, le=MAX_SEED)
     scenic_params: dict[str, Any] = {}
     condition: ListedCondition | None = None
 

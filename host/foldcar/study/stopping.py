@@ -22,8 +22,8 @@ from foldcar.store.designs import DesignCounts
 from foldcar.study.experiments import Experiment, Study
 
 # Percentage points: an interval of half this width and more is known without a run.
-MOST_POINTS = 50
-LEAST_POINTS = 0.1
+MAX_POINTS = 50
+MIN_POINTS = 0.1
 
 
 @dataclass(frozen=True)
@@ -55,8 +55,8 @@ def stopping_rules(until: str, study: Study) -> dict[str, StoppingRule]:
     if points is None:
         raise FoldcarError(f"--until: '{until}' is neither decided nor percentage points, as 5pp")
     width = float(points[1])
-    if not LEAST_POINTS <= width < MOST_POINTS:
-        raise FoldcarError(f"--until: {until} is not from {LEAST_POINTS}pp to below {MOST_POINTS}pp")
+    if not MIN_POINTS <= width < MAX_POINTS:
+        raise FoldcarError(f"--until: {until} is not from {MIN_POINTS}pp to below {MAX_POINTS}pp")
     return {experiment.id: StoppingRule(width / 100, ()) for experiment in study.experiments}
 
 
@@ -76,7 +76,7 @@ BATCH_RUNS, BATCH_SHARE = 20, 0.25
 # Sample sizes that are tried as a batch's end.
 BATCH_ENDS = 20
 # The first batch has as many at least: fewer tell nothing of a design that is then left.
-LEAST_RUNS = 5
+MIN_RUNS = 5
 # A step has so many runs, and takes this share of the open designs: simulators wait for each other at its end.
 STEP_RUNS, STEP_SHARE = 64, 0.125
 
@@ -165,7 +165,7 @@ class Schedule:
 
     def _end(self, passed: int, runs: int, counted: int, masses: NDArray[numpy.float64]) -> int:
         last = min(self._most, runs + max(BATCH_RUNS, int(BATCH_SHARE * runs)))
-        first = min(last, max(runs + 1, LEAST_RUNS))
+        first = min(last, max(runs + 1, MIN_RUNS))
         for end in numpy.unique(numpy.linspace(first, last, BATCH_ENDS).round().astype(int)).tolist():
             if self._rule.chance(RATES, masses, passed, counted, end - runs + counted) >= BATCH_CHANCE:
                 return int(end)

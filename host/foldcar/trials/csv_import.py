@@ -25,12 +25,12 @@ from foldcar.errors import FoldcarError
 from foldcar.statistics.words import count, design_text
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
-from foldcar.store.trial_records import BUILT, CARS, LONGEST_S, MOST_ID, TRIAL_OUTCOMES, checked_name
+from foldcar.store.trial_records import BUILT, CARS, LONGEST_S, MAX_ID, TRIAL_OUTCOMES, checked_name
 from foldcar.typed import decimal_number, did_you_mean, read_text, whole_number
 
 NEEDED = ("vehicle_type", "outcome", "source")
 OPTIONAL = ("experiment", "count", "car", "car_name", "sample", "elapsed_time_s", "note", "operator", "started_utc")
-MOST_COUNT = 100_000
+MAX_COUNT = 100_000
 # The namespace of imported trials' UUIDs.
 IMPORTS = uuid.UUID("4685ff4d-fc48-5e4d-ac46-0c50b74c77a7")
 # Cars that are named, those with the most trials.
@@ -156,12 +156,12 @@ def _trial(
     if "car_name" in row:
         trial["car_name"] = checked_name(row["car_name"], f"{place}: car_name")
     if "sample" in row:
-        trial["sample"] = _number(place, row, "sample", whole_number, most=MOST_ID)
+        trial["sample"] = _number(place, row, "sample", whole_number, most=MAX_ID)
     if "elapsed_time_s" in row:
         trial["elapsed_time_s"] = _number(place, row, "elapsed_time_s", decimal_number, most=LONGEST_S)
     if "started_utc" in row:
         trial["started_utc"] = _time_utc(place, row["started_utc"])
-    count = _number(place, row, "count", whole_number, least=1, most=MOST_COUNT) if "count" in row else 1
+    count = _number(place, row, "count", whole_number, least=1, most=MAX_COUNT) if "count" in row else 1
     return trial, int(count)
 
 

@@ -28,7 +28,7 @@ CTRL_C = "Ctrl-C"
 STORING_S = 30.0
 STEP_S = 0.05
 # A simulated car's clock may run so many times slower than the host's.
-MOST_DELAY = 20.0
+MAX_DELAY = 20.0
 # From this rate of its clock on a car counts as simulated faster than real time.
 MIN_FAST_RATE = 1.5
 
@@ -70,7 +70,7 @@ def drive(
             raise LinkLostError(f"{car.port}: the car is silent for {SILENCE_S:g} s")
         car.start_trial(settings["speed_m_s"], settings["yaw_rate_rad_s"], settings["time_limit_s"], trial, untethered)
         started = True
-        return _watch(car, trial, view, time.monotonic() + MOST_DELAY * settings["time_limit_s"] + STORING_S)
+        return _watch(car, trial, view, time.monotonic() + MAX_DELAY * settings["time_limit_s"] + STORING_S)
     except LinkLostError as error:
         left_alone = untethered and started
         if left_alone:

@@ -18,7 +18,7 @@ from foldcar.trials.placement import Deviations, what_it_is
 # All orders of a block are compared: 720.
 BLOCK = 6
 # What a tape does not show.
-LEAST_M, LEAST_RAD = 0.001, math.radians(0.5)
+MIN_M, MIN_RAD = 0.001, math.radians(0.5)
 
 # What stands where, by letter: its footprint and, because two samples' obstacles may differ in size, what it is.
 Standing = Mapping[str, tuple[Obstacle, str]]
@@ -92,10 +92,10 @@ def _move(now: tuple[Obstacle, str] | None, then: tuple[Obstacle, str] | None) -
     ways = [
         f"{1000 * abs(by_m):.0f} mm {words[by_m < 0]}"
         for by_m, words in ((x_m, ("on along x", "back along x")), (y_m, ("to the left", "to the right")))
-        if abs(by_m) >= LEAST_M
+        if abs(by_m) >= MIN_M
     ]
     texts = [f"move {{}} {' and '.join(ways)}"] if ways else []
-    if abs(turned_rad) >= LEAST_RAD:
+    if abs(turned_rad) >= MIN_RAD:
         which = "counter-clockwise" if turned_rad > 0 else "clockwise"
         texts.append(f"turn {'it' if ways else '{}'} by {math.degrees(abs(turned_rad)):.1f}° {which}")
     return ", ".join(texts)

@@ -26,7 +26,7 @@ from foldcar.typed import decimal_number
 
 # Of the rows of instructions: x, y and turned are of the middle.
 HEADS = ("place", "x (mm)", "y (mm)", "turned (°)", "near edge x, y (mm)", "from the mark (mm)", "")
-MOST_DEVIATION_MM = 1000.0
+MAX_DEVIATION_MM = 1000.0
 
 Deviations = Mapping[str, tuple[float, float, float]]
 
@@ -135,7 +135,7 @@ def parse_deviation(text: str, names: Sequence[str]) -> tuple[str, tuple[float, 
         numbers = []
     if len(numbers) not in (2, 3) or not all(map(math.isfinite, numbers)):
         raise FoldcarError(f'deviation "{text}": not NAME X_MM Y_MM [HEADING_DEG], as in "{names[0]} 5 -3 1.5"')
-    limits = ((MOST_DEVIATION_MM, "mm"), (MOST_DEVIATION_MM, "mm"), (180.0, "°"))
+    limits = ((MAX_DEVIATION_MM, "mm"), (MAX_DEVIATION_MM, "mm"), (180.0, "°"))
     for number, (limit, unit) in zip(numbers, limits, strict=False):
         if abs(number) > limit:
             raise FoldcarError(f'deviation "{text}": {number:g} is beyond ±{limit:g} {unit}')

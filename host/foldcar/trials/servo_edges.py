@@ -23,7 +23,7 @@ WAYS = {"f": "forward", "b": "backward", "n": "not"}
 LOWEST_US, HIGHEST_US = 1300, 1700
 # Below the servo driver's step of 4.88 µs.
 RESOLUTION_US = 2
-MOST_DEADBAND_US = 150
+MAX_DEADBAND_US = 150
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,8 +47,8 @@ def find_edges(turns: Callable[[int], int]) -> ServoEdges:
     low = _edge(turns, seen, 0)
     high = _edge(turns, seen, 1)
     edges = ServoEdges((low + high) / 2, (high - low) / 2)
-    if edges.deadband_us > MOST_DEADBAND_US:
-        raise FoldcarError(f"a deadband of ±{edges.deadband_us:g} µs is above the maximum {MOST_DEADBAND_US} µs")
+    if edges.deadband_us > MAX_DEADBAND_US:
+        raise FoldcarError(f"a deadband of ±{edges.deadband_us:g} µs is above the maximum {MAX_DEADBAND_US} µs")
     return edges
 
 

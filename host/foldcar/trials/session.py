@@ -39,7 +39,7 @@ from foldcar.trials.placement import ask_deviations, draw_placement, lettered, p
 from foldcar.trials.plugged_car import SIMULATED_TEXT, PluggedCar, enter_sample, require_same_car, welcome
 from foldcar.trials.recording import OUTCOME_KEYS, OUTCOME_QUESTION, complete_interrupted, record_outcome
 
-LEAST_FREE_BYTES = 20_000_000
+MIN_FREE_BYTES = 20_000_000
 NEXT, AGAIN, QUIT = "", "r", "q"
 NEXT_QUESTION = "Enter: next; u: other outcome; r: the same again; n TEXT: note; m FILE: photo, film; q: end: "
 KEPT_KEYS = {"k": "kept", "w": "withdrawn"}
@@ -325,7 +325,7 @@ class Session:
     def _log_file(self, number: int) -> Path:
         make_output_folder(self._logs)
         free = shutil.disk_usage(self._logs).free
-        if free < LEAST_FREE_BYTES:
+        if free < MIN_FREE_BYTES:
             raise FoldcarError(f"{self._logs}: only {free / 1e6:.0f} MB are free for the log; make room first")
         now = datetime.now(timezone.utc).strftime("%Y%m%dT%H%M%SZ")
         return self._logs / f"trial-{number:04d}-{now}.tlog"

@@ -22,7 +22,7 @@ from foldcar.installation import require, usable_processors
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.runner import Runner, RunRequest
 from foldcar.study.cluster.chunk import Recipe, fault_of_worker, recipe_of, run_chunk
-from foldcar.study.limits import MOST_JOBS
+from foldcar.study.limits import MAX_JOBS
 from foldcar.version import __version__
 
 LOCAL = "local"
@@ -48,10 +48,10 @@ def _local_workers(scheduler: str) -> int | None:
     if scheduler == LOCAL:
         return usable_processors()
     head, _, tail = scheduler.partition(":")
-    if head == LOCAL and re.fullmatch(r"[0-9]{1,9}", tail) and 1 <= int(tail) <= MOST_JOBS:
+    if head == LOCAL and re.fullmatch(r"[0-9]{1,9}", tail) and 1 <= int(tail) <= MAX_JOBS:
         return int(tail)
     if head == LOCAL:
-        raise FoldcarError(f"--scheduler: {scheduler}: is not local:N with N from 1 to {MOST_JOBS}")
+        raise FoldcarError(f"--scheduler: {scheduler}: is not local:N with N from 1 to {MAX_JOBS}")
     if not re.fullmatch(r"([a-z]+://)?(\[[0-9a-fA-F:.%\w]+\]|[^\s:/\[\]]+):[0-9]{1,5}", scheduler):
         raise FoldcarError(f"--scheduler: '{scheduler}' is neither local nor an address, as tcp://10.0.0.1:8786")
     return None

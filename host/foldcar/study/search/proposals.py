@@ -26,7 +26,7 @@ from foldcar.study.search.objectives import Objective, beaten
 # Generations of NSGA-II: of Optuna's default of 50, a search of some hundred designs would see two.
 POPULATION = 16
 # After so many proposals in a row that are known, a design is drawn from those that are not.
-MOST_REPEATS = 8
+MAX_REPEATS = 8
 DRAWS = 2000
 # The probability, over all looks together, that a design is left early that would end as good as the best, or better.
 PRUNING_RISK = 0.1
@@ -84,7 +84,7 @@ class Proposals:
                 return None
             if places is not None:
                 self._study.enqueue_trial(dict(zip(self._varied, places, strict=True)))
-            elif repeats >= MOST_REPEATS:
+            elif repeats >= MAX_REPEATS:
                 if not self._queue_unknown(known):
                     return None
                 repeats = 0

@@ -19,7 +19,7 @@ from foldcar.store.writer import write_store
 from foldcar.study.chunks import Simulators
 from foldcar.study.environments import Environment
 from foldcar.study.experiments import Experiment, Study
-from foldcar.study.limits import GREATEST_SEED
+from foldcar.study.limits import MAX_SEED
 from foldcar.study.search.design_simulator import DesignSimulator, Row, Values, fresh_id, open_simulator
 from foldcar.study.search.objectives import OBJECTIVES, Objective, film_area_cm2
 from foldcar.study.search.proposals import Proposals, Tried
@@ -95,8 +95,8 @@ def searched_study(study: Study, fresh: int) -> Study:
         chosen,
         id=fresh_id(chosen.id),
         environments=fresh,
-        seed=(chosen.seed ^ FRESH_BIT) & GREATEST_SEED,
-        variation_seed=(chosen.variation_seed ^ FRESH_BIT) & GREATEST_SEED,
+        seed=(chosen.seed ^ FRESH_BIT) & MAX_SEED,
+        variation_seed=(chosen.variation_seed ^ FRESH_BIT) & MAX_SEED,
     )
     return replace(study, experiments=(chosen, other))
 

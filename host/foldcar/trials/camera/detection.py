@@ -28,7 +28,7 @@ STEP_PX = 0.5
 # Rounds in which a side's outliers are left out.
 FITS = 3
 # A marker whose sides are shorter cannot be read.
-LEAST_SIDE_PX = 11.0
+MIN_SIDE_PX = 11.0
 # How far from where it must be a square may lie that cannot be read, and how far its corners from those of that
 # shape, as shares of its side.
 UNREAD_SIDES, UNREAD_SHAPE = 0.5, 0.2
@@ -54,7 +54,7 @@ class Detector:
         return [
             (k, refined(grey, square))
             for k, square in zip(numbers, squares, strict=True)
-            if _shortest(square) >= LEAST_SIDE_PX
+            if _shortest(square) >= MIN_SIDE_PX
         ]
 
     def find_near(self, grey: Grey, before: Floats, number: int, reach: float = 0.8) -> Floats | None:
@@ -64,7 +64,7 @@ class Detector:
         height, width = grey.shape
         x0, y0 = (max(0, int(value)) for value in low - margin)
         x1, y1 = (min(most, int(value) + 2) for value, most in zip(high + margin, (width, height), strict=True))
-        if x1 - x0 < LEAST_SIDE_PX or y1 - y0 < LEAST_SIDE_PX:
+        if x1 - x0 < MIN_SIDE_PX or y1 - y0 < MIN_SIDE_PX:
             return None
         window = grey[y0:y1, x0:x1]
         squares: list[Floats] = []
@@ -74,7 +74,7 @@ class Detector:
             found, ids, unread = self._aruco.detectMarkers(shown)
             for one, found_id in zip(found, [] if ids is None else ids.ravel().tolist(), strict=True):
                 corners = (one.reshape(4, 2).astype(float) + 0.5) / scale - 0.5
-                if found_id == number and _shortest(corners) >= LEAST_SIDE_PX:
+                if found_id == number and _shortest(corners) >= MIN_SIDE_PX:
                     return numpy.asarray(refined(window, corners) + numpy.array([x0, y0]))
             squares += [(one.reshape(4, 2).astype(float) + 0.5) / scale - 0.5 for one in unread]
         # Motion blurs the modules before the square: one of its size where it must be is taken for it.

@@ -15,7 +15,7 @@ import numpy
 from foldcar.errors import FoldcarError
 from foldcar.trials.camera.detection import Grey
 
-LEAST_PX = 320
+MIN_PX = 320
 LONGEST_S = 600.0
 
 
@@ -80,5 +80,5 @@ def _open(file: Path) -> Any:
 
 def _check_size(file: Path, grey: Grey) -> None:
     height, width = grey.shape
-    if min(height, width) < LEAST_PX:
-        raise FoldcarError(f"{file}: is {width} × {height} pixels: its shorter side is below {LEAST_PX}")
+    if min(height, width) < MIN_PX:
+        raise FoldcarError(f"{file}: is {width} × {height} pixels: its shorter side is below {MIN_PX}")

@@ -42,7 +42,7 @@ OTHER_TRIAL_M, OTHER_TRIAL_RAD = 0.060, math.radians(20)
 SET_OFF_M = numpy.linspace(0.003, 0.040, 12)
 # Where time scales are fitted, and the largest that a car's own speed explains. Slow motion is 2 to 32 times as slow.
 SCALED_M = numpy.linspace(0.003, 0.120, 24)
-MOST_SCALE = 1.5
+MAX_SCALE = 1.5
 # A scale beyond this is remarked on: 24 or 25 frames a second saved as 30, or servos that are slow or quick.
 REMARKED_SCALE = 1.12
 # A trial that a person ends lasts longer than the drive to the goal.
@@ -211,7 +211,7 @@ def find_start(times_s: Floats, poses: Floats, simulated: Floats, where: str) ->
     # The first distances are short, and beyond them an obstacle may slow the car down: the scale nearer to 1 counts.
     film = _scaled(times_s, away, simulated, simulated_away)
     scale = min(float(numpy.polyfit(wanted, reached, 1)[0]), film, key=lambda one: abs(math.log(max(one, 1e-3))))
-    if not 1 / MOST_SCALE < scale < MOST_SCALE:
+    if not 1 / MAX_SCALE < scale < MAX_SCALE:
         raise FoldcarError(
             f"{where}: the car sets off {_pace(scale)} as in simulation: the film is in slow motion or time "
             "lapse; save it at the speed of the drive, or film without"

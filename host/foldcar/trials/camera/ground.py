@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from foldcar.trials.camera.poses import Pose
 
 CELL_M = 0.005
-MOST_CELLS = 1200
+MAX_CELLS = 1200
 MARGIN_M = 0.4
 # Ahead and aside: how much a car may have climbed, how well it is known where an obstacle lies.
 REACH_M, ASIDE_M = 0.012, 0.003
@@ -56,7 +56,7 @@ TILTED = 3.0
 DRAGS = 0.3
 # Ground nearer to the floor's height is floor.
 FLOOR_M = 0.0005
-MOST_OBSTACLES = 26
+MAX_OBSTACLES = 26
 # Built obstacles against planned ones, as shares of the height: all of a course alike, each by itself.
 HEIGHT_ALIKE, HEIGHT_OWN = 0.2, 0.1
 HEIGHT_SHARE = math.hypot(HEIGHT_ALIKE, HEIGHT_OWN)
@@ -73,7 +73,7 @@ OFFSET = numpy.array([0.01, 0.03, 0.03])
 STEP = 0.02
 # Pictures that are farther off (χ² of three) count less: a car that tips, or is in the air.
 FAR = 12.0
-ALIKE, LEAST_ERROR = 0.4, 0.03
+ALIKE, MIN_ERROR = 0.4, 0.03
 FACTORS = (0.3, 3.0)
 # A factor that is known better than TOLD, and farther from 1 than it and than twice its error, is told. Beyond OTHER the
 # obstacle is another one.
@@ -243,7 +243,7 @@ def standing(scene: Mapping[str, Any], heights: Heights, body: Mapping[str, Any]
     """Of a scene of docs/carsim.md over its start, goal and terrain, with the heights of `carsim_heights`."""
     view = view_of([scene])
     extent = Extent(view.x_min_m - MARGIN_M, view.x_max_m + MARGIN_M, view.y_min_m - MARGIN_M, view.y_max_m + MARGIN_M)
-    cells = min(MOST_CELLS, max(2, round(max(extent.size_m) / CELL_M)))
+    cells = min(MAX_CELLS, max(2, round(max(extent.size_m) / CELL_M)))
     wheels = body["wheels"]
     ahead = numpy.array([wheel["x_m"] for wheel in wheels])
     left = numpy.array([body["track_m"] / 2 * (1 if wheel["side"] == "left" else -1) for wheel in wheels])
@@ -251,7 +251,7 @@ def standing(scene: Mapping[str, Any], heights: Heights, body: Mapping[str, Any]
     ground = height_map(heights, scene, extent, cells)
     raised = numpy.abs(ground.z_m) > FLOOR_M
     obstacle, count = label(raised)
-    if count > MOST_OBSTACLES:
+    if count > MAX_OBSTACLES:
         obstacle, count = raised.astype(numpy.int32), 1
     errors = numpy.array([0.0] + count * [HEIGHT_SHARE])
     width_m, hinged = wheels[0]["width_m"], bool(body["hinges"])
@@ -284,7 +284,7 @@ def fit_heights(poses: "Sequence[Pose]", ground: Standing, pixel: float) -> Stan
     covariance = numpy.linalg.inv(normal)
     factors, errors = none + 1, none.copy()
     factors[1:] = (1 + (covariance @ wanted)[:count]).clip(*FACTORS)
-    errors[1:] = numpy.hypot(LEAST_ERROR, numpy.sqrt(numpy.diag(covariance)[:count]))
+    errors[1:] = numpy.hypot(MIN_ERROR, numpy.sqrt(numpy.diag(covariance)[:count]))
     return ground.rescaled(factors, errors)
 
 

@@ -24,11 +24,11 @@ from foldcar.trials.camera.markers import read_json
 BOARD_SQUARES = (8, 11)
 SQUARE_M, BOARD_MARKER_M = 0.023, 0.017
 PHOTOS = (".jpg", ".jpeg", ".png")
-LEAST_CORNERS, LEAST_VIEWS, MOST_VIEWS = 20, 8, 40
+MIN_CORNERS, MIN_VIEWS, MAX_VIEWS = 20, 8, 40
 # Views that differ by less (pixels at 1000 pixels of width) say the same again.
 NEW_VIEW_PX = 40.0
 # A worse fit is of a board that is not flat, or of a camera that focused anew (pixels at 1000 pixels of width).
-MOST_RMS_PX = 1.0
+MAX_RMS_PX = 1.0
 # From the first to the last row of a picture: phones take 10 to 30 ms.
 READOUT_S = 0.015
 
@@ -113,14 +113,14 @@ def calibrate(files: Sequence[Path]) -> tuple[Lens, int]:
             )
         corners, ids, _, _ = detector.detectBoard(grey)
         here = {} if ids is None else dict(zip(ids.ravel().tolist(), corners.reshape(-1, 2), strict=True))
-        if len(here) >= LEAST_CORNERS and all(_differ(here, view, shape[1]) for view in seen):
+        if len(here) >= MIN_CORNERS and all(_differ(here, view, shape[1]) for view in seen):
             seen.append(here)
-        if len(seen) == MOST_VIEWS:
+        if len(seen) == MAX_VIEWS:
             break
-    if shape is None or len(seen) < LEAST_VIEWS:
+    if shape is None or len(seen) < MIN_VIEWS:
         raise FoldcarError(
-            f"{named}: {len(seen)} views show at least {LEAST_CORNERS} corners of the board and differ; "
-            f"{LEAST_VIEWS} are needed: turn and tilt it, near and in the corners of the picture"
+            f"{named}: {len(seen)} views show at least {MIN_CORNERS} corners of the board and differ; "
+            f"{MIN_VIEWS} are needed: turn and tilt it, near and in the corners of the picture"
         )
     height, width = shape
     # Square pixels; without the third radial term, which few views tell.
@@ -131,7 +131,7 @@ def calibrate(files: Sequence[Path]) -> tuple[Lens, int]:
     rms, matrix, distortion, *_ = cv2.calibrateCamera(
         objects, images, (width, height), start, numpy.zeros(5), flags=flags | cv2.CALIB_USE_INTRINSIC_GUESS
     )
-    if rms > MOST_RMS_PX * max(1.0, width / 1000):
+    if rms > MAX_RMS_PX * max(1.0, width / 1000):
         raise FoldcarError(f"{named}: the board fits to {rms:.1f} pixels only: lay it flat, lock focus and zoom")
     k1, k2, p1, p2, k3 = (float(value) for value in distortion.ravel()[:5])
     middle = (float(matrix[0, 2]), float(matrix[1, 2]))

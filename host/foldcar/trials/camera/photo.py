@@ -17,7 +17,7 @@ from foldcar.scenes.obstacles import CAR, Obstacle
 from foldcar.trials.camera.detection import Detector, Floats, Grey
 from foldcar.trials.camera.ground import HEIGHT_SHARE, Standing
 from foldcar.trials.camera.lens import Lens
-from foldcar.trials.camera.markers import CAR_ID, FIRST_OBSTACLE_ID, MOST_OBSTACLES, Course, card_of
+from foldcar.trials.camera.markers import CAR_ID, FIRST_OBSTACLE_ID, MAX_OBSTACLES, Course, card_of
 from foldcar.trials.camera.poses import PIXEL, CarMarker, find_pose
 from foldcar.trials.camera.view import View, find_view, marker_corners
 
@@ -54,7 +54,7 @@ def find_placed(
     missing = []
     printed = course.printed(view.scale)
     for number, (name, thing) in enumerate(things.items()):
-        seen = corners.get(FIRST_OBSTACLE_ID + number) if number < MOST_OBSTACLES else None
+        seen = corners.get(FIRST_OBSTACLE_ID + number) if number < MAX_OBSTACLES else None
         if seen is None:
             missing.append(name)
             continue

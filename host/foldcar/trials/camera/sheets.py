@@ -17,7 +17,7 @@ from reportlab.pdfgen.canvas import Canvas
 
 from foldcar.errors import FoldcarError
 from foldcar.trials.camera.lens import BOARD_MARKER_M, BOARD_SQUARES, SQUARE_M, board
-from foldcar.trials.camera.markers import CAR_ID, CARD_MARGIN, FIRST_OBSTACLE_ID, MODULES, MOST_OBSTACLES, Course
+from foldcar.trials.camera.markers import CAR_ID, CARD_MARGIN, FIRST_OBSTACLE_ID, MAX_OBSTACLES, MODULES, Course
 
 PAGE_MM = (210.0, 297.0)
 EDGE_MM = 12.0
@@ -47,7 +47,7 @@ def sheets(course: Course, obstacles: int = 4) -> bytes:
         _arrow(canvas, x + size + card + 4, y + size / 2, "x")
         canvas.showPage()
     _car_page(canvas, course)
-    _obstacle_pages(canvas, course, min(obstacles, MOST_OBSTACLES))
+    _obstacle_pages(canvas, course, min(obstacles, MAX_OBSTACLES))
     _board_page(canvas)
     canvas.save()
     return binary.getvalue()

@@ -28,9 +28,9 @@ SEARCH_FRAMES = 3
 # Floor markers that move by less (pixels at a width of 1920) stand still: so does the camera.
 STILL_PX = 1.4
 # Corners are never known better: their errors repeat from frame to frame.
-LEAST_PIXEL, MOST_PIXEL = 0.05, 1.0
+MIN_PIXEL, MAX_PIXEL = 0.05, 1.0
 SOME_FRAMES = 40
-LEAST_POSES = 10
+MIN_POSES = 10
 # A gap that the path does not bridge.
 GAP_S = 0.5
 # Of x, y, z (m²/s³) and heading, pitch, roll (rad²/s³): a wheel against an edge stops or lifts a car within 0.1 s.
@@ -89,9 +89,9 @@ def track(
     readout_s = lens.readout_s if lens else READOUT_S
     car = marker(view.scale)
     shown = sorted(seen.car.items())
-    if len(shown) < LEAST_POSES:
+    if len(shown) < MIN_POSES:
         raise FoldcarError(
-            f"{where}: the car's marker {CAR_ID} is seen in {len(shown)} of {len(seen.times_s)} frames; {LEAST_POSES} "
+            f"{where}: the car's marker {CAR_ID} is seen in {len(shown)} of {len(seen.times_s)} frames; {MIN_POSES} "
             "are needed"
         )
 
@@ -110,7 +110,7 @@ def track(
     for _ in range(2):
         some = [pose for _, pose in poses_of(shown[:: max(1, len(shown) // SOME_FRAMES)], pixel_error, ground)]
         squares = [float((pose.residuals_px**2).sum()) / pose.freedom(pixel_error) for pose in some]
-        pixel_error = float(numpy.clip(numpy.sqrt(numpy.mean(squares)), LEAST_PIXEL, MOST_PIXEL))
+        pixel_error = float(numpy.clip(numpy.sqrt(numpy.mean(squares)), MIN_PIXEL, MAX_PIXEL))
     found = poses_of(shown, pixel_error, ground)
     if len(ground.factors) > 1:
         ground = fit_heights([pose for _, pose in found], ground, pixel_error)

@@ -23,7 +23,7 @@ from foldcar.trials.camera.detection import Floats
 from foldcar.trials.camera.lens import Lens, assumed_lens
 from foldcar.trials.camera.markers import Course, FloorMarker
 
-LEAST_MARKERS = 3
+MIN_MARKERS = 3
 # Standard deviations of what a person and a printer do, of a corner in a picture, and of phones' lenses.
 PLACED_M, TURNED_RAD = 0.002, 0.01
 PRINTED = 0.005
@@ -118,9 +118,9 @@ def find_view(
     known = {marker.id: marker for marker in course.floor}
     seen = {number: corners[number] for number in known if number in corners}
     missing = [str(number) for number in known if number not in seen]
-    if len(seen) < LEAST_MARKERS:
+    if len(seen) < MIN_MARKERS:
         raise FoldcarError(
-            f"{where}: floor marker{'s' * (len(missing) != 1)} {', '.join(missing)} not seen: {LEAST_MARKERS} of "
+            f"{where}: floor marker{'s' * (len(missing) != 1)} {', '.join(missing)} not seen: {MIN_MARKERS} of "
             f"{len(known)} are needed"
         )
     remarks = [f"floor marker {number} is not seen" for number in missing]
@@ -145,7 +145,7 @@ def _without_the_moved(
 ) -> tuple[View, str]:
     """The view by the markers that agree, and a remark on the one that does not."""
     found = []
-    for left_out in seen if len(seen) > LEAST_MARKERS else ():
+    for left_out in seen if len(seen) > MIN_MARKERS else ():
         rest = {number: one for number, one in seen.items() if number != left_out}
         view = _fit(rest, course, size, lens)
         found.append((_worst(view, course, rest) * MOVED_M / FITS_M, left_out, view))

@@ -27,7 +27,7 @@ class Engine:
 
 MULTIBODY, SIDE_VIEW, MUJOCO = "multibody", "side-view", "mujoco"
 # What users choose from.
-TOLD = (SIDE_VIEW, MULTIBODY, MUJOCO)
+OFFERED = (SIDE_VIEW, MULTIBODY, MUJOCO)
 # MuJoCo otherwise: how far results depend on details that a designer cannot know.
 HALF_STEP, ELLIPSOID = "mujoco-half-step", "mujoco-ellipsoid-tyres"
 MUJOCO_ENVIRONMENT = "carsim_mujoco"

@@ -145,9 +145,7 @@ class ChunkPool:
         self._in_flight[_key(run)] = 1
         self._keepers[_key(run)] = paths if paths.wants(run.design) else None
         self._chunk.append(run)
-        if len(self._chunk) >= min(
-            self._chunk_runs, max(MIN_CHUNK_RUNS, not_submitted // (2 * self._simulators.count))
-        ):
+        if len(self._chunk) >= min(self._chunk_runs, max(MIN_CHUNK_RUNS, not_submitted // (2 * self._simulators.count))):
             self._submit()
             # One chunk waits behind every running one, so that no worker idles while this thread writes.
             while len(self._futures) >= 2 * self._simulators.count:

@@ -43,11 +43,11 @@ class ListedRun:
         """A note on what the side-view engine cannot simulate of the run; "" if nothing, or with another engine."""
         from foldcar.simulation.engines import ENGINES, SIDE_VIEW
         from foldcar.store.info import unlike_sides_text
-        from foldcar.study.unlike_sides import beyond_side_view
+        from foldcar.study.side_view_check import side_view_limits
 
         if self.carsim.engine != ENGINES[SIDE_VIEW].title:
             return ""
-        unlike = beyond_side_view(self.carsim, self.experiment, self.environment)
+        unlike = side_view_limits(self.carsim, self.experiment, self.environment)
         return f"note: {unlike_sides_text(unlike)}" if unlike else ""
 
     def with_design(self, design: "Design") -> "ListedRun":

@@ -18,7 +18,7 @@ import pytest
             ("run", "l.json", "--experiment", "1"),
             "l.json: vehicles.1.params.0.common.width: has 2 values (95, 245); choose one with --set width=…",
         ),
-        (("run", "l.json", "--experiment", "1", "--set", "width=x"), "--set width=x: not NAME=MM"),
+        (("run", "l.json", "--experiment", "1", "--set", "width=x"), "--set width=x: is neither NAME=MM"),
         (("run", "l.json", "--experiment", "1", "--set", "w=1"), "--set w: W_B_W has no such parameter"),
         (("run", "l.json", "--experiment", "1", "--set", "width=20"), "--set width: 20 is below the minimum 53.65"),
     ],

@@ -246,8 +246,8 @@ def test_nsga2_and_a_grid_propose_each_design_once(listing: Path) -> None:
     ("words", "message"),
     [
         (["--objective", "sheet-area"], "--objective sheet-area: needs no simulation"),
-        (["--objective", "time", "--objective", "time"], "one is named twice"),
-        (["--runs", "2"], "--runs 2: one design takes 3"),
+        (["--objective", "time", "--objective", "time"], "each objective may be named only once"),
+        (["--runs", "2"], "--runs 2: is too few; one design needs 3"),
     ],
 )
 def test_a_search_without_meaning_is_refused(

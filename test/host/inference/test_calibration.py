@@ -191,7 +191,7 @@ def test_measured_values_are_kept_and_taken_as_known(swept: Path, tmp_path: Path
     )
     shown = run(tmp_path, "calibrate", "s.db", "--name", "three", "--runs", "500").stdout
 
-    assert before.stdout == "experiment 1: nothing was measured\n"
+    assert before.stdout == "experiment 1: no measured values\n"
     assert json.loads(kept.stdout) == {"experiment": "1", "measured": {"obstacle_height": 1.1, "track_m": 0.002}}
     draws = json.loads(answer.stdout)["draws"]
     rows = [line.split() for line in shown.splitlines()]

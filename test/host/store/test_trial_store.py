@@ -73,7 +73,7 @@ def test_corrections_leave_a_trail(tmp_path: Path, foldcar: Any) -> None:
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("correct", "s.db", "1", "--reason", "r"), "trials correct: say what to change"),
+        (("correct", "s.db", "1", "--reason", "r"), "trials correct: nothing to change"),
         (("correct", "s.db", "1", "--reason", " ", "--note", "n"), "trials correct: --reason: is empty"),
         (("correct", "s.db", "9", "--reason", "r", "--note", "n"), "s.db: has no trial 9"),
         (("correct", "s.db", "1", "--reason", "r", "--outcome", "flew"), "s.db: trial 1: outcome: 'flew' is not one of"),

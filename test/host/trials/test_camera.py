@@ -461,7 +461,7 @@ def test_a_byte_order_mark_is_no_part_of_a_course(tmp_path: Path) -> None:
         (("text.mp4",), "text.mp4: is no film that can be read (MP4, MOV, MKV, AVI)"),
         (("text.heic",), "text.heic: photos in HEIC are not read: save it as JPEG, or set the camera to JPEG"),
         (("text.jpg", "--listing", "l.json"), "text.jpg: is no picture that can be read (JPEG, PNG)"),
-        (("text.jpg",), "text.jpg: with a photo --listing names the listing, whose program knows the obstacles"),
+        (("text.jpg",), "text.jpg: a photo needs --listing LISTING, whose program says where the obstacles are"),
         (("gone.mp4", "--course", "c.json"), "c.json: floor: two markers have the id 0"),
         (("gone.mp4", "--course", "text.mp4"), "text.mp4: Invalid JSON: expected ident at line 1 column 2"),
         (

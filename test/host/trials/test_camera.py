@@ -339,7 +339,8 @@ def test_missing_and_moved_floor_markers_are_told() -> None:
     assert view.remarks == ("floor marker 2 is not seen",)
     assert abs(view.lens.focal_px / camera.focal - 1) < 0.02 and numpy.abs(view.place_m - camera.place).max() < 0.03
     (told,) = find_view(seen(pushed), COURSE, size, None, "photo").remarks
-    assert re.fullmatch(r"floor marker 1 lies (3[89]|4[012]) mm from its position, at 11[34]\d, \d+ mm; it is left out", told)
+    message = r"floor marker 1 lies (3[89]|4[012]) mm from its position, at 11[34]\d, \d+ mm; it is left out"
+    assert re.fullmatch(message, told)
     turned = replace(COURSE, floor=(FloorMarker(0, 0.0, 0.4, 1.2), *COURSE.floor[1:]))
     assert find_view(seen(turned), turned, size, None, "photo").remarks == ()
     with pytest.raises(FoldcarError, match=r"^photo: floor markers 1, 2 not seen: 3 of 4 are needed$"):

@@ -66,7 +66,7 @@ def growing(file: Path) -> Iterator[None]:
 
 def test_photos_and_films_belong_to_their_trials(tmp_path: Path, free_course: Path, foldcar: Any) -> None:
     folder = tmp_path / "phone"
-    assert "--media phone: is no folder" in foldcar(*LOG, "--media", "phone").stderr
+    assert "--media phone: not a folder" in foldcar(*LOG, "--media", "phone").stderr
     folder.mkdir()
     (folder / "before.jpg").write_bytes(b"before")
     with (

@@ -104,7 +104,7 @@ def test_rates_and_models_come_from_the_store(study: foldcar.Study) -> None:
 
 SCENE = empty_scene()
 MISTAKES = {
-    'design("W_B_W"): widht is no design parameter': lambda s: foldcar.design("W_B_W", widht=95),
+    'design("W_B_W"): widht is not a design parameter': lambda s: foldcar.design("W_B_W", widht=95),
     'design("W_B_W"): length may be W_length_mm or B_length_mm': lambda s: foldcar.design("W_B_W", length=95),
     "design(\"W_B_W\"): width: '95' is not a number": lambda s: foldcar.design("W_B_W", width="95"),
     "has 2 values (65, 95)": lambda s: foldcar.evaluate(

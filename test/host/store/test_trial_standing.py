@@ -114,7 +114,7 @@ def test_a_withdrawn_trial_counts_nowhere_and_leaves_a_trail(mixed: Path, foldca
         (("withdraw", "s.db", "2", "77", "--reason", "r"), "s.db: has no trial 77"),
         (("correct", "s.db", "5", "--reason", "r", "--car", "real"), "s.db: trial 5: car: 'real' is not one of built, "),
         (("correct", "s.db", "6", "--reason", "r", "--car", "built"),
-         "s.db: trial 6: car: the car itself told that it is simulated; this cannot be corrected"),
+         "s.db: trial 6: car: the car itself reported that it is simulated; this cannot be corrected"),
     ],
 )  # fmt: skip
 def test_mistakes_change_nothing(mixed: Path, foldcar: Any, words: tuple[str, ...], message: str) -> None:

@@ -176,7 +176,9 @@ def test_a_car_that_the_file_does_not_tell_is_the_experiments_or_refused(tmp_pat
     assert "it has 2 trials" in said.stderr
     assert refused.returncode == 2 and refused.stderr.count("\n") == 1
     assert 'bad.csv: line 2: width_mm: missing; experiment "1" has several values' in refused.stderr
-    assert "new.csv: does not have all parameters of its cars; defaults are used: height 50 mm, radius 60 mm" in alone.stderr
+    assert (
+        "new.csv: does not have all parameters of its cars; defaults are used: height 50 mm, radius 60 mm" in alone.stderr
+    )
     with Store.open(tmp_path / "s.db") as store:
         assert [trial.design["width_mm"] for trial in store.trials()] == [95, 99, 99]
 

@@ -42,7 +42,7 @@ def test_wrong_usage_is_told_without_traceback(foldcar: Any) -> None:
 def test_without_carsim_the_way_to_one_is_named(tmp_path: Path, listing: Path, refused: Any) -> None:
     told = refused("sweep", listing, "--store", "s.db", env={**os.environ, "FOLDCAR_CARSIM": "/none/carsim"})
 
-    assert told == "FOLDCAR_CARSIM: /none/carsim is no program"
+    assert told == "FOLDCAR_CARSIM: /none/carsim is not a program"
     assert not (tmp_path / "s.db").exists()
 
 

@@ -261,7 +261,7 @@ def test_a_change_of_the_tables_changes_the_version() -> None:
 def test_what_is_no_file_is_no_store_and_reading_creates_none(tmp_path: Path) -> None:
     with pytest.raises(StoreError, match="no such store"):
         Store.open(tmp_path / "none" / "s.db")
-    with pytest.raises(StoreError, match="is no file"):
+    with pytest.raises(StoreError, match="is not a file"):
         Store.open(tmp_path)
     with pytest.raises(StoreError, match="is a folder, not a store"), write_store(tmp_path):
         pass

@@ -26,7 +26,7 @@ def select(
     threshold: Annotated[
         float | None,
         typer.Option(
-            metavar="SHARE",
+            metavar="RATE",
             callback=thresholds_of_success,
             help="Success rate that a good design reaches, 0 to 1; default: the listing's threshold, or 0.75.",
         ),

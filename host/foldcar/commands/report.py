@@ -37,7 +37,7 @@ def report(
     threshold: Annotated[
         list[float] | None,
         typer.Option(
-            metavar="SHARE",
+            metavar="RATE",
             callback=thresholds_of_success,
             help="Success rate of good designs, 0 to 1; may be repeated. Default: the listing's, or 0.5 and 0.75.",
         ),

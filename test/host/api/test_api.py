@@ -111,7 +111,7 @@ MISTAKES = {
         {"type": "W_B_W", "params": [{"common": {"width": [65, 95]}}]}, STEP_PYRAMIDS, 1
     ),
     "none.scenic: no such Scenic program": lambda s: foldcar.environment("none.scenic"),
-    "n: 0 is not a whole number": lambda s: foldcar.evaluate(foldcar.design("W_B_W"), STEP_PYRAMIDS, 0),
+    "n: 0 is not an integer": lambda s: foldcar.evaluate(foldcar.design("W_B_W"), STEP_PYRAMIDS, 0),
     "scene.friction: is missing": lambda s: foldcar.simulate(foldcar.design("W_B_W"), {}),
     "timeout_s: -1:": lambda s: foldcar.evaluate(foldcar.design("W_B_W"), STEP_PYRAMIDS, 1, timeout_s=-1),
     "width: inf is not a number": lambda s: foldcar.design("W_B_W", width=math.inf),

@@ -21,7 +21,12 @@ ParameterFile = Annotated[
     Path, typer.Argument(metavar="FILE", help="Parameter file: lines of NAME VALUE, comments after #.")
 ]
 
-params = typer.Typer(name="params", help="Read and set a car's parameters.", no_args_is_help=True, rich_markup_mode=None)
+params = typer.Typer(
+    name="params",
+    help="Read and set a car's parameters.\n\n\b\nExample: foldcar params save car95.parm",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+)
 
 
 @params.command()

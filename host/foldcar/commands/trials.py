@@ -35,7 +35,10 @@ Reason = Annotated[str, typer.Option(metavar="TEXT", help="Reason, stored with t
 Operator = Annotated[str, typer.Option(metavar="NAME", help="Your name, stored with the change.")]
 
 trials = typer.Typer(
-    name="trials", help="List, correct and replay trials of cars.", no_args_is_help=True, rich_markup_mode=None
+    name="trials",
+    help="List, correct and replay trials of cars.\n\n\b\nExample: foldcar trials list study.db",
+    no_args_is_help=True,
+    rich_markup_mode=None,
 )
 
 

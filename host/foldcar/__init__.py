@@ -1,4 +1,4 @@
-"""foldcar: which folding cars to build. Design, simulate, sweep, store, report.
+"""foldcar designs folding robot cars, simulates them in sampled environments, and helps to choose which to build.
 
 In Python (docs/python.md): ``sweep`` writes a store and ``Study`` reads it; ``design``, ``environment``, ``simulate`` and
 ``evaluate`` are the simulator as a black box. ``foldcar.condition`` is for scripts that use Scenic: it conditions an
@@ -7,7 +7,7 @@ environment on a scene (scenes/conditioning.py).
 
 from foldcar.version import __version__ as __version__
 
-# Not typing's: this file comes before `__main__` handles signals, and so imports nearly nothing.
+# Not imported from typing: this file runs before `__main__` handles signals, so it imports almost nothing.
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from collections.abc import Collection
@@ -41,9 +41,9 @@ _MODULES = {
 
 
 if not TYPE_CHECKING:
-    # A type checker shall know the names above only.
+    # Hidden from type checkers, so that they know only the names above.
     def __getattr__(name: str) -> object:
-        """Import what is used first."""
+        """Import a public name when it is first used."""
         if name not in _MODULES:
             raise AttributeError(f"module 'foldcar' has no attribute {name!r}")
         from importlib import import_module

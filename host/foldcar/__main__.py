@@ -1,4 +1,4 @@
-"""`foldcar` and `python -m foldcar`: a signal ends the command with one line from here on, while it imports too."""
+"""Entry point of `foldcar` and `python -m foldcar`. From here on a signal ends the command with one line."""
 
 import os
 import signal
@@ -12,7 +12,7 @@ def _end(number: int, frame: FrameType | None) -> None:
 
 def main() -> None:
     """Run the command line and exit."""
-    # Until foldcar.interrupts takes over. What the caller ignores (nohup) stays ignored.
+    # Handles signals until foldcar.interrupts does. Signals that the caller ignores (nohup) stay ignored.
     for name in ("SIGINT", "SIGTERM", "SIGHUP"):
         number = getattr(signal, name, None)
         if number is not None and signal.getsignal(number) is not signal.SIG_IGN:

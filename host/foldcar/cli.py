@@ -1,8 +1,8 @@
-"""The command `foldcar`: its subcommands, and errors as one line on stderr.
+"""The command `foldcar` with its subcommands; errors are printed as one line on stderr.
 
-Exit codes: 0 done, 1 runs failed, or the reader of the output closed it, 2 an error of input or environment,
-130 stopped by Ctrl-C, SIGTERM or a closed terminal.
-A command's module is imported when the command is called, and slow libraries inside it, so that help is printed at once.
+Exit codes: 0 done; 1 runs failed, or broken pipe; 2 an error of input or environment; 130 stopped by Ctrl-C, SIGTERM or
+a closed terminal. To print help quickly, a command's module is imported when the command is called; it imports slow
+libraries in its functions.
 """
 
 import atexit
@@ -42,13 +42,13 @@ Completion = Annotated[
         metavar="SHELL",
         callback=_print_script,
         is_eager=True,
-        help='Print the completion for bash, zsh or fish, as in eval "$(foldcar --completion bash)".',
+        help='Print the completion script for a shell; use it as eval "$(foldcar --completion bash)".',
     ),
 ]
 
 
 def enable_completion() -> None:
-    """Make the shells known to typer, if one of them asks for completions."""
+    """Register the shells with typer if a shell asks for completions."""
     if VARIABLE in os.environ:
         from typer._completion_classes import completion_init
 
@@ -56,7 +56,7 @@ def enable_completion() -> None:
 
 
 GARBAGE_THRESHOLD = 50_000
-# More than any path on Linux below a few folders.
+# Longer than the paths that messages usually contain.
 LONGEST_WORD = 300
 
 # The commands in the order of `foldcar -h`, and the modules of foldcar.commands that they are in.
@@ -98,7 +98,7 @@ class _Commands(TyperGroup):
 app = typer.Typer(
     name="foldcar",
     cls=_Commands,
-    help="Which folding cars to build: sample environments, simulate designs, report.",
+    help="Design folding robot cars, simulate them in sampled environments, and choose which to build.",
     no_args_is_help=True,
     add_completion=False,
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -121,7 +121,7 @@ def options(
     ] = False,
     completion: Completion = None,
 ) -> None:
-    """Which folding cars to build: sample environments, simulate designs, report."""
+    """Design folding robot cars, simulate them in sampled environments, and choose which to build."""
 
 
 def main() -> None:
@@ -133,32 +133,31 @@ def main() -> None:
     # Most objects live until the command ends; garbage collection at the default rate takes a tenth of the time of
     # `foldcar pattern`.
     gc.set_threshold(GARBAGE_THRESHOLD)
-    # numpy's matrices are small here: threads for them would take longer to start than they save, and processors from
-    # simulators.
+    # The matrices are small: starting threads for them takes longer than it saves, and slows the simulators.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    # No collection when the process ends.
+    # Do not collect garbage when the process ends.
     atexit.register(gc.freeze)
-    atexit.register(_drop_unread_output)
+    atexit.register(_silence_broken_pipe)
     try:
         app()
     except BaseException as error:
         message, code = _ending(error)
         if message is None:
             raise
-        # A file's longest words, such as numbers of 400 digits, are shortened.
-        shown = re.sub(rf"\S{{{LONGEST_WORD + 1},}}", lambda word: f"{word[0][:40]}…{word[0][-10:]}", message)
-        sys.stderr.write(f"{shown}\n")
+        # Shorten very long words that come from files, such as numbers of 400 digits.
+        shortened = re.sub(rf"\S{{{LONGEST_WORD + 1},}}", lambda word: f"{word[0][:40]}…{word[0][-10:]}", message)
+        sys.stderr.write(f"{shortened}\n")
         if code != EXIT_CODE:
             sys.exit(code)
-        # Python would end itself by SIGINT after a KeyboardInterrupt within `exec`, as of dataclasses, however handled.
+        # After a KeyboardInterrupt within `exec` (of dataclasses), Python ends itself by SIGINT even if it is handled.
         atexit._run_exitfuncs()
         os._exit(code)
 
 
 def _ending(error: BaseException) -> tuple[str | None, int]:
-    """What the command prints as ``error`` ends it, and its exit code; None if the error is not the user's."""
+    """Return the message and exit code with which ``error`` ends the command. The message is None for a bug."""
     if (line := stop_line()) is not None:
-        # The error is the signal's, or what it led to.
+        # The signal raised the error, directly or indirectly.
         return line, EXIT_CODE
     if isinstance(error, FoldcarError):
         return "foldcar: error: " + "\n".join(error.lines()), error.exit_code
@@ -171,8 +170,8 @@ def _ending(error: BaseException) -> tuple[str | None, int]:
     return None, 1
 
 
-def _drop_unread_output() -> None:
-    """Drop what a closed pipe has not taken: Python 3.13 may write it again as it ends, and report that it cannot."""
+def _silence_broken_pipe() -> None:
+    """After a broken pipe, discard buffered output: Python 3.13 would write it again at exit and print an error."""
     for stream in filter(None, (sys.__stdout__, sys.__stderr__)):
         try:
             stream.flush()

@@ -1,4 +1,4 @@
-"""The base of all errors that a user can cause; their messages say what to change."""
+"""The base class of all errors that a user can cause and correct."""
 
 
 class FoldcarError(Exception):
@@ -7,5 +7,5 @@ class FoldcarError(Exception):
     exit_code = 2
 
     def lines(self) -> list[str]:
-        """The lines that the command prints: one, but for an error that lists several mistakes."""
+        """Return the lines to print: one, unless the error lists several mistakes."""
         return [" ".join(str(self).split())]

@@ -1,4 +1,4 @@
-"""What this package finds around itself: programs, the checkout, processors, Python, the packages of its extras."""
+"""Finds the package's surroundings: programs, the checkout, processors, Python, and the packages of its extras."""
 
 import os
 import shutil
@@ -9,19 +9,19 @@ PACKAGE = Path(__file__).resolve().parent
 
 
 def packaged_program(name: str) -> Path | None:
-    """The program of that name that the wheel has brought; None in a checkout."""
+    """Return the program of that name inside the installed wheel; None in a checkout."""
     program = PACKAGE / name
     return program if program.is_file() else None
 
 
 def source_tree() -> Path | None:
-    """The checkout, with firmware, simulator and PlatformIO's project file; None where the package is installed."""
+    """Return the checkout, with firmware, simulator and platformio.ini; None if the package is installed."""
     root = PACKAGE.parents[1]
     return root if (root / "platformio.ini").is_file() and PACKAGE.parent == root / "host" else None
 
 
 def keep_caches_in_checkout() -> None:
-    """Let libraries, from now on, keep their caches (fonts, messages) below the checkout, if this is one."""
+    """In a checkout, make libraries keep their caches (fonts, messages) inside it."""
     root = source_tree()
     if root is not None:
         os.environ.setdefault("XDG_CACHE_HOME", str(root / ".pio" / "cache"))
@@ -29,30 +29,30 @@ def keep_caches_in_checkout() -> None:
 
 
 def pio_program() -> str | None:
-    """PlatformIO's command `pio` beside this Python, or else on the PATH."""
+    """Return PlatformIO's command `pio` beside this Python, or else on the PATH; None if there is none."""
     beside = Path(sys.executable).with_name("pio")
     return str(beside) if beside.is_file() else shutil.which("pio")
 
 
 def usable_processors() -> int:
-    """On Linux those that the process was given; elsewhere all of the machine's."""
+    """Return the number of processors: on Linux, those that the process may use; elsewhere, all."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
 
 
 def python_command(module: str, *arguments: str, flags: tuple[str, ...] = ()) -> list[str]:
-    """The command of another Python, which calls ``main`` of a module of foldcar with ``arguments`` as sys.argv[1:].
+    """Return the command that calls ``main`` of a foldcar module in a new Python, with ``arguments`` as sys.argv[1:].
 
-    It imports what this process imports, wherever it is started: `python -m` looks in the working directory first,
-    where a `json.py` may be.
+    The new process uses this one's sys.path. `python -m` would look in the working directory first, which may contain a
+    `json.py`.
     """
     path = [folder for folder in sys.path if folder]
     code = f"import sys; sys.path[:] = {path!r}; from {module} import main; main()"
     return [sys.executable, *flags, "-c", code, *arguments]
 
 
-# By the names under which they are imported; pyproject.toml has the packages.
+# The modules of each extra, by the names under which they are imported; pyproject.toml has the packages.
 MODULES = {
     "calibrate": ("sklearn",),
     "cluster": ("cryptography", "dask", "distributed"),
@@ -66,7 +66,7 @@ MODULES = {
 
 
 def require(extra: str) -> None:
-    """ModuleNotFoundError if a module of the extra is missing, before work is done for it."""
+    """Raise ModuleNotFoundError if a module of the extra is missing, before any work is done."""
     from importlib.util import find_spec
 
     for module in MODULES[extra]:
@@ -75,7 +75,7 @@ def require(extra: str) -> None:
 
 
 def missing_extra(error: ModuleNotFoundError) -> str | None:
-    """What to install, in a line; None if no extra of foldcar brings the module."""
+    """Return a line that says what to install; None if no extra of foldcar contains the module."""
     missing = (error.name or "").partition(".")[0]
     extra = next((name for name, modules in MODULES.items() if missing in modules), None)
-    return extra and f"this needs the package {missing}, of an extra: pip install 'foldcar[{extra}]'"
+    return extra and f"this needs the package {missing}; install the extra: pip install 'foldcar[{extra}]'"

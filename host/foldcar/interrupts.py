@@ -1,8 +1,7 @@
-"""What Ctrl-C, SIGTERM and SIGHUP (a closed terminal) do to a command: it ends with one line and exit code 130.
+"""Ends a command with one line and exit code 130 at Ctrl-C, SIGTERM and SIGHUP (a closed terminal).
 
-Each signal raises KeyboardInterrupt, so that what a command has begun is tidied up as after any exception. A library or
-a Scenic program may suppress it: then it is raised again. The process ends at the latest after GRACE_S, or at a second
-signal.
+Each signal raises KeyboardInterrupt, so that the command cleans up as after any exception. If a library or a Scenic
+program suppresses it, it is raised again. The process ends after GRACE_S at the latest, or at a second signal.
 """
 
 import _thread
@@ -17,36 +16,36 @@ from types import FrameType
 
 EXIT_CODE = 130
 GRACE_S = 10.0
-LOOK_S = 0.1
+RETRY_S = 0.1
 # Windows has no SIGHUP.
 NUMBERS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 
 _stopped = threading.Event()
-# Set while the main thread is interrupted again by this process, not by a second signal.
+# Set while this process itself interrupts the main thread again, as opposed to a second signal of the user.
 _insisting = threading.Event()
 _line = "foldcar: stopped"
 
 
 def listen() -> None:
-    """Handle the signals from now on; one that the caller ignores (nohup) stays ignored."""
+    """Start handling the signals; a signal that the caller ignores (nohup) stays ignored."""
     for number in NUMBERS:
         if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, _interrupt)
 
 
 def stop_line() -> str | None:
-    """What a command prints as it ends, if a signal has come."""
+    """Return the line to print at the command's end if a signal was received, else None."""
     return _line if _stopped.is_set() else None
 
 
 @contextlib.contextmanager
 def message_on_signal(line: Callable[[], str]) -> Iterator[None]:
-    """If a signal ends the block, ``line`` gives what the command prints as it ends."""
+    """If a signal ends the block, the command prints the result of ``line`` as its last line."""
     global _line
     try:
         yield
     except BaseException:
-        # Tidying up may have raised another error in the place of KeyboardInterrupt.
+        # Cleaning up may have replaced KeyboardInterrupt by another exception.
         if _stopped.is_set():
             _line = line()
         raise
@@ -64,7 +63,7 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
 
 
 def _imports(frame: FrameType | None) -> bool:
-    """Whether a module is being imported: compiled ones print an exception that comes meanwhile."""
+    """Return whether a module is being imported: compiled modules print exceptions that are raised meanwhile."""
     while frame is not None:
         if frame.f_code.co_filename.startswith("<frozen importlib"):
             return True
@@ -75,15 +74,15 @@ def _imports(frame: FrameType | None) -> bool:
 def _insist(number: int) -> None:
     """Interrupt the main thread again after an import or a suppressed exception; end the process after GRACE_S."""
     main = threading.main_thread().ident
-    for _ in range(round(GRACE_S / LOOK_S)):
-        time.sleep(LOOK_S)
-        # None while no exception is handled; a tuple of three before Python 3.12.
+    for _ in range(round(GRACE_S / RETRY_S)):
+        time.sleep(RETRY_S)
+        # None if no exception is being handled; before Python 3.12 a tuple of three.
         handled = sys._current_exceptions().get(main or 0)
         is_handled = handled is not None and handled != (None, None, None)
         if not is_handled and not _imports(sys._current_frames().get(main or 0)):
             _insisting.set()
             if hasattr(signal, "pthread_kill"):
-                # Also in a system call.
+                # This also interrupts a system call.
                 signal.pthread_kill(main or 0, number)
             else:
                 _thread.interrupt_main()

@@ -1,6 +1,6 @@
-"""The files and folders that commands write: whether they can be, and each written as a whole or not at all.
+"""Checks output files and folders, and writes them atomically.
 
-A missing folder is made, one level deep: a path with two missing folders is more often a mistake than a wish. A folder is
+A missing folder is created if its parent exists; a path with two missing folders is probably a mistake. A folder is
 replaced only if its manifest names every file in it, so that no file of a user is lost.
 """
 
@@ -16,18 +16,18 @@ from typing import BinaryIO
 
 from foldcar.errors import FoldcarError
 
-# What any file system keeps as it is; capitals are not, as some ignore case.
-PLAIN = re.compile(r"[a-z0-9-]+(_[a-z0-9-]+)*")
-HASHED = re.compile(r"(.*_)?[0-9a-f]{8}")
-LONGEST = 40
+# Names that every file system preserves; without capitals, because some file systems ignore case.
+PLAIN_NAME = re.compile(r"[a-z0-9-]+(_[a-z0-9-]+)*")
+HASHED_NAME = re.compile(r"(.*_)?[0-9a-f]{8}")
+MAX_NAME_LENGTH = 40
 
 
 @contextlib.contextmanager
 def atomic_file(file: Path) -> Iterator[BinaryIO]:
-    """A binary file that replaces ``file`` at the end of the block, or is deleted if the block raises.
+    """Yield a binary file that replaces ``file`` at the end of the block, or is deleted if the block raises.
 
-    Its folder is made if it is missing. FoldcarError, naming the file, if it cannot be written, or is a store; an
-    existing file is unchanged then.
+    A missing folder is created. Raises FoldcarError if ``file`` cannot be written or is a store; an existing file then
+    stays unchanged.
     """
     check_output_file(file)
     check_replaceable(file)
@@ -49,10 +49,10 @@ def atomic_file(file: Path) -> Iterator[BinaryIO]:
 
 @contextlib.contextmanager
 def atomic_folder(folder: Path, manifest: str) -> Iterator[Path]:
-    """A new folder that replaces ``folder`` at the end of the block, or is deleted if the block raises.
+    """Yield a new folder that replaces ``folder`` at the end of the block, or is deleted if the block raises.
 
-    The block writes a file named ``manifest`` into it, a JSON object whose ``files`` are relative paths. FoldcarError,
-    naming the folder, if it cannot be written or contains other files.
+    The block writes a file named ``manifest`` into it: a JSON object whose ``files`` are relative paths. Raises
+    FoldcarError if ``folder`` cannot be written or contains files that its manifest does not name.
     """
     check_output_folder(folder)
     folder = folder.absolute()
@@ -81,13 +81,13 @@ def _check_replaceable(folder: Path, manifest: str) -> None:
     if not folder.exists():
         return
     try:
-        held = {str(file.relative_to(folder)) for file in folder.rglob("*") if not file.is_dir()}
-        listed = set(json.loads((folder / manifest).read_text(encoding="utf-8"))["files"]) if held else set()
+        present = {str(file.relative_to(folder)) for file in folder.rglob("*") if not file.is_dir()}
+        listed = set(json.loads((folder / manifest).read_text(encoding="utf-8"))["files"]) if present else set()
     except (OSError, ValueError, KeyError, TypeError):
         raise FoldcarError(f"{folder}: contains other files; choose another folder") from None
-    foreign = sorted(held - listed - {manifest})
-    if foreign:
-        raise FoldcarError(f"{folder}: contains {foreign[0]}, which its manifest does not name; choose another folder")
+    unlisted = sorted(present - listed - {manifest})
+    if unlisted:
+        raise FoldcarError(f"{folder}: contains {unlisted[0]}, which its manifest does not name; choose another folder")
 
 
 # What every SQLite database begins with (sqlite.org/fileformat.html).
@@ -95,7 +95,7 @@ SQLITE_MAGIC = b"SQLite format 3\0"
 
 
 def make_output_folder(folder: Path) -> bool:
-    """Make ``folder`` if it is missing, and tell whether it was; FoldcarError as for `check_output_folder`."""
+    """Create ``folder`` if it is missing; return whether it was. Raises FoldcarError as `check_output_folder` does."""
     check_output_folder(folder)
     if folder.is_dir():
         return False
@@ -107,28 +107,28 @@ def make_output_folder(folder: Path) -> bool:
 
 
 def check_output_folder(folder: Path, output: Path | None = None) -> None:
-    """FoldcarError if ``folder`` is none, cannot be made, or cannot be written in; it names ``output``, or the folder."""
-    shown = folder if output is None else output
+    """Raise FoldcarError if ``folder`` cannot be created or written to; the message names ``output`` if it is given."""
+    named = folder if output is None else output
     if folder.is_dir():
-        _check_access(folder, shown)
+        _check_access(folder, named)
     elif folder.exists() or folder.is_symlink():
         reason = "not a folder" if output is None else f"cannot be written: {folder} is not a folder"
-        raise FoldcarError(f"{shown}: {reason}")
+        raise FoldcarError(f"{named}: {reason}")
     elif not folder.parent.is_dir():
-        raise FoldcarError(f"{shown}: cannot be written: there is no folder {folder.parent} to make {folder.name} in")
+        raise FoldcarError(f"{named}: cannot be written: there is no folder {folder.parent} to make {folder.name} in")
     else:
-        _check_access(folder.parent, shown)
+        _check_access(folder.parent, named)
 
 
 def check_output_file(file: Path) -> None:
-    """FoldcarError if ``file`` cannot be a file: its place is taken, or its folder as for `check_output_folder`."""
+    """Raise FoldcarError if ``file`` exists and is not a file, or its folder cannot be written to."""
     if file.exists() and not file.is_file():
         raise FoldcarError(f"{file}: not a regular file")
     check_output_folder(file.parent, file)
 
 
 def check_replaceable(file: Path) -> None:
-    """FoldcarError if ``file`` is an SQLite database: most likely a store, and so the only place of what was measured."""
+    """Raise FoldcarError if ``file`` is an SQLite database: probably a store, which may hold the only copy of trials."""
     try:
         with file.open("rb") as opened:
             start = opened.read(len(SQLITE_MAGIC))
@@ -138,15 +138,15 @@ def check_replaceable(file: Path) -> None:
         raise FoldcarError(f"{file}: is a store or another SQLite database, which is not replaced; name another file")
 
 
-def _check_access(folder: Path, shown: Path) -> None:
+def _check_access(folder: Path, named: Path) -> None:
     if not os.access(folder, os.W_OK | os.X_OK):
-        raise FoldcarError(f"{shown}: cannot be written: no permission to write in the folder {folder.absolute()}")
+        raise FoldcarError(f"{named}: cannot be written: no permission to write in the folder {folder.absolute()}")
 
 
 def file_name_part(name: str) -> str:
-    """``name`` itself if it is short and plain, else what is plain of it and eight digits of its SHA-256."""
-    if len(name) <= LONGEST and PLAIN.fullmatch(name) and not HASHED.fullmatch(name):
+    """Return ``name`` if it is short and plain, else its plain characters and eight digits of its SHA-256."""
+    if len(name) <= MAX_NAME_LENGTH and PLAIN_NAME.fullmatch(name) and not HASHED_NAME.fullmatch(name):
         return name
-    plain = re.sub("[^a-z0-9-]+", "_", name.lower())[:LONGEST].strip("_")
+    plain = re.sub("[^a-z0-9-]+", "_", name.lower())[:MAX_NAME_LENGTH].strip("_")
     digest = hashlib.sha256(name.encode("utf-8", "surrogatepass")).hexdigest()[:8]
     return f"{plain}_{digest}" if plain else digest

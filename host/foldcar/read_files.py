@@ -1,7 +1,7 @@
-"""Which files the code of a user reads, heard through Python's audit event `open`, and which environment variables.
+"""Records which files a user's code reads, through Python's audit event `open`, and limits environment variables.
 
-Input: blocks of code. Output: the files that were read in them, with their state at that time. Installed code and the
-system's files are told from the user's own. A file that a library in C opens by itself is not heard.
+Input: blocks of code. Output: the files that were read in them, with their state at that time. The user's files are
+distinguished from installed code and system files. Files that a C library opens directly are not recorded.
 """
 
 import codecs
@@ -21,16 +21,16 @@ from typing import Any
 
 PACKAGE = Path(__file__).resolve().parent
 CODE = (".scenic", ".py")
-# What belongs to the system and to its user's libraries.
+# Folders of the system, and of libraries in the user's home.
 SYSTEM = ("/etc", "/proc", "/sys", "/usr/share")
 USERS = (".cache", ".config")
 
-# What tells a file from a changed one without reading it: its node, size and time of change.
+# Inode, size and modification time: they differ if a file was changed, without reading it.
 FileState = tuple[int, int, int]
 
 
 class HeardFiles:
-    """The files that a thread opens: how those were that it reads (None: it was not there), and which it writes."""
+    """The files that a thread reads, with their states (None: the file did not exist), and those that it writes."""
 
     def __init__(self) -> None:
         self._thread = threading.get_ident()
@@ -38,7 +38,7 @@ class HeardFiles:
         self.written: set[Path] = set()
 
     def note(self, given: Any, mode: object, flags: int) -> None:
-        """Take notice of an event `open` with these arguments."""
+        """Record an event `open` with these arguments."""
         if isinstance(given, int) or threading.get_ident() != self._thread or _is_shown():
             return
         with suppress(OSError, TypeError, ValueError):
@@ -50,26 +50,26 @@ class HeardFiles:
 
 
 def _is_shown() -> bool:
-    """Whether source is read to be shown, as Scenic's stacks do of every file that runs, foldcar's command too."""
+    """Return whether source is read for a stack trace, as Scenic does for every running file, even foldcar's command."""
     frame = sys._getframe(3)
     callers = (frame, frame.f_back)
     return any(caller is not None and caller.f_globals.get("__name__") == "linecache" for caller in callers)
 
 
-# The one that hears now is the last. Python cannot take an audit hook back.
+# The last recorder is active. Python cannot remove an audit hook.
 _hearing: list[HeardFiles] = []
 
 
 @contextmanager
 def heard_files() -> Iterator[HeardFiles]:
-    """The files that this thread opens within the block."""
+    """Record the files that this thread opens within the block."""
     _listen()
-    one = HeardFiles()
-    _hearing.append(one)
+    files = HeardFiles()
+    _hearing.append(files)
     try:
-        yield one
+        yield files
     finally:
-        _hearing.remove(one)
+        _hearing.remove(files)
 
 
 @cache
@@ -82,25 +82,25 @@ def _listen() -> None:
 
 
 def file_state(path: Path) -> FileState | None:
-    """None if it is no regular file."""
+    """Return a regular file's state; None if ``path`` is not a regular file."""
     with suppress(OSError):
-        found = path.stat()
-        if stat.S_ISREG(found.st_mode):
-            return found.st_ino, found.st_size, found.st_mtime_ns
+        status = path.stat()
+        if stat.S_ISREG(status.st_mode):
+            return status.st_ino, status.st_size, status.st_mtime_ns
     return None
 
 
-# In place of the digest of a file that a program wants to read and that is not there.
+# Stands for the digest of a missing file that a program tries to read.
 MISSING = "missing"
 
 
 def digest_or_missing(path: Path) -> str | None:
-    """The :func:`file_digest`; MISSING if there is nothing."""
+    """Return the :func:`file_digest`, or MISSING if the path does not exist."""
     return file_digest(path) if path.exists() else MISSING
 
 
 def file_digest(path: Path) -> str | None:
-    """The :func:`content_digest` of a regular file that can be read, else None."""
+    """Return the :func:`content_digest` of a readable regular file, else None."""
     state = file_state(path)
     return None if state is None else _read_digest(path, state)
 
@@ -113,7 +113,7 @@ def _read_digest(path: Path, state: FileState) -> str | None:
 
 
 def content_digest(name: str, content: bytes) -> str:
-    """The hash of a file's content; code has the same one with a byte order mark, and with each kind of line break."""
+    """Return the hash of a file's content; byte order marks and kinds of line breaks in code do not change it."""
     if name.endswith(CODE):
         content = content.removeprefix(codecs.BOM_UTF8).replace(b"\r\n", b"\n")
     return hashlib.sha256(content).hexdigest()
@@ -121,25 +121,25 @@ def content_digest(name: str, content: bytes) -> str:
 
 @cache
 def is_own(path: Path, folder: Path) -> bool:
-    """Whether what has this absolute path is, for a program in ``folder``, neither installed nor the system's.
+    """Return whether an absolute path is the user's own, neither installed code nor a system file.
 
-    A program may itself be among these, or have them in its folder.
+    ``folder`` is the program's. The program may itself be in such a folder, or have one inside its own.
     """
     return not any(
-        one.is_relative_to(root) and not (root in base.parents and one.is_relative_to(base))
-        for one, base in ((path, folder), (path.resolve(), folder.resolve()))
+        location.is_relative_to(root) and not (root in base.parents and location.is_relative_to(base))
+        for location, base in ((path, folder), (path.resolve(), folder.resolve()))
         for root in _roots()
     )
 
 
 @cache
 def _roots() -> set[Path]:
-    """The folders of installed code, Scenic's and foldcar's own among them."""
+    """Return the folders of installed code, including Scenic's and foldcar's, and of the system."""
     scenic = importlib.util.find_spec("scenic")
     folders = [sysconfig.get_paths()[name] for name in ("stdlib", "platstdlib", "purelib", "platlib")]
     folders += [*site.getsitepackages(), site.getusersitepackages(), str(PACKAGE), *SYSTEM]
     with suppress(RuntimeError):
-        # A user without a home has none of these.
+        # Path.home() raises if the user has no home.
         folders += [str(Path.home() / name) for name in USERS]
     folders += [os.environ[name] for name in ("XDG_CACHE_HOME", "MPLCONFIGDIR") if name in os.environ]
     folders += (scenic.submodule_search_locations if scenic is not None else None) or []
@@ -147,19 +147,19 @@ def _roots() -> set[Path]:
     return {*roots, *(root.resolve() for root in roots)}
 
 
-# Environment variables that the code of a user may read, and the beginnings of others'.
+# Environment variables that a user's code may read, and prefixes of further ones.
 VARIABLES = ("HOME", "LANG", "PATH", "SYSTEMROOT", "TEMP", "TMP", "TMPDIR", "USERPROFILE")
 PREFIXES = ("COVERAGE", "DYLD_", "FOLDCAR_CARSIM", "LC_", "LD_", "MPL", "OPENBLAS_", "PYTHON", "XDG_")
 
 
 def minimal_variables() -> dict[str, str]:
-    """The environment variables for code of a user, in this process or in another."""
+    """Return the environment variables that a user's code may read, in this process or in another."""
     return {name: value for name, value in os.environ.items() if name in VARIABLES or name.startswith(PREFIXES)}
 
 
 @contextmanager
 def only_minimal_variables() -> Iterator[None]:
-    """Within the block other environment variables are hidden: they are part of no environment and no design."""
+    """Hide all other environment variables within the block: designs and environments must not depend on them."""
     kept = minimal_variables()
     hidden = {name: value for name, value in os.environ.items() if name not in kept}
     for name in hidden:

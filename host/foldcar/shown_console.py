@@ -1,4 +1,4 @@
-"""Rich's console for texts that come from files, names and cars, and tables of results on it."""
+"""A rich console that escapes control characters in text, and tables of results to print on it."""
 
 import sys
 from collections.abc import Collection, Iterable
@@ -15,8 +15,8 @@ from foldcar.shown_text import plain_stream, shown
 
 
 def shown_console(plain_width: int | None = None, *, stderr: bool = False) -> Console:
-    """A console; where its output is no terminal it has ``plain_width`` characters (None: as rich chooses)."""
-    # Past the stream that would write out rich's own escape sequences.
+    """Return a console; if its output is not a terminal, it is ``plain_width`` characters wide (None: rich decides)."""
+    # Bypass the stream that escapes control characters: it would escape rich's own sequences.
     stream = plain_stream(sys.stderr if stderr else sys.stdout)
     width = None if stream.isatty() else plain_width
     return _ShownConsole(file=stream, width=width, markup=False, emoji=False, highlight=False)
@@ -24,7 +24,7 @@ def shown_console(plain_width: int | None = None, *, stderr: bool = False) -> Co
 
 class _ShownConsole(Console):
     def render_str(self, text: str, **options: Any) -> Text:
-        # Columns are measured by what this returns.
+        # rich measures the columns by what this returns.
         return super().render_str(shown(text), **options)
 
     def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
@@ -32,14 +32,14 @@ class _ShownConsole(Console):
             yield Segment(text if control else shown(text), style, control)
 
 
-# Rows beyond which nobody reads a table without a pager.
-MOST_FRAMED = 500
+# Longer tables are printed plainly, because rich is slow.
+MAX_FRAMED = 500
 
 
 class ResultTable:
-    """Rows of texts under ``heads``, shown as they are: brackets in them are no markup. Long ones are plain everywhere.
+    """A table with the column titles ``heads``; brackets in cells are not markup. Long tables are printed without frames.
 
-    Cells end at the right, as numbers do, and never wrap, but for the columns of ``left``.
+    Cells are aligned right and never wrap, except in the columns ``left``.
     """
 
     def __init__(self, *heads: str, left: Collection[str] = ()) -> None:
@@ -47,12 +47,12 @@ class ResultTable:
         self._rows: list[tuple[str, ...]] = []
 
     def add_row(self, *cells: str) -> None:
-        """A row of as many texts as there are columns."""
+        """Add a row with one cell for each column."""
         self._rows.append(tuple(map(shown, cells)))
 
     def print_on(self, console: Console) -> None:
         """Print it on a `shown_console`."""
-        if len(self._rows) > MOST_FRAMED:
+        if len(self._rows) > MAX_FRAMED:
             console.file.write("".join(f"{line}\n" for line in self._lines()))
             return
         table = Table(box=SIMPLE_HEAD if console.is_terminal else None, pad_edge=False)
@@ -66,7 +66,7 @@ class ResultTable:
         console.print(table)
 
     def _lines(self) -> list[str]:
-        # To lay out and frame takes rich 2 ms a row.
+        # rich takes 2 ms a row for layout and frames.
         rows = [self._heads, *(tuple(cell.replace("\n", " ") for cell in cells) for cells in self._rows)]
         columns = [_aligned(cells, cells[0] not in self._left) for cells in zip(*rows, strict=True)]
         return ["  ".join(cells).rstrip() for cells in zip(*columns, strict=True)]
@@ -74,7 +74,7 @@ class ResultTable:
 
 def _aligned(cells: tuple[str, ...], right: bool) -> list[str]:
     widths = [len(cell) if cell.isascii() else cell_len(cell) for cell in cells]
-    most = max(widths)
+    column_width = max(widths)
     if right:
-        return [" " * (most - width) + cell for cell, width in zip(cells, widths, strict=True)]
-    return [cell + " " * (most - width) for cell, width in zip(cells, widths, strict=True)]
+        return [" " * (column_width - width) + cell for cell, width in zip(cells, widths, strict=True)]
+    return [cell + " " * (column_width - width) for cell, width in zip(cells, widths, strict=True)]

@@ -1,4 +1,4 @@
-"""Arguments of the Python interface."""
+"""Checks the arguments of the Python interface."""
 
 import contextlib
 import math
@@ -10,18 +10,18 @@ from foldcar.errors import FoldcarError
 from foldcar.typed import did_you_mean
 
 
-def whole(name: str, value: object, least: int, most: int) -> int:
-    """``value`` as a whole number from ``least`` to ``most``; FoldcarError naming it if it is none."""
+def checked_int(name: str, value: object, minimum: int, maximum: int) -> int:
+    """Return ``value`` as an integer in ``minimum`` to ``maximum``. Raises FoldcarError, naming it, if not."""
     with contextlib.suppress(TypeError):
         number = operator.index(value)  # type: ignore[arg-type]
-        if not isinstance(value, bool) and least <= number <= most:
+        if not isinstance(value, bool) and minimum <= number <= maximum:
             return number
-    raise FoldcarError(f"{name}: {value!r} is not a whole number from {least} to {most}")
+    raise FoldcarError(f"{name}: {value!r} is not an integer from {minimum} to {maximum}")
 
 
 def finite(name: str, value: object, what: str = "a number") -> float:
-    """``value`` as a finite number; FoldcarError naming it if it is not one."""
-    # numpy's numbers are numbers too, texts and booleans are not.
+    """Return ``value`` as a finite number. Raises FoldcarError, naming it, if it is not one."""
+    # numpy's numbers are allowed; strings and booleans are not.
     if not isinstance(value, str | bool):
         with contextlib.suppress(TypeError, ValueError, OverflowError):
             number = float(value)  # type: ignore[arg-type]
@@ -31,30 +31,30 @@ def finite(name: str, value: object, what: str = "a number") -> float:
 
 
 def column_named(name: str, columns: Iterable[str], what: str) -> str:
-    """The column called ``name``, or its only one without unit (``W_length``) or without module too (``tire_thickness``).
+    """Return the column called ``name``; unit (``W_length``) and module (``tire_thickness``) may be left out.
 
-    FoldcarError, which begins with ``what``, if there is none or several.
+    Raises FoldcarError, beginning with ``what``, if there is no such column or several.
     """
-    known = list(columns)
-    if name in known:
+    names = list(columns)
+    if name in names:
         return name
-    units = {column: declared(key).unit for column in known if (key := key_of(column)) is not None}
-    short = {column: column.removesuffix(f"_{units.get(column, '')}") for column in known}
-    found = [column for column in known if short[column] == name]
-    found = found or [column for column in known if short[column].endswith(f"_{name}")]
-    if len(found) > 1:
-        raise FoldcarError(f"{what}: {name} may be {' or '.join(found)}; write which")
-    if not found:
-        close = did_you_mean(name, [*known, *short.values()])
-        raise FoldcarError(f"{what}: {name} is no design parameter; there are {', '.join(known)}{close}")
-    return found[0]
+    units = {column: declared(key).unit for column in names if (key := key_of(column)) is not None}
+    short = {column: column.removesuffix(f"_{units.get(column, '')}") for column in names}
+    matches = [column for column in names if short[column] == name]
+    matches = matches or [column for column in names if short[column].endswith(f"_{name}")]
+    if len(matches) > 1:
+        raise FoldcarError(f"{what}: {name} may be {' or '.join(matches)}; write the full name")
+    if not matches:
+        close = did_you_mean(name, [*names, *short.values()])
+        raise FoldcarError(f"{what}: {name} is not a design parameter; there are {', '.join(names)}{close}")
+    return matches[0]
 
 
 def columns_named(values: Mapping[str, object], columns: Iterable[str], what: str) -> dict[str, float]:
-    """The numbers of ``values`` by column. FoldcarError for names as above, no number, or a column named twice."""
-    known, result = list(columns), dict[str, float]()
+    """Return the numbers of ``values`` by column. Raises FoldcarError for an invalid name or number, or a duplicate."""
+    names, result = list(columns), dict[str, float]()
     for name, value in values.items():
-        column = column_named(name, known, what)
+        column = column_named(name, names, what)
         if column in result:
             raise FoldcarError(f"{what}: {name}: {column} is given twice")
         result[column] = finite(f"{what}: {name}", value, "a number (mm or degrees)")

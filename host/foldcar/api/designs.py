@@ -1,4 +1,4 @@
-"""Cars in Python: by type and values, or as a listing's vehicle; and what the simulator is given for their runs."""
+"""Cars in Python, by type and values or as a listing's vehicle, and the simulator's input for their runs."""
 
 import json
 from collections.abc import Mapping
@@ -8,7 +8,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from foldcar.api.arguments import columns_named, finite, whole
+from foldcar.api.arguments import checked_int, columns_named, finite
 from foldcar.api.environment import simulator
 from foldcar.car.body import TableRow, body_json
 from foldcar.car.design import Design, compose, modules_of
@@ -19,21 +19,21 @@ from foldcar.errors import FoldcarError
 from foldcar.store.writer import canonical_json
 from foldcar.study.experiments import run_settings
 from foldcar.study.family import read_family
-from foldcar.study.limits import GREATEST_SEED
+from foldcar.study.limits import MAX_SEED
 from foldcar.study.listing import ExperimentParams, ListingError
 from foldcar.study.listing_file import validated_listing
 
-# What a listing calls these arguments.
-LISTED = {"timeout_s": "timeout", "speed_m_s": "speed", "yaw_rate_rad_s": "yaw_rate"}
-# A design takes some 10 ms to compile, as long as a run: the texts of the last ones are kept.
+# The names of these arguments in a listing.
+LISTING_KEYS = {"timeout_s": "timeout", "speed_m_s": "speed", "yaw_rate_rad_s": "yaw_rate"}
+# Compiling a design takes about 10 ms, as long as a run, so the results for the last designs are cached.
 KEPT_DESIGNS = 1000
 
 
 def design(type: str, /, **values: float) -> Design:
-    """The car of that type string with those parameters (mm, degrees) and defaults for all others.
+    """Return the car of this type string with these parameters (mm, degrees), and defaults for all others.
 
-    Names are those of tables' columns, with or without unit: ``design("W_B_W", width_mm=95, W_length=60, W2_radius=50)``.
-    FoldcarError if there is no such parameter or the car cannot be built.
+    Names are columns of tables, with or without unit: ``design("W_B_W", width_mm=95, W_length=60, W2_radius=50)``.
+    Raises FoldcarError if there is no such parameter or the car cannot be built.
     """
     letters = set(modules_of(type))
     keys = {parameter.column: key for key, parameter in parameters().items() if parameter.modules & letters}
@@ -42,15 +42,15 @@ def design(type: str, /, **values: float) -> Design:
         keys |= {p.column: p.key for p in of_place if p is not None and p.modules & letters}
     named = columns_named(values, keys, f'design("{type}")')
     result = compose(type, {keys[column]: value for column, value in named.items()})
-    # Raises what is wrong with the folded car.
+    # Raises DesignError if the car cannot be folded.
     folded_car(result)
     return result
 
 
 def design_of(car: Design | Mapping[str, Any]) -> Design:
-    """``car`` itself, or the one design of a listing's vehicle: ``{"type": …, "params": [{"common": {…}}, …]}``.
+    """Return ``car``, or the only design of a listing's vehicle: ``{"type": …, "params": [{"common": {…}}, …]}``.
 
-    FoldcarError if it is invalid, cannot be built or is a family of several.
+    Raises FoldcarError if it is invalid, cannot be built or is a family of several designs.
     """
     if isinstance(car, Design):
         return car
@@ -63,31 +63,35 @@ def design_of(car: Design | Mapping[str, Any]) -> Design:
 
 
 def prepared(design: Design, timeout_s: float, speed_m_s: float | None, yaw_rate_rad_s: float) -> tuple[str, str]:
-    """Body and settings of the design's runs as JSON. FoldcarError if an argument is beyond its limits."""
+    """Return body and settings of the design's runs as JSON. Raises FoldcarError if an argument exceeds its limits."""
     arguments = {"timeout_s": timeout_s, "speed_m_s": speed_m_s, "yaw_rate_rad_s": yaw_rate_rad_s}
     numbers = [None if value is None else finite(name, value) for name, value in arguments.items()]
     return _prepared(design.type, tuple(design.values.items()), *numbers)
 
 
 def built_cars(body: str, count: int, spread: str | Mapping[str, float], seed: int) -> dict[str, str]:
-    """The bodies of ``count`` built cars by name, in order, as a listing's ``variation`` makes them. FoldcarError."""
-    chosen = spread_named(spread, "variation")
-    number = whole("variation_seed", seed, 0, GREATEST_SEED)
+    """Return the bodies of ``count`` built cars by name, drawn as for a listing's ``variation``. Raises FoldcarError."""
+    standard_deviations = spread_named(spread, "variation")
+    number = checked_int("variation_seed", seed, 0, MAX_SEED)
     nominal, limits = json.loads(body), simulator().limits().numbers
-    return {f"car {k}": canonical_json(vary_body(nominal, draw(chosen, number, k), limits)) for k in range(count)}
+    return {
+        f"car {k}": canonical_json(vary_body(nominal, draw(standard_deviations, number, k), limits)) for k in range(count)
+    }
 
 
 @lru_cache(KEPT_DESIGNS)
 def _prepared(type_string: str, values: tuple[tuple[str, float], ...], *arguments: float | None) -> tuple[str, str]:
     design = compose(type_string, dict(values))
     body = body_json(design)
-    # A listing's limits hold for the arguments too.
-    given = {key: argument for key, argument in zip(LISTED.values(), arguments, strict=True) if argument is not None}
+    # Check the arguments with a listing's limits.
+    given = {
+        key: argument for key, argument in zip(LISTING_KEYS.values(), arguments, strict=True) if argument is not None
+    }
     try:
         params = ExperimentParams.model_validate(given)
     except ValidationError as error:
         first = error.errors()[0]
-        name = {listed: name for name, listed in LISTED.items()}[str(first["loc"][0])]
+        name = {listed: name for name, listed in LISTING_KEYS.items()}[str(first["loc"][0])]
         raise FoldcarError(f"{name}: {first['input']:g}: {first['msg'].lower()}") from None
     settings = run_settings(design, body, _table(), params.timeout, params.speed, params.yaw_rate, "simulation")
     return canonical_json(body), canonical_json(settings)

@@ -1,6 +1,6 @@
 """Environments in Python: a Scenic program with its parameters and seed, and its samples.
 
-A program is compiled once (most of a second) and each sample taken once (some 50 ms), as long as Python runs.
+In a Python session, a program is compiled once (almost a second), and each sample is drawn once (about 50 ms).
 """
 
 import atexit
@@ -11,19 +11,19 @@ from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
-from foldcar.api.arguments import whole
+from foldcar.api.arguments import checked_int
 from foldcar.errors import FoldcarError
 from foldcar.scenes.source import SceneSource, open_environment
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.runner import Runner
 from foldcar.simulation.scenic_runner import ScenicRunner
 from foldcar.store.writer import canonical_json
-from foldcar.study.limits import GREATEST_SEED, MOST_ENVIRONMENTS
+from foldcar.study.limits import MAX_ENVIRONMENTS, MAX_SEED
 
 
 @dataclass(frozen=True)
 class Scene:
-    """Sample ``sample`` of ``environment``; ``json`` is the scene object of docs/carsim.md as text."""
+    """Sample number ``sample`` of ``environment``; ``json`` is the scene object of docs/carsim.md as a string."""
 
     environment: "Environment"
     sample: int
@@ -31,7 +31,7 @@ class Scene:
 
 
 class Environment:
-    """A Scenic program, ``params`` in place of its own parameters (SI units), a seed. Made by :func:`environment`."""
+    """A Scenic program with a seed; ``params`` (SI units) replace its own. Create it with :func:`environment`."""
 
     def __init__(self, program: Path, params: Mapping[str, Any], seed: int) -> None:
         self.program = program
@@ -43,25 +43,25 @@ class Environment:
         return f"environment({str(self.program)!r}, seed={self.seed}, params={dict(self.params)})"
 
     def scene(self, k: int) -> Scene:
-        """Sample ``k`` (0, 1, …), the same as a sweep's. FoldcarError if the program is at fault."""
-        number = whole("scene", k, 0, MOST_ENVIRONMENTS - 1)
+        """Return sample ``k`` (0, 1, …), which equals a sweep's. Raises FoldcarError if the program is at fault."""
+        number = checked_int("scene", k, 0, MAX_ENVIRONMENTS - 1)
         if number not in self._scenes:
             self._scenes[number] = Scene(self, number, canonical_json(self._source.sample(number)))
         return self._scenes[number]
 
     @property
     def success(self) -> str:
-        """When a run has passed, or why that is undefined."""
+        """The rule that says when a run has passed, or why there is none."""
         return self._source.success.text
 
     @property
     def success_defined(self) -> bool:
-        """Whether runs can pass at all."""
+        """Whether the program defines when a run has passed."""
         return self._source.success.defined
 
     @cached_property
     def runner(self) -> Runner:
-        """What simulates in this environment: carsim, or Scenic beside it for a dynamic program."""
+        """The runner of this environment: carsim, or for a dynamic program Scenic beside carsim."""
         if not self._source.dynamic:
             return simulator()
         files, command = self._source.fixed_files(), simulator().command
@@ -71,7 +71,7 @@ class Environment:
 
     @property
     def current(self) -> bool:
-        """Whether the program's files are as they were when it was compiled."""
+        """Whether the program's files are unchanged since it was compiled."""
         return "_source" not in self.__dict__ or self._source.files.unchanged()
 
     @cached_property
@@ -83,19 +83,19 @@ _opened: dict[str, Environment] = {}
 
 
 def environment(program: str | Path, *, seed: int = 0, params: Mapping[str, Any] | None = None) -> Environment:
-    """The environment of a Scenic program; the same one as before unless program, parameters or seed have changed.
+    """Return the environment of a Scenic program; the same object for equal program, parameters and seed.
 
-    FoldcarError if there is no such file or the seed is none.
+    Raises FoldcarError if there is no such file or the seed is invalid.
     """
-    number = whole("seed", seed, 0, GREATEST_SEED)
-    # The working directory may change afterwards.
+    number = checked_int("seed", seed, 0, MAX_SEED)
+    # Absolute, because the working directory may change later.
     file = Path(program).resolve()
     if not file.is_file():
         raise FoldcarError(f"{program}: no such Scenic program")
     try:
         key = json.dumps([str(file), params or {}, number], sort_keys=True)
     except TypeError as error:
-        raise FoldcarError(f"params: {error}; write numbers, texts, truths or lists") from None
+        raise FoldcarError(f"params: {error}; write numbers, strings, booleans or lists") from None
     if key not in _opened or not _opened[key].current:
         _opened[key] = Environment(file, dict(params or {}), number)
     return _opened[key]
@@ -103,5 +103,5 @@ def environment(program: str | Path, *, seed: int = 0, params: Mapping[str, Any]
 
 @cache
 def simulator() -> Carsim:
-    """The simulator of this process."""
+    """Return the simulator of this process."""
     return Carsim()

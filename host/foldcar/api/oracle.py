@@ -1,6 +1,6 @@
-"""Design and environment in, result out: the black box for notebooks and optimisers. Nothing is stored.
+"""The simulator as a black box for notebooks and optimisers: design and environment in, result out. Nothing is stored.
 
-The numbers are those of `foldcar run` and of a sweep: the same cars, samples and settings.
+Results equal those of `foldcar run` and of a sweep with the same cars, samples and settings.
 """
 
 import json
@@ -10,7 +10,7 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from foldcar.api.arguments import finite, whole
+from foldcar.api.arguments import checked_int, finite
 from foldcar.api.designs import built_cars, design_of, prepared
 from foldcar.api.environment import Environment, Scene, environment, simulator
 from foldcar.car.design import Design
@@ -20,7 +20,7 @@ from foldcar.simulation.results import NUMBERS, has_passed, no_rate_text, outcom
 from foldcar.simulation.runner import Runner, RunRequest, side_by_side
 from foldcar.statistics.rate import Rate, check_confidence
 from foldcar.store.writer import canonical_json
-from foldcar.study.limits import MOST_ENVIRONMENTS, MOST_JOBS
+from foldcar.study.limits import MAX_ENVIRONMENTS, MAX_JOBS
 
 if TYPE_CHECKING:
     import pandas
@@ -30,30 +30,31 @@ PATH_COLUMNS = ("t_s", "x_m", "y_m", "z_m", "heading_rad", "pitch_rad", "roll_ra
 
 @dataclass(frozen=True)
 class Result:
-    """One run. ``metrics`` holds the numbers of docs/carsim.md; a failed run has None for them, and a ``message``.
+    """The result of a run. ``metrics`` are the numbers of docs/carsim.md; None, with a ``message``, if the run failed.
 
-    ``recorded`` holds what the Scenic program recorded, by name. ``path`` is None unless asked for: a table of t_s, x_m,
-    y_m, z_m, heading_rad, pitch_rad, roll_rad, and the angle of each hinge (``hinge_1_rad``, …); empty if the run failed.
+    ``recorded`` are the values that the Scenic program recorded, by name. ``path`` is None unless it was requested: a
+    table of t_s, x_m, y_m, z_m, heading_rad, pitch_rad, roll_rad, and the angle of each hinge (``hinge_1_rad``, …). It is
+    empty if the run failed.
     """
 
     outcome: str
     metrics: Mapping[str, float | None]
     message: str | None
     recorded: Mapping[str, Any]
-    # Any: whoever has asked for a path need not ask whether it is None.
+    # Any, so that code that requested a path need not check for None.
     path: "pandas.DataFrame | Any"
 
     @property
     def passed(self) -> bool:
-        """Whether the car did what its environment asks for."""
+        """Whether the run met its environment's definition of success."""
         return self.outcome == "passed"
 
 
 @dataclass(frozen=True)
 class Evaluation:
-    """A design in an environment's samples 0 to n - 1. ``runs`` has sample, outcome, passed, message and metrics of each.
+    """A design's runs in samples 0 to n - 1. ``runs`` has the columns sample, outcome, passed, message and metrics.
 
-    ``success`` says when a run has passed; where nothing does (``success_defined`` False), there is no rate.
+    ``success`` says when a run has passed. If that is undefined (``success_defined`` is False), there is no rate.
     """
 
     runs: "pandas.DataFrame"
@@ -63,9 +64,9 @@ class Evaluation:
 
     @cached_property
     def rate(self) -> Rate:
-        """The share of runs that passed with its interval, rejected ones left out; failed ones count as not passed.
+        """The success rate with its interval. Rejected runs are left out; failed runs count as not passed.
 
-        FoldcarError if success is undefined, or if every run was rejected.
+        Raises FoldcarError if success is undefined, or if every run was rejected.
         """
         if not self.success_defined:
             raise FoldcarError(self.success)
@@ -86,13 +87,13 @@ def simulate(
     yaw_rate_rad_s: float = 0.0,
     path_interval_s: float | None = None,
 ) -> Result:
-    """Simulate a design in one scene: ``environment(…).scene(k)``, or an object as docs/carsim.md describes scenes.
+    """Simulate a design in one scene: ``environment(…).scene(k)``, or a scene object of docs/carsim.md.
 
-    ``speed_m_s`` None is the car's full speed. ``path_interval_s`` asks for the path; where a Scenic program ends the
-    run itself, the path ends there. FoldcarError if an argument is invalid or the simulator refuses it.
+    If ``speed_m_s`` is None, the car drives at full speed. ``path_interval_s`` requests the path, which ends where a
+    Scenic program ends the run. Raises FoldcarError if an argument is invalid or the simulator refuses it.
     """
     car = design_of(design)
-    body, text = prepared(car, timeout_s, speed_m_s, yaw_rate_rad_s)
+    body, settings_text = prepared(car, timeout_s, speed_m_s, yaw_rate_rad_s)
     if isinstance(scene, Scene):
         scene_text, sample, runner = scene.json, scene.sample, scene.environment.runner
     elif isinstance(scene, Mapping):
@@ -101,21 +102,23 @@ def simulate(
         raise FoldcarError(f"scene: {scene!r} is neither a scene of an environment nor a scene object")
     label = f"{car.title}, sample {sample}"
 
-    def answer_of(by: Runner, **more: float) -> dict[str, Any]:
-        settings = canonical_json({**json.loads(text), **more}) if more else text
-        (result,) = by.run({"car": body}, {"scene": scene_text}, [RunRequest("car", "scene", settings, label, sample)])
+    def answer_of(used_runner: Runner, **extra_settings: float) -> dict[str, Any]:
+        settings = canonical_json({**json.loads(settings_text), **extra_settings}) if extra_settings else settings_text
+        (result,) = used_runner.run(
+            {"car": body}, {"scene": scene_text}, [RunRequest("car", "scene", settings, label, sample)]
+        )
         return result
 
-    asked = {} if path_interval_s is None else {"path_interval_s": finite("path_interval_s", path_interval_s)}
+    path_settings = {} if path_interval_s is None else {"path_interval_s": finite("path_interval_s", path_interval_s)}
     if runner is simulator():
-        answer = native = answer_of(runner, **asked)
+        answer = native = answer_of(runner, **path_settings)
     else:
-        # A program that runs beside the simulation changes how the run ends, not the car's way until then.
+        # A dynamic program changes when the run ends, but not the car's path until then.
         answer = answer_of(runner)
-        native = answer_of(simulator(), **asked) if asked and "error" not in answer else {}
+        native = answer_of(simulator(), **path_settings) if path_settings and "error" not in answer else {}
     metrics = {name: answer.get(name) for name in NUMBERS}
-    recorded = {name: one["value"] for name, one in answer.get("recorded", {}).items()}
-    path = _path(native.get("path", ()), answer.get("elapsed_time_s", 0)) if asked else None
+    recorded = {name: recorded_value["value"] for name, recorded_value in answer.get("recorded", {}).items()}
+    path = _path(native.get("path", ()), answer.get("elapsed_time_s", 0)) if path_settings else None
     return Result(outcome_of(answer), metrics, answer.get("error"), recorded, path)
 
 
@@ -134,35 +137,44 @@ def evaluate(
     jobs: int | None = None,
     confidence: float = 0.95,
 ) -> Evaluation:
-    """Simulate a design in samples 0 to ``n`` - 1 of an environment: equal seeds give equal samples to every design.
+    """Simulate a design in samples 0 to ``n`` - 1 of an environment; equal seeds give equal samples to every design.
 
-    ``environment`` is a Scenic program, with ``params`` and ``seed`` (None: 0), or what :func:`environment` returned.
-    ``variation`` ("workshop", or standard deviations) gives each sample a built car of its own, as in listings. ``jobs``
-    simulators run side by side (None: one per processor). FoldcarError if an argument is invalid.
+    ``environment`` is a Scenic program, with ``params`` and ``seed`` (None: 0), or a result of :func:`environment`.
+    ``variation`` ("workshop", or standard deviations) gives each sample its own built car, as in listings. ``jobs``
+    simulators run in parallel (None: one per processor). Raises FoldcarError if an argument is invalid.
     """
     check_confidence(confidence)
     car = design_of(design)
-    place = _environment(environment, seed, params)
-    count = whole("n", n, 1, MOST_ENVIRONMENTS)
-    workers = whole("jobs", jobs, 1, MOST_JOBS) if jobs is not None else usable_processors()
-    body, text = prepared(car, timeout_s, speed_m_s, yaw_rate_rad_s)
+    sampled_environment = _environment(environment, seed, params)
+    count = checked_int("n", n, 1, MAX_ENVIRONMENTS)
+    workers = checked_int("jobs", jobs, 1, MAX_JOBS) if jobs is not None else usable_processors()
+    body, settings_text = prepared(car, timeout_s, speed_m_s, yaw_rate_rad_s)
     bodies = {"car": body}
     if variation is not None:
-        bodies = built_cars(body, count, variation, place.seed if variation_seed is None else variation_seed)
-    scenes = {f"s{k}": place.scene(k).json for k in range(count)}
+        bodies = built_cars(
+            body, count, variation, sampled_environment.seed if variation_seed is None else variation_seed
+        )
+    scenes = {f"s{k}": sampled_environment.scene(k).json for k in range(count)}
     names = list(bodies)
-    requests = [RunRequest(names[k % len(names)], f"s{k}", text, f"{car.title}, sample {k}", k) for k in range(count)]
-    runner, size = place.runner, -(-count // min(workers, count))
+    requests = [
+        RunRequest(names[k % len(names)], f"s{k}", settings_text, f"{car.title}, sample {k}", k) for k in range(count)
+    ]
+    runner, size = sampled_environment.runner, -(-count // min(workers, count))
     calls = (partial(runner.run, bodies, scenes, requests[i : i + size]) for i in range(0, count, size))
-    answers = [answer for share in side_by_side(calls, workers, runner.stop) for answer in share]
-    return Evaluation(_table(answers, place.success_defined), place.success, place.success_defined, confidence)
+    answers = [answer for answers_of_call in side_by_side(calls, workers, runner.stop) for answer in answers_of_call]
+    return Evaluation(
+        _table(answers, sampled_environment.success_defined),
+        sampled_environment.success,
+        sampled_environment.success_defined,
+        confidence,
+    )
 
 
 def _environment(given: Environment | str | Path, seed: int | None, params: Mapping[str, Any] | None) -> Environment:
     if not isinstance(given, Environment):
         return environment(given, seed=0 if seed is None else seed, params=params)
     if seed is not None or params is not None:
-        raise FoldcarError("seed, params: belong to environment(…); its samples are taken with its own")
+        raise FoldcarError("seed, params: pass them to environment(…) instead, which has its own")
     return given
 
 

@@ -1,11 +1,11 @@
-"""A study in Python: what a store holds, as tables, and the success of its designs with intervals."""
+"""A study in Python: a store's content as tables, and its designs' success rates with intervals."""
 
 from collections.abc import Callable, Mapping
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
-from foldcar.api.arguments import column_named, columns_named, whole
+from foldcar.api.arguments import checked_int, column_named, columns_named
 from foldcar.errors import FoldcarError
 from foldcar.inference.comparison import MARGIN, Comparison, compare
 from foldcar.inference.selecting import BUILD, PRECISION, Selection, select
@@ -16,23 +16,23 @@ from foldcar.statistics.words import count as count_text
 from foldcar.store.connection import require_store
 from foldcar.store.frames import runs_frame, trials_frame
 from foldcar.store.reader import ExperimentInfo, Store
-from foldcar.study.limits import MOST_ENVIRONMENTS, MOST_JOBS
+from foldcar.study.limits import MAX_ENVIRONMENTS, MAX_JOBS
 
 if TYPE_CHECKING:
     import pandas
 
 T = TypeVar("T")
-MOST_BUILT = 50
+MAX_BUILT = 50
 
 
 class Study:
-    """A store, as the commands sweep and log write it. Tables are read once; `reload` reads them again.
+    """A store of the commands sweep and log. Tables are read once; `reload` makes them be read again.
 
-    FoldcarError if there is no such store, or it is damaged.
+    Raises FoldcarError if there is no such store, or it is damaged.
     """
 
     def __init__(self, store: str | Path) -> None:
-        # The working directory may change afterwards.
+        # Absolute, because the working directory may change later.
         self.path = Path(store).absolute()
         require_store(self.path)
 
@@ -40,23 +40,23 @@ class Study:
         return f"Study({str(self.path)!r})"
 
     def reload(self) -> None:
-        """Read what has been stored since."""
+        """Forget the tables, so that they are read again with runs and trials stored since."""
         for name in ("runs", "trials", "experiments"):
             self.__dict__.pop(name, None)
 
     @cached_property
     def runs(self) -> "pandas.DataFrame":
-        """A row for each simulated run, as :func:`foldcar.store.frames.runs_frame` describes."""
+        """A table with a row for each simulated run; see :func:`foldcar.store.frames.runs_frame`."""
         return self._read(runs_frame)
 
     @cached_property
     def trials(self) -> "pandas.DataFrame":
-        """A row for each trial, as :func:`foldcar.store.frames.trials_frame` describes."""
+        """A table with a row for each trial; see :func:`foldcar.store.frames.trials_frame`."""
         return self._read(trials_frame)
 
     @cached_property
     def experiments(self) -> Mapping[str, ExperimentInfo]:
-        """The experiments that were swept, by id, with environment, settings and rule of success."""
+        """The swept experiments by id, with environment, settings and rule of success."""
         return self._read(lambda store: store.info().experiments if store.holds_study() else {})
 
     def rate(
@@ -67,29 +67,29 @@ class Study:
         confidence: float = 0.95,
         **design: float,
     ) -> Rate:
-        """The share of one design's runs, or of its counted trials, that passed, with its interval.
+        """Return the success rate of one design's runs, or of its counted trials, with its interval.
 
-        That of trials is of the cars that drove; :meth:`compare` has that of a further car of the design.
+        The rate of trials is that of the cars that drove; :meth:`compare` has that of a further car of the design.
 
-        Parameters are named as columns (``width_mm=95``), or without unit if that is clear (``width=95``). As many as
-        tell the design from the others are enough. Rejected runs are left out. FoldcarError if they leave several or
-        none, if success is undefined, or if there are no runs (trials).
+        Parameters are named as columns (``width_mm=95``), or without unit if that is unambiguous (``width=95``). Give
+        enough of them to select one design. Rejected runs are left out. Raises FoldcarError if no design or several
+        have these parameters, if success is undefined, or if there are no runs (trials).
         """
         if source not in ("simulation", "trials"):
             raise FoldcarError(f'source: {source!r} is neither "simulation" nor "trials"')
         table = self.runs if source == "simulation" else self.trials[self.trials["counts"]]
-        chosen = self._of_design(self._of_experiment(table, experiment, source), design, source)
-        passed = self._judged(chosen)["passed"]
+        design_rows = self._of_design(self._of_experiment(table, experiment, source), design, source)
+        passed = self._judged(design_rows)["passed"]
         count, runs = int(passed.sum()), len(passed)
         if not runs:
-            raise FoldcarError(f"rate: {no_rate_text(len(chosen))}")
-        what = "simulated runs"
+            raise FoldcarError(f"rate: {no_rate_text(len(design_rows))}")
+        trials_text = "simulated runs"
         if source == "trials":
-            cars = count_text(chosen["car_name"].nunique(dropna=False), "built car")
-            what = f"trials of {cars}"
-        name = str(chosen["experiment"].iloc[0])
+            cars = count_text(design_rows["car_name"].nunique(dropna=False), "built car")
+            trials_text = f"trials of {cars}"
+        name = str(design_rows["experiment"].iloc[0])
         stopped = source == "simulation" and self.experiments[name].until is not None
-        return Rate.counted(count, runs, f"{count} of {runs} {what} that passed", stopped, confidence)
+        return Rate.counted(count, runs, f"{count} of {runs} {trials_text} that passed", stopped, confidence)
 
     def select(
         self,
@@ -101,11 +101,11 @@ class Study:
         with_cost: bool = False,
         simulated_trials: bool = False,
     ) -> list[Selection]:
-        """Which designs to build and try next, for each experiment: :func:`foldcar.inference.selecting.select`.
+        """Recommend designs to build next, for each experiment; see :func:`foldcar.inference.selecting.select`.
 
-        Sheets are nested, and costs known, only ``with_cost``: a second a car. FoldcarError.
+        Sheets are nested and costs computed only ``with_cost``, which takes a second a car. Raises FoldcarError.
         """
-        number = whole("build", build, 1, MOST_BUILT)
+        number = checked_int("build", build, 1, MAX_BUILT)
         return self._read(
             lambda store: select(store, number, threshold, precision, experiment, with_cost, simulated_trials)
         )
@@ -113,15 +113,19 @@ class Study:
     def compare(
         self, *, experiment: str | None = None, margin: float = MARGIN, simulated_trials: bool = False
     ) -> Comparison:
-        """Simulation against trials of built cars: :func:`foldcar.inference.comparison.compare`. FoldcarError."""
+        """Compare simulation with trials of built cars; see :func:`foldcar.inference.comparison.compare`.
+
+        Raises FoldcarError.
+        """
         return self._read(lambda store: compare(store, experiment, margin, simulated_trials))
 
     def success_model(self, *parameters: str, experiment: str | None = None) -> Standardised:
-        """Success as a smooth function of some design parameters, with credible bands, from the simulated runs.
+        """Model success as a smooth function of some design parameters, with credible bands, from the simulated runs.
 
-        Its ``rates([[95], [100]])`` are (rate, low, high) at those values, by a model of all parameters that vary: means
-        over the same combinations of the others for each value. To average the runs as they are would show effects of
-        what goes with a value. FoldcarError if there are too few designs or success is undefined.
+        The result's ``rates([[95], [100]])`` are (rate, low, high) at these values. The model contains all parameters
+        that vary, and each rate is a mean over the same combinations of the other parameters. Averages of the raw runs
+        would mix in the effects of correlated parameters. Raises FoldcarError if there are too few designs or success is
+        undefined.
         """
         runs = self._judged(self._of_experiment(self.runs, experiment, "simulation"))
         varied = [name for name in _parameters(runs) if runs[name].nunique() > 1]
@@ -135,21 +139,21 @@ class Study:
         return Standardised(effects, places)
 
     def _judged(self, table: "pandas.DataFrame") -> "pandas.DataFrame":
-        """The rows that belong in a rate: those of runs that were not rejected."""
+        """Return the rows without rejected runs."""
         info = self.experiments.get(str(table["experiment"].iloc[0]))
         if info is not None and not info.success_defined and table["passed"].isna().any():
             raise FoldcarError(info.success_rule)
         return table[table["passed"].notna()]
 
     def _of_experiment(self, table: "pandas.DataFrame", experiment: str | None, source: str) -> "pandas.DataFrame":
-        known = list(dict.fromkeys(table["experiment"]))
-        if not known:
+        ids = list(dict.fromkeys(table["experiment"]))
+        if not ids:
             what = "runs" if source == "simulation" else "trials of built cars that count"
             raise FoldcarError(f"{self.path}: has no {what}")
-        if experiment is None and len(known) > 1:
-            raise FoldcarError(f"{self.path}: has several experiments; choose with experiment=: {', '.join(known)}")
-        if experiment is not None and experiment not in known:
-            raise FoldcarError(f'{self.path}: has no "{experiment}" with {source}; it has {", ".join(known)}')
+        if experiment is None and len(ids) > 1:
+            raise FoldcarError(f"{self.path}: has several experiments; choose with experiment=: {', '.join(ids)}")
+        if experiment is not None and experiment not in ids:
+            raise FoldcarError(f'{self.path}: has no "{experiment}" with {source}; it has {", ".join(ids)}')
         return table if experiment is None else table[table["experiment"] == experiment]
 
     def _of_design(self, table: "pandas.DataFrame", design: Mapping[str, float], source: str) -> "pandas.DataFrame":
@@ -159,14 +163,14 @@ class Study:
             values = sorted(result[column].dropna().unique())
             result = result[result[column] == value]
             if result.empty:
-                shown = ", ".join(f"{one:g}" for one in values)
-                raise FoldcarError(f"{self.path}: no {source} with {column} {value:g}; there are {shown}")
+                values_text = ", ".join(f"{number:g}" for number in values)
+                raise FoldcarError(f"{self.path}: no {source} with {column} {value:g}; there are {values_text}")
         for column in parameters:
             values = sorted(result[column].dropna().unique())
             if len(values) > 1:
-                shown = ", ".join(f"{one:g}" for one in values[:5])
+                values_text = ", ".join(f"{number:g}" for number in values[:5])
                 more = f", … {values[-1]:g}" if len(values) > 5 else ""
-                raise FoldcarError(f"rate: {column} has several values ({shown}{more}): choose one")
+                raise FoldcarError(f"rate: {column} has several values ({values_text}{more}): choose one")
         return result
 
     def _read(self, read: Callable[[Store], T]) -> T:
@@ -175,7 +179,7 @@ class Study:
 
 
 def _parameters(table: "pandas.DataFrame") -> list[str]:
-    """The columns of design parameters: those between ``environment`` or ``vehicle_type`` and ``sample``."""
+    """Return the columns of design parameters: those between ``environment`` or ``vehicle_type`` and ``sample``."""
     columns: list[Any] = list(table.columns)
     first = max(columns.index(name) for name in ("environment", "vehicle_type") if name in columns)
     return [str(name) for name in columns[first + 1 : columns.index("sample")]]
@@ -189,16 +193,16 @@ def sweep(
     environments: int | None = None,
     jobs: int | None = None,
 ) -> Study:
-    """Simulate the runs of a listing, or of one experiment, that the store lacks; the study they are in.
+    """Simulate the runs of a listing, or of one experiment, that the store lacks, and return the study.
 
-    ``environments`` takes the place of the listing's number; ``jobs`` simulators run side by side (None: one per
-    processor). It may be interrupted: the same call resumes. FoldcarError if the listing or an argument is invalid.
+    ``environments`` replaces the listing's number; ``jobs`` simulators run in parallel (None: one per processor). If it
+    is interrupted, the same call resumes. Raises FoldcarError if the listing or an argument is invalid.
     """
     from foldcar.api.sweeping import planned_sweep
     from foldcar.installation import usable_processors
 
-    count = None if environments is None else whole("environments", environments, 1, MOST_ENVIRONMENTS)
-    workers = usable_processors() if jobs is None else whole("jobs", jobs, 1, MOST_JOBS)
+    count = None if environments is None else checked_int("environments", environments, 1, MAX_ENVIRONMENTS)
+    workers = usable_processors() if jobs is None else checked_int("jobs", jobs, 1, MAX_JOBS)
     command = f"foldcar.sweep({str(listing)!r}, {str(store)!r})"
     planned_sweep(Path(listing), Path(store), command, experiment=experiment, environments=count).run(workers)
     return Study(store)

@@ -1,4 +1,4 @@
-"""A sweep as it is asked for: a listing's experiments in an engine, under a calibration, until a rule."""
+"""Plans a sweep: a listing's experiments with an engine, a calibration and a stopping rule."""
 
 from collections.abc import Callable
 from functools import partial
@@ -30,7 +30,10 @@ def planned_sweep(
     reality: Path | None = None,
     engine: str = "multibody",
 ) -> Sweep:
-    """What `foldcar sweep` with those options simulates; ``command`` is kept with the runs. FoldcarError."""
+    """Return the sweep that `foldcar sweep` with these options simulates; the store keeps ``command``.
+
+    Raises FoldcarError.
+    """
     carsim = Carsim(engine=engine)
     study = read_study(listing, experiment, environments)
     _check_same_study(study, store)
@@ -45,31 +48,36 @@ def planned_sweep(
 
 
 def _check_same_study(study: Study, store: Path) -> None:
-    """FoldcarError if the store holds a study of another listing, whose experiments this sweep might replace."""
+    """Raise FoldcarError if the store has a study of another listing, whose experiments this sweep might replace."""
     if not store.is_file() or not store.stat().st_size:
         return
-    with Store.open(store) as opened:
-        swept = next(opened.rows(STUDY, "WHERE key = 'listing_name'"), None)
-        # The facts of experiments count their runs, which takes long in large stores.
-        if swept is None or Path(swept["value"]).name == Path(study.listing_name).name:
+    with Store.open(store) as reader:
+        name_row = next(reader.rows(STUDY, "WHERE key = 'listing_name'"), None)
+        # Checked first, because reading all facts counts runs, which takes long in large stores.
+        if name_row is None or Path(name_row["value"]).name == Path(study.listing_name).name:
             return
-        stored = opened.info()
-    own = {(experiment.id, Path(experiment.program_name).name) for experiment in study.experiments}
-    others = {(experiment.listed_id, Path(experiment.scenic_program).name) for experiment in stored.experiments.values()}
-    if not own & others:
-        apart = f"{Path(study.listing_name).stem}.db"
+        stored = reader.info()
+    own_experiments = {(experiment.id, Path(experiment.program_name).name) for experiment in study.experiments}
+    stored_experiments = {
+        (experiment.listed_id, Path(experiment.scenic_program).name) for experiment in stored.experiments.values()
+    }
+    if not own_experiments & stored_experiments:
+        new_store = f"{Path(study.listing_name).stem}.db"
         raise FoldcarError(
             f"{store}: holds the study of {stored.listing_name}, which has none of these experiments; sweep "
-            f"{study.listing_name} into a store of its own (--store {apart}), which `foldcar merge` can join with {store}"
+            f"{study.listing_name} into another store (--store {new_store}), which `foldcar merge` can join with {store}"
         )
 
 
 def under_calibration(
     study: Study, store: Path, name: str | None, reality: "Calibration | None" = None
 ) -> tuple[Study, Callable[[Experiment], Environment]]:
-    """The study and what makes its environments: changed ones if a calibration or a reality is given. FoldcarError."""
+    """Return the study and the function that creates its environments, for a calibration or a reality if given.
+
+    Raises FoldcarError.
+    """
     if name is not None and reality is not None:
-        raise FoldcarError("--calibration and --reality: both say what to simulate with; give one of them")
+        raise FoldcarError("--calibration and --reality: both set the simulator's parameters; use only one")
     if name is None and reality is None:
         return study, Environment
     from foldcar.inference.calibration.environment import calibrated_environment, calibrated_study
@@ -77,8 +85,8 @@ def under_calibration(
 
     if reality is None:
         assert name is not None
-        with Store.open(store) as opened:
-            calibration = calibration_named(opened, name)
+        with Store.open(store) as reader:
+            calibration = calibration_named(reader, name)
     else:
         calibration = reality
     return calibrated_study(study, calibration), partial(calibrated_environment, calibration=calibration)

@@ -1,4 +1,4 @@
-"""`foldcar select`: which designs to build next, and why. `foldcar compare`: simulation against trials, by design."""
+"""`foldcar select` recommends designs to build. `foldcar compare` compares simulation with trials, design by design."""
 
 from pathlib import Path
 from typing import Annotated
@@ -13,37 +13,39 @@ from foldcar.commands.options import (
     StudyStore,
     check_distinct,
     parse_points,
-    tell,
+    print_result,
     thresholds_of_success,
 )
 
-MOST_BUILD = 50
+MAX_BUILD = 50
 
 
 def select(
     store: StudyStore,
-    build: Annotated[int, typer.Option(metavar="N", min=1, max=MOST_BUILD, help="How many designs to name.")] = 4,
+    build: Annotated[int, typer.Option(metavar="N", min=1, max=MAX_BUILD, help="Number of designs to recommend.")] = 4,
     threshold: Annotated[
         float | None,
         typer.Option(
-            metavar="SHARE",
+            metavar="RATE",
             callback=thresholds_of_success,
-            help="Success of a good design, 0 to 1; default: the listing's, or 0.75.",
+            help="Success rate that a good design reaches, 0 to 1; default: the listing's threshold, or 0.75.",
         ),
     ] = None,
     precision: Annotated[
-        str, typer.Option(metavar="POINTS", help="Half-width that trials are to bring a rate's interval to.")
+        str,
+        typer.Option(metavar="POINTS", help="Half-width of a rate's 95 % interval for which to plan trials."),
     ] = "15pp",
     experiment: OneExperiment = None,
     csv: CsvFile = None,
     simulated_trials: SimulatedTrialsInstead = False,
     as_json: Json = False,
 ) -> None:
-    """Say which designs to build next, and why.
+    """Recommend designs to build next, with reasons.
 
-    Before trials: the middle, the edges and the outside of the region that reaches the threshold in simulation. After
-    trials: the designs whose trials would tell most about which one is best and which ones reach the threshold; or that
-    it is enough. With trials needed, sampled environments to set up, sheets and minutes. docs/advice.md explains it.
+    Before any trials, it recommends designs in, at the edge of and outside the region that reaches the threshold in
+    simulation. After trials, it recommends the designs whose trials would show best which design is best and which ones
+    reach the threshold, or it says that the trials suffice. It lists the trials needed, the sampled environments to set
+    up, sheets and minutes. See docs/advice.md.
 
     \b
     Example: foldcar select study.db --build 4
@@ -54,26 +56,26 @@ def select(
     from foldcar.inference.tables import selection_object, write_selection
 
     check_distinct([store], [csv])
-    half_width = parse_points("--precision", precision, least=1, most=45)
+    half_width = parse_points("--precision", precision, low=1, high=45)
     with working("weighing designs"):
-        found = Study(store).select(
+        selections = Study(store).select(
             build=build, threshold=threshold, precision=half_width, experiment=experiment, with_cost=True,
             simulated_trials=simulated_trials,
         )  # fmt: skip
     if csv is not None:
-        write_selection(found, csv)
+        write_selection(selections, csv)
     if as_json:
-        tell(as_json, {"store": store, "experiments": [selection_object(one) for one in found]})
+        print_result(as_json, {"store": store, "experiments": [selection_object(selection) for selection in selections]})
     else:
-        print_selections(found)
-        _say_written(csv, sum(len(one.recommendations) for one in found))
+        print_selections(selections)
+        _print_written(csv, sum(len(selection.recommendations) for selection in selections))
 
 
 def compare(
     store: StudyStore,
     experiment: OneExperiment = None,
     margin: Annotated[
-        str, typer.Option(metavar="POINTS", help="Rates that differ by no more agree, in percentage points.")
+        str, typer.Option(metavar="POINTS", help="Largest difference, in percentage points, at which two rates agree.")
     ] = "15pp",
     csv: CsvFile = None,
     simulated_trials: SimulatedTrialsInstead = False,
@@ -81,8 +83,9 @@ def compare(
 ) -> None:
     """Compare simulation with trials of built cars.
 
-    For each design that was driven: success in simulation and in trials, their gap with its interval, and whether
-    simulation agrees, is optimistic or pessimistic, or the trials are too few to say. docs/advice.md explains it.
+    For each driven design it shows the success rates in simulation and in trials, and their gap with an interval. The
+    verdict says whether simulation agrees, is optimistic, is pessimistic, or whether there are too few trials to tell.
+    See docs/advice.md.
 
     \b
     Example: foldcar compare study.db
@@ -93,18 +96,18 @@ def compare(
     from foldcar.inference.tables import comparison_object, write_comparison
 
     check_distinct([store], [csv])
-    share = parse_points("--margin", margin)
-    with working("comparing; what the sweep lacks is simulated"):
-        found = Study(store).compare(experiment=experiment, margin=share, simulated_trials=simulated_trials)
+    largest_gap = parse_points("--margin", margin)
+    with working("comparing; simulating runs that the sweep lacks"):
+        comparison = Study(store).compare(experiment=experiment, margin=largest_gap, simulated_trials=simulated_trials)
     if csv is not None:
-        write_comparison(found, csv)
+        write_comparison(comparison, csv)
     if as_json:
-        tell(as_json, {"store": store, **comparison_object(found)})
+        print_result(as_json, {"store": store, **comparison_object(comparison)})
     else:
-        print_comparison(found)
-        _say_written(csv, sum(len(one.designs) for one in found.experiments))
+        print_comparison(comparison)
+        _print_written(csv, sum(len(experiment_comparison.designs) for experiment_comparison in comparison.experiments))
 
 
-def _say_written(csv: Path | None, designs: int) -> None:
+def _print_written(csv: Path | None, designs: int) -> None:
     if csv is not None:
         typer.echo(f"{csv}: {designs} designs", err=True)

@@ -6,51 +6,51 @@ from typing import Annotated
 
 import typer
 
-from foldcar.commands.options import Jobs, Json, Seed, SimulatedTrialsInstead, output_store, tell
+from foldcar.commands.options import Jobs, Json, Seed, SimulatedTrialsInstead, output_store, print_result
 from foldcar.errors import FoldcarError
 from foldcar.installation import usable_processors
 
-# What a name may be, so that it can be typed and stand in the names of experiments.
+# Names that are easy to type and may be part of an experiment's name.
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,39}")
 DEFAULT_RUNS = 24_000
-LEAST_RUNS, MOST_RUNS = 500, 10_000_000
+MIN_RUNS, MAX_RUNS = 500, 10_000_000
 
 
 def calibrate(
     store: Annotated[
         Path,
-        typer.Argument(metavar="STORE", callback=output_store, help="A store with a swept experiment and trials of it."),
+        typer.Argument(metavar="STORE", callback=output_store, help="Store with a swept experiment and its trials."),
     ],
     name: Annotated[str, typer.Option(metavar="NAME", help="Name of the calibration in the store.")] = "trials",
     experiment: Annotated[
-        str | None, typer.Option(metavar="ID", help="Experiment whose trials count; default: the only one with trials.")
+        str | None, typer.Option(metavar="ID", help="Experiment whose trials to use; default: the only one with trials.")
     ] = None,
     runs: Annotated[
-        int, typer.Option(metavar="N", min=LEAST_RUNS, max=MOST_RUNS, help="Runs to simulate, roughly.")
+        int, typer.Option(metavar="N", min=MIN_RUNS, max=MAX_RUNS, help="Approximate number of runs to simulate.")
     ] = DEFAULT_RUNS,
     seed: Seed = 1,
     jobs: Jobs = None,
     leave_one_out: Annotated[
-        bool, typer.Option("--leave-one-out", help="Also predict each design from the trials of the others.")
+        bool, typer.Option("--leave-one-out", help="Also predict each design from the trials of the other designs.")
     ] = False,
     simulated_trials: SimulatedTrialsInstead = False,
     evidence: Annotated[
         str,
-        typer.Option(metavar="WHAT", help="What of trials counts: outcomes; times, too; or all, paths, too."),
+        typer.Option(metavar="WHAT", help="Data to use: outcomes; times (and outcomes); or paths (and both)."),
     ] = "paths",
     known: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME=VALUE", help="A measured value; replaces that of `foldcar trials measure`."),
+        typer.Option(metavar="NAME=VALUE", help="A measured value, instead of that from `foldcar trials measure`."),
     ] = None,
-    replace: Annotated[bool, typer.Option("--replace", help="Replace the calibration of that name.")] = False,
+    replace: Annotated[bool, typer.Option("--replace", help="Replace an existing calibration of that name.")] = False,
     as_json: Json = False,
 ) -> None:
     """Infer the simulator's parameters from trials.
 
-    Friction, servos, heights, centre of mass, track and scatter, each with a prior, as far as the trials tell: by
-    outcomes, times, and paths by a film (`foldcar track`) or by a simulated car's log. The store keeps the result:
-    `foldcar sweep LISTING --calibration NAME` simulates under it. It says which parameters the trials cannot tell apart,
-    and which further trials would.
+    The parameters are friction, servos, heights, centre of mass, track and scatter. Each has a prior, which the trials'
+    outcomes, times and paths update. Paths come from a film (`foldcar track`) or a simulated car's log. The store keeps
+    the result, and `foldcar sweep LISTING --calibration NAME` simulates with it. The summary names parameters that the
+    trials cannot tell apart, and further trials that could.
 
     \b
     Example: foldcar calibrate study.db --name published --leave-one-out
@@ -71,28 +71,28 @@ def calibrate(
         raise FoldcarError(f'--name "{name}": a name is at most 40 letters, digits, _ . or -, a letter or digit first')
     if evidence not in EVIDENCE:
         raise FoldcarError(f"--evidence {evidence}: not one of {', '.join(EVIDENCE)}")
-    given = dict(measured_value(text, "--known") for text in known or [])
-    with Store.open(store) as opened:
-        check_calibration_name(opened, name, replace)
-        chosen = read_experiment(opened, experiment_with_trials(opened, experiment))
-        observed = observe(opened, chosen, simulated_trials, evidence)
-        nominal = nominal_counts(opened, chosen)
-        # They were measured on built cars and their obstacles.
-        stored = {} if simulated_trials else measured_values(opened, chosen.info.id)
-    priors = {} if simulated_trials else built_priors(chosen.info.vehicle_type, observed.from_sheets)
-    priors |= measured_priors({**stored, **given}, f"{store}: measured")
+    known_values = dict(measured_value(text, "--known") for text in known or [])
+    with Store.open(store) as reader:
+        check_calibration_name(reader, name, replace)
+        swept_experiment = read_experiment(reader, experiment_with_trials(reader, experiment))
+        observations = observe(reader, swept_experiment, simulated_trials, evidence)
+        nominal = nominal_counts(reader, swept_experiment)
+        # The stored values were measured on built cars and real obstacles, so they do not apply to simulated trials.
+        stored = {} if simulated_trials else measured_values(reader, swept_experiment.info.id)
+    priors = {} if simulated_trials else built_priors(swept_experiment.info.vehicle_type, observations.from_sheets)
+    priors |= measured_priors({**stored, **known_values}, f"{store}: measured")
     carsim = Carsim()
-    simulator = Simulator(chosen, carsim, jobs or usable_processors(), seed)
-    planned = plan(runs, observed, len(chosen.designs)).runs
-    with message_on_signal(lambda: "stopped: nothing is stored"), TerminalBar("calibrate", planned) as bar:
-        inference = infer(simulator, observed, runs, bar.done, priors)
-        summary = summarise(inference, chosen, nominal, seed, planned, leave_one_out)
-    made = new_calibration(name, chosen.info.id, carsim.build, inference.draws, summary)
+    simulator = Simulator(swept_experiment, carsim, jobs or usable_processors(), seed)
+    planned_runs = plan(runs, observations, len(swept_experiment.designs)).runs
+    with message_on_signal(lambda: "stopped: nothing was stored"), TerminalBar("calibrate", planned_runs) as bar:
+        inference = infer(simulator, observations, runs, bar.done, priors)
+        summary = summarise(inference, swept_experiment, nominal, seed, planned_runs, leave_one_out)
+    calibration = new_calibration(name, swept_experiment.info.id, carsim.build, inference.draws, summary)
 
     with write_calibrations(store) as writer:
-        writer.put(made, replace)
+        writer.put(calibration, replace)
     if as_json:
-        tell(True, {"store": store, "name": name, "draws": [dict(draw) for draw in made.draws], **summary})
+        print_result(True, {"store": store, "name": name, "draws": [dict(draw) for draw in calibration.draws], **summary})
     else:
-        print_calibration(made)
-        typer.echo(f'calibration "{name}": {len(made.draws)} draws; store: {store}')
+        print_calibration(calibration)
+        typer.echo(f'calibration "{name}": {len(calibration.draws)} draws; store: {store}')

@@ -1,4 +1,4 @@
-"""`foldcar doctor`: what is installed, what can be reached, which build; a line each."""
+"""`foldcar doctor` prints a line for each thing that foldcar needs: whether it is installed, and which version."""
 
 import importlib.metadata
 import os
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Literal
 
 import typer
 
-from foldcar.commands.options import Json, tell
+from foldcar.commands.options import Json, print_result
 from foldcar.errors import FoldcarError
 from foldcar.installation import MODULES, PACKAGE, pio_program, source_tree
 from foldcar.version import __version__
@@ -23,16 +23,17 @@ if TYPE_CHECKING:
     from packaging.requirements import Requirement
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
-AGAIN = "make setup; where the package is installed by itself: pip install --force-reinstall foldcar-….whl"
-# Of Debian and Ubuntu; Scenic's image library loads them.
+REINSTALL = "make setup; where the package is installed by itself: pip install --force-reinstall foldcar-….whl"
+# Packages of Debian and Ubuntu that Scenic's image library loads.
 SYSTEM_LIBRARIES = "libgl1 libglib2.0-0 libxcb1"
 
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """``state``: ``ok``; ``missing``, without which studies do not run; ``absent``, which only ``text`` needs.
+    """One line of the check.
 
-    ``text`` says what was found, ``advice`` what to do about it; "" where nothing is to do.
+    ``state`` is ``ok``, ``missing`` (no study runs without it) or ``absent`` (only the commands in ``text`` need it).
+    ``text`` says what is installed, ``advice`` what to do; "" if nothing has to be done.
     """
 
     name: str
@@ -42,27 +43,27 @@ class Finding:
 
 
 def doctor(as_json: Json = False) -> None:
-    """Show what is installed and what can be reached.
+    """Check the installation and connected cars.
 
-    A line each: ok; absent, which only some commands need; missing, which all studies need. What to do stands after an
-    arrow. Exit code 1 if something is missing. Nothing is changed, fetched or driven.
+    Each line begins with ok, absent (only some commands need it) or missing (all studies need it). An arrow precedes
+    what to do. Exit code 1 if something is missing. The check changes nothing, downloads nothing and moves no car.
 
     \b
     Example: foldcar doctor
     """
-    found = []
+    findings = []
     for finding in _findings():
-        found.append(finding)
+        findings.append(finding)
         if not as_json:
             todo = f" -> {finding.advice}" if finding.advice else ""
             typer.echo(f"{finding.state:<8} {finding.name:<11} {' '.join(finding.text.split())}{todo}")
-    tell(as_json, {"findings": [asdict(one) for one in found]})
-    if any(one.state == "missing" for one in found):
+    print_result(as_json, {"findings": [asdict(finding) for finding in findings]})
+    if any(finding.state == "missing" for finding in findings):
         raise typer.Exit(1)
 
 
 def _findings() -> Iterator[Finding]:
-    """Look for everything."""
+    """Yield the findings in the order in which they are printed."""
     checkout = source_tree()
     where = f"checkout {checkout}" if checkout is not None else str(PACKAGE)
     yield Finding("foldcar", "ok", f"{__version__} in {where}; Python {platform.python_version()}, {sys.executable}")
@@ -80,26 +81,26 @@ def _findings() -> Iterator[Finding]:
     yield _tool("browser", browser, f"none of {', '.join(BROWSERS)}: only `make test` needs one", "make test")
 
 
-def _tool(name: str, found: str | None, without: str, advice: str) -> Finding:
-    return Finding(name, "absent", without, advice) if found is None else Finding(name, "ok", found)
+def _tool(name: str, path: str | None, without: str, advice: str) -> Finding:
+    return Finding(name, "absent", without, advice) if path is None else Finding(name, "ok", path)
 
 
 def _packages() -> Finding:
-    """The declared packages against the installed ones; extras that are not there."""
+    """Compare installed packages with those that foldcar declares, and find extras that are not installed."""
     from packaging.requirements import Requirement
 
     try:
         declared = [Requirement(text) for text in importlib.metadata.requires("foldcar") or []]
     except importlib.metadata.PackageNotFoundError:
-        return Finding("packages", "missing", "foldcar itself is not installed as a package", AGAIN)
-    core = [one for one in declared if one.marker is None or one.marker.evaluate({"extra": ""})]
-    wrong = [text for one in core if (text := _mismatch(one))]
+        return Finding("packages", "missing", "foldcar itself is not installed as a package", REINSTALL)
+    core = [package for package in declared if package.marker is None or package.marker.evaluate({"extra": ""})]
+    wrong = [text for package in core if (text := _mismatch(package))]
     if wrong:
-        return Finding("packages", "missing", "; ".join(wrong), AGAIN)
-    added = [one for one in declared if one not in core and one.marker is not None]
+        return Finding("packages", "missing", "; ".join(wrong), REINSTALL)
+    optional = [package for package in declared if package not in core and package.marker is not None]
     absent = [
         extra for extra in MODULES
-        if any(one.marker.evaluate({"extra": extra}) and _mismatch(one) for one in added if one.marker)
+        if any(package.marker.evaluate({"extra": extra}) and _mismatch(package) for package in optional if package.marker)
     ]  # fmt: skip
     if absent:
         text = f"as declared, without the extras {', '.join(absent)}: some commands need them"
@@ -124,15 +125,15 @@ def _version(package: str) -> str | None:
 
 
 def _scenic() -> Finding:
-    """Scenic, with the system's libraries that it loads."""
+    """Check that Scenic can be imported, with the system libraries that it loads."""
     try:
         with warnings.catch_warnings():
-            # Scenic warns that somebody else formats tracebacks.
+            # Scenic warns if another library formats tracebacks.
             warnings.simplefilter("ignore")
             import scenic
-    except Exception as error:  # whatever a broken library raises
+    except Exception as error:  # a broken library may raise anything
         text = f"cannot be imported: {type(error).__name__}: {error}"
-        return Finding("Scenic", "missing", text, f"{AGAIN}; also apt-get install {SYSTEM_LIBRARIES}")
+        return Finding("Scenic", "missing", text, f"{REINSTALL}; also apt-get install {SYSTEM_LIBRARIES}")
     return Finding("Scenic", "ok", str(importlib.metadata.version(scenic.__name__)))
 
 
@@ -163,7 +164,7 @@ def _simulator_with_mujoco(checkout: Path | None) -> Finding:
 
 
 def _writable(name: str, folder: str | None, advice: str) -> Finding:
-    """A folder for results, or for temporary files."""
+    """Check that ``folder`` (None: the one for temporary files) can be written."""
     try:
         chosen = Path(folder or tempfile.gettempdir()).absolute()
         with tempfile.TemporaryFile(dir=chosen):
@@ -175,7 +176,7 @@ def _writable(name: str, folder: str | None, advice: str) -> Finding:
 
 
 def _serial_ports() -> Finding:
-    """Cars on USB, and whether this user may open them."""
+    """Find cars on USB and check that this user may open their ports."""
     from foldcar.link.stream import usb_ports
 
     ports = usb_ports()

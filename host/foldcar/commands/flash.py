@@ -29,19 +29,21 @@ def flash(
     experiment: ExperimentId,
     settings: Settings = None,
     port: Annotated[str | None, typer.Option(metavar="PORT", help="Serial port; default: detected.")] = None,
-    design_only: Annotated[bool, typer.Option("--design-only", help="Do not load the firmware.")] = False,
+    design_only: Annotated[bool, typer.Option("--design-only", help="Load the design only, not the firmware.")] = False,
     file: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", callback=output_file, help="Write the design's car.json to FILE, and load nothing."),
+        typer.Option(metavar="FILE", callback=output_file, help="Write the design's car.json to FILE; load nothing."),
     ] = None,
     components: Components = None,
 ) -> None:
     """Load firmware and design onto the board on USB.
 
+    The design is loaded as car.json, which the firmware reads when it starts.
+
     \b
     Example: foldcar flash scenarios/width_study.json --experiment 1 --set width=95
     """
-    # Before the slow imports: without firmware or a board there is nothing to do.
+    # Check before the slow imports: without firmware or a board there is nothing to do.
     if file is None:
         _project()
     board = _board(port) if file is None else ""
@@ -49,20 +51,20 @@ def flash(
     from foldcar.outputs import atomic_file
     from foldcar.study.experiments import read_study
 
-    (chosen,) = read_study(listing, experiment).experiments
-    content = car_json(chosen.family.narrowed(design_settings(settings)).single())
-    text = json.dumps(content, indent=2) + "\n"
+    (listed_experiment,) = read_study(listing, experiment).experiments
+    content = car_json(listed_experiment.family.narrowed(design_settings(settings)).single())
+    car_text = json.dumps(content, indent=2) + "\n"
     if file is not None:
         check_distinct([listing], [file])
         with atomic_file(file) as binary:
-            binary.write(text.encode())
+            binary.write(car_text.encode())
         typer.echo(f"{file}: {content['name']} ({content['hash']})")
         return
     project = _project()
     folder = project / ".pio" / "design"
     folder.mkdir(parents=True, exist_ok=True)
     with atomic_file(folder / CAR_FILE) as binary:
-        binary.write(text.encode())
+        binary.write(car_text.encode())
     if not design_only:
         _pio(project, "upload", board, folder)
     _pio(project, "uploadfs", board, folder)
@@ -70,7 +72,7 @@ def flash(
 
 
 def _board(port: str | None) -> str:
-    """The serial port of the board; FoldcarError if there is none, or the named one is no board's."""
+    """Return the board's serial port. Raises FoldcarError if there is no board, or ``port`` is not a board's."""
     from foldcar.link.stream import SERIAL_PATHS, choose_port
 
     if port is not None and not port.startswith((*SERIAL_PATHS, "COM")):
@@ -81,22 +83,22 @@ def _board(port: str | None) -> str:
 
 
 def _project() -> Path:
-    """The project's folder with the firmware's sources; FoldcarError if the package is installed without them."""
+    """Return the checkout, which has the firmware's sources. Raises FoldcarError if there is no checkout."""
     project = source_tree()
     if project is None:
-        raise FoldcarError("flash: the firmware's sources are missing: use a checkout of the project")
+        raise FoldcarError("flash: the firmware's sources are missing; use a checkout of the project")
     return project
 
 
 def _pio(project: Path, target: str, port: str, data_folder: Path) -> None:
     program = pio_program()
     if program is None:
-        raise FoldcarError("flash: PlatformIO's `pio` is missing: run `make setup`")
+        raise FoldcarError("flash: PlatformIO's `pio` is missing; run `make setup`")
     command = [program, "run", "-d", str(project), "-e", "featheresp32", "-t", target, "--upload-port", port]
     # PlatformIO empties the build folder when a setting changes; the default one may contain a running sweep's carsim.
     own = {"PLATFORMIO_DATA_DIR": str(data_folder), "PLATFORMIO_BUILD_DIR": str(project / ".pio" / "flash")}
     environment = {**os.environ, **own}
-    # A session of its own, so that all of it can be ended: PlatformIO starts other programs.
+    # PlatformIO starts other programs. In a session of its own they can all be ended together.
     process = subprocess.Popen(command, env=environment, start_new_session=True)
     try:
         code = process.wait()

@@ -1,4 +1,4 @@
-"""`foldcar link`: runs a design in a sampled environment as a simulated car for any MAVLink program."""
+"""`foldcar link` simulates a car in a sampled environment and lets any MAVLink program control it."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -7,9 +7,9 @@ from typing import Annotated, Any
 import typer
 
 from foldcar.commands.listed_run import ListedRun, listed_run
-from foldcar.commands.options import Components, Engine, ExperimentId, Listing, Sample, Settings, note
+from foldcar.commands.options import Components, Engine, ExperimentId, Listing, Sample, Settings, print_note
 
-# Samples to which a host can move the car; drawing this many takes some seconds.
+# Samples that a host can choose from; drawing this many takes some seconds.
 MAX_SAMPLES = 1000
 
 
@@ -19,29 +19,29 @@ def link(
     settings: Settings = None,
     sample: Sample = 0,
     speedup: Annotated[
-        float, typer.Option(metavar="N", min=0.01, max=1000, help="Rate of simulated time relative to real time.")
+        float, typer.Option(metavar="N", min=0.01, max=1000, help="Ratio of simulated time to real time.")
     ] = 1.0,
     tcp: Annotated[
         int | None,
         typer.Option(
-            metavar="PORT", min=0, max=65535, help="A loopback TCP port instead of a pseudo-terminal; 0: any free port."
+            metavar="PORT", min=0, max=65535, help="Use a loopback TCP port, not a pseudo-terminal; 0: any free port."
         ),
     ] = None,
     reality: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="JSON of what car and ground truly are, unknown to the host."),
+        typer.Option(metavar="FILE", help="JSON file with the true parameters of car and ground, hidden from the host."),
     ] = None,
     car: Annotated[
         str | None,
-        typer.Option(metavar="NAME", help="Be the built car of that name, the same in every sample; else the sample's."),
+        typer.Option(metavar="NAME", help="Simulate one built car in all samples; default: another one in each sample."),
     ] = None,
     engine: Engine = "multibody",
     components: Components = None,
 ) -> None:
-    """Pose as a car on USB, simulated, until Ctrl-C.
+    """Simulate a car on USB until Ctrl-C.
 
-    `foldcar log` moves the car to the sample of each trial.
-    The first line printed is its port; typed lines inject faults (docs/carsim.md).
+    The first line printed is the car's port, to which `foldcar log` and other MAVLink programs connect. `foldcar log`
+    also chooses the sample for each trial. Lines that are typed inject faults (docs/carsim.md).
 
     \b
     Example: foldcar link scenarios/width_study.json --experiment 1 --set width=95
@@ -57,43 +57,43 @@ def link(
     from foldcar.store.trial_records import checked_name
 
     built = None if car is None else checked_name(car, "--car")
-    one = listed_run(listing, experiment, settings, sample, engine)
-    if built is not None and reality is None and not one.experiment.variation:
-        note(f"experiment {one.experiment.id} has no variation: {built} is as designed, like every other car")
-    values = None if reality is None else read_reality(reality, engine)
-    others = (k for k in range(min(one.experiment.environments, MAX_SAMPLES)) if k != sample)
-    worlds = [_world(one, k, values, built) for k in (sample, *others)]
-    # carsim ends when its reader does: see sim2d/src/reader_watch.h.
-    design, stdin = car_json(one.design), sys.stdin.fileno()
+    run = listed_run(listing, experiment, settings, sample, engine)
+    if built is not None and reality is None and not run.experiment.variation:
+        print_note(f"experiment {run.experiment.id} has no variation: {built} has the nominal body, as all cars have")
+    real_values = None if reality is None else read_reality(reality, engine)
+    others = (k for k in range(min(run.experiment.environments, MAX_SAMPLES)) if k != sample)
+    cars_and_scenes = [_car_and_scene(run, k, real_values, built) for k in (sample, *others)]
+    # carsim ends when the process that reads its output ends: see sim2d/src/reader_watch.h.
+    design, stdin = car_json(run.design), sys.stdin.fileno()
     with (
-        simulated_car(one.carsim.command, worlds, design, speedup, tcp, stdin) as linked,
+        simulated_car(run.carsim.command, cars_and_scenes, design, speedup, tcp, stdin) as linked,
         message_on_signal(lambda: "ended"),
     ):
         typer.echo(linked.port)
-        if one.side_view_note:
-            typer.echo(one.side_view_note, err=True)
-        typer.echo(f"{one.design.type} in sample {sample}; Ctrl-C ends", err=True)
+        if run.side_view_note:
+            typer.echo(run.side_view_note, err=True)
+        typer.echo(f"{run.design.type} in sample {sample}; Ctrl-C ends", err=True)
         assert linked.process.stdout is not None and linked.process.stderr is not None
         for line in linked.process.stdout:
-            # A new port after an unplugged cable, or the answer to an injected fault.
+            # carsim prints a new port after an unplugged cable, and an answer to each injected fault.
             typer.echo(json.loads(line).get("port", line.rstrip("\n")))
         messages = linked.process.stderr.read().strip().splitlines()
         code = linked.process.wait()
     if code != 0:
-        raise CarsimError(f"{one.carsim.binary} link: {messages[-1] if messages else f'exit code {code}'}")
+        raise CarsimError(f"{run.carsim.binary} link: {messages[-1] if messages else f'exit code {code}'}")
 
 
-def _world(one: ListedRun, k: int, reality: Mapping[str, float] | None, car: str | None) -> tuple[Any, Any]:
-    """Body and scene of sample ``k``, as they are in ``reality``; the scene's id is the one that `foldcar log` expects.
+def _car_and_scene(run: ListedRun, k: int, reality: Mapping[str, float] | None, car: str | None) -> tuple[Any, Any]:
+    """Return body and scene of sample ``k`` with the parameters of ``reality``. `foldcar log` expects the scene's id.
 
-    The name of a built ``car`` draws what belongs to the car; without one it is the sample's.
+    The variation is that of the built ``car`` of this name. If it is None, it is the sample's own.
     """
     from foldcar.inference.calibration.environment import real_run
     from foldcar.scenes.fingerprint import scene_name
 
-    scene, limits = one.environment.sample(k), one.carsim.limits().numbers
+    scene, limits = run.environment.sample(k), run.carsim.limits().numbers
     if reality is None:
-        body, true_scene = one.body_in(k, car), scene
+        body, true_scene = run.body_in(k, car), scene
     else:
-        body, true_scene = real_run(one.experiment, one.nominal, scene, reality, k, limits, car)
+        body, true_scene = real_run(run.experiment, run.nominal, scene, reality, k, limits, car)
     return body, {**true_scene, "id": scene_name(scene, k)}

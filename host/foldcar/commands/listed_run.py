@@ -1,4 +1,4 @@
-"""What commands name of a listing: designs of a vehicle, or one run of an experiment in a sample of its environment."""
+"""Finds what a command's options name in a listing: designs of a vehicle, or a run of an experiment in a sample."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ListedRun:
-    """``nominal`` is the body of the design, ``body`` that of the built car, which differs from it by ``variation``."""
+    """A run that options name. ``nominal`` is the design's body; ``body`` is the built car's, with its ``variation``."""
 
     carsim: "Carsim"
     experiment: "Experiment"
@@ -35,30 +35,30 @@ class ListedRun:
 
     @property
     def name(self) -> str:
-        """What messages call it."""
+        """The run's name in messages."""
         return f"experiment {self.experiment.id}, sample {self.sample}"
 
     @property
     def side_view_note(self) -> str:
-        """What the side view cannot know of the run's experiment, "" if nothing or in another engine."""
+        """A note on what the side-view engine cannot simulate of the run; "" if nothing, or with another engine."""
         from foldcar.simulation.engines import ENGINES, SIDE_VIEW
         from foldcar.store.info import unlike_sides_text
-        from foldcar.study.unlike_sides import beyond_side_view
+        from foldcar.study.side_view_check import side_view_limits
 
         if self.carsim.engine != ENGINES[SIDE_VIEW].title:
             return ""
-        unlike = beyond_side_view(self.carsim, self.experiment, self.environment)
+        unlike = side_view_limits(self.carsim, self.experiment, self.environment)
         return f"note: {unlike_sides_text(unlike)}" if unlike else ""
 
     def with_design(self, design: "Design") -> "ListedRun":
-        """The run of another design in the same environment, built with the same differences."""
+        """Return the run of another design in the same environment, with the same variation."""
         from foldcar.car.body import body_json
 
         listed = replace(self, design=design, nominal=body_json(design))
         return replace(listed, body=listed._varied(self.variation))
 
     def body_in(self, sample: int, car: str | None = None) -> dict[str, Any]:
-        """The body in another sample: of the built ``car`` of that name, else of the sample's own car."""
+        """Return the body in another sample: of the built ``car`` of that name, or else of the sample's own car."""
         from foldcar.car.variation import draw, named_car
 
         experiment = self.experiment
@@ -75,22 +75,22 @@ class ListedRun:
 def listed_run(
     listing: Path, experiment: str, settings: Sequence[str] | None, sample: int, engine: str = "multibody"
 ) -> ListedRun:
-    """The run of those options; FoldcarError if they name no single design or the program is at fault."""
+    """Return the run that the options name. Raises FoldcarError unless they name one design and the program works."""
     from foldcar.simulation.carsim import Carsim
     from foldcar.study.environments import Environment
     from foldcar.study.experiments import read_study
 
-    (chosen,) = read_study(listing, experiment).experiments
-    design = chosen.family.narrowed(design_settings(settings)).single()
-    environment = Environment(chosen)
+    (listed_experiment,) = read_study(listing, experiment).experiments
+    design = listed_experiment.family.narrowed(design_settings(settings)).single()
+    environment = Environment(listed_experiment)
     variation, scene = environment.variation(sample), environment.sample(sample)
     carsim = Carsim(engine=engine)
-    return ListedRun(carsim, chosen, design, environment, {}, variation, {}, scene, sample).with_design(design)
+    return ListedRun(carsim, listed_experiment, design, environment, {}, variation, {}, scene, sample).with_design(design)
 
 
 @dataclass(frozen=True)
 class SimulatedRun:
-    """The parts of a run of docs/carsim.md."""
+    """The input of a run, as docs/carsim.md describes it."""
 
     label: str
     body: Mapping[str, Any]
@@ -99,7 +99,7 @@ class SimulatedRun:
     sample: int
 
     def by(self, runner: "Runner", **more: float) -> dict[str, Any]:
-        """The runner's answer; ``more`` is added to the settings."""
+        """Return the runner's answer; ``more`` is added to the settings."""
         from foldcar.simulation.runner import RunRequest
         from foldcar.store.writer import canonical_json
 
@@ -112,9 +112,9 @@ class SimulatedRun:
         return answer
 
     def path(self, carsim: "Carsim", answer: Mapping[str, Any], wanted: object) -> list[list[float]]:
-        """The car's path, simulated by a batch; where the Scenic program ended the run, the path ends.
+        """Simulate the car's path. It ends where the Scenic program ended the run.
 
-        FoldcarError that names ``wanted`` if the run failed.
+        Raises FoldcarError if the run failed; the message begins with ``wanted``.
         """
         from foldcar.simulation.runner import PATH_INTERVAL_S
 
@@ -125,36 +125,37 @@ class SimulatedRun:
 
 
 def simulated_run(listed: ListedRun) -> tuple[SimulatedRun, dict[str, Any]]:
-    """The run, and its answer by the runner of its environment. FoldcarError."""
+    """Return the run's input, and the answer of its environment's runner. Raises FoldcarError."""
     settings = listed.experiment.settings(listed.design, listed.nominal, listed.carsim.parameter_table())
-    one = SimulatedRun(listed.name, listed.body, listed.scene, settings, listed.sample)
+    run = SimulatedRun(listed.name, listed.body, listed.scene, settings, listed.sample)
     with listed.environment.runner(listed.carsim, listed.environment.dynamic) as runner:
-        return one, one.by(runner)
+        return run, run.by(runner)
 
 
 def listed_families(
     listing: Path, vehicle: str | None, settings: Sequence[str] | None, every: bool = True
 ) -> "tuple[Listing, list[Family]]":
-    """The listing, and those designs of the vehicle that have the settings (NAME=MM).
+    """Return the listing, and the vehicle's designs that have the settings (NAME=MM).
 
-    Without ``vehicle`` those of ``every`` one, or of the only one. FoldcarError if there is no such vehicle or value.
+    If ``vehicle`` is None, ``every`` vehicle's designs are returned, or those of the only one. Raises FoldcarError if
+    there is no such vehicle or value.
     """
     from foldcar.study.family import read_family
     from foldcar.study.listing_file import read_listing
 
-    listed, _ = read_listing(listing)
-    known = ", ".join(listed.vehicles)
-    if vehicle is None and not every and len(listed.vehicles) != 1:
-        raise FoldcarError(f"{listing}: vehicles: has several; choose one with --vehicle: {known}")
-    if vehicle is not None and vehicle not in listed.vehicles:
-        close = did_you_mean(vehicle, listed.vehicles)
-        raise FoldcarError(f'{listing}: vehicles: has no "{vehicle}"; known: {known}{close}')
-    chosen = design_settings(settings)
-    names = list(listed.vehicles) if vehicle is None else [vehicle]
-    return listed, [read_family(listing, name, listed.vehicles[name]).narrowed(chosen) for name in names]
+    listing_data, _ = read_listing(listing)
+    vehicle_names = ", ".join(listing_data.vehicles)
+    if vehicle is None and not every and len(listing_data.vehicles) != 1:
+        raise FoldcarError(f"{listing}: has several vehicles; choose one with --vehicle: {vehicle_names}")
+    if vehicle is not None and vehicle not in listing_data.vehicles:
+        close = did_you_mean(vehicle, listing_data.vehicles)
+        raise FoldcarError(f'{listing}: has no vehicle "{vehicle}"; known: {vehicle_names}{close}')
+    choices = design_settings(settings)
+    names = list(listing_data.vehicles) if vehicle is None else [vehicle]
+    return listing_data, [read_family(listing, name, listing_data.vehicles[name]).narrowed(choices) for name in names]
 
 
 def listed_family(listing: Path, vehicle: str | None, settings: Sequence[str] | None) -> "tuple[Listing, Family]":
-    """The same of one vehicle, which may be None if the listing has only one."""
-    listed, (family,) = listed_families(listing, vehicle, settings, every=False)
-    return listed, family
+    """Return the listing and the designs of one vehicle, which may be None if the listing has only one."""
+    listing_data, (family,) = listed_families(listing, vehicle, settings, every=False)
+    return listing_data, family

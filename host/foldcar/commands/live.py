@@ -1,4 +1,4 @@
-"""The page that is served while a store is written: of `report --live`, and beside a sweep, in a process of its own."""
+"""Serves a live page while a store is written: by `report --live`, or beside a sweep in another process."""
 
 import os
 import subprocess
@@ -12,65 +12,65 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from foldcar.commands.options import note, tell
+from foldcar.commands.options import print_note, print_result
 from foldcar.errors import FoldcarError
 from foldcar.installation import python_command
 
 if TYPE_CHECKING:
     from foldcar.report.live import LiveStudy, PageServer
 
-# The same at each start, so that an open page goes on when a sweep is resumed.
+# Always the same port, so that an open page continues when a sweep is resumed.
 PORT = 8377
 LivePort = Annotated[
     int | None,
     typer.Option(
-        "--port", metavar="N", min=0, max=65535, help=f"Port of --live on 127.0.0.1; default {PORT}, 0: a free one."
+        "--port", metavar="N", min=0, max=65535, help=f"Port of --live on 127.0.0.1; default: {PORT}; 0: any free port."
     ),
 ]
-# So long a sweep waits for a port that the page of the one before may still have, and for its page's end (s).
-PATIENCE_S, END_S = 10.0, 20.0
-# Simulators go first.
+# How long a sweep waits for the port, which an earlier page may still use, and for its page to end.
+PORT_TIMEOUT_S, END_TIMEOUT_S = 10.0, 20.0
+# Simulators get processor time first.
 NICENESS = 10
 
 
 def serve(study: "LiveStudy", title: str, port: int, beside_sweep: bool, as_json: bool) -> None:
-    """Serve the page of ``study`` until a signal, or, ``beside_sweep``, until standard input ends."""
+    """Serve the page of ``study`` until a signal. If ``beside_sweep``, serve it until standard input ends."""
     from foldcar.figures.page import web_page
     from foldcar.interrupts import message_on_signal
 
-    ended = threading.Event()
-    data = {"title": title, "notes": "", "experiments": [], "live": True}
-    page = web_page("foldcar.report", "study", data=data, blobs={})
+    sweep_ended = threading.Event()
+    page_data = {"title": title, "notes": "", "experiments": [], "live": True}
+    page = web_page("foldcar.report", "study", data=page_data, blobs={})
     with (
-        _server(page, study, port, PATIENCE_S if beside_sweep else 0.0) as server,
+        _server(page, study, port, PORT_TIMEOUT_S if beside_sweep else 0.0) as server,
         message_on_signal(lambda: f"foldcar: {server.url} is closed"),
     ):
-        tell(as_json, {"url": server.url}, f"{server.url} (until Ctrl-C)")
+        print_result(as_json, {"url": server.url}, f"{server.url} (until Ctrl-C)")
         sys.stdout.flush()
         if hasattr(os, "nice"):
             os.nice(NICENESS)
         threading.Thread(target=server.serve_forever, daemon=True).start()
         if beside_sweep:
-            threading.Thread(target=_wait_for_end, args=(ended,), daemon=True).start()
-        study.follow(ended.is_set)
+            threading.Thread(target=_wait_for_end, args=(sweep_ended,), daemon=True).start()
+        study.follow(sweep_ended.is_set)
         server.shutdown()
 
 
-def _server(page: str, study: "LiveStudy", port: int, patience_s: float) -> "PageServer":
+def _server(page: str, study: "LiveStudy", port: int, timeout_s: float) -> "PageServer":
     from foldcar.report.live import PageServer
 
-    until = time.monotonic() + patience_s
+    deadline_s = time.monotonic() + timeout_s
     while True:
         try:
             return PageServer(page, study.poll, port)
         except FoldcarError:
-            if time.monotonic() >= until:
+            if time.monotonic() >= deadline_s:
                 raise
         time.sleep(0.1)
 
 
 def _wait_for_end(ended: threading.Event) -> None:
-    """Standard input ends when the sweep does, however it ends."""
+    """Set ``ended`` when standard input ends, which it does when the sweep ends in any way."""
     while os.read(0, 1024):
         pass
     ended.set()
@@ -78,12 +78,12 @@ def _wait_for_end(ended: threading.Event) -> None:
 
 @contextmanager
 def served_beside(store: Path, port: int) -> Iterator[None]:
-    """Within ``with``, another process serves the store's page; after it, until an open page has the last of it.
+    """Serve the store's page in another process during the block, and until an open page has all data.
 
-    Exit code 2 if it cannot serve, which it has said itself then.
+    Exits with code 2 if the page cannot be served; the other process has printed why.
     """
     words = ("report", "--live", "--beside-sweep", "--port", str(port), "--", str(store))
-    # In a session of its own: Ctrl-C is the sweep's.
+    # In a session of its own, so that Ctrl-C stops the sweep only.
     with subprocess.Popen(
         python_command("foldcar.cli", *words), stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True
     ) as process:
@@ -91,12 +91,12 @@ def served_beside(store: Path, port: int) -> Iterator[None]:
         url = process.stdout.readline().decode().partition(" ")[0].strip()
         if not url:
             raise typer.Exit(2)
-        note(f"live page: {url}")
+        print_note(f"live page: {url}")
         try:
             yield
         finally:
             process.stdin.close()
             try:
-                process.wait(END_S)
+                process.wait(END_TIMEOUT_S)
             except subprocess.TimeoutExpired:
                 process.kill()

@@ -1,4 +1,4 @@
-"""`foldcar log`: drives trials of a built car over USB; logs each and stores it beside the simulated runs."""
+"""`foldcar log` drives trials of a built car over USB, logs them and stores them beside the simulated runs."""
 
 from collections.abc import Collection
 from pathlib import Path
@@ -8,9 +8,9 @@ import typer
 
 from foldcar.commands.options import Components, ExperimentId, Listing, Port, Settings, design_settings, output_store
 from foldcar.errors import FoldcarError
-from foldcar.study.limits import MOST_ENVIRONMENTS
+from foldcar.study.limits import MAX_ENVIRONMENTS
 
-MOST_COUNTDOWN_S = 60
+MAX_COUNTDOWN_S = 60
 
 
 def log(
@@ -19,7 +19,9 @@ def log(
     port: Port = None,
     store: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", callback=output_store, help="Store for the trials; default: as LISTING, but .db."),
+        typer.Option(
+            metavar="FILE", callback=output_store, help="Store for the trials; default: LISTING's name with .db."
+        ),
     ] = None,
     settings: Settings = None,
     sample: Annotated[
@@ -27,8 +29,8 @@ def log(
         typer.Option(
             metavar="K",
             min=0,
-            max=MOST_ENVIRONMENTS - 1,
-            help="Sampled environment; default: the one with the fewest trials.",
+            max=MAX_ENVIRONMENTS - 1,
+            help="Number of the sampled environment; default: one with the fewest trials.",
         ),
     ] = None,
     trials: Annotated[int | None, typer.Option(metavar="N", min=1, help="Stop after N trials.")] = None,
@@ -37,37 +39,37 @@ def log(
         typer.Option(metavar="TEXT", help='Measured deviation, "NAME X_MM Y_MM [HEADING_DEG]"; may be repeated.'),
     ] = None,
     outcome: Annotated[
-        str | None, typer.Option(metavar="OUTCOME", help="Outcome of the trials, instead of asking.")
+        str | None, typer.Option(metavar="OUTCOME", help="Outcome of all trials; default: ask after each.")
     ] = None,
-    note: Annotated[str | None, typer.Option(metavar="TEXT", help="Note on the trials, instead of asking.")] = None,
+    note: Annotated[str | None, typer.Option(metavar="TEXT", help="Note on all trials; default: ask.")] = None,
     car: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Which built car of its design it is; nameless ones count as one.")
+        str | None, typer.Option(metavar="NAME", help="Name of the built car; cars without a name count as one car.")
     ] = None,
-    operator: Annotated[str, typer.Option(metavar="NAME", help="The driver's name; stored with each trial.")] = "",
+    operator: Annotated[str, typer.Option(metavar="NAME", help="The driver's name, stored with each trial.")] = "",
     countdown: Annotated[
-        int, typer.Option(metavar="S", min=0, max=MOST_COUNTDOWN_S, help="Seconds before the start.")
+        int, typer.Option(metavar="S", min=0, max=MAX_COUNTDOWN_S, help="Seconds before the start.")
     ] = 3,
     untethered: Annotated[
-        bool, typer.Option("--untethered", help="Drive without the cable; the car keeps the log.")
+        bool, typer.Option("--untethered", help="Drive without the USB cable; the car keeps the log.")
     ] = False,
     any_build: Annotated[
-        bool, typer.Option("--any-build", help="Drive even if the firmware's build is not the simulated one.")
+        bool, typer.Option("--any-build", help="Drive even if the firmware's build differs from the simulated one.")
     ] = False,
-    yes: Annotated[bool, typer.Option("--yes", help="Ask nothing: take every question's default answer.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="Ask no questions; use the default answers.")] = False,
     course: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="A camera's course.json: the picture shows where its markers lie."),
+        typer.Option(metavar="FILE", help="course.json for a camera; the picture shows where to lay its markers."),
     ] = None,
     media: Annotated[
         Path | None,
-        typer.Option(metavar="DIR", help="A folder; photos and films that appear there are kept with their trials."),
+        typer.Option(metavar="DIR", help="Folder to watch: new photos and films are attached to the current trial."),
     ] = None,
     components: Components = None,
 ) -> None:
-    """Drive trials with a car on USB and keep them.
+    """Drive trials with a car on USB and store them.
 
-    The car moves only after the countdown, and stops after any error. After each trial its outcome can be changed, and
-    the trial driven again; at the end it says what the trials have told.
+    The car moves only after the countdown, and stops at any error. After each trial you can change its outcome or drive
+    it again. At the end, the trials are compared with the simulation, and the next design is recommended.
 
     \b
     Example: foldcar log scenarios/width_study.json --experiment 1 --store study.db
@@ -80,7 +82,7 @@ def log(
     if outcome is not None and outcome not in TRIAL_OUTCOMES:
         raise FoldcarError(f"--outcome {outcome}: not one of {', '.join(TRIAL_OUTCOMES)}")
     if media is not None and not media.is_dir():
-        raise FoldcarError(f"--media {media}: is no folder")
+        raise FoldcarError(f"--media {media}: not a folder")
     store = store or Path(f"{listing.stem}.db")
     options = SessionOptions(
         listing=listing,
@@ -101,7 +103,7 @@ def log(
         course=None if course is None else read_course(course),
         media_folder=media,
     )
-    with message_on_signal(lambda: f"stopped: the driven trials are in {store}"):
+    with message_on_signal(lambda: f"stopped: the trials driven so far are in {store}"):
         session = Session(options)
         session.run(port)
         typer.echo(f"{len(session.driven)} trials; store: {store}")
@@ -110,7 +112,7 @@ def log(
 
 
 def _print_session(store: Path, numbers: Collection[int]) -> None:
-    """Print what the trials ``numbers`` of one experiment were, and what `compare` and `select` say with them."""
+    """Print the outcomes of the trials ``numbers`` of one experiment, and what `compare` and `select` conclude."""
     from foldcar.commands.progress_bar import working
     from foldcar.inference.comparison import compare_evidence
     from foldcar.inference.evidence import read_evidence, swept_ids
@@ -120,26 +122,31 @@ def _print_session(store: Path, numbers: Collection[int]) -> None:
     from foldcar.store.reader import Store
     from foldcar.store.trial_records import BUILT, SIMULATED
 
-    with Store.open(store) as opened, working("weighing the trials"):
-        mine = [trial for trial in opened.trials() if trial.id in numbers]
-        experiment = mine[0].experiment
-        # Trials of simulated cars are weighed, as such, where there are no others.
-        counted = SIMULATED if all(trial.standing != BUILT for trial in mine) else BUILT
-        swept = experiment in swept_ids(opened)
-        evidence = read_evidence(opened, experiment, counted == SIMULATED) if swept else []
-        compared, selections = compare_evidence(evidence), select_evidence(evidence, with_cost=False)
-        if counted == BUILT:
-            selections = [measure_first(opened, selection) for selection in selections]
-    completed = [trial for trial in mine if trial.standing == counted and trial.completed]
-    passed, others = sum(trial.outcome == "passed" for trial in completed), len(mine) - len(completed)
-    more = f"; {count(others, 'more trial')} aborted or withdrawn" if others else ""
-    lines = [f"This session: {passed} of {len(completed)} passed in experiment {experiment}{more}"]
-    if counted == SIMULATED:
-        lines.append("SIMULATED trials: they count in no rate of built cars.")
-    driven = [trial.design for trial in mine]
-    rows = [row for one in compared.experiments for row in one.designs if row.design in driven]
+    with Store.open(store) as reader, working("evaluating the trials"):
+        session_trials = [trial for trial in reader.trials() if trial.id in numbers]
+        experiment = session_trials[0].experiment
+        # Trials of simulated cars are evaluated only if there are no others.
+        standing = SIMULATED if all(trial.standing != BUILT for trial in session_trials) else BUILT
+        is_swept = experiment in swept_ids(reader)
+        evidence = read_evidence(reader, experiment, standing == SIMULATED) if is_swept else []
+        comparison, selections = compare_evidence(evidence), select_evidence(evidence, with_cost=False)
+        if standing == BUILT:
+            selections = [measure_first(reader, selection) for selection in selections]
+    completed = [trial for trial in session_trials if trial.standing == standing and trial.completed]
+    passed, uncounted = sum(trial.outcome == "passed" for trial in completed), len(session_trials) - len(completed)
+    uncounted_text = f"; {count(uncounted, 'more trial')} aborted or withdrawn" if uncounted else ""
+    lines = [f"This session: {passed} of {len(completed)} passed in experiment {experiment}{uncounted_text}"]
+    if standing == SIMULATED:
+        lines.append("SIMULATED trials: they do not count in the rates of built cars.")
+    driven_designs = [trial.design for trial in session_trials]
+    rows = [
+        row
+        for experiment_comparison in comparison.experiments
+        for row in experiment_comparison.designs
+        if row.design in driven_designs
+    ]
     lines += [f"{row.label}: {row.verdict or 'nothing to compare'}" for row in rows]
-    if not swept:
+    if not is_swept:
         lines.append(f"Experiment {experiment} was not swept in {store}: there is no simulation to compare with.")
     for selection in selections:
         lines += [selection.sentence, *(remark for remark in selection.remarks if remark.startswith(MEASURE))]

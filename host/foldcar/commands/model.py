@@ -1,11 +1,20 @@
-"""`foldcar model`: writes a car of a listing in the file format of another simulator."""
+"""`foldcar model` writes a car of a listing in the file format of another simulator."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from foldcar.commands.options import Components, Json, Listing, OutputFolder, Sample, Settings, design_settings, tell
+from foldcar.commands.options import (
+    Components,
+    Json,
+    Listing,
+    OutputFolder,
+    Sample,
+    Settings,
+    design_settings,
+    print_result,
+)
 from foldcar.errors import FoldcarError
 
 if TYPE_CHECKING:
@@ -14,7 +23,7 @@ if TYPE_CHECKING:
     from foldcar.study import listing as listings
 
 FORMATS = ("mjcf", "urdf", "webots")
-# Of a car that no experiment of the listing drives.
+# The time limit of a car that no experiment of the listing drives.
 TIME_LIMIT_S = 120.0
 
 
@@ -25,15 +34,15 @@ def model(
     output: OutputFolder,
     settings: Settings = None,
     environment: Annotated[
-        str | None, typer.Option(metavar="ID", help="Environment of the listing for the car's surroundings.")
+        str | None, typer.Option(metavar="ID", help="Environment of the listing to put the car in.")
     ] = None,
     sample: Sample = 0,
     components: Components = None,
     as_json: Json = False,
 ) -> None:
-    """Write one car for MuJoCo, URDF's readers or Webots.
+    """Write a car for MuJoCo, URDF readers or Webots.
 
-    MJCF, URDF, or a Webots PROTO with its world and controller. Files are named after car and sample.
+    The files are MJCF, URDF, or a Webots PROTO with its world and controller. They are named after car and sample.
 
     \b
     Example: foldcar model scenarios/width_study.json --vehicle 1 --set width=95 --to mjcf -o models
@@ -48,13 +57,13 @@ def model(
         raise FoldcarError(f"--to {to}: not one of {', '.join(FORMATS)}")
     if to == "urdf" and environment is not None:
         raise FoldcarError("--environment: URDF describes robots only; leave it out or choose mjcf or webots")
-    listed, family = listed_family(listing, vehicle, [])
-    chosen = design_settings(settings)
-    varied = [key for key, values in family.choices.items() if len(values) > 1]
-    design = family.narrowed(chosen).single()
+    listing_data, family = listed_family(listing, vehicle, [])
+    chosen_settings = design_settings(settings)
+    varied_keys = [key for key, values in family.choices.items() if len(values) > 1]
+    design = family.narrowed(chosen_settings).single()
     body = body_json(design)
-    car = car_name(vehicle, {key: design.values[key] for key in varied} | chosen)
-    scene = _scene(listing, listed, environment, sample)
+    car = car_name(vehicle, {key: design.values[key] for key in varied_keys} | chosen_settings)
+    scene = _scene(listing, listing_data, environment, sample)
     surroundings = f"_{scene_name(environment, sample)}" if environment is not None else ""
     files = {}
     if to == "mjcf":
@@ -76,7 +85,7 @@ def model(
         from foldcar.simulation.heights import carsim_heights
 
         grid = smooth_ground(scene, carsim_heights(Carsim())) if scene is not None else None
-        file = listed.environments[environment].wbt_filename if environment is not None else None
+        file = listing_data.environments[environment].wbt_filename if environment is not None else None
         prefix = f"{Path(file).stem}_" if file else ""
         controller = f"controllers/{CONTROLLER}"
         drive = f"{car}{surroundings}"
@@ -84,7 +93,9 @@ def model(
             f"protos/{car}.proto": webots_proto(body, car, f"{design.type}, {design_text(design.columns)}"),
             f"worlds/{prefix}{drive}.wbt": webots_world(body, car, scene, grid, drive),
             f"{controller}/{CONTROLLER}.py": controller_program(),
-            f"{controller}/{drive}.json": controller_drive(body, *_drive(listing, listed, vehicle, environment, design)),
+            f"{controller}/{drive}.json": controller_drive(
+                body, *_drive(listing, listing_data, vehicle, environment, design)
+            ),
         }
     make_output_folder(output)
     for name, text in files.items():
@@ -93,7 +104,7 @@ def model(
         with atomic_file(target) as binary:
             binary.write(text.encode())
     written = [output / name for name in files]
-    tell(as_json, {"files": written}, *written)
+    print_result(as_json, {"files": written}, *written)
 
 
 def _drive(
@@ -113,8 +124,8 @@ def _drive(
         "time_limit_s": TIME_LIMIT_S,
         "parameters": firmware_parameters(design, body),
     }
-    for name, one in listed.experiments.items():
-        if one.veh_id == vehicle and environment in (None, one.env_id):
+    for name, experiment_entry in listed.experiments.items():
+        if experiment_entry.veh_id == vehicle and environment in (None, experiment_entry.env_id):
             (experiment,) = read_study(file, name).experiments
             settings = experiment.settings(design, body, carsim.parameter_table())
             break
@@ -122,18 +133,18 @@ def _drive(
     return pulses, carsim.limits().trial.settling_s
 
 
-def _scene(file: Path, listed: "listings.Listing", environment: str | None, sample: int) -> dict[str, Any] | None:
-    """The environment's sample."""
+def _scene(file: Path, listing_data: "listings.Listing", environment: str | None, sample: int) -> dict[str, Any] | None:
+    """Return the environment's sample; None if there is no environment."""
     if environment is None:
         return None
     from foldcar.scenes.source import open_environment
 
-    if environment not in listed.environments:
-        known = ", ".join(listed.environments)
-        raise FoldcarError(f'{file}: environments: has no "{environment}"; known: {known}')
-    one = listed.environments[environment]
-    program = file.parent / one.scenic_filename
+    if environment not in listing_data.environments:
+        known = ", ".join(listing_data.environments)
+        raise FoldcarError(f'{file}: has no environment "{environment}"; known: {known}')
+    entry = listing_data.environments[environment]
+    program = file.parent / entry.scenic_filename
     if not program.is_file():
         raise FoldcarError(f"{file}: environments.{environment}.scenic_filename: {program} is not a file")
-    condition = one.condition.model_dump(exclude_none=True) if one.condition else None
-    return open_environment(program, dict(one.scenic_params), one.seed, condition).sample(sample)
+    condition = entry.condition.model_dump(exclude_none=True) if entry.condition else None
+    return open_environment(program, dict(entry.scenic_params), entry.seed, condition).sample(sample)

@@ -1,4 +1,4 @@
-"""`foldcar new`: a small project to start from, or the files of an example that the documentation names."""
+"""`foldcar new` writes a small project to start from, or the files of an example of the documentation."""
 
 import shlex
 import shutil
@@ -8,14 +8,14 @@ from typing import Annotated
 
 import typer
 
-from foldcar.commands.options import Json, tell
+from foldcar.commands.options import Json, print_result
 from foldcar.errors import FoldcarError
 from foldcar.installation import PACKAGE, source_tree
 from foldcar.outputs import make_output_folder
 
 FILES = ("README.md", "study.json", "yard.scenic")
-FIRST = ("foldcar sweep study.json --store yard.db", "foldcar report yard.db -o report")
-# Files with their places in a checkout, so that the documentation's commands hold; then what to type.
+FIRST_COMMANDS = ("foldcar sweep study.json --store yard.db", "foldcar report yard.db -o report")
+# Each example: its files, with the paths of a checkout so that the documentation's commands work, and its commands.
 STUDY = ("scenarios/width_study.json", "scenarios/step_pyramids.scenic", "scenarios/published_trials.csv")
 EXAMPLES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "width_study": (
@@ -45,26 +45,26 @@ EXAMPLES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 
 
 def new(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder to make; an empty one may be there.")],
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder to create; it may exist if it is empty.")],
     example: Annotated[
-        str | None, typer.Option(metavar="NAME", help=f"Write an example's files instead: {', '.join(EXAMPLES)}.")
+        str | None, typer.Option(metavar="NAME", help=f"Write the files of this example: {', '.join(EXAMPLES)}.")
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Make a small project to start from.
+    """Create a small project to start from.
 
-    A family of cars, an environment, and a README on what to type. With --example the files that the documentation's
-    commands name.
+    The project has a family of cars, an environment, and a README with the next commands. With --example, the folder
+    gets the files that the documentation's commands use.
 
     \b
     Example: foldcar new yard
              foldcar new study --example width_study
     """
     if example is not None and example not in EXAMPLES:
-        raise FoldcarError(f"--example: there is no {example}; there are {', '.join(EXAMPLES)}")
+        raise FoldcarError(f"--example {example}: unknown example; choose one of {', '.join(EXAMPLES)}")
     if folder.is_dir() and any(folder.iterdir()):
         raise FoldcarError(f"{folder}: is not empty; name a new folder")
-    names, commands = (FILES, FIRST) if example is None else EXAMPLES[example]
+    names, commands = (FILES, FIRST_COMMANDS) if example is None else EXAMPLES[example]
     place = files("foldcar.study") / "starter" if example is None else source_tree() or PACKAGE / "examples"
     try:
         contents = {name: (place / name).read_bytes() for name in names}
@@ -82,12 +82,12 @@ def new(
         raise FoldcarError(f"{folder}: cannot be written: {error.strerror or error}") from error
     lines = [f"{folder}: {', '.join(names)}; now type:", f"  cd {shlex.quote(str(folder))}"]
     lines += [f"  {command}" for command in commands]
-    tell(as_json, {"folder": folder, "files": [folder / name for name in names]}, *lines)
+    print_result(as_json, {"folder": folder, "files": [folder / name for name in names]}, *lines)
 
 
 def _remove(folder: Path, made: bool) -> None:
-    """All that was written: the folder was empty."""
-    for one in folder.iterdir():
-        shutil.rmtree(one) if one.is_dir() else one.unlink()
+    """Remove everything in ``folder``, which was empty before, and the folder itself if it was ``made``."""
+    for entry in folder.iterdir():
+        shutil.rmtree(entry) if entry.is_dir() else entry.unlink()
     if made:
         folder.rmdir()

@@ -1,4 +1,4 @@
-"""`foldcar optimize`: searches the best designs of a family, simulating those that are worth a look."""
+"""`foldcar optimize` searches a family for its best designs and simulates only promising ones."""
 
 from enum import Enum
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -17,20 +17,20 @@ from foldcar.commands.options import (
     UnderCalibration,
     check_scheduler_option,
     command_line,
+    print_result,
     simulators,
-    tell,
 )
 from foldcar.errors import FoldcarError
-from foldcar.study.limits import MOST_ENVIRONMENTS
+from foldcar.study.limits import MAX_ENVIRONMENTS
 
 if TYPE_CHECKING:
     from foldcar.study.search.search import Found
 
-MOST_DESIGNS = 100_000
+MAX_DESIGNS = 100_000
 
 
 class ObjectiveName(str, Enum):
-    """What `--objective` takes."""
+    """The values of `--objective`."""
 
     success = "success"
     time = "time"
@@ -45,30 +45,32 @@ def optimize(
         list[ObjectiveName] | None,
         typer.Option(
             metavar="NAME",
-            help="success (default); time (s), failures at the limit; energy per pass (J); sheet-area "
-            "(cm²). May be repeated: then none of the best is beaten in all.",
+            help="success (default), time (s; a failure takes the time limit), energy (J per pass) or sheet-area (cm²). "
+            "May be repeated: the best designs are then the non-dominated ones.",
         ),
     ] = None,
-    designs: Annotated[int, typer.Option(metavar="N", min=1, max=MOST_DESIGNS, help="Designs to try at most.")] = 50,
+    designs: Annotated[
+        int, typer.Option(metavar="N", min=1, max=MAX_DESIGNS, help="Maximum number of designs to try.")
+    ] = 50,
     runs: Annotated[
-        int | None, typer.Option(metavar="N", min=1, help="Runs of tried designs at most; default: no limit.")
+        int | None, typer.Option(metavar="N", min=1, help="Maximum number of runs for trying designs; default: no limit.")
     ] = None,
     environments: Environments = None,
     best: Annotated[
-        int, typer.Option(metavar="N", min=1, max=100, help="How many of the best to judge in fresh environments.")
+        int, typer.Option(metavar="N", min=1, max=100, help="Number of best designs to test in new environments.")
     ] = 3,
     fresh: Annotated[
-        int, typer.Option(metavar="N", min=1, max=MOST_ENVIRONMENTS, help="Fresh environments to judge them in.")
+        int, typer.Option(metavar="N", min=1, max=MAX_ENVIRONMENTS, help="Number of new environments to test them in.")
     ] = 200,
     sampler: Annotated[
         Literal["tpe", "nsga2", "random", "grid"],
-        typer.Option(metavar="NAME", help="How designs are chosen: tpe, nsga2, random or grid."),
+        typer.Option(metavar="NAME", help="Algorithm that proposes designs: tpe, nsga2, random or grid."),
     ] = "tpe",
     prune: Annotated[
         bool,
-        typer.Option("--prune/--no-prune", help="With one objective, leave a design early that is worse than the best."),
+        typer.Option("--prune/--no-prune", help="With one objective, stop early with designs worse than the best."),
     ] = True,
-    seed: Annotated[int, typer.Option(metavar="S", min=0, max=2**31, help="Of the sampler.")] = 0,
+    seed: Annotated[int, typer.Option(metavar="S", min=0, max=2**31, help="Random seed of the sampler.")] = 0,
     jobs: Jobs = None,
     scheduler: Scheduler = None,
     experiment: OneExperiment = None,
@@ -76,10 +78,11 @@ def optimize(
     components: Components = None,
     as_json: Json = False,
 ) -> None:
-    """Search a family of cars for the best ones.
+    """Search a family of cars for the best designs.
 
-    With far fewer runs than a sweep: tries designs in the listing's environments, then judges the best in fresh ones,
-    whose rates are what to believe. Runs are kept as a sweep's. It may be stopped at any time: the same command resumes.
+    A search needs far fewer runs than a sweep. It tries designs in the listing's environments and then tests the best
+    ones in new environments. Trust the rates in the new environments: the others are too good, because the designs were
+    chosen by them. Runs are stored as by a sweep. You may stop the search at any time; the same command resumes it.
 
     \b
     Example: foldcar optimize examples/design_space.json --store space.db --designs 60 --environments 50
@@ -94,25 +97,25 @@ def optimize(
     from foldcar.study.search.search import Found, Plan, search, searched_study
 
     check_scheduler_option(scheduler, jobs)
-    names = [one.value for one in objective or [ObjectiveName.success]]
-    if len(set(names)) < len(names):
-        raise FoldcarError(f"--objective: {', '.join(names)}: one is named twice")
+    objective_names = [name.value for name in objective or [ObjectiveName.success]]
+    if len(set(objective_names)) < len(objective_names):
+        raise FoldcarError(f"--objective: {', '.join(objective_names)}: each objective may be named only once")
     study = searched_study(read_study(listing, experiment, environments), fresh)
     study, environment_of = under_calibration(study, store, calibration)
     plan = Plan(
-        objectives=tuple(OBJECTIVES[name] for name in names),
+        objectives=tuple(OBJECTIVES[name] for name in objective_names),
         sampler=sampler,
         seed=seed,
         designs=designs,
         runs=runs,
         fresh=fresh,
         best=best,
-        prune=prune and len(names) == 1,
+        prune=prune and len(objective_names) == 1,
     )
-    found = Found(planned=designs)
+    progress = Found(planned=designs)
 
     def stopped() -> str:
-        return f"stopped: {found.designs} of {designs} designs are tried, their runs in {store}; the same command resumes"
+        return f"stopped: {progress.designs} of {designs} designs tried, runs in {store}; the same command resumes"
 
     carsim = Carsim()
     with (
@@ -120,26 +123,34 @@ def optimize(
         SearchBar("designs", designs) as bar,
         simulators(scheduler, jobs, carsim, bar.say) as places,
     ):
-        search(study, plan, store, carsim, places, command_line(), found, bar.update, environment_of)
-    chosen = study.experiments[0]
+        search(study, plan, store, carsim, places, command_line(), progress, bar.update, environment_of)
+    experiment_entry = study.experiments[0]
     if as_json:
-        tell(as_json, {"store": store, "experiment": chosen.id, "objectives": names, **_search_object(names, found)})
+        print_result(
+            as_json,
+            {
+                "store": store,
+                "experiment": experiment_entry.id,
+                "objectives": objective_names,
+                **_search_object(objective_names, progress),
+            },
+        )
     else:
-        print_search(plan, found, store, list(chosen.family.varied))
+        print_search(plan, progress, store, list(experiment_entry.family.varied))
 
 
-def _search_object(names: list[str], found: "Found") -> dict[str, Any]:
-    """What was found, by the objectives' names."""
+def _search_object(names: list[str], progress: "Found") -> dict[str, Any]:
+    """Return the result of the search as the JSON object, with values by the objectives' names."""
     counts = ("designs", "pruned", "unbuildable", "runs", "new", "exhausted")
     best = [
         {
-            "design": one.design,
-            "chosen_by": dict(zip(names, one.chosen_by, strict=True)),
+            "design": design.design,
+            "chosen_by": dict(zip(names, design.chosen_by, strict=True)),
             "fresh": {
                 name: {"value": value, "interval": interval}
-                for name, value, interval in zip(names, one.fresh, one.intervals, strict=True)
+                for name, value, interval in zip(names, design.fresh, design.intervals, strict=True)
             },
         }
-        for one in found.best
+        for design in progress.best
     ]
-    return {**{name: getattr(found, name) for name in counts}, "seconds": round(found.seconds, 3), "best": best}
+    return {**{name: getattr(progress, name) for name in counts}, "seconds": round(progress.seconds, 3), "best": best}

@@ -1,4 +1,4 @@
-"""The options and arguments that commands share, what their values mean, and how results are printed."""
+"""Options and arguments that several commands share, checks of their values, and printing of results."""
 
 import contextlib
 import json
@@ -15,7 +15,7 @@ import typer
 from foldcar.errors import FoldcarError
 from foldcar.installation import usable_processors
 from foldcar.outputs import check_output_file, check_output_folder, check_replaceable
-from foldcar.study.limits import GREATEST_SEED, MOST_ENVIRONMENTS, MOST_JOBS, checked_threshold
+from foldcar.study.limits import MAX_ENVIRONMENTS, MAX_JOBS, MAX_SEED, checked_threshold
 from foldcar.typed import decimal_number, did_you_mean
 
 if TYPE_CHECKING:
@@ -24,11 +24,11 @@ if TYPE_CHECKING:
 
 STANDARD_OUTPUT = Path("-")
 
-Json = Annotated[bool, typer.Option("--json", help="Print the result as one JSON object, and nothing else.")]
+Json = Annotated[bool, typer.Option("--json", help="Print the result as one JSON object.")]
 
 
-def tell(as_json: bool, result: Mapping[str, Any], *lines: object) -> None:
-    """Print the object in ASCII, or else the lines; paths become texts, a number that is none (NaN, infinite) null."""
+def print_result(as_json: bool, result: Mapping[str, Any], *lines: object) -> None:
+    """Print ``result`` as ASCII JSON, or else the lines. In JSON, paths become strings; NaN and infinity become null."""
     if as_json:
         typer.echo(json.dumps(_plain(result), indent=2, allow_nan=False))
     else:
@@ -36,33 +36,33 @@ def tell(as_json: bool, result: Mapping[str, Any], *lines: object) -> None:
             typer.echo(line)
 
 
-def note(text: str) -> None:
+def print_note(text: str) -> None:
     """Print a note on standard error."""
     typer.echo(f"note: {text}", err=True)
 
 
 def counts_text(counts: Mapping[str, int]) -> str:
-    """``12 runs, 3 trials``."""
+    """Return text such as ``12 runs, 3 trials``."""
     return ", ".join(f"{count} {what}" for what, count in counts.items())
 
 
 def command_line() -> str:
-    """The command as it was typed."""
+    """Return the command as the user typed it."""
     return shlex.join(["foldcar", *sys.argv[1:]])
 
 
 def _plain(value: Any) -> Any:
     if isinstance(value, Mapping):
-        return {str(key): _plain(one) for key, one in value.items()}
+        return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(one) for one in value]
+        return [_plain(item) for item in value]
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return str(value) if isinstance(value, Path) else value
 
 
 def _checked(check: Callable[[Any], object]) -> Callable[[typer.Context, Any], Any]:
-    """A callback of an option that calls ``check`` with a value, but neither without one nor for completions."""
+    """Return an option's callback that checks its value; no check without a value or while a shell completes."""
 
     def callback(context: typer.Context, value: Any) -> Any:
         if value is not None and not context.resilient_parsing:
@@ -93,22 +93,22 @@ def _check_store(store: Path) -> None:
 
 
 def _check_engine(engine: str) -> None:
-    from foldcar.simulation.engines import ENGINES, TOLD
+    from foldcar.simulation.engines import ENGINES, OFFERED
 
     if engine not in ENGINES:
-        raise typer.BadParameter(f'"{engine}" is none of {", ".join(TOLD)}{did_you_mean(engine, TOLD)}')
+        raise typer.BadParameter(f'"{engine}" is not one of {", ".join(OFFERED)}{did_you_mean(engine, OFFERED)}')
 
 
-def _check_thresholds(shares: float | Sequence[float]) -> None:
-    for share in shares if isinstance(shares, Sequence) else [shares]:
+def _check_thresholds(thresholds: float | Sequence[float]) -> None:
+    for threshold in thresholds if isinstance(thresholds, Sequence) else [thresholds]:
         try:
-            checked_threshold(share)
+            checked_threshold(threshold)
         except ValueError as error:
             raise FoldcarError(f"--threshold: {error}") from None
 
 
 def _load(files: Sequence[Path]) -> None:
-    """Register the modules before the command reads its listing."""
+    """Register the user's modules; options are parsed before the command reads its listing."""
     if files:
         from foldcar.car.user_modules import load_components
 
@@ -116,58 +116,62 @@ def _load(files: Sequence[Path]) -> None:
             load_components(file)
 
 
-# FoldcarError if the value, a file or ``-``, a store, or a folder, cannot be written.
+# These raise FoldcarError if the value (a file or ``-``, a store, a folder) cannot be written.
 output_file, output_store, output_folder = _checked(_check_file), _checked(_check_store), _checked(check_output_folder)
 thresholds_of_success = _checked(_check_thresholds)
 
 Listing = Annotated[Path, typer.Argument(metavar="LISTING", help="Experiment listing or design (JSON).")]
-StudyStore = Annotated[Path, typer.Argument(metavar="STORE", help="Store of a sweep, and of trials if there are any.")]
-TrialStore = Annotated[Path, typer.Argument(metavar="STORE", help="The store that holds the trials.")]
-TrialNumber = Annotated[int, typer.Argument(metavar="TRIAL", min=1, help="Number of a trial, as `trials list` shows it.")]
+StudyStore = Annotated[Path, typer.Argument(metavar="STORE", help="Store of a sweep and perhaps of trials.")]
+TrialStore = Annotated[Path, typer.Argument(metavar="STORE", help="Store with the trials.")]
+TrialNumber = Annotated[int, typer.Argument(metavar="TRIAL", min=1, help="Number of a trial (see `trials list`).")]
 OutputStore = Annotated[
-    Path, typer.Option("--store", metavar="FILE", callback=output_store, help="Store to write; made if it is missing.")
+    Path,
+    typer.Option(
+        "--store", metavar="FILE", callback=output_store, help="Store to write to; created if it does not exist."
+    ),
 ]
 NewStore = Annotated[
     Path,
-    typer.Option("-o", "--output", metavar="FILE", callback=output_store, help="Store to make; there must be none."),
+    typer.Option("-o", "--output", metavar="FILE", callback=output_store, help="Store to create; it must not exist."),
 ]
 OutputFolder = Annotated[
-    Path, typer.Option("-o", "--output", metavar="DIR", callback=output_folder, help="Folder for the files.")
+    Path, typer.Option("-o", "--output", metavar="DIR", callback=output_folder, help="Folder to write the files to.")
 ]
 Picture = Annotated[
     Path | None,
-    typer.Option("--plot", metavar="FILE", callback=_checked(_check_picture), help="Picture (.png, .svg, .pdf)."),
+    typer.Option("--plot", metavar="FILE", callback=_checked(_check_picture), help="Picture to draw (.png, .svg, .pdf)."),
 ]
 CsvFile = Annotated[
-    Path | None, typer.Option("--csv", metavar="FILE", callback=output_file, help="CSV file to write: a row a design.")
+    Path | None,
+    typer.Option("--csv", metavar="FILE", callback=output_file, help="CSV file to write, a row for each design."),
 ]
 ExperimentId = Annotated[str, typer.Option("--experiment", metavar="ID", help="Experiment of the listing.")]
 OneExperiment = Annotated[str | None, typer.Option("--experiment", metavar="ID", help="Only this experiment.")]
 Vehicle = Annotated[
-    str | None, typer.Option("--vehicle", metavar="ID", help="Vehicle of the listing, if it has several.")
+    str | None, typer.Option("--vehicle", metavar="ID", help="Vehicle of the listing; needed if it has several.")
 ]
 Sample = Annotated[
     int,
-    typer.Option(metavar="K", min=0, max=MOST_ENVIRONMENTS - 1, help="Number of the sampled environment and built car."),
+    typer.Option(metavar="K", min=0, max=MAX_ENVIRONMENTS - 1, help="Number of the sampled environment and car, from 0."),
 ]
 Environments = Annotated[
     int | None,
     typer.Option(
-        metavar="N", min=1, max=MOST_ENVIRONMENTS, help="Sampled environments, instead of the listing's number."
+        metavar="N", min=1, max=MAX_ENVIRONMENTS, help="Number of sampled environments; default: the listing's."
     ),
 ]
-Seed = Annotated[int, typer.Option(metavar="S", min=0, max=GREATEST_SEED, help="Of all that is random.")]
+Seed = Annotated[int, typer.Option(metavar="S", min=0, max=MAX_SEED, help="Random seed.")]
 Jobs = Annotated[
     int | None,
-    typer.Option(metavar="N", min=1, max=MOST_JOBS, help="Simulators in parallel; default: one per processor."),
+    typer.Option(metavar="N", min=1, max=MAX_JOBS, help="Simulators in parallel; default: one per processor."),
 ]
 Engine = Annotated[
     str,
     typer.Option(
         metavar="NAME",
         callback=_checked(_check_engine),
-        help="side-view (Box2D: quick, the same ground under both tracks), multibody (six degrees of freedom), or mujoco "
-        "(slow, `make mujoco` builds it).",
+        help="Physics engine: side-view (Box2D; fast; the same ground under both tracks), multibody (six degrees of "
+        "freedom) or mujoco (slow; build it with `make mujoco`).",
     ),
 ]
 Components = Annotated[
@@ -176,43 +180,48 @@ Components = Annotated[
         "--components",
         metavar="FILE",
         callback=_checked(_load),
-        help="Python file with modules of your own for type strings.",
+        help="Python file with your own modules for vehicle types.",
     ),
 ]
 Scheduler = Annotated[
     str | None,
     typer.Option(
         metavar="ADDRESS",
-        help="Simulate at the workers of a Dask scheduler, as tcp://10.0.0.1:8786; local:4 starts 4 workers here.",
+        help="Simulate on the workers of a Dask scheduler, e.g. tcp://10.0.0.1:8786; local:4 starts 4 workers here.",
     ),
 ]
 UnderCalibration = Annotated[
     str | None,
     typer.Option(
-        "--calibration", metavar="NAME", help="Simulate under this calibration of the store (see `foldcar calibrate`)."
+        "--calibration", metavar="NAME", help="Simulate with this calibration of the store (see `foldcar calibrate`)."
     ),
 ]
 Settings = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="NAME=MM", help="Choose a parameter or a part, e.g. width=95, W.length=60, tyre=none."),
+    typer.Option(
+        "--set",
+        metavar="NAME=MM",
+        help="Set a parameter (mm, degrees) or a part, e.g. width=95, W.length=60, tyre=none.",
+    ),
 ]
-Machine = Annotated[
-    str, typer.Option(metavar="NAME", help="silhouette, cricut, laser or scissors: presets for the sheets.")
+Machine = Annotated[str, typer.Option(metavar="NAME", help="Cutting machine: silhouette, cricut, laser or scissors.")]
+Sheet = Annotated[
+    str | None, typer.Option(metavar="SIZE", help="Sheet size: a4, letter, a3, 12in, 12x24in or WIDTHxHEIGHT in mm.")
 ]
-Sheet = Annotated[str | None, typer.Option(metavar="SIZE", help="a4, letter, a3, 12in, 12x24in or WIDTHxHEIGHT in mm.")]
 Port = Annotated[
     str | None, typer.Option(metavar="PORT", help="Serial port, pseudo-terminal or tcp:HOST:PORT; default: detected.")
 ]
 SimulatedTrials = Annotated[
-    bool, typer.Option("--simulated-trials", help="Also trials of simulated cars, marked as such and counted apart.")
+    bool,
+    typer.Option("--simulated-trials", help="Include trials of simulated cars; they are marked and counted separately."),
 ]
 SimulatedTrialsInstead = Annotated[
-    bool, typer.Option("--simulated-trials", help="Go by the trials of simulated cars instead of built ones.")
+    bool, typer.Option("--simulated-trials", help="Use trials of simulated cars instead of built ones.")
 ]
 
 
 def check_scheduler_option(scheduler: str | None, jobs: int | None) -> None:
-    """FoldcarError if the option's value is none, or stands beside ``--jobs``."""
+    """Raise FoldcarError if ``--scheduler`` has an invalid value, or is used with ``--jobs``."""
     if scheduler is not None:
         from foldcar.study.cluster.simulators import check_scheduler
 
@@ -221,31 +230,31 @@ def check_scheduler_option(scheduler: str | None, jobs: int | None) -> None:
 
 @contextlib.contextmanager
 def simulators(
-    scheduler: str | None, jobs: int | None, carsim: "Carsim", say: Callable[[str], None]
+    scheduler: str | None, jobs: int | None, carsim: "Carsim", print_line: Callable[[str], None]
 ) -> "Iterator[Simulators | int]":
-    """Where the command simulates: at the scheduler's workers, or in ``jobs`` simulators here. FoldcarError."""
+    """Yield the simulators to use: the scheduler's workers, or the number of local ones. Raises FoldcarError."""
     if scheduler is None:
         yield jobs or usable_processors()
         return
     from foldcar.study.cluster.simulators import open_cluster
 
-    with open_cluster(scheduler, carsim, say) as cluster:
+    with open_cluster(scheduler, carsim, print_line) as cluster:
         yield cluster
 
 
 def check_distinct(inputs: Sequence[Path], outputs: Sequence[Path | None]) -> None:
-    """FoldcarError if an output would replace a file that the command reads, or another of its outputs."""
-    taken = {file.resolve(): "is read by this command" for file in inputs}
+    """Raise FoldcarError if an output would replace an input or another output of the command."""
+    reasons = {file.resolve(): "is read by this command" for file in inputs}
     for output in outputs:
         if output is None or output == STANDARD_OUTPUT:
             continue
-        if output.resolve() in taken:
-            raise FoldcarError(f"{output}: {taken[output.resolve()]}; name another file to write")
-        taken[output.resolve()] = "is named twice"
+        if output.resolve() in reasons:
+            raise FoldcarError(f"{output}: {reasons[output.resolve()]}; name another file to write")
+        reasons[output.resolve()] = "is named twice"
 
 
 def design_settings(words: Sequence[str] | None) -> dict[str, float | str]:
-    """Parse NAME=MM words to values (mm or degrees) by parameter or names of parts by kind; FoldcarError."""
+    """Parse NAME=VALUE words: parameters with values (mm or degrees), kinds of parts with names. Raises FoldcarError."""
     from foldcar.car.parts.catalogue import OPTIONS
 
     settings: dict[str, float | str] = {}
@@ -253,8 +262,8 @@ def design_settings(words: Sequence[str] | None) -> dict[str, float | str]:
         key, equals, text = word.partition("=")
         if key in settings:
             first = settings[key]
-            shown = first if isinstance(first, str) else f"{first:g}"
-            raise FoldcarError(f"--set {word}: {key} is given twice, first as {shown}")
+            first_text = first if isinstance(first, str) else f"{first:g}"
+            raise FoldcarError(f"--set {word}: {key} is given twice, first as {first_text}")
         if equals and key in OPTIONS:
             settings[key] = text
             continue
@@ -263,16 +272,18 @@ def design_settings(words: Sequence[str] | None) -> dict[str, float | str]:
         except ValueError:
             equals = ""
         if not equals:
-            raise FoldcarError(f"--set {word}: not NAME=MM, as in --set width=95, nor a part, as in --set tyre=none")
+            raise FoldcarError(
+                f"--set {word}: is neither NAME=MM, as in --set width=95, nor a part, as in --set tyre=none"
+            )
     return settings
 
 
-def parse_points(option: str, text: str, least: float = 1.0, most: float = 50.0) -> float:
-    """``15pp`` as a share, 0.15; FoldcarError, naming the option, if it is not within ``least`` to ``most`` points."""
-    found = re.fullmatch(r"\s*([0-9]+(?:\.[0-9]+)?)\s*pp\s*", text)
-    if found is None:
+def parse_points(option: str, text: str, low: float = 1.0, high: float = 50.0) -> float:
+    """Parse percentage points: ``15pp`` is 0.15. Raises FoldcarError if outside ``low`` to ``high`` points."""
+    match = re.fullmatch(r"\s*([0-9]+(?:\.[0-9]+)?)\s*pp\s*", text)
+    if match is None:
         raise FoldcarError(f'{option}: "{text}" is not a number of percentage points, as 15pp')
-    value = float(found[1])
-    if not least <= value <= most:
-        raise FoldcarError(f"{option}: {text.strip()} is not within {least:g}pp to {most:g}pp")
+    value = float(match[1])
+    if not low <= value <= high:
+        raise FoldcarError(f"{option}: {text.strip()} is not within {low:g}pp to {high:g}pp")
     return value / 100

@@ -1,6 +1,6 @@
-"""`foldcar params`: shows and sets a car's parameters, saves, loads and compares files of them.
+"""`foldcar params` shows and sets a car's parameters, and saves, loads and compares files of them.
 
-`foldcar calibrate-servos`: measures neutral and deadband of each wheel's servo by observing the wheel.
+`foldcar calibrate-servos` measures neutral and deadband of each wheel's servo by observing the wheel.
 """
 
 import contextlib
@@ -10,16 +10,23 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from foldcar.commands.options import Json, Port, output_file, tell
+from foldcar.commands.options import Json, Port, output_file, print_result
 from foldcar.errors import FoldcarError
 from foldcar.typed import did_you_mean
 
 if TYPE_CHECKING:
     from foldcar.link.car import Car
 
-ParameterFile = Annotated[Path, typer.Argument(metavar="FILE", help="Lines of NAME VALUE, comments after #.")]
+ParameterFile = Annotated[
+    Path, typer.Argument(metavar="FILE", help="Parameter file: lines of NAME VALUE, comments after #.")
+]
 
-params = typer.Typer(name="params", help="Read and set a car's parameters.", no_args_is_help=True, rich_markup_mode=None)
+params = typer.Typer(
+    name="params",
+    help="Read and set a car's parameters.\n\n\b\nExample: foldcar params save car95.parm",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+)
 
 
 @params.command()
@@ -45,7 +52,7 @@ def get(
 
 @params.command("set")
 def set_one(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="The parameter.")],
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the parameter.")],
     value: Annotated[float, typer.Argument(metavar="VALUE", help="Its new value.")],
     port: Port = None,
     as_json: Json = False,
@@ -82,73 +89,77 @@ def save(
         values = read_parameters(car)
     name = identity.name or "a car without a design"
     write_file(file, values, f"parameters of {name} ({identity.hash or 'no car.json'}), firmware {identity.build}")
-    tell(as_json, {"file": file, "parameters": _numbers(values)}, f"{file}: {len(values)} parameters")
+    print_result(as_json, {"file": file, "parameters": _numbers(values)}, f"{file}: {len(values)} parameters")
 
 
 @params.command()
 def load(file: ParameterFile, port: Port = None, as_json: Json = False) -> None:
     """Set the car's parameters to the values in a file.
 
+    Parameters that are not in the file keep their values. Nothing is set if the car lacks one of them.
+
     \b
     Example: foldcar params load car95.parm
     """
     from foldcar.link.parameters import differences, read_file, read_parameters, set_parameter, value_text
 
-    wanted = read_file(file)
-    done: dict[str, float] = {}
+    file_values = read_file(file)
+    set_values: dict[str, float] = {}
     refused: list[str] = []
     with _car(port) as car:
-        values = read_parameters(car)
-        unknown = [name for name in wanted if name not in values]
+        car_values = read_parameters(car)
+        unknown = [name for name in file_values if name not in car_values]
         if unknown:
-            close = did_you_mean(unknown[0].upper(), values)
+            close = did_you_mean(unknown[0].upper(), car_values)
             raise FoldcarError(f"{file}: {unknown[0]}: the car has no such parameter; nothing was set{close}")
-        rows = [row for row in differences(values, wanted) if row[0] in wanted]
+        rows = [row for row in differences(car_values, file_values) if row[0] in file_values]
         for name, _, _ in rows:
             try:
-                set_parameter(car, name, wanted[name])
-                done[name] = wanted[name]
+                set_parameter(car, name, file_values[name])
+                set_values[name] = file_values[name]
                 if not as_json:
-                    typer.echo(f"{name:<16} {value_text(wanted[name])}")
+                    typer.echo(f"{name:<16} {value_text(file_values[name])}")
             except FoldcarError as error:
                 refused.append(str(error))
                 typer.echo(f"{error}", err=True)
-    unchanged = len(wanted) - len(rows)
-    result = {"set": done, "unchanged": unchanged, "refused": refused}
-    tell(as_json, result, f"{len(done)} parameters set, {unchanged} unchanged")
+    unchanged = len(file_values) - len(rows)
+    result = {"set": set_values, "unchanged": unchanged, "refused": refused}
+    print_result(as_json, result, f"{len(set_values)} parameters set, {unchanged} unchanged")
     if refused:
-        raise FoldcarError(f"{file}: {len(refused)} of {len(wanted)} parameters were refused, the first is {refused[0]}")
+        raise FoldcarError(
+            f"{file}: {len(refused)} of {len(file_values)} parameters were refused, the first is {refused[0]}"
+        )
 
 
 @params.command()
 def diff(file: ParameterFile, port: Port = None, as_json: Json = False) -> None:
-    """Show where the car's parameters differ from a file's.
+    """Show how the car's parameters differ from a file's.
 
     \b
     Example: foldcar params diff car95.parm
     """
     from foldcar.link.parameters import differences, read_file, read_parameters
 
-    wanted = read_file(file)
+    file_values = read_file(file)
     with _car(port) as car:
-        rows = differences(read_parameters(car), wanted)
-    differing = {name: _numbers({"car": has, "file": value}) for name, has, value in rows}
-    lines = [f"{name:<16} {_text(has):>12} {_text(value):>12}" for name, has, value in rows]
-    alone = sum(has is None or value is None for _, has, value in rows)
-    only = f"; {alone} are only on one side" if alone else ""
-    tell(
+        rows = differences(read_parameters(car), file_values)
+    differing = {name: _numbers({"car": in_car, "file": in_file}) for name, in_car, in_file in rows}
+    lines = [f"{name:<16} {_text(in_car):>12} {_text(in_file):>12}" for name, in_car, in_file in rows]
+    one_sided = sum(in_car is None or in_file is None for _, in_car, in_file in rows)
+    one_sided_text = f"; {one_sided} are only in the car or only in the file" if one_sided else ""
+    print_result(
         as_json,
-        {"compared": len(wanted), "differing": differing},
+        {"compared": len(file_values), "differing": differing},
         *([f"{'':<16} {'car':>12} {'file':>12}", *lines] if rows else []),
-        f"{len(rows) - alone} of {len(wanted)} parameters differ{only}",
+        f"{len(rows) - one_sided} of {len(file_values)} parameters differ{one_sided_text}",
     )
 
 
 @params.command()
 def confirm(port: Port = None, as_json: Json = False) -> None:
-    """Let a car without a readable car.json arm.
+    """Allow a car without a readable car.json to arm.
 
-    Its parameters, which are shown, describe it until it restarts.
+    Until the car restarts, the parameters that are printed replace car.json.
 
     \b
     Example: foldcar params confirm
@@ -176,12 +187,12 @@ def calibrate_servos(
     port: Port = None,
     output: Annotated[
         list[int] | None,
-        typer.Option(metavar="N", min=1, max=8, help="Only this output; may be repeated; default: all with a wheel."),
+        typer.Option(metavar="N", min=1, max=8, help="Servo output; may be repeated; default: all with a wheel."),
     ] = None,
 ) -> None:
-    """Find each servo's neutral and deadband (µs).
+    """Measure each servo's neutral and deadband (µs).
 
-    Lift the car first: its wheels turn.
+    Lift the car first, because its wheels turn. The command asks in which direction each wheel turns.
 
     \b
     Example: foldcar calibrate-servos --output 1
@@ -194,16 +205,16 @@ def calibrate_servos(
         try:
             calibrate_outputs(car, output or [])
         finally:
-            # If possible; the car ends a test that is not renewed by itself.
+            # Stop if possible; otherwise the car ends the test itself, as the host no longer renews it.
             with contextlib.suppress(FoldcarError):
                 car.stop_trial()
     typer.echo("\nsaved in the car; `foldcar params save FILE` keeps a copy")
 
 
 def _show(as_json: bool, values: Mapping[str, float], *lines: str, **more: Any) -> None:
-    """Print parameters, a line each."""
+    """Print parameters, one a line, after the ``lines``; ``more`` is added to the JSON object."""
     rows = (f"{name:<16} {_text(value)}" for name, value in values.items())
-    tell(as_json, {**more, "parameters": _numbers(values)}, *lines, *rows)
+    print_result(as_json, {**more, "parameters": _numbers(values)}, *lines, *rows)
 
 
 @contextlib.contextmanager
@@ -219,7 +230,7 @@ def _car(port: str | None) -> Iterator["Car"]:
 
 
 def _numbers(values: "Mapping[str, float] | Mapping[str, float | None]") -> dict[str, float | None]:
-    """The values as the shortest decimals of the car's 32-bit numbers."""
+    """Return the values as the shortest decimals that give the car's 32-bit numbers."""
     return {name: None if value is None else float(_text(value)) for name, value in values.items()}
 
 

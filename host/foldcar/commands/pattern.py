@@ -1,4 +1,4 @@
-"""`foldcar pattern`: writes the sheets to cut a car, or many cars, from, and all files to build it."""
+"""`foldcar pattern` writes the sheets to cut for a car or for many cars, and all other files to build them."""
 
 import itertools
 import json
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from foldcar.commands.options import Components, Json, Listing, Machine, OutputFolder, Settings, Sheet, tell
+from foldcar.commands.options import Components, Json, Listing, Machine, OutputFolder, Settings, Sheet, print_result
 from foldcar.installation import require
 from foldcar.shown_text import decoded
 
@@ -26,32 +26,37 @@ def pattern(
     listing: Listing,
     output: OutputFolder,
     vehicle: Annotated[
-        str | None, typer.Option(metavar="ID", help="Vehicle of the listing; default: the only one; with --all: every.")
+        str | None, typer.Option(metavar="ID", help="Vehicle of the listing; default: the only one, or all with --all.")
     ] = None,
     settings: Settings = None,
     every: Annotated[
-        bool, typer.Option("--all", help="Every car of the vehicle, or of all vehicles: a folder in DIR for each.")
+        bool, typer.Option("--all", help="Make all designs of the vehicle or vehicles, each in a folder in DIR.")
     ] = False,
     machine: Machine = "silhouette",
     sheet: Sheet = None,
-    fold: Annotated[str | None, typer.Option(metavar="STYLE", help="How folds are cut: dash or score.")] = None,
-    kerf: Annotated[float | None, typer.Option(metavar="MM", help="Width that the cut removes.")] = None,
-    tab_clearance: Annotated[float | None, typer.Option(metavar="MM", help="Distance by which tabs are smaller.")] = None,
-    dash_cut: Annotated[float | None, typer.Option(metavar="MM", help="Length of a fold's cuts.")] = None,
-    dash_bridge: Annotated[float | None, typer.Option(metavar="MM", help="Film between a fold's cuts.")] = None,
+    fold: Annotated[str | None, typer.Option(metavar="STYLE", help="Cut of folds: dash or score.")] = None,
+    kerf: Annotated[float | None, typer.Option(metavar="MM", help="Width of film that the cut removes.")] = None,
+    tab_clearance: Annotated[
+        float | None, typer.Option(metavar="MM", help="Amount by which tabs are made smaller.")
+    ] = None,
+    dash_cut: Annotated[float | None, typer.Option(metavar="MM", help="Length of each cut of a dashed fold.")] = None,
+    dash_bridge: Annotated[
+        float | None, typer.Option(metavar="MM", help="Film left between cuts of a dashed fold.")
+    ] = None,
     bend_radius: Annotated[float | None, typer.Option(metavar="MM", help="Inner radius of folds.")] = None,
     k_factor: Annotated[
         float | None,
-        typer.Option(metavar="SHARE", help="Position of a fold's neutral layer, from the inner side, per thickness."),
+        typer.Option(metavar="FRACTION", help="Neutral layer of folds: its distance from the inner side / thickness."),
     ] = None,
-    margin: Annotated[float | None, typer.Option(metavar="MM", help="Blank edge of a sheet.")] = None,
-    gap: Annotated[float | None, typer.Option(metavar="MM", help="Film between two pieces.")] = None,
+    margin: Annotated[float | None, typer.Option(metavar="MM", help="Width of a sheet's blank border.")] = None,
+    gap: Annotated[float | None, typer.Option(metavar="MM", help="Smallest distance between two pieces.")] = None,
     components: Components = None,
     as_json: Json = False,
 ) -> None:
-    """Write all files that a car is built from.
+    """Write all files that are needed to build a car.
 
-    Sheets (SVG, DXF, PDF), STL, OBJ, guide, wiring and parts list of a car that passes its checks; all files or none.
+    The files are sheets (SVG, DXF, PDF), meshes (STL, OBJ), guide, wiring and parts list. The car is checked first; if a
+    check fails, no file is written.
 
     \b
     Example: foldcar pattern patterns/published_cars.json --vehicle w95 -o car
@@ -63,50 +68,54 @@ def pattern(
     from foldcar.fabrication.patterns.options import options
     from foldcar.outputs import atomic_folder
 
-    chosen = options(
+    pattern_options = options(
         machine, sheet=sheet, fold=fold, kerf_mm=kerf, tab_clearance_mm=tab_clearance, dash_cut_mm=dash_cut,
         dash_bridge_mm=dash_bridge, bend_radius_mm=bend_radius, k_factor=k_factor, margin_mm=margin,
         gap_mm=gap,
     )  # fmt: skip
     families = listed_families(listing, vehicle, settings, every)[1]
-    places = list(_places(families)) if every else [_Place(families[0].vehicle, "", families[0].single(), ())]
-    skipped = [f"skipped, as it cannot be built: {one}" for family in families for one in family.skipped if every]
+    cars_to_make = (
+        list(_cars_to_make(families)) if every else [_CarToMake(families[0].vehicle, "", families[0].single(), ())]
+    )
+    skipped = [f"skipped, as it cannot be built: {design}" for family in families for design in family.skipped if every]
 
     cars, lines = [], []
     with atomic_folder(output, MANIFEST) as folder:
-        listed = []
-        for place in _with_progress(places):
-            words = [*(settings or []), *place.settings]
-            command = car_command(listing, place.vehicle, words, chosen, components or [])
-            made = make_car(place.design, chosen, command, larger=sheet is None)
-            for file, content in made.files.items():
-                target = folder / place.folder / file
+        file_names = []
+        for car in _with_progress(cars_to_make):
+            words = [*(settings or []), *car.settings]
+            command = car_command(listing, car.vehicle, words, pattern_options, components or [])
+            car_files = make_car(car.design, pattern_options, command, larger=sheet is None)
+            for file, content in car_files.files.items():
+                target = folder / car.folder / file
                 target.parent.mkdir(parents=True, exist_ok=True)
                 target.write_bytes(content)
-                listed.append(f"{place.folder}/{file}" if every else file)
-            # The contents of all files of a large family would not fit into memory.
-            manifest = json.loads(made.files[MANIFEST])
-            of_car = {"vehicle": place.vehicle, "folder": output / place.folder, "title": made.title}
-            cars.append({**of_car, **manifest, "checks": list(made.checks)})
+                file_names.append(f"{car.folder}/{file}" if every else file)
+            # Keep the manifest only: the files of a large family would not fit into memory.
+            manifest = json.loads(car_files.files[MANIFEST])
+            car_facts = {"vehicle": car.vehicle, "folder": output / car.folder, "title": car_files.title}
+            cars.append({**car_facts, **manifest, "checks": list(car_files.checks)})
             if every:
-                warned = f", {len(made.pattern.warnings)} warnings" if made.pattern.warnings else ""
-                lines.append(f"{place.folder}: {_amounts([manifest])}{warned}")
+                warning_text = f", {len(car_files.pattern.warnings)} warnings" if car_files.pattern.warnings else ""
+                lines.append(f"{car.folder}: {_amounts([manifest])}{warning_text}")
             else:
-                lines += _car_lines(made, chosen.sheet, output)
+                lines += _car_lines(car_files, pattern_options.sheet, output)
         if every:
-            (folder / MANIFEST).write_text(json.dumps({"files": [*listed, MANIFEST]}, indent=2) + "\n", encoding="utf-8")
-            vehicles = len({place.vehicle for place in places})
+            (folder / MANIFEST).write_text(
+                json.dumps({"files": [*file_names, MANIFEST]}, indent=2) + "\n", encoding="utf-8"
+            )
+            vehicles = len({car.vehicle for car in cars_to_make})
             of_vehicles = f" of {vehicles} vehicles" if vehicles > 1 else ""
             lines += [*skipped, f"{len(cars)} cars{of_vehicles} in {output}: {_amounts(cars)}"]
-    # The folder has been written by now.
-    tell(as_json, {"folder": output, "cars": cars, "skipped": skipped}, *lines)
+    # The folder is complete now.
+    print_result(as_json, {"folder": output, "cars": cars, "skipped": skipped}, *lines)
 
 
 @dataclass(frozen=True)
-class _Place:
-    """A design of a vehicle, and the folder for its files below the output's; "" for that itself.
+class _CarToMake:
+    """A design to make, and the folder for its files inside the output folder; "" for the output folder itself.
 
-    ``settings`` are the values (NAME=MM) that tell it from the family's others.
+    ``settings`` are the values (NAME=MM) that distinguish it from the family's other designs.
     """
 
     vehicle: str
@@ -115,47 +124,47 @@ class _Place:
     settings: tuple[str, ...]
 
 
-def _places(families: "Sequence[Family]") -> "Iterator[_Place]":
-    """Every design of the families; with several families, each has a folder of its own."""
+def _cars_to_make(families: "Sequence[Family]") -> "Iterator[_CarToMake]":
+    """Yield all designs of the families; if there are several families, each has its own folder."""
     from foldcar.fabrication.make_car import MANIFEST
 
-    taken = {MANIFEST}
+    taken_names = {MANIFEST}
     for family in families:
         varied = [key for key, values in family.choices.items() if len(values) > 1]
-        start = _free_name(family.vehicle, taken) if len(families) > 1 else ""
+        vehicle_folder = _free_name(family.vehicle, taken_names) if len(families) > 1 else ""
         for design in family:
             name = "-".join(f"{key.replace('.', '_')}_{design.values[key]:.10g}" for key in varied)
-            parts = [part for part in (start, name) if part]
+            parts = [part for part in (vehicle_folder, name) if part]
             settings = tuple(f"{key}={design.values[key]:.10g}" for key in varied)
-            yield _Place(family.vehicle, "/".join(parts) or "car", design, settings)
+            yield _CarToMake(family.vehicle, "/".join(parts) or "car", design, settings)
 
 
-def _free_name(vehicle: str, taken: set[str]) -> str:
+def _free_name(vehicle: str, taken_names: set[str]) -> str:
     """The vehicle's id as the name of a folder, unlike those in ``taken``, to which it is added."""
-    plain = re.sub(r"[^\w.+-]+", "_", vehicle).lstrip(".") or "vehicle"
-    names = itertools.chain([plain], (f"{plain}-{number}" for number in itertools.count(2)))
-    name = next(name for name in names if name not in taken)
-    taken.add(name)
+    plain_name = re.sub(r"[^\w.+-]+", "_", vehicle).lstrip(".") or "vehicle"
+    names = itertools.chain([plain_name], (f"{plain_name}-{number}" for number in itertools.count(2)))
+    name = next(name for name in names if name not in taken_names)
+    taken_names.add(name)
     return name
 
 
-def _with_progress(places: "list[_Place]") -> "Iterator[_Place]":
-    """The designs, with a progress bar on a terminal if there are several."""
-    if len(places) < 2:
-        yield from places
+def _with_progress(cars_to_make: "list[_CarToMake]") -> "Iterator[_CarToMake]":
+    """Yield the designs, with a progress bar on a terminal if there are several."""
+    if len(cars_to_make) < 2:
+        yield from cars_to_make
         return
     from rich.progress import track
 
     from foldcar.shown_console import shown_console
 
     console = shown_console(stderr=True)
-    yield from track(places, "pattern", console=console, disable=not console.is_terminal, transient=True)
+    yield from track(cars_to_make, "pattern", console=console, disable=not console.is_terminal, transient=True)
 
 
 def car_command(
     listing: Path, vehicle: str, settings: Sequence[str], chosen: "Options", components: Sequence[Path]
 ) -> str:
-    """The command that makes this car alone in a folder ``car``."""
+    """Return the command that makes only this car, in a folder ``car``."""
     from foldcar.fabrication.patterns.options import arguments
 
     words = ["foldcar", "pattern", listing.as_posix(), "--vehicle", vehicle]
@@ -165,20 +174,20 @@ def car_command(
 
 
 def _car_lines(made: "MadeCar", usual: str, output: Path) -> list[str]:
-    """The only car; ``usual`` is the machine's sheet."""
+    """Return the lines that describe a single car; ``usual`` is the machine's default sheet."""
     from foldcar.fabrication.make_car import GUIDE
 
-    cut, chosen = made.pattern, made.pattern.options
-    larger = "" if chosen.sheet == usual else f" (--sheet {chosen.sheet}: a piece does not fit on {usual})"
-    width, height = chosen.sheet_size_mm
+    cut, options = made.pattern, made.pattern.options
+    larger = "" if options.sheet == usual else f" (--sheet {options.sheet}: a piece does not fit on {usual})"
+    width, height = options.sheet_size_mm
     used = cut.film_area_mm2 / (len(cut.sheets) * width * height)
-    copies, done = sum(piece.count for piece in cut.pieces), made.operations
+    copies, work = sum(piece.count for piece in cut.pieces), made.operations
     return [
         made.title,
         f"  sheets    {len(cut.sheets)} of {width:g} x {height:g} mm, {used:.0%} of the film used{larger}",
         f"  pieces    {copies} of {len(cut.pieces)} kinds",
-        f"  cut       {cut.cut_length_mm / 1000:.1f} m for {chosen.machine}, kerf {chosen.kerf_mm:g} mm",
-        f"  building  {done.total} operations, {done.weed} openings weeded: about {done.minutes:.0f} min (an estimate)",
+        f"  cut       {cut.cut_length_mm / 1000:.1f} m for {options.machine}, kerf {options.kerf_mm:g} mm",
+        f"  building  {work.total} operations, {work.weed} openings weeded: about {work.minutes:.0f} min (an estimate)",
         f"  mass      {made.mass_kg * 1000:.0f} g",
         f"  cost      about {made.cost_usd:.0f} USD",
         *(f"  checked   {text}" for text in made.checks),
@@ -188,7 +197,7 @@ def _car_lines(made: "MadeCar", usual: str, output: Path) -> list[str]:
 
 
 def _amounts(cars: Sequence[Mapping[str, Any]]) -> str:
-    """What these cars take together, by their manifests."""
+    """Return the total sheets, cut length, mass and cost from the cars' manifests."""
     sheets, cut_mm, mass_kg, usd = (
         sum(car[key] for car in cars) for key in ("sheets", "cut_length_mm", "mass_kg", "cost_usd")
     )

@@ -1,4 +1,4 @@
-"""Progress on a terminal, put away however the command ends; nothing where there is no terminal."""
+"""Progress bars on a terminal's stderr. They are removed when the command ends; without a terminal nothing is shown."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -16,7 +16,7 @@ _Bar = TypeVar("_Bar", bound="TerminalBar")
 
 
 class TerminalBar:
-    """A bar of ``total`` steps called ``label``, shown within ``with``; ``rate`` and ``state`` stand beside the time."""
+    """A bar of ``total`` steps named ``label``, shown during a `with` block; it shows a rate, the time and a state."""
 
     def __init__(self, label: str, total: int) -> None:
         rate, state = (TextColumn(f"{{task.fields[{name}]}}", markup=False) for name in ("rate", "state"))
@@ -36,16 +36,16 @@ class TerminalBar:
         self._bar.stop()
 
     def done(self, steps: int) -> None:
-        """So many more steps are done."""
+        """Advance the bar by ``steps``."""
         self._bar.advance(self._task, steps)
 
     def plan(self, steps: int) -> None:
-        """So many more steps are to be done."""
+        """Add ``steps`` to the total."""
         self._total += steps
         self._bar.update(self._task, total=self._total)
 
     def show(self, completed: int, new: int, seconds: float, state: str) -> None:
-        """Display how many are done, the rate of ``new`` runs, and the ``state``."""
+        """Display ``completed`` steps, the rate of ``new`` runs in ``seconds``, and the ``state``."""
         rate = new / seconds if seconds > 0 else 0.0
         self._bar.update(self._task, completed=completed, rate=f"{rate:.0f} runs/s", state=state)
 
@@ -56,7 +56,7 @@ class TerminalBar:
 
 @contextmanager
 def working(on: str) -> Iterator[None]:
-    """Within ``with``, a line on a terminal's stderr says what takes time."""
+    """Show the line ``on`` on a terminal's stderr during the block, to say what takes time."""
     with shown_console(stderr=True).status(on):
         yield
 
@@ -65,14 +65,14 @@ class ProgressBar(TerminalBar):
     """``with ProgressBar(progress) as bar``: call ``bar.update`` when the counts change."""
 
     def __init__(self, progress: "study.Progress", designs: int | None = None, label: str = "sweep") -> None:
-        """``designs`` is the number of those to be decided; None: there is nothing to decide."""
+        """``designs`` is how many designs the stopping rule has to decide; None without a stopping rule."""
         super().__init__(label, progress.total)
         self._designs = designs
 
     def update(self, progress: "study.Progress") -> None:
         """Display the counts."""
         state = ""
-        # Where some experiments define no success, or runs were rejected, shares are told at the end.
+        # If some experiments define no success, or runs were rejected, rates are printed at the end only.
         if self._designs is not None:
             state = f"{progress.decided} of {self._designs} designs decided"
         elif progress.done and progress.judged == progress.total and not progress.rejected:
@@ -81,9 +81,9 @@ class ProgressBar(TerminalBar):
 
 
 class SearchBar(TerminalBar):
-    """The same of a search."""
+    """``with SearchBar("designs", n) as bar``: call ``bar.update`` when the search has progressed."""
 
-    def update(self, found: "Found") -> None:
+    def update(self, progress: "Found") -> None:
         """Display the counts."""
-        state = "" if found.best_so_far is None else f"best so far {found.best_so_far:.4g}"
-        self.show(found.designs, found.new, found.seconds, "judging the best" if found.best else state)
+        state = "" if progress.best_so_far is None else f"best so far {progress.best_so_far:.4g}"
+        self.show(progress.designs, progress.new, progress.seconds, "judging the best" if progress.best else state)

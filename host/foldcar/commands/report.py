@@ -1,4 +1,4 @@
-"""`foldcar report`: writes a page with figures of a store's study and prints a summary, or serves the page."""
+"""`foldcar report` writes a page with figures of a store's study and prints a summary, or serves the page."""
 
 from collections.abc import Iterator, Mapping
 from functools import partial
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from foldcar.commands.live import PORT, LivePort, serve
-from foldcar.commands.options import Json, SimulatedTrials, StudyStore, output_folder, tell, thresholds_of_success
+from foldcar.commands.options import Json, SimulatedTrials, StudyStore, output_folder, print_result, thresholds_of_success
 from foldcar.errors import FoldcarError
 from foldcar.installation import usable_processors
 
@@ -17,9 +17,9 @@ if TYPE_CHECKING:
     from foldcar.simulation.carsim import Carsim
 
 PIPED_WIDTH = 160
-# Designs that are listed; of more the export has all.
-MOST_DESIGNS = 60
-# What the summary as an object leaves to the page.
+# Number of designs in the printed table; `foldcar export` lists all.
+MAX_DESIGNS = 60
+# Keys of the page's data that the JSON summary does not contain.
 PAGE_ONLY = ("runs", "runs_omitted", "replay", "replays", "files", "provenance", "outcome_labels")
 
 
@@ -30,30 +30,31 @@ def report(
     ] = None,
     live: Annotated[
         bool,
-        typer.Option("--live", help="Serve the page to this machine's browser; it follows the store; until Ctrl-C."),
+        typer.Option("--live", help="Serve the page on this machine until Ctrl-C; it updates as the store grows."),
     ] = False,
     port: LivePort = None,
     simulated_trials: SimulatedTrials = False,
     threshold: Annotated[
         list[float] | None,
         typer.Option(
-            metavar="SHARE",
+            metavar="RATE",
             callback=thresholds_of_success,
-            help="Success of good designs, 0 to 1; may be repeated. Default: the listing's, or 0.5 and 0.75.",
+            help="Success rate of good designs, 0 to 1; may be repeated. Default: the listing's, or 0.5 and 0.75.",
         ),
     ] = None,
     replay: Annotated[
-        bool, typer.Option("--replay/--no-replay", help="Simulate the runs again, to be watched on the page.")
+        bool, typer.Option("--replay/--no-replay", help="Simulate the runs again so that the page can replay them.")
     ] = True,
     beside_sweep: Annotated[bool, typer.Option("--beside-sweep", hidden=True)] = False,
     as_json: Json = False,
 ) -> None:
-    """Draw a report of a study, or of trials alone.
+    """Write a report of a study, or of trials alone.
 
-    Prints its summary. DIR/index.html is the page, one file that needs no network; each figure stands beside it as SVG,
-    PNG and PDF. The page replays runs, which the same build of carsim simulates again; each must end as the stored one.
+    The report is DIR/index.html, one file that needs no network. Each figure is also written as SVG, PNG and PDF, and a
+    summary is printed. The page can replay runs: the same build of carsim simulates them again, and each must end as
+    the stored one did.
 
-    With --live nothing is written: the page shows what the store has while a sweep, a search or trials go on.
+    With --live nothing is written. The page shows the store's content while a sweep, a search or trials go on.
 
     \b
     Example: foldcar report study.db -o report --threshold 0.6 --threshold 0.8
@@ -62,9 +63,9 @@ def report(
     from foldcar.store.connection import require_store
 
     if live == (output is not None):
-        raise FoldcarError("-o: --live serves the page and writes none" if live else "-o DIR is missing (or --live)")
+        raise FoldcarError("-o: --live writes no files; leave out -o" if live else "-o DIR is missing; or use --live")
     if port is not None and not live:
-        raise FoldcarError("--port: only --live serves the page")
+        raise FoldcarError("--port: needs --live, which serves the page")
     where = ["--live"] if output is None else ["-o", str(output)]
     command = ["foldcar", "report", str(store), *where]
     if simulated_trials:
@@ -86,19 +87,22 @@ def report(
 
     if not replay:
         command.append("--no-replay")
-    with Store.open(store) as opened, TerminalBar("replay", 0) as bar:
+    with Store.open(store) as reader, TerminalBar("replay", 0) as bar:
         replayer = Replayer(partial(_carsim, replay), usable_processors(), bar.plan, bar.done)
-        data = write_report(opened, output, command, simulated_trials, replayer, thresholds)
+        data = write_report(reader, output, command, simulated_trials, replayer, thresholds)
     if as_json:
-        told = [{key: value for key, value in one.items() if key not in PAGE_ONLY} for one in data["experiments"]]
-        tell(True, {"store": store, "page": output / PAGE, "experiments": told})
+        shown_experiments = [
+            {key: value for key, value in experiment.items() if key not in PAGE_ONLY}
+            for experiment in data["experiments"]
+        ]
+        print_result(True, {"store": store, "page": output / PAGE, "experiments": shown_experiments})
         return
     _print_summary(data)
     typer.echo(f"report: {output / PAGE}")
 
 
 def _carsim(replay: bool, engine: str) -> "Carsim | str":
-    """The simulator with that engine, or why there is none: a report does not depend on it."""
+    """Return the simulator with that engine, or the reason why there is none. The report is written in both cases."""
     from foldcar.simulation.carsim import Carsim
     from foldcar.simulation.engines import engine_of
     from foldcar.simulation.runner import CarsimError
@@ -112,63 +116,65 @@ def _carsim(replay: bool, engine: str) -> "Carsim | str":
 
 
 def _print_summary(data: Mapping[str, Any]) -> None:
-    """Print every experiment's headline, advice, remarks and table of designs; plain text if not on a terminal."""
+    """Print each experiment's headline, advice, remarks and table of designs; plain text if not on a terminal."""
     from foldcar.shown_console import shown_console
 
     console = shown_console(PIPED_WIDTH)
-    for one in data["experiments"]:
-        console.print(f"Experiment {one['id']}", style="bold")
-        for line in _lines(one):
+    for experiment in data["experiments"]:
+        console.print(f"Experiment {experiment['id']}", style="bold")
+        for line in _lines(experiment):
             console.print(line)
-        if one["designs"]["name"]:
-            _table(one).print_on(console)
+        if experiment["designs"]["name"]:
+            _table(experiment).print_on(console)
 
 
-def _lines(one: Mapping[str, Any]) -> Iterator[str]:
+def _lines(experiment: Mapping[str, Any]) -> Iterator[str]:
     from foldcar.statistics.words import rate_text
 
-    yield from filter(None, (one["headline"], one["grounds"], one["next"]["text"], *one["ranges"]))
-    if one["importance"]:
-        shares = [
-            f"{one['parameters'][row['parameter']]['label']} {rate_text(row['share'], row['low'], row['high'])}"
-            for row in one["importance"]
+    yield from filter(
+        None, (experiment["headline"], experiment["grounds"], experiment["next"]["text"], *experiment["ranges"])
+    )
+    if experiment["importance"]:
+        importances = [
+            f"{experiment['parameters'][row['parameter']]['label']} {rate_text(row['share'], row['low'], row['high'])}"
+            for row in experiment["importance"]
         ]
-        yield f"Importance (share of the variance of success): {', '.join(shares)}."
-    told = [row for row in one["causes"] if row["low"] > 0][:3]
-    if told:
-        names = [f"{row['label']} ({row['separation']:.2f})" for row in told]
+        yield f"Importance (fraction of the variance of success): {', '.join(importances)}."
+    separating = [row for row in experiment["causes"] if row["low"] > 0][:3]
+    if separating:
+        names = [f"{row['label']} ({row['separation']:.2f})" for row in separating]
         yield f"What separates passed from failed runs of a design (0 to 1): {', '.join(names)}."
-    yield from one["remarks"]
-    number = len(one["designs"]["name"])
-    if number > MOST_DESIGNS:
-        yield f"The best {MOST_DESIGNS} of {number:,} designs; `foldcar export` has all runs."
+    yield from experiment["remarks"]
+    number = len(experiment["designs"]["name"])
+    if number > MAX_DESIGNS:
+        yield f"The table has the best {MAX_DESIGNS} of {number:,} designs; `foldcar export` writes all runs."
 
 
-def _table(one: Mapping[str, Any]) -> "ResultTable":
-    """The designs, the best first."""
+def _table(experiment: Mapping[str, Any]) -> "ResultTable":
+    """Return the table of designs, best first."""
     from foldcar.shown_console import ResultTable
 
-    designs = one["designs"]
+    designs = experiment["designs"]
     driven = any(designs["trials"])
-    seen = [code for code, column in enumerate(designs["outcomes"]) if code and any(column)]
+    outcome_codes = [code for code, column in enumerate(designs["outcomes"]) if code and any(column)]
     titles = ["runs", "passed %", "95 % interval", *["trials", "cars"] * driven, "built cars %"]
-    table = ResultTable("design", *titles, *(one["outcome_labels"][code] for code in seen))
+    table = ResultTable("design", *titles, *(experiment["outcome_labels"][code] for code in outcome_codes))
     ranked = sorted(range(len(designs["name"])), key=lambda at: -(designs["belief"][at] or 0))
-    for at in ranked[:MOST_DESIGNS]:
-        cells = [str(designs["runs"][at]), *_rate(one, at)]
+    for at in ranked[:MAX_DESIGNS]:
+        cells = [str(designs["runs"][at]), *_rate(experiment, at)]
         if driven:
             trials = designs["trials"][at]
             cells.append(f"{designs['trials_passed'][at]} of {trials}" if trials else "-")
             cells.append(str(designs["cars"][at] or "-"))
         built = [designs[key][at] for key in ("belief", "belief_low", "belief_high")]
         cells.append("-" if built[0] is None else "{:.0f} ({:.0f} - {:.0f})".format(*(100 * x for x in built)))
-        table.add_row(designs["name"][at], *cells, *(str(designs["outcomes"][code][at]) for code in seen))
+        table.add_row(designs["name"][at], *cells, *(str(designs["outcomes"][code][at]) for code in outcome_codes))
     return table
 
 
-def _rate(one: Mapping[str, Any], at: int) -> tuple[str, str]:
-    designs = one["designs"]
-    if not one["judged"]:
+def _rate(experiment: Mapping[str, Any], at: int) -> tuple[str, str]:
+    designs = experiment["designs"]
+    if not experiment["judged"]:
         return "undefined", "-"
     if designs["low"][at] is None:
         return "-", "-"

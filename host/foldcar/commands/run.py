@@ -1,4 +1,4 @@
-"""`foldcar run`: simulates one design in one sampled environment, prints the result and optionally draws it."""
+"""`foldcar run` simulates one design in one sampled environment, prints the result and optionally draws it."""
 
 import json
 from collections.abc import Iterator, Mapping
@@ -7,9 +7,19 @@ from typing import Any
 import typer
 
 from foldcar.commands.listed_run import listed_run, simulated_run
-from foldcar.commands.options import Components, Engine, ExperimentId, Json, Listing, Picture, Sample, Settings, tell
+from foldcar.commands.options import (
+    Components,
+    Engine,
+    ExperimentId,
+    Json,
+    Listing,
+    Picture,
+    Sample,
+    Settings,
+    print_result,
+)
 
-LEAST_NAME_WIDTH = 22
+MIN_NAME_WIDTH = 22
 
 
 def run(
@@ -24,7 +34,7 @@ def run(
 ) -> None:
     """Simulate one car in one environment.
 
-    Prints outcome, metrics with their units in the names, and recorded values. Exit code 1 if the run failed.
+    It prints the outcome, metrics, whose names contain their units, and recorded values. Exit code 1 if the run failed.
 
     \b
     Example: foldcar run scenarios/width_study.json --experiment 1 --set width=115 --sample 3 --plot run.png
@@ -33,15 +43,18 @@ def run(
     from foldcar.statistics.words import design_text
 
     listed = listed_run(listing, experiment, settings, sample, engine)
-    chosen, design, variation = listed.experiment, listed.design, listed.variation
-    one, answer = simulated_run(listed)
+    listed_experiment, design, variation = listed.experiment, listed.design, listed.variation
+    simulated, answer = simulated_run(listed)
     if listed.side_view_note:
         typer.echo(listed.side_view_note, err=True)
     lines = [
-        ("experiment", f"{experiment}: vehicle {chosen.family.vehicle} in environment {chosen.environment}"),
+        (
+            "experiment",
+            f"{experiment}: vehicle {listed_experiment.family.vehicle} in environment {listed_experiment.environment}",
+        ),
         ("design", f"{design.type}, {design_text(design.columns)}"),
-        ("sample", f"{sample} (seed {chosen.seed})"),
-        *([("variation", f"{variation_text(variation)} (seed {chosen.variation_seed})")] if variation else []),
+        ("sample", f"{sample} (seed {listed_experiment.seed})"),
+        *([("variation", f"{variation_text(variation)} (seed {listed_experiment.variation_seed})")] if variation else []),
         ("success", listed.environment.success.text),
         *_answer_lines(answer),
     ]
@@ -49,33 +62,33 @@ def run(
         from foldcar.figures.run import draw_run
         from foldcar.simulation.heights import carsim_heights
 
-        path = one.path(listed.carsim, answer, plot)
-        draw_run(one.body, one.scene, answer, path, carsim_heights(listed.carsim), plot)
+        path = simulated.path(listed.carsim, answer, plot)
+        draw_run(simulated.body, simulated.scene, answer, path, carsim_heights(listed.carsim), plot)
         lines.append(("picture", str(plot)))
     result = {
         "experiment": experiment,
-        "vehicle": chosen.family.vehicle,
-        "environment": chosen.environment,
+        "vehicle": listed_experiment.family.vehicle,
+        "environment": listed_experiment.environment,
         "vehicle_type": design.type,
         "design": design.columns,
         "sample": sample,
-        "seed": chosen.seed,
+        "seed": listed_experiment.seed,
         "variation": variation,
-        "variation_seed": chosen.variation_seed,
+        "variation_seed": listed_experiment.variation_seed,
         "outcome": outcome_of(answer),
         "message": answer.get("error"),
         "metrics": {name: answer.get(name) for name in NUMBERS},
         "recorded": answer.get("recorded", {}),
         "picture": plot,
     }
-    width = max(LEAST_NAME_WIDTH, *(len(name) + 1 for name, _ in lines))
-    tell(as_json, result, *(f"{name:<{width}}{text}" for name, text in lines))
+    width = max(MIN_NAME_WIDTH, *(len(name) + 1 for name, _ in lines))
+    print_result(as_json, result, *(f"{name:<{width}}{text}" for name, text in lines))
     if "error" in answer:
         raise typer.Exit(1)
 
 
 def _answer_lines(answer: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """Outcome, metrics and recorded values; for a failed run its error."""
+    """Yield name and text of the outcome, the metrics and recorded values; of a failed run, the error."""
     from foldcar.simulation.results import NUMBERS, outcome_of
 
     yield "outcome", outcome_of(answer)
@@ -89,13 +102,13 @@ def _answer_lines(answer: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
 
 
 def variation_text(variation: Mapping[str, Any]) -> str:
-    """The variation with three digits of each number: ``supply_v=-0.0931 servo_speed=0.0214,-0.0113,…``."""
+    """Return the variation with three digits a number: ``supply_v=-0.0931 servo_speed=0.0214,-0.0113,…``."""
     lists = {name: value if isinstance(value, list) else [value] for name, value in variation.items()}
     return " ".join(f"{name}={','.join(f'{value:.3g}' for value in values)}" for name, values in lists.items())
 
 
 def _recorded_text(kind: str, value: Any) -> str:
-    """The value; for a series its length and its last value."""
+    """Return the value as text; for a series, its length and last value."""
     if kind != "series":
         return f"{_value_text(value)}{' at the start' if kind == 'initial' else ''}"
     if not value:
@@ -105,7 +118,7 @@ def _recorded_text(kind: str, value: Any) -> str:
 
 
 def _value_text(value: Any) -> str:
-    """A number with three decimals, a list of values, "-" for null; texts and booleans as JSON."""
+    """Return a number with three decimals, a list of values, "-" for null, or strings and booleans as JSON."""
     if value is None:
         return "-"
     if isinstance(value, float):

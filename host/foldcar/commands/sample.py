@@ -1,6 +1,6 @@
-"""`foldcar sample`: samples scenes of an environment as JSON Lines for `carsim batch`, and draws them.
+"""`foldcar sample` samples scenes of an environment as JSON Lines for `carsim batch`, and draws them.
 
-`foldcar gallery`: draws each environment, three samples from above and from the side.
+`foldcar gallery` draws each environment: three samples from above and from the side.
 """
 
 import json
@@ -20,11 +20,11 @@ from foldcar.commands.options import (
     Seed,
     check_distinct,
     output_file,
-    tell,
+    print_result,
 )
 from foldcar.errors import FoldcarError
 from foldcar.outputs import atomic_file, make_output_folder
-from foldcar.study.limits import MOST_ENVIRONMENTS
+from foldcar.study.limits import MAX_ENVIRONMENTS
 
 if TYPE_CHECKING:
     from foldcar.scenes.source import SceneSource
@@ -33,12 +33,12 @@ if TYPE_CHECKING:
 def sample(
     scenario: Annotated[Path, typer.Argument(metavar="SCENARIO", help="Scenic program.")],
     count: Annotated[
-        int, typer.Option("-n", "--count", metavar="N", min=1, max=MOST_ENVIRONMENTS, help="Number of scenes.")
+        int, typer.Option("-n", "--count", metavar="N", min=1, max=MAX_ENVIRONMENTS, help="Number of scenes.")
     ] = 1,
     seed: Seed = 0,
     param: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME=VALUE", help="A parameter of the program (SI units); may be repeated."),
+        typer.Option(metavar="NAME=VALUE", help="Parameter of the Scenic program, in SI units; may be repeated."),
     ] = None,
     output: Annotated[
         Path | None,
@@ -49,9 +49,9 @@ def sample(
 ) -> None:
     """Sample scenes of an environment.
 
-    Scene K of seed S has the id S/K, whatever the count. The lines are input of `carsim batch` (docs/carsim.md);
-    with --json and without a file they are in the object, under "scenes". The picture shows the first nine, with the
-    ground under the wheels from the side; with --plot and without -o a summary is printed instead of the lines.
+    Each line is a scene for `carsim batch` (docs/carsim.md). Scene K of seed S has the id S/K and does not depend on the
+    count. With --json and no file, the scenes are in the printed object. The picture shows the first nine scenes from
+    above, and the ground under the wheels from the side. With --plot and no -o, a summary replaces the lines.
 
     \b
     Example: foldcar sample scenarios/step_pyramids.scenic -n 9 --seed 42 --plot scenes.png
@@ -83,17 +83,17 @@ def sample(
 
         draw_environment(shown, plot, carsim_heights(Carsim()), f"{scenario.name}, seed {seed}")
         result["picture"] = plot
-    tell(as_json, result, *lines)
+    print_result(as_json, result, *lines)
 
 
 def _summary(scenes: Iterator[dict[str, Any]]) -> Iterator[str]:
-    """What the scenes have: friction, and how many of each kind of terrain."""
+    """Yield lines with the scenes' friction and their numbers of each kind of terrain."""
     frictions, numbers = [], dict[str, list[int]]()
-    for seen, scene in enumerate(scenes):
+    for index, scene in enumerate(scenes):
         frictions.append(scene["friction"])
         kinds = Counter(part["kind"] for part in scene["terrain"])
         for kind in numbers.keys() | kinds.keys():
-            numbers.setdefault(kind, [0] * seen).append(kinds[kind])
+            numbers.setdefault(kind, [0] * index).append(kinds[kind])
     yield f"  friction {_range(frictions)}"
     for kind, number in sorted(numbers.items()):
         yield f"  {kind.replace('_', ' ')}: {_range(number)} in each scene"
@@ -118,7 +118,7 @@ def _line(scene: dict[str, Any]) -> str:
 
 
 def _parse_params(words: Sequence[str]) -> dict[str, Any]:
-    """Parse NAME=VALUE words; values are JSON (0.03, true, [1, 2]), or else text. FoldcarError."""
+    """Parse NAME=VALUE words; values are JSON (0.03, true, [1, 2]) or else strings. Raises FoldcarError."""
     from foldcar.study.limits import check_numbers
 
     params: dict[str, Any] = {}
@@ -139,14 +139,14 @@ def _parse_params(words: Sequence[str]) -> dict[str, Any]:
 
 
 def gallery(
-    scenarios: Annotated[list[Path], typer.Argument(metavar="SCENARIO", help="Scenic programs.")],
+    scenarios: Annotated[list[Path], typer.Argument(metavar="SCENARIO", help="Scenic programs of environments.")],
     output: OutputFolder,
     seed: Seed = 42,
     as_json: Json = False,
 ) -> None:
     """Draw environments, NAME.png for each NAME.scenic.
 
-    A picture shows three samples from above, and the ground under the wheels from the side.
+    Each picture shows three samples from above, and the ground under the wheels from the side.
 
     \b
     Example: foldcar gallery scenarios/two_bumps.scenic scenarios/gaussian_hills.scenic -o pictures
@@ -159,7 +159,7 @@ def gallery(
     names = [program.stem for program in scenarios]
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
-        raise FoldcarError(f"{output / twice}.png: two programs have this name")
+        raise FoldcarError(f"{output / twice}.png: two programs would write this file; draw them into two folders")
     heights = carsim_heights(Carsim())
     make_output_folder(output)
     files = []
@@ -169,4 +169,4 @@ def gallery(
         file = output / f"{program.stem}.png"
         draw_environment(scenes, file, heights, program.stem)
         files.append(file)
-    tell(as_json, {"files": files}, *files)
+    print_result(as_json, {"files": files}, *files)

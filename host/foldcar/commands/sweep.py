@@ -1,4 +1,4 @@
-"""`foldcar sweep`: simulates every design of a listing in every environment into a store."""
+"""`foldcar sweep` simulates every design of a listing in every sampled environment and stores the runs."""
 
 import shlex
 from collections.abc import Iterator, Sequence
@@ -23,9 +23,9 @@ from foldcar.commands.options import (
     UnderCalibration,
     check_scheduler_option,
     command_line,
-    note,
+    print_note,
+    print_result,
     simulators,
-    tell,
 )
 from foldcar.errors import FoldcarError
 from foldcar.installation import usable_processors
@@ -37,9 +37,9 @@ if TYPE_CHECKING:
     from foldcar.study.stopping import DesignState
     from foldcar.study.sweep import Sweep
 
-# Undecided designs that are named, and different messages of failed runs that are shown.
+# How many undecided designs are named, and how many different messages of failed runs are shown.
 SHOWN_UNDECIDED = 12
-# Designs of a sweep from which on it says how long folding them takes.
+# A sweep with at least this many designs first announces how long folding them takes.
 MANY_DESIGNS = 2_000
 SHOWN_MESSAGES = 3
 
@@ -52,8 +52,8 @@ def sweep(
         str | None,
         typer.Option(
             metavar="RULE",
-            help="Simulate each design, in at most --environments, only until its 95 % interval reaches 5 percentage "
-            "points to each side (5pp), or lies on one side of the listing's thresholds (decided).",
+            help="Stopping rule for each design: its 95 % interval is at most ±5 percentage points (5pp), or lies on one "
+            "side of each of the listing's thresholds (decided).",
         ),
     ] = None,
     jobs: Jobs = None,
@@ -62,93 +62,98 @@ def sweep(
     calibration: UnderCalibration = None,
     reality: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Simulate with the parameters of this JSON file, as `foldcar link` does."),
+        typer.Option(metavar="FILE", help="JSON file with parameters to simulate with (as for `foldcar link`)."),
     ] = None,
     engine: Engine = "multibody",
     components: Components = None,
     live: Annotated[
-        bool, typer.Option("--live", help="Serve the report's page to this machine's browser; it follows the sweep.")
+        bool, typer.Option("--live", help="Serve the report's page on this machine; it is updated during the sweep.")
     ] = False,
     port: LivePort = None,
     dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Estimate time and size, list what cannot be built; write nothing.")
+        bool, typer.Option("--dry-run", help="Only estimate time and size, and list designs that cannot be built.")
     ] = False,
     as_json: Json = False,
 ) -> None:
-    """Simulate all runs that the store lacks.
+    """Simulate all designs in all environments.
 
-    Every design of the listing in every sampled environment. It may be stopped at any time: the same command resumes it.
-    Exit code 1 if runs have failed.
+    The runs are stored; runs that the store already has are not repeated. You may stop a sweep at any time; the same
+    command resumes it. Exit code 1 if runs have failed.
 
     \b
     Example: foldcar sweep scenarios/width_study.json --store study.db
     foldcar sweep scenarios/width_study.json --store study.db --until decided
     """
     if port is not None and not live:
-        raise FoldcarError("--port: only --live serves the page")
+        raise FoldcarError("--port: needs --live, which serves the page")
     check_scheduler_option(scheduler, jobs)
     from foldcar.api.sweeping import planned_sweep
 
-    asked = planned_sweep(
+    planned = planned_sweep(
         listing, store, command_line(), experiment=experiment, environments=environments, until=until,
         calibration=calibration, reality=reality, engine=engine,
     )  # fmt: skip
     if dry_run:
-        _print_estimates(asked, jobs or usable_processors(), as_json)
+        _print_estimates(planned, jobs or usable_processors(), as_json)
         return
     with served_beside(store, PORT if port is None else port) if live else nullcontext():
-        _sweep(asked, scheduler, jobs, as_json)
+        _sweep(planned, scheduler, jobs, as_json)
 
 
-def _print_estimates(asked: "Sweep", jobs: int, as_json: bool) -> None:
-    """Print what the sweep would take."""
+def _print_estimates(planned: "Sweep", jobs: int, as_json: bool) -> None:
+    """Print estimates of the sweep's time and size."""
     from foldcar.commands.progress_bar import working
     from foldcar.statistics.words import count, duration_text
     from foldcar.study.dry_run import estimates
 
     with working("folding designs and simulating a few runs"):
-        found = estimates(asked, jobs)
-    seconds, size = sum(one.seconds for one in found), sum(one.bytes for one in found)
+        results = estimates(planned, jobs)
+    seconds, size = sum(item.seconds for item in results), sum(item.bytes for item in results)
     lines = []
-    for one in found:
-        each = count(one.runs, "run")
-        lines.append(f"experiment {one.experiment}: {count(one.designs, 'design')}, {each} of those that can be built")
-        if one.folded < one.designs:
-            whole = duration_text(one.folding_s)
-            lines.append(f"  {one.folded:,} of them, spread over the family, were folded; all would take about {whole}")
-        if one.refused:
-            lines.append(f"  {len(one.refused):,} of {one.folded:,} cannot be built and would be skipped:")
-            lines += [f"    {reason}" for reason in one.refused]
+    for item in results:
+        runs_text = count(item.runs, "run")
+        lines.append(f"experiment {item.experiment}: {count(item.designs, 'design')}, {runs_text} if all can be built")
+        if item.folded < item.designs:
+            folding_text = duration_text(item.folding_s)
+            lines.append(f"  {item.folded:,} of them were folded as a sample; folding all takes about {folding_text}")
+        if item.refused:
+            lines.append(f"  {len(item.refused):,} of {item.folded:,} cannot be built and would be skipped:")
+            lines += [f"    {reason}" for reason in item.refused]
     lines.append(f"about {duration_text(seconds)} with {count(jobs, 'simulator')}; the store about {size / 1e6:.1f} MB")
     lines.append("This is an estimate from a few runs; nothing was written. Runs that the store has are not repeated.")
-    tell(
+    print_result(
         as_json,
-        {"store": asked.store, "seconds": seconds, "bytes": size, "experiments": [asdict(one) for one in found]},
+        {
+            "store": planned.store,
+            "seconds": seconds,
+            "bytes": size,
+            "experiments": [asdict(item) for item in results],
+        },
         *lines,
     )
 
 
-def _sweep(asked: "Sweep", scheduler: str | None, jobs: int | None, as_json: bool) -> None:
-    """Simulate, print the result. Exit code 1 if runs have failed."""
+def _sweep(planned: "Sweep", scheduler: str | None, jobs: int | None, as_json: bool) -> None:
+    """Simulate and print the result. Exit code 1 if runs have failed."""
     from foldcar.commands.progress_bar import ProgressBar
     from foldcar.interrupts import message_on_signal
 
-    if not asked.store.exists():
-        _announce_folding(asked)
-    store, rules = asked.store, asked.until
-    progress, most = asked.progress, asked.progress.total
+    if not planned.store.exists():
+        _announce_folding(planned)
+    store, rules = planned.store, planned.until
+    progress, max_runs = planned.progress, planned.progress.total
 
     def stopped() -> str:
         total = f"at most {progress.total}" if rules else f"{progress.total}"
         return f"stopped: {progress.done} of {total} runs are stored in {store}; the same command resumes"
 
-    to_decide = sum(map(len, asked.designs.values())) if rules else None
+    to_decide = sum(map(len, planned.designs.values())) if rules else None
     with (
         message_on_signal(stopped),
         ProgressBar(progress, to_decide) as bar,
-        simulators(scheduler, jobs, asked.carsim, bar.say) as places,
+        simulators(scheduler, jobs, planned.carsim, bar.say) as places,
     ):
-        asked.run(places, bar.update, bar.say)
+        planned.run(places, bar.update, bar.say)
     names = ("new", "there", "judged", "rejected", "failed")
     result = {
         "store": store,
@@ -156,35 +161,37 @@ def _sweep(asked: "Sweep", scheduler: str | None, jobs: int | None, as_json: boo
         **{name: getattr(progress, name) for name in names},
         "passed": progress.passed if progress.judged else None,
         "seconds": round(progress.seconds, 3),
-        **({"most_runs": most, "designs": [asdict(state) for state in progress.states]} if rules else {}),
+        **({"most_runs": max_runs, "designs": [asdict(state) for state in progress.states]} if rules else {}),
     }
     lines = [f"{_counts(progress, with_success=not rules)}; store: {store}"]
-    for chosen in asked.study.experiments if rules else ():
-        lines += stopping_lines(chosen, rules[chosen.id], progress.states)
-    tell(as_json, result, *lines)
+    for experiment in planned.study.experiments if rules else ():
+        lines += stopping_lines(experiment, rules[experiment.id], progress.states)
+    print_result(as_json, result, *lines)
     if progress.failed:
-        _say_failed(store, [chosen.id for chosen in asked.study.experiments], progress.failed, progress.total)
+        _print_failed(store, [experiment.id for experiment in planned.study.experiments], progress.failed, progress.total)
         raise typer.Exit(1)
 
 
-def _announce_folding(asked: "Sweep") -> None:
-    """Say how long folding takes before the first run, if that is long."""
-    if sum(experiment.family.combinations for experiment in asked.study.experiments) < MANY_DESIGNS:
+def _announce_folding(planned: "Sweep") -> None:
+    """Print how long folding takes before the first run, if there are many designs."""
+    if sum(experiment.family.combinations for experiment in planned.study.experiments) < MANY_DESIGNS:
         return
     from foldcar.statistics.words import duration_text
     from foldcar.study.dry_run import fold
 
-    took = duration_text(sum(fold(experiment.family, 1.0)[1] for experiment in asked.study.experiments))
-    note(f"folding and checking all designs comes first and takes about {took}; --dry-run estimates the whole sweep")
+    folding_time = duration_text(sum(fold(experiment.family, 1.0)[1] for experiment in planned.study.experiments))
+    print_note(
+        f"folding and checking all designs comes first and takes about {folding_time}; see --dry-run for the whole sweep"
+    )
 
 
 def _counts(progress: "Progress", with_success: bool) -> str:
-    made = f"{progress.new} runs new, {progress.there} there already, {progress.seconds:.1f} s"
+    counts_text = f"{progress.new} runs new, {progress.there} there already, {progress.seconds:.1f} s"
     rate = f", {progress.new / progress.seconds:.0f} runs/s" if progress.new else ""
-    # A share over designs of which some have more runs than others would say nothing.
+    # With a stopping rule, designs have different numbers of runs, so that a rate over all runs means nothing.
     success = f", {_success(progress)}" if with_success else ""
-    told = {"rejected": progress.rejected, "failed": progress.failed}
-    return f"{made}{rate}{success}{''.join(f', {count} {what}' for what, count in told.items() if count)}"
+    unusual = {"rejected": progress.rejected, "failed": progress.failed}
+    return f"{counts_text}{rate}{success}{''.join(f', {count} {what}' for what, count in unusual.items() if count)}"
 
 
 def _success(progress: "Progress") -> str:
@@ -198,17 +205,17 @@ def _success(progress: "Progress") -> str:
 
 
 def stopping_lines(experiment: "Experiment", rule: "StoppingRule", states: "Sequence[DesignState]") -> Iterator[str]:
-    """How many designs of the experiment are decided, what that means, and which are not."""
+    """Yield lines on how many designs are decided, by which rule, and which designs are undecided."""
     from foldcar.statistics.words import design_text, listed
 
-    mine = [state for state in states if state.experiment == experiment.id]
-    undecided = [state for state in mine if not state.decided]
+    own_states = [state for state in states if state.experiment == experiment.id]
+    undecided = [state for state in own_states if not state.decided]
     rest = f", {len(undecided)} undecided" if undecided else ""
-    made, most = sum(state.runs for state in mine), len(mine) * experiment.environments
-    rejected = sum(state.rejected for state in mine)
-    head = f"experiment {experiment.id}: {len(mine) - len(undecided)} of {len(mine)} designs decided{rest}"
-    yield f"{head}; {made} of at most {most} runs{f', {rejected} rejected' if rejected else ''}"
-    yield f"  decided: {rule.text}; that holds for each design by itself, whenever its runs stop"
+    runs, max_runs = sum(state.runs for state in own_states), len(own_states) * experiment.environments
+    rejected = sum(state.rejected for state in own_states)
+    head = f"experiment {experiment.id}: {len(own_states) - len(undecided)} of {len(own_states)} designs decided{rest}"
+    yield f"{head}; {runs} of at most {max_runs} runs{f', {rejected} rejected' if rejected else ''}"
+    yield f"  decided: {rule.text}; this holds for each design separately, whenever its runs stop"
     if undecided:
         shown = undecided[:SHOWN_UNDECIDED]
         names = listed(design_text({name: state.design[name] for name in experiment.family.varied}) for state in shown)
@@ -216,8 +223,8 @@ def stopping_lines(experiment: "Experiment", rule: "StoppingRule", states: "Sequ
         yield f"  undecided: {names}{more}; --environments N allows more runs"
 
 
-def _say_failed(store: Path, experiments: Sequence[str], failed: int, total: int) -> None:
-    """Print on stderr what went wrong in the first ones of the failed runs, and the command that lists them all."""
+def _print_failed(store: Path, experiments: Sequence[str], failed: int, total: int) -> None:
+    """Print the most frequent messages of failed runs on stderr, and the command that lists all of them."""
     from foldcar.store.reader import Store
 
     with Store.open(store) as opened:

@@ -1,6 +1,6 @@
-"""Tables that commands print of results, and the lines around them: the answer first, then what it rests on.
+"""Prints results as tables, with the answer before them and remarks after them.
 
-Designs are written as everywhere, ``width 95 mm, radius 60 mm``, by what tells them apart; rates in per cent.
+Designs are named by the parameters that vary, as in ``width 95 mm, radius 60 mm``; rates are in per cent.
 """
 
 import math
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 PLAIN_WIDTH = 200
 TRIAL_LABELS = {**OUTCOME_LABELS, "not_passed": "not passed"}
-# Proposed cars that cannot be built, and are named.
+# How many of the proposed cars that cannot be built are named.
 SHOWN_UNBUILDABLE = 5
 
 
@@ -43,11 +43,11 @@ def _rate(rate: "Rate | None") -> str:
     return "-" if rate is None else f"{_share(rate.value)} ({_span(rate.low, rate.high)})"
 
 
-def print_comparison(found: "Comparison") -> None:
-    """Print simulation against trials: the sentence, each experiment's tables, ranks and remarks."""
+def print_comparison(comparison: "Comparison") -> None:
+    """Print the comparison of simulation with trials: a sentence, then each experiment's tables, ranks and remarks."""
     console = shown_console(PLAIN_WIDTH)
-    console.print(found.sentence, style="bold")
-    for experiment in found.experiments:
+    console.print(comparison.sentence, style="bold")
+    for experiment in comparison.experiments:
         console.print(
             f"\nExperiment {experiment.info.id}: {experiment.info.vehicle_type} in {experiment.info.scenic_program}",
             style="bold",
@@ -58,22 +58,24 @@ def print_comparison(found: "Comparison") -> None:
             if experiment.mean_gap is not None:
                 console.print("these: the cars that drove; further car, pooled: any car of the design, as in simulation")
                 console.print(
-                    "gap: further car minus simulation, points, in the same environments where most trials have a "
-                    "simulation of theirs; gaps and their mean hold together with 95 %"
+                    "gap: further car minus simulation, in percentage points; in the same environments if most trials "
+                    "have a simulation; the intervals of all gaps and of their mean hold simultaneously with 95 %"
                 )
         for line in (rank_text(experiment.ranks), *experiment.remarks):
             if line:
                 console.print(line)
-    for alone in found.alone:
-        console.print(alone, style="bold")
+    for line in comparison.alone:
+        console.print(line, style="bold")
 
 
-def _print_rates(console: Console, one: "ExperimentComparison") -> None:
-    designs = one.designs
-    more = [what for what in ("further_car", "pooled") if any(getattr(design, what) is not None for design in designs)]
-    shown = [f"{what.replace('_', ' ')} %" for what in more]
+def _print_rates(console: Console, comparison: "ExperimentComparison") -> None:
+    designs = comparison.designs
+    extra_rates = [
+        what for what in ("further_car", "pooled") if any(getattr(design, what) is not None for design in designs)
+    ]
+    extra_heads = [f"{what.replace('_', ' ')} %" for what in extra_rates]
     paired = ["same outcome"] * any(design.paired for design in designs)
-    heads = ("design", "runs", "simulated %", "cars", "passed", "these %", *shown, *paired, "gap")
+    heads = ("design", "runs", "simulated %", "cars", "passed", "these %", *extra_heads, *paired, "gap")
     table = ResultTable(*heads, "verdict", left=("design", "verdict"))
     for design in designs:
         table.add_row(
@@ -83,7 +85,7 @@ def _print_rates(console: Console, one: "ExperimentComparison") -> None:
             str(design.cars),
             f"{design.evidence.trials_passed} of {len(design.evidence.trials)}",
             _rate(design.driven),
-            *(_rate(getattr(design, what)) for what in more),
+            *(_rate(getattr(design, what)) for what in extra_rates),
             *(f"{design.agreeing} of {design.paired}" if design.paired else "-" for _ in paired),
             _gap(design.gap),
             design.verdict or "-",
@@ -91,47 +93,47 @@ def _print_rates(console: Console, one: "ExperimentComparison") -> None:
     table.print_on(console)
 
 
-def _gap(found: "Gap | None") -> str:
-    return "-" if found is None else f"{points(found.value)} ({points(found.low)} to {points(found.high)})"
+def _gap(gap: "Gap | None") -> str:
+    return "-" if gap is None else f"{points(gap.value)} ({points(gap.low)} to {points(gap.high)})"
 
 
 def _print_outcomes(console: Console, designs: "Sequence[DesignComparison]") -> None:
-    kinds = {
+    occurring = {
         kind for design in designs for counts in (design.evidence.outcomes, design.driven_outcomes) for kind in counts
     }
-    shown = [kind for kind in TRIAL_LABELS if kind in kinds]
-    table = ResultTable("outcomes", "of", *(TRIAL_LABELS[kind] for kind in shown), "aborted", left=("outcomes", "of"))
+    kinds = [kind for kind in TRIAL_LABELS if kind in occurring]
+    table = ResultTable("outcomes", "of", *(TRIAL_LABELS[kind] for kind in kinds), "aborted", left=("outcomes", "of"))
     for design in designs:
         for what, counts, aborted in (
             ("runs", design.evidence.outcomes, ""),
             ("trials", design.driven_outcomes, str(design.evidence.aborted)),
         ):
             if counts:
-                table.add_row(design.label, what, *(str(counts.get(kind, 0)) for kind in shown), aborted)
+                table.add_row(design.label, what, *(str(counts.get(kind, 0)) for kind in kinds), aborted)
     table.print_on(console)
 
 
-def print_selections(found: "Sequence[Selection]") -> None:
-    """Print which designs to build, for each experiment."""
+def print_selections(selections: "Sequence[Selection]") -> None:
+    """Print the designs to build, experiment by experiment."""
     console = shown_console(PLAIN_WIDTH)
-    if not found:
+    if not selections:
         console.print("Nothing to select: the store has no runs yet; sweep the listing into it with `foldcar sweep`.")
-    for number, one in enumerate(found):
+    for number, selection in enumerate(selections):
         if number:
             console.print()
-        if len(found) > 1:
-            console.print(f"Experiment {one.info.id}", style="bold")
-        console.print(one.sentence, style="bold")
-        if one.recommendations:
-            _print_recommended(console, one)
-        for remark in one.remarks:
+        if len(selections) > 1:
+            console.print(f"Experiment {selection.info.id}", style="bold")
+        console.print(selection.sentence, style="bold")
+        if selection.recommendations:
+            _print_recommended(console, selection)
+        for remark in selection.remarks:
             console.print(remark)
 
 
-def _print_recommended(console: Console, one: "Selection") -> None:
+def _print_recommended(console: Console, selection: "Selection") -> None:
     heads = ("design", "simulated %", "built cars %", "trials", "cars", "sheets", "minutes", "why")
     table = ResultTable(*heads, left=("design", "why"))
-    for design in one.recommendations:
+    for design in selection.recommendations:
         table.add_row(
             design.label,
             _rate(design.simulated),
@@ -142,17 +144,18 @@ def _print_recommended(console: Console, one: "Selection") -> None:
             design.reason,
         )
     table.print_on(console)
-    half = points(one.precision, sign=False)
-    console.print(f"Trials: until a rate is known to ±{half} points (95 %), averaged over what it may be.")
-    if one.environments:
-        samples = ", ".join(map(str, one.environments))
-        telling = f"the first {one.telling} tell" if one.telling else "none tells"
+    half = points(selection.precision, sign=False)
+    console.print(f"Trials: mean number needed until a rate is known to ±{half} percentage points (95 %).")
+    if selection.environments:
+        samples = ", ".join(map(str, selection.environments))
+        count = selection.telling
+        telling_text = f"in the first {count} of them" if count else "in none of them"
         console.print(
-            f"Environments to set up, the same for all (`foldcar log --sample K`): {samples}. They stand for all sampled "
-            f"ones; {telling} these designs apart in {one.info.simulation}.",
+            f"Environments to set up for each design (`foldcar log --sample K`): {samples}. They represent all sampled "
+            f"environments; the outcomes of these designs differ {telling_text} in {selection.info.simulation}.",
         )
-    if any(design.cost is not None for design in one.recommendations):
-        console.print(one.basis)
+    if any(design.cost is not None for design in selection.recommendations):
+        console.print(selection.basis)
 
 
 def _prices(design: "Recommendation") -> tuple[str, str]:
@@ -160,29 +163,29 @@ def _prices(design: "Recommendation") -> tuple[str, str]:
 
 
 def print_calibration(calibration: "Calibration") -> None:
-    """Print parameters with priors, designs with predictions, findings; intervals are of 90 %."""
+    """Print parameters with their priors, designs with their predictions, and findings; intervals are 90 % intervals."""
     summary = calibration.summary
     console = shown_console(PLAIN_WIDTH)
     head = f"Experiment {summary['experiment']}, {summary['runs']} runs; ranges are 90 % intervals"
     console.print(head, style="bold")
     for line in summary["notes"]:
         typer.echo(line)
-    table = ResultTable("parameter", "before the trials", "after", "told %", left=("parameter",))
-    for one in summary["parameters"]:
-        name = one["name"] if one["name"].endswith(f"_{one['unit']}") else f"{one['name']} ({one['unit']})"
-        table.add_row(name, _median(one["prior"]), _median(one["posterior"]), _share(one["explained"]))
+    table = ResultTable("parameter", "prior", "posterior", "variance reduction %", left=("parameter",))
+    for row in summary["parameters"]:
+        name = row["name"] if row["name"].endswith(f"_{row['unit']}") else f"{row['name']} ({row['unit']})"
+        table.add_row(name, _median(row["prior"]), _median(row["posterior"]), _share(row["explained"]))
     table.print_on(console)
     table = ResultTable("design", "trials", "passed %", "nominal", "calibrated", "built cars", left=("design",))
-    for one in summary["designs"]:
-        simulated = f"{_share(one['simulated']['median'])} ({_percent(one['simulated'])})"
-        built = f"{_share(one['built']['median'])} ({_percent(one['built'])})"
-        table.add_row(*_counted(one), _share(one["nominal"]), simulated, built)
+    for row in summary["designs"]:
+        simulated = f"{_share(row['simulated']['median'])} ({_percent(row['simulated'])})"
+        built = f"{_share(row['built']['median'])} ({_percent(row['built'])})"
+        table.add_row(*_counted(row), _share(row["nominal"]), simulated, built)
     table.print_on(console)
     if summary.get("leave_one_out"):
         table = ResultTable("left out", "trials", "passed %", "predicted", "log score", "nominal", left=("left out",))
-        for one in summary["leave_one_out"]:
-            nominal = "-" if one["nominal_log_score"] is None else f"{one['nominal_log_score']:.2f}"
-            table.add_row(*_counted(one), _percent(one["predicted"]), f"{one['log_score']:.2f}", nominal)
+        for row in summary["leave_one_out"]:
+            nominal = "-" if row["nominal_log_score"] is None else f"{row['nominal_log_score']:.2f}"
+            table.add_row(*_counted(row), _percent(row["predicted"]), f"{row['log_score']:.2f}", nominal)
         table.print_on(console)
     likelihood = summary["log_likelihood"]
     nominal = "" if likelihood["nominal"] is None else f", nominal {likelihood['nominal']:.1f}"
@@ -194,11 +197,11 @@ def print_calibration(calibration: "Calibration") -> None:
         typer.echo(finding)
 
 
-def _counted(one: Mapping[str, Any]) -> tuple[str, str, str]:
-    name = design_text(one["design"])
+def _counted(row: Mapping[str, Any]) -> tuple[str, str, str]:
+    name = design_text(row["design"])
     return (
-        (name, f"{one['passed']}/{one['counted']}", _share(one["passed"] / one["counted"]))
-        if one["counted"]
+        (name, f"{row['passed']}/{row['counted']}", _share(row["passed"] / row["counted"]))
+        if row["counted"]
         else (name, "-", "-")
     )
 
@@ -207,7 +210,7 @@ def _median(ends: Mapping[str, Any]) -> str:
     if math.isclose(ends["low"], ends["high"]):
         # A measured value has no interval.
         return f"{ends['median']:.4g}"
-    # Millimetres and milliradians are the last digits that matter.
+    # Digits below a millimetre or a milliradian do not matter.
     middle, low, high = (f"{round(ends[name], 3):.2g}" for name in ("median", "low", "high"))
     return f"{middle} ({low}..{high})"
 
@@ -216,49 +219,51 @@ def _percent(ends: Mapping[str, Any]) -> str:
     return _span(ends["low"], ends["high"])
 
 
-def print_search(plan: "Plan", found: "Found", store: Path, varied: Sequence[str]) -> None:
-    """Print counts, what cannot be built, and the best designs by their ``varied`` parameters (columns)."""
-    pruned = f", {found.pruned} left early" if found.pruned else ""
-    ended = "; no other design was found to try" if found.exhausted else ""
+def print_search(plan: "Plan", result: "Found", store: Path, varied: Sequence[str]) -> None:
+    """Print counts, designs that cannot be built, and the best designs named by their ``varied`` columns."""
+    pruned_text = f", {result.pruned} stopped early" if result.pruned else ""
+    exhausted_text = "; there is no other design to try" if result.exhausted else ""
     typer.echo(
-        f"{found.designs} designs tried in {found.runs} runs{pruned}{ended}; "
-        f"{found.new} runs new, {found.seconds:.1f} s; store: {store}"
+        f"{result.designs} designs tried in {result.runs} runs{pruned_text}{exhausted_text}; "
+        f"{result.new} runs new, {result.seconds:.1f} s; store: {store}"
     )
-    reasons = list(found.unbuildable.items())
+    reasons = list(result.unbuildable.items())
     if reasons:
         typer.echo(f"proposed cars that cannot be built, or have no rate: {len(reasons)}")
         for name, reason in reasons[:SHOWN_UNBUILDABLE]:
             typer.echo(f"  {name}: {reason}")
         if len(reasons) > SHOWN_UNBUILDABLE:
             typer.echo(f"  and {len(reasons) - SHOWN_UNBUILDABLE} more")
-    if not found.best:
-        typer.echo("no design was tried in all environments: nothing to judge")
+    if not result.best:
+        typer.echo("no design was tried in all environments, so none was tested in new ones")
         return
-    few = "of one objective" if len(plan.objectives) == 1 else "that none beats in all objectives"
-    typer.echo(f"\nThe best {few}, judged in {plan.fresh} fresh environments (95 % intervals):")
+    which_best = "best" if len(plan.objectives) == 1 else "non-dominated"
+    typer.echo(f"\nThe {which_best} designs, tested in {plan.fresh} new environments (95 % intervals):")
     heads = ["design"]
     for objective in plan.objectives:
-        heads += [f"{objective.name}, fresh", *["when chosen"] * (objective.value is not None)]
+        heads += [f"{objective.name}, new", *["when chosen"] * (objective.value is not None)]
     table = ResultTable(*heads, left=heads)
-    for one in found.best:
-        cells = [design_text({name: one.design[name] for name in varied})]
+    for design in result.best:
+        cells = [design_text({name: design.design[name] for name in varied})]
         for objective, fresh, interval, before in zip(
-            plan.objectives, one.fresh, one.intervals, one.chosen_by, strict=True
+            plan.objectives, design.fresh, design.intervals, design.chosen_by, strict=True
         ):
             cells.append(_objective(objective, fresh, interval))
             if objective.value is not None:
                 cells.append(_objective(objective, before, None))
         table.add_row(*cells)
     table.print_on(shown_console(2 * PLAIN_WIDTH))
-    typer.echo("Values when chosen are those in the environments that the designs were chosen by: too good, as a rule.")
+    typer.echo(
+        "Values when chosen come from the environments by which the designs were chosen; they tend to be too good."
+    )
 
 
 def _objective(objective: "Objective", value: float | None, interval: tuple[float, float] | None) -> str:
     if value is None:
         return "all rejected"
     texts = [
-        "∞" if not math.isfinite(one) else f"{one:.4g}" if objective.unit else f"{100 * one:.1f}"
-        for one in (value, *(interval or ()))
+        "∞" if not math.isfinite(number) else f"{number:.4g}" if objective.unit else f"{100 * number:.1f}"
+        for number in (value, *(interval or ()))
     ]
     span = f" ({texts[1]} to {texts[2]})" if interval else ""
     return f"{texts[0]}{span} {objective.unit or '%'}"
@@ -272,14 +277,14 @@ STANDING_TEXTS = {
 }
 
 
-def print_trials(found: Sequence[Trial]) -> None:
-    """Print a row for each trial, and how many of each standing passed."""
+def print_trials(trials: Sequence[Trial]) -> None:
+    """Print a row for each trial, and how many trials of each standing passed."""
     console = shown_console(PLAIN_WIDTH)
-    named = ["name"] * any(trial.car_name for trial in found)
+    named = ["name"] * any(trial.car_name for trial in trials)
     heads = ("trial", "experiment", "design", "sample", "car", *named, "outcome", "time (s)", "ending", "started (UTC)")
     table = ResultTable(*heads, "note", left=("design", "car", "name", "outcome", "ending", "note"))
-    varied = _varied(found)
-    for trial in found:
+    varied = _varied(trials)
+    for trial in trials:
         table.add_row(
             f"{trial.id}{'*' if trial.corrections else ''}",
             trial.experiment,
@@ -294,34 +299,34 @@ def print_trials(found: Sequence[Trial]) -> None:
             trial.note or (trial.source or ""),
         )
     table.print_on(console)
-    console.print(f"{len(found)} trials")
+    console.print(f"{len(trials)} trials")
     for standing, text in STANDING_TEXTS.items():
-        some = [trial for trial in found if trial.standing == standing]
-        completed = [trial for trial in some if trial.completed]
-        if some:
+        group = [trial for trial in trials if trial.standing == standing]
+        completed = [trial for trial in group if trial.completed]
+        if group:
             passed = sum(trial.outcome == "passed" for trial in completed)
-            tail = "" if standing == BUILT else "; they do not count"
-            aborted = len(some) - len(completed)
+            tail = "" if standing == BUILT else "; these do not count"
+            aborted = len(group) - len(completed)
             console.print(f"{text}: {passed} of {len(completed)} passed, {aborted} aborted{tail}")
 
 
-def _varied(found: Sequence[Trial]) -> list[str]:
-    """The design parameters in which the trials differ; the first one if they do not."""
-    names = dict.fromkeys(name for trial in found for name in trial.design)
-    return [name for name in names if len({trial.design.get(name) for trial in found}) > 1] or list(names)[:1]
+def _varied(trials: Sequence[Trial]) -> list[str]:
+    """Return the design parameters in which the trials differ, or the first parameter if they do not differ."""
+    names = dict.fromkeys(name for trial in trials for name in trial.design)
+    return [name for name in names if len({trial.design.get(name) for trial in trials}) > 1] or list(names)[:1]
 
 
-def correction_text(one: Correction) -> str:
-    """A line that says what was changed of a trial, when, by whom and why."""
-    by = f" by {one.operator}" if one.operator else ""
-    change = f"{one.field} {_quoted(one.before)} -> {_quoted(one.after)}"
-    if one.field == "withdrawn":
-        change = "withdrawn" if one.after else "restored"
-    return f"* trial {one.trial}: {change} on {one.corrected_utc[:10]}{by}: {one.reason}"
+def correction_text(correction: Correction) -> str:
+    """Return a line that says what was changed in a trial, when, by whom and why."""
+    by = f" by {correction.operator}" if correction.operator else ""
+    change = f"{correction.field} {_quoted(correction.before)} -> {_quoted(correction.after)}"
+    if correction.field == "withdrawn":
+        change = "withdrawn" if correction.after else "restored"
+    return f"* trial {correction.trial}: {change} on {correction.corrected_utc[:10]}{by}: {correction.reason}"
 
 
 def seconds_text(value: float | None) -> str:
-    """A time (s) with two decimals; a dash for none."""
+    """Return a time (s) with two decimals; "-" for None."""
     return "-" if value is None else f"{value:.2f}"
 
 

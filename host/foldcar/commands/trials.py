@@ -1,4 +1,4 @@
-"""`foldcar trials`: a store's trials - listed, simulated again as pairs, changed, imported, exported."""
+"""`foldcar trials` lists a store's trials, simulates them again, corrects, imports and exports them."""
 
 import json
 import math
@@ -17,9 +17,9 @@ from foldcar.commands.options import (
     SimulatedTrials,
     TrialNumber,
     TrialStore,
-    note,
     output_file,
-    tell,
+    print_note,
+    print_result,
 )
 from foldcar.errors import FoldcarError
 
@@ -29,19 +29,22 @@ if TYPE_CHECKING:
     from foldcar.store.trial_writer import TrialWriter
 
 TrialNumbers = Annotated[
-    list[int], typer.Argument(metavar="TRIAL...", min=1, help="Numbers of trials, as `trials list` shows them.")
+    list[int], typer.Argument(metavar="TRIAL...", min=1, help="Numbers of trials (see `trials list`).")
 ]
-Reason = Annotated[str, typer.Option(metavar="TEXT", help="Why; it is kept with the change.")]
-Operator = Annotated[str, typer.Option(metavar="NAME", help="Who changes it; kept with the change.")]
+Reason = Annotated[str, typer.Option(metavar="TEXT", help="Reason, stored with the change.")]
+Operator = Annotated[str, typer.Option(metavar="NAME", help="Your name, stored with the change.")]
 
 trials = typer.Typer(
-    name="trials", help="List, correct and replay trials of cars.", no_args_is_help=True, rich_markup_mode=None
+    name="trials",
+    help="List, correct and replay trials of cars.\n\n\b\nExample: foldcar trials list study.db",
+    no_args_is_help=True,
+    rich_markup_mode=None,
 )
 
 
 @trials.command("list")
 def list_trials(store: TrialStore, experiment: OneExperiment = None, as_json: Json = False) -> None:
-    """Show trials, one a line, their corrections, photos and films.
+    """List trials with their corrections, photos and films.
 
     \b
     Example: foldcar trials list study.db --experiment 1
@@ -50,24 +53,26 @@ def list_trials(store: TrialStore, experiment: OneExperiment = None, as_json: Js
     from foldcar.store.log_files import referred_file
     from foldcar.store.reader import Store
 
-    with Store.open(store) as opened:
-        found = list(opened.trials(experiment))
-        if experiment is not None and not found:
-            known = ", ".join(dict.fromkeys(trial.experiment for trial in opened.trials())) or "none"
-            raise FoldcarError(f'{store}: has no trials of experiment "{experiment}"; experiments with trials: {known}')
-        corrected = {trial.id for trial in found if trial.corrections}
-        trail = [correction for correction in opened.corrections() if correction.trial in corrected]
-        numbers = {trial.id for trial in found}
-        media = [(one, referred_file(store, one.file).is_file()) for one in opened.media() if one.trial in numbers]
+    with Store.open(store) as reader:
+        rows = list(reader.trials(experiment))
+        if experiment is not None and not rows:
+            known_text = ", ".join(dict.fromkeys(trial.experiment for trial in reader.trials())) or "none"
+            raise FoldcarError(
+                f'{store}: has no trials of experiment "{experiment}"; experiments with trials: {known_text}'
+            )
+        corrected_ids = {trial.id for trial in rows if trial.corrections}
+        corrections = [correction for correction in reader.corrections() if correction.trial in corrected_ids]
+        trial_ids = {trial.id for trial in rows}
+        media = [(item, referred_file(store, item.file).is_file()) for item in reader.media() if item.trial in trial_ids]
     if not as_json:
-        print_trials(found)
+        print_trials(rows)
     result = {
-        "trials": [asdict(one) for one in found],
-        "corrections": [asdict(one) for one in trail],
-        "media": [{**asdict(one), "missing": not there} for one, there in media],
+        "trials": [asdict(item) for item in rows],
+        "corrections": [asdict(item) for item in corrections],
+        "media": [{**asdict(item), "missing": not exists} for item, exists in media],
     }
-    files = [f"trial {one.trial}: {one.kind} {one.file}{'' if there else ' (missing)'}" for one, there in media]
-    tell(as_json, result, *map(correction_text, trail), *files)
+    files = [f"trial {item.trial}: {item.kind} {item.file}{'' if exists else ' (missing)'}" for item, exists in media]
+    print_result(as_json, result, *map(correction_text, corrections), *files)
 
 
 @trials.command()
@@ -78,9 +83,10 @@ def replay(
     simulated_trials: SimulatedTrials = False,
     as_json: Json = False,
 ) -> None:
-    """Simulate a trial again as it was placed.
+    """Simulate a trial's design in the trial's scene.
 
-    Trial and simulation are compared; what the log tells of the drive is shown; the picture shows the simulated run.
+    Car and obstacles stand where they were measured. The command compares trial and simulation and summarises the
+    trial's log. The picture shows the simulated run.
 
     \b
     Example: foldcar trials replay study.db 7 --plot pair.png
@@ -97,8 +103,8 @@ def replay(
     from foldcar.store.trial_records import BUILT, SIMULATED
 
     carsim = Carsim()
-    with Store.open(store) as opened:
-        trial, drive = opened.trial(number), opened.trial_drive(number)
+    with Store.open(store) as reader:
+        trial, drive = reader.trial(number), reader.trial_drive(number)
     if drive is None:
         raise FoldcarError(f"{store}: trial {number} was imported without a scene and cannot be simulated")
     # The dynamic parts of a Scenic program are not simulated.
@@ -107,28 +113,28 @@ def replay(
     outcome, simulated_s = outcome_of(answer), answer.get("elapsed_time_s")
     agrees = None
     if not trial.completed:
-        verdict = "the trial was aborted: nothing to compare"
+        verdict = "not compared: the trial was aborted"
     elif trial.standing == BUILT or (simulated_trials and trial.standing == SIMULATED):
         agrees = (trial.outcome == "passed") == (outcome == "passed")
-        verdict = "both agree" if agrees else "they disagree"
+        verdict = "trial and simulation agree" if agrees else "trial and simulation disagree"
     else:
         verdict = f"not compared: {STANDING_TEXTS[trial.standing]}"
-    felt = None
+    log_summary = None
     if trial.log is not None:
         try:
             log = intact_log(store, number, trial.log, trial.log_sha256)
             if log is not None:
-                felt = log_features(log)
+                log_summary = log_features(log)
                 _note_damage(log)
         except FoldcarError as error:
-            note(f"{error}")
+            print_note(f"{error}")
     mark = "" if trial.standing == BUILT else f"  ({STANDING_TEXTS[trial.standing]})"
     lines = [
         f"{'':<10}{'outcome':<12}{'time (s)':>9}",
         f"{'trial':<10}{trial.outcome:<12}{seconds_text(trial.elapsed_time_s):>9}{mark}",
         f"{'simulated':<10}{outcome:<12}{seconds_text(simulated_s):>9}",
         verdict,
-        *(_felt_lines(felt) if felt else ()),
+        *(_log_lines(log_summary) if log_summary else ()),
     ]
     if plot is not None:
         from foldcar.figures.run import draw_run
@@ -139,24 +145,24 @@ def replay(
         lines.append(f"picture: {plot}")
     simulated = {"outcome": outcome, "elapsed_time_s": simulated_s, "message": answer.get("error")}
     result = {"trial": asdict(trial), "simulated": simulated, "agrees": agrees, "picture": plot}
-    tell(as_json, {**result, "log": felt and asdict(felt)}, *lines)
+    print_result(as_json, {**result, "log": log_summary and asdict(log_summary)}, *lines)
 
 
-def _felt_lines(felt: "LogFeatures") -> list[str]:
-    """What a log tells, in a line for each thing that it knows."""
+def _log_lines(log_summary: "LogFeatures") -> list[str]:
+    """Return a line for each quantity that the log contains."""
     lines = []
-    known = {name: value for name, value in asdict(felt).items() if value is not None}
-    if "tilt_error_rad" in known:
+    values = {name: value for name, value in asdict(log_summary).items() if value is not None}
+    if "tilt_error_rad" in values:
         roll, pitch, error, turn, turn_error = (
-            math.degrees(known[f"{name}_rad"])
+            math.degrees(values[f"{name}_rad"])
             for name in ("max_roll", "max_pitch", "tilt_error", "heading_change", "heading_error")
         )
         lines.append(f"log: largest roll {roll:+.1f}°, pitch {pitch:+.1f}° (±{error:.1f}°)")
-        lines.append(f"log: turned by {turn:+.1f}° (±{turn_error:.1f}°)")
-    if felt.shocks_s:
-        lines.append(f"log: shocks at {', '.join(f'{one:.1f}' for one in felt.shocks_s)} s")
-    if felt.battery_sag_v is not None:
-        lines.append(f"log: battery lower by {felt.battery_sag_v:.2f} V at most while driving")
+        lines.append(f"log: heading changed by {turn:+.1f}° (±{turn_error:.1f}°)")
+    if log_summary.shocks_s:
+        lines.append(f"log: shocks at {', '.join(f'{time_s:.1f}' for time_s in log_summary.shocks_s)} s")
+    if log_summary.battery_sag_v is not None:
+        lines.append(f"log: battery voltage dropped by up to {log_summary.battery_sag_v:.2f} V while driving")
     return lines
 
 
@@ -165,19 +171,19 @@ def correct(
     store: TrialStore,
     number: TrialNumber,
     reason: Reason,
-    outcome: Annotated[str | None, typer.Option(metavar="OUTCOME", help="The outcome it should have.")] = None,
-    note: Annotated[str | None, typer.Option(metavar="TEXT", help="The note it should have.")] = None,
-    elapsed_time: Annotated[float | None, typer.Option(metavar="S", min=0, help="How long it drove, in seconds.")] = None,
+    outcome: Annotated[str | None, typer.Option(metavar="OUTCOME", help="Correct outcome.")] = None,
+    note: Annotated[str | None, typer.Option(metavar="TEXT", help="New note.")] = None,
+    elapsed_time: Annotated[float | None, typer.Option(metavar="S", min=0, help="Correct driving time (s).")] = None,
     car: Annotated[
-        str | None, typer.Option(metavar="CAR", help="What drove, built or simulated, if no car has said it itself.")
+        str | None, typer.Option(metavar="CAR", help="built or simulated; only if the car did not report it.")
     ] = None,
-    car_name: Annotated[str | None, typer.Option(metavar="NAME", help="Which built car of its design drove.")] = None,
+    car_name: Annotated[str | None, typer.Option(metavar="NAME", help="Name of the built car.")] = None,
     operator: Operator = "",
     as_json: Json = False,
 ) -> None:
-    """Change what a trial says.
+    """Correct a trial's data.
 
-    What stood there is kept, with the reason.
+    The store keeps the old values and the reason.
 
     \b
     Example: foldcar trials correct study.db 7 --outcome tipped --reason "seen on the film"
@@ -189,7 +195,9 @@ def correct(
     given = {"outcome": outcome, "note": note, "elapsed_time_s": elapsed_time, "car": car, "car_name": name}
     changes = {name: value for name, value in given.items() if value is not None}
     if not changes:
-        raise FoldcarError("trials correct: say what to change: --outcome, --note, --elapsed-time, --car or --car-name")
+        raise FoldcarError(
+            "trials correct: nothing to change; use --outcome, --note, --elapsed-time, --car or --car-name"
+        )
     _change("correct", store, reason, as_json, lambda writer: writer.correct(number, changes, reason, operator))
 
 
@@ -197,9 +205,9 @@ def correct(
 def withdraw(
     store: TrialStore, numbers: TrialNumbers, reason: Reason, operator: Operator = "", as_json: Json = False
 ) -> None:
-    """Withdraw trials, such as practice.
+    """Withdraw trials, e.g. practice, so that they do not count.
 
-    They stay in the store with their logs, but count nowhere.
+    The store keeps them with their logs.
 
     \b
     Example: foldcar trials withdraw study.db 7 8 --reason practice
@@ -212,9 +220,9 @@ def withdraw(
 def restore(
     store: TrialStore, numbers: TrialNumbers, reason: Reason, operator: Operator = "", as_json: Json = False
 ) -> None:
-    """Let withdrawn trials count again.
+    """Make withdrawn trials count again.
 
-    Both changes are kept, with their reasons.
+    The store keeps both changes with their reasons.
 
     \b
     Example: foldcar trials restore study.db 8 --reason "was no practice"
@@ -228,15 +236,17 @@ def measure(
     store: TrialStore,
     values: Annotated[
         list[str] | None,
-        typer.Argument(metavar="NAME=VALUE...", help="Measured values; NAME= deletes a value. None: show what is kept."),
+        typer.Argument(
+            metavar="NAME=VALUE...", help="Measured values; NAME= deletes a value. Default: show the stored values."
+        ),
     ] = None,
     experiment: OneExperiment = None,
     as_json: Json = False,
 ) -> None:
-    """Keep what was measured of built cars and obstacles.
+    """Store measurements of built cars and obstacles.
 
-    `foldcar calibrate` takes the values as known. obstacle_height is the height of obstacles relative to the planned one;
-    com_height_m and track_m are what the centre of mass is higher, and the track wider, than drawn.
+    `foldcar calibrate` uses these values as known. obstacle_height is the ratio of real to planned obstacle height.
+    com_height_m is how much higher the centre of mass is than in the design, track_m how much wider the track is.
 
     \b
     Example: foldcar trials measure study.db obstacle_height=1.04 com_height_m=0.005 track_m=0.002
@@ -254,24 +264,28 @@ def measure(
         if not text.endswith("="):
             name, value = measured_value(text, "trials measure:")
             if name in changes:
-                raise FoldcarError(f"trials measure: {name}: is given twice")
+                raise FoldcarError(f"trials measure: {name}: is given twice; give each parameter once")
             changes[name] = value
-    with Store.open(store) as opened:
-        chosen = experiment_to_measure(opened, experiment)
+    with Store.open(store) as reader:
+        experiment_id = experiment_to_measure(reader, experiment)
     if changes:
         with write_calibrations(store) as writer:
-            writer.measure(chosen, changes)
-    with Store.open(store) as opened:
-        kept = measured_values(opened, chosen)
+            writer.measure(experiment_id, changes)
+    with Store.open(store) as reader:
+        measured = measured_values(reader, experiment_id)
     units = {parameter.name: parameter.unit for parameter in PARAMETERS}
-    lines = [f"experiment {chosen}: {name} {value:g} {units[name]}" for name, value in kept.items()]
-    tell(as_json, {"experiment": chosen, "measured": kept}, *(lines or [f"experiment {chosen}: nothing was measured"]))
+    lines = [f"experiment {experiment_id}: {name} {value:g} {units[name]}" for name, value in measured.items()]
+    print_result(
+        as_json,
+        {"experiment": experiment_id, "measured": measured},
+        *(lines or [f"experiment {experiment_id}: no measured values"]),
+    )
 
 
 def _change(
     command: str, store: Path, reason: str, as_json: bool, change: "Callable[[TrialWriter], list[Correction]]"
 ) -> None:
-    """Change trials of an existing store, and print the corrections that this made. FoldcarError."""
+    """Change trials of an existing store and print the corrections. Raises FoldcarError."""
     from foldcar.commands.tables import correction_text
     from foldcar.store.connection import require_store
     from foldcar.store.trial_writer import write_trials
@@ -280,20 +294,22 @@ def _change(
         raise FoldcarError(f"trials {command}: --reason: is empty")
     require_store(store)
     with write_trials(store) as writer:
-        made = change(writer)
-    tell(as_json, {"corrections": [asdict(one) for one in made]}, *map(correction_text, made))
+        corrections = change(writer)
+    print_result(
+        as_json, {"corrections": [asdict(correction) for correction in corrections]}, *map(correction_text, corrections)
+    )
 
 
 @trials.command("import")
 def import_file(
     store: TrialStore,
-    file: Annotated[Path, typer.Argument(metavar="CSV", help="Trials as docs/trials.md describes them.")],
-    experiment: Annotated[str | None, typer.Option(metavar="ID", help="The experiment of rows that name none.")] = None,
+    file: Annotated[Path, typer.Argument(metavar="CSV", help="CSV file of trials (see docs/trials.md).")],
+    experiment: Annotated[str | None, typer.Option(metavar="ID", help="Experiment of rows without one.")] = None,
     as_json: Json = False,
 ) -> None:
     """Import trials from a CSV file.
 
-    All of them or none; rows that were imported before are counted only. docs/trials.md has the columns.
+    If a row is wrong, no trial is imported. Rows that were imported before are skipped. docs/trials.md lists the columns.
 
     \b
     Example: foldcar trials import study.db scenarios/published_trials.csv
@@ -301,16 +317,16 @@ def import_file(
     from foldcar.store.trial_writer import write_trials
     from foldcar.trials.csv_import import import_notes, read_trials, swept_experiments
 
-    found = read_trials(file, experiment, swept_experiments(store), note)
+    rows = read_trials(file, experiment, swept_experiments(store), print_note)
     with write_trials(store) as writer:
-        numbers = writer.import_trials(found)
-    for one in import_notes(store, found):
-        note(one)
-    known = len(found) - len(numbers)
-    range_text = f", {numbers[0]} to {numbers[-1]}" if numbers else ""
-    known_text = f"; {known} were imported before" if known else ""
-    line = f"{len(numbers)} trials imported{range_text}{known_text}; store: {store}"
-    tell(as_json, {"store": store, "imported": numbers, "known": known}, line)
+        imported = writer.import_trials(rows)
+    for text in import_notes(store, rows):
+        print_note(text)
+    repeated = len(rows) - len(imported)
+    range_text = f", {imported[0]} to {imported[-1]}" if imported else ""
+    known_text = f"; {repeated} were imported before" if repeated else ""
+    line = f"{len(imported)} trials imported{range_text}{known_text}; store: {store}"
+    print_result(as_json, {"store": store, "imported": imported, "known": repeated}, line)
 
 
 @trials.command()
@@ -325,7 +341,7 @@ def export(
 ) -> None:
     """Convert a trial's log to MCAP.
 
-    The log itself, a .tlog, opens in MAVLink's own tools.
+    The log itself is a .tlog file, which MAVLink tools can open.
 
     \b
     Example: foldcar trials export study.db 7 --mcap trial7.mcap
@@ -339,10 +355,10 @@ def export(
     from foldcar.store.log_files import intact_log, log_file
     from foldcar.store.reader import Store
 
-    with Store.open(store) as opened:
-        trial, drive, filmed = opened.trial(number), opened.trial_drive(number), opened.track(number)
+    with Store.open(store) as reader:
+        trial, drive, filmed_track = reader.trial(number), reader.trial_drive(number), reader.track(number)
     if trial.log is None:
-        raise FoldcarError(f"{store}: trial {number} was imported: it has no log")
+        raise FoldcarError(f"{store}: trial {number} was imported and has no log")
     facts = {
         "trial": str(trial.id),
         "experiment": trial.experiment,
@@ -361,23 +377,23 @@ def export(
         grid = smooth_ground(scene, carsim_heights(Carsim()))
         scene_update = foxglove_scene(body, scene, grid)
         start = {**scene["start"], "z_m": start_height_m(body, scene, grid)}
-    count = export_mcap(log, mcap, facts, scene_update, start, filmed.rows if filmed else ())
+    count = export_mcap(log, mcap, facts, scene_update, start, filmed_track.rows if filmed_track else ())
     _note_damage(log)
-    tell(as_json, {"files": [mcap], "messages": count}, f"{mcap}: {count} messages")
+    print_result(as_json, {"files": [mcap], "messages": count}, f"{mcap}: {count} messages")
 
 
 def _note_damage(log: Path) -> None:
     from foldcar.link.tlog import log_damage
 
     if damage := log_damage(log):
-        note(damage)
+        print_note(damage)
 
 
 @trials.command()
 def dialect(output: OutputFolder, as_json: Json = False) -> None:
-    """Write the MAVLink dialect as XML.
+    """Write foldcar's MAVLink dialect as XML.
 
-    With DIR/v1.0/foldcar.xml, other programs name foldcar's own messages too.
+    Other programs need the file, DIR/v1.0/foldcar.xml, to decode foldcar's own messages.
 
     \b
     Example: foldcar trials dialect -o dialect
@@ -393,4 +409,4 @@ def dialect(output: OutputFolder, as_json: Json = False) -> None:
     file = output / "v1.0" / "foldcar.xml"
     with atomic_file(file) as binary:
         binary.write(text.encode())
-    tell(as_json, {"files": [file]}, file)
+    print_result(as_json, {"files": [file]}, file)

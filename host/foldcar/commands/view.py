@@ -1,4 +1,4 @@
-"""`foldcar view`: a page with a car that is put together step by step, and a run that it drives."""
+"""`foldcar view` writes a page that shows a car's assembly step by step, and a run of the car."""
 
 import re
 from collections.abc import Sequence
@@ -16,12 +16,12 @@ from foldcar.commands.options import (  # fmt: skip
     Vehicle,
     check_distinct,
     output_file,
-    tell,
+    print_result,
 )
 from foldcar.commands.run import variation_text
 from foldcar.errors import FoldcarError
 from foldcar.installation import require
-from foldcar.study.limits import MOST_ENVIRONMENTS
+from foldcar.study.limits import MAX_ENVIRONMENTS
 
 if TYPE_CHECKING:
     from foldcar.car.folded.model import FoldedCar
@@ -30,20 +30,20 @@ if TYPE_CHECKING:
 def view(
     listing: Listing,
     output: Annotated[
-        Path, typer.Option("-o", "--output", metavar="FILE", callback=output_file, help="The page to write (HTML).")
+        Path, typer.Option("-o", "--output", metavar="FILE", callback=output_file, help="HTML page to write.")
     ],
     vehicle: Vehicle = None,
     settings: Settings = None,
     run: Annotated[
         str | None,
-        typer.Option(metavar="ID[/K]", help="Show the car driving: an experiment and its sampled environment, e.g. 1/3."),
+        typer.Option(metavar="ID[/K]", help="Also show a run: experiment ID in sampled environment K, e.g. 1/3."),
     ] = None,
     components: Components = None,
     as_json: Json = False,
 ) -> None:
-    """Show a car in the browser: its assembly, a run.
+    """Write a page that shows a car's assembly and a run.
 
-    The page that is written needs no network.
+    Open the page in a browser; it needs no network.
 
     \b
     Example: foldcar view patterns/published_cars.json --vehicle w95 -o car.html
@@ -63,33 +63,33 @@ def view(
     page = view_page(folded, title, _replayed(shown, folded) if shown else None)
     with atomic_file(output) as binary:
         binary.write(page.encode())
-    tell(as_json, {"files": [output]}, output)
+    print_result(as_json, {"files": [output]}, output)
 
 
 def _replayed(listed: ListedRun, folded: "FoldedCar") -> dict[str, Any]:
-    """What run.js replays of that run. FoldcarError if the run fails."""
+    """Return the data that run.js replays. Raises FoldcarError if the run fails."""
     from foldcar.fabrication.assembly.scene_shape import recorded_run
     from foldcar.simulation.heights import carsim_heights
     from foldcar.simulation.results import outcome_of
 
-    one, answer = simulated_run(listed)
-    path = one.path(listed.carsim, answer, f"--run {listed.experiment.id}/{listed.sample}")
+    run, answer = simulated_run(listed)
+    path = run.path(listed.carsim, answer, f"--run {listed.experiment.id}/{listed.sample}")
     ended = f"{outcome_of(answer).replace('_', ' ')} after {answer['elapsed_time_s']:.2f} s."
-    told = f"{listed.name.capitalize()}: {ended}"
+    caption = f"{listed.name.capitalize()}: {ended}"
     if listed.variation:
-        told += f" The car that drives differs from the design that is drawn: {variation_text(listed.variation)}."
-    return recorded_run(folded, listed.body, listed.scene, answer, path, carsim_heights(listed.carsim), told)
+        caption += f" The car in the run differs from the drawn design: {variation_text(listed.variation)}."
+    return recorded_run(folded, listed.body, listed.scene, answer, path, carsim_heights(listed.carsim), caption)
 
 
 def viewed_run(listing: Path, run: str, vehicle: str | None, settings: Sequence[str] | None) -> ListedRun:
-    """The run that the option names; FoldcarError unless it names one, of that vehicle if one is given."""
-    named = re.fullmatch(r"([^/]+)(?:/([0-9]{1,8}))?", run)
-    if named is None or int(named[2] or 0) >= MOST_ENVIRONMENTS:
-        most = MOST_ENVIRONMENTS - 1
-        raise FoldcarError(f"--run {run}: not EXPERIMENT/SAMPLE with a sample from 0 to {most}, as in 1/3")
-    experiment = named[1]
-    listed = listed_run(listing, experiment, settings, int(named[2] or 0))
-    its = listed.experiment.family.vehicle
-    if vehicle is not None and vehicle != its:
-        raise FoldcarError(f"--run {run}: experiment {experiment} is of vehicle {its}, not of {vehicle}")
+    """Return the run that ``--run`` names. Raises FoldcarError if there is none, or it is of another vehicle."""
+    match = re.fullmatch(r"([^/]+)(?:/([0-9]{1,8}))?", run)
+    if match is None or int(match[2] or 0) >= MAX_ENVIRONMENTS:
+        last = MAX_ENVIRONMENTS - 1
+        raise FoldcarError(f"--run {run}: is not EXPERIMENT/SAMPLE with a sample from 0 to {last}, as in 1/3")
+    experiment = match[1]
+    listed = listed_run(listing, experiment, settings, int(match[2] or 0))
+    run_vehicle = listed.experiment.family.vehicle
+    if vehicle is not None and vehicle != run_vehicle:
+        raise FoldcarError(f"--run {run}: experiment {experiment} has vehicle {run_vehicle}, not {vehicle}")
     return listed

@@ -1,7 +1,7 @@
 """A car on the link: its identity, its state and the commands to it.
 
-Input: a connection. Output: messages and acknowledged commands. A command is repeated until it is acknowledged, with a
-count by which the car recognises repetitions; a refused command raises CommandRefusedError with the reason.
+Input: a connection. Output: messages and acknowledged commands. A command is retried until it is acknowledged, with a
+count by which the car recognises retries. A refused command raises CommandRefusedError with the reason.
 """
 
 import math
@@ -24,7 +24,7 @@ ANSWER_S = 0.6
 TRIES = 5
 OTHER_FIRMWARE = "it may have other firmware: `foldcar flash` loads foldcar's"
 
-# Texts for result_param2 of COMMAND_ACK, by its value: Refusal of firmware/lib/supervisor/supervisor.h.
+# Texts by the value of result_param2 in COMMAND_ACK (Refusal of firmware/lib/supervisor/supervisor.h).
 REASONS = (
     "accepted",
     "it is not armed",
@@ -51,7 +51,7 @@ REASONS = (
     "it cannot store a log now: it stores the last one, or its flash cannot be read",
     "it stores the log of the last trial",
 )
-FAULT_LATCHED, DESIGN, HELD = 4, 13, 18
+FAULT_LATCHED, REFUSED_DESIGN, OTHER_HOST = 4, 13, 18
 
 
 class NoCarError(FoldcarError):
@@ -66,8 +66,8 @@ class CommandRefusedError(FoldcarError):
 class CarIdentity:
     """What a car reports of its design and firmware build.
 
-    Name and hash are empty without a car.json; ``refused`` is set if the firmware refuses the car.json it has.
-    ``simulated`` is None if the firmware does not say it; a simulated car also says the id of its ``scene``.
+    Without a car.json, name and hash are empty. ``refused`` is set if the firmware refuses its car.json. ``simulated`` is
+    None if the firmware does not report it. A simulated car also reports the id of its ``scene``.
     """
 
     name: str
@@ -79,7 +79,7 @@ class CarIdentity:
 
 
 class Car:
-    """A connected car. Made by :func:`greet`. All methods raise LinkLostError if the link is lost."""
+    """A connected car. Create it with :func:`greet`. All methods raise LinkLostError if the link is lost."""
 
     def __init__(self, connection: Connection) -> None:
         self.connection = connection
@@ -91,7 +91,7 @@ class Car:
         return self.connection.stream.name
 
     def identity(self) -> CarIdentity:
-        """Request what the car is, and of a simulated one its scene; NoCarError without an answer."""
+        """Request the car's identity, and a simulated car's scene. Raises NoCarError without an answer."""
         design = self.request("FOLDCAR_DESIGN")
         refused = design.source == self.dialect.FOLDCAR_DESIGN_SOURCE_REFUSED
         simulated = {
@@ -102,21 +102,21 @@ class Car:
         return CarIdentity(design.name, design.hash, design.build, refused, simulated, scene)
 
     def _scene(self) -> str:
-        """The id of a simulated car's scene, which it sends once a second of its own time."""
-        told = self.connection.latest.get("FOLDCAR_SCENE")
-        if told is None:
-            told = self.connection.wait_for(lambda m: m.get_type() == "FOLDCAR_SCENE", GREETING_S)
-        if told is None:
-            raise NoCarError(f"{self.port}: the simulated car has not said its scene for {GREETING_S:g} s")
-        return str(told.id)
+        """Return the id of a simulated car's scene, which the car sends once a second of its own time."""
+        message = self.connection.latest.get("FOLDCAR_SCENE")
+        if message is None:
+            message = self.connection.wait_for(lambda m: m.get_type() == "FOLDCAR_SCENE", GREETING_S)
+        if message is None:
+            raise NoCarError(f"{self.port}: the simulated car has not reported its scene for {GREETING_S:g} s")
+        return str(message.id)
 
     def battery_v(self) -> float | None:
-        """Battery voltage (V) as last reported; None if the car cannot measure it."""
+        """Return the last reported battery voltage (V); None if the car cannot measure it."""
         status = self.connection.latest.get("SYS_STATUS") or self.request("SYS_STATUS")
         return None if status.voltage_battery == 0xFFFF else status.voltage_battery / 1000
 
     def enter_scene(self, scene_id: str) -> bool:
-        """Move a simulated car that is disarmed to the scene with this id; whether it stands there then."""
+        """Move a disarmed simulated car to the scene with this id; return whether it has moved."""
         for _ in range(TRIES):
             self.connection.send(self.dialect.MAVLink_foldcar_scene_message(scene_id.encode()))
             if self.connection.wait_for(lambda m: m.get_type() == "FOLDCAR_SCENE" and m.id == scene_id, ANSWER_S):
@@ -124,10 +124,10 @@ class Car:
         return False
 
     def request(self, name: str) -> Any:
-        """Request the message of that name and return it; NoCarError if it does not arrive."""
+        """Request the message of that name and return it. Raises NoCarError if it does not arrive."""
         number = getattr(self.dialect, f"MAVLINK_MSG_ID_{name}")
         for _ in range(TRIES):
-            # Not sent as a repetition: the car acknowledges repetitions without handling them again.
+            # Sent with count 0, because the car acknowledges retries without handling them again.
             self._send_command(self.dialect.MAV_CMD_REQUEST_MESSAGE, (number,), 0)
             message = self.connection.wait_for(lambda m: m.get_type() == name, ANSWER_S)
             if message is not None:
@@ -135,45 +135,48 @@ class Car:
         raise NoCarError(f"{self.port}: the car does not answer the request for {name}; {OTHER_FIRMWARE}")
 
     def arm(self) -> None:
-        """Arm: trials may start, outputs stay without pulses. CommandRefusedError."""
+        """Arm: trials may start; outputs still have no pulses. Raises CommandRefusedError."""
         self._command("arm", self.dialect.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)
 
     def disarm(self) -> None:
-        """Disarm: no pulses until the car is armed again. CommandRefusedError during a fault."""
+        """Disarm: no pulses until the car is armed again. Raises CommandRefusedError during a fault."""
         self._command("disarm", self.dialect.MAV_CMD_COMPONENT_ARM_DISARM, 0.0)
 
     def start_trial(
         self, speed_m_s: float, yaw_rate_rad_s: float, time_limit_s: float, trial: int, untethered: bool = False
     ) -> None:
-        """Start driving at constant speed and yaw rate; the car stops itself at the time limit. CommandRefusedError."""
+        """Start driving at constant speed and yaw rate; the car stops itself at the time limit.
+
+        Raises CommandRefusedError.
+        """
         flags = self.dialect.FOLDCAR_TRIAL_FLAGS_UNTETHERED if untethered else 0
         command = self.dialect.MAV_CMD_FOLDCAR_START_TRIAL
         self._command("start", command, speed_m_s, yaw_rate_rad_s, time_limit_s, float(flags), float(trial))
 
     def stop_trial(self) -> None:
-        """Stop a trial or an output test. CommandRefusedError if neither is running."""
+        """Stop a trial or an output test. Raises CommandRefusedError if neither is running."""
         self._command("stop", self.dialect.MAV_CMD_FOLDCAR_STOP_TRIAL)
 
     def acknowledge_fault(self, without_design: bool = False) -> None:
-        """Clear a latched fault. CommandRefusedError if there is none, or its cause persists.
+        """Clear a latched fault. Raises CommandRefusedError if there is none, or its cause persists.
 
         ``without_design`` also confirms that the parameters alone describe a car without a readable car.json.
         """
         self._command("clear its fault", self.dialect.MAV_CMD_FOLDCAR_ACKNOWLEDGE_FAULT, float(without_design))
 
     def test_output(self, output: int, pulse_us: float | None, timeout_s: float) -> None:
-        """Drive one output (1 to 8) with a pulse of 1000 to 2000 µs for ``timeout_s``; None: without pulses."""
+        """Send pulses of 1000 to 2000 µs to one output (1 to 8) for ``timeout_s``; None: no pulses."""
         value = math.nan if pulse_us is None else (pulse_us - 1500) / 500
         command = self.dialect.MAV_CMD_ACTUATOR_TEST
         self._command(f"test output {output}", command, value, timeout_s, 0.0, 0.0, float(32 + output))
 
     def state(self) -> int:
-        """The car's FOLDCAR_STATE as last reported."""
+        """Return the last reported FOLDCAR_STATE of the car."""
         trial = self.connection.latest.get("FOLDCAR_TRIAL") or self.request("FOLDCAR_TRIAL")
         return int(trial.state)
 
     def fault_text(self) -> str | None:
-        """The dialect's description of the latched fault; None if there is none."""
+        """Return the dialect's description of the latched fault; None if there is no fault."""
         trial = self.connection.latest.get("FOLDCAR_TRIAL") or self.request("FOLDCAR_TRIAL")
         if trial.fault == self.dialect.FOLDCAR_FAULT_NONE:
             return None
@@ -192,7 +195,7 @@ class Car:
         raise CommandRefusedError(f"the car does not acknowledge the command to {what}")
 
     def _answers(self, message: Any, command: int) -> bool:
-        """Whether a message acknowledges this host's command; another host's acknowledgements arrive here too."""
+        """Return whether a message acknowledges this host's command; other hosts' acknowledgements arrive, too."""
         if message.get_type() != "COMMAND_ACK" or message.command != command:
             return False
         return message.target_system in (0, HOST_SYSTEM) and message.target_component in (0, HOST_COMPONENT)
@@ -201,9 +204,9 @@ class Car:
         reason = ack.result_param2
         if not 0 < reason < len(REASONS):
             return f"result {ack.result}, reason {reason}"
-        said = self.connection.said
-        if reason in (DESIGN, HELD) and said is not None and said.startswith("refused: "):
-            return said.removeprefix("refused: ")
+        status_text = self.connection.said
+        if reason in (REFUSED_DESIGN, OTHER_HOST) and status_text is not None and status_text.startswith("refused: "):
+            return status_text.removeprefix("refused: ")
         fault = self.fault_text() if reason == FAULT_LATCHED else None
         return f"{REASONS[reason]} ({fault})" if fault else REASONS[reason]
 
@@ -217,15 +220,15 @@ class Car:
 def greet(port: str, timeout_s: float = GREETING_S) -> Car:
     """Connect to the car at a port.
 
-    NoCarError if no heartbeat of a car arrives within ``timeout_s``; FoldcarError if the port cannot be opened.
+    Raises NoCarError if no heartbeat of a car arrives within ``timeout_s``, FoldcarError if the port cannot be opened.
     """
     connection = connect(port)
     dialect = connection.dialect
     try:
         heartbeat = connection.wait_for(lambda m: m.get_type() == "HEARTBEAT", timeout_s)
         if heartbeat is None:
-            sent = "bytes that are not MAVLink" if connection.damaged else "nothing"
-            raise NoCarError(f"{port}: not a car: it sent {sent} for {timeout_s:g} s; {OTHER_FIRMWARE}")
+            received = "bytes that are not MAVLink" if connection.damaged else "nothing"
+            raise NoCarError(f"{port}: not a car: it sent {received} for {timeout_s:g} s; {OTHER_FIRMWARE}")
         if heartbeat.type != dialect.MAV_TYPE_GROUND_ROVER or heartbeat.autopilot != dialect.MAV_AUTOPILOT_GENERIC:
             raise NoCarError(f"{port}: another MAVLink device (type {heartbeat.type}), not a foldcar; {OTHER_FIRMWARE}")
     except LinkLostError as error:

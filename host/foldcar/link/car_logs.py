@@ -26,35 +26,35 @@ class StoredLog:
 
 
 def list_logs(car: Car) -> list[StoredLog]:
-    """The logs in the car, oldest first; FoldcarError if the list does not arrive completely within 20 s."""
+    """Return the logs in the car, oldest first. Raises FoldcarError if the list is incomplete after 20 s."""
     car.connection.said = None
     end_s = time.monotonic() + LIST_S
     for _ in range(TRIES):
         car.connection.send(car.dialect.MAVLink_log_request_list_message(CAR_SYSTEM, CAR_COMPONENT, 0, 0xFFFF))
-        found: dict[int, StoredLog] = {}
+        logs: dict[int, StoredLog] = {}
         expected: int | None = None
-        while (expected is None or len(found) < expected) and time.monotonic() < end_s:
+        while (expected is None or len(logs) < expected) and time.monotonic() < end_s:
             entry = car.connection.wait_for(lambda m: m.get_type() == "LOG_ENTRY", ANSWER_S)
             if entry is None:
                 break
             expected = entry.num_logs
             if entry.num_logs:
-                found[entry.id] = StoredLog(entry.id, entry.size)
-        if expected is not None and len(found) == expected:
-            return [found[number] for number in sorted(found)]
-    raise FoldcarError(f"{car.port}: the car does not list its logs{_said(car)}")
+                logs[entry.id] = StoredLog(entry.id, entry.size)
+        if expected is not None and len(logs) == expected:
+            return [logs[number] for number in sorted(logs)]
+    raise FoldcarError(f"{car.port}: the car does not list its logs{_status_suffix(car)}")
 
 
 def fetch_log(car: Car, log: StoredLog) -> bytes:
-    """The bytes of a log; FoldcarError if they do not arrive completely within 120 s."""
+    """Return the bytes of a log. Raises FoldcarError if they are incomplete after 120 s."""
     content = bytearray()
-    # Those behind a lost part, by their offsets.
+    # Received parts after a lost part, by their offsets.
     parts: dict[int, bytes] = {}
     car.connection.said = None
     end_s = time.monotonic() + FETCH_S
     while (start := len(content)) < log.size_bytes:
         if time.monotonic() > end_s:
-            gap = f"byte {start} is missing{_said(car)}"
+            gap = f"byte {start} is missing{_status_suffix(car)}"
             raise FoldcarError(f"{car.port}: log {log.id} is incomplete after {FETCH_S:g} s: {gap}")
         count = min(WINDOW_BYTES, log.size_bytes - start)
         request = car.dialect.MAVLink_log_request_data_message(CAR_SYSTEM, CAR_COMPONENT, log.id, start, count)
@@ -65,11 +65,11 @@ def fetch_log(car: Car, log: StoredLog) -> bytes:
                 break
             if start <= part.ofs < start + count:
                 parts[part.ofs] = bytes(part.data[: part.count])
-            while more := parts.pop(len(content), b""):
-                content += more
+            while next_part := parts.pop(len(content), b""):
+                content += next_part
     return bytes(content[: log.size_bytes])
 
 
-def _said(car: Car) -> str:
-    """What the car has said meanwhile, such as that wheels are driven: the log protocol itself cannot refuse."""
+def _status_suffix(car: Car) -> str:
+    """Return the car's status text, such as that wheels are driven, because the log protocol itself cannot refuse."""
     return f"; it says: {car.connection.said}" if car.connection.said else ""

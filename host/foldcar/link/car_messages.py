@@ -1,14 +1,13 @@
-"""Checks the messages of a car where they enter, from the link or from a log.
+"""Checks the messages of a car that come from the link or from a log.
 
-Input: a decoded message. Output: the message with its texts read as UTF-8, or None if no car can have one of its numbers.
+Input: a decoded message. Output: the message with its strings decoded as UTF-8, or None if it has an impossible number.
 """
 
 import math
 from typing import Any
 
-# The largest values of the numbers that are used: angles (rad), places (m), speeds (m/s, rad/s), times (ms, s), sizes.
-# A day is the longest trial that a store keeps, 2^32 ms the longest time since boot in other messages, 2^128 the end of
-# 32-bit floating-point numbers.
+# Largest values of the fields that are used: angles (rad), positions (m), speeds (m/s, rad/s), times (ms, s), sizes.
+# A day is the longest trial that a store keeps, 2^32 ms the longest time since boot, 2^128 the limit of float32.
 DAY_S = 86_400.0
 LIMITS: dict[str, dict[str, float]] = {
     "ATTITUDE": {"roll": 10, "pitch": 10, "yaw": 10},
@@ -23,7 +22,7 @@ LIMITS: dict[str, dict[str, float]] = {
 
 
 def checked_message(message: Any) -> Any | None:
-    """The message with its texts read as UTF-8; None if it has a number that no car can have.
+    """Return the message with its strings decoded as UTF-8; None if it has an impossible number.
 
     Example: messages = [checked_message(message) for message in mav.parse_buffer(data)]
     """

@@ -1,8 +1,8 @@
 """A connection to a car: packets in and out, the host's heartbeat, the log of both directions.
 
-Input: a port. Output: messages of the dialect. A connection belongs to one thread. :meth:`Connection.receive` also
-sends the heartbeat: without one for 0.5 s of the car's clock (which runs faster than the host's in an accelerated
-simulation), the car regards the link as lost.
+Input: a port. Output: messages of the dialect. A connection belongs to one thread. :meth:`Connection.receive` also sends
+the heartbeat. After 0.5 s of the car's clock without one, the car regards the link as lost; in an accelerated simulation
+that clock runs faster than the host's.
 """
 
 import select
@@ -17,23 +17,22 @@ from foldcar.link.tlog import TlogWriter
 
 HOST_SYSTEM, HOST_COMPONENT = 255, 190
 CAR_SYSTEM, CAR_COMPONENT = 1, 1
-# The component from which `carsim link` tells the truth (FOLDCAR_TRUTH).
+# The component that sends the simulated car's true state (FOLDCAR_TRUTH) in `carsim link`.
 SIMULATOR_COMPONENT = 25
-# Interval of heartbeats by the car's clock, whose time-out is 0.5 s.
+# Interval of heartbeats on the car's clock; the car's time-out is 0.5 s.
 HEARTBEAT_S = 0.1
 SHORTEST_HEARTBEAT_S = 0.002
 CATCH_UP_S = 1.0
-# Of a car's line for people, in characters.
+# Maximum length of a car's status text, in characters.
 LONGEST_LINE = 1000
 
 
 class Connection:
-    """A connection made by :func:`connect`. ``latest`` holds the car's last message of each type, by its name.
+    """A connection. Create it with :func:`connect`. ``latest`` has the car's last message of each type, by name.
 
-    ``said`` is the car's last line for people (STATUSTEXT), joined from its parts; None before the first.
-    ``log``, if set, gets every packet of both directions. ``received`` counts the car's packets, ``lost`` the
-    gaps in their sequence numbers, ``damaged`` received data that is not a valid packet, or has impossible numbers.
-    ``clock_rate`` is the car's.
+    ``said`` is the car's last status text (STATUSTEXT), joined from its parts; None before the first. ``log``, if set,
+    gets every packet of both directions. ``received`` counts the car's packets, ``lost`` the gaps in their sequence
+    numbers, ``damaged`` data that is not a valid packet or has impossible numbers. ``clock_rate`` is the car's.
     """
 
     def __init__(self, stream: Stream) -> None:
@@ -54,7 +53,7 @@ class Connection:
         self._unread: list[Any] = []
 
     def send(self, message: Any) -> None:
-        """Send and log a message of the dialect; LinkLostError, LogError."""
+        """Send and log a message of the dialect. Raises LinkLostError and LogError."""
         packet = message.pack(self._mav)
         self._mav.seq = (self._mav.seq + 1) % 256
         self.stream.write(packet)
@@ -62,21 +61,22 @@ class Connection:
             self.log.write(packet)
 
     def receive(self, timeout_s: float, other_input: Any = None) -> list[Any]:
-        """The messages that arrived; none after ``timeout_s``, or when the file ``other_input`` has input first.
+        """Return the messages that arrived; an empty list after ``timeout_s``, or if ``other_input`` has input first.
 
-        Messages of all senders are logged, those of the car returned and kept in ``latest``. LinkLostError, LogError.
+        Messages of all senders are logged; those of the car are returned and kept in ``latest``. Raises LinkLostError
+        and LogError.
         """
         self._beat()
         if self._unread:
             unread, self._unread = self._unread, []
             return unread
-        until = min(timeout_s, max(0.0, self._heartbeat_at_s - time.monotonic()))
-        waiting = [self.stream] if other_input is None else [self.stream, other_input]
-        if self.stream not in select.select(waiting, [], [], until)[0]:
+        wait_s = min(timeout_s, max(0.0, self._heartbeat_at_s - time.monotonic()))
+        inputs = [self.stream] if other_input is None else [self.stream, other_input]
+        if self.stream not in select.select(inputs, [], [], wait_s)[0]:
             return []
         messages = []
         for message in self._mav.parse_buffer(self.stream.read()) or []:
-            # The checksum of a message that is not in the dialect cannot be verified: it counts as damaged.
+            # The checksum of an unknown message cannot be verified, so it counts as damaged.
             if message.get_type() == "BAD_DATA" or message.get_type().startswith("UNKNOWN"):
                 self.damaged += 1
                 continue
@@ -98,24 +98,24 @@ class Connection:
         return messages
 
     def catch_up(self) -> None:
-        """Receive all messages that have accumulated, so that the next one is current."""
+        """Receive all messages that are waiting, so that the next one is current."""
         end_s = time.monotonic() + CATCH_UP_S
         while self.receive(0.0) and time.monotonic() < end_s:
             pass
 
-    def wait_for(self, wanted: Callable[[Any], bool], timeout_s: float) -> Any | None:
-        """The first message that fulfils ``wanted``, or None after ``timeout_s``; messages behind it stay unread."""
+    def wait_for(self, is_wanted: Callable[[Any], bool], timeout_s: float) -> Any | None:
+        """Return the first message for which ``is_wanted`` is true, or None after ``timeout_s``. Later ones stay."""
         end_s = time.monotonic() + timeout_s
-        while (left_s := end_s - time.monotonic()) > 0:
-            messages = self.receive(left_s)
+        while (remaining_s := end_s - time.monotonic()) > 0:
+            messages = self.receive(remaining_s)
             for index, message in enumerate(messages):
-                if wanted(message):
+                if is_wanted(message):
                     self._unread = messages[index + 1 :]
                     return message
         return None
 
     def silence_s(self) -> float:
-        """The time since the last message of the car (s)."""
+        """Return the time since the last message of the car (s)."""
         return time.monotonic() - self.last_received_s
 
     def close(self) -> None:
@@ -139,7 +139,7 @@ class Connection:
 
 
 class CarClockRate:
-    """``value``: the rate of the car's clock relative to the host's, at least 1: the speed-up of a simulation."""
+    """``value`` is the rate of the car's clock relative to the host's, at least 1: the speed-up of a simulation."""
 
     SPAN_S = 0.3
 
@@ -159,6 +159,6 @@ class CarClockRate:
 
 
 def connect(port: str) -> Connection:
-    """Open a port (a path, or tcp:HOST:PORT) and load the dialect; FoldcarError if it cannot be opened."""
+    """Open a port (a path, or tcp:HOST:PORT) and load the dialect. Raises FoldcarError if it cannot be opened."""
     load_dialect()
     return Connection(open_stream(port))

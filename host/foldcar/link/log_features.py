@@ -1,14 +1,13 @@
-"""What a trial's log tells of the drive without a camera: how long, how far tilted and turned, shocks, the battery.
+"""Summarises a drive from its log without a camera: duration, tilt, turn, shocks, the battery.
 
-Input: a .tlog. Output: LogFeatures, None where the log does not tell: without an IMU, a battery's voltage, an end.
+Input: a .tlog. Output: LogFeatures; a value is None if the log does not contain it (no IMU, no battery voltage, no end).
 
-The car's filter pulls its angles to what the accelerometer takes for the vertical, with a time constant T (0.5 s). While
-the car speeds up or slows down, that is wrong for the pitch. The samples tell by how much it was pulled, d, which is
-taken off again:
+The car's filter pulls its angles towards the accelerometer's vertical, with a time constant T (0.5 s). While the car
+accelerates, this gives a wrong pitch. The error d is estimated from the samples and subtracted:
 
-    d' = (acc - pitch) / T - d / L    (acc: pitch by the accelerometer; L forgets, as gyros drift)
+    d' = (acc - pitch) / T - d / L    (acc: pitch by the accelerometer; L: forgetting time, because gyros drift)
 
-The firmware leaves the accelerometer out of it while shaken (firmware/lib/attitude), and so does this.
+While the car is shaken, the firmware ignores the accelerometer (firmware/lib/attitude), and so does this estimate.
 """
 
 import math
@@ -22,26 +21,26 @@ import numpy
 from foldcar.link.connection import CAR_SYSTEM
 from foldcar.link.tlog import read_tlog, trial_start_s
 
-FILTER_S, FORGETS_S = 0.5, 3.0
-GRAVITY_M_S2, SHAKEN_M_S2 = 9.81, 3.0
+FILTER_S, FORGETTING_S = 0.5, 3.0
+GRAVITY_M_S2, SHAKING_M_S2 = 9.81, 3.0
 MILLI_G_M_S2 = 0.00980665
-# Beyond what wheels can do on level ground: at a friction of 0.75 they make 1.25 g of it.
-SHOCK_SHARE = 0.25
-# Samples ten times a second miss the peaks between them.
+# A shock is more than wheels can cause on level ground: at a friction of 0.75, the total acceleration is 1.25 g.
+SHOCK_FRACTION = 0.25
+# Error of the largest tilts, because ten samples a second miss the peaks between them.
 TILT_ERROR_RAD = 0.04
-# The car sums its turns about the vertical. Rolling and pitching in turn adds up to half of roll × pitch to that, as the
-# solid angle that its axes go round, without changing the heading.
-HEADING_ERROR_RAD, OF_ROLL_AND_PITCH = 0.015, 0.5
+# The car integrates its rotation about the vertical. Rolling and pitching alternately adds up to half of roll × pitch to
+# the integral (the solid angle that the axes enclose) without changing the heading.
+HEADING_ERROR_RAD, HEADING_ERROR_FACTOR = 0.015, 0.5
 UNREADABLE_MV = 65535
 
 
 @dataclass(frozen=True, slots=True)
 class LogFeatures:
-    """Of a trial from its start until the car was stopped; errors are standard deviations.
+    """Features of a trial from its start until the car was stopped; errors are standard deviations.
 
-    ``max_roll_rad`` (left side up) and ``max_pitch_rad`` (nose up) are the largest by size, ``heading_change_rad`` (to
-    the left) at the end. ``shocks_s``: when accelerations were not those of level ground. ``battery_sag_v``: from the
-    voltage before the start to the lowest of the drive.
+    ``max_roll_rad`` (left side up) and ``max_pitch_rad`` (nose up) have the largest absolute values;
+    ``heading_change_rad`` (to the left) is that at the end. ``shocks_s`` are the times of shocks. ``battery_sag_v`` is
+    the voltage before the start minus the lowest voltage of the drive.
     """
 
     elapsed_time_s: float | None = None
@@ -55,7 +54,7 @@ class LogFeatures:
 
 
 def log_features(file: Path) -> LogFeatures:
-    """Of the last trial in a log; LogError."""
+    """Return the features of the last trial in a log. Raises LogError."""
     messages = [message for _, message in read_tlog(file) if message.get_srcSystem() == CAR_SYSTEM]
     start_s = trial_start_s(messages)
     if start_s is None:
@@ -63,44 +62,44 @@ def log_features(file: Path) -> LogFeatures:
     trial = [message for message in messages if message.get_type() == "FOLDCAR_TRIAL"][-1]
     elapsed_s = trial.elapsed_ms / 1000 if trial.end else None
     end_s = math.inf if elapsed_s is None else elapsed_s
-    tilts, heading, shocks = _felt(messages, start_s, end_s)
+    tilts, heading, shocks = _motion(messages, start_s, end_s)
     roll, pitch = (None, None) if tilts is None else (float(max(column, key=abs)) for column in tilts.T)
     sag_v = _sag_v(messages, start_s, end_s)
     if roll is None or pitch is None:
         return LogFeatures(elapsed_s, battery_sag_v=sag_v)
-    heading_error = HEADING_ERROR_RAD + OF_ROLL_AND_PITCH * abs(roll * pitch)
+    heading_error = HEADING_ERROR_RAD + HEADING_ERROR_FACTOR * abs(roll * pitch)
     return LogFeatures(elapsed_s, roll, pitch, TILT_ERROR_RAD, heading, heading_error, shocks, sag_v)
 
 
-def _felt(messages: Sequence[Any], start_s: float, end_s: float) -> tuple[Any, float | None, tuple[float, ...] | None]:
-    """Roll and pitch during the drive (n, 2), the heading's change, times of shocks; None without an IMU."""
+def _motion(messages: Sequence[Any], start_s: float, end_s: float) -> tuple[Any, float | None, tuple[float, ...] | None]:
+    """Return roll and pitch during the drive (n, 2), the heading's change and times of shocks; None without an IMU."""
     times = {kind: {m.time_boot_ms: m for m in messages if m.get_type() == kind} for kind in ("ATTITUDE", "SCALED_IMU")}
     attitudes, samples = times["ATTITUDE"], times["SCALED_IMU"]
     rows = [(t / 1000 - start_s, attitudes[t], samples[t]) for t in sorted(attitudes.keys() & samples.keys())]
     rows = [row for row in rows if -1.0 <= row[0] <= end_s]
-    before, during = [row for row in rows if row[0] <= 0], [row for row in rows if row[0] > 0]
-    if not before or not during:
+    rows_before, rows_during = [row for row in rows if row[0] <= 0], [row for row in rows if row[0] > 0]
+    if not rows_before or not rows_during:
         return None, None, None
-    pulled, tilts, shocks = 0.0, [], []
+    filter_error, tilts, shocks = 0.0, [], []
     last_s = rows[0][0]
     for time_s, attitude, sample in rows:
         x, y, z = (MILLI_G_M_S2 * value for value in (sample.xacc, -sample.yacc, -sample.zacc))
         size = math.sqrt(x * x + y * y + z * z)
-        step_s, last_s = min(time_s - last_s, FORGETS_S), time_s
-        pulled -= pulled * step_s / FORGETS_S
-        if abs(size - GRAVITY_M_S2) < SHAKEN_M_S2:
-            pulled += (math.asin(max(-1.0, min(1.0, x / size))) - attitude.pitch) * step_s / FILTER_S
+        step_s, last_s = min(time_s - last_s, FORGETTING_S), time_s
+        filter_error -= filter_error * step_s / FORGETTING_S
+        if abs(size - GRAVITY_M_S2) < SHAKING_M_S2:
+            filter_error += (math.asin(max(-1.0, min(1.0, x / size))) - attitude.pitch) * step_s / FILTER_S
         if time_s > 0:
-            tilts.append((attitude.roll, attitude.pitch - pulled))
-            if abs(size / GRAVITY_M_S2 - 1) > SHOCK_SHARE:
+            tilts.append((attitude.roll, attitude.pitch - filter_error))
+            if abs(size / GRAVITY_M_S2 - 1) > SHOCK_FRACTION:
                 shocks.append(round(time_s, 3))
-    yaws = numpy.unwrap([row[1].yaw for row in (before[-1], *during)])
+    yaws = numpy.unwrap([row[1].yaw for row in (rows_before[-1], *rows_during)])
     # MAVLink's yaw is clockwise.
     return numpy.array(tilts), float(yaws[0] - yaws[-1]), tuple(shocks)
 
 
 def _sag_v(messages: Sequence[Any], start_s: float, end_s: float) -> float | None:
-    """SYS_STATUS has no time of its own: it stands between messages that have."""
+    """Return the drop of the battery voltage (V); SYS_STATUS has no time, so that of the message before it is used."""
     time_s = -math.inf
     before: float | None = None
     lowest: float | None = None

@@ -21,9 +21,9 @@ from foldcar.link.tlog import read_tlog, trial_start_s
 from foldcar.outputs import atomic_file
 from foldcar.version import __version__
 
-# Messages that come out of order by less do not mean that the car was reset.
+# Messages that are out of order by less than this do not mean that the car was reset.
 DISORDER_US = 1_000_000
-# Of a row of a film's track.
+# The columns of a film's track.
 FILMED = (
     "time_s", "x_m", "y_m", "z_m", "heading_rad", "pitch_rad", "roll_rad", "var_x_m2", "cov_x_y_m2",
     "cov_x_heading_m_rad", "var_y_m2", "cov_y_heading_m_rad", "var_heading_rad2", "var_z_m2", "var_pitch_rad2",
@@ -33,7 +33,7 @@ _FILMED_SCHEMA = {"type": "object", "title": "camera.Pose", "properties": {name:
 NO_START = {"x_m": 0.0, "y_m": 0.0, "heading_rad": 0.0}
 
 
-# Foxglove knows its messages by their names; the schemas have those fields of its own that foldcar writes.
+# Foxglove recognises its messages by their names; these schemas have only the fields that foldcar writes.
 def _object(**properties: Any) -> dict[str, Any]:
     return {"type": "object", "properties": properties, "required": list(properties)}
 
@@ -86,30 +86,30 @@ def export_mcap(
     start: Mapping[str, float] = NO_START,
     filmed: Sequence[Sequence[float]] = (),
 ) -> int:
-    """Write ``file`` and return the number of the log's messages; FoldcarError if log or file fails.
+    """Write ``file`` and return the number of the log's messages. Raises FoldcarError if log or file fails.
 
-    ``start`` is where the car was put down, for the pose of a car that does not know its own; ``filmed`` are rows of a
-    film's track: time in the trial, x, y, z, heading, pitch, roll, variances.
+    ``start`` is where the car was put down; it is the pose of a car that does not report its own. ``filmed`` are rows of
+    a film's track: time in the trial, x, y, z, heading, pitch, roll, variances.
     """
     from mcap.writer import Writer
 
-    known = [
+    messages = [
         (time_us, message)
         for time_us, message in read_tlog(log)
         if message.get_type() != "BAD_DATA" and not message.get_type().startswith("UNKNOWN")
     ]
-    times_us = car_times_us(known)
+    times_us = car_times_us(messages)
     with atomic_file(file) as binary:
         writer: Any = Writer(binary)
         writer.start(library=f"foldcar {__version__}")
         writer.add_metadata("trial", dict(facts))
         topics = _Topics(writer)
-        if known and scene_update is not None:
+        if messages and scene_update is not None:
             first_us = min(times_us)
-            entities = [{**one, "timestamp": time_stamp(first_us)} for one in scene_update["entities"]]
+            entities = [{**entity, "timestamp": time_stamp(first_us)} for entity in scene_update["entities"]]
             topics.add("/scene", "foxglove.SceneUpdate", SCENE_UPDATE, {**scene_update, "entities": entities}, first_us)
             topics.add_pose(first_us, start["x_m"], start["y_m"], start.get("z_m", 0.0), start["heading_rad"], 0.0, 0.0)
-        for time_us, (_, message) in sorted(zip(times_us, known, strict=True), key=lambda pair: pair[0]):
+        for time_us, (_, message) in sorted(zip(times_us, messages, strict=True), key=lambda pair: pair[0]):
             kind = message.get_type()
             topics.add(f"/{_sender(message)}/{kind}", kind, _schema(message), _content(message), time_us)
             if kind == "STATUSTEXT":
@@ -118,36 +118,36 @@ def export_mcap(
                 pose = (message.x, message.y, message.z, message.heading, message.pitch, message.roll)
                 if all(map(math.isfinite, pose)):
                     topics.add_pose(time_us, *pose)
-        start_us = _trial_start_us(known, times_us) if filmed else None
+        start_us = _trial_start_us(messages, times_us) if filmed else None
         if start_us is not None:
-            knows = any(message.get_type() == "FOLDCAR_TRUTH" for _, message in known)
+            has_true_pose = any(message.get_type() == "FOLDCAR_TRUTH" for _, message in messages)
             for row in filmed:
                 time_us = start_us + round(1e6 * row[0])
                 content = dict(zip(FILMED, row, strict=True))
                 topics.add("/camera/pose", "camera.Pose", _FILMED_SCHEMA, content, time_us)
-                if not knows:
+                if not has_true_pose:
                     topics.add_pose(time_us, *row[1:7])
         writer.finish()
-    return len(known)
+    return len(messages)
 
 
-def _trial_start_us(known: Sequence[tuple[int, Any]], times_us: Sequence[int]) -> int | None:
-    """When the log's trial began (µs since 1970); None if it has none."""
-    start_s = trial_start_s([message for _, message in known])
-    told = [time_us - 1000 * message.time_boot_ms for time_us, (_, message) in zip(times_us, known, strict=True)
+def _trial_start_us(messages: Sequence[tuple[int, Any]], times_us: Sequence[int]) -> int | None:
+    """Return when the log's trial began (µs since 1970); None if there is no trial."""
+    start_s = trial_start_s([message for _, message in messages])
+    boots_us = [time_us - 1000 * message.time_boot_ms for time_us, (_, message) in zip(times_us, messages, strict=True)
             if message.get_type() == "FOLDCAR_TRIAL"]  # fmt: skip
-    return None if start_s is None or not told else int(told[-1]) + round(1e6 * start_s)
+    return None if start_s is None or not boots_us else int(boots_us[-1]) + round(1e6 * start_s)
 
 
 class _Topics:
-    """Registers topics with their schemas as they come."""
+    """Registers a topic with its schema at its first message."""
 
     def __init__(self, writer: Any) -> None:
         self._writer = writer
         self._channels: dict[str, int] = {}
 
     def add(self, topic: str, name: str, schema: Mapping[str, Any], content: Any, time_us: int) -> None:
-        """Write a message; ``name`` is that of the schema."""
+        """Write a message; ``name`` is the schema's name."""
         if topic not in self._channels:
             schema_id = self._writer.register_schema(name, "jsonschema", json.dumps(schema).encode())
             self._channels[topic] = self._writer.register_channel(topic, "json", schema_id)
@@ -171,34 +171,33 @@ def _content(message: Any) -> dict[str, Any]:
         value = getattr(message, name)
         value = list(value) if isinstance(value, bytes | bytearray | tuple) else value
         values = value if isinstance(value, list) else [value]
-        if all(not isinstance(one, float) or math.isfinite(one) for one in values):
+        if all(not isinstance(item, float) or math.isfinite(item) for item in values):
             result[name] = value
     return result
 
 
 def _schema(message: Any) -> dict[str, Any]:
-    """The JSON schema of a message's type, from the dialect's field types."""
+    """Return the JSON schema of a message's type, from the dialect's field types."""
     properties = {}
     units = message.fieldunits_by_name
     types = dict(zip(message.fieldnames, message.fieldtypes, strict=True))
     for name in message.get_fieldnames():
         kind = types[name]
-        one = "string" if kind == "char" else "number" if kind in ("float", "double") else "integer"
-        whole: dict[str, Any] = {"type": one}
+        item_type = "string" if kind == "char" else "number" if kind in ("float", "double") else "integer"
+        property_schema: dict[str, Any] = {"type": item_type}
         if kind != "char" and isinstance(getattr(message, name), list | tuple | bytes | bytearray):
-            whole = {"type": "array", "items": {"type": one}}
+            property_schema = {"type": "array", "items": {"type": item_type}}
         if name in units:
-            whole["description"] = units[name].strip("[]")
-        properties[name] = whole
+            property_schema["description"] = units[name].strip("[]")
+        properties[name] = property_schema
     return {"type": "object", "title": message.get_type(), "properties": properties}
 
 
 def car_times_us(messages: Sequence[tuple[int, Any]]) -> list[int]:
-    """A time (µs since 1970) for each message, in the log's order.
+    """Return a time (µs since 1970) for each message, in the log's order.
 
-    They begin at the host's and go on by the car's clock: at a simulation's other rate the host's would not be the car's
-    seconds, and from a real car they have the link's delays. What has no time of the car's lies between its neighbours
-    as it does by the host's clock.
+    Times begin at the host's time and advance with the car's clock: the host's clock has another rate than a simulated
+    car's, and the link's delays for a real car. Messages without a car's time are interpolated by the host's clock.
     """
     anchors: list[tuple[int, int]] = []
     own: dict[int, int] = {}
@@ -211,7 +210,7 @@ def car_times_us(messages: Sequence[tuple[int, Any]]) -> list[int]:
         if offset_us is None:
             offset_us = host_us - boot_us
         elif boot_us < last_boot_us - DISORDER_US:
-            # A reset set the clock back; the host's says how long it took.
+            # A reset has set the car's clock back; the host's clock gives the duration of the reset.
             before_host_us, before_us = anchors[-1]
             offset_us = before_us + (host_us - before_host_us) - boot_us
         last_boot_us = boot_us
@@ -223,7 +222,7 @@ def car_times_us(messages: Sequence[tuple[int, Any]]) -> list[int]:
     hosts, cars = (numpy.array(side, dtype=float) for side in zip(*anchors, strict=True))
     origin = hosts[0]
     between = numpy.interp([host_us - origin for host_us, _ in messages], hosts - origin, cars - origin)
-    # Before the first and after the last time of the car's the host's clock goes on.
+    # Before the first and after the last time of the car, use the host's clock.
     times = []
     for index, (host_us, _) in enumerate(messages):
         beyond = min(0.0, host_us - hosts[0]) + max(0.0, host_us - hosts[-1])
@@ -232,7 +231,7 @@ def car_times_us(messages: Sequence[tuple[int, Any]]) -> list[int]:
 
 
 def _since_boot_us(message: Any) -> int | None:
-    """The car's time in a message, if it is the car's or its simulator's."""
+    """Return the car's time (µs since boot) in a message of the car or its simulator, else None."""
     if message.get_srcSystem() != CAR_SYSTEM:
         return None
     if message.get_type() == "FOLDCAR_TRUTH":
@@ -253,18 +252,18 @@ def _log(message: Any, time_us: int) -> dict[str, Any]:
 
 
 def time_stamp(time_us: int) -> dict[str, int]:
-    """A time (µs since 1970)."""
+    """Return Foxglove's form of a time (µs since 1970)."""
     seconds, micros = divmod(time_us, 1_000_000)
     return {"sec": seconds, "nsec": micros * 1000}
 
 
 def vector(x: float, y: float, z: float) -> dict[str, float]:
-    """A Vector3 or Point3."""
+    """Return a Vector3 or Point3."""
     return {"x": x, "y": y, "z": z}
 
 
 def quaternion(heading_rad: float, pitch_rad: float = 0.0, roll_rad: float = 0.0) -> dict[str, float]:
-    """A turn about z, then nose up, then left side up."""
+    """Return the quaternion of a rotation about z, then nose up, then left side up."""
     (cy, sy), (cp, sp), (cr, sr) = (
         (math.cos(angle / 2), math.sin(angle / 2)) for angle in (heading_rad, -pitch_rad, roll_rad)
     )
@@ -279,7 +278,7 @@ def quaternion(heading_rad: float, pitch_rad: float = 0.0, roll_rad: float = 0.0
 def frame_transform(
     time_us: int, x_m: float, y_m: float, z_m: float, heading_rad: float, pitch_rad: float, roll_rad: float
 ) -> dict[str, Any]:
-    """The car's frame in the world at a time."""
+    """Return the car's frame in the world at a time."""
     return {
         "timestamp": time_stamp(time_us),
         "parent_frame_id": WORLD,

@@ -19,43 +19,46 @@ from foldcar.typed import decimal_number, read_text
 LIST_S = 20.0
 QUIET_S = 0.4
 # The largest 32-bit floating-point number, and the longest name that a packet holds, in bytes.
-LARGEST = (2 - 2**-23) * 2.0**127
-LONGEST_NAME = 16
+MAX_FLOAT32 = (2 - 2**-23) * 2.0**127
+MAX_NAME_BYTES = 16
 # Requests per burst: a car's receive buffer is small.
 BURST = 4
 
 
 def read_parameters(car: Car) -> dict[str, float]:
-    """All parameters by name, in the car's order; lost ones are requested again. FoldcarError if some lack after 20 s."""
+    """Return all parameters by name, in the car's order; request lost ones again.
+
+    Raises FoldcarError if some are missing after 20 s.
+    """
     d = car.dialect
-    found: dict[int, float] = {}
+    values: dict[int, float] = {}
     names: dict[int, str] = {}
     count: int | None = None
     car.connection.send(d.MAVLink_param_request_list_message(CAR_SYSTEM, CAR_COMPONENT))
     end_s = time.monotonic() + LIST_S
-    while count is None or len(found) < count:
+    while count is None or len(values) < count:
         if time.monotonic() > end_s:
-            has = f"{len(found)} of {count} parameters" if count else "no parameter"
-            raise FoldcarError(f"{car.port}: the car has sent {has} in {LIST_S:g} s; is the cable good?")
+            received_text = f"{len(values)} of {count} parameters" if count else "no parameter"
+            raise FoldcarError(f"{car.port}: the car has sent {received_text} in {LIST_S:g} s; is the cable good?")
         message = car.connection.wait_for(lambda m: m.get_type() == "PARAM_VALUE", QUIET_S)
         if message is not None:
             count = message.param_count
-            found[message.param_index], names[message.param_index] = message.param_value, message.param_id
+            values[message.param_index], names[message.param_index] = message.param_value, message.param_id
         elif count is None:
             car.connection.send(d.MAVLink_param_request_list_message(CAR_SYSTEM, CAR_COMPONENT))
         else:
-            for index in [i for i in range(count) if i not in found][:BURST]:
+            for index in [i for i in range(count) if i not in values][:BURST]:
                 car.connection.send(d.MAVLink_param_request_read_message(CAR_SYSTEM, CAR_COMPONENT, b"", index))
-    return {names[index]: found[index] for index in sorted(found)}
+    return {names[index]: values[index] for index in sorted(values)}
 
 
 def set_parameter(car: Car, name: str, value: float) -> None:
-    """Set and save one parameter; FoldcarError with the car's reason if it refuses the value or does not answer."""
-    if not name.isascii() or not 0 < len(name) <= LONGEST_NAME:
-        # The packet would hold its beginning, which may be another parameter.
-        raise FoldcarError(f"{name}: no name of a parameter: those have 1 to {LONGEST_NAME} ASCII characters")
+    """Set and save one parameter. Raises FoldcarError, with the reason, if the car refuses it or does not answer."""
+    if not name.isascii() or not 0 < len(name) <= MAX_NAME_BYTES:
+        # The packet would contain only its beginning, which may name another parameter.
+        raise FoldcarError(f"{name}: not a parameter's name, which has 1 to {MAX_NAME_BYTES} ASCII characters")
     if not fits_float32(value):
-        raise FoldcarError(f"{name}: {value:g} is no number that a car keeps (32-bit floating point)")
+        raise FoldcarError(f"{name}: {value:g} cannot be stored as a 32-bit floating-point number")
     d = car.dialect
     car.connection.said = None
     for _ in range(TRIES):
@@ -73,30 +76,30 @@ def set_parameter(car: Car, name: str, value: float) -> None:
 
 
 def equal_float32(a: float, b: float) -> bool:
-    """Whether two values are equal as 32-bit floating-point numbers."""
+    """Return whether two values are equal as 32-bit floating-point numbers."""
     return struct.pack("<f", a) == struct.pack("<f", b)
 
 
 def fits_float32(value: float) -> bool:
-    """Whether the value is finite, and not beyond the largest 32-bit floating-point number."""
-    return abs(value) <= LARGEST
+    """Return whether the value is finite and within the range of 32-bit floating-point numbers."""
+    return abs(value) <= MAX_FLOAT32
 
 
 def value_text(value: float) -> str:
-    """The shortest decimal text of the 32-bit number: 3.4, not 3.4000001."""
+    """Return the shortest decimal text of the 32-bit number: 3.4, not 3.4000001."""
     shortest = next(x for digits in range(1, 10) if equal_float32(x := float(f"{value:.{digits}g}"), value))
     return f"{shortest:.9g}"
 
 
 def differences(car: Mapping[str, float], other: Mapping[str, float]) -> list[tuple[str, float | None, float | None]]:
-    """Name, the car's and the other value of each parameter that differs; None where one side lacks it."""
+    """Return name, the car's value and the other value of each parameter that differs; None if one side lacks it."""
     names = dict.fromkeys([*car, *other])
     rows = [(name, car.get(name), other.get(name)) for name in names]
     return [(name, a, b) for name, a, b in rows if a is None or b is None or not equal_float32(a, b)]
 
 
 def read_file(file: Path) -> dict[str, float]:
-    """The parameters in a file by name; FoldcarError naming file and line."""
+    """Return the parameters in a file by name. Raises FoldcarError that names file and line."""
     values: dict[str, float] = {}
     for number, line in enumerate(read_text(file).split("\n"), 1):
         words = line.partition("#")[0].replace(",", " ").split()
@@ -107,7 +110,7 @@ def read_file(file: Path) -> dict[str, float]:
         except (IndexError, ValueError):
             value = math.nan
         if len(words) == 2 and math.isfinite(value) and not fits_float32(value):
-            raise FoldcarError(f"{file}: line {number}: {name}: {words[1]} is beyond ±{LARGEST:.3g}")
+            raise FoldcarError(f"{file}: line {number}: {name}: {words[1]} is beyond ±{MAX_FLOAT32:.3g}")
         if len(words) != 2 or not math.isfinite(value):
             raise FoldcarError(f"{file}: line {number}: not NAME VALUE: {line.strip()}")
         if name in values:
@@ -119,13 +122,13 @@ def read_file(file: Path) -> dict[str, float]:
 
 
 def write_file(file: Path, values: Mapping[str, float], head: str) -> None:
-    """Write a parameter file atomically; ``head`` is its first line, a comment. OSError if it cannot be written."""
+    """Write a parameter file atomically, with ``head`` as a comment in its first line. Raises FoldcarError."""
     lines = [f"# {head}", *(f"{name:<16} {value_text(value)}" for name, value in values.items())]
     with atomic_file(file) as binary:
         binary.write(("\n".join(lines) + "\n").encode())
 
 
 def _reason(car: Car, name: str) -> str:
-    """What the car has said about the parameter, in brackets; empty if nothing."""
-    said = car.connection.said
-    return f" ({said})" if said is not None and said.startswith(f"{name} ") else ""
+    """Return the car's status text about the parameter, in brackets; "" if there is none."""
+    status_text = car.connection.said
+    return f" ({status_text})" if status_text is not None and status_text.startswith(f"{name} ") else ""

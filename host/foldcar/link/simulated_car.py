@@ -29,22 +29,21 @@ class SimulatedCar:
 @contextlib.contextmanager
 def simulated_car(
     simulator: Sequence[str],
-    worlds: Iterable[tuple[Mapping[str, Any], Mapping[str, Any]]],
+    cars_and_scenes: Iterable[tuple[Mapping[str, Any], Mapping[str, Any]]],
     design: Mapping[str, Any],
     speedup: float = 1.0,
     tcp_port: int | None = None,
     stdin: int | None = None,
 ) -> Iterator[SimulatedCar]:
-    """A simulated car that is stopped at the end of the block; CarsimError if it does not start.
+    """Run a simulated car until the end of the block. Raises CarsimError if it does not start.
 
-    ``simulator`` is the command that starts carsim.
-    ``worlds`` are pairs of a body and a scene with its id. The car begins in the first; a host can move it to others.
-    ``stdin`` is a file descriptor from which it reads commands that inject faults; its output after the port's line
-    can be read from the process.
+    ``simulator`` is the command that starts carsim. ``cars_and_scenes`` are pairs of a body and a scene with its id. The
+    car begins in the first scene; a host can move it to the others. ``stdin`` is a file descriptor with commands that
+    inject faults. The process prints the port in its first line, then answers to commands.
     """
     with tempfile.TemporaryDirectory(prefix="foldcar-link-", ignore_cleanup_errors=True) as folder:
         command = [*simulator, "link", *(["--tcp", str(tcp_port)] if tcp_port is not None else ["--pty"])]
-        pairs = list(worlds)
+        pairs = list(cars_and_scenes)
         contents: dict[str, list[Mapping[str, Any]]] = {
             "body": [{"body": {"id": "car", **body}} for body, _ in pairs],
             "scene": [{"scene": scene} for _, scene in pairs],
@@ -56,7 +55,7 @@ def simulated_car(
             command += [f"--{name}", str(file)]
         # --put-back: the car returns to the start before each trial.
         command += ["--speedup", f"{speedup:g}", "--put-back"]
-        # carsim ends when nothing reads its output any more: with the caller, however that ends.
+        # carsim ends when its output is no longer read, that is when the caller ends in any way.
         process = subprocess.Popen(command, stdin=stdin, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         try:
             port = _port(simulator[0], process)

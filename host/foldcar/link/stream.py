@@ -1,4 +1,4 @@
-"""The port of a car, found by the USB bridges of Feather boards or named, and the stream of bytes to and from it.
+"""Finds the port of a car by the USB bridges of Feather boards, or by name, and opens a stream of bytes to it.
 
 Input: the machine's serial ports, or a serial port, a pseudo-terminal (a path such as /dev/ttyUSB0), "tcp:HOST:PORT".
 Output: a stream; FoldcarError with a remedy if there is no single port or it cannot be opened, LinkLostError once the
@@ -20,7 +20,7 @@ from foldcar.errors import FoldcarError
 try:
     import termios  # noqa: F401
 except ImportError:
-    # Windows: its serial ports cannot be waited for together with other input.
+    # On Windows, a program cannot wait for a serial port and other input at the same time.
     HAS_TERMINALS = False
 else:
     HAS_TERMINALS = True
@@ -51,7 +51,7 @@ class LinkLostError(FoldcarError):
 class Stream:
     """Bytes to and from a car by a port that does not block. ``name`` is the port's name as on the command line.
 
-    ``take`` and ``give`` read and write some bytes, as os.read and os.write do: on Windows a socket is no file.
+    ``take`` and ``give`` read and write bytes as os.read and os.write do, which do not work for sockets on Windows.
     """
 
     def __init__(self, name: str, port: Any, take: Callable[[int], bytes], give: Callable[[bytes], int]) -> None:
@@ -63,7 +63,7 @@ class Stream:
         return int(self._port.fileno())
 
     def read(self) -> bytes:
-        """The available bytes, at least one after `select` reports input; LinkLostError."""
+        """Return the available bytes, at least one after `select` reports input. Raises LinkLostError."""
         try:
             data = self._take(READ_BYTES)
         except BlockingIOError:
@@ -76,7 +76,7 @@ class Stream:
         return data
 
     def write(self, data: bytes) -> None:
-        """Write all of ``data``; LinkLostError."""
+        """Write all of ``data``. Raises LinkLostError."""
         while data:
             try:
                 data = data[self._give(data) :]
@@ -95,7 +95,7 @@ class Stream:
 
 
 def open_stream(name: str) -> Stream:
-    """Open the stream of the port of that name; FoldcarError if that fails."""
+    """Open the stream of the port of that name. Raises FoldcarError if that fails."""
     return _open_tcp(name) if name.startswith(TCP) else _open_serial(name)
 
 
@@ -117,7 +117,7 @@ def _open_serial(name: str) -> Stream:
             raise FoldcarError(permission_text(name)) from error
         if number in (errno.EBUSY, errno.EAGAIN) or "exclusively lock" in str(error):
             raise FoldcarError(f"{name}: another program uses this port; close it first") from error
-        # What pyserial meets on what is no terminal, by name: Windows has no module termios.
+        # pyserial raises termios.error for other devices; compared by name, because Windows has no module termios.
         if type(error.__context__).__module__ == "termios":
             raise FoldcarError(f"{name}: not a serial port") from error
         raise FoldcarError(f"{name}: cannot be opened: {os.strerror(number) if number else error}") from error
@@ -126,8 +126,8 @@ def _open_serial(name: str) -> Stream:
 
 
 def permission_text(name: str) -> str:
-    """The message for a port without permission to open it, with the remedy."""
-    # Not on Windows, where ports have no owner.
+    """Return the message for a port that the user may not open, with the remedy."""
+    # Imported here, because Windows does not have this module.
     import grp
 
     number = Path(name).stat().st_gid
@@ -146,19 +146,19 @@ def _open_tcp(name: str) -> Stream:
     if not colon or not (port.isascii() and port.isdecimal()) or not 0 < int(port) < 65536:
         raise FoldcarError(f"{name}: not tcp:HOST:PORT")
     try:
-        connected = socket.create_connection((host, int(port)), CONNECT_S)
+        connection = socket.create_connection((host, int(port)), CONNECT_S)
     except OSError as error:
         raise FoldcarError(f"{name}: cannot be reached: {error.strerror or error}") from error
     except UnicodeError:
-        raise FoldcarError(f'{name}: "{host}" is no name of a host') from None
-    connected.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-    connected.setblocking(False)
-    return Stream(name, connected, connected.recv, connected.send)
+        raise FoldcarError(f'{name}: "{host}" is not a host name') from None
+    connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    connection.setblocking(False)
+    return Stream(name, connection, connection.recv, connection.send)
 
 
 @dataclass(frozen=True, slots=True)
 class UsbPort:
-    """A serial port: its path, its bridge or description, and whether that is a Feather's bridge."""
+    """A serial port: its path, its bridge or description, and whether the bridge is a Feather's."""
 
     path: str
     description: str
@@ -166,7 +166,7 @@ class UsbPort:
 
 
 def usb_ports() -> list[UsbPort]:
-    """The USB serial ports of this machine, those with a Feather's bridge first."""
+    """Return the USB serial ports of this machine, those with a Feather's bridge first."""
     from serial.tools.list_ports import comports
 
     ports = []
@@ -179,7 +179,7 @@ def usb_ports() -> list[UsbPort]:
 
 
 def choose_port(named: str | None) -> str:
-    """``named`` itself, else the only port with a Feather's bridge; FoldcarError if there are none or several."""
+    """Return ``named``, or else the only port with a Feather's bridge. Raises FoldcarError unless there is one."""
     if named is not None:
         return named
     ports = usb_ports()
@@ -187,11 +187,13 @@ def choose_port(named: str | None) -> str:
     if len(feathers) == 1:
         return feathers[0].path
     if feathers:
-        shown = ", ".join(f"{port.path} ({port.description})" for port in feathers)
-        raise FoldcarError(f"several cars may be plugged in: {shown}; choose one with --port")
+        ports_text = ", ".join(f"{port.path} ({port.description})" for port in feathers)
+        raise FoldcarError(f"several cars may be plugged in: {ports_text}; choose one with --port")
     if ports:
-        shown = ", ".join(f"{port.path} ({port.description})" for port in ports)
-        raise FoldcarError(f"no port with a Feather's USB bridge; if one of these is the car, name it: --port {shown}")
+        ports_text = ", ".join(f"{port.path} ({port.description})" for port in ports)
+        raise FoldcarError(
+            f"no port with a Feather's USB bridge; if one of these is the car, name it: --port {ports_text}"
+        )
     raise FoldcarError(
         "no car is plugged in: no USB serial port found; check that the cable carries data, or name one with --port"
     )

@@ -26,7 +26,7 @@ class LogError(FoldcarError):
 
 
 class TlogWriter:
-    """A log that is being written. Creates the file's folder; LogError if the file exists or cannot be created."""
+    """A log that is being written. A missing folder is created. Raises LogError if the file exists or cannot be made."""
 
     def __init__(self, file: Path) -> None:
         self.file = file
@@ -42,7 +42,7 @@ class TlogWriter:
         self._epoch_ns = time.time_ns() - time.monotonic_ns()
 
     def write(self, packet: bytes, time_us: int | None = None) -> None:
-        """Append a packet received or sent at ``time_us`` (µs since 1970, default now); LogError if the write fails."""
+        """Append a packet with ``time_us`` (µs since 1970, default: now). Raises LogError if the write fails."""
         record = STAMP.pack((self._epoch_ns + time.monotonic_ns()) // 1000 if time_us is None else time_us) + packet
         try:
             written = os.write(self._descriptor, record)
@@ -61,12 +61,12 @@ class TlogWriter:
 
 
 def read_tlog(file: Path) -> Iterator[tuple[int, Any]]:
-    """The messages of a log up to any damage, with their times (µs since 1970). LogError if it cannot be read."""
+    """Yield the messages of a log up to any damage, with their times (µs since 1970). Raises LogError."""
     yield from messages_of(records_of(_content(file))[0])
 
 
 def log_damage(file: Path) -> str | None:
-    """Say how much of a log is left out because it is damaged; None if it is whole. LogError if it cannot be read."""
+    """Return a line that says how much of a log is damaged; None if it is intact. Raises LogError."""
     unread = records_of(_content(file))[1]
     return f"{file}: is damaged: its last {unread} bytes, from where no packet begins, are left out" if unread else None
 
@@ -81,7 +81,7 @@ def _content(file: Path) -> bytes:
 def messages_of(records: Iterable[tuple[int, bytes]]) -> Iterator[tuple[int, Any]]:
     """Decode records to (time in µs, message); damaged packets become BAD_DATA messages.
 
-    Messages with numbers that no car can have are left out.
+    Messages with impossible numbers are left out.
     """
     mav = load_dialect().MAVLink(None)
     mav.robust_parsing = True
@@ -92,31 +92,31 @@ def messages_of(records: Iterable[tuple[int, bytes]]) -> Iterator[tuple[int, Any
 
 
 def records_of(data: bytes) -> tuple[list[tuple[int, bytes]], int]:
-    """Split a log's bytes into times (µs) and packets, up to where no whole packet begins.
+    """Split a log's bytes into times (µs) and packets, up to the first incomplete packet.
 
-    The second value is the number of bytes from there on: the end of a log is damaged if the writing computer lost power.
+    The second value is the number of bytes after that. The end of a log is damaged if the computer lost power.
     """
     records = []
-    at = 0
-    while at + STAMP.size + 3 <= len(data):
-        begin = at + STAMP.size
-        length = _packet_bytes(data, begin)
-        (time_us,) = STAMP.unpack_from(data, at)
-        if length is None or begin + length > len(data) or time_us > LAST_US:
+    offset = 0
+    while offset + STAMP.size + 3 <= len(data):
+        packet_start = offset + STAMP.size
+        length = _packet_bytes(data, packet_start)
+        (time_us,) = STAMP.unpack_from(data, offset)
+        if length is None or packet_start + length > len(data) or time_us > LAST_US:
             break
-        records.append((time_us, data[begin : begin + length]))
-        at = begin + length
-    return records, len(data) - at
+        records.append((time_us, data[packet_start : packet_start + length]))
+        offset = packet_start + length
+    return records, len(data) - offset
 
 
 def trial_start_s(messages: Sequence[Any]) -> float | None:
-    """When a log's trial began by the car's time since boot (s); None if it has none that runs."""
+    """Return when a log's trial began, in the car's time since boot (s); None if no trial ran."""
     running = [
         message
         for message in messages
         if message.get_type() == "FOLDCAR_TRIAL" and message.trial_id and 0 < message.elapsed_ms < message.time_boot_ms
     ]
-    # The elapsed time stands still after the end: the first message of the last trial tells the start best.
+    # Use the first message of the last trial, because the elapsed time stands still after the end.
     last = [message for message in running if message.trial_id == running[-1].trial_id]
     return (last[0].time_boot_ms - last[0].elapsed_ms) / 1000 if last else None
 
@@ -130,7 +130,7 @@ def merge_records(file: Path, more: Iterable[tuple[int, bytes]]) -> None:
 
 
 def _packet_bytes(data: bytes, at: int) -> int | None:
-    """Length of the packet at offset ``at``: header, payload, checksum, optional signature; None if none begins there."""
+    """Return the length of the packet at offset ``at`` (header, payload, checksum, signature); None if there is none."""
     if data[at] == 0xFD:
         return 12 + data[at + 1] + (13 if data[at + 2] & 1 else 0)
     return 8 + data[at + 1] if data[at] == 0xFE else None

@@ -10,7 +10,7 @@ from typing import Any
 from foldcar.inference.evidence import Evidence
 from foldcar.simulation.results import NUMBERS, OUTCOMES
 from foldcar.study.search.design_simulator import Row
-from foldcar.study.search.objectives import OBJECTIVES, Objective, beaten
+from foldcar.study.search.objectives import OBJECTIVES, Objective, is_dominated
 
 
 def search_front(evidence: Evidence, areas: Sequence[float | None], fresh: Evidence | None) -> dict[str, Any] | None:
@@ -38,7 +38,7 @@ def search_front(evidence: Evidence, areas: Sequence[float | None], fresh: Evide
         some = [point for point in points if point["fresh"] == fresh_too]
         losses = [_losses(one["values"], signs) for one in some]
         for one, loss in zip(some, losses, strict=True):
-            one["beaten"] = beaten(loss, losses)
+            one["beaten"] = is_dominated(loss, losses)
     shown = [
         {"label": objective.meaning, "unit": objective.unit or "%", "better": "more" if objective.largest else "less"}
         for objective in objectives

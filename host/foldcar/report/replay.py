@@ -37,7 +37,7 @@ from foldcar.store.reader import Store
 from foldcar.store.stored_drives import StoredDrives, read_drives
 from foldcar.store.trial_paths import trial_path
 from foldcar.store.trial_records import Trial
-from foldcar.study.kept_paths import MOST_BYTES, MOST_RUNS, REPLAYED
+from foldcar.study.kept_paths import MAX_BYTES, MAX_RUNS, REPLAYED
 
 CHUNK_RUNS = 64
 # Each is a ground on the page.
@@ -73,7 +73,7 @@ class Paths:
 
 
 def choose_runs(
-    runs: RunArrays, kept: Collection[Key] = (), most_bytes: int = MOST_BYTES, most_runs: int = MOST_RUNS
+    runs: RunArrays, kept: Collection[Key] = (), most_bytes: int = MAX_BYTES, most_runs: int = MAX_RUNS
 ) -> dict[Key, End]:
     """The runs to replay in order of design and sample, of the ``kept`` ones if there are any, and how they ended.
 

@@ -1,1 +1,1 @@
-"""carsim as a program: batches and steps of it, with Scenic beside it where a program asks for that; results."""
+"""Runs carsim in batches or steps, with Scenic beside it for dynamic programs; results of runs."""

@@ -1,7 +1,7 @@
-"""The native simulator as a program: find it, ask its build and parameter table, run chunks of runs.
+"""The native simulator as a program: find it, ask for its build and parameter table, run chunks of runs.
 
-Input: bodies, scenes and settings as JSON text (docs/carsim.md). Output: one answer a run, in order: a
-result, or ``{"error": message}`` for a run that failed. A process that dies takes only its run with it.
+Input: bodies, scenes and settings as JSON text (docs/carsim.md). Output: one answer a run, in order: a result, or
+``{"error": message}`` for a failed run. If a process dies, only its current run fails.
 """
 
 import json
@@ -41,7 +41,7 @@ class TrialRules:
 
 @dataclass(frozen=True, slots=True)
 class CarsimLimits:
-    """``numbers`` are the least and the largest value by path, as in ``body.wheels.servo.neutral_us``."""
+    """``numbers`` are minimum and maximum by path, such as ``body.wheels.servo.neutral_us``."""
 
     numbers: Mapping[str, tuple[float, float]]
     trial: TrialRules
@@ -50,8 +50,8 @@ class CarsimLimits:
 class Carsim:
     """A simulator program. Its methods may be called from several threads at once.
 
-    ``engine`` is name and version of what moves the cars, "" in multibody; ``build`` contains it. ``command`` starts
-    the program: its file, and words that choose the engine.
+    ``engine`` is the engine's name and version, "" for multibody; ``build`` contains it. ``command`` starts the program:
+    its file, and the options that choose the engine.
     """
 
     def __init__(self, binary: Path | None = None, engine: str = MULTIBODY) -> None:
@@ -60,11 +60,11 @@ class Carsim:
         self._running: set[subprocess.Popen[str]] = set()
         self._stops = 0
         self._limits: CarsimLimits | None = None
-        # The id of all that results depend on, and that of the firmware in it, which a car has too.
-        self.build, self.firmware, self.engine = self._told(
+        # The id of everything that results depend on, and the id of its firmware, which a built car reports, too.
+        self.build, self.firmware, self.engine = self._ask(
             "--version",
-            lambda told: (str(told["build"]), str(told["firmware"]), str(told["engine"])),
-            "is no carsim (`--version` does not print its build)",
+            lambda output: (str(output["build"]), str(output["firmware"]), str(output["engine"])),
+            "is not carsim (`--version` does not print its build)",
         )
         self.engine = "" if self.engine == MULTIBODY else self.engine
         if self.engine:
@@ -73,125 +73,124 @@ class Carsim:
             raise CarsimError(f"{self.binary}: its engine is {self.engine or 'multibody'}, not {engine}")
 
     def stop(self) -> None:
-        """End every call that is under way; it raises CarsimError."""
+        """Stop all running calls; they raise CarsimError."""
         self._stops += 1
         for process in list(self._running):
             process.kill()
 
     def parameter_table(self) -> dict[str, TableRow]:
-        """The firmware's parameters by name."""
+        """Return the firmware's parameters by name."""
 
-        def read(told: Any) -> dict[str, TableRow]:
+        def read(output: Any) -> dict[str, TableRow]:
             keys = ("name", "unit", "minimum", "maximum", "default")
-            return {row["name"]: TableRow(*(row[key] for key in keys)) for row in told}
+            return {row["name"]: TableRow(*(row[key] for key in keys)) for row in output}
 
-        return self._told("params", read, "`carsim params` printed no parameter table")
+        return self._ask("params", read, "`carsim params` printed no parameter table")
 
     def limits(self) -> CarsimLimits:
-        """The limits of what it takes, and the rules by which its trials run (`carsim limits`)."""
+        """Return the limits of its input, and the rules of its trials (`carsim limits`)."""
 
-        def read(told: Any) -> CarsimLimits:
-            numbers = {path: (float(low), float(high)) for path, (low, high) in told["input"].items()}
-            return CarsimLimits(numbers, TrialRules(**told["trial"]))
+        def read(output: Any) -> CarsimLimits:
+            numbers = {path: (float(low), float(high)) for path, (low, high) in output["input"].items()}
+            return CarsimLimits(numbers, TrialRules(**output["trial"]))
 
-        self._limits = self._limits or self._told("limits", read, "`carsim limits` printed no limits")
+        self._limits = self._limits or self._ask("limits", read, "`carsim limits` printed no limits")
         return self._limits
 
     def run(
         self, bodies: Mapping[str, str], scenes: Mapping[str, str], requests: Sequence[RunRequest]
     ) -> list[dict[str, Any]]:
-        """Answers to ``requests`` in order. ``bodies`` and ``scenes`` map ids to JSON objects as text.
+        """Return answers to ``requests`` in order. ``bodies`` and ``scenes`` map ids to JSON objects as text.
 
-        When a process is killed by a signal, the run that it was at is simulated again, alone in a new process; if
-        that one is killed too, the run has failed. CarsimError if the simulator refuses its input or breaks down
-        otherwise, and after `stop`.
+        If a signal kills a process, its current run is retried alone in a new process. If that is killed, too, the run
+        has failed. Raises CarsimError if the simulator refuses its input or ends with another error, and after `stop`.
         """
         answers: list[dict[str, Any]] = []
         stops = self._stops
         while len(answers) < len(requests):
-            found, death = self._batch(bodies, scenes, requests[len(answers) :], stops)
-            answers += found
+            batch_answers, death = self._batch(bodies, scenes, requests[len(answers) :], stops)
+            answers += batch_answers
             if death:
-                one = requests[len(answers)]
-                body, scene = {one.body: bodies[one.body]}, {one.scene: scenes[one.scene]}
-                again, death = self._batch(body, scene, [one], stops)
-                answers += again or [{"error": f"the simulation crashed ({death})"}]
+                request = requests[len(answers)]
+                body, scene = {request.body: bodies[request.body]}, {request.scene: scenes[request.scene]}
+                retried, death = self._batch(body, scene, [request], stops)
+                answers += retried or [{"error": f"the simulation crashed ({death})"}]
         return answers
 
     def answers(self, lines: Sequence[str]) -> list[dict[str, Any]]:
-        """The answers of ``carsim batch`` to lines of its input; CarsimError if one of them is an error."""
-        answer = self._output(["batch"], lines, self._stops)
+        """Return the answers of ``carsim batch`` to lines of its input. Raises CarsimError if one is an error."""
+        process = self._output(["batch"], lines, self._stops)
         try:
-            answers: list[dict[str, Any]] = [json.loads(line) for line in answer.stdout.splitlines()]
+            answers: list[dict[str, Any]] = [json.loads(line) for line in process.stdout.splitlines()]
         except ValueError as error:
-            raise CarsimError(f"{self.binary}: answered what is no JSON") from error
-        for one in answers:
-            if "error" in one:
-                raise CarsimError(f"{self.binary}: {one['error']['message']}")
-        if answer.returncode != 0:
-            raise CarsimError(f"{self.binary}: {process_ending(answer.returncode, answer.stderr)}")
+            raise CarsimError(f"{self.binary}: its answer is not JSON") from error
+        for answer_line in answers:
+            if "error" in answer_line:
+                raise CarsimError(f"{self.binary}: {answer_line['error']['message']}")
+        if process.returncode != 0:
+            raise CarsimError(f"{self.binary}: {process_ending(process.returncode, process.stderr)}")
         return answers
 
     def _batch(
         self, bodies: Mapping[str, str], scenes: Mapping[str, str], requests: Sequence[RunRequest], stops: int
     ) -> tuple[list[dict[str, Any]], str]:
-        """The answers of one process, and how it was killed by a signal, if that came before the last answer.
+        """Return the answers of one process, and how a signal killed it if that was before the last answer, else "".
 
-        The next run is then the one that it was at. CarsimError as for `run`.
+        The run after the last answer is then the one that was interrupted. Raises CarsimError as `run` does.
         """
         lines = [input_line("body", name, text) for name, text in bodies.items()]
         lines += [input_line("scene", name, text) for name, text in scenes.items()]
         lines += [run_line(str(index), request) for index, request in enumerate(requests)]
-        answer = self._output(["batch"], lines, stops)
-        killed = answer.returncode < 0
-        # A line without its end was being written.
-        whole = [line for line in answer.stdout.splitlines(keepends=True) if line.endswith("\n")]
-        results = [self._read_answer(line, requests) for line in whole]
-        if killed and len(results) < len(requests):
-            return results, process_ending(answer.returncode, answer.stderr)
+        process = self._output(["batch"], lines, stops)
+        is_killed = process.returncode < 0
+        # A killed process may leave an incomplete last line.
+        complete_lines = [line for line in process.stdout.splitlines(keepends=True) if line.endswith("\n")]
+        results = [self._read_answer(line, requests) for line in complete_lines]
+        if is_killed and len(results) < len(requests):
+            return results, process_ending(process.returncode, process.stderr)
         expected = 2 if any("error" in result for result in results) else 0
-        if len(results) != len(requests) or not (killed or answer.returncode == expected):
-            ending = process_ending(answer.returncode, answer.stderr)
+        if len(results) != len(requests) or not (is_killed or process.returncode == expected):
+            ending = process_ending(process.returncode, process.stderr)
             raise CarsimError(f"{self.binary}: {ending} after {len(results)} of {len(requests)} runs")
         return results, ""
 
     def _read_answer(self, line: str, requests: Sequence[RunRequest]) -> dict[str, Any]:
-        """The answer to one of ``requests``, whose index is its id; CarsimError if the simulator refuses its input."""
+        """Parse the answer to one of ``requests``, whose index is its id. Raises CarsimError if its input was refused."""
         try:
             answer = json.loads(line)
             if "error" in answer:
                 error = answer["error"]
                 if error["kind"] == "simulation":
                     return {"error": str(error["message"])}
-                # Of one run alone, cars and scenes are its own.
+                # With a single run, an error of a body or scene concerns this run.
                 index = 0 if len(requests) == 1 else error["run"]
-                what = requests[int(index)].label if index is not None else f"line {error['line']}"
-                raise CarsimError(f"{self.binary} refuses {what}: {error['message']}")
-            sound = answer["outcome"] in results.NATIVE_OUTCOMES and all(
+                label = requests[int(index)].label if index is not None else f"line {error['line']}"
+                raise CarsimError(f"{self.binary} refuses {label}: {error['message']}")
+            is_valid = answer["outcome"] in results.NATIVE_OUTCOMES and all(
                 math.isfinite(answer[metric.name])
                 for metric in results.METRICS
                 if answer[metric.name] is not None or not metric.optional
             )
         except (ValueError, TypeError, KeyError, IndexError) as error:
-            raise CarsimError(f"{self.binary}: answered what is no result: {line[:80]}") from error
-        if not sound:
-            raise CarsimError(f"{self.binary}: answered an impossible result: {line[:200]}")
+            raise CarsimError(f"{self.binary}: its answer is not a result: {line[:80]}") from error
+        if not is_valid:
+            raise CarsimError(f"{self.binary}: its answer is an impossible result: {line[:200]}")
         return {key: value for key, value in answer.items() if key != "run"}
 
-    def _told(self, argument: str, read: Callable[[Any], T], lacking: str) -> T:
-        answer = self._output([argument], [], self._stops)
-        if answer.returncode != 0:
-            raise CarsimError(f"{self.binary} {argument}: {process_ending(answer.returncode, answer.stderr)}")
+    def _ask(self, argument: str, read: Callable[[Any], T], missing_text: str) -> T:
+        process = self._output([argument], [], self._stops)
+        if process.returncode != 0:
+            raise CarsimError(f"{self.binary} {argument}: {process_ending(process.returncode, process.stderr)}")
         try:
-            return read(json.loads(answer.stdout))
+            return read(json.loads(process.stdout))
         except (ValueError, TypeError, KeyError, AttributeError) as error:
-            raise CarsimError(f"{self.binary}: {lacking}") from error
+            raise CarsimError(f"{self.binary}: {missing_text}") from error
 
     def _output(self, arguments: Sequence[str], lines: Sequence[str], stops: int) -> subprocess.CompletedProcess[str]:
-        """Run the program on that input to its end. CarsimError if it cannot be started or after more than ``stops``."""
+        """Run the program with that input. Raises CarsimError if it cannot be started, or if `stop` was called."""
         command = [*self.command, *arguments]
         try:
-            # A session of its own keeps Ctrl-C from the simulator: the caller decides what is to end.
+            # In a session of its own, Ctrl-C does not reach the simulator; the caller decides what to stop.
             process = subprocess.Popen(
                 command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
                 encoding="utf-8", errors="replace", start_new_session=True,
@@ -200,7 +199,7 @@ class Carsim:
             raise CarsimError(f"{self.binary}: cannot be started: {error.strerror}") from error
         self._running.add(process)
         try:
-            # `stop` may have come before there was this process to end.
+            # `stop` may have been called before this process existed.
             if self._stops != stops:
                 process.kill()
             output, messages = process.communicate("".join(f"{line}\n" for line in lines))
@@ -215,13 +214,13 @@ class Carsim:
 
 
 def input_line(kind: str, name: str, object_text: str) -> str:
-    """A line of `carsim batch`'s input: a ``body`` or ``scene`` from its JSON text, with its id."""
+    """Return a line of `carsim batch`'s input: a ``body`` or ``scene`` from its JSON text, with its id."""
     rest = object_text.lstrip()[1:]
     return f'{{"{kind}": {{"id": {json.dumps(name)}{"" if rest.lstrip() == "}" else ", "}{rest}}}'
 
 
 def run_line(name: str, request: RunRequest) -> str:
-    """The line that asks for the run, by its id."""
+    """Return the line that requests the run, with its id."""
     head = f'"body": {json.dumps(request.body)}, "scene": {json.dumps(request.scene)}'
     if request.compact_path:
         head += f', "path_interval_s": {KEPT_INTERVAL_S}, "path_form": "compact"'
@@ -230,26 +229,26 @@ def run_line(name: str, request: RunRequest) -> str:
 
 @dataclass(frozen=True)
 class PulseTrain:
-    """Times (s) of the trial and the eight widths (µs, 0: none) from each on; the last is the firmware's end of it."""
+    """Times (s) at which pulses change, and the eight widths (µs, 0: none) from then on; the last is the trial's end."""
 
     times_s: tuple[float, ...]
     widths_us: tuple[tuple[float, ...], ...]
 
     @property
     def end_s(self) -> float:
-        """When the firmware ends the trial."""
+        """The time at which the firmware ends the trial (s)."""
         return self.times_s[-1]
 
     def at(self, t_s: float) -> tuple[float, ...]:
-        """The widths at a time."""
+        """Return the widths at a time."""
         return self.widths_us[max(0, bisect_right(self.times_s, t_s) - 1)]
 
 
 def ask_pulses(carsim: Carsim, settings: Sequence[Mapping[str, Any]]) -> list[PulseTrain]:
-    """The trains of several settings (keys of docs/carsim.md's ``pulses``), in order."""
+    """Return the pulse trains of several settings (keys of ``pulses`` in docs/carsim.md), in order."""
     keys = ("speed_m_s", "yaw_rate_rad_s", "time_limit_s", "parameters")
-    asked = [{key: setting[key] for key in keys if key in setting} for setting in settings]
-    lines = [json.dumps({"pulses": {"id": str(index), **one}}) for index, one in enumerate(asked)]
+    pulse_settings = [{key: setting[key] for key in keys if key in setting} for setting in settings]
+    lines = [json.dumps({"pulses": {"id": str(index), **setting}}) for index, setting in enumerate(pulse_settings)]
     trains = []
     for answer in carsim.answers(lines):
         rows = answer["changes"]

@@ -28,22 +28,22 @@ class State(NamedTuple):
 
 
 class Advanced(NamedTuple):
-    """Where an advance led: the state and, once the trial has ended there, its result."""
+    """The state after an advance, and the trial's result if it has ended."""
 
     state: State
     result: dict[str, Any] | None
 
 
 class TrialFailedError(CarsimError):
-    """The trial crashed, left the finite numbers or was refused by the firmware: this one run's failure."""
+    """The trial crashed, had infinite numbers or was refused by the firmware; only this run fails."""
 
 
 class SimulatorDiedError(TrialFailedError):
-    """The simulator process ended in the middle of the trial, of itself or from outside."""
+    """The simulator process crashed or was killed during the trial."""
 
 
 class LineProcess:
-    """A process that answers lines; for one thread. CarsimError if it cannot be started."""
+    """A process that answers lines; for use in one thread. Raises CarsimError if it cannot be started."""
 
     def __init__(self, command: Sequence[str], **options: Any) -> None:
         try:
@@ -54,7 +54,7 @@ class LineProcess:
             raise CarsimError(f"{command[0]}: cannot be started: {error.strerror}") from error
 
     def ask(self, *lines: str) -> str:
-        """The line that answers ``lines``; "" if the process has died before its end."""
+        """Send ``lines`` and return the answer's line; "" if the process died before the line's end."""
         assert self._process.stdin is not None and self._process.stdout is not None
         with contextlib.suppress(OSError, ValueError):
             self._process.stdin.write("\n".join(lines) + "\n")
@@ -65,7 +65,7 @@ class LineProcess:
         return ""
 
     def close(self) -> int:
-        """Ask nothing more and wait for its end: its return code."""
+        """Close the pipes, wait for the process to end and return its return code."""
         for pipe in (self._process.stdin, self._process.stdout):
             assert pipe is not None
             with contextlib.suppress(OSError):
@@ -74,7 +74,7 @@ class LineProcess:
 
 
 class SteppedCarsim:
-    """A simulator process, started by ``command``. For one thread; a context manager, whose end ends the process."""
+    """A simulator process, started by ``command``, for one thread. As a context manager, it ends the process."""
 
     def __init__(self, command: Sequence[str]) -> None:
         self._command = command
@@ -90,11 +90,11 @@ class SteppedCarsim:
 
     @property
     def alive(self) -> bool:
-        """Whether there is a process that has answered all it was asked."""
+        """Whether there is a process without an unanswered question."""
         return self._process is not None and not self._awaits_answer
 
     def start(self, body: str, scene: str, settings: str) -> Advanced:
-        """Put the car down and start the trial. The JSON objects are those of docs/carsim.md without ids.
+        """Place the car and start the trial. The JSON objects are those of docs/carsim.md without ids.
 
         Raises CarsimError if the simulator refuses them, TrialFailedError if the firmware does.
         """
@@ -106,28 +106,28 @@ class SteppedCarsim:
         return _advanced(self._ask(*lines))
 
     def advance(self, to_s: float) -> Advanced:
-        """Advance to that time of the trial, or to its end if that comes first."""
+        """Advance to that time of the trial, or to its end if that is earlier."""
         return _advanced(self._ask(f'{{"advance": {{"to_s": {to_s!r}}}}}'))
 
     def rows(self) -> list[State]:
-        """The states at every step of the last advance, its end included."""
+        """Return the states at every step of the last advance, including its end."""
         return [State(*row) for row in self._ask('{"rows": {}}')["rows"]]
 
     def end(self, row: int) -> dict[str, Any]:
-        """End the trial as of that row of the last advance; its result, with outcome "terminated"."""
+        """End the trial at that row of the last advance; return its result, with the outcome "terminated"."""
         result: dict[str, Any] = self._ask(f'{{"end": {{"row": {row}}}}}')["result"]
         return result
 
     def close(self) -> int:
-        """End the process: its return code, 0 without one."""
+        """End the process and return its return code; 0 if there is no process."""
         process, self._process = self._process, None
         self._awaits_answer = False
         return 0 if process is None else process.close()
 
     def _ask(self, *lines: str) -> dict[str, Any]:
         if self._process is None:
-            raise CarsimError(f"{self.binary}: no trial is under way")
-        # Stays set if an exception, such as a time limit's, comes in between.
+            raise CarsimError(f"{self.binary}: no trial is running")
+        # Remains set if an exception, such as that of a time limit, interrupts the question.
         self._awaits_answer = True
         line = self._process.ask(*lines)
         if not line:
@@ -136,7 +136,7 @@ class SteppedCarsim:
         self._awaits_answer = False
         if "error" in answer:
             problem = answer["error"]
-            # A refused body or scene is followed by answers about what builds on it.
+            # After a refused body or scene, more answers follow, about the lines that use it.
             self.close()
             if problem.get("kind") == "simulation":
                 raise TrialFailedError(str(problem["message"]))

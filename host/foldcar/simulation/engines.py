@@ -1,4 +1,4 @@
-"""What may move simulated cars: multibody or Box2D's side view, in one program, or MuJoCo, in another like it."""
+"""The physics engines: multibody and Box2D's side view in one program, MuJoCo in another."""
 
 import os
 from dataclasses import dataclass
@@ -12,10 +12,10 @@ BINARY_VARIABLE = "FOLDCAR_CARSIM"
 
 @dataclass(frozen=True, slots=True)
 class Engine:
-    """A program of carsim's: the variable that may name it, PlatformIO's environment and make's target that build it.
+    """An engine: the variable that may name its program, and PlatformIO's environment and make's target that build it.
 
-    ``title`` is what the program calls its engine, without the version, "" for multibody; ``options`` are words that
-    stand before the program's command.
+    ``title`` is the engine's name as the program reports it, without the version; "" for multibody. ``options`` are words
+    before the program's command.
     """
 
     variable: str
@@ -26,9 +26,9 @@ class Engine:
 
 
 MULTIBODY, SIDE_VIEW, MUJOCO = "multibody", "side-view", "mujoco"
-# What users choose from.
-TOLD = (SIDE_VIEW, MULTIBODY, MUJOCO)
-# MuJoCo otherwise: how far results depend on details that a designer cannot know.
+# The engines that users can choose.
+OFFERED = (SIDE_VIEW, MULTIBODY, MUJOCO)
+# Variants of MuJoCo, which show how much results depend on details that a designer cannot know.
 HALF_STEP, ELLIPSOID = "mujoco-half-step", "mujoco-ellipsoid-tyres"
 MUJOCO_ENVIRONMENT = "carsim_mujoco"
 _MUJOCO = ("FOLDCAR_CARSIM_MUJOCO", MUJOCO_ENVIRONMENT, "mujoco")
@@ -41,41 +41,41 @@ ENGINES = {
 }
 
 
-def engine_title(told: str) -> str:
-    """What a program calls its engine, without the version: "MuJoCo, half step" of "MuJoCo 4.0.0, half step"."""
-    name, *choices = told.split(", ")
+def engine_title(reported: str) -> str:
+    """Return a reported engine's title, without the version: "MuJoCo, half step" for "MuJoCo 4.0.0, half step"."""
+    name, *choices = reported.split(", ")
     return ", ".join([name.partition(" ")[0], *choices])
 
 
-def engine_of(told: str) -> str:
-    """The key in ENGINES of what a program calls its engine, "" for multibody; CarsimError if there is none."""
-    title = engine_title(told)
+def engine_of(reported: str) -> str:
+    """Return the key in ENGINES of a reported engine ("" for multibody). Raises CarsimError if it is unknown."""
+    title = engine_title(reported)
     for key, engine in ENGINES.items():
         if engine.title == title:
             return key
-    raise CarsimError(f"{told}: an engine that this foldcar does not know")
+    raise CarsimError(f"{reported}: this foldcar does not know this engine")
 
 
 def find_carsim(engine: str = MULTIBODY) -> Path:
-    """The simulator that the engine's variable names, else the wheel's own, else the one built in the checkout."""
+    """Return the simulator that the engine's variable names, else that of the wheel, else that of the checkout."""
     program = ENGINES[engine]
-    named = os.environ.get(program.variable)
-    if named:
-        if not os.access(named, os.X_OK) or not Path(named).is_file():
-            raise CarsimError(f"{program.variable}: {named} is no program")
-        return Path(named)
+    named_file = os.environ.get(program.variable)
+    if named_file:
+        if not os.access(named_file, os.X_OK) or not Path(named_file).is_file():
+            raise CarsimError(f"{program.variable}: {named_file} is not a program")
+        return Path(named_file)
     packaged = packaged_program(program.environment)
     if packaged is not None:
-        # The program looks for the library there (tools/mujoco_library.py).
+        # The program loads MuJoCo's library from this folder (tools/mujoco_library.py).
         if program.environment == MUJOCO_ENVIRONMENT and not any((packaged.parents[1] / "mujoco").glob("libmujoco.*")):
             remedy = "run `pip install 'foldcar[mujoco]'` (Python 3.11 or newer)"
             raise CarsimError(f"no package mujoco in {packaged.parents[1]}: {remedy}")
         return packaged
-    what = "carsim with MuJoCo" if program.environment == MUJOCO_ENVIRONMENT else "carsim"
+    program_text = "carsim with MuJoCo" if program.environment == MUJOCO_ENVIRONMENT else "carsim"
     project = source_tree()
     if project is None:
-        raise CarsimError(f"this foldcar came without {what}: install a wheel, or let {program.variable} name it")
+        raise CarsimError(f"this foldcar has no {program_text}: install a wheel, or set {program.variable} to its path")
     binary = project / ".pio" / "build" / program.environment / "program"
     if not binary.is_file():
-        raise CarsimError(f"no {what} built at {binary}: run `make {program.target}`")
+        raise CarsimError(f"no {program_text} built at {binary}: run `make {program.target}`")
     return binary

@@ -1,4 +1,4 @@
-"""The height of a scene's ground as the simulator computes it: all pictures and models of ground go by it."""
+"""The height of a scene's ground as the simulator computes it; all pictures and models of ground use it."""
 
 import json
 from collections.abc import Callable, Mapping
@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from foldcar.simulation.carsim import Carsim
 
 Floats = NDArray[numpy.float64]
-# Function (scene, x_m, y_m) -> z_m of arrays of equal shape.
+# A function (scene, x_m, y_m) -> z_m; the arrays have equal shapes.
 Heights = Callable[[Mapping[str, Any], Floats, Floats], Floats]
 
 
 def carsim_heights(carsim: Carsim) -> Heights:
-    """A Heights function that asks ``carsim``; it raises CarsimError if carsim refuses the scene."""
+    """Return a Heights function that asks ``carsim``. It raises CarsimError if carsim refuses the scene."""
 
     def heights(scene: Mapping[str, Any], x_m: Floats, y_m: Floats) -> Floats:
         question = {"id": "h", "scene": "s", "x_m": x_m.ravel().tolist(), "y_m": y_m.ravel().tolist()}

@@ -9,20 +9,20 @@ from typing import Any
 from foldcar.simulation.engines import find_carsim
 from foldcar.simulation.runner import CarsimError
 
-# The outcomes that carsim reports, best first; the last: the Scenic program ended the run.
+# The outcomes that carsim reports, best first; "terminated": the Scenic program ended the run.
 NATIVE_OUTCOMES = ("passed", "tipped", "stuck", "off_course", "timeout", "fault", "terminated")
 
-# A run that violated a requirement of the Scenic program. Scenic discards such a simulation: it tells nothing of the
-# design, and belongs in no rate.
+# A run that violated a requirement of the Scenic program. Scenic discards such simulations: they say nothing about the
+# design and count in no rate.
 REJECTED = "rejected"
 
-# Every outcome, in the order of tables, legends and stacked bars: those of carsim, rejected, failed without numbers.
+# All outcomes, in the order of tables, legends and stacked bars.
 OUTCOMES = (*NATIVE_OUTCOMES, REJECTED, "failed")
 
 
 @dataclass(frozen=True, slots=True)
 class Metric:
-    """A number that a run results in, as `carsim metrics` tells of it; ``optional``: some that did not fail have none."""
+    """A number of a run's result, as `carsim metrics` describes it; ``optional``: some successful runs lack it."""
 
     name: str
     unit: str
@@ -30,8 +30,8 @@ class Metric:
     help: str
 
 
-# The metrics of a run's answer, whoever simulated it, and their names. The store has a column for each; a store of a
-# simulator without one of them gets that column. They are asked for when first read: who needs no store needs no carsim.
+# The metrics of a run's answer and their names; the store has a column for each. They are read from carsim at first use,
+# so that code without a store does not need carsim.
 METRICS: tuple[Metric, ...]
 NUMBERS: tuple[str, ...]
 
@@ -41,26 +41,26 @@ def __getattr__(name: str) -> Any:
         raise AttributeError(name)
     program = find_carsim()
     try:
-        told = subprocess.run([program, "metrics"], capture_output=True, check=True).stdout
-        found = tuple(Metric(**row) for row in json.loads(told))
+        output = subprocess.run([program, "metrics"], capture_output=True, check=True).stdout
+        metrics = tuple(Metric(**row) for row in json.loads(output))
     except (OSError, subprocess.SubprocessError, ValueError, TypeError) as error:
         raise CarsimError(f"{program}: `carsim metrics` printed no metrics") from error
-    globals().update(METRICS=found, NUMBERS=tuple(metric.name for metric in found))
+    globals().update(METRICS=metrics, NUMBERS=tuple(metric.name for metric in metrics))
     return globals()[name]
 
 
 def outcome_of(answer: Mapping[str, Any]) -> str:
-    """The outcome of a simulator's answer to a run: an answer with an ``error`` is a failed run."""
+    """Return the outcome of a simulator's answer to a run; an answer with an ``error`` is a failed run."""
     return "failed" if "error" in answer else str(answer["outcome"])
 
 
 def has_passed(outcome: str) -> bool | None:
-    """Whether a run with that outcome passed; None if it was rejected. Failed runs did not pass."""
+    """Return whether a run with that outcome passed; None if it was rejected. Failed runs did not pass."""
     return None if outcome == REJECTED else outcome == "passed"
 
 
 def no_rate_text(runs: int) -> str:
-    """Why runs, all of them rejected, make no rate."""
+    """Return why there is no rate if all runs were rejected."""
     return f"there is no rate: all {runs:,} runs were rejected: they violated a requirement of the program"
 
 
@@ -68,7 +68,7 @@ def no_rate_text(runs: int) -> str:
 class Recorded:
     """A value that a program recorded: ``kind`` is ``initial``, ``final`` or ``series``.
 
-    ``value`` is JSON; that of a series is a list of [time in s, value].
+    ``value`` is JSON; the value of a series is a list of [time in s, value].
     """
 
     kind: str
@@ -79,8 +79,8 @@ class Recorded:
 class Result:
     """One run of one design in one sampled environment.
 
-    ``metrics`` maps every name of METRICS to its number, None where the run has none. ``design`` maps the design's
-    parameters to their values, units in the names (``width_mm``). A failed run has ``message`` and no numbers.
+    ``metrics`` maps every name of METRICS to its number, or to None. ``design`` maps the design's parameters to their
+    values, with units in the names (``width_mm``). A failed run has a ``message`` and no numbers.
     """
 
     experiment: str

@@ -1,4 +1,4 @@
-"""What runs chunks of runs: carsim's batch, or Scenic beside carsim. The interface of both."""
+"""The interface of carsim's batch and of Scenic beside carsim, which run chunks of runs."""
 
 import signal
 from collections import deque
@@ -9,22 +9,22 @@ from typing import Any, Protocol, TypeVar
 
 from foldcar.errors import FoldcarError
 
-# Between the rows of a path that is drawn.
+# Interval of the rows of a path to draw.
 PATH_INTERVAL_S = 0.02
-# The same of a compact path (docs/carsim.md), of which many are kept.
+# Interval of the rows of a compact path (docs/carsim.md); stores keep many of these.
 KEPT_INTERVAL_S = 0.05
 
 
 class CarsimError(FoldcarError):
-    """The simulator is missing, broke down, or refused what it was given."""
+    """The simulator is missing, crashed, or refused its input."""
 
 
 @dataclass(frozen=True, slots=True)
 class RunRequest:
     """One run: keys of the chunk's bodies and scenes, the settings as a JSON object, a name for errors.
 
-    ``sample`` is the sample of the environment that the scene is. ``compact_path``: carsim answers with the path, too, in
-    its compact form; Scenic beside it does not.
+    ``sample`` is the scene's sample of the environment. ``compact_path``: carsim's answer includes the compact path;
+    answers of Scenic beside carsim do not.
     """
 
     body: str
@@ -36,28 +36,27 @@ class RunRequest:
 
 
 class Runner(Protocol):
-    """Runs chunks. Called from several threads at once.
+    """Runs chunks; several threads may call it at the same time.
 
-    A process that dies takes only its run with it: that run is simulated once more in a new process, and has failed
-    if it dies again.
+    If a process dies, its current run is retried in a new process, and has failed if that dies, too.
     """
 
     def run(
         self, bodies: Mapping[str, str], scenes: Mapping[str, str], requests: Sequence[RunRequest]
     ) -> list[dict[str, Any]]:
-        """Answers to ``requests`` in order; ``{"error": message}`` for a run that failed. FoldcarError.
+        """Return answers to ``requests`` in order; ``{"error": message}`` for a failed run. Raises FoldcarError.
 
         ``bodies`` and ``scenes`` map ids to JSON objects as text.
         """
 
     def stop(self) -> None:
-        """End what runs at the moment; its `run` raises FoldcarError."""
+        """Stop all running calls of `run`, which raise FoldcarError."""
 
 
 def process_ending(return_code: int, messages: str = "") -> str:
-    """``killed by SIGSEGV`` or ``exit code 3``, and in brackets the last line of ``messages``, its standard error.
+    """Return ``killed by SIGSEGV`` or ``exit code 3``, with the last line of standard error (``messages``) in brackets.
 
-    ``return_code`` is subprocess's: negative for a signal.
+    ``return_code`` is negative for a signal, as in subprocess.
     """
     how = f"exit code {return_code}" if return_code >= 0 else f"killed by {_signal_name(-return_code)}"
     last = (messages.strip().splitlines() or [""])[-1][:200]
@@ -75,9 +74,10 @@ T = TypeVar("T")
 
 
 def side_by_side(calls: Iterable[Callable[[], T]], jobs: int, stop: Callable[[], None]) -> Iterator[T]:
-    """The results of ``calls`` in order, ``jobs`` at a time; ``stop`` ends those that run if one fails or nobody waits.
+    """Run ``calls``, ``jobs`` at a time, and yield their results in order; ``stop`` stops the others if one fails.
 
-    ``calls`` is read in the caller's thread, one call ahead of every simulator: no texts pile up, and nobody is idle.
+    ``calls`` is read in the caller's thread, one call ahead for each simulator: few texts are in memory, and no
+    simulator is idle.
     """
     pool = ThreadPoolExecutor(jobs, thread_name_prefix="carsim")
     waiting: deque[Future[T]] = deque()

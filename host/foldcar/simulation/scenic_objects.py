@@ -1,8 +1,7 @@
-"""The ego of a running Scenic simulation, kept up to date in less time than Scenic takes; tests compare with it.
+"""Updates the ego of a running Scenic simulation faster than Scenic does; tests compare both.
 
-States of carsim are written into the ego some hundred times per run. Scenic's updateObjects would check types, compute
-orientations through Euler angles and clear every cache. The ego's z is that of the scene plus the car's rise since the
-start.
+carsim's states are written into the ego some hundred times a run. Scenic's updateObjects would check types, compute
+orientations through Euler angles and clear every cache. The ego's z is the scene's z plus the car's rise since the start.
 """
 
 import math
@@ -19,7 +18,7 @@ DERIVED = {"orientation", "heading"}
 
 
 class ShownEgo:
-    """The ego of a running simulation; constructed after Scenic has created the ego's dynamic copy."""
+    """The ego of a running simulation; create it after Scenic has created the ego's dynamic copy."""
 
     def __init__(self, ego: Any, start: State) -> None:
         self._copy = scenic_private.shown_copy(ego)
@@ -59,7 +58,7 @@ class ShownEgo:
 
 
 def _orientation(yaw: float, pitch: float, roll: float) -> Any:
-    """Scenic's orientation: intrinsic rotations by yaw about z, then pitch about x, then roll about y (rad)."""
+    """Return Scenic's orientation: intrinsic rotations by yaw about z, then pitch about x, then roll about y (rad)."""
     cz, sz = math.cos(yaw / 2), math.sin(yaw / 2)
     cx, sx = math.cos(pitch / 2), math.sin(pitch / 2)
     cy, sy = math.cos(roll / 2), math.sin(roll / 2)

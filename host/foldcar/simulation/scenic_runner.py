@@ -1,8 +1,8 @@
-"""Runs of programs that need Scenic beside the simulation, in worker processes: the counterpart of carsim's batch.
+"""Runs dynamic programs with Scenic beside the simulation in worker processes: the counterpart of carsim's batch.
 
-Input: bodies, scenes and settings as JSON text, and which sample each scene is. Output: one answer a run, in order: a
-result of carsim with "recorded" (see scenic_simulator), or ``{"error": message}`` for a run that failed. Scenic runs one
-simulation a process at a time, hence one worker for each call under way; each compiles the program once, and stays.
+Input: bodies, scenes and settings as JSON text, and the sample of each scene. Output: one answer a run, in order: a
+result of carsim with "recorded" (see scenic_simulator), or ``{"error": message}`` for a failed run. A Scenic process runs
+one simulation at a time, so there is a worker for each running call. A worker compiles the program once and is reused.
 """
 
 import contextlib
@@ -21,24 +21,24 @@ from foldcar.scenes.program_files import Files
 from foldcar.simulation.carsim_step import LineProcess
 from foldcar.simulation.runner import CarsimError, RunRequest, process_ending
 
-# What has happened to a run of which a worker dies.
+# The error of a run whose worker dies.
 CRASH = "the process that simulates with Scenic died"
 
 
 class _Worker(LineProcess):
-    """One scenic_worker, for one thread, but for `kill`; ``opening`` is the line with which it compiles the program."""
+    """A scenic_worker process for one thread (except `kill`); the line ``opening`` makes it compile the program."""
 
     def __init__(self, opening: str) -> None:
-        # All workers order a set of texts alike. Threads for linear algebra would do nothing but make
-        # every copy of the process slower.
+        # A fixed hash seed gives sets of strings the same order in all workers. Threads for linear algebra would only
+        # slow down copies of the process.
         environment = {**minimal_variables(), "PYTHONHASHSEED": "0", "OPENBLAS_NUM_THREADS": "1"}
         command = python_command("foldcar.simulation.worker", "foldcar.simulation.scenic_worker")
-        # A session of its own keeps Ctrl-C from it.
+        # In a session of its own, Ctrl-C does not reach it.
         super().__init__(command, env=environment, start_new_session=True)
         self._opening: str | None = opening
 
     def answer(self, body: str, scene: str, request: RunRequest) -> dict[str, Any] | None:
-        """The answer to a run, None if the process has died. CarsimError if it refuses what it is given."""
+        """Return the answer to a run; None if the process has died. Raises CarsimError if it refuses its input."""
         if self._opening is not None:
             ready = json.loads(self.ask(self._opening) or "null")
             if ready is None:
@@ -53,18 +53,18 @@ class _Worker(LineProcess):
         return answer if answer is None or "error" in answer else answer["result"]
 
     def kill(self) -> None:
-        """Kill the process, with its copies and simulators: they are the process group of its session."""
+        """Kill the process with its copies and simulators, which form the process group of its session."""
         if self._process.returncode is None:
             with contextlib.suppress(ProcessLookupError):
                 os.killpg(self._process.pid, signal.SIGKILL)
 
 
 class ScenicRunner:
-    """A Runner: workers for one environment, kept until `close`. CarsimError also if the program cannot be opened.
+    """A Runner with workers for one environment, which live until `close`. Raises CarsimError if the program fails.
 
-    ``condition`` is the listing's, or None; ``files`` are what the program must consist of (see open_environment);
-    ``command`` starts carsim (see Carsim). ``environment`` holds what the environment is besides its program's place, by
-    the names of these arguments.
+    ``condition`` is the listing's, or None. ``files`` are the files that the program must consist of (see
+    open_environment). ``command`` starts carsim (see Carsim). ``environment`` has these arguments, except the program and
+    the command, by name.
     """
 
     def __init__(
@@ -91,7 +91,7 @@ class ScenicRunner:
             if (runner := reference()) is not None:
                 runner._forget()
 
-        # A forked process must not talk to its parent's.
+        # A forked process must not use its parent's workers.
         os.register_at_fork(after_in_child=forget)
 
     def _forget(self) -> None:
@@ -106,7 +106,7 @@ class ScenicRunner:
         try:
             for request in requests:
                 answer, ending = None, ""
-                # A process that dies takes the run with it only if the next one dies of it too.
+                # If the process dies, retry the run once; it has failed if the next process dies, too.
                 for _ in range(2):
                     process = process or self._take()
                     answer = process.answer(bodies[request.body], scenes[request.scene], request)

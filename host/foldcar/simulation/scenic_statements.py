@@ -1,8 +1,8 @@
-"""What a Scenic program says of its runs: conditions and requirements, and what it records.
+"""A Scenic program's conditions, requirements and records during a run.
 
-Conditions and requirements of the top-level scenario are evaluated at every step of carsim. Records are evaluated by
-Scenic, and kept as plain JSON with the time in seconds, by name: {"kind": "initial"|"final"|"series", "value": JSON}. A
-series is a list of [time (s), value].
+Conditions and requirements of the top-level scenario are evaluated at every step of carsim. Scenic evaluates records,
+which are kept as JSON by name: {"kind": "initial"|"final"|"series", "value": JSON}. A series is a list of
+[time (s), value].
 """
 
 from collections.abc import Callable
@@ -18,14 +18,14 @@ from foldcar.scenes.recorded import to_json
 
 
 def is_about_looks(requirement: Any) -> bool:
-    """Whether a temporal requirement has a `next`, which means the next look of Scenic."""
+    """Return whether a temporal requirement has a `next`, which refers to Scenic's next outer step."""
     return any(isinstance(part, Next) for part in requirement.proposition.flatten())
 
 
 class ChangesMonitor(PropositionMonitor):  # type: ignore[misc]
-    """Scenic's monitor of a temporal proposition without `next`, told of every state, remembering the changes only.
+    """Monitors a temporal proposition without `next`; it is called for every state, but stores only changes.
 
-    Repeated states are of no consequence for such a proposition, and Scenic's monitor reads all it remembers each time.
+    Repeated states do not matter for such a proposition, and Scenic's monitor evaluates all stored states each time.
     """
 
     def __init__(self, proposition: Any) -> None:
@@ -34,7 +34,7 @@ class ChangesMonitor(PropositionMonitor):  # type: ignore[misc]
         self._verdict: rv_ltl.B4 = rv_ltl.B4.TRUE
 
     def update(self) -> rv_ltl.B4:
-        """Take the state that is shown; the verdict so far."""
+        """Add the current state; return the verdict so far."""
         state = {str(atom.syntax_id): bool(atom.closure()) for atom in self._proposition.atomics()}
         if state != self._latest:
             self._latest = state
@@ -44,13 +44,13 @@ class ChangesMonitor(PropositionMonitor):  # type: ignore[misc]
 
 
 class NativeEnding:
-    """A `terminate simulation when` that holds once there is a result of the trial."""
+    """A `terminate simulation when` that becomes true when the trial has a result."""
 
     def __init__(self, result: Callable[[], dict[str, Any] | None]) -> None:
         self._result = result
 
     def isTrue(self) -> "NativeEnding":  # noqa: N802
-        """Itself, as a value."""
+        """Return itself as the value."""
         return self
 
     @property
@@ -70,7 +70,7 @@ class Records:
         self._scenic = scenic
 
     def take(self, scenario: Any, steps: float, t_s: float) -> None:
-        """Evaluate and keep the values of a series at that time, and the initial ones at the start."""
+        """Evaluate and store the values of series at that time, and initial values at the start."""
         refuse_misplaced(scenario)
         if steps == 0:
             for name, value in scenic_private.recorded(scenario, RequirementType.recordInitial, 0).items():
@@ -82,14 +82,14 @@ class Records:
             series["value"].append([t_s, to_json(value, name)])
 
     def finish(self) -> None:
-        """Keep the final values, which Scenic has evaluated after the end."""
+        """Store the final values, which Scenic has evaluated after the end."""
         for name, value in self._scenic.items():
             if name not in self.plain:
                 self.plain[name] = {"kind": "final", "value": to_json(value, name)}
 
 
 def refuse_misplaced(scenario: Any) -> None:
-    """Refuse what Scenic 3.1 takes for a requirement when a running scenario invokes the one it stands in."""
+    """Refuse statements that Scenic 3.1 treats as requirements if another scenario invokes their scenario."""
     for sub in scenic_private.invoked(scenario):
         for statement in scenic_private.temporal_requirements(sub):
             if statement.ty is not RequirementType.require:

@@ -1,12 +1,12 @@
-"""Runs a Scenic program for a sweep, one run at a time, as a process of its own (see scenic_runner and worker).
+"""Runs a Scenic program for a sweep, one run at a time, in a separate process (see scenic_runner and worker).
 
-Input: JSON Lines. First what to open, {"program", "params", "seed", "condition", "files", "command"}; then one line a
-run, {"body", "scene", "settings": JSON texts, "sample"}. Output: one line each, {"ready": true} and then
-{"result": …}, {"error": message} for a run that failed, or {"refused": message} where the input is at fault. Ends with
+Input: JSON Lines. The first line says what to open: {"program", "params", "seed", "condition", "files", "command"}. Each
+further line is a run: {"body", "scene", "settings": JSON texts, "sample"}. Output: one line each, first {"ready": true},
+then {"result": …}, {"error": message} for a failed run, or {"refused": message} for invalid input. The process ends with
 its input.
 
-A program may change anything that it reaches. So each sample is drawn in a copy of the process in the state after
-compiling, and each run takes place in a copy of that one: no run can depend on others.
+A program may change any object in memory. Therefore each sample is drawn in a copy of the process after compiling, and
+each run takes place in a copy of that copy, so that no run depends on others.
 """
 
 import json
@@ -24,13 +24,13 @@ from foldcar.simulation.carsim_step import SimulatorDiedError, SteppedCarsim, Tr
 from foldcar.simulation.runner import CarsimError
 from foldcar.simulation.worker import Forked, answers_on
 
-# Wall time of one run. The longest takes a few seconds: what exceeds this hangs.
+# Limit of a run's wall time. Runs take a few seconds at most, so a longer one hangs.
 RUN_LIMIT_S = 480.0
 
 
 def main() -> None:
-    """Serve standard input until its end."""
-    # What a program prints must not get between the answers.
+    """Answer standard input until its end."""
+    # Output that a program prints must not mix with the answers.
     with os.fdopen(os.dup(sys.stdout.fileno()), "w", encoding="utf-8") as output:
         os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
         answers_on(output.fileno())
@@ -40,12 +40,12 @@ def main() -> None:
         try:
             worker = ScenicWorker(opening)
         except FoldcarError as error:
-            _say(output, {"refused": str(error)})
+            _write_line(output, {"refused": str(error)})
             return
         with closing(worker):
-            _say(output, {"ready": True})
+            _write_line(output, {"ready": True})
             for line in sys.stdin:
-                _say(output, worker.answer(json.loads(line)))
+                _write_line(output, worker.answer(json.loads(line)))
 
 
 class ScenicWorker:
@@ -55,12 +55,12 @@ class ScenicWorker:
         self._source: SceneSource = open_environment(
             Path(opening["program"]), opening["params"], opening["seed"], opening["condition"], opening["files"]
         )
-        # What every run needs is done before the process is copied.
+        # Import before the process is copied, because every run needs this.
         from scenic.core import dynamics
 
         from foldcar.simulation.scenic_simulator import CarSimulator
 
-        # Scenic warns of a monitor that hangs by a timer of its own, which would end that of RUN_LIMIT_S.
+        # Scenic's own timer, which warns of monitors that hang, would cancel the timer of RUN_LIMIT_S.
         dynamics.stuckBehaviorWarningTimeout = 0
         self._simulator = CarSimulator
         self._passing = self._source.success.endings
@@ -77,7 +77,7 @@ class ScenicWorker:
         self._open.close()
 
     def answer(self, request: dict[str, Any]) -> dict[str, Any]:
-        """The answer to one run."""
+        """Return the answer to one run."""
         if self._copy is None or self._sample != request["sample"]:
             self._open.close()
             self._copy = self._open.enter_context(Forked(self._answer_for_sample))
@@ -85,7 +85,7 @@ class ScenicWorker:
         return self._copy.ask(request)
 
     def _answer_for_sample(self, request: dict[str, Any]) -> dict[str, Any]:
-        """In the copy for one sample: draw it, unless that is done, and run in another copy."""
+        """In the copy for one sample: draw the sample if it was not drawn yet, and run in another copy."""
         try:
             self._open_sample(request["sample"])
         except FoldcarError as error:
@@ -98,7 +98,7 @@ class ScenicWorker:
             return self._answer(request)
 
     def _answer(self, request: dict[str, Any]) -> dict[str, Any]:
-        """The answer in this process. A simulator that dies in it is given the run once more, in a new process."""
+        """Answer in this process; if the simulator dies, retry the run once with a new one."""
         try:
             try:
                 return {"result": self._run(request)}
@@ -123,7 +123,7 @@ class ScenicWorker:
                 with seeded(f"{self._source.seed}/{k}/run"), contained(RUN_LIMIT_S, "running", program):
                     return simulator.run(self._scene)
             except FoldcarError as error:
-                # A CarsimError is no mistake of the program, all others come with what it records.
+                # A CarsimError is not the program's fault; all others come from its records.
                 raise error if isinstance(error, CarsimError) else TrialFailedError(f"{place}: {error}") from None
             except Exception as error:
                 raise TrialFailedError(f"{place}: {one_line(error, program)}") from error
@@ -137,6 +137,6 @@ class ScenicWorker:
         self._sample, self._scene = k, scene
 
 
-def _say(output: TextIO, answer: dict[str, Any]) -> None:
+def _write_line(output: TextIO, answer: dict[str, Any]) -> None:
     output.write(json.dumps(answer) + "\n")
     output.flush()

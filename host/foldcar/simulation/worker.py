@@ -1,8 +1,8 @@
-"""Worker processes, which end with the process that started them, and copies of them, made by fork.
+"""Worker processes, which end with the process that started them, and copies of them made by fork.
 
-A process with the argument MODULE runs MODULE's `main`, and ends when nothing reads its output any more: however the one
-that started it ends, and while it imports Scenic too. What an answer of a copy changes in memory is gone with the copy: a
-Scenic program may change what it likes while it runs, as objects, lists within lists, imported modules, iterators.
+A process with the argument MODULE runs MODULE's `main`. It ends when its output is no longer read, that is when its
+parent ends in any way, even while it is importing Scenic. Changes that a Scenic program makes in a copy's memory, to
+objects, nested lists, modules or iterators, vanish with the copy.
 """
 
 import contextlib
@@ -21,60 +21,60 @@ from typing import Any, NoReturn
 
 def main() -> None:
     """Watch the output's reader and run the module that the command line names."""
-    # The worker keeps this pipe under a number of its own: standard output itself is given to what programs print.
+    # Duplicate the pipe's descriptor, because standard output will be redirected for the output of programs.
     output = os.dup(sys.stdout.fileno())
     threading.Thread(target=end_without_reader, args=(output,), daemon=True).start()
     import_module(sys.argv[1]).main()
 
 
 def end_without_reader(pipe: int) -> None:
-    """End this process once the other end of ``pipe``, on which it writes, is closed."""
+    """End this process when the other end of ``pipe``, to which it writes, is closed."""
     wait_for_no_reader(pipe)
     os._exit(1)
 
 
 def wait_for_no_reader(pipe: int) -> None:
-    """Wait until the other end of ``pipe``, on which this process writes, is closed."""
+    """Wait until the other end of ``pipe``, to which this process writes, is closed."""
     watched = select.poll()
-    # Without requested events, what is reported is that the other end is closed.
+    # Without requested events, poll reports only that the other end is closed.
     watched.register(pipe, 0)
     watched.poll()
 
 
 Answer = dict[str, Any]
 
-# Ends of the pipes on which this process answers. A copy closes them: otherwise whoever asked this process would wait
-# for the copy's end too.
-_answering: list[int] = []
+# Descriptors of the pipes to which this process writes answers. Copies close them, or else readers would also wait for
+# the copies' end.
+_answer_descriptors: list[int] = []
 
 
 def answers_on(*descriptors: int) -> None:
-    """Declare the file descriptors on which this process answers; its copies close them."""
-    _answering[:] = descriptors
+    """Set the file descriptors to which this process writes answers; its copies close them."""
+    _answer_descriptors[:] = descriptors
 
 
 class Forked:
-    """A copy of this process that answers with ``answer``, which takes and returns JSON objects. A context manager.
+    """A copy of this process (a context manager) that answers by ``answer``, a function of JSON objects.
 
-    Memory is shared until it is written.
+    Memory is shared until it is changed.
     """
 
     def __init__(self, answer: Callable[[Answer], Answer]) -> None:
-        asked, self._questions = os.pipe()
-        self._answers, answered = os.pipe()
-        # Garbage collection in the copy would write to, and so copy, every page with an object on it.
+        question_pipe, self._questions = os.pipe()
+        self._answers, answer_pipe = os.pipe()
+        # Garbage collection in the copy would write to every page with an object, and so copy the page.
         gc.freeze()
         with warnings.catch_warnings():
-            # A copy has none of the other threads: one that waits for a closed pipe, libraries' for linear algebra.
+            # The copy does not need the other threads, which wait for a closed pipe or belong to linear algebra.
             warnings.simplefilter("ignore", DeprecationWarning)
             self._process = os.fork()
         if self._process == 0:
-            for descriptor in (self._questions, self._answers, *_answering):
+            for descriptor in (self._questions, self._answers, *_answer_descriptors):
                 os.close(descriptor)
-            answers_on(asked, answered)
-            _serve(answer, asked, answered)
-        os.close(asked)
-        os.close(answered)
+            answers_on(question_pipe, answer_pipe)
+            _serve(answer, question_pipe, answer_pipe)
+        os.close(question_pipe)
+        os.close(answer_pipe)
         self._reader = os.fdopen(self._answers, encoding="utf-8")
 
     def __enter__(self) -> "Forked":
@@ -87,7 +87,7 @@ class Forked:
         os.waitpid(self._process, 0)
 
     def ask(self, question: Answer) -> Answer:
-        """The copy's answer. A copy that dies without one takes this process with it."""
+        """Return the copy's answer. If the copy dies without an answer, this process ends, too."""
         data = (json.dumps(question) + "\n").encode()
         with contextlib.suppress(BrokenPipeError):
             while data:
@@ -99,18 +99,21 @@ class Forked:
         return answer
 
 
-def _serve(answer: Callable[[Answer], Answer], asked: int, answered: int) -> NoReturn:
-    """Answer until nobody asks any more. Never returns to the code that forked, which belongs to the original."""
+def _serve(answer: Callable[[Answer], Answer], question_pipe: int, answer_pipe: int) -> NoReturn:
+    """Answer questions until the pipe is closed. Never return to the code that forked, which is the original's."""
     code = 1
-    threading.Thread(target=end_without_reader, args=(answered,), daemon=True).start()
+    threading.Thread(target=end_without_reader, args=(answer_pipe,), daemon=True).start()
     try:
-        with os.fdopen(asked, encoding="utf-8") as questions, os.fdopen(answered, "w", encoding="utf-8") as answers:
+        with (
+            os.fdopen(question_pipe, encoding="utf-8") as questions,
+            os.fdopen(answer_pipe, "w", encoding="utf-8") as answers,
+        ):
             for line in questions:
                 answers.write(json.dumps(answer(json.loads(line))) + "\n")
                 answers.flush()
         code = 0
     except BrokenPipeError:
-        # Nobody wants the answer any more.
+        # The original no longer reads answers.
         pass
     except BaseException:
         traceback.print_exc()

@@ -1,7 +1,7 @@
-"""Calibrations in a store: draws of the simulator's parameters from their posterior, and what was told with them.
+"""Calibrations in a store: posterior draws of the simulator's parameters, with a summary; and measured values.
 
-Input: a store, read or opened to be written. Output: Calibrations; values that were measured, which calibrations take as
-known. A name is given once: runs are simulated under it.
+Input: a store that is opened for reading or writing. Output: Calibrations, and measured values, which calibrations use as
+known. The name of a calibration is unique, because runs are simulated with it.
 """
 
 import contextlib
@@ -40,39 +40,39 @@ class Calibration:
 
     @property
     def fingerprint(self) -> str:
-        """A hash of what simulations under it depend on."""
+        """A hash of everything that simulations with it depend on."""
         return hashlib.sha256(json.dumps(self.draws, sort_keys=True).encode()).hexdigest()
 
     def draw_of(self, sample: int) -> Mapping[str, float]:
-        """The values that sample ``sample`` of an environment is simulated with."""
+        """Return the values with which sample number ``sample`` of an environment is simulated."""
         return self.draws[sample % len(self.draws)]
 
 
 def calibrations(store: Store) -> list[Calibration]:
-    """All calibrations of a store by name. StoreError."""
+    """Return all calibrations of a store in the order of their names. Raises StoreError."""
     builds = {row["id"]: row["name"] for row in store.rows(BUILD)}
     return [_read(store.path, row, builds) for row in store.rows(CALIBRATION, "ORDER BY name")]
 
 
 def calibration_named(store: Store, name: str) -> Calibration:
-    """The calibration of that name; StoreError if there is none."""
-    known = {calibration.name: calibration for calibration in calibrations(store)}
-    if name not in known:
-        has = f"it has {', '.join(known)}" if known else "make one with `foldcar calibrate`"
-        raise StoreError(f'{store.path}: has no calibration "{name}"; {has}')
-    return known[name]
+    """Return the calibration of that name. Raises StoreError if it does not exist."""
+    by_name = {calibration.name: calibration for calibration in calibrations(store)}
+    if name not in by_name:
+        remedy = f"it has {', '.join(by_name)}" if by_name else "make one with `foldcar calibrate`"
+        raise StoreError(f'{store.path}: has no calibration "{name}"; {remedy}')
+    return by_name[name]
 
 
 def measured_values(store: Store, experiment: str) -> dict[str, float]:
-    """The values that were measured for an experiment's trials of built cars, by the parameter's name."""
+    """Return the values measured for an experiment's trials of built cars, by parameter name."""
     return {row["parameter"]: row["value"] for row in store.rows(MEASURED, "WHERE experiment = ?", experiment)}
 
 
 class CalibrationWriter(StoreConnection):
-    """A store opened for calibrations. Made by :func:`write_calibrations`; its methods raise StoreError."""
+    """A store opened for calibrations. Create it with :func:`write_calibrations`; its methods raise StoreError."""
 
     def measure(self, experiment: str, values: Mapping[str, float | None]) -> None:
-        """Store measured values by the parameter's name in place of earlier ones; None deletes a value."""
+        """Store measured values by parameter name, replacing earlier ones; None deletes a value."""
         with self._transaction():
             for name, value in values.items():
                 self._run("DELETE FROM measured WHERE experiment = ? AND parameter = ?", experiment, name)
@@ -80,7 +80,7 @@ class CalibrationWriter(StoreConnection):
                     self._insert(MEASURED, [{"experiment": experiment, "parameter": name, "value": value}])
 
     def put(self, calibration: Calibration, replace: bool) -> None:
-        """Store it; StoreError if its name is taken, unless it is to ``replace`` what has it."""
+        """Store a calibration. Raises StoreError if its name is taken, unless ``replace`` is set."""
         with self._transaction():
             row = {
                 "name": calibration.name,
@@ -102,7 +102,7 @@ class CalibrationWriter(StoreConnection):
 
 
 def check_calibration_name(store: Store, name: str, replace: bool) -> None:
-    """StoreError if there is a calibration of that name that is not to be replaced, or that was swept under."""
+    """Raise StoreError if the name is taken and not to be replaced, or if a sweep has used that calibration."""
     if all(calibration.name != name for calibration in calibrations(store)):
         return
     if not replace:
@@ -114,17 +114,17 @@ def check_calibration_name(store: Store, name: str, replace: bool) -> None:
 
 def _swept_under(store: Path, name: str, experiment: str) -> StoreError:
     return StoreError(
-        f'{store}: calibration "{name}": experiment "{experiment}" was swept under it: choose another --name'
+        f'{store}: calibration "{name}": experiment "{experiment}" was swept with it; choose another --name'
     )
 
 
 def _taken(store: Path, name: str) -> StoreError:
-    return StoreError(f'{store}: has a calibration "{name}" already: choose another --name, or --replace it')
+    return StoreError(f'{store}: already has a calibration "{name}"; choose another --name, or use --replace')
 
 
 @contextlib.contextmanager
 def write_calibrations(path: Path) -> Iterator[CalibrationWriter]:
-    """The store at ``path`` for calibrations. StoreError if it is in use."""
+    """Open the store at ``path`` for calibrations. Raises StoreError if it is in use."""
     with writing(path) as connection:
         yield CalibrationWriter(path, connection)
 
@@ -132,7 +132,7 @@ def write_calibrations(path: Path) -> Iterator[CalibrationWriter]:
 def new_calibration(
     name: str, experiment: str, build: str, draws: list[dict[str, float]], summary: Mapping[str, Any]
 ) -> Calibration:
-    """A calibration that is made now."""
+    """Return a calibration with the current time."""
     return Calibration(name, experiment, build, now_utc(), tuple(draws), summary)
 
 

@@ -24,7 +24,7 @@ from foldcar.store.tables import BY_NAME, PATH, RECORDED, RUN, TABLES
 
 @dataclass(slots=True)
 class StoreCheck:
-    """How many rows and logs were read, and what of them is damaged."""
+    """The numbers of rows and logs that were read, and a line for each damage."""
 
     rows: int
     logs: int
@@ -32,7 +32,7 @@ class StoreCheck:
 
 
 def check_store(path: Path) -> StoreCheck:
-    """Read the whole store. StoreError if there is none, or if nothing of it can be read."""
+    """Check the whole store. Raises StoreError if it does not exist or cannot be read at all."""
     with contextlib.closing(connect_reading(path)) as connection:
         try:
             lines = [str(line) for (line,) in connection.execute("PRAGMA integrity_check") if line != "ok"]
@@ -48,7 +48,7 @@ def check_store(path: Path) -> StoreCheck:
 
 
 def _damaged_texts(path: Path, connection: sqlite3.Connection) -> Iterator[str]:
-    """Yield a line for the first row of each table whose JSON texts are not what foldcar writes."""
+    """Yield a line for the first row of each table with a JSON text that foldcar does not write."""
     for table in TABLES:
         try:
             for _ in read_rows(path, connection, table):
@@ -58,7 +58,7 @@ def _damaged_texts(path: Path, connection: sqlite3.Connection) -> Iterator[str]:
 
 
 def missing_references(connection: sqlite3.Connection) -> list[str]:
-    """A line for each kind of rows that refer to what is not there."""
+    """Return a line for each kind of rows that refer to missing rows."""
     where = " AND ".join(f"r.{name} = v.{name}" for name in RUN.key)
     missing = Counter((row[0], row[2]) for row in connection.execute("PRAGMA foreign_key_check"))
     for table in (RECORDED, PATH):
@@ -72,7 +72,7 @@ def missing_references(connection: sqlite3.Connection) -> list[str]:
 
 
 def _check_logs(path: Path, connection: sqlite3.Connection) -> tuple[int, list[str]]:
-    """How many logs of trials there are, and a line for each that is missing, damaged or of no trial."""
+    """Return the number of logs, and a line for each log that is missing, damaged or without a trial."""
     trials = connection.execute("SELECT id, log, log_sha256 FROM trial WHERE log IS NOT NULL ORDER BY id").fetchall()
     # A trial is stored before its log is begun.
     named = {str(log) for _, log, _ in trials}
@@ -96,11 +96,11 @@ def _check_logs(path: Path, connection: sqlite3.Connection) -> tuple[int, list[s
 
 
 def store_digest(store: Store) -> tuple[str, int]:
-    """A digest in hexadecimal digits, and how many runs it is of. StoreError.
+    """Return a digest of all runs in hexadecimal digits, and the number of runs. Raises StoreError.
 
-    It is the same for the same keys with the same results, however they came about: the sum, modulo 2^256, of the SHA-256
-    of every run as a JSON array: the build's name, the hashes of body, scene, settings and variation, the outcome, the
-    metrics by name, the message, what was recorded. Neither the order of rows nor listings and trials count.
+    Stores with equal keys and results have equal digests. The digest is the sum, modulo 2^256, of the SHA-256 of every
+    run as a JSON array: the build's name, the hashes of body, scene, settings and variation, the outcome, the metrics by
+    name, the message, the recorded values. The order of rows, listings and trials do not matter.
     """
     names = {
         column: {row["id"]: row[name] for row in store.rows(BY_NAME[column.removesuffix("_id")])}
@@ -111,7 +111,7 @@ def store_digest(store: Store) -> tuple[str, int]:
     for row in store.rows(RUN, f"ORDER BY {', '.join(RUN.order)}"):
         key = [names[column].get(row[column], row[column]) for column in RUN.key]
         rows = store.recorded_rows(row) if with_recorded else ()
-        recorded = [[one["name"], one["kind"], one["value"]] for one in rows]
+        recorded = [[record["name"], record["kind"], record["value"]] for record in rows]
         result = [row["outcome"], {name: row[name] for name in NUMBERS}, row["message"], recorded]
         text = json.dumps([key, result], sort_keys=True, separators=(",", ":"))
         total += int.from_bytes(hashlib.sha256(text.encode()).digest(), "big")

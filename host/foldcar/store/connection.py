@@ -19,18 +19,18 @@ from foldcar.store.rows import Row, insert_sql, key_text, read_row, read_rows, t
 from foldcar.store.tables import BY_NAME, LIMITS, TABLES, VERSION, VIEWS, Table, create_tables
 from foldcar.typed import did_you_mean_file
 
-# "Fold" in ASCII: tells a store from other SQLite files.
+# "Fold" in ASCII: distinguishes a store from other SQLite files.
 APPLICATION_ID = 0x466F6C64
 # How long SQLite waits for another program that has the store locked, in seconds.
 BUSY_S = 10.0
 # Larger stores, of some ten million runs, are read in place.
 MAX_COPIED_BYTES = 2**30
-# What is read of a file to see whether it is a listing.
+# How many bytes of a file are searched to recognise a listing.
 MAX_LISTING_BYTES = 2**20
 
 
 def open_reading(path: Path) -> sqlite3.Connection:
-    """A connection that sees one moment of an existing store and never writes. StoreError if it is no such store."""
+    """Return a read-only connection to a snapshot of an existing store. Raises StoreError if it is not a store."""
     with contextlib.ExitStack() as stack:
         connection = stack.enter_context(contextlib.closing(connect_reading(path)))
         with store_errors(path):
@@ -42,7 +42,7 @@ def open_reading(path: Path) -> sqlite3.Connection:
             stack.callback(copy.close)
             connection.backup(copy)
             copy.execute("PRAGMA query_only = ON")
-            # Structure, types, required values and choices: what is read below is of the kind that was written.
+            # Checks structure, types, required values and choices, so that later code can rely on them.
             (first,) = copy.execute("PRAGMA quick_check(1)").fetchone()
             if first != "ok":
                 raise StoreError(f"{path}: is damaged: {first}; `foldcar check {path}` says what else is")
@@ -54,51 +54,51 @@ def open_reading(path: Path) -> sqlite3.Connection:
 
 
 def numbers_beyond_limits(connection: sqlite3.Connection) -> Iterator[str]:
-    """Yield a line for the first row of each table that has a number beyond LIMITS."""
+    """Yield a line for the first row of each table that has a number outside LIMITS."""
     for table in TABLES:
         limits = {column.name: LIMITS[column.type] for column in table.columns if column.type in LIMITS}
         if limits:
-            beyond = " OR ".join(f"{name} NOT BETWEEN {least} AND {most}" for name, (least, most) in limits.items())
+            beyond = " OR ".join(f"{name} NOT BETWEEN {low} AND {high}" for name, (low, high) in limits.items())
             query = f"SELECT {', '.join(table.names)} FROM {table.name} WHERE {beyond} LIMIT 1"
             for cells in connection.execute(query):
                 row = dict(zip(table.names, cells, strict=True))
-                for name, (least, most) in limits.items():
-                    if row[name] is not None and not least <= row[name] <= most:
-                        yield f"{key_text(table, row)} is damaged: its {name} is {row[name]:g}, not {least:g} to {most:g}"
+                for name, (low, high) in limits.items():
+                    if row[name] is not None and not low <= row[name] <= high:
+                        yield f"{key_text(table, row)} is damaged: its {name} is {row[name]:g}, not {low:g} to {high:g}"
 
 
 def connect_reading(path: Path) -> sqlite3.Connection:
-    """A connection that changes no row of a store of this version. StoreError if there is no such store."""
+    """Return a connection that changes no rows. Raises StoreError if there is no store of this version."""
     check_name(path)
     if not path.exists():
         raise StoreError(f"{path}: no such store{did_you_mean_file(path)}")
     if not path.is_file():
-        raise StoreError(f"{path}: is no file")
+        raise StoreError(f"{path}: is not a file")
     with store_errors(path), contextlib.ExitStack() as stack:
-        # Not read-only: SQLite then puts in what a killed writer left in files beside the store.
+        # Not read-only, so that SQLite can merge changes that a killed writer left in files beside the store.
         connection = sqlite3.connect(f"{path.resolve().as_uri()}?mode=rw", BUSY_S, uri=True, isolation_level=None)
         stack.callback(connection.close)
         connection.execute("PRAGMA query_only = ON")
         if _is_blank(path, connection):
-            raise StoreError(f"{path}: is no foldcar store")
+            raise StoreError(f"{path}: is not a foldcar store")
         stack.pop_all()
         return connection
 
 
 def beside(path: Path, suffix: str) -> Path:
-    """The file beside a store with that ending: ``-wal``, ``-lock``. Symbolic links lead to the same one."""
+    """Return the file beside a store with that suffix: ``-wal``, ``-lock``. Symbolic links are resolved."""
     return Path(f"{os.path.realpath(path)}{suffix}")
 
 
 def require_store(path: Path) -> None:
-    """StoreError if there is no store of this version. For commands that write but make no store."""
+    """Raise StoreError if there is no store of this version; for commands that must not create one."""
     connect_reading(path).close()
 
 
 def _is_blank(path: Path, connection: sqlite3.Connection) -> bool:
-    """Whether the database has no tables yet. StoreError if it has others than those of this version."""
+    """Return whether the database has no tables yet. Raises StoreError if its tables are not those of this version."""
     try:
-        with store_errors(path, "is no foldcar store: "):
+        with store_errors(path, "is not a foldcar store: "):
             (tables,) = connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
             (application_id,) = connection.execute("PRAGMA application_id").fetchone()
             (version,) = connection.execute("PRAGMA user_version").fetchone()
@@ -109,7 +109,7 @@ def _is_blank(path: Path, connection: sqlite3.Connection) -> bool:
     if tables == 0 and application_id == 0:
         return True
     if application_id != APPLICATION_ID:
-        raise StoreError(f"{path}: is no foldcar store")
+        raise StoreError(f"{path}: is not a foldcar store")
     if version != VERSION:
         raise StoreError(
             f"{path}: is a store of version {version}, and this foldcar reads version {VERSION}: "
@@ -121,7 +121,7 @@ def _is_blank(path: Path, connection: sqlite3.Connection) -> bool:
 
 
 def _check_schema(path: Path, connection: sqlite3.Connection) -> None:
-    """StoreError if a table or view of the store is not as foldcar makes it, or if there is a trigger."""
+    """Raise StoreError if a table or view differs from foldcar's, or if there is a trigger."""
     statements = dict(connection.execute("SELECT name, sql FROM sqlite_master WHERE type IN ('table', 'view')"))
     for name, sql in (*((table.name, table.sql) for table in TABLES), *VIEWS.items()):
         if statements.get(name) != sql:
@@ -131,9 +131,9 @@ def _check_schema(path: Path, connection: sqlite3.Connection) -> None:
 
 
 def _refuse_listing(path: Path) -> None:
-    """StoreError if the file is a listing.
+    """Raise StoreError if the file is a listing.
 
-    Not for a store: to close a file drops the locks that SQLite has on it for any connection of this process.
+    Do not call it for a store: closing a file drops the locks that SQLite holds on it in this process.
     """
     with contextlib.suppress(OSError), path.open("rb") as file:
         if b"vehicles" in file.read(MAX_LISTING_BYTES):
@@ -142,30 +142,30 @@ def _refuse_listing(path: Path) -> None:
 
 
 def check_name(store: Path) -> None:
-    """StoreError if SQLite takes the name for something else than a file's: it would keep nothing, or elsewhere."""
+    """Raise StoreError if SQLite does not treat the name as a file's, because the store would be lost."""
     if str(store) == ":memory:" or str(store).startswith("file:"):
-        raise StoreError(f"{store}: is no file name to SQLite: give the store another, such as study.db")
+        raise StoreError(f"{store}: SQLite does not treat this as a file name; use another, such as study.db")
 
 
 def check_new(store: Path) -> None:
-    """StoreError if there is a file of that name, or if it cannot be the name of a store."""
+    """Raise StoreError if the file exists, or if the name cannot be a store's."""
     check_name(store)
     if os.path.lexists(store):
-        raise StoreError(f"{store}: is there already; name a new store")
+        raise StoreError(f"{store}: already exists; name a new store")
 
 
 @contextlib.contextmanager
 def new_store(store: Path) -> Iterator[sqlite3.Connection]:
-    """A connection to an empty store that gets its name, ``store``, at the end of the block, or else vanishes.
+    """Yield a connection to a new store, which is renamed to ``store`` at the end of the block, or deleted on an error.
 
-    StoreError if there is a file of that name, or if it cannot be written.
+    Raises StoreError if the file exists, or if it cannot be written.
     """
     check_new(store)
     make_output_folder(store.parent)
     part = store.with_name(f".{store.name}.{os.getpid()}.part")
     try:
         with store_errors(store), contextlib.closing(sqlite3.connect(part, isolation_level=None)) as connection:
-            # Without a journal beside it: what ends early is deleted.
+            # No journal file is needed, because an incomplete store is deleted.
             connection.execute("PRAGMA journal_mode = MEMORY")
             _fill(connection)
             with _transaction(connection):
@@ -178,7 +178,7 @@ def new_store(store: Path) -> Iterator[sqlite3.Connection]:
 
 
 def _fill(connection: sqlite3.Connection) -> None:
-    """Make an empty database an empty store."""
+    """Create the tables of a store in an empty database."""
     with _transaction(connection):
         create_tables(connection)
         connection.execute(f"PRAGMA application_id = {APPLICATION_ID}")
@@ -187,9 +187,10 @@ def _fill(connection: sqlite3.Connection) -> None:
 
 @contextlib.contextmanager
 def writing(path: Path, synchronous: str = "NORMAL") -> Iterator[sqlite3.Connection]:
-    """A connection to the store at ``path``; made, with its folder, if need be. StoreError if it is in use.
+    """Yield a connection for writing to the store at ``path``, which is created, with its folder, if it is missing.
 
-    A commit survives the death of the program; with ``synchronous`` FULL also a power cut.
+    A commit survives the death of the program; with ``synchronous`` FULL also a power cut. Raises StoreError if the
+    store is in use.
     """
     check_name(path)
     if path.is_dir():
@@ -210,39 +211,39 @@ def writing(path: Path, synchronous: str = "NORMAL") -> Iterator[sqlite3.Connect
 
 @contextlib.contextmanager
 def _writer_lock(path: Path) -> Iterator[None]:
-    """Hold the right to write the store at ``path``. StoreError if another process has it."""
+    """Hold the lock for writing to the store at ``path``. Raises StoreError if another process holds it."""
     file = beside(path, "-lock")
     in_use = StoreError(f"{path}: another sweep or trial is writing this store; wait for it or use another store")
     try:
         file.touch()
         status = file.stat()
-        # Longer than `is_written` looks at it.
+        # Longer than `is_written` holds its read lock.
         lock = sqlite3.connect(file, timeout=0.2, isolation_level=None)
     except OSError as error:
         raise StoreError(f"{path}: cannot be written: {error.strerror or error}") from error
     with contextlib.closing(lock):
         try:
-            # Without a file for its journal, to which nothing is ever written.
+            # No journal file, because nothing is written to this database.
             lock.execute("PRAGMA journal_mode = MEMORY")
             lock.execute("BEGIN EXCLUSIVE")
         except sqlite3.Error as error:
             raise in_use if "locked" in str(error) else StoreError(f"{path}: cannot be locked: {error}") from error
-        # Who had it may have deleted the file meanwhile, and a third may have made another one.
+        # The last holder may have deleted the file meanwhile, and another process may have created a new one.
         if not leads_to(file, status):
             raise in_use
         try:
             yield
         finally:
-            # Windows deletes no file that is open: an empty one stays.
+            # Windows cannot delete an open file, so an empty one remains.
             with contextlib.suppress(OSError):
                 file.unlink()
 
 
 def is_written(path: Path) -> bool | None:
-    """Whether a process holds the right to write the store; None if one that held it was killed. Keeps nobody out."""
+    """Return whether a process is writing to the store; None if a writer was killed. It does not block writers."""
     file = beside(path, "-lock")
-    # Windows leaves an empty file of every writer.
-    left = None if os.name == "posix" else False
+    # On Windows the file remains after every writer, so it does not show that one was killed.
+    killed_writer = None if os.name == "posix" else False
     if not file.exists():
         return False
     try:
@@ -250,11 +251,11 @@ def is_written(path: Path) -> bool | None:
             lock.execute("SELECT count(*) FROM sqlite_master").fetchone()
     except sqlite3.OperationalError as error:
         return "locked" in str(error)
-    return left
+    return killed_writer
 
 
 def leads_to(path: Path, status: os.stat_result) -> bool:
-    """Whether ``path`` still is the name of that file: it may have been deleted or replaced."""
+    """Return whether ``path`` is still the name of that file, which may have been deleted or replaced."""
     try:
         return os.path.samestat(path.stat(), status)
     except OSError:
@@ -262,7 +263,7 @@ def leads_to(path: Path, status: os.stat_result) -> bool:
 
 
 def _open_writing(path: Path) -> sqlite3.Connection:
-    """A connection in write-ahead mode; with a rollback journal where the file system has no shared memory."""
+    """Return a connection in write-ahead mode, or with a rollback journal if the file system has no shared memory."""
     with store_errors(path), contextlib.ExitStack() as stack:
         connection = sqlite3.connect(path, BUSY_S, isolation_level=None)
         stack.callback(lambda: connection.close())
@@ -275,7 +276,7 @@ def _open_writing(path: Path) -> sqlite3.Connection:
                 raise
             connection.close()
             connection = sqlite3.connect(path, BUSY_S, isolation_level=None)
-            # A connection that lets nobody else in needs no shared memory to leave the mode.
+            # A connection with exclusive access can leave the mode without shared memory.
             connection.execute("PRAGMA locking_mode = EXCLUSIVE")
             connection.execute("PRAGMA journal_mode = DELETE")
             connection.execute("PRAGMA locking_mode = NORMAL")
@@ -285,10 +286,10 @@ def _open_writing(path: Path) -> sqlite3.Connection:
 
 
 def _close_writing(path: Path, connection: sqlite3.Connection, status: os.stat_result) -> None:
-    """Close, leaving a single file if nobody reads it at the moment."""
-    # An interrupt may have left a query half read, which would keep the mode: closing ends every query.
+    """Close the connection; leave a single file if no other process is reading it."""
+    # Close first: an interrupt may have left an unfinished query, which would prevent the change of mode.
     connection.close()
-    # To open the name of a file that was deleted would make a new one, or change one that is another.
+    # If the file was deleted or replaced, opening its name would create or change another file.
     if leads_to(path, status):
         with contextlib.suppress(sqlite3.Error), contextlib.closing(sqlite3.connect(path)) as last:
             last.execute("PRAGMA journal_mode = DELETE")
@@ -296,20 +297,20 @@ def _close_writing(path: Path, connection: sqlite3.Connection, status: os.stat_r
 
 @contextlib.contextmanager
 def _transaction(connection: sqlite3.Connection) -> Iterator[None]:
-    """Everything in the block, or nothing."""
+    """Commit everything in the block, or nothing."""
     connection.execute("BEGIN IMMEDIATE")
     try:
         yield
         connection.execute("COMMIT")
     finally:
-        # Still open only if something went wrong: then nothing of it counts.
+        # The transaction is open only after an error.
         if connection.in_transaction:
             with contextlib.suppress(sqlite3.Error):
                 connection.execute("ROLLBACK")
 
 
 class StoreConnection:
-    """What all writers of a store share. All methods raise StoreError."""
+    """The base class of all writers of a store. All methods raise StoreError."""
 
     def __init__(self, path: Path, connection: sqlite3.Connection) -> None:
         self.path = path
@@ -320,36 +321,36 @@ class StoreConnection:
         return self._identify(table, "hash", text_hash(text, identity), json=text)
 
     def _identify(self, table: str, column: str, value: str, **others: Any) -> int:
-        """The id of the row with that value, which is made if there is none."""
-        found = self._run(f"SELECT id FROM {table} WHERE {column} = ?", value).fetchone()
-        return int(found[0]) if found else self._add(BY_NAME[table], {column: value, **others})
+        """Return the id of the row with that value; add the row if it is missing."""
+        row = self._run(f"SELECT id FROM {table} WHERE {column} = ?", value).fetchone()
+        return int(row[0]) if row else self._add(BY_NAME[table], {column: value, **others})
 
     def _add(self, table: Table, row: Mapping[str, Any]) -> int:
-        """Add a row to a table whose rows are numbered; gives its number."""
+        """Add a row to a table whose rows are numbered; return its number."""
         (last,) = self._run(f"SELECT max(id) FROM {table.name}").fetchone()
         number = int(last or 0) + 1
         self._insert(table, [{**row, "id": number}])
         return number
 
     def _insert(self, table: Table, rows: Iterable[Mapping[str, Any]], otherwise: str = "") -> None:
-        """Add rows, absent columns empty; ``otherwise`` is what happens to those whose key is there (insert_sql)."""
+        """Add rows; absent columns are empty. ``otherwise`` says what happens to existing keys (see insert_sql)."""
         with store_errors(self.path):
             self._connection.executemany(
                 insert_sql(table, otherwise), ([row.get(name) for name in table.names] for row in rows)
             )
 
     def _update(self, table: Table, row: Row) -> None:
-        """Write a row that was read and changed."""
+        """Write back a row that was read and changed."""
         changes = ", ".join(f"{name} = ?" for name in table.names)
         where = " AND ".join(f"{name} = ?" for name in table.key)
         self._run(f"UPDATE {table.name} SET {changes} WHERE {where}", *map(row.get, (*table.names, *table.key)))
 
     def _rows(self, table: Table, rest: str = "", *values: Any) -> list[Row]:
-        """Rows of a table; ``rest`` is SQL from WHERE on."""
+        """Return rows of a table; ``rest`` is SQL from WHERE on."""
         return list(read_rows(self.path, self._connection, table, rest, *values))
 
     def _row(self, table: Table, **key: Any) -> Row:
-        """The row of that key; StoreError if it is gone."""
+        """Return the row with that key. Raises StoreError if it is missing."""
         return read_row(self.path, self._connection, table, **key)
 
     def _run(self, statement: str, *values: Any) -> Any:
@@ -361,7 +362,7 @@ class StoreConnection:
         with store_errors(self.path), _transaction(self._connection):
             yield
         if not leads_to(self.path, self._file):
-            # SQLite goes on writing a file that has lost its name.
+            # SQLite continues to write to a file that was deleted or renamed.
             raise StoreError(
                 f"{self.path}: was deleted, moved or replaced while it was written: the last changes are not in it"
             )

@@ -1,4 +1,4 @@
-"""The designs that experiments of a store have, how many runs of each are stored, how many count and passed."""
+"""The designs of a store's experiments, with their numbers of stored, counted and passed runs."""
 
 import contextlib
 import json
@@ -16,9 +16,9 @@ from foldcar.store.tables import DESIGN, EXPERIMENT, RESULT_JOIN
 
 @dataclass(frozen=True)
 class DesignCounts:
-    """Lists in the order of designs: position, stored runs, those that passed, and 1 + the highest stored sample.
+    """Lists in the order of designs: position, numbers of stored and passed runs, and the highest stored sample + 1.
 
-    ``counted`` are the stored runs that belong in a rate: all but the rejected ones.
+    ``counted`` are the stored runs that were not rejected.
     """
 
     positions: list[int]
@@ -29,48 +29,48 @@ class DesignCounts:
 
 
 def design_counts(path: Path, connection: Connection, experiment: str) -> DesignCounts:
-    """The counts of the experiment's designs, also of those without runs; StoreError."""
+    """Return the counts of the experiment's designs, including designs without runs. Raises StoreError."""
     with store_errors(path):
         designs = "SELECT position FROM design WHERE experiment = ? ORDER BY position"
         positions = [position for (position,) in connection.execute(designs, (experiment,))]
-        found = connection.execute(
+        rows = connection.execute(
             f"SELECT d.position, count(*), sum(r.outcome <> '{REJECTED}'), sum(r.outcome = 'passed'), max(s.sample) + 1 "
             f"{RESULT_JOIN} AND e.id = ? GROUP BY d.position",
             (experiment,),
         )
-        counts = {position: tuple(numbers) for position, *numbers in found}
-    columns = ([counts.get(at, (0, 0, 0, 0))[which] for at in positions] for which in range(4))
+        counts = {position: tuple(numbers) for position, *numbers in rows}
+    columns = ([counts.get(position, (0, 0, 0, 0))[column] for position in positions] for column in range(4))
     return DesignCounts(positions, *columns)
 
 
 @dataclass(frozen=True)
 class StoredDesigns:
-    """Parameters by column, in the order of designs; ``fingerprint`` is the hash of all that the designs follow from."""
+    """Parameters by column, in the order of designs; ``fingerprint`` is a hash of everything they depend on."""
 
     fingerprint: str
     parameters: list[Mapping[str, float]]
 
 
 def stored_designs(path: Path, experiments: Iterable[str]) -> dict[str, StoredDesigns]:
-    """The whole designs of these experiments. A store that is missing, damaged or older holds none that are known."""
+    """Return the complete designs of these experiments; empty if the store is missing, damaged or older."""
     if not path.is_file():
         return {}
     try:
         with contextlib.closing(connect_reading(path)) as connection:
-            found = {name: designs_of(path, connection, name) for name in experiments}
+            designs_by_experiment = {name: designs_of(path, connection, name) for name in experiments}
     except StoreError:
-        # What opens it to write will say so.
+        # Opening the store for writing will report the error.
         return {}
-    return {name: designs for name, designs in found.items() if designs is not None}
+    return {name: designs for name, designs in designs_by_experiment.items() if designs is not None}
 
 
 def designs_of(path: Path, connection: Connection, experiment: str) -> StoredDesigns | None:
-    """The designs of an experiment; None if they are not whole, or if it is not known what they follow from."""
+    """Return the designs of an experiment; None if they are incomplete or have no fingerprint."""
     with contextlib.suppress(StoreError):
         for row in read_rows(path, connection, EXPERIMENT, "WHERE id = ?", experiment):
             rows = list(read_rows(path, connection, DESIGN, "WHERE experiment = ? ORDER BY position", experiment))
-            whole = [one["position"] for one in rows] == list(range(row["designs"] or 0))
-            if row["designs_fingerprint"] is not None and whole:
-                parameters = [json.loads(one["parameters"]) for one in rows]
+            is_complete = [design_row["position"] for design_row in rows] == list(range(row["designs"] or 0))
+            if row["designs_fingerprint"] is not None and is_complete:
+                parameters = [json.loads(design_row["parameters"]) for design_row in rows]
                 return StoredDesigns(row["designs_fingerprint"], parameters)
     return None

@@ -1,4 +1,4 @@
-"""What can go wrong with a store, as errors of one line that name the file."""
+"""Errors of a store, as messages of one line that name the file."""
 
 import contextlib
 import sqlite3
@@ -7,21 +7,21 @@ from pathlib import Path
 
 from foldcar.errors import FoldcarError
 
-# What Python's sqlite3 raises: damaged texts, in messages too, are UnicodeErrors, and numbers too large OverflowErrors.
+# Exceptions of Python's sqlite3, which raises UnicodeError for damaged text and OverflowError for too large numbers.
 SQLITE_ERRORS = (sqlite3.Error, UnicodeError, OverflowError)
 
 
 class StoreError(FoldcarError):
-    """No store, another version, in use, damaged, or a disk that does not take it; the message names the file."""
+    """A store is missing, damaged, in use, of another version or cannot be written; the message names the file."""
 
 
 @contextlib.contextmanager
 def store_errors(path: Path, prefix: str = "") -> Iterator[None]:
-    """Turns SQLITE_ERRORS into StoreErrors that name the file; ``prefix`` stands before what SQLite says."""
+    """Convert SQLITE_ERRORS to StoreErrors that name the file; ``prefix`` precedes SQLite's message."""
     try:
         yield
     except SQLITE_ERRORS as error:
-        # The error's code is known from Python 3.11 on.
+        # Python 3.10 does not provide the error's code, so the message is searched.
         if isinstance(error, sqlite3.OperationalError) and "locked" in str(error):
-            raise StoreError(f"{path}: is locked by another program; end that and try again") from error
+            raise StoreError(f"{path}: is locked by another program; close that program and try again") from error
         raise StoreError(f"{path}: {prefix}{error}") from error

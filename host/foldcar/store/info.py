@@ -1,4 +1,4 @@
-"""What a study is: the facts a store keeps beside its runs, as reports print them."""
+"""The facts of a study that a store keeps beside its runs, as reports print them."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -11,28 +11,28 @@ if TYPE_CHECKING:
     from foldcar.statistics.stopping import StoppingRule
 
 
-# What an experiment may be simulated under: a calibration of its store, or the parameters of a file.
+# Kinds of parameters to simulate with: a calibration of the store, or a file.
 CALIBRATION_KIND, REALITY_KIND = "calibration", "reality"
 
 
-# Endings of the names of an experiment's variants: in fresh environments, in another engine, under other parameters.
+# Suffixes of the names of an experiment's variants: new environments, another engine, other parameters.
 _TITLES = "|".join(re.escape(engine.title) for engine in ENGINES.values() if engine.title)
 VARIANT = re.compile(rf" (fresh|\(({_TITLES}|(calibrated|{REALITY_KIND}) .*)\))$", re.DOTALL)
 
 
 def engine_id(experiment: str, engine: str) -> str:
-    """The name, in stores, of an experiment in that engine; its own in multibody, whose name is empty."""
+    """Return the name in stores of an experiment in that engine; multibody, whose name is "", does not change it."""
     return f"{experiment} ({engine_title(engine)})" if engine else experiment
 
 
 def listed_id(experiment: str, calibration: Mapping[str, str] | None, engine: str) -> str:
-    """The name in the listing of an experiment that stores name so: a calibration or an engine changes it."""
-    under = experiment if calibration is None else calibration["experiment"]
-    return under.removesuffix(engine_id("", engine))
+    """Return the name in the listing of an experiment of a store, whose name may have a calibration and an engine."""
+    listed_name = experiment if calibration is None else calibration["experiment"]
+    return listed_name.removesuffix(engine_id("", engine))
 
 
 def unlike_sides_text(what: str) -> str:
-    """The warning of an experiment in the side view of which that matters."""
+    """Return the warning that the side view does not simulate ``what``, which matters for the experiment."""
     return f"The side view knows neither roll, yaw nor sides, which matter here: {what}. Use --engine multibody."
 
 
@@ -40,23 +40,19 @@ def unlike_sides_text(what: str) -> str:
 class ExperimentInfo:
     """One experiment as it was last swept.
 
-    ``varied`` maps each design parameter that makes the family (``width_mm``) to its values in order;
-    ``fixed`` holds the other ones. ``speed_m_s`` is None where every car drives at its own full speed.
-    ``condition`` says what is frozen of the environment; ``variation`` maps what varies from car to car to
-    its spread, drawn by ``variation_seed``, and is empty if cars are as designed. ``planned_runs`` is
-    designs × environments, ``stored_runs`` how many of them have a result. Where a sweep ``until``
-    enough is known has ended, no more are planned than it made; before, ``designs`` that are ``decided`` have no more
-    planned than stored. ``success_rule`` says when a run has
-    passed, or why that is undefined (``success_defined`` False). ``skipped`` names the cars of the family that
-    cannot be built, and why. ``calibration`` is None for nominal simulations, else ``name``, ``fingerprint`` and
-    ``experiment``: what it was simulated under, and the experiment of the listing; of a reality also its ``kind``. Then
-    ``listed_environment`` is the fingerprint of the listing's environment.
-    ``searched`` says that a search chose the designs, and how many runs each has: no more are planned; ``objectives`` are
-    the names of what it went by.
-    ``thresholds`` are the shares of passed runs that tell good designs from bad ones. ``engine`` is the name and version
-    of what moved the cars, "" in multibody. ``unlike_sides`` says what that engine cannot know here, "" if nothing.
-    ``terrain_objects`` are the name of each terrain object and its number of pieces, in the order of sample 0's terrain;
-    empty if the store does not have them.
+    ``varied`` maps each design parameter that varies (``width_mm``) to its values in order; ``fixed`` has the others.
+    ``speed_m_s`` is None if every car drives at its own full speed. ``condition`` says which parts of the environment are
+    fixed. ``variation`` maps what varies between cars to its spread, drawn by ``variation_seed``; it is empty if all cars
+    are as designed. ``planned_runs`` is designs × environments, ``stored_runs`` the number with a result.
+    With a stopping rule ``until``, ``decided`` ones of the ``designs`` need no more runs, and after the sweep's end no
+    more runs are planned. ``success_rule`` says when a run has passed, or why that is undefined (``success_defined`` is
+    False). ``skipped`` names the cars that cannot be built, with reasons.
+    ``calibration`` is None for nominal simulations, else ``name``, ``fingerprint`` and the listing's ``experiment``, and
+    for a reality its ``kind``; then ``listed_environment`` is the fingerprint of the listing's environment.
+    ``searched``: a search chose designs and numbers of runs by its ``objectives``, and no more runs are planned.
+    ``thresholds`` are success rates that good designs reach. ``engine`` is the engine's name and version, "" for
+    multibody. ``unlike_sides`` says what that engine cannot simulate here, "" if nothing. ``terrain_objects`` are the
+    name and number of pieces of each terrain object, in the order of sample 0's terrain; empty if they are not stored.
     """
 
     id: str
@@ -100,24 +96,24 @@ class ExperimentInfo:
 
     @property
     def under(self) -> str | None:
-        """What it was simulated under, as ``calibration NAME``; None for nominal simulations."""
-        one = self.calibration
-        return None if one is None else f"{one.get('kind', CALIBRATION_KIND)} {one['name']}"
+        """What it was simulated with, such as ``calibration NAME``; None for nominal simulations."""
+        facts = self.calibration
+        return None if facts is None else f"{facts.get('kind', CALIBRATION_KIND)} {facts['name']}"
 
     @property
     def warning(self) -> str:
-        """What to say wherever its rates are shown, "" if they mean what they say."""
+        """A warning to print wherever its rates are shown; "" if the engine is valid for it."""
         return unlike_sides_text(self.unlike_sides) if self.unlike_sides else ""
 
     @property
     def simulation(self) -> str:
-        """What sentences call its simulation: ``simulation`` in multibody, else the engine's name."""
+        """The name of its simulation in sentences: ``simulation`` for multibody, else the engine's name."""
         return engine_title(self.engine) or "simulation"
 
 
 @dataclass(frozen=True, slots=True)
 class StudyInfo:
-    """The latest sweep into a store: who made it, from what, and how to make it again.
+    """The latest sweep into a store: versions, listing and command.
 
     ``listing_name`` is the path the user typed, ``listing_text`` the file's content; ``command`` is the
     exact command line; ``experiments`` stands in the order of the listing, over all sweeps of the store.

@@ -1,6 +1,6 @@
-"""Where the logs of a store's trials are: in its folder or below, named relative to it.
+"""Finds the logs of a store's trials, which are in the store's folder or below and named relative to it.
 
-The folder is that of the file itself, also if a symbolic link in another folder leads to it.
+If the store is a symbolic link, the folder is that of the file to which it leads.
 """
 
 import hashlib
@@ -10,20 +10,20 @@ from foldcar.store.errors import StoreError
 
 
 def store_folder(store: Path) -> Path:
-    """The folder that the store's file is in."""
+    """Return the folder of the store's file."""
     return store.resolve().parent if store.is_symlink() else store.parent
 
 
 def logs_folder(store: Path) -> Path:
-    """The folder beside a store that `foldcar log` writes logs to."""
+    """Return the folder beside a store to which `foldcar log` writes logs."""
     stem = store.resolve().stem if store.is_symlink() else store.stem
     return store_folder(store) / f"{stem}-logs"
 
 
 def log_file(store: Path, log: str) -> Path:
-    """The file of a log that a trial in ``store`` names; StoreError if the name leads out of the store's folder.
+    """Return the file of a trial's log. Raises StoreError if it is outside the store's folder.
 
-    Symbolic links count: what they lead to must be in the folder too.
+    Symbolic links are resolved: their targets must be in the folder, too.
     """
     path, folder = Path(log), store_folder(store)
     try:
@@ -37,27 +37,27 @@ def log_file(store: Path, log: str) -> Path:
 
 
 def intact_log(store: Path, number: int, log: str, sha256: str | None) -> Path | None:
-    """The log of trial ``number``; None if the file is gone. StoreError if it is not what the trial wrote."""
+    """Return the log of trial ``number``; None if the file is missing. Raises StoreError if it was changed."""
     file = log_file(store, log)
     digest = sha256_of(file)
     if digest is not None and sha256 not in (None, digest):
-        raise StoreError(f"{file}: is not the log that trial {number} of {store} wrote: its SHA-256 is another")
+        raise StoreError(f"{file}: is not the log that trial {number} of {store} wrote: its SHA-256 differs")
     return None if digest is None else file
 
 
 def reference(store: Path, file: Path) -> str:
-    """How a store names a file that it only refers to: relative to its folder if it is in there, else from the root."""
-    whole, folder = file.resolve(), store_folder(store).resolve()
-    return (whole.relative_to(folder) if whole.is_relative_to(folder) else whole).as_posix()
+    """Return the name by which a store refers to a file: relative to its folder if it is inside, else absolute."""
+    resolved, folder = file.resolve(), store_folder(store).resolve()
+    return (resolved.relative_to(folder) if resolved.is_relative_to(folder) else resolved).as_posix()
 
 
 def referred_file(store: Path, name: str) -> Path:
-    """The file of a :func:`reference`."""
+    """Return the file of a :func:`reference`."""
     return store_folder(store) / name
 
 
 def sha256_of(file: Path) -> str | None:
-    """SHA-256 of a file in hexadecimal; None if there is none. StoreError if it cannot be read."""
+    """Return the SHA-256 of a file in hexadecimal; None if it does not exist. Raises StoreError if it cannot be read."""
     if not file.is_file():
         return None
     digest = hashlib.sha256()

@@ -1,8 +1,8 @@
 """Merges several stores into a new one.
 
-A body is identified by its hash, a run by its key, a trial by its UUID; their numbers change. Two results of one run
-mean that a build is not what its name says; two contents of one experiment mean that it is two experiments: both are
-errors. Of a trial that was corrected after its store was copied, the corrected state counts.
+A body is identified by its hash, a run by its key, a trial by its UUID; their numbers change. Two different results of a
+run are an error, because builds of one name must be equal. Two experiments of one name with different contents are an
+error. If a trial was corrected after its store was copied, the corrected trial is kept.
 """
 
 import contextlib
@@ -39,17 +39,17 @@ from foldcar.store.tables import (
 from foldcar.store.trial_records import RUNNING
 
 DESIGN_COUNTS = "SELECT id, (SELECT count(*) FROM design WHERE experiment = e.id) FROM experiment e"
-# The columns of a run's key, and which tables' rows their numbers are: `recorded` and `path` refer to runs by them.
+# The columns of a run's key with the tables that they refer to; `recorded` and `path` refer to runs by this key.
 REFERENCES = {column.name: column.refers for column in RUN.columns if column.refers}
-# Among an experiment's facts, how many runs its sweep ended with before all was decided.
+# The fact of an experiment that says how many runs its sweep had when it ended with undecided designs.
 ENDED = "ended_runs"
 SAME_COLUMNS = ("build_id", "environment_id", "spread_id", "vehicle", "environment")
-# What of a correction tells it from others of its trial.
+# The columns that distinguish the corrections of a trial.
 CHANGE = CORRECTION.names[2:]
 
 
 def merge_stores(stores: Sequence[Path], merged: Path) -> dict[str, int]:
-    """Make the store ``merged``, which must not exist; returns its number of rows by table. StoreError."""
+    """Create the store ``merged``, which must not exist; return its number of rows by table. Raises StoreError."""
     check_new(merged)
     copied: list[Path] = []
     try:
@@ -58,8 +58,8 @@ def merge_stores(stores: Sequence[Path], merged: Path) -> dict[str, int]:
             for path in stores:
                 with contextlib.closing(connect_reading(path)) as source, store_errors(path):
                     source.execute("BEGIN")
-                    for lost in missing_references(source):
-                        raise StoreError(f"{path}: {lost}")
+                    for missing in missing_references(source):
+                        raise StoreError(f"{path}: {missing}")
                     merge.add(path, source)
             merge.end()
             for log, target in merge.logs.items():
@@ -76,22 +76,22 @@ def merge_stores(stores: Sequence[Path], merged: Path) -> dict[str, int]:
 
 
 class _Merge:
-    """Adds stores to a new one, one after the other. ``logs`` are the logs to copy, with their new files."""
+    """Adds stores to a new one, one after another. ``logs`` maps the logs to copy to their new files."""
 
     def __init__(self, connection: sqlite3.Connection, merged: Path) -> None:
         self._connection = connection
         self._merged = merged
         self.logs: dict[Path, Path] = {}
         self._stores: list[Path] = []
-        # The store that is being added, and its rows' numbers in the new one.
+        # The store that is being added, and the new numbers of its rows by table and old number.
         self._source = connection
         self._numbers: dict[str, dict[int, int]] = {}
         self._last = dict.fromkeys(BY_NAME, 0)
-        # With how many runs the sweeps of each experiment ended.
+        # For each experiment, the numbers of runs with which its sweeps ended.
         self._ended: dict[str, set[int | None]] = {}
 
     def add(self, path: Path, source: sqlite3.Connection) -> None:
-        """Add all rows of a store. StoreError if they contradict those of the stores before."""
+        """Add all rows of a store. Raises StoreError if they contradict earlier stores."""
         self._stores.append(path)
         self._source = source
         self._numbers = {table.name: {} for table in TABLES}
@@ -114,16 +114,16 @@ class _Merge:
                     self._insert(MEDIA, {**row, "file": file}, "OR IGNORE")
                 elif table is not CORRECTION:
                     self._add_row(table, row, own_key)
-                elif row not in [{**known, "id": row["id"]} for known in self._corrections(row["trial_id"])]:
+                elif row not in [{**correction, "id": row["id"]} for correction in self._corrections(row["trial_id"])]:
                     self._add_numbered(CORRECTION, row)
         for name, count in source.execute(DESIGN_COUNTS):
             if designs.get(name, count) != count:
                 self._differs(EXPERIMENT, {"id": name}, "designs", count, designs[name])
 
     def _add_row(self, table: Table, row: Row, own_key: tuple[Any, ...]) -> None:
-        """A row that its number does not identify: if it is there already, it must be the same.
+        """Add a row that is not identified by its number; if it already exists, it must be equal.
 
-        ``own_key`` is a run's key in the store that is added.
+        ``own_key`` is a run's key in the store that is being added.
         """
         number = row.get("id")
         if table.unique:
@@ -132,29 +132,29 @@ class _Merge:
         if self._insert(table, row, "OR IGNORE"):
             self._last[table.name] += 1
         else:
-            (known,) = self._known(table, "WHERE " + " AND ".join(f"{name} = ?" for name in key), *map(row.get, key))
+            (existing,) = self._known(table, "WHERE " + " AND ".join(f"{name} = ?" for name in key), *map(row.get, key))
             if table is STUDY:
-                # The facts of the first store, and the earliest time of creation.
-                if row["key"] == "created_utc" and row["value"] < known["value"]:
+                # Keep the facts of the first store, and the earliest time of creation.
+                if row["key"] == "created_utc" and row["value"] < existing["value"]:
                     self._insert(STUDY, row, "OR REPLACE")
                 return
-            if table is ENVIRONMENT and None in (row["dynamic"], known["dynamic"]):
-                known["dynamic"] = row["dynamic"] = known["dynamic"] if row["dynamic"] is None else row["dynamic"]
-                self._insert(ENVIRONMENT, known, "OR REPLACE")
-            row["id"] = known.get("id")
-            self._compare(table, row, known)
+            if table is ENVIRONMENT and None in (row["dynamic"], existing["dynamic"]):
+                existing["dynamic"] = row["dynamic"] = existing["dynamic"] if row["dynamic"] is None else row["dynamic"]
+                self._insert(ENVIRONMENT, existing, "OR REPLACE")
+            row["id"] = existing.get("id")
+            self._compare(table, row, existing)
             if table is RUN:
                 self._compare_recorded(row, own_key)
         if number is not None:
             self._numbers[table.name][number] = row["id"]
 
-    def _compare(self, table: Table, row: Row, known: Row) -> None:
+    def _compare(self, table: Table, row: Row, existing: Row) -> None:
         for name in table.names:
-            if row[name] != known[name]:
-                self._differs(table, row, name, row[name], known[name])
+            if row[name] != existing[name]:
+                self._differs(table, row, name, row[name], existing[name])
 
     def _compare_recorded(self, run: Row, own_key: tuple[Any, ...]) -> None:
-        """StoreError if a run of both stores has a record in one of them only."""
+        """Raise StoreError if a run of both stores has a record in only one of them."""
         query = f"SELECT name FROM recorded WHERE {' AND '.join(f'{name} = ?' for name in RUN.key)}"
         new = {name for (name,) in self._source.execute(query, own_key)}
         old = {name for (name,) in self._connection.execute(query, tuple(map(run.get, RUN.key)))}
@@ -162,7 +162,7 @@ class _Merge:
             self._differs(RECORDED, run, "records", sorted(new), sorted(old))
 
     def _insert(self, table: Table, row: Row, otherwise: str = "") -> bool:
-        """Whether the row was added; with ``OR IGNORE`` not if its key is there."""
+        """Insert a row and return whether it was added; with ``OR IGNORE`` it is not if its key exists."""
         cells = [row.get(name) for name in table.names]
         return self._connection.execute(insert_sql(table, otherwise), cells).rowcount > 0
 
@@ -175,67 +175,67 @@ class _Merge:
         self._insert(table, {**row, "id": self._last[table.name]})
 
     def _add_experiment(self, row: Row) -> None:
-        """An experiment; one that differs in its number of environments, or in when its sweep ended, is the same."""
+        """Add an experiment; an equal one may differ in its number of environments and in the end of its sweep."""
         facts = json.loads(row["facts"])
         self._ended.setdefault(row["id"], set()).add(facts.pop(ENDED, None))
         (row["position"],) = self._connection.execute("SELECT count(*) FROM experiment").fetchone()
         if self._insert(EXPERIMENT, row, "OR IGNORE"):
             return
-        (known,) = self._known(EXPERIMENT, "WHERE id = ?", row["id"])
-        known_facts = json.loads(known["facts"])
-        known_facts.pop(ENDED, None)
-        columns = {name: (row[name], known[name]) for name in SAME_COLUMNS}
-        for name in sorted(facts.keys() | known_facts.keys()):
-            columns[name] = facts.get(name), known_facts.get(name)
+        (existing,) = self._known(EXPERIMENT, "WHERE id = ?", row["id"])
+        existing_facts = json.loads(existing["facts"])
+        existing_facts.pop(ENDED, None)
+        columns = {name: (row[name], existing[name]) for name in SAME_COLUMNS}
+        for name in sorted(facts.keys() | existing_facts.keys()):
+            columns[name] = facts.get(name), existing_facts.get(name)
         for name, (value, before) in columns.items():
             if value != before:
                 self._differs(EXPERIMENT, row, name, value, before)
-        environments = max(row["environments"], known["environments"])
-        self._insert(EXPERIMENT, {**known, "environments": environments}, "OR REPLACE")
+        environments = max(row["environments"], existing["environments"])
+        self._insert(EXPERIMENT, {**existing, "environments": environments}, "OR REPLACE")
 
     def _add_trial(self, path: Path, row: Row) -> None:
-        """A trial with its log, or the trial of the same UUID, in the state that was completed or corrected last."""
+        """Add a trial with its log; of two trials with the same UUID, keep the one completed or corrected last."""
         if row["log"] is not None:
             row["log"] = self._log(path, row)
-        known = next(iter(self._known(TRIAL, "WHERE uuid = ?", row["uuid"])), None)
-        if known is None:
+        existing = next(iter(self._known(TRIAL, "WHERE uuid = ?", row["uuid"])), None)
+        if existing is None:
             self._add_numbered(TRIAL, row)
             return
-        self._numbers[TRIAL.name][row["id"]] = known["id"]
-        row = {**row, "id": known["id"]}
-        # An import into a store that was not swept yet does not know them.
+        self._numbers[TRIAL.name][row["id"]] = existing["id"]
+        row = {**row, "id": existing["id"]}
+        # They are unknown if the trial was imported before the sweep.
         for name in ("environment_id", "scenic_program"):
-            row[name] = known[name] = known[name] if row[name] is None else row[name]
+            row[name] = existing[name] = existing[name] if row[name] is None else row[name]
         corrections = read_rows(path, self._source, CORRECTION, "WHERE trial_id = (SELECT id FROM trial WHERE uuid = ?)",
                                 row["uuid"])  # fmt: skip
         new, old = ([tuple(map(change.get, CHANGE)) for change in changes]
-                    for changes in (corrections, self._corrections(known["id"])))  # fmt: skip
-        is_newer = known["ending"] == RUNNING or (len(new) > len(old) and set(old) <= set(new))
+                    for changes in (corrections, self._corrections(existing["id"])))  # fmt: skip
+        is_newer = existing["ending"] == RUNNING or (len(new) > len(old) and set(old) <= set(new))
         is_older = row["ending"] == RUNNING or (len(old) > len(new) and set(new) <= set(old))
         if not is_newer and not is_older:
-            self._compare(TRIAL, row, known)
-        self._insert(TRIAL, row if is_newer else known, "OR REPLACE")
+            self._compare(TRIAL, row, existing)
+        self._insert(TRIAL, row if is_newer else existing, "OR REPLACE")
 
     def _corrections(self, trial: int) -> list[Row]:
         return self._known(CORRECTION, "WHERE trial_id = ?", trial)
 
     def _log(self, path: Path, trial: Row) -> str:
-        """The name of a trial's log in the new store's folder, to which its file is to be copied."""
+        """Return the name of a trial's log in the new store's folder, and plan to copy it there."""
         source, name = log_file(path, trial["log"]), trial["log"]
         digest = sha256_of(source)
         if digest is None:
             return str(name)
-        taken = {target: log for log, target in self.logs.items()}
+        logs_by_target = {target: log for log, target in self.logs.items()}
         for candidate in (Path(name), Path(name).with_stem(f"{Path(name).stem}-{trial['uuid'][:8]}")):
             target = log_file(self._merged, str(candidate))
-            if sha256_of(taken.get(target, target)) in (None, digest):
+            if sha256_of(logs_by_target.get(target, target)) in (None, digest):
                 if not os.path.lexists(target):
                     self.logs[source] = target
                 return str(candidate)
-        raise StoreError(f"{target}: is there already, with other contents")
+        raise StoreError(f"{target}: already exists with other contents; move it away first")
 
     def end(self) -> None:
-        """Say of an experiment that its sweep has ended only if one did with the runs that are there. StoreError."""
+        """Mark an experiment's sweep as ended only if a sweep ended with exactly the merged runs. Raises StoreError."""
         for row in self._known(EXPERIMENT):
             facts = json.loads(row["facts"])
             runs = sum(design_counts(self._merged, self._connection, row["id"]).runs)
@@ -244,23 +244,27 @@ class _Merge:
                 self._insert(EXPERIMENT, {**row, "facts": json.dumps(facts)}, "OR REPLACE")
 
     def _differs(self, table: Table, row: Row, name: str, value: Any, before: Any) -> None:
-        """Raise the StoreError that says which store says what."""
+        """Raise the StoreError that names both stores and their values."""
         new, old = self._stores[-1], ", ".join(map(str, self._stores[:-1]))
         values = f"{name} is {self._shown(name, value)} in {new}, {self._shown(name, before)} in {old}"
         if table in (EXPERIMENT, DESIGN):
             experiment = row["id"] if table is EXPERIMENT else row["experiment"]
             place = "" if table is EXPERIMENT else f"design {row['position'] + 1}: "
-            raise StoreError(f'experiment "{experiment}": {place}{values}: give one of them another name and sweep it')
+            raise StoreError(
+                f'experiment "{experiment}": {place}{values}: give one of them another name and sweep it again'
+            )
         if table is TRIAL:
-            number = next(number for number, known in self._numbers[TRIAL.name].items() if known == row["id"])
+            number = next(
+                number for number, merged_number in self._numbers[TRIAL.name].items() if merged_number == row["id"]
+            )
             raise StoreError(f"trial {number} of {new} ({row['uuid']}): {values}: correct one of them")
         is_run = table in (RUN, RECORDED, PATH)
         key = ", ".join(f"{column} {self._shown(column, row.get(column))}" for column in (RUN if is_run else table).key)
-        why = ": the same build gave two results, so one of them is not that build" if is_run else ""
-        raise StoreError(f"{'run' if is_run else table.name} ({key}): {values}{why}")
+        explanation = ": the same build gave two results, so one of them is not that build" if is_run else ""
+        raise StoreError(f"{'run' if is_run else table.name} ({key}): {values}{explanation}")
 
     def _shown(self, column: str, value: Any) -> str:
-        """A value for messages; instead of a row's number what identifies it: a build's name, the start of a hash."""
+        """Return a value for messages; a row's number is replaced by a build's name or the beginning of a hash."""
         referred = BY_NAME.get(column.removesuffix("_id")) if column.endswith("_id") else None
         if value is not None and referred is not None and referred.unique:
             query = f"SELECT substr({referred.unique}, 1, ?) FROM {referred.name} WHERE id = ?"

@@ -1,4 +1,4 @@
-"""The results store, read: the facts of the study and its runs as rows. docs/store.md describes the file."""
+"""Reads the results store: the facts of the study, and its runs as rows. docs/store.md describes the file."""
 
 import base64
 import itertools
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 __all__ = ["ExperimentInfo", "Store", "StoreError", "StudyInfo"]
 
-# What :meth:`Store.run_batches` gives of each run, at so many runs a time.
+# The columns of each run that :meth:`Store.run_batches` yields, and the maximum number of runs in a batch.
 RUN_CELLS = RUN.names
 BATCH_ROWS = 20_000
 
@@ -48,7 +48,7 @@ T = TypeVar("T")
 
 
 class Store:
-    """A store as it was at one moment: ``with Store.open(path) as store: …``. All methods raise StoreError."""
+    """A snapshot of a store: ``with Store.open(path) as store: …``. All methods raise StoreError."""
 
     def __init__(self, path: Path, connection: Connection) -> None:
         self.path = path
@@ -57,7 +57,7 @@ class Store:
 
     @classmethod
     def open(cls, path: Path) -> "Store":
-        """Open an existing store; StoreError if there is none of this version."""
+        """Open an existing store. Raises StoreError if there is no store of this version."""
         return cls(path, open_reading(path))
 
     def __enter__(self) -> "Store":
@@ -67,52 +67,52 @@ class Store:
         self._connection.close()
 
     def once(self, key: Any, read: Callable[[], T]) -> T:
-        """What ``read`` gives, kept under ``key``: an open store never changes, and a million runs take long to read."""
+        """Return the result of ``read``, cached under ``key``; an open store never changes."""
         if key not in self._read_once:
             self._read_once[key] = read()
         result: T = self._read_once[key]
         return result
 
     def holds_study(self) -> bool:
-        """Whether a sweep has begun; a store may hold trials only."""
+        """Return whether a sweep has begun; a store may contain only trials."""
         return next(self.rows(STUDY), None) is not None
 
     def info(self) -> StudyInfo:
-        """The facts of the study, without its runs; StoreError if no sweep has begun yet."""
+        """Return the facts of the study, without its runs. Raises StoreError if no sweep has begun."""
         return self.once("info", self._info)
 
     def _info(self) -> StudyInfo:
         facts = {row["key"]: row["value"] for row in self.rows(STUDY)}
         if not facts:
-            raise StoreError(f"{self.path}: holds no study yet: sweep a listing into it")
+            raise StoreError(f"{self.path}: has no study yet; sweep a listing into it")
         try:
             return StudyInfo(**facts, experiments={info.id: info for info in self._experiments()})
         except TypeError:
             raise StoreError(f"{self.path}: study: its facts are damaged") from None
 
     def experiment_ids(self, experiment: str | None = None) -> list[str]:
-        """The swept experiments in their order, or the named one; StoreError if there is none of that name."""
-        known = [row["id"] for row in self.rows(EXPERIMENT, "ORDER BY position")]
+        """Return the swept experiments in their order, or only the named one. Raises StoreError if it does not exist."""
+        ids = [row["id"] for row in self.rows(EXPERIMENT, "ORDER BY position")]
         if experiment is None:
-            return known
-        if experiment not in known:
-            raise StoreError(f'{self.path}: has no experiment "{experiment}"; it has {", ".join(known) or "none"}')
+            return ids
+        if experiment not in ids:
+            raise StoreError(f'{self.path}: has no experiment "{experiment}"; it has {", ".join(ids) or "none"}')
         return [experiment]
 
     def results(self, experiment: str | None = None) -> Iterator[Result]:
-        """Stored runs, streamed by experiment, design and sample; of one experiment if it is named."""
+        """Yield stored runs, of all experiments or of one, ordered by experiment, design and sample."""
         for name in self.experiment_ids(experiment):
             yield from self._results(name)
 
     def designs(self, name: str) -> dict[int, Mapping[str, float | str]]:
-        """The parameters of an experiment's designs by their position in the family."""
+        """Return the parameters of an experiment's designs by position in the family."""
         rows = self.rows(DESIGN, "WHERE experiment = ? ORDER BY position", name)
         return {row["position"]: json.loads(row["parameters"]) for row in rows}
 
     def run_batches(self, name: str) -> Iterator[tuple[Any, list[tuple[Any, ...]]]]:
-        """The runs that an experiment shows, by design and sample, in lists of at most BATCH_ROWS.
+        """Yield an experiment's runs, ordered by design and sample, in batches of at most BATCH_ROWS.
 
-        Two lists of equally many: (design's position, sample), and the cells of RUN_CELLS.
+        A batch is two lists of equal length: (design's position, sample), and the cells of RUN_CELLS.
         """
         columns = ", ".join(f"r.{column}" for column in RUN_CELLS)
         query = f"SELECT d.position, s.sample, {columns} {RESULT_JOIN} AND e.id = ? ORDER BY d.position, s.sample"
@@ -121,7 +121,7 @@ class Store:
             yield [row[:2] for row in batch], [row[2:] for row in batch]
 
     def kept_paths(self, name: str) -> Iterator[tuple[int, int, int, str]]:
-        """The paths kept of an experiment's runs: the design's position, the sample, how many rows, the compact path."""
+        """Yield an experiment's stored paths: the design's position, the sample, the number of rows, the compact path."""
         query = f"SELECT d.position, s.sample, p.row_count, p.compact {PATH_JOIN} AND e.id = ?"
         for design, sample, rows, text in self._rows(query, name):
             if not _is_compact_path(text, rows):
@@ -130,24 +130,24 @@ class Store:
             yield design, sample, rows, text
 
     def run_rows(self, name: str) -> Iterator[tuple[int, int, Row]]:
-        """The runs that an experiment shows, by design and sample: the design's position, the sample, the row."""
+        """Yield an experiment's runs, ordered by design and sample: the design's position, the sample, the row."""
         for places, rows in self.run_batches(name):
             for (design, sample), cells in zip(places, rows, strict=True):
                 yield design, sample, dict(zip(RUN_CELLS, cells, strict=True))
 
     def trials(self, experiment: str | None = None) -> Iterator[Trial]:
-        """All trials in their order, whatever their standing; of one experiment if it is named."""
+        """Yield the trials of all experiments or of one, in their order, with any standing."""
         corrections = Counter(row["trial_id"] for row in self.rows(CORRECTION))
         for row in self.rows(TRIAL, "WHERE ?1 IS NULL OR experiment = ?1 ORDER BY id", experiment):
-            told = {**row, "withdrawn": bool(row["withdrawn"]), "corrections": corrections[row["id"]]}
-            told |= {"design": json.loads(row["design"]), "deviations": self._deviations(row)}
-            yield Trial(**{field.name: told[field.name] for field in fields(Trial)})
+            values = {**row, "withdrawn": bool(row["withdrawn"]), "corrections": corrections[row["id"]]}
+            values |= {"design": json.loads(row["design"]), "deviations": self._deviations(row)}
+            yield Trial(**{field.name: values[field.name] for field in fields(Trial)})
 
     def trials_elsewhere(self, info: ExperimentInfo) -> dict[int, str | None]:
-        """Trials in another environment than that of the experiment's runs: number and Scenic program, if known.
+        """Return trials in other environments than the experiment's runs: number, and Scenic program if known.
 
-        They belong in no rate beside these runs. Of an imported trial without a sample only the program is known, if its
-        experiment was swept at the time.
+        Their rates cannot be compared with these runs. For an imported trial without a sample, only the program is known,
+        and only if its experiment had been swept.
         """
         here = self.trials_here(info)
         return {
@@ -158,9 +158,9 @@ class Store:
         }
 
     def trials_here(self, info: ExperimentInfo) -> set[int]:
-        """The trials that are known to be in the environment of the experiment's runs: their samples are the runs'.
+        """Return the trials in the environment of the experiment's runs, whose samples can be paired with runs.
 
-        An environment is the same if its samples are the same scenes, though its program's text or foldcar has changed.
+        Environments are equal if their samples are equal scenes, even if the program's text or foldcar has changed.
         """
         return self.once(("trials here", info.id), lambda: self._trials_here(info))
 
@@ -181,26 +181,26 @@ class Store:
         return result
 
     def _is_planned_scene(self, trial: Row, scenes: Mapping[int, str]) -> bool:
-        """Whether a trial's scene is that of its sample in ``scenes``; a scene placed otherwise than planned is not."""
+        """Return whether a trial's scene equals its sample in ``scenes``; a scene with deviations does not."""
         for row in self.rows(BY_NAME["scene"], "WHERE id = ?", trial["scene_id"]):
             return bool(row["json"] == scenes.get(trial["sample"]))
         return False
 
     def _sampled_scenes(self, environment_id: int) -> dict[int, str]:
-        """The stored scenes of an environment as JSON texts, by sample."""
+        """Return the stored scenes of an environment as JSON texts, by sample."""
         query = "SELECT s.sample, c.json FROM sample s JOIN scene c ON c.id = s.scene_id WHERE s.environment_id = ?"
         return dict(self._rows(query, environment_id))
 
     def _environment_id(self, info: ExperimentInfo) -> int:
-        """The environment of the experiment's runs, as it is in the listing."""
+        """Return the id of the environment of the experiment's runs, without a calibration."""
         if info.calibration is None:
             return int(self._experiment(info.id)["environment_id"])
-        found = self.rows(ENVIRONMENT, "WHERE fingerprint = ?", info.listed_environment)
-        # A number that no row has: trials were driven, but not here.
-        return next((int(one["id"]) for one in found), 0)
+        rows = self.rows(ENVIRONMENT, "WHERE fingerprint = ?", info.listed_environment)
+        # 0 is the number of no row: no trial was driven in this environment.
+        return next((int(row["id"]) for row in rows), 0)
 
     def trial(self, number: int) -> Trial:
-        """The trial of that number; StoreError if there is none."""
+        """Return the trial with that number. Raises StoreError if it does not exist."""
         result = next((trial for trial in self.trials() if trial.id == number), None)
         if result is None:
             raise StoreError(f"{self.path}: has no trial {number}")
@@ -210,25 +210,25 @@ class Store:
         return {name: (x, y, turn) for name, (x, y, turn) in json.loads(row["deviations"]).items()}
 
     def corrections(self, trial: int | None = None) -> list[Correction]:
-        """What was changed of trials, or of one, by trial, oldest first."""
+        """Return the corrections of all trials or of one, ordered by trial, oldest first."""
         fields = ("trial_id", "corrected_utc", "field", "before", "after", "reason", "operator")
         rows = self.rows(CORRECTION, "WHERE ?1 IS NULL OR trial_id = ?1 ORDER BY trial_id, id", trial)
         return [Correction(*(row[field] for field in fields)) for row in rows]
 
     def track(self, trial: int) -> Track | None:
-        """Where a camera saw the car in a trial; None if no film of it was tracked."""
+        """Return the car's track on a trial's film; None if no film was tracked."""
         for row in self.rows(TRACK, "WHERE id = ?", trial):
             facts, rows = json.loads(row["facts"]), json.loads(row["rows"])
             return Track(trial, row["film"], row["film_sha256"], row["start_s"], row["outcome"], facts, rows)
         return None
 
     def media(self, trial: int | None = None) -> list[Media]:
-        """Photos and films of all trials, or of one, by trial, in the order in which they were attached."""
+        """Return photos and films of all trials or of one, by trial, in the order in which they were attached."""
         rows = self.rows(MEDIA, "WHERE ?1 IS NULL OR trial_id = ?1 ORDER BY trial_id, added_utc, file", trial)
         return [Media(row["trial_id"], row["kind"], row["file"], row["sha256"]) for row in rows]
 
     def trial_drive(self, number: int) -> tuple[str, str, str] | None:
-        """Body, settings and scene (as placed) of a trial as JSON; None if they are not known."""
+        """Return body, settings and scene (with deviations) of a trial as JSON; None if they are unknown."""
         for trial in self.rows(TRIAL, "WHERE id = ?", number):
             texts = []
             for table in (BY_NAME["body"], BY_NAME["settings"], BY_NAME["scene"]):
@@ -238,15 +238,15 @@ class Store:
         return None
 
     def rows(self, table: Table, rest: str = "", *values: Any) -> Iterator[Row]:
-        """Rows of a table as they stand there; ``rest`` is SQL from WHERE on."""
+        """Yield rows of a table; ``rest`` is SQL from WHERE on."""
         return read_rows(self.path, self._connection, table, rest, *values)
 
     def row(self, table: Table, **key: Any) -> Row:
-        """The row whose columns have the values of ``key``: of a key's value that another row refers to."""
+        """Return the row whose columns have the values of ``key``."""
         return read_row(self.path, self._connection, table, **key)
 
     def failures(self, experiments: Sequence[str]) -> list[tuple[str, int]]:
-        """Why runs of these experiments failed: messages and how many have each, sample numbers aside, most first."""
+        """Return messages of failed runs, without sample numbers, with their counts, most frequent first."""
         counts: Counter[str] = Counter()
         for name in experiments:
             for message, count in self._rows(
@@ -256,15 +256,15 @@ class Store:
         return counts.most_common()
 
     def design_counts(self, experiment: str) -> DesignCounts:
-        """How many runs of each of the experiment's designs are stored, and how many of them passed."""
+        """Return how many runs of each of the experiment's designs are stored, and how many passed."""
         return self.once(("counts", experiment), lambda: design_counts(self.path, self._connection, experiment))
 
     def judged_experiments(self) -> set[str]:
-        """The experiments that define when a run has passed."""
+        """Return the experiments that define when a run has passed."""
         return {row["id"] for row in self.rows(EXPERIMENT) if self._facts(row)["success_defined"]}
 
     def design_columns(self) -> list[str]:
-        """Names of all design parameters in the store (``width_mm``, …), in order of appearance."""
+        """Return the names of all design parameters in the store (``width_mm``, …), in order of appearance."""
         columns: dict[str, None] = {}
         for name in self.experiment_ids(None):
             for design in self.rows(DESIGN, "WHERE experiment = ? AND position = 0", name):
@@ -272,11 +272,11 @@ class Store:
         return list(columns)
 
     def holds_recorded(self) -> bool:
-        """Whether programs recorded values in any run."""
+        """Return whether programs recorded values in any run."""
         return next(self._rows("SELECT 1 FROM recorded LIMIT 1"), None) is not None
 
     def recorded_types(self) -> dict[str, set[str]]:
-        """Names of all recorded values that results show, in order of the alphabet, with their types.
+        """Return the names of all recorded values in results, in alphabetical order, with their types.
 
         A type is ``series`` or SQLite's name for that of a JSON value: ``integer``, ``real``, ``text``,
         ``true``, ``false``, ``null``, ``array``, ``object``.
@@ -316,7 +316,7 @@ class Store:
         return self.row(EXPERIMENT, id=name)
 
     def recorded_rows(self, run: Row) -> Iterator[Row]:
-        """What was recorded in a run, by name."""
+        """Yield the values recorded in a run, ordered by name."""
         where = " AND ".join(f"{column} = ?" for column in RUN.key)
         return self.rows(RECORDED, f"WHERE {where} ORDER BY name", *(run[column] for column in RUN.key))
 
@@ -331,7 +331,7 @@ class Store:
                 planned = sum(
                     runs if made else row["environments"] for runs, made in zip(counts.runs, all_made, strict=True)
                 )
-            # Of use to the next sweep only.
+            # Only the next sweep uses this fact.
             facts.pop("files", None)
             if row["build_id"] not in builds:
                 raise StoreError(f"{self.path}: build (id={row['build_id']}) is missing")
@@ -355,18 +355,18 @@ class Store:
 
 
 def _is_compact_path(text: str, rows: int) -> bool:
-    """Whether a text is a compact path of so many rows in base64: of each row six numbers, and one of each hinge."""
+    """Return whether a text is a compact path with ``rows`` rows in base64; a row has six numbers and hinge angles."""
     try:
         content = base64.b64decode(text, validate=True)
     except ValueError:
         return False
-    # The last byte of a number has no top bit.
+    # The top bit of a number's last byte is 0.
     count = sum(byte < 0x80 for byte in content)
     return rows > 0 and count >= 6 * rows and count % rows == 0 and content[-1] < 0x80
 
 
 def _stopped(facts: Mapping[str, Any] | None, counts: DesignCounts) -> "tuple[StoppingRule | None, list[bool]]":
-    """The rule that the sweep stopped by, if any, and whether each design is decided by it."""
+    """Return the sweep's stopping rule, if any, and whether it has decided each design."""
     if facts is None:
         return None, [False] * len(counts.runs)
     from foldcar.statistics.stopping import StoppingRule

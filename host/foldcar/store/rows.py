@@ -11,23 +11,23 @@ from foldcar.store.tables import Table
 
 Row = dict[str, Any]
 
-# Tables of texts whose hash can be computed again: what tells variations from equal ones is not stored.
+# Text tables whose hash can be verified; for variations, a part of the hashed text is not stored.
 HASHED = ("body", "settings", "scene")
 SAMPLES_OF_SCENE = "SELECT fingerprint, sample FROM sample JOIN environment ON id = environment_id WHERE scene_id = ?"
 
 
 def key_text(table: Table, row: Mapping[str, Any]) -> str:
-    """Which row it is, for messages: ``run (build_id=1, body_id=7, …)``."""
+    """Return a row's name in messages: ``run (build_id=1, body_id=7, …)``."""
     return f"{table.name} ({', '.join(f'{name}={row.get(name)}' for name in table.key)})"
 
 
 def insert_sql(table: Table, otherwise: str = "") -> str:
-    """INSERT of a row with all columns in their order; ``otherwise`` is ``OR IGNORE``, ``OR REPLACE`` or nothing."""
+    """Return the INSERT of a row with all columns; ``otherwise`` is ``OR IGNORE``, ``OR REPLACE`` or ""."""
     return f"INSERT {otherwise} INTO {table.name} VALUES ({', '.join('?' * len(table.names))})"
 
 
 def read_rows(path: Path, connection: Connection, table: Table, rest: str = "", *values: Any) -> Iterator[Row]:
-    """Rows of a table; ``rest`` is SQL from WHERE on. Raises StoreError, also for a row that another program changed."""
+    """Yield rows of a table; ``rest`` is SQL from WHERE on. Raises StoreError, also for damaged rows."""
     with store_errors(path):
         for cells in connection.execute(f"SELECT {', '.join(table.names)} FROM {table.name} {rest}", values):
             row = dict(zip(table.names, cells, strict=True))
@@ -36,7 +36,7 @@ def read_rows(path: Path, connection: Connection, table: Table, rest: str = "", 
 
 
 def read_row(path: Path, connection: Connection, table: Table, **key: Any) -> Row:
-    """The row whose columns have the values of ``key``. Raises StoreError if there is none."""
+    """Return the row whose columns have the values of ``key``. Raises StoreError if it is missing."""
     where = " AND ".join(f"{name} = ?" for name in key)
     for row in read_rows(path, connection, table, f"WHERE {where}", *key.values()):
         return row
@@ -44,7 +44,7 @@ def read_row(path: Path, connection: Connection, table: Table, **key: Any) -> Ro
 
 
 def _check_row(path: Path, connection: Connection, table: Table, row: Row) -> None:
-    """Raise StoreError if a JSON text of the row has another hash, or another shape, than foldcar writes."""
+    """Raise StoreError if a JSON text of the row does not match its hash or its shape."""
     damage = None
     if table.name in HASHED:
         if not _has_hash(connection, table, row):
@@ -59,7 +59,7 @@ def _check_row(path: Path, connection: Connection, table: Table, row: Row) -> No
 
 
 def _has_hash(connection: Connection, table: Table, row: Row) -> bool:
-    """Whether the hash of a row is that of its JSON text, of a scene also with its identity."""
+    """Return whether a row's hash matches its JSON text, or for a scene its text and identity."""
     if row["hash"] == text_hash(row["json"]):
         return True
     samples = connection.execute(SAMPLES_OF_SCENE, (row["id"],)) if table.name == "scene" else ()
@@ -67,10 +67,10 @@ def _has_hash(connection: Connection, table: Table, row: Row) -> bool:
 
 
 def text_hash(text: str, identity: str = "") -> str:
-    """The hash of a JSON text and of what else tells it from an equal one."""
+    """Return the hash of a JSON text and of ``identity``, which distinguishes it from equal texts."""
     return hashlib.sha256((text + identity).encode()).hexdigest()
 
 
 def scene_identity(fingerprint: str, sample: int) -> str:
-    """What tells a scene from an equal one in other samples and environments, if its program distinguishes them."""
+    """Return the identity of a scene of a dynamic program, which may distinguish samples with equal scenes."""
     return f"{fingerprint}/{sample}"

@@ -1,6 +1,6 @@
-"""What the JSON texts of a store contain, as types that pydantic checks: a store may have been changed by other programs.
+"""The shapes of a store's JSON texts, which pydantic checks because other programs may have changed a store.
 
-Input: a table's column and a text. Output: whether the text is what foldcar writes there.
+Input: a table's column and a text. Output: whether the text has the shape that foldcar writes.
 """
 
 from collections.abc import Mapping
@@ -14,7 +14,7 @@ from foldcar.store.tables import CALIBRATION, DESIGN, EXPERIMENT, LIMITS, RECORD
 
 Number = Annotated[float, Field(ge=LIMITS["REAL"][0], le=LIMITS["REAL"][1])]
 Numbers = dict[str, Number]
-# Parts of a car may be chosen by name.
+# Numbers are parameters, strings are names of parts.
 Parameters = dict[str, Number | str]
 
 
@@ -28,7 +28,7 @@ class StoppingRuleFacts(TypedDict):
 
 
 class CalibrationFacts(TypedDict):
-    """What an experiment was simulated under."""
+    """The calibration or reality that an experiment was simulated with."""
 
     name: str
     fingerprint: str
@@ -38,7 +38,7 @@ class CalibrationFacts(TypedDict):
 
 @with_config(extra="forbid")
 class ExperimentFacts(TypedDict):
-    """The fields of an ExperimentInfo that have no column, and what only sweeps need."""
+    """The fields of an ExperimentInfo that have no column, and facts that only sweeps use."""
 
     vehicle_type: str
     varied: dict[str, list[Number | str]]
@@ -69,7 +69,7 @@ class ExperimentFacts(TypedDict):
 
 
 class TrackFacts(TypedDict):
-    """The facts of a filmed path that are computed with."""
+    """The facts of a filmed path that foldcar computes with."""
 
     frame_error_m: Annotated[list[Number], Field(min_length=1)]
     start_error_s: Number
@@ -101,7 +101,7 @@ def _adapter(table: str, column: str) -> "TypeAdapter[Any]":
 
 
 def has_shape(table: Table, column: str, text: str) -> bool:
-    """Whether the text is JSON of the column's shape."""
+    """Return whether the text is JSON of the column's shape."""
     try:
         _adapter(table.name, column).validate_json(text, strict=True)
     except ValidationError:

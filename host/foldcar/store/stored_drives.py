@@ -1,6 +1,6 @@
-"""What an experiment's runs were simulated with, as the store has it: the ids of texts by design and by sample.
+"""The stored inputs of an experiment's runs: ids of texts by design and by sample.
 
-Input: a store. Output: ids, and the texts of docs/carsim.md that they stand for.
+Input: a store. Output: ids, and the texts of docs/carsim.md to which they refer.
 """
 
 import json
@@ -16,7 +16,7 @@ from foldcar.store.tables import BY_NAME, DESIGN, EXPERIMENT
 class StoredDrives:
     """An experiment's bodies and settings by design, scenes and variations by sample, as ids of the store's texts.
 
-    Samples ascend. ``dynamic``: its program runs beside the simulation (None: the store does not say).
+    Samples are in ascending order. ``dynamic``: the program runs beside the simulation (None: unknown).
     """
 
     store: Store
@@ -30,11 +30,11 @@ class StoredDrives:
     dynamic: bool | None
 
     def text(self, table: str, row_id: int) -> str:
-        """The JSON text of a row of ``body``, ``scene``, ``settings`` or ``variation``; StoreError if it is missing."""
+        """Return the JSON text of a row of ``body``, ``scene``, ``settings`` or ``variation``. Raises StoreError."""
         return str(self.store.row(BY_NAME[table], id=row_id)["json"])
 
     def value(self, table: str, row_id: int) -> dict[str, Any]:
-        """The object that a text stands for."""
+        """Return the parsed JSON object of a text."""
         result: dict[str, Any] = json.loads(self.text(table, row_id))
         return result
 
@@ -45,7 +45,7 @@ class StoredDrives:
 
 
 def read_drives(store: Store, experiment: str) -> StoredDrives:
-    """What the runs of ``experiment`` were simulated with. StoreError."""
+    """Return the inputs of the runs of ``experiment``. Raises StoreError."""
     row = store.row(EXPERIMENT, id=experiment)
     designs = list(store.rows(DESIGN, "WHERE experiment = ? ORDER BY position", experiment))
     dynamic = store.row(BY_NAME["environment"], id=row["environment_id"])["dynamic"]

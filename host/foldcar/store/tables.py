@@ -1,4 +1,4 @@
-"""The store's tables, declared once: the SQL that makes them is derived from these declarations.
+"""The store's tables, declared once; the SQL that creates them is generated from these declarations.
 
 A run's metrics are those of :mod:`foldcar.simulation.results`. All tables are STRICT: SQLite checks types, required
 values and choices whenever a row is written, and again in PRAGMA integrity_check.
@@ -14,11 +14,11 @@ from foldcar.store.trial_records import BUILT, CARS, MEDIA_ENDINGS, TRIAL_OUTCOM
 # Raised by every change of a table or view; stores of other versions are refused.
 VERSION = 3
 
-# Types of columns in SQL. JSON is text that is JSON; a VALUE is a text or a number; a COUNT is a number from 0.
+# SQL types of columns. JSON is a JSON text, VALUE a text or a number, COUNT a number from 0.
 SQL_TYPES = {
     "INTEGER": "INTEGER", "COUNT": "INTEGER", "REAL": "REAL", "TEXT": "TEXT", "JSON": "TEXT", "VALUE": "ANY",
 }  # fmt: skip
-# The least and the largest value of numbers: far beyond any that foldcar writes, and finite.
+# Limits of numbers: finite, and far beyond any number that foldcar writes.
 LIMITS = {"COUNT": (0, 10_000_000), "REAL": (-1e15, 1e15)}
 
 
@@ -110,7 +110,7 @@ _RUN_KEY = tuple(
     )
 )
 _RUN_KEY_NAMES = tuple(column.name for column in _RUN_KEY)
-# A sweep simulates all designs in a sample before the next: so new rows stand behind those there, on full pages.
+# A sweep simulates all designs in a sample before the next, so this order appends new rows and fills pages.
 _RUN_ORDER = ("build_id", "scene_id", "variation_id", "body_id", "settings_id")
 
 RUN = Table(
@@ -237,13 +237,13 @@ TRIAL = Table(
         Column("operator", "TEXT", "who drove"),
         Column("started_utc", "TEXT", "when it began", null=True),
         Column("ended_utc", "TEXT", "when it was completed", null=True),
-        Column("firmware_build", "TEXT", "the firmware's build as the car told it", null=True),
-        Column("design_hash", "TEXT", "the hash of its design as the car told it", null=True),
+        Column("firmware_build", "TEXT", "the firmware's build as the car reported it", null=True),
+        Column("design_hash", "TEXT", "the hash of its design as the car reported it", null=True),
         Column("port", "TEXT", "the port that the car was at", null=True),
         Column("log", "TEXT", "its log (MAVLink .tlog), relative to the store's folder", null=True),
         Column("log_sha256", "TEXT", "SHA-256 of the log", null=True),
         Column("source", "TEXT", "where a trial that was imported comes from", null=True),
-        Column("car", "TEXT", "what drove, as the car or the imported file told it", null=True, choices=CARS),
+        Column("car", "TEXT", "what drove, as the car or the imported file reported it", null=True, choices=CARS),
         Column("withdrawn", "INTEGER", "1 if it was withdrawn and does not count, else 0"),
         Column("scenic_program", "TEXT", "the environment's program as the listing names it", null=True),
         Column("car_name", "TEXT", "which built car drove; nameless trials of a design are of one", null=True),
@@ -319,7 +319,7 @@ MEASURED = Table(
     key=("experiment", "parameter"),
 )
 
-# What is referred to stands before what refers to it.
+# Tables come after the tables to which they refer.
 TABLES = (
     STUDY,
     BUILD,
@@ -345,13 +345,13 @@ TABLES = (
 )
 BY_NAME = {table.name: table for table in TABLES}
 
-# The runs that experiments show: theirs by build, design and sample.
+# The runs of experiments, by build, design and sample.
 RESULT_JOIN = """FROM experiment e CROSS JOIN design d CROSS JOIN sample s CROSS JOIN draw w CROSS JOIN run r
     WHERE d.experiment = e.id AND s.environment_id = e.environment_id AND s.sample < e.environments
         AND w.spread_id = e.spread_id AND w.sample = s.sample
         AND r.build_id = e.build_id AND r.body_id = d.body_id AND r.scene_id = s.scene_id
         AND r.settings_id = d.settings_id AND r.variation_id = w.variation_id"""
-# The kept paths of these runs, which refer to them by all of their key; it is followed by a condition.
+# The stored paths of these runs, joined by the whole key; a condition is appended.
 PATH_JOIN = f"""FROM path p CROSS JOIN run r USING ({", ".join(_RUN_KEY_NAMES)})
     JOIN experiment e JOIN design d JOIN sample s JOIN draw w
     WHERE r.build_id = e.build_id AND d.experiment = e.id AND d.body_id = r.body_id AND d.settings_id = r.settings_id
@@ -368,7 +368,7 @@ RESULT_VIEW = f"""CREATE VIEW result AS
         {", ".join(f"r.{name}" for name in _RUN_KEY_NAMES)}
     {RESULT_JOIN}"""
 
-# All trials with what a reader wants of them; only those with `counts` 1 belong in a success rate.
+# All trials with the columns that readers use; only trials with `counts` 1 belong in a success rate.
 TRIAL_VIEW = f"""CREATE VIEW trial_result AS
     SELECT t.id AS trial, t.experiment, t.vehicle_type, t.design AS parameters, e.environment,
         coalesce(t.scenic_program, json_extract(e.facts, '$.scenic_program')) AS scenic_program, t.sample, t.outcome,

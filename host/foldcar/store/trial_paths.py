@@ -1,7 +1,7 @@
-"""Where a trial's car was: a simulated car's path by its log, of a built one by a film, else its IMU's roll and pitch.
+"""The path of a trial's car: a simulated car's from its log, a built car's from a film, else its IMU's roll and pitch.
 
 Input: a trial of the store. Output: rows of time (s), x, y, z (m), heading, pitch, roll (rad); a compact path, or angles
-over time, or a sentence that says why there is neither.
+over time, or a sentence that says why both are missing.
 """
 
 import math
@@ -26,9 +26,9 @@ Rows = NDArray[numpy.float64]
 
 @dataclass(frozen=True)
 class TrialPath:
-    """``path`` of ``rows`` rows until ``end_s``, or ``attitude`` (s; pitch, roll in rad), or why both are ``missing``.
+    """``path`` with ``rows`` rows until ``end_s``, or ``attitude`` (s; pitch, roll in rad), or why both are ``missing``.
 
-    ``film_error`` of a filmed path: standard deviations of the place (m) and of the start (s).
+    ``film_error`` of a filmed path: standard deviations of the position (m) and of the start (s).
     """
 
     path: bytes | None = None
@@ -40,7 +40,7 @@ class TrialPath:
 
 
 def trial_path(store: Store, trial: Trial) -> TrialPath:
-    """Where the car of ``trial`` was by its log, or else by a film; how it tilted, where neither has a path."""
+    """Return the path of a trial's car from its log, or else from a film; without a path, return its tilt."""
     logged = _logged(store, trial)
     if not isinstance(logged, TrialPath):
         return _compacted(logged)
@@ -52,7 +52,7 @@ def trial_path(store: Store, trial: Trial) -> TrialPath:
 
 
 def trial_rows(store: Store, trial: Trial) -> Rows | None:
-    """The rows (rows, 7) of the path of ``trial`` by a film, else by a simulated car's log; None without."""
+    """Return the rows (rows, 7) of a trial's path from a film, or else from a simulated car's log; None without both."""
     filmed = _filmed(store.track(trial.id))
     if filmed is not None:
         return filmed
@@ -61,35 +61,35 @@ def trial_rows(store: Store, trial: Trial) -> Rows | None:
 
 
 def _logged(store: Store, trial: Trial) -> Rows | TrialPath:
-    """What the log of ``trial`` tells of the car's movement."""
+    """Return the path in a trial's log, or else its attitudes, or why there is neither."""
     if trial.log is None:
         return TrialPath(missing="it has no log" if trial.source is None else "it was imported, without a log")
     try:
         file = intact_log(store.path, trial.id, trial.log, trial.log_sha256)
         if file is None:
-            return TrialPath(missing=f"its log {trial.log} is gone")
+            return TrialPath(missing=f"its log {trial.log} is missing")
         messages = [message for _, message in read_tlog(file)]
     except FoldcarError as error:
         return TrialPath(missing=f"its log cannot be used ({error})")
     start_s = trial_start_s(messages)
     if start_s is None:
-        return TrialPath(missing="its log has no trial that runs")
-    driven = _driven(messages, start_s)
-    return _felt(messages, start_s) if driven is None else driven
+        return TrialPath(missing="its log has no running trial")
+    driven = _reported_path(messages, start_s)
+    return _attitudes(messages, start_s) if driven is None else driven
 
 
-def _driven(messages: list[Any], start_s: float) -> Rows | None:
+def _reported_path(messages: list[Any], start_s: float) -> Rows | None:
     rows = {}
     end_s = LONGEST_S
     for message in messages:
         if message.get_type() == "FOLDCAR_TRUTH":
-            place = (message.x, message.y, message.z, message.heading, message.pitch, message.roll)
+            pose = (message.x, message.y, message.z, message.heading, message.pitch, message.roll)
             time_s = message.time_usec / 1e6 - start_s
-            if all(map(math.isfinite, place)) and 0 <= time_s <= end_s:
-                rows[time_s] = place
+            if all(map(math.isfinite, pose)) and 0 <= time_s <= end_s:
+                rows[time_s] = pose
             if message.outcome and math.isfinite(message.outcome_time):
                 end_s = min(end_s, float(message.outcome_time))
-    return _path([(time_s, *place) for time_s, place in sorted(rows.items()) if time_s <= end_s])
+    return _path([(time_s, *pose) for time_s, pose in sorted(rows.items()) if time_s <= end_s])
 
 
 def _filmed(track: Track | None) -> Rows | None:
@@ -97,7 +97,7 @@ def _filmed(track: Track | None) -> Rows | None:
 
 
 def _path(rows: Sequence[Sequence[float]]) -> Rows | None:
-    """The rows with headings that go on beyond a half turn; None if they are too few for a path."""
+    """Return the rows with continuous headings, which may exceed π; None if they are too few for a path."""
     if len(rows) < 2:
         return None
     result = numpy.array(rows)
@@ -106,9 +106,9 @@ def _path(rows: Sequence[Sequence[float]]) -> Rows | None:
 
 
 def _film_error(track: Track) -> tuple[float, float]:
-    """How well place (m) and start (s) of a filmed path are known, as standard deviations."""
+    """Return the standard deviations of position (m) and start (s) of a filmed path."""
     rows = numpy.array([row for row in track.rows if row[0] >= 0])
-    # Of a row: the variances of x and y.
+    # Columns 7 and 10 are the variances of x and y.
     own_m = math.sqrt(float(numpy.median(numpy.maximum(rows[:, 7], rows[:, 10]))))
     place_m = math.hypot(own_m, max(track.facts["frame_error_m"]))
     return round(place_m, 4), round(track.facts["start_error_s"], 3)
@@ -116,18 +116,20 @@ def _film_error(track: Track) -> tuple[float, float]:
 
 def _compacted(rows: Rows) -> TrialPath:
     last_s = float(rows[-1, 0])
-    at = numpy.append(numpy.arange(0, last_s - 1e-9, INTERVAL_S), last_s)
-    path = numpy.column_stack([at, *(numpy.interp(at, rows[:, 0], column) for column in rows[:, 1:].T)])
+    times_s = numpy.append(numpy.arange(0, last_s - 1e-9, INTERVAL_S), last_s)
+    path = numpy.column_stack([times_s, *(numpy.interp(times_s, rows[:, 0], column) for column in rows[:, 1:].T)])
     return TrialPath(compact_path(path.tolist()), len(path), last_s)
 
 
-def _felt(messages: list[Any], start_s: float) -> TrialPath:
-    felt = [
+def _attitudes(messages: list[Any], start_s: float) -> TrialPath:
+    attitudes = [
         (round(message.time_boot_ms / 1000 - start_s, 3), round(message.pitch, 3), round(message.roll, 3))
         for message in messages
         if message.get_type() == "ATTITUDE" and message.get_srcSystem() == CAR_SYSTEM
     ]
-    during = tuple(one for one in felt if one[0] >= 0 and all(map(math.isfinite, one)))
-    if len(during) < 2:
-        return TrialPath(missing="a built car without an IMU does not know where it is: its log has no path")
-    return TrialPath(attitude=during, end_s=during[-1][0])
+    driving_attitudes = tuple(
+        attitude for attitude in attitudes if attitude[0] >= 0 and all(map(math.isfinite, attitude))
+    )
+    if len(driving_attitudes) < 2:
+        return TrialPath(missing="its log has no path, because a built car without an IMU does not measure its position")
+    return TrialPath(attitude=driving_attitudes, end_s=driving_attitudes[-1][0])

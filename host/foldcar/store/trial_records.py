@@ -1,4 +1,4 @@
-"""The record of a trial, which the store contains beside the simulated runs.
+"""The record of a trial, which the store keeps beside the simulated runs.
 
 A person judges a trial, so its outcomes differ from those of a run (:mod:`foldcar.simulation.results`).
 """
@@ -14,26 +14,26 @@ from foldcar.errors import FoldcarError
 # not count in success rates.
 TRIAL_OUTCOMES = ("passed", "tipped", "stuck", "off_course", "timeout", "not_passed", "aborted")
 
-# What drove. Where a store does not say it, it is shown as UNKNOWN. Only trials of built cars count in success rates.
+# What drove; UNKNOWN if a store does not say it. Only trials of built cars count in success rates.
 BUILT, SIMULATED = CARS = ("built", "simulated")
 UNKNOWN = "unknown"
 WITHDRAWN = "withdrawn"
 
-# Why trials of other standings than a built car's are left out.
+# Reasons for leaving out trials, by standing.
 _REASONS = {
     SIMULATED: "of a simulated car (--simulated-trials shows them)",
-    UNKNOWN: "of a car that may be built or simulated (tell with `foldcar trials correct` and --car)",
+    UNKNOWN: "of a car that may be built or simulated (set it with `foldcar trials correct` and --car)",
     WITHDRAWN: "withdrawn (`foldcar trials list` shows why)",
 }
 
-# Photos and films by the endings of their files' names.
+# Suffixes of photos and films.
 PHOTO, FILM = "photo", "film"
 MEDIA_ENDINGS = {PHOTO: (".jpg", ".jpeg", ".png", ".heic"), FILM: (".mp4", ".mov", ".m4v", ".mkv", ".avi", ".webm")}
 
-# The largest whole number that SQLite keeps.
-MOST_ID = 2**63 - 1
+# SQLite's largest integer.
+MAX_ID = 2**63 - 1
 
-# A trial of a day is a slip of the pen (s).
+# Longest trial (s); a longer time is a typing error.
 LONGEST_S = 86_400.0
 
 # The ending of a row from before the start until the trial is completed.
@@ -43,22 +43,22 @@ INTERRUPTED = "the program was ended"
 
 
 def checked_name(name: str, place: str) -> str:
-    """A car's name without space around it; FoldcarError at ``place`` if there is none, or it is no short line."""
-    kept = name.strip()
-    if not kept.isprintable() or not 0 < len(kept) <= LONGEST_NAME:
-        raise FoldcarError(f"{place}: {name[:80]!r} is no name of 1 to {LONGEST_NAME} printable characters")
-    return kept
+    """Return a car's name, stripped. Raises FoldcarError, naming ``place``, if it is empty, long or not printable."""
+    stripped = name.strip()
+    if not stripped.isprintable() or not 0 < len(stripped) <= LONGEST_NAME:
+        raise FoldcarError(f"{place}: {name[:80]!r} is not a name of 1 to {LONGEST_NAME} printable characters")
+    return stripped
 
 
 def not_entered(ending: str) -> str:
-    """The ending of a drive whose outcome the person has still to tell."""
+    """Return the ending of a drive whose outcome the person has not entered yet."""
     return f"{ending}; outcome not entered"
 
 
 # The fields that `foldcar trials correct` may change.
 CORRECTABLE = ("outcome", "elapsed_time_s", "note", "operator", "car", "car_name")
 
-# A car's name is a word or a few, for tables.
+# Maximum length of a car's name, which is shown in tables.
 LONGEST_NAME = 40
 
 
@@ -89,11 +89,10 @@ class Ending:
 class Trial:
     """One trial; ``uuid`` identifies it in every store.
 
-    ``deviations`` are those of car and obstacles from their planned places (:mod:`placement`).
-    ``deviations`` maps "car" and obstacles' letters to (x in m, y in m, heading in rad). None stands for what is
-    not known: ``sample``, times, builds and log of trials that come from elsewhere, whose ``source`` says where.
-    ``car`` is one of CARS, None if that is not known; ``car_name`` tells cars of one design apart, and trials without it
-    are of one car. ``corrections`` counts what was changed afterwards.
+    ``deviations`` maps "car" and obstacles' letters to their measured deviations from the planned positions (x in m,
+    y in m, heading in rad). Unknown values are None: ``sample``, times, builds and log of imported trials, which have a
+    ``source``. ``car`` is one of CARS, None if unknown. ``car_name`` distinguishes cars of one design; all trials of a
+    design without it are of one car. ``corrections`` is the number of later changes.
     """
 
     id: int
@@ -123,12 +122,12 @@ class Trial:
 
     @property
     def standing(self) -> str:
-        """What it is good for: one of CARS, UNKNOWN or, whatever drove, WITHDRAWN."""
+        """How it counts: WITHDRAWN, or else one of CARS or UNKNOWN."""
         return WITHDRAWN if self.withdrawn else self.car or UNKNOWN
 
     @property
     def completed(self) -> bool:
-        """Whether it was completed and not aborted. Others count in no success rate."""
+        """Whether it was not aborted; aborted trials count in no success rate."""
         return self.outcome != "aborted"
 
     @property
@@ -139,7 +138,7 @@ class Trial:
 
 @dataclass(frozen=True, slots=True)
 class Track:
-    """Where a camera saw the car in a trial: the columns of the store's table of that name.
+    """The car's track in a trial by a camera: the columns of the store's table `track`.
 
     Rows begin with time in the trial (s), x, y, z (m), heading, pitch, roll (rad).
     """
@@ -177,7 +176,7 @@ class Correction:
 
 
 def select_trials(trials: Iterable[Trial], with_simulated: bool) -> tuple[list[Trial], Counter[str]]:
-    """The trials of built cars, ``with_simulated`` also those of simulated ones; the numbers of others by standing."""
+    """Return the trials of built cars, and ``with_simulated`` of simulated ones; and numbers of others by standing."""
     kept, left_out = [], Counter[str]()
     for trial in trials:
         if trial.standing == BUILT or (with_simulated and trial.standing == SIMULATED):
@@ -188,6 +187,6 @@ def select_trials(trials: Iterable[Trial], with_simulated: bool) -> tuple[list[T
 
 
 def left_out_text(left_out: Counter[str]) -> str | None:
-    """A sentence that says what is left out and why; None if nothing is."""
-    parts = [f"{left_out[standing]} {why}" for standing, why in _REASONS.items() if left_out[standing]]
+    """Return a sentence that says which trials are left out and why; None if none are."""
+    parts = [f"{left_out[standing]} {reason}" for standing, reason in _REASONS.items() if left_out[standing]]
     return f"Trials left out: {'; '.join(parts)}." if parts else None

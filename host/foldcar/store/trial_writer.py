@@ -1,4 +1,4 @@
-"""Writes trials to the results store: a row before the car moves, completed afterwards; corrections are recorded.
+"""Writes trials to the results store: a row before the car moves, which is completed afterwards; and corrections.
 
 Input: the inputs and the end of a trial. Output: rows of `trial` and `correction`, each in its own transaction, so that
 a killed program loses at most the answer being typed.
@@ -25,7 +25,7 @@ from foldcar.store.trial_records import (
     CARS,
     CORRECTABLE,
     LONGEST_S,
-    MOST_ID,
+    MAX_ID,
     RUNNING,
     TRIAL_OUTCOMES,
     Correction,
@@ -56,7 +56,7 @@ class Drive:
 class CarFacts:
     """The identity of the car: the firmware's build and the design's hash, as the car reported them, and the port.
 
-    ``car`` is one of CARS, None if the car did not say it; ``name`` is the operator's for the built car, None for none.
+    ``car`` is one of CARS, None if the car did not report it; ``name`` is the built car's name, None without one.
     """
 
     firmware_build: str
@@ -67,7 +67,7 @@ class CarFacts:
 
 
 class TrialWriter(StoreConnection):
-    """A store opened for trials. Made by :func:`write_trials`; all methods raise StoreError."""
+    """A store opened for trials. Create it with :func:`write_trials`; all methods raise StoreError."""
 
     def begin(
         self,
@@ -79,7 +79,7 @@ class TrialWriter(StoreConnection):
         log: str,
         operator: str,
     ) -> int:
-        """Store a trial as begun, which counts as aborted until :meth:`complete`; returns its number."""
+        """Store a trial as begun and return its number; it counts as aborted until :meth:`complete`."""
         with self._transaction():
             row = {
                 "uuid": str(uuid.uuid4()),
@@ -91,7 +91,7 @@ class TrialWriter(StoreConnection):
                 "environment_id": self._identify("environment", "fingerprint", drive.environment_fingerprint),
                 "sample": drive.sample,
                 "scene_id": self._put_text("scene", canonical_json(drive.scene)),
-                "deviations": canonical_json({name: list(by) for name, by in deviations.items()}),
+                "deviations": canonical_json({name: list(deviation) for name, deviation in deviations.items()}),
                 "outcome": "aborted",
                 "ending": RUNNING,
                 "note": "",
@@ -109,24 +109,24 @@ class TrialWriter(StoreConnection):
             return self._add(TRIAL, row)
 
     def complete(self, trial: int, ending: Ending) -> None:
-        """Store the end of a begun trial, which is now."""
+        """Store the end of a begun trial, with the current time."""
         with self._transaction():
             self._update(TRIAL, {**self._row(TRIAL, id=trial), **asdict(ending), "ended_utc": now_utc()})
 
     def unfinished(self) -> list[tuple[int, str, str]]:
-        """Number, log and outcome of trials whose session ended before they were completed."""
+        """Return number, log and outcome of trials whose session ended before they were completed."""
         rows = self._rows(TRIAL, "WHERE ending = ? ORDER BY id", RUNNING)
         return [(row["id"], str(row["log"]), str(row["outcome"])) for row in rows]
 
     def next_number(self) -> int:
-        """The number that the next trial gets."""
+        """Return the number of the next trial."""
         (last,) = self._run("SELECT max(id) FROM trial").fetchone()
         return int(last or 0) + 1
 
     def trial_counts(
         self, experiment: str, design: TrialDesign, environment_fingerprint: str, car: str = BUILT
     ) -> dict[int, int]:
-        """How many trials of cars of this design count, by sample of the environment; ``car`` is BUILT or SIMULATED."""
+        """Return the number of counted trials of this design by sample; ``car`` is BUILT or SIMULATED."""
         rows = self._rows(
             TRIAL,
             "WHERE experiment = ? AND vehicle_type = ? AND design = ? AND outcome <> 'aborted' "
@@ -141,8 +141,8 @@ class TrialWriter(StoreConnection):
         return dict(Counter(row["sample"] for row in rows))
 
     def correct(self, trial: int, changes: Mapping[str, str | float], reason: str, operator: str) -> list[Correction]:
-        """Change fields of a trial and record their old values; StoreError if there is no such trial or field."""
-        made = []
+        """Change fields of a trial and record the old values. Raises StoreError if there is no such trial or field."""
+        corrections = []
         with self._transaction():
             for field, after in changes.items():
                 if field not in CORRECTABLE:
@@ -153,44 +153,44 @@ class TrialWriter(StoreConnection):
                     raise StoreError(f"{self.path}: trial {trial}: {field}: {after!r} is not one of {', '.join(choices)}")
                 if isinstance(after, float) and not after <= LONGEST_S:
                     raise StoreError(f"{self.path}: trial {trial}: {field}: {after:g} is not at most {LONGEST_S:g}")
-                found = self._trial(trial)
-                # A person may say what drove where no car has said it.
-                said = self._rows(CORRECTION, "WHERE trial_id = ? AND field = 'car'", trial)
-                if field == "car" and found["car"] is not None and found["source"] is None and not said:
-                    told = f"the car itself told that it is {found['car']}; this cannot be corrected"
-                    raise StoreError(f"{self.path}: trial {trial}: car: {told}")
-                if found[field] == after:
+                row = self._trial(trial)
+                # A person may set what drove only if the car itself did not report it.
+                car_corrections = self._rows(CORRECTION, "WHERE trial_id = ? AND field = 'car'", trial)
+                if field == "car" and row["car"] is not None and row["source"] is None and not car_corrections:
+                    reason_text = f"the car itself reported that it is {row['car']}; this cannot be corrected"
+                    raise StoreError(f"{self.path}: trial {trial}: car: {reason_text}")
+                if row[field] == after:
                     raise StoreError(f"{self.path}: trial {trial}: {field} is {after!r} already")
-                made.append(self._change(found, field, after, reason, operator))
-        return made
+                corrections.append(self._change(row, field, after, reason, operator))
+        return corrections
 
     def withdraw(self, trials: Iterable[int], withdrawn: bool, reason: str, operator: str) -> list[Correction]:
-        """Withdraw trials, or restore them, all or none. Rows and logs stay. StoreError if one is so already."""
-        made = []
+        """Withdraw or restore trials, all or none; rows and logs stay. Raises StoreError if one already is."""
+        corrections = []
         with self._transaction():
             for trial in trials:
-                found = self._trial(trial)
-                if bool(found["withdrawn"]) == withdrawn:
+                row = self._trial(trial)
+                if bool(row["withdrawn"]) == withdrawn:
                     state = "is withdrawn already" if withdrawn else "is not withdrawn"
                     raise StoreError(f"{self.path}: trial {trial} {state}")
-                made.append(self._change(found, "withdrawn", int(withdrawn), reason, operator))
-        return made
+                corrections.append(self._change(row, "withdrawn", int(withdrawn), reason, operator))
+        return corrections
 
     def _trial(self, number: int) -> Row:
-        found = self._rows(TRIAL, "WHERE id = ?", number) if number <= MOST_ID else []
-        if not found:
+        rows = self._rows(TRIAL, "WHERE id = ?", number) if number <= MAX_ID else []
+        if not rows:
             raise StoreError(f"{self.path}: has no trial {number}")
-        return found[0]
+        return rows[0]
 
     def _change(self, trial: Row, field: str, after: str | float, reason: str, operator: str) -> Correction:
-        made = Correction(trial["id"], now_utc(), field, trial[field], after, reason, operator)
-        row = asdict(made)
+        correction = Correction(trial["id"], now_utc(), field, trial[field], after, reason, operator)
+        row = asdict(correction)
         self._add(CORRECTION, {**row, "trial_id": row.pop("trial")})
         self._update(TRIAL, {**trial, field: after})
-        return made
+        return correction
 
     def put_track(self, track: Track) -> None:
-        """Store where a camera saw the car, in place of what it saw before; StoreError if there is no such trial."""
+        """Store the car's track, replacing an earlier one. Raises StoreError if there is no such trial."""
         with self._transaction():
             self._trial(track.trial)
             row = {
@@ -201,7 +201,7 @@ class TrialWriter(StoreConnection):
             self._insert(TRACK, [row], "OR REPLACE")
 
     def put_media(self, trial: int, kind: str, file: Path) -> Media:
-        """Attach a photo or film, which stays where it is; StoreError if there is no such file or trial."""
+        """Attach a photo or film, which is not copied. Raises StoreError if there is no such file or trial."""
         digest = sha256_of(file)
         if digest is None:
             raise StoreError(f"{file}: no such file")
@@ -216,35 +216,35 @@ class TrialWriter(StoreConnection):
         self, trial: int, deviations: Mapping[str, tuple[float, float, float]], scene: Mapping[str, Any], reason: str,
         operator: str,
     ) -> list[Correction]:  # fmt: skip
-        """Say where car and obstacles stood in a trial, ``scene``; what was said before is kept."""
+        """Store where car and obstacles stood in a trial, with its ``scene``; the change is recorded as a correction."""
         with self._transaction():
-            found = self._trial(trial)
-            texts = canonical_json({name: list(by) for name, by in deviations.items()})
+            trial_row = self._trial(trial)
+            texts = canonical_json({name: list(deviation) for name, deviation in deviations.items()})
             scene_id = self._put_text("scene", canonical_json(scene))
-            if (found["deviations"], found["scene_id"]) == (texts, scene_id):
+            if (trial_row["deviations"], trial_row["scene_id"]) == (texts, scene_id):
                 return []
-            # The scene follows from what was planned and the deviations.
-            return [self._change({**found, "scene_id": scene_id}, "deviations", texts, reason, operator)]
+            # Only the deviations need a correction: the scene follows from them and the planned scene.
+            return [self._change({**trial_row, "scene_id": scene_id}, "deviations", texts, reason, operator)]
 
     def import_trials(self, trials: list[dict[str, Any]]) -> list[int]:
-        """Store those imported trials that are not there yet, all or none; returns their numbers.
+        """Store the imported trials that are not stored yet, all or none; return their numbers.
 
-        ``trials`` are columns of the table by name, ``uuid`` among them. If the store contains a trial's experiment, the
-        trial is of that experiment's program, and its sample of the environment as it is now. StoreError if a trial is
-        there with other contents.
+        ``trials`` are columns of the table by name, including ``uuid``. If the store has a trial's experiment, the trial
+        gets that experiment's program, and with a sample its current environment. Raises StoreError if a trial is stored
+        with other contents.
         """
         numbers = []
         with self._transaction():
-            places: dict[str, tuple[int | None, str | None]] = {}
+            origins: dict[str, tuple[int | None, str | None]] = {}
             for trial in trials:
-                known = self._rows(TRIAL, "WHERE uuid = ?", trial["uuid"])
-                if known:
-                    self._require_same(trial, known[0])
+                stored = self._rows(TRIAL, "WHERE uuid = ?", trial["uuid"])
+                if stored:
+                    self._require_same(trial, stored[0])
                     continue
                 name = trial["experiment"]
-                if name not in places:
-                    places[name] = self._place(name)
-                environment_id, program = places[name]
+                if name not in origins:
+                    origins[name] = self._environment_and_program(name)
+                environment_id, program = origins[name]
                 row = {
                     "deviations": "{}", "ending": "imported", "note": "", "operator": "", "withdrawn": 0,
                     "environment_id": environment_id if trial.get("sample") is not None else None,
@@ -253,36 +253,36 @@ class TrialWriter(StoreConnection):
                 numbers.append(self._add(TRIAL, {**row, "design": json.dumps(row["design"])}))
         return numbers
 
-    def _require_same(self, trial: Mapping[str, Any], known: Row) -> None:
-        """StoreError if an imported trial differs from the one that was imported from its place before."""
-        before = dict(known)
-        for change in self._rows(CORRECTION, "WHERE trial_id = ? ORDER BY id DESC", known["id"]):
+    def _require_same(self, trial: Mapping[str, Any], stored: Row) -> None:
+        """Raise StoreError if an imported trial differs from the one that was imported from the same row before."""
+        before = dict(stored)
+        for change in self._rows(CORRECTION, "WHERE trial_id = ? ORDER BY id DESC", stored["id"]):
             before[change["field"]] = change["before"]
         before["design"] = json.loads(before["design"])
         for name in ("experiment", "vehicle_type", "design", "sample", "outcome"):
             if trial.get(name) != before[name]:
-                origin = f'trial {known["id"]} was imported from the same row of "{trial["source"]}"'
+                origin = f'trial {stored["id"]} was imported from the same row of "{trial["source"]}"'
                 values = f"{name} was {before[name]}, not {trial.get(name)}"
                 raise StoreError(f"{self.path}: {origin}, but {values}: correct it, or give other rows another source")
 
-    def _place(self, experiment: str) -> tuple[int | None, str | None]:
-        """Environment and program of an experiment of the listing; None if it was not swept, or in several."""
-        found = {}
+    def _environment_and_program(self, experiment: str) -> tuple[int | None, str | None]:
+        """Return environment and program of a listed experiment; None if it was not swept, or in several environments."""
+        programs = {}
         for row in self._rows(EXPERIMENT):
             facts = json.loads(row["facts"])
             if facts.get("calibration") is None and listed_id(row["id"], None, facts.get("engine", "")) == experiment:
-                found[row["environment_id"]] = facts.get("scenic_program")
-        return next(iter(found.items())) if len(found) == 1 else (None, None)
+                programs[row["environment_id"]] = facts.get("scenic_program")
+        return next(iter(programs.items())) if len(programs) == 1 else (None, None)
 
 
 @contextlib.contextmanager
 def write_trials(path: Path) -> Iterator[TrialWriter]:
-    """The store at ``path`` for trials; made, with its folder, if need be. StoreError if it is in use."""
-    # A trial cannot be had again: each of its commits is on the disk before the program goes on.
+    """Open the store at ``path`` for trials; create it if it is missing. Raises StoreError if it is in use."""
+    # A trial cannot be repeated, so each commit is written to the disk before the program continues.
     with writing(path, synchronous="FULL") as connection:
         yield TrialWriter(path, connection)
 
 
 def now_utc() -> str:
-    """The current date and time in UTC as stored, with a resolution of 1 s."""
+    """Return the current date and time in UTC as it is stored, with a resolution of 1 s."""
     return datetime.now(timezone.utc).isoformat(timespec="seconds")

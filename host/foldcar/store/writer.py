@@ -50,7 +50,7 @@ class PlannedRun:
 
 @dataclass(frozen=True, slots=True)
 class PlannedDesign:
-    """A design of an experiment, with its inputs of the simulator."""
+    """A design of an experiment, with its input for the simulator."""
 
     columns: Mapping[str, float]
     body: Mapping[str, Any]
@@ -71,14 +71,14 @@ class PlannedExperiment:
 
 
 class StoreWriter(StoreConnection):
-    """A store opened for a sweep. Made by :func:`write_store`; all methods raise StoreError."""
+    """A store opened for a sweep. Create it with :func:`write_store`; all methods raise StoreError."""
 
     def __init__(self, path: Path, connection: Connection) -> None:
         super().__init__(path, connection)
         self._build_id = 0
 
     def begin_study(self, facts: Mapping[str, str], build: str) -> None:
-        """Record the study and the build; ``created_utc`` is that of the first sweep."""
+        """Store the study's facts and the build; ``created_utc`` is kept from the first sweep."""
         with self._transaction():
             self._build_id = self._identify("build", "name", build)
             first = [row for row in self._rows(STUDY) if row["key"] == "created_utc"]
@@ -88,19 +88,19 @@ class StoreWriter(StoreConnection):
     def put_experiment(
         self, plan: PlannedExperiment, designs: Iterable[PlannedDesign], fingerprint: str | None = None
     ) -> None:
-        """Record an experiment and its designs, replacing an earlier one with the same id. Runs are kept.
+        """Store an experiment and its designs, replacing an earlier one with the same id. Runs are kept.
 
-        ``fingerprint`` is the hash of all that the designs follow from: those stored under it are left as they are.
+        ``fingerprint`` is a hash of everything that the designs depend on; designs stored with it are not replaced.
         """
         with self._transaction():
-            there = designs_of(self.path, self._connection, plan.id) if fingerprint is not None else None
-            count = len(there.parameters) if there is not None and there.fingerprint == fingerprint else None
+            stored = designs_of(self.path, self._connection, plan.id) if fingerprint is not None else None
+            count = len(stored.parameters) if stored is not None and stored.fingerprint == fingerprint else None
             if count is None:
                 self._run("DELETE FROM design WHERE experiment = ?", plan.id)
-            places = {row["id"]: row["position"] for row in self._rows(EXPERIMENT)}
+            positions = {row["id"]: row["position"] for row in self._rows(EXPERIMENT)}
             experiment = {
                 "id": plan.id,
-                "position": places.get(plan.id, len(places)),
+                "position": positions.get(plan.id, len(positions)),
                 "build_id": self._build_id,
                 "environment_id": plan.environment_id,
                 "spread_id": plan.spread_id,
@@ -111,7 +111,7 @@ class StoreWriter(StoreConnection):
                 "designs": count,
                 "designs_fingerprint": fingerprint,
             }
-            # Designs refer to it: it is there before them.
+            # Inserted before the designs, which refer to it.
             self._insert(EXPERIMENT, [experiment], "OR REPLACE")
             if count is None:
                 for position, design in enumerate(designs):
@@ -120,7 +120,7 @@ class StoreWriter(StoreConnection):
                 self._update(EXPERIMENT, {**experiment, "designs": count if fingerprint is not None else None})
 
     def add_design(self, experiment: str, position: int, design: PlannedDesign) -> None:
-        """Record one more design of an experiment, at the position after its last."""
+        """Store one more design of an experiment, at the position after its last."""
         with self._transaction():
             self._put_design(experiment, position, design)
 
@@ -135,9 +135,9 @@ class StoreWriter(StoreConnection):
         self._insert(DESIGN, [row])
 
     def swept(self, experiment: str, environment_id: int, spread_id: int) -> tuple[int, list[dict[str, Any]]]:
-        """How many samples an experiment has, and its designs' parameters by column, in their order.
+        """Return an experiment's number of samples, and its designs' parameters by column, in their order.
 
-        None of either if it was not swept by this build in that environment with those cars.
+        Returns (0, []) if it was not swept by this build in that environment and with that spread of cars.
         """
         for row in self._rows(EXPERIMENT, "WHERE id = ?", experiment):
             if (row["build_id"], row["environment_id"], row["spread_id"]) == (self._build_id, environment_id, spread_id):
@@ -146,45 +146,45 @@ class StoreWriter(StoreConnection):
         return 0, []
 
     def environment(self, fingerprint: str) -> int:
-        """Id of the environment with this fingerprint."""
+        """Return the id of the environment with this fingerprint; add it if it is missing."""
         with self._transaction():
             return self._identify("environment", "fingerprint", fingerprint)
 
     def knows_environment(self, fingerprint: str) -> bool:
-        """Whether samples of the environment with this fingerprint have been stored."""
+        """Return whether the environment with this fingerprint is stored."""
         return bool(self._rows(ENVIRONMENT, "WHERE fingerprint = ?", fingerprint))
 
     def program_files(self, experiment: str) -> Mapping[str, str] | None:
-        """The files that the experiment's program consisted of when it was last swept; None if they are not stored."""
-        found = self._rows(EXPERIMENT, "WHERE id = ?", experiment)
-        return json.loads(found[0]["facts"]).get("files") if found else None
+        """Return the files of the experiment's program at its last sweep; None if they are not stored."""
+        rows = self._rows(EXPERIMENT, "WHERE id = ?", experiment)
+        return json.loads(rows[0]["facts"]).get("files") if rows else None
 
-    def is_dynamic(self, environment_id: int, found: Callable[[], bool]) -> bool:
-        """Whether the program must run beside the simulation; ``found`` is asked if that is not stored yet."""
+    def is_dynamic(self, environment_id: int, ask: Callable[[], bool]) -> bool:
+        """Return whether the program must run beside the simulation; call ``ask`` if this is not stored yet."""
         row = self._row(ENVIRONMENT, id=environment_id)
         if row["dynamic"] is None:
-            row["dynamic"] = int(found())
+            row["dynamic"] = int(ask())
             with self._transaction():
                 self._update(ENVIRONMENT, row)
         return bool(row["dynamic"])
 
     def environment_facts(self, environment_id: int) -> dict[str, Any]:
-        """The facts of an experiment in this environment; empty if no experiment has been swept in it."""
+        """Return the facts of an experiment in this environment; empty if none has been swept in it."""
         rows = self._rows(EXPERIMENT, "WHERE environment_id = ?", environment_id)
         return dict(json.loads(rows[0]["facts"])) if rows else {}
 
     def spread(self, fingerprint: str) -> int:
-        """Id of the spread of cars with this fingerprint."""
+        """Return the id of the spread of cars with this fingerprint; add it if it is missing."""
         with self._transaction():
             return self._identify("spread", "fingerprint", fingerprint)
 
     def sample_count(self, table: Table, number: int) -> int:
-        """How many samples of an environment, or in DRAW of a spread, are stored: those from 0 on."""
+        """Return how many samples of an environment (SAMPLE) or a spread (DRAW) are stored; they begin at 0."""
         row = self._run(f"SELECT count(*) FROM {table.name} WHERE {table.key[0]} = ?", number).fetchone()
         return int(row[0])
 
     def stored_scene(self, environment_id: int, sample: int) -> Any:
-        """The scene of a stored sample."""
+        """Return the scene of a stored sample."""
         row = self._row(BY_NAME["sample"], environment_id=environment_id, sample=sample)
         return json.loads(self._row(BY_NAME["scene"], id=row["scene_id"])["json"])
 
@@ -195,7 +195,7 @@ class StoreWriter(StoreConnection):
         self._put_drawn("sample", {"environment_id": environment_id, "sample": sample}, "scene", scene, identity)
 
     def put_draw(self, spread_id: int, sample: int, variation: Mapping[str, Any], identity: str = "") -> None:
-        """Store the variation of a sample; equal variations with different ``identity`` are stored as different."""
+        """Store the variation of a sample; equal variations with different ``identity`` are stored separately."""
         self._put_drawn("draw", {"spread_id": spread_id, "sample": sample}, "variation", variation, identity)
 
     def _put_drawn(self, table: str, key: dict[str, int], what: str, value: Mapping[str, Any], identity: str) -> None:
@@ -204,11 +204,11 @@ class StoreWriter(StoreConnection):
             self._insert(BY_NAME[table], [row], "OR IGNORE")
 
     def design_counts(self, plan: PlannedExperiment) -> DesignCounts:
-        """How many runs of each of the experiment's designs are stored, and how many of them passed."""
+        """Return how many runs of each of the experiment's designs are stored, and how many passed."""
         return design_counts(self.path, self._connection, plan.id)
 
     def run_counts(self, plan: PlannedExperiment, design: int, samples: range) -> tuple[int, int]:
-        """How many stored runs of a design in those samples passed, and how many belong in a rate."""
+        """Return how many stored runs of a design in those samples passed, and how many were not rejected."""
         row = self._run(
             f"SELECT total(r.outcome = 'passed'), total(r.outcome <> '{REJECTED}') {RESULT_JOIN} "
             "AND e.id = ? AND d.position = ? AND s.sample >= ? AND s.sample < ?",
@@ -217,42 +217,52 @@ class StoreWriter(StoreConnection):
         return int(row[0]), int(row[1])
 
     def multibody_counts(self, plan: PlannedExperiment) -> tuple[list[int], list[int]] | None:
-        """Of each design the runs (passed, counted) in multibody of the same experiment, under the same calibration.
+        """Return each design's runs (passed, counted) in multibody, for the same experiment and calibration.
 
-        None if there are none, or if the experiment is multibody's. Other environments count: they only predict.
+        Returns None if there are none, or if the experiment itself is in multibody. Runs in other environments count,
+        too, because the counts are only used for predictions.
         """
         if not plan.facts.get("engine"):
             return None
         for row in self._rows(EXPERIMENT, "WHERE id <> ?", plan.id):
             facts = json.loads(row["facts"])
-            # The experiment of the listing, and what it was simulated under.
-            same = [
-                (listed_id(name, one["calibration"], engine), one["calibration"] and one["calibration"]["fingerprint"])
-                for name, one, engine in ((row["id"], facts, ""), (plan.id, plan.facts, plan.facts["engine"]))
+            # The listed experiment and the calibration of both.
+            identities = [
+                (
+                    listed_id(name, experiment_facts["calibration"], engine),
+                    experiment_facts["calibration"] and experiment_facts["calibration"]["fingerprint"],
+                )
+                for name, experiment_facts, engine in (
+                    (row["id"], facts, ""),
+                    (plan.id, plan.facts, plan.facts["engine"]),
+                )
             ]
-            if facts.get("engine") or same[0] != same[1]:
+            if facts.get("engine") or identities[0] != identities[1]:
                 continue
-            known = design_counts(self.path, self._connection, row["id"])
+            stored = design_counts(self.path, self._connection, row["id"])
             keys = self._design_keys(row["id"])
-            there = {keys[at]: one for at, *one in zip(known.positions, known.passed, known.counted, strict=True)}
-            found = [there.get(key, (0, 0)) for _, key in sorted(self._design_keys(plan.id).items())]
-            if any(runs for _, runs in found):
-                return [passed for passed, _ in found], [runs for _, runs in found]
+            counts_by_key = {
+                keys[position]: experiment_facts
+                for position, *experiment_facts in zip(stored.positions, stored.passed, stored.counted, strict=True)
+            }
+            counts = [counts_by_key.get(key, (0, 0)) for _, key in sorted(self._design_keys(plan.id).items())]
+            if any(runs for _, runs in counts):
+                return [passed for passed, _ in counts], [runs for _, runs in counts]
         return None
 
     def _design_keys(self, experiment: str) -> dict[int, tuple[int, int]]:
-        """Of each design, by its position, the ids of its body and its settings."""
+        """Return the ids of body and settings of each design, by its position."""
         rows = self._run("SELECT position, body_id, settings_id FROM design WHERE experiment = ?", experiment)
         return {position: (body, settings) for position, body, settings in rows}
 
     def end_experiment(self, plan: PlannedExperiment, runs: int) -> None:
-        """Record that no more than the stored ``runs`` are planned: what is still undecided is left so."""
+        """Record that no more than the stored ``runs`` are planned; undecided designs stay undecided."""
         with self._transaction():
             facts = json.dumps({**plan.facts, "ended_runs": runs})
             self._update(EXPERIMENT, {**self._row(EXPERIMENT, id=plan.id), "facts": facts})
 
     def planned_runs(self, plan: PlannedExperiment, sample: int) -> Iterator[PlannedRun]:
-        """The runs of all designs in one stored sample, in the order of designs, read in pages."""
+        """Yield the runs of all designs in one stored sample, in the order of designs, read in pages."""
         next_design = 0
         while True:
             rows = self._run(
@@ -270,22 +280,22 @@ class StoreWriter(StoreConnection):
             next_design = rows[-1][0] + 1
 
     def kept_paths(self, plan: PlannedExperiment) -> list[tuple[int, str, int]]:
-        """Of the experiment's runs whose paths are kept: the design's position, the outcome, the path's characters."""
+        """Return design's position, outcome and number of characters of the experiment's stored paths."""
         query = f"SELECT d.position, r.outcome, length(p.compact) {PATH_JOIN} AND e.id = ?"
         return list(self._run(query, plan.id))
 
     def texts(self, table: str, row_ids: Iterable[int]) -> dict[int, str]:
-        """The JSON texts of rows of ``body``, ``scene``, ``settings`` or ``variation``, at most some thousands."""
-        wanted = set(row_ids)
-        where = f"WHERE id IN ({', '.join('?' * len(wanted))})"
-        texts = {row["id"]: str(row["json"]) for row in self._rows(BY_NAME[table], where, *wanted)}
-        for missing in wanted - texts.keys():
-            # Raises the error that names it.
+        """Return the JSON texts of rows of ``body``, ``scene``, ``settings`` or ``variation``; at most some thousands."""
+        ids = set(row_ids)
+        where = f"WHERE id IN ({', '.join('?' * len(ids))})"
+        texts = {row["id"]: str(row["json"]) for row in self._rows(BY_NAME[table], where, *ids)}
+        for missing in ids - texts.keys():
+            # Raises StoreError, which names the missing row.
             texts[missing] = str(self._row(BY_NAME[table], id=missing)["json"])
         return texts
 
     def result(self, run: PlannedRun) -> dict[str, Any]:
-        """The stored outcome and metrics of a run that has a result."""
+        """Return the stored outcome and metrics of a run that has a result."""
         row = self._row(RUN, **self._key(run))
         return {name: row[name] for name in ("outcome", *NUMBERS)}
 
@@ -293,7 +303,7 @@ class StoreWriter(StoreConnection):
         return {"build_id": self._build_id, **{name: getattr(run, name) for name in RUN.key if name != "build_id"}}
 
     def add_results(self, results: Iterable[tuple[PlannedRun, Mapping[str, Any]]]) -> None:
-        """Store a chunk: runs with their results as the simulator answered them (:mod:`foldcar.simulation.carsim`)."""
+        """Store a chunk: runs with the simulator's answers (:mod:`foldcar.simulation.carsim`)."""
         runs, recorded, paths = [], [], []
         for run, result in results:
             key = self._key(run)
@@ -301,9 +311,9 @@ class StoreWriter(StoreConnection):
                 runs.append({**key, "outcome": outcome_of(result), "message": result["error"]})
                 continue
             runs.append({**key, "outcome": outcome_of(result), **{name: result[name] for name in NUMBERS}})
-            for name, one in result.get("recorded", {}).items():
-                value = json.dumps(one["value"], allow_nan=False)
-                recorded.append({**key, "name": name, "kind": one["kind"], "value": value})
+            for name, record in result.get("recorded", {}).items():
+                value = json.dumps(record["value"], allow_nan=False)
+                recorded.append({**key, "name": name, "kind": record["kind"], "value": value})
             if "path" in result:
                 path = result["path"]
                 paths.append({**key, "row_count": path["rows"], "compact": path["compact"]})
@@ -315,11 +325,11 @@ class StoreWriter(StoreConnection):
 
 @contextlib.contextmanager
 def write_store(path: Path) -> Iterator[StoreWriter]:
-    """The store at ``path`` for one sweep; made, with its folder, if need be. StoreError if it is in use."""
+    """Open the store at ``path`` for one sweep; create it if it is missing. Raises StoreError if it is in use."""
     with writing(path) as connection:
         yield StoreWriter(path, connection)
 
 
 def canonical_json(value: Mapping[str, Any]) -> str:
-    """The canonical JSON text of a value: keys sorted, no spaces."""
+    """Return the canonical JSON text of a value: sorted keys, no spaces."""
     return json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=False)

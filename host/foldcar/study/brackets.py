@@ -1,4 +1,4 @@
-"""The first bracket or quotation mark of a JSON text that is not closed.
+"""Finds the first bracket or quotation mark of a JSON text that is not closed.
 
 Input: a text that a JSON parser refuses; comments are allowed. Output: a message with line, column and what to write.
 """
@@ -12,32 +12,32 @@ TOKEN = re.compile(r"""//[^\n]*|/\*.*?\*/|"(?:\\.|[^"\\\n])*"|'(?:\\.|[^'\\\n])*
 
 
 def unclosed(text: str) -> str | None:
-    """What is not closed, or None: ``line 3, column 5: "[" of line 1, column 7 is still open: …``."""
-    opened: list[tuple[str, int]] = []
-    for token, at in _tokens(text):
+    """Return a message such as ``line 3, column 5: "[" of line 1, column 7 is still open: …``; None if all is closed."""
+    open_brackets: list[tuple[str, int]] = []
+    for token, position in _tokens(text):
         if token in CLOSING:
-            opened.append((token, at))
+            open_brackets.append((token, position))
         elif token in ("'", '"'):
-            return f"{_place(text, at)}: a string has no closing {token} on its line: write it on one line"
-        elif not opened:
-            return f'{_place(text, at)}: "{token}" closes no bracket: remove it'
-        elif token != CLOSING[opened[-1][0]]:
-            bracket, begin = opened[-1]
-            still = f'"{bracket}" of {_place(text, begin)} is still open'
-            return f'{_place(text, at)}: {still}: write "{CLOSING[bracket]}" before this "{token}"'
+            return f"{_place(text, position)}: a string has no closing {token} on its line: write it on one line"
+        elif not open_brackets:
+            return f'{_place(text, position)}: "{token}" does not close a bracket; remove it'
+        elif token != CLOSING[open_brackets[-1][0]]:
+            bracket, start = open_brackets[-1]
+            still_open = f'"{bracket}" of {_place(text, start)} is still open'
+            return f'{_place(text, position)}: {still_open}: write "{CLOSING[bracket]}" before this "{token}"'
         else:
-            opened.pop()
-    if opened:
-        bracket, begin = opened[-1]
-        still = f'"{bracket}" of {_place(text, begin)} is still open'
-        return f'at the end of the file {still}: write "{CLOSING[bracket]}"'
+            open_brackets.pop()
+    if open_brackets:
+        bracket, start = open_brackets[-1]
+        still_open = f'"{bracket}" of {_place(text, start)} is still open'
+        return f'at the end of the file {still_open}: write "{CLOSING[bracket]}"'
     return None
 
 
 def _tokens(text: str) -> Iterator[tuple[str, int]]:
-    """Brackets, and quotation marks that are not closed on their line, with their places."""
+    """Yield brackets, and quotation marks that are not closed on their line, with their positions."""
     return ((match[0], match.start()) for match in TOKEN.finditer(text) if len(match[0]) == 1)
 
 
-def _place(text: str, at: int) -> str:
-    return f"line {text.count(chr(10), 0, at) + 1}, column {at - text.rfind(chr(10), 0, at)}"
+def _place(text: str, position: int) -> str:
+    return f"line {text.count(chr(10), 0, position) + 1}, column {position - text.rfind(chr(10), 0, position)}"

@@ -1,7 +1,7 @@
-"""Runs chunks of runs in several simulators, here or on other machines (foldcar.study.cluster), some at a time.
+"""Gives runs in chunks to several simulators, on this machine or on others (foldcar.study.cluster).
 
-Input: runs one by one. Output: finished chunks as they end. Chunks grow until one takes a second or so, and shrink at
-the end of a sweep so that all simulators end at about the same time.
+Input: single runs. Output: chunks as they finish. Chunks grow until one takes about a second. At the end of a sweep they
+shrink, so that all simulators finish at about the same time.
 """
 
 import contextlib
@@ -21,28 +21,28 @@ from foldcar.study.kept_paths import KeptPaths
 
 
 class Simulators(Protocol):
-    """Places for chunks. Its methods are called from several threads at once, `run` from one for each chunk."""
+    """Workers that run chunks. Several threads call the methods at the same time; each chunk has its thread for `run`."""
 
     # The wall time that a chunk should take, in s.
     chunk_s: float
-    # Chunks that may ever run at a time.
+    # Upper limit of `count`.
     most: int
 
     @property
     def count(self) -> int:
-        """Chunks that run at a time now, at least 1."""
+        """The number of chunks that can run at the same time now, at least 1."""
 
     def run(
         self, runner: Runner, bodies: Mapping[str, str], scenes: Mapping[str, str], requests: Sequence[RunRequest]
     ) -> tuple[list[dict[str, Any]], float]:
-        """The answers of ``runner.run``, and how long it took to simulate them (s). FoldcarError."""
+        """Return the answers of ``runner.run`` and the time of simulation (s). Raises FoldcarError."""
 
     def stop(self, runner: Runner) -> None:
-        """End what ``runner`` runs at the moment; its `run` raises FoldcarError."""
+        """Stop what ``runner`` is running; its `run` raises FoldcarError."""
 
 
 class LocalSimulators:
-    """As many simulators as ``jobs`` on this machine."""
+    """The number ``jobs`` of simulators on this machine."""
 
     chunk_s = 0.7
 
@@ -63,7 +63,7 @@ class LocalSimulators:
 
 
 FIRST_CHUNK_RUNS = 8
-LEAST_CHUNK_RUNS = 4
+MIN_CHUNK_RUNS = 4
 MAX_CHUNK_RUNS = 512
 
 Key = tuple[int, int, int, int]
@@ -71,7 +71,7 @@ Key = tuple[int, int, int, int]
 
 @dataclass(frozen=True, slots=True)
 class FinishedRun:
-    """A run with its answer; ``count`` runs of the study share that result."""
+    """A run with its answer; ``count`` equal runs of the study share the answer."""
 
     run: PlannedRun
     answer: Mapping[str, Any]
@@ -87,10 +87,10 @@ class _Chunk:
 
 
 class ChunkPool:
-    """Threads that each wait for one simulator at a time; the store is read in the caller's.
+    """A pool of threads; each waits for one simulator at a time. Only the caller's thread reads the store.
 
-    ``simulators`` is where these are, or how many there are on this machine. Runs are given to the runner named by
-    :meth:`using`. ``limits`` are the simulator's, for cars that vary.
+    ``simulators`` is an object, or the number of simulators on this machine. Runs go to the runner of :meth:`using`.
+    ``limits`` are the simulator's limits for bodies with variation.
     """
 
     def __init__(self, writer: StoreWriter, simulators: Simulators | int, limits: NumberLimits) -> None:
@@ -102,9 +102,9 @@ class ChunkPool:
         self._runner: Runner | None = None
         self._chunk: list[PlannedRun] = []
         self._chunk_runs = FIRST_CHUNK_RUNS
-        # Number of the study's runs that wait for each result.
+        # For each result that is being computed: how many runs of the study need it.
         self._in_flight: Counter[Key] = Counter()
-        # Which of their paths are kept; None: none.
+        # For each run: what decides whether its path is kept; None if it is not.
         self._keepers: dict[Key, KeptPaths | None] = {}
 
     def __enter__(self) -> "ChunkPool":
@@ -117,7 +117,7 @@ class ChunkPool:
 
     @contextlib.contextmanager
     def using(self, runner: Runner) -> Iterator[None]:
-        """Within the block, added runs go to ``runner``. Chunks may still be running after it: see :meth:`finish`."""
+        """Give runs that are added in the block to ``runner``. Chunks may run on after it: see :meth:`finish`."""
         if runner is not self._runner:
             if self._chunk:
                 self._submit()
@@ -125,36 +125,35 @@ class ChunkPool:
         try:
             yield
         except BaseException:
-            # Before the caller closes the runner.
+            # The caller will close the runner, so its chunks must stop first.
             self._abandon()
             raise
 
     def joins(self, run: PlannedRun) -> bool:
-        """Whether an equal run is in progress; then this run will get its result."""
+        """Return whether an equal run is in progress; if so, this run shares its result."""
         if _key(run) not in self._in_flight:
             return False
         self._in_flight[_key(run)] += 1
         return True
 
     def add(self, run: PlannedRun, runs_left: int, paths: KeptPaths) -> Iterator[list[FinishedRun]]:
-        """Add a run; yields the chunks that finished while it waited for a free place.
+        """Add a run; yield the chunks that finish while it waits for a free worker.
 
-        ``runs_left`` is the number of runs without result, those added already included; ``paths`` are the experiment's.
+        ``runs_left`` is the number of runs without a result, including those that were added. ``paths`` decides which
+        paths of the experiment are kept.
         """
         not_submitted = runs_left - len(self._in_flight) + len(self._chunk)
         self._in_flight[_key(run)] = 1
         self._keepers[_key(run)] = paths if paths.wants(run.design) else None
         self._chunk.append(run)
-        if len(self._chunk) >= min(
-            self._chunk_runs, max(LEAST_CHUNK_RUNS, not_submitted // (2 * self._simulators.count))
-        ):
+        if len(self._chunk) >= min(self._chunk_runs, max(MIN_CHUNK_RUNS, not_submitted // (2 * self._simulators.count))):
             self._submit()
             # One chunk waits behind every running one, so that no worker idles while this thread writes.
             while len(self._futures) >= 2 * self._simulators.count:
                 yield from self._collect()
 
     def finish(self) -> Iterator[list[FinishedRun]]:
-        """Run the remaining runs; yields the remaining chunks."""
+        """Run the remaining runs and yield the remaining chunks."""
         if self._chunk:
             self._submit()
         while self._futures:
@@ -185,10 +184,10 @@ class ChunkPool:
         self._futures[self._pool.submit(work)] = runner
 
     def _bodies(self, runs: list[PlannedRun]) -> dict[str, str]:
-        """The JSON text of every car of a chunk by its name, with its variation applied."""
+        """Return the JSON text of every body of a chunk by its name, with its variation applied."""
         designs = self._writer.texts("body", (run.body_id for run in runs))
-        told = self._writer.texts("variation", (run.variation_id for run in runs))
-        variations = {key: _parsed(text) for key, text in told.items()}
+        texts = self._writer.texts("variation", (run.variation_id for run in runs))
+        variations = {key: _parsed(text) for key, text in texts.items()}
         if not any(variations.values()):
             return {_body_name(run): designs[run.body_id] for run in runs}
         parsed = {key: _parsed(text) for key, text in designs.items()}
@@ -206,8 +205,8 @@ class ChunkPool:
             del self._futures[future]
             chunk = future.result()
             if chunk.runner is self._runner:
-                wanted = round(self._simulators.chunk_s / max(chunk.seconds, 1e-6) * len(chunk.runs))
-                self._chunk_runs = max(1, min(wanted, 4 * self._chunk_runs, MAX_CHUNK_RUNS))
+                target_runs = round(self._simulators.chunk_s / max(chunk.seconds, 1e-6) * len(chunk.runs))
+                self._chunk_runs = max(1, min(target_runs, 4 * self._chunk_runs, MAX_CHUNK_RUNS))
             yield [
                 FinishedRun(run, self._trimmed(run, answer), self._in_flight[_key(run)])
                 for run, answer in zip(chunk.runs, chunk.answers, strict=True)
@@ -216,7 +215,7 @@ class ChunkPool:
                 del self._in_flight[_key(run)], self._keepers[_key(run)]
 
     def _trimmed(self, run: PlannedRun, answer: dict[str, Any]) -> dict[str, Any]:
-        """The answer without a path that is not to be kept."""
+        """Return the answer, without its path unless the path is kept."""
         keeper, path = self._keepers[_key(run)], answer.get("path")
         if path and keeper and keeper.keeps(run.design, answer["outcome"], len(path["compact"])):
             return answer
@@ -232,7 +231,7 @@ class ChunkPool:
         self._futures.clear()
 
 
-# Chunks share designs and variations: parsing each a chunk would take as long as a fifth of varying it.
+# Chunks share designs and variations, and parsing them again takes time.
 _parsed = lru_cache(maxsize=4096)(json.loads)
 
 

@@ -1,7 +1,7 @@
 """The environment of one experiment: its scenes, its built cars' variations, and the runner of its simulations.
 
 Input: an experiment. Output: scenes (sampled by scenes/source.py), variations, fingerprints, a runner. The Scenic program
-is compiled when first needed, which takes most of a second, and not at all if the store has all results.
+is compiled only when it is needed, because that takes almost a second; not at all if the store has all results.
 """
 
 import contextlib
@@ -21,7 +21,7 @@ from foldcar.simulation.runner import Runner
 from foldcar.simulation.scenic_runner import ScenicRunner
 from foldcar.study.experiments import Experiment
 
-# The fingerprint of the spread without variation.
+# The fingerprint of a spread without variation.
 NOMINAL = "nominal"
 
 
@@ -32,13 +32,13 @@ class Environment:
         e = self._experiment = experiment
         self._source: SceneSource | None = None
         self._recalled: Files | None = None
-        # That of the listing's environment, where this one is changed by a calibration.
+        # The fingerprint of the listing's environment, if a calibration changes this one.
         self.listed_fingerprint: str | None = None
         self.spread_fingerprint = spread_fingerprint(e.variation, e.variation_seed) if e.variation else NOMINAL
 
     @cached_property
     def fingerprint(self) -> str:
-        """The identity in the store of what is sampled."""
+        """The hash that identifies the environment in the store."""
         return self._fingerprint_of(self.files)
 
     def _fingerprint_of(self, files: Files) -> str:
@@ -51,9 +51,9 @@ class Environment:
         return self._open().fixed_files() if self._recalled is None else self._recalled
 
     def recall(self, files: Files | None, is_known: Callable[[str], bool]) -> None:
-        """Compile nothing to learn the program's files if they are ``files``, as in an earlier sweep.
+        """Take ``files`` from an earlier sweep as the program's files, so that it need not be compiled to learn them.
 
-        They are if none has changed and their fingerprint is that sweep's: ``is_known`` says so of fingerprints.
+        They are taken only if none has changed and ``is_known`` says that their fingerprint is in the store.
         """
         if files is None or self._source is not None or not ProgramFiles(self.program, files).unchanged():
             return
@@ -67,7 +67,7 @@ class Environment:
 
     @property
     def calibration(self) -> dict[str, str] | None:
-        """What it is simulated under, as in ExperimentInfo; None if the simulator is nominal."""
+        """The calibration to simulate with, as in ExperimentInfo; None if the simulator is nominal."""
         return None
 
     @property
@@ -82,7 +82,7 @@ class Environment:
 
     @property
     def success(self) -> SuccessRule:
-        """When a run of the program has passed."""
+        """The rule that says when a run has passed."""
         return self._open().success
 
     @property
@@ -91,25 +91,25 @@ class Environment:
         return self._open().terrain_objects()
 
     def sample(self, k: int) -> dict[str, Any]:
-        """Sample ``k`` as a scene object of docs/carsim.md, without id."""
+        """Return sample ``k`` as a scene object of docs/carsim.md, without id."""
         return self._fixed().sample(k)
 
     def sample_with_obstacles(self, k: int) -> tuple[dict[str, Any], list[Obstacle]]:
-        """Sample ``k``, and what of its terrain stands on the floor as one thing."""
+        """Return sample ``k``, and the obstacles of its terrain, which stand on the floor."""
         return self._fixed().sample_with_obstacles(k)
 
     def variation(self, k: int) -> dict[str, Any]:
-        """The differences of the cars of sample ``k`` from their designs (see spread.draw); empty without variation."""
+        """Draw how the cars of sample ``k`` differ from their designs; empty without variation."""
         e = self._experiment
         return draw(e.variation, e.variation_seed, k) if e.variation else {}
 
     def variation_identity(self) -> str:
-        """The identity of variations in the store: a hash of the code that applies them."""
+        """Return the hash of the code that applies variations, which identifies them in the store."""
         return variation_code() if self._experiment.variation else ""
 
     @contextlib.contextmanager
     def runner(self, carsim: Carsim, dynamic: bool) -> Iterator[Runner]:
-        """The runner of this environment's runs: carsim, or Scenic beside carsim for a dynamic program."""
+        """Yield the runner of this environment: carsim, or for a dynamic program Scenic beside carsim."""
         if not dynamic:
             yield carsim
             return
@@ -125,7 +125,7 @@ class Environment:
         return self._source
 
     def _fixed(self) -> SceneSource:
-        """The source after sample 0, with which all its files are known."""
+        """Return the source after sample 0, when all its files are known."""
         source = self._open()
         source.fixed_files()
         return source

@@ -1,7 +1,7 @@
-"""The runs of one experiment that the store lacks, given to simulators sample by sample.
+"""Gives the runs of one experiment that the store lacks to simulators, sample by sample.
 
 Input: a planned experiment. Output: finished chunks, which the caller stores before it asks for the next. All designs are
-simulated in one sample before the next, so that partial results cover the whole family.
+simulated in a sample before the next sample begins, so that partial results cover the whole family.
 """
 
 import json
@@ -22,10 +22,11 @@ from foldcar.study.stopping import DesignState, Schedule
 
 @dataclass
 class Progress:
-    """Counts of a sweep's runs: ``new`` were simulated, ``there`` before; ``passed``, ``rejected``, ``failed`` of both.
+    """Counts of a sweep's runs.
 
-    ``judged`` of the ``total`` are in environments that define success; rejected ones leave them as experiments end. A
-    sweep that stops when it knows lowers the total as designs are ``decided``, and fills ``states`` as experiments end.
+    ``new`` runs were simulated, ``there`` were in the store; ``passed``, ``rejected`` and ``failed`` count both.
+    ``judged`` of the ``total`` are in environments that define success; when an experiment ends, its rejected runs are
+    subtracted. With a stopping rule, ``total`` decreases as designs are ``decided``, and ``states`` gets their results.
     """
 
     total: int
@@ -41,7 +42,7 @@ class Progress:
 
     @property
     def done(self) -> int:
-        """Runs that are in the store or share the result of a run in progress."""
+        """The number of runs that are stored or share the result of a run in progress."""
         return self.new + self.there
 
     @property
@@ -57,7 +58,7 @@ class Progress:
 
 
 class StoredSamples:
-    """``dynamic`` says whether the program runs beside the simulation."""
+    """Stores the samples of an environment as they are needed; ``dynamic`` programs run beside the simulation."""
 
     def __init__(self, environment: Environment, writer: StoreWriter, dynamic: bool) -> None:
         self._environment, self._writer, self._dynamic = environment, writer, dynamic
@@ -67,10 +68,10 @@ class StoredSamples:
         self._draws = writer.sample_count(DRAW, self._spread_id)
 
     def reach(self, sample: int) -> None:
-        """Store what is not there of all samples up to this one. FoldcarError if the program is at fault."""
+        """Store all missing samples up to ``sample``. Raises FoldcarError if the program is at fault."""
         environment, writer = self._environment, self._writer
         if sample >= self._scenes == self._first_scenes:
-            # The last first: what depends on the number of samples drawn before then shows.
+            # Check the last stored sample first: this shows whether samples depend on how many were drawn before.
             for k in sorted({self._scenes - 1, 0} if self._scenes else (), reverse=True):
                 self._confirm(k)
         for k in range(self._scenes, sample + 1):
@@ -91,7 +92,7 @@ class StoredSamples:
 
 @dataclass(frozen=True)
 class ExperimentRuns:
-    """The runs of ``plan``, which has so many ``designs``.
+    """The runs of ``plan``, which has ``designs`` designs.
 
     ``report`` is called after every sample; ``dynamic`` says whether Scenic runs beside the simulation.
     """
@@ -114,32 +115,36 @@ class ExperimentRuns:
         return KeptPaths(self.designs, self.writer.kept_paths(self.plan))
 
     def all(self) -> Iterator[list[FinishedRun]]:
-        """Every design in every sample; the last chunks may still be in progress afterwards."""
+        """Simulate every design in every sample; the last chunks may still be running afterwards."""
         yield from self._simulate(None, self.counts.total)
 
     def until(self, rule: StoppingRule) -> Iterator[list[FinishedRun]]:
-        """Every design until it is decided, or until that is hopeless: in the order and the batches of a schedule."""
+        """Simulate every design until it is decided or cannot be decided any more, in the batches of a schedule."""
         plan, writer = self.plan, self.writer
-        known, other = writer.design_counts(plan), writer.multibody_counts(plan)
-        schedule = Schedule(rule, plan.environments, known.reached, other)
-        most, decided = self.counts.total, self.counts.decided
+        counts_now, multibody_counts = writer.design_counts(plan), writer.multibody_counts(plan)
+        schedule = Schedule(rule, plan.environments, counts_now.reached, multibody_counts)
+        total, decided = self.counts.total, self.counts.decided
         while batches := schedule.next():
             wanted = {batch.design: batch.samples for batch in batches}
             yield from self._simulate(wanted, self.counts.done + sum(map(len, wanted.values())))
             yield from self.pool.finish()
-            schedule.record({one: writer.run_counts(plan, one, samples) for one, samples in wanted.items()}, batches)
-            self.counts.total = most - int((plan.environments - schedule.runs)[schedule.closed].sum())
+            schedule.record(
+                {design: writer.run_counts(plan, design, samples) for design, samples in wanted.items()}, batches
+            )
+            self.counts.total = total - int((plan.environments - schedule.runs)[schedule.closed].sum())
             self.counts.decided = decided + int((schedule.decided & schedule.closed).sum())
             self.report(self.counts)
         writer.end_experiment(plan, int(schedule.runs.sum()))
 
     def _simulate(self, wanted: Mapping[int, range] | None, total: int) -> Iterator[list[FinishedRun]]:
-        """Simulate the ``wanted`` samples of designs (by position; None: all of all); then ``total`` runs are counted."""
+        """Simulate the ``wanted`` samples of designs, by position (None: all). Afterwards ``total`` runs are counted."""
         plan = self.plan
-        every = range(plan.environments)
+        all_samples = range(plan.environments)
         if wanted is not None:
-            every = range(min(one.start for one in wanted.values()), max(one.stop for one in wanted.values()))
-        for sample in every:
+            all_samples = range(
+                min(samples.start for samples in wanted.values()), max(samples.stop for samples in wanted.values())
+            )
+        for sample in all_samples:
             self._samples.reach(sample)
             for run in self.writer.planned_runs(plan, sample):
                 if wanted is not None and sample not in wanted.get(run.design, ()):

@@ -1,6 +1,6 @@
-"""A listing's experiments, complete for simulation: families, the environment's program, set-points, time limits.
+"""A listing's experiments with all that a simulation needs: families, programs, set-points, time limits.
 
-Input: a listing file and the command line's changes. Output: Experiments with checked designs.
+Input: a listing file and the options of a command. Output: experiments with checked designs.
 """
 
 from collections.abc import Mapping
@@ -27,9 +27,9 @@ TRIAL_LIMIT = "TRIAL_MAX_S"
 class Experiment:
     """One experiment: each design of the family in each of ``environments`` samples of the program.
 
-    ``thresholds`` are the shares of passed runs, 0 to 1, that tell good designs from bad ones, in ascending order.
-    ``condition`` is the listing's (see open_environment). ``variation`` maps the names of spreads to standard
-    deviations; it is empty if cars are as designed.
+    ``thresholds`` are success rates, 0 to 1, in ascending order, that good designs reach. ``condition`` is the listing's
+    (see open_environment). ``variation`` maps the names of spreads to standard deviations; it is empty if all cars are
+    as designed.
     """
 
     id: str
@@ -50,10 +50,10 @@ class Experiment:
     thresholds: tuple[float, ...] = ()
 
     def settings(self, design: Design, body: Mapping[str, Any], table: Mapping[str, TableRow]) -> dict[str, Any]:
-        """The settings of this design's runs: docs/carsim.md's ``run`` object without ids.
+        """Return the settings of a design's runs: the ``run`` object of docs/carsim.md without ids.
 
-        FoldcarError if a value is outside the limits of the firmware's parameter table ``table``, or the car is slower
-        than the commanded speed.
+        Raises FoldcarError if a value is outside the limits of the firmware's parameter table ``table``, or the car is
+        slower than the commanded speed.
         """
         return run_settings(design, body, table, self.timeout_s, self.speed_m_s, self.yaw_rate_rad_s, self.place)
 
@@ -68,9 +68,9 @@ class Study:
 
 
 def read_study(file: Path, experiment: str | None = None, environments: int | None = None) -> Study:
-    """The study in a listing, or one experiment of it; ``environments`` overrides the number of samples.
+    """Read the study of a listing, or one experiment of it; ``environments`` overrides the number of samples.
 
-    ListingError of all mistakes of the listing, also in parts that were not chosen.
+    Raises ListingError with all mistakes of the listing, also in parts that were not chosen.
     """
     listing, text = read_listing(file, programs=True)
     if not listing.experiments:
@@ -80,20 +80,20 @@ def read_study(file: Path, experiment: str | None = None, environments: int | No
         close = did_you_mean(experiment, known)
         raise ListingError(file, f'experiments: has no "{experiment}"; known: {", ".join(known)}{close}')
     for name in filter(VARIANT.search, listing.experiments):
-        reason = "ends as the names that foldcar gives to variants of experiments; choose another"
+        reason = "ends like the names that foldcar gives to variants of experiments; choose another name"
         raise ListingError(file, f'experiments: "{name}": {reason}')
-    chosen = []
-    for name, listed in listing.experiments.items():
+    experiments = []
+    for name, entry in listing.experiments.items():
         if experiment is not None and name != experiment:
             continue
-        environment = listing.environments[listed.env_id]
+        environment = listing.environments[entry.env_id]
         program = file.parent / environment.scenic_filename
-        params, place = listed.params, f"{file}: experiments.{name}"
-        chosen.append(
+        params, place = entry.params, f"{file}: experiments.{name}"
+        experiments.append(
             Experiment(
                 id=name,
-                family=read_family(file, listed.veh_id, listing.vehicles[listed.veh_id]),
-                environment=listed.env_id,
+                family=read_family(file, entry.veh_id, listing.vehicles[entry.veh_id]),
+                environment=entry.env_id,
                 program=program,
                 program_name=environment.scenic_filename,
                 scenic_params=environment.scenic_params,
@@ -109,7 +109,7 @@ def read_study(file: Path, experiment: str | None = None, environments: int | No
                 thresholds=params.threshold,
             )
         )
-    return Study(str(file), text, tuple(chosen))
+    return Study(str(file), text, tuple(experiments))
 
 
 def run_settings(
@@ -121,19 +121,19 @@ def run_settings(
     yaw_rate_rad_s: float,
     place: str,
 ) -> dict[str, Any]:
-    """As :meth:`Experiment.settings`; ``place`` names the experiment in errors."""
+    """Return what :meth:`Experiment.settings` describes; ``place`` names the experiment in errors."""
     values = firmware_parameters(design, body)
     limit = table.get(TRIAL_LIMIT)
     if limit is not None and timeout_s > limit.default:
         if timeout_s > limit.maximum:
-            what = f"{timeout_s:g} is above the maximum {limit.maximum:g} s"
-            raise ListingError(f"{place}.params.timeout", f"{what} (the firmware's {TRIAL_LIMIT})")
+            reason = f"{timeout_s:g} is above the maximum {limit.maximum:g} s"
+            raise ListingError(f"{place}.params.timeout", f"{reason} (the firmware's {TRIAL_LIMIT})")
         values[TRIAL_LIMIT] = timeout_s
     check_parameters(values, table)
     full_m_s = full_speed_m_s(design)
     if speed_m_s is not None and speed_m_s > full_m_s:
-        what = f"{speed_m_s:g} is above {full_m_s:.3g} m/s, the full speed of {design.title}"
-        raise ListingError(f"{place}.params.speed", what)
+        reason = f"{speed_m_s:g} is above {full_m_s:.3g} m/s, the full speed of {design.title}"
+        raise ListingError(f"{place}.params.speed", reason)
     return {
         "speed_m_s": speed_m_s if speed_m_s is not None else full_m_s,
         "yaw_rate_rad_s": yaw_rate_rad_s,
@@ -143,6 +143,6 @@ def run_settings(
 
 
 def engine_study(study: Study, carsim: "Carsim") -> Study:
-    """The study with its experiments named for the simulator's engine."""
+    """Return the study with its experiments named after the simulator's engine."""
     named = (replace(experiment, id=engine_id(experiment.id, carsim.engine)) for experiment in study.experiments)
     return replace(study, experiments=tuple(named))

@@ -1,7 +1,7 @@
 """A listed vehicle as a family of designs: every combination of its parameters' values.
 
-Input: a vehicle of a listing. Output: designs, composed one by one in the order of the listing, the last varied
-parameter changing fastest. Members that cannot be built are skipped, with the reason. Errors name file and key.
+Input: a vehicle of a listing. Output: designs in the order of the listing; the last varied parameter changes fastest.
+Members that cannot be built are skipped, and the reasons are kept. Errors name file and key.
 """
 
 import itertools
@@ -25,16 +25,16 @@ from foldcar.car.parts.catalogue import DEFAULT_CHOICES, OPTIONS, PartChoices, P
 from foldcar.study.listing import ListedVehicle, ListingError
 from foldcar.typed import did_you_mean
 
-# Multiples of it, without their whole parts, are spread over 0 to 1.
+# The fractional parts of its multiples are spread evenly over 0 to 1.
 GOLDEN_RATIO = (5**0.5 - 1) / 2
 
 
 @dataclass(frozen=True)
 class Family:
-    """``choices`` maps parameter keys to their values (mm, degrees), ``origins`` to their places in the ``file``.
+    """A family. ``choices`` maps parameter keys to values (mm, degrees), ``origins`` to their places in ``file``.
 
-    ``type`` is the modules, ``parts`` are the parts of all members.
-    ``members`` are the combinations that are wanted, in the order of ``choices``; None: every one.
+    ``type`` names the modules, ``parts`` the parts of all members. ``members`` are the selected combinations, in the
+    order of ``choices``; None: all combinations.
     """
 
     vehicle: str
@@ -45,7 +45,7 @@ class Family:
     place: str
     members: tuple[tuple[float, ...], ...] | None = None
     parts: PartChoices = DEFAULT_CHOICES
-    # Why a member cannot be built, or None, by its values: checking one takes some 20 ms.
+    # Results of checks by a member's values, None if it can be built. A check takes about 20 ms.
     _checked: dict[tuple[float, ...], DesignError | None] = field(default_factory=dict, repr=False, compare=False)
 
     def __len__(self) -> int:
@@ -54,25 +54,25 @@ class Family:
 
     @property
     def combinations(self) -> int:
-        """The number of designs, those that cannot be built included."""
+        """The number of designs, including those that cannot be built."""
         return math.prod(len(values) for values in self.choices.values()) if self.members is None else len(self.members)
 
     def spread_out(self) -> Iterator[tuple[int, tuple[float, ...]]]:
-        """Every combination with its place in the order; the first ones of any number are spread over the family."""
+        """Yield all combinations with their positions, in an order whose first ones are spread over the family."""
         count = self.combinations
         step = round(count * GOLDEN_RATIO) or 1
         while math.gcd(step, count) > 1:
             step += 1
-        for turn in range(count):
-            place = rest = turn * step % count
+        for index in range(count):
+            position = remainder = index * step % count
             values = []
             for choices in reversed(list(self.choices.values())):
-                rest, at = divmod(rest, len(choices))
-                values.append(choices[at])
-            yield place, tuple(reversed(values))
+                remainder, level = divmod(remainder, len(choices))
+                values.append(choices[level])
+            yield position, tuple(reversed(values))
 
     def __iter__(self) -> Iterator[Design]:
-        """Every design that can be built; ListingError, naming all that is wrong with the first, if none can."""
+        """Yield the designs that can be built. If there is none, raises ListingError with the first one's mistakes."""
         built = False
         for values in self._combinations():
             if self.error(values) is None:
@@ -82,14 +82,14 @@ class Family:
             first = dict(zip(self.choices, next(self._combinations()), strict=True))
             raise self._listing_error([(self._origin(e.parameter), e.message) for e in self._errors(first)])
 
-    def take_as_sound(self, built: Iterable[Mapping[str, float]]) -> None:
-        """Members, by their columns, are known to be such that can be built."""
+    def take_as_sound(self, designs: Iterable[Mapping[str, float]]) -> None:
+        """Record that these members, given by their columns, can be built, so that they are not checked."""
         columns = self.columns()
-        self._checked.update((tuple(one[column] for column in columns), None) for one in built)
+        self._checked.update((tuple(design[column] for column in columns), None) for design in designs)
 
     @property
     def vehicle_type(self) -> str:
-        """The type string of its members: their modules and the parts that are not the default ones."""
+        """The type string of its members: their modules, and parts that are not the default."""
         return self.type + self.parts.suffix
 
     @property
@@ -105,37 +105,37 @@ class Family:
                     for (key, choices), value in members
                     if len(choices) > 1
                 ]
-                at_fault = "" if error.parameter is None else f"{error.parameter}: "
-                result.append(f"{', '.join(varied)}: {at_fault}{error.message}")
+                parameter_text = "" if error.parameter is None else f"{error.parameter}: "
+                result.append(f"{', '.join(varied)}: {parameter_text}{error.message}")
         return result
 
     def design(self, values: tuple[float, ...]) -> Design:
-        """The design with these values, in the order of ``choices``; DesignError if it cannot be built."""
+        """Return the design with these values, in the order of ``choices``. Raises DesignError if it cannot be built."""
         return compose(self.type, dict(zip(self.choices, values, strict=True)), self.parts)
 
     def has(self, values: tuple[float, ...]) -> bool:
-        """Whether they are one of the family's combinations, whatever its ``members``."""
+        """Return whether the values are a combination of the family's choices, even if not among its ``members``."""
         return all(value in choices for value, choices in zip(values, self.choices.values(), strict=True))
 
     def columns(self) -> list[str]:
-        """The column names in results of the parameters, in the order of ``choices``."""
+        """Return the parameters' column names in results, in the order of ``choices``."""
         return [_column(key) for key in self.choices]
 
     def only(self, members: Iterable[tuple[float, ...]]) -> "Family":
-        """The family of these combinations alone."""
+        """Return the family with only these combinations."""
         return replace(self, members=tuple(members))
 
     def _combinations(self) -> Iterator[tuple[float, ...]]:
         return itertools.product(*self.choices.values()) if self.members is None else iter(self.members)
 
     def error(self, values: tuple[float, ...]) -> DesignError | None:
-        """Why the car with these values cannot be built; None if it can."""
+        """Return why the car with these values cannot be built; None if it can."""
         if values not in self._checked:
             self._checked[values] = self._first_error(dict(zip(self.choices, values, strict=True)))
         return self._checked[values]
 
     def _errors(self, values: Mapping[str, float]) -> list[DesignError]:
-        """What is wrong with a design: all values beyond their limits or, with none, what else is wrong first."""
+        """Return a design's errors: all values outside their limits; if there are none, the first other error."""
         beyond = design_errors(self.type, values, catalogue_of(self.parts))
         first = self._first_error(values)
         return [error for error, _ in beyond.values()] or ([] if first is None else [first])
@@ -159,7 +159,7 @@ class Family:
         return {_column(key): values for key, values in self.choices.items() if len(values) > 1}
 
     def narrowed(self, settings: Mapping[str, float | str]) -> "Family":
-        """The family with these parameters fixed (``width``, ``W.length``) and parts of these names; FoldcarError."""
+        """Return the family with these parameters (``width``, ``W.length``) and parts fixed. Raises FoldcarError."""
         choices, origins, parts, letters = dict(self.choices), dict(self.origins), self.parts, self.type.split("_")
         for key, value in settings.items():
             if isinstance(value, str):
@@ -176,7 +176,7 @@ class Family:
                 raise ListingError(f"--set {key}", f"{self.type} has no such parameter; it has {', '.join(known)}{close}")
             choices[key] = (value,)
             origins[key] = f"--set {key}"
-        # Where each module has a value of its own, that of all sets nothing.
+        # If each module has its own value of a parameter, the common value has no effect.
         for key in [key for key in choices if key in parameters() and key not in settings]:
             keys = place_keys(key, letters)
             if keys and choices.keys() >= set(keys):
@@ -184,13 +184,13 @@ class Family:
         return replace(self, choices=choices, origins=origins, parts=parts, _checked={})
 
     def single(self) -> Design:
-        """The only design; ListingError naming a parameter that has several values."""
+        """Return the only design. Raises ListingError, naming a parameter with several values, if there are more."""
         for key, values in self.choices.items():
             if len(values) > 1:
-                shown = ", ".join(f"{value:g}" for value in values[:3])
+                first_values = ", ".join(f"{value:g}" for value in values[:3])
                 more = f", … {values[-1]:g}" if len(values) > 3 else ""
-                has = f"has {len(values)} values ({shown}{more})"
-                raise self._listing_error([(self.origins[key], f"{has}; choose one with --set {key}=…")])
+                count_text = f"has {len(values)} values ({first_values}{more})"
+                raise self._listing_error([(self.origins[key], f"{count_text}; choose one with --set {key}=…")])
         return next(iter(self))
 
     def _origin(self, key: str | None) -> str:
@@ -206,7 +206,7 @@ def _column(key: str) -> str:
 
 
 def read_family(file: Path, vehicle_id: str, vehicle: ListedVehicle) -> Family:
-    """The family of the vehicle ``vehicle_id`` of the listing ``file``; ListingError of all mistakes if it is invalid."""
+    """Return the family of a vehicle of the listing ``file``. Raises ListingError with all mistakes if it is invalid."""
     place = f"vehicles.{vehicle_id}"
     try:
         letters = modules_of(vehicle.type)
@@ -224,28 +224,28 @@ def read_family(file: Path, vehicle_id: str, vehicle: ListedVehicle) -> Family:
         try:
             parts = parts.changed({kind: name})
         except PartError as error:
-            at = "" if error.kind is None else f".{error.kind}"
-            mistakes.append(f"{place}.parts{at}: {error.message}")
+            kind_text = "" if error.kind is None else f".{error.kind}"
+            mistakes.append(f"{place}.parts{kind_text}: {error.message}")
     for index, groups in enumerate(vehicle.params):
         for group, settings in groups.items():
-            here = f"{place}.params.{index}.{group}"
+            path = f"{place}.params.{index}.{group}"
             if group not in ("common", *letters, *places_of(letters)):
                 known = ", ".join([*sorted(set(letters)), *places_of(letters)])
-                mistakes.append(f"{here}: {vehicle.type} has no module {group}; known: common, {known}")
+                mistakes.append(f"{path}: {vehicle.type} has no module {group}; known: common, {known}")
                 continue
             for parameter_name, values in settings.items():
                 parameter = find_parameter(group, parameter_name)
-                origin = f"{here}.{parameter_name}"
+                origin = f"{path}.{parameter_name}"
                 if parameter is None:
                     names = names_in(group)
                     close = did_you_mean(parameter_name, names)
-                    mistakes.append(f'{here}: unknown parameter "{parameter_name}"; known: {", ".join(names)}{close}')
+                    mistakes.append(f'{path}: unknown parameter "{parameter_name}"; known: {", ".join(names)}{close}')
                 elif not parameter.declared.is_switch and any(isinstance(value, bool) for value in values):
                     text = f"{values[0]} is not a number; write a number, a list of numbers or a range"
                     mistakes.append(f"{origin}: {text}")
                 elif choices.setdefault(parameter.key, values) != values:
                     first = origins[parameter.key]
-                    mistakes.append(f"{origin}: differs from {first}, but the whole car has one value of it")
+                    mistakes.append(f"{origin}: differs from {first}, but this parameter has one value for the whole car")
                 else:
                     origins.setdefault(parameter.key, origin)
     if mistakes:

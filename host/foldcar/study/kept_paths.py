@@ -1,51 +1,51 @@
-"""Which paths a sweep keeps beside its results, so that a page can show the runs without simulating them again.
+"""Decides which paths a sweep stores, so that a page can show the runs without simulating them again.
 
-Input: how runs ended, in the order in which they are simulated. Output: whether to keep a run's path. A bounded number:
-each shown design's first of each ending, and as many of the others as fit, which are those of the first samples.
+Input: the outcomes of runs, in the order of simulation. Output: whether to store a run's path. For each shown design the
+first path of each outcome is stored, and further paths until a limit is reached.
 """
 
 from collections.abc import Iterable
 
 from foldcar.simulation.results import OUTCOMES
 
-# Failed runs have no path, and those of a program's own ending are not the simulator's alone.
+# Outcomes whose paths are stored. Failed runs have none; a run that its program ends cannot be repeated by carsim alone.
 REPLAYED = tuple(name for name in OUTCOMES if name in ("passed", "tipped", "stuck", "off_course", "timeout", "fault"))
-# Before compression; a third of it is left in the page. 160 bytes are a second of a run, the width study has 2.7 million.
-MOST_BYTES = 3_000_000
-MOST_RUNS = 5_000
-# More cannot be told apart on a screen.
-MOST_DESIGNS = 400
+# Before compression to a third in the page. A second of a run takes 160 bytes, the width study 2.7 million.
+MAX_BYTES = 3_000_000
+MAX_RUNS = 5_000
+# More designs cannot be distinguished on a screen.
+MAX_DESIGNS = 400
 
 
 def shown_designs(count: int) -> list[int]:
-    """The places of the designs that a page shows: all, or as many as fit, evenly spread over the family."""
-    if count <= MOST_DESIGNS:
+    """Return the positions of the designs that a page shows: all, or MAX_DESIGNS, evenly spread over the family."""
+    if count <= MAX_DESIGNS:
         return list(range(count))
-    return [place * (count - 1) // (MOST_DESIGNS - 1) for place in range(MOST_DESIGNS)]
+    return [place * (count - 1) // (MAX_DESIGNS - 1) for place in range(MAX_DESIGNS)]
 
 
 class KeptPaths:
-    """The paths kept of one experiment; ``designs`` is how many it has, None if that is not known yet.
+    """The stored paths of one experiment; ``designs`` is its number of designs, None if it is not known yet.
 
-    ``known`` are those in the store: design, outcome and characters of each.
+    ``stored`` are the paths in the store: design, outcome and number of characters of each.
     """
 
-    def __init__(self, designs: int | None, known: Iterable[tuple[int, str, int]] = ()) -> None:
+    def __init__(self, designs: int | None, stored: Iterable[tuple[int, str, int]] = ()) -> None:
         self._shown = None if designs is None else set(shown_designs(designs))
         self._endings: set[tuple[int, str]] = set()
         self._runs, self._bytes = 0, 0.0
-        for one in known:
-            self._count(*one)
+        for path in stored:
+            self._count(*path)
 
     def wants(self, design: int) -> bool:
-        """Whether a path of the design could be kept."""
+        """Return whether a path of the design could be stored."""
         return self._shown is None or design in self._shown
 
     def keeps(self, design: int, outcome: str, characters: int) -> bool:
-        """Whether to keep the path of a run that has ended so, of so many characters in base64; if so it is counted."""
+        """Return whether to store the path of a run with this outcome and ``characters`` in base64; if so, count it."""
         if outcome not in REPLAYED or not self.wants(design):
             return False
-        fits = self._runs < MOST_RUNS and self._bytes < MOST_BYTES
+        fits = self._runs < MAX_RUNS and self._bytes < MAX_BYTES
         if not fits and (design, outcome) in self._endings:
             return False
         self._count(design, outcome, characters)

@@ -1,32 +1,32 @@
-"""Limits that a listing's keys and the options of commands share. It imports next to nothing: help is printed at once."""
+"""Limits for the keys of listings and the options of commands. It imports almost nothing, so that help appears fast."""
 
 from typing import Any
 
-# Sampled environments of an experiment, the samples 0 to MOST_ENVIRONMENTS - 1.
-MOST_ENVIRONMENTS = 1_000_000
-# SQLite's largest whole number.
-GREATEST_SEED = 2**63 - 1
-# Processes that simulate side by side.
-MOST_JOBS = 256
+# Sampled environments of an experiment; samples are numbered 0 to MAX_ENVIRONMENTS - 1.
+MAX_ENVIRONMENTS = 1_000_000
+# SQLite's largest integer.
+MAX_SEED = 2**63 - 1
+# Simulator processes in parallel.
+MAX_JOBS = 256
 
 
-# Far beyond every length, time, seed and count, and far within what a double holds.
-LARGEST = 1e15
-SMALLEST = 1e-12
-LARGEST_WHOLE = 2**63 - 1
-SHOWN = 40
+# Bounds of numbers in files: far beyond every length, time, seed and count, and far within the range of a double.
+MAX_NUMBER = 1e15
+MIN_NUMBER = 1e-12
+MAX_INTEGER = 2**63 - 1
+SHOWN_CHARACTERS = 40
 
 
-def checked_threshold(share: float) -> float:
-    """A threshold of success; ValueError if it is not a share of runs."""
-    if not 0 < share < 1:
-        percent = f": write {share / 100:g} for {share:g} %" if 1 < share < 100 else ", as 0.75"
-        raise ValueError(f"{share:g} is not between 0 and 1: a threshold is a share of runs{percent}")
-    return share
+def checked_threshold(rate: float) -> float:
+    """Return a threshold of the success rate. Raises ValueError if it is not between 0 and 1."""
+    if not 0 < rate < 1:
+        percent = f": write {rate / 100:g} for {rate:g} %" if 1 < rate < 100 else ", as 0.75"
+        raise ValueError(f"{rate:g} is not between 0 and 1: a threshold is a fraction of runs{percent}")
+    return rate
 
 
 def check_numbers(data: Any, path: str = "") -> None:
-    """ValueError, naming the place in ``data`` (parsed JSON), if a number or a text in it is out of these bounds."""
+    """Raise ValueError, naming the place in ``data`` (parsed JSON), if a number or string is out of bounds."""
     if isinstance(data, dict):
         for key, value in data.items():
             _check_text(path or "the file", key)
@@ -36,13 +36,15 @@ def check_numbers(data: Any, path: str = "") -> None:
             check_numbers(value, f"{path}.{index}")
     elif isinstance(data, str):
         _check_text(path, data)
-    elif isinstance(data, int) and not isinstance(data, bool) and abs(data) > LARGEST_WHOLE:
-        shown = f"a number of {len(str(abs(data)))} digits" if data.bit_length() < 10_000 else "a number"
-        raise ValueError(f"{path}: {shown} is above the limit {LARGEST_WHOLE} in size")
-    elif isinstance(data, float) and (abs(data) > LARGEST or 0 < abs(data) < SMALLEST):
-        raise ValueError(f"{path}: {data:g} is no number to compute with: its size is not in {SMALLEST:g} to {LARGEST:g}")
+    elif isinstance(data, int) and not isinstance(data, bool) and abs(data) > MAX_INTEGER:
+        number_text = f"a number of {len(str(abs(data)))} digits" if data.bit_length() < 10_000 else "a number"
+        raise ValueError(f"{path}: {number_text} is above the limit {MAX_INTEGER} in size")
+    elif isinstance(data, float) and (abs(data) > MAX_NUMBER or 0 < abs(data) < MIN_NUMBER):
+        raise ValueError(
+            f"{path}: {data:g} is out of bounds: write 0, or an absolute value from {MIN_NUMBER:g} to {MAX_NUMBER:g}"
+        )
 
 
 def _check_text(path: str, text: str) -> None:
     if any("\ud800" <= letter <= "\udfff" for letter in text):
-        raise ValueError(f"{path}: {ascii(text)[:SHOWN]} holds what is no character")
+        raise ValueError(f"{path}: {ascii(text)[:SHOWN_CHARACTERS]} contains an invalid character (a single surrogate)")

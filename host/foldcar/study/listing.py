@@ -1,7 +1,7 @@
-"""The experiment listing: the published JSON form, with unknown keys refused.
+"""The schema of experiment listings (JSON); unknown keys are errors.
 
 Lengths of vehicles are in millimetres. A vehicle parameter may be a number, a list, or a range (``{"from": 65, "to": 245,
-"step": 5}``, both ends included): more than one value makes a family.
+"step": 5}``, both ends included). With more than one value, the vehicle is a family.
 """
 
 import math
@@ -12,20 +12,20 @@ from typing import Annotated, Any
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from foldcar.errors import FoldcarError
-from foldcar.study.limits import GREATEST_SEED, MOST_ENVIRONMENTS, checked_threshold
+from foldcar.study.limits import MAX_ENVIRONMENTS, MAX_SEED, checked_threshold
 
 MAX_FAMILY_VALUES = 100_000
 
 
 class ListingError(FoldcarError):
-    """Mistakes in a listing; each starts with the path of its key, or the option that took its place."""
+    """Mistakes in a listing; each begins with the path of its key, or with the option that replaced it."""
 
     def __init__(self, file: Path | str, *mistakes: str) -> None:
         self.file, self.mistakes = file, mistakes
         super().__init__(f"{file}: {self._count()}{'; '.join(mistakes)}")
 
     def lines(self) -> list[str]:
-        """The one mistake, or a line for each behind one that counts them."""
+        """Return the only mistake, or a line with their number followed by a line for each."""
         if len(self.mistakes) < 2:
             return super().lines()
         return [
@@ -38,17 +38,17 @@ class ListingError(FoldcarError):
 
 
 def _values(raw: Any) -> tuple[float, ...]:
-    """The values of a vehicle parameter."""
+    """Return the values of a vehicle parameter from a number, a list or a range. Raises ValueError."""
     if isinstance(raw, dict):
         return _range_values(raw)
     items = raw if isinstance(raw, list) else [raw]
     if not items:
         raise ValueError("an empty list has no value")
-    # Which parameters are true or false is known where the vehicle's modules are (family.py).
+    # family.py checks which parameters are booleans, because it knows the vehicle's modules.
     values = tuple(item if isinstance(item, bool) else _number(item) for item in items)
     if len(set(values)) < len(values):
-        twice = next(value for value in values if values.count(value) > 1)
-        raise ValueError(f"{twice:g} stands twice in the list")
+        repeated = next(value for value in values if values.count(value) > 1)
+        raise ValueError(f"{repeated:g} occurs twice in the list")
     return values
 
 
@@ -60,15 +60,15 @@ def _range_values(raw: dict[str, Any]) -> tuple[float, ...]:
         raise ValueError(f"step {step:g} must be above 0")
     if last < first:
         raise ValueError(f'"to" {last:g} is below "from" {first:g}')
-    # Fractions of the decimal numbers as typed: 0.1 is a tenth, and three steps of it are 0.3.
-    start, width = Fraction(repr(first)), Fraction(repr(step))
-    steps, rest = divmod(Fraction(repr(last)) - start, width)
+    # Exact fractions of the typed decimals, so that three steps of 0.1 are 0.3.
+    start, step_width = Fraction(repr(first)), Fraction(repr(step))
+    steps, remainder = divmod(Fraction(repr(last)) - start, step_width)
     if steps >= MAX_FAMILY_VALUES:
         raise ValueError(f"the range has {steps + 1} values, the limit is {MAX_FAMILY_VALUES}")
-    if rest:
-        reached = float(start + steps * width)
-        raise ValueError(f'"to" {last:.12g} is not reached in steps of {step:.12g}, as {reached:.12g} is')
-    return tuple(float(start + index * width) for index in range(steps + 1))
+    if remainder:
+        last_value = float(start + steps * step_width)
+        raise ValueError(f'"to" {last:.12g} is not reached in steps of {step:.12g}, as {last_value:.12g} is')
+    return tuple(float(start + index * step_width) for index in range(steps + 1))
 
 
 def _number(raw: Any) -> float:
@@ -84,7 +84,7 @@ def _spread(raw: Any) -> Any:
 
 
 def _part_name(raw: Any) -> Any:
-    """The name of a part: a film's may be written as the number that it is."""
+    """Return a part's name as a string; a film's name is a number and may be written as one."""
     return f"{raw:g}" if isinstance(raw, int | float) and not isinstance(raw, bool) else raw
 
 
@@ -99,35 +99,35 @@ class Strict(BaseModel):
 
 
 def _thresholds(raw: Any) -> tuple[float, ...]:
-    """The thresholds of success, from one number or a list of them."""
+    """Return the thresholds of success from a number or an ascending list. Raises ValueError."""
     thresholds = tuple(checked_threshold(_number(item)) for item in (raw if isinstance(raw, list) else [raw]))
     if not thresholds:
         raise ValueError("an empty list has no threshold")
     if list(thresholds) != sorted(set(thresholds)):
-        raise ValueError(f"{raw!r} does not ascend")
+        raise ValueError(f"{raw!r} is not in ascending order")
     return thresholds
 
 
 class ExperimentParams(Strict):
     """``timeout`` in s, number of sampled ``environments``, ``speed`` in m/s (None: full), ``yaw_rate`` in rad/s.
 
-    ``threshold``: the shares of passed runs, 0 to 1 and ascending, that tell good designs from bad ones.
-    ``variation``: the spread of built cars by name or as overrides (None: cars are as designed);
-    ``variation_seed`` None: the environment's.
+    ``threshold``: success rates, 0 to 1 and ascending, that good designs reach.
+    ``variation``: the spread of built cars, by name or as overrides (None: all cars are as designed).
+    ``variation_seed``: None for the environment's seed.
     """
 
     timeout: float = Field(120.0, gt=0)
-    environments: int = Field(1, ge=1, le=MOST_ENVIRONMENTS)
+    environments: int = Field(1, ge=1, le=MAX_ENVIRONMENTS)
     threshold: Annotated[tuple[float, ...], BeforeValidator(_thresholds)] = ()
     speed: float | None = Field(None, gt=0, le=5)
     yaw_rate: float = Field(0.0, ge=-20, le=20)
     variation: Annotated[str | dict[str, Any] | None, BeforeValidator(_spread)] = None
-    variation_seed: int | None = Field(None, ge=0, le=GREATEST_SEED)
+    variation_seed: int | None = Field(None, ge=0, le=MAX_SEED)
 
     @model_validator(mode="after")
     def _seed_has_a_use(self) -> "ExperimentParams":
         if self.variation_seed is not None and self.variation is None:
-            raise ValueError('"variation_seed" says nothing without "variation"')
+            raise ValueError('"variation_seed" has no effect without "variation"')
         return self
 
 
@@ -140,7 +140,7 @@ class ListedExperiment(Strict):
 
 
 class ListedVehicle(Strict):
-    """A type string, groups of parameters, ``common`` or of a module letter, and names of parts by kind."""
+    """A type string, groups of parameters (``common`` or of a module letter), and names of parts by kind."""
 
     type: str
     parts: dict[str, Annotated[str, BeforeValidator(_part_name)]] = {}
@@ -148,12 +148,12 @@ class ListedVehicle(Strict):
 
 
 class ListedCondition(Strict):
-    """A condition on an environment: names of objects and parameters that keep their values of ``sample``.
+    """A condition on an environment: these objects and parameters keep the values that they have in ``sample``.
 
-    If both are None, everything keeps its value; if one is None, only what the other names.
+    If both lists are None, everything keeps its value. If one is None, only what the other names keeps its value.
     """
 
-    sample: int = Field(ge=0, lt=MOST_ENVIRONMENTS)
+    sample: int = Field(ge=0, lt=MAX_ENVIRONMENTS)
     objects: list[str] | None = None
     params: list[str] | None = None
 
@@ -163,15 +163,15 @@ class ListedEnvironment(Strict):
 
     scenic_filename: str
     wbt_filename: str | None = None
-    seed: int = Field(0, ge=0, le=GREATEST_SEED)
+    seed: int = Field(0, ge=0, le=MAX_SEED)
     scenic_params: dict[str, Any] = {}
     condition: ListedCondition | None = None
 
 
 class Listing(Strict):
-    """A whole file. Without experiments it contains designs only, to be built or viewed.
+    """A listing file. Without experiments it contains only designs, to be built or viewed.
 
-    ``title`` and ``notes`` stand on the report.
+    ``title`` and ``notes`` are printed in the report.
     """
 
     title: str = Field("", max_length=200)

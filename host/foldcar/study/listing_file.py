@@ -1,6 +1,6 @@
-"""Reads the file of an experiment listing (JSON; comments and trailing commas allowed).
+"""Reads the file of an experiment listing (JSON; comments and trailing commas are allowed).
 
-Names all mistakes by key: of form, of cars, of programs.
+It reports all mistakes in form, cars and programs, each with its key.
 """
 
 import re
@@ -29,9 +29,9 @@ from foldcar.study.listing import (
 )
 from foldcar.typed import did_you_mean, did_you_mean_file, read_text
 
-# What pydantic calls a value that should be a JSON object and is not.
+# pydantic's error types for a value that should be a JSON object.
 NO_OBJECT = ("dict_type", "model_type", "model_attributes_type")
-# The objects with keys of foldcar's by their place, without the names that a listing gives to things.
+# The schema at each path; the path omits the names that a listing gives to its experiments, vehicles and environments.
 OBJECTS: dict[tuple[Any, ...], type[Strict]] = {
     (): Listing,
     ("experiments",): ListedExperiment,
@@ -66,7 +66,7 @@ def read_listing(file: Path, programs: bool = False) -> tuple[Listing, str]:
 
 
 def _with_joined_surrogates(data: Any) -> Any:
-    """The data, in whose texts json5 leaves two escapes for a character such as an emoji apart."""
+    """Return the data with surrogate pairs in its strings joined, which json5 leaves apart (for an emoji, say)."""
     if isinstance(data, dict):
         return {_with_joined_surrogates(key): _with_joined_surrogates(value) for key, value in data.items()}
     if isinstance(data, list):
@@ -77,7 +77,7 @@ def _with_joined_surrogates(data: Any) -> Any:
 
 
 def load_listing(file: Path) -> tuple[Any, str]:
-    """The JSON data in ``file`` and the file's text; ListingError."""
+    """Return the JSON data in ``file`` and the file's text. Raises ListingError."""
     try:
         text = read_text(file)
     except FoldcarError as error:
@@ -99,22 +99,22 @@ def load_listing(file: Path) -> tuple[Any, str]:
 
 
 def _json_mistake(message: str) -> str:
-    """The parser's message with the place first."""
+    """Return the parser's message, beginning with line and column."""
     if message.startswith("Exceeds the limit"):
-        # Python's, with advice to programmers.
+        # Replaces Python's own message, which advises programmers.
         return f"a number has more than {sys.get_int_max_str_digits()} digits"
-    found = re.fullmatch(r"<string>:(\d+) (Unexpected .+) at column (\d+)", message)
-    if found is None:
+    match = re.fullmatch(r"<string>:(\d+) (Unexpected .+) at column (\d+)", message)
+    if match is None:
         return message.removeprefix("<string>:")
-    return f"line {found[1]}, column {found[3]}: {found[2].lower()}"
+    return f"line {match[1]}, column {match[3]}: {match[2].lower()}"
 
 
 def validated_listing(data: Any) -> tuple[Listing, list[str]]:
-    """The listing, and all mistakes of its form; with any it is empty."""
+    """Return the listing and all mistakes in its form; with a mistake, the listing is empty."""
     try:
         return Listing.model_validate(data), []
     except ValidationError as error:
-        return Listing.model_construct(), [_mistake(one) for one in error.errors()]
+        return Listing.model_construct(), [_mistake(mistake) for mistake in error.errors()]
 
 
 def _mistake(mistake: Any) -> str:

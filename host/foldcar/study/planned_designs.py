@@ -1,7 +1,7 @@
-"""The designs of an experiment with the simulator's input, each folded once, or not at all if the store holds them.
+"""The designs of an experiment with the simulator's input. They are not folded again if the store holds them.
 
-Input: an experiment, a store. Output: planned designs. Folding a car takes some 10 ms: in a family of thousands longer
-than to see that nothing is to be simulated.
+Input: an experiment, a store. Output: planned designs. Folding a car takes about 10 ms. For thousands of designs that is
+longer than finding out that no run is missing.
 """
 
 import hashlib
@@ -21,24 +21,25 @@ from foldcar.store.writer import PlannedDesign
 from foldcar.study.experiments import Experiment, Study
 
 PACKAGE = Path(__file__).resolve().parents[1]
-# Code and data that designs follow from.
+# Code and data on which designs depend.
 CODE = (PACKAGE / "car", PACKAGE / "study")
 
 
 class PlannedDesigns:
-    """The designs of an experiment in the order of its family; ``fingerprint`` is a hash of all that they follow from."""
+    """The designs of an experiment in the family's order; ``fingerprint`` is a hash of everything they depend on."""
 
     def __init__(self, experiment: Experiment, table: Mapping[str, TableRow], stored: StoredDesigns | None) -> None:
-        """Fold every design, unless ``stored`` are they. FoldcarError."""
+        """Fold every design, unless ``stored`` has the same fingerprint. Raises FoldcarError."""
         self._experiment, self._table = experiment, table
         self.fingerprint = designs_fingerprint(experiment, table)
         if stored is not None and stored.fingerprint == self.fingerprint:
             experiment.family.take_as_sound(stored.parameters)
             self._texts: list[bytes] | None = None
         else:
-            # Compressed to a fifth: they wait for the store to be opened.
+            # Compressed to a fifth, because they stay in memory until the store is opened.
             self._texts = [
-                zlib.compress(json.dumps([one.columns, one.body, one.settings]).encode(), 1) for one in self._folded()
+                zlib.compress(json.dumps([design.columns, design.body, design.settings]).encode(), 1)
+                for design in self._folded()
             ]
 
     def __iter__(self) -> Iterator[PlannedDesign]:
@@ -57,7 +58,7 @@ class PlannedDesigns:
 
 
 def planned_designs(study: Study, store: Path, table: Mapping[str, TableRow]) -> dict[str, PlannedDesigns]:
-    """The designs of every experiment by its id, all of them checked. FoldcarError."""
+    """Return the checked designs of every experiment by its id. Raises FoldcarError."""
     stored = stored_designs(store, [experiment.id for experiment in study.experiments])
     return {
         experiment.id: PlannedDesigns(experiment, table, stored.get(experiment.id)) for experiment in study.experiments
@@ -65,19 +66,19 @@ def planned_designs(study: Study, store: Path, table: Mapping[str, TableRow]) ->
 
 
 def planned_design(experiment: Experiment, design: Design, table: Mapping[str, TableRow]) -> PlannedDesign:
-    """A design with its inputs of the simulator. FoldcarError."""
+    """Return a design with its input for the simulator. Raises FoldcarError."""
     body = body_json(design)
     return PlannedDesign(design.columns, body, experiment.settings(design, body, table))
 
 
 def designs_fingerprint(experiment: Experiment, table: Mapping[str, TableRow]) -> str:
-    """A hash of the family, the settings, foldcar's code of cars, the user's modules and the firmware's parameters."""
+    """Return a hash of the family, the settings, foldcar's car code, the user's modules and the firmware's parameters."""
     family, e = experiment.family, experiment
-    told = [
+    inputs = [
         family.type, repr(family.parts), dict(family.choices), family.members, e.timeout_s, e.speed_m_s, e.yaw_rate_rad_s,
         repr(sorted(table.items())), version("numpy"), _code(), components_digest(),
     ]  # fmt: skip
-    return hashlib.sha256(json.dumps(told).encode()).hexdigest()
+    return hashlib.sha256(json.dumps(inputs).encode()).hexdigest()
 
 
 @cache

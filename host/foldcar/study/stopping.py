@@ -1,10 +1,10 @@
-"""Sweeps that stop when they know: the rules of ``--until``, which designs get the next runs, what is known at the end.
+"""Sequential stopping rules of ``--until``: which designs get the next runs, and what is known at the end.
 
-The schedule is a pure function of results: no clock, no number of simulators. A sweep that resumes goes through the same
-steps with the results that it finds. Rejected runs are made like others, but tell nothing. Every sample size is a valid
-one to stop at, however it was chosen, since the intervals hold at all of them together: so another engine's rates may
-order runs and size batches. They may not set the stakes of the bets behind the intervals: both engines drive in the same
-environments, and luck in those would count twice.
+The schedule is a pure function of results; it uses neither a clock nor the number of simulators. A sweep that resumes
+repeats the same steps with the stored results. Rejected runs are made, but carry no information.
+The intervals hold at all sample sizes simultaneously, so that a design may stop at any size. Another engine's rates may
+therefore order runs and set the sizes of batches. They must not set the stakes of the bets behind the intervals: both
+engines drive in the same environments, whose luck would then count twice.
 """
 
 import re
@@ -21,16 +21,16 @@ from foldcar.statistics.stopping import StoppingRule
 from foldcar.store.designs import DesignCounts
 from foldcar.study.experiments import Experiment, Study
 
-# Percentage points: an interval of half this width and more is known without a run.
-MOST_POINTS = 50
-LEAST_POINTS = 0.1
+# Limits in percentage points. A half-width of MAX_POINTS is reached without a run.
+MAX_POINTS = 50
+MIN_POINTS = 0.1
 
 
 @dataclass(frozen=True)
 class DesignState:
-    """What a sweep knows of a design: its counts and its anytime-valid interval (``low``, ``high``), 0 to 1.
+    """The result of a design: its counts and its anytime-valid interval (``low``, ``high``), 0 to 1.
 
-    Of its ``runs``, the ``rejected`` ones tell nothing of it.
+    The ``rejected`` ones of its ``runs`` carry no information.
     """
 
     experiment: str
@@ -44,7 +44,7 @@ class DesignState:
 
 
 def stopping_rules(until: str, study: Study) -> dict[str, StoppingRule]:
-    """The rules of ``--until``, ``decided`` or as ``5pp``, by the experiment's id. FoldcarError."""
+    """Parse ``--until`` (``decided``, or such as ``5pp``) to the rule of each experiment, by id. Raises FoldcarError."""
     if until == "decided":
         for experiment in study.experiments:
             if not experiment.thresholds:
@@ -53,31 +53,31 @@ def stopping_rules(until: str, study: Study) -> dict[str, StoppingRule]:
         return {experiment.id: StoppingRule(None, experiment.thresholds) for experiment in study.experiments}
     points = re.fullmatch(r"([0-9]+(?:\.[0-9]+)?) ?pp", until)
     if points is None:
-        raise FoldcarError(f"--until: '{until}' is neither decided nor percentage points, as 5pp")
+        raise FoldcarError(f"--until: '{until}' is neither decided nor a number of percentage points, such as 5pp")
     width = float(points[1])
-    if not LEAST_POINTS <= width < MOST_POINTS:
-        raise FoldcarError(f"--until: {until} is not from {LEAST_POINTS}pp to below {MOST_POINTS}pp")
+    if not MIN_POINTS <= width < MAX_POINTS:
+        raise FoldcarError(f"--until: {until} is not from {MIN_POINTS}pp to below {MAX_POINTS}pp")
     return {experiment.id: StoppingRule(width / 100, ()) for experiment in study.experiments}
 
 
 def design_states(experiment: Experiment, rule: StoppingRule, counts: DesignCounts) -> list[DesignState]:
-    """What is known of each design of the experiment."""
+    """Return the result of each design of the experiment."""
     low, high = anytime_interval(counts.passed, counts.counted, rule.confidence)
     decided = rule.decided(counts.passed, counts.counted)
     columns = [design.columns for design in experiment.family]
     rejected = [runs - counted for runs, counted in zip(counts.runs, counts.counted, strict=True)]
-    known = zip(columns, counts.runs, rejected, counts.passed, low.tolist(), high.tolist(), decided.tolist(), strict=True)
-    return [DesignState(experiment.id, *one) for one in known]
+    rows = zip(columns, counts.runs, rejected, counts.passed, low.tolist(), high.tolist(), decided.tolist(), strict=True)
+    return [DesignState(experiment.id, *fields) for fields in rows]
 
 
-# A batch ends where the design is decided with this chance, or after so many runs or this share of those before.
+# A batch ends where the design is decided with this probability, or after this number (or fraction of earlier) runs.
 BATCH_CHANCE = 0.1
 BATCH_RUNS, BATCH_SHARE = 20, 0.25
-# Sample sizes that are tried as a batch's end.
+# How many sample sizes are tried as a batch's end.
 BATCH_ENDS = 20
-# The first batch has as many at least: fewer tell nothing of a design that is then left.
-LEAST_RUNS = 5
-# A step has so many runs, and takes this share of the open designs: simulators wait for each other at its end.
+# Minimum size of the first batch: fewer runs would say nothing about a design that then waits.
+MIN_RUNS = 5
+# A step has at least this many runs and this fraction of the open designs, because simulators wait at its end.
 STEP_RUNS, STEP_SHARE = 64, 0.125
 
 
@@ -90,11 +90,11 @@ class Batch:
 
 
 class Schedule:
-    """The state of a sweep: :meth:`next` gives batches, :meth:`record` takes their results, until there are none.
+    """The schedule of a sweep: :meth:`next` returns batches, :meth:`record` takes their results, until all are closed.
 
-    ``reached`` is, of each design, 1 + its highest stored sample: what is stored is judged. ``other`` are counts
-    (passed, counted), both (designs,), in another engine; None: designs go side by side in the listing's order. Of the
-    ``runs`` that were made, ``counted`` ones belong in a rate.
+    ``most`` is the maximum number of runs of a design. ``reached`` is each design's highest stored sample + 1: stored
+    runs always count. ``other`` are the counts (passed, counted), both (designs,), in another engine; None: all designs
+    advance together in the listing's order. ``counted`` of the ``runs`` were not rejected.
     """
 
     def __init__(
@@ -111,31 +111,31 @@ class Schedule:
         self.counted = numpy.zeros(len(reached), int)
         self.decided = numpy.zeros(len(reached), bool)
         self.closed = numpy.zeros(len(reached), bool)
-        # Without predictions designs with equal counts get equal batches.
+        # Without another engine's counts, designs with equal counts get equal batches.
         self._ends: dict[tuple[int, int, int], int] = {}
         self._runs_to_decide = _runs_to_decide(rule, most)
 
     def next(self) -> list[Batch]:
-        """The batches of the next step; none if every design is closed."""
-        still = numpy.flatnonzero(~self.closed)
-        if not len(still):
+        """Return the batches of the next step; an empty list if every design is closed."""
+        undecided = numpy.flatnonzero(~self.closed)
+        if not len(undecided):
             return []
-        there = self._other or (numpy.zeros_like(self.runs), numpy.zeros_like(self.runs))
-        masses = predicted_rates(self.passed, self.counted, *there)
+        other_counts = self._other or (numpy.zeros_like(self.runs), numpy.zeros_like(self.runs))
+        masses = predicted_rates(self.passed, self.counted, *other_counts)
         if self._other is None:
-            return [self._batch(design, masses[design]) for design in still.tolist()]
-        worth = self._bits_per_run(masses[still], self.counted[still])
+            return [self._batch(design, masses[design]) for design in undecided.tolist()]
+        bits_per_run = self._bits_per_run(masses[undecided], self.counted[undecided])
         batches: list[Batch] = []
-        # Of equals the first one in the listing: the sort is stable, the last digits of sums are not.
-        for at in numpy.argsort(-worth.round(9), kind="stable"):
-            if len(batches) >= STEP_SHARE * len(still) and sum(len(batch.samples) for batch in batches) >= STEP_RUNS:
+        # Rounding makes the order reproducible: among equal designs, the first one in the listing comes first.
+        for index in numpy.argsort(-bits_per_run.round(9), kind="stable"):
+            if len(batches) >= STEP_SHARE * len(undecided) and sum(len(batch.samples) for batch in batches) >= STEP_RUNS:
                 break
-            design = int(still[at])
+            design = int(undecided[index])
             batches.append(self._batch(design, masses[design]))
         return batches
 
     def record(self, counts: Mapping[int, tuple[int, int]], batches: Sequence[Batch]) -> None:
-        """The results of a step: of each design's new samples, how many passed and how many belong in a rate."""
+        """Record a step's results: for each design's new samples, how many passed and how many were not rejected."""
         for batch in batches:
             design = batch.design
             passed, counted = counts[design]
@@ -148,9 +148,9 @@ class Schedule:
 
     def _ended(self, design: int) -> bool:
         passed, runs, counted = int(self.passed[design]), int(self.runs[design]), int(self.counted[design])
-        # No run to come is taken to be rejected.
-        most = self._most - (runs - counted)
-        return bool(self.decided[design]) or runs >= self._most or self._rule.hopeless(passed, counted, most)
+        # Assume that no future run is rejected.
+        max_counted = self._most - (runs - counted)
+        return bool(self.decided[design]) or runs >= self._most or self._rule.hopeless(passed, counted, max_counted)
 
     def _batch(self, design: int, masses: NDArray[numpy.float64]) -> Batch:
         passed, runs, counted = int(self.passed[design]), int(self.runs[design]), int(self.counted[design])
@@ -158,33 +158,33 @@ class Schedule:
             return Batch(design, range(runs, int(self._reached[design])))
         if self._other is not None:
             return Batch(design, range(runs, self._end(passed, runs, counted, masses)))
-        known = passed, runs, counted
-        if known not in self._ends:
-            self._ends[known] = self._end(*known, masses)
-        return Batch(design, range(runs, self._ends[known]))
+        counts = passed, runs, counted
+        if counts not in self._ends:
+            self._ends[counts] = self._end(*counts, masses)
+        return Batch(design, range(runs, self._ends[counts]))
 
     def _end(self, passed: int, runs: int, counted: int, masses: NDArray[numpy.float64]) -> int:
         last = min(self._most, runs + max(BATCH_RUNS, int(BATCH_SHARE * runs)))
-        first = min(last, max(runs + 1, LEAST_RUNS))
+        first = min(last, max(runs + 1, MIN_RUNS))
         for end in numpy.unique(numpy.linspace(first, last, BATCH_ENDS).round().astype(int)).tolist():
             if self._rule.chance(RATES, masses, passed, counted, end - runs + counted) >= BATCH_CHANCE:
                 return int(end)
         return last
 
     def _bits_per_run(self, masses: NDArray[numpy.float64], runs: NDArray[numpy.int_]) -> NDArray[numpy.float64]:
-        """What is unknown of each design's side of the thresholds (bits), for each run that it is expected to need."""
-        left = (masses * numpy.maximum(self._runs_to_decide - runs[:, None], 1)).sum(axis=1)
+        """Return each design's uncertainty about its side of the thresholds (bits) per run that it will need."""
+        expected_runs = (masses * numpy.maximum(self._runs_to_decide - runs[:, None], 1)).sum(axis=1)
         if not self._rule.thresholds:
-            return numpy.asarray(1 / left)
+            return numpy.asarray(1 / expected_runs)
         zones = numpy.searchsorted(self._rule.thresholds, RATES)
         sides = numpy.stack([masses[:, zones == zone].sum(axis=1) for zone in range(zones.max() + 1)])
         bits = -(sides * numpy.log2(numpy.maximum(sides, 1e-300))).sum(axis=0)
-        result: NDArray[numpy.float64] = bits / left
+        result: NDArray[numpy.float64] = bits / expected_runs
         return result
 
 
 def _runs_to_decide(rule: StoppingRule, most: int) -> NDArray[numpy.float64]:
-    """The number of runs (RATES,) that decides a design, at most ``most``, if the share that passes is its rate."""
+    """Return the number of runs (RATES,), at most ``most``, after which a design with exactly this rate is decided."""
     sizes = numpy.unique(numpy.geomspace(1, most, 60).round())
     decided = rule.decided(RATES[:, None] * sizes, numpy.broadcast_to(sizes, (len(RATES), len(sizes))))
     return numpy.where(decided.any(axis=1), sizes[decided.argmax(axis=1)], float(most))

@@ -1,8 +1,8 @@
-"""A sweep: simulates every design of every experiment in every environment that the store lacks.
+"""Simulates a sweep: every design of every experiment in every environment, except runs that the store has.
 
 Input: a study, a store's path, a simulator. Output: rows in the store and their counts. Only the calling thread samples,
-plans and writes; workers wait for simulator processes. Dynamic programs run with Scenic beside the simulation, all
-others in carsim's batch.
+plans and writes; other threads wait for simulator processes. Scenic runs beside the simulation of dynamic programs; all
+others run in carsim's batch.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -25,20 +25,20 @@ from foldcar.study.environments import Environment
 from foldcar.study.experiment_runs import ExperimentRuns, Progress
 from foldcar.study.experiments import Experiment, Study
 from foldcar.study.planned_designs import PlannedDesigns, planned_designs
+from foldcar.study.side_view_check import side_view_limits
 from foldcar.study.stopping import design_states
-from foldcar.study.unlike_sides import beyond_side_view
 from foldcar.version import __version__
 
-# Cars that cannot be built: how many are announced by name.
+# How many cars that cannot be built are announced by name.
 SHOWN_SKIPPED = 5
 
 
 @dataclass(frozen=True)
 class Sweep:
-    """What is asked for: the runs of ``study`` that ``store`` lacks, by ``carsim``.
+    """A planned sweep: ``carsim`` simulates the runs of ``study`` that ``store`` lacks.
 
-    ``command`` is what the store says of its origin. ``environment_of`` makes the environments: those of a calibration
-    are others. ``until`` holds, by experiment, when a design needs no more runs.
+    The store records ``command`` as its origin. ``environment_of`` creates an experiment's environment; a calibration
+    has its own. ``until`` has the stopping rules by experiment.
     """
 
     study: Study
@@ -50,17 +50,17 @@ class Sweep:
 
     @cached_property
     def environments(self) -> list[Environment]:
-        """Those of the study's experiments, in their order."""
+        """The environments of the study's experiments, in their order."""
         return [self.environment_of(experiment) for experiment in self.study.experiments]
 
     @cached_property
     def designs(self) -> dict[str, PlannedDesigns]:
-        """The designs of every experiment by its id, all of them checked. FoldcarError."""
+        """The checked designs of every experiment by its id. Raises FoldcarError."""
         return planned_designs(self.study, self.store, self.carsim.parameter_table())
 
     @cached_property
     def progress(self) -> Progress:
-        """The counts, of which ``total`` is all runs, stored or not."""
+        """The counts of runs; ``total`` includes runs that are already stored."""
         return Progress(
             total=sum(len(self.designs[experiment.id]) * experiment.environments for experiment in self.study.experiments)
         )
@@ -71,37 +71,40 @@ class Sweep:
         report: Callable[[Progress], None] = lambda progress: None,
         announce: Callable[[str], None] = lambda line: None,
     ) -> Progress:
-        """Simulate the missing runs; ``simulators`` is where, or how many simulators there are on this machine.
+        """Simulate the missing runs on ``simulators``: an object, or the number of simulators on this machine.
 
-        ``report`` is called after every step, ``announce`` for each line that holds for the sweep, before its first run.
-        Nothing is written before every design and, for a new store, every environment has been checked. FoldcarError.
+        ``report`` is called after every step. ``announce`` is called before the first run with lines about the sweep.
+        Nothing is written before every design and, for a new store, every environment has been checked. Raises
+        FoldcarError.
         """
         counts, carsim = self.progress, self.carsim
-        chosen = list(zip(self.study.experiments, self.environments, strict=True))
+        planned = list(zip(self.study.experiments, self.environments, strict=True))
         if not self.store.exists():
             for environment in self.environments:
                 environment.sample(0)
         if self.until:
             self._check_success()
-        unlike = {}
+        side_view_texts = {}
         if carsim.engine == ENGINES[SIDE_VIEW].title:
-            unlike = {one.id: beyond_side_view(carsim, one, environment) for one, environment in chosen}
+            side_view_texts = {
+                experiment.id: side_view_limits(carsim, experiment, environment) for experiment, environment in planned
+            }
         with write_store(self.store) as writer:
             writer.begin_study(study_facts(self.study, carsim, self.command), carsim.build)
             plans = [
                 plan_experiment(
-                    one, environment, writer, self.designs[one.id], self.until.get(one.id), carsim.engine,
-                    unlike=unlike.get(one.id, ""),
+                    experiment, environment, writer, self.designs[experiment.id], self.until.get(experiment.id),
+                    carsim.engine, unlike=side_view_texts.get(experiment.id, ""),
                 )
-                for one, environment in chosen
+                for experiment, environment in planned
             ]  # fmt: skip
-            for line in self._announced(plans, unlike):
+            for line in self._announced(plans, side_view_texts):
                 announce(line)
             counts.judged = sum(
                 len(self.designs[plan.id]) * plan.environments for plan in plans if plan.facts["success_defined"]
             )
             with ChunkPool(writer, simulators, carsim.limits().numbers) as pool:
-                for (experiment, environment), plan in zip(chosen, plans, strict=True):
+                for (experiment, environment), plan in zip(planned, plans, strict=True):
                     dynamic = writer.is_dynamic(plan.environment_id, partial(getattr, environment, "dynamic"))
                     rule, rejected = self.until.get(plan.id), counts.rejected
                     with environment.runner(carsim, dynamic) as runner, pool.using(runner):
@@ -113,10 +116,10 @@ class Sweep:
                         if rule is not None:
                             counts.states += design_states(experiment, rule, writer.design_counts(plan))
                         if runner is not carsim:
-                            # This runner is closed at the end of its experiment.
+                            # This runner is closed at the end of its experiment, so its chunks must finish first.
                             for finished in pool.finish():
                                 self._keep(finished, writer, report)
-                    # Only a program that runs beside the simulation rejects: these runs are finished.
+                    # Only dynamic programs reject runs, and all runs of those are finished here.
                     if plan.facts["success_defined"]:
                         counts.judged -= counts.rejected - rejected
                 for finished in pool.finish():
@@ -126,21 +129,23 @@ class Sweep:
         return counts
 
     def _check_success(self) -> None:
-        """FoldcarError if an experiment does not define when a run has passed."""
+        """Raise FoldcarError if an experiment does not define when a run has passed."""
         for experiment, environment in zip(self.study.experiments, self.environments, strict=True):
             if not environment.success.defined:
-                raise FoldcarError(f"{experiment.place}: --until has nothing to decide: {environment.success.text}")
+                raise FoldcarError(
+                    f"{experiment.place}: --until needs a definition of success: {environment.success.text}"
+                )
 
-    def _announced(self, plans: Sequence[PlannedExperiment], unlike: Mapping[str, str]) -> Iterator[str]:
-        """What holds for the sweep: the rules of success, each with its experiments, and what is left out."""
+    def _announced(self, plans: Sequence[PlannedExperiment], side_view_texts: Mapping[str, str]) -> Iterator[str]:
+        """Yield lines about the sweep: rules of success with their experiments, engine notes, and skipped cars."""
         experiments: dict[str, list[str]] = {}
         for plan in plans:
             experiments.setdefault(plan.facts["success_rule"], []).append(plan.id)
         for rule, names in experiments.items():
             yield f"experiment{'s' if len(names) > 1 else ''} {', '.join(names)}: {rule}"
-        for name, what in unlike.items():
-            if what:
-                yield f"experiment {name}: {unlike_sides_text(what)}"
+        for name, text in side_view_texts.items():
+            if text:
+                yield f"experiment {name}: {unlike_sides_text(text)}"
         for experiment in self.study.experiments:
             skipped = experiment.family.skipped
             if skipped:
@@ -151,10 +156,10 @@ class Sweep:
                 yield f"  and {len(skipped) - SHOWN_SKIPPED} more, which `foldcar sweep --dry-run` lists"
 
     def _keep(self, finished: list[FinishedRun], writer: StoreWriter, report: Callable[[Progress], None]) -> None:
-        writer.add_results((one.run, one.answer) for one in finished)
+        writer.add_results((run.run, run.answer) for run in finished)
         self.progress.new += len(finished)
-        for one in finished:
-            self.progress.count(outcome_of(one.answer), one.count)
+        for run in finished:
+            self.progress.count(outcome_of(run.answer), run.count)
         report(self.progress)
 
 
@@ -168,20 +173,20 @@ def plan_experiment(
     searched: Sequence[str] = (),
     unlike: str = "",
 ) -> PlannedExperiment:
-    """Record an experiment and its family's designs, replacing an earlier one of that id. FoldcarError.
+    """Store an experiment and its family's designs, replacing an earlier one of that id. Raises FoldcarError.
 
     ``rule``, ``engine``, ``searched`` and ``unlike`` are ExperimentInfo's ``until``, ``engine``, ``objectives`` and
     ``unlike_sides``.
     """
-    first = next(iter(experiment.family))
+    first_design = next(iter(experiment.family))
     varied = experiment.family.varied
     environment.recall(writer.program_files(experiment.id), writer.knows_environment)
     environment_id = writer.environment(environment.fingerprint)
-    # What an earlier sweep has stored need not be compiled again.
-    of_program = writer.environment_facts(environment_id)
-    if "terrain_objects" not in of_program:
+    # Use facts that an earlier sweep has stored, so that the program need not be compiled.
+    program_facts = writer.environment_facts(environment_id)
+    if "terrain_objects" not in program_facts:
         success, objects = environment.success, environment.terrain_objects
-        of_program = {"success_rule": success.text, "success_defined": success.defined, "terrain_objects": objects}
+        program_facts = {"success_rule": success.text, "success_defined": success.defined, "terrain_objects": objects}
     plan = PlannedExperiment(
         id=experiment.id,
         vehicle=experiment.family.vehicle,
@@ -192,7 +197,7 @@ def plan_experiment(
         facts={
             "vehicle_type": experiment.family.vehicle_type,
             "varied": varied,
-            "fixed": {column: value for column, value in first.columns.items() if column not in varied},
+            "fixed": {column: value for column, value in first_design.columns.items() if column not in varied},
             "timeout_s": experiment.timeout_s,
             "speed_m_s": experiment.speed_m_s,
             "yaw_rate_rad_s": experiment.yaw_rate_rad_s,
@@ -203,7 +208,7 @@ def plan_experiment(
             "variation": dict(experiment.variation),
             "variation_seed": experiment.variation_seed,
             "skipped": experiment.family.skipped,
-            **{name: of_program[name] for name in ("success_rule", "success_defined", "terrain_objects")},
+            **{name: program_facts[name] for name in ("success_rule", "success_defined", "terrain_objects")},
             "calibration": environment.calibration,
             **({"listed_environment": environment.listed_fingerprint} if environment.calibration else {}),
             "thresholds": experiment.thresholds,
@@ -211,7 +216,7 @@ def plan_experiment(
             **({"searched": True, "objectives": list(searched)} if searched else {}),
             **({"engine": engine} if engine else {}),
             **({"unlike_sides": unlike} if unlike else {}),
-            # Elsewhere the others lie elsewhere.
+            # Absolute paths may differ on other machines, so files are stored only if all paths are relative.
             **({} if any(Path(name).is_absolute() for name in environment.files) else {"files": dict(environment.files)}),
         },
     )
@@ -221,7 +226,7 @@ def plan_experiment(
 
 
 def study_facts(study: Study, carsim: Carsim, command: str) -> dict[str, str]:
-    """What a store keeps of a sweep: versions, listing, command, time."""
+    """Return the facts that a store keeps of a sweep: versions, listing, command, time."""
     return {
         "foldcar_version": __version__,
         "scenic_version": scenic_version(),

@@ -1,9 +1,9 @@
 """Reads trials from a CSV file: one row for each trial, or one for ``count`` equal trials.
 
 Input: a file with the columns ``outcome``, ``source`` and ``vehicle_type``, and optionally ``experiment``, ``sample``,
-``count``, ``car`` (built or simulated; built if it does not say), ``car_name``, ``elapsed_time_s``, ``note``,
-``operator``, ``started_utc`` and parameters of the design (``width_mm``, …). Those that are left out are those of the
-experiment, if it was swept, which must not vary them; else foldcar's defaults, but never all of them.
+``count``, ``car`` (built or simulated; default: built), ``car_name``, ``elapsed_time_s``, ``note``, ``operator``,
+``started_utc`` and parameters of the design (``width_mm``, …). Missing parameters are taken from the experiment if it was
+swept and does not vary them; else they are foldcar's defaults. At least one parameter must be given.
 Columns are separated by commas, or by semicolons, with decimal points or decimal commas. Empty rows and empty columns at
 the right are ignored; there are no comments. Output: rows for :meth:`TrialWriter.import_trials`.
 """
@@ -25,16 +25,16 @@ from foldcar.errors import FoldcarError
 from foldcar.statistics.words import count, design_text
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
-from foldcar.store.trial_records import BUILT, CARS, LONGEST_S, MOST_ID, TRIAL_OUTCOMES, checked_name
+from foldcar.store.trial_records import BUILT, CARS, LONGEST_S, MAX_ID, TRIAL_OUTCOMES, checked_name
 from foldcar.typed import decimal_number, did_you_mean, read_text, whole_number
 
-NEEDED = ("vehicle_type", "outcome", "source")
+REQUIRED = ("vehicle_type", "outcome", "source")
 OPTIONAL = ("experiment", "count", "car", "car_name", "sample", "elapsed_time_s", "note", "operator", "started_utc")
-MOST_COUNT = 100_000
-# The namespace of imported trials' UUIDs.
-IMPORTS = uuid.UUID("4685ff4d-fc48-5e4d-ac46-0c50b74c77a7")
-# Cars that are named, those with the most trials.
-SHOWN = 5
+MAX_COUNT = 100_000
+# Namespace of the UUIDs of imported trials.
+IMPORT_NAMESPACE = uuid.UUID("4685ff4d-fc48-5e4d-ac46-0c50b74c77a7")
+# How many cars are named, those with the most trials.
+SHOWN_CARS = 5
 NOTHING: Mapping[str, ExperimentInfo] = {}
 
 
@@ -44,9 +44,9 @@ def read_trials(
     swept: Mapping[str, ExperimentInfo] = NOTHING,
     announce: Callable[[str], None] = lambda line: None,
 ) -> list[dict[str, Any]]:
-    """The trials in ``file``; ``experiment`` is that of rows without one, ``swept`` are those of the store.
+    """Read the trials in ``file``. ``experiment`` is for rows without one, ``swept`` are the store's experiments.
 
-    ``announce`` is told which defaults were taken. FoldcarError naming line and column.
+    ``announce`` is called with the defaults that were used. Raises FoldcarError that names line and column.
     """
     text = read_text(file)
     first_line = text.lstrip().partition("\n")[0]
@@ -63,7 +63,7 @@ def read_trials(
     trials: list[dict[str, Any]] = []
     defaults: dict[str, float] = {}
     rows: Counter[str] = Counter()
-    # A number with a decimal comma, and one that has a decimal point or is grouped by thousands, as 1.095.
+    # An example of a number with a decimal comma, and of one with a decimal point or grouped by thousands, as 1.095.
     marks: dict[str, str] = {}
     for number, cells in lines:
         if len(cells) < len(header) or any(cells[len(header) :]):
@@ -75,18 +75,18 @@ def read_trials(
                 marks |= {mark: f'"{row[name]}" in line {number}'} if mark else {}
                 row[name] = row[name].replace(",", ".")
             if len(marks) > 1:
-                shown = " beside ".join(marks.values())
-                raise FoldcarError(f"{file}: {shown}: write numbers with decimal commas and without points")
+                examples = " beside ".join(marks.values())
+                raise FoldcarError(f"{file}: {examples}: use only decimal commas, without points")
         trial, copies = _trial(f"{file}: line {number}", row, experiment, swept, defaults)
         source = trial["source"]
         rows[source] += 1
-        # What identifies an imported trial: its source, the row among those of the source, which of equal trials it is.
-        places = (f"{source}\n{rows[source]}\n{index}" for index in range(1, copies + 1))
-        trials += [{"uuid": str(uuid.uuid5(IMPORTS, place)), **trial} for place in places]
+        # An imported trial is identified by its source, its row among those of the source, and its number in the row.
+        identities = (f"{source}\n{rows[source]}\n{index}" for index in range(1, copies + 1))
+        trials += [{"uuid": str(uuid.uuid5(IMPORT_NAMESPACE, identity)), **trial} for identity in identities]
     if not trials:
         raise FoldcarError(f"{file}: contains no trials")
     if defaults:
-        announce(f"{file}: does not tell all of its cars; taken by default: {design_text(defaults)}")
+        announce(f"{file}: does not have all parameters of its cars; defaults are used: {design_text(defaults)}")
     return trials
 
 
@@ -105,18 +105,20 @@ def _rows(file: Path, text: str, separator: str) -> Iterator[tuple[int, list[str
 
 
 def _check_header(file: Path, header: list[str]) -> None:
-    design = [parameter.column for parameter in parameters().values()]
-    known = [*NEEDED, *OPTIONAL, *design]
+    parameter_columns = [parameter.column for parameter in parameters().values()]
+    known = [*REQUIRED, *OPTIONAL, *parameter_columns]
     if len(header) == 1 and (separator := next((sign for sign in "\t|" if sign in header[0]), None)):
-        shown = "tabs" if separator == "\t" else f'"{separator}"'
-        raise FoldcarError(f"{file}: its columns are separated by {shown}; separate them by commas or semicolons")
+        separator_text = "tabs" if separator == "\t" else f'"{separator}"'
+        raise FoldcarError(
+            f"{file}: its columns are separated by {separator_text}; separate them by commas or semicolons"
+        )
     for name in header:
         if name not in known and key_of(name) is None:
             close = did_you_mean(name.lower(), known)
             raise FoldcarError(f'{file}: unknown column "{name}"; known: {", ".join(known)}{close}')
         if header.count(name) > 1:
             raise FoldcarError(f'{file}: column "{name}" occurs twice')
-    for name in NEEDED:
+    for name in REQUIRED:
         if name not in header:
             raise FoldcarError(f'{file}: has no column "{name}"')
 
@@ -128,8 +130,8 @@ def _trial(
     swept: Mapping[str, ExperimentInfo],
     defaults: dict[str, float],
 ) -> tuple[dict[str, Any], int]:
-    """The trial of a row, without its UUID, and how many equal ones the row stands for."""
-    for name in NEEDED:
+    """Return the trial of a row, without its UUID, and the number of equal trials in the row."""
+    for name in REQUIRED:
         if name not in row:
             raise FoldcarError(f"{place}: {name}: is empty")
     # Spreadsheets capitalise what is typed into a cell.
@@ -140,12 +142,12 @@ def _trial(
         raise FoldcarError(f'{place}: outcome: "{row["outcome"]}" is not one of {", ".join(TRIAL_OUTCOMES)}{close}')
     if car not in CARS:
         raise FoldcarError(f'{place}: car: "{row["car"]}" is not one of {", ".join(CARS)}')
-    named = row.get("experiment", experiment)
-    if named is None:
+    experiment_id = row.get("experiment", experiment)
+    if experiment_id is None:
         raise FoldcarError(f"{place}: experiment: is empty; fill it or use --experiment ID")
-    design = _design(place, row, named, swept.get(named), defaults)
+    design = _design(place, row, experiment_id, swept.get(experiment_id), defaults)
     trial: dict[str, Any] = {
-        "experiment": named,
+        "experiment": experiment_id,
         "vehicle_type": design.type,
         "design": design.columns,
         "outcome": outcome,
@@ -156,54 +158,59 @@ def _trial(
     if "car_name" in row:
         trial["car_name"] = checked_name(row["car_name"], f"{place}: car_name")
     if "sample" in row:
-        trial["sample"] = _number(place, row, "sample", whole_number, most=MOST_ID)
+        trial["sample"] = _number(place, row, "sample", whole_number, maximum=MAX_ID)
     if "elapsed_time_s" in row:
-        trial["elapsed_time_s"] = _number(place, row, "elapsed_time_s", decimal_number, most=LONGEST_S)
+        trial["elapsed_time_s"] = _number(place, row, "elapsed_time_s", decimal_number, maximum=LONGEST_S)
     if "started_utc" in row:
         trial["started_utc"] = _time_utc(place, row["started_utc"])
-    count = _number(place, row, "count", whole_number, least=1, most=MOST_COUNT) if "count" in row else 1
+    count = _number(place, row, "count", whole_number, minimum=1, maximum=MAX_COUNT) if "count" in row else 1
     return trial, int(count)
 
 
 def _design(
-    place: str, row: Mapping[str, str], named: str, swept: ExperimentInfo | None, defaults: dict[str, float]
+    place: str, row: Mapping[str, str], experiment_id: str, swept: ExperimentInfo | None, defaults: dict[str, float]
 ) -> Design:
-    """The car of a row; ``defaults`` gets what nobody has told of it."""
-    told = {name: _number(place, row, name, decimal_number) for name in row if key_of(name)}
+    """Return the car of a row; add the parameters that are not given to ``defaults``."""
+    given = {name: _number(place, row, name, decimal_number) for name in row if key_of(name)}
     of_family = swept is not None and row["vehicle_type"] == swept.vehicle_type
     if swept is not None and of_family:
-        missing = [name for name in swept.varied if name not in told]
+        missing = [name for name in swept.varied if name not in given]
         if missing:
-            raise FoldcarError(f'{place}: {", ".join(missing)}: is not given; experiment "{named}" has several values')
-        told = {**swept.fixed, **told}
+            raise FoldcarError(f'{place}: {", ".join(missing)}: missing; experiment "{experiment_id}" has several values')
+        given = {**swept.fixed, **given}
     try:
-        design = compose_columns(row["vehicle_type"], {name: value for name, value in told.items() if key_of(name)})
+        design = compose_columns(row["vehicle_type"], {name: value for name, value in given.items() if key_of(name)})
     except DesignError as error:
         raise FoldcarError(f"{place}: {error}") from error
-    if not told:
-        raise FoldcarError(f"{place}: does not tell the car: give its parameters, as {', '.join(design.columns)}")
-    defaults.update({name: value for name, value in design.columns.items() if name not in told})
+    if not given:
+        raise FoldcarError(f"{place}: has no parameters of the car; give some of {', '.join(design.columns)}")
+    defaults.update({name: value for name, value in design.columns.items() if name not in given})
     return design
 
 
 def _number(
-    place: str, row: Mapping[str, str], name: str, kind: Callable[[str], float], least: int = 0, most: float = math.inf
+    place: str,
+    row: Mapping[str, str],
+    name: str,
+    kind: Callable[[str], float],
+    minimum: int = 0,
+    maximum: float = math.inf,
 ) -> float:
     try:
         value = kind(row[name])
     except ValueError:
         whole = "whole " if kind is whole_number else ""
         raise FoldcarError(f'{place}: {name}: "{row[name]}" is not a {whole}number') from None
-    if not least <= value <= most or value == math.inf:
-        limit = f"above the maximum {most}" if value > most else f"below the minimum {least} or not finite"
+    if not minimum <= value <= maximum or value == math.inf:
+        limit = f"above the maximum {maximum}" if value > maximum else f"below the minimum {minimum} or not finite"
         raise FoldcarError(f"{place}: {name}: {row[name]} is {limit}")
     return value
 
 
 def _time_utc(place: str, text: str) -> str:
-    """The date, or date and time, as written; a time of another zone in UTC."""
+    """Return the date, or date and time, as written; a time with a time zone is converted to UTC."""
     try:
-        # Python 3.10 does not read the Z.
+        # Python 3.10 cannot parse the Z.
         time = datetime.fromisoformat(text.removesuffix("Z"))
         return text if not time.utcoffset() else time.astimezone(timezone.utc).isoformat()
     except (ValueError, OverflowError):
@@ -213,7 +220,7 @@ def _time_utc(place: str, text: str) -> str:
 
 
 def swept_experiments(store: Path) -> dict[str, ExperimentInfo]:
-    """The experiments of a store by their names in the listing; none if it holds no study, or is not there yet."""
+    """Return a store's experiments by their names in the listing; empty if there is no store or no study in it."""
     if not store.exists():
         return {}
     with Store.open(store) as opened:
@@ -224,30 +231,30 @@ def swept_experiments(store: Path) -> dict[str, ExperimentInfo]:
 
 
 def import_notes(store: Path, trials: Sequence[Mapping[str, Any]]) -> list[str]:
-    """A sentence for each experiment, sample and car that the store's study has not."""
+    """Return a sentence for each experiment, sample and car of the trials that the store's study does not have."""
     swept = swept_experiments(store)
     notes = []
     for name in dict.fromkeys(trial["experiment"] for trial in trials):
-        mine = [trial for trial in trials if trial["experiment"] == name]
-        samples = {trial["sample"] for trial in mine if "sample" in trial}
+        own_trials = [trial for trial in trials if trial["experiment"] == name]
+        samples = {trial["sample"] for trial in own_trials if "sample" in trial}
         if name not in swept:
             if swept:
                 notes.append(f'experiment "{name}" was not swept in {store}, only {", ".join(swept)}')
             if samples:
                 notes.append(
-                    f'experiment "{name}" was not swept yet: no run is ever paired with its samples; to pair them, sweep '
-                    "first and import then"
+                    f'experiment "{name}" was not swept yet, so its samples are not paired with runs; to pair them, '
+                    "sweep first and then import"
                 )
             continue
         info = swept[name]
         with Store.open(store) as opened:
-            known = {frozenset(design.items()) for design in opened.designs(info.id).values()}
-        strange: Counter[str] = Counter()
-        for trial in mine:
-            told = {key: value for key, value in trial["design"].items() if info.fixed.get(key) != value}
-            is_there = trial["vehicle_type"] == info.vehicle_type and frozenset(trial["design"].items()) in known
-            strange[design_text(told) or trial["vehicle_type"]] += not is_there
-        for car, number in (+strange).most_common(SHOWN):
+            swept_designs = {frozenset(design.items()) for design in opened.designs(info.id).values()}
+        unswept: Counter[str] = Counter()
+        for trial in own_trials:
+            given = {key: value for key, value in trial["design"].items() if info.fixed.get(key) != value}
+            is_swept = trial["vehicle_type"] == info.vehicle_type and frozenset(trial["design"].items()) in swept_designs
+            unswept[design_text(given) or trial["vehicle_type"]] += not is_swept
+        for car, number in (+unswept).most_common(SHOWN_CARS):
             notes.append(f'experiment "{name}" was swept without a car of {car}; it has {count(number, "trial")}')
         for sample in sorted(sample for sample in samples if sample >= info.environments):
             last = info.environments - 1

@@ -1,4 +1,4 @@
-"""Shows a drive on the terminal, at most REFRESH_HZ times a second, and takes the keys that end it."""
+"""Shows a drive on the terminal, at most REFRESH_HZ times a second, and reads the keys that end it."""
 
 import contextlib
 import time
@@ -19,10 +19,10 @@ PASSED, STOPS = "p", ("s", " ", "\n", "\r", "q", "\x1b")
 
 
 class DriveView:
-    """Shows a drive on a terminal, and stops it on a key.
+    """Shows a drive on a terminal, and stops it when a key is pressed.
 
-    Nothing is shown if the output is not a terminal. The countdown begins with the first look. ``other_input`` is a file
-    whose input ends the wait for messages early, or None.
+    Nothing is shown if the output is not a terminal. The countdown begins with the first call of :meth:`look`.
+    ``other_input`` is a file whose input ends the wait for messages early, or None.
     """
 
     def __init__(self, countdown_s: int, time_limit_s: float, other_input: Any) -> None:
@@ -35,9 +35,9 @@ class DriveView:
         self._live = Live(console=shown_console(), transient=True, auto_refresh=False)
 
     @contextlib.contextmanager
-    def watching(self, pressed: Callable[[], str | None]) -> Iterator[None]:
-        """Within the block, ``pressed`` gives the last key pressed or None."""
-        self._pressed = pressed
+    def watching(self, last_key: Callable[[], str | None]) -> Iterator[None]:
+        """Show the drive during the block; ``last_key`` returns the last key pressed or None."""
+        self._pressed = last_key
         if self._live.console.is_terminal:
             self._live.start()
         try:
@@ -46,7 +46,7 @@ class DriveView:
             self._live.stop()
 
     def wants_stop(self) -> str | None:
-        """The ending if a key was pressed that stops the drive, else None."""
+        """Return the ending if a key was pressed that stops the drive, else None."""
         key = self._pressed()
         if key == PASSED:
             self.passed = True
@@ -61,11 +61,11 @@ class DriveView:
             self._shown_at_s = now_s
             self._live.update(self._panel(car, max(0.0, self._begun_s + self._countdown_s - now_s)), refresh=True)
 
-    def _panel(self, car: Car, left_s: float) -> Group:
-        """The car's state as it last said it."""
+    def _panel(self, car: Car, remaining_s: float) -> Group:
+        """Return the car's last reported state."""
         latest, link = car.connection.latest, car.connection
         trial, pulses, status = (latest.get(name) for name in ("FOLDCAR_TRIAL", "SERVO_OUTPUT_RAW", "SYS_STATUS"))
-        head = Text(f"ARMED    {left_s:5.1f} s  stand clear", style="bold yellow")
+        head = Text(f"ARMED    {remaining_s:5.1f} s  stand clear", style="bold yellow")
         if trial is not None and trial.state == car.dialect.FOLDCAR_STATE_RUNNING:
             head = Text(f"DRIVING  {trial.elapsed_ms / 1000:5.1f} s  {self._time_limit_s:g} s at most", style="bold red")
         table = Table.grid(padding=(0, 2))
@@ -74,7 +74,9 @@ class DriveView:
             table.add_row("pulses", f"{' '.join(f'{n}:{width}' for n, width in widths.items() if width) or 'none'} (µs)")
         volts = None if status is None or status.voltage_battery == 0xFFFF else status.voltage_battery / 1000
         table.add_row("battery", "unreadable" if volts is None else f"{volts:.2f} V")
-        sent = link.received + link.lost
-        lost = f"{100 * link.lost / sent if sent else 0:.1f} % of {link.received} packets lost, {link.damaged} damaged"
-        table.add_row("link", f"{lost}, silent for {link.silence_s():.1f} s")
+        packets = link.received + link.lost
+        loss_text = (
+            f"{100 * link.lost / packets if packets else 0:.1f} % of {link.received} packets lost, {link.damaged} damaged"
+        )
+        table.add_row("link", f"{loss_text}, silent for {link.silence_s():.1f} s")
         return Group(head, Text("p: it has passed   s, space: stop"), table)

@@ -1,7 +1,7 @@
 """Drives a car through one trial: arm, start, watch, stop. The car is stopped after every error.
 
-Input: a connected car and the settings of a run (docs/carsim.md). Output: how the drive ended, and its outcome where
-that follows. The log that a car kept while it drove without a cable completes that of the host. Nothing asks or prints.
+Input: a connected car and the settings of a run (docs/carsim.md). Output: how the drive ended, and its outcome if it is
+known. The log that an untethered car keeps is merged into the host's log. This module neither asks nor prints.
 """
 
 import contextlib
@@ -21,21 +21,21 @@ from foldcar.trials.drive_view import DriveView
 # The car stops 0.5 s after the last heartbeat; silence of this length is not a brief disturbance.
 SILENCE_S = 2.0
 AFTERWARDS_S = 0.3
-# The ending of an untethered drive whose cable is unplugged.
+# Ending of an untethered drive: the cable is unplugged and the car drives on.
 DRIVES_ON = "drives on untethered"
 CTRL_C = "Ctrl-C"
-# After a trial the car stores what it has kept in RAM: 256 KiB at most, whose 64 sectors take some 0.1 s each.
+# After a trial the car writes its log from RAM to flash: at most 256 KiB, whose 64 sectors take about 0.1 s each.
 STORING_S = 30.0
 STEP_S = 0.05
-# A simulated car's clock may run so many times slower than the host's.
-MOST_DELAY = 20.0
-# From this rate of its clock on a car counts as simulated faster than real time.
+# A simulated car's clock may run slower than the host's by at most this factor.
+MAX_DELAY = 20.0
+# A simulated car whose clock has at least this rate runs faster than real time.
 MIN_FAST_RATE = 1.5
 
 
 @dataclass(frozen=True, slots=True)
 class DriveEnd:
-    """The end of a drive: a text, the outcome or None if a person must judge, and the error that aborted it, if any."""
+    """The end of a drive: a text, the outcome (None: a person must judge it), and the error that aborted it, if any."""
 
     ending: str
     outcome: str | None
@@ -46,53 +46,55 @@ class DriveEnd:
 def drive(
     car: Car, settings: Mapping[str, Any], trial: int, countdown_s: int, view: DriveView, untethered: bool = False
 ) -> DriveEnd:
-    """Drive one trial. Errors of car, cable and disk and Ctrl-C are not raised, but returned in the result.
+    """Drive one trial. Errors of car, cable and disk, and Ctrl-C, are returned in the result instead of raised.
 
-    ``settings`` has ``speed_m_s``, ``yaw_rate_rad_s`` and ``time_limit_s``. When the cable of an ``untethered`` drive
-    is unplugged, the drive ends as DRIVES_ON and the car is not stopped.
+    ``settings`` has ``speed_m_s``, ``yaw_rate_rad_s`` and ``time_limit_s``. If the cable of an ``untethered`` drive is
+    unplugged, the result is DRIVES_ON and the car is not stopped.
     """
-    started = left_alone = False
+    started = host_timed_out = False
 
     def elapsed_s() -> float | None:
-        # Before the start, the car still tells of its last trial, which in another store may have had the same number.
+        # Before the start, the car reports its last trial, which may have had the same number in another store.
         return _elapsed_s(car, trial) if started else None
 
     try:
         with contextlib.suppress(CommandRefusedError):
-            # Ends an earlier drive; a car in a state that forbids driving refuses to arm, with the reason.
+            # End an earlier drive. If the car's state forbids driving, arming fails with the reason.
             car.stop_trial()
         car.arm()
         stop = _count_down(car, countdown_s, view)
         if stop is not None:
             return DriveEnd(f"{stop} before the start", "aborted", None)
         if car.connection.silence_s() > SILENCE_S:
-            # A start would wait in a buffer until the car reads again.
+            # The start command would wait in a buffer and start the car later.
             raise LinkLostError(f"{car.port}: the car is silent for {SILENCE_S:g} s")
         car.start_trial(settings["speed_m_s"], settings["yaw_rate_rad_s"], settings["time_limit_s"], trial, untethered)
         started = True
-        return _watch(car, trial, view, time.monotonic() + MOST_DELAY * settings["time_limit_s"] + STORING_S)
+        return _watch(car, trial, view, time.monotonic() + MAX_DELAY * settings["time_limit_s"] + STORING_S)
     except LinkLostError as error:
-        left_alone = untethered and started
-        if left_alone:
+        host_timed_out = untethered and started
+        if host_timed_out:
             return DriveEnd(DRIVES_ON, None, None)
         return DriveEnd("link lost", "aborted", elapsed_s(), error)
     except LogError as error:
         car.connection.log = None
         return DriveEnd("log could not be written", "aborted", elapsed_s(), error)
     except CommandRefusedError as error:
-        why = "; see what is wrong, then acknowledge it" if car.fault_text() else ""
-        return DriveEnd("refused by the car", "aborted", None, FoldcarError(f"{error}{why}{_pace_hint(car, str(error))}"))
+        advice = "; find the cause, then acknowledge the fault" if car.fault_text() else ""
+        return DriveEnd(
+            "refused by the car", "aborted", None, FoldcarError(f"{error}{advice}{_pace_hint(car, str(error))}")
+        )
     except KeyboardInterrupt:
         return DriveEnd(CTRL_C, "aborted", elapsed_s(), FoldcarError("stopped by Ctrl-C"))
     finally:
-        if not left_alone:
+        if not host_timed_out:
             _stand_still(car)
 
 
 def _count_down(car: Car, countdown_s: int, view: DriveView) -> str | None:
     end_s = time.monotonic() + countdown_s
-    while (left_s := end_s - time.monotonic()) > 0:
-        car.connection.receive(min(STEP_S, left_s), view.other_input)
+    while (remaining_s := end_s - time.monotonic()) > 0:
+        car.connection.receive(min(STEP_S, remaining_s), view.other_input)
         view.look(car)
         stop = view.wants_stop()
         if stop is not None:
@@ -142,7 +144,7 @@ def _car_ended(car: Car, message: Any) -> DriveEnd:
 
 
 def _pace_hint(car: Car, message: str) -> str:
-    """Why heartbeats came too late, if the message is about them and the car is simulated faster than real time."""
+    """Return why heartbeats were late, if ``message`` is about them and the car is simulated faster than real time."""
     rate = car.connection.clock_rate.value
     if rate < MIN_FAST_RATE or not any(word in message for word in ("heartbeat", "CMD_TIMEOUT")):
         return ""
@@ -171,7 +173,7 @@ def _elapsed_s(car: Car, trial: int) -> float | None:
 
 
 def _stand_still(car: Car) -> None:
-    """Stop and disarm if possible; a car in a fault refuses, and is at rest already."""
+    """Stop and disarm the car if possible; a car with a fault refuses, but is already at rest."""
 
     def log_the_rest() -> None:
         car.connection.wait_for(lambda message: False, AFTERWARDS_S)
@@ -182,20 +184,20 @@ def _stand_still(car: Car) -> None:
 
 
 def collect(car: Car, trial: int, log: Path) -> DriveEnd:
-    """Merge the car's log of ``trial`` into ``log``; FoldcarError if the car has none, or has not stored it in 30 s.
+    """Merge the car's log of ``trial`` into ``log``. Raises FoldcarError if the car has not stored one in 30 s.
 
-    The car's times count from its boot; the offset to the host's clock is that of the first packet of the trial that
-    the host received.
+    The car's times count from its boot. The first packet of the trial that the host received gives the offset to the
+    host's clock.
     """
-    first = next((one for one in read_tlog(log) if _is_of(one[1], trial)), None)
+    first = next((message for message in read_tlog(log) if _is_of(message[1], trial)), None)
     if first is None:
         raise FoldcarError(f"{log}: contains no message of trial {trial} from before the cable was unplugged")
     offset_us = first[0] - 1000 * first[1].time_boot_ms
     is_open = car.dialect.FOLDCAR_LOG_OPEN
-    told = car.connection.wait_for(lambda m: m.get_type() == "FOLDCAR_TRIAL" and m.log != is_open, STORING_S)
-    if told is None:
-        raise FoldcarError(f"{car.port}: the car still stores its log after {STORING_S:g} s")
-    lost_bytes = told.log_lost if told.trial_id == trial else 0
+    status = car.connection.wait_for(lambda m: m.get_type() == "FOLDCAR_TRIAL" and m.log != is_open, STORING_S)
+    if status is None:
+        raise FoldcarError(f"{car.port}: the car is still storing its log after {STORING_S:g} s")
+    lost_bytes = status.log_lost if status.trial_id == trial else 0
     for stored in reversed(list_logs(car)):
         records, damaged_bytes = records_of(fetch_log(car, stored))
         messages = [m for _, m in messages_of(records) if _is_of(m, trial)]
@@ -213,7 +215,7 @@ def _is_of(message: Any, trial: int) -> bool:
 
 
 def drive_end(dialect: Any, last: Any, lost_bytes: int) -> DriveEnd:
-    """How a drive ended, by its log's last FOLDCAR_TRIAL; ``lost_bytes``: what the car has said later to be missing."""
+    """Return how a drive ended, from its log's last FOLDCAR_TRIAL; ``lost_bytes`` are reported missing by the car."""
     elapsed_s = last.elapsed_ms / 1000
     lost_bytes = max(lost_bytes, last.log_lost)
     gap = f", {lost_bytes} bytes of its log lost" if lost_bytes else ""

@@ -1,8 +1,8 @@
-"""The order in which a design meets samples, so that few obstacles move between trials, and what moves.
+"""Orders the samples for a design's trials so that few obstacles move between trials, and says what to move.
 
-Input: how often each sample was met, samples' lettered obstacles, where things stand. Output: the next sample, texts.
-Samples come in blocks of BLOCK, and a block is driven whole before the next: an order that follows places cannot put off
-those samples that are laborious to set up, and what has been driven differs from the first samples by less than a block.
+Input: the number of trials in each sample, samples' lettered obstacles, where they stand now. Output: the next sample,
+text. Samples are driven in blocks of BLOCK. A block is finished before the next one begins, so that samples that are
+laborious to set up cannot be put off for long.
 """
 
 import itertools
@@ -15,17 +15,17 @@ from foldcar.scenes.obstacles import Obstacle
 from foldcar.statistics.words import listed
 from foldcar.trials.placement import Deviations, what_it_is
 
-# All orders of a block are compared: 720.
+# All 720 orders of a block are compared.
 BLOCK = 6
-# What a tape does not show.
-LEAST_M, LEAST_RAD = 0.001, math.radians(0.5)
+# Smaller moves cannot be measured with a tape.
+MIN_M, MIN_RAD = 0.001, math.radians(0.5)
 
-# What stands where, by letter: its footprint and, because two samples' obstacles may differ in size, what it is.
+# Obstacles by letter: footprint, and description, because obstacles of two samples may differ in size.
 Standing = Mapping[str, tuple[Obstacle, str]]
 
 
 def standing(scene: Mapping[str, Any], things: Mapping[str, Obstacle], deviations: Deviations) -> Standing:
-    """The obstacles of a scene where they were measured to stand."""
+    """Return the obstacles of a scene at their measured positions."""
     result = {}
     for letter, thing in things.items():
         x_m, y_m, turned_rad = deviations.get(letter, (0.0, 0.0, 0.0))
@@ -37,27 +37,27 @@ def standing(scene: Mapping[str, Any], things: Mapping[str, Obstacle], deviation
 def next_sample(
     samples: int, counts: Mapping[int, int], now: Standing | None, of_sample: Callable[[int], Standing]
 ) -> int:
-    """The sample (0 to ``samples`` - 1) to drive next, ``now`` being what stands on the floor, None if nothing is known.
+    """Return the sample (0 to ``samples`` - 1) to drive next; ``now`` is what stands on the floor (None: unknown).
 
-    Of the first block that has samples with the fewest trials (``counts``, by sample) it is the first in the order of
-    these that moves the fewest obstacles in all, and these the least far.
+    The candidates are the samples with the fewest trials (``counts``, by sample) in the first block that has such ones.
+    The result is the first in the order that moves the fewest obstacles, and among such orders the shortest distance.
     """
     fewest = min(counts.get(sample, 0) for sample in range(samples))
-    least = [sample for sample in range(samples) if counts.get(sample, 0) == fewest]
-    block = [sample for sample in least if sample // BLOCK == least[0] // BLOCK]
-    places: dict[int | None, Standing | None] = {None: now, **{sample: of_sample(sample) for sample in block}}
-    costs = {pair: _cost(places[pair[0]], places[pair[1]]) for pair in itertools.permutations(places, 2)}
+    candidates = [sample for sample in range(samples) if counts.get(sample, 0) == fewest]
+    block = [sample for sample in candidates if sample // BLOCK == candidates[0] // BLOCK]
+    standings: dict[int | None, Standing | None] = {None: now, **{sample: of_sample(sample) for sample in block}}
+    costs = {pair: _cost(standings[pair[0]], standings[pair[1]]) for pair in itertools.permutations(standings, 2)}
 
     def cost(order: tuple[int, ...]) -> tuple[float, ...]:
         steps = [costs[pair] for pair in itertools.pairwise((None, *order))]
-        # Sums of the same distances in another order are equal.
+        # Rounding makes sums of the same distances in different orders equal.
         return sum(moved for moved, _ in steps), round(sum(far for _, far in steps), 9)
 
     return min(itertools.permutations(block), key=cost)[0]
 
 
 def _cost(now: Standing | None, then: Standing | None) -> tuple[int, float]:
-    """How many obstacles move, and how far (m) altogether."""
+    """Return how many obstacles move, and their total distance (m)."""
     if now is None or then is None:
         return 0, 0.0
     moved = [letter for letter in {**now, **then} if _move(now.get(letter), then.get(letter))]
@@ -66,36 +66,36 @@ def _cost(now: Standing | None, then: Standing | None) -> tuple[int, float]:
 
 
 def moves_text(now: Standing, then: Standing) -> str:
-    """What has to be done to the obstacles, as in "A and D stay; move B 120 mm back along x; take E away"."""
+    """Return how to move the obstacles, such as "A and D stay; move B 120 mm back along x; take E away"."""
     moves = {letter: _move(now.get(letter), then.get(letter)) for letter in {**now, **then}}
     stay = [letter for letter, move in moves.items() if not move]
-    alike: dict[str, list[str]] = {}
+    letters_by_move: dict[str, list[str]] = {}
     for letter, move in moves.items():
         if move:
-            alike.setdefault(move, []).append(letter)
-    texts = [move.format(listed(letters)) for move, letters in alike.items()]
-    still = [f"{listed(stay)} {'stay' if len(stay) > 1 else 'stays'}"] if stay else []
-    return "; ".join([*still, *texts]) or "nothing to move"
+            letters_by_move.setdefault(move, []).append(letter)
+    texts = [move.format(listed(letters)) for move, letters in letters_by_move.items()]
+    stay_texts = [f"{listed(stay)} {'stay' if len(stay) > 1 else 'stays'}"] if stay else []
+    return "; ".join([*stay_texts, *texts]) or "nothing to move"
 
 
 def _move(now: tuple[Obstacle, str] | None, then: tuple[Obstacle, str] | None) -> str:
-    """What is done to one obstacle, with {} for its letter; empty if nothing."""
+    """Return how to move one obstacle, with {} for its letter; "" if it stays."""
     if now is None:
         return "put {} down"
     if then is None:
         return "take {} away"
-    (a, was), (b, is_to_be) = now, then
-    if was != is_to_be:
+    (a, old_text), (b, new_text) = now, then
+    if old_text != new_text:
         return "exchange {} for another size"
     x_m, y_m = b.x_m - a.x_m, b.y_m - a.y_m
     turned_rad = math.remainder(b.heading_rad - a.heading_rad, math.tau)
-    ways = [
+    shifts = [
         f"{1000 * abs(by_m):.0f} mm {words[by_m < 0]}"
         for by_m, words in ((x_m, ("on along x", "back along x")), (y_m, ("to the left", "to the right")))
-        if abs(by_m) >= LEAST_M
+        if abs(by_m) >= MIN_M
     ]
-    texts = [f"move {{}} {' and '.join(ways)}"] if ways else []
-    if abs(turned_rad) >= LEAST_RAD:
+    texts = [f"move {{}} {' and '.join(shifts)}"] if shifts else []
+    if abs(turned_rad) >= MIN_RAD:
         which = "counter-clockwise" if turned_rad > 0 else "clockwise"
-        texts.append(f"turn {'it' if ways else '{}'} by {math.degrees(abs(turned_rad)):.1f}° {which}")
+        texts.append(f"turn {'it' if shifts else '{}'} by {math.degrees(abs(turned_rad)):.1f}° {which}")
     return ", ".join(texts)

@@ -1,7 +1,7 @@
-"""The person beside the car: what they are told, and what they type.
+"""Talks with the person beside the car: prints lines and reads answers.
 
 Input: standard input, read by its descriptor, because the buffer of a Python file object would hide lines from `select`.
-Output: lines, choices, keys; texts on standard output and error.
+Output: lines, choices and keys; text on standard output and error.
 """
 
 import contextlib
@@ -16,18 +16,18 @@ INPUT = 0
 IDLE_S = 0.05
 
 
-def say(text: str) -> None:
+def print_line(text: str) -> None:
     """Print a line."""
     print(text, flush=True)
 
 
-def warn(error: object) -> None:
+def print_warning(error: object) -> None:
     """Print a line on standard error."""
     print(error, file=sys.stderr, flush=True)
 
 
 class Answers:
-    """Answers by lines or by keys, while the link to the car is served: ``idle`` is called between letters."""
+    """Reads answers as lines or keys. While it waits, it calls ``idle``, which keeps the link to the car alive."""
 
     def __init__(self, idle: Callable[[], None]) -> None:
         self.is_terminal = os.isatty(INPUT)
@@ -35,7 +35,7 @@ class Answers:
         self._typed = b""
 
     def line(self, question: str) -> str:
-        """Print ``question`` and return the answer, stripped; FoldcarError at the end of input."""
+        """Print ``question`` and return the answer, stripped. Raises FoldcarError at the end of input."""
         print(question, end="", flush=True)
         while b"\n" not in self._typed:
             self._idle()
@@ -43,14 +43,14 @@ class Answers:
                 continue
             data = os.read(INPUT, 4096)
             if not data:
-                say("")
+                print_line("")
                 raise FoldcarError(f'no answer to "{question.strip()}": the input has ended; see `foldcar log --help`')
             self._typed += data
         line, _, self._typed = self._typed.partition(b"\n")
         typed = line.decode(errors="replace")
         if not self.is_terminal:
             # Echo the line of a script, as a terminal does.
-            say(typed)
+            print_line(typed)
         return typed.strip()
 
     def choice(self, question: str, choices: Mapping[str, str], default: str | None) -> str:
@@ -61,15 +61,15 @@ class Answers:
                 return default
             if choices.get(typed, typed) in choices.values():
                 return choices.get(typed, typed)
-            say(f"  type one of {', '.join(f'{key} ({value})' for key, value in choices.items())}")
+            print_line(f"  type one of {', '.join(f'{key} ({value})' for key, value in choices.items())}")
 
     @contextlib.contextmanager
     def keys(self) -> Iterator[Callable[[], str | None]]:
-        """Within the block, a function that returns the last key pressed, or None, without waiting."""
+        """Yield a function that returns the last key pressed, or None, without waiting."""
         if not self.is_terminal:
             yield lambda: None
             return
-        # Not on Windows.
+        # These modules do not exist on Windows.
         import termios
         import tty
 

@@ -1,9 +1,10 @@
-"""Placement of obstacles and car on the floor for a trial: instructions, a picture, and deviations from them.
+"""Placement of obstacles and car on the floor for a trial: instructions, a picture, and measured deviations.
 
 Input: a scene of docs/carsim.md, its obstacles, measured deviations. Output: lettered obstacles, rows of instructions
 (mm and degrees), the scene with the deviations applied. Positions are measured in the scene's frame, which is marked on
 the floor by a point at its origin and a line along x; y is to the left of x, headings are counter-clockwise. Deviations
-are those of middles; a tape measures the edge that is nearest to the mark, and from the mark straight to its ends.
+are those of an obstacle's middle. For a tape, the instructions give the edge nearest to the mark, and the distances of
+its ends from the mark.
 """
 
 import copy
@@ -21,48 +22,48 @@ from foldcar.scenes.terrain_kinds import description
 from foldcar.shown_console import ResultTable, shown_console
 from foldcar.simulation.carsim import Carsim
 from foldcar.trials.camera.markers import Course, card_of
-from foldcar.trials.person import Answers, say
+from foldcar.trials.person import Answers, print_line
 from foldcar.typed import decimal_number
 
-# Of the rows of instructions: x, y and turned are of the middle.
+# Titles of the instructions' columns; x, y and turned are those of the middle.
 HEADS = ("place", "x (mm)", "y (mm)", "turned (°)", "near edge x, y (mm)", "from the mark (mm)", "")
-MOST_DEVIATION_MM = 1000.0
+MAX_DEVIATION_MM = 1000.0
 
 Deviations = Mapping[str, tuple[float, float, float]]
 
 
 def lettered(obstacles: Iterable[Obstacle]) -> dict[str, Obstacle]:
-    """The obstacles in their order, by letter: A, B, …, Z, AA, …"""
+    """Return the obstacles in their order, by letter: A, B, …, Z, AA, …"""
     return {_letters(number): obstacle for number, obstacle in enumerate(obstacles)}
 
 
 def instructions(scene: Mapping[str, Any], things: Mapping[str, Obstacle]) -> Iterator[tuple[str, ...]]:
-    """Rows as HEADS: the car, the obstacles, rough ground, the goal, the floor."""
+    """Yield rows with the columns HEADS: the car, the obstacles, rough ground, the goal, the floor."""
     start = scene["start"]
     yield CAR, *_place(start["x_m"], start["y_m"], start["heading_rad"]), "", "", "its middle"
-    standing = {index for thing in things.values() for index in thing.pieces}
-    ground = [footprint("", scene["terrain"], k) for k in range(len(scene["terrain"])) if k not in standing]
-    for name, thing in [*things.items(), *(("floor", one) for one in ground)]:
+    obstacle_pieces = {index for thing in things.values() for index in thing.pieces}
+    ground = [footprint("", scene["terrain"], k) for k in range(len(scene["terrain"])) if k not in obstacle_pieces]
+    for name, thing in [*things.items(), *(("floor", piece) for piece in ground)]:
         place = _place(thing.x_m, thing.y_m, thing.heading_rad)
         yield name, *place, *_by_tape(scene, thing), what_it_is(scene, thing)
     goal = scene["goal"]
     if goal is not None:
-        line = goal["kind"] == "line"
-        what = "a line across, to be crossed" if line else f"a disc of radius {1000 * goal['radius_m']:.0f} mm"
-        yield "goal", *_place(goal["x_m"], goal["y_m"], goal.get("heading_rad", 0.0)), "", "", what
+        is_line = goal["kind"] == "line"
+        text = "a line across, to be crossed" if is_line else f"a disc of radius {1000 * goal['radius_m']:.0f} mm"
+        yield "goal", *_place(goal["x_m"], goal["y_m"], goal.get("heading_rad", 0.0)), "", "", text
     yield "floor", *[""] * 5, f"friction {scene['friction']:g} in the simulation"
 
 
 def what_it_is(scene: Mapping[str, Any], thing: Obstacle) -> str:
-    """The obstacle in words, with its sizes."""
-    what = "; ".join(description(scene["terrain"][index]) for index in thing.pieces)
+    """Return a description of the obstacle with its sizes."""
+    text = "; ".join(description(scene["terrain"][index]) for index in thing.pieces)
     if len(thing.pieces) > 1:
-        return f"{thing.name} {1000 * thing.length_m:.0f} × {1000 * thing.width_m:.0f} mm: {what}"
-    return what
+        return f"{thing.name} {1000 * thing.length_m:.0f} × {1000 * thing.width_m:.0f} mm: {text}"
+    return text
 
 
 def _by_tape(scene: Mapping[str, Any], thing: Obstacle) -> tuple[str, str]:
-    """The near edge in coordinates, and how far its ends are from the mark (mm)."""
+    """Return the coordinates of the near edge, and the distances of its ends from the mark (mm)."""
     ends = thing.near_edge_m(scene["terrain"])
     places = [f"{_mm(x_m)}, {_mm(y_m)}" for x_m, y_m in ends]
     return " to ".join(places), " and ".join(_mm(math.hypot(*end)) for end in ends)
@@ -80,7 +81,7 @@ def draw_placement(
     scene: Mapping[str, Any], things: Mapping[str, Obstacle], design: Design, carsim: Carsim, picture: Path, title: str,
     course: Course | None = None,
 ) -> None:  # fmt: skip
-    """Draw the scene, the car, a camera's markers and cards; the picture's folder is made if need be. FoldcarError."""
+    """Draw the scene, the car, a camera's markers and cards. A missing folder is created. Raises FoldcarError."""
     from foldcar.figures.placement import draw_placement
     from foldcar.simulation.heights import carsim_heights
 
@@ -92,7 +93,7 @@ def draw_placement(
 
 
 def _card(thing: Obstacle, scene: Mapping[str, Any], course: Course) -> tuple[float, float, float, float]:
-    """Middle, turn and side of an obstacle's card (m, rad)."""
+    """Return middle (x, y), turn and side of an obstacle's card (m, rad)."""
     left_m = card_of(thing, scene["terrain"], course).left_m
     x_m, y_m = thing.x_m - left_m * math.sin(thing.heading_rad), thing.y_m + left_m * math.cos(thing.heading_rad)
     return x_m, y_m, thing.heading_rad, 2 * course.card_reach_m
@@ -101,30 +102,33 @@ def _card(thing: Obstacle, scene: Mapping[str, Any], course: Course) -> tuple[fl
 def ask_deviations(
     answers: Answers | None, things: Mapping[str, Obstacle], given: list[str] | None
 ) -> dict[str, tuple[float, float, float]]:
-    """Measured deviations (m, m, rad) by name: those of the options, else those typed; none without ``answers``."""
+    """Return measured deviations (m, m, rad) by name: those of the options, or else those that are typed.
+
+    Nothing is asked if ``answers`` is None.
+    """
     names = [CAR, *things]
     deviations: dict[str, tuple[float, float, float]] = {}
     if given is not None:
         for text in given:
-            name, by = parse_deviation(text, names)
+            name, deviation = parse_deviation(text, names)
             if name in deviations:
                 raise FoldcarError(f'--deviation "{text}": {name} is given twice')
-            deviations[name] = by
+            deviations[name] = deviation
     elif answers is not None:
-        say("Measured deviations, one per line: NAME X_MM Y_MM [HEADING_DEG]; Enter to finish.")
+        print_line("Measured deviations, one per line: NAME X_MM Y_MM [HEADING_DEG]; Enter to finish.")
         while typed := answers.line("deviation: "):
             try:
-                name, by = parse_deviation(typed, names)
-                deviations[name] = by
+                name, deviation = parse_deviation(typed, names)
+                deviations[name] = deviation
             except FoldcarError as error:
-                say(f"  {error}")
+                print_line(f"  {error}")
     return deviations
 
 
 def parse_deviation(text: str, names: Sequence[str]) -> tuple[str, tuple[float, float, float]]:
-    """Parse a name and deviations in x (mm), y (mm) and heading (°) to (name, (m, m, rad)); FoldcarError.
+    """Parse a name and deviations in x (mm), y (mm) and heading (°) to (name, (m, m, rad)). Raises FoldcarError.
 
-    ``"A 5 -3 1.5"`` gives ("A", (0.005, -0.003, 0.026…)).
+    Example: ``"A 5 -3 1.5"`` gives ("A", (0.005, -0.003, 0.026…)).
     """
     words = text.split()
     if not words or words[0] not in names:
@@ -135,7 +139,7 @@ def parse_deviation(text: str, names: Sequence[str]) -> tuple[str, tuple[float, 
         numbers = []
     if len(numbers) not in (2, 3) or not all(map(math.isfinite, numbers)):
         raise FoldcarError(f'deviation "{text}": not NAME X_MM Y_MM [HEADING_DEG], as in "{names[0]} 5 -3 1.5"')
-    limits = ((MOST_DEVIATION_MM, "mm"), (MOST_DEVIATION_MM, "mm"), (180.0, "°"))
+    limits = ((MAX_DEVIATION_MM, "mm"), (MAX_DEVIATION_MM, "mm"), (180.0, "°"))
     for number, (limit, unit) in zip(numbers, limits, strict=False):
         if abs(number) > limit:
             raise FoldcarError(f'deviation "{text}": {number:g} is beyond ±{limit:g} {unit}')
@@ -144,25 +148,25 @@ def parse_deviation(text: str, names: Sequence[str]) -> tuple[str, tuple[float, 
 
 
 def placed(scene: Mapping[str, Any], things: Mapping[str, Obstacle], deviations: Deviations) -> dict[str, Any]:
-    """The scene as built on the floor: the car and each obstacle moved as a whole by its deviation (m, m, rad).
+    """Return the scene as built on the floor: car and obstacles are moved by their deviations (m, m, rad).
 
     An obstacle turns around the middle of its footprint.
     """
     moved: dict[str, Any] = copy.deepcopy(dict(scene))
-    for name, by in deviations.items():
+    for name, deviation in deviations.items():
         if name == CAR:
-            _move(moved["start"], (moved["start"]["x_m"], moved["start"]["y_m"]), by)
+            _move(moved["start"], (moved["start"]["x_m"], moved["start"]["y_m"]), deviation)
             continue
         for index in things[name].pieces:
-            _move(moved["terrain"][index], (things[name].x_m, things[name].y_m), by)
+            _move(moved["terrain"][index], (things[name].x_m, things[name].y_m), deviation)
     return moved
 
 
-def _move(thing: dict[str, Any], middle: tuple[float, float], by: tuple[float, float, float]) -> None:
-    x_m, y_m, turned_rad = by
+def _move(thing: dict[str, Any], middle: tuple[float, float], deviation: tuple[float, float, float]) -> None:
+    x_m, y_m, turned_rad = deviation
     ahead, left = thing["x_m"] - middle[0], thing["y_m"] - middle[1]
     cos, sin = math.cos(turned_rad), math.sin(turned_rad)
-    # Written as a change of the planned place, so that what is in the middle keeps its digits.
+    # Written as a change of the planned position, so that a piece in the middle keeps its exact coordinates.
     thing["x_m"] += x_m + ahead * (cos - 1) - left * sin
     thing["y_m"] += y_m + ahead * sin + left * (cos - 1)
     if "heading_rad" in thing:
@@ -178,7 +182,7 @@ def _mm(length_m: float) -> str:
 
 
 def _degrees(angle_rad: float) -> float:
-    """The angle in degrees, from -180 to 180; never -0."""
+    """Return the angle in degrees, from -180 to 180; never -0."""
     return round(math.degrees(math.remainder(angle_rad, math.tau)), 1) + 0.0
 
 

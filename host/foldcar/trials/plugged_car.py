@@ -1,8 +1,7 @@
-"""The car at its port: connected, shown and checked before a trial, connected again after a pulled cable.
+"""Connects to a car, checks it before a trial, and connects again after its cable was unplugged.
 
-Input: ports, the identity and the parameters that a car reports, answers of the person beside it. Output: the connected
-car, the design of the experiment; how an untethered drive ended; or a FoldcarError with a
-remedy.
+Input: ports, a car's identity and parameters, answers of the person beside it. Output: the connected car, its design, and
+how an untethered drive ended. Raises FoldcarError with a remedy.
 """
 
 import time
@@ -21,18 +20,18 @@ from foldcar.simulation.carsim import Carsim
 from foldcar.study.experiments import TRIAL_LIMIT, Experiment
 from foldcar.study.family import Family
 from foldcar.trials.driving import DriveEnd, collect
-from foldcar.trials.person import Answers, say, warn
+from foldcar.trials.person import Answers, print_line, print_warning
 
 SIMULATED_TEXT = "SIMULATED CAR"
-# Without a person to ask, how long to wait for an untethered car after its time limit.
-COMES_BACK_S = 60.0
+# If nobody is asked: how long to wait for an untethered car after its time limit.
+RECONNECT_TIMEOUT_S = 60.0
 
-# Endings of the names of parameters which may differ from the design's because they depend on servos and board.
+# Suffixes of parameters that may differ from the design's, because they depend on servos and board.
 CALIBRATED = ("_NEUTRAL_US", "_DEADBAND_US", "_GAIN_US", "PWM_OSC_HZ", "OE_WIRED")
 
 
 class PluggedCar:
-    """The connection to a car, which may break; ``car`` is None while there is none."""
+    """The connection to a car, which may break; ``car`` is None if no car is connected."""
 
     def __init__(self) -> None:
         self.car: Car | None = None
@@ -40,22 +39,22 @@ class PluggedCar:
 
     @property
     def connected(self) -> Car:
-        """The car, where there must be one."""
+        """The connected car; a car must be connected."""
         assert self.car is not None
         return self.car
 
     def connect(self, port: str) -> None:
-        """Connect to the car at a port. FoldcarError."""
+        """Connect to the car at a port. Raises FoldcarError."""
         self.car, self._port = greet(port), port
 
     def close(self) -> None:
-        """Close the connection, which nothing must use any more."""
+        """Close the connection; it must not be used afterwards."""
         car, self.car = self.car, None
         if car is not None:
             car.connection.close()
 
     def connect_again(self, typed: str) -> None:
-        """Connect at the typed port, the last or a new one: a port's name may change after unplugging. FoldcarError."""
+        """Connect at the typed port, else at the last one; if that is gone, detect the new one. Raises FoldcarError."""
         port = typed or self._port
         if not typed and port.startswith(SERIAL_PATHS) and not Path(port).exists():
             port = choose_port(None)
@@ -66,7 +65,7 @@ class PluggedCar:
         self, number: int, log: Path, time_limit_s: float, answers: Answers | None, identity: CarIdentity
     ) -> DriveEnd:
         """Wait until an untethered car is connected again, and merge its log of trial ``number`` into ``log``."""
-        end_s = time.monotonic() + time_limit_s + COMES_BACK_S
+        end_s = time.monotonic() + time_limit_s + RECONNECT_TIMEOUT_S
         question = "The car drives on. When it has stopped, plug it in and press Enter, or type its port; q gives up: "
         while True:
             typed = "" if answers is None else answers.line(question)
@@ -80,7 +79,7 @@ class PluggedCar:
                 return collect(self.connected, number, log)
             except FoldcarError as error:
                 if answers is not None:
-                    warn(error)
+                    print_warning(error)
                 elif time.monotonic() > end_s:
                     return DriveEnd("did not come back", "aborted", None, error)
             time.sleep(1.0)
@@ -91,17 +90,17 @@ def welcome(
 ) -> tuple[CarIdentity, Design]:
     """Print the car's identity and state, and compare its parameters with the design's.
 
-    Without ``answers`` nothing is asked. FoldcarError with a remedy if it cannot drive the experiment's trials.
+    If ``answers`` is None, nothing is asked. Raises FoldcarError with a remedy if the car cannot drive the trials.
     """
     identity = car.identity()
     battery = car.battery_v()
-    say(f"car       {identity.name or 'without a design'} ({identity.hash or 'no car.json'}) at {car.port}")
-    say(f"firmware  {identity.build}")
+    print_line(f"car       {identity.name or 'without a design'} ({identity.hash or 'no car.json'}) at {car.port}")
+    print_line(f"firmware  {identity.build}")
     if identity.simulated:
-        say(f"{SIMULATED_TEXT}: its trials are stored as simulated and do not count as trials of built cars")
+        print_line(f"{SIMULATED_TEXT}: its trials are stored as simulated and do not count as trials of built cars")
     elif identity.simulated is None:
-        say("its firmware does not say whether it is simulated: its trials do not count until someone does")
-    say(f"battery   {'unreadable' if battery is None else f'{battery:.2f} V'}")
+        print_line("its firmware does not say whether it is simulated: its trials do not count until you correct them")
+    print_line(f"battery   {'unreadable' if battery is None else f'{battery:.2f} V'}")
     design = design_of(identity, experiment, family)
     if not any_build:
         check_build(identity, carsim.firmware)
@@ -113,36 +112,43 @@ def welcome(
     limit_s = settings["time_limit_s"]
     if values.get(TRIAL_LIMIT, limit_s) < limit_s:
         set_parameter(car, TRIAL_LIMIT, limit_s)
-        say(f"{TRIAL_LIMIT} set from {values[TRIAL_LIMIT]:g} to {limit_s:g} s for this experiment")
-    differing = {
-        name: wanted
-        for name, wanted in expected.items()
-        if name in values and not equal_float32(values[name], wanted) and name != TRIAL_LIMIT
+        print_line(f"{TRIAL_LIMIT} set from {values[TRIAL_LIMIT]:g} to {limit_s:g} s for this experiment")
+    differences = {
+        name: expected_value
+        for name, expected_value in expected.items()
+        if name in values and not equal_float32(values[name], expected_value) and name != TRIAL_LIMIT
     }
-    say("parameters that differ from the design:" if differing else "parameters as in the design")
-    for name, wanted in differing.items():
+    print_line("parameters that differ from the design:" if differences else "parameters as in the design")
+    for name, expected_value in differences.items():
         calibrated = "  (calibrated)" if name.endswith(CALIBRATED) else ""
-        say(f"  {name:<16} {values[name]:g} instead of {wanted:g}{calibrated}")
+        print_line(f"  {name:<16} {values[name]:g} instead of {expected_value:g}{calibrated}")
     return identity, design
 
 
 def require_same_car(car: Car, identity: CarIdentity) -> None:
-    """FoldcarError if the car's design or firmware is another than in ``identity``."""
-    now = car.identity()
-    if (now.hash, now.build, now.simulated) != (identity.hash, identity.build, identity.simulated):
-        before, after = (f"{known.name} ({known.hash}, firmware {known.build})" for known in (identity, now))
-        raise FoldcarError(f"{car.port}: the car is {after} now, and was {before}: begin a new session with it")
+    """Raise FoldcarError if the car's design or firmware differs from ``identity``."""
+    new_identity = car.identity()
+    if (new_identity.hash, new_identity.build, new_identity.simulated) != (
+        identity.hash,
+        identity.build,
+        identity.simulated,
+    ):
+        before, after = (
+            f"{car_identity.name} ({car_identity.hash}, firmware {car_identity.build})"
+            for car_identity in (identity, new_identity)
+        )
+        raise FoldcarError(f"{car.port}: the car has changed from {before} to {after}: start a new session for it")
 
 
 def _end_earlier_trial(car: Car) -> None:
-    """Stop a car that drives on because the program before was ended, and learn its state as it is now.
+    """Stop a car that still drives after an earlier program was ended, and ask for its current state.
 
-    Left alone, it would latch the fault of a silent host at our next long pause, after faults were asked for.
+    Otherwise it would latch the fault of a silent host at the next long pause, after faults were checked.
     """
     car.connection.catch_up()
     if car.request("FOLDCAR_TRIAL").state == car.dialect.FOLDCAR_STATE_RUNNING:
         car.stop_trial()
-        say("driving   an earlier trial, which is stopped now")
+        print_line("driving   an earlier trial; it is stopped now")
         car.connection.catch_up()
         car.request("FOLDCAR_TRIAL")
 
@@ -151,14 +157,14 @@ def _clear_fault(car: Car, answers: Answers | None) -> None:
     fault = car.fault_text()
     if fault is None:
         return
-    say(f"fault     {fault}")
+    print_line(f"fault     {fault}")
     if answers is not None and answers.line("Acknowledge it? [Y/n] ").lower() not in ("", "y", "yes"):
         raise FoldcarError(f"the car has a fault that is not acknowledged: {fault}")
     car.acknowledge_fault()
 
 
 def design_of(identity: CarIdentity, experiment: Experiment, family: Family) -> Design:
-    """The design of ``family`` (the experiment's, or part of it) that has the car's hash; FoldcarError if none has."""
+    """Return the design of ``family`` that has the car's hash. Raises FoldcarError if there is none."""
     if identity.refused:
         raise FoldcarError("the car refuses its own car.json: load the design again with `foldcar flash`")
     if not identity.hash:
@@ -166,25 +172,25 @@ def design_of(identity: CarIdentity, experiment: Experiment, family: Family) -> 
     for design in family:
         if design_hash(design) == identity.hash:
             return design
-    several = f"one of the {len(family)} of experiment {experiment.id}"
-    chosen = "the one that --set chooses" if len(family) == 1 else several
+    family_text = f"one of the {len(family)} of experiment {experiment.id}"
+    expected_text = "the one that --set chooses" if len(family) == 1 else family_text
     raise FoldcarError(
-        f"the car is {identity.name} ({identity.hash}), which is not {chosen}: name its own listing, or load the "
+        f"the car is {identity.name} ({identity.hash}), which is not {expected_text}: name its own listing, or load the "
         "design that was built with `foldcar flash`"
     )
 
 
-def check_build(identity: CarIdentity, simulated: str) -> None:
-    """FoldcarError if the car's firmware is not of the build that is simulated."""
-    if identity.build != simulated:
+def check_build(identity: CarIdentity, simulated_build: str) -> None:
+    """Raise FoldcarError if the build of the car's firmware differs from the simulated one."""
+    if identity.build != simulated_build:
         raise FoldcarError(
-            f"the car's firmware is build {identity.build}, the simulated one is {simulated}: load that with "
+            f"the car's firmware is build {identity.build}, the simulated one is {simulated_build}: load that with "
             "`foldcar flash`, or drive anyway with --any-build"
         )
 
 
 def enter_sample(car: Car, scene: Mapping[str, Any], sample: int, experiment: Experiment) -> None:
-    """Move a simulated car to the sample whose scene is ``scene``; FoldcarError if it has no such scene."""
+    """Move a simulated car to the sample with this ``scene``. Raises FoldcarError if it does not have the scene."""
     if not car.enter_scene(scene_name(scene, sample)):
         raise FoldcarError(
             f"the simulated car cannot drive in sample {sample} of experiment {experiment.id}: start `foldcar link` with "

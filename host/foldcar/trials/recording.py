@@ -1,4 +1,4 @@
-"""The end of a trial that was driven, in the store at once: as the person says it, or as a killed session left it.
+"""Stores the end of a trial at once, with the person's outcome; completes trials whose session was killed.
 
 Input: the end of a drive, answers. Output: the completed row of the trial.
 """
@@ -12,7 +12,7 @@ from foldcar.store.log_files import log_file, sha256_of
 from foldcar.store.trial_records import INTERRUPTED, Ending, not_entered
 from foldcar.store.trial_writer import TrialWriter
 from foldcar.trials.driving import DriveEnd
-from foldcar.trials.person import Answers, say
+from foldcar.trials.person import Answers, print_line
 
 OUTCOME_KEYS = {
     "p": "passed",
@@ -30,40 +30,41 @@ def record_outcome(
     writer: TrialWriter, number: int, end: DriveEnd, log: Path, outcome: str | None, note: str | None,
     answers: Answers | None, mark: str = "",
 ) -> Ending:  # fmt: skip
-    """Complete the row of trial ``number`` and say so, with the ``mark`` of a simulated car; gives what was stored.
+    """Complete the row of trial ``number`` and print it, with the ``mark`` of a simulated car; return what was stored.
 
-    ``outcome`` is asked for where it is None, unless ``answers`` is None. FoldcarError if it is unknown and may not be
-    asked for.
+    If ``outcome`` is None, it is asked for. Raises FoldcarError if it is unknown and ``answers`` is None.
     """
     digest = sha256_of(log)
     ending = end.ending if end.outcome else not_entered(end.ending)
     try:
         writer.complete(number, Ending(end.outcome or "aborted", ending, end.elapsed_time_s, "", digest))
     except StoreError as error:
-        later = f"trial {number} is stored as begun: enter its outcome later with `foldcar trials correct`"
+        later = f"trial {number} is stored without its outcome; enter it later with `foldcar trials correct`"
         raise StoreError(f"{error}; {later}") from error
     drove = f" after {end.elapsed_time_s:.2f} s" if end.elapsed_time_s is not None else ""
-    say(f"Ended{drove}: {end.ending}")
+    print_line(f"Ended{drove}: {end.ending}")
     outcome = "aborted" if end.error is not None else outcome
     if outcome is None and answers is not None:
         suggested = f" [{end.outcome}]" if end.outcome else ""
         outcome = answers.choice(f"{OUTCOME_QUESTION}{suggested}: ", OUTCOME_KEYS, end.outcome)
     outcome = outcome or end.outcome
     if outcome is None:
-        raise FoldcarError(f"trial {number}: {end.ending}: its outcome does not follow; use --outcome with --yes")
+        raise FoldcarError(f"trial {number}: {end.ending}: its outcome is unknown; with --yes, give it by --outcome")
     stored = Ending(outcome, end.ending, end.elapsed_time_s, note or "", digest)
     writer.complete(number, stored)
-    say(f"Trial {number}: {outcome}{mark}; log: {log if digest else 'none'}")
+    print_line(f"Trial {number}: {outcome}{mark}; log: {log if digest else 'none'}")
     if digest is None and end.error is None:
-        raise FoldcarError(f"{log}: is gone: it was deleted or moved; trial {number} is stored without its log")
+        raise FoldcarError(f"{log}: was deleted or moved; trial {number} is stored without its log")
     return stored
 
 
 def complete_interrupted(writer: TrialWriter) -> None:
-    """Complete the trials whose session was killed: as aborted, unless a correction says otherwise."""
+    """Complete the trials whose session was killed, as aborted unless a correction says otherwise."""
     for number, log, outcome in writer.unfinished():
         file = log_file(writer.path, log)
         digest = sha256_of(file)
         writer.complete(number, Ending(outcome, INTERRUPTED, None, "", digest))
         damage = log_damage(file) if digest else None
-        say(f"Trial {number} was interrupted: it counts as {outcome}; its log is kept{f'; {damage}' if damage else ''}")
+        print_line(
+            f"Trial {number} was interrupted: it counts as {outcome}; its log is kept{f'; {damage}' if damage else ''}"
+        )

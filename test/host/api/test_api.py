@@ -104,14 +104,14 @@ def test_rates_and_models_come_from_the_store(study: foldcar.Study) -> None:
 
 SCENE = empty_scene()
 MISTAKES = {
-    'design("W_B_W"): widht is no design parameter': lambda s: foldcar.design("W_B_W", widht=95),
+    'design("W_B_W"): widht is not a design parameter': lambda s: foldcar.design("W_B_W", widht=95),
     'design("W_B_W"): length may be W_length_mm or B_length_mm': lambda s: foldcar.design("W_B_W", length=95),
     "design(\"W_B_W\"): width: '95' is not a number": lambda s: foldcar.design("W_B_W", width="95"),
     "has 2 values (65, 95)": lambda s: foldcar.evaluate(
         {"type": "W_B_W", "params": [{"common": {"width": [65, 95]}}]}, STEP_PYRAMIDS, 1
     ),
     "none.scenic: no such Scenic program": lambda s: foldcar.environment("none.scenic"),
-    "n: 0 is not a whole number": lambda s: foldcar.evaluate(foldcar.design("W_B_W"), STEP_PYRAMIDS, 0),
+    "n: 0 is not an integer": lambda s: foldcar.evaluate(foldcar.design("W_B_W"), STEP_PYRAMIDS, 0),
     "scene.friction: is missing": lambda s: foldcar.simulate(foldcar.design("W_B_W"), {}),
     "timeout_s: -1:": lambda s: foldcar.evaluate(foldcar.design("W_B_W"), STEP_PYRAMIDS, 1, timeout_s=-1),
     "width: inf is not a number": lambda s: foldcar.design("W_B_W", width=math.inf),

@@ -180,7 +180,7 @@ def test_a_shared_parameter_may_be_repeated_but_not_contradicted() -> None:
         family("W_B_W", {"common": {"radius": 60}}, {"W": {"radius": 50}})
     assert str(caught.value) == (
         "cars.json: vehicles.v.params.1.W.radius: differs from vehicles.v.params.0.common.radius, "
-        "but the whole car has one value of it"
+        "but this parameter has one value for the whole car"
     )
 
 

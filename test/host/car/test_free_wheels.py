@@ -24,7 +24,7 @@ from foldcar.models.webots_car import webots_proto
 from foldcar.models.webots_world import controller_drive
 from foldcar.simulation.carsim import Carsim, PulseTrain
 from foldcar.simulation.engines import MUJOCO, MULTIBODY, SIDE_VIEW
-from foldcar.study.unlike_sides import one_sided
+from foldcar.study.side_view_check import one_sided
 from study_car import empty_scene
 from test_design import family
 from test_places import drive

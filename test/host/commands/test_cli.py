@@ -18,7 +18,7 @@ import pytest
             ("run", "l.json", "--experiment", "1"),
             "l.json: vehicles.1.params.0.common.width: has 2 values (95, 245); choose one with --set width=…",
         ),
-        (("run", "l.json", "--experiment", "1", "--set", "width=x"), "--set width=x: not NAME=MM"),
+        (("run", "l.json", "--experiment", "1", "--set", "width=x"), "--set width=x: is neither NAME=MM"),
         (("run", "l.json", "--experiment", "1", "--set", "w=1"), "--set w: W_B_W has no such parameter"),
         (("run", "l.json", "--experiment", "1", "--set", "width=20"), "--set width: 20 is below the minimum 53.65"),
     ],
@@ -42,7 +42,7 @@ def test_wrong_usage_is_told_without_traceback(foldcar: Any) -> None:
 def test_without_carsim_the_way_to_one_is_named(tmp_path: Path, listing: Path, refused: Any) -> None:
     told = refused("sweep", listing, "--store", "s.db", env={**os.environ, "FOLDCAR_CARSIM": "/none/carsim"})
 
-    assert told == "FOLDCAR_CARSIM: /none/carsim is no program"
+    assert told == "FOLDCAR_CARSIM: /none/carsim is not a program"
     assert not (tmp_path / "s.db").exists()
 
 

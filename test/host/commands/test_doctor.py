@@ -35,7 +35,7 @@ def test_what_is_missing_is_told_with_what_to_do(tmp_path: Path) -> None:
     assert found["carsim"] == {
         "name": "carsim",
         "state": "missing",
-        "text": "FOLDCAR_CARSIM: /none/carsim is no program",
+        "text": "FOLDCAR_CARSIM: /none/carsim is not a program",
         "advice": "let FOLDCAR_CARSIM name a carsim, or leave it out",
     }
     assert found["results"]["text"] == f"{closed}: cannot be written: Permission denied"

@@ -45,7 +45,8 @@ def test_an_example_has_what_its_commands_name(foldcar: Command, refused: Any, t
     for listing in folder.glob("scenarios/*.json"):
         assert read_study(listing).experiments
     # A name that is none.
-    assert f"there is no {example}s; there are width_study" in refused("new", "other", "--example", example + "s")
+    message = refused("new", "other", "--example", example + "s")
+    assert message.startswith(f"--example {example}s: unknown example; choose one of width_study")
     assert not (tmp_path / "other").exists()
 
 

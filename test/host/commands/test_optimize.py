@@ -145,7 +145,7 @@ def test_an_interrupted_search_ends_where_an_uninterrupted_one_does(
     straight = optimized(foldcar_command, listing, "straight.db", *words)
 
     assert (cut.returncode, cut.stdout) == (130, "")
-    assert "designs are tried, their runs in cut.db; the same command resumes" in cut.stderr
+    assert "designs tried, runs in cut.db; the same command resumes" in cut.stderr
     differing = {key for key in straight if straight[key] != resumed[key]}
     assert differing == {"store", "new", "seconds"} and resumed["new"] <= straight["new"] - 9
     assert foldcar.Study(tmp_path / "cut.db").runs.equals(foldcar.Study(tmp_path / "straight.db").runs)
@@ -246,8 +246,8 @@ def test_nsga2_and_a_grid_propose_each_design_once(listing: Path) -> None:
     ("words", "message"),
     [
         (["--objective", "sheet-area"], "--objective sheet-area: needs no simulation"),
-        (["--objective", "time", "--objective", "time"], "one is named twice"),
-        (["--runs", "2"], "--runs 2: one design takes 3"),
+        (["--objective", "time", "--objective", "time"], "each objective may be named only once"),
+        (["--runs", "2"], "--runs 2: is too few; one design needs 3"),
     ],
 )
 def test_a_search_without_meaning_is_refused(

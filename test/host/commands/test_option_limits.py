@@ -46,7 +46,7 @@ def test_a_parameter_that_is_set_twice_is_refused(listing: Any, refused: Any, wo
 def test_a_threshold_reads_like_the_listings(
     write_listing: Any, listing_data: Any, refused: Any, command: tuple[str, ...]
 ) -> None:
-    said = "75 is not between 0 and 1: a threshold is a share of runs: write 0.75 for 75 %"
+    said = "75 is not between 0 and 1: a threshold is a fraction of runs: write 0.75 for 75 %"
     assert refused(*command, "--threshold", "75") == f"--threshold: {said}"
     listing_data["experiments"]["1"]["params"] = {"threshold": [0.5, 75]}
     file = write_listing(listing_data)

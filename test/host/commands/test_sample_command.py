@@ -69,6 +69,6 @@ def test_named_programs_are_drawn_into_a_folder(foldcar: Any, tmp_path: Path, ca
 def test_two_programs_of_one_name_and_a_file_as_folder_are_refused(refused: Any, tmp_path: Path) -> None:
     program = PYRAMIDS.parent / "two_bumps.scenic"
     twice = refused("gallery", program, program, "-o", "pictures")
-    assert twice == "pictures/two_bumps.png: two programs have this name"
+    assert twice == "pictures/two_bumps.png: two programs would write this file; draw them into two folders"
     (tmp_path / "file").write_text("")
     assert refused("gallery", program, "-o", "file") == "file: not a folder"

@@ -191,7 +191,7 @@ def test_measured_values_are_kept_and_taken_as_known(swept: Path, tmp_path: Path
     )
     shown = run(tmp_path, "calibrate", "s.db", "--name", "three", "--runs", "500").stdout
 
-    assert before.stdout == "experiment 1: nothing was measured\n"
+    assert before.stdout == "experiment 1: no measured values\n"
     assert json.loads(kept.stdout) == {"experiment": "1", "measured": {"obstacle_height": 1.1, "track_m": 0.002}}
     draws = json.loads(answer.stdout)["draws"]
     rows = [line.split() for line in shown.splitlines()]
@@ -263,7 +263,7 @@ def test_a_sweep_under_a_calibration_takes_its_draws_and_leaves_nominal_runs(swe
     refused = run(swept, "calibrate", store.name, "--experiment", "1 (calibrated mine)", code=2)
     assert "has no trials of experiment" in refused.stderr
     kept = run(swept, "calibrate", store.name, "--name", "mine", "--replace", code=2)
-    assert 'calibration "mine": experiment "1 (calibrated mine)" was swept under it: choose another' in kept.stderr
+    assert 'calibration "mine": experiment "1 (calibrated mine)" was swept with it; choose another' in kept.stderr
 
 
 CSV = "experiment,vehicle_type,radius_mm,outcome,count,source,car\n"
@@ -300,7 +300,7 @@ def test_names_are_given_once_and_unknown_ones_refused(swept: Path) -> None:
     taken = run(swept, "calibrate", "s.db", "--name", "mine", code=2)
     unknown = run(swept, "sweep", "l.json", "--store", "s.db", "--calibration", "none", code=2)
 
-    assert 's.db: has a calibration "mine" already: choose another --name, or --replace it' in taken.stderr
+    assert 's.db: already has a calibration "mine"; choose another --name, or use --replace' in taken.stderr
     assert 's.db: has no calibration "none"; it has' in unknown.stderr
     with Store.open(swept / "swept.db") as opened, pytest.raises(FoldcarError, match="make one with `foldcar calibrate`"):
         calibration_named(opened, "mine")

@@ -52,7 +52,7 @@ def test_a_driven_trial_has_its_cars_name_which_a_correction_changes(tmp_path: P
     assert ",Ben," in (tmp_path / "t.csv").read_text()
     long = "--car: 'xxxxxxxxxx"
     assert refused(*LOG, "--port", "none", "--car", "x" * 50).startswith(long)
-    assert "is no name of 1 to 40" in refused("trials", "correct", "s.db", "1", "--car-name", "", "--reason", "x")
+    assert "is not a name of 1 to 40" in refused("trials", "correct", "s.db", "1", "--car-name", "", "--reason", "x")
 
 
 def test_a_design_is_judged_by_its_cars_and_by_what_simulation_finds_of_their_environments(

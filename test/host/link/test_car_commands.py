@@ -54,9 +54,9 @@ def test_parameters_are_saved_compared_and_restored(tmp_path: Path, foldcar: Any
             ("CH1_NEUTRAL_US", "9999", "it stays 1512"),
             ("CH1_SIDE", "2", "is set by car.json"),
             ("NO_SUCH", "2", "NO_SUCH: the car refuses 2"),
-            ("TRIAL_MAX_S", "1e39", "TRIAL_MAX_S: 1e+39 is no number that a car keeps (32-bit floating point)"),
+            ("TRIAL_MAX_S", "1e39", "TRIAL_MAX_S: 1e+39 cannot be stored as a 32-bit floating-point number"),
             # A packet would hold the first 16 characters only.
-            ("CH1_DEADBAND_US_AND_MORE", "30", "CH1_DEADBAND_US_AND_MORE: no name of a parameter: those have 1 to "),
+            ("CH1_DEADBAND_US_AND_MORE", "30", "CH1_DEADBAND_US_AND_MORE: not a parameter's name, which has 1 to "),
         ):
             assert why in refused("params", "set", name, value, *port)
         assert refused("params", "get", "trial_max_s", *port).endswith('did you mean "TRIAL_MAX_S"?')

@@ -271,7 +271,7 @@ def test_without_mujoco_a_line_says_what_builds_it(native: Carsim, monkeypatch: 
     ("words", "message"),
     [
         (["--to", "stl"], "--to stl: not one of mjcf, urdf, webots"),
-        (["--to", "mjcf", "--environment", "7"], 'environments: has no "7"; known: 1'),
+        (["--to", "mjcf", "--environment", "7"], 'has no environment "7"; known: 1'),
     ],
 )
 def test_the_command_refuses_in_one_line(

@@ -62,7 +62,7 @@ def test_the_core_sweeps_and_reports_and_other_commands_name_their_extra(tmp_pat
     for (extra, words), end in zip(others, ends[len(core) :], strict=True):
         (told,) = end.splitlines()[1:]
         assert told.startswith("foldcar: error: this needs the package "), (words, told)
-        assert told.endswith(f"of an extra: pip install 'foldcar[{extra}]'"), (words, told)
+        assert told.endswith(f"install the extra: pip install 'foldcar[{extra}]'"), (words, told)
     assert {file.name for file in tmp_path.iterdir()} == {"l.json", "free.scenic", "yard", "s.db", "report"}
 
 

@@ -147,7 +147,7 @@ def test_an_export_that_fails_leaves_the_old_file(
     ("words", "message"),
     [
         (("none.db", "--csv", "a.csv"), "none.db: no such store"),
-        (("s.db",), "export: say what to write: --csv FILE, --parquet FILE, --trials FILE or --digest"),
+        (("s.db",), "export: nothing to write; use --csv FILE, --parquet FILE, --trials FILE or --digest"),
         (("s.db", "--csv", "none/b/a.csv"), "none/b/a.csv: cannot be written: there is no folder none"),
     ],
 )

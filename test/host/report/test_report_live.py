@@ -181,7 +181,7 @@ def test_data_are_made_only_when_the_store_has_changed(
     (tmp_path / "s.db").write_bytes(b"no store" * 100)
     live.refresh()
     broken = json.loads(live.poll(versions[-1]))
-    assert "no foldcar store" in broken["error"] and broken["study"] is None and broken["done"] == last["done"]
+    assert "not a foldcar store" in broken["error"] and broken["study"] is None and broken["done"] == last["done"]
 
 
 def test_live_refuses_what_it_cannot_serve_by_one_line(

@@ -14,7 +14,8 @@ def test_every_metric_s_name_ends_with_its_unit() -> None:
 
 
 @pytest.mark.parametrize(
-    ("program", "message"), [(None, "FOLDCAR_CARSIM: {} is no program"), ("echo old", "{}: `carsim metrics` printed no")]
+    ("program", "message"),
+    [(None, "FOLDCAR_CARSIM: {} is not a program"), ("echo old", "{}: `carsim metrics` printed no")],
 )
 def test_without_carsim_a_store_is_not_read(tmp_path: Path, new_foldcar: Any, program: str | None, message: str) -> None:
     carsim = tmp_path / "carsim"

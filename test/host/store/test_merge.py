@@ -224,7 +224,7 @@ def test_what_cannot_be_merged_is_said_in_one_line(tmp_path: Path, foldcar: Call
         ("a.db", "none.db", "-o", "m.db"): "none.db: no such store",
         ("a.db", "-o", "m.db"): "merge: name two stores or more",
         ("a.db", "old.db", "-o", "a.db"): "a.db: is read by this command; name another file to write",
-        ("a.db", "a.db", "-o", "old.db"): "old.db: is there already; name a new store",
+        ("a.db", "a.db", "-o", "old.db"): "old.db: already exists; name a new store",
     }
     for words, line in told.items():
         refused = foldcar("merge", *words)

@@ -236,8 +236,8 @@ def test_what_is_no_store_is_refused_and_left_alone(tmp_path: Path) -> None:
     ways_out = f"and this foldcar reads version {VERSION}: sweep into a new store, or use the foldcar that made it"
 
     for path, message in (
-        (text, "is no foldcar store: file is not a database"),
-        (other, "is no foldcar store"),
+        (text, "is not a foldcar store: file is not a database"),
+        (other, "is not a foldcar store"),
         (listing, f"is a listing, not a store; `foldcar sweep {listing} --store text.db` simulates it into a store"),
         (newer, f"is a store of version {VERSION + 1}, {ways_out}"),
         (older, f"is a store of version {VERSION - 1}, {ways_out}"),
@@ -261,7 +261,7 @@ def test_a_change_of_the_tables_changes_the_version() -> None:
 def test_what_is_no_file_is_no_store_and_reading_creates_none(tmp_path: Path) -> None:
     with pytest.raises(StoreError, match="no such store"):
         Store.open(tmp_path / "none" / "s.db")
-    with pytest.raises(StoreError, match="is no file"):
+    with pytest.raises(StoreError, match="is not a file"):
         Store.open(tmp_path)
     with pytest.raises(StoreError, match="is a folder, not a store"), write_store(tmp_path):
         pass
@@ -282,7 +282,7 @@ def test_a_name_that_sqlite_does_not_take_for_a_file_is_refused(
     said = foldcar("sweep", "none.json", "--store", ":memory:")
 
     assert (said.returncode, said.stdout) == (2, "")
-    message = "is no file name to SQLite: give the store another, such as study.db"
+    message = "SQLite does not treat this as a file name; use another, such as study.db"
     assert said.stderr == f"foldcar: error: :memory:: {message}\n"
     for name in (":memory:", "file:s.db"):
         for use in (check_new, Store.open, lambda path: write_store(path).__enter__()):

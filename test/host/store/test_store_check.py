@@ -145,7 +145,7 @@ def test_experiments_without_a_study_are_refused(store: Path, foldcar: Any) -> N
 
     answer = foldcar("export", "s.db", "--csv", "-")
 
-    assert answer.returncode == 2 and "s.db: holds no study" in answer.stderr and answer.stderr.count("\n") == 1
+    assert answer.returncode == 2 and "s.db: has no study" in answer.stderr and answer.stderr.count("\n") == 1
 
 
 @pytest.mark.parametrize("table", ["body", "settings", "scene"])

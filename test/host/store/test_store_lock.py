@@ -155,7 +155,7 @@ def test_a_writer_is_patient_with_another_program_and_then_says_so(store: Path, 
             other.stdin.close()
             assert writer.communicate(timeout=60)[0] == "written\n"
     monkeypatch.setattr("foldcar.store.connection.BUSY_S", 0.1)
-    message = r"s\.db: is locked by another program; end that"
+    message = r"s\.db: is locked by another program; close that"
     with another(READ, store), pytest.raises(StoreError, match=message), write_store(store):
         pass
 

@@ -78,8 +78,8 @@ def test_the_list_marks_them(mixed: Path, foldcar: Any) -> None:
     cars = [re.split(r"  +", line.strip())[4] for line in listed.splitlines()[1:6]]
     assert cars == ["built", "built", "simulated", "simulated", "unknown"]
     assert "5 trials\nof built cars: 1 of 2 passed, 0 aborted\n" in listed
-    assert "of a simulated car: 2 of 2 passed, 0 aborted; they do not count\n" in listed
-    assert "of a car that may be built or simulated: 1 of 1 passed, 0 aborted; they do not count\n" in listed
+    assert "of a simulated car: 2 of 2 passed, 0 aborted; these do not count\n" in listed
+    assert "of a car that may be built or simulated: 1 of 1 passed, 0 aborted; these do not count\n" in listed
 
 
 def test_a_withdrawn_trial_counts_nowhere_and_leaves_a_trail(mixed: Path, foldcar: Any) -> None:
@@ -114,7 +114,7 @@ def test_a_withdrawn_trial_counts_nowhere_and_leaves_a_trail(mixed: Path, foldca
         (("withdraw", "s.db", "2", "77", "--reason", "r"), "s.db: has no trial 77"),
         (("correct", "s.db", "5", "--reason", "r", "--car", "real"), "s.db: trial 5: car: 'real' is not one of built, "),
         (("correct", "s.db", "6", "--reason", "r", "--car", "built"),
-         "s.db: trial 6: car: the car itself told that it is simulated; this cannot be corrected"),
+         "s.db: trial 6: car: the car itself reported that it is simulated; this cannot be corrected"),
     ],
 )  # fmt: skip
 def test_mistakes_change_nothing(mixed: Path, foldcar: Any, words: tuple[str, ...], message: str) -> None:

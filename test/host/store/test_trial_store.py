@@ -73,7 +73,7 @@ def test_corrections_leave_a_trail(tmp_path: Path, foldcar: Any) -> None:
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("correct", "s.db", "1", "--reason", "r"), "trials correct: say what to change"),
+        (("correct", "s.db", "1", "--reason", "r"), "trials correct: nothing to change"),
         (("correct", "s.db", "1", "--reason", " ", "--note", "n"), "trials correct: --reason: is empty"),
         (("correct", "s.db", "9", "--reason", "r", "--note", "n"), "s.db: has no trial 9"),
         (("correct", "s.db", "1", "--reason", "r", "--outcome", "flew"), "s.db: trial 1: outcome: 'flew' is not one of"),
@@ -175,8 +175,10 @@ def test_a_car_that_the_file_does_not_tell_is_the_experiments_or_refused(tmp_pat
     assert 'note: experiment "1" was swept without a car of width 99 mm' in said.stderr
     assert "it has 2 trials" in said.stderr
     assert refused.returncode == 2 and refused.stderr.count("\n") == 1
-    assert 'bad.csv: line 2: width_mm: is not given; experiment "1" has several values' in refused.stderr
-    assert "note: new.csv: does not tell all of its cars; taken by default: height 50 mm, radius 60 mm" in alone.stderr
+    assert 'bad.csv: line 2: width_mm: missing; experiment "1" has several values' in refused.stderr
+    assert (
+        "new.csv: does not have all parameters of its cars; defaults are used: height 50 mm, radius 60 mm" in alone.stderr
+    )
     with Store.open(tmp_path / "s.db") as store:
         assert [trial.design["width_mm"] for trial in store.trials()] == [95, 99, 99]
 

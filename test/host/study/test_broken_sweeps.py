@@ -28,8 +28,8 @@ def simulator(tmp_path: Path, carsim: Path, batch: str) -> Path:
     ("batch", "message"),
     [
         ("cat > /dev/null; echo oops >&2; exit 3", "exit code 3 (oops) after 0 of "),
-        ("cat > /dev/null; echo '[]'", "answered what is no result: []"),
-        ('cat > /dev/null; echo \'{"outcome": "flew"}\'', "answered an impossible result: "),
+        ("cat > /dev/null; echo '[]'", "its answer is not a result: []"),
+        ('cat > /dev/null; echo \'{"outcome": "flew"}\'', "its answer is an impossible result: "),
     ],
 )
 def test_a_simulator_that_breaks_down_is_named(

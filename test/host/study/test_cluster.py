@@ -208,7 +208,7 @@ def test_a_run_that_ends_its_worker_each_time_is_the_only_one_that_fails(
         with open_cluster(own.address, carsim, lambda line: None) as places:
             answers, _ = places.run(carsim, chunk["bodies"], chunk["scenes"], [poison, last])
 
-    assert answers[0] == {"error": "the simulation ended its worker each time"}
+    assert answers[0] == {"error": "the simulation killed its worker each time"}
     assert answers[1:] == carsim.run(chunk["bodies"], chunk["scenes"], [last])
 
 
@@ -224,7 +224,7 @@ def test_without_scheduler_or_workers_or_with_other_versions_one_line_says_so(
 
     with pytest.raises(FoldcarError, match=r"--scheduler: tcp://127.0.0.1:1: no Dask scheduler answers there: "):
         opened("tcp://127.0.0.1:1")
-    with pytest.raises(FoldcarError, match="--jobs: says nothing with --scheduler"):
+    with pytest.raises(FoldcarError, match="--jobs: has no effect with --scheduler"):
         check_scheduler("local:1", 2)
     for wrong in ("nowhere", "local:0", "local:x", "tcp://host", "local:257"):
         with pytest.raises(FoldcarError, match="--scheduler: "):

@@ -39,7 +39,7 @@ def test_names_of_variants_are_no_names_of_experiments(
     write_listing: Callable[[Any], Path], listing_data: Any, name: str
 ) -> None:
     listing_data["experiments"] = {name: listing_data["experiments"]["1"]}
-    with pytest.raises(FoldcarError, match=f'"{re.escape(name)}": ends as the names that foldcar gives to variants'):
+    with pytest.raises(FoldcarError, match=f'"{re.escape(name)}": ends like the names that foldcar gives to variants'):
         read_study(write_listing(listing_data))
     listing_data["experiments"] = {"fresh (air)": listing_data["experiments"][name]}
     assert read_study(write_listing(listing_data)).experiments[0].id == "fresh (air)"
@@ -117,7 +117,7 @@ WIDTH = "vehicles.1.params.0.common.width"
         (
             "experiments.1.params.variation_seed",
             3,
-            'experiments.1.params: "variation_seed" says nothing without "variation"',
+            'experiments.1.params: "variation_seed" has no effect without "variation"',
         ),
         ("environments.1.condition", {}, ".sample: is missing"),
         ("environments.1.scenic_filename", "no.scenic", ": "),
@@ -131,12 +131,12 @@ WIDTH = "vehicles.1.params.0.common.width"
         (WIDTH, 501, ": 501 is above the maximum 500"),
         (WIDTH, True, ": True is not a number; write a number, a list of numbers or a range"),
         (WIDTH, 0.095, ": 0.095 is below the minimum 53.65 (the boards across it); lengths of cars are in mm: 0.095 m"),
-        (WIDTH, [80, 95, 95], ": 95 stands twice in the list"),
+        (WIDTH, [80, 95, 95], ": 95 occurs twice in the list"),
         (WIDTH, {"from": 1}, ': a range has exactly the keys "from", "to", "step"'),
         (WIDTH, {"from": 65, "to": 90, "step": 1e-9}, ": the range has 25000000001 values, the limit is"),
-        (WIDTH, {"from": 0, "to": 1e300, "step": 1e-300}, ".to: 1e+300 is no number to compute with"),
+        (WIDTH, {"from": 0, "to": 1e300, "step": 1e-300}, ".to: 1e+300 is out of bounds"),
         (WIDTH, int("9" * 400), ": a number of 400 digits is above the limit"),
-        (WIDTH, "\ud800", ": '\\ud800' holds what is no character"),
+        (WIDTH, "\ud800", ": '\\ud800' contains an invalid character"),
         (
             WIDTH,
             {"from": 65, "to": 245, "step": 7},
@@ -295,7 +295,7 @@ def test_cars_that_cannot_be_built_are_skipped_and_named(
     said = ["experiment 1: 2 of 3 cars cannot be built and are skipped:", *(f"  {one}" for one in why)]
     assert swept.stderr.splitlines()[1:] == said
     head, refused, *lines = dry.stdout.splitlines()
-    assert head == "experiment 1: 3 designs, 1 run of those that can be built"
+    assert head == "experiment 1: 3 designs, 1 run if all can be built"
     assert refused == "  2 of 3 cannot be built and would be skipped:"
     assert lines[:2] == [f"    {one}" for one in why]
     assert re.fullmatch(r"about [0-9.]+ s with 1 simulator; the store about 0\.[0-9] MB", lines[2])

@@ -76,7 +76,7 @@ def test_appendix_a_runs_with_the_changes_of_the_table(tmp_path: Path, foldcar: 
         ('{"a": [1, 2]}', None),
         ('// "{"\n{"a": "]", /* [ */ "b": \'}\'}', None),
         ('{"a": "\\""}', None),
-        ("{}]", 'line 1, column 3: "]" closes no bracket: remove it'),
+        ("{}]", 'line 1, column 3: "]" does not close a bracket; remove it'),
         ("{'a: 1}", "line 1, column 2: a string has no closing ' on its line: write it on one line"),
         ('{\n "a": [}', 'line 2, column 8: "[" of line 2, column 7 is still open: write "]" before this "}"'),
     ],

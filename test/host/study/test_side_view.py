@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from foldcar.store.reader import Store
-from foldcar.study.unlike_sides import one_sided
+from foldcar.study.side_view_check import one_sided
 from study_car import asked, car_body, empty_scene
 
 Command = Callable[..., "subprocess.CompletedProcess[str]"]

@@ -177,7 +177,7 @@ def test_a_sweep_that_stopped_is_complete_and_weighs_its_designs_alike(
 @pytest.mark.parametrize(
     ("until", "threshold", "said"),
     [
-        ("5", 0.75, "--until: '5' is neither decided nor percentage points, as 5pp"),
+        ("5", 0.75, "--until: '5' is neither decided nor a number of percentage points, such as 5pp"),
         ("decided", None, "experiments.1.params.threshold: is missing; --until decided needs it"),
         ("decided", 75, "experiments.1.params.threshold: 75 is not between 0 and 1"),
         ("decided", [], "experiments.1.params.threshold: an empty list has no threshold"),
@@ -203,7 +203,7 @@ def test_undefined_success_is_refused_before_the_store_is_made(
     listing_data["environments"]["1"] = {"scenic_filename": "p.scenic"}
     listing_data["experiments"]["1"]["params"]["threshold"] = 0.75
 
-    with pytest.raises(FoldcarError, match=r"experiments\.1: --until has nothing to decide: success is undefined"):
+    with pytest.raises(FoldcarError, match=r"experiments\.1: --until needs a definition of success: success is"):
         swept(write_listing(listing_data), tmp_path / "s.db", carsim_binary, until="decided")
 
     assert not (tmp_path / "s.db").exists()

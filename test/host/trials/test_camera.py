@@ -339,12 +339,13 @@ def test_missing_and_moved_floor_markers_are_told() -> None:
     assert view.remarks == ("floor marker 2 is not seen",)
     assert abs(view.lens.focal_px / camera.focal - 1) < 0.02 and numpy.abs(view.place_m - camera.place).max() < 0.03
     (told,) = find_view(seen(pushed), COURSE, size, None, "photo").remarks
-    assert re.fullmatch(r"floor marker 1 lies (3[89]|4[012]) mm from its place, at 11[34]\d, \d+ mm: left out", told)
+    message = r"floor marker 1 lies (3[89]|4[012]) mm from its position, at 11[34]\d, \d+ mm; it is left out"
+    assert re.fullmatch(message, told)
     turned = replace(COURSE, floor=(FloorMarker(0, 0.0, 0.4, 1.2), *COURSE.floor[1:]))
     assert find_view(seen(turned), turned, size, None, "photo").remarks == ()
     with pytest.raises(FoldcarError, match=r"^photo: floor markers 1, 2 not seen: 3 of 4 are needed$"):
         find_view({number: whole[number] for number in (0, 3)}, COURSE, size, None, "photo")
-    with pytest.raises(FoldcarError, match=r"^photo: the floor markers do not lie where the course has them"):
+    with pytest.raises(FoldcarError, match=r"^photo: the floor markers do not have the positions or sizes of the course"):
         find_view(whole, rectangle(1.0, 0.9), size, None, "photo")
 
 
@@ -458,10 +459,10 @@ def test_a_byte_order_mark_is_no_part_of_a_course(tmp_path: Path) -> None:
     ("words", "told"),
     [
         (("gone.mp4",), "gone.mp4: no such file"),
-        (("text.mp4",), "text.mp4: is no film that can be read (MP4, MOV, MKV, AVI)"),
-        (("text.heic",), "text.heic: photos in HEIC are not read: save it as JPEG, or set the camera to JPEG"),
-        (("text.jpg", "--listing", "l.json"), "text.jpg: is no picture that can be read (JPEG, PNG)"),
-        (("text.jpg",), "text.jpg: with a photo --listing names the listing, whose program knows the obstacles"),
+        (("text.mp4",), "text.mp4: cannot be read as a film (MP4, MOV, MKV, AVI)"),
+        (("text.heic",), "text.heic: HEIC photos are not supported: save it as JPEG, or set the camera to JPEG"),
+        (("text.jpg", "--listing", "l.json"), "text.jpg: cannot be read as a picture (JPEG, PNG)"),
+        (("text.jpg",), "text.jpg: a photo needs --listing LISTING, whose program says where the obstacles are"),
         (("gone.mp4", "--course", "c.json"), "c.json: floor: two markers have the id 0"),
         (("gone.mp4", "--course", "text.mp4"), "text.mp4: Invalid JSON: expected ident at line 1 column 2"),
         (

@@ -48,7 +48,7 @@ def test_another_car_than_at_the_beginning_of_a_session_is_refused(port: str) ->
         identity = car.identity()
         require_same_car(car, replace(identity, scene="another one"))
         for other in ({"hash": "feed"}, {"build": "beef"}, {"simulated": False}):
-            with pytest.raises(FoldcarError, match=r"the car is w?.* now, and was .*: begin a new session with it"):
+            with pytest.raises(FoldcarError, match=r"the car has changed from .* to w?.*: start a new session for it"):
                 require_same_car(car, replace(identity, **other))
 
 
@@ -72,7 +72,7 @@ def test_a_log_that_vanishes_is_told_and_the_trial_is_kept(tmp_path: Path, port:
     code, output, errors = log_and(tmp_path, port, lambda: [log.unlink() for log in tmp_path.glob("s-logs/*.tlog")])
 
     assert code == 2 and "Trial 1: passed (SIMULATED CAR); log: none" in output
-    assert "is gone: it was deleted or moved; trial 1 is stored without its log" in errors
+    assert "was deleted or moved; trial 1 is stored without its log" in errors
     (trial,) = trials_in(tmp_path / "s.db")
     assert (trial.outcome, trial.log_sha256) == ("passed", None)
 

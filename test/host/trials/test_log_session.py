@@ -66,7 +66,7 @@ def growing(file: Path) -> Iterator[None]:
 
 def test_photos_and_films_belong_to_their_trials(tmp_path: Path, free_course: Path, foldcar: Any) -> None:
     folder = tmp_path / "phone"
-    assert "--media phone: is no folder" in foldcar(*LOG, "--media", "phone").stderr
+    assert "--media phone: not a folder" in foldcar(*LOG, "--media", "phone").stderr
     folder.mkdir()
     (folder / "before.jpg").write_bytes(b"before")
     with (
@@ -82,7 +82,7 @@ def test_photos_and_films_belong_to_their_trials(tmp_path: Path, free_course: Pa
         person.sees("Trial 1: photo extra.png")
         with growing(folder / "drive.mp4"):
             person.answers(("Enter: next", "q"))
-            person.sees("waiting for drive.mp4")
+            person.sees("waiting until drive.mp4")
         film = (folder / "drive.mp4").read_bytes()
         assert person.ends() == 0, person.said
 
@@ -102,7 +102,7 @@ def test_photos_and_films_belong_to_their_trials(tmp_path: Path, free_course: Pa
     (folder / "drive.mp4").write_bytes(b"another")
     assert "its SHA-256 is another" in foldcar("track", "--trial", "1", "--store", "s.db").stderr
     (folder / "moved.mp4").replace(folder / "drive.mp4")
-    assert "phone/drive.mp4: is no film that can be read" in foldcar("track", "--trial", "1", "--store", "s.db").stderr
+    assert "phone/drive.mp4: cannot be read as a film" in foldcar("track", "--trial", "1", "--store", "s.db").stderr
     # In a store elsewhere the files are the same ones.
     (tmp_path / "m").mkdir()
     merge_stores([store], tmp_path / "m" / "s.db")

@@ -41,7 +41,7 @@ def column(name: str, *cells: str) -> str:
         (HEADER.replace(",", ";") + "W_B_W;9,5,1;passed;1;me\n", 'line 2: width_mm: "9.5.1" is not a number'),
         (
             HEADER.replace(",", ";") + "W_B_W;95,5;passed;1;me\nW_B_W;1.095;passed;1;me\n",
-            '"95,5" in line 2 beside "1.095" in line 3: write numbers with decimal commas and without points',
+            '"95,5" in line 2 beside "1.095" in line 3: use only decimal commas, without points',
         ),
         (column("note", "a\0b"), r"is not UTF-8 text \(it contains NUL characters\): save it as UTF-8"),
         (HEADER + "W_B_W,95,pased,1,me\n", 'line 2: outcome: "pased" is not .*; did you mean "passed"'),
@@ -52,7 +52,7 @@ def column(name: str, *cells: str) -> str:
         (HEADER + "W_B_W,9_5,passed,1,me\n", 'line 2: width_mm: "9_5" is not a number'),
         (HEADER + "W_X,95,passed,1,me\n", 'line 2: "W_X" has unknown module "X"'),
         (HEADER + "W_B_W,95,passed,1,\n", "line 2: source: is empty"),
-        (HEADER + "W_B_W,,passed,1,me\n", "line 2: does not tell the car: give its parameters, as width_mm, "),
+        (HEADER + "W_B_W,,passed,1,me\n", "line 2: has no parameters of the car; give some of width_mm, "),
         (column("car", "real"), 'line 2: car: "real" is not one of built, simulated'),
         (column("note", "x" * 140_000), r"line 2: field larger than field limit \(131072\)"),
         (column("sample", str(2**63)), "line 2: sample: 9223372036854775808 is above the maximum 9223372036854775807"),

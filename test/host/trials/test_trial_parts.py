@@ -178,7 +178,7 @@ def test_every_design_has_a_hash_and_a_short_name_of_its_own() -> None:
         ("/etc/passwd", "/etc/passwd: not a serial port"),
         ("tcp:localhost:99999", "tcp:localhost:99999: not tcp:HOST:PORT"),
         ("tcp:localhost:1", "tcp:localhost:1: cannot be reached: Connection refused"),
-        ("tcp:a..b:5760", 'tcp:a..b:5760: "a..b" is no name of a host'),
+        ("tcp:a..b:5760", 'tcp:a..b:5760: "a..b" is not a host name'),
         ("/dev/null", "/dev/null: not a serial port"),
     ],
 )

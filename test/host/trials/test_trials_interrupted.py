@@ -96,7 +96,7 @@ def test_a_car_that_still_drives_an_earlier_trial_is_stopped_first(
         answer = foldcar(*LOG, "--port", car.port, "--countdown", "0", "--yes")
 
     assert answer.returncode == 0, answer.stderr
-    assert "driving   an earlier trial, which is stopped now\n" in answer.stdout and "fault " not in answer.stdout
+    assert "driving   an earlier trial; it is stopped now\n" in answer.stdout and "fault " not in answer.stdout
     (trial,) = trials_in(tmp_path / "s.db")
     assert (trial.outcome, trial.ending) == ("timeout", "time limit")
 

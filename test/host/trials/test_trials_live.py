@@ -62,7 +62,7 @@ def test_a_script_drives_trials_that_other_tools_read(tmp_path: Path, free_cours
         ("passed", "goal", 0, "Ada"), ("passed", "goal", 1, "Ada"),
     ]  # fmt: skip
     replay = foldcar("trials", "replay", "s.db", "1", "--plot", "pair.png", "--simulated-trials")
-    assert replay.returncode == 0 and "both agree" in replay.stdout, replay.stderr
+    assert replay.returncode == 0 and "trial and simulation agree" in replay.stdout, replay.stderr
     simulated_s = float(replay.stdout.splitlines()[2].split()[2])
     # The firmware starts up to a tick later, with other initial angles of the wheels.
     assert first.elapsed_time_s == pytest.approx(simulated_s, abs=0.2)

@@ -1,1 +1,1 @@
-"""Chunks of runs on other machines, through a Dask scheduler."""
+"""Runs chunks on other machines, through a Dask scheduler."""

@@ -1,7 +1,7 @@
-"""What a worker does with a chunk of runs, and what it needs to know for that.
+"""Runs a chunk on a worker, by a recipe that says how to create its runner.
 
-A worker has the installed package and a carsim of its own. For a program that runs beside the simulation it is sent the
-program's files in its folder; others must be in the same place there, and the same.
+A worker has the installed package and its own carsim. For a dynamic program, the worker is sent the files in the
+program's folder. Other files must exist on the worker with the same path and content.
 """
 
 import functools
@@ -26,11 +26,11 @@ from foldcar.simulation.scenic_runner import ScenicRunner
 
 @dataclass(frozen=True, slots=True)
 class Recipe:
-    """How to make a sweep's runner. ``engine`` is a key of ENGINES, ``build`` that of the sweep's carsim.
+    """How to create a sweep's runner. ``engine`` is a key of ENGINES, ``build`` the build id of the sweep's carsim.
 
-    For a Scenic program beside the simulation: ``program`` is its path where the sweep was started, ``files`` its
-    folder's files by name, ``environment`` the rest of a ScenicRunner's arguments as JSON, ``code`` the hash of foldcar's
-    code that runs it and Scenic's version.
+    For a dynamic program: ``program`` is its path on the machine of the sweep, ``files`` are the files of its folder by
+    name, ``environment`` are the other arguments of ScenicRunner as JSON. ``code`` is the hash of foldcar's code that
+    runs it, and Scenic's version.
     """
 
     engine: str
@@ -42,19 +42,19 @@ class Recipe:
 
 
 def recipe_of(runner: Runner, carsim: Carsim) -> Recipe:
-    """The recipe of ``runner``, which is ``carsim`` or a ScenicRunner with it."""
+    """Return the recipe of ``runner``, which is ``carsim`` or a ScenicRunner that uses it."""
     engine = engine_of(carsim.engine)
     if not isinstance(runner, ScenicRunner):
         return Recipe(engine, carsim.build)
-    known, folder = runner.environment["files"], runner.program.parent
-    there = (name for name in sorted(known) if not Path(name).is_absolute() and known[name] != MISSING)
-    files = tuple((name, content(folder, name, known[name])) for name in there)
+    digests, folder = runner.environment["files"], runner.program.parent
+    sent_names = (name for name in sorted(digests) if not Path(name).is_absolute() and digests[name] != MISSING)
+    files = tuple((name, content(folder, name, digests[name])) for name in sent_names)
     environment, code = json.dumps(runner.environment), (scene_code(), scenic_version())
     return Recipe(engine, carsim.build, str(runner.program), files, environment, code)
 
 
 def fault_of_worker(recipe: Recipe) -> str:
-    """Why this worker cannot run the recipe's chunks; "" if it can."""
+    """Return why this worker cannot run the recipe's chunks; "" if it can."""
     try:
         _runner(recipe)
     except (FoldcarError, OSError) as error:
@@ -65,29 +65,32 @@ def fault_of_worker(recipe: Recipe) -> str:
 def run_chunk(
     recipe: Recipe, bodies: Mapping[str, str], scenes: Mapping[str, str], requests: Sequence[RunRequest]
 ) -> tuple[list[dict[str, Any]], float]:
-    """As in Simulators (foldcar.study.chunks); messages name the program where the sweep was started."""
-    begun_s = time.perf_counter()
+    """Run a chunk as Simulators.run does (foldcar.study.chunks); errors name the program's original path."""
+    started_s = time.perf_counter()
     try:
         runner, folder = _runner(recipe)
         answers = runner.run(bodies, scenes, requests)
     except FoldcarError as error:
         raise CarsimError(f"worker on {socket.gethostname()}: {error}") from error
     if folder:
-        there, here = folder.name, str(Path(recipe.program).parent)
-        answers = [{"error": answer["error"].replace(there, here)} if "error" in answer else answer for answer in answers]
-    return answers, time.perf_counter() - begun_s
+        worker_folder, origin_folder = folder.name, str(Path(recipe.program).parent)
+        answers = [
+            {"error": answer["error"].replace(worker_folder, origin_folder)} if "error" in answer else answer
+            for answer in answers
+        ]
+    return answers, time.perf_counter() - started_s
 
 
 @functools.lru_cache(maxsize=4)
 def _runner(recipe: Recipe) -> tuple[Runner, "tempfile.TemporaryDirectory[str] | None"]:
-    """The runner, and the folder with its program's files. CarsimError if it cannot be made on this machine."""
+    """Return the runner, and the folder with its program's files. Raises CarsimError if this machine cannot run it."""
     carsim = Carsim(engine=recipe.engine)
     if carsim.build != recipe.build:
         raise CarsimError(f"its carsim is build {carsim.build}, this sweep's is {recipe.build}")
     if not recipe.program:
         return carsim, None
     if (scene_code(), scenic_version()) != recipe.code:
-        raise CarsimError("its foldcar or Scenic is another than this sweep's: install the same")
+        raise CarsimError("its versions of foldcar and Scenic differ from this sweep's: install the same")
     folder = tempfile.TemporaryDirectory(prefix="foldcar-")
     for name, text in recipe.files:
         file = Path(folder.name) / name

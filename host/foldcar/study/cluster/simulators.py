@@ -1,8 +1,8 @@
-"""From `--scheduler` to simulators: chunks of runs at the workers of a Dask scheduler.
+"""Simulators for `--scheduler`: chunks run on the workers of a Dask scheduler.
 
-Dask repeats a chunk whose worker dies at another worker. A chunk that ends several workers is halved, until the run that
-does it is alone and has failed. Security is Dask's: tls:// addresses take keys and certificates from its configuration
-(distributed.comm.tls), a cluster of this machine makes its own for as long as it runs.
+If a worker dies, Dask retries its chunk on another one. A chunk that kills several workers is halved until the guilty
+run is alone; that run then counts as failed. Security is Dask's: tls:// addresses take keys and certificates from its
+configuration (distributed.comm.tls); a local cluster creates temporary ones.
 """
 
 import contextlib
@@ -22,80 +22,82 @@ from foldcar.installation import require, usable_processors
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.runner import Runner, RunRequest
 from foldcar.study.cluster.chunk import Recipe, fault_of_worker, recipe_of, run_chunk
-from foldcar.study.limits import MOST_JOBS
+from foldcar.study.limits import MAX_JOBS
 from foldcar.version import __version__
 
 LOCAL = "local"
 CONNECT_S = 10
-LOOK_S = 1.0
-# How long a sweep waits for a worker: in Dask's configuration, `foldcar.wait`.
+POLL_S = 1.0
+# How long a sweep waits for a worker; Dask's configuration key `foldcar.wait` overrides it.
 WAIT = "10 minutes"
-# Of a chunk at which a worker raises an error.
+# Retries of a chunk for which a worker raises an error.
 RETRIES = 2
 
 
 def check_scheduler(scheduler: str | None, jobs: int | None) -> None:
-    """FoldcarError if ``scheduler`` is neither ``local`` nor an address, or stands beside ``--jobs``."""
+    """Raise FoldcarError if ``scheduler`` is neither ``local`` nor an address, or is used with ``--jobs``."""
     if scheduler is None:
         return
     if jobs is not None:
-        raise FoldcarError("--jobs: says nothing with --scheduler, whose workers simulate; local:N starts N of them")
+        raise FoldcarError("--jobs: has no effect with --scheduler, whose workers simulate; local:N starts N workers")
     _local_workers(scheduler)
 
 
 def _local_workers(scheduler: str) -> int | None:
-    """How many workers to start here; None for an address."""
+    """Return the number of workers to start on this machine; None for an address."""
     if scheduler == LOCAL:
         return usable_processors()
     head, _, tail = scheduler.partition(":")
-    if head == LOCAL and re.fullmatch(r"[0-9]{1,9}", tail) and 1 <= int(tail) <= MOST_JOBS:
+    if head == LOCAL and re.fullmatch(r"[0-9]{1,9}", tail) and 1 <= int(tail) <= MAX_JOBS:
         return int(tail)
     if head == LOCAL:
-        raise FoldcarError(f"--scheduler: {scheduler}: is not local:N with N from 1 to {MOST_JOBS}")
+        raise FoldcarError(f"--scheduler: {scheduler}: is not local:N with N from 1 to {MAX_JOBS}")
     if not re.fullmatch(r"([a-z]+://)?(\[[0-9a-fA-F:.%\w]+\]|[^\s:/\[\]]+):[0-9]{1,5}", scheduler):
-        raise FoldcarError(f"--scheduler: '{scheduler}' is neither local nor an address, as tcp://10.0.0.1:8786")
+        raise FoldcarError(f"--scheduler: '{scheduler}' is neither local nor an address such as tcp://10.0.0.1:8786")
     return None
 
 
 @contextlib.contextmanager
-def open_cluster(scheduler: str, carsim: Carsim, say: Callable[[str], None]) -> Iterator["ClusterSimulators"]:
-    """Simulators at ``scheduler``: an address as tcp://host:8786, ``local`` or ``local:N`` with N workers.
+def open_cluster(scheduler: str, carsim: Carsim, print_line: Callable[[str], None]) -> Iterator["ClusterSimulators"]:
+    """Yield simulators at ``scheduler``: an address such as tcp://host:8786, ``local``, or ``local:N`` with N workers.
 
-    ``say`` is given a line when workers are missing or cannot run the sweep. FoldcarError.
+    ``print_line`` is called with a line if workers are missing or cannot run the sweep. Raises FoldcarError.
     """
     workers = _local_workers(scheduler)
     require("cluster")
     import dask
     import distributed
 
-    # Dask's messages are for those who run a cluster.
+    # Hide Dask's messages, which are for administrators of clusters.
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     warnings.filterwarnings("ignore", module="distributed")
     with contextlib.ExitStack() as stack:
         folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="foldcar-", ignore_cleanup_errors=True))
         stack.enter_context(dask.config.set({"temporary-directory": folder}))
-        place: Any = scheduler
+        address: Any = scheduler
         if workers is not None:
-            with _without_ctrl_c():
+            with _ignoring_ctrl_c():
                 cluster = distributed.LocalCluster(
                     n_workers=workers, threads_per_worker=1, security=distributed.Security.temporary(), memory_limit=0,
                     dashboard_address=None, worker_dashboard_address=None, silence_logs=logging.CRITICAL,
                 )  # fmt: skip
-            place = stack.enter_context(cluster)
+            address = stack.enter_context(cluster)
         try:
-            client = stack.enter_context(distributed.Client(place, timeout=CONNECT_S, set_as_default=False))
-            there = client.get_versions()["scheduler"]["packages"]["distributed"]
+            client = stack.enter_context(distributed.Client(address, timeout=CONNECT_S, set_as_default=False))
+            version = client.get_versions()["scheduler"]["packages"]["distributed"]
         except Exception as error:
-            why = " ".join(str(error).split())[:200] or type(error).__name__
-            raise FoldcarError(f"--scheduler: {scheduler}: no Dask scheduler answers there: {why}") from None
-        if there != (here := distributed.__version__):
-            raise FoldcarError(f"--scheduler: {scheduler}: runs distributed {there}, here is {here}: install the same")
-        yield ClusterSimulators(client, carsim, say)
+            reason = " ".join(str(error).split())[:200] or type(error).__name__
+            raise FoldcarError(f"--scheduler: {scheduler}: no Dask scheduler answers there: {reason}") from None
+        if version != (own_version := distributed.__version__):
+            raise FoldcarError(
+                f"--scheduler: {scheduler}: runs distributed {version}, here is {own_version}: install the same"
+            )
+        yield ClusterSimulators(client, carsim, print_line)
 
 
 @contextlib.contextmanager
-def _without_ctrl_c() -> Iterator[None]:
-    """Let processes that the block starts ignore Ctrl-C: it is for the command, which ends them."""
+def _ignoring_ctrl_c() -> Iterator[None]:
+    """Make processes that the block starts ignore Ctrl-C: the command handles it and ends them."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -107,23 +109,23 @@ def _without_ctrl_c() -> Iterator[None]:
 
 
 class ClusterSimulators:
-    """Simulators (foldcar.study.chunks) at the workers of ``client``; ``carsim`` is the sweep's."""
+    """Simulators (foldcar.study.chunks) on the workers of ``client``; ``carsim`` is the sweep's."""
 
     chunk_s = 2.5
-    # Threads that wait for chunks, on this machine.
+    # Maximum number of threads on this machine that wait for chunks.
     most = 1024
 
-    def __init__(self, client: Any, carsim: Carsim, say: Callable[[str], None]) -> None:
+    def __init__(self, client: Any, carsim: Carsim, print_line: Callable[[str], None]) -> None:
         import dask
 
-        self._client, self._carsim, self._say = client, carsim, say
+        self._client, self._carsim, self._say = client, carsim, print_line
         self._wait_s = float(dask.utils.parse_timedelta(dask.config.get("foldcar.wait", WAIT)))
         self._lock = threading.RLock()
         self._stopped = threading.Event()
         self._recipes: dict[Runner, Recipe] = {}
-        # Each worker's threads, and why it cannot run a recipe ("": it can).
+        # Each worker's number of threads, and why it cannot run a recipe ("" if it can).
         self._threads: dict[str, int] = {}
-        self._looked_s = -LOOK_S
+        self._looked_s = -POLL_S
         self._faults: dict[tuple[Recipe, str], str] = {}
 
     @property
@@ -151,22 +153,22 @@ class ClusterSimulators:
             return self._result(self._recipes[runner], chunk)
         except distributed.KilledWorker:
             if len(requests) == 1:
-                return [{"error": "the simulation ended its worker each time"}], 0.0
+                return [{"error": "the simulation killed its worker each time"}], 0.0
             half = len(requests) // 2
             first, second = (self.run(runner, bodies, scenes, part) for part in (requests[:half], requests[half:]))
             return first[0] + second[0], first[1] + second[1]
         except (OSError, distributed.client.FutureCancelledError) as error:
-            why = str(error) or type(error).__name__
-            raise FoldcarError(f"--scheduler: it does not answer any more: {why}; the same command resumes") from error
+            reason = str(error) or type(error).__name__
+            raise FoldcarError(f"--scheduler: it no longer answers: {reason}; the same command resumes") from error
 
     def _result(self, recipe: Recipe, chunk: tuple[Any, ...]) -> tuple[list[dict[str, Any]], float]:
-        """What `run_chunk` returns at one of the workers that can run the recipe."""
+        """Return what `run_chunk` returns on one of the workers that can run the recipe."""
         while True:
             workers, done = self._await_workers(recipe), threading.Event()
             future = self._client.submit(run_chunk, recipe, *chunk, workers=workers, retries=RETRIES, pure=False)
             future.add_done_callback(lambda _, done=done: done.set())
-            # Dask waits for the named workers, also for ever.
-            while not done.wait(LOOK_S) and self._threads.keys() & workers:
+            # Dask would wait for the named workers forever, even if they are gone.
+            while not done.wait(POLL_S) and self._threads.keys() & workers:
                 self._look()
             if done.is_set():
                 answers: tuple[list[dict[str, Any]], float] = future.result()
@@ -174,40 +176,42 @@ class ClusterSimulators:
             future.cancel()
 
     def _await_workers(self, recipe: Recipe) -> list[str]:
-        """The workers that can run the recipe. FoldcarError if there is none for a long time, or after `stop`."""
-        begun_s, waits = time.monotonic(), False
+        """Return the workers that can run the recipe. Raises FoldcarError if there is none in time, or after `stop`."""
+        started_s, is_announced = time.monotonic(), False
         while True:
             with self._lock:
                 self._look()
                 self._check(recipe)
                 if workers := [worker for worker in self._threads if not self._faults[recipe, worker]]:
                     return workers
-            none = f"there is no worker{' that can run this sweep' if self._threads else ''}"
-            if time.monotonic() - begun_s > self._wait_s:
-                raise FoldcarError(f"--scheduler: {none} for {self._wait_s:g} s; the same command resumes")
-            if not waits:
-                waits = True
-                self._say(f"--scheduler: {none}; waiting up to {self._wait_s:g} s")
-            self._stopped.wait(LOOK_S)
+            message = f"there is no worker{' that can run this sweep' if self._threads else ''}"
+            if time.monotonic() - started_s > self._wait_s:
+                raise FoldcarError(f"--scheduler: {message} for {self._wait_s:g} s; the same command resumes")
+            if not is_announced:
+                is_announced = True
+                self._say(f"--scheduler: {message}; waiting up to {self._wait_s:g} s")
+            self._stopped.wait(POLL_S)
 
     def _look(self) -> None:
         """Ask the scheduler for its workers, at most once in LOOK_S. FoldcarError after `stop`."""
         if self._stopped.is_set():
             raise FoldcarError("stopped")
         with self._lock:
-            if time.monotonic() - self._looked_s >= LOOK_S:
+            if time.monotonic() - self._looked_s >= POLL_S:
                 self._threads, self._looked_s = self._client.nthreads(), time.monotonic()
 
     def _check(self, recipe: Recipe) -> None:
-        """Find out of new workers whether they can run the recipe; name those that cannot."""
-        new = [worker for worker in self._threads if (recipe, worker) not in self._faults]
-        if not new:
+        """Check whether new workers can run the recipe; print those that cannot."""
+        new_workers = [worker for worker in self._threads if (recipe, worker) not in self._faults]
+        if not new_workers:
             return
-        # A function of Python's: a worker without foldcar can receive it.
-        versions = self._client.run(importlib.metadata.version, "foldcar", workers=new, on_error="return")
-        same = [worker for worker in new if versions.get(worker) == __version__]
-        faults = self._client.run(fault_of_worker, recipe, workers=same, on_error="return") if same else {}
-        for worker in new:
+        # Calls a function of Python's library, which a worker without foldcar has, too.
+        versions = self._client.run(importlib.metadata.version, "foldcar", workers=new_workers, on_error="return")
+        same_version = [worker for worker in new_workers if versions.get(worker) == __version__]
+        faults = (
+            self._client.run(fault_of_worker, recipe, workers=same_version, on_error="return") if same_version else {}
+        )
+        for worker in new_workers:
             version = versions.get(worker)
             if worker in faults:
                 fault = str(faults[worker])
@@ -215,7 +219,7 @@ class ClusterSimulators:
                 fault = f"it has foldcar {version}, here is {__version__}: install the same there"
             else:
                 fault = f"it has no foldcar: pip install 'foldcar[cluster]=={__version__}' in its environment"
-            named = any(self._faults[other] for other in self._faults if other[1] == worker)
+            is_named = any(self._faults[other] for other in self._faults if other[1] == worker)
             self._faults[recipe, worker] = fault
-            if fault and not named:
+            if fault and not is_named:
                 self._say(f"worker {worker} gets no runs: {fault}")

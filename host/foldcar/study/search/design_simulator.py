@@ -1,7 +1,7 @@
-"""Designs of one experiment, simulated on demand into a store that is open: what a sweep does, design by design.
+"""Simulates designs of one experiment on demand, one by one, and stores the runs as a sweep does.
 
-Runs have the keys of a sweep's, so that each finds what the other has stored. The experiment's designs in the store are
-those that it had and those that were tried since.
+Runs have the same keys as a sweep's, so that a sweep and a search reuse each other's runs. The store keeps the
+experiment's earlier designs and adds those that are tried.
 """
 
 import contextlib
@@ -26,7 +26,7 @@ Values = tuple[float, ...]
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """The stored result of a run; a failed one has no numbers."""
+    """The stored result of a run; a failed run has no numbers."""
 
     outcome: str
     elapsed_time_s: float | None
@@ -34,18 +34,18 @@ class Row:
 
     @property
     def passed(self) -> bool | None:
-        """Whether the car did what its environment asks for; None if the run was rejected."""
+        """Whether the run met its environment's definition of success; None if the run was rejected."""
         return has_passed(self.outcome)
 
 
 def fresh_id(experiment: str) -> str:
-    """The name, in stores, of a searched experiment in fresh environments."""
+    """Return the name in the store of a searched experiment in new environments."""
     return f"{experiment} fresh"
 
 
 @dataclass
 class DesignSimulator:
-    """One experiment's environment with its simulators. Made by :func:`open_simulator`."""
+    """One experiment's environment with its simulators. Create it with :func:`open_simulator`."""
 
     _experiment: Experiment
     _environment: Environment
@@ -57,27 +57,27 @@ class DesignSimulator:
     _searched: Sequence[str]
     _plan: PlannedExperiment | None = None
     _positions: dict[Values, int] = field(default_factory=dict)
-    # Those of an earlier search are not looked for: the bound is on each.
+    # Paths of earlier searches do not count: the limit holds for each search.
     _paths: KeptPaths = field(default_factory=lambda: KeptPaths(None))
 
     def rows(self, values: Values, samples: Sequence[int]) -> list[Row]:
-        """The results of a design that can be built in these samples, simulated if the store lacks them. FoldcarError."""
+        """Return a buildable design's results in these samples; simulate missing ones. Raises FoldcarError."""
         plan, position = self._place(values)
         runs: list[PlannedRun] = []
-        for number, sample in enumerate(samples):
+        for index, sample in enumerate(samples):
             self._samples.reach(sample)
-            (run,) = (one for one in self._writer.planned_runs(plan, sample) if one.design == position)
+            (run,) = (planned for planned in self._writer.planned_runs(plan, sample) if planned.design == position)
             runs.append(run)
             if run.outcome is None and not self._pool.joins(run):
-                for finished in self._pool.add(run, len(samples) - number, self._paths):
+                for finished in self._pool.add(run, len(samples) - index, self._paths):
                     self._keep(finished)
         for finished in self._pool.finish():
             self._keep(finished)
         stored = [self._writer.result(run) for run in runs]
-        return [Row(one["outcome"], one["elapsed_time_s"], one["consumed_energy_j"]) for one in stored]
+        return [Row(planned["outcome"], planned["elapsed_time_s"], planned["consumed_energy_j"]) for planned in stored]
 
     def finish(self, skipped: Sequence[Values] = ()) -> None:
-        """Record the designs in the order of the family, with those that cannot be built among the skipped ones."""
+        """Store the designs in the family's order, and those that cannot be built as skipped ones."""
         if self._positions:
             self._record(sorted({*self._positions, *skipped}))
 
@@ -101,17 +101,17 @@ class DesignSimulator:
         self._positions = {values: position for position, values in enumerate(built)}
 
     def _known(self) -> list[Values]:
-        """The designs that an earlier sweep or search has left in the experiment, of those that the family has."""
+        """Return the family's designs that an earlier sweep or search has stored in the experiment."""
         environment_id = self._writer.environment(self._environment.fingerprint)
         spread_id = self._writer.spread(self._environment.spread_fingerprint)
         environments, designs = self._writer.swept(self._experiment.id, environment_id, spread_id)
         self._experiment = replace(self._experiment, environments=max(environments, self._experiment.environments))
         family = self._experiment.family
-        found = [tuple(design.get(column, float("nan")) for column in family.columns()) for design in designs]
-        return [values for values in found if family.has(values)]
+        known = [tuple(design.get(column, float("nan")) for column in family.columns()) for design in designs]
+        return [values for values in known if family.has(values)]
 
     def _keep(self, finished: list[FinishedRun]) -> None:
-        self._writer.add_results((one.run, one.answer) for one in finished)
+        self._writer.add_results((run.run, run.answer) for run in finished)
         self._simulated(len(finished))
 
 
@@ -125,9 +125,9 @@ def open_simulator(
     simulated: Callable[[int], None],
     searched: Sequence[str],
 ) -> Iterator[DesignSimulator]:
-    """The simulator of an experiment in its ``environment``; ``simulated`` is told how many runs were simulated.
+    """Yield the simulator of an experiment in its ``environment``; ``simulated`` is called with numbers of new runs.
 
-    ``searched`` names the objectives by which designs are chosen from these runs, as ExperimentInfo keeps them; none are.
+    ``searched`` names the objectives by which designs are chosen from these runs; empty if no designs are chosen.
     """
     dynamic = writer.is_dynamic(writer.environment(environment.fingerprint), lambda: environment.dynamic)
     samples, table = StoredSamples(environment, writer, dynamic), carsim.parameter_table()

@@ -1,6 +1,6 @@
-"""What a search makes large or small: numbers of a design, from its runs or from its film, with intervals.
+"""The objectives that a search maximises or minimises: numbers from a design's runs or pieces, with intervals.
 
-Each is defined so that a car that fails at once gains nothing by it.
+Each is defined so that a car gains nothing by failing early.
 """
 
 import math
@@ -19,18 +19,18 @@ from foldcar.study.search.design_simulator import Row
 Interval = tuple[float, float]
 RESAMPLES = 2000
 CM2 = 0.01
-# No run can be better.
+# A run that is at least as good as any other.
 PERFECT = Row("passed", 0.0, 0.0)
 
 
 @dataclass(frozen=True)
 class Objective:
-    """``value`` takes a design's rows and the time limit (s); ``interval`` the same, and gives its 95 % interval.
+    """An objective of a search.
 
-    The rows are at least one, and none of a rejected run.
-    ``each`` takes one row, the time limit and a value of the objective: what the run loses against it, so that a design
-    is as good as that value if the sum over its runs is 0 or less; NaN if unknown.
-    ``unit`` is empty for shares. The functions are None for what follows from the design alone.
+    ``value(rows, limit_s)`` is a design's value, ``interval(rows, limit_s)`` its 95 % interval. There is at least one
+    row, and no row of a rejected run. ``each(row, limit_s, target)`` is the loss of a run against a target value: a
+    design reaches the target if the losses of its runs sum to 0 or less; NaN if unknown.
+    ``unit`` is empty for fractions. The functions are None if the value depends on the design only.
     """
 
     name: str
@@ -42,20 +42,20 @@ class Objective:
     each: Callable[[Row, float, float], float] | None
 
     def excess(self, rows: Sequence[Row], best: Sequence[Row], limit_s: float) -> tuple[list[float], float]:
-        """What each of the ``rows`` loses more than the ``best`` design's run there; by how much it could lose less.
+        """Return how much more each of ``rows`` loses than the ``best`` design, and by how much a run could lose less.
 
-        Rows are in the order of environments, rejected ones among them; without a result of both it is 0.
+        Rows are in the order of environments and include rejected ones. Without a result of both, the excess is 0.
         """
         assert self.each is not None and self.value is not None
-        aim = self.value([row for row in best if row.passed is not None], limit_s)
-        mine, its = ([self.each(row, limit_s, aim) for row in some] for some in (rows, best))
-        known = [one for one in its if math.isfinite(one)]
-        found = [a - b if math.isfinite(a - b) else 0.0 for a, b in zip(mine, its[: len(mine)], strict=True)]
-        return found, max(known, default=0.0) - self.each(PERFECT, limit_s, aim)
+        target = self.value([row for row in best if row.passed is not None], limit_s)
+        losses, best_losses = ([self.each(row, limit_s, target) for row in group] for group in (rows, best))
+        finite = [loss for loss in best_losses if math.isfinite(loss)]
+        excess = [a - b if math.isfinite(a - b) else 0.0 for a, b in zip(losses, best_losses[: len(losses)], strict=True)]
+        return excess, max(finite, default=0.0) - self.each(PERFECT, limit_s, target)
 
 
 def _times_s(rows: Sequence[Row], limit_s: float) -> list[float]:
-    """The times of the runs that passed."""
+    """Return the times of the runs that passed (s)."""
     return [min(row.elapsed_time_s or 0.0, limit_s) for row in rows if row.passed]
 
 
@@ -71,14 +71,14 @@ def _time_interval(rows: Sequence[Row], limit_s: float) -> Interval:
 
 
 def _energy(rows: Sequence[Row], limit_s: float) -> float:
-    """The energy drawn in all runs, per run that passed."""
+    """Return the energy drawn in all runs per run that passed (J)."""
     table = _energies(rows)
     passed = table[:, 1].sum()
     return float(table[:, 0].sum() / passed) if passed else math.inf
 
 
 def _energy_interval(rows: Sequence[Row], limit_s: float) -> Interval:
-    """Percentiles of the ratio over resampled runs (Efron's bootstrap), with a fixed seed."""
+    """Return percentiles of the ratio over resampled runs (Efron's bootstrap), with a fixed seed."""
     table = _energies(rows)
     picks = np.random.default_rng(0).integers(0, len(table), (RESAMPLES, len(table)))
     totals = table[picks].sum(axis=1)
@@ -88,28 +88,28 @@ def _energy_interval(rows: Sequence[Row], limit_s: float) -> Interval:
 
 
 def _energies(rows: Sequence[Row]) -> Any:
-    """(runs, 2): energy (J) and whether the run passed. A failed run, whose energy is unknown, counts as the mean."""
+    """Return (runs, 2): energy (J) and whether the run passed. A failed run has unknown energy and gets the mean."""
     known = [row.consumed_energy_j for row in rows if row.consumed_energy_j is not None]
     mean = math.fsum(known) / len(known) if known else math.inf
     return np.array([(mean if row.consumed_energy_j is None else row.consumed_energy_j, row.passed) for row in rows])
 
 
 def film_area_cm2(design: Design) -> float:
-    """The area of the car's flat pieces (cm²): the outlines of all faces, tabs included, holes not taken off."""
+    """Return the area of the car's flat pieces (cm²): all faces with tabs; holes are not subtracted."""
     pieces = folded_car(design).pieces
     return CM2 * sum(piece.count * sum(area_mm2(face.outline_mm) for face in piece.faces) for piece in pieces)
 
 
-def beaten(losses: Sequence[float], others: Iterable[Sequence[float]]) -> bool:
-    """Whether one of the others is as good in all objectives and better in one; less is better in ``losses``."""
+def is_dominated(losses: Sequence[float], others: Iterable[Sequence[float]]) -> bool:
+    """Return whether ``losses`` (less is better) are dominated: another is as good in all and better in one."""
     return any(
         list(other) != list(losses) and all(a <= b for a, b in zip(other, losses, strict=True)) for other in others
     )
 
 
 OBJECTIVES = {
-    one.name: one
-    for one in (
+    objective.name: objective
+    for objective in (
         Objective(
             "success", "", True, "share of runs that pass",
             lambda rows, limit_s: sum(bool(row.passed) for row in rows) / len(rows),

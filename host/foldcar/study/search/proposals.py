@@ -1,8 +1,8 @@
-"""Which design to try next: an Optuna study of a family.
+"""Proposes the next design to try, by an Optuna study of a family.
 
-Each parameter is the place of its value among the family's in ascending order. What is told of a design: its objectives,
-or that it cannot be built. Equal seeds give equal proposals, so that a search that was cut short goes the same way again,
-and finds its runs in the store.
+Each parameter of the study is the index of a value among the family's values in ascending order. The study gets a
+design's objectives, or the fact that it cannot be built. Equal seeds give equal proposals: an interrupted search repeats
+the same proposals and finds their runs in the store.
 """
 
 import itertools
@@ -21,24 +21,24 @@ from foldcar.errors import FoldcarError
 from foldcar.statistics.stopping import evidence_of_worse
 from foldcar.study.family import Family
 from foldcar.study.search.design_simulator import Row, Values
-from foldcar.study.search.objectives import Objective, beaten
+from foldcar.study.search.objectives import Objective, is_dominated
 
-# Generations of NSGA-II: of Optuna's default of 50, a search of some hundred designs would see two.
+# Population of NSGA-II: with Optuna's default of 50, a search of a hundred designs would have only two generations.
 POPULATION = 16
-# After so many proposals in a row that are known, a design is drawn from those that are not.
-MOST_REPEATS = 8
+# After this many successive proposals of known designs, an unknown design is drawn, in at most DRAWS attempts.
+MAX_REPEATS = 8
 DRAWS = 2000
-# The probability, over all looks together, that a design is left early that would end as good as the best, or better.
+# Probability, over all interim checks, that pruning stops a design that would be at least as good as the best.
 PRUNING_RISK = 0.1
-# Optuna's constraint: met at 0, violated above.
+# Name of Optuna's constraint; it is met at 0 and violated above.
 BUILDABLE = "buildable"
 
 
 @dataclass(frozen=True)
 class Tried:
-    """A design that was tried. ``objectives`` are its values over ``environments`` samples; ``pruned`` if not in all.
+    """A design that was tried. ``objectives`` are its values over ``environments`` samples; ``pruned`` if not all.
 
-    ``mean_time_s`` is the objective "time" over them, which decides between equals.
+    ``mean_time_s`` is the objective "time" over them, which breaks ties.
     """
 
     values: Values
@@ -49,7 +49,10 @@ class Tried:
 
 
 class Proposals:
-    """The study: ask for designs that were not tried, tell what they are worth. ``designs`` are the points of a grid."""
+    """The study: :meth:`next` proposes an untried design, :meth:`tell` takes its result.
+
+    ``designs`` is the number of points of a grid.
+    """
 
     def __init__(self, family: Family, objectives: Sequence[Objective], sampler: str, seed: int, designs: int) -> None:
         self._family = family
@@ -58,7 +61,7 @@ class Proposals:
         self._levels = {key: sorted(values) for key, values in family.choices.items()}
         self._varied = [key for key, levels in self._levels.items() if len(levels) > 1]
         if not self._varied:
-            raise FoldcarError(f"{family.file}: {family.place}: has one design only: nothing to search for")
+            raise FoldcarError(f"{family.file}: {family.place}: has only one design, so there is nothing to search for")
         optuna.logging.set_verbosity(optuna.logging.ERROR)
         warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
         self._sampler = sampler
@@ -69,14 +72,14 @@ class Proposals:
         self._left = iter(self._grid)
         self._trial: Trial | None = None
         self._suggested: Values = ()
-        # The loss of the best design that was tried in all environments, and its rows.
+        # Loss and rows of the best design that was tried in all environments.
         self._best: tuple[float, Sequence[Row]] | None = None
         self.tried: list[Tried] = []
         self.unbuildable: dict[Values, str] = {}
 
     def next(self) -> Values | None:
-        """A design that can be built and was not tried; None if no more is found. It must be told of."""
-        known = {*(one.values for one in self.tried), *self.unbuildable}
+        """Return an untried design that can be built, or None. Its result must be passed to :meth:`tell`."""
+        seen = {*(tried.values for tried in self.tried), *self.unbuildable}
         repeats = 0
         while True:
             places = next(self._left, None)
@@ -84,45 +87,45 @@ class Proposals:
                 return None
             if places is not None:
                 self._study.enqueue_trial(dict(zip(self._varied, places, strict=True)))
-            elif repeats >= MOST_REPEATS:
-                if not self._queue_unknown(known):
+            elif repeats >= MAX_REPEATS:
+                if not self._queue_unknown(seen):
                     return None
                 repeats = 0
             self._study.sampler = self._sampler_of(len(self._study.get_trials(deepcopy=False)))
             self._trial = trial = self._study.ask()
             suggested = {key: trial.suggest_int(key, 0, len(self._levels[key]) - 1) for key in self._varied}
             self._suggested = values = self._values(suggested)
-            if values in known:
-                # Told once more, it would count twice.
+            if values in seen:
+                # A second result of the design would count twice.
                 self._study.tell(trial, state=TrialState.FAIL)
             elif (error := self._family.error(values)) is None:
                 return values
             else:
                 self.refuse(str(error))
-                known.add(values)
+                seen.add(values)
             repeats += 1
 
     def worse(self, rows: Sequence[Row], limit_s: float) -> bool:
-        """Whether the design under trial is worse than the best by its ``rows`` so far, in the order of environments.
+        """Return whether the proposed design is worse than the best by its ``rows`` so far, in order of environments.
 
-        Of the designs that would end as good as the best in all environments, or better, at most PRUNING_RISK are called
-        worse, over all looks (:func:`evidence_of_worse`). The best was chosen by all its runs, which their order, being
-        random, does not tell.
+        A design that would be at least as good as the best in all environments is called worse with a probability of at
+        most PRUNING_RISK over all checks (:func:`evidence_of_worse`). This holds although the best was chosen by all its
+        runs, because their order is random.
         """
         if self._best is None or not math.isfinite(self._best[0]):
             return False
-        excess, most_better = self._objectives[0].excess(rows, self._best[1], limit_s)
-        return evidence_of_worse(excess, len(self._best[1]), most_better) >= 1 / PRUNING_RISK
+        excess, max_gain = self._objectives[0].excess(rows, self._best[1], limit_s)
+        return evidence_of_worse(excess, len(self._best[1]), max_gain) >= 1 / PRUNING_RISK
 
     def refuse(self, reason: str) -> None:
-        """The design under trial has no worth, for a reason that holds whenever it is tried."""
+        """Record that the proposed design has no result, for a reason that holds whenever it is tried."""
         assert self._trial is not None
         self.unbuildable[self._suggested] = reason
         self._trial.set_constraint(BUILDABLE, 1.0)
         self._study.tell(self._trial, state=TrialState.PRUNED)
 
     def tell(self, objectives: Sequence[float], rows: Sequence[Row], pruned: bool, mean_time_s: float) -> None:
-        """What the design under trial is worth, as Tried has it; ``rows`` as :meth:`worse`."""
+        """Record the result of the proposed design (see Tried); ``rows`` as in :meth:`worse`."""
         assert self._trial is not None
         self._trial.set_constraint(BUILDABLE, 0.0)
         self._study.tell(self._trial, list(objectives))
@@ -132,12 +135,16 @@ class Proposals:
         self.tried.append(Tried(self._suggested, tuple(objectives), len(rows), pruned, mean_time_s))
 
     def best(self, count: int) -> list[Tried]:
-        """The best ``count`` of those tried in all environments; with several objectives, those none beats in all."""
+        """Return the best ``count`` designs tried in all environments; with several objectives, non-dominated ones."""
         signs = np.array([-1 if objective.largest else 1 for objective in self._objectives])
-        found = [(tuple(signs * one.objectives), one) for one in self.tried if not one.pruned]
-        every = [losses for losses, _ in found]
-        front = [(losses, one) for losses, one in found if len(signs) == 1 or not beaten(losses, every)]
-        return [one for _, one in sorted(front, key=lambda pair: (pair[0], pair[1].mean_time_s))[:count]]
+        losses_and_designs = [(tuple(signs * tried.objectives), tried) for tried in self.tried if not tried.pruned]
+        all_losses = [losses for losses, _ in losses_and_designs]
+        front = [
+            (losses, tried)
+            for losses, tried in losses_and_designs
+            if len(signs) == 1 or not is_dominated(losses, all_losses)
+        ]
+        return [tried for _, tried in sorted(front, key=lambda pair: (pair[0], pair[1].mean_time_s))[:count]]
 
     def _values(self, places: dict[str, int]) -> Values:
         return tuple(levels[places.get(key, 0)] for key, levels in self._levels.items())
@@ -150,20 +157,20 @@ class Proposals:
             return optuna.samplers.NSGAIISampler(seed=seed, population_size=POPULATION)
         return optuna.samplers.RandomSampler(seed=seed)
 
-    def _queue_unknown(self, known: set[Values]) -> bool:
-        """Let a design that is not known be the next proposal; False if none is found."""
-        draw = random.Random(f"{self._seed}/{len(known)}")
+    def _queue_unknown(self, seen: set[Values]) -> bool:
+        """Make an unknown design the next proposal; return False if none is found."""
+        draw = random.Random(f"{self._seed}/{len(seen)}")
         for _ in range(DRAWS):
             places = {key: draw.randrange(len(self._levels[key])) for key in self._varied}
             values = self._values(places)
-            if values not in known and self._family.error(values) is None:
+            if values not in seen and self._family.error(values) is None:
                 self._study.enqueue_trial(places)
                 return True
         return False
 
 
 def grid(levels: Sequence[int], points: int) -> list[tuple[int, ...]]:
-    """At most ``points`` places in evenly spaced values of parameters, which are divided alike as far as possible."""
+    """Return a grid of at most ``points`` points; all parameters are divided as equally as possible."""
     counts = [1] * len(levels)
 
     def fits(axis: int) -> bool:
@@ -172,7 +179,7 @@ def grid(levels: Sequence[int], points: int) -> list[tuple[int, ...]]:
 
     while axes := [axis for axis in range(len(levels)) if fits(axis)]:
         counts[min(axes, key=lambda axis: counts[axis] / levels[axis])] += 1
-    # The middles of equal parts.
+    # Use the middles of equal parts.
     places = [
         [(2 * i + 1) * level // (2 * count) for i in range(count)] for level, count in zip(levels, counts, strict=True)
     ]

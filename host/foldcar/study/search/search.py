@@ -1,8 +1,8 @@
-"""The search: asks for designs, simulates them, tells what they are worth, and judges the best in fresh environments.
+"""The search: tries proposed designs, and tests the best ones in new environments.
 
-Input: an experiment of a listing. Output: runs in the store under the keys of a sweep's, and a Found. What was best of
-many in some environments was lucky there as well: only runs in environments that no design was chosen by say how good it
-is. What the store holds is not simulated again: a search that was cut short goes the same way to where it was.
+Input: an experiment of a listing. Output: runs in the store with a sweep's keys, and a Found. The best of many designs
+was also lucky in the environments in which it was chosen. Only runs in new environments give its rate without bias.
+Stored runs are not simulated again, so that an interrupted search continues.
 """
 
 import math
@@ -19,23 +19,23 @@ from foldcar.store.writer import write_store
 from foldcar.study.chunks import Simulators
 from foldcar.study.environments import Environment
 from foldcar.study.experiments import Experiment, Study
-from foldcar.study.limits import GREATEST_SEED
+from foldcar.study.limits import MAX_SEED
 from foldcar.study.search.design_simulator import DesignSimulator, Row, Values, fresh_id, open_simulator
 from foldcar.study.search.objectives import OBJECTIVES, Objective, film_area_cm2
 from foldcar.study.search.proposals import Proposals, Tried
 from foldcar.study.sweep import study_facts
 
-# Looks at a design, each after as many environments.
+# Number of batches of a design's environments; pruning is checked after each.
 BATCHES = 10
-# Turns a seed into one of environments that nothing is chosen by.
+# Flipping this bit of the seed gives new environments, by which no design is chosen.
 FRESH_BIT = 1 << 40
 
 
 @dataclass(frozen=True)
 class Plan:
-    """What is searched for and how: at most ``designs`` designs and, if given, ``runs`` runs.
+    """The settings of a search, with at most ``designs`` designs and, unless None, ``runs`` runs.
 
-    The ``best`` are judged in ``fresh`` environments. ``prune``: designs that look worse than the best are left early.
+    The ``best`` designs are tested in ``fresh`` new environments. ``prune``: designs that seem worse are stopped early.
     """
 
     objectives: tuple[Objective, ...]
@@ -50,9 +50,9 @@ class Plan:
 
 @dataclass(frozen=True)
 class Judged:
-    """A design of the best: its values while it was chosen, and those in fresh environments with 95 % intervals.
+    """One of the best designs: its values when it was chosen, and those in new environments with 95 % intervals.
 
-    What follows from the design alone has no interval. A fresh value is None if every run was rejected.
+    A value that depends on the design only has no interval. A value is None if every run was rejected.
     """
 
     design: Mapping[str, float]
@@ -63,9 +63,9 @@ class Judged:
 
 @dataclass
 class Found:
-    """The counts of a search, for its progress, and what it found at its end. ``runs`` are those of the tried designs.
+    """The counts and the result of a search. ``runs`` counts runs of tried designs, ``new`` all simulated runs.
 
-    ``new`` is how many runs were simulated in all; ``exhausted`` says that no more design was found to try.
+    ``exhausted`` says that there was no other design to try.
     """
 
     planned: int
@@ -86,19 +86,19 @@ class Found:
 
 
 def searched_study(study: Study, fresh: int) -> Study:
-    """The study's only experiment, and the same in ``fresh`` other samples, with other built cars. FoldcarError."""
+    """Return the study's only experiment, and the same in ``fresh`` new samples and built cars. Raises FoldcarError."""
     if len(study.experiments) > 1:
-        known = ", ".join(experiment.id for experiment in study.experiments)
-        raise FoldcarError(f"{study.listing_name}: experiments: has several; choose one with --experiment: {known}")
-    (chosen,) = study.experiments
-    other = replace(
-        chosen,
-        id=fresh_id(chosen.id),
+        names = ", ".join(experiment.id for experiment in study.experiments)
+        raise FoldcarError(f"{study.listing_name}: experiments: has several; choose one with --experiment: {names}")
+    (searched,) = study.experiments
+    fresh_experiment = replace(
+        searched,
+        id=fresh_id(searched.id),
         environments=fresh,
-        seed=(chosen.seed ^ FRESH_BIT) & GREATEST_SEED,
-        variation_seed=(chosen.variation_seed ^ FRESH_BIT) & GREATEST_SEED,
+        seed=(searched.seed ^ FRESH_BIT) & MAX_SEED,
+        variation_seed=(searched.variation_seed ^ FRESH_BIT) & MAX_SEED,
     )
-    return replace(study, experiments=(chosen, other))
+    return replace(study, experiments=(searched, fresh_experiment))
 
 
 def search(
@@ -108,14 +108,14 @@ def search(
     carsim: Carsim,
     simulators: Simulators | int,
     command: str,
-    found: Found,
-    report: Callable[[Found], None] = lambda found: None,
+    result: Found,
+    report: Callable[[Found], None] = lambda result: None,
     environment_of: Callable[[Experiment], Environment] = Environment,
 ) -> None:
-    """Search the family of the first experiment of :func:`searched_study`; the second has the fresh environments.
+    """Search the family of the first experiment of :func:`searched_study`; the second has the new environments.
 
-    ``found`` is updated and ``report`` called after every step. ``environment_of`` makes the environments: those of a
-    calibration are others. FoldcarError.
+    ``result`` is updated, and ``report`` called, after every step. ``environment_of`` creates an experiment's
+    environment; a calibration has its own. Raises FoldcarError.
     """
     experiment, fresh = study.experiments
     environment = environment_of(experiment)
@@ -123,24 +123,24 @@ def search(
     names = [objective.name for objective in plan.objectives]
 
     def simulated(runs: int) -> None:
-        found.new += runs
-        report(found)
+        result.new += runs
+        report(result)
 
     with write_store(store) as writer:
         writer.begin_study(study_facts(study, carsim, command), carsim.build)
         proposals = Proposals(experiment.family, plan.objectives, plan.sampler, plan.seed, plan.designs)
         with open_simulator(experiment, environment, writer, carsim, simulators, simulated, names) as simulator:
-            _try_designs(experiment, plan, proposals, simulator, found, report)
+            _try_designs(experiment, plan, proposals, simulator, result, report)
             simulator.finish(list(proposals.unbuildable))
         best = proposals.best(plan.best)
         with open_simulator(fresh, environment_of(fresh), writer, carsim, simulators, simulated, ()) as simulator:
-            for one in best:
-                rows = _counted(simulator.rows(one.values, range(plan.fresh)))
-                found.best.append(_judged(experiment, plan, one, rows))
-                report(found)
+            for tried in best:
+                rows = _counted(simulator.rows(tried.values, range(plan.fresh)))
+                result.best.append(_judged(experiment, plan, tried, rows))
+                report(result)
     for values, reason in proposals.unbuildable.items():
         columns = dict(zip(experiment.family.columns(), values, strict=True))
-        found.unbuildable[design_text({name: columns[name] for name in experiment.family.varied})] = reason
+        result.unbuildable[design_text({name: columns[name] for name in experiment.family.varied})] = reason
 
 
 def _try_designs(
@@ -148,36 +148,42 @@ def _try_designs(
     plan: Plan,
     proposals: Proposals,
     simulator: DesignSimulator,
-    found: Found,
+    result: Found,
     report: Callable[[Found], None],
 ) -> None:
     first = plan.objectives[0]
-    while found.designs < plan.designs and (plan.runs is None or found.runs + experiment.environments <= plan.runs):
+    while result.designs < plan.designs and (plan.runs is None or result.runs + experiment.environments <= plan.runs):
         values = proposals.next()
         if values is None:
-            found.exhausted = True
+            result.exhausted = True
             return
-        made: list[Row] = []
+        all_rows: list[Row] = []
         pruned = False
         for batch in batches(experiment.environments):
-            made += simulator.rows(values, batch)
-            pruned = plan.prune and len(made) < experiment.environments and proposals.worse(made, experiment.timeout_s)
+            all_rows += simulator.rows(values, batch)
+            pruned = (
+                plan.prune and len(all_rows) < experiment.environments and proposals.worse(all_rows, experiment.timeout_s)
+            )
             if pruned:
                 break
-        found.runs += len(made)
-        rows = _counted(made)
+        result.runs += len(all_rows)
+        rows = _counted(all_rows)
         if not rows:
-            proposals.refuse(no_rate_text(len(made)))
+            proposals.refuse(no_rate_text(len(all_rows)))
             continue
         mean_time_s = _value(OBJECTIVES["time"], experiment, values, rows)
-        worth = [_value(objective, experiment, values, rows) for objective in plan.objectives]
-        proposals.tell(worth, made, pruned, mean_time_s)
-        found.designs += 1
-        found.pruned += pruned
+        values_of_objectives = [_value(objective, experiment, values, rows) for objective in plan.objectives]
+        proposals.tell(values_of_objectives, all_rows, pruned, mean_time_s)
+        result.designs += 1
+        result.pruned += pruned
         if not pruned:
             better = max if first.largest else min
-            found.best_so_far = worth[0] if found.best_so_far is None else better(found.best_so_far, worth[0])
-        report(found)
+            result.best_so_far = (
+                values_of_objectives[0]
+                if result.best_so_far is None
+                else better(result.best_so_far, values_of_objectives[0])
+            )
+        report(result)
 
 
 def _value(objective: Objective, experiment: Experiment, values: Values, rows: Sequence[Row]) -> float:
@@ -187,35 +193,42 @@ def _value(objective: Objective, experiment: Experiment, values: Values, rows: S
 
 
 def _judged(experiment: Experiment, plan: Plan, tried: Tried, rows: Sequence[Row]) -> Judged:
-    told = [objective if rows or objective.value is None else None for objective in plan.objectives]
+    objectives = [objective if rows or objective.value is None else None for objective in plan.objectives]
     return Judged(
         experiment.family.design(tried.values).columns,
         tried.objectives,
-        tuple(None if one is None else _value(one, experiment, tried.values, rows) for one in told),
-        tuple(None if one is None or one.interval is None else one.interval(rows, experiment.timeout_s) for one in told),
+        tuple(
+            None if objective is None else _value(objective, experiment, tried.values, rows) for objective in objectives
+        ),
+        tuple(
+            None if objective is None or objective.interval is None else objective.interval(rows, experiment.timeout_s)
+            for objective in objectives
+        ),
     )
 
 
 def _counted(rows: Sequence[Row]) -> list[Row]:
-    """The rows that belong in a rate."""
+    """Return the rows without rejected runs."""
     return [row for row in rows if row.passed is not None]
 
 
 def batches(environments: int) -> list[range]:
-    """The samples that are simulated between looks at a design."""
+    """Return the samples of each batch; pruning is checked between batches."""
     size = math.ceil(environments / BATCHES)
     return [range(first, min(first + size, environments)) for first in range(0, environments, size)]
 
 
 def _check(experiment: Experiment, environment: Environment, plan: Plan) -> None:
-    """FoldcarError if the plan has no meaning for the experiment."""
+    """Raise FoldcarError if the plan makes no sense for the experiment."""
     if all(objective.value is None for objective in plan.objectives):
-        raise FoldcarError("--objective sheet-area: needs no simulation; name what the car shall do as well")
+        raise FoldcarError("--objective sheet-area: needs no simulation; add an objective such as success")
     if plan.runs is not None and plan.runs < experiment.environments:
-        raise FoldcarError(f"--runs {plan.runs}: one design takes {experiment.environments}, one in each environment")
+        raise FoldcarError(
+            f"--runs {plan.runs}: is too few; one design needs {experiment.environments}, one in each environment"
+        )
     if experiment.condition is not None:
         raise FoldcarError(
-            f"{experiment.place}: environment {experiment.environment} has a condition: fresh samples would not have it"
+            f"{experiment.place}: environment {experiment.environment} has a condition, which new samples cannot have"
         )
     if not environment.success.defined:
         raise FoldcarError(f"{experiment.place}: {environment.success.text}")

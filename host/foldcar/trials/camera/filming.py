@@ -1,12 +1,12 @@
-"""A trial's film put together with the trial: when the drive began, how it ended, what the store keeps.
+"""Combines a trial with its film: when the drive began, how it ended, and what the store keeps.
 
 Input: a store, the number of a trial, a film, course, lens, a carsim. Output: a Track record of the store.
 
-The film's time of the trial's start is that of the car's first movement. The simulated car is driven by the same
-firmware: film and simulation are laid over each other between 3 and 40 mm from the start. Servos of one kind differ in
-how soon they turn by some 10 ms, which remains. The attitudes in a car's log come ten times a second and 15 to 30 ms
-late: they tell no better. The end is proposed by the rules that end the simulator's runs (docs/carsim.md), as far as a
-film shows it; a person decides.
+The trial's start on the film's clock follows from the car's first movement. The simulated car has the same firmware, so
+film and simulation are aligned between 3 and 40 mm from the start. An error of about 10 ms remains, because servos of one
+kind differ in their delay. The attitudes in a car's log are not better: they come ten times a second and 15 to 30 ms
+late. The outcome is proposed by the rules that end the simulator's runs (docs/carsim.md), as far as a film shows them; a
+person decides.
 """
 
 import json
@@ -36,24 +36,24 @@ from foldcar.trials.camera.poses import CarMarker
 from foldcar.trials.camera.tracking import Track as Filmed
 from foldcar.trials.camera.tracking import track
 
-# A car that stood farther from where the trial has it (m, rad) is told; a film of a car beyond OTHER_TRIAL is refused.
-ELSEWHERE_M, ELSEWHERE_RAD = 0.015, math.radians(4)
+# A car that stood farther from its position in the trial gets a remark; beyond OTHER_TRIAL, the film is refused.
+REMARKED_M, REMARKED_RAD = 0.015, math.radians(4)
 OTHER_TRIAL_M, OTHER_TRIAL_RAD = 0.060, math.radians(20)
 SET_OFF_M = numpy.linspace(0.003, 0.040, 12)
-# Where time scales are fitted, and the largest that a car's own speed explains. Slow motion is 2 to 32 times as slow.
+# Distances at which time scales are fitted, and the largest scale of a real car. Slow motion has scales of 2 to 32.
 SCALED_M = numpy.linspace(0.003, 0.120, 24)
-MOST_SCALE = 1.5
-# A scale beyond this is remarked on: 24 or 25 frames a second saved as 30, or servos that are slow or quick.
+MAX_SCALE = 1.5
+# A larger scale gets a remark: 24 or 25 frames a second saved as 30, or slow or quick servos.
 REMARKED_SCALE = 1.12
-# A trial that a person ends lasts longer than the drive to the goal.
+# The drive to the goal may end this much later on the film than in the trial, which a person ends.
 LATE_S = 0.2
 SERVOS_S = 0.015
 REST_S = 0.1
-# As in sim2d/lib/trial/ending.h.
+# The same values as in sim2d/lib/trial/ending.h.
 TIPPED_UP = 0.26
 STUCK_M, STUCK_RAD, STUCK_S = 0.010, 0.035, 4.0
 HELD_M, HELD_S = 0.050, 8.0
-# A marker that is last seen tilted like this, and never again, is under the car.
+# A marker that is last seen with more tilt than this, and not for UNSEEN_S, is under the tipped car.
 TIPPING_UP = 0.6
 UNSEEN_S = 0.7
 
@@ -62,7 +62,7 @@ UNSEEN_S = 0.7
 class Start:
     """The trial's start on the film's clock (s), and its standard deviation.
 
-    ``scale`` is how many times longer the film's car takes than the simulated one over the first 120 mm.
+    ``scale`` is the ratio of the film's car's time to the simulated car's time over the first 120 mm.
     """
 
     film_s: float
@@ -70,7 +70,7 @@ class Start:
     scale: float
 
     def remarks(self) -> list[str]:
-        """A remark if the film's car is much slower or quicker than the simulated one."""
+        """Return a remark if the film's car is much slower or quicker than the simulated one."""
         if 1 / REMARKED_SCALE < self.scale < REMARKED_SCALE:
             return []
         return [
@@ -81,7 +81,7 @@ class Start:
 
 @dataclass(frozen=True)
 class Ending:
-    """``outcome`` is one of a trial's, None where the film does not tell; where and when (trial's time), and why."""
+    """The end of a drive: outcome (None if the film does not show it), time in the trial, position and reason."""
 
     outcome: str | None
     time_s: float
@@ -91,8 +91,8 @@ class Ending:
 
 
 def car_marker(body: Mapping[str, Any], course: Course) -> CarMarker:
-    """The marker above the lid of the segment whose pose is the car's."""
-    segment = min(body["segments"], key=lambda one: abs(one["x_m"]))
+    """Return the marker above the lid of the segment that defines the car's pose."""
+    segment = min(body["segments"], key=lambda segment: abs(segment["x_m"]))
     lid_m = segment["center_z_m"] + segment["height_m"] / 2
     return CarMarker(course.car_size_m, course.car_x_m, lid_m + course.car_height_m)
 
@@ -100,11 +100,11 @@ def car_marker(body: Mapping[str, Any], course: Course) -> CarMarker:
 def track_trial(
     store: Store, number: int, film: Path, course: Course, lens: Lens | None, carsim: Carsim
 ) -> tuple[Track, tuple[str, ...]]:
-    """Where the car was in the trial by its film, and what to say of it; FoldcarError of one line."""
-    texts = store.trial_drive(number)
-    if texts is None:
-        raise FoldcarError(f"{store.path}: trial {number} was imported without a scene: it cannot be filmed")
-    body, settings, scene = (json.loads(text) for text in texts)
+    """Return the car's track in the trial by its film, and remarks on it. Raises FoldcarError."""
+    drive = store.trial_drive(number)
+    if drive is None:
+        raise FoldcarError(f"{store.path}: trial {number} was imported without a scene, so its film cannot be tracked")
+    body, settings, scene = (json.loads(text) for text in drive)
     ground = standing(scene, carsim_heights(carsim), body)
     filmed = track(
         read_film(film), str(film), course, lens, lambda scale: car_marker(body, course.printed(scale)), ground
@@ -122,7 +122,7 @@ def track_trial(
     remarks = [
         *filmed.remarks,
         *start.remarks(),
-        *_elsewhere(filmed, times_s, scene["start"], f"{film}: is a film of another trial"),
+        *_position_remarks(filmed, times_s, scene["start"], f"{film}: is a film of another trial"),
     ]
     digest = sha256_of(film)
     assert digest is not None
@@ -132,7 +132,7 @@ def track_trial(
 
 
 def _simulated(body: Any, settings: Any, scene: Any, carsim: Carsim) -> Floats:
-    """Time, x and y of the simulated car's first seconds in the same trial."""
+    """Return time, x and y of the simulated car's first seconds in the same trial."""
     request = RunRequest("car", "scene", canonical_json({**settings, "path_interval_s": 0.01}), "film", 0)
     (answer,) = carsim.run({"car": canonical_json(body)}, {"scene": canonical_json(scene)}, [request])
     if "path" not in answer:
@@ -147,7 +147,7 @@ def _facts(filmed: Filmed, start: Start, ending: Ending, lens: Lens | None, rema
         "end_s": round(ending.time_s, 3), "end_x_m": round(ending.x_m, 4), "end_y_m": round(ending.y_m, 4), "why":
         ending.why, "start_error_s": round(start.error_s, 4),
         "frame_error_m": [round(float(x), 5), round(float(y), 5)],
-        # The marker on the lid is glued by hand.
+        # Includes the error of the marker on the lid, which is glued by hand.
         "heading_error_rad": round(math.hypot(heading, LAID_RAD), 5),
         "corner_error_px": round(filmed.pixel_error, 3), "seen": round(filmed.seen, 4),
         "lens": "given" if lens else "fitted to the floor markers", "focal_px": round(view.lens.focal_px, 1),
@@ -167,54 +167,58 @@ def _rows(times_s: Any, filmed: Filmed) -> list[list[float]]:
     ]
 
 
-def _elsewhere(filmed: Filmed, times_s: Any, start: Mapping[str, float], refusal: str) -> list[str]:
-    """A remark if the car stood elsewhere than the trial says; FoldcarError, which ``refusal`` begins, if too far."""
+def _position_remarks(filmed: Filmed, times_s: Any, start: Mapping[str, float], refusal: str) -> list[str]:
+    """Return a remark if the car stood away from its position in the trial; raise FoldcarError if too far."""
     before = filmed.poses[times_s < 0]
     if not len(before):
         return []
     x, y, _, heading, *_ = numpy.median(before, axis=0)
-    away_m = math.hypot(x - start["x_m"], y - start["y_m"])
+    distance_m = math.hypot(x - start["x_m"], y - start["y_m"])
     turned = math.remainder(heading - start["heading_rad"], math.tau)
-    if away_m < ELSEWHERE_M and abs(turned) < ELSEWHERE_RAD:
+    if distance_m < REMARKED_M and abs(turned) < REMARKED_RAD:
         return []
     remark = (
-        f"the car began {1000 * away_m:.0f} mm and {math.degrees(turned):+.1f}° from where the trial has it: at "
+        f"the car began {1000 * distance_m:.0f} mm and {math.degrees(turned):+.1f}° from its position in the trial: at "
         f"{1000 * x:.0f}, {1000 * y:.0f} mm, {math.degrees(heading):.1f}°"
     )
-    if away_m > OTHER_TRIAL_M or abs(turned) > OTHER_TRIAL_RAD:
-        raise FoldcarError(f"{refusal}: {remark}; if it is of this one, correct its places by a photo")
+    if distance_m > OTHER_TRIAL_M or abs(turned) > OTHER_TRIAL_RAD:
+        raise FoldcarError(f"{refusal}: {remark}; if it is a film of this trial, correct the positions by a photo")
     return [remark]
 
 
 def find_start(times_s: Floats, poses: Floats, simulated: Floats, where: str) -> Start:
-    """The start of the trial; ``simulated`` are rows of time in the trial, x, y.
+    """Find the start of the trial on the film's clock; ``simulated`` are rows of time in the trial, x, y.
 
-    FoldcarError, beginning with ``where``, if the car moves from the film's first frame on, or never, or if film time and
-    simulated time have a scale that no car's speed explains.
+    Raises FoldcarError, beginning with ``where``, if the car moves in the first frame, if it never moves, or if no real
+    car has this time scale.
     """
     resting = times_s < times_s[0] + REST_S
-    away = numpy.linalg.norm(poses[:, :2] - numpy.median(poses[resting, :2], axis=0), axis=1)
+    distances = numpy.linalg.norm(poses[:, :2] - numpy.median(poses[resting, :2], axis=0), axis=1)
     if numpy.ptp(poses[resting, :2], axis=0).max() > SET_OFF_M[0]:
-        raise FoldcarError(f"{where}: the car moves from the first frame on: begin to film before it starts")
-    beyond = numpy.flatnonzero(away > SET_OFF_M[-1])
+        raise FoldcarError(f"{where}: the car moves from the first frame on: start filming before it starts")
+    beyond = numpy.flatnonzero(distances > SET_OFF_M[-1])
     simulated_away = numpy.linalg.norm(simulated[:, 1:3] - simulated[0, 1:3], axis=1)
     if not len(beyond) or simulated_away.max() < SET_OFF_M[-1]:
         raise FoldcarError(
-            f"{where}: the car does not move by {1000 * SET_OFF_M[-1]:.0f} mm: its start is not to be seen"
+            f"{where}: the car does not move by {1000 * SET_OFF_M[-1]:.0f} mm, so that its start cannot be found"
         )
-    # What lies before is the last time that it stood still.
-    first = int(beyond[0])
-    reached = [_when(times_s[: first + 1], away[: first + 1], far) for far in SET_OFF_M]
+    # The search goes back from here to the last time at which the car stood still.
+    first_beyond = int(beyond[0])
+    film_times_s = [_when(times_s[: first_beyond + 1], distances[: first_beyond + 1], distance) for distance in SET_OFF_M]
     end = int(numpy.argmax(simulated_away >= SET_OFF_M[-1]))
-    wanted = [_when(simulated[: end + 1, 0], simulated_away[: end + 1], far) for far in SET_OFF_M]
-    offsets = numpy.subtract(reached, wanted)
-    # The first distances are short, and beyond them an obstacle may slow the car down: the scale nearer to 1 counts.
-    film = _scaled(times_s, away, simulated, simulated_away)
-    scale = min(float(numpy.polyfit(wanted, reached, 1)[0]), film, key=lambda one: abs(math.log(max(one, 1e-3))))
-    if not 1 / MOST_SCALE < scale < MOST_SCALE:
+    simulated_times_s = [_when(simulated[: end + 1, 0], simulated_away[: end + 1], distance) for distance in SET_OFF_M]
+    offsets = numpy.subtract(film_times_s, simulated_times_s)
+    # Short distances are noisy; over long ones an obstacle may slow the car down. Use the scale that is nearer to 1.
+    long_scale = _time_scale(times_s, distances, simulated, simulated_away)
+    scale = min(
+        float(numpy.polyfit(simulated_times_s, film_times_s, 1)[0]),
+        long_scale,
+        key=lambda candidate: abs(math.log(max(candidate, 1e-3))),
+    )
+    if not 1 / MAX_SCALE < scale < MAX_SCALE:
         raise FoldcarError(
             f"{where}: the car sets off {_pace(scale)} as in simulation: the film is in slow motion or time "
-            "lapse; save it at the speed of the drive, or film without"
+            "lapse; save it at normal speed, or film again without it"
         )
     error = float(numpy.hypot(SERVOS_S, offsets.std()))
     return Start(float(numpy.median(offsets)), error, scale)
@@ -224,52 +228,52 @@ def _pace(scale: float) -> str:
     return f"{scale:.2g} times as slow" if scale > 1 else f"{1 / max(scale, 1e-3):.2g} times as fast"
 
 
-def _scaled(times_s: Floats, away: Floats, simulated: Floats, simulated_away: Floats) -> float:
-    """How many times longer the film's car takes to the distances of SCALED_M that both cars reach."""
+def _time_scale(times_s: Floats, away: Floats, simulated: Floats, simulated_away: Floats) -> float:
+    """Return how many times longer the film's car takes for the distances of SCALED_M that both cars reach."""
     farthest = min(away.max(), simulated_away.max())
-    far = SCALED_M[: int(numpy.searchsorted(SCALED_M, farthest, "right"))]
-    first, end = (int(numpy.argmax(one >= far[-1])) + 1 for one in (away, simulated_away))
-    reached = [_when(times_s[:first], away[:first], one) for one in far]
-    wanted = [_when(simulated[:end, 0], simulated_away[:end], one) for one in far]
+    distances = SCALED_M[: int(numpy.searchsorted(SCALED_M, farthest, "right"))]
+    first, end = (int(numpy.argmax(distance >= distances[-1])) + 1 for distance in (away, simulated_away))
+    reached = [_when(times_s[:first], away[:first], distance) for distance in distances]
+    wanted = [_when(simulated[:end, 0], simulated_away[:end], distance) for distance in distances]
     return float(numpy.polyfit(wanted, reached, 1)[0])
 
 
-def _when(times_s: Floats, away: Floats, far: float) -> float:
+def _when(times_s: Floats, away: Floats, distance: float) -> float:
     """The last time at which ``away`` rose through ``far``."""
-    at = int(numpy.flatnonzero(away < far)[-1]) if (away < far).any() else 0
-    if at + 1 >= len(away):
+    index = int(numpy.flatnonzero(away < distance)[-1]) if (away < distance).any() else 0
+    if index + 1 >= len(away):
         return float(times_s[-1])
-    share = (far - away[at]) / max(away[at + 1] - away[at], 1e-9)
-    return float(times_s[at] + share * (times_s[at + 1] - times_s[at]))
+    fraction = (distance - away[index]) / max(away[index + 1] - away[index], 1e-9)
+    return float(times_s[index] + fraction * (times_s[index + 1] - times_s[index]))
 
 
 def propose(
     times_s: Floats, poses: Floats, scene: Mapping[str, Any], time_limit_s: float, turns: bool, film_end_s: float
 ) -> Ending:
-    """The end of the drive; ``turns``: it was told to turn on the spot, or nearly."""
+    """Propose the end of the drive. ``turns``: the car was commanded to turn (nearly) on the spot."""
     driving = numpy.flatnonzero((times_s >= 0) & (times_s <= time_limit_s))
     if not len(driving):
         return Ending(None, 0.0, float(poses[0, 0]), float(poses[0, 1]), "the film does not show the drive")
     was_short = True
-    moved = left = int(driving[0])
-    for at in driving.tolist():
-        time_s, (x, y, _, heading, pitch, roll) = float(times_s[at]), poses[at]
+    moved_at = held_from = int(driving[0])
+    for index in driving.tolist():
+        time_s, (x, y, _, heading, pitch, roll) = float(times_s[index]), poses[index]
         if math.cos(pitch) * math.cos(roll) < TIPPED_UP:
             return Ending("tipped", time_s, x, y, f"tilted by more than {math.degrees(math.acos(TIPPED_UP)):.0f}°")
         short = _short_of_goal(scene["goal"], x, y)
         if was_short and not short:
-            return _passed(times_s, poses, scene["goal"], at)
+            return _passed(times_s, poses, scene["goal"], index)
         was_short = short
         course = scene["course"]
         if not (course["x_min_m"] <= x <= course["x_max_m"] and course["y_min_m"] <= y <= course["y_max_m"]):
             return Ending("off_course", time_s, x, y, "its middle left the course")
-        if math.dist((x, y), poses[left, :2]) > HELD_M:
-            left = at
-        elif not turns and time_s - times_s[left] >= HELD_S:
+        if math.dist((x, y), poses[held_from, :2]) > HELD_M:
+            held_from = index
+        elif not turns and time_s - times_s[held_from] >= HELD_S:
             return Ending("stuck", time_s, x, y, f"less than {1000 * HELD_M:.0f} mm in {HELD_S:g} s")
-        if math.dist((x, y), poses[moved, :2]) > STUCK_M or abs(heading - poses[moved, 3]) > STUCK_RAD:
-            moved = at
-        elif time_s - times_s[moved] >= STUCK_S:
+        if math.dist((x, y), poses[moved_at, :2]) > STUCK_M or abs(heading - poses[moved_at, 3]) > STUCK_RAD:
+            moved_at = index
+        elif time_s - times_s[moved_at] >= STUCK_S:
             return Ending("stuck", time_s, x, y, f"less than {1000 * STUCK_M:.0f} mm in {STUCK_S:g} s")
     last = int(driving[-1])
     time_s, (x, y, _, _, pitch, roll) = float(times_s[last]), poses[last]
@@ -283,15 +287,17 @@ def propose(
     return Ending(None, time_s, x, y, "the film ends before the drive")
 
 
-def _passed(times_s: Floats, poses: Floats, goal: Mapping[str, Any], at: int) -> Ending:
-    """The moment between two frames in which the car reached the goal."""
+def _passed(times_s: Floats, poses: Floats, goal: Mapping[str, Any], index: int) -> Ending:
+    """Return the ending at the moment between two frames at which the car reached the goal."""
     steps = numpy.linspace(0, 1, 21)
-    before = max(at - 1, 0)
-    share = next(
-        s for s in steps if not _short_of_goal(goal, *(poses[before, :2] + s * (poses[at, :2] - poses[before, :2])))
+    before = max(index - 1, 0)
+    fraction = next(
+        step
+        for step in steps
+        if not _short_of_goal(goal, *(poses[before, :2] + step * (poses[index, :2] - poses[before, :2])))
     )
-    x, y = poses[before, :2] + share * (poses[at, :2] - poses[before, :2])
-    time_s = times_s[before] + share * (times_s[at] - times_s[before])
+    x, y = poses[before, :2] + fraction * (poses[index, :2] - poses[before, :2])
+    time_s = times_s[before] + fraction * (times_s[index] - times_s[before])
     return Ending("passed", float(time_s), float(x), float(y), "its middle reached the goal")
 
 

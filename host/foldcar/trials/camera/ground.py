@@ -1,26 +1,27 @@
-"""How a car stands at a place of a scene: what one camera sees worst, height and tilt, the ground tells best.
+"""How a car stands at a position in a scene: the ground determines height and tilt, which one camera measures badly.
 
-Input: a scene as it was placed, heights of its ground, a car's body, a place. Output: height of the car's origin, pitch
-and roll, with their covariance. A wheel of radius r rests where ground h touches its tread first: its axle is at
+Input: a scene as it was placed, heights of its ground, a car's body, a position. Output: height of the car's origin,
+pitch and roll, with their covariance. A wheel of radius r rests on the ground h that touches its tread first. Its axle is
+at
 
     max over d of h(x + d) + sqrt(r² - d²),   -r < d < r along the car,
 
-the highest of its width. Of a wheel that leans by the roll φ, sqrt(r² - d²) counts times cos φ, and it touches beside its
-middle. A rigid car rests on three wheels around its middle, no other wheel in the ground. Often more than one three will
-do: with a wheel on a step the car stands on a diagonal and leans to either side. The mean and the covariance are those of
-all these planes, here and beside (REACH_M, ASIDE_M), where a car climbs or drops. Hinged cars do the same, less exactly.
-The body of one whose wheels do not surround its middle drags: its slope is not known.
+the highest over its width. For a wheel that leans by the roll φ, sqrt(r² - d²) is multiplied by cos φ, and the wheel
+touches beside its middle. A rigid car rests on three wheels around its middle, and no other wheel is in the ground. There
+may be several such triples: with a wheel on a step, the car stands on a diagonal and leans to either side. Mean and
+covariance are taken over all these planes, here and nearby (REACH_M, ASIDE_M), where a car climbs or drops. For hinged
+cars this holds less exactly. If the wheels do not surround the middle, the body drags and its slope is unknown.
 
-Obstacles are not as high as planned: each has a factor of its own, with a standard deviation, by the car that drives over
-them. What touches is one obstacle, as the ground itself shows; rough ground is one with all that stands on it.
-Of each pose the corners alone tell height, pitch and roll, m, with covariance C; the
-ground g(s) tells the same with covariance R. Sought are the factors s and an offset b that all pictures share (a marker
-that is glued on askew, a camera that is off), most probable given
+Real obstacles differ in height from planned ones. Each has a height factor with a standard deviation, which is estimated
+from the car that drives over it. Connected raised ground is one obstacle; rough ground is one with all that stands on it.
+In each picture, the corners alone measure height, pitch and roll, m, with covariance C. The ground g(s) predicts them
+with covariance R. The unknowns are the factors s and an offset b that all pictures share (a marker that is glued on
+askew, an error of the camera). They are most probable given
 
     m = g(s) + b + noise,   covariance C + R.
 
-Errors of neighbouring pictures are alike: each counts as ALIKE of one. A car that hangs on its belly stands higher than
-its wheels say: the factor takes that up, so that the path is right, but it is not the obstacle's then.
+Errors of neighbouring pictures are correlated, so that each picture has the weight POSE_WEIGHT. A car that hangs on its
+belly stands higher than on its wheels. The factor absorbs that: the path is right, but the factor is not the obstacle's.
 """
 
 import math
@@ -44,45 +45,45 @@ if TYPE_CHECKING:
     from foldcar.trials.camera.poses import Pose
 
 CELL_M = 0.005
-MOST_CELLS = 1200
+MAX_CELLS = 1200
 MARGIN_M = 0.4
-# Ahead and aside: how much a car may have climbed, how well it is known where an obstacle lies.
+# Shifts ahead and to the side: a car may have climbed already, and the position of an obstacle is uncertain.
 REACH_M, ASIDE_M = 0.012, 0.003
-# On flat ground: tyres are pressed in, wheels are not round, lids bend.
+# Standard deviations on flat ground: tyres are compressed, wheels are not round, lids bend.
 FLAT_M, FLAT_RAD = 0.0015, 0.012
-# How much these errors grow with the sine of the tilt: wheels slip off edges and lift for a moment.
-TILTED = 3.0
-# Slope of a car whose body drags.
-DRAGS = 0.3
-# Ground nearer to the floor's height is floor.
+# Growth of these errors with the sine of the tilt, because wheels slip off edges and lift for a moment.
+TILT_GROWTH = 3.0
+# Largest slope of a car whose body drags.
+DRAG_SLOPE = 0.3
+# Ground whose height differs less from the floor's is floor.
 FLOOR_M = 0.0005
-MOST_OBSTACLES = 26
-# Built obstacles against planned ones, as shares of the height: all of a course alike, each by itself.
-HEIGHT_ALIKE, HEIGHT_OWN = 0.2, 0.1
-HEIGHT_SHARE = math.hypot(HEIGHT_ALIKE, HEIGHT_OWN)
+MAX_OBSTACLES = 26
+# Relative errors of the heights of built obstacles: common to a course, and of each obstacle.
+HEIGHT_COMMON, HEIGHT_OWN = 0.2, 0.1
+HEIGHT_ERROR = math.hypot(HEIGHT_COMMON, HEIGHT_OWN)
 SHIFTS_M = numpy.array([(0.0, 0.0), (-REACH_M, 0.0), (REACH_M, 0.0), (0.0, -ASIDE_M), (0.0, ASIDE_M)])
-# Places along a wheel, and across it in its widths.
+# Positions along a wheel (in radii) and across it (in widths).
 ALONG = numpy.linspace(-0.98, 0.98, 25)
 ACROSS = numpy.array([-0.45, 0.0, 0.45])
-# The centre of mass, which three wheels surround, is so near to the car's middle, as a share of the wheels' distances.
-MIDDLE = 0.1
-# Of a pose, what the ground tells: z, pitch, roll.
-GROUND = [2, 4, 5]
+# Tolerance for the centre of mass, which three wheels must surround: its distance from the car's middle.
+SUPPORT_TOLERANCE = 0.1
+# Indices of the pose values that the ground determines: z, pitch, roll.
+GROUND_INDICES = [2, 4, 5]
 # Standard deviations of the offset: height (m), pitch and roll (rad).
 OFFSET = numpy.array([0.01, 0.03, 0.03])
 STEP = 0.02
-# Pictures that are farther off (χ² of three) count less: a car that tips, or is in the air.
-FAR = 12.0
-ALIKE, LEAST_ERROR = 0.4, 0.03
+# Pictures with a larger χ² (three values) get less weight: the car tips or is in the air.
+OUTLIER_CHI2 = 12.0
+POSE_WEIGHT, MIN_ERROR = 0.4, 0.03
 FACTORS = (0.3, 3.0)
-# A factor that is known better than TOLD, and farther from 1 than it and than twice its error, is told. Beyond OTHER the
-# obstacle is another one.
-TOLD = 0.1
-OTHER = (0.5, 2.0)
+# A factor is reported if its error is below INFORMATIVE, and its distance from 1 above that and above twice its error.
+# Outside PLAUSIBLE_FACTORS, the film shows another obstacle.
+INFORMATIVE = 0.1
+PLAUSIBLE_FACTORS = (0.5, 2.0)
 
 
 class Place(NamedTuple):
-    """Where a car is and how it is tilted: nose up, left side up."""
+    """Position and attitude of a car; positive pitch is nose up, positive roll left side up."""
 
     x_m: float
     y_m: float
@@ -92,7 +93,7 @@ class Place(NamedTuple):
 
     @staticmethod
     def of(pose: Floats) -> "Place":
-        """Of x, y, z (m), heading, pitch, roll (rad)."""
+        """Create it from x, y, z (m), heading, pitch, roll (rad)."""
         x, y, _, heading, pitch, roll = pose.tolist()
         return Place(x, y, heading, pitch, roll)
 
@@ -107,10 +108,10 @@ class Stance:
 
 @dataclass(frozen=True)
 class Standing:
-    """The ground, and the wheels of the car: places ahead and to the left of the origin, radii and width (m).
+    """The ground, and the wheels of the car: positions ahead and to the left of the origin, radii and width (m).
 
-    ``obstacle`` has the number of each cell's obstacle, 0 for floor. ``factors`` are their heights relative to the
-    planned ones, ``factor_errors`` the standard deviations; the floor's are 1 and 0.
+    ``obstacle`` has the number of each cell's obstacle, 0 for floor. ``factors`` are the heights of obstacles relative to
+    the planned ones, ``factor_errors`` their standard deviations; the floor's are 1 and 0.
     """
 
     ground: HeightMap
@@ -125,10 +126,10 @@ class Standing:
 
     @cached_property
     def level(self) -> Floats:
-        """Height of the origin (m), slope ahead and bank to the left on level floor: wheels of two radii tilt the car."""
+        """Height of the origin (m), slope ahead and bank to the left on level floor; unequal wheels tilt the car."""
         if numpy.ptp(self.radii_m) == 0:
             return numpy.array([self.radii_m[0], 0.0, 0.0])
-        tilted: Floats = self._stands(self.radii_m[None])[0].mean(axis=0)
+        tilted: Floats = self._planes_on(self.radii_m[None])[0].mean(axis=0)
         return tilted
 
     @property
@@ -137,65 +138,67 @@ class Standing:
         return float(self.level[0])
 
     def at(self, place: Place) -> Stance:
-        """How the car stands there."""
+        """Return how the car stands at ``place``."""
         planes = self.planes(place, SHIFTS_M)
         values = planes[0].mean(axis=0)
-        off = numpy.concatenate(planes) - values
-        # Heights and tilts are proportional to the factor.
+        deviations = numpy.concatenate(planes) - values
+        # The error of the factor changes heights and tilts proportionally.
         under = self.under(place)
-        share = max((float(self.factor_errors[k] / self.factors[k]) for k in under), default=0.0)
-        raised = share * (values - self.level)
+        relative_error = max((float(self.factor_errors[k] / self.factors[k]) for k in under), default=0.0)
+        height_spread = relative_error * (values - self.level)
         lean = math.hypot(math.sin(place.pitch_rad), math.sin(place.roll_rad))
-        flat = (2.0 if self.hinged else 1.0) * (1 + TILTED * lean) * numpy.array([FLAT_M, FLAT_RAD, FLAT_RAD])
-        covariance = numpy.diag(flat**2) + off.T @ off / len(off) + numpy.outer(raised, raised)
+        flat = (2.0 if self.hinged else 1.0) * (1 + TILT_GROWTH * lean) * numpy.array([FLAT_M, FLAT_RAD, FLAT_RAD])
+        covariance = (
+            numpy.diag(flat**2) + deviations.T @ deviations / len(deviations) + numpy.outer(height_spread, height_spread)
+        )
         sin_pitch, bank = values[1:].clip(-0.99, 0.99)
         pitch = math.asin(sin_pitch)
         roll = math.asin(min(max(bank / math.cos(pitch), -0.99), 0.99))
         return Stance(numpy.array([values[0], pitch, roll]), covariance)
 
     def planes(self, place: Place, shifts_m: Floats = SHIFTS_M[:1]) -> list[Floats]:
-        """For each shift of the car, ahead and to the left, the planes (n, 3) on which the axles may be.
+        """Return the planes (n, 3) on which the axles may lie, for each shift of the car ahead and to the left.
 
-        A plane is the height at the origin, and by how much it rises per metre of the car ahead and to the left.
+        A plane has the height at the origin, and its rise per metre ahead and to the left.
         """
         # A wheel that leans touches the ground beside its middle, and with its edge.
         sin, cos = math.sin(place.roll_rad), math.cos(place.roll_rad)
         rise = self.radii_m[:, None, None] * numpy.sqrt(1 - ALONG**2) * cos - self.width_m * ACROSS[:, None] * sin
-        return self._stands((self.heights(*self._below(place, shifts_m)) + rise).max(axis=(2, 3)))
+        return self._planes_on((self.heights(*self._below(place, shifts_m)) + rise).max(axis=(2, 3)))
 
-    def _stands(self, all_axles: Floats) -> list[Floats]:
-        """The planes for heights of the axles (shifts, wheels) over which each wheel touches the ground."""
-        threes, inverses = self._threes
+    def _planes_on(self, all_axles: Floats) -> list[Floats]:
+        """Return the planes for the heights (shifts, wheels) at which each axle's wheel would touch the ground."""
+        threes, inverses = self._supports
         if not len(threes):
-            return [self._dragging(axles) for axles in all_axles]
+            return [self._planes_dragging(axles) for axles in all_axles]
         all_planes = numpy.einsum("tij,stj->sti", inverses, all_axles[:, threes])
         above = (all_planes @ self._places.T >= all_axles[:, None] - 1e-6).all(axis=2)
         return [planes[stand] for planes, stand in zip(all_planes, above, strict=True)]
 
-    def _dragging(self, axles: Floats) -> Floats:
-        slopes = numpy.array([-DRAGS, DRAGS])
+    def _planes_dragging(self, axles: Floats) -> Floats:
+        slopes = numpy.array([-DRAG_SLOPE, DRAG_SLOPE])
         across = numpy.linalg.pinv(self._places[:, [0, 2]])
         height, bank = across @ (axles[:, None] - self.ahead_m[:, None] * slopes)
         return numpy.column_stack([height, slopes, bank])
 
     def under(self, place: Place) -> list[int]:
-        """Numbers of the obstacles below the wheels of a car there."""
+        """Return the numbers of the obstacles below the wheels of a car at ``place``."""
         numbers = self._numbers(*self._cells(*self._below(place, SHIFTS_M[:1])))
         return [number for number in numpy.unique(numbers).tolist() if number]
 
     def middle(self, number: int) -> tuple[float, float]:
-        """Where an obstacle is (m)."""
-        row, column = (float(at.mean()) + 0.5 for at in numpy.nonzero(self.obstacle == number))
+        """Return the middle of an obstacle (x, y in m)."""
+        row, column = (float(indices.mean()) + 0.5 for indices in numpy.nonzero(self.obstacle == number))
         extent, cell = self.ground.extent, self.ground.cell_m
         return extent.x_min_m + cell * column, extent.y_min_m + cell * row
 
     def rescaled(self, factors: Floats, errors: Floats) -> "Standing":
-        """The same with other heights."""
+        """Return the same with other height factors."""
         return replace(self, factors=factors, factor_errors=errors)
 
     def _below(self, place: Place, shifts_m: Floats) -> tuple[Floats, Floats]:
-        """Places (shifts, wheels, ACROSS, ALONG) below the wheels of the car."""
-        ahead, left = (at[:, None, None, None] for at in shifts_m.T)
+        """Return x and y of the points (shifts, wheels, ACROSS, ALONG) below the wheels of the car."""
+        ahead, left = (shift[:, None, None, None] for shift in shifts_m.T)
         radii = self.radii_m[:, None, None]
         ahead = ahead + math.cos(place.pitch_rad) * self.ahead_m[:, None, None] + radii * ALONG
         aside = math.sin(place.roll_rad) * radii * numpy.sqrt(1 - ALONG**2)
@@ -218,32 +221,35 @@ class Standing:
         return numpy.column_stack([numpy.ones_like(self.ahead_m), self.ahead_m, self.left_m])
 
     @cached_property
-    def _threes(self) -> tuple[NDArray[numpy.intp], Floats]:
-        """Wheels (n, 3) that surround the car's middle, and what makes planes of their axles (n, 3, 3)."""
-        found = []
-        for three in combinations(range(len(self.ahead_m)), 3):
-            places = self._places[list(three)]
+    def _supports(self) -> tuple[NDArray[numpy.intp], Floats]:
+        """Triples of wheels (n, 3) that surround the car's middle, and matrices (n, 3, 3) from axle heights to planes."""
+        supports = []
+        for wheels in combinations(range(len(self.ahead_m)), 3):
+            places = self._places[list(wheels)]
             if abs(numpy.linalg.det(places)) > 1e-6:
-                found.append((three, numpy.linalg.inv(places)))
-        # The first row has the shares of the weight that the three would carry.
-        if not any(inverse[0].min() > -1e-9 for _, inverse in found):
-            found = []
-        around = [(three, inverse) for three, inverse in found if inverse[0].min() >= -MIDDLE]
-        threes, inverses = [three for three, _ in around], [inverse for _, inverse in around]
+                supports.append((wheels, numpy.linalg.inv(places)))
+        # The first row has the fractions of the weight that the three wheels would carry.
+        if not any(inverse[0].min() > -1e-9 for _, inverse in supports):
+            supports = []
+        stable = [(wheels, inverse) for wheels, inverse in supports if inverse[0].min() >= -SUPPORT_TOLERANCE]
+        threes, inverses = [wheels for wheels, _ in stable], [inverse for _, inverse in stable]
         return numpy.array(threes, dtype=int).reshape(-1, 3), numpy.array(inverses).reshape(-1, 3, 3)
 
     def heights(self, x: Floats, y: Floats) -> Floats:
-        """Of the ground at places of any shape (m)."""
+        """Return the heights (m) of the ground at positions; the arrays may have any shape."""
         cells = self._cells(x, y)
         planned: Floats = map_coordinates(self.ground.z_m, cells, order=1, mode="nearest")
         return planned * self.factors[self._numbers(*cells)]
 
 
 def standing(scene: Mapping[str, Any], heights: Heights, body: Mapping[str, Any]) -> Standing:
-    """Of a scene of docs/carsim.md over its start, goal and terrain, with the heights of `carsim_heights`."""
+    """Return the ground and wheels for a scene of docs/carsim.md, with the heights of `carsim_heights`.
+
+    The ground covers start, goal and terrain.
+    """
     view = view_of([scene])
     extent = Extent(view.x_min_m - MARGIN_M, view.x_max_m + MARGIN_M, view.y_min_m - MARGIN_M, view.y_max_m + MARGIN_M)
-    cells = min(MOST_CELLS, max(2, round(max(extent.size_m) / CELL_M)))
+    cells = min(MAX_CELLS, max(2, round(max(extent.size_m) / CELL_M)))
     wheels = body["wheels"]
     ahead = numpy.array([wheel["x_m"] for wheel in wheels])
     left = numpy.array([body["track_m"] / 2 * (1 if wheel["side"] == "left" else -1) for wheel in wheels])
@@ -251,57 +257,57 @@ def standing(scene: Mapping[str, Any], heights: Heights, body: Mapping[str, Any]
     ground = height_map(heights, scene, extent, cells)
     raised = numpy.abs(ground.z_m) > FLOOR_M
     obstacle, count = label(raised)
-    if count > MOST_OBSTACLES:
+    if count > MAX_OBSTACLES:
         obstacle, count = raised.astype(numpy.int32), 1
-    errors = numpy.array([0.0] + count * [HEIGHT_SHARE])
+    errors = numpy.array([0.0] + count * [HEIGHT_ERROR])
     width_m, hinged = wheels[0]["width_m"], bool(body["hinges"])
     return Standing(ground, obstacle, numpy.ones(count + 1), errors, ahead, left, radii_m, width_m, hinged)
 
 
 def fit_heights(poses: "Sequence[Pose]", ground: Standing, pixel: float) -> Standing:
-    """The ground with the obstacles' heights by these poses, whose corners are known to ``pixel``."""
+    """Fit the obstacles' heights to these poses, whose corners have the standard deviation ``pixel``."""
     count = len(ground.factors) - 1
-    none = numpy.zeros(count + 1)
-    planned = ground.rescaled(none + 1, none)
-    raised = [planned.rescaled(1 + STEP * (numpy.arange(count + 1) == k), none) for k in range(count + 1)]
-    normal, wanted = numpy.zeros((count + 3, count + 3)), numpy.zeros(count + 3)
-    normal[:count, :count] = numpy.linalg.inv(HEIGHT_OWN**2 * numpy.eye(count) + HEIGHT_ALIKE**2)
+    zeros = numpy.zeros(count + 1)
+    planned = ground.rescaled(zeros + 1, zeros)
+    raised = [planned.rescaled(1 + STEP * (numpy.arange(count + 1) == k), zeros) for k in range(count + 1)]
+    normal, right_side = numpy.zeros((count + 3, count + 3)), numpy.zeros(count + 3)
+    normal[:count, :count] = numpy.linalg.inv(HEIGHT_OWN**2 * numpy.eye(count) + HEIGHT_COMMON**2)
     normal[count:, count:] = numpy.diag(OFFSET**-2)
     for pose in poses:
         place = Place.of(pose.values)
         stance = planned.at(place)
         values, spread = pose.by_corners(pixel)
-        off = values[GROUND] - stance.values
+        deviation = values[GROUND_INDICES] - stance.values
         design = numpy.zeros((3, count + 3))
         design[:, count:] = numpy.eye(3)
         middle = planned.planes(place)[0].mean(axis=0)
         for k in planned.under(place):
             design[:, k - 1] = (raised[k].planes(place)[0].mean(axis=0) - middle) / STEP
-        weight = numpy.linalg.inv(spread[numpy.ix_(GROUND, GROUND)] + stance.covariance)
-        weight *= ALIKE / max(1.0, float(off @ weight @ off) / FAR)
+        weight = numpy.linalg.inv(spread[numpy.ix_(GROUND_INDICES, GROUND_INDICES)] + stance.covariance)
+        weight *= POSE_WEIGHT / max(1.0, float(deviation @ weight @ deviation) / OUTLIER_CHI2)
         normal += design.T @ weight @ design
-        wanted += design.T @ weight @ off
+        right_side += design.T @ weight @ deviation
     covariance = numpy.linalg.inv(normal)
-    factors, errors = none + 1, none.copy()
-    factors[1:] = (1 + (covariance @ wanted)[:count]).clip(*FACTORS)
-    errors[1:] = numpy.hypot(LEAST_ERROR, numpy.sqrt(numpy.diag(covariance)[:count]))
+    factors, errors = zeros + 1, zeros.copy()
+    factors[1:] = (1 + (covariance @ right_side)[:count]).clip(*FACTORS)
+    errors[1:] = numpy.hypot(MIN_ERROR, numpy.sqrt(numpy.diag(covariance)[:count]))
     return ground.rescaled(factors, errors)
 
 
 def height_remarks(ground: Standing, where: str) -> list[str]:
-    """A remark on each obstacle that seems not to be as high as planned.
+    """Return a remark on each obstacle whose height seems to differ from the planned one.
 
-    FoldcarError, beginning with ``where``, if it is less than half as high, or more than twice.
+    Raises FoldcarError, beginning with ``where``, if it is less than half or more than twice as high.
     """
     remarks = []
     for k, (factor, error) in enumerate(zip(ground.factors, ground.factor_errors, strict=True)):
-        if error < TOLD and abs(factor - 1) > max(TOLD, 2 * error):
-            x_mm, y_mm = (1000 * at for at in ground.middle(k))
-            height = (
+        if error < INFORMATIVE and abs(factor - 1) > max(INFORMATIVE, 2 * error):
+            x_mm, y_mm = (1000 * coordinate for coordinate in ground.middle(k))
+            text = (
                 f"the car rode as if the obstacle at {x_mm:.0f}, {y_mm:.0f} mm were {factor:.2f} ± {error:.2f} times as "
                 "high as planned"
             )
-            if not OTHER[0] < factor < OTHER[1]:
-                raise FoldcarError(f"{where}: is a film of another trial: {height}")
-            remarks.append(f"{height}: measure it, unless the car hung on its belly")
+            if not PLAUSIBLE_FACTORS[0] < factor < PLAUSIBLE_FACTORS[1]:
+                raise FoldcarError(f"{where}: is a film of another trial: {text}")
+            remarks.append(f"{text}: measure it, unless the car hung on its belly")
     return remarks

@@ -1,6 +1,6 @@
-"""A camera's lens: focal length, middle and distortion in pixels of its pictures, from a ChArUco board, kept as JSON.
+"""A camera's lens: focal length, middle and distortion in pixels, calibrated with a ChArUco board and kept as JSON.
 
-Input: a film or photos of the board. Output: a Lens, or a FoldcarError that says what is missing. Without a board
+Input: a film or photos of the board. Output: a Lens, or a FoldcarError that says what is missing. Without a board,
 `view.py` fits focal length and first distortion to the floor markers.
 """
 
@@ -24,16 +24,16 @@ from foldcar.trials.camera.markers import read_json
 BOARD_SQUARES = (8, 11)
 SQUARE_M, BOARD_MARKER_M = 0.023, 0.017
 PHOTOS = (".jpg", ".jpeg", ".png")
-LEAST_CORNERS, LEAST_VIEWS, MOST_VIEWS = 20, 8, 40
-# Views that differ by less (pixels at 1000 pixels of width) say the same again.
-NEW_VIEW_PX = 40.0
-# A worse fit is of a board that is not flat, or of a camera that focused anew (pixels at 1000 pixels of width).
-MOST_RMS_PX = 1.0
-# From the first to the last row of a picture: phones take 10 to 30 ms.
+MIN_CORNERS, MIN_VIEWS, MAX_VIEWS = 20, 8, 40
+# Views that differ by less (pixels at 1000 pixels of width) add no information.
+MIN_DIFFERENCE_PX = 40.0
+# With a worse fit, the board was not flat or the focus changed (pixels at 1000 pixels of width).
+MAX_RMS_PX = 1.0
+# Time from the first to the last row of a picture; phones take 10 to 30 ms.
 READOUT_S = 0.015
 
 
-# The limits hold for what is read from a file.
+# These limits are checked when a file is read.
 Pixels = Annotated[int, Field(ge=320, le=20_000)]
 Middle = Annotated[float, Field(ge=0, le=20_000)]
 Bend = Annotated[float, Field(ge=-10, le=10)]
@@ -41,9 +41,9 @@ Bend = Annotated[float, Field(ge=-10, le=10)]
 
 @dataclass(frozen=True, slots=True)
 class Lens:
-    """Of pictures of ``width`` × ``height`` pixels: focal length, middle, OpenCV's k1, k2, p1, p2, k3.
+    """The lens of pictures of ``width`` × ``height`` pixels; ``distortion`` is OpenCV's k1, k2, p1, p2, k3.
 
-    ``readout_s`` is the time from the first row to the last, ``error_px`` what its fit left over.
+    ``readout_s`` is the time from the first row to the last, ``error_px`` the residual of the fit.
     """
 
     __pydantic_config__ = ConfigDict(extra="forbid")
@@ -62,7 +62,7 @@ class Lens:
         return numpy.array([[self.focal_px, 0, self.middle_px[0]], [0, self.focal_px, self.middle_px[1]], [0, 0, 1.0]])
 
     def pixels(self, points: Floats) -> Floats:
-        """Pixels (n, 2) of points (n, 3) in the camera's frame: x right, y down, z ahead."""
+        """Return the pixels (n, 2) of points (n, 3) in the camera's frame: x right, y down, z ahead."""
         x, y = points[:, 0] / points[:, 2], points[:, 1] / points[:, 2]
         k1, k2, p1, p2, k3 = self.distortion
         r2 = x * x + y * y
@@ -72,38 +72,40 @@ class Lens:
         return numpy.column_stack([u * self.focal_px + self.middle_px[0], v * self.focal_px + self.middle_px[1]])
 
     def rays(self, pixels: Floats) -> Floats:
-        """Directions (n, 3) in the camera's frame, z = 1, of pixels (n, 2)."""
+        """Return the directions (n, 3), with z = 1, of pixels (n, 2) in the camera's frame."""
         ideal = cv2.undistortPoints(pixels.reshape(-1, 1, 2).astype(float), self.matrix, numpy.array(self.distortion))
         return numpy.column_stack([ideal.reshape(-1, 2), numpy.ones(len(pixels))])
 
     def of_size(self, width: int, height: int, where: str) -> "Lens":
-        """The lens for the same camera's pictures of another number of pixels; FoldcarError if their shape differs."""
+        """Return the lens for pictures of another resolution. Raises FoldcarError if the aspect ratio differs."""
         scale = width / self.width
         if abs(height - scale * self.height) > 2:
-            raise FoldcarError(f"{where}: has {width} × {height} pixels, the lens is of {self.width} × {self.height}")
-        # Pixel centres are whole numbers: the picture's edge is at -0.5.
+            raise FoldcarError(
+                f"{where}: has {width} × {height} pixels, but the lens file is for {self.width} × {self.height}"
+            )
+        # Pixel centres have integer coordinates, so the picture's edge is at -0.5.
         x, y = (scale * (value + 0.5) - 0.5 for value in self.middle_px)
         return replace(self, width=width, height=height, focal_px=scale * self.focal_px, middle_px=(x, y))
 
 
 def assumed_lens(width: int, height: int) -> Lens:
-    """The lens of most phones' main camera, whose film is 65° wide: where a fit begins."""
+    """Return the start value of a fit: the main camera of most phones, whose film is 65° wide."""
     return Lens(width, height, 0.8 * max(width, height), ((width - 1) / 2, (height - 1) / 2))
 
 
 def board() -> Any:
-    """The ChArUco board."""
+    """Return the ChArUco board."""
     dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_5X5_100)
     return cv2.aruco.CharucoBoard(BOARD_SQUARES, SQUARE_M, BOARD_MARKER_M, dictionary)
 
 
 def calibrate(files: Sequence[Path]) -> tuple[Lens, int]:
-    """The lens by pictures of the board, and how many counted. FoldcarError."""
+    """Calibrate the lens with pictures of the board; return it and the number of views used. Raises FoldcarError."""
     detector = cv2.aruco.CharucoDetector(board())
     shape: tuple[int, int] | None = None
-    # Of each view, the pixels of its corners by their numbers.
-    seen: list[dict[int, Any]] = []
-    named = str(files[0]) if len(files) == 1 else f"{files[0]} and {len(files) - 1} more"
+    # The pixels of each view's corners, by corner number.
+    views: list[dict[int, Any]] = []
+    files_text = str(files[0]) if len(files) == 1 else f"{files[0]} and {len(files) - 1} more"
     for file, grey in _pictures(files):
         if shape is None:
             shape = grey.shape
@@ -112,30 +114,30 @@ def calibrate(files: Sequence[Path]) -> tuple[Lens, int]:
                 f"{file}: has {grey.shape[1]} × {grey.shape[0]} pixels, {files[0]} {shape[1]} × {shape[0]}"
             )
         corners, ids, _, _ = detector.detectBoard(grey)
-        here = {} if ids is None else dict(zip(ids.ravel().tolist(), corners.reshape(-1, 2), strict=True))
-        if len(here) >= LEAST_CORNERS and all(_differ(here, view, shape[1]) for view in seen):
-            seen.append(here)
-        if len(seen) == MOST_VIEWS:
+        corner_pixels = {} if ids is None else dict(zip(ids.ravel().tolist(), corners.reshape(-1, 2), strict=True))
+        if len(corner_pixels) >= MIN_CORNERS and all(_differ(corner_pixels, view, shape[1]) for view in views):
+            views.append(corner_pixels)
+        if len(views) == MAX_VIEWS:
             break
-    if shape is None or len(seen) < LEAST_VIEWS:
+    if shape is None or len(views) < MIN_VIEWS:
         raise FoldcarError(
-            f"{named}: {len(seen)} views show at least {LEAST_CORNERS} corners of the board and differ; "
-            f"{LEAST_VIEWS} are needed: turn and tilt it, near and in the corners of the picture"
+            f"{files_text}: {len(views)} views show at least {MIN_CORNERS} corners of the board and differ; "
+            f"{MIN_VIEWS} are needed: turn and tilt it, near and in the corners of the picture"
         )
     height, width = shape
-    # Square pixels; without the third radial term, which few views tell.
+    # Square pixels, and no third radial term, which few views determine.
     flags = cv2.CALIB_FIX_ASPECT_RATIO | cv2.CALIB_FIX_K3
     start = assumed_lens(width, height).matrix
-    places = numpy.array(board().getChessboardCorners(), numpy.float32)
-    objects, images = [places[list(view)] for view in seen], [numpy.array(list(view.values())) for view in seen]
+    board_corners = numpy.array(board().getChessboardCorners(), numpy.float32)
+    objects, images = [board_corners[list(view)] for view in views], [numpy.array(list(view.values())) for view in views]
     rms, matrix, distortion, *_ = cv2.calibrateCamera(
         objects, images, (width, height), start, numpy.zeros(5), flags=flags | cv2.CALIB_USE_INTRINSIC_GUESS
     )
-    if rms > MOST_RMS_PX * max(1.0, width / 1000):
-        raise FoldcarError(f"{named}: the board fits to {rms:.1f} pixels only: lay it flat, lock focus and zoom")
+    if rms > MAX_RMS_PX * max(1.0, width / 1000):
+        raise FoldcarError(f"{files_text}: the board fits to {rms:.1f} pixels only: lay it flat, lock focus and zoom")
     k1, k2, p1, p2, k3 = (float(value) for value in distortion.ravel()[:5])
     middle = (float(matrix[0, 2]), float(matrix[1, 2]))
-    return Lens(width, height, float(matrix[0, 0]), middle, (k1, k2, p1, p2, k3), READOUT_S, float(rms)), len(seen)
+    return Lens(width, height, float(matrix[0, 0]), middle, (k1, k2, p1, p2, k3), READOUT_S, float(rms)), len(views)
 
 
 def _pictures(files: Sequence[Path]) -> Iterator[tuple[Path, Grey]]:
@@ -145,24 +147,24 @@ def _pictures(files: Sequence[Path]) -> Iterator[tuple[Path, Grey]]:
             continue
         last_s = -1.0
         for time_s, grey in read_film(file):
-            # A few a second: neighbours look alike.
+            # A few frames a second suffice, because neighbouring frames look alike.
             if time_s - last_s >= 0.2:
                 last_s = time_s
                 yield file, grey
 
 
-def _differ(one: dict[int, Any], other: dict[int, Any], width: int) -> bool:
-    """Whether a corner that two views share is elsewhere."""
-    both = [numpy.linalg.norm(one[number] - other[number]) for number in one.keys() & other.keys()]
-    return not both or float(max(both)) >= NEW_VIEW_PX * width / 1000
+def _differ(first: dict[int, Any], second: dict[int, Any], width: int) -> bool:
+    """Return whether a corner that two views share has moved far enough."""
+    distances = [numpy.linalg.norm(first[number] - second[number]) for number in first.keys() & second.keys()]
+    return not distances or float(max(distances)) >= MIN_DIFFERENCE_PX * width / 1000
 
 
 def write_lens(lens: Lens, file: Path) -> None:
-    """Write the lens as JSON. FoldcarError."""
+    """Write the lens as JSON. Raises FoldcarError."""
     with atomic_file(file) as binary:
         binary.write((json.dumps(asdict(lens), indent=1) + "\n").encode())
 
 
 def read_lens(file: Path) -> Lens:
-    """The lens of a file; FoldcarError that names file, key, value and limit."""
+    """Read a lens from a file. Raises FoldcarError that names file, key, value and limit."""
     return read_json(file, TypeAdapter(Lens))

@@ -1,4 +1,4 @@
-"""The markers of a course: which there are, how large, where they lie. One table, kept as a JSON file that people edit.
+"""The markers of a course, their sizes and positions: a table that is kept as a JSON file, which people edit.
 
 Markers are AprilTags of the family 36h11: a black square of 8 × 8 modules on white. ``size`` is the side of the black
 square. A marker's frame has its origin in the middle, x to the right and y to the top of the upright print, z towards the
@@ -25,17 +25,17 @@ FLOOR_IDS = (0, 1, 2, 3)
 CAR_ID = 10
 # Obstacles A, B, C, …
 FIRST_OBSTACLE_ID = 20
-MOST_OBSTACLES = 26
+MAX_OBSTACLES = 26
 MODULES = 8
 
 SIDE_MM = (300.0, 10_000.0)
-# White around a marker on its card, as a share of its side: a detector needs one module.
+# White margin around a marker on its card, as a fraction of its side: a detector needs one module.
 CARD_MARGIN = 0.2
 
 
 @dataclass(frozen=True, slots=True)
 class FloorMarker:
-    """A marker on the floor: its middle (m) in the scene's frame and by how much its x is turned from the course's."""
+    """A marker on the floor: its middle (m) in the scene's frame, and the angle from the course's x to the marker's x."""
 
     id: int
     x_m: float
@@ -45,9 +45,9 @@ class FloorMarker:
 
 @dataclass(frozen=True, slots=True)
 class Course:
-    """Where markers lie and how large they are (m).
+    """Positions and sizes of the markers (m).
 
-    ``car_x_m`` is where the car's marker is ahead of the car's middle, ``car_height_m`` how high it is above the lid.
+    The car's marker is ``car_x_m`` ahead of the car's middle and ``car_height_m`` above the lid.
     """
 
     floor: tuple[FloorMarker, ...]
@@ -59,11 +59,11 @@ class Course:
 
     @property
     def card_reach_m(self) -> float:
-        """From the middle of an obstacle's marker to the edge of its card."""
+        """Distance from the middle of an obstacle's marker to the edge of its card."""
         return self.obstacle_size_m * (0.5 + CARD_MARGIN)
 
     def printed(self, scale: float) -> "Course":
-        """The course whose markers came out of the printer by this factor larger."""
+        """Return the course with markers that were printed larger by this factor."""
         return replace(
             self, **{name: getattr(self, name) * scale for name in ("floor_size_m", "car_size_m", "obstacle_size_m")}
         )
@@ -71,9 +71,9 @@ class Course:
 
 @dataclass(frozen=True, slots=True)
 class Card:
-    """Where an obstacle's card lies: its middle to the left of the obstacle's (m), on its ground or on the floor.
+    """Position of an obstacle's card: ``left_m`` to the left of the obstacle's middle, on it or on the floor.
 
-    ``turns``: its heading is that of the obstacle, which has one.
+    ``turns``: the obstacle has a heading, and the card has the same.
     """
 
     left_m: float
@@ -82,7 +82,10 @@ class Card:
 
 
 def card_of(thing: Obstacle, terrain: Sequence[Mapping[str, Any]], course: Course) -> Card:
-    """Its lower edge at the middle of a solid's left side; its middle on that of hills, holes and patches."""
+    """Return where an obstacle's card lies.
+
+    A solid's card has its lower edge at the middle of the left side; a card on a hill, hole or patch is centred on it.
+    """
     pieces = [terrain[index] for index in thing.pieces]
     solid = any(kind_of(piece).form == "block" for piece in pieces)
     turns = len(pieces) > 1 or "heading_rad" in pieces[0]
@@ -90,7 +93,7 @@ def card_of(thing: Obstacle, terrain: Sequence[Mapping[str, Any]], course: Cours
 
 
 def rectangle(length_m: float = 1.5, width_m: float = 1.0) -> Course:
-    """Four markers at the corners of a rectangle: x from 0 to the length, y to either side of the middle."""
+    """Return a course with four markers at the corners of a rectangle; x from 0 to the length, y = 0 in the middle."""
     corners = ((0.0, 1), (length_m, 1), (length_m, -1), (0.0, -1))
     return Course(tuple(FloorMarker(k, x, side * width_m / 2) for k, (x, side) in zip(FLOOR_IDS, corners, strict=True)))
 
@@ -107,7 +110,7 @@ class _FloorFile(BaseModel, extra="forbid", strict=True):
 
 
 class _CourseFile(BaseModel, extra="forbid", strict=True):
-    """A course as its file has it: millimetres and degrees, as people measure."""
+    """The file's form of a course, in millimetres and degrees."""
 
     floor: Annotated[list[_FloorFile], Field(min_length=3, max_length=len(FLOOR_IDS))]
     floor_size_mm: Size
@@ -118,35 +121,43 @@ class _CourseFile(BaseModel, extra="forbid", strict=True):
 
 
 def course_json(course: Course) -> dict[str, Any]:
-    """The course as its file has it."""
+    """Return the course in the file's form."""
     floor = [
-        {"id": one.id, "x_mm": _mm(one.x_m), "y_mm": _mm(one.y_m), "turn_deg": round(math.degrees(one.turn_rad), 3)}
-        for one in course.floor
+        {
+            "id": marker.id,
+            "x_mm": _mm(marker.x_m),
+            "y_mm": _mm(marker.y_m),
+            "turn_deg": round(math.degrees(marker.turn_rad), 3),
+        }
+        for marker in course.floor
     ]
     sizes = {f"{name}m": _mm(value) for name, value in asdict(course).items() if name != "floor"}
     return {"floor": floor, **sizes}
 
 
 def read_course(file: Path) -> Course:
-    """The course of a file; FoldcarError that names file, key, value and limit."""
+    """Read a course from a file. Raises FoldcarError that names file, key, value and limit."""
     data = read_json(file, TypeAdapter(_CourseFile))
-    ids = [one.id for one in data.floor]
+    ids = [marker.id for marker in data.floor]
     if len(set(ids)) < len(ids):
         raise FoldcarError(f"{file}: floor: two markers have the id {max(ids, key=ids.count)}")
-    floor = [FloorMarker(one.id, one.x_mm / 1000, one.y_mm / 1000, math.radians(one.turn_deg)) for one in data.floor]
+    floor = [
+        FloorMarker(marker.id, marker.x_mm / 1000, marker.y_mm / 1000, math.radians(marker.turn_deg))
+        for marker in data.floor
+    ]
     sizes = data.model_dump(exclude={"floor"}).items()
     return Course(tuple(floor), **{name.replace("_mm", "_m"): value / 1000 for name, value in sizes})
 
 
 def read_json(file: Path, adapter: "TypeAdapter[Read]") -> Read:
-    """What pydantic reads from a JSON file; FoldcarError that names file, key, value and limit."""
+    """Read a JSON file with pydantic. Raises FoldcarError that names file, key, value and limit."""
     try:
         return adapter.validate_json(read_text(file))
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(map(str, first["loc"]))
-        shown = f", not {str(first['input'])[:80]}" if place and first["type"] != "missing" else ""
-        raise FoldcarError(f"{file}: {f'{place}: ' if place else ''}{first['msg']}{shown}") from None
+        value_text = f", not {str(first['input'])[:80]}" if place and first["type"] != "missing" else ""
+        raise FoldcarError(f"{file}: {f'{place}: ' if place else ''}{first['msg']}{value_text}") from None
 
 
 def _mm(metres: float) -> float:

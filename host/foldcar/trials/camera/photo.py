@@ -1,8 +1,8 @@
-"""Where car and obstacles stand, by a photo of the course before the trial, as deviations from their planned places.
+"""Measures where car and obstacles stand, from a photo before the trial, as deviations from their planned positions.
 
 Input: a photo, the course, the planned scene with its lettered obstacles and the heights of its ground. Output:
-deviations with standard deviations. A stiff card on ground h rests where places opposite to each other carry it: its
-middle, at m, is as high as max over d of (h(m + d) + h(m - d)) / 2, also on slopes and over holes.
+deviations with standard deviations. A stiff card on ground h rests on points opposite to each other. The height of its
+middle, at m, is max over d of (h(m + d) + h(m - d)) / 2, also on slopes and over holes.
 """
 
 import math
@@ -15,25 +15,25 @@ import numpy
 from foldcar.errors import FoldcarError
 from foldcar.scenes.obstacles import CAR, Obstacle
 from foldcar.trials.camera.detection import Detector, Floats, Grey
-from foldcar.trials.camera.ground import HEIGHT_SHARE, Standing
+from foldcar.trials.camera.ground import HEIGHT_ERROR, Standing
 from foldcar.trials.camera.lens import Lens
-from foldcar.trials.camera.markers import CAR_ID, FIRST_OBSTACLE_ID, MOST_OBSTACLES, Course, card_of
+from foldcar.trials.camera.markers import CAR_ID, FIRST_OBSTACLE_ID, MAX_OBSTACLES, Course, card_of
 from foldcar.trials.camera.poses import PIXEL, CarMarker, find_pose
 from foldcar.trials.camera.view import View, find_view, marker_corners
 
-# How well a person lays a card against an obstacle, and glues a marker onto a lid.
+# Standard deviations with which a person lays a card against an obstacle, and glues a marker onto a lid.
 LAID_M, LAID_RAD = 0.001, 0.01
-# How well the height of a card on a hill or a hole is known besides the hill's own (m), and places below it, as shares of
-# its side.
+# Standard deviation of a card's height on a hill or hole, besides the hill's own, and positions below the card, as
+# fractions of its side.
 HEIGHT_M = 0.003
-BELOW = numpy.linspace(-0.5, 0.5, 13)
-# What stands farther from its place is another obstacle.
+BELOW_CARD = numpy.linspace(-0.5, 0.5, 13)
+# An obstacle that is farther from its planned position is another one.
 FAR_M = 0.5
 
 
 @dataclass(frozen=True)
 class Placed:
-    """Deviations (m, m, rad) and their standard deviations by name; what is not seen; remarks on the floor's markers."""
+    """Deviations (m, m, rad) and their standard deviations by name, names of unseen markers, and remarks."""
 
     deviations: dict[str, tuple[float, float, float]]
     errors: dict[str, tuple[float, float, float]]
@@ -45,7 +45,7 @@ def find_placed(
     grey: Grey, where: str, course: Course, lens: Lens | None, scene: Mapping[str, Any], things: Mapping[str, Obstacle],
     car: CarMarker, ground: Standing,
 ) -> Placed:  # fmt: skip
-    """Deviations from ``scene`` as planned; FoldcarError, beginning with ``where``."""
+    """Return deviations from the planned ``scene``. Raises FoldcarError, beginning with ``where``."""
     corners = Detector().find(grey)
     size = (grey.shape[1], grey.shape[0])
     view = find_view(corners, course, size, lens.of_size(*size, where) if lens else None, where)
@@ -54,24 +54,24 @@ def find_placed(
     missing = []
     printed = course.printed(view.scale)
     for number, (name, thing) in enumerate(things.items()):
-        seen = corners.get(FIRST_OBSTACLE_ID + number) if number < MOST_OBSTACLES else None
-        if seen is None:
+        marker_pixels = corners.get(FIRST_OBSTACLE_ID + number) if number < MAX_OBSTACLES else None
+        if marker_pixels is None:
             missing.append(name)
             continue
         card = card_of(thing, scene["terrain"], printed)
         height_m = _card_height(thing, 2 * printed.card_reach_m, ground) if card.on_ground else 0.0
-        x, y, heading = _lying(view, seen, printed.obstacle_size_m, height_m)
+        x, y, heading = _level_pose(view, marker_pixels, printed.obstacle_size_m, height_m)
         x, y = x + card.left_m * math.sin(heading), y - card.left_m * math.cos(heading)
         turned = math.remainder(heading - thing.heading_rad, math.tau) if card.turns else 0.0
         deviations[name] = (x - thing.x_m, y - thing.y_m, turned)
-        laid = (math.hypot(LAID_M, LAID_RAD * card.left_m), LAID_M, LAID_RAD)
+        card_errors = (math.hypot(LAID_M, LAID_RAD * card.left_m), LAID_M, LAID_RAD)
         if card.on_ground:
-            middle = seen.mean(axis=0, keepdims=True)
-            error_m = math.hypot(HEIGHT_M, HEIGHT_SHARE * height_m)
-            lower, higher = (view.on_plane(middle, height_m + by) for by in (0.0, error_m))
-            off_m = math.hypot(LAID_M, float(numpy.linalg.norm(higher - lower)))
-            laid = (off_m, off_m, LAID_RAD)
-        errors[name] = _errors(view, seen, height_m, laid)
+            middle = marker_pixels.mean(axis=0, keepdims=True)
+            error_m = math.hypot(HEIGHT_M, HEIGHT_ERROR * height_m)
+            lower, higher = (view.on_plane(middle, height_m + offset_m) for offset_m in (0.0, error_m))
+            error_xy_m = math.hypot(LAID_M, float(numpy.linalg.norm(higher - lower)))
+            card_errors = (error_xy_m, error_xy_m, LAID_RAD)
+        errors[name] = _errors(view, marker_pixels, height_m, card_errors)
     pose = find_pose(corners[CAR_ID], view, car, ground) if CAR_ID in corners else None
     if pose is None:
         missing.append(CAR)
@@ -83,33 +83,35 @@ def find_placed(
     for name, (x, y, _) in deviations.items():
         if math.hypot(x, y) > FAR_M:
             raise FoldcarError(
-                f"{where}: {name} stands {1000 * math.hypot(x, y):.0f} mm from its place: is it its marker?"
+                f"{where}: {name} stands {1000 * math.hypot(x, y):.0f} mm from its planned position: is the marker right?"
             )
     return Placed(deviations, errors, tuple(missing), view.remarks)
 
 
 def _card_height(thing: Obstacle, side_m: float, ground: Standing) -> float:
-    x, y = numpy.meshgrid(thing.x_m + side_m * BELOW, thing.y_m + side_m * BELOW)
+    x, y = numpy.meshgrid(thing.x_m + side_m * BELOW_CARD, thing.y_m + side_m * BELOW_CARD)
     heights = ground.heights(x, y)
     return float((heights + heights[::-1, ::-1]).max()) / 2
 
 
-def _lying(view: View, corners: Floats, size_m: float, height_m: float) -> tuple[float, float, float]:
-    """Middle and heading of a level marker at that height: the turn that fits its corners best."""
+def _level_pose(view: View, corners: Floats, size_m: float, height_m: float) -> tuple[float, float, float]:
+    """Return middle (x, y) and heading of a level marker at that height, fitted to its corners."""
     flat = view.on_plane(corners, height_m)
     middle = flat.mean(axis=0)
-    mine, there = marker_corners(size_m)[:, :2], flat - middle
-    cross = float((mine[:, 0] * there[:, 1] - mine[:, 1] * there[:, 0]).sum())
-    return float(middle[0]), float(middle[1]), math.atan2(cross, float((mine * there).sum()))
+    own_corners, seen_corners = marker_corners(size_m)[:, :2], flat - middle
+    cross = float((own_corners[:, 0] * seen_corners[:, 1] - own_corners[:, 1] * seen_corners[:, 0]).sum())
+    return float(middle[0]), float(middle[1]), math.atan2(cross, float((own_corners * seen_corners).sum()))
 
 
-def _errors(view: View, corners: Floats, height_m: float, more: tuple[float, float, float]) -> tuple[float, float, float]:
+def _errors(
+    view: View, corners: Floats, height_m: float, placing_errors: tuple[float, float, float]
+) -> tuple[float, float, float]:
     middle, top = corners.mean(axis=0), corners[:2].mean(axis=0)
     frame = view.frame_error(middle, top, height_m)
-    # The corners' own noise: that of a middle is half of one corner's.
+    # Noise of the corners; that of the middle of four corners is half of one corner's.
     a, b = view.on_plane(numpy.array([middle, middle + numpy.array([0, PIXEL / 2])]), height_m)
     seen_m = float(numpy.linalg.norm(a - b))
     side_m = float(numpy.linalg.norm(view.on_plane(corners[:2], height_m) - a, axis=1).mean())
-    own = (seen_m, seen_m, 2 * seen_m / max(side_m, 1e-3))
-    x, y, turn = (math.hypot(f, o, m) for f, o, m in zip(frame, own, more, strict=True))
+    pixel_errors = (seen_m, seen_m, 2 * seen_m / max(side_m, 1e-3))
+    x, y, turn = (math.hypot(f, o, m) for f, o, m in zip(frame, pixel_errors, placing_errors, strict=True))
     return x, y, turn

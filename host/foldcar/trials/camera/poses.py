@@ -1,12 +1,13 @@
 """The car's pose from the four corners of its marker in one picture, with its covariance.
 
-Sought are x, y, z of the car's origin, heading, pitch (nose up), roll (left side up), most probable given the corners,
-p = projection(pose) + noise, and how a car stands on that ground (`ground.py`): Gauss-Newton on
+The unknowns are x, y, z of the car's origin, heading, pitch (nose up) and roll (left side up). The result is the most
+probable pose given the corners, p = projection(pose) + noise, and how a car stands on that ground (`ground.py`).
+Gauss-Newton minimises
 
     sum |p - projection(pose)|² / pixel² + (g - g_0)ᵀ Σ⁻¹ (g - g_0),   g = (z, pitch, roll).
 
-A flat marker far away looks the same tilted to either side: both poses of OpenCV's IPPE are tried. A car that has tipped
-does not stand as the ground says: where the corners contradict that by more than SURPRISE, they alone count.
+A flat marker far away looks the same tilted to either side, so both poses of OpenCV's IPPE are tried. A tipped car does
+not stand on its wheels: if the corners contradict the ground by more than MAX_CONTRADICTION, the ground is ignored.
 """
 
 import math
@@ -16,17 +17,17 @@ import cv2
 import numpy
 
 from foldcar.trials.camera.detection import Floats
-from foldcar.trials.camera.ground import GROUND, Place, Stance, Standing
+from foldcar.trials.camera.ground import GROUND_INDICES, Place, Stance, Standing
 from foldcar.trials.camera.view import View, ideal_pixels, marker_corners
 
-# What corners are known to where nothing is known of the picture.
+# Standard deviation of corners (pixels) if nothing is known about the picture.
 PIXEL = 0.2
-# How much the sum may fall without what the ground says; χ² of three unknowns reaches 16 once in a thousand pictures.
-SURPRISE = 30.0
+# Largest decrease of the sum without the ground's term; χ² of three values exceeds 16 once in a thousand pictures.
+MAX_CONTRADICTION = 30.0
 ROUNDS = 8
 STEP = 1e-5
 # A pose and its six neighbours.
-STEPS = STEP * numpy.vstack([numpy.zeros(6), numpy.eye(6)])
+NEIGHBOURS = STEP * numpy.vstack([numpy.zeros(6), numpy.eye(6)])
 # The print's right, top and front in the car's frame.
 PRINTED = numpy.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 
@@ -41,17 +42,17 @@ class CarMarker:
 
     @property
     def corners(self) -> Floats:
-        """In the car's frame: the top of the print is at the front, its right on the car's right."""
+        """The corners (4, 3) in the car's frame: the print's top is at the car's front, its right at the car's right."""
         flat = marker_corners(self.size_m)
         return numpy.column_stack([flat[:, 1] + self.x_m, -flat[:, 0], numpy.full(4, self.z_m)])
 
 
 @dataclass(frozen=True)
 class Pose:
-    """x, y, z (m), heading, pitch, roll (rad), and what the corners are off by (pixels).
+    """x, y, z (m), heading, pitch, roll (rad), and the residuals of the corners (pixels).
 
-    ``information`` is that of the corners at a noise of one pixel, ``weights`` that of the ground, which has
-    ``expected``; ``stands``: as the ground says.
+    ``information`` is the corners' information matrix at a noise of one pixel. ``weights`` is the ground's, whose values
+    are ``expected``. ``stands``: the ground was used.
     """
 
     values: Floats
@@ -62,28 +63,28 @@ class Pose:
     stands: bool
 
     def covariance(self, pixel: float) -> Floats:
-        """The covariance of the values where corners have that noise (pixels)."""
-        whole = self.information / pixel**2 + self.weights
-        return numpy.asarray(numpy.linalg.pinv(whole, hermitian=True), float)
+        """Return the covariance of the values if corners have the standard deviation ``pixel`` (pixels)."""
+        total_information = self.information / pixel**2 + self.weights
+        return numpy.asarray(numpy.linalg.pinv(total_information, hermitian=True), float)
 
     def by_corners(self, pixel: float) -> tuple[Floats, Floats]:
-        """Values and covariance by the corners alone: at the optimum what pulls at the corners balances the ground."""
+        """Return values and covariance without the ground; at the optimum both terms' gradients balance."""
         spread = numpy.asarray(pixel**2 * numpy.linalg.pinv(self.information, hermitian=True), float)
         return self.values + spread @ self.weights @ (self.values - self.expected), spread
 
     def freedom(self, pixel: float) -> float:
-        """Of how many numbers the residuals tell the noise: 8 less what the values took."""
+        """Return the degrees of freedom of the residuals: 8 minus the effective number of fitted values."""
         return 2.0 + float(numpy.trace(self.weights @ self.covariance(pixel)))
 
 
 def rotation(heading: float, pitch: float, roll: float) -> Floats:
-    """From the car's frame to the scene's: about z, then nose up, then left side up."""
+    """Return the rotation from the car's frame to the scene's: about z, then nose up, then left side up."""
     turn: Floats = rotations(numpy.array([[heading, pitch, roll]]))[0]
     return turn
 
 
 def rotations(turns: Floats) -> Floats:
-    """The :func:`rotation` (n, 3, 3) of each row (n, 3)."""
+    """Return the :func:`rotation` (n, 3, 3) of each row (n, 3)."""
     (ch, cp, cr), (sh, sp, sr) = numpy.cos(turns).T, numpy.sin(turns * [1.0, -1.0, 1.0]).T
     rows = [
         [ch * cp, ch * sp * sr - sh * cr, ch * sp * cr + sh * sr],
@@ -95,7 +96,7 @@ def rotations(turns: Floats) -> Floats:
 
 
 def angles(turn: Floats) -> tuple[float, float, float]:
-    """Heading, pitch and roll of a rotation."""
+    """Return heading, pitch and roll of a rotation."""
     return (
         math.atan2(turn[1, 0], turn[0, 0]),
         math.atan2(turn[2, 0], math.hypot(turn[2, 1], turn[2, 2])),
@@ -107,33 +108,33 @@ def find_pose(
     pixels: Floats, view: View, marker: CarMarker, ground: Standing, guess: Floats | None = None,
     pixel: float = PIXEL,
 ) -> Pose | None:  # fmt: skip
-    """The pose whose marker has these corners, known to ``pixel``; None if no pose fits.
+    """Return the pose whose marker has these corners, with the standard deviation ``pixel``; None if no pose fits.
 
-    ``guess`` is where the car was shortly before.
+    ``guess`` is the car's pose shortly before.
     """
-    # A car that stands does as the ground says: from far away the marker's own tilt is too vague to begin with.
-    shown = numpy.array([pixels.mean(axis=0), pixels[:2].mean(axis=0)])
-    middle, front = view.on_plane(shown, ground.radius_m + marker.z_m)
+    # Start with a car that stands on the ground: from far away, the tilt of the marker alone is too uncertain.
+    middle_and_top = numpy.array([pixels.mean(axis=0), pixels[:2].mean(axis=0)])
+    middle, front = view.on_plane(middle_and_top, ground.radius_m + marker.z_m)
     ahead = front - middle
     ahead = ahead / max(float(numpy.hypot(*ahead)), 1e-9)
     x, y = middle - marker.x_m * ahead
     level = numpy.array([x, y, ground.radius_m, math.atan2(ahead[1], ahead[0]), 0.0, 0.0])
-    cost, best = _standing(level, pixels, view, marker, ground, pixel)
-    if cost <= SURPRISE:
+    cost, best = _pose_on_ground(level, pixels, view, marker, ground, pixel)
+    if cost <= MAX_CONTRADICTION:
         return best
-    starts = [*([] if guess is None else [guess]), *_by_itself(pixels, view, marker)]
+    starts = [*([] if guess is None else [guess]), *_poses_by_marker(pixels, view, marker)]
     if not starts:
         return None
-    standing = [(cost, best), *(_standing(start, pixels, view, marker, ground, pixel) for start in starts)]
-    cost, best = min(standing, key=lambda one: one[0])
+    candidates = [(cost, best), *(_pose_on_ground(start, pixels, view, marker, ground, pixel) for start in starts)]
+    cost, best = min(candidates, key=lambda candidate: candidate[0])
     free_cost, free = min(
-        (_refined(start, pixels, view, marker, None, pixel) for start in starts), key=lambda one: one[0]
+        (_refined(start, pixels, view, marker, None, pixel) for start in starts), key=lambda candidate: candidate[0]
     )
-    return free if cost - free_cost > SURPRISE else best
+    return free if cost - free_cost > MAX_CONTRADICTION else best
 
 
-def _by_itself(pixels: Floats, view: View, marker: CarMarker) -> list[Floats]:
-    """The two poses that the marker alone may have."""
+def _poses_by_marker(pixels: Floats, view: View, marker: CarMarker) -> list[Floats]:
+    """Return the two poses that fit the marker without the ground."""
     count, turns, shifts, _ = cv2.solvePnPGeneric(
         marker_corners(marker.size_m),
         ideal_pixels(view.lens, pixels),
@@ -149,10 +150,10 @@ def _by_itself(pixels: Floats, view: View, marker: CarMarker) -> list[Floats]:
     return result
 
 
-def _standing(
+def _pose_on_ground(
     start: Floats, pixels: Floats, view: View, marker: CarMarker, ground: Standing, pixel: float
 ) -> tuple[float, Pose]:
-    """As the ground says where the car then is: twice, because that changes with place and tilt."""
+    """Refine a pose with the ground below it, twice, because the ground's values change with position and tilt."""
     first = _refined(start, pixels, view, marker, ground.at(Place.of(start)), pixel)[1].values
     return _refined(first, pixels, view, marker, ground.at(Place.of(first)), pixel)
 
@@ -160,41 +161,47 @@ def _standing(
 def _refined(
     start: Floats, pixels: Floats, view: View, marker: CarMarker, stands: Stance | None, pixel: float
 ) -> tuple[float, Pose]:
-    corners, wanted = marker.corners, pixels.ravel()
+    corners, observed = marker.corners, pixels.ravel()
 
     def projected(poses: Floats) -> Floats:
-        """The corners (n, 8) of poses (n, 6)."""
+        """Return the corners (n, 8) of poses (n, 6)."""
         points = corners @ rotations(poses[:, 3:]).transpose(0, 2, 1) + poses[:, None, :3]
         return view.pixels(points.reshape(-1, 3)).reshape(len(poses), 8)
 
     values, weights, expected = start.copy(), numpy.zeros((6, 6)), numpy.zeros(6)
     if stands is not None:
-        expected[GROUND] = stands.values
-        weights[numpy.ix_(GROUND, GROUND)] = numpy.linalg.inv(stands.covariance)
+        expected[GROUND_INDICES] = stands.values
+        weights[numpy.ix_(GROUND_INDICES, GROUND_INDICES)] = numpy.linalg.inv(stands.covariance)
 
-    def cost_of(values: Floats, at: Floats) -> float:
-        off, against = (at - wanted) / pixel, values - expected
-        return float(off @ off + against @ weights @ against)
+    def cost_of(values: Floats, projection: Floats) -> float:
+        residual, ground_residual = (projection - observed) / pixel, values - expected
+        return float(residual @ residual + ground_residual @ weights @ ground_residual)
 
     damping = 1e-6
-    shown = projected(values + STEPS)
-    cost = cost_of(values, shown[0])
+    projections = projected(values + NEIGHBOURS)
+    cost = cost_of(values, projections[0])
     for _ in range(ROUNDS):
-        jacobian = (shown[1:] - shown[0]).T / (STEP * pixel)
+        jacobian = (projections[1:] - projections[0]).T / (STEP * pixel)
         information = jacobian.T @ jacobian
         normal = information + weights
-        gradient = jacobian.T @ ((wanted - shown[0]) / pixel) + weights @ (expected - values)
+        gradient = jacobian.T @ ((observed - projections[0]) / pixel) + weights @ (expected - values)
         step = numpy.linalg.solve(normal + damping * numpy.diag(numpy.diag(normal)), gradient)
-        there = projected(values + step + STEPS)
-        new = cost_of(values + step, there[0])
-        if new <= cost:
-            values, shown, damping, gained, cost = values + step, there, damping / 10, cost - new, new
-            if gained < 1e-4:
+        new_projections = projected(values + step + NEIGHBOURS)
+        new_cost = cost_of(values + step, new_projections[0])
+        if new_cost <= cost:
+            values, projections, damping, gain, cost = (
+                values + step,
+                new_projections,
+                damping / 10,
+                cost - new_cost,
+                new_cost,
+            )
+            if gain < 1e-4:
                 break
         else:
             damping = max(damping, 1e-4) * 10
             if damping > 1e3:
                 break
     values[3:] = [math.remainder(angle, math.tau) for angle in values[3:]]
-    residuals = (shown[0] - wanted).reshape(4, 2)
+    residuals = (projections[0] - observed).reshape(4, 2)
     return cost, Pose(values, information * pixel**2, weights, expected, residuals, stands is not None)

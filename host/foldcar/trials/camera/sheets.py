@@ -1,7 +1,7 @@
-"""The markers as sheets to print: PDF at true scale, with a bar to measure, and the board for the lens.
+"""Draws the markers as sheets to print: a PDF at true scale, with a bar to measure, and the board for the lens.
 
-Input: a course. Output: the file's bytes, a page of A4 for each sheet: floor markers, one a page; the car's with a
-stand to fold; obstacles' cards; the board. Every square is drawn as such, so that printers have no pixels to smooth.
+Input: a course. Output: the bytes of a PDF with pages of A4: floor markers, one a page; the car's marker with a stand to
+fold; obstacles' cards; the board. Squares are drawn as vectors, so that printers do not smooth pixels.
 """
 
 import io
@@ -17,7 +17,7 @@ from reportlab.pdfgen.canvas import Canvas
 
 from foldcar.errors import FoldcarError
 from foldcar.trials.camera.lens import BOARD_MARKER_M, BOARD_SQUARES, SQUARE_M, board
-from foldcar.trials.camera.markers import CAR_ID, CARD_MARGIN, FIRST_OBSTACLE_ID, MODULES, MOST_OBSTACLES, Course
+from foldcar.trials.camera.markers import CAR_ID, CARD_MARGIN, FIRST_OBSTACLE_ID, MAX_OBSTACLES, MODULES, Course
 
 PAGE_MM = (210.0, 297.0)
 EDGE_MM = 12.0
@@ -26,7 +26,7 @@ CAPTION_MM = 7.0
 
 
 def sheets(course: Course, obstacles: int = 4) -> bytes:
-    """The file's bytes, with cards for that many obstacles; FoldcarError if a marker is larger than the page."""
+    """Return the file's bytes, with cards for ``obstacles`` obstacles. Raises FoldcarError if a marker is too large."""
     rl_config.useA85 = 0
     binary = io.BytesIO()
     canvas = Canvas(binary, pagesize=(PAGE_MM[0] * mm, PAGE_MM[1] * mm), invariant=1, pageCompression=1)
@@ -40,21 +40,21 @@ def sheets(course: Course, obstacles: int = 4) -> bytes:
         card = _card(canvas, marker.id, x, y, size)
         place = f"middle at x = {1000 * marker.x_m:.0f} mm, y = {1000 * marker.y_m:.0f} mm"
         _text(canvas, PAGE_MM[0] / 2, y - card - 11, f"Floor marker {marker.id}: {place}; flat, fixed with tape", 11)
-        # Where the middle of its sides is, to measure to.
+        # Lines at the middles of its sides, to which people measure.
         for dx, dy in ((1, 0), (-1, 0), (0, 1), (0, -1)):
-            at = (x + size / 2 + dx * (size / 2 + card), y + size / 2 + dy * (size / 2 + card))
-            canvas.line(*at, at[0] + 5 * dx, at[1] + 5 * dy)
+            line_start = (x + size / 2 + dx * (size / 2 + card), y + size / 2 + dy * (size / 2 + card))
+            canvas.line(*line_start, line_start[0] + 5 * dx, line_start[1] + 5 * dy)
         _arrow(canvas, x + size + card + 4, y + size / 2, "x")
         canvas.showPage()
     _car_page(canvas, course)
-    _obstacle_pages(canvas, course, min(obstacles, MOST_OBSTACLES))
+    _obstacle_pages(canvas, course, min(obstacles, MAX_OBSTACLES))
     _board_page(canvas)
     canvas.save()
     return binary.getvalue()
 
 
 def _begin(canvas: Any) -> None:
-    """Millimetres, and the bar to measure."""
+    """Begin a page: set the unit to millimetres and draw the bar to measure."""
     canvas.scale(mm, mm)
     canvas.setLineWidth(0.2)
     canvas.line(EDGE_MM, EDGE_MM, EDGE_MM + BAR_MM, EDGE_MM)
@@ -77,7 +77,7 @@ def _arrow(canvas: Any, x: float, y: float, text: str) -> None:
 
 
 def _card(canvas: Any, number: int, x: float, y: float, size: float) -> float:
-    """Draw a marker, its lower left corner at (x, y), and its card's outline; gives the width of the white around it."""
+    """Draw a marker with its lower left corner at (x, y), and its card's outline; return the width of the margin."""
     margin = CARD_MARGIN * size
     if size + 2 * margin > PAGE_MM[0] - 2:
         raise FoldcarError(f"a marker of {size:g} mm with its margin is wider than a page of {PAGE_MM[0]:g} mm")
@@ -105,7 +105,7 @@ def _squares(canvas: Any, picture: Any, x: float, y: float, size: float) -> None
 
 
 def _car_page(canvas: Any, course: Course) -> None:
-    """The car's marker on a stand: a box without a bottom, walls as high as the marker stands above the lid."""
+    """Draw the car's marker on a stand, a box without a bottom; its walls are as high as the marker above the lid."""
     _begin(canvas)
     size, height = 1000 * course.car_size_m, 1000 * course.car_height_m
     x, y = (PAGE_MM[0] - size) / 2, 170 - size / 2
@@ -136,12 +136,12 @@ def _obstacle_pages(canvas: Any, course: Course, count: int) -> None:
     rows = max(1, int((PAGE_MM[1] - 3 * EDGE_MM) // (side + CAPTION_MM + 4)))
     for first in range(0, count, rows * columns):
         _begin(canvas)
-        for at in range(first, min(count, first + rows * columns)):
-            row, column = divmod(at - first, columns)
+        for index in range(first, min(count, first + rows * columns)):
+            row, column = divmod(index - first, columns)
             x = EDGE_MM + column * (side + 4) + CARD_MARGIN * size
             y = PAGE_MM[1] - EDGE_MM - (row + 1) * (side + CAPTION_MM + 4) + CARD_MARGIN * size
-            _card(canvas, FIRST_OBSTACLE_ID + at, x, y, size)
-            letter = ascii_uppercase[at]
+            _card(canvas, FIRST_OBSTACLE_ID + index, x, y, size)
+            letter = ascii_uppercase[index]
             canvas.setFillGray(0)
             _text(canvas, x + size / 2, y + size + 3, letter, 14)
             _text(canvas, x + size / 2, y - CARD_MARGIN * size + 4.5, "this edge at the middle of its left side;", 5)
@@ -152,10 +152,10 @@ def _obstacle_pages(canvas: Any, course: Course, count: int) -> None:
 def _board_page(canvas: Any) -> None:
     _begin(canvas)
     columns, rows = BOARD_SQUARES
-    # Pixels a square: those of a marker's module.
+    # Resolution of the picture: 100 pixels for each module of a marker.
     modules = 7
-    share = round(SQUARE_M / BOARD_MARKER_M * modules * 100)
-    picture = board().generateImage((columns * share, rows * share), None, 0, 1)
+    pixels_per_square = round(SQUARE_M / BOARD_MARKER_M * modules * 100)
+    picture = board().generateImage((columns * pixels_per_square, rows * pixels_per_square), None, 0, 1)
     wide = 1000 * SQUARE_M * columns
     x, y = (PAGE_MM[0] - wide) / 2, 28.0
     _squares(canvas, picture, x, y, wide)

@@ -1,13 +1,13 @@
-"""Follows a car through a film: where it was in each frame, with covariance, on the film's own clock.
+"""Follows a car through a film: its pose in each frame, with covariance, on the film's clock.
 
-Input: frames with times of a camera that stands still, course, lens if there is one, the car's marker, how it may stand.
-Output: a Track. Poses of single pictures are smoothed (Rauch, Tung, Striebel): each of the six values has a rate that
-changes by white noise of the density q (unit² / s³): over a step dt
+Input: frames with times of a camera that stands still, course, lens or None, the car's marker, the ground. Output: a
+Track. Poses of single pictures are smoothed (Rauch, Tung, Striebel). Each of the six values has a rate that is driven by
+white noise of the density q (unit² / s³). Over a step dt
 
     F = [[1, dt], [0, 1]],   Q = q [[dt³/3, dt²/2], [dt²/2, dt]].
 
-A pose that is farther from where the path was going than GATE standard deviations is left out: a reflection, a wrong
-reading. If that goes on for LOST_S, the car did go there.
+A pose is left out if its squared distance from the prediction (in standard deviations) exceeds GATE_CHI2: a reflection,
+a wrong reading. If this lasts for MAX_LOST_S, the pose is accepted.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -25,28 +25,28 @@ from foldcar.trials.camera.view import View, find_view
 
 CHECK_FRAMES = 10
 SEARCH_FRAMES = 3
-# Floor markers that move by less (pixels at a width of 1920) stand still: so does the camera.
-STILL_PX = 1.4
-# Corners are never known better: their errors repeat from frame to frame.
-LEAST_PIXEL, MOST_PIXEL = 0.05, 1.0
-SOME_FRAMES = 40
-LEAST_POSES = 10
-# A gap that the path does not bridge.
+# Floor markers that move by less (pixels at a width of 1920) stand still, and so does the camera.
+MAX_STILL_PX = 1.4
+# Limits of the corners' error (pixels). It is never smaller, because errors repeat from frame to frame.
+MIN_PIXEL, MAX_PIXEL = 0.05, 1.0
+SAMPLED_FRAMES = 40
+MIN_POSES = 10
+# A longer gap in the path gets a remark.
 GAP_S = 0.5
-# Of x, y, z (m²/s³) and heading, pitch, roll (rad²/s³): a wheel against an edge stops or lifts a car within 0.1 s.
+# q of x, y, z (m²/s³) and heading, pitch, roll (rad²/s³): an edge can stop or lift a car within 0.1 s.
 DENSITY = numpy.array([2.0, 2.0, 1.0, 30.0, 30.0, 30.0])
-GATE = 36.0
-LOST_S = 0.15
+GATE_CHI2 = 36.0
+MAX_LOST_S = 0.15
 FIRST_RATE = numpy.array([0.5, 0.5, 0.2, 2.0, 2.0, 2.0])
 
 
 @dataclass(frozen=True)
 class Track:
-    """Rows of ``times_s`` (film), ``poses`` (x, y, z in m, heading, pitch, roll in rad), ``covariances``.
+    """A car's path: ``times_s`` (film), ``poses`` (x, y, z in m, heading, pitch, roll in rad), ``covariances``.
 
-    ``frame_error`` are the standard deviations of x, y (m) and heading (rad) that all rows share: camera and markers.
-    ``pixel_error`` is the corners' noise, ``seen`` the share of frames that show the car's marker, ``film_s`` the film's
-    length. ``remarks`` say what is missing or was moved.
+    ``frame_error`` are the standard deviations of x, y (m) and heading (rad) that all rows share, from camera and
+    markers. ``pixel_error`` is the corners' noise, ``seen`` the fraction of frames that show the car's marker, ``film_s``
+    the film's length. ``remarks`` say what is missing or was moved.
     """
 
     times_s: Floats
@@ -61,8 +61,8 @@ class Track:
 
 
 @dataclass
-class _Seen:
-    """What the frames showed: the car's corners by frame, those of the floor's markers by id."""
+class _MarkersSeen:
+    """The markers that the frames show: the car's corners by frame, and the floor markers' corners by id."""
 
     times_s: list[float] = field(default_factory=list)
     car: dict[int, Floats] = field(default_factory=dict)
@@ -78,54 +78,57 @@ def track(
     marker: Callable[[float], CarMarker],
     ground: Standing,
 ) -> Track:
-    """The path of the car; FoldcarError, beginning with ``where``.
+    """Return the path of the car. Raises FoldcarError, beginning with ``where``.
 
-    ``marker`` gives the car's for the scale of the print.
+    ``marker`` returns the car's marker for the scale of the print.
     """
-    seen = _look(frames, {one.id for one in course.floor})
+    seen = _find_markers(frames, {floor_marker.id for floor_marker in course.floor})
     width, height = seen.size
     lens = lens.of_size(width, height, where) if lens else None
     view, remarks = _view(seen, course, lens, where)
     readout_s = lens.readout_s if lens else READOUT_S
     car = marker(view.scale)
-    shown = sorted(seen.car.items())
-    if len(shown) < LEAST_POSES:
+    car_corners = sorted(seen.car.items())
+    if len(car_corners) < MIN_POSES:
         raise FoldcarError(
-            f"{where}: the car's marker {CAR_ID} is seen in {len(shown)} of {len(seen.times_s)} frames; {LEAST_POSES} "
-            "are needed"
+            f"{where}: the car's marker {CAR_ID} is seen in {len(car_corners)} of {len(seen.times_s)} frames; "
+            f"{MIN_POSES} are needed"
         )
 
-    def poses_of(some: Sequence[tuple[int, Floats]], pixel: float, ground: Standing) -> list[tuple[float, Pose]]:
+    def poses_of(corner_rows: Sequence[tuple[int, Floats]], pixel: float, ground: Standing) -> list[tuple[float, Pose]]:
         result, guess = [], None
-        for frame, corners in some:
+        for frame, corners in corner_rows:
             pose = find_pose(corners, view, car, ground, guess, pixel)
             if pose is not None and numpy.isfinite(pose.values).all():
                 guess = pose.values
-                # The rows of a picture are read one after the other.
+                # The time depends on the row, because a camera reads the rows one after the other.
                 result.append((seen.times_s[frame] + readout_s * float(corners[:, 1].mean()) / height, pose))
         return result
 
-    # A first look at some frames tells how well corners are known in this film.
+    # Estimate the corners' noise in this film from a sample of frames.
     pixel_error = PIXEL
     for _ in range(2):
-        some = [pose for _, pose in poses_of(shown[:: max(1, len(shown) // SOME_FRAMES)], pixel_error, ground)]
-        squares = [float((pose.residuals_px**2).sum()) / pose.freedom(pixel_error) for pose in some]
-        pixel_error = float(numpy.clip(numpy.sqrt(numpy.mean(squares)), LEAST_PIXEL, MOST_PIXEL))
-    found = poses_of(shown, pixel_error, ground)
+        sampled = [
+            pose for _, pose in poses_of(car_corners[:: max(1, len(car_corners) // SAMPLED_FRAMES)], pixel_error, ground)
+        ]
+        squares = [float((pose.residuals_px**2).sum()) / pose.freedom(pixel_error) for pose in sampled]
+        pixel_error = float(numpy.clip(numpy.sqrt(numpy.mean(squares)), MIN_PIXEL, MAX_PIXEL))
+    timed_poses = poses_of(car_corners, pixel_error, ground)
     if len(ground.factors) > 1:
-        ground = fit_heights([pose for _, pose in found], ground, pixel_error)
+        ground = fit_heights([pose for _, pose in timed_poses], ground, pixel_error)
         remarks += height_remarks(ground, where)
-        found = poses_of(shown, pixel_error, ground)
-    times, poses = [time_s for time_s, _ in found], [pose for _, pose in found]
+        timed_poses = poses_of(car_corners, pixel_error, ground)
+    times, poses = [time_s for time_s, _ in timed_poses], [pose for _, pose in timed_poses]
     path, covariances, used = smooth(
         numpy.array(times), numpy.array([pose.values for pose in poses]),
         numpy.array([pose.covariance(pixel_error) for pose in poses]),
     )  # fmt: skip
     gaps = numpy.diff(times)
     if gaps.max() > GAP_S:
-        at = int(gaps.argmax())
+        gap_index = int(gaps.argmax())
         remarks.append(
-            f"the car is not seen from {times[at]:.1f} to {times[at + 1]:.1f} s of the film: its path there is a guess"
+            f"the car is not seen from {times[gap_index]:.1f} to {times[gap_index + 1]:.1f} s of the film: "
+            "its path there is a guess"
         )
     last = seen.car[max(seen.car)]
     error = view.frame_error(last.mean(axis=0), last[:2].mean(axis=0), ground.radius_m + car.z_m)
@@ -135,31 +138,31 @@ def track(
     )  # fmt: skip
 
 
-def _look(frames: Iterable[tuple[float, Grey]], floor_ids: set[int]) -> _Seen:
-    """Find the car's marker in all frames, near where it was, the floor's in each CHECK_FRAMES-th."""
-    detector, seen = Detector(), _Seen()
+def _find_markers(frames: Iterable[tuple[float, Grey]], floor_ids: set[int]) -> _MarkersSeen:
+    """Find the car's marker in all frames, near its last position, and the floor's in every CHECK_FRAMES-th frame."""
+    detector, seen = Detector(), _MarkersSeen()
     car: Floats | None = None
     drift = numpy.zeros(2)
     lost = 0
     for frame, (time_s, grey) in enumerate(frames):
         seen.times_s.append(time_s)
         seen.size = (grey.shape[1], grey.shape[0])
-        found = None if car is None else detector.find_near(grey, car + drift, CAR_ID)
-        everywhere = None
-        if found is None and lost % SEARCH_FRAMES == 0:
-            everywhere = detector.find(grey)
-            found, car = everywhere.get(CAR_ID), None
+        car_corners = None if car is None else detector.find_near(grey, car + drift, CAR_ID)
+        all_markers = None
+        if car_corners is None and lost % SEARCH_FRAMES == 0:
+            all_markers = detector.find(grey)
+            car_corners, car = all_markers.get(CAR_ID), None
         drift = numpy.zeros(2)
-        if found is not None:
+        if car_corners is not None:
             if car is not None:
-                drift = found.mean(axis=0) - car.mean(axis=0)
-            seen.car[frame], car, lost = found, found, 0
+                drift = car_corners.mean(axis=0) - car.mean(axis=0)
+            seen.car[frame], car, lost = car_corners, car_corners, 0
         else:
             lost += 1
-        if frame % CHECK_FRAMES == 0 or everywhere is not None:
-            known = everywhere or {}
+        if frame % CHECK_FRAMES == 0 or all_markers is not None:
+            searched = all_markers or {}
             for number in floor_ids:
-                corners, before = known.get(number), seen.floor.get(number)
+                corners, before = searched.get(number), seen.floor.get(number)
                 if corners is None and before is not None:
                     corners = detector.find_near(grey, before[-1], number)
                 if corners is not None:
@@ -167,16 +170,16 @@ def _look(frames: Iterable[tuple[float, Grey]], floor_ids: set[int]) -> _Seen:
     return seen
 
 
-def _view(seen: _Seen, course: Course, lens: Lens | None, where: str) -> tuple[View, list[str]]:
-    """The camera, and remarks; FoldcarError if it moved."""
+def _view(seen: _MarkersSeen, course: Course, lens: Lens | None, where: str) -> tuple[View, list[str]]:
+    """Return the camera's view and remarks. Raises FoldcarError if the camera moved."""
     if not seen.times_s:
         raise FoldcarError(f"{where}: has no frames")
     means = {number: numpy.median(corners, axis=0) for number, corners in seen.floor.items()}
-    # One marker that moves in a still picture was pushed.
+    # If only one marker moves, it was pushed; if several do, the camera moved.
     pushed = []
     for number, mean in means.items():
-        away = numpy.abs(numpy.array(seen.floor[number]) - mean).mean(axis=(1, 2))
-        if numpy.quantile(away, 0.9) > STILL_PX * seen.size[0] / 1920:
+        distances = numpy.abs(numpy.array(seen.floor[number]) - mean).mean(axis=(1, 2))
+        if numpy.quantile(distances, 0.9) > MAX_STILL_PX * seen.size[0] / 1920:
             pushed.append(number)
     if len(pushed) > 1:
         raise FoldcarError(f"{where}: the camera moved, or floor markers {pushed[0]} and {pushed[1]} did: use a tripod")
@@ -185,7 +188,10 @@ def _view(seen: _Seen, course: Course, lens: Lens | None, where: str) -> tuple[V
 
 
 def smooth(times_s: Floats, poses: Floats, covariances: Floats) -> tuple[Floats, Floats, Floats]:
-    """Poses (n, 6) and covariances (n, 6, 6) at ascending times, and which were used (n); headings go on beyond π."""
+    """Smooth poses at ascending times; return poses (n, 6), covariances (n, 6, 6) and which were used (n).
+
+    Headings are continuous and may exceed π.
+    """
     poses = poses.copy()
     poses[:, 3:] = numpy.unwrap(poses[:, 3:], axis=0)
     n = len(times_s)
@@ -208,7 +214,7 @@ def smooth(times_s: Floats, poses: Floats, covariances: Floats) -> tuple[Floats,
         innovation = poses[k] - state[:6]
         innovation[3:] = numpy.remainder(innovation[3:] + numpy.pi, 2 * numpy.pi) - numpy.pi
         weight = numpy.linalg.inv(spread[:6, :6] + covariances[k])
-        if k == 0 or innovation @ weight @ innovation <= GATE or times_s[k] - last_used_s > LOST_S:
+        if k == 0 or innovation @ weight @ innovation <= GATE_CHI2 or times_s[k] - last_used_s > MAX_LOST_S:
             gain = spread[:, :6] @ weight if k else numpy.zeros((12, 6))
             state = state + gain @ innovation
             spread = spread - gain @ spread[:6]

@@ -1,12 +1,12 @@
-"""Where the camera stands, from the markers on the floor; without a lens also its focal length and first distortion.
+"""Finds the camera's pose from the markers on the floor; without a lens also focal length and first distortion.
 
-Input: the floor markers' corners in a picture, the course. Output: a View with what is uncertain of it, and remarks on
-markers that are missing, were moved or were printed at another size.
+Input: the floor markers' corners in a picture, the course. Output: a View with its covariance, and remarks on markers
+that are missing, were moved or were printed at another size.
 
-Sought is what is most probable: pose, logarithm of the focal length f, k1, the size s of the print, and of each marker
-the offset from its place (dx, dy, turn). It minimises the sum of ((pixels - projected) / PIXEL)² and of each unknown's
-squared distance from what is expected, in its standard deviation (PLACED_M, …). So the scene's frame is where the
-markers are on the whole, and the covariance is that of the linear problem at the end.
+The unknowns are pose, logarithm of the focal length f, k1, the size s of the print, and each marker's offset from its
+position (dx, dy, turn). The fit minimises the sum of ((pixels - projected) / PIXEL)² and of each unknown's squared
+distance from its expected value, in standard deviations (PLACING_M, …). The scene's frame is thus the best fit to all
+markers. The covariance is that of the linearised problem at the solution.
 """
 
 import math
@@ -23,25 +23,25 @@ from foldcar.trials.camera.detection import Floats
 from foldcar.trials.camera.lens import Lens, assumed_lens
 from foldcar.trials.camera.markers import Course, FloorMarker
 
-LEAST_MARKERS = 3
-# Standard deviations of what a person and a printer do, of a corner in a picture, and of phones' lenses.
-PLACED_M, TURNED_RAD = 0.002, 0.01
+MIN_MARKERS = 3
+# Standard deviations: placing by a person, scale of a printer, a corner in a picture, and phones' lenses.
+PLACING_M, PLACING_RAD = 0.002, 0.01
 PRINTED = 0.005
 PIXEL = 0.15
 FOCAL, MIDDLE, RADIAL = 0.25, 0.01, 0.02
-# Markers that lie farther from their places, or are turned by more, were moved.
+# Markers that are farther from their positions, or turned by more, were moved.
 MOVED_M, MOVED_RAD = 0.012, math.radians(4)
-# Without the one that was moved the others fit to this.
-FITS_M, FITS_RAD = 0.006, math.radians(2)
-# A print whose size differs by more is worth a remark.
-ODD_PRINT = 0.01
+# Without the moved marker, the others fit to this tolerance.
+CONSISTENT_M, CONSISTENT_RAD = 0.006, math.radians(2)
+# A print whose scale differs by more gets a remark.
+REMARKED_PRINT = 0.01
 
 
 @dataclass(frozen=True)
 class View:
-    """A camera: its lens, and the scene's frame in its own, ``turn`` (a rotation vector) and ``shift_m``.
+    """A camera: its lens, and the transform from the scene's frame to its own, ``turn`` (rotation vector), ``shift_m``.
 
-    ``course`` has the markers where they were found. ``unknowns`` and ``covariance`` are those of the fit.
+    ``course`` has the markers at their fitted positions. ``unknowns`` and ``covariance`` are those of the fit.
     """
 
     lens: Lens
@@ -61,30 +61,30 @@ class View:
 
     @cached_property
     def place_m(self) -> Floats:
-        """Where the camera is in the scene."""
+        """The camera's position in the scene."""
         return numpy.asarray(-self.rotation.T @ self.shift_m)
 
     def pixels(self, points: Floats) -> Floats:
-        """Pixels of points (n, 3) of the scene."""
+        """Return the pixels of points (n, 3) of the scene."""
         return self.lens.pixels(points @ self.rotation.T + self.shift_m)
 
     def on_plane(self, pixels: Floats, height_m: float) -> Floats:
-        """Where rays through pixels (n, 2) meet the plane at a height: x, y (n, 2)."""
+        """Return where rays through pixels (n, 2) intersect the plane at a height: x, y (n, 2)."""
         rays = self.lens.rays(pixels) @ self.rotation
         place = self.place_m
         return numpy.asarray(place[:2] + rays[:, :2] * ((height_m - place[2]) / rays[:, 2])[:, None])
 
     def frame_error(self, pixel: Floats, ahead: Floats, height_m: float) -> Floats:
-        """Standard deviations (m, m, rad) of x, y and heading that the camera's place and the markers' bring.
+        """Return the standard deviations (m, m, rad) of x, y and heading that are due to camera and floor markers.
 
-        Of what is at ``pixel``, points to the pixel ``ahead`` and is at that height.
+        They are those of an object at ``pixel`` that points to the pixel ``ahead``, at that height.
         """
 
         def place(unknowns: Floats) -> Floats:
             lens, turn, shift, _, _ = _split(unknowns, self.lens, self.with_lens, self.course)
             view = replace(self, lens=lens, turn=turn, shift_m=shift)
-            (x, y), (there_x, there_y) = view.on_plane(numpy.array([pixel, ahead]), height_m)
-            return numpy.array([x, y, math.atan2(there_y - y, there_x - x)])
+            (x, y), (ahead_x, ahead_y) = view.on_plane(numpy.array([pixel, ahead]), height_m)
+            return numpy.array([x, y, math.atan2(ahead_y - y, ahead_x - x)])
 
         base = place(self.unknowns)
         columns = []
@@ -98,13 +98,13 @@ class View:
 
 
 def marker_corners(size_m: float) -> Floats:
-    """The corners of a marker in its own frame, in the order of `detection.py`."""
+    """Return the corners of a marker in its own frame, in the order of `detection.py`."""
     half = size_m / 2
     return numpy.array([[-half, half, 0], [half, half, 0], [half, -half, 0], [-half, -half, 0]])
 
 
 def floor_corners(marker: FloorMarker, size_m: float) -> Floats:
-    """The corners of a marker on the floor in the scene's frame."""
+    """Return the corners of a marker on the floor in the scene's frame."""
     cos, sin = math.cos(marker.turn_rad), math.sin(marker.turn_rad)
     turned = marker_corners(size_m) @ numpy.array([[cos, sin, 0], [-sin, cos, 0], [0, 0, 1.0]])
     placed: Floats = turned + numpy.array([marker.x_m, marker.y_m, 0])
@@ -114,65 +114,69 @@ def floor_corners(marker: FloorMarker, size_m: float) -> Floats:
 def find_view(
     corners: Mapping[int, Floats], course: Course, size: tuple[int, int], lens: Lens | None, where: str
 ) -> View:
-    """The camera of a picture of ``size`` (width, height); FoldcarError, beginning with ``where``."""
-    known = {marker.id: marker for marker in course.floor}
-    seen = {number: corners[number] for number in known if number in corners}
-    missing = [str(number) for number in known if number not in seen]
-    if len(seen) < LEAST_MARKERS:
+    """Return the camera of a picture of ``size`` (width, height). Raises FoldcarError, beginning with ``where``."""
+    markers_by_id = {marker.id: marker for marker in course.floor}
+    seen = {number: corners[number] for number in markers_by_id if number in corners}
+    missing = [str(number) for number in markers_by_id if number not in seen]
+    if len(seen) < MIN_MARKERS:
         raise FoldcarError(
-            f"{where}: floor marker{'s' * (len(missing) != 1)} {', '.join(missing)} not seen: {LEAST_MARKERS} of "
-            f"{len(known)} are needed"
+            f"{where}: floor marker{'s' * (len(missing) != 1)} {', '.join(missing)} not seen: {MIN_MARKERS} of "
+            f"{len(markers_by_id)} are needed"
         )
     remarks = [f"floor marker {number} is not seen" for number in missing]
     view = _fit(seen, course, size, lens)
-    if _worst(view, course, seen) > 1:
-        view, moved = _without_the_moved(seen, course, size, lens, where)
+    if _largest_offset(view, course, seen) > 1:
+        view, moved = _without_moved_marker(seen, course, size, lens, where)
         remarks.append(moved)
-    if abs(view.scale - 1) > ODD_PRINT:
+    if abs(view.scale - 1) > REMARKED_PRINT:
         remarks.append(
-            f"the markers are {100 * view.scale:.1f} % of their size: measure the printed bar, or their places"
+            f"the markers have {100 * view.scale:.1f} % of their size: measure the printed bar, or their positions"
         )
     return replace(view, remarks=tuple(remarks))
 
 
 def ideal_pixels(lens: Lens, pixels: Floats) -> Floats:
-    """The pixels of a camera of focal length 1 without distortion."""
+    """Return the pixels of a camera with focal length 1 and no distortion."""
     return numpy.ascontiguousarray(lens.rays(pixels)[:, :2])
 
 
-def _without_the_moved(
+def _without_moved_marker(
     seen: Mapping[int, Floats], course: Course, size: tuple[int, int], lens: Lens | None, where: str
 ) -> tuple[View, str]:
-    """The view by the markers that agree, and a remark on the one that does not."""
-    found = []
-    for left_out in seen if len(seen) > LEAST_MARKERS else ():
-        rest = {number: one for number, one in seen.items() if number != left_out}
-        view = _fit(rest, course, size, lens)
-        found.append((_worst(view, course, rest) * MOVED_M / FITS_M, left_out, view))
-    found.sort(key=lambda one: one[0])
-    if not found or found[0][0] > 1 or (len(found) > 1 and found[1][0] < 3 * found[0][0] and found[1][0] < 1):
+    """Return the view by the consistent markers, and a remark on the one that was moved."""
+    candidates = []
+    for left_out in seen if len(seen) > MIN_MARKERS else ():
+        others = {number: pixels for number, pixels in seen.items() if number != left_out}
+        view = _fit(others, course, size, lens)
+        candidates.append((_largest_offset(view, course, others) * MOVED_M / CONSISTENT_M, left_out, view))
+    candidates.sort(key=lambda pixels: pixels[0])
+    if (
+        not candidates
+        or candidates[0][0] > 1
+        or (len(candidates) > 1 and candidates[1][0] < 3 * candidates[0][0] and candidates[1][0] < 1)
+    ):
         raise FoldcarError(
-            f"{where}: the floor markers do not lie where the course has them, or not as large: measure them again "
+            f"{where}: the floor markers do not have the positions or sizes of the course: measure them again "
             "(`foldcar markers` writes course.json, which may be edited)"
         )
-    _, moved, view = found[0]
-    planned = next(one for one in course.floor if one.id == moved)
-    middle = view.on_plane(seen[moved], 0.0).mean(axis=0)
-    away_mm = 1000 * math.hypot(middle[0] - planned.x_m, middle[1] - planned.y_m)
+    _, moved_id, view = candidates[0]
+    planned_marker = next(pixels for pixels in course.floor if pixels.id == moved_id)
+    middle = view.on_plane(seen[moved_id], 0.0).mean(axis=0)
+    away_mm = 1000 * math.hypot(middle[0] - planned_marker.x_m, middle[1] - planned_marker.y_m)
     place = f"{1000 * middle[0]:.0f}, {1000 * middle[1]:.0f} mm"
-    return view, f"floor marker {moved} lies {away_mm:.0f} mm from its place, at {place}: left out"
+    return view, f"floor marker {moved_id} lies {away_mm:.0f} mm from its position, at {place}; it is left out"
 
 
-def _worst(view: View, course: Course, seen: Mapping[int, Floats]) -> float:
-    """By how much the farthest marker is from its place, relative to what is taken as moved."""
-    places = {one.id: one for one in course.floor}
+def _largest_offset(view: View, course: Course, seen: Mapping[int, Floats]) -> float:
+    """Return the largest offset of a marker from its position; a marker above 1 counts as moved."""
+    planned = {marker.id: marker for marker in course.floor}
     offsets = [
         max(
-            math.hypot(one.x_m - places[one.id].x_m, one.y_m - places[one.id].y_m) / MOVED_M,
-            abs(one.turn_rad - places[one.id].turn_rad) / MOVED_RAD,
+            math.hypot(marker.x_m - planned[marker.id].x_m, marker.y_m - planned[marker.id].y_m) / MOVED_M,
+            abs(marker.turn_rad - planned[marker.id].turn_rad) / MOVED_RAD,
         )
-        for one in view.course.floor
-        if one.id in seen
+        for marker in view.course.floor
+        if marker.id in seen
     ]
     return max(offsets)
 
@@ -189,43 +193,43 @@ def _split(
         lens = replace(start, focal_px=focal, middle_px=middle, distortion=(float(k1), 0.0, 0.0, 0.0, 0.0))
     offsets = unknowns[11:].reshape(-1, 3)
     floor = [
-        replace(one, x_m=one.x_m + dx, y_m=one.y_m + dy, turn_rad=one.turn_rad + turn)
-        for one, (dx, dy, turn) in zip(course.floor, offsets, strict=False)
+        replace(marker, x_m=marker.x_m + dx, y_m=marker.y_m + dy, turn_rad=marker.turn_rad + turn)
+        for marker, (dx, dy, turn) in zip(course.floor, offsets, strict=False)
     ]
     return lens, unknowns[:3], unknowns[3:6], 1 + float(unknowns[10]), floor
 
 
 def _fit(seen: Mapping[int, Floats], course: Course, size: tuple[int, int], lens: Lens | None) -> View:
-    here = replace(course, floor=tuple(one for one in course.floor if one.id in seen))
+    visible_course = replace(course, floor=tuple(marker for marker in course.floor if marker.id in seen))
     start = lens or assumed_lens(*size)
-    pixels = numpy.concatenate([seen[one.id] for one in here.floor])
-    points = numpy.concatenate([floor_corners(one, here.floor_size_m) for one in here.floor])
+    pixels = numpy.concatenate([seen[marker.id] for marker in visible_course.floor])
+    points = numpy.concatenate([floor_corners(marker, visible_course.floor_size_m) for marker in visible_course.floor])
     spreads = numpy.concatenate([
         [FOCAL, RADIAL, MIDDLE, MIDDLE] if lens is None else [1e-9] * 4,
         [PRINTED],
-        numpy.tile([PLACED_M, PLACED_M, TURNED_RAD], len(here.floor)),
+        numpy.tile([PLACING_M, PLACING_M, PLACING_RAD], len(visible_course.floor)),
     ])  # fmt: skip
 
     def residuals(unknowns: Floats) -> Floats:
-        found, turn, shift, scale, floor = _split(unknowns, start, lens is not None, here)
-        placed = numpy.concatenate([floor_corners(one, here.floor_size_m * scale) for one in floor])
-        projected = found.pixels(placed @ cv2.Rodrigues(turn)[0].T + shift)
+        fitted_lens, turn, shift, scale, floor = _split(unknowns, start, lens is not None, visible_course)
+        placed = numpy.concatenate([floor_corners(marker, visible_course.floor_size_m * scale) for marker in floor])
+        projected = fitted_lens.pixels(placed @ cv2.Rodrigues(turn)[0].T + shift)
         return numpy.concatenate([((pixels - projected) / PIXEL).ravel(), unknowns[6:] / spreads])
 
     best = None
     for focal in (0.8,) if lens else (0.55, 0.8, 1.15):
         guess = start if lens else replace(start, focal_px=focal * max(size))
         _, turn, shift = cv2.solvePnP(points, ideal_pixels(guess, pixels), numpy.eye(3), None, flags=cv2.SOLVEPNP_IPPE)
-        unknowns = numpy.concatenate([turn.ravel(), shift.ravel(), numpy.zeros(5 + 3 * len(here.floor))])
+        unknowns = numpy.concatenate([turn.ravel(), shift.ravel(), numpy.zeros(5 + 3 * len(visible_course.floor))])
         unknowns[6] = 0.0 if lens else math.log(focal / 0.8)
         scales = numpy.concatenate([[0.01] * 3, [0.01] * 3, spreads])
-        # Markers that were moved are noticed by what they leave over: a soft loss would hide them.
+        # Moved markers are recognised by their residuals, which a robust loss would hide.
         fit = least_squares(residuals, unknowns, x_scale=scales, max_nfev=8)
         if best is None or fit.cost < best.cost:
             best = fit
     assert best is not None
     best = least_squares(residuals, best.x, x_scale=scales, max_nfev=60)
-    result, turn, shift, scale, floor = _split(best.x, start, lens is not None, here)
+    result, turn, shift, scale, floor = _split(best.x, start, lens is not None, visible_course)
     covariance = numpy.linalg.pinv(best.jac.T @ best.jac)
-    there = replace(here, floor=tuple(floor))
-    return View(result, turn, shift, there, scale, (), best.x, covariance, lens is not None)
+    fitted_course = replace(visible_course, floor=tuple(floor))
+    return View(result, turn, shift, fitted_course, scale, (), best.x, covariance, lens is not None)

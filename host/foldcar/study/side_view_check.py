@@ -1,7 +1,8 @@
-"""What of a study the side view cannot know: where ground, way or cars differ from side to side, and high crests.
+"""Checks that the planar engine (side view) is valid for a study.
 
-Input: bodies, scenes and settings of docs/carsim.md. Output: words for what differs, "" if nothing does. The heights and
-friction under both tracks are carsim's own, along the way straight ahead from the start.
+It is not if ground, commanded path or cars differ between left and right, or if cars may hang on a high crest.
+Input: bodies, scenes and settings of docs/carsim.md. Output: text that says what is not valid, "" if all is. carsim gives
+the heights and friction under both tracks, straight ahead from the start.
 """
 
 import json
@@ -17,42 +18,42 @@ from foldcar.study.environments import Environment
 from foldcar.study.experiments import Experiment
 from foldcar.study.planned_designs import planned_design
 
-# Of an experiment so many samples and so many designs, the narrowest and the widest among them, are looked at.
+# How many samples and designs of an experiment are checked; the narrowest and the widest design are among them.
 SAMPLES, DESIGNS = 10, 8
-# Between points of a track along the way. Smaller differences than these count as none.
+# Distance between the points of a track, and tolerances of differences between left and right.
 SPACING_M = 0.005
-HEIGHT_M, FRICTION = 0.001, 0.01
-RADIUS_SHARE, ECCENTRICITY_M, SHARE = 0.002, 2e-4, 0.02
-# The way is looked at from behind the start.
+HEIGHT_TOLERANCE_M, FRICTION_TOLERANCE = 0.001, 0.01
+RADIUS_TOLERANCE, ECCENTRICITY_TOLERANCE_M, RELATIVE_TOLERANCE = 0.002, 2e-4, 0.02
+# The checked path begins this far behind the start.
 BEHIND_M = 0.3
 
 
-def beyond_side_view(carsim: Carsim, experiment: Experiment, environment: Environment) -> str:
-    """What differs from side to side, and crests on which bellies may hang, of which cars free themselves by rolling."""
-    bodies, scenes = _looked_at(carsim, experiment, environment)
-    return ", ".join([*_unlike(carsim, experiment, bodies, scenes), *islice(_crests(bodies, scenes), 1)])
+def side_view_limits(carsim: Carsim, experiment: Experiment, environment: Environment) -> str:
+    """Return what differs between left and right, and crests on which bellies may hang until the car rolls off them."""
+    bodies, scenes = _sampled_inputs(carsim, experiment, environment)
+    return ", ".join([*_asymmetries(carsim, experiment, bodies, scenes), *islice(_crests(bodies, scenes), 1)])
 
 
-def _looked_at(
+def _sampled_inputs(
     carsim: Carsim, experiment: Experiment, environment: Environment
 ) -> tuple[list[Mapping[str, Any]], list[Mapping[str, Any]]]:
-    """Bodies of some designs, the narrowest first, and the first scenes."""
+    """Return the bodies of some designs, the narrowest first, and the first scenes."""
     table = carsim.parameter_table()
-    every = max(1, len(experiment.family) // DESIGNS)
-    planned = [planned_design(experiment, one, table) for one in islice(experiment.family, 0, None, every)]
-    bodies = sorted((one.body for one in planned), key=lambda body: float(body["track_m"]))
+    step = max(1, len(experiment.family) // DESIGNS)
+    planned = [planned_design(experiment, design, table) for design in islice(experiment.family, 0, None, step)]
+    bodies = sorted((design.body for design in planned), key=lambda body: float(body["track_m"]))
     return bodies, [environment.sample(k) for k in range(min(SAMPLES, experiment.environments))]
 
 
-def _unlike(
+def _asymmetries(
     carsim: Carsim, experiment: Experiment, bodies: Sequence[Mapping[str, Any]], scenes: Sequence[Mapping[str, Any]]
 ) -> Iterator[str]:
-    unlike = [k for k, alike in enumerate(_alike(carsim, [bodies[0], bodies[-1]], scenes)) if not alike]
+    unlike = [k for k, alike in enumerate(_symmetric_ground(carsim, [bodies[0], bodies[-1]], scenes)) if not alike]
     if unlike:
         yield f"ground (not the same under both tracks in sample {unlike[0]})"
     turn_rad_s = experiment.yaw_rate_rad_s
     if turn_rad_s:
-        yield f"heading (a turn of {turn_rad_s:g} rad/s is asked for)"
+        yield f"heading (a turn of {turn_rad_s:g} rad/s is commanded)"
     if experiment.variation:
         yield "the cars' sides (nearby cars vary wheel by wheel)"
     else:
@@ -60,7 +61,7 @@ def _unlike(
 
 
 def _crests(bodies: Sequence[Mapping[str, Any]], scenes: Sequence[Mapping[str, Any]]) -> Iterator[str]:
-    """Slopes that are higher than the lowest belly is above the floor."""
+    """Yield ramps and hills that are higher than the lowest car's ground clearance."""
     clear_m = min(
         wheel["radius_m"] + segment["center_z_m"] - 0.5 * segment["height_m"]
         for body in bodies
@@ -74,25 +75,29 @@ def _crests(bodies: Sequence[Mapping[str, Any]], scenes: Sequence[Mapping[str, A
 
 
 def one_sided(body: Mapping[str, Any]) -> str:
-    """What a body has on one side only, "" if its sides are alike."""
-    if any(abs(segment["com_y_m"]) > SHARE * body["track_m"] for segment in body["segments"]):
+    """Return the property in which left and right side of a body differ; "" if they are equal."""
+    if any(abs(segment["com_y_m"]) > RELATIVE_TOLERANCE * body["track_m"] for segment in body["segments"]):
         return "the centre of mass"
     pairs: dict[tuple[int, float], list[Mapping[str, Any]]] = {}
     for wheel in body["wheels"]:
         pairs.setdefault((wheel["segment"], wheel["x_m"]), []).append(wheel)
     for left, right in pairs.values():
-        if max(left["eccentricity_m"], right["eccentricity_m"]) > ECCENTRICITY_M:
+        if max(left["eccentricity_m"], right["eccentricity_m"]) > ECCENTRICITY_TOLERANCE_M:
             return "wheels out of true"
         numbers = [{**wheel.get("servo", {}), **wheel} for wheel in (left, right)]
         for name in ("radius_m", "grip", "mass_kg", "stall_torque_n_m", "no_load_speed_rad_s", "deadband_us"):
-            one, other = numbers[0].get(name, 0.0), numbers[1].get(name, 0.0)
-            if abs(one - other) > (RADIUS_SHARE if name == "radius_m" else SHARE) * max(abs(one), abs(other)):
+            first, second = numbers[0].get(name, 0.0), numbers[1].get(name, 0.0)
+            if abs(first - second) > (RADIUS_TOLERANCE if name == "radius_m" else RELATIVE_TOLERANCE) * max(
+                abs(first), abs(second)
+            ):
                 return name.partition("_")[0]
     return ""
 
 
-def _alike(carsim: Carsim, bodies: Sequence[Mapping[str, Any]], scenes: Sequence[Mapping[str, Any]]) -> list[bool]:
-    """Of each scene, whether the tracks of all bodies meet the same heights and friction left and right."""
+def _symmetric_ground(
+    carsim: Carsim, bodies: Sequence[Mapping[str, Any]], scenes: Sequence[Mapping[str, Any]]
+) -> list[bool]:
+    """Return for each scene whether heights and friction are equal under the left and right tracks of all bodies."""
     lines = []
     for index, scene in enumerate(scenes):
         x_m, y_m = _track_points(bodies, scene)
@@ -102,12 +107,12 @@ def _alike(carsim: Carsim, bodies: Sequence[Mapping[str, Any]], scenes: Sequence
     for answer in carsim.answers(lines):
         heights, friction = (numpy.reshape(answer[name], (2, -1)) for name in ("z_m", "friction"))
         apart = [numpy.abs(left - right).max() for left, right in (heights, friction)]
-        result.append(bool(apart[0] <= HEIGHT_M and apart[1] <= FRICTION))
+        result.append(bool(apart[0] <= HEIGHT_TOLERANCE_M and apart[1] <= FRICTION_TOLERANCE))
     return result
 
 
 def _track_points(bodies: Sequence[Mapping[str, Any]], scene: Mapping[str, Any]) -> tuple[list[float], list[float]]:
-    """Points under inner edge, middle and outer edge of the tyres, the left ones first, as far as the course reaches."""
+    """Return the points under the tyres' inner edge, middle and outer edge, left ones first, to the course's end."""
     start, course = scene["start"], scene["course"]
     corners = [(x, y) for x in (course["x_min_m"], course["x_max_m"]) for y in (course["y_min_m"], course["y_max_m"])]
     c, s = math.cos(start["heading_rad"]), math.sin(start["heading_rad"])

@@ -21,7 +21,8 @@ import numpy
 from synthetic_trials import SIMULATED_CARS, centre_of, logistic, of_built
 from threadpoolctl import threadpool_limits
 
-from foldcar.inference.selecting import LEAST_GAIN, MOST_LOSS, PLACING_MIN, PRECISION, ROUND_TRIALS, UNKNOWN_ASSEMBLY_MIN
+from foldcar.inference.costs import PLACING_MIN, UNKNOWN_ASSEMBLY_MIN
+from foldcar.inference.selecting import LEAST_GAIN, MOST_LOSS, PRECISION, ROUND_TRIALS
 from foldcar.statistics.built_cars import SPREADS, BuiltCars, simulated_weights
 from foldcar.statistics.pooled_bias import pooled_bias
 from foldcar.statistics.selection import (

@@ -20,7 +20,7 @@ from foldcar.fabrication.assembly.operations import operations
 from foldcar.fabrication.patterns import nesting, sheets
 from foldcar.fabrication.patterns.options import options
 from foldcar.fabrication.patterns.sheets import cut_car, enlarge_sheet
-from foldcar.inference import selecting as costs
+from foldcar.inference import costs, selecting
 from foldcar.inference.comparison import compare
 from foldcar.inference.evidence import read_evidence
 from foldcar.inference.selecting import NEXT, Selection, select_evidence
@@ -260,7 +260,7 @@ def test_a_car_costs_its_sheets_and_minutes_of_cutting_assembly_and_trials(monke
 
 
 def test_many_designs_are_thinned_evenly_from_first_to_last(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(costs, "MAX_CANDIDATES", 3)
+    monkeypatch.setattr(selecting, "MAX_CANDIDATES", 3)
     (found,) = advise(write_study(tmp_path / "s.db", FAMILY, 20, outcome))
 
     assert "9 designs between these were left out of the choice, to save time." in found.remarks

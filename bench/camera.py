@@ -85,10 +85,10 @@ def floor(name: str, filming: Filming) -> list[Thing]:
     chance = numpy.random.default_rng(3)
     moved: dict[int, Any] = {}
     if "laid" in name:
-        moved = {one.id: chance.normal(0, 0.003, 2) for one in COURSE.floor}
+        moved = {tag.id: chance.normal(0, 0.003, 2) for tag in COURSE.floor}
     elif "pushed" in name:
         moved = {1: (0.04, 0.0)}
-    there = replace(COURSE, floor=tuple(one for one in COURSE.floor if one.id != 2)) if "missing" in name else COURSE
+    there = replace(COURSE, floor=tuple(tag for tag in COURSE.floor if tag.id != 2)) if "missing" in name else COURSE
     return [*floor_markers(there, moved), *boxes(scene(name)["terrain"], filming.place_m)]
 
 

@@ -74,7 +74,7 @@ def foldcar(*words: str | Path) -> None:
 def published(summary: dict[str, Any]) -> list[str]:
     """Each width: trials, nominal and calibrated success, predictions with and without its own trials."""
     head = ["width (mm)", "trials", "nominal", "calibrated", "predicted", "without"]
-    rows, driven = [], [one for one in summary["designs"] if one["counted"]]
+    rows, driven = [], [design for design in summary["designs"] if design["counted"]]
     for one, left in zip(driven, summary["leave_one_out"], strict=True):
         simulated = f"{100 * one['simulated']['median']:.0f} ({ends(one['simulated'])})"
         trials = f"{one['passed']}/{one['counted']}: {100 * one['passed'] / one['counted']:.0f}"
@@ -99,7 +99,7 @@ def findings(summary: dict[str, Any]) -> list[str]:
     """Correlations, next trials and the likelihood."""
     likelihood, emulator = summary["log_likelihood"], summary["emulator"]
     strongest = summary["correlations"][:3]
-    pairs = ", ".join(f"{' and '.join(one['parameters'])} {one['correlation']:+.2f}" for one in strongest)
+    pairs = ", ".join(f"{' and '.join(pair['parameters'])} {pair['correlation']:+.2f}" for pair in strongest)
     return [
         f"- {summary['findings'][0]}",
         f"- Log-likelihood without a discrepancy: {likelihood['best']:.2f} by the trials' own rates, "

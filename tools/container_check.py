@@ -120,7 +120,7 @@ def build(text: str) -> Stage:
         elif word == "COPY":
             words = rest.split()
             base = stages[words.pop(0).removeprefix("--from=")].root if words[0].startswith("--from=") else PROJECT
-            stage.copy([base / one.lstrip("/") for one in words[:-1]], words[-1])
+            stage.copy([base / path.lstrip("/") for path in words[:-1]], words[-1])
         elif word == "USER":
             stage.user = rest
         elif word == "WORKDIR":

@@ -71,10 +71,10 @@ def build(compiler: str, level: str, folder: Path, numerics: bool) -> Path:
         return result
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        objects = [str(one) for one in pool.map(compile_one, enumerate(sources))]
+        objects = [str(file) for file in pool.map(compile_one, enumerate(sources))]
     if numerics:
-        objects += [str(one) for one in sorted((CARSIM.parent / "sim2d").rglob("*.o"))]
-        archives = sorted(str(one) for one in CARSIM.parent.glob("lib*/lib*.a"))
+        objects += [str(file) for file in sorted((CARSIM.parent / "sim2d").rglob("*.o"))]
+        archives = sorted(str(file) for file in CARSIM.parent.glob("lib*/lib*.a"))
         objects += ["-Wl,--start-group", *archives, "-Wl,--end-group"]
     _run(compiler, "-pthread", *objects, "-o", str(program))
     return program

@@ -231,7 +231,7 @@ def calibrated(
     inputs, _ = cell_inputs(experiment, observed.cells)
     used = np.unique(observed.cell)
     inputs = np.vstack([inputs[used], inputs[len(observed.cells) :]])
-    cells = tuple(observed.cells[one] for one in used)
+    cells = tuple(observed.cells[trial] for trial in used)
     observed = replace(observed, cells=cells, cell=np.searchsorted(used, observed.cell))
     problem = Problem(observed, emulator, inputs, priors)
     designs = np.arange(len(experiment.designs))

@@ -61,7 +61,7 @@ DESIGNS = 19
 CHECKED, LEAST_GOOD = 50, 0.7
 DIPS = (0.0, 0.5, 0.7)
 # Driven designs, trials of each, cars of each, and how much these differ.
-STUDIES = (*((*one, 1, spread) for spread in (0.0, 1.0) for one in ((5, 10), (9, 10), (9, 20))), (9, 20, 2, 1.0))
+STUDIES = (*((*case, 1, spread) for spread in (0.0, 1.0) for case in ((5, 10), (9, 10), (9, 20))), (9, 20, 2, 1.0))
 SEED = 1007
 # A time limit, and the spread of the logarithms of times.
 LIMIT_S, SPREAD = 20.0, 0.6
@@ -224,7 +224,7 @@ def anytime(n: int) -> Cell:
 LINES: dict[str, Callable[[int], Cell]] = {
     "Wilson (counts in figures)": partial(exact, wilson_interval),
     "Clopper-Pearson": partial(exact, clopper_pearson_interval),
-    **{pooled_name(*one): partial(pooled, *one) for one in POOLED},
+    **{pooled_name(*case): partial(pooled, *case) for case in POOLED},
     "restricted mean time": restricted,
     "smooth success model": smooth,
     "anytime-valid, at every look up to n": anytime,

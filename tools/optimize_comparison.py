@@ -67,7 +67,7 @@ def picks(
     for span in spans:
         proposals = Proposals(experiment.family, [SUCCESS], sampler, seed, span[-1])
         for budget in span:
-            while sum(one.environments for one in proposals.tried) < budget * experiment.environments:
+            while sum(proposal.environments for proposal in proposals.tried) < budget * experiment.environments:
                 values = proposals.next()
                 if values is None:
                     break
@@ -118,7 +118,7 @@ def print_risk(pairs: int) -> None:
         for pair in range(pairs):
             hard = random.standard_normal(number)
             strengths = norm.ppf([best_rate] * others + [rate])[:, None] + random.standard_normal((others + 1, number))
-            *some, mine = [[Row("passed" if one else "tipped", 1.0, 1.0) for one in row] for row in strengths > hard]
+            *some, mine = [[Row("passed" if good else "tipped", 1.0, 1.0) for good in row] for row in strengths > hard]
             best = max(some, key=passes)
             gain[pair], runs[pair] = passes(mine) - passes(best), number
             for batch in batches(number)[:-1]:
@@ -168,7 +168,7 @@ def main() -> None:
     picked = {values for runs in found.values() for row in runs for values in row if values is not None}
     rate = judge(study, fresh, picked | set(by_sweep), options.store, carsim, options.jobs)
 
-    print(f"\n{len(rows)} designs; best of the sweep in fresh environments: {max(rate[one] for one in by_sweep):.2f}")
+    print(f"\n{len(rows)} designs; best of the sweep in fresh environments: {max(rate[k] for k in by_sweep):.2f}")
     counts = [f"{budget * experiment.environments} runs" for budget in BUDGETS]
     print(f"|search|{'|'.join(counts)}|\n|---|{'---|' * len(counts)}")
     for name, runs in found.items():

@@ -256,7 +256,7 @@ class Search:
         sizes = np.unique(np.round(np.round(sizes / steps) * steps, 4), axis=0)
         promising = sizes[np.argsort(-emulator.score(scaled(sizes)))[:300]]
         around = stream.uniform(-0.5, 0.5, (32, len(SIZES))) * steps
-        robust = [float(np.mean(emulator.score(scaled(one + around)))) for one in promising]
+        robust = [float(np.mean(emulator.score(scaled(sizes + around)))) for sizes in promising]
         yield from promising[np.argsort(-np.array(robust))]
 
     def _try(self, point: FloatArray, scenes: int) -> None:

@@ -22,7 +22,7 @@ from synthetic_trials import SIMULATED_CARS, centre_of, logistic, of_built
 from threadpoolctl import threadpool_limits
 
 from foldcar.inference.costs import PLACING_MIN, UNKNOWN_ASSEMBLY_MIN
-from foldcar.inference.selecting import LEAST_GAIN, MOST_LOSS, PRECISION, ROUND_TRIALS
+from foldcar.inference.selecting import MAX_LOSS, MIN_GAIN, PRECISION, ROUND_TRIALS
 from foldcar.statistics.built_cars import SPREADS, BuiltCars, simulated_weights
 from foldcar.statistics.pooled_bias import pooled_bias
 from foldcar.statistics.selection import (
@@ -48,7 +48,7 @@ DRAWS = 600
 LEAST_SPREAD, MOST_SPREAD = 0.6, 1.9
 NEAR = 0.05
 # Prices at which an hour of work is no longer worth it, 0 to 1; minutes of a trial.
-PRICES = (0.0025, 0.005, LEAST_GAIN, 0.02)
+PRICES = (0.0025, 0.005, MIN_GAIN, 0.02)
 TRIAL_MIN = PLACING_MIN + 0.5
 STOPS = (
     "ends below, points/h", "ends", "trials (10–90 %)", "cars", "hours", "leader lacks", "over 5 points, %", "decided, %",
@@ -129,7 +129,7 @@ class Round:
         side = (mean >= THRESHOLD) != (truth >= THRESHOLD)
         wrong = (reaches & (truth < THRESHOLD)) | (fails & (truth >= THRESHOLD))
         far = side & (numpy.abs(truth - THRESHOLD) > PRECISION)
-        return tuple(float(one.mean()) for one in (reaches | fails, wrong, side, far))
+        return tuple(float(mask.mean()) for mask in (reaches | fails, wrong, side, far))
 
 
 def rounds(random: numpy.random.Generator, selecting: bool, most: int) -> list[Round]:
@@ -210,10 +210,10 @@ def main() -> None:
     for number in range(ROUNDS):
         cells = []
         for selecting in (True, False):
-            loss = numpy.array([one[number].lacks for one in table[selecting]])
+            loss = numpy.array([rounds[number].lacks for rounds in table[selecting]])
             error = loss.std(ddof=1) / numpy.sqrt(len(loss))
             work = [
-                float(numpy.mean([getattr(one[number], name) for one in table[selecting]]))
+                float(numpy.mean([getattr(rounds[number], name) for rounds in table[selecting]]))
                 for name in ("hours", "trials")
             ]
             cells.append(f"{work[0]:4.0f} h {work[1]:4.0f} {100 * loss.mean():5.1f} ± {100 * error:.1f}")
@@ -223,14 +223,14 @@ def main() -> None:
     for price in PRICES:
         print_stops(table[True], f"{100 * price:g}", partial(below, price))
     print_stops(
-        table[True], f"{100 * LEAST_GAIN:g}, leader unsure", lambda one: one.loss <= PRECISION and one.gain < LEAST_GAIN
+        table[True], f"{100 * MIN_GAIN:g}, leader unsure", lambda one: one.loss <= PRECISION and one.gain < MIN_GAIN
     )
-    print_stops(table[True], "all decided", lambda one: one.loss <= MOST_LOSS and one.wrong()[0] == 1)
+    print_stops(table[True], "all decided", lambda one: one.loss <= MAX_LOSS and one.wrong()[0] == 1)
 
 
 def below(price: float, one: Round) -> bool:
     """Whether an hour of work wins less than the price, and the leader loses little."""
-    return one.loss <= MOST_LOSS and one.gain < price
+    return one.loss <= MAX_LOSS and one.gain < price
 
 
 def print_stops(truths: Sequence[Sequence[Round]], name: str, enough: Callable[[Round], bool]) -> None:
@@ -240,11 +240,11 @@ def print_stops(truths: Sequence[Sequence[Round]], name: str, enough: Callable[[
     cells = [name, f"{len(ended)} of {len(ends)}"]
     if ended:
         for what in ("trials", "cars", "hours"):
-            low, middle, high = numpy.quantile([getattr(one, what) for one in ended], [0.1, 0.5, 0.9])
+            low, middle, high = numpy.quantile([getattr(end, what) for end in ended], [0.1, 0.5, 0.9])
             cells.append(f"{middle:.0f} ({low:.0f}–{high:.0f})")
-        lacks = numpy.array([one.lacks for one in ended])
+        lacks = numpy.array([end.lacks for end in ended])
         cells += [f"{100 * lacks.mean():.1f}", f"{100 * (lacks > NEAR).mean():.0f}"]
-        cells += [f"{100 * share:.1f}" for share in numpy.mean([one.wrong() for one in ended], axis=0)]
+        cells += [f"{100 * share:.1f}" for share in numpy.mean([end.wrong() for end in ended], axis=0)]
     print("|" + "|".join(cells + [""] * (len(STOPS) - len(cells))) + "|", flush=True)
 
 

@@ -52,7 +52,7 @@ ROUND_TRIALS = 10
 MAX_CANDIDATES = 400
 # It is enough when the leader lacks no more on average (0 to 1; or the precision, if that is less), and an hour of work
 # wins less of success by a better leader, or of designs put right.
-MOST_LOSS, LEAST_GAIN = 0.05, 0.01
+MAX_LOSS, MIN_GAIN = 0.05, 0.01
 # A design whose chance to reach the threshold, and to be the best, is smaller (0 to 1) is not worth building.
 MIN_CHANCE = 0.025
 NEXT = "next"
@@ -214,10 +214,10 @@ class _Adviser:
         """Return the advice with up to ``build`` designs."""
         belief, info, threshold = self.belief, self.evidence.info, self.threshold
         best, loss = expected_loss(belief.draws)
-        enough = belief.driven and loss <= min(MOST_LOSS, self.precision) and self._gain < LEAST_GAIN
+        enough = belief.driven and loss <= min(MAX_LOSS, self.precision) and self._gain < MIN_GAIN
         placed = [] if enough else self._placed(build)
-        recommended = tuple(self._recommendation(one, with_cost) for one in placed)
-        rows = [one.index for one in placed]
+        recommended = tuple(self._recommendation(place, with_cost) for place in placed)
+        rows = [place.index for place in placed]
         met = {trial.sample for index in rows for trial in belief.designs[index].trials}
         known = [column for column, sample in enumerate(belief.samples.tolist()) if sample in met]
         wanted = max((design.trials for design in recommended), default=0)
@@ -369,7 +369,7 @@ class _Adviser:
     def _next_step(self, recommended: Sequence[Recommendation], leader: str, loss: float, enough: bool) -> str:
         lost = f"{points(loss, sign=False)} points"
         if enough:
-            worth = points(LEAST_GAIN, sign=False)
+            worth = points(MIN_GAIN, sign=False)
             stop = (
                 f"Enough: expected loss if you stop with {leader}: {lost}; an hour of work wins less than {worth} point."
             )

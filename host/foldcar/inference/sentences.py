@@ -106,7 +106,7 @@ def undecided_text(undecided: Sequence[Undecided], precision: float) -> str:
         if not group:
             continue
         more = [count(len(group) - NAMED, "further design")] if len(group) > NAMED else []
-        names = listed([*(one.label for one in group[:NAMED]), *more])
+        names = listed([*(design.label for design in group[:NAMED]), *more])
         verb = "is" if len(group) == 1 else "are"
         where = f"within {points(precision, sign=False)} points of the threshold" if at else "undecided"
         first = f" of {group[0].label}" if len(group) > 1 else ""

@@ -124,7 +124,7 @@ def _read(store: Store, info: ExperimentInfo) -> EnvironmentValues:
     wheels = json.loads(body["json"]).get("wheels", ())
     cars = _by_sample(store, row, "draw", "spread_id", "variation", lambda drawn: _car(drawn, wheels))
     tables = [scenes, cars]
-    names = list(dict.fromkeys(name for table in tables for one in table.values() for name in one))
+    names = list(dict.fromkeys(name for table in tables for row in table.values() for name in row))
     places = {name: place for place, name in enumerate(names)}
     values = numpy.full((info.environments, len(names)), numpy.nan)
     for table in tables:
@@ -206,7 +206,7 @@ def _telling(values: NDArray[Any]) -> list[int]:
         if there.sum() < 2 or numpy.ptp(column[there]) <= 1e-9 * abs(column[there]).max():
             continue
         alike = [index for index in kept if (numpy.isnan(values[:, index]) != there).all()]
-        if all(abs(numpy.corrcoef(values[there, one], column[there])[0, 1]) <= SAME for one in alike):
+        if all(abs(numpy.corrcoef(values[there, other], column[there])[0, 1]) <= SAME for other in alike):
             kept.append(at)
     return kept
 

@@ -215,12 +215,12 @@ def list_type(recorded: Iterable[Recorded | None]) -> Any:
     import pyarrow as pa
 
     found = [record for record in recorded if record is not None and record.value is not None]
-    if not found or not all(isinstance(one.value, list) for one in found):
+    if not found or not all(isinstance(record.value, list) for record in found):
         return None
-    series = [one.kind == "series" for one in found]
+    series = [record.kind == "series" for record in found]
     if not any(series):
-        return _type_of([one.value for one in found])
-    inner = _type_of([entry[1] for one in found for entry in one.value]) if all(series) else None
+        return _type_of([record.value for record in found])
+    inner = _type_of([entry[1] for record in found for entry in record.value]) if all(series) else None
     return inner and pa.list_(pa.struct([pa.field("time_s", pa.float64(), metadata={"unit": "s"}), ("value", inner)]))
 
 

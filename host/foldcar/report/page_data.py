@@ -167,12 +167,12 @@ def page_data(
     some = read_experiments(store) if experiments is None else experiments
     # Threads for matrices of some tens of rows only wait for each other.
     with threadpool_limits(1):
-        shown = [_experiment(store, study, one, some, command) for one in some]
+        shown = [_experiment(store, study, experiment, some, command) for experiment in some]
     title, notes = _title(study)
     return {
         "title": title or (study.listing_name if study is not None else store.path.name),
         "notes": notes,
-        "engine_notes": list(dict.fromkeys(one.info.warning for one in some if one.info.warning)),
+        "engine_notes": list(dict.fromkeys(experiment.info.warning for experiment in some if experiment.info.warning)),
         "experiments": shown,
     }
 
@@ -235,7 +235,7 @@ def _next(names: Sequence[str], selection: Selection) -> dict[str, Any]:
     """What to do next, with the indices of the recommended designs."""
     known = {name: index for index, name in enumerate(names)}
     shown = [recommendation for recommendation in selection.recommendations if recommendation.label in known]
-    designs, reasons = [known[one.label] for one in shown], [one.reason for one in shown]
+    designs, reasons = [known[design.label] for design in shown], [design.reason for design in shown]
     return {"text": selection.next_step, "designs": designs, "why": reasons}
 
 

@@ -36,7 +36,7 @@ def search_front(evidence: Evidence, areas: Sequence[float | None], fresh: Evide
     signs = [-1 if objective.largest else 1 for objective in objectives]
     for fresh_too in (True, False):
         some = [point for point in points if point["fresh"] == fresh_too]
-        losses = [_losses(one["values"], signs) for one in some]
+        losses = [_losses(point["values"], signs) for point in some]
         for one, loss in zip(some, losses, strict=True):
             one["beaten"] = is_dominated(loss, losses)
     shown = [

@@ -225,7 +225,7 @@ class Replayer:
         heights, blobs = carsim_heights(carsim), {}
         texts = {drives.scenes[sample]: drives.value("scene", drives.scenes[sample]) for sample in samples}
         calls = (partial(ground_data, scene, heights, len(texts)) for scene in texts.values())
-        made = dict(zip(texts, (blob(*one) for one in side_by_side(calls, self.jobs, carsim.stop)), strict=True))
+        made = dict(zip(texts, (blob(*call) for call in side_by_side(calls, self.jobs, carsim.stop)), strict=True))
         for sample in samples:
             blobs[f"scene-{sample}"] = made[drives.scenes[sample]]
             self.done(1)

@@ -158,7 +158,7 @@ def shift(expected: Sequence[float | None], overall: float) -> float:
 
     ``overall``, 0 to 1 but neither, is simulation's rate over all environments; it counts as one more trial's.
     """
-    known = [overall if one is None else one for one in (None, *expected)]
+    known = [overall if rate is None else rate for rate in (None, *expected)]
     share = sum(known) / len(known)
     return float(TRUST * (numpy.log(share / (1 - share)) - numpy.log(overall / (1 - overall))))
 

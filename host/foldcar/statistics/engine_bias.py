@@ -53,7 +53,7 @@ def predicted_rates(passed: ArrayLike, runs: ArrayLike, other_passed: ArrayLike,
     known = (numpy.asarray(other_runs) > 0)[:, None]
     uniform = 1 / len(RATES)
     prior = numpy.where(known, (1 - UNPREDICTED) * cells + UNPREDICTED * uniform, uniform)
-    k, n = (numpy.asarray(one, float)[:, None] for one in (passed, runs))
+    k, n = (numpy.asarray(number, float)[:, None] for number in (passed, runs))
     log = numpy.log(prior) + xlogy(k, RATES) + xlog1py(n - k, -RATES)
     mass = numpy.exp(log - log.max(axis=1, keepdims=True))
     return numpy.asarray(mass / mass.sum(axis=1, keepdims=True))

@@ -71,7 +71,7 @@ def mean_gap(rates: Sequence[Rates]) -> Gap:
 
 def pair_correlation(first: Sequence[bool], second: Sequence[bool]) -> float:
     """Return the correlation of paired results, corrected for continuity as in Newcombe's method 10; 0 if undefined."""
-    a, b = (numpy.array(one, dtype=float) for one in (first, second))
+    a, b = (numpy.array(results, dtype=float) for results in (first, second))
     both, neither = float(a @ b), float((1 - a) @ (1 - b))
     first_only, second_only = float(a @ (1 - b)), float((1 - a) @ b)
     margins = a.sum() * (1 - a).sum() * b.sum() * (1 - b).sum()

@@ -262,7 +262,7 @@ def _tried(
             some = [((*lengths[:at], length, *lengths[at + 1 :]), strength) for length in MANY_LENGTHS]
             tried.update(dict.fromkeys(some))
             best = max(some, key=lambda one: evidence(*one))
-        some = [(best[0], one) for one in STRENGTHS]
+        some = [(best[0], strength) for strength in STRENGTHS]
         tried.update(dict.fromkeys(some))
         best = max(some, key=lambda one: evidence(*one))
     return tried

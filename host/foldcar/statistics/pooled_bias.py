@@ -155,7 +155,7 @@ def pooled_bias(
     x, f, y = (numpy.asarray(values, dtype=float) for values in (parameters, runs, trials))
     if x.ndim != 2 or f.shape != (len(x), 2) or y.shape != (len(x), 2) or not numpy.all(numpy.isfinite(x)):
         raise FoldcarError("pooled rates need finite parameters (designs, k), and runs and trials (designs, 2)")
-    if not all(numpy.all((one[:, 0] >= 0) & (one[:, 0] <= one[:, 1])) for one in (f, y)) or not numpy.all(f[:, 1] >= 1):
+    if not all(numpy.all((k[:, 0] >= 0) & (k[:, 0] <= k[:, 1])) for k in (f, y)) or not numpy.all(f[:, 1] >= 1):
         raise FoldcarError("pooled rates need 0 ≤ passed ≤ all, and at least 1 simulated run of each design")
     one_each = [BuiltCars.one(*row) if row[1] else None for row in y.tolist()]
     built = tuple(one_each if cars is None else (one and known for one, known in zip(one_each, cars, strict=True)))

@@ -256,7 +256,7 @@ def correlation_within_cars(rates: ArrayLike, car_sd: float) -> float:
     nodes, weights = numpy.polynomial.hermite_e.hermegauss(40)
     centre = numpy.log(p / (1 - p)) * centre_factor(car_sd)
     cars = 1 / (1 + numpy.exp(-(centre[:, None] + car_sd * nodes)))
-    mean, square = (one @ weights / weights.sum() for one in (cars, cars**2))
+    mean, square = (power @ weights / weights.sum() for power in (cars, cars**2))
     return float((square - mean**2).mean() / (mean * (1 - mean)).mean())
 
 

@@ -67,7 +67,7 @@ def calibrated_variation(
     variation = draw(spread, seed, number)
     for name, factor in (("servo_torque", values["servo_torque"]), ("servo_speed", values["servo_speed"])):
         # A difference is relative: 0 is the design's.
-        variation[name] = [_rounded(factor * (1 + one) - 1) for one in variation[name]]
+        variation[name] = [_rounded(factor * (1 + deviation) - 1) for deviation in variation[name]]
     variation["com_z_m"] = _rounded(variation.get("com_z_m", 0.0) + values["com_height_m"])
     variation["track_m"] = values["track_m"]
     for name in REAL_ONLY.keys() & values.keys():

@@ -151,7 +151,7 @@ class Bank:
 
     def joined(self, other: "Bank") -> "Bank":
         """The runs of both."""
-        return Bank(*(np.concatenate([getattr(one, field.name) for one in (self, other)]) for field in fields(self)))
+        return Bank(*(np.concatenate([getattr(bank, field.name) for bank in (self, other)]) for field in fields(self)))
 
     def emulator(self, inputs: FloatArray, designs: int, seed: int) -> Emulator:
         """Fit to these runs; the first ``designs`` of all ``inputs`` (cells, k) are a design's. Raises FoldcarError."""

@@ -235,7 +235,7 @@ def _ends(chances: FloatArray, confidence: float) -> dict[str, float]:
 def findings(summary: Mapping[str, Any]) -> list[str]:
     """What the numbers say and cannot say, in sentences; the first is whether the trials are explained."""
     findings = [*_fit(summary), *_known_better(summary)]
-    strong = [one for one in summary["correlations"] if abs(one["correlation"]) >= CORRELATED]
+    strong = [pair for pair in summary["correlations"] if abs(pair["correlation"]) >= CORRELATED]
     for pair in strong[:MOST_PAIRS]:
         first, second = pair["parameters"]
         other = "lower" if pair["correlation"] > 0 else "higher"
@@ -249,16 +249,16 @@ def findings(summary: Mapping[str, Any]) -> list[str]:
             "take more --runs."
         )
     if found := summary["next_trials"]:
-        trials = "; of ".join(_trials(one) for one in found)
+        trials = "; of ".join(_trials(plan) for plan in found)
         findings.append(f"Most would be learned by {found[0]['trials']} trials of {trials}.")
-    inferred = [one["name"] for one in summary["parameters"] if one["explained"] is not None]
+    inferred = [parameter["name"] for parameter in summary["parameters"] if parameter["explained"] is not None]
     if measurable := [name for name in MEASURABLE if name in inferred]:
         findings.append(f"Measuring often tells more than trials: {listed(measurable)} (`foldcar trials measure`).")
     return findings
 
 
 def _fit(summary: Mapping[str, Any]) -> Iterator[str]:
-    designs = [one for one in summary["designs"] if one["counted"]]
+    designs = [design for design in summary["designs"] if design["counted"]]
     outside = [
         design_text(design["design"])
         for design in designs
@@ -271,10 +271,10 @@ def _fit(summary: Mapping[str, Any]) -> Iterator[str]:
         )
     else:
         yield f"The calibrated simulator's 95 % intervals cover the trials of all {len(designs)} designs."
-    tau = next(one for one in summary["parameters"] if one["name"] == DISCREPANCY.name)
+    tau = next(parameter for parameter in summary["parameters"] if parameter["name"] == DISCREPANCY.name)
     if tau["posterior"]["median"] > 1.3 * tau["prior"]["median"]:
         yield "Rates need a larger discrepancy than assumed before: the simulator lacks what cars have."
-    off = [one for one in summary["misfits"] if one["size"] > one["by_chance"] and one["size"] > WORTH]
+    off = [misfit for misfit in summary["misfits"] if misfit["size"] > misfit["by_chance"] and misfit["size"] > WORTH]
     for one in sorted(off, key=lambda one: -one["size"]):
         yield (
             f"Paths differ in {one['family']} from the calibrated simulator's, {one['size']:.1f} times as much as runs "
@@ -283,7 +283,7 @@ def _fit(summary: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _known_better(summary: Mapping[str, Any]) -> Iterator[str]:
-    rows = [one for one in summary["parameters"] if one["explained"] is not None]
+    rows = [parameter for parameter in summary["parameters"] if parameter["explained"] is not None]
     for one in sorted(rows, key=lambda row: -row["explained"]):
         if one["explained"] >= TOLD:
             before, after = (

@@ -16,7 +16,6 @@ from typing import Any
 from foldcar.simulation.results import NUMBERS, REJECTED, outcome_of
 from foldcar.store.connection import StoreConnection, writing
 from foldcar.store.designs import DesignCounts, design_counts, designs_of
-from foldcar.store.info import listed_id
 from foldcar.store.rows import scene_identity
 from foldcar.store.tables import (
     BY_NAME,
@@ -215,40 +214,6 @@ class StoreWriter(StoreConnection):
             plan.id, design, samples.start, samples.stop,
         ).fetchone()  # fmt: skip
         return int(row[0]), int(row[1])
-
-    def multibody_counts(self, plan: PlannedExperiment) -> tuple[list[int], list[int]] | None:
-        """Return each design's runs (passed, counted) in multibody, for the same experiment and calibration.
-
-        Returns None if there are none, or if the experiment itself is in multibody. Runs in other environments count,
-        too, because the counts are only used for predictions.
-        """
-        if not plan.facts.get("engine"):
-            return None
-        for row in self._rows(EXPERIMENT, "WHERE id <> ?", plan.id):
-            facts = json.loads(row["facts"])
-            # The listed experiment and the calibration of both.
-            identities = [
-                (
-                    listed_id(name, experiment_facts["calibration"], engine),
-                    experiment_facts["calibration"] and experiment_facts["calibration"]["fingerprint"],
-                )
-                for name, experiment_facts, engine in (
-                    (row["id"], facts, ""),
-                    (plan.id, plan.facts, plan.facts["engine"]),
-                )
-            ]
-            if facts.get("engine") or identities[0] != identities[1]:
-                continue
-            stored = design_counts(self.path, self._connection, row["id"])
-            keys = self._design_keys(row["id"])
-            counts_by_key = {
-                keys[position]: experiment_facts
-                for position, *experiment_facts in zip(stored.positions, stored.passed, stored.counted, strict=True)
-            }
-            counts = [counts_by_key.get(key, (0, 0)) for _, key in sorted(self._design_keys(plan.id).items())]
-            if any(runs for _, runs in counts):
-                return [passed for passed, _ in counts], [runs for _, runs in counts]
-        return None
 
     def _design_keys(self, experiment: str) -> dict[int, tuple[int, int]]:
         """Return the ids of body and settings of each design, by its position."""

@@ -121,8 +121,7 @@ class ExperimentRuns:
     def until(self, rule: StoppingRule) -> Iterator[list[FinishedRun]]:
         """Simulate every design until it is decided or cannot be decided any more, in the batches of a schedule."""
         plan, writer = self.plan, self.writer
-        counts_now, multibody_counts = writer.design_counts(plan), writer.multibody_counts(plan)
-        schedule = Schedule(rule, plan.environments, counts_now.reached, multibody_counts)
+        schedule = Schedule(rule, plan.environments, writer.design_counts(plan).reached)
         total, decided = self.counts.total, self.counts.decided
         while batches := schedule.next():
             wanted = {batch.design: batch.samples for batch in batches}

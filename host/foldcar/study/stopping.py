@@ -2,9 +2,7 @@
 
 The schedule is a pure function of results; it uses neither a clock nor the number of simulators. A sweep that resumes
 repeats the same steps with the stored results. Rejected runs are made, but carry no information.
-The intervals hold at all sample sizes simultaneously, so that a design may stop at any size. Another engine's rates may
-therefore order runs and set the sizes of batches. They must not set the stakes of the bets behind the intervals: both
-engines drive in the same environments, whose luck would then count twice.
+The intervals hold at all sample sizes simultaneously, so that a design may stop at any size.
 """
 
 import re
@@ -15,7 +13,6 @@ import numpy
 from numpy.typing import NDArray
 
 from foldcar.errors import FoldcarError
-from foldcar.statistics.engine_bias import RATES, predicted_rates
 from foldcar.statistics.rate import anytime_interval
 from foldcar.statistics.stopping import StoppingRule
 from foldcar.store.designs import DesignCounts
@@ -77,8 +74,8 @@ BATCH_RUNS, BATCH_SHARE = 20, 0.25
 BATCH_ENDS = 20
 # Minimum size of the first batch: fewer runs would say nothing about a design that then waits.
 MIN_RUNS = 5
-# A step has at least this many runs and this fraction of the open designs, because simulators wait at its end.
-STEP_RUNS, STEP_SHARE = 64, 0.125
+# A grid of rates that is even in the arcsine: there the prior of Jeffreys is uniform.
+RATES = numpy.sin(numpy.pi / 2 * (numpy.arange(64) + 0.5) / 64) ** 2
 
 
 @dataclass(frozen=True)
@@ -93,46 +90,23 @@ class Schedule:
     """The schedule of a sweep: :meth:`next` returns batches, :meth:`record` takes their results, until all are closed.
 
     ``most`` is the maximum number of runs of a design. ``reached`` is each design's highest stored sample + 1: stored
-    runs always count. ``other`` are the counts (passed, counted), both (designs,), in another engine; None: all designs
-    advance together in the listing's order. ``counted`` of the ``runs`` were not rejected.
+    runs always count. All designs advance together in the listing's order. ``counted`` of the ``runs`` were not rejected.
     """
 
-    def __init__(
-        self,
-        rule: StoppingRule,
-        most: int,
-        reached: Sequence[int],
-        other: tuple[Sequence[int], Sequence[int]] | None = None,
-    ) -> None:
-        self._rule, self._most, self._other = rule, most, other
+    def __init__(self, rule: StoppingRule, most: int, reached: Sequence[int]) -> None:
+        self._rule, self._most = rule, most
         self._reached = numpy.asarray(reached, int)
         self.passed = numpy.zeros(len(reached), int)
         self.runs = numpy.zeros(len(reached), int)
         self.counted = numpy.zeros(len(reached), int)
         self.decided = numpy.zeros(len(reached), bool)
         self.closed = numpy.zeros(len(reached), bool)
-        # Without another engine's counts, designs with equal counts get equal batches.
+        # Designs with equal counts get equal batches.
         self._ends: dict[tuple[int, int, int], int] = {}
-        self._runs_to_decide = _runs_to_decide(rule, most)
 
     def next(self) -> list[Batch]:
         """Return the batches of the next step; an empty list if every design is closed."""
-        undecided = numpy.flatnonzero(~self.closed)
-        if not len(undecided):
-            return []
-        other_counts = self._other or (numpy.zeros_like(self.runs), numpy.zeros_like(self.runs))
-        masses = predicted_rates(self.passed, self.counted, *other_counts)
-        if self._other is None:
-            return [self._batch(design, masses[design]) for design in undecided.tolist()]
-        bits_per_run = self._bits_per_run(masses[undecided], self.counted[undecided])
-        batches: list[Batch] = []
-        # Rounding makes the order reproducible: among equal designs, the first one in the listing comes first.
-        for index in numpy.argsort(-bits_per_run.round(9), kind="stable"):
-            if len(batches) >= STEP_SHARE * len(undecided) and sum(len(batch.samples) for batch in batches) >= STEP_RUNS:
-                break
-            design = int(undecided[index])
-            batches.append(self._batch(design, masses[design]))
-        return batches
+        return [self._batch(design) for design in numpy.flatnonzero(~self.closed).tolist()]
 
     def record(self, counts: Mapping[int, tuple[int, int]], batches: Sequence[Batch]) -> None:
         """Record a step's results: for each design's new samples, how many passed and how many were not rejected."""
@@ -152,18 +126,17 @@ class Schedule:
         max_counted = self._most - (runs - counted)
         return bool(self.decided[design]) or runs >= self._most or self._rule.hopeless(passed, counted, max_counted)
 
-    def _batch(self, design: int, masses: NDArray[numpy.float64]) -> Batch:
+    def _batch(self, design: int) -> Batch:
         passed, runs, counted = int(self.passed[design]), int(self.runs[design]), int(self.counted[design])
         if runs and self._ended(design):
             return Batch(design, range(runs, int(self._reached[design])))
-        if self._other is not None:
-            return Batch(design, range(runs, self._end(passed, runs, counted, masses)))
         counts = passed, runs, counted
         if counts not in self._ends:
-            self._ends[counts] = self._end(*counts, masses)
+            self._ends[counts] = self._end(*counts)
         return Batch(design, range(runs, self._ends[counts]))
 
-    def _end(self, passed: int, runs: int, counted: int, masses: NDArray[numpy.float64]) -> int:
+    def _end(self, passed: int, runs: int, counted: int) -> int:
+        masses = _rate_masses(passed, counted)
         last = min(self._most, runs + max(BATCH_RUNS, int(BATCH_SHARE * runs)))
         first = min(last, max(runs + 1, MIN_RUNS))
         for end in numpy.unique(numpy.linspace(first, last, BATCH_ENDS).round().astype(int)).tolist():
@@ -171,20 +144,11 @@ class Schedule:
                 return int(end)
         return last
 
-    def _bits_per_run(self, masses: NDArray[numpy.float64], runs: NDArray[numpy.int_]) -> NDArray[numpy.float64]:
-        """Return each design's uncertainty about its side of the thresholds (bits) per run that it will need."""
-        expected_runs = (masses * numpy.maximum(self._runs_to_decide - runs[:, None], 1)).sum(axis=1)
-        if not self._rule.thresholds:
-            return numpy.asarray(1 / expected_runs)
-        zones = numpy.searchsorted(self._rule.thresholds, RATES)
-        sides = numpy.stack([masses[:, zones == zone].sum(axis=1) for zone in range(zones.max() + 1)])
-        bits = -(sides * numpy.log2(numpy.maximum(sides, 1e-300))).sum(axis=0)
-        result: NDArray[numpy.float64] = bits / expected_runs
-        return result
 
+def _rate_masses(passed: int, counted: int) -> NDArray[numpy.float64]:
+    """Return the probabilities of RATES after these runs."""
+    from scipy.special import xlog1py, xlogy
 
-def _runs_to_decide(rule: StoppingRule, most: int) -> NDArray[numpy.float64]:
-    """Return the number of runs (RATES,), at most ``most``, after which a design with exactly this rate is decided."""
-    sizes = numpy.unique(numpy.geomspace(1, most, 60).round())
-    decided = rule.decided(RATES[:, None] * sizes, numpy.broadcast_to(sizes, (len(RATES), len(sizes))))
-    return numpy.where(decided.any(axis=1), sizes[decided.argmax(axis=1)], float(most))
+    log = xlogy(passed, RATES) + xlog1py(counted - passed, -RATES)
+    masses = numpy.exp(log - log.max())
+    return numpy.asarray(masses / masses.sum())

@@ -21,7 +21,7 @@ from foldcar.simulation.heights import carsim_heights
 from foldcar.simulation.results import NUMBERS
 from foldcar.simulation.runner import KEPT_INTERVAL_S as INTERVAL_S
 from foldcar.store.frames import RunArrays
-from foldcar.study.kept_paths import MOST_DESIGNS, KeptPaths
+from foldcar.study.kept_paths import MAX_DESIGNS, KeptPaths
 from swept_listing import foldcar, reported
 
 WIDTHS, SAMPLES = (95, 245), 3
@@ -104,13 +104,13 @@ def test_a_report_simulates_only_without_kept_paths_and_gives_the_same(
 
 
 def test_kept_paths_are_bounded_but_for_the_first_of_each_ending() -> None:
-    keeper = KeptPaths(designs=2 * MOST_DESIGNS)
+    keeper = KeptPaths(designs=2 * MAX_DESIGNS)
     endings = ["passed", "tipped"] * 10_000 + ["stuck", "stuck", "rejected"]
 
-    shown = [design for design in range(2 * MOST_DESIGNS) if keeper.wants(design)]
+    shown = [design for design in range(2 * MAX_DESIGNS) if keeper.wants(design)]
     kept = [keeper.keeps(shown[number % 7], outcome, 1000) for number, outcome in enumerate(endings)]
 
-    assert len(shown) == MOST_DESIGNS and shown[0] == 0 and shown[-1] == 2 * MOST_DESIGNS - 1
+    assert len(shown) == MAX_DESIGNS and shown[0] == 0 and shown[-1] == 2 * MAX_DESIGNS - 1
     # 750 bytes each of 3 million.
     assert kept[:4000] == [True] * 4000 and not any(kept[4000:20_000])
     assert kept[20_000:] == [True, True, False]

@@ -378,7 +378,9 @@ class _Adviser:
         index = self.belief.labels.index(first.label)
         chance = f"{percent(self.belief.chances(self.threshold)[index])} chance to reach {percent(self.threshold)}"
         cars = f" of {count(first.cars, 'car')}" if first.cars else ""
-        hours = "" if first.cost is None else f", about {_hours(first.cost.minutes)}"
+        design = self.belief.designs[index]
+        minutes = first.cars * self._assembly_min + first.trials * trial_min(design.mean_time_s)
+        hours = f", about {_hours(round(minutes))}"
         then = f"; then {listed([design.label for design in recommended[1:]])}" if len(recommended) > 1 else ""
         verb = "build" if first.cars else "drive"
         plan = f"Next, {verb} {first.label}: {chance}; {count(first.trials, 'trial')}{cars}{hours}{then}."

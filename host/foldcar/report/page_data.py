@@ -124,22 +124,19 @@ class Experiment:
         return DesignColumns(self.evidence, [trial for trial in self.trials if trial.id not in self.elsewhere])
 
 
-def read_experiments(
-    store: Store, thresholds: Sequence[float] = (), simulated_trials: bool = False, with_cost: bool = False
-) -> list[Experiment]:
+def read_experiments(store: Store, thresholds: Sequence[float] = (), simulated_trials: bool = False) -> list[Experiment]:
     """Read the experiments of a store in their order, then those with trials only. Raises FoldcarError.
 
     ``thresholds`` of success, 0 to 1; without any, each experiment has its listing's, or THRESHOLDS.
-    ``simulated_trials``: show trials of simulated cars too; they count in no rate. ``with_cost`` as
-    :func:`foldcar.inference.selecting.select`.
+    ``simulated_trials``: show trials of simulated cars too; they count in no rate.
     """
     swept = read_evidence(store)
     limit = max(thresholds, default=None)
-    selections = select_evidence(swept, threshold=limit, with_cost=with_cost)
+    selections = select_evidence(swept, threshold=limit, with_cost=False)
     by_id = {evidence.info.id: evidence for evidence in swept}
     unswept = read_unswept(store)
     named = [*by_id.items(), *unswept.items()]
-    selections += select_evidence(list(unswept.values()), threshold=limit)
+    selections += select_evidence(list(unswept.values()), threshold=limit, with_cost=False)
     experiments = []
     for (name, evidence), selection in zip(named, selections, strict=True):
         info = evidence.info

@@ -35,7 +35,7 @@ def write_report(
     Raises FoldcarError if there is nothing to report or the folder cannot be written.
     """
     check_output_folder(folder)
-    experiments = read_experiments(store, thresholds, simulated_trials, with_cost=True)
+    experiments = read_experiments(store, thresholds, simulated_trials)
     if not any(
         experiment.trials if not experiment.evidence.swept else experiment.info.stored_runs for experiment in experiments
     ):

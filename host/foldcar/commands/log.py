@@ -116,7 +116,7 @@ def _print_session(store: Path, numbers: Collection[int]) -> None:
     from foldcar.commands.progress_bar import working
     from foldcar.inference.comparison import compare_evidence
     from foldcar.inference.evidence import read_evidence, swept_ids
-    from foldcar.inference.selecting import MEASURE, measure_first, select_evidence
+    from foldcar.inference.selecting import measure_first, select_evidence
     from foldcar.shown_console import shown_console
     from foldcar.statistics.words import count
     from foldcar.store.reader import Store
@@ -130,8 +130,7 @@ def _print_session(store: Path, numbers: Collection[int]) -> None:
         is_swept = experiment in swept_ids(reader)
         evidence = read_evidence(reader, experiment, standing == SIMULATED) if is_swept else []
         comparison, selections = compare_evidence(evidence), select_evidence(evidence, with_cost=False)
-        if standing == BUILT:
-            selections = [measure_first(reader, selection) for selection in selections]
+        missing = [text for selection in selections if standing == BUILT for text in measure_first(reader, selection)]
     completed = [trial for trial in session_trials if trial.standing == standing and trial.completed]
     passed, uncounted = sum(trial.outcome == "passed" for trial in completed), len(session_trials) - len(completed)
     uncounted_text = f"; {count(uncounted, 'more trial')} aborted or withdrawn" if uncounted else ""
@@ -148,6 +147,5 @@ def _print_session(store: Path, numbers: Collection[int]) -> None:
     lines += [f"{row.label}: {row.verdict or 'nothing to compare'}" for row in rows]
     if not is_swept:
         lines.append(f"Experiment {experiment} was not swept in {store}: there is no simulation to compare with.")
-    for selection in selections:
-        lines += [selection.sentence, *(remark for remark in selection.remarks if remark.startswith(MEASURE))]
+    lines += [*(selection.sentence for selection in selections), *missing]
     shown_console().print("\n".join(lines))

@@ -57,13 +57,6 @@ class Belief:
         """Return the probability (n,) that a further built car of each design reaches the ``threshold`` (0 to 1)."""
         return numpy.asarray((self.draws >= threshold).mean(axis=0))
 
-    @property
-    def judged(self) -> NDArray[Any]:
-        """What designs are called good or bad by (n, 3): built cars once there are trials, before that simulation."""
-        if not self.driven:
-            return self.simulation
-        return numpy.array([(rate.value, rate.low, rate.high) for rate in self.built])
-
 
 def believe(designs: Sequence[DesignEvidence], places: Sequence[int], names: Sequence[str]) -> Belief | None:
     """Infer the belief about ``designs`` that have runs, which differ in the parameters ``names``.

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy
@@ -95,11 +96,10 @@ class DesignEvidence:
 
     def driven(self, confidence: float = 0.95) -> Rate:
         """Return the success rate of the cars that drove the trials, of which there is at least one."""
-        return Rate.counted(
-            self.trials_passed, len(self.trials), "" if self.cars is None else self.cars.text, confidence=confidence
-        )
+        cars = "" if self.cars is None else self.cars.text
+        return Rate.counted(self.trials_passed, len(self.trials), cars, confidence=confidence)
 
-    @property
+    @cached_property
     def cars(self) -> BuiltCars | None:
         """The trials by the car that drove; None without trials."""
         return by_car(self.trials, self.spread, self.runs_passed, self.runs) if self.trials else None
@@ -142,12 +142,6 @@ def in_family(info: ExperimentInfo, vehicle_type: str, design: Design) -> bool:
 def design_label(info: ExperimentInfo, vehicle_type: str, design: Design) -> str:
     """Return the name of a design for readers: its varied parameters, and what else differs from the family."""
     varied = {name: design[name] for name in info.varied if name in design}
-    text = design_text(
-        varied
-        | {
-            name: value
-            for name, value in design.items()
-            if info.fixed.get(name, value) != value or name not in (*info.fixed, *info.varied)
-        }
-    )
+    differing = {name: value for name, value in design.items() if name not in varied and info.fixed.get(name) != value}
+    text = design_text(varied | differing)
     return text if vehicle_type == info.vehicle_type else f"{vehicle_type} of {text}"

@@ -99,9 +99,9 @@ class Evidence:
         """The values that occur of each varied parameter, ascending."""
         return {name: sorted({float(design.design[name]) for design in self.family}) for name in self.info.varied}
 
-    def index_of(self, trial: Trial) -> int | None:
-        """Return the place of a trial's design in the family; None if it is not of the family, or has no place here."""
-        return self._places.get(design_key(trial.vehicle_type, trial.design))
+    def index_of(self, car: Trial | DesignEvidence) -> int | None:
+        """Return the place in the family of a trial's design, or of another experiment's; None without one."""
+        return self._places.get(design_key(car.vehicle_type, car.design))
 
     @cached_property
     def _places(self) -> dict[Any, int]:

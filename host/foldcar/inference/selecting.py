@@ -56,8 +56,6 @@ MAX_LOSS, MIN_GAIN = 0.05, 0.01
 # A design whose chance to reach the threshold, and to be the best, is smaller (0 to 1) is not worth building.
 MIN_CHANCE = 0.025
 NEXT = "next"
-# How the remark begins that names what should be measured.
-MEASURE = "Measure first, before more trials:"
 
 
 @dataclass(frozen=True)
@@ -143,17 +141,18 @@ def select(
     selections = select_evidence(evidence, build, threshold, precision, with_cost)
     if simulated_trials:
         return [replace(selection, headline=f"SIMULATED trials. {selection.headline}") for selection in selections]
-    return [measure_first(store, selection) for selection in selections]
+    return [
+        replace(selection, remarks=(*measure_first(store, selection), *selection.remarks)) for selection in selections
+    ]
 
 
-def measure_first(store: Store, selection: Selection) -> Selection:
-    """Add what was not measured of the built cars and obstacles to the remarks, if more trials are advised."""
+def measure_first(store: Store, selection: Selection) -> list[str]:
+    """Return a remark on what was not measured of the built cars and obstacles, if more trials are advised."""
     missing = [name for name in MEASURABLE if name not in measured_values(store, selection.info.listed_id)]
     # There is no leader before trials.
     if not missing or selection.leader is None or not selection.recommendations:
-        return selection
-    remark = f"{MEASURE} {listed(missing)} (`foldcar trials measure`)."
-    return replace(selection, remarks=(remark, *selection.remarks))
+        return []
+    return [f"Measure first, before more trials: {listed(missing)} (`foldcar trials measure`)."]
 
 
 def select_evidence(
@@ -165,17 +164,22 @@ def select_evidence(
 ) -> list[Selection]:
     """Advise as :func:`select` does, from evidence that was read."""
     by_id = {experiment.info.id: experiment for experiment in evidence}
+    judged_in = {name: fresh_id(name) for name, one in by_id.items() if one.info.searched and fresh_id(name) in by_id}
+    own = [
+        None if experiment.info.id in judged_in else _select_one(experiment, build, threshold, precision, with_cost)
+        for experiment in evidence
+    ]
+    advice = {experiment.info.id: selection for experiment, selection in zip(evidence, own, strict=True) if selection}
     result = []
-    for experiment in evidence:
-        fresh = by_id.get(fresh_id(experiment.info.id)) if experiment.info.searched else None
-        if fresh is None:
-            result.append(_select_one(experiment, build, threshold, precision, with_cost))
-            continue
-        # Rates in the environments that chose the designs are biased.
-        advice = _select_one(fresh, build, threshold, precision, with_cost)
-        judged = f"{len(fresh.designs):,} were judged in {fresh.info.environments:,} fresh environments"
-        start = f"A search tried {count(experiment.swept, 'design')}; {judged}. "
-        result.append(replace(advice, info=experiment.info, headline=start + advice.headline))
+    for experiment, selection in zip(evidence, own, strict=True):
+        if selection is None:
+            # Rates in the environments that chose the designs are biased.
+            fresh = by_id[judged_in[experiment.info.id]]
+            judged = f"{len(fresh.designs):,} were judged in {fresh.info.environments:,} fresh environments"
+            start = f"A search tried {count(experiment.swept, 'design')}; {judged}. "
+            selection = advice[fresh.info.id]
+            selection = replace(selection, info=experiment.info, headline=start + selection.headline)
+        result.append(selection)
     return result
 
 

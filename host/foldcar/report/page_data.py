@@ -11,7 +11,7 @@
 - ``parameters``: those that vary, ``{"name", "label", "unit", "values": all that occur, ascending}``;
   ``fixed``: [label, text] of the others.
 - ``designs``: columns, an entry per design, null for what is not known. ``value``: per design the indices into the
-  parameters' values (null where the design lacks the parameter); ``name``: the one way in which a design is written;
+  parameters' values; ``name``: the one way in which a design is written;
   ``swept``; ``runs`` and ``passed`` (rejected runs are in neither), ``rate``, ``low``, ``high`` (simulation, 95 %);
   ``outcomes``: a column per outcome; ``trials``, ``trials_passed`` (those that count), ``cars`` (how many drove them),
   ``trials_low``, ``trials_high`` (of these cars); ``smooth``, ``smooth_low``, ``smooth_high``: success in this simulator,
@@ -53,7 +53,7 @@
 import shlex
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -147,7 +147,7 @@ def read_experiments(store: Store, thresholds: Sequence[float] = (), simulated_t
         effects, places = read_effects(evidence)
         fresh = by_id.get(fresh_id(name)) if info.searched else None
         good = tuple(sorted(set(thresholds))) or info.thresholds or THRESHOLDS
-        advice = measure_first(store, selection)
+        advice = replace(selection, remarks=(*measure_first(store, selection), *selection.remarks))
         elsewhere = store.trials_elsewhere(info) if evidence.swept else {}
         experiments.append(Experiment(name, evidence, advice, shown, left_out, elsewhere, good, effects, places, fresh))
     return experiments

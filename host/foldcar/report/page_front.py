@@ -22,13 +22,10 @@ def search_front(evidence: Evidence, areas: Sequence[float | None], fresh: Evide
     objectives = [OBJECTIVES[name] for name in info.objectives if name in OBJECTIVES]
     if not objectives:
         return None
-    places = (
-        {tuple(sorted(design.design.items())): at for at, design in enumerate(fresh.family)} if fresh is not None else {}
-    )
     tried, again = _rows(evidence), _rows(fresh) if fresh is not None else []
     points = []
     for index, rows in enumerate(tried):
-        at = places.get(tuple(sorted(evidence.family[index].design.items())))
+        at = None if fresh is None else fresh.index_of(evidence.family[index])
         judged = again[at] if at is not None else []
         # Designs that were left early were not tried in all environments.
         if judged or len(rows) == max(map(len, tried)):

@@ -25,8 +25,7 @@ def other_simulations(evidence: Evidence, experiments: Sequence[Evidence]) -> li
     for other in experiments:
         if other.info.id == evidence.info.id or _samples(other.info) != _samples(evidence.info):
             continue
-        places = {tuple(sorted(design.design.items())): at for at, design in enumerate(other.family)}
-        place = [places.get(tuple(sorted(design.design.items()))) for design in evidence.family]
+        place = [other.index_of(design) for design in evidence.family]
         other_runs = _passed_runs(other)
         pairs = [
             (passed, other_runs[at, sample])
@@ -76,14 +75,13 @@ def _corrected(evidence: Evidence, other: Evidence) -> dict[str, Columns] | None
     belief = evidence.belief
     if belief is None or other.belief is None:
         return None
-    rows = {tuple(sorted(design.design.items())): row for row, design in enumerate(other.belief.designs)}
-    other_samples = dict(zip(other.belief.samples.tolist(), range(len(other.belief.samples)), strict=True))
+    rows = {place: row for row, place in enumerate(other.belief.places.tolist())}
+    _, columns, other_columns = numpy.intersect1d(belief.samples, other.belief.samples, return_indices=True)
     dear: NDArray[Any] = numpy.full(belief.passed.shape, numpy.nan)
     for at, design in enumerate(belief.designs):
-        row = rows.get(tuple(sorted(design.design.items())))
-        for column, sample in enumerate(belief.samples.tolist()):
-            if row is not None and sample in other_samples:
-                dear[at, column] = other.belief.passed[row, other_samples[sample]]
+        place = other.index_of(design)
+        if place in rows:
+            dear[at, columns] = other.belief.passed[rows[place], other_columns]
     try:
         rates = corrected_rates(belief.parameters, belief.passed, dear)
     except FoldcarError:

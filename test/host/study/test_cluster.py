@@ -273,7 +273,11 @@ def test_the_workers_of_this_machine_speak_tls_and_end_with_the_command(
 
 def listening(process: int) -> set[int]:
     """The TCP ports at which a process listens."""
-    links = [str(file.readlink()) for file in Path(f"/proc/{process}/fd").iterdir()]
+    links = []
+    for file in Path(f"/proc/{process}/fd").iterdir():
+        # The process may close a descriptor while the folder is read.
+        with contextlib.suppress(FileNotFoundError):
+            links.append(str(file.readlink()))
     rows = [row.split() for row in Path("/proc/net/tcp").read_text().splitlines()[1:]]
     return {int(row[1].partition(":")[2], 16) for row in rows if row[3] == "0A" and f"socket:[{row[9]}]" in links}
 

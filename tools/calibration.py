@@ -96,7 +96,7 @@ def parameters(summary: dict[str, Any]) -> list[str]:
 
 
 def findings(summary: dict[str, Any]) -> list[str]:
-    """Correlations, next trials and the likelihood."""
+    """Return lines about correlations and the likelihood."""
     likelihood, emulator = summary["log_likelihood"], summary["emulator"]
     strongest = summary["correlations"][:3]
     pairs = ", ".join(f"{' and '.join(pair['parameters'])} {pair['correlation']:+.2f}" for pair in strongest)
@@ -109,7 +109,6 @@ def findings(summary: dict[str, Any]) -> list[str]:
         f"- The emulator erred by {100 * emulator['error']:.1f} points, beyond chance, in the rate of a width with "
         "trials: calibrated rates are corrected.",
         f"- The trials cannot tell apart what is correlated: {pairs}.",
-        f"- {summary['findings'][-2].partition('; ')[0]}.",
         f"- {summary['findings'][-1]}",
     ]
 

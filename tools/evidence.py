@@ -1,9 +1,10 @@
-"""Renews two tables of docs/calibration.md on realities that are simulated: what trials teach, which rates bands hold.
+"""Renews two tables of a page on realities that are simulated: errors of calibrated rates, coverage of their bands.
 
 Usage: evidence.py FOLDER PAGE. FOLDER keeps what is simulated: a second call simulates nothing that is there. Each
 reality has parameters of the simulator drawn from their prior, four each in MuJoCo with soft tyres, camber, a centre of
-mass aside and a supply that sags; in MuJoCo; in multibody. Ten cars of five widths drive there; rates of the widths that
-no car has are predicted by multibody, calibrated by the first trials, and held against rates simulated in the reality.
+mass aside and a supply that sags; in MuJoCo; in multibody. Ten cars of five widths drive there. Multibody,
+calibrated by the outcomes of the first trials, predicts the rates of the other widths, which are compared with the
+reality's.
 
 The first table has the first four realities with 4, 12, 24 and 48 trials. Of some calibrations obstacles, track and
 centre of mass were measured. Last, multibody has the true parameters. The second table has all realities with 12 trials.
@@ -27,25 +28,14 @@ import numpy as np
 from calibration import kept, table
 from page_block import replaced
 
-from foldcar.inference.calibration.drive_features import (
-    ENDS,
-    FEATURES,
-    PASSED,
-    drive_end,
-    path_features,
-    possible_ends,
-    told_features,
-)
 from foldcar.inference.calibration.emulator import Emulator, cell_inputs, prior_scores, simulate_bank
 from foldcar.inference.calibration.experiment import CalibrationRun, Simulator, SweptExperiment, read_experiment
 from foldcar.inference.calibration.inference import Inference, Problem, checked
-from foldcar.inference.calibration.observations import EVIDENCE, OUTCOMES, PATHS, Cell, Observations
+from foldcar.inference.calibration.observations import Cell, Observations
 from foldcar.inference.calibration.parameters import PARAMETERS, FloatArray, ScorePrior, values_of
 from foldcar.inference.calibration.predictions import rates_of
 from foldcar.simulation.carsim import Carsim
-from foldcar.simulation.compact_path import answered_path
 from foldcar.simulation.engines import MUJOCO, MULTIBODY
-from foldcar.simulation.results import outcome_of
 from foldcar.store.reader import Store
 
 PROGRAM = Path(__file__).resolve().parents[1] / "scenarios" / "step_pyramids.scenic"
@@ -66,22 +56,19 @@ DRIVEN, CARS, TRIALS, NUMBERS = (1, 4, 6, 9, 12), 2, 48, (4, 12, 24, 48)
 # The trials' scenes begin there; those before it are the rates'.
 FIRST_SCENE, RATE_SCENES = 240, 240
 SETS, SEED = 3000, 1
-# What can be measured of obstacles (a share) and a car (m), with a standard deviation, and by what evidence besides.
+# What can be measured of obstacles (a fraction) and of a car (m), with a standard deviation.
 MEASURED = {"obstacle_height": 0.02, "com_height_m": 0.002, "track_m": 0.0005}
-COVERAGE_TRIALS, COVERAGE_WAYS = 12, (OUTCOMES, PATHS)
-WAYS = (*((evidence, False) for evidence in EVIDENCE), (OUTCOMES, True), (PATHS, True))
+COVERAGE_TRIALS = 12
 CONFIDENCE = 0.9
-# What a camera adds to a place (m) and to an angle (rad).
-CAMERA_M, CAMERA_RAD = 0.002, 0.005
 
 
 @dataclass(frozen=True)
 class Reality:
-    """A truth: its parameters' scores, true ``rates`` (designs,), and its trials, each outcome, time and features."""
+    """A truth: its parameters' scores, true ``rates`` (designs,), and whether each of its trials ``passed``."""
 
     scores: FloatArray
     rates: FloatArray
-    trials: list[tuple[str, float, FloatArray]]
+    passed: FloatArray
 
 
 class Judged(NamedTuple):
@@ -104,11 +91,11 @@ def main() -> None:
         experiment = read_experiment(store, "1")
     jobs = len(os.sched_getaffinity(0))
     realities = [
-        kept(given.folder / f"reality{one}.pickle", partial(reality, experiment, one, jobs))
-        for one in range(EACH * len(KINDS))
+        kept(given.folder / f"reality{number}.pickle", partial(reality_of, experiment, number, jobs))
+        for number in range(EACH * len(KINDS))
     ]
     simulator = Simulator(experiment, Carsim(), jobs, SEED)
-    layout = trials_of(realities[0], TRIALS, PATHS, experiment)
+    layout = trials_of(realities[0], TRIALS, experiment)
     bank = kept(
         given.folder / "bank.pickle", lambda: simulate_bank(simulator, prior_scores(SETS, SEED), layout, 0, silent)
     )
@@ -150,77 +137,58 @@ def layout_of(trial: int) -> tuple[int, int, int]:
     return DRIVEN[trial % len(DRIVEN)], trial // len(DRIVEN) % CARS, FIRST_SCENE + trial // len(DRIVEN)
 
 
-def reality(experiment: SweptExperiment, number: int, jobs: int) -> Reality:
+def reality_of(experiment: SweptExperiment, number: int, jobs: int) -> Reality:
     """True rates and trials."""
     _, engine, beyond = KINDS[number // EACH]
     stream = np.random.default_rng(1000 + number)
     scores = 0.8 * stream.standard_normal((1, len(PARAMETERS)))
     values = {**values_of(scores)[0], **beyond}
     designs = range(len(experiment.designs))
-    asked = [(design, scene, 1_000 + scene, scene) for design in designs for scene in range(RATE_SCENES)]
+    drives = [(design, scene, 1_000 + scene, scene) for design in designs for scene in range(RATE_SCENES)]
     trials = [layout_of(trial) for trial in range(TRIALS)]
-    asked += [(design, scene, 5_000 + 10 * design + car, 7_000 + i) for i, (design, car, scene) in enumerate(trials)]
-    runs = [CalibrationRun(design, values, experiment.scenes[scene], *numbers) for design, scene, *numbers in asked]
-    simulator = Simulator(experiment, Carsim(engine=engine), jobs, SEED + number)
-    answers = simulator.answers(runs, lambda answer, _: answer)
-    outcomes = [outcome_of(answer) for answer in answers]
-    apart = len(answers) - TRIALS
-    rates = np.array([outcome == PASSED for outcome in outcomes[:apart]], dtype=float).reshape(len(designs), -1).mean(1)
-    found = []
-    for outcome, answer, (_, _, scene) in zip(outcomes[apart:], answers[apart:], trials, strict=True):
-        rows = answered_path(answer)
-        rows[:, 1:4] += CAMERA_M * stream.standard_normal((len(rows), 3))
-        rows[:, 4:] += CAMERA_RAD * stream.standard_normal((len(rows), 3))
-        found.append((outcome, answer["elapsed_time_s"], path_features(rows, experiment.scenes[scene])))
-    return Reality(scores[0], rates, found)
+    drives += [(design, scene, 5_000 + 10 * design + car, 7_000 + i) for i, (design, car, scene) in enumerate(trials)]
+    runs = [CalibrationRun(design, values, experiment.scenes[scene], *numbers) for design, scene, *numbers in drives]
+    passed = Simulator(experiment, Carsim(engine=engine), jobs, SEED + number).passes(runs)
+    return Reality(scores[0], np.nanmean(passed[:-TRIALS].reshape(len(designs), -1), axis=1), passed[-TRIALS:])
 
 
-def trials_of(one: Reality, number: int, evidence: str, experiment: SweptExperiment) -> Observations:
+def trials_of(reality: Reality, number: int, experiment: SweptExperiment) -> Observations:
     """The first trials of a reality, as a calibration takes them, in the cells of all."""
     layout = [layout_of(trial) for trial in range(TRIALS)]
     places = list(dict.fromkeys((design, scene) for design, _, scene in layout))
     cars = list(dict.fromkeys((design, car) for design, car, _ in layout))
-    ends, features = [], []
-    for outcome, elapsed_s, path in one.trials[:number]:
-        if evidence == PATHS:
-            ends.append(np.arange(ENDS) == drive_end(outcome, path))
-            features.append(path)
-        else:
-            ends.append(possible_ends(PASSED if outcome == PASSED else "not_passed"))
-            features.append(told_features(None if evidence == OUTCOMES else elapsed_s, outcome == PASSED))
     return Observations(
         tuple(Cell(design, experiment.scenes[scene]) for design, scene in places),
         np.array([places.index((design, scene)) for design, _, scene in layout[:number]]),
         np.array([cars.index((design, car)) for design, car, _ in layout[:number]]),
         np.array([design for design, _ in cars]),
-        np.array(ends),
-        np.array(features),
-        np.zeros((number, FEATURES)),
+        reality.passed[:number],
         True,
         (),
     )
 
 
-def measured(one: Reality, number: int) -> dict[int, ScorePrior]:
+def measured(reality: Reality, number: int) -> dict[int, ScorePrior]:
     """The priors of MEASURED parameters by index, each with an error of its value."""
     stream = np.random.default_rng(2000 + number)
     return {
         index: ScorePrior(
-            float(one.scores[index] + MEASURED[parameter.name] / parameter.sd * stream.standard_normal()), 0.0, "measured"
+            float(reality.scores[index] + MEASURED[parameter.name] / parameter.sd * stream.standard_normal()),
+            0.0,
+            "measured",
         )
         for index, parameter in enumerate(PARAMETERS)
         if parameter.name in MEASURED
     }
 
 
-def true_rates(simulator: Simulator, one: Reality) -> FloatArray:
+def true_rates(simulator: Simulator, reality: Reality) -> FloatArray:
     """The rates (designs,) that the simulator has with the reality's parameters, without what is beyond it."""
-    experiment, (values,) = simulator.experiment, values_of(one.scores[None])
+    experiment, (values,) = simulator.experiment, values_of(reality.scores[None])
     designs, scenes = len(experiment.designs), experiment.scenes[:RATE_SCENES]
     numbers = range(designs * len(scenes))
     runs = [CalibrationRun(i // len(scenes), values, scenes[i % len(scenes)], i, i) for i in numbers]
-    passed = [drive is not None and drive.passed for drive in simulator.drives(runs)]
-    return np.asarray(np.reshape(passed, (designs, -1)).mean(axis=1))
+    return np.asarray(np.nanmean(simulator.passes(runs).reshape(designs, -1), axis=1))
 
 
 def calibrated(
@@ -252,12 +220,12 @@ class Study:
         """The designs that no car has."""
         return np.setdiff1d(np.arange(len(self.simulator.experiment.designs)), DRIVEN)
 
-    def calibration(self, index: int, number: int, evidence: str, with_measures: bool) -> Inference:
+    def calibration(self, index: int, number: int, with_measures: bool) -> Inference:
         """The calibration by the first trials of a reality."""
         reality = self.realities[index]
-        observed = trials_of(reality, number, evidence, self.simulator.experiment)
+        observed = trials_of(reality, number, self.simulator.experiment)
         priors = measured(reality, index) if with_measures else {}
-        name = f"{index}-{number}-{evidence}{', measured' if with_measures else ''}"
+        name = f"{index}-{number}{'-measured' if with_measures else ''}"
         make = partial(calibrated, self.simulator, observed, self.emulator, priors)
         inference: Inference = kept(self.folder / f"{name}.pickle", make)
         return inference
@@ -275,32 +243,32 @@ class Study:
         return judged
 
     def evidence_rows(self) -> list[str]:
-        """The table of error, covered truths and explained parameters by number and evidence of trials."""
+        """The table of error and covered truths by number of trials, without and with measured parameters."""
         rows = []
-        for number, (evidence, with_measures) in product(NUMBERS, WAYS):
-            found = [self.calibration(index, number, evidence, with_measures) for index in range(EACH)]
-            judged = np.mean([self.judged(index, inference) for index, inference in enumerate(found)], axis=0)
-            explained = np.mean([1 - inference.posterior.scores.var(axis=0) for inference in found], axis=0)[:4]
-            name = f"{evidence}, measured" if with_measures else evidence
-            shares = [f"{100 * value:.0f}" for value in np.maximum(explained, 0)]
-            rows.append([str(number), name, f"{judged[0]:.1f}", f"{judged[1]:.1f}", f"{judged[2]:.0f}", *shares])
+        for number, with_measures in product(NUMBERS, (False, True)):
+            results = [self.calibration(index, number, with_measures) for index in range(EACH)]
+            judged = np.mean([self.judged(index, inference) for index, inference in enumerate(results)], axis=0)
+            measures = "yes" if with_measures else "no"
+            rows.append(
+                [str(number), measures, *(f"{value:.{d}f}" for value, d in zip(judged, (1, 1, 0, 0), strict=True))]
+            )
         floor = []
         for index, reality in enumerate(self.realities[:EACH]):
             rates = kept(self.folder / f"true{index}.pickle", partial(true_rates, self.simulator, reality))
             floor.append(np.abs(rates - reality.rates)[self.undriven].mean())
-        rows.append(["", "true parameters", f"{100 * np.mean(floor):.1f}", *[""] * 6])
-        head = ["trials", "by", "error", "with discrepancy", "covered %", "friction", "torque", "speed", "height"]
-        return table(head, rows)
+        rows.append(["true parameters", "", f"{100 * np.mean(floor):.1f}", "", "", ""])
+        return table(["trials", "measured", "error", "with discrepancy", "covered %", "width"], rows)
 
     def coverage_rows(self) -> list[str]:
         """The table of error, covered truths and width of bands by kind of reality."""
         rows = []
-        for evidence, (kind, (name, _, _)) in product(COVERAGE_WAYS, enumerate(KINDS)):
+        for with_measures, (kind, (name, _, _)) in product((False, True), enumerate(KINDS)):
             indices = range(EACH * kind, EACH * (kind + 1))
-            found = [self.judged(index, self.calibration(index, COVERAGE_TRIALS, evidence, False)) for index in indices]
-            judged = np.mean(found, axis=0)
-            rows.append([name, evidence, f"{judged[1]:.1f}", f"{judged[2]:.0f}", f"{judged[3]:.0f}"])
-        return table(["reality", "by", "error", "covered %", "width"], rows)
+            each = [self.judged(index, self.calibration(index, COVERAGE_TRIALS, with_measures)) for index in indices]
+            judged = np.mean(each, axis=0)
+            measures = "yes" if with_measures else "no"
+            rows.append([name, measures, f"{judged[1]:.1f}", f"{judged[2]:.0f}", f"{judged[3]:.0f}"])
+        return table(["reality", "measured", "error", "covered %", "width"], rows)
 
 
 if __name__ == "__main__":

@@ -34,10 +34,6 @@ def calibrate(
         bool, typer.Option("--leave-one-out", help="Also predict each design from the trials of the other designs.")
     ] = False,
     simulated_trials: SimulatedTrialsInstead = False,
-    evidence: Annotated[
-        str,
-        typer.Option(metavar="WHAT", help="Data to use: outcomes; times (and outcomes); or paths (and both)."),
-    ] = "paths",
     known: Annotated[
         list[str] | None,
         typer.Option(metavar="NAME=VALUE", help="A measured value, instead of that from `foldcar trials measure`."),
@@ -47,10 +43,11 @@ def calibrate(
 ) -> None:
     """Infer the simulator's parameters from trials.
 
-    The parameters are friction, servos, heights, centre of mass, track and scatter. Each has a prior, which the trials'
-    outcomes, times and paths update. Paths come from a film (`foldcar track`) or a simulated car's log. The store keeps
-    the result, and `foldcar sweep LISTING --calibration NAME` simulates with it. The summary names parameters that the
-    trials cannot tell apart, and further trials that could.
+    The parameters are friction, servos, obstacle heights, centre of mass, track and scatter. Each has a prior, which the
+    trials' outcomes update. Measure obstacle heights, centre of mass and track first (`foldcar trials measure`).
+
+    The store keeps the result, and `foldcar sweep LISTING --calibration NAME` simulates with it. The summary names
+    parameters that the trials cannot tell apart.
 
     \b
     Example: foldcar calibrate study.db --name published --leave-one-out
@@ -59,7 +56,7 @@ def calibrate(
     from foldcar.commands.tables import print_calibration
     from foldcar.inference.calibration.experiment import Simulator, nominal_counts, read_experiment
     from foldcar.inference.calibration.inference import infer, plan
-    from foldcar.inference.calibration.observations import EVIDENCE, experiment_with_trials, observe
+    from foldcar.inference.calibration.observations import experiment_with_trials, observe
     from foldcar.inference.calibration.parameters import built_priors, measured_priors, measured_value
     from foldcar.inference.calibration.summary import summarise
     from foldcar.interrupts import message_on_signal
@@ -69,13 +66,11 @@ def calibrate(
 
     if not NAME.fullmatch(name):
         raise FoldcarError(f'--name "{name}": a name is at most 40 letters, digits, _ . or -, a letter or digit first')
-    if evidence not in EVIDENCE:
-        raise FoldcarError(f"--evidence {evidence}: not one of {', '.join(EVIDENCE)}")
     known_values = dict(measured_value(text, "--known") for text in known or [])
     with Store.open(store) as reader:
         check_calibration_name(reader, name, replace)
         swept_experiment = read_experiment(reader, experiment_with_trials(reader, experiment))
-        observations = observe(reader, swept_experiment, simulated_trials, evidence)
+        observations = observe(reader, swept_experiment, simulated_trials)
         nominal = nominal_counts(reader, swept_experiment)
         # The stored values were measured on built cars and real obstacles, so they do not apply to simulated trials.
         stored = {} if simulated_trials else measured_values(reader, swept_experiment.info.id)

@@ -51,15 +51,6 @@ def trial_path(store: Store, trial: Trial) -> TrialPath:
     return replace(_compacted(filmed), film_error=_film_error(track))
 
 
-def trial_rows(store: Store, trial: Trial) -> Rows | None:
-    """Return the rows (rows, 7) of a trial's path from a film, or else from a simulated car's log; None without both."""
-    filmed = _filmed(store.track(trial.id))
-    if filmed is not None:
-        return filmed
-    logged = _logged(store, trial)
-    return None if isinstance(logged, TrialPath) else logged
-
-
 def _logged(store: Store, trial: Trial) -> Rows | TrialPath:
     """Return the path in a trial's log, or else its attitudes, or why there is neither."""
     if trial.log is None:

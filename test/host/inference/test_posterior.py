@@ -1,4 +1,4 @@
-"""The posterior of a calibration against plain quadrature: cars, features of paths, draws."""
+"""The posterior of a calibration against plain quadrature: cars, draws."""
 
 import math
 from typing import Any
@@ -8,8 +8,7 @@ import pytest
 from scipy.special import expit, logsumexp
 from scipy.stats import binom, norm
 
-from foldcar.inference.calibration.drive_features import FAMILY_OF, FEATURES
-from foldcar.inference.calibration.posterior import DISCREPANCY, Features, outcomes, sample_posterior
+from foldcar.inference.calibration.posterior import DISCREPANCY, outcomes, sample_posterior
 
 
 def grid() -> tuple[Any, Any, Any, Any]:
@@ -29,11 +28,11 @@ def test_the_posterior_is_that_of_plain_quadrature() -> None:
     evidence = exact.sum()
     mean = (exact.sum(axis=1) * z).sum() / evidence
     sd = math.sqrt((exact.sum(axis=1) * z**2).sum() / evidence - mean**2)
-    told = np.array([2.0, 9.0]), np.array([10.0, 10.0])
+    counts = np.array([2.0, 9.0]), np.array([10.0, 10.0])
 
-    def likelihood(scores: Any, tau: Any, _: Any) -> Any:
+    def likelihood(scores: Any, tau: Any) -> Any:
         logits = np.column_stack([1 + 2 * scores[:, 0], np.full(len(scores), 2.0)])
-        return outcomes(logits, *told, np.arange(2), tau[:, None, None] ** 2 * np.eye(2)).evidence
+        return outcomes(logits, *counts, np.arange(2), tau[:, None, None] ** 2 * np.eye(2)).evidence
 
     found = sample_posterior(likelihood, 1, seed=3)
 
@@ -71,15 +70,15 @@ def test_two_cars_of_a_design_share_what_is_not_their_own() -> None:
     """0 of 4 and 4 of 4 with a shared offset and parts of their own: evidence and what a third car has, by quadrature."""
     shared, own = 0.8, 1.1
     covariance = np.full((1, 2, 2), shared**2) + own**2 * np.eye(2)
-    told = np.array([0.0, 3.0]), np.array([4.0, 4.0])
+    counts = np.array([0.0, 3.0]), np.array([4.0, 4.0])
 
-    found = outcomes(np.array([[0.4, 0.4]]), *told, np.arange(2), covariance)
+    found = outcomes(np.array([[0.4, 0.4]]), *counts, np.arange(2), covariance)
     mean, variance = found.further(np.full((1, 2), shared**2), np.array([shared**2]))
 
     z = np.linspace(-7, 7, 281)
     weight = norm.pdf(z) / norm.pdf(z).sum()
     rates = expit(0.4 + shared * z[:, None] + own * z)
-    of_shared = np.prod([(rates**k * (1 - rates) ** (n - k)) @ weight for k, n in zip(*told, strict=True)], axis=0)
+    of_shared = np.prod([(rates**k * (1 - rates) ** (n - k)) @ weight for k, n in zip(*counts, strict=True)], axis=0)
     assert found.evidence[0] == pytest.approx(math.log(of_shared @ weight), abs=0.08)
     masses = of_shared * weight / (of_shared @ weight)
     middle = shared * masses @ z
@@ -87,48 +86,12 @@ def test_two_cars_of_a_design_share_what_is_not_their_own() -> None:
     assert math.sqrt(variance[0]) == pytest.approx(math.sqrt(masses @ (shared * z - middle) ** 2), rel=0.05)
 
 
-def test_features_of_one_car_count_as_one_where_they_are_its_own() -> None:
-    """The density of trials' features, some unknown, is that of one normal vector with all parts of the covariance."""
-    stream = np.random.default_rng(4)
-    root = np.tril(stream.normal(size=(FEATURES, FEATURES))) * 0.1 + np.eye(FEATURES)
-    covariance, shares = root @ root.T, stream.uniform(0.1, 0.8, FEATURES)
-    observed = stream.normal(size=(5, FEATURES))
-    car = np.array([[1.0, 1, 0, 0, 0], [1, 1, 0, 0, 0], [0, 0, 1, 1, 0], [0, 0, 1, 1, 0], [0, 0, 0, 0, 1]])
-    alike = 0.4 + 0.6 * (np.kron(np.eye(2), np.ones((3, 3)))[:5, :5])
-    kappa = np.array([[0.0] * 4, [0.7, 0.2, 1.3, 0.4]])
-    means = stream.normal(size=(2, 5, FEATURES)) * 0.3
-
-    features = Features(observed, np.zeros((5, FEATURES)), covariance, shares, car, alike)
-    found = features.log_likelihood(means, kappa)
-
-    whole = []
-    for sds, mean in zip(kappa, means, strict=True):
-        # Independent parts, of which each has its share of the car and its discrepancy; then as features.
-        parts = [
-            share * car + (1 - share) * np.eye(5) + sds[family] ** 2 * alike
-            for share, family in zip(shares, FAMILY_OF, strict=True)
-        ]
-        joint = np.zeros((5, FEATURES, 5, FEATURES))
-        for feature, part in enumerate(parts):
-            joint[:, feature, :, feature] = part
-        chol = np.linalg.cholesky(covariance)
-        joint = np.einsum("ia,satb,jb->sitj", chol, joint, chol).reshape(5 * FEATURES, 5 * FEATURES)
-        left = (observed - mean).ravel()
-        whole.append(-0.5 * (left @ np.linalg.solve(joint, left) + np.linalg.slogdet(joint)[1]))
-    assert found[1] - found[0] == pytest.approx(whole[1] - whole[0], rel=1e-5)
-    # A car that hung for a while tells no more the longer it hung.
-    far, farther = means.copy(), means.copy()
-    far[0, :, 0] -= 5e4
-    farther[0, :, 0] -= 7e4
-    assert features.log_likelihood(far, kappa)[0] == pytest.approx(features.log_likelihood(farther, kappa)[0])
-
-
 def test_draws_of_many_sharp_parameters_are_told_apart() -> None:
     """Each of six parameters has a design of its own; moves of the prior's size would leave copies of a few draws."""
-    told = np.full(6, 800.0), np.full(6, 1000.0), np.arange(6)
+    counts = np.full(6, 800.0), np.full(6, 1000.0), np.arange(6)
 
-    def likelihood(scores: Any, tau: Any, _: Any) -> Any:
-        return outcomes(3 * scores, *told, tau[:, None, None] ** 2 * np.eye(6)).evidence
+    def likelihood(scores: Any, tau: Any) -> Any:
+        return outcomes(3 * scores, *counts, tau[:, None, None] ** 2 * np.eye(6)).evidence
 
     found = sample_posterior(likelihood, 6, seed=1, particles=400)
 

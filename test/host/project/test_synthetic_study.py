@@ -1,7 +1,6 @@
 """docs/synthetic_study.py: the whole method on a hidden reality in MuJoCo, in a small setting."""
 
 import json
-import math
 import subprocess
 import sys
 from pathlib import Path
@@ -9,7 +8,6 @@ from pathlib import Path
 import pytest
 
 import foldcar
-from foldcar.store.reader import Store
 
 DOCS = Path(__file__).resolve().parents[3] / "docs"
 sys.path.insert(0, str(DOCS))
@@ -26,28 +24,20 @@ def test_each_design_has_two_cars_and_each_car_trials_in_other_environments() ->
     assert len(trials) == 12 and len({trial.car for trial in trials}) == 6
     assert all(trial.car[:-1] == f"{trial.width_mm:g}" for trial in trials)
     for width in (65, 85, 105):
-        mine = [trial for trial in trials if trial.width_mm == width]
-        assert [trial.car[-1] for trial in mine] == list("abab")
-        assert [trial.sample for trial in mine] == [3, 1, 4, 9]
+        of_width = [trial for trial in trials if trial.width_mm == width]
+        assert [trial.car[-1] for trial in of_width] == list("abab")
+        assert [trial.sample for trial in of_width] == [3, 1, 4, 9]
 
 
 @pytest.mark.slow
 def test_the_whole_method_runs_and_is_judged_by_the_truth(tmp_path: Path) -> None:
-    """Two designs and four trials are too few for a right answer: what they say is not asserted."""
+    """Two designs and four trials are too few for a right answer: their answer is not asserted."""
     words = [sys.executable, DOCS / "synthetic_study.py", tmp_path, "--quick"]
     done = subprocess.run(words, capture_output=True, text=True)
 
-    said = done.stdout.splitlines()
-    assert (done.returncode, said[-1].split(":")[0]) in ((0, "right"), (1, "WRONG")), done.stderr
+    lines = done.stdout.splitlines()
+    assert (done.returncode, lines[-1].split(":")[0]) in ((0, "right"), (1, "WRONG")), done.stderr
     assert (tmp_path / "rates.png").stat().st_size > 10_000
     assert json.loads((tmp_path / "reality.json").read_text()) == REALITY
     study = foldcar.Study(tmp_path / "study.db")
     assert len(study.trials) == 4 and "aborted" not in set(study.trials["outcome"])
-    # Each film shows what the simulated car's own log has.
-    with Store.open(tmp_path / "study.db") as store:
-        for trial in store.trials():
-            track = store.track(trial.id)
-            assert track is not None and track.outcome == trial.outcome
-            # When less than 10 mm in 4 s begins depends on millimetres.
-            tolerance_s = 2 if trial.outcome == "stuck" else 0.05
-            assert math.isclose(track.facts["end_s"], trial.elapsed_time_s or 0, abs_tol=tolerance_s)

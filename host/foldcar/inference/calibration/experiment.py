@@ -1,22 +1,22 @@
-"""A swept experiment of a store as a calibration takes it: its designs and scenes, and runs of them.
+"""Reads a swept experiment's designs and scenes from a store, and simulates them with changed parameters.
 
-Input: a store and the name of an experiment. Output: a SweptExperiment, without listing and program; how runs under
-changed parameters went, in order, the same for any number of processes. Raises FoldcarError.
+Input: a store and the name of an experiment; neither listing nor Scenic program is needed. Output: a SweptExperiment, and
+whether runs passed, the same for any number of processes. Raises FoldcarError.
 """
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import islice
-from typing import Any, TypeVar
+from typing import Any
+
+import numpy as np
 
 from foldcar.car.variation import vary_body
 from foldcar.errors import FoldcarError
-from foldcar.inference.calibration.drive_features import PASSED, TIME, drive_end, path_features, told_features
 from foldcar.inference.calibration.effects import calibrated_scene, calibrated_variation
 from foldcar.inference.calibration.parameters import FloatArray
 from foldcar.simulation.carsim import Carsim
-from foldcar.simulation.compact_path import answered_path
 from foldcar.simulation.results import outcome_of
 from foldcar.simulation.runner import RunRequest, side_by_side
 from foldcar.store.info import ExperimentInfo
@@ -24,13 +24,12 @@ from foldcar.store.reader import Store
 from foldcar.store.stored_drives import read_drives
 from foldcar.store.writer import canonical_json
 
-# Fewer scenes are no sample of an environment.
-LEAST_SCENES = 20
+PASSED = "passed"
+# Fewer scenes do not represent an environment.
+MIN_SCENES = 20
 CHUNK_RUNS = 60
-# A parameter set whose runs the simulator cannot compute is left out, but only in rare cases.
-MOST_FAILED = 0.02
-
-T = TypeVar("T")
+# Failed simulations are left out if they are at most this fraction.
+MAX_FAILED = 0.02
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,11 +50,11 @@ class SweptExperiment:
     scenes: tuple[Mapping[str, Any], ...]
 
     def design_of(self, parameters: Mapping[str, float]) -> int | None:
-        """The index of the design with these parameters; None if it has none such."""
+        """Return the index of the design with these parameters; None if there is no such design."""
         return self._indices.get(frozenset(parameters.items()))
 
     def varied(self, design: int) -> dict[str, float]:
-        """The parameters of a design, by its index, that tell it from others of its family."""
+        """Return the parameters that vary over the family, for the design with this index."""
         return {name: float(self.designs[design].parameters[name]) for name in self.info.varied}
 
     @cached_property
@@ -64,13 +63,13 @@ class SweptExperiment:
 
 
 def read_experiment(store: Store, name: str) -> SweptExperiment:
-    """The experiment ``name`` of ``store``. Raises FoldcarError."""
+    """Return the experiment ``name`` of ``store``. Raises FoldcarError."""
     place = f"{store.path}: experiment {name}"
-    known = store.info().experiments
-    if name not in known:
-        swept = ", ".join(known)
+    experiments = store.info().experiments
+    if name not in experiments:
+        swept = ", ".join(experiments)
         raise FoldcarError(f"{place}: was not swept into this store, which has {swept}: sweep its listing first")
-    info = known[name]
+    info = experiments[name]
     if info.calibration is not None:
         listed = info.calibration["experiment"]
         raise FoldcarError(f"{place}: was swept under {info.under}: calibrate by experiment {listed} instead")
@@ -83,10 +82,10 @@ def read_experiment(store: Store, name: str) -> SweptExperiment:
             "environment whose program only places things"
         )
     scenes = [drives.value("scene", scene) for scene in drives.scenes.values()]
-    if len(scenes) < LEAST_SCENES:
+    if len(scenes) < MIN_SCENES:
         raise FoldcarError(
-            f"{place}: the store has {len(scenes)} scenes of its environment, a calibration needs {LEAST_SCENES}: "
-            f"sweep with --environments {LEAST_SCENES} or more"
+            f"{place}: the store has {len(scenes)} scenes of its environment, a calibration needs {MIN_SCENES}: "
+            f"sweep with --environments {MIN_SCENES} or more"
         )
     designs = [
         SweptDesign(parameters, drives.value("body", body), drives.text("settings", settings))
@@ -96,7 +95,7 @@ def read_experiment(store: Store, name: str) -> SweptExperiment:
 
 
 def nominal_counts(store: Store, experiment: SweptExperiment) -> dict[int, tuple[int, int]]:
-    """How many of how many nominal runs that belong in a rate passed, by the design's index."""
+    """Return numbers of passed and of all counted nominal runs by the design's index."""
     counts = store.design_counts(experiment.info.id)
     return dict(enumerate(zip(counts.passed, counts.counted, strict=True)))
 
@@ -105,7 +104,7 @@ def nominal_counts(store: Store, experiment: SweptExperiment) -> dict[int, tuple
 class CalibrationRun:
     """A design by its index, under ``values``, in a scene of docs/carsim.md.
 
-    ``car`` chooses the car's differences from the design, ``number`` what scatters from drive to drive.
+    ``car`` selects the car's random differences from its design, ``number`` what varies from drive to drive.
     """
 
     design: int
@@ -115,21 +114,8 @@ class CalibrationRun:
     number: int
 
 
-@dataclass(frozen=True, slots=True)
-class SimulatedDrive:
-    """How a run went: ``end`` and ``features`` as :mod:`foldcar.inference.calibration.drive_features` has them."""
-
-    end: int
-    features: FloatArray
-
-    @property
-    def passed(self) -> bool:
-        """Whether it reached the goal."""
-        return self.end == 0
-
-
 class Simulator:
-    """Simulates runs of one experiment. ``seed`` is that of everything that scatters."""
+    """Simulates runs of one experiment. ``seed`` is that of all random differences."""
 
     def __init__(self, experiment: SweptExperiment, carsim: Carsim, jobs: int, seed: int) -> None:
         self.experiment = experiment
@@ -138,37 +124,26 @@ class Simulator:
         self._limits = carsim.limits().numbers
         self._jobs = jobs
 
-    def drives(
-        self, runs: Iterable[CalibrationRun], done: Callable[[int], None] = lambda runs: None
-    ) -> list[SimulatedDrive | None]:
-        """How each run went, None if it failed; ``done`` is called with finished runs. Raises FoldcarError."""
-        results = self.answers(runs, _drive, done)
-        failed = results.count(None)
-        if failed > MOST_FAILED * len(results):
+    def passes(self, runs: Iterable[CalibrationRun], done: Callable[[int], None] = lambda runs: None) -> FloatArray:
+        """Simulate the runs. Returns (runs,): 1 if the run passed, 0 if not, NaN if the simulation failed.
+
+        ``done`` is called with numbers of finished runs. Raises FoldcarError if too many simulations fail.
+        """
+        remaining = iter(runs)
+        chunks = iter(lambda: list(islice(remaining, CHUNK_RUNS)), [])
+        results: list[float] = []
+        for passed in side_by_side((partial(self._run, chunk) for chunk in chunks), self._jobs, self._carsim.stop):
+            results += passed
+            done(len(passed))
+        failed = int(np.isnan(results).sum())
+        if failed > MAX_FAILED * len(results):
             raise FoldcarError(
                 f"experiment {self.experiment.info.id}: {failed} of {len(results)} simulations with changed parameters "
                 "failed"
             )
-        return results
+        return np.array(results)
 
-    def answers(
-        self,
-        runs: Iterable[CalibrationRun],
-        read: Callable[[dict[str, Any], CalibrationRun], T],
-        done: Callable[[int], None] = lambda runs: None,
-    ) -> list[T]:
-        """What ``read`` makes of carsim's answer to each run, in order."""
-        left = iter(runs)
-        results: list[T] = []
-        chunks = iter(lambda: list(islice(left, CHUNK_RUNS)), [])
-        for finished in side_by_side(
-            (partial(self._run, read, chunk) for chunk in chunks), self._jobs, self._carsim.stop
-        ):
-            results += finished
-            done(len(finished))
-        return results
-
-    def _run(self, read: Callable[[dict[str, Any], CalibrationRun], T], chunk: list[CalibrationRun]) -> list[T]:
+    def _run(self, chunk: list[CalibrationRun]) -> list[float]:
         bodies, scenes, requests = {}, {}, []
         for name, run in zip(map(str, range(len(chunk))), chunk, strict=True):
             design = self.experiment.designs[run.design]
@@ -176,15 +151,6 @@ class Simulator:
             bodies[name] = canonical_json(vary_body(design.body, variation, self._limits))
             scenes[name] = canonical_json(calibrated_scene(run.scene, run.values, self.seed, run.number))
             label = f"design {run.design + 1}, drive {run.number}"
-            requests.append(RunRequest(name, name, design.settings, label, run.number, compact_path=True))
-        answers = self._carsim.run(bodies, scenes, requests)
-        return [read(answer, run) for answer, run in zip(answers, chunk, strict=True)]
-
-
-def _drive(answer: dict[str, Any], run: CalibrationRun) -> SimulatedDrive | None:
-    outcome = outcome_of(answer)
-    if outcome == "failed":
-        return None
-    features = path_features(answered_path(answer), run.scene)
-    features[TIME] = told_features(answer["elapsed_time_s"], outcome == PASSED)[TIME]
-    return SimulatedDrive(drive_end(outcome, features), features)
+            requests.append(RunRequest(name, name, design.settings, label, run.number))
+        outcomes = [outcome_of(answer) for answer in self._carsim.run(bodies, scenes, requests)]
+        return [np.nan if outcome == "failed" else float(outcome == PASSED) for outcome in outcomes]

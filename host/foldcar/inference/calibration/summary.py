@@ -1,7 +1,7 @@
-"""What a calibration says, as JSON values: parameters, designs, correlations, findings in words, next trials.
+"""Summarises a calibration as JSON values: parameters, designs, correlations, findings in words.
 
 Input: an Inference, nominal runs by design. Output: the object that the store keeps and the command prints. Rates and
-shares are 0 to 1; ``low`` and ``high`` are the ends of 90 % intervals.
+fractions are 0 to 1; ``low`` and ``high`` are the ends of 90 % intervals.
 """
 
 from collections.abc import Iterator, Mapping
@@ -11,39 +11,20 @@ from typing import Any
 import numpy as np
 from scipy.stats import binom
 
-from foldcar.inference.calibration.drive_features import CLIMBING, FAMILIES, FAMILY_NAMES, SPEED, TIPPING, TURNING
 from foldcar.inference.calibration.experiment import SweptExperiment
 from foldcar.inference.calibration.inference import Inference
 from foldcar.inference.calibration.parameters import MEASURABLE, NAMES, PARAMETERS, FloatArray, Parameter, ScorePrior
-from foldcar.inference.calibration.posterior import DISCREPANCY, PATH_DISCREPANCY
-from foldcar.inference.calibration.predictions import (
-    TRIALS,
-    Rates,
-    log_score,
-    rank_next_trials,
-    rates_of,
-    share_interval,
-    trial_chances,
-)
+from foldcar.inference.calibration.posterior import DISCREPANCY
+from foldcar.inference.calibration.predictions import Rates, fraction_interval, log_score, rates_of, trial_chances
 from foldcar.statistics.words import design_text, listed
 
 CONFIDENCE = 0.9
 # A larger error of the emulator in a rate is reported.
-TOLERATED = 0.03
-SHOWN_TRIALS = 3
-# Shares of the prior's variance: a parameter is as unknown as before below the first, known better from the second on.
-UNTOLD, TOLD = 0.1, 0.3
-# Correlations from here on are reported; at most this many.
-CORRELATED, MOST_PAIRS = 0.25, 3
-# Misfits of paths from this size on are reported.
-WORTH = 1.15
-_LACKS = {
-    SPEED: "look at supply, servos and rolling on flat ground",
-    CLIMBING: "look at heights, friction, torque and the centre of mass",
-    TURNING: "look at sides that are not alike: wheels, camber, a centre of mass aside",
-    TIPPING: "look at track, heights and the centre of mass",
-}
-
+MAX_EMULATOR_ERROR = 0.03
+# Reductions of a parameter's variance: below the first trials are uninformative, from the second on informative.
+UNINFORMATIVE, INFORMATIVE = 0.1, 0.3
+# Correlations from this size on are reported, at most MAX_PAIRS of them.
+MIN_CORRELATION, MAX_PAIRS = 0.25, 3
 # Passed and all nominal runs of designs, by their index.
 Nominal = Mapping[int, tuple[int, int]]
 
@@ -51,7 +32,7 @@ Nominal = Mapping[int, tuple[int, int]]
 def summarise(
     inference: Inference, experiment: SweptExperiment, nominal: Nominal, seed: int, runs: int, leave_one_out: bool
 ) -> dict[str, Any]:
-    """The summary; ``leave_one_out`` also predicts each design from the trials of the others."""
+    """Return the summary; ``leave_one_out`` also predicts each design from the trials of the other designs."""
     observed, rates = inference.problem.observed, rates_of(inference, experiment, seed)
     counts = observed.counts()
     trials = {design: counted for design, (_, counted) in counts.items()}
@@ -67,18 +48,7 @@ def summarise(
         "designs": _designs(inference, experiment, nominal, rates, chances),
         "log_likelihood": _log_likelihood(inference, nominal, rates, chances),
         "emulator": {"error": rates.emulator_error, "check_runs": len(inference.table)},
-        "misfits": misfits(inference),
         "notes": list(observed.notes),
-        "next_trials": [
-            {
-                "design": experiment.varied(trials.design),
-                "obstacle_height": trials.height,
-                "trials": TRIALS,
-                "bits": round(trials.bits, 3),
-                "parameter": trials.parameter,
-            }
-            for trials in rank_next_trials(inference, experiment)[:SHOWN_TRIALS]
-        ],
     }
     if leave_one_out:
         summary["leave_one_out"] = left_out(inference, experiment, nominal, rates, seed)
@@ -89,9 +59,9 @@ def summarise(
 def left_out(
     inference: Inference, experiment: SweptExperiment, nominal: Nominal, rates: Rates, seed: int
 ) -> list[dict[str, Any]]:
-    """Predict each design's trials from those of the others, with the log scores of what happened.
+    """Predict each design's trials from those of the other designs, with log scores of the outcomes.
 
-    The emulator is the same: it knows the simulator only. Empty if there are fewer than two designs.
+    The emulator stays the same, because it was fitted to simulations only. Empty for fewer than two designs.
     """
     observed, errors, rows = inference.problem.observed, rates.errors(inference.designs), []
     counts = observed.counts()
@@ -111,29 +81,6 @@ def left_out(
     return rows
 
 
-def misfits(inference: Inference) -> list[dict[str, Any]]:
-    """How far paths of trials lie from simulated ones: by family of features, in standard deviations of runs.
-
-    ``size`` over all trials and features of the family under the posterior, which chance alone brings to 1, in one case
-    of twenty above ``by_chance``; ``offset`` is the mean.
-    """
-    residuals = inference.problem.residuals(inference.posterior.scores[inference.chosen])
-    if residuals is None:
-        return []
-    rows = []
-    for family in FAMILY_NAMES:
-        columns = residuals[..., [name == family for name in FAMILIES]]
-        known = np.isfinite(columns[0])
-        trials = known.any(axis=-1)
-        if trials.any():
-            # Each trial by the mean square of its features; the car's share makes trials of one car alike.
-            sizes = np.nanmean(columns[:, trials] ** 2, axis=(0, 2))
-            by_chance = float(1 + 1.645 / np.sqrt(2 * known.sum()))
-            size, offset = float(np.sqrt(sizes.mean())), float(np.nanmean(columns))
-            rows.append({"family": family, "trials": len(sizes), "size": size, "by_chance": by_chance, "offset": offset})
-    return rows
-
-
 def _nominal_log_score(runs: tuple[int, int] | None, passed: int, counted: int) -> float | None:
     """The log probability of the trials if a car passes as often as nominal ``runs`` (passed, all); None without runs."""
     if runs is None or not runs[1]:
@@ -146,14 +93,10 @@ def _parameters(inference: Inference) -> list[dict[str, Any]]:
     rows = []
     for index, (parameter, scores) in enumerate(zip(PARAMETERS, posterior.scores.T, strict=True)):
         prior = problem.priors.get(index, ScorePrior(0.0, 1.0, parameter.source))
-        # The share of the prior's variance that is gone; a measured value leaves nothing to explain.
+        # The reduction of the prior's variance; a measured value has no variance.
         explained = max(0.0, 1 - float(scores.var()) / prior.sd**2) if index in problem.free else None
         rows.append(_parameter(parameter, np.asarray(parameter.value(scores)), prior, explained))
-    discrepancies = [(DISCREPANCY, posterior.discrepancy)]
-    if problem.features is not None:
-        for family, values in zip(FAMILY_NAMES, posterior.path_discrepancy.T, strict=True):
-            discrepancies.append((replace(PATH_DISCREPANCY, name=f"{PATH_DISCREPANCY.name} {family}"), values))
-    return rows + [_parameter(one, values, ScorePrior(0.0, 1.0, one.source), None) for one, values in discrepancies]
+    return [*rows, _parameter(DISCREPANCY, posterior.discrepancy, ScorePrior(0.0, 1.0, DISCREPANCY.source), None)]
 
 
 def _parameter(parameter: Parameter, values: FloatArray, prior: ScorePrior, explained: float | None) -> dict[str, Any]:
@@ -168,7 +111,7 @@ def _parameter(parameter: Parameter, values: FloatArray, prior: ScorePrior, expl
 
 
 def _correlations(inference: Inference) -> list[dict[str, Any]]:
-    """Of all pairs of parameters, the strongest first."""
+    """Return the correlations of all pairs of parameters, strongest first."""
     free = inference.problem.free
     matrix = np.atleast_2d(np.corrcoef(inference.posterior.scores[:, free].T))
     pairs = [
@@ -182,7 +125,7 @@ def _correlations(inference: Inference) -> list[dict[str, Any]]:
 def _designs(
     inference: Inference, experiment: SweptExperiment, nominal: Nominal, rates: Rates, chances: Mapping[int, FloatArray]
 ) -> list[dict[str, Any]]:
-    """Every checked design: those with trials have shares of as many trials of another car, ``predicted``, too."""
+    """Return a row for each checked design; ``predicted`` is the fraction of as many trials of another car."""
     counts, rows = inference.problem.observed.counts(), []
     for column, design in enumerate(inference.designs.tolist()):
         calibrated, built = rates.calibrated[:, column], rates.predicted[:, column]
@@ -206,10 +149,10 @@ def _designs(
 def _log_likelihood(
     inference: Inference, nominal: Nominal, rates: Rates, chances: Mapping[int, FloatArray]
 ) -> dict[str, float | None]:
-    """Of the numbers that passed: of all trials of a design, independent and at one rate.
+    """Return log-likelihoods of the numbers of passes, with independent trials and one rate for each design.
 
-    ``draws`` is the mean over the published draws, ``best`` what the trials' own rates have, ``nominal`` what nominal
-    runs have: all three without a discrepancy; ``expected`` is the mean over the posterior with it integrated out.
+    Without a discrepancy: ``draws`` is the mean over the published draws, ``best`` has the trials' own rates, ``nominal``
+    those of nominal runs. ``expected`` is the mean over the posterior with the discrepancy integrated out.
     """
     counts = inference.problem.observed.counts()
     published = dict(zip(inference.designs.tolist(), rates.calibrated[inference.chosen].T, strict=True))
@@ -229,28 +172,25 @@ def _middle(values: FloatArray) -> dict[str, float]:
 
 
 def _ends(chances: FloatArray, confidence: float) -> dict[str, float]:
-    return dict(zip(("low", "high"), share_interval(chances, confidence), strict=True))
+    return dict(zip(("low", "high"), fraction_interval(chances, confidence), strict=True))
 
 
 def findings(summary: Mapping[str, Any]) -> list[str]:
-    """What the numbers say and cannot say, in sentences; the first is whether the trials are explained."""
+    """Return sentences about the summary; the first says whether the calibration explains the trials."""
     findings = [*_fit(summary), *_known_better(summary)]
-    strong = [pair for pair in summary["correlations"] if abs(pair["correlation"]) >= CORRELATED]
-    for pair in strong[:MOST_PAIRS]:
+    strong = [pair for pair in summary["correlations"] if abs(pair["correlation"]) >= MIN_CORRELATION]
+    for pair in strong[:MAX_PAIRS]:
         first, second = pair["parameters"]
         other = "lower" if pair["correlation"] > 0 else "higher"
         findings.append(
             f"The trials cannot tell {first} and {second} apart (correlation {pair['correlation']:+.2f}): lower {first} "
             f"with {other} {second} explains them as well."
         )
-    if summary["emulator"]["error"] > TOLERATED:
+    if summary["emulator"]["error"] > MAX_EMULATOR_ERROR:
         findings.append(
             f"The emulator erred by {100 * summary['emulator']['error']:.0f} points in the rate of a design with trials: "
             "take more --runs."
         )
-    if found := summary["next_trials"]:
-        trials = "; of ".join(_trials(plan) for plan in found)
-        findings.append(f"Most would be learned by {found[0]['trials']} trials of {trials}.")
     inferred = [parameter["name"] for parameter in summary["parameters"] if parameter["explained"] is not None]
     if measurable := [name for name in MEASURABLE if name in inferred]:
         findings.append(f"Measuring often tells more than trials: {listed(measurable)} (`foldcar trials measure`).")
@@ -273,30 +213,18 @@ def _fit(summary: Mapping[str, Any]) -> Iterator[str]:
         yield f"The calibrated simulator's 95 % intervals cover the trials of all {len(designs)} designs."
     tau = next(parameter for parameter in summary["parameters"] if parameter["name"] == DISCREPANCY.name)
     if tau["posterior"]["median"] > 1.3 * tau["prior"]["median"]:
-        yield "Rates need a larger discrepancy than assumed before: the simulator lacks what cars have."
-    off = [misfit for misfit in summary["misfits"] if misfit["size"] > misfit["by_chance"] and misfit["size"] > WORTH]
-    for one in sorted(off, key=lambda one: -one["size"]):
-        yield (
-            f"Paths differ in {one['family']} from the calibrated simulator's, {one['size']:.1f} times as much as runs "
-            f"scatter (by chance below {one['by_chance']:.1f}): {_LACKS[one['family']]}."
-        )
+        yield "The discrepancy is larger than its prior: the simulator lacks something that decides the trials."
 
 
 def _known_better(summary: Mapping[str, Any]) -> Iterator[str]:
     rows = [parameter for parameter in summary["parameters"] if parameter["explained"] is not None]
-    for one in sorted(rows, key=lambda row: -row["explained"]):
-        if one["explained"] >= TOLD:
+    for row in sorted(rows, key=lambda row: -row["explained"]):
+        if row["explained"] >= INFORMATIVE:
             before, after = (
                 f"{ends['median']:.3g} ({ends['low']:.2g} to {ends['high']:.2g})"
-                for ends in (one["prior"], one["posterior"])
+                for ends in (row["prior"], row["posterior"])
             )
-            yield f"{one['name']} is {after} {one['unit']}, before the trials {before}."
-    untold = [row["name"] for row in rows if row["explained"] < UNTOLD]
-    if untold:
-        yield f"The trials say next to nothing about {', '.join(untold)}: their intervals are those assumed before."
-
-
-def _trials(one: Mapping[str, Any]) -> str:
-    height = one["obstacle_height"]
-    at = "" if height == 1 else f" with obstacles {100 * height:.0f} % as high"
-    return f"{design_text(one['design'])}{at} ({one['bits']:.2f} bits, most about {one['parameter']})"
+            yield f"{row['name']} is {after} {row['unit']}, before the trials {before}."
+    unknown = [row["name"] for row in rows if row["explained"] < UNINFORMATIVE]
+    if unknown:
+        yield f"The trials say almost nothing about {listed(unknown)}: the intervals are those of the prior."

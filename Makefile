@@ -26,11 +26,13 @@ RELEASE_LOCK := host/requirements-release.txt
 
 CARSIM := .pio/build/carsim/program
 CARSIM_MUJOCO := .pio/build/carsim_mujoco/program
+# The simulator in WebAssembly, for pages and for systems without a native one.
+CARSIM_WASM := .pio/build/carsim_wasm/carsim.wasm
 # The pages' scripts with three.js and charts; the notice is written last.
 BUNDLES := host/foldcar/bundles/NOTICE.txt
 # Folders are among the prerequisites so that a removed file counts as a change.
 CARSIM_SOURCES := $(shell find firmware/lib firmware/src sim2d platformio.ini $(addprefix host/foldcar/link/,dialect.py foldcar.xml standard_messages.txt) -not -name '*.pyc' \
-  -not -name __pycache__) tools/build_id.py tools/firmware_id.py tools/mavlink_headers.py tools/simulation_digest.py
+  -not -name __pycache__) tools/build_id.py tools/firmware_id.py tools/mavlink_headers.py tools/simulation_digest.py tools/carsim_build.py tools/determinism.py
 
 # What `make fresh` tries, and on which release of Debian.
 SUITE := trixie
@@ -79,7 +81,7 @@ help:
 	@echo 'make bench     set up and measure the speed'
 	@echo 'make fuzz      fuzz every parser of the C++ programs under sanitizers, each for FUZZ_S=$(FUZZ_S) seconds'
 	@echo 'make check     the C++ suites under sanitizers, coverage of C++ and Python, headers alone, clang-tidy'
-	@echo 'make determinism  build the simulator with g++ and clang++ at -O0 to -O3 and compare its numbers bit by bit'
+	@echo 'make determinism  build the simulator with g++ and clang++ at -O0 to -O3, and compare their numbers and carsim.wasm bit by bit'
 	@echo 'make golden    renew the golden numbers of test/determinism after a change of the physics'
 	@echo 'make races     record and store a log in two threads under ThreadSanitizer'
 	@echo 'make fidelity  set up, compare with MuJoCo and bring docs/fidelity.md up to date'
@@ -95,7 +97,7 @@ help:
 	@echo 'make clean     remove everything that was built or installed here; results in out/ stay'
 	@echo 'PYTHON=...     the Python (3.10 or newer) that .venv is made with; now $(PYTHON)'
 
-setup: $(CARSIM) $(BUNDLES)
+setup: $(CARSIM) $(CARSIM_WASM) $(BUNDLES)
 
 mujoco: $(CARSIM_MUJOCO)
 
@@ -179,8 +181,9 @@ determinism: setup
 	$(BIN)/python tools/determinism.py
 
 # After a change of the physics.
-golden: setup
-	$(BIN)/python tools/determinism.py --renew --numerics g++ O0
+golden:
+	FOLDCAR_GOLDEN=renew $(MAKE) setup
+	$(BIN)/python tools/determinism.py --renew --numerics g++ O0 carsim.wasm O2
 
 # The C++ suites under sanitizers, what of the lines they and the host's tests run, and static analysis.
 check: setup mujoco
@@ -297,6 +300,12 @@ platformio: .venv/installed
 
 $(CARSIM): $(CARSIM_SOURCES) | platformio
 	$(BIN)/pio run -e carsim
+	@touch $@
+
+# The native build writes the generated headers. Without Emscripten all but pages that drive works.
+$(CARSIM_WASM): $(CARSIM_SOURCES) | $(CARSIM)
+	@tools/install_system_packages.sh wasm || true
+	$(BIN)/python tools/carsim_build.py $(@D)
 	@touch $@
 
 $(CARSIM_MUJOCO): $(CARSIM_SOURCES) tools/mujoco_library.py | platformio

@@ -1,8 +1,10 @@
 """Puts carsim, the pages' scripts and the examples into the package where a wheel is built, as in a checkout.
 
-A wheel fits every Python and one system. PlatformIO builds carsim, npm the scripts. FOLDCAR_BUILD_DIR names a folder of
-programs that are built already, such as .pio/build. The program with MuJoCo is left out where the build has
-no package `mujoco` (Python 3.10).
+A wheel fits every Python and one system. PlatformIO builds carsim, Emscripten carsim.wasm, npm the scripts.
+FOLDCAR_BUILD_DIR names a folder of programs that are built already, such as .pio/build. The program with MuJoCo is left
+out where the build has no package `mujoco` (Python 3.10), carsim.wasm where there is no Emscripten.
+
+FOLDCAR_WHEEL=any makes the wheel for every system instead: without native programs, it runs carsim.wasm with Node.
 """
 
 import importlib.util
@@ -20,7 +22,9 @@ from setuptools.errors import SetupError
 ROOT = Path(__file__).resolve().parent
 # PlatformIO's environments; in the package the programs have these names.
 PROGRAMS = ("carsim", "carsim_mujoco")
+WASM = "carsim.wasm"
 BUNDLES = ROOT / "host" / "foldcar" / "bundles"
+FOR_ANY_SYSTEM = os.environ.get("FOLDCAR_WHEEL") == "any"
 # What `foldcar new --example` writes.
 EXAMPLES = ("scenarios/*.*", "patterns/*.json", "examples/*.*")
 
@@ -43,8 +47,14 @@ class BuildWithPrograms(build_py):
                 target = Path(self.build_lib) / "foldcar" / "examples" / file.relative_to(ROOT)
                 target.parent.mkdir(parents=True, exist_ok=True)
                 shutil.copy(file, target)
-        for name in names:
-            shutil.copy(folder / name / "program", Path(self.build_lib) / "foldcar" / name)
+        package = Path(self.build_lib) / "foldcar"
+        for name in () if FOR_ANY_SYSTEM else names:
+            shutil.copy(folder / name / "program", package / name)
+        module = folder / "carsim_wasm" / WASM
+        if module.is_file():
+            shutil.copy(module, package / WASM)
+        elif FOR_ANY_SYSTEM:
+            raise SetupError("a wheel for every system needs carsim.wasm: install Emscripten")
 
 
 class ProgramWheel(bdist_wheel):
@@ -52,7 +62,7 @@ class ProgramWheel(bdist_wheel):
 
     def get_tag(self) -> tuple[str, str, str]:
         """The tag: the programs, not Python, bind the wheel to the system."""
-        return ("py3", "none", super().get_tag()[2])
+        return ("py3", "none", "any" if FOR_ANY_SYSTEM else super().get_tag()[2])
 
 
 class ProgramDistribution(Distribution):
@@ -60,7 +70,7 @@ class ProgramDistribution(Distribution):
 
     def has_ext_modules(self) -> bool:
         """Programs count as extensions do."""
-        return True
+        return not FOR_ANY_SYSTEM
 
 
 def build(names: tuple[str, ...]) -> Path:
@@ -75,7 +85,10 @@ def build(names: tuple[str, ...]) -> Path:
     ):
         if subprocess.run(command, cwd=ROOT, check=False).returncode != 0:
             raise SetupError(f"carsim was not built: see the message of {Path(command[1]).name} above")
-    return Path(os.environ.get("PLATFORMIO_BUILD_DIR") or ROOT / ".pio" / "build")
+    built = Path(os.environ.get("PLATFORMIO_BUILD_DIR") or ROOT / ".pio" / "build")
+    if subprocess.run([sys.executable, "tools/carsim_build.py", str(built / "carsim_wasm")], cwd=ROOT).returncode != 0:
+        raise SetupError("carsim.wasm was not built: see the message above")
+    return built
 
 
 def bundle() -> None:

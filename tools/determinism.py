@@ -4,9 +4,9 @@ Usage: determinism.py [--renew] [--numerics] [COMPILER LEVEL]...
 
 Each build must answer test/determinism/golden_input.jsonl with the bytes of golden_output.jsonl, multibody's answers and
 then the side view's; exit code 1 if one does not. Without arguments the builds are those of g++ and clang++, as far as
-installed, at -O0 to -O3. --numerics compiles anew only what computes trials and takes the rest from the build of
-PlatformIO, which must be there. --renew first writes golden_output.jsonl with that build: after a change of the physics,
-never to silence a difference.
+installed, at -O0 to -O3, and carsim.wasm. --numerics compiles only what computes trials and takes the rest from the build
+of PlatformIO. --renew first writes golden_output.jsonl with that build: after a change of the physics, never to hide a
+difference.
 """
 
 import argparse
@@ -16,32 +16,34 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterable
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Sequence
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+
+from carsim_build import ROOT, BuildError, compiled, files_in, host_flags, include_options, run, sources
+
 CARSIM = ROOT / ".pio/build/carsim/program"
 INPUT = ROOT / "test/determinism/golden_input.jsonl"
 OUTPUT = ROOT / "test/determinism/golden_output.jsonl"
-# As in platformio.ini.
-FLAGS = ("-std=gnu++17", "-ffp-contract=off", "-pthread", "-DB2_USER_SETTINGS")
 NUMERICS = (
     *("firmware/lib/application", "firmware/lib/attitude", "firmware/lib/control", "firmware/lib/elementary"),
     *("firmware/lib/parameters", "firmware/lib/supervisor", "sim2d/lib/engine", "sim2d/lib/model", "sim2d/lib/multibody"),
     *("sim2d/lib/side_view", "sim2d/lib/sim_hal", "sim2d/lib/terrain", "sim2d/lib/trial"),
 )
+WASM = ROOT / ".pio/build/carsim_wasm/carsim.wasm"
 
 
-class BuildError(Exception):
-    """A compiler is missing or failed."""
+def golden_answers() -> str:
+    """Return the golden answers."""
+    return OUTPUT.read_text(encoding="utf-8")
 
 
-def answers(carsim: Path, **variables: str) -> str:
-    """What that carsim answers to the golden input in multibody and in the side view, with environment variables."""
+def answers(command: Sequence[str], **variables: str) -> str:
+    """Return a carsim's answers to the golden input in multibody and in the side view, with environment variables."""
     return "".join(
         subprocess.run(
-            [carsim, *engine, "batch"],
+            [*command, *engine, "batch"],
             input=INPUT.read_text("utf-8"),
             env={**os.environ, **variables},
             capture_output=True,
@@ -58,71 +60,30 @@ def difference(expected: str, got: str) -> str:
     return "\n".join(line[:300] for line, _ in zip(lines, range(6), strict=False))
 
 
-def build(compiler: str, level: str, folder: Path, numerics: bool) -> Path:
-    """Carsim built into the folder with, say, "clang++", "O1". Raises BuildError."""
+def build(compiler: str, level: str, folder: Path, numerics: bool) -> list[str]:
+    """Build carsim into the folder with, say, "clang++", "O1". Returns its command. Raises BuildError."""
     program = folder / "carsim"
-    sources = _sources(NUMERICS) if numerics else _all_sources()
-    options = [*FLAGS, f"-{level}", *_include_options()]
-
-    def compile_one(numbered: tuple[int, Path]) -> Path:
-        number, source = numbered
-        result = folder / f"{number}.o"
-        _run(compiler, *options, "-c", str(source), "-o", str(result))
-        return result
-
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        objects = [str(file) for file in pool.map(compile_one, enumerate(sources))]
+    files = files_in(NUMERICS) if numerics else [*sources(), *files_in(["sim2d/src"]), ROOT / "sim2d/engines/carsim.cpp"]
+    objects = compiled([compiler], [*host_flags(), f"-{level}", *include_options()], files, folder)
     if numerics:
         objects += [str(file) for file in sorted((CARSIM.parent / "sim2d").rglob("*.o"))]
         archives = sorted(str(file) for file in CARSIM.parent.glob("lib*/lib*.a"))
         objects += ["-Wl,--start-group", *archives, "-Wl,--end-group"]
-    _run(compiler, "-pthread", *objects, "-o", str(program))
-    return program
+    run(compiler, "-pthread", *objects, "-o", str(program))
+    return [str(program)]
+
+
+def wasm_command() -> list[str]:
+    """Return the command of carsim.wasm under Node."""
+    from foldcar.simulation.engines import program_command
+
+    return list(program_command(WASM))
 
 
 def installed_compilers() -> list[str]:
     """g++ and the newest clang++."""
     clang = [name for name in ("clang++", *(f"clang++-{k}" for k in range(22, 13, -1))) if shutil.which(name)]
     return ["g++", *clang[:1]]
-
-
-def _sources(folders: Iterable[str]) -> list[Path]:
-    return [file for folder in folders for file in sorted((ROOT / folder).glob("*.cpp"))]
-
-
-def _all_sources() -> list[Path]:
-    folders = [folder for base in ("firmware/lib", "sim2d/lib") for folder in sorted((ROOT / base).iterdir())]
-    skipped = ("feather_hal", "design_json", "mujoco_car")
-    files = _sources(str(folder.relative_to(ROOT)) for folder in folders if folder.name not in skipped)
-    files += [*_sources(["sim2d/src"]), ROOT / "sim2d/engines/carsim.cpp"]
-    box2d = _downloaded("box2d")
-    if box2d is None:
-        raise BuildError("Box2D is not there yet: make setup fetches it")
-    return files + sorted((box2d / "src").rglob("*.cpp"))
-
-
-def _include_options() -> list[str]:
-    folders = [*sorted((ROOT / "firmware/lib").iterdir()), *sorted((ROOT / "sim2d/lib").iterdir()), ROOT / "sim2d/src"]
-    folders += [ROOT / ".pio/mavlink", ROOT / ".pio/build_id/carsim", ROOT / ".pio/firmware_id"]
-    for library in ("box2d", "nlohmann_json"):
-        found = _downloaded(library)
-        folders += [found / "include", found / "src"] if found else []
-    return [f"-I{folder}" for folder in folders if folder.is_dir() and folder.name not in ("feather_hal", "mujoco_car")]
-
-
-def _downloaded(library: str) -> Path | None:
-    core = Path(os.environ.get("PLATFORMIO_CORE_DIR") or ROOT / ".pio-core")
-    folders = (ROOT / ".pio/libdeps/carsim" / library, core / "lib" / library)
-    return next((folder for folder in folders if folder.is_dir()), None)
-
-
-def _run(*command: str) -> None:
-    try:
-        result = subprocess.run(command, capture_output=True, text=True, check=False)
-    except FileNotFoundError as error:
-        raise BuildError(f"{command[0]} is not installed") from error
-    if result.returncode != 0:
-        raise BuildError(f"{' '.join(command[-4:])}: {result.stderr[-2000:]}")
 
 
 def main() -> int:
@@ -137,16 +98,19 @@ def main() -> int:
     builds = list(zip(arguments.builds[::2], arguments.builds[1::2], strict=True))
     try:
         if arguments.renew:
-            OUTPUT.write_text(answers(CARSIM), encoding="utf-8")
-        expected = OUTPUT.read_text(encoding="utf-8")
+            OUTPUT.write_text(answers([str(CARSIM)]), encoding="utf-8")
+        expected = golden_answers()
         differing = 0
-        builds = builds or [(c, f"O{k}") for c in installed_compilers() for k in range(4)]
+        all_builds = [(c, f"O{k}") for c in installed_compilers() for k in range(4)]
+        builds = builds or [*all_builds, *([("carsim.wasm", "O2")] if WASM.is_file() else [])]
         for compiler, level in builds:
             with tempfile.TemporaryDirectory() as folder:
-                found = difference(expected, answers(build(compiler, level, Path(folder), arguments.numerics)))
-            print(f"{compiler} -{level}: {'the golden bytes' if not found else 'DIFFERS'}", flush=True)
-            if found:
-                print(found)
+                is_wasm = compiler == WASM.name
+                command = wasm_command() if is_wasm else build(compiler, level, Path(folder), arguments.numerics)
+                lines = difference(expected, answers(command))
+            print(f"{compiler} -{level}: {'DIFFERS' if lines else 'the golden bytes'}", flush=True)
+            if lines:
+                print(lines)
                 differing += 1
     except (BuildError, OSError, subprocess.CalledProcessError) as error:
         print(f"determinism: error: {error}", file=sys.stderr)

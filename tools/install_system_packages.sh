@@ -2,8 +2,8 @@
 # Installs the system packages that foldcar is built from, or runs with, on Debian 12 and later and on Ubuntu 22.04 and later.
 # Does nothing, quickly, if they are there. Without root and without sudo it names what is missing and exits with 2.
 #
-# Usage: install_system_packages.sh [tests | check | fresh | run]
-# Besides, what only the tests, only `make check` and `make fuzz`, or only tools/fresh.sh need; run: only what a foldcar
+# Usage: install_system_packages.sh [wasm | tests | check | fresh | run]
+# Besides, what only carsim.wasm, only the tests, only `make check` and `make fuzz`, or only tools/fresh.sh need; run: only what a foldcar
 # installed from a wheel needs
 set -eu
 
@@ -12,6 +12,8 @@ set -eu
 packages='g++ make python3 python3-venv ca-certificates git nlohmann-json3-dev libgl1 libglib2.0-0 libxcb1'
 case ${1:-} in
 '') ;;
+# The compiler to WebAssembly.
+wasm) packages='emscripten' ;;
 # ccache compiles once what several environments compile alike; Chromium is the browser in which tests open pages: Ubuntu
 # has no such package, only a snap that reads no temporary files.
 tests)
@@ -29,7 +31,7 @@ check)
   ;;
 fresh) packages="$packages debootstrap" ;;
 run) packages='python3 python3-venv ca-certificates libgl1 libglib2.0-0 libxcb1' ;;
-*) echo "install_system_packages: unknown purpose $1; it is tests, check, fresh or run" >&2 && exit 2 ;;
+*) echo "install_system_packages: unknown purpose $1; it is wasm, tests, check, fresh or run" >&2 && exit 2 ;;
 esac
 
 if ! command -v apt-get >/dev/null || ! command -v dpkg-query >/dev/null; then

@@ -1,6 +1,8 @@
-"""A digest of everything that can change a simulation's results: sources, flags, compiler, Box2D, C library.
+"""A digest of everything that can change a simulation's results: sources, flags, Box2D.
 
-It does not depend on the checkout's path nor on the order in which the file system lists files.
+Compilers and C libraries that compute the golden numbers of test/determinism compute all runs alike, so they are not part
+of it. Others are, and so are those of MuJoCo's program, which calls the C library's functions. The digest does not depend
+on the checkout's path nor on the order in which the file system lists files.
 """
 
 import hashlib
@@ -15,14 +17,15 @@ class Box2dError(Exception):
     """Box2D is in none of PlatformIO's folders of libraries."""
 
 
-def simulation_digest(root: Path, flags: Sequence[str], compiler: str, libraries: Sequence[Path]) -> str:
+def simulation_digest(root: Path, flags: Sequence[str], compiler: str | None, libraries: Sequence[Path]) -> str:
     """The digest as 16 hexadecimal digits.
 
-    ``root`` is the project's folder, ``flags`` the compiler flags, ``compiler`` the C++ compiler's command,
-    ``libraries`` the folders where PlatformIO may keep the environment's libraries. Raises Box2dError.
+    ``root`` is the project's folder, ``flags`` the compiler flags, ``compiler`` the C++ compiler's command if results
+    depend on it, ``libraries`` the folders where PlatformIO may keep the environment's libraries. Raises Box2dError.
     """
     digest = hashlib.sha256()
-    for text in (" ".join(flags), compiler_version(compiler), " ".join(platform.libc_ver())):
+    platform_texts = [] if compiler is None else [compiler_version(compiler), " ".join(platform.libc_ver())]
+    for text in (" ".join(flags), *platform_texts):
         _add(digest, "text", text.encode())
     for name, content in _contents(root, source_files(root)):
         _add(digest, name, content)

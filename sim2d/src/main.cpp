@@ -6,19 +6,12 @@
 #include <vector>
 
 #include "batch.h"
-#include "build_id.h"
 #include "built_engine.h"
-#include "ending.h"
-#include "firmware_id.h"
-#include "input_limits.h"
 #include "link.h"
 #include "link_options.h"
-#include "metrics.h"
-#include "parameter_table.h"
-#include "printed_number.h"
 #include "reader_watch.h"
 #include "step.h"
-#include "trial_start.h"
+#include "tables.h"
 
 namespace {
 
@@ -44,59 +37,6 @@ int print(const nlohmann::ordered_json& value, int indent) {
   return std::fflush(stdout) == 0 ? 0 : 2;
 }
 
-const char* text(foldcar::ParameterKind kind) {
-  switch (kind) {
-    case foldcar::ParameterKind::kInteger: return "integer";
-    case foldcar::ParameterKind::kSign: return "sign";
-    case foldcar::ParameterKind::kReal: break;
-  }
-  return "real";
-}
-
-int print_parameters() {
-  nlohmann::ordered_json table = nlohmann::ordered_json::array();
-  for (const foldcar::ParameterInfo& info : foldcar::parameter_table()) {
-    table.push_back({{"name", info.name},
-                     {"unit", info.unit},
-                     {"kind", text(info.kind)},
-                     {"minimum", foldcar::as_printed(info.minimum)},
-                     {"maximum", foldcar::as_printed(info.maximum)},
-                     {"default", foldcar::as_printed(info.default_value)},
-                     {"help", info.help}});
-  }
-  return print(table, 1);
-}
-
-int print_metrics() {
-  nlohmann::ordered_json table = nlohmann::ordered_json::array();
-  for (const foldcar::MetricInfo& metric : foldcar::kMetrics) {
-    table.push_back({{"name", metric.name},
-                     {"unit", metric.unit},
-                     {"optional", metric.optional()},
-                     {"help", metric.help}});
-  }
-  return print(table, 1);
-}
-
-// What other programs must hold to that make input for this one, or trials by the same rules.
-int print_limits() {
-  nlohmann::ordered_json input = nlohmann::ordered_json::object();
-  for (const auto& [path, limits] : foldcar::input_limits()) input[path] = {limits.minimum, limits.maximum};
-  const nlohmann::ordered_json trial = {{"settling_s", foldcar::kSettling_s},
-                                        {"step_s", foldcar::engine().step_s()},
-                                        {"firmware_tick_s", foldcar::kTickUs * 1e-6},
-                                        {"tipped_up", foldcar::kTippedUp},
-                                        {"stuck_distance_m", foldcar::kStuckDistance_m},
-                                        {"stuck_turn_rad", foldcar::kStuckTurn_rad},
-                                        {"stuck_time_s", foldcar::kStuckTime_s}};
-  return print({{"input", input}, {"trial", trial}}, 1);
-}
-
-nlohmann::ordered_json version() {
-  return {{"program", "carsim"}, {"build", FOLDCAR_BUILD_ID}, {"firmware", FOLDCAR_FIRMWARE_ID},
-          {"engine", foldcar::engine().name()}};
-}
-
 int batch(const std::vector<std::string>& words) {
   for (const std::string& word : words) {
     if (word != "--timing") return usage_error("batch: unknown option " + word);
@@ -113,10 +53,10 @@ int run(std::vector<std::string> words) {
   if (command == "link") return foldcar::run_link({words.begin() + 1, words.end()});
   if (words.size() > 1) return usage_error(command + " takes no further words");
   if (command == "step") return foldcar::run_step();
-  if (command == "params") return print_parameters();
-  if (command == "metrics") return print_metrics();
-  if (command == "limits") return print_limits();
-  if (command == "--version") return print(version(), -1);
+  if (command == "params") return print(foldcar::parameters_object(), 1);
+  if (command == "metrics") return print(foldcar::metrics_object(), 1);
+  if (command == "limits") return print(foldcar::limits_object(), 1);
+  if (command == "--version") return print(foldcar::version_object(), -1);
   if (command == "--help" || command == "-h") {
     std::fputs(kUsage, stdout);
     std::fputs(foldcar::kEngineUsage, stdout);

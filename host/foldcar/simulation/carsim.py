@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 
 from foldcar.car.body import TableRow
 from foldcar.simulation import results
-from foldcar.simulation.engines import ENGINES, MULTIBODY, engine_title, find_carsim
+from foldcar.simulation.engines import ENGINES, MULTIBODY, engine_title, find_carsim, program_command
 from foldcar.simulation.runner import KEPT_INTERVAL_S, CarsimError, RunRequest, process_ending
 
 T = TypeVar("T")
@@ -56,7 +56,7 @@ class Carsim:
 
     def __init__(self, binary: Path | None = None, engine: str = MULTIBODY) -> None:
         self.binary = binary if binary is not None else find_carsim(engine)
-        self.command = (str(self.binary), *(ENGINES[engine].options if binary is None else ()))
+        self.command = (*program_command(self.binary), *(ENGINES[engine].options if binary is None else ()))
         self._running: set[subprocess.Popen[str]] = set()
         self._stops = 0
         self._limits: CarsimLimits | None = None

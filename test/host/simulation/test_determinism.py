@@ -34,8 +34,8 @@ def golden() -> str:
 
 
 def test_the_golden_trials_give_the_golden_numbers(carsim_binary: Path, golden: str) -> None:
-    found = determinism.difference(golden, determinism.answers(carsim_binary))
-    assert found == "", RENEWAL
+    difference = determinism.difference(golden, determinism.answers([str(carsim_binary)]))
+    assert difference == "", RENEWAL
 
 
 def test_the_golden_trials_differ_from_each_other(golden: str) -> None:
@@ -55,9 +55,13 @@ def test_another_compiler_and_level_give_the_same_bits(
     if level == "O3" and compiler != "g++":
         pytest.skip("`make determinism` tries every level; here one of the other compiler is enough")
 
-    program = determinism.build(compiler, level, tmp_path, numerics=True)
+    command = determinism.build(compiler, level, tmp_path, numerics=True)
 
-    assert determinism.difference(golden, determinism.answers(program)) == ""
+    assert determinism.difference(golden, determinism.answers(command)) == ""
+
+
+def test_carsim_in_webassembly_gives_the_same_bits(golden: str) -> None:
+    assert determinism.difference(golden, determinism.answers(determinism.wasm_command())) == ""
 
 
 def test_a_c_library_with_other_functions_changes_nothing(carsim_binary: Path, tmp_path: Path, golden: str) -> None:
@@ -65,7 +69,7 @@ def test_a_c_library_with_other_functions_changes_nothing(carsim_binary: Path, t
     source.write_text(OTHER_LIBRARY, encoding="utf-8")
     subprocess.run(["gcc", "-shared", "-fPIC", "-fno-builtin", source, "-o", library, "-lm"], check=True)
 
-    assert determinism.difference(golden, determinism.answers(carsim_binary, LD_PRELOAD=str(library))) == ""
+    assert determinism.difference(golden, determinism.answers([str(carsim_binary)], LD_PRELOAD=str(library))) == ""
 
 
 def test_the_program_replaces_no_function_of_the_c_library(carsim_binary: Path) -> None:

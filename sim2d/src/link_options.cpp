@@ -9,6 +9,7 @@
 
 #include "batch_input.h"
 #include "car_json.h"
+#include "reality.h"
 
 namespace foldcar {
 namespace {
@@ -75,16 +76,26 @@ auto each_line(const std::string& content, Read read) {
   return parts;
 }
 
-// A body for each scene, or one for all.
-std::vector<LinkedWorld> read_worlds(const std::string& body_file, const std::string& scene_file) {
+// The worlds of one body in each scene, with a reality for each scene if there is a file of them.
+std::vector<LinkedWorld> read_worlds(const std::string& body_file, const std::string& scene_file,
+                                     const std::string& reality_file) {
   const auto bodies = from_file(body_file, [](const std::string& text) { return each_line(text, read_body); });
   const auto scenes = from_file(scene_file, [](const std::string& text) { return each_line(text, read_scene); });
-  if (bodies.size() != 1 && bodies.size() != scenes.size()) {
-    throw InputError(body_file + ": has " + std::to_string(bodies.size()) + " bodies for the " +
-                     std::to_string(scenes.size()) + " scenes of " + scene_file + "; give one, or one for each scene");
+  if (bodies.size() != 1) throw InputError(body_file + ": has " + std::to_string(bodies.size()) + " bodies; give one");
+  std::vector<Reality> realities(scenes.size());
+  if (!reality_file.empty()) {
+    realities = from_file(reality_file, [](const std::string& text) {
+      return each_line(text, [](const nlohmann::json& line) { return read_reality(JsonReader(line, "reality")); });
+    });
+  }
+  if (realities.size() != scenes.size()) {
+    throw InputError(reality_file + ": has " + std::to_string(realities.size()) + " realities for the " +
+                     std::to_string(scenes.size()) + " scenes of " + scene_file + "; give one for each");
   }
   std::vector<LinkedWorld> worlds;
-  for (std::size_t i = 0; i < scenes.size(); ++i) worlds.push_back({bodies[bodies.size() == 1 ? 0 : i], scenes[i]});
+  for (std::size_t i = 0; i < scenes.size(); ++i) {
+    worlds.push_back({real_body(bodies[0], realities[i]), real_scene(scenes[i], realities[i])});
+  }
   return worlds;
 }
 
@@ -100,7 +111,7 @@ LinkOptions read_link_options(const std::vector<std::string>& words) {
     } else if (word == "--put-back") {
       options.car.put_back = true;
     } else if (word == "--tcp" || word == "--speedup" || word == "--body" || word == "--scene" || word == "--design" ||
-               word == "--params" || word == "--record" || word == "--replay") {
+               word == "--params" || word == "--reality" || word == "--record" || word == "--replay") {
       if (i + 1 == words.size()) throw LinkUsageError("link: " + word + " needs a value");
       if (!values.emplace(word, words[++i]).second) throw LinkUsageError("link: " + word + " is given twice");
     } else {
@@ -120,7 +131,7 @@ LinkOptions read_link_options(const std::vector<std::string>& words) {
   if (values["--body"].empty() || values["--scene"].empty()) {
     throw LinkUsageError("link: needs --body FILE and --scene FILE");
   }
-  options.worlds = read_worlds(values["--body"], values["--scene"]);
+  options.worlds = read_worlds(values["--body"], values["--scene"], values["--reality"]);
   if (!values["--design"].empty()) options.car.design = read_car_json(content_of(values["--design"]));
   // Parameters that are given describe the car by themselves; with neither, it is a new board.
   if (values["--design"].empty() && values["--params"].empty()) options.car.design.source = DesignSource::kMissing;

@@ -19,7 +19,7 @@ constexpr char kUsage[] =
     "usage: carsim batch [--timing]              bodies, scenes and runs in, results out (JSON Lines)\n"
     "       carsim step                          the same for one trial at a time, advanced by its caller\n"
     "       carsim link (--pty | --tcp PORT | --replay FILE) --body FILE --scene FILE [--design FILE] [--params FILE]\n"
-    "                   [--speedup N] [--put-back] [--record FILE]\n"
+    "                   [--reality FILE] [--speedup N] [--put-back] [--record FILE]\n"
     "                                            a car with its whole firmware on a port, speaking MAVLink\n"
     "       carsim params                        the firmware's parameter table as JSON\n"
     "       carsim metrics                       the numbers of a run's result as JSON\n"

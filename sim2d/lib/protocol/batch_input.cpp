@@ -65,6 +65,11 @@ void read_set_point(JsonReader& reader, TrialSpec& trial) {
   if (reader.has("parameters")) read_parameters(reader.object("parameters"), trial.parameters);
 }
 
+Reality read_reality_of(JsonReader& reader, const std::string& line) {
+  if (!reader.has("reality")) return {};
+  return read_reality(JsonReader(reader.value("reality"), line + ".reality", "reality"));
+}
+
 JsonReader only_value(const json& line, const char* kind) { return JsonReader(line.at(kind), kind); }
 
 }  // namespace
@@ -103,6 +108,7 @@ RunLine read_run(const json& line) {
   run.id = reader.string("id");
   run.body = reader.string("body");
   run.scene = reader.string("scene");
+  run.reality = read_reality_of(reader, "run");
   read_set_point(reader, run.trial);
   run.trial.path_interval_s = reader.number_or("path_interval_s", 0);
   if (reader.has("path_form")) run.compact = reader.choice("path_form", {"rows", "compact"}) == 1;
@@ -115,6 +121,7 @@ HeightsLine read_heights(const json& line) {
   HeightsLine heights;
   heights.id = reader.string("id");
   heights.scene = reader.string("scene");
+  heights.reality = read_reality_of(reader, "heights");
   heights.x_m = reader.list("x_m");
   heights.y_m = reader.list("y_m");
   if (heights.x_m.size() != heights.y_m.size()) {
@@ -137,7 +144,8 @@ PulsesLine read_pulses(const json& line) {
 
 MjcfLine read_mjcf(const json& line) {
   JsonReader reader = only_value(line, "mjcf");
-  const MjcfLine mjcf{reader.string("id"), reader.string("body"), reader.string("scene")};
+  const MjcfLine mjcf{reader.string("id"), reader.string("body"), reader.string("scene"),
+                      read_reality_of(reader, "mjcf")};
   reader.finish();
   return mjcf;
 }

@@ -6,6 +6,7 @@
 
 #include "body_spec.h"
 #include "json_reader.h"
+#include "reality.h"
 #include "scene_spec.h"
 #include "trial.h"
 
@@ -17,19 +18,21 @@ enum class LineKind { kBody, kScene, kRun, kHeights, kPulses, kMjcf };
 // Which kind a parsed line is. InputError if it is none or has more than one key.
 LineKind line_kind(const nlohmann::json& line);
 
-// A trial that is asked for, with the ids of its body and scene.
+// A trial to simulate, with the ids of its body and scene and what the real ones differ in from them.
 struct RunLine {
   std::string id;
   std::string body;
   std::string scene;
+  Reality reality;
   TrialSpec trial;
   bool compact = false;  // the path's form in the answer
 };
 
-// Points of a scene at which the ground's height and friction are asked for.
+// Points of a scene whose ground's height and friction are wanted.
 struct HeightsLine {
   std::string id;
   std::string scene;
+  Reality reality;
   std::vector<double> x_m;
   std::vector<double> y_m;
 };
@@ -40,11 +43,12 @@ struct PulsesLine {
   TrialSpec trial;
 };
 
-// A car in a scene that MuJoCo's XML is asked for; the model is named by the id.
+// A car in a scene as MuJoCo's XML; the model is named by the id.
 struct MjcfLine {
   std::string id;
   std::string body;
   std::string scene;
+  Reality reality;
 };
 
 // The line's only value, checked in full. All throw InputError.

@@ -119,17 +119,17 @@ std::optional<std::string> BatchSession::answer(std::size_t line_number, const s
 }
 
 std::string BatchSession::run(const RunLine& run) {
-  const BodySpec& car = body("run", run.body);
-  const SceneSpec& in = scene("run", run.scene);
+  const BodySpec car = real_body(body("run", run.body), run.reality);
+  const SceneSpec in = real_scene(scene("run", run.scene), run.reality);
   const TrialResult result =
-      run_trial(engine_, car, in, run.trial, timed_ ? &stopwatch_ : nullptr, &terrain(in));
+      run_trial(engine_, car, in, run.trial, timed_ ? &stopwatch_ : nullptr, &terrain(in, run.reality));
   simulated_s_ += kSettling_s + result.elapsed_time_s;
   return result_reply(run, result);
 }
 
 std::string BatchSession::heights(const HeightsLine& heights) {
-  const SceneSpec& in = scene("heights", heights.scene);
-  const SceneTerrain& ground = terrain(in);
+  const SceneSpec in = real_scene(scene("heights", heights.scene), heights.reality);
+  const SceneTerrain& ground = terrain(in, heights.reality);
   std::vector<double> z_m, friction;
   for (std::size_t i = 0; i < heights.x_m.size(); ++i) {
     z_m.push_back(ground.height_m(heights.x_m[i], heights.y_m[i]));
@@ -139,9 +139,9 @@ std::string BatchSession::heights(const HeightsLine& heights) {
 }
 
 std::string BatchSession::mjcf(const MjcfLine& mjcf) {
-  const BodySpec& car = body("mjcf", mjcf.body);
-  const SceneSpec& in = scene("mjcf", mjcf.scene);
-  return one_line({{"mjcf", mjcf.id}, {"xml", engine_.mjcf(car, in, terrain(in), mjcf.id)}});
+  const BodySpec car = real_body(body("mjcf", mjcf.body), mjcf.reality);
+  const SceneSpec in = real_scene(scene("mjcf", mjcf.scene), mjcf.reality);
+  return one_line({{"mjcf", mjcf.id}, {"xml", engine_.mjcf(car, in, terrain(in, mjcf.reality), mjcf.id)}});
 }
 
 const BodySpec& BatchSession::body(const char* line, const std::string& id) const {
@@ -156,10 +156,12 @@ const SceneSpec& BatchSession::scene(const char* line, const std::string& id) co
   return found->second;
 }
 
-const SceneTerrain& BatchSession::terrain(const SceneSpec& scene) {
-  if (!terrain_ || terrain_of_ != scene.id) {
+const SceneTerrain& BatchSession::terrain(const SceneSpec& scene, const Reality& reality) {
+  const std::pair<double, double> factors = ground_factors(reality);
+  if (!terrain_ || terrain_of_ != scene.id || terrain_factors_ != factors) {
     terrain_.emplace(scene.terrain);
     terrain_of_ = scene.id;
+    terrain_factors_ = factors;
   }
   return *terrain_;
 }

@@ -5,6 +5,7 @@
 #include <optional>
 #include <string>
 #include <unordered_map>
+#include <utility>
 
 #include "batch_input.h"
 #include "engine.h"
@@ -43,14 +44,15 @@ class BatchSession {
   std::string mjcf(const MjcfLine& mjcf);
   const BodySpec& body(const char* line, const std::string& id) const;
   const SceneSpec& scene(const char* line, const std::string& id) const;
-  // The scene's terrain, made anew only when another scene is asked for.
-  const SceneTerrain& terrain(const SceneSpec& scene);
+  // The real scene's terrain, made anew only for another scene or other heights or friction.
+  const SceneTerrain& terrain(const SceneSpec& scene, const Reality& reality);
 
   const Engine& engine_;
   bool timed_;
   std::unordered_map<std::string, BodySpec> bodies_;
   std::unordered_map<std::string, SceneSpec> scenes_;
   std::string terrain_of_;  // the scene's id
+  std::pair<double, double> terrain_factors_;
   std::optional<SceneTerrain> terrain_;
   Stopwatch stopwatch_;
   double simulated_s_ = 0;

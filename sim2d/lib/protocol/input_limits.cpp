@@ -4,6 +4,7 @@
 
 #include "ground_outline.h"
 #include "hal.h"
+#include "reality.h"
 #include "scene_terrain.h"
 #include "supervisor.h"
 #include "terrain_input.h"
@@ -106,6 +107,7 @@ void add_runs(Table& table) {
                 {"heights.x_m.count", {0, 1e6}},
                 {"heights.y_m.count", {0, 1e6}},
                 {"advance.to_s", kTime_s}});
+  for (const auto& [name, limits] : reality_limits()) table["reality." + name] = limits;
 }
 
 Table made() {

@@ -62,8 +62,8 @@ ordered_json StepSession::start(const json& line) {
   const auto body = find(bodies_, "body", run.body);
   const auto scene = find(scenes_, "scene", run.scene);
   trial_.reset();
-  body_ = body;
-  scene_ = scene;
+  body_ = std::make_shared<const BodySpec>(real_body(*body, run.reality));
+  scene_ = std::make_shared<const SceneSpec>(real_scene(*scene, run.reality));
   trial_ = std::make_unique<Trial>(engine_, *body_, *scene_, run.trial);
   advanced_ = {trial_->now()};
   return state_reply();

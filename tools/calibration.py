@@ -1,4 +1,4 @@
-"""Renews the tables of docs/calibration.md on the published trials.
+"""Renews the tables of docs/fidelity.md on the published trials.
 
 Usage: calibration.py FOLDER PAGE. FOLDER keeps what is simulated: a second call simulates nothing that is there. Input:
 the width study and the published trials. Output: the page with the text between its marks replaced.
@@ -96,18 +96,11 @@ def parameters(summary: dict[str, Any]) -> list[str]:
 
 
 def findings(summary: dict[str, Any]) -> list[str]:
-    """Correlations, next trials and the likelihood."""
-    likelihood, emulator = summary["log_likelihood"], summary["emulator"]
+    """Coverage, correlations and what to do next."""
     strongest = summary["correlations"][:3]
     pairs = ", ".join(f"{' and '.join(pair['parameters'])} {pair['correlation']:+.2f}" for pair in strongest)
     return [
         f"- {summary['findings'][0]}",
-        f"- Log-likelihood without a discrepancy: {likelihood['best']:.2f} by the trials' own rates, "
-        f"{likelihood['draws']:.1f} on average over the posterior, "
-        f"{likelihood['nominal']:.1f} nominal; with the discrepancy integrated out the posterior has "
-        f"{likelihood['expected']:.1f}.",
-        f"- The emulator erred by {100 * emulator['error']:.1f} points, beyond chance, in the rate of a width with "
-        "trials: calibrated rates are corrected.",
         f"- The trials cannot tell apart what is correlated: {pairs}.",
         f"- {summary['findings'][-2].partition('; ')[0]}.",
         f"- {summary['findings'][-1]}",

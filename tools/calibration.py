@@ -26,7 +26,7 @@ from foldcar.store.reader import Store
 PROJECT = Path(__file__).resolve().parents[1]
 RUNS, SEED = 24_000, 1
 # Parameters on the page: from this share of explained variance on.
-SHOWN = 0.2
+SHOWN = 0.1
 
 
 def main(folder: Path, page: Path) -> None:
@@ -85,9 +85,11 @@ def published(summary: dict[str, Any]) -> list[str]:
 
 
 def parameters(summary: dict[str, Any]) -> list[str]:
-    """All parameters before and after, and how much of their variance the trials explain."""
+    """Parameters that the trials inform, before and after, and how much of their variance the trials explain."""
     rows = []
     for one in summary["parameters"]:
+        if one["explained"] is not None and one["explained"] < SHOWN:
+            continue
         told = (one["prior"], one["posterior"])
         before, after = (f"{p['median']:.2g} ({p['low']:.2g} to {p['high']:.2g})" for p in told)
         explained = "" if one["explained"] is None else f"{100 * one['explained']:.0f}"

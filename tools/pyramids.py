@@ -39,7 +39,6 @@ from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.engines import MUJOCO, MULTIBODY
 from foldcar.simulation.results import outcome_of
 from foldcar.simulation.runner import RunRequest
-from foldcar.statistics.rate import Rate
 from foldcar.store.writer import canonical_json
 from foldcar.study.environments import Environment
 from foldcar.study.experiments import read_study
@@ -292,11 +291,10 @@ def ranges(fitting: Sequence[FloatArray]) -> str:
 
 
 def table(rows: Mapping[str, Counts], scenes: int) -> list[str]:
-    """Rates by width with 95 % intervals (Wilson), a column for each of ``rows``."""
+    """Rates by width in per cent, a column for each of ``rows``."""
     lines = [f"|width (mm)|{'|'.join(rows)}|", "|---" * (len(rows) + 1) + "|"]
     for width in WIDTHS:
-        rates = [Rate.counted(counts[width], scenes, "") for counts in rows.values()]
-        cells = [f"{100 * rate.value:.0f} ({100 * rate.low:.0f} to {100 * rate.high:.0f})" for rate in rates]
+        cells = [f"{100 * counts[width] / scenes:.0f}" for counts in rows.values()]
         lines.append(f"|{width}|{'|'.join(cells)}|")
     return lines
 

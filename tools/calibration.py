@@ -98,14 +98,12 @@ def parameters(summary: dict[str, Any]) -> list[str]:
 
 
 def findings(summary: dict[str, Any]) -> list[str]:
-    """Coverage, correlations and what to do next."""
+    """Coverage and the strongest correlations."""
     strongest = summary["correlations"][:3]
     pairs = ", ".join(f"{' and '.join(pair['parameters'])} {pair['correlation']:+.2f}" for pair in strongest)
     return [
         f"- {summary['findings'][0]}",
         f"- The trials cannot tell apart what is correlated: {pairs}.",
-        f"- {summary['findings'][-2].partition('; ')[0]}.",
-        f"- {summary['findings'][-1]}",
     ]
 
 

@@ -143,7 +143,7 @@ def pooled(cars: int, rough: bool, spread: float, told: bool, n: int) -> Cell:
 def pooled_name(cars: int, rough: bool, spread: float, told: bool) -> str:
     """The name of such a line."""
     way, of = "rough" if rough else "smooth", "1 car" if cars == 1 else f"{cars} cars"
-    return f"{of} a design, {way} bias pooled, σ = {spread:g}, {'simulated' if told else 'assumed'}"
+    return f"pooled, {way} bias, {of} per design, σ = {spread:g} {'simulated' if told else 'assumed'}"
 
 
 def contradicted(driven: int, n: int, cars: int, spread: float, dip: float) -> tuple[float, float]:
@@ -263,7 +263,7 @@ def main(page: Path) -> None:
 
 def contradictions_table(checked: dict[tuple[Any, float], Future[tuple[float, float]]]) -> list[list[str]]:
     """Rows of how many designs are named (%), by designs, trials, cars, and depth of a lone dip."""
-    dips = ("a fitting one" if not dip else f"one {100 * dip:.0f} points lower" for dip in DIPS)
+    dips = ("design that fits" if not dip else f"{100 * dip:.0f} points lower" for dip in DIPS)
     table = [["driven designs", "cars × trials of each", "σ", *dips]]
     for study in STUDIES:
         designs, n, cars, spread = study

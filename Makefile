@@ -86,7 +86,7 @@ help:
 	@echo 'make races     record and store a log in two threads under ThreadSanitizer'
 	@echo 'make fidelity  set up, compare with MuJoCo and bring docs/fidelity.md up to date'
 	@echo 'make pyramids  set up, search sizes of the step pyramids that fit the publication, bring docs/scenarios.md up to date'
-	@echo 'make calibration  set up, calibrate by the published trials and by hidden realities, renew docs/calibration.md'
+	@echo 'make calibration  set up, calibrate by the published trials and by hidden realities, renew docs/fidelity.md'
 	@echo 'make statistics  measure coverage of the intervals and trials saved, and bring docs/statistics.md up to date'
 	@echo 'make fresh     as root: make study and make test in a bare root of SUITE=$(SUITE) (TARGETS=study: the study only)'
 	@echo 'make container-check  as root: the steps of the Dockerfile in bare roots, without a container engine'
@@ -113,8 +113,8 @@ pyramids: setup mujoco
 
 calibration: setup mujoco
 	@mkdir -p out
-	$(BIN)/python tools/calibration.py out/calibration docs/calibration.md
-	$(BIN)/python tools/evidence.py out/evidence docs/calibration.md
+	$(BIN)/python tools/calibration.py out/calibration docs/fidelity.md
+	$(BIN)/python tools/evidence.py out/evidence docs/fidelity.md
 
 fidelity: setup mujoco
 	@mkdir -p out

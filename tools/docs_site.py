@@ -11,6 +11,8 @@ from mkdocs.structure.pages import Page
 ROOT = Path(__file__).resolve().parents[1]
 # Pages of the site, and what they are made from.
 PAGES = {"index.md": "README.md", "contributing.md": "CONTRIBUTING.md", "changelog.md": "CHANGELOG.md"}
+# A page of the site that stands in a folder.
+SIMULATOR = "sim2d/README.md"
 API = ROOT / "host" / "foldcar" / "__init__.py"
 
 
@@ -29,12 +31,14 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
     """Links to what is outside docs/ lead to its copy on the site."""
+    if page.file.src_uri == SIMULATOR:
+        return _to_pages(markdown.replace("](../docs/", "](../"), "../", "../")
     return _to_pages(markdown, "../").replace("](../", "](")
 
 
-def _to_pages(markdown: str, folder: str) -> str:
+def _to_pages(markdown: str, folder: str, site: str = "") -> str:
     for name, source in PAGES.items():
-        markdown = markdown.replace(f"]({folder}{source}", f"]({name}")
+        markdown = markdown.replace(f"]({folder}{source}", f"]({site}{name}")
     return markdown
 
 

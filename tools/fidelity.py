@@ -66,7 +66,6 @@ ALL, ALL_ACROSS = "all", "all across"
 HEAD = ["experiment", "runs", *(f"{name} %" for name in ("side-view", "multibody", "MuJoCo")),
         "side-view RMSE", "multibody alike %", "multibody RMSE"]  # fmt: skip
 NOT_CLAIMED = "–"
-PARTED = 5
 
 
 class Run(NamedTuple):
@@ -165,7 +164,6 @@ def main(store: Path, across: Path, page: Path) -> None:
             HEAD, *experiment_rows(results, NAMES, ALL), *experiment_rows(results_across, ACROSS, ALL_ACROSS)
         ],
         "engines": engine_rows(results, results_across),
-        "designs": parted_designs(results),
     }  # fmt: skip
     text = page.read_text(encoding="utf-8")
     for name, table in blocks.items():
@@ -243,20 +241,6 @@ def engine_rows(results: Results, across: Results) -> list[list[str]]:
             f"{100 * compared.rmse:.1f}",
             f"{100 * compared.bias:+.1f}",
         ])  # fmt: skip
-    return table
-
-
-def parted_designs(results: Results) -> list[list[str]]:
-    """The designs whose success rates differ most in multibody and MuJoCo, in standard errors of the difference."""
-    compared = agreement(results.pairs(MULTIBODY, list(results.designs)))
-    order = sorted(compared.designs.items(), key=lambda item: -abs(item[1].first - item[1].second) / item[1].runs ** 0.5)
-    table = [["experiment", "design", "runs", "multibody %", "MuJoCo %"]]
-    for (name, number), counts in order[:PARTED]:
-        designs = results.designs[name]
-        varied = sorted(key for key in designs[0] if len({design[key] for design in designs.values()}) > 1)
-        label = ", ".join(f"{key} {designs[number][key]:g}" for key in varied)
-        percents = [f"{100 * passed / counts.runs:.0f}" for passed in (counts.first, counts.second)]
-        table.append([name, label, str(counts.runs), *percents])
     return table
 
 

@@ -41,13 +41,12 @@ def centre_of(rate: Any, deviation: float) -> Any:
 
 @dataclass(frozen=True)
 class Driven:
-    """Cars of a design of true ``rate``: of the cars that drove it is ``these``; they passed so many of ``each`` (cars,).
+    """Cars of a design of true ``rate``: each passed so many of ``each`` trials, ``passed`` (cars,).
 
     ``simulated``: how many of ten environments each of SIMULATED_CARS passed.
     """
 
     rate: float
-    these: float
     passed: Any
     each: int
     simulated: Any
@@ -60,14 +59,14 @@ def driven(random: numpy.random.Generator, cars: int, each: int, spread: float, 
         centre = centre_of(rate, spread)
         mine = logistic(centre + spread * random.standard_normal(cars))
         twins = logistic(centre + BIAS * random.standard_normal() + spread * random.standard_normal(SIMULATED_CARS))
-        yield Driven(rate, float(mine.mean()), random.binomial(each, mine), each, random.binomial(10, twins))
+        yield Driven(rate, random.binomial(each, mine), each, random.binomial(10, twins))
 
 
 @dataclass(frozen=True)
 class Placed:
     """``passed`` of ``trials`` of one car, in environments where simulation is known: its rate over all, ``overall``.
 
-    Over the car's own it is ``single`` by the sweep's runs, one in each, and ``several`` by SIMULATED_CARS in each.
+    In each of the trials' environments it is ``several``, by SIMULATED_CARS.
     ``rate`` is that of the design, ``simulated`` as in Driven.
     """
 
@@ -75,7 +74,6 @@ class Placed:
     passed: int
     trials: int
     overall: float
-    single: list[float]
     several: list[float]
     simulated: Any
 
@@ -97,10 +95,10 @@ def placed(
         table = random.random(twins.shape) < twins
         passed = random.random(trials) < logistic(centre + spread * random.standard_normal() + SCENES * b[mine])
         overall = (runs.sum() + 0.5) / (n + 1)
-        single, several = runs[mine].astype(float).tolist(), table.mean(axis=0).tolist()
+        several = table.mean(axis=0).tolist()
         # The truth is that of these environments, which a design meets again.
         true = float(logistic(centre + spread * quantiles() + SCENES * b[:, None]).mean())
-        yield Placed(true, int(passed.sum()), trials, overall, single, several, table.sum(axis=1))
+        yield Placed(true, int(passed.sum()), trials, overall, several, table.sum(axis=1))
 
 
 @cache

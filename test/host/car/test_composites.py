@@ -1,4 +1,4 @@
-"""Cars composed by a script: the publication's Appendix C of docs/compiler.md, modules of modules, mistakes in them."""
+"""Cars composed by a script: the publication's Appendix C in examples/snake.py, modules of modules, mistakes in them."""
 
 import json
 import re
@@ -20,9 +20,11 @@ from foldcar.fabrication.patterns.sheets import pattern
 from foldcar.study.family import read_family
 from foldcar.study.listing import ListedVehicle
 
-DOC = (Path(__file__).parents[3] / "docs" / "compiler.md").read_text(encoding="utf-8")
+PROJECT = Path(__file__).parents[3]
+DOC = (PROJECT / "docs" / "compiler.md").read_text(encoding="utf-8")
 PART = DOC[DOC.index("## Cars composed by a script") :].partition("## Verification")[0]
-SNAKE, (TYPE_STRING,) = re.findall("```python\n(.*?)```", PART, re.S)[0], re.findall("```json\n(.*?)```", PART, re.S)
+SNAKE = (PROJECT / "examples" / "snake.py").read_text(encoding="utf-8")
+(TYPE_STRING,) = re.findall("```json\n(.*?)```", PART, re.S)
 
 
 @pytest.fixture(autouse=True)

@@ -11,8 +11,8 @@ OVERVIEW = Path(__file__).resolve().parents[3] / "docs" / "overview.md"
 
 
 def documented_rooms() -> list[str]:
-    """The folders of the table under "Rooms" in docs/overview.md, upstream first."""
-    section = OVERVIEW.read_text(encoding="utf-8").partition("\n## Rooms\n")[2].partition("\n## ")[0]
+    """The folders of the table under "Packages" in docs/overview.md, upstream first."""
+    section = OVERVIEW.read_text(encoding="utf-8").partition("\n## Packages\n")[2].partition("\n## ")[0]
     return re.findall(r"^\|`([a-z_/]+)/`\|", section, re.MULTILINE)
 
 

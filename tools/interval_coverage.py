@@ -58,7 +58,7 @@ POOLED = (
 )
 DESIGNS = 19
 # Studies that are checked for contradictions; least rate of a design and its neighbours; how deep a lone design falls.
-CHECKED, LEAST_GOOD = 50, 0.7
+CHECKED, MIN_GOOD = 50, 0.7
 DIPS = (0.0, 0.5, 0.7)
 # Driven designs, trials of each, cars of each, and how much these differ.
 STUDIES = (*((*case, 1, spread) for spread in (0.0, 1.0) for case in ((5, 10), (9, 10), (9, 20))), (9, 20, 2, 1.0))
@@ -160,7 +160,7 @@ def contradicted(driven: int, n: int, cars: int, spread: float, dip: float) -> t
     named, found = [], []
     for row in rows(random, DESIGNS, cars, n // cars, False, spread, 20 * CHECKED):
         true = row.rates[chosen]
-        good = [at for at in range(1, driven - 1) if true[at - 1 : at + 2].min() >= max(dip, LEAST_GOOD)]
+        good = [at for at in range(1, driven - 1) if true[at - 1 : at + 2].min() >= max(dip, MIN_GOOD)]
         if dip and not good:
             continue
         at = int(random.choice(good)) if dip else 0

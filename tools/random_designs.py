@@ -40,7 +40,7 @@ LIMIT = re.compile(r"(below the|above the)(?: minimum| maximum)? (-?[0-9.]+(?:e-
 APART = re.compile(r"axles at least ([0-9.]+) apart.* puts two of them ([0-9.]+) apart")
 SHEET = re.compile(r"--sheet (\S+) would do")
 # Limits depend on each other: a chain of refusals ends, or the advice leads nowhere.
-MOST_TRIES = 12
+MAX_TRIES = 12
 
 
 @dataclass(frozen=True)
@@ -146,7 +146,7 @@ def tried(draw: Draw, make: Callable[[Design, Options], object] = sheets) -> Out
                 outcome.fault = f"more than a line: {said}"
             elif not SAYS_WHAT_WOULD_DO.search(str(said)):
                 outcome.fault = f"says not what would do: {said}"
-            elif outcome.refusals.count(str(said)) > 1 or len(outcome.refusals) > MOST_TRIES:
+            elif outcome.refusals.count(str(said)) > 1 or len(outcome.refusals) > MAX_TRIES:
                 outcome.fault = f"what should do does not: {' | '.join(outcome.refusals[-3:])}"
             elif following is not None:
                 draw = following

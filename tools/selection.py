@@ -6,7 +6,7 @@ simulated ones of it do, from which the rates' model knows it. Both choices end 
 mean, from the same model, and build and drive of each width as many cars as `foldcar select` plans; only the widths
 differ: those that it names, or one at random of each quarter of the range. Printed by round: the mean loss (points of
 success that the picked width lacks against the best) and how often it lacks at most 5 points. Then, where a rule first
-says that it is enough: how often it does within MOST_ROUNDS, after how many trials, cars and hours, what the leader lacks
+says that it is enough: how often it does within MAX_ROUNDS, after how many trials, cars and hours, what the leader lacks
 and how often that is more than 5 points, and shares of widths that are decided, or wrongly so.
 
 Example: python tools/selection.py --truths 60
@@ -42,10 +42,10 @@ RUNS = 100
 THRESHOLD = 0.75
 # Designs a round.
 BUILD = 4
-ROUNDS, MOST_ROUNDS = 2, 6
+ROUNDS, MAX_ROUNDS = 2, 6
 DRAWS = 600
 # Standard deviations of cars' log-odds at both ends of the range and in its middle: as in the width study.
-LEAST_SPREAD, MOST_SPREAD = 0.6, 1.9
+MIN_SPREAD, MAX_SPREAD = 0.6, 1.9
 NEAR = 0.05
 # Prices at which an hour of work is no longer worth it, 0 to 1; minutes of a trial.
 PRICES = (0.0025, 0.005, MIN_GAIN, 0.02)
@@ -135,9 +135,7 @@ class Round:
 def rounds(random: numpy.random.Generator, selecting: bool, most: int) -> list[Round]:
     """Rounds of one synthetic truth."""
     simulated, truth = synthetic(random)
-    spreads = numpy.interp(WIDTHS, WIDTHS[[0, len(WIDTHS) // 2, -1]], random.uniform(LEAST_SPREAD, MOST_SPREAD, 3)).round(
-        1
-    )
+    spreads = numpy.interp(WIDTHS, WIDTHS[[0, len(WIDTHS) // 2, -1]], random.uniform(MIN_SPREAD, MAX_SPREAD, 3)).round(1)
     runs = numpy.column_stack([random.binomial(RUNS, simulated), numpy.full(len(WIDTHS), RUNS)])
     widths: dict[int, Width] = {}
     found: list[Round] = []
@@ -200,7 +198,7 @@ def main() -> None:
     threadpool_limits(1)
     table = {
         selecting: [
-            rounds(numpy.random.default_rng([chosen.seed, one]), selecting, MOST_ROUNDS if selecting else ROUNDS)
+            rounds(numpy.random.default_rng([chosen.seed, one]), selecting, MAX_ROUNDS if selecting else ROUNDS)
             for one in range(chosen.truths)
         ]
         for selecting in (True, False)

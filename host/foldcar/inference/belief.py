@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from foldcar.inference.design_evidence import DesignEvidence
-from foldcar.statistics.pooled_bias import MOST_POOLED, Contradictions, contradictions, pooled_bias
+from foldcar.statistics.pooled_bias import MAX_POOLED, Contradictions, contradictions, pooled_bias
 from foldcar.statistics.rate import Rate
 from foldcar.statistics.smoothed_simulation import smoothed_simulation
 
@@ -28,7 +28,7 @@ class Belief:
     passed, 0 where not, NaN without a run, in the environments ``samples``. ``simulation`` (n, 3): success in this
     simulator, smoothed over designs: rate, low, high (95 %). ``built``: the rate of a further built car of each design.
     ``draws`` (draws, n) of the latter, jointly. ``trials`` (n,): the number that counts. ``unpooled``: driven designs
-    whose trials are left out, as MOST_POOLED others have more.
+    whose trials are left out, as MAX_POOLED others have more.
     """
 
     designs: tuple[DesignEvidence, ...]
@@ -71,7 +71,7 @@ def believe(designs: Sequence[DesignEvidence], places: Sequence[int], names: Seq
     runs = numpy.array([(design.runs_passed, design.runs) for design in designs], dtype=float)
     trials = numpy.array([(design.trials_passed, len(design.trials)) for design in designs], dtype=float)
     # Of many driven designs those with most trials tell most.
-    dropped = numpy.argsort(-trials[:, 1], kind="stable")[MOST_POOLED:]
+    dropped = numpy.argsort(-trials[:, 1], kind="stable")[MAX_POOLED:]
     unpooled = int((trials[dropped, 1] > 0).sum())
     trials[dropped] = 0
     cars = [design.cars if counted else None for design, counted in zip(designs, trials[:, 1].tolist(), strict=True)]

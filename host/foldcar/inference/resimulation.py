@@ -32,10 +32,10 @@ from foldcar.store.writer import canonical_json
 from foldcar.study.experiments import run_settings
 
 # Runs of designs, beyond those of the first, and trials that one command simulates: some twenty seconds each.
-MOST_RUNS, MOST_TRIALS = 5_000, 2_000
+MAX_RUNS, MAX_TRIALS = 5_000, 2_000
 # Cars of a driven design, each simulated in as many environments: those of its trials, and others if these are few.
-# Beyond MOST_CAR_RUNS a design's cars are not simulated.
-CARS, LEAST_SCENES, MOST_SCENES, MOST_CAR_RUNS = 20, 10, 12, 5_000
+# Beyond MAX_CAR_RUNS a design's cars are not simulated.
+CARS, MIN_SCENES, MAX_SCENES, MAX_CAR_RUNS = 20, 10, 12, 5_000
 # An outcome, and the time of the run (s), None if it failed.
 Ended = tuple[str, float | None]
 # What runs ended with, by a hash of build, engine, body, settings and scene. It outlives a store: the live page opens its
@@ -72,7 +72,7 @@ class Resimulation:
         if self._refusal(info) is not None:
             self._refused[info.id] += 1
             return None
-        if self._trials >= MOST_TRIALS:
+        if self._trials >= MAX_TRIALS:
             self._beyond[info.id] += 1
             return None
         self._trials += 1
@@ -87,8 +87,8 @@ class Resimulation:
         if refusal is not None:
             return [], refusal
         scenes = self._scenes(info)
-        if self._runs and self._runs + len(scenes) > MOST_RUNS:
-            return [], f"no more than {MOST_RUNS:,} runs are made at a time; sweep it"
+        if self._runs and self._runs + len(scenes) > MAX_RUNS:
+            return [], f"no more than {MAX_RUNS:,} runs are made at a time; sweep it"
         self._runs += len(scenes)
         try:
             body, settings = self._composed(info, trial)
@@ -111,9 +111,9 @@ class Resimulation:
             for trial in trials
             if trial.id not in placed and trial.id in here and trial.sample in stored
         }
-        scenes = list(dict.fromkeys(placed.values()))[:MOST_SCENES]
+        scenes = list(dict.fromkeys(placed.values()))[:MAX_SCENES]
         others = [text for text in stored.values() if text not in scenes]
-        scenes += others[: max(0, LEAST_SCENES - len(scenes))]
+        scenes += others[: max(0, MIN_SCENES - len(scenes))]
         try:
             known = next((drive[:2] for drive in drives.values() if drive is not None), None)
             body, settings = known or self._composed(info, trials[0])
@@ -121,7 +121,7 @@ class Resimulation:
             return None
         cars = [self._variation(info, sample) for sample in sorted(self._drives(info).variations)[:CARS]]
         self._car_runs += len(cars) * len(scenes)
-        if self._car_runs > MOST_CAR_RUNS:
+        if self._car_runs > MAX_CAR_RUNS:
             return None
         ended = self._run(self._simulator(info), body, [(car, text) for car in cars for text in scenes], settings)
         table = numpy.array([outcome == "passed" for outcome, _ in ended]).reshape(len(cars), len(scenes))
@@ -139,7 +139,7 @@ class Resimulation:
 
     def remarks(self, experiment: str) -> list[str]:
         """What is said of trials of that experiment that should have been simulated and were not."""
-        why = {f"no more than {MOST_TRIALS:,} are at a time": self._beyond[experiment]}
+        why = {f"no more than {MAX_TRIALS:,} are at a time": self._beyond[experiment]}
         why[str(self._refusals.get(experiment))] = self._refused[experiment]
         return [f"{count(number, 'trial')} not simulated as placed: {text}." for text, number in why.items() if number]
 

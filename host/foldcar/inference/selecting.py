@@ -22,7 +22,7 @@ from foldcar.inference.evidence import Evidence, read_evidence
 from foldcar.inference.sentences import Undecided, first_reason, grounds, headline, next_reason, undecided_text
 from foldcar.simulation.results import no_rate_text
 from foldcar.statistics.built_cars import PRIOR, SPREADS
-from foldcar.statistics.pooled_bias import MOST_POOLED
+from foldcar.statistics.pooled_bias import MAX_POOLED
 from foldcar.statistics.rate import Rate, rate_interval
 from foldcar.statistics.selection import (
     BATCHES,
@@ -363,7 +363,7 @@ class _Adviser:
         if thinned:
             found.append(f"{count(thinned, 'design')} between these were left out of the choice, to save time.")
         if belief.unpooled:
-            found.append(f"Of the driven designs the {MOST_POOLED} with most trials count.")
+            found.append(f"Of the driven designs the {MAX_POOLED} with most trials count.")
         if missing_environments > 0:
             found.append(
                 f"{count(missing_environments, 'trial')} of a design must repeat an environment: sweep more of them."

@@ -24,7 +24,7 @@ from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
 
 # Time from one making of the data to the next (s), at least; their share of what all processors do meanwhile.
-LEAST_S = 2.0
+MIN_S = 2.0
 SHARE = 0.03
 # A page that has polled so long ago (s) is open; what has ended is served so long for its last poll.
 OPEN_S = 10.0
@@ -114,7 +114,7 @@ class LiveStudy:
                 self._error, self._seen, self._study = "", seen, study
                 self._number += 1
                 self._counts = self._counted(infos)
-        self._next_s = time.monotonic() + max(LEAST_S, (time.process_time() - begun_s) / (SHARE * usable_processors()))
+        self._next_s = time.monotonic() + max(MIN_S, (time.process_time() - begun_s) / (SHARE * usable_processors()))
 
     def _made(self) -> tuple[bytes, list[ExperimentInfo]]:
         # To import it takes longer than to serve the page.

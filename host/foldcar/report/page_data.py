@@ -24,7 +24,7 @@
   experiment, "name", "passed", "runs": columns by design, "text": a sentence that compares them, "corrected": null,
   or columns ``rate``, ``low``, ``high``: rates in a slower engine, estimated from all runs and its few}``.
 - ``runs``: columns ``design``, ``environment``, ``outcome``, ``time_s`` in the order of design and environment; null
-  beyond MOST_RUNS, where ``runs_omitted`` says so.
+  beyond MAX_RUNS, where ``runs_omitted`` says so.
 - ``outcomes``, ``outcome_labels``: what the numbers of ``outcome`` stand for.
 - ``replays``: ``{"design", "environment", "outcome", "blob"}``, the caller's.
 - ``trials``: ``{"number", "design": index or null, "car": the design's name, "car_name": that of the car itself or null,
@@ -83,7 +83,7 @@ from foldcar.store.trial_records import Trial, select_trials
 from foldcar.study.search.design_simulator import fresh_id
 
 # Runs that the page holds one by one.
-MOST_RUNS = 50_000
+MAX_RUNS = 50_000
 OMITTED = (
     "{:,} runs of {:,} designs are too many to list one by one: they are counted by design. "
     "`foldcar export` has them all."
@@ -188,7 +188,7 @@ def _experiment(
     store: Store, study: StudyInfo | None, one: Experiment, experiments: Sequence[Experiment], command: Sequence[str]
 ) -> dict[str, Any]:
     info, evidence, effects, places = one.info, one.evidence, one.effects, one.places
-    threshold, few = one.thresholds[-1], info.stored_runs <= MOST_RUNS
+    threshold, few = one.thresholds[-1], info.stored_runs <= MAX_RUNS
     values = environment_values(store, info) if evidence.swept else EnvironmentValues((), numpy.empty((0, 0)))
     columns, selection = one.columns, one.selection
     engines = other_simulations(evidence, [other.evidence for other in experiments])

@@ -22,7 +22,7 @@ from foldcar.store.tables import BY_NAME, DESIGN
 from foldcar.study.search.objectives import film_area_cm2
 
 # Folding a car takes some 10 ms: more designs have no sheet area.
-MOST_FOLDED = 300
+MAX_FOLDED = 300
 
 
 def measures(
@@ -50,7 +50,7 @@ def measures(
             _measure("energy", "energy per pass", "J", _ratio(drawn * total, crossed)),
         ]  # fmt: skip
     measures.append(_measure("mass", "mass", "g", _masses_g(store, info, number)))
-    if number <= MOST_FOLDED:
+    if number <= MAX_FOLDED:
         measures.append(
             _measure("sheet_area", "sheet area", "cm²", numpy.array([_area_cm2(info, design) for design in designs]))
         )

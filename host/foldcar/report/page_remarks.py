@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 from foldcar.inference.design_evidence import in_family
 from foldcar.inference.remarks import trials_in_other_environments
 from foldcar.simulation.results import OUTCOMES
-from foldcar.statistics.stopping import LEAST_CHANCE
+from foldcar.statistics.stopping import MIN_CHANCE
 from foldcar.statistics.words import count
 from foldcar.store.calibrations import calibrations
 from foldcar.store.info import ExperimentInfo
@@ -74,7 +74,7 @@ def stopped_remarks(info: ExperimentInfo) -> list[str]:
     undecided = info.designs - info.decided
     rest = ""
     if undecided:
-        left = f", or left before when those would decide with a chance below {100 * LEAST_CHANCE:g} %"
+        left = f", or left before when those would decide with a chance below {100 * MIN_CHANCE:g} %"
         why = left if info.until.thresholds else ""
         rest = f"; {undecided} are undecided, simulated in all {info.environments} environments{why}"
     if info.stored_runs < info.planned_runs:

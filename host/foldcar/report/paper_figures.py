@@ -30,9 +30,9 @@ GREEN, BLUE, NAVY, REGION, NOT_RUN = "#62b85f", "#3f7fd0", "#14265c", "#dff1ea",
 # For as many thresholds; for more, evenly from a map of colours.
 PUBLISHED = {1: (NAVY, GREEN), 2: (NAVY, BLUE, GREEN)}
 # More values have no tick each.
-MOST_TICKS = 12
+MAX_TICKS = 12
 # Figures of effects in a row, and cells of a map that have room for a number each.
-COLUMNS, MOST_NUMBERS = 3, 150
+COLUMNS, MAX_NUMBERS = 3, 150
 
 
 @dataclass(frozen=True)
@@ -106,7 +106,7 @@ class Axis:
     def finish(self, axes: Axes) -> None:
         """Label the axis."""
         axes.set_xlabel(axis_label(self.name))
-        if len(self.ticks) <= MOST_TICKS:
+        if len(self.ticks) <= MAX_TICKS:
             axes.set_xticks(self.ticks, [f"{tick:g}" for tick in self.ticks])
         axes.set_xlim(self.ticks[0] - 0.65 * self.step, self.ticks[-1] + 0.65 * self.step)
         axes.grid(axis="x", visible=False)
@@ -260,7 +260,7 @@ def draw_map(
     look: dict[str, Any] = {"cmap": "cividis", "vmin": 0, "vmax": 100, "edgecolors": "white", "linewidth": 0.4}
     # Cells are of values, which stand in their middles.
     drawn = axes.pcolormesh(xs, ys, cells, shading="nearest", **look)
-    if cells.size <= MOST_NUMBERS:
+    if cells.size <= MAX_NUMBERS:
         for (row, column), value in numpy.ndenumerate(cells):
             if numpy.isfinite(value):
                 colour = "white" if value < 55 else INK
@@ -272,8 +272,8 @@ def draw_map(
     names = [list(designs.evidence.values)[place] for place in two]
     axes.set_xlabel(axis_label(names[0]))
     axes.set_ylabel(axis_label(names[1]))
-    axes.set_xticks(xs[:: -(-len(xs) // MOST_TICKS)])
-    axes.set_yticks(ys[:: -(-len(ys) // MOST_TICKS)])
+    axes.set_xticks(xs[:: -(-len(xs) // MAX_TICKS)])
+    axes.set_yticks(ys[:: -(-len(ys) // MAX_TICKS)])
     axes.grid(False)
     axes.set_title("Success over {} and {}".format(*(label_and_unit(name)[0] for name in names)))
     figure.colorbar(drawn, ax=axes, label="passed (%)")

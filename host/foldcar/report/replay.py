@@ -41,7 +41,7 @@ from foldcar.study.kept_paths import MAX_BYTES, MAX_RUNS, REPLAYED
 
 CHUNK_RUNS = 64
 # Each is a ground on the page.
-MOST_SAMPLES = 200
+MAX_SAMPLES = 200
 # Runs of designs near this rate of success come first.
 THRESHOLD = 0.75
 
@@ -89,7 +89,7 @@ def choose_runs(
         table = table[[key in kept for key in zip(table["design"], table["sample"], strict=True)]]
     table["again"] = table.groupby(["design", "outcome"]).cumcount() > 0
     table = table.sort_values(["again", "away", "design", "sample"])
-    table = table[table["sample"].isin(table["sample"].unique()[:MOST_SAMPLES])]
+    table = table[table["sample"].isin(table["sample"].unique()[:MAX_SAMPLES])]
     spent = (ROW_BYTES * (2 + table["time_s"] / KEPT_INTERVAL_S)).cumsum()
     chosen = table[spent <= most_bytes][:most_runs].sort_values(["design", "sample"])
     columns = (chosen[name].tolist() for name in ("design", "sample", "outcome", "time_s"))

@@ -24,11 +24,11 @@ from foldcar.statistics.rate import check_confidence
 
 DRAWS = 400
 # Fewer environments than these do not tell how runs depend on each other.
-LEAST_ENVIRONMENTS = 5
+MIN_ENVIRONMENTS = 5
 # Combinations of the other parameters: at least so many, or else all that were run; at most so many, and curves of them.
-LEAST_COMBINATIONS, MOST_COMBINATIONS, MOST_CURVES = 3, 200, 20
+MIN_COMBINATIONS, MAX_COMBINATIONS, MAX_CURVES = 3, 200, 20
 # Values of a parameter between its ends if it has more of them.
-MOST_VALUES = 40
+MAX_VALUES = 40
 
 
 @dataclass(frozen=True)
@@ -84,13 +84,13 @@ class Effects:
         """The effect of the parameter with that index."""
         values = numpy.unique(self.parameters[:, parameter])
         chosen, run = self._combinations([parameter])
-        grid = values if len(values) <= MOST_VALUES else numpy.linspace(values[0], values[-1], MOST_VALUES)
+        grid = values if len(values) <= MAX_VALUES else numpy.linspace(values[0], values[-1], MAX_VALUES)
         drawn = self._over(chosen, [parameter], grid[:, None])
         means = drawn.mean(axis=1)
         level = means.mean(axis=1)
         low, high = level.mean() + numpy.quantile(means - level[:, None], (0.025, 0.975), axis=0)
         lowest, highest = numpy.quantile(level, (0.025, 0.975)).tolist()
-        shown = numpy.unique(numpy.linspace(0, len(chosen) - 1, MOST_CURVES).round().astype(int))
+        shown = numpy.unique(numpy.linspace(0, len(chosen) - 1, MAX_CURVES).round().astype(int))
         curves = numpy.median(drawn[:, shown], axis=0)
         first, last = (float((means[:, end] > means[:, inner]).mean()) for end, inner in ((0, 1), (-1, -2)))
         mean = means.mean(axis=0)
@@ -121,10 +121,10 @@ class Effects:
         values = len(numpy.unique(self.parameters[:, list(places)], axis=0))
         kinds, index, counts = numpy.unique(others, axis=0, return_index=True, return_counts=True)
         whole = index[counts == values]
-        run = len(whole) >= min(LEAST_COMBINATIONS, len(kinds))
+        run = len(whole) >= min(MIN_COMBINATIONS, len(kinds))
         chosen = numpy.sort(whole if run else index)
-        if len(chosen) > MOST_COMBINATIONS:
-            chosen = chosen[numpy.linspace(0, len(chosen) - 1, MOST_COMBINATIONS).round().astype(int)]
+        if len(chosen) > MAX_COMBINATIONS:
+            chosen = chosen[numpy.linspace(0, len(chosen) - 1, MAX_COMBINATIONS).round().astype(int)]
         return self.parameters[chosen].copy(), run
 
     def importance(self) -> list[Importance]:
@@ -155,7 +155,7 @@ class Effects:
             # As good as no two designs differ in it alone: the model's rates at its values.
             values = numpy.unique(self.parameters[:, parameter])
             values = values[numpy.unique(numpy.linspace(0, len(values) - 1, 9).round().astype(int))]
-            rows = numpy.unique(numpy.linspace(0, len(others) - 1, MOST_COMBINATIONS).round().astype(int))
+            rows = numpy.unique(numpy.linspace(0, len(others) - 1, MAX_COMBINATIONS).round().astype(int))
             points = numpy.repeat(self.parameters[rows], len(values), axis=0)
             points[:, parameter] = numpy.tile(values, len(rows))
             drawn, group = self.rates(points), numpy.repeat(numpy.arange(len(rows)), len(values))
@@ -192,7 +192,7 @@ def fit_effects(parameters: ArrayLike, design: ArrayLike, environment: ArrayLike
     for candidate in model.candidates:
         number = max(1, round(DRAWS * candidate.weight))
         noise = random.standard_normal((number, len(candidate.factors.mode)))
-        if clusters < LEAST_ENVIRONMENTS:
+        if clusters < MIN_ENVIRONMENTS:
             factors.append(candidate.factors.mode + noise @ candidate.factors.root.T)
             continue
         functions = functions_of(candidate.process, candidate.strength, scaled)

@@ -30,7 +30,7 @@ LENGTHS = {1: (0.1, 0.2, 0.4, 0.8), 2: (0.15, 0.35, 0.8)}
 MANY_LENGTHS = (0.15, 0.35, 0.8, 2.5)
 STRENGTHS = (1.5, 5.0)
 # Candidates of less weight are left out.
-LEAST_WEIGHT = 0.01
+MIN_WEIGHT = 0.01
 # Standard deviation of the constant.
 CONSTANT = 4.0
 
@@ -226,7 +226,7 @@ def success_model(parameters: ArrayLike, passed: ArrayLike, counted: ArrayLike) 
 
     tried = list(_tried(x.shape[1], lambda lengths, strength: fitted(lengths, strength)[1].evidence))
     weights = shares_of([fitted(*candidate)[1].evidence for candidate in tried])
-    weights = numpy.where(weights >= LEAST_WEIGHT, weights, 0.0)
+    weights = numpy.where(weights >= MIN_WEIGHT, weights, 0.0)
     weights /= weights.sum()
     found = []
     for (lengths, strength), weight in zip(tried, weights.tolist(), strict=True):

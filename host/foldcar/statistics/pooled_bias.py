@@ -42,11 +42,11 @@ SMOOTH = (0.2, 0.7, 2.0)
 LENGTHS = (0.15, 0.4, 1.0)
 ALONE = (0.1, 0.3, 1.0)
 # Designs with trials that are pooled at most: the work grows with the cube of their number.
-MOST_POOLED = 200
+MAX_POOLED = 200
 # Results that the others' trials make less probable than this contradict them (both tails; docs/statistics.md).
-LEAST_PROBABILITY = 0.05
-# Fewer driven designs say nothing of each other; of more than MOST_CHECKED those with most trials are checked.
-LEAST_DRIVEN, MOST_CHECKED = 3, 24
+MIN_PROBABILITY = 0.05
+# Fewer driven designs say nothing of each other; of more than MAX_CHECKED those with most trials are checked.
+MIN_DRIVEN, MAX_CHECKED = 3, 24
 # Log-odds at which posteriors are tabulated, 1e-4 to 1 - 1e-4.
 LOG_ODDS = numpy.linspace(-9.2, 9.2, 921)
 
@@ -237,16 +237,16 @@ def contradictions(
     """
     x, f, y = (numpy.asarray(values, dtype=float) for values in (parameters, runs, trials))
     driven = numpy.flatnonzero(y[:, 1])
-    if len(driven) < LEAST_DRIVEN or not x.size:
+    if len(driven) < MIN_DRIVEN or not x.size:
         return NONE
-    checked = driven[numpy.argsort(-y[driven, 1], kind="stable")][:MOST_CHECKED]
+    checked = driven[numpy.argsort(-y[driven, 1], kind="stable")][:MAX_CHECKED]
     alike = (SPREADS == 0).astype(float)
     built = [
         BuiltCars(y[at, :1], y[at, 1:], numpy.zeros(1), alike) if cars is None else cars[at] for at in checked.tolist()
     ]
     smoothed = (smoothed_simulation(x, f) if simulation is None else simulation).of(checked)
     probable = _probabilities(pickle.dumps((x[checked], f[checked], y[checked], built, smoothed)))
-    flagged = sorted(checked[probable < LEAST_PROBABILITY].tolist())
+    flagged = sorted(checked[probable < MIN_PROBABILITY].tolist())
     if not flagged:
         return NONE
     return Contradictions(tuple(flagged), tuple(numpy.flatnonzero(_beside(unit_range(x), driven, flagged)).tolist()))

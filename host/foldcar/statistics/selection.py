@@ -20,10 +20,10 @@ from foldcar.statistics.gaussian_process import unit_range
 MIDDLE, LOWER_EDGE, UPPER_EDGE, EDGE, BELOW, ABOVE, OUTSIDE, BEST, END = (
     "middle", "lower edge", "upper edge", "edge", "below", "above", "outside", "best", "end of the range",
 )  # fmt: skip
-MOST_TRIALS = 10_000
+MAX_TRIALS = 10_000
 # The most trials of one car that may stand for a trial of many.
-MOST_EACH = 10
-LEAST_DESIGNS, MOST_WEIGHED = 20, 240_000
+MAX_EACH = 10
+MIN_DESIGNS, MAX_WEIGHED = 20, 240_000
 # Numbers of independent trials of one design whose worth is weighed.
 BATCHES = (10, 40)
 # The normal quantile of 0.975.
@@ -159,14 +159,14 @@ def gain_per_hour(draws: ArrayLike, threshold: float, zone: float, work_min: Arr
     ``work_min`` (BATCHES, designs): the minutes that so many further independent trials of each design take, cars that
     are to be built for them among these (:func:`least_effort`). The best of several numbers of trials: one trial may be
     worth nothing where many are (Frazier and Powell 2010, doi:10.1287/deca.1100.0188). Of a small family a design is a
-    share of 1/LEAST_DESIGNS.
+    share of 1/MIN_DESIGNS.
     """
     p, found = numpy.asarray(draws, dtype=float), []
     number = p.shape[1]
     for trials, minutes in zip(BATCHES, numpy.asarray(work_min), strict=True):
         # Of many designs some draws are enough.
-        value = value_of_trials(p[:: max(1, p.size // MOST_WEIGHED)], threshold, trials, zone)
-        worth = value.choice + value.threshold * number / max(number, LEAST_DESIGNS)
+        value = value_of_trials(p[:: max(1, p.size // MAX_WEIGHED)], threshold, trials, zone)
+        worth = value.choice + value.threshold * number / max(number, MIN_DESIGNS)
         found.append((60 * worth / minutes).max())
     return float(max(found))
 
@@ -216,21 +216,21 @@ def _unexplained(draws: NDArray[Any], chosen: Sequence[int]) -> NDArray[Any]:
 def trials_needed(rates: ArrayLike, half_width: float) -> int:
     """How many trials make Wilson's 95 % interval as narrow as ``half_width`` (0 to 0.5), on average over ``rates``.
 
-    At most MOST_TRIALS.
+    At most MAX_TRIALS.
     """
     p = numpy.asarray(rates, dtype=float).ravel()
-    return bisect_left(range(MOST_TRIALS), -half_width, lo=1, key=lambda number: -_mean_half_width(p, number))
+    return bisect_left(range(MAX_TRIALS), -half_width, lo=1, key=lambda number: -_mean_half_width(p, number))
 
 
 def trials_to_tell(rates: ArrayLike, threshold: float) -> int:
     """How many trials tell, as likely as not, on which side of the threshold a rate is: the median over ``rates``.
 
     The score test tells (95 %) if the share p of n trials is so far off that n > z² t (1 - t) / (p - t)². At most
-    MOST_TRIALS.
+    MAX_TRIALS.
     """
     apart = numpy.abs(numpy.asarray(rates, dtype=float) - threshold)
     needed = Z**2 * threshold * (1 - threshold) / numpy.maximum(apart, 1e-9) ** 2
-    return min(MOST_TRIALS, int(numpy.median(needed)) + 1)
+    return min(MAX_TRIALS, int(numpy.median(needed)) + 1)
 
 
 @dataclass(frozen=True)
@@ -278,7 +278,7 @@ def least_effort(
     ``correlation`` is that within cars, below 1, ``done`` trials of each car that is built; a further one takes
     ``car_min`` minutes, a trial ``trial_min``.
     """
-    each = numpy.arange(1, MOST_EACH * math.ceil(independent) + 1)[:, None]
+    each = numpy.arange(1, MAX_EACH * math.ceil(independent) + 1)[:, None]
     built = numpy.array(done, dtype=int)[None]
     left = independent - independent_trials(numpy.maximum(each, built), correlation)
     cars = numpy.ceil(left / independent_trials(each, correlation) - 1e-9).clip(0).astype(int)

@@ -23,9 +23,9 @@ import numpy
 from numpy.typing import ArrayLike, NDArray
 
 # Fewer environments say nothing of their values.
-LEAST_ENVIRONMENTS = 8
+MIN_ENVIRONMENTS = 8
 # Of more environments so many are compared, evenly chosen: all pairs are counted.
-MOST_ENVIRONMENTS = 2000
+MAX_ENVIRONMENTS = 2000
 PERMUTATIONS = 999
 # Artanh of 1 is infinite.
 MAX_SHARE = 1 - 1e-9
@@ -53,15 +53,15 @@ def separations(values: ArrayLike, design: ArrayLike, environment: ArrayLike, pa
     """Return how well each column of ``values`` (environments, columns; NaN where unknown) separates, the best first.
 
     Runs (n,): index of the design, of the environment, 1 if passed. A column is left out where fewer than
-    LEAST_ENVIRONMENTS have it, or where nothing passed or nothing failed.
+    MIN_ENVIRONMENTS have it, or where nothing passed or nothing failed.
     """
     table = numpy.asarray(values, dtype=float)
     at, where, ended = numpy.asarray(design), numpy.asarray(environment), numpy.asarray(passed, dtype=bool)
     if not len(at) or not table.size:
         return []
     chosen = numpy.unique(where)
-    if len(chosen) > MOST_ENVIRONMENTS:
-        chosen = chosen[numpy.linspace(0, len(chosen) - 1, MOST_ENVIRONMENTS).round().astype(int)]
+    if len(chosen) > MAX_ENVIRONMENTS:
+        chosen = chosen[numpy.linspace(0, len(chosen) - 1, MAX_ENVIRONMENTS).round().astype(int)]
     kept = numpy.isin(where, chosen)
     where = numpy.searchsorted(chosen, where[kept])
     _, at = numpy.unique(at[kept], return_inverse=True)
@@ -75,7 +75,7 @@ def separations(values: ArrayLike, design: ArrayLike, environment: ArrayLike, pa
     for column, some in enumerate(table.T):
         known = ~numpy.isnan(some)
         total = float(known @ pairs @ known)
-        if known.sum() < LEAST_ENVIRONMENTS or numpy.ptp(some[known]) == 0 or not total:
+        if known.sum() < MIN_ENVIRONMENTS or numpy.ptp(some[known]) == 0 or not total:
             continue
         ranks = numpy.unique(some, return_inverse=True)[1].astype(numpy.float32)
         signs = numpy.sign(ranks[:, None] - ranks[None, :])

@@ -32,9 +32,9 @@ from foldcar.statistics.gaussian_process import (
 # Standard deviation, in log-odds, of what is one design's own in simulation.
 OWN = (0.0, 0.3, 1.0)
 # Fewer designs are not smoothed.
-LEAST_DESIGNS = 4
+MIN_DESIGNS = 4
 # Fewer environments do not tell how runs depend on each other.
-LEAST_ENVIRONMENTS = 5
+MIN_ENVIRONMENTS = 5
 # More designs than these follow from them: the work grows with the cube of their number.
 MAX_DESIGNS = 150
 # Directions in which log-odds are uncertain together: at most so many, of at least this variance.
@@ -81,7 +81,7 @@ def smoothed_simulation(
     others follow from these and from their own runs.
     """
     passed, counted = runs.T
-    if len(parameters) < LEAST_DESIGNS or not parameters.size or not (numpy.ptp(parameters, axis=0) > 0).all():
+    if len(parameters) < MIN_DESIGNS or not parameters.size or not (numpy.ptp(parameters, axis=0) > 0).all():
         # Half a run is added to both outcomes (Haldane 1956), so that log-odds are finite where all or no runs passed.
         success, failure = passed + 0.5, counted - passed + 0.5
         errors = 1 / success + 1 / failure
@@ -201,7 +201,7 @@ def _posterior(
     lower = numpy.linalg.cholesky(identity + root[:, None] * prior * root)
     covariance = prior - prior @ (root[:, None] * _solve(lower, root[:, None] * prior))
     evidence = value - float(numpy.log(numpy.diagonal(lower)).sum())
-    if environments is not None and environments.shape[1] >= LEAST_ENVIRONMENTS:
+    if environments is not None and environments.shape[1] >= MIN_ENVIRONMENTS:
         gradients = numpy.where(numpy.isnan(environments), 0.0, environments - rate[:, None])
         gradients = gradients - gradients.mean(axis=1, keepdims=True)
         moved = covariance @ gradients

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from foldcar.statistics.rate import anytime_interval
 
 # A design is left undecided when the runs that it may still get would decide it with a lower chance.
-LEAST_CHANCE = 0.02
+MIN_CHANCE = 0.02
 NEAR_HORIZON = 10
 # Parts of the greatest stake that are betted against a design.
 STAKES = numpy.arange(1, 10)[:, None] / 10
@@ -53,7 +53,7 @@ class StoppingRule:
         return float(numpy.asarray(masses) @ likely)
 
     def hopeless(self, passed: int, runs: int, most: int) -> bool:
-        """Whether ``most`` runs of a design would decide it with a chance below LEAST_CHANCE, by its ``runs`` alone.
+        """Whether ``most`` runs of a design would decide it with a chance below MIN_CHANCE, by its ``runs`` alone.
 
         Jeffreys' prior. Only of thresholds: an interval that does not reach a width becomes narrower all the same.
         """
@@ -61,7 +61,7 @@ class StoppingRule:
             return False
         # The near horizon spares the far one, whose table is long.
         horizons = (min(most, NEAR_HORIZON * (runs + 1)), most)
-        return all(_later_chance(self, passed, runs, then) < LEAST_CHANCE for then in horizons)
+        return all(_later_chance(self, passed, runs, then) < MIN_CHANCE for then in horizons)
 
     @classmethod
     def from_facts(cls, facts: Mapping[str, Any]) -> "StoppingRule":

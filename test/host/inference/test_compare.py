@@ -326,7 +326,7 @@ def test_of_many_designs_that_the_sweep_lacks_a_bounded_number_is_simulated(
     made = []
     run = Carsim.run
     monkeypatch.setattr(Carsim, "run", lambda *words: made.append(words) or run(*words))
-    monkeypatch.setattr("foldcar.inference.resimulation.MOST_RUNS", 4)
+    monkeypatch.setattr("foldcar.inference.resimulation.MAX_RUNS", 4)
 
     (found,) = compare(store)["experiments"]
 
@@ -345,7 +345,7 @@ def test_of_more_designs_than_can_be_pooled_the_rest_are_compared_alone(
     store = write_study(tmp_path / "s.db", WIDTHS, 100, passing(SIMULATED))
     add_trials(store, [({"width_mm": width}, k, "passed") for width in WIDTHS["width_mm"] for k in range(4)])
     (pooled,) = compare(store)["experiments"]
-    monkeypatch.setattr("foldcar.inference.belief.MOST_POOLED", 3)
+    monkeypatch.setattr("foldcar.inference.belief.MAX_POOLED", 3)
     (alone,) = compare(store)["experiments"]
 
     changed = [a["pooled"] != b["pooled"] for a, b in zip(pooled["designs"], alone["designs"], strict=True)]

@@ -231,7 +231,7 @@ def test_of_very_many_driven_designs_those_with_most_trials_count(
     import_trials(store, trials)
     (whole,) = advise(store)
     for module in ("belief", "selecting"):
-        monkeypatch.setattr(f"foldcar.inference.{module}.MOST_POOLED", 2)
+        monkeypatch.setattr(f"foldcar.inference.{module}.MAX_POOLED", 2)
     (found,) = advise(store)
 
     said = "Of the driven designs the 2 with most trials count."

@@ -73,7 +73,7 @@ def test_counts_intervals_and_runs_are_those_of_the_export(store: Path, monkeypa
     assert [OUTCOMES[code] for code in page["runs"]["outcome"]] == runs["outcome"].tolist()
     assert page["runs"]["time_s"] == pytest.approx(runs["elapsed_time_s"].tolist(), abs=1e-3)
     # More runs than the page holds are counted.
-    monkeypatch.setattr(module, "MOST_RUNS", 4 * SAMPLES - 1)
+    monkeypatch.setattr(module, "MAX_RUNS", 4 * SAMPLES - 1)
     again = read(store)
     assert again["runs"] is None and "12 runs of 4 designs" in again["runs_omitted"]
 

@@ -9,7 +9,7 @@ import pytest
 
 from foldcar.simulation.carsim import Carsim
 from foldcar.statistics.rate import anytime_interval
-from foldcar.statistics.stopping import LEAST_CHANCE, StoppingRule
+from foldcar.statistics.stopping import MIN_CHANCE, StoppingRule
 from foldcar.store.reader import Store
 from foldcar.study.experiments import read_study
 from foldcar.study.stopping import Batch, Schedule, stopping_rules
@@ -55,8 +55,8 @@ def test_a_design_is_left_when_the_rest_would_hardly_decide_it() -> None:
     for passed, runs in ((6, 12), (4, 12), (20, 30), (28, 30), (13, 20)):
         rates = random.beta(passed + 0.5, runs - passed + 0.5, 40_000)
         chance = RULE.decided(passed + random.binomial(100 - runs, rates), 100).mean()
-        assert abs(chance - LEAST_CHANCE) > 0.004, "too near to tell"
-        assert RULE.hopeless(passed, runs, 100) is bool(chance < LEAST_CHANCE)
+        assert abs(chance - MIN_CHANCE) > 0.004, "too near to tell"
+        assert RULE.hopeless(passed, runs, 100) is bool(chance < MIN_CHANCE)
     assert not RULE.hopeless(50, 100, 100_000)
     assert not StoppingRule(0.05, ()).hopeless(50, 100, 101)
 

@@ -295,7 +295,7 @@ def table(rows: Mapping[str, Counts], scenes: int) -> list[str]:
     """Rates by width with 95 % intervals (Wilson), a column for each of ``rows``."""
     lines = [f"|width (mm)|{'|'.join(rows)}|", "|---" * (len(rows) + 1) + "|"]
     for width in WIDTHS:
-        rates = [Rate.counted(counts[width], scenes, "") for counts in rows.values()]
+        rates = [Rate.from_counts(counts[width], scenes, "") for counts in rows.values()]
         cells = [f"{100 * rate.value:.0f} ({100 * rate.low:.0f} to {100 * rate.high:.0f})" for rate in rates]
         lines.append(f"|{width}|{'|'.join(cells)}|")
     return lines

@@ -28,7 +28,7 @@ from foldcar.statistics.pooled_bias import pooled_bias
 from foldcar.statistics.selection import (
     BATCHES,
     Effort,
-    choose,
+    choose_designs,
     correlation_within_cars,
     expected_loss,
     first_designs,
@@ -176,10 +176,10 @@ def planned(index: int, draws: numpy.ndarray, widths: dict[int, Width], further:
 def selected(runs: numpy.ndarray, draws: numpy.ndarray, number: int) -> Sequence[int]:
     """The designs of a round as `foldcar select` names them."""
     if number:
-        return choose(draws, THRESHOLD, ROUND_TRIALS, BUILD, zone=PRECISION)
+        return choose_designs(draws, THRESHOLD, ROUND_TRIALS, BUILD, zone=PRECISION)
     rates = runs[:, 0] / runs[:, 1]
     placed = [design.index for design in first_designs(WIDTHS[:, None], rates, rates * (1 - rates), THRESHOLD)][:BUILD]
-    return [*placed, *choose(draws, THRESHOLD, ROUND_TRIALS, BUILD - len(placed), placed)]
+    return [*placed, *choose_designs(draws, THRESHOLD, ROUND_TRIALS, BUILD - len(placed), placed)]
 
 
 def uniform(random: numpy.random.Generator) -> Sequence[int]:

@@ -75,7 +75,7 @@ class Evaluation:
         if not runs:
             raise FoldcarError(no_rate_text(len(self.runs)))
         what = f"{passed} of {runs} simulated runs that passed"
-        return Rate.counted(passed, runs, what, confidence=self.confidence)
+        return Rate.from_counts(passed, runs, what, confidence=self.confidence)
 
 
 def simulate(

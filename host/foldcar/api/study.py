@@ -89,7 +89,7 @@ class Study:
             trials_text = f"trials of {cars}"
         name = str(design_rows["experiment"].iloc[0])
         stopped = source == "simulation" and self.experiments[name].until is not None
-        return Rate.counted(count, runs, f"{count} of {runs} {trials_text} that passed", stopped, confidence)
+        return Rate.from_counts(count, runs, f"{count} of {runs} {trials_text} that passed", stopped, confidence)
 
     def select(
         self,

@@ -179,7 +179,7 @@ def _rates(design: DesignEvidence, confidence: float) -> Rates:
     # The environments are the same: none is harder for the one than for the other.
     pairs = [replace(trial, expected=None) for trial in design.paired]
     passed, simulated = [trial.passed for trial in pairs], [bool(trial.simulated) for trial in pairs]
-    f = Rate.counted(
+    f = Rate.from_counts(
         sum(simulated), len(pairs), f"in the environments of {count(len(pairs), 'trial')}", confidence=confidence
     )
     cars = by_car(pairs, design.spread, design.runs_passed, design.runs)

@@ -92,12 +92,12 @@ class DesignEvidence:
 
     def simulated(self, confidence: float = 0.95) -> Rate:
         """Return the success rate of its runs, of which there is at least one."""
-        return Rate.counted(self.runs_passed, self.runs, count(self.runs, "run"), self.sequential, confidence)
+        return Rate.from_counts(self.runs_passed, self.runs, count(self.runs, "run"), self.sequential, confidence)
 
     def driven(self, confidence: float = 0.95) -> Rate:
         """Return the success rate of the cars that drove the trials, of which there is at least one."""
         cars = "" if self.cars is None else self.cars.text
-        return Rate.counted(self.trials_passed, len(self.trials), cars, confidence=confidence)
+        return Rate.from_counts(self.trials_passed, len(self.trials), cars, confidence=confidence)
 
     @cached_property
     def cars(self) -> BuiltCars | None:

@@ -28,16 +28,16 @@ from foldcar.statistics.selection import (
     BATCHES,
     Effort,
     Placed,
-    choose,
+    choose_designs,
     correlation_within_cars,
     expected_loss,
     first_designs,
     further_effort,
     gain_per_hour,
-    honest_best,
-    telling_environments,
+    informative_environments,
+    split_sample_best,
     trials_needed,
-    trials_to_tell,
+    trials_to_decide,
 )
 from foldcar.statistics.words import count, listed, percent, points, rate_text
 from foldcar.store.calibrations import measured_values
@@ -225,7 +225,7 @@ class _Adviser:
         met = {trial.sample for index in rows for trial in belief.designs[index].trials}
         known = [column for column, sample in enumerate(belief.samples.tolist()) if sample in met]
         wanted = max((design.trials for design in recommended), default=0)
-        columns = telling_environments(belief.passed[rows], wanted, known) if rows else []
+        columns = informative_environments(belief.passed[rows], wanted, known) if rows else []
         return Selection(
             info,
             threshold,
@@ -257,7 +257,9 @@ class _Adviser:
         candidates = numpy.union1d(self._open_candidates, numpy.array(taken, dtype=int))
         zone = self.precision if belief.driven else 0.0
         chosen = numpy.searchsorted(candidates, taken).tolist()
-        more = choose(belief.draws[:, candidates], self.threshold, ROUND_TRIALS, build - len(first), chosen, zone=zone)
+        more = choose_designs(
+            belief.draws[:, candidates], self.threshold, ROUND_TRIALS, build - len(first), chosen, zone=zone
+        )
         return [*first, *(Placed(int(candidates[index]), NEXT) for index in more)]
 
     @cached_property
@@ -330,9 +332,9 @@ class _Adviser:
         """The designs whose rate may lie on both sides of the threshold, or is not to be trusted."""
         belief, limit, zone, result = self.belief, self.threshold, self.precision, []
         for index, (design, rate) in enumerate(zip(belief.designs, belief.built, strict=True)):
-            doubted = index in belief.contradicting.beside
+            doubted = index in belief.contradicting.undriven_neighbours
             if doubted or rate.low < limit <= rate.high:
-                more = max(1, trials_to_tell(belief.draws[:, index], limit) - len(design.trials))
+                more = max(1, trials_to_decide(belief.draws[:, index], limit) - len(design.trials))
                 at = not doubted and limit - zone <= rate.low and rate.high <= limit + zone
                 result.append(Undecided(design.label, design.design, at, more))
         return tuple(result)
@@ -352,7 +354,7 @@ class _Adviser:
 
     def _remarks(self, missing_environments: int) -> tuple[str, ...]:
         belief, info, found = self.belief, self.evidence.info, []
-        best, passed, number = honest_best(belief.passed)
+        best, passed, number = split_sample_best(belief.passed)
         if number and len(belief.designs) > 1:
             rate = rate_text(passed / number, *rate_interval(passed, number, info.until is not None))
             found.append(

@@ -61,7 +61,7 @@ def headline(evidence: Evidence, belief: Belief, compared: ExperimentComparison,
         names = [design.label for design in compared.designs if design.verdict == verdict]
         wrong += [f"{verdict} at {listed(names)}"] if names else []
     start = f"Trials contradict {simulation}: it is {' and '.join(wrong)}. " if wrong else ""
-    trusted = ~numpy.isin(numpy.arange(len(chances)), belief.contradicting.beside)
+    trusted = ~numpy.isin(numpy.arange(len(chances)), belief.contradicting.undriven_neighbours)
     known, probable = trusted & (chances >= KNOWN), trusted & (chances >= PROBABLE) & (chances < KNOWN)
     if known.any():
         also = f"; {_names(belief, evidence, probable)} probably" if probable.any() else ""

@@ -104,7 +104,7 @@ class DesignColumns:
         verdicts = {design.label: design.verdict for design in compare_experiment(evidence).designs}
         open_places = set()
         if evidence.belief is not None:
-            open_places = set(evidence.belief.places[list(evidence.belief.contradicting.beside)].tolist())
+            open_places = set(evidence.belief.places[list(evidence.belief.contradicting.undriven_neighbours)].tolist())
         return {
             "value": [[values[name][float(design.design[name])] for name in values] for design in family],
             "name": self.names,

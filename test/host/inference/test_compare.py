@@ -196,7 +196,7 @@ def test_the_published_table_says_that_simulation_is_optimistic(tmp_path: Path) 
     for one in found["designs"]:
         width = one["design"]["width_mm"]
         (passed, number), runs_passed = PUBLISHED[width], SIMULATED[width]
-        car, y, f = BuiltCars.one(passed, number).rate(0.99), passed / number, runs_passed / 100
+        car, y, f = BuiltCars.of_one_car(passed, number).rate(0.99), passed / number, runs_passed / 100
         f_low, f_high = wilson_interval(runs_passed, 100, 0.99)
         low, high = y - f - math.hypot(y - car.low, f_high - f), y - f + math.hypot(car.high - y, f - f_low)
         assert (one["gap"]["low"], one["gap"]["high"]) == pytest.approx((max(-1, low), min(1, high)), abs=1e-4)

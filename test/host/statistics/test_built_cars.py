@@ -42,7 +42,7 @@ def test_the_likelihood_is_the_mean_over_the_cars_that_there_may_be() -> None:
     bent = (ends[:, 0] - 2 * ends[:, 1] + ends[:, 2]) / step**2
     assert curvature == pytest.approx(bent, abs=2e-2)
     # Several designs at a time are each as alone.
-    other = BuiltCars.one(1, 5)
+    other = BuiltCars.of_one_car(1, 5)
     ((_, both),), ((_, alone),) = likelihood([other, cars]), likelihood([other])
     assert both(at) == pytest.approx(numpy.column_stack([alone(at)[:, 0], value]))
     # Of one design the ranges' mixture is the whole.
@@ -64,7 +64,7 @@ def test_alike_cars_have_jeffreys_interval_and_trials_of_one_car_tell_less_than_
     never = BuiltCars(numpy.array([0.0]), numpy.array([12.0]), numpy.zeros(1), ALIKE).rate()
     assert [never.low, never.high] == pytest.approx([0, beta(0.5, 12.5).ppf(0.975)], abs=2e-3)
 
-    one, more = BuiltCars.one(6, 12).rate(), BuiltCars.one(300, 600).rate()
+    one, more = BuiltCars.of_one_car(6, 12).rate(), BuiltCars.of_one_car(300, 600).rate()
     four = BuiltCars(numpy.full(4, 1.5), numpy.full(4, 3.0), numpy.zeros(4), PRIOR).rate()
     assert four.half_width < one.half_width and "12 trials of 4 cars" in four.method
     # However often one car drives, it tells of itself.

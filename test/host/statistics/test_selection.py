@@ -19,16 +19,16 @@ from foldcar.statistics.selection import (
     MIDDLE,
     UPPER_EDGE,
     Effort,
-    choose,
+    choose_designs,
     correlation_within_cars,
     expected_loss,
     first_designs,
     gain_per_hour,
-    honest_best,
+    informative_environments,
     least_effort,
-    telling_environments,
+    split_sample_best,
     trials_needed,
-    trials_to_tell,
+    trials_to_decide,
     value_of_trials,
 )
 
@@ -97,7 +97,7 @@ def test_within_the_zone_no_side_is_wrong() -> None:
     # A twin of a chosen design tells nothing more.
     random = numpy.random.default_rng(6)
     one, other = random.beta(2, 2, 400), random.beta(4, 4, 400)
-    assert choose(numpy.column_stack([one, one, other]), 0.5, 10, 2, [0]) == [2, 1]
+    assert choose_designs(numpy.column_stack([one, one, other]), 0.5, 10, 2, [0]) == [2, 1]
     # 10 trials of 3 min and a car of 60 min are 1.5 h; of three designs each counts as one of 20.
     gain = gain_per_hour(draws, 0.75, 0.1, [[60.0 + 10 * 3.0] * 3, [1e9] * 3])
     assert gain == pytest.approx(value_of_trials(draws, 0.75, 10, 0.1).threshold[1] * 3 / 20 / 1.5)
@@ -105,7 +105,7 @@ def test_within_the_zone_no_side_is_wrong() -> None:
 
 @pytest.mark.parametrize("rate", [0.5, 0.65, 0.9])
 def test_trials_tell_the_side_as_likely_as_not(rate: float) -> None:
-    number = trials_to_tell([rate], 0.75)
+    number = trials_to_decide([rate], 0.75)
 
     passed = numpy.arange(number + 1)
     ends = numpy.array([wilson_interval(int(k), number) for k in passed])
@@ -161,22 +161,22 @@ def test_environments_represent_all_and_tell_designs_apart() -> None:
     passed = (numpy.array([0.9, 0.5, 0.3])[:, None] > hardness).astype(float)
     passed[0, 7] = numpy.nan
 
-    chosen = telling_environments(passed, 20, met=[3])
+    chosen = informative_environments(passed, 20, met=[3])
 
-    assert chosen == telling_environments(passed, 20, met=[3]) and len(set(chosen)) == 20
+    assert chosen == informative_environments(passed, 20, met=[3]) and len(set(chosen)) == 20
     assert not {3, 7} & set(chosen)
     shares = numpy.nanmean(passed, axis=1)
     assert numpy.abs(passed[:, chosen].mean(axis=1) - shares).max() <= 0.05
     spread = numpy.ptp(passed[:, chosen], axis=0)
     assert list(spread) == sorted(spread, reverse=True)
-    assert len(telling_environments(passed, 500)) == 99
+    assert len(informative_environments(passed, 500)) == 99
 
 
 def test_the_best_is_not_quoted_from_the_environments_that_chose_it() -> None:
     random = numpy.random.default_rng(9)
     tables = (random.random((100, 30, 40)) < 0.5).astype(float)
 
-    quoted = [k / n for _, k, n in map(honest_best, tables)]
+    quoted = [k / n for _, k, n in map(split_sample_best, tables)]
 
     assert numpy.mean(quoted) == pytest.approx(0.5, abs=0.03) and tables.mean(axis=2).max(axis=1).mean() > 0.6
 
@@ -190,4 +190,4 @@ def test_designs_beside_a_contradiction_in_two_parameters() -> None:
     found = contradictions(grid, numpy.tile([95, 100], (25, 1)), passed)
 
     assert [tuple(grid[index]) for index in found.designs] == [(2, 2)]
-    assert {tuple(grid[index]) for index in found.beside} == set(product((1, 2, 3), (1, 2, 3))) - {(2, 2)}
+    assert {tuple(grid[index]) for index in found.undriven_neighbours} == set(product((1, 2, 3), (1, 2, 3))) - {(2, 2)}

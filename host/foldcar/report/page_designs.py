@@ -87,7 +87,7 @@ class DesignColumns:
     def _bands(self, rows: Sequence[Sequence[float]]) -> list[Band]:
         """Bands of all designs from the ``rows`` of those that belief is about."""
         bands: list[Band] = [None] * len(self.names)
-        places = [] if self.evidence.belief is None else self.evidence.belief.places.tolist()
+        places = [] if self.evidence.belief is None else self.evidence.belief.design_indices.tolist()
         for place, row in zip(places, rows, strict=bool(rows)):
             value, low, high = (round(number, 6) for number in row)
             bands[place] = value, low, high
@@ -104,7 +104,9 @@ class DesignColumns:
         verdicts = {design.label: design.verdict for design in compare_experiment(evidence).designs}
         open_places = set()
         if evidence.belief is not None:
-            open_places = set(evidence.belief.places[list(evidence.belief.contradicting.undriven_neighbours)].tolist())
+            open_places = set(
+                evidence.belief.design_indices[list(evidence.belief.contradictions.undriven_neighbours)].tolist()
+            )
         return {
             "value": [[values[name][float(design.design[name])] for name in values] for design in family],
             "name": self.names,

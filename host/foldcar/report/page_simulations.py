@@ -75,7 +75,7 @@ def _corrected(evidence: Evidence, other: Evidence) -> dict[str, Columns] | None
     belief = evidence.belief
     if belief is None or other.belief is None:
         return None
-    rows = {place: row for row, place in enumerate(other.belief.places.tolist())}
+    rows = {place: row for row, place in enumerate(other.belief.design_indices.tolist())}
     _, columns, other_columns = numpy.intersect1d(belief.samples, other.belief.samples, return_indices=True)
     dear: NDArray[Any] = numpy.full(belief.passed.shape, numpy.nan)
     for at, design in enumerate(belief.designs):
@@ -89,6 +89,6 @@ def _corrected(evidence: Evidence, other: Evidence) -> dict[str, Columns] | None
     result: dict[str, Columns] = {}
     for name, values in zip(("rate", "low", "high"), rates, strict=True):
         result[name] = [None] * len(evidence.family)
-        for place, value in zip(belief.places.tolist(), values.tolist(), strict=True):
+        for place, value in zip(belief.design_indices.tolist(), values.tolist(), strict=True):
             result[name][place] = round(value, 6)
     return result

@@ -105,8 +105,8 @@ def _include_options() -> list[str]:
     folders = [*sorted((ROOT / "firmware/lib").iterdir()), *sorted((ROOT / "sim2d/lib").iterdir()), ROOT / "sim2d/src"]
     folders += [ROOT / ".pio/mavlink", ROOT / ".pio/build_id/carsim", ROOT / ".pio/firmware_id"]
     for library in ("box2d", "nlohmann_json"):
-        found = _downloaded(library)
-        folders += [found / "include", found / "src"] if found else []
+        source = _downloaded(library)
+        folders += [source / "include", source / "src"] if source else []
     return [f"-I{folder}" for folder in folders if folder.is_dir() and folder.name not in ("feather_hal", "mujoco_car")]
 
 
@@ -143,10 +143,10 @@ def main() -> int:
         builds = builds or [(c, f"O{k}") for c in installed_compilers() for k in range(4)]
         for compiler, level in builds:
             with tempfile.TemporaryDirectory() as folder:
-                found = difference(expected, answers(build(compiler, level, Path(folder), arguments.numerics)))
-            print(f"{compiler} -{level}: {'the golden bytes' if not found else 'DIFFERS'}", flush=True)
-            if found:
-                print(found)
+                differences = difference(expected, answers(build(compiler, level, Path(folder), arguments.numerics)))
+            print(f"{compiler} -{level}: {'the golden bytes' if not differences else 'DIFFERS'}", flush=True)
+            if differences:
+                print(differences)
                 differing += 1
     except (BuildError, OSError, subprocess.CalledProcessError) as error:
         print(f"determinism: error: {error}", file=sys.stderr)

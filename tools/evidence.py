@@ -104,8 +104,8 @@ def main() -> None:
         experiment = read_experiment(store, "1")
     jobs = len(os.sched_getaffinity(0))
     realities = [
-        kept(given.folder / f"reality{one}.pickle", partial(reality, experiment, one, jobs))
-        for one in range(EACH * len(KINDS))
+        kept(given.folder / f"reality{number}.pickle", partial(reality, experiment, number, jobs))
+        for number in range(EACH * len(KINDS))
     ]
     simulator = Simulator(experiment, Carsim(), jobs, SEED)
     layout = trials_of(realities[0], TRIALS, PATHS, experiment)
@@ -157,31 +157,31 @@ def reality(experiment: SweptExperiment, number: int, jobs: int) -> Reality:
     scores = 0.8 * stream.standard_normal((1, len(PARAMETERS)))
     values = {**values_of(scores)[0], **beyond}
     designs = range(len(experiment.designs))
-    asked = [(design, scene, 1_000 + scene, scene) for design in designs for scene in range(RATE_SCENES)]
+    cases = [(design, scene, 1_000 + scene, scene) for design in designs for scene in range(RATE_SCENES)]
     trials = [layout_of(trial) for trial in range(TRIALS)]
-    asked += [(design, scene, 5_000 + 10 * design + car, 7_000 + i) for i, (design, car, scene) in enumerate(trials)]
-    runs = [CalibrationRun(design, values, experiment.scenes[scene], *numbers) for design, scene, *numbers in asked]
+    cases += [(design, scene, 5_000 + 10 * design + car, 7_000 + i) for i, (design, car, scene) in enumerate(trials)]
+    runs = [CalibrationRun(design, values, experiment.scenes[scene], *numbers) for design, scene, *numbers in cases]
     simulator = Simulator(experiment, Carsim(engine=engine), jobs, SEED + number)
     answers = simulator.answers(runs, lambda answer, _: answer)
     outcomes = [outcome_of(answer) for answer in answers]
     apart = len(answers) - TRIALS
     rates = np.array([outcome == PASSED for outcome in outcomes[:apart]], dtype=float).reshape(len(designs), -1).mean(1)
-    found = []
+    evidence_sets = []
     for outcome, answer, (_, _, scene) in zip(outcomes[apart:], answers[apart:], trials, strict=True):
         rows = answered_path(answer)
         rows[:, 1:4] += CAMERA_M * stream.standard_normal((len(rows), 3))
         rows[:, 4:] += CAMERA_RAD * stream.standard_normal((len(rows), 3))
-        found.append((outcome, answer["elapsed_time_s"], path_features(rows, experiment.scenes[scene])))
-    return Reality(scores[0], rates, found)
+        evidence_sets.append((outcome, answer["elapsed_time_s"], path_features(rows, experiment.scenes[scene])))
+    return Reality(scores[0], rates, evidence_sets)
 
 
-def trials_of(one: Reality, number: int, evidence: str, experiment: SweptExperiment) -> Observations:
+def trials_of(reality: Reality, number: int, evidence: str, experiment: SweptExperiment) -> Observations:
     """The first trials of a reality, as a calibration takes them, in the cells of all."""
     layout = [layout_of(trial) for trial in range(TRIALS)]
     places = list(dict.fromkeys((design, scene) for design, _, scene in layout))
     cars = list(dict.fromkeys((design, car) for design, car, _ in layout))
     ends, features = [], []
-    for outcome, elapsed_s, path in one.trials[:number]:
+    for outcome, elapsed_s, path in reality.trials[:number]:
         if evidence == PATHS:
             ends.append(np.arange(ENDS) == drive_end(outcome, path))
             features.append(path)
@@ -201,21 +201,23 @@ def trials_of(one: Reality, number: int, evidence: str, experiment: SweptExperim
     )
 
 
-def measured(one: Reality, number: int) -> dict[int, ScorePrior]:
+def measured(reality: Reality, number: int) -> dict[int, ScorePrior]:
     """The priors of MEASURED parameters by index, each with an error of its value."""
     stream = np.random.default_rng(2000 + number)
     return {
         index: ScorePrior(
-            float(one.scores[index] + MEASURED[parameter.name] / parameter.sd * stream.standard_normal()), 0.0, "measured"
+            float(reality.scores[index] + MEASURED[parameter.name] / parameter.sd * stream.standard_normal()),
+            0.0,
+            "measured",
         )
         for index, parameter in enumerate(PARAMETERS)
         if parameter.name in MEASURED
     }
 
 
-def true_rates(simulator: Simulator, one: Reality) -> FloatArray:
+def true_rates(simulator: Simulator, reality: Reality) -> FloatArray:
     """The rates (designs,) that the simulator has with the reality's parameters, without what is beyond it."""
-    experiment, (values,) = simulator.experiment, values_of(one.scores[None])
+    experiment, (values,) = simulator.experiment, values_of(reality.scores[None])
     designs, scenes = len(experiment.designs), experiment.scenes[:RATE_SCENES]
     numbers = range(designs * len(scenes))
     runs = [CalibrationRun(i // len(scenes), values, scenes[i % len(scenes)], i, i) for i in numbers]
@@ -268,8 +270,8 @@ class Study:
         low, high = np.quantile(rates.predicted, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2], axis=0)
         # The truth was counted, too.
         noise = 1.645 * np.sqrt(true * (1 - true) / RATE_SCENES)
-        held = (low - noise <= true) & (true <= high + noise)
-        columns = (abs(rates.simulated - true), abs(rates.predicted.mean(axis=0) - true), held, high - low)
+        covered = (low - noise <= true) & (true <= high + noise)
+        columns = (abs(rates.simulated - true), abs(rates.predicted.mean(axis=0) - true), covered, high - low)
         judged = Judged(*(100 * float(column[self.undriven].mean()) for column in columns))
         print(index, np.round(judged, 1), flush=True)
         return judged
@@ -278,9 +280,9 @@ class Study:
         """The table of error, covered truths and explained parameters by number and evidence of trials."""
         rows = []
         for number, (evidence, with_measures) in product(NUMBERS, WAYS):
-            found = [self.calibration(index, number, evidence, with_measures) for index in range(EACH)]
-            judged = np.mean([self.judged(index, inference) for index, inference in enumerate(found)], axis=0)
-            explained = np.mean([1 - inference.posterior.scores.var(axis=0) for inference in found], axis=0)[:4]
+            calibrations = [self.calibration(index, number, evidence, with_measures) for index in range(EACH)]
+            judged = np.mean([self.judged(index, inference) for index, inference in enumerate(calibrations)], axis=0)
+            explained = np.mean([1 - inference.posterior.scores.var(axis=0) for inference in calibrations], axis=0)[:4]
             name = f"{evidence}, measured" if with_measures else evidence
             shares = [f"{100 * value:.0f}" for value in np.maximum(explained, 0)]
             rows.append([str(number), name, f"{judged[0]:.1f}", f"{judged[1]:.1f}", f"{judged[2]:.0f}", *shares])
@@ -297,8 +299,10 @@ class Study:
         rows = []
         for evidence, (kind, (name, _, _)) in product(COVERAGE_WAYS, enumerate(KINDS)):
             indices = range(EACH * kind, EACH * (kind + 1))
-            found = [self.judged(index, self.calibration(index, COVERAGE_TRIALS, evidence, False)) for index in indices]
-            judged = np.mean(found, axis=0)
+            judgements = [
+                self.judged(index, self.calibration(index, COVERAGE_TRIALS, evidence, False)) for index in indices
+            ]
+            judged = np.mean(judgements, axis=0)
             rows.append([name, evidence, f"{judged[1]:.1f}", f"{judged[2]:.0f}", f"{judged[3]:.0f}"])
         return table(["reality", "by", "error", "covered %", "width"], rows)
 

@@ -138,7 +138,7 @@ def rounds(random: numpy.random.Generator, selecting: bool, most: int) -> list[R
     spreads = numpy.interp(WIDTHS, WIDTHS[[0, len(WIDTHS) // 2, -1]], random.uniform(MIN_SPREAD, MAX_SPREAD, 3)).round(1)
     runs = numpy.column_stack([random.binomial(RUNS, simulated), numpy.full(len(WIDTHS), RUNS)])
     widths: dict[int, Width] = {}
-    found: list[Round] = []
+    rounds: list[Round] = []
     draws = pooled_bias(WIDTHS[:, None], runs, numpy.zeros((len(WIDTHS), 2))).draws(DRAWS)
     for number in range(most):
         for index in selected(runs, draws, number) if selecting else uniform(random):
@@ -160,14 +160,14 @@ def rounds(random: numpy.random.Generator, selecting: bool, most: int) -> list[R
         ends = numpy.array([(rate.low, rate.high) for rate in rates])
         designs = numpy.column_stack([ends, draws.mean(axis=0), truth])
         built = sum(len(width.log_odds) for width in widths.values())
-        found.append(Round(int(trials[:, 1].sum()), built, float(truth.max() - truth[best]), loss, gain, designs))
-    return found
+        rounds.append(Round(int(trials[:, 1].sum()), built, float(truth.max() - truth[best]), loss, gain, designs))
+    return rounds
 
 
 def planned(index: int, draws: numpy.ndarray, widths: dict[int, Width], further: int, least: int = 0) -> Effort:
     """The cars and trials of a width that `foldcar select` plans."""
-    some = [float(width.weights @ SPREADS) for width in widths.values()]
-    spread = float(widths[index].weights @ SPREADS) if index in widths else float(numpy.mean(some))
+    spreads = [float(width.weights @ SPREADS) for width in widths.values()]
+    spread = float(widths[index].weights @ SPREADS) if index in widths else float(numpy.mean(spreads))
     done = widths[index].counted if index in widths else []
     alike = correlation_within_cars(draws[:, index], spread)
     return further_effort(further, alike, UNKNOWN_ASSEMBLY_MIN, TRIAL_MIN, done, least)
@@ -198,8 +198,8 @@ def main() -> None:
     threadpool_limits(1)
     table = {
         selecting: [
-            rounds(numpy.random.default_rng([chosen.seed, one]), selecting, MAX_ROUNDS if selecting else ROUNDS)
-            for one in range(chosen.truths)
+            rounds(numpy.random.default_rng([chosen.seed, number]), selecting, MAX_ROUNDS if selecting else ROUNDS)
+            for number in range(chosen.truths)
         ]
         for selecting in (True, False)
     }
@@ -221,14 +221,16 @@ def main() -> None:
     for price in PRICES:
         print_stops(table[True], f"{100 * price:g}", partial(below, price))
     print_stops(
-        table[True], f"{100 * MIN_GAIN:g}, leader unsure", lambda one: one.loss <= PRECISION and one.gain < MIN_GAIN
+        table[True],
+        f"{100 * MIN_GAIN:g}, leader unsure",
+        lambda round_: round_.loss <= PRECISION and round_.gain < MIN_GAIN,
     )
-    print_stops(table[True], "all decided", lambda one: one.loss <= MAX_LOSS and one.wrong()[0] == 1)
+    print_stops(table[True], "all decided", lambda round_: round_.loss <= MAX_LOSS and round_.wrong()[0] == 1)
 
 
-def below(price: float, one: Round) -> bool:
+def below(price: float, round_: Round) -> bool:
     """Whether an hour of work wins less than the price, and the leader loses little."""
-    return one.loss <= MAX_LOSS and one.gain < price
+    return round_.loss <= MAX_LOSS and round_.gain < price
 
 
 def print_stops(truths: Sequence[Sequence[Round]], name: str, enough: Callable[[Round], bool]) -> None:

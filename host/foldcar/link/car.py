@@ -204,7 +204,7 @@ class Car:
         reason = ack.result_param2
         if not 0 < reason < len(REASONS):
             return f"result {ack.result}, reason {reason}"
-        status_text = self.connection.said
+        status_text = self.connection.status_text
         if reason in (REFUSED_DESIGN, OTHER_HOST) and status_text is not None and status_text.startswith("refused: "):
             return status_text.removeprefix("refused: ")
         fault = self.fault_text() if reason == FAULT_LATCHED else None

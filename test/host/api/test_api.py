@@ -64,16 +64,16 @@ def test_the_oracle_gives_the_numbers_of_a_sweep(study: foldcar.Study) -> None:
     vehicle = {"type": "W_B_W", "params": [{"common": {"width": 65}}, {"B": {"length": 100}}]}
     plain, built = swept(study, "plain", 65, 100), swept(study, "built", 65, 100)
 
-    found = foldcar.evaluate(car, place, SAMPLES, timeout_s=60).runs
+    runs = foldcar.evaluate(car, place, SAMPLES, timeout_s=60).runs
     varied = foldcar.evaluate(vehicle, STEP_PYRAMIDS, SAMPLES, seed=SEED, variation="workshop", variation_seed=5, jobs=1)
     singly = [foldcar.simulate(vehicle, place.scene(k), timeout_s=60) for k in range(SAMPLES)]
 
     columns = ["sample", "outcome", "passed", *NUMBERS]
-    assert found[columns].equals(plain[columns])
+    assert runs[columns].equals(plain[columns])
     assert varied.runs[columns].equals(built[columns])
     assert not plain[list(NUMBERS)].equals(built[list(NUMBERS)])
-    assert [one.metrics for one in singly] == plain[list(NUMBERS)].to_dict("records")
-    assert [one.passed for one in singly] == plain["passed"].to_list()
+    assert [run.metrics for run in singly] == plain[list(NUMBERS)].to_dict("records")
+    assert [run.passed for run in singly] == plain["passed"].to_list()
 
 
 def test_a_path_goes_from_start_to_end() -> None:

@@ -45,14 +45,14 @@ def test_a_compact_path_is_the_path_of_the_same_run(carsim_binary: Path) -> None
     answer = subprocess.run([carsim_binary, "batch"], input=text, capture_output=True, text=True, check=True)
     whole, compact = map(json.loads, answer.stdout.splitlines())
 
-    rows, found = np.array(whole["path"])[:, :7], answered_path(compact)
+    rows, compact_rows = np.array(whole["path"])[:, :7], answered_path(compact)
 
-    assert found.shape == rows.shape and len(rows) > 30
-    assert found[:, 0] == pytest.approx(rows[:, 0], abs=1e-9)
+    assert compact_rows.shape == rows.shape and len(rows) > 30
+    assert compact_rows[:, 0] == pytest.approx(rows[:, 0], abs=1e-9)
     # Rounded to half of 0.5 mm and of 2 mrad; headings go on beyond a half turn.
-    assert np.abs(found[:, 1:4] - rows[:, 1:4]).max() < 0.00026
-    assert np.abs(np.unwrap(found[:, 4]) - np.unwrap(rows[:, 4])).max() < 0.0011
-    assert np.abs(found[:, 5:] - rows[:, 5:]).max() < 0.0011
+    assert np.abs(compact_rows[:, 1:4] - rows[:, 1:4]).max() < 0.00026
+    assert np.abs(np.unwrap(compact_rows[:, 4]) - np.unwrap(rows[:, 4])).max() < 0.0011
+    assert np.abs(compact_rows[:, 5:] - rows[:, 5:]).max() < 0.0011
 
 
 def driven(way_m: float) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
@@ -66,25 +66,25 @@ def driven(way_m: float) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
 
 
 def test_quarters_of_the_way_have_their_times_places_and_headings() -> None:
-    found = path_features(driven(1.5), SCENE)
+    features = path_features(driven(1.5), SCENE)
 
     assert FEATURES == len(FAMILIES) == 3 * STAGES + 3
     for stage in range(STAGES):
         at_m = min(0.25 * (stage + 1), 0.999)
         took_s = (at_m - 0.25 * stage) / 0.5
-        assert found[3 * stage : 3 * stage + 3] == pytest.approx([math.log(took_s), 0.1 * at_m, at_m], abs=1e-6)
+        assert features[3 * stage : 3 * stage + 3] == pytest.approx([math.log(took_s), 0.1 * at_m, at_m], abs=1e-6)
         assert FAMILIES[3 * stage : 3 * stage + 3] == (CLIMBING if stage else SPEED, TURNING, TURNING)
-    assert found[PITCH] == pytest.approx(math.log(0.2 + LEAST_RAD), abs=1e-3)
-    assert found[ROLL] == pytest.approx(math.log(0.05 + LEAST_RAD))
-    assert math.isnan(found[TIME]) and drive_end("passed", found) == 0
+    assert features[PITCH] == pytest.approx(math.log(0.2 + LEAST_RAD), abs=1e-3)
+    assert features[ROLL] == pytest.approx(math.log(0.05 + LEAST_RAD))
+    assert math.isnan(features[TIME]) and drive_end("passed", features) == 0
 
 
 def test_a_drive_that_ends_early_has_the_quarters_that_it_did() -> None:
-    found = path_features(driven(0.6), SCENE)
+    features = path_features(driven(0.6), SCENE)
 
-    assert np.isfinite(found[: 3 * STAGES]).tolist() == [True] * 6 + [False] * 6
+    assert np.isfinite(features[: 3 * STAGES]).tolist() == [True] * 6 + [False] * 6
     # Within the third quarter, tipped or not: of the ends that an outcome alone allows.
-    stuck, tipped = drive_end("stuck", found), drive_end("tipped", found)
+    stuck, tipped = drive_end("stuck", features), drive_end("tipped", features)
     assert (stuck, tipped) == (5, 6) and possible_ends("stuck")[stuck] and possible_ends("tipped")[tipped]
     assert not possible_ends("stuck")[tipped] and not possible_ends("passed")[[stuck, tipped]].any()
 
@@ -95,14 +95,14 @@ def test_a_disc_is_reached_at_its_edge_and_what_follows_does_not_count() -> None
     # It rolls after the end, where a built car drives on.
     path[path[:, 1] > 0.9, 6] = 1.0
 
-    found = path_features(path, disc)
+    features = path_features(path, disc)
 
-    assert found[3 * STAGES - 3] == pytest.approx(math.log((0.6 * 0.999 - 0.45) / 0.5), abs=1e-6)
-    assert found[ROLL] == pytest.approx(math.log(0.05 + LEAST_RAD))
+    assert features[3 * STAGES - 3] == pytest.approx(math.log((0.6 * 0.999 - 0.45) / 0.5), abs=1e-6)
+    assert features[ROLL] == pytest.approx(math.log(0.05 + LEAST_RAD))
 
 
 def test_without_a_path_only_the_time_of_those_that_passed_is_known() -> None:
-    told = told_features(2.5, passed=True)
+    features = told_features(2.5, passed=True)
 
-    assert told[TIME] == math.log(2.5) and np.isnan(np.delete(told, TIME)).all()
+    assert features[TIME] == math.log(2.5) and np.isnan(np.delete(features, TIME)).all()
     assert np.isnan(told_features(2.5, passed=False)).all() and np.isnan(told_features(None, passed=True)).all()

@@ -84,7 +84,7 @@ def observations(*cars: tuple[int, int, int], scene: Any = None) -> Observations
     designs = np.array([design for design, _, _ in cars])
     cells = tuple(Cell(int(design), scene) for design in dict.fromkeys(designs.tolist()))
     unknown = np.full((len(car), FEATURES), np.nan)
-    cell = np.array([[one.design for one in cells].index(design) for design in designs[car]])
+    cell = np.array([[cell_.design for cell_ in cells].index(design) for design in designs[car]])
     return Observations(cells, cell, car, designs, np.array(ends), unknown, 0 * unknown, False, ())
 
 
@@ -98,15 +98,15 @@ class Formula:
 
     def __init__(self, seed: int) -> None:
         self.experiment, self.seed = experiment(), seed
-        self.asked: list[CalibrationRun] = []
+        self.simulated_runs: list[CalibrationRun] = []
 
     def drives(self, runs: Iterable[CalibrationRun], done: Any) -> list[SimulatedDrive | None]:
         """Whether each passed, by chance, and its time, to which each car has a part of its own."""
-        asked = list(runs)
-        self.asked += asked
-        done(len(asked))
+        values = list(runs)
+        self.simulated_runs += values
+        done(len(values))
         drives: list[SimulatedDrive | None] = []
-        for run in asked:
+        for run in values:
             own, scatter = (np.random.default_rng(n).standard_normal() for n in ([1, run.car], [2, run.number]))
             logit = 2 * np.log(run.values["friction"]) / 0.3 + run.design - 1.5
             features = np.full(FEATURES, np.nan)
@@ -125,16 +125,16 @@ def test_the_bank_tells_what_of_the_scatter_is_the_cars() -> None:
     bank = simulate_bank(simulator, prior_scores(500, 1), observed, 0, lambda runs: None)
     inputs, width = cell_inputs(simulator.experiment, observed.cells)
 
-    found = bank.emulator(inputs, width, 1)
+    emulator_ = bank.emulator(inputs, width, 1)
 
     assert len(bank.scores) == 500 * (6 + OTHERS) and MOST_CELLS > 6
-    assert math.sqrt(found.covariance[TIME, TIME]) == pytest.approx(0.1, rel=0.08)
+    assert math.sqrt(emulator_.covariance[TIME, TIME]) == pytest.approx(0.1, rel=0.08)
     # Given pitch, which is the drive's scatter itself, nothing but the car's part is left.
-    assert found.shares[TIME] == pytest.approx(0.95, abs=0.06) and found.shares[PITCH] < 0.05
-    assert found.car_sd < 0.35
+    assert emulator_.shares[TIME] == pytest.approx(0.95, abs=0.06) and emulator_.shares[PITCH] < 0.05
+    assert emulator_.car_sd < 0.35
     fast = np.zeros((1, len(PARAMETERS)))
     fast[0, SPEED] = 1.0
-    time = found.feature_means(fast, inputs[:1])[0, 0, TIME]
+    time = emulator_.feature_means(fast, inputs[:1])[0, 0, TIME]
     assert time == pytest.approx(-math.log(PARAMETERS[SPEED].value(1.0)), abs=0.01)
 
 
@@ -150,11 +150,11 @@ def bits_by_quadrature(logits: np.ndarray[Any, Any], means: Any, variance: Any) 
     return float((table * np.log2(table / together)).sum(axis=1).mean())
 
 
-def inferred(one: Problem, scores: Any, tau: float) -> Any:
+def inferred(case: Problem, scores: Any, tau: float) -> Any:
     """An inference with these draws of the scores and one discrepancy's sd."""
     unknown = np.zeros(len(scores))
     posterior = Posterior(scores, np.full(len(scores), tau), unknown, unknown)
-    return SimpleNamespace(problem=one, posterior=posterior)
+    return SimpleNamespace(problem=case, posterior=posterior)
 
 
 def test_what_further_trials_tell_is_the_information_of_their_count() -> None:
@@ -163,21 +163,21 @@ def test_what_further_trials_tell_is_the_information_of_their_count() -> None:
     height = NAMES.index("obstacle_height")
     scores = np.zeros((100, len(PARAMETERS)))
     scores[:, height] = np.random.default_rng(1).permutation(np.linspace(-2, 2, 100))
-    one = problem(swept, observations((0, 0, 3)), linear(0.0, obstacle_height=-1.5))
+    case = problem(swept, observations((0, 0, 3)), linear(0.0, obstacle_height=-1.5))
 
-    ranked = rank_next_trials(inferred(one, scores, 0.5), swept)
+    ranked = rank_next_trials(inferred(case, scores, 0.5), swept)
 
-    assert {(found.design, found.height) for found in ranked} == {(d, h) for d in range(4) for h in HEIGHTS}
-    assert [found.bits for found in ranked] == sorted((found.bits for found in ranked), reverse=True)
-    means, variances = one.offsets(scores, np.full(100, 0.5), np.arange(4))
-    for found in ranked:
+    assert {(entry.design, entry.height) for entry in ranked} == {(d, h) for d in range(4) for h in HEIGHTS}
+    assert [entry.bits for entry in ranked] == sorted((entry.bits for entry in ranked), reverse=True)
+    means, variances = case.offsets(scores, np.full(100, 0.5), np.arange(4))
+    for entry in ranked:
         # The value that runs would have: the drawn one times the height.
-        values = np.array([draw["obstacle_height"] for draw in values_of(scores)]) * found.height
-        offset = means[:, found.design], variances[:, found.design]
-        assert found.bits == pytest.approx(bits_by_quadrature(-1.5 * np.log(values) / 0.2, *offset), abs=0.003)
-        assert found.parameter == "obstacle_height"
-    flat = rank_next_trials(inferred(one, scores, 0.5), experiment({"kind": "patch", "friction": 0.3}))
-    assert {found.height for found in flat} == {1.0}
+        values = np.array([draw["obstacle_height"] for draw in values_of(scores)]) * entry.height
+        offset = means[:, entry.design], variances[:, entry.design]
+        assert entry.bits == pytest.approx(bits_by_quadrature(-1.5 * np.log(values) / 0.2, *offset), abs=0.003)
+        assert entry.parameter == "obstacle_height"
+    flat = rank_next_trials(inferred(case, scores, 0.5), experiment({"kind": "patch", "friction": 0.3}))
+    assert {entry.height for entry in flat} == {1.0}
 
 
 def test_trials_that_say_nothing_leave_the_prior_of_the_sheets() -> None:
@@ -188,11 +188,11 @@ def test_trials_that_say_nothing_leave_the_prior_of_the_sheets() -> None:
     observed = observations((0, 2, 10), (3, 3, 4))
     sheets = built_priors("W_B_W", True)
     everything = dict.fromkeys(range(len(PARAMETERS)), ScorePrior(0.0, 0.0, "measured")) | sheets
-    one = replace(problem(swept, observed, linear(0.0)), priors=sheets)
+    case = replace(problem(swept, observed, linear(0.0)), priors=sheets)
 
-    values = PARAMETERS[column].value(one.posterior(1).scores[:, column])
-    found = infer(simulator, observed, RUNS, priors=everything)
-    summary = summarise(found, swept, {}, 7, RUNS, False)
+    values = PARAMETERS[column].value(case.posterior(1).scores[:, column])
+    inference = infer(simulator, observed, RUNS, priors=everything)
+    summary = summarise(inference, swept, {}, 7, RUNS, False)
 
     assert values.mean() == pytest.approx(0, abs=0.0006) and values.std() == pytest.approx(0.003, rel=0.15)
     shown = next(row for row in summary["parameters"] if row["name"] == "com_height_m")
@@ -202,7 +202,7 @@ def test_trials_that_say_nothing_leave_the_prior_of_the_sheets() -> None:
     # Of one parameter that was not measured there are no pairs, and trials tell most about it.
     assert summary["correlations"] == []
     assert {row["parameter"] for row in summary["next_trials"]} == {"com_height_m"}
-    measured = replace(found, problem=replace(found.problem, priors=dict.fromkeys(everything, everything[0])))
+    measured = replace(inference, problem=replace(inference.problem, priors=dict.fromkeys(everything, everything[0])))
     assert {row.parameter for row in rank_next_trials(measured, swept)} == {"discrepancy"}
 
 
@@ -219,11 +219,11 @@ def test_named_cells_narrow_what_stands_for_the_supply() -> None:
 
 
 class Inferred(NamedTuple):
-    """An inference, the runs that it asked for, and how many it told of."""
+    """An inference, the runs that it simulated, and the number that it reported as done."""
 
-    found: Inference
-    asked: list[CalibrationRun]
-    told: int
+    inference: Inference
+    simulated_runs: list[CalibrationRun]
+    reported: int
 
 
 @pytest.fixture(scope="module")
@@ -231,61 +231,61 @@ def inferred_once() -> Inferred:
     """By the formula, from trials of three designs, with a track that was measured."""
     simulator: Any = Formula(seed=7)
     observed = replace(observations((0, 2, 10), (1, 0, 3), (3, 5, 6), (3, 4, 4)), notes=("a note",))
-    told: list[int] = []
-    result = infer(simulator, observed, RUNS, told.append, {NAMES.index("track_m"): ScorePrior(0.5, 0.0, "measured")})
-    return Inferred(result, simulator.asked, sum(told))
+    progress: list[int] = []
+    result = infer(simulator, observed, RUNS, progress.append, {NAMES.index("track_m"): ScorePrior(0.5, 0.0, "measured")})
+    return Inferred(result, simulator.simulated_runs, sum(progress))
 
 
 def test_sets_have_scatter_of_their_own_and_one_car_for_all_its_drives(inferred_once: Inferred) -> None:
     """The check, too: it would otherwise repeat the accidents of the runs that the emulator has learned."""
-    found, asked, told = inferred_once
-    observed = found.problem.observed
+    inference, simulated_runs, reported = inferred_once
+    observed = inference.problem.observed
 
     for runs in (RUNS, 24_000):
         assert plan(runs, observed, 4).runs == pytest.approx(runs, rel=0.25)
-    assert told == len(asked) <= plan(RUNS, observed, 4).runs
-    check = found.table.size
-    learned, checked = asked[:-check], asked[-check:]
+    assert reported == len(simulated_runs) <= plan(RUNS, observed, 4).runs
+    check = inference.table.size
+    learned, checked = simulated_runs[:-check], simulated_runs[-check:]
     # No two drives scatter alike; one number of a car has one design or is of another design's car with the same values.
     numbers = [run.number for run in learned]
     assert len(set(numbers)) == len(numbers) and not set(numbers) & {run.number for run in checked}
     of_car: dict[int, set[Any]] = {}
     for run in learned:
         of_car.setdefault(run.car, set()).add((run.design, tuple(run.values.items())))
-    assert all(len(one) == 1 for one in of_car.values())
+    assert all(len(cars) == 1 for cars in of_car.values())
     # Each set with the designs that have trials, then with others, any of the family.
     sets = [[run.design for run in learned[i : i + 3 + OTHERS]] for i in range(0, len(learned), 3 + OTHERS)]
     assert all(designs[:3] == [0, 1, 3] for designs in sets)
     assert {design for designs in sets for design in designs[3:]} == set(range(len(WIDTHS)))
     # The check has the designs with each of the published draws, as often.
-    assert found.designs.tolist() == [0, 1, 2, 3] and found.table.shape == (check // 4, 4)
-    assert [dict(run.values) for run in checked[:: check // DRAWS]] == found.draws
+    assert inference.designs.tolist() == [0, 1, 2, 3] and inference.table.shape == (check // 4, 4)
+    assert [dict(run.values) for run in checked[:: check // DRAWS]] == inference.draws
 
 
 def test_a_summary_has_the_numbers_of_its_draws(inferred_once: Inferred) -> None:
-    inference, nominal = inferred_once.found, {0: (30, 100), 1: (0, 100), 3: (100, 100)}
+    inference, nominal = inferred_once.inference, {0: (30, 100), 1: (0, 100), 3: (100, 100)}
 
     summary = summarise(inference, experiment(), nominal, 7, RUNS, True)
 
     posterior = inference.posterior
-    shown = {one["name"]: one for one in summary["parameters"]}
+    shown = {row["name"]: row for row in summary["parameters"]}
     assert list(shown) == [*NAMES, "discrepancy"]
     for index, parameter in enumerate(PARAMETERS):
         values = np.sort([parameter.value(score) for score in posterior.scores[:, index]])
-        one = shown[parameter.name]
-        assert [one["posterior"][end] for end in ("low", "median", "high")] == pytest.approx(
+        design = shown[parameter.name]
+        assert [design["posterior"][end] for end in ("low", "median", "high")] == pytest.approx(
             list(np.quantile(values, [0.05, 0.5, 0.95]))
         )
         if parameter.name == "track_m":
-            assert one["explained"] is None and one["posterior"]["low"] == pytest.approx(0.002)
+            assert design["explained"] is None and design["posterior"]["low"] == pytest.approx(0.002)
         else:
-            assert one["explained"] == pytest.approx(max(0, 1 - np.var(posterior.scores[:, index])))
+            assert design["explained"] == pytest.approx(max(0, 1 - np.var(posterior.scores[:, index])))
     designs = summary["designs"]
     assert [(design["passed"], design["counted"]) for design in designs] == [(2, 10), (0, 3), (0, 0), (9, 10)]
     assert "predicted" not in designs[2] and designs[2]["nominal"] is None
-    for one, rate in zip(designs, inference.table.mean(axis=0), strict=True):
+    for design, rate in zip(designs, inference.table.mean(axis=0), strict=True):
         # The calibrated rate is the simulated share, smoothed over designs.
-        assert one["simulated"]["mean"] == pytest.approx(rate, abs=0.05)
+        assert design["simulated"]["mean"] == pytest.approx(rate, abs=0.05)
     likelihood = summary["log_likelihood"]
     best = sum(binom.logpmf(k, n, k / n) for k, n in ((2, 10), (0, 3), (9, 10)))
     assert likelihood["best"] == pytest.approx(best) and likelihood["best"] >= likelihood["draws"]
@@ -294,13 +294,16 @@ def test_a_summary_has_the_numbers_of_its_draws(inferred_once: Inferred) -> None
     assert summary["notes"] == ["a note"] and summary["misfits"] == []
     # Each design's trials given the others' are told no better than given all.
     assert len(summary["leave_one_out"]) == 3
-    for left, one in zip(summary["leave_one_out"], (designs[0], designs[1], designs[3]), strict=True):
-        assert left["predicted"]["high"] - left["predicted"]["low"] >= one["predicted"]["high"] - one["predicted"]["low"]
+    for left, design in zip(summary["leave_one_out"], (designs[0], designs[1], designs[3]), strict=True):
+        assert (
+            left["predicted"]["high"] - left["predicted"]["low"]
+            >= design["predicted"]["high"] - design["predicted"]["low"]
+        )
 
 
 def test_rates_are_as_uncertain_as_the_runs_that_counted_them(inferred_once: Inferred) -> None:
     """Against the binomial error of log-odds: 1 / (n p (1 - p))."""
-    many = inferred_once.found
+    many = inferred_once.inference
     certain = replace(many.posterior, scores=np.zeros((4000, len(PARAMETERS))), discrepancy=np.zeros(4000))
     table = np.random.default_rng(1).random((400, len(WIDTHS))) < [0.3, 0.4, 0.5, 0.6]
 
@@ -320,8 +323,8 @@ def test_the_formulas_rates_are_found(inferred_once: Inferred) -> None:
     mean = (weights * z).sum() / weights.sum()
 
     # A discrepancy is allowed for, and the emulator learned by single runs.
-    found = inferred_once.found.posterior.scores[:, FRICTION].mean()
-    assert found == pytest.approx(mean, abs=0.25)
+    friction = inferred_once.inference.posterior.scores[:, FRICTION].mean()
+    assert friction == pytest.approx(mean, abs=0.25)
 
 
 def test_the_posterior_is_that_of_rejection(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -344,19 +347,19 @@ def test_the_posterior_is_that_of_rejection(monkeypatch: pytest.MonkeyPatch) -> 
         passed = np.flatnonzero((observed.car == car) & (observed.passed > 0))
         features[passed, TIME] = times[design]
     observed = replace(observed, features=features, errors=np.zeros_like(features))
-    one = problem(swept, observed, emulated)
+    case = problem(swept, observed, emulated)
 
     monkeypatch.setattr(inference_module, "sample_posterior", partial(sample_posterior, particles=2000))
     monkeypatch.setattr(inference_module, "MOST_TRIALS", 1e9)
-    found = one.posterior(1)
+    posterior = case.posterior(1)
 
     stream, draws = np.random.default_rng(5), 2_000_000
     z = stream.standard_normal((draws, 2))
-    tau, kappa = (abs(stream.normal(0, one.sd, draws)) for one in (DISCREPANCY, PATH_DISCREPANCY))
-    both = np.linalg.cholesky(one.alike)
+    tau, kappa = (abs(stream.normal(0, prior.sd, draws)) for prior in (DISCREPANCY, PATH_DISCREPANCY))
+    both = np.linalg.cholesky(case.alike)
     offsets = tau[:, None] * (stream.standard_normal((draws, 2)) @ both.T)
     offsets += emulated.car_sd * stream.standard_normal((draws, 2))
-    logits = emulated.middle * (2 * z[:, :1] + emulated.logits(np.zeros((1, len(PARAMETERS))), one.inputs[:2]))
+    logits = emulated.middle * (2 * z[:, :1] + emulated.logits(np.zeros((1, len(PARAMETERS))), case.inputs[:2]))
     passes = stream.binomial([10, 4], expit(logits + offsets))
     kept = (passes == [2, 4]).all(axis=1)
     z, kappa, draws = z[kept], kappa[kept], int(kept.sum())
@@ -374,6 +377,6 @@ def test_the_posterior_is_that_of_rejection(monkeypatch: pytest.MonkeyPatch) -> 
         kept &= abs(sd * rest.std(axis=1) - np.std(times[design])) < 0.03
     assert kept.sum() > 300
     for column, parameter in enumerate((FRICTION, SPEED)):
-        exact, scores = z[kept, column], found.scores[:, parameter]
+        exact, scores = z[kept, column], posterior.scores[:, parameter]
         assert scores.mean() == pytest.approx(exact.mean(), abs=0.15)
         assert scores.std() == pytest.approx(exact.std(), rel=0.15)

@@ -26,9 +26,9 @@ def test_each_design_has_two_cars_and_each_car_trials_in_other_environments() ->
     assert len(trials) == 12 and len({trial.car for trial in trials}) == 6
     assert all(trial.car[:-1] == f"{trial.width_mm:g}" for trial in trials)
     for width in (65, 85, 105):
-        mine = [trial for trial in trials if trial.width_mm == width]
-        assert [trial.car[-1] for trial in mine] == list("abab")
-        assert [trial.sample for trial in mine] == [3, 1, 4, 9]
+        of_width = [trial for trial in trials if trial.width_mm == width]
+        assert [trial.car[-1] for trial in of_width] == list("abab")
+        assert [trial.sample for trial in of_width] == [3, 1, 4, 9]
 
 
 @pytest.mark.slow
@@ -37,8 +37,8 @@ def test_the_whole_method_runs_and_is_judged_by_the_truth(tmp_path: Path) -> Non
     words = [sys.executable, DOCS / "synthetic_study.py", tmp_path, "--quick"]
     done = subprocess.run(words, capture_output=True, text=True)
 
-    said = done.stdout.splitlines()
-    assert (done.returncode, said[-1].split(":")[0]) in ((0, "right"), (1, "WRONG")), done.stderr
+    lines = done.stdout.splitlines()
+    assert (done.returncode, lines[-1].split(":")[0]) in ((0, "right"), (1, "WRONG")), done.stderr
     assert (tmp_path / "rates.png").stat().st_size > 10_000
     assert json.loads((tmp_path / "reality.json").read_text()) == REALITY
     study = foldcar.Study(tmp_path / "study.db")

@@ -34,8 +34,8 @@ def golden() -> str:
 
 
 def test_the_golden_trials_give_the_golden_numbers(carsim_binary: Path, golden: str) -> None:
-    found = determinism.difference(golden, determinism.answers(carsim_binary))
-    assert found == "", RENEWAL
+    differing = determinism.difference(golden, determinism.answers(carsim_binary))
+    assert differing == "", RENEWAL
 
 
 def test_the_golden_trials_differ_from_each_other(golden: str) -> None:

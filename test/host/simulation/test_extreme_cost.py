@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from conftest import PROJECT
-from study_car import asked
+from study_car import run_carsim
 
 sys.path.insert(0, str(PROJECT / "test" / "fuzz"))
 
@@ -64,7 +64,7 @@ def test_no_changed_number_crashes_carsim_or_keeps_it_busy(carsim_binary: Path, 
     for _ in range(SESSIONS):
         text = changed(chance.choice(sessions), edges, chance)
         before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
-        run = asked(carsim_binary, [text], *engine, "batch")
+        run = run_carsim(carsim_binary, [text], *engine, "batch")
         cpu_s = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - before
 
         assert run.returncode in (0, 2), (run.returncode, run.stderr, text)

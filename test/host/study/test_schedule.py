@@ -111,17 +111,17 @@ def test_a_sweep_in_mujoco_makes_the_runs_of_the_schedule(
         assert 12 <= info.stored_runs < info.planned_runs
     resumed = swept(listing, stores[1], native, 3, until="decided")
 
-    found = []
+    orders = []
     for path in stores:
         with Store.open(path) as store:
-            found.append([(r.design, r.sample, r.outcome, r.metrics) for r in store.results("1 (MuJoCo)")])
+            orders.append([(r.design, r.sample, r.outcome, r.metrics) for r in store.results("1 (MuJoCo)")])
             info = store.info().experiments["1 (MuJoCo)"]
-            assert info.stored_runs == info.planned_runs == len(found[-1])
-    assert found[0] == found[1] and resumed.states == counts.states
+            assert info.stored_runs == info.planned_runs == len(orders[-1])
+    assert orders[0] == orders[1] and resumed.states == counts.states
     assert resumed.new + resumed.there == counts.new == resumed.total == counts.total
     # The same schedule on the results alone.
     passed = numpy.zeros((3, 24), bool)
-    for design, sample, outcome, _ in found[0]:
+    for design, sample, outcome, _ in orders[0]:
         passed[[95.0, 150.0, 240.0].index(design["width_mm"]), sample] = outcome == "passed"
     (rule,) = {stopping_rules("decided", read_study(listing))["1"]}
     schedule = ended(passed, rule)

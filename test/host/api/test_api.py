@@ -1,5 +1,6 @@
 """foldcar in Python: the oracle gives a sweep's numbers, studies read a store, mistakes are one plain line."""
 
+import doctest
 import json
 import math
 import subprocess
@@ -100,6 +101,22 @@ def test_rates_and_models_come_from_the_store(study: foldcar.Study) -> None:
     assert list(study.experiments) == ["plain", "built"]
     assert study.compare().experiments[0].verdict is None
     assert study.select(build=1, experiment="plain")[0].info.id == "plain"
+
+
+def test_the_examples_in_docstrings_are_true(carsim_binary: Path, tmp_path: Path, monkeypatch: Any) -> None:
+    vehicles = {"1": {"type": "W_B_W", "params": [{"common": {"width": [65, 80, 95, 110]}}]}}
+    listing = {**LISTING, "experiments": {"1": LISTING["experiments"]["plain"]}, "vehicles": vehicles}
+    (tmp_path / "listing.json").write_text(json.dumps(listing), encoding="utf-8")
+    (tmp_path / "scenarios").symlink_to(STEP_PYRAMIDS.parent)
+    monkeypatch.chdir(tmp_path)
+    swept = foldcar.sweep("listing.json", "width.db", jobs=1)
+    names = {"foldcar": foldcar, "study": swept}
+    finder, runner = doctest.DocTestFinder(exclude_empty=True), doctest.DocTestRunner()
+
+    for name in foldcar.__all__:
+        for example in finder.find(getattr(foldcar, name), name, globs=names):
+            runner.run(example)
+    assert runner.failures == 0 and runner.tries > 20
 
 
 SCENE = empty_scene()

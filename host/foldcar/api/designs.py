@@ -85,6 +85,7 @@ def built_cars(body: str, count: int, spread: str | Mapping[str, float], seed: i
 
 @lru_cache(KEPT_DESIGNS)
 def _prepared(type_string: str, values: tuple[tuple[str, float], ...], *arguments: float | None) -> tuple[str, str]:
+    """Return body and settings as JSON, from hashable arguments so that the result is cached."""
     design = compose(type_string, dict(values))
     body = body_json(design)
     # Check the arguments with a listing's limits.

@@ -196,6 +196,7 @@ def _scene_json(scene: Mapping[str, Any]) -> str:
 
 
 def _table(answers: Sequence[Mapping[str, Any]], judged: bool) -> "pandas.DataFrame":
+    """Return a row for each answer of carsim, as in :class:`Evaluation`; ``judged``: success is defined."""
     import pandas
 
     outcomes = [outcome_of(answer) for answer in answers]

@@ -166,6 +166,7 @@ class Study:
         return table[table["passed"].notna()]
 
     def _of_experiment(self, table: "pandas.DataFrame", experiment: str | None, source: str) -> "pandas.DataFrame":
+        """Return the rows of the experiment. Raises FoldcarError if there are none, or it must be named."""
         ids = list(dict.fromkeys(table["experiment"]))
         if not ids:
             what = "runs" if source == "simulation" else "trials of built cars that count"
@@ -177,6 +178,7 @@ class Study:
         return table if experiment is None else table[table["experiment"] == experiment]
 
     def _of_design(self, table: "pandas.DataFrame", design: Mapping[str, float], source: str) -> "pandas.DataFrame":
+        """Return the rows of the only design with these values. Raises FoldcarError if there is none, or several."""
         parameters = _parameters(table)
         result = table
         for column, value in columns_named(design, parameters, "rate").items():

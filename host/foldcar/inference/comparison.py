@@ -188,6 +188,7 @@ def _rates(design: DesignEvidence, confidence: float) -> Rates:
 
 
 def _design(design: DesignEvidence, pooled: Rate | None, rates: Rates | None, margin: float) -> DesignComparison:
+    """Compare a design's trials with its runs; ``rates`` are None without runs."""
     driven = design.driven(CONFIDENCE)
     further = None if design.cars is None else design.cars.rate(CONFIDENCE)
     if rates is None:
@@ -229,6 +230,7 @@ def _verdict(compared: Sequence[DesignComparison], mean: Gap, margin: float, sim
 
 
 def _overall(experiments: Sequence[ExperimentComparison]) -> str:
+    """Return the sentences of all experiments, and a warning if they are of several builds of carsim."""
     if not experiments:
         return "Nothing to compare: the store has no runs yet; sweep the listing into it with `foldcar sweep`."
     several = len(experiments) > 1

@@ -157,6 +157,7 @@ class Resimulation:
         return self._refusals[info.id]
 
     def _why_not(self, info: ExperimentInfo) -> str | None:
+        """Return why an experiment's runs cannot be reproduced now; None if they can."""
         if info.under is not None:
             return f"the runs are those of {info.under}"
         if self._drives(info).dynamic:

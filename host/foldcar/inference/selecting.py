@@ -190,6 +190,7 @@ def select_evidence(
 
 
 def _select_one(evidence: Evidence, build: int, threshold: float | None, precision: float, with_cost: bool) -> Selection:
+    """Advise on one experiment."""
     info, belief = evidence.info, evidence.belief
     limit = threshold if threshold is not None else max(info.thresholds, default=THRESHOLD)
     if belief is None:
@@ -326,6 +327,7 @@ class _Adviser:
 
     @property
     def _basis(self) -> str:
+        """The assumptions of sheets, minutes and numbers of trials."""
         return (
             "Sheets: 12 x 12 inch, 12 x 24 where a piece is longer, as `foldcar pattern` nests them. Minutes assume "
             f"cutting at {CUTTING_MM_S:g} mm/s, {self._assembly_min:.0f} min to build a car (as its guide estimates, "
@@ -347,6 +349,7 @@ class _Adviser:
         return tuple(result)
 
     def _recommendation(self, placed: Placed, with_cost: bool) -> Recommendation:
+        """Return a chosen design with its reason, rates, further work and cost."""
         index, design = placed.index, self.belief.designs[placed.index]
         effort = self._effort(index, 1, trials_needed(self.belief.draws[:, index], self.precision))
         if placed.place == NEXT:
@@ -360,6 +363,7 @@ class _Adviser:
         )  # fmt: skip
 
     def _remarks(self, missing_environments: int) -> tuple[str, ...]:
+        """Return the remarks of the advice, then those of the evidence."""
         belief, info, sentences = self.belief, self.evidence.info, []
         best, passed, number = split_sample_best(belief.passed)
         if number and len(belief.designs) > 1:
@@ -380,6 +384,7 @@ class _Adviser:
         return (*sentences, *self.evidence.remarks)
 
     def _next_step(self, recommended: Sequence[Recommendation], leader: str, loss: float, enough: bool) -> str:
+        """Return what to do next, or that trials are enough."""
         lost = f"{points(loss, sign=False)} points"
         if enough:
             worth = points(MIN_GAIN, sign=False)

@@ -116,6 +116,7 @@ def _piece_label(name: str) -> str:
 
 
 def _read(store: Store, info: ExperimentInfo) -> EnvironmentValues:
+    """Read the scenes and built cars of an experiment into a table."""
     row = store.row(EXPERIMENT, id=info.id)
     stored = read_scenes(store, info)
     scenes = {sample: _scene(scene) for sample, scene in stored.items()}
@@ -169,6 +170,7 @@ def _scene(scene: Mapping[str, Any]) -> dict[str, float]:
 
 
 def _numbers(start: str, values: Mapping[str, Any]) -> dict[str, float]:
+    """Return the numbers among ``values``, named with the prefix ``start``."""
     return {
         f"{start}_{key}": float(value)
         for key, value in values.items()
@@ -177,6 +179,7 @@ def _numbers(start: str, values: Mapping[str, Any]) -> dict[str, float]:
 
 
 def _car(drawn: Mapping[str, Any], wheels: Any) -> dict[str, float]:
+    """Return the differences of a built car from its design, with the mean and the difference of sides for wheels."""
     result = {}
     for name, value in drawn.items():
         if name not in workshop():

@@ -119,6 +119,7 @@ class LiveStudy:
         )
 
     def _made(self) -> tuple[bytes, list[ExperimentInfo]]:
+        """Compute the page's data from the store, as JSON, and read the experiments."""
         # The import takes longer than serving the page.
         from foldcar.report.page_data import page_data, read_experiments
 
@@ -130,6 +131,7 @@ class LiveStudy:
         return json.dumps(data, separators=(",", ":"), allow_nan=False).encode(), infos
 
     def _counted(self, infos: Sequence[ExperimentInfo]) -> dict[str, Any]:
+        """Count runs and decided designs, and estimate the time to the end."""
         done, planned = sum(info.stored_runs for info in infos), sum(info.planned_runs for info in infos)
         until = [info for info in infos if info.until is not None]
         # A search has no planned number of runs.
@@ -148,6 +150,7 @@ class LiveStudy:
         }
 
     def _state(self) -> str:
+        """Return the state of the sweep, as :meth:`poll` describes it."""
         written, counts = is_written(self._path), self._counts
         if written:
             return "running" if counts["done"] or self._study != b"null" else "waiting"
@@ -208,6 +211,7 @@ class _Handler(BaseHTTPRequestHandler):
     timeout = SILENCE_S
 
     def do_GET(self) -> None:
+        """Answer the page, its data, or an error."""
         path, _, query = self.path.partition("?")
         hosts = [f"{name}:{self.server.port}" for name in (ADDRESS, "localhost")]
         if self.headers.get_all("Host", []) not in ([host] for host in hosts):
@@ -227,6 +231,7 @@ class _Handler(BaseHTTPRequestHandler):
         self._send(HTTPStatus(code), f"{message or HTTPStatus(code).phrase}\n".encode(), "text/plain")
 
     def _send(self, status: HTTPStatus, content: bytes, kind: str) -> None:
+        """Send an answer with the headers of all answers."""
         self.send_response(status)
         for name, value in HEADERS.items():
             self.send_header(name, value)

@@ -254,6 +254,7 @@ def _leader(names: Sequence[str], experiment: Experiment) -> int | None:
 
 
 def _provenance(study: StudyInfo | None, info: ExperimentInfo, command: Sequence[str]) -> list[list[str]]:
+    """Return the facts from which the experiment follows, as label and text."""
     speed = "each car's full speed" if info.speed_m_s is None else f"{info.speed_m_s:g} m/s"
     program = info.scenic_program + (f" with {_assigned(info.scenic_params)}" if info.scenic_params else "")
     rows: list[tuple[str, str]] = [

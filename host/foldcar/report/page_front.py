@@ -59,6 +59,7 @@ def _rows(evidence: Evidence) -> list[list[Row]]:
 def _point(
     index: int, objectives: Sequence[Objective], rows: list[Row], limit_s: float, area_cm2: float | None, fresh: bool
 ) -> dict[str, Any]:
+    """Return a design's objectives with their intervals, in the units of the page."""
     triples = []
     for objective in objectives:
         if objective.value is None or objective.interval is None:

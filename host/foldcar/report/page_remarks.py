@@ -51,6 +51,7 @@ def remarks(store: Store, experiment: "Experiment") -> list[str]:
 
 
 def _failures(store: Store, info: ExperimentInfo, failed: int) -> list[str]:
+    """Return a remark on failed runs, with their messages; an empty list without any."""
     if not failed:
         return []
     messages = store.failures([info.id])

@@ -177,6 +177,7 @@ def _draw_trials(axes: Axes, axis: Axis, designs: DesignColumns, built: float, s
 
 
 def _draw_counts(axes: Axes, axis: Axis, counts: Any, ends: Any, label: str, offset: float = 0.0, **look: Any) -> None:
+    """Draw the rate of each design with trials, with error bars, ``offset`` beside its value."""
     driven = numpy.flatnonzero(counts[:, 1]).tolist()
     if not driven:
         return

@@ -259,6 +259,7 @@ def no_replay_because(info: ExperimentInfo, drives: StoredDrives, carsim: Carsim
 
 
 def _path_blobs(drives: StoredDrives, paths: Paths, chosen: Mapping[Key, End]) -> Blobs:
+    """Return the paths of each design as one blob."""
     by_design: dict[int, list[Key]] = {}
     for key in paths.paths:
         by_design.setdefault(key[0], []).append(key)

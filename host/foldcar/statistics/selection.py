@@ -76,6 +76,7 @@ def first_designs(parameters: ArrayLike, rates: ArrayLike, uncertainty: ArrayLik
 
 
 def _middle(unit: NDArray[Any], feasible: NDArray[Any], step: NDArray[Any]) -> int:
+    """Return the feasible design that is farthest from infeasible ones and from the ends of the range."""
     ends = numpy.minimum(unit, 1 - unit) + step
     # A parameter that does not vary has no ends.
     depth = numpy.where(numpy.ptp(unit, axis=0) > 0, ends, numpy.inf).min(axis=1, initial=numpy.inf)

@@ -44,7 +44,7 @@ FUZZERS := batch step design link parameters
 CLANG = $(firstword $(shell command -v clang++ clang++-19 clang++-18 clang++-16 clang++-14))
 CLANG_TIDY = $(firstword $(shell command -v clang-tidy clang-tidy-19 clang-tidy-18 clang-tidy-16 clang-tidy-14))
 # Percent of the lines of firmware/lib and sim2d/lib.
-LEAST_COVERAGE := 90
+MIN_COVERAGE := 90
 FUZZ_FLAGS := -O1 -g -fsanitize=fuzzer-no-link,address,undefined -fno-sanitize-recover=all -ffp-contract=off
 
 # The portable firmware on the simulated board, for programs that need nothing else.
@@ -191,13 +191,13 @@ check: setup mujoco
 	find .pio/build/native_check -name '*.gcda' -delete 2>/dev/null || true
 	$(BIN)/pio test -e native_check
 	$(BIN)/gcovr --root . --filter 'firmware/lib/' --filter 'sim2d/lib/' --exclude-throw-branches --gcov-ignore-parse-errors \
-	  --fail-under-line $(LEAST_COVERAGE) .pio/build/native_check
+	  --fail-under-line $(MIN_COVERAGE) .pio/build/native_check
 	$(MAKE) headers tidy
 	$(BIN)/coverage erase --rcfile pyproject.toml
 	$(BIN)/coverage run --rcfile pyproject.toml -m pytest -n 3 --dist worksteal test/host
 	$(BIN)/coverage combine --rcfile pyproject.toml --quiet
 	$(BIN)/coverage report --rcfile pyproject.toml --skip-covered
-	@echo 'No sanitizer, no test and not clang-tidy finds a fault; $(LEAST_COVERAGE) % of the C++ lines or more are run'
+	@echo 'No sanitizer, no test and not clang-tidy finds a fault; $(MIN_COVERAGE) % of the C++ lines or more are run'
 
 tidy: setup fuzz-packages
 	@printf '%s\n' $(sort $(SIMULATOR_SOURCES) $(wildcard sim2d/src/*.cpp) sim2d/engines/carsim.cpp) | xargs -P 2 -n 4 \

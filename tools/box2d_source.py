@@ -39,7 +39,7 @@ def seed_box2d(folder: Path) -> None:
 
 def extract_box2d(archive: Path, folder: Path) -> None:
     """Extract Box2D's headers and sources from the package's archive. Raises SeedError if there are none."""
-    found = set()
+    names = set()
     with tarfile.open(archive) as members:
         for member in members:
             path = PurePosixPath(*PurePosixPath(member.name).parts[1:])
@@ -49,7 +49,7 @@ def extract_box2d(archive: Path, folder: Path) -> None:
             assert content is not None
             (folder / path).parent.mkdir(parents=True, exist_ok=True)
             (folder / path).write_bytes(content.read())
-            found.add(path.parts[0])
+            names.add(path.parts[0])
     for name in PARTS:
-        if name not in found:
+        if name not in names:
             raise SeedError(f"{PURPOSE}: {archive.name} has no folder {name}")

@@ -75,25 +75,25 @@ def published(summary: dict[str, Any]) -> list[str]:
     """Each width: trials, nominal and calibrated success, predictions with and without its own trials."""
     head = ["width (mm)", "trials", "nominal", "calibrated", "predicted", "without"]
     rows, driven = [], [design for design in summary["designs"] if design["counted"]]
-    for one, left in zip(driven, summary["leave_one_out"], strict=True):
-        simulated = f"{100 * one['simulated']['median']:.0f} ({ends(one['simulated'])})"
-        trials = f"{one['passed']}/{one['counted']}: {100 * one['passed'] / one['counted']:.0f}"
-        width = f"{one['design']['width_mm']:g}"
-        predictions = (ends(one["predicted"]), ends(left["predicted"]))
-        rows.append([width, trials, f"{100 * one['nominal']:.0f}", simulated, *predictions])
+    for design, left in zip(driven, summary["leave_one_out"], strict=True):
+        simulated = f"{100 * design['simulated']['median']:.0f} ({ends(design['simulated'])})"
+        trials = f"{design['passed']}/{design['counted']}: {100 * design['passed'] / design['counted']:.0f}"
+        width = f"{design['design']['width_mm']:g}"
+        predictions = (ends(design["predicted"]), ends(left["predicted"]))
+        rows.append([width, trials, f"{100 * design['nominal']:.0f}", simulated, *predictions])
     return table(head, rows)
 
 
 def parameters(summary: dict[str, Any]) -> list[str]:
     """Parameters that the trials inform, before and after, and how much of their variance the trials explain."""
     rows = []
-    for one in summary["parameters"]:
-        if one["explained"] is not None and one["explained"] < SHOWN:
+    for parameter in summary["parameters"]:
+        if parameter["explained"] is not None and parameter["explained"] < SHOWN:
             continue
-        told = (one["prior"], one["posterior"])
-        before, after = (f"{p['median']:.2g} ({p['low']:.2g} to {p['high']:.2g})" for p in told)
-        explained = "" if one["explained"] is None else f"{100 * one['explained']:.0f}"
-        rows.append([one["name"], before, after, explained])
+        intervals = (parameter["prior"], parameter["posterior"])
+        before, after = (f"{p['median']:.2g} ({p['low']:.2g} to {p['high']:.2g})" for p in intervals)
+        explained = "" if parameter["explained"] is None else f"{100 * parameter['explained']:.0f}"
+        rows.append([parameter["name"], before, after, explained])
     return table(["parameter", "prior", "posterior", "explained %"], rows)
 
 

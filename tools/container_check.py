@@ -109,10 +109,10 @@ def build(text: str) -> Stage:
         began_s = time.monotonic()
         print(f"container: {word} {rest}", flush=True)
         if word == "FROM":
-            if not (found := IMAGE.fullmatch(rest)):
+            if not (match := IMAGE.fullmatch(rest)):
                 raise ContainerError(f"FROM {rest}: not debian:SUITE-slim")
-            name = found[2] or "last"
-            stage = stages[name] = bare(found[1], f"container-{name}")
+            name = match[2] or "last"
+            stage = stages[name] = bare(match[1], f"container-{name}")
         elif stage is None:
             raise ContainerError(f"{word} before FROM")
         elif word == "RUN":
@@ -139,17 +139,17 @@ def build(text: str) -> Stage:
 
 def use(stage: Stage) -> None:
     """Run COMMANDS, with a folder of the caller's in place of the container's own. ContainerError."""
-    mine = ROOTS / "container-work"
-    shutil.rmtree(mine, ignore_errors=True)
-    mine.mkdir()
+    own_root = ROOTS / "container-work"
+    shutil.rmtree(own_root, ignore_errors=True)
+    own_root.mkdir()
     uid, gid = map(int, CALLER.split(":"))
-    os.chown(mine, uid, gid)
+    os.chown(own_root, uid, gid)
     stage.run([*stage.entry, "--version"])
-    subprocess.run(["mount", "--bind", mine, f"{stage.root}{stage.folder}"], check=True)
+    subprocess.run(["mount", "--bind", own_root, f"{stage.root}{stage.folder}"], check=True)
     for command in COMMANDS:
         print(f"container: as {CALLER}: {command}", flush=True)
         stage.run([*stage.entry, *command.split()], CALLER)
-    page = mine / "report" / "index.html"
+    page = own_root / "report" / "index.html"
     if page.stat().st_uid != uid or b"W_B_W" not in page.read_bytes():
         raise ContainerError(f"{page}: not the caller's, or without its cars")
     size = subprocess.run(["du", "-sxm", stage.root], capture_output=True, text=True, check=True).stdout.split()[0]

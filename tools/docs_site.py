@@ -51,5 +51,5 @@ def _api() -> str:
     modules = re.search(r"^_MODULES = (\{.*?^\})", API.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
     assert modules is not None
     names = ast.literal_eval(modules[1])
-    sections = [f"::: {module}.{name}" for name, module in sorted(names.items(), key=lambda one: one[0].lower())]
+    sections = [f"::: {module}.{name}" for name, module in sorted(names.items(), key=lambda item: item[0].lower())]
     return "\n\n".join(["# Python API", "[A tour](python.md) comes first.", *sections, "::: foldcar.condition"]) + "\n"

@@ -1,4 +1,4 @@
-"""Renews two tables of docs/fidelity.md on realities that are simulated: errors of calibrated rates, coverage of their bands.
+"""Renews two tables of docs/fidelity.md on simulated realities: errors of calibrated rates, coverage of their intervals.
 
 Usage: evidence.py FOLDER PAGE. FOLDER keeps what is simulated: a second call simulates nothing that is there. Each
 reality has parameters of the simulator drawn from their prior, four each in MuJoCo with soft tyres, camber, a centre of

@@ -190,7 +190,7 @@ def read_results(store: Path) -> Results:
     with Store.open(store) as opened:
         for name, info in opened.info().experiments.items():
             listed = info.listed_id
-            (engine,) = (key for key, one in ENGINES.items() if engine_id(listed, one.title) == name)
+            (engine,) = (key for key, candidate in ENGINES.items() if engine_id(listed, candidate.title) == name)
             designs[listed] = {
                 number: {key: float(value) for key, value in design.items() if not isinstance(value, str)}
                 for number, design in opened.designs(name).items()

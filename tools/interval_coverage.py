@@ -55,7 +55,7 @@ ROWS, POOLED_ROWS = 200, 40
 POOLED = ((1, False, 1.0, False), (1, True, 1.0, False), (1, True, 1.0, True), (2, True, 1.0, False))
 DESIGNS = 19
 # Studies that are checked for contradictions; least rate of a design and its neighbours; how deep a lone design falls.
-CHECKED, LEAST_GOOD = 50, 0.7
+CHECKED, MIN_GOOD = 50, 0.7
 DIPS = (0.0, 0.5, 0.7)
 # Driven designs, trials of each, cars of each, and how much these differ.
 STUDIES = (*((*case, 1, spread) for spread in (0.0, 1.0) for case in ((5, 10), (9, 10), (9, 20))), (9, 20, 2, 1.0))
@@ -66,19 +66,19 @@ LIMIT_S, SPREAD = 20.0, 0.6
 Cell = tuple[float, float]
 
 
-def share(found: Iterator[tuple[float, float, float]]) -> Cell:
+def share(intervals: Iterator[tuple[float, float, float]]) -> Cell:
     """The coverage and mean width of (truth, low, high)."""
-    table = numpy.array(list(found))
-    held = (table[:, 1] <= table[:, 0]) & (table[:, 0] <= table[:, 2])
-    return float(held.mean()), float((table[:, 2] - table[:, 1]).mean())
+    table = numpy.array(list(intervals))
+    covered = (table[:, 1] <= table[:, 0]) & (table[:, 0] <= table[:, 2])
+    return float(covered.mean()), float((table[:, 2] - table[:, 1]).mean())
 
 
 def exact(interval: Callable[[int, int], tuple[float, float]], n: int) -> Cell:
     """Coverage and width over all numbers of successes, for rates uniform over 0 to 1."""
     ends = [interval(k, n) for k in range(n + 1)]
     # The probability of k successes is 1/(n+1), and the rate is then Beta(k+1, n-k+1).
-    held = [betainc(k + 1, n - k + 1, high) - betainc(k + 1, n - k + 1, low) for k, (low, high) in enumerate(ends)]
-    return float(numpy.mean(held)), float(numpy.mean([high - low for low, high in ends]))
+    coverage = [betainc(k + 1, n - k + 1, high) - betainc(k + 1, n - k + 1, low) for k, (low, high) in enumerate(ends)]
+    return float(numpy.mean(coverage)), float(numpy.mean([high - low for low, high in ends]))
 
 
 @cache
@@ -91,59 +91,59 @@ def assumed(passed: tuple[int, ...], each: int) -> tuple[float, float]:
 
 def of_cars(cars: int, each: int, spread: float) -> list[Cell]:
     """Wilson's interval for the design, then a further car's: spread assumed, simulated."""
-    found: list[list[tuple[float, float, float]]] = [[], [], []]
-    for one in driven(numpy.random.default_rng(SEED), cars, each, spread, CAR_REPEATS):
-        wilson = wilson_interval(int(one.passed.sum()), cars * each)
-        passed, counted, shifts = numpy.array([one.passed, numpy.full(cars, each), numpy.zeros(cars)], dtype=float)
-        known = BuiltCars(passed, counted, shifts, simulated_weights(one.simulated, 10)).rate()
-        ends = (wilson, assumed(tuple(sorted(one.passed.tolist())), each), (known.low, known.high))
-        for some, (low, high) in zip(found, ends, strict=True):
-            some.append((one.rate, low, high))
-    return [share(iter(some)) for some in found]
+    columns: list[list[tuple[float, float, float]]] = [[], [], []]
+    for study in driven(numpy.random.default_rng(SEED), cars, each, spread, CAR_REPEATS):
+        wilson = wilson_interval(int(study.passed.sum()), cars * each)
+        passed, counted, shifts = numpy.array([study.passed, numpy.full(cars, each), numpy.zeros(cars)], dtype=float)
+        known = BuiltCars(passed, counted, shifts, simulated_weights(study.simulated, 10)).rate()
+        ends = (wilson, assumed(tuple(sorted(study.passed.tolist())), each), (known.low, known.high))
+        for pairs, (low, high) in zip(columns, ends, strict=True):
+            pairs.append((study.rate, low, high))
+    return [share(iter(pairs)) for pairs in columns]
 
 
 def of_places(correlation: float, hard: bool, spread: float) -> list[tuple[float, float]]:
     """Mean error and coverage of a further car's rate without and with simulation of the environments by several cars."""
     ways: list[tuple[str, float]] = [("", 0.0), ("several", 0.5)]
-    found: list[list[tuple[float, float]]] = [[] for _ in ways]
+    by_way: list[list[tuple[float, float]]] = [[] for _ in ways]
     places = placed(numpy.random.default_rng(SEED), PLACED_TRIALS, spread, correlation, hard, CAR_REPEATS)
     for place in places:
         weights = simulated_weights(place.simulated, PLACED_TRIALS)
-        for (way, trust), some in zip(ways, found, strict=True):
+        for (way, trust), pairs in zip(ways, by_way, strict=True):
             expected = getattr(place, way) if way else []
             by = built_cars.shift(expected, place.overall) * trust / built_cars.TRUST
             passed, counted, shifts = numpy.array([[place.passed], [place.trials], [by]], dtype=float)
             rate = BuiltCars(passed, counted, shifts, weights).rate()
-            some.append((abs(rate.value - place.rate), float(rate.low <= place.rate <= rate.high)))
-    return [(float(error), float(held)) for error, held in (numpy.mean(some, axis=0) for some in found)]
+            pairs.append((abs(rate.value - place.rate), float(rate.low <= place.rate <= rate.high)))
+    return [(float(error), float(covered)) for error, covered in (numpy.mean(pairs, axis=0) for pairs in by_way)]
 
 
 def built(passed: Any, each: int, weights: Sequence[Any]) -> list[BuiltCars]:
     """Designs' cars that passed so many (designs, cars) of ``each`` trials."""
     return [
-        BuiltCars(some, numpy.full(len(some), float(each)), numpy.zeros(len(some)), weight)
-        for some, weight in zip(passed.astype(float), weights, strict=True)
+        BuiltCars(counts, numpy.full(len(counts), float(each)), numpy.zeros(len(counts)), weight)
+        for counts, weight in zip(passed.astype(float), weights, strict=True)
     ]
 
 
-def pooled(cars: int, rough: bool, spread: float, told: bool, n: int) -> Cell:
-    """Designs in a row, n trials of each, their bias pooled; ``told``: simulated cars tell how much cars differ."""
+def pooled(cars: int, rough: bool, spread: float, simulated_spread: bool, n: int) -> Cell:
+    """Pool the bias of designs in a row with n trials each; ``simulated_spread``: as simulated cars differ."""
 
     def intervals() -> Iterator[tuple[float, float, float]]:
         for row in rows(numpy.random.default_rng(SEED), DESIGNS, cars, n // cars, rough, spread, POOLED_ROWS):
             runs = numpy.column_stack([ENVIRONMENTS * row.simulated, numpy.full(DESIGNS, ENVIRONMENTS)])
             trials = numpy.column_stack([row.passed.sum(axis=1), numpy.full(DESIGNS, n)])
-            weights = [simulated_weights(twin, 10) if told else PRIOR for twin in row.twins]
-            found = pooled_bias(row.parameters, runs, trials, built(row.passed, n // cars, weights)).rates()
-            yield from ((truth, rate.low, rate.high) for truth, rate in zip(row.rates, found, strict=True))
+            weights = [simulated_weights(twin, 10) if simulated_spread else PRIOR for twin in row.twins]
+            rates = pooled_bias(row.parameters, runs, trials, built(row.passed, n // cars, weights)).rates()
+            yield from ((truth, rate.low, rate.high) for truth, rate in zip(row.rates, rates, strict=True))
 
     return share(intervals())
 
 
-def pooled_name(cars: int, rough: bool, spread: float, told: bool) -> str:
+def pooled_name(cars: int, rough: bool, spread: float, simulated_spread: bool) -> str:
     """The name of such a line."""
     way, of = "rough" if rough else "smooth", "1 car" if cars == 1 else f"{cars} cars"
-    return f"pooled, {way} bias, {of} per design, σ = {spread:g} {'simulated' if told else 'assumed'}"
+    return f"pooled, {way} bias, {of} per design, σ = {spread:g} {'simulated' if simulated_spread else 'assumed'}"
 
 
 def contradicted(driven: int, n: int, cars: int, spread: float, dip: float) -> tuple[float, float]:
@@ -154,10 +154,10 @@ def contradicted(driven: int, n: int, cars: int, spread: float, dip: float) -> t
     """
     random = numpy.random.default_rng([SEED, driven, n, round(100 * dip)])
     chosen = numpy.linspace(1, DESIGNS - 2, driven).round().astype(int)
-    named, found = [], []
+    named, cells = [], []
     for row in rows(random, DESIGNS, cars, n // cars, False, spread, 20 * CHECKED):
         true = row.rates[chosen]
-        good = [at for at in range(1, driven - 1) if true[at - 1 : at + 2].min() >= max(dip, LEAST_GOOD)]
+        good = [at for at in range(1, driven - 1) if true[at - 1 : at + 2].min() >= max(dip, MIN_GOOD)]
         if dip and not good:
             continue
         at = int(random.choice(good)) if dip else 0
@@ -169,11 +169,11 @@ def contradicted(driven: int, n: int, cars: int, spread: float, dip: float) -> t
         runs = numpy.column_stack([ENVIRONMENTS * row.simulated, numpy.full(DESIGNS, ENVIRONMENTS)])
         who = [known.get(index) for index in range(DESIGNS)] if spread else None
         flagged = set(contradictions(row.parameters, runs, trials, who).designs)
-        found.append(chosen[at] in flagged)
+        cells.append(chosen[at] in flagged)
         named.append(bool(flagged - ({chosen[at]} if dip else set())))
-        if len(found) == CHECKED:
+        if len(cells) == CHECKED:
             break
-    return float(numpy.mean(named)), float(numpy.mean(found))
+    return float(numpy.mean(named)), float(numpy.mean(cells))
 
 
 def restricted(n: int) -> Cell:
@@ -186,9 +186,9 @@ def restricted(n: int) -> Cell:
             middle = random.uniform(numpy.log(5), numpy.log(LIMIT_S))
             times = numpy.exp(middle + SPREAD * random.standard_normal(n))
             crossed = times[times < LIMIT_S]
-            found = limited_mean(len(crossed), n, float(crossed.sum()), float((crossed**2).sum()), LIMIT_S)
+            interval = limited_mean(len(crossed), n, float(crossed.sum()), float((crossed**2).sum()), LIMIT_S)
             truth = numpy.minimum(numpy.exp(middle + SPREAD * grid), LIMIT_S).mean()
-            yield float(truth), *found[1:]
+            yield float(truth), *interval[1:]
 
     return share(intervals())
 
@@ -245,14 +245,16 @@ def main(page: Path) -> None:
         names = ("Wilson, of the design", "further car, σ assumed", "further car, σ simulated")
         for at, name in enumerate(names):
             for spread in SPREADS:
-                some = [cars[car, spread].result()[at] for car in CARS]
-                of.append([name, f"{spread:g}", *(f"{100 * held:.0f} ({100 * width:.0f})" for held, width in some)])
+                results = [cars[car, spread].result()[at] for car in CARS]
+                of.append(
+                    [name, f"{spread:g}", *(f"{100 * covered:.0f} ({100 * width:.0f})" for covered, width in results)]
+                )
         head = ("counts alone", "corrected by half")
         scenes = [["trials in", "correlation", "σ", *head]]
         for (correlation, hard), spread in places:
             where = "hard environments" if hard else "any environments"
-            some = places[(correlation, hard), spread].result()
-            row = (f"{100 * error:.1f} ({100 * held:.0f})" for error, held in some)
+            results = places[(correlation, hard), spread].result()
+            row = (f"{100 * error:.1f} ({100 * covered:.0f})" for error, covered in results)
             scenes.append([where, f"{correlation:g}", f"{spread:g}", *row])
     text = page.read_text(encoding="utf-8")
     for name, rows_of in (("coverage", table), ("cars", of), ("scenes", scenes), ("contradictions", named)):

@@ -20,8 +20,8 @@ MUJOCO = "4.0.0"
 
 def package_folder() -> Path | None:
     """Where the package is, or None; it is not imported, which would load it."""
-    found = importlib.util.find_spec("mujoco")
-    return Path(found.origin).parent if found is not None and found.origin else None
+    spec = importlib.util.find_spec("mujoco")
+    return Path(spec.origin).parent if spec is not None and spec.origin else None
 
 
 folder = package_folder()

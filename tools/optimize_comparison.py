@@ -118,14 +118,16 @@ def print_risk(pairs: int) -> None:
         for pair in range(pairs):
             hard = random.standard_normal(number)
             strengths = norm.ppf([best_rate] * others + [rate])[:, None] + random.standard_normal((others + 1, number))
-            *some, mine = [[Row("passed" if good else "tipped", 1.0, 1.0) for good in row] for row in strengths > hard]
-            best = max(some, key=passes)
-            gain[pair], runs[pair] = passes(mine) - passes(best), number
+            *other_runs, own_runs = [
+                [Row("passed" if good else "tipped", 1.0, 1.0) for good in row] for row in strengths > hard
+            ]
+            best = max(other_runs, key=passes)
+            gain[pair], runs[pair] = passes(own_runs) - passes(best), number
             for batch in batches(number)[:-1]:
-                if evidence_of_worse(*of_first(mine, batch.stop, best)) >= 1 / PRUNING_RISK:
+                if evidence_of_worse(*of_first(own_runs, batch.stop, best)) >= 1 / PRUNING_RISK:
                     left[pair], runs[pair] = 1, batch.stop
                     break
-        shares = [100 * left[some].mean() if some.any() else math.nan for some in (gain >= 0, gain > 0)]
+        shares = [100 * left[mask].mean() if mask.any() else math.nan for mask in (gain >= 0, gain > 0)]
         cells = [f"{100 * left.mean():.0f}", *(f"{share:.1f}" for share in shares), f"{runs.mean():.0f}"]
         print("|" + "|".join([f"{number}", f"{rate:g}", f"{others}, {best_rate:g}", *cells]) + "|", flush=True)
 
@@ -160,18 +162,18 @@ def main() -> None:
     fresh = searched_study(study, options.fresh).experiments[1]
     rows = swept(study, options.store, carsim, options.jobs)
 
-    found: dict[str, list[list[Values | None]]] = {}
+    facts: dict[str, list[list[Values | None]]] = {}
     for name, (sampler, prune) in SEARCHES.items():
         seeds = 1 if sampler == "grid" else options.seeds
-        found[name] = [list(picks(experiment, rows, sampler, prune, seed)) for seed in range(seeds)]
+        facts[name] = [list(picks(experiment, rows, sampler, prune, seed)) for seed in range(seeds)]
     by_sweep = sorted(rows, key=lambda values: -SUCCESS.value(rows[values], 0.0) if SUCCESS.value else 0.0)[:5]
-    picked = {values for runs in found.values() for row in runs for values in row if values is not None}
+    picked = {values for runs in facts.values() for row in runs for values in row if values is not None}
     rate = judge(study, fresh, picked | set(by_sweep), options.store, carsim, options.jobs)
 
     print(f"\n{len(rows)} designs; best of the sweep in fresh environments: {max(rate[k] for k in by_sweep):.2f}")
     counts = [f"{budget * experiment.environments} runs" for budget in BUDGETS]
     print(f"|search|{'|'.join(counts)}|\n|---|{'---|' * len(counts)}")
-    for name, runs in found.items():
+    for name, runs in facts.items():
         cells = []
         for index in range(len(BUDGETS)):
             reached = sorted(rate[row[index]] if row[index] is not None else 0.0 for row in runs)  # type: ignore[index]

@@ -129,10 +129,10 @@ def _metadata(kind: str, name: str, version: str) -> dict[str, Any]:
 
 def _has(folder: Path, metadata: dict[str, Any]) -> bool:
     try:
-        found: object = json.loads((folder / ".piopm").read_text(encoding="utf-8"))
+        output: object = json.loads((folder / ".piopm").read_text(encoding="utf-8"))
     except (FileNotFoundError, ValueError):
         return False
-    return found == metadata
+    return output == metadata
 
 
 def _write_json(file: Path, content: dict[str, Any]) -> None:

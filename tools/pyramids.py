@@ -127,8 +127,8 @@ class Bench:
         environment = Environment(dataclasses.replace(self.experiment, scenic_params=params, seed=seed))
         drawn = {str(k): canonical_json(environment.sample(k)) for k in range(scenes)}
         bodies, settings = self._cars(tuple(widths_mm))
-        asked = {"build": self._carsim.build, "bodies": bodies, "settings": settings, "scenes": drawn}
-        key = hashlib.sha256(canonical_json(asked).encode()).hexdigest()[:24]
+        facts = {"build": self._carsim.build, "bodies": bodies, "settings": settings, "scenes": drawn}
+        key = hashlib.sha256(canonical_json(facts).encode()).hexdigest()[:24]
         if key not in self._kept:
             requests = [
                 RunRequest(width, k, settings[width], f"{width} mm, {dict(params)}, sample {k}", int(k))
@@ -260,19 +260,19 @@ class Search:
 
     def _try(self, point: FloatArray, scenes: int) -> None:
         sizes = unscaled(point)
-        found = self.bench.passed(scenic_params(sizes), SEARCH_SEED, scenes, WIDTHS)
+        rates = self.bench.passed(scenic_params(sizes), SEARCH_SEED, scenes, WIDTHS)
         self.points.append(point)
-        self.counts.append(found)
+        self.counts.append(rates)
         self.scenes.append(scenes)
-        print(len(self.points), told(sizes), rates_told(found, scenes), flush=True)
+        print(len(self.points), sizes_text(sizes), rates_text(rates, scenes), flush=True)
 
 
-def told(sizes: FloatArray) -> str:
+def sizes_text(sizes: FloatArray) -> str:
     """Sizes in a line."""
     return ", ".join(f"{size.name} {value:.4g}" for size, value in zip(SIZES, sizes, strict=True))
 
 
-def rates_told(counts: Counts, scenes: int) -> str:
+def rates_text(counts: Counts, scenes: int) -> str:
     """Rates by width, in percent, and the log probability of the statements."""
     score = np.log(np.maximum(likelihoods(counts, scenes), 1e-12)).sum()
     rates = " ".join(f"{width}: {100 * passed / scenes:.0f}" for width, passed in counts.items())
@@ -318,12 +318,12 @@ def main() -> None:
     tried = zip(search.points, search.counts, search.scenes, strict=True)
     fitting = sum(fits(counts, scenes) for _, counts, scenes in tried)
     for sizes in itertools.islice(search.proposed(), CONFIRMED):
-        found = bench.passed(scenic_params(sizes), CONFIRM_SEED, CONFIRM_SCENES, WIDTHS)
-        print(f"in {CONFIRM_SCENES} fresh scenes:", told(sizes), rates_told(found, CONFIRM_SCENES), flush=True)
+        result = bench.passed(scenic_params(sizes), CONFIRM_SEED, CONFIRM_SCENES, WIDTHS)
+        print(f"in {CONFIRM_SCENES} fresh scenes:", sizes_text(sizes), rates_text(result, CONFIRM_SCENES), flush=True)
     shown = {"MuJoCo": bench, "multibody": Bench(options.folder / "multibody.jsonl", MULTIBODY, options.jobs)}
-    rates = {name: one.passed({}, PAGE_SEED, PAGE_SCENES, WIDTHS) for name, one in shown.items()}
-    said = f"Of {len(search.points)} sets of sizes tried, {fitting} fit too."
-    renew(options.page, [*table(rates, PAGE_SCENES), "", said])
+    rates = {name: bench.passed({}, PAGE_SEED, PAGE_SCENES, WIDTHS) for name, bench in shown.items()}
+    sentence = f"Of {len(search.points)} sets of sizes tried, {fitting} fit too."
+    renew(options.page, [*table(rates, PAGE_SCENES), "", sentence])
 
 
 if __name__ == "__main__":

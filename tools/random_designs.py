@@ -40,7 +40,7 @@ LIMIT = re.compile(r"(below the|above the)(?: minimum| maximum)? (-?[0-9.]+(?:e-
 APART = re.compile(r"axles at least ([0-9.]+) apart.* puts two of them ([0-9.]+) apart")
 SHEET = re.compile(r"--sheet (\S+) would do")
 # Limits depend on each other: a chain of refusals ends, or the advice leads nowhere.
-MOST_TRIES = 12
+MAX_TRIES = 12
 
 
 @dataclass(frozen=True)
@@ -134,19 +134,19 @@ def tried(draw: Draw, make: Callable[[Design, Options], object] = sheets) -> Out
     outcome = Outcome(draw)
     try:
         while not outcome.made:
-            said = _refusal(draw, make)
-            if said is None:
+            refusal = _refusal(draw, make)
+            if refusal is None:
                 outcome.made = True
                 continue
-            outcome.refusals.append(str(said))
-            following = _followed(draw, said)
-            if isinstance(said, CheckError):
-                outcome.fault = f"fails its checks: {said}"
-            elif "\n" in str(said):
-                outcome.fault = f"more than a line: {said}"
-            elif not SAYS_WHAT_WOULD_DO.search(str(said)):
-                outcome.fault = f"says not what would do: {said}"
-            elif outcome.refusals.count(str(said)) > 1 or len(outcome.refusals) > MOST_TRIES:
+            outcome.refusals.append(str(refusal))
+            following = _followed(draw, refusal)
+            if isinstance(refusal, CheckError):
+                outcome.fault = f"fails its checks: {refusal}"
+            elif "\n" in str(refusal):
+                outcome.fault = f"more than a line: {refusal}"
+            elif not SAYS_WHAT_WOULD_DO.search(str(refusal)):
+                outcome.fault = f"says not what would do: {refusal}"
+            elif outcome.refusals.count(str(refusal)) > 1 or len(outcome.refusals) > MAX_TRIES:
                 outcome.fault = f"what should do does not: {' | '.join(outcome.refusals[-3:])}"
             elif following is not None:
                 draw = following
@@ -167,17 +167,17 @@ def _refusal(draw: Draw, make: Callable[[Design, Options], object]) -> FoldcarEr
     return None
 
 
-def _followed(draw: Draw, said: FoldcarError) -> Draw | None:
+def _followed(draw: Draw, error: FoldcarError) -> Draw | None:
     """The draw with the value or the sheet that the refusal names; None if it names none that can be set."""
-    limit, sheet, apart = (pattern.search(str(said)) for pattern in (LIMIT, SHEET, APART))
+    limit, sheet, apart = (pattern.search(str(error)) for pattern in (LIMIT, SHEET, APART))
     if apart:
         # Distances are shown with four digits, and those along a folded car grow by less than its modules.
         declared = parameters()["W.length"].declared
         length = draw.values.get("W.length", declared.default_with(catalogue())) + float(apart[1]) - float(apart[2]) + 0.5
         # Beyond it a smaller radius is what would do.
         return replace(draw, values={**draw.values, "W.length": length}) if length <= declared.maximum else None
-    if isinstance(said, DesignError) and said.parameter and parameter_of(said.parameter) and limit:
-        return replace(draw, values={**draw.values, said.parameter: float(limit[2])})
+    if isinstance(error, DesignError) and error.parameter and parameter_of(error.parameter) and limit:
+        return replace(draw, values={**draw.values, error.parameter: float(limit[2])})
     return replace(draw, sheet=sheet[1]) if sheet else None
 
 
@@ -186,9 +186,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("count", type=int, help="number of designs")
     parser.add_argument("--seed", type=int, default=1)
-    asked = parser.parse_args()
+    arguments = parser.parse_args()
     counts: Counter[str] = Counter()
-    for number, draw in enumerate(draws(asked.count, asked.seed), 1):
+    for number, draw in enumerate(draws(arguments.count, arguments.seed), 1):
         outcome = tried(draw)
         kind = "made" if outcome.made and not outcome.refusals else "made as advised" if outcome.made else "refused"
         counts[kind if not outcome.fault else "faults"] += 1
@@ -196,8 +196,8 @@ def main() -> int:
             print(f"{number}: {draw}\n   {outcome.fault}", flush=True)
         elif not outcome.made:
             print(f"{number}: refused: {outcome.refusals[-1]}", flush=True)
-    found = ", ".join(f"{number} {kind}" for kind, number in sorted(counts.items()))
-    print(f"{asked.count} designs of seed {asked.seed}: {found}")
+    summary = ", ".join(f"{number} {kind}" for kind, number in sorted(counts.items()))
+    print(f"{arguments.count} designs of seed {arguments.seed}: {summary}")
     return 1 if counts["faults"] else 0
 
 

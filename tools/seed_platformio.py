@@ -82,8 +82,8 @@ def seed_arduino_json(folder: Path, libraries: Path) -> None:
     source = libraries / folder.name
     version = _library_version(source)
     if version != wanted:
-        found = f"has version {version}" if version else "has no library.json with a version"
-        raise SeedError(f"SEED_LIBRARIES: {source} {found}, platformio.ini asks for {wanted}")
+        reason = f"has version {version}" if version else "has no library.json with a version"
+        raise SeedError(f"SEED_LIBRARIES: {source} {reason}, platformio.ini asks for {wanted}")
     if _library_version(folder) != wanted:
         with whole_folder(folder) as part:
             shutil.copytree(source, part, dirs_exist_ok=True)

@@ -6,7 +6,7 @@ simulated ones of it do, from which the rates' model knows it. Both choices end 
 mean, from the same model, and build and drive of each width as many cars as `foldcar select` plans; only the widths
 differ: those that it names, or one at random of each quarter of the range. Printed by round: the mean loss (points of
 success that the picked width lacks against the best) and how often it lacks at most 5 points. Then, where a rule first
-says that it is enough: how often it does within MOST_ROUNDS, after how many trials, cars and hours, what the leader lacks
+says that it is enough: how often it does within MAX_ROUNDS, after how many trials, cars and hours, what the leader lacks
 and how often that is more than 5 points, and shares of widths that are decided, or wrongly so.
 
 Example: python tools/selection.py --truths 60
@@ -28,7 +28,7 @@ from foldcar.statistics.pooled_bias import pooled_bias
 from foldcar.statistics.selection import (
     BATCHES,
     Effort,
-    choose,
+    choose_designs,
     correlation_within_cars,
     expected_loss,
     first_designs,
@@ -42,10 +42,10 @@ RUNS = 100
 THRESHOLD = 0.75
 # Designs a round.
 BUILD = 4
-ROUNDS, MOST_ROUNDS = 2, 6
+ROUNDS, MAX_ROUNDS = 2, 6
 DRAWS = 600
 # Standard deviations of cars' log-odds at both ends of the range and in its middle: as in the width study.
-LEAST_SPREAD, MOST_SPREAD = 0.6, 1.9
+MIN_SPREAD, MAX_SPREAD = 0.6, 1.9
 NEAR = 0.05
 # Prices at which an hour of work is no longer worth it, 0 to 1; minutes of a trial.
 PRICES = (0.0025, 0.005, MIN_GAIN, 0.02)
@@ -135,12 +135,10 @@ class Round:
 def rounds(random: numpy.random.Generator, selecting: bool, most: int) -> list[Round]:
     """Rounds of one synthetic truth."""
     simulated, truth = synthetic(random)
-    spreads = numpy.interp(WIDTHS, WIDTHS[[0, len(WIDTHS) // 2, -1]], random.uniform(LEAST_SPREAD, MOST_SPREAD, 3)).round(
-        1
-    )
+    spreads = numpy.interp(WIDTHS, WIDTHS[[0, len(WIDTHS) // 2, -1]], random.uniform(MIN_SPREAD, MAX_SPREAD, 3)).round(1)
     runs = numpy.column_stack([random.binomial(RUNS, simulated), numpy.full(len(WIDTHS), RUNS)])
     widths: dict[int, Width] = {}
-    found: list[Round] = []
+    rounds: list[Round] = []
     draws = pooled_bias(WIDTHS[:, None], runs, numpy.zeros((len(WIDTHS), 2))).draws(DRAWS)
     for number in range(most):
         for index in selected(runs, draws, number) if selecting else uniform(random):
@@ -162,14 +160,14 @@ def rounds(random: numpy.random.Generator, selecting: bool, most: int) -> list[R
         ends = numpy.array([(rate.low, rate.high) for rate in rates])
         designs = numpy.column_stack([ends, draws.mean(axis=0), truth])
         built = sum(len(width.log_odds) for width in widths.values())
-        found.append(Round(int(trials[:, 1].sum()), built, float(truth.max() - truth[best]), loss, gain, designs))
-    return found
+        rounds.append(Round(int(trials[:, 1].sum()), built, float(truth.max() - truth[best]), loss, gain, designs))
+    return rounds
 
 
 def planned(index: int, draws: numpy.ndarray, widths: dict[int, Width], further: int, least: int = 0) -> Effort:
     """The cars and trials of a width that `foldcar select` plans."""
-    some = [float(width.weights @ SPREADS) for width in widths.values()]
-    spread = float(widths[index].weights @ SPREADS) if index in widths else float(numpy.mean(some))
+    spreads = [float(width.weights @ SPREADS) for width in widths.values()]
+    spread = float(widths[index].weights @ SPREADS) if index in widths else float(numpy.mean(spreads))
     done = widths[index].counted if index in widths else []
     alike = correlation_within_cars(draws[:, index], spread)
     return further_effort(further, alike, UNKNOWN_ASSEMBLY_MIN, TRIAL_MIN, done, least)
@@ -178,10 +176,10 @@ def planned(index: int, draws: numpy.ndarray, widths: dict[int, Width], further:
 def selected(runs: numpy.ndarray, draws: numpy.ndarray, number: int) -> Sequence[int]:
     """The designs of a round as `foldcar select` names them."""
     if number:
-        return choose(draws, THRESHOLD, ROUND_TRIALS, BUILD, zone=PRECISION)
+        return choose_designs(draws, THRESHOLD, ROUND_TRIALS, BUILD, zone=PRECISION)
     rates = runs[:, 0] / runs[:, 1]
     placed = [design.index for design in first_designs(WIDTHS[:, None], rates, rates * (1 - rates), THRESHOLD)][:BUILD]
-    return [*placed, *choose(draws, THRESHOLD, ROUND_TRIALS, BUILD - len(placed), placed)]
+    return [*placed, *choose_designs(draws, THRESHOLD, ROUND_TRIALS, BUILD - len(placed), placed)]
 
 
 def uniform(random: numpy.random.Generator) -> Sequence[int]:
@@ -200,8 +198,8 @@ def main() -> None:
     threadpool_limits(1)
     table = {
         selecting: [
-            rounds(numpy.random.default_rng([chosen.seed, one]), selecting, MOST_ROUNDS if selecting else ROUNDS)
-            for one in range(chosen.truths)
+            rounds(numpy.random.default_rng([chosen.seed, number]), selecting, MAX_ROUNDS if selecting else ROUNDS)
+            for number in range(chosen.truths)
         ]
         for selecting in (True, False)
     }
@@ -223,14 +221,16 @@ def main() -> None:
     for price in PRICES:
         print_stops(table[True], f"{100 * price:g}", partial(below, price))
     print_stops(
-        table[True], f"{100 * MIN_GAIN:g}, leader unsure", lambda one: one.loss <= PRECISION and one.gain < MIN_GAIN
+        table[True],
+        f"{100 * MIN_GAIN:g}, leader unsure",
+        lambda round_: round_.loss <= PRECISION and round_.gain < MIN_GAIN,
     )
-    print_stops(table[True], "all decided", lambda one: one.loss <= MAX_LOSS and one.wrong()[0] == 1)
+    print_stops(table[True], "all decided", lambda round_: round_.loss <= MAX_LOSS and round_.wrong()[0] == 1)
 
 
-def below(price: float, one: Round) -> bool:
+def below(price: float, round_: Round) -> bool:
     """Whether an hour of work wins less than the price, and the leader loses little."""
-    return one.loss <= MAX_LOSS and one.gain < price
+    return round_.loss <= MAX_LOSS and round_.gain < price
 
 
 def print_stops(truths: Sequence[Sequence[Round]], name: str, enough: Callable[[Round], bool]) -> None:

@@ -57,9 +57,9 @@ def driven(random: numpy.random.Generator, cars: int, each: int, spread: float, 
     for _ in range(count):
         rate = random.uniform()
         centre = centre_of(rate, spread)
-        mine = logistic(centre + spread * random.standard_normal(cars))
+        rates = logistic(centre + spread * random.standard_normal(cars))
         twins = logistic(centre + BIAS * random.standard_normal() + spread * random.standard_normal(SIMULATED_CARS))
-        yield Driven(rate, random.binomial(each, mine), each, random.binomial(10, twins))
+        yield Driven(rate, random.binomial(each, rates), each, random.binomial(10, twins))
 
 
 @dataclass(frozen=True)
@@ -90,10 +90,10 @@ def placed(
         believed = believed + SCENES * (correlation * b + numpy.sqrt(1 - correlation**2) * noise)
         runs = random.random(n) < logistic(believed + spread * random.standard_normal(n))
         order = numpy.argsort(believed + SCENES * random.standard_normal(n)) if hard else random.permutation(n)
-        mine = random.permutation(order[: 2 * n // 5])[:trials]
-        twins = logistic(believed[mine] + spread * random.standard_normal((SIMULATED_CARS, 1)))
+        own_order = random.permutation(order[: 2 * n // 5])[:trials]
+        twins = logistic(believed[own_order] + spread * random.standard_normal((SIMULATED_CARS, 1)))
         table = random.random(twins.shape) < twins
-        passed = random.random(trials) < logistic(centre + spread * random.standard_normal() + SCENES * b[mine])
+        passed = random.random(trials) < logistic(centre + spread * random.standard_normal() + SCENES * b[own_order])
         overall = (runs.sum() + 0.5) / (n + 1)
         several = table.mean(axis=0).tolist()
         # The truth is that of these environments, which a design meets again.

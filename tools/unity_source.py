@@ -37,7 +37,7 @@ def seed_unity(folder: Path) -> None:
 
 def extract_unity(archive: Path, folder: Path) -> None:
     """Extract Unity's three files from the package's archive. Raises SeedError if one is missing."""
-    found = set()
+    names = set()
     with tarfile.open(archive) as members:
         for member in members:
             path = PurePosixPath(member.name)
@@ -45,17 +45,17 @@ def extract_unity(archive: Path, folder: Path) -> None:
                 content = members.extractfile(member)
                 assert content is not None
                 (folder / path.name).write_bytes(content.read())
-                found.add(path.name)
+                names.add(path.name)
     for name in FILES:
-        if name not in found:
+        if name not in names:
             raise SeedError(f"{PURPOSE}: {archive.name} has no tests/unity/{name}")
 
 
 def unity_version(header: str) -> tuple[int, ...]:
     """The version in Unity's header."""
     names = (f"UNITY_VERSION_{part}" for part in ("MAJOR", "MINOR", "BUILD"))
-    found = (re.search(rf"#define\s+{name}\s+(\d+)", header) for name in names)
-    return tuple(int(match.group(1)) if match else 0 for match in found)
+    matches = (re.search(rf"#define\s+{name}\s+(\d+)", header) for name in names)
+    return tuple(int(match.group(1)) if match else 0 for match in matches)
 
 
 def _dotted(version: tuple[int, ...]) -> str:

@@ -42,11 +42,11 @@ def main() -> int:
     BUNDLES.mkdir()
     packages = set()
     for name, entry in ENTRIES.items():
-        made, found = BUNDLES / name, MODULES / f".{name}.json"
-        command = [str(ESBUILD), str(entry), *FLAGS, f"--outfile={made}", f"--metafile={found}"]
+        made, metadata = BUNDLES / name, MODULES / f".{name}.json"
+        command = [str(ESBUILD), str(entry), *FLAGS, f"--outfile={made}", f"--metafile={metadata}"]
         if code := node(command, cwd=ROOT, env={**os.environ, "NODE_PATH": str(MODULES)}):
             return code
-        packages |= packages_of(json.loads(found.read_text(encoding="utf-8")), made)
+        packages |= packages_of(json.loads(metadata.read_text(encoding="utf-8")), made)
     (BUNDLES / "NOTICE.txt").write_text("\n".join(notice(MODULES / name) for name in sorted(packages)), encoding="utf-8")
     return 0
 

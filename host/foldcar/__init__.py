@@ -59,7 +59,15 @@ def __dir__() -> list[str]:
 def condition(
     scenario: object, scene: object, objects: "Collection[str] | None" = None, params: "Collection[str] | None" = None
 ) -> None:
-    """Call :func:`foldcar.scenes.conditioning.condition`; Scenic is imported on the first call."""
+    """Call :func:`foldcar.scenes.conditioning.condition`; Scenic is imported on the first call.
+
+    >>> import scenic
+    >>> scenario = scenic.scenarioFromString("ego = new Object with width Range(1, 2)")
+    >>> scene, _ = scenario.generate()
+    >>> foldcar.condition(scenario, scene, objects=["ego"])
+    >>> scenario.generate()[0].egoObject.width == scene.egoObject.width
+    True
+    """
     from foldcar.scenes.conditioning import condition as freeze
 
     freeze(scenario, scene, objects, params)

@@ -52,6 +52,7 @@ def message_on_signal(line: Callable[[], str]) -> Iterator[None]:
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:
+    """Raise KeyboardInterrupt, but not within an import; a further signal ends the process."""
     if not _stopped.is_set():
         _stopped.set()
         threading.Thread(target=_insist, args=(number,), daemon=True).start()

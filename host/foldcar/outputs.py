@@ -78,6 +78,7 @@ def atomic_folder(folder: Path, manifest: str) -> Iterator[Path]:
 
 
 def _check_replaceable(folder: Path, manifest: str) -> None:
+    """Raise FoldcarError if the folder has files that its manifest does not name."""
     if not folder.exists():
         return
     try:

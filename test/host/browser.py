@@ -112,8 +112,8 @@ class Tab:
     def send(self, method: str, **parameters: Any) -> dict[str, Any]:
         """The result of a method of the protocol."""
         self._number += 1
-        said = {"id": self._number, "method": method, "params": parameters}
-        os.write(self._to, json.dumps(said | ({"sessionId": self._session} if self._session else {})).encode() + b"\0")
+        command = {"id": self._number, "method": method, "params": parameters}
+        os.write(self._to, json.dumps(command | ({"sessionId": self._session} if self._session else {})).encode() + b"\0")
         while True:
             while b"\0" not in self._left:
                 assert select.select([self._from], [], [], HANGS_S)[0], f"{method}: the browser does not answer"
@@ -180,9 +180,9 @@ def page_findings(text: str) -> list[str]:
 def study_of(folder: Path) -> dict[str, Any]:
     """The data (page_data.py) of the report's page in that folder."""
     page = (folder / "index.html").read_text(encoding="utf-8")
-    found = re.search(r'<script type="application/json" id="study">(.*?)</script>', page)
-    assert found is not None
-    study: dict[str, Any] = json.loads(found[1])
+    match = re.search(r'<script type="application/json" id="study">(.*?)</script>', page)
+    assert match is not None
+    study: dict[str, Any] = json.loads(match[1])
     return study
 
 
@@ -193,5 +193,5 @@ def probed(page: str, folder: Path, fragment: str, script: str) -> Any:
     file.write_text(page.replace("</body>", f"<script>{probe}</script></body>"), encoding="utf-8")
     shown = browse(file, fragment, "--dump-dom")
     assert 'data-state="ready"' in shown
-    (found,) = re.findall(r'data-probe="([^"]*)"', shown)
-    return json.loads(found.replace("&quot;", '"').replace("&amp;", "&"))
+    (encoded,) = re.findall(r'data-probe="([^"]*)"', shown)
+    return json.loads(encoded.replace("&quot;", '"').replace("&amp;", "&"))

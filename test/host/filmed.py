@@ -117,7 +117,7 @@ class Car:
 def car_of(body: Mapping[str, Any], course: Any) -> Car:
     """The box, the wheels and the marker of a body of one segment."""
     (box,) = body["segments"]
-    wheels = [(one["x_m"], (0.5 if one["side"] == "left" else -0.5) * body["track_m"]) for one in body["wheels"]]
+    wheels = [(wheel["x_m"], (0.5 if wheel["side"] == "left" else -0.5) * body["track_m"]) for wheel in body["wheels"]]
     return Car(
         marker_size=course.car_size_m,
         marker_z=box["center_z_m"] + box["height_m"] / 2 + course.car_height_m,
@@ -131,20 +131,22 @@ def car_of(body: Mapping[str, Any], course: Any) -> Car:
 def floor_markers(course: Any, moved: Mapping[int, tuple[float, float]] | None = None) -> list[Thing]:
     """The floor's markers, those of ``moved`` so far (m) from their places."""
     markers = []
-    for one in course.floor:
-        x, y = (moved or {}).get(one.id, (0.0, 0.0))
-        markers.append(marker(one.id, course.floor_size_m, (one.x_m + x, one.y_m + y, 0.0), rotation(one.turn_rad)))
+    for thing in course.floor:
+        x, y = (moved or {}).get(thing.id, (0.0, 0.0))
+        markers.append(
+            marker(thing.id, course.floor_size_m, (thing.x_m + x, thing.y_m + y, 0.0), rotation(thing.turn_rad))
+        )
     return markers
 
 
 def boxes(terrain: Sequence[Mapping[str, Any]], seen_from_m: tuple[float, float, float]) -> list[Thing]:
     """Sides and tops of a scene's boxes, lower ones first, as they stand on each other; near sides hide far ones."""
     boxes = []
-    by_height = sorted(terrain, key=lambda one: one["height_m"])
+    by_height = sorted(terrain, key=lambda thing: thing["height_m"])
     for place_in_order, box in enumerate(by_height):
         assert box["kind"] == "box", box["kind"]
         turn = rotation(box["heading_rad"])
-        below = [one["height_m"] for one in by_height[:place_in_order] if _covers(one, box["x_m"], box["y_m"])]
+        below = [lower["height_m"] for lower in by_height[:place_in_order] if _covers(lower, box["x_m"], box["y_m"])]
         low, high = max(below, default=0.0), box["height_m"]
         half = (box["length_m"] / 2, box["width_m"] / 2)
         middle, up = numpy.array([box["x_m"], box["y_m"], 0.0]), numpy.array([0.0, 0.0, 1.0])
@@ -275,10 +277,12 @@ class Film:
         canvas = numpy.full((f.height, f.width), 140, numpy.float32)
         whole = (0, 0, f.width, f.height)
         canvas = self.camera.paint(canvas, [ground], whole, self.camera.fine_rays(whole, 1))
-        for one in self.floor:
-            x0, y0, x1, y1 = box = self.camera.box([one])
+        for thing in self.floor:
+            x0, y0, x1, y1 = box = self.camera.box([thing])
             if x1 > x0 and y1 > y0:
-                canvas[y0:y1, x0:x1] = self.camera.paint(canvas[y0:y1, x0:x1], [one], box, self.camera.fine_rays(box, 4))
+                canvas[y0:y1, x0:x1] = self.camera.paint(
+                    canvas[y0:y1, x0:x1], [thing], box, self.camera.fine_rays(box, 4)
+                )
         return canvas
 
     def frame(self, at_s: float) -> Array:

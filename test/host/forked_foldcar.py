@@ -126,10 +126,10 @@ class ForkedFoldcar:
         request = {"words": words, "folder": str(folder), "env": dict(os.environ if env is None else env)}
         answers, answered = os.pipe()
         pipes = [] if files else [os.pipe() for _ in range(3)]
-        theirs = [pipes[0][0], pipes[1][1], pipes[2][1]] if pipes else []
+        child_ends = [pipes[0][0], pipes[1][1], pipes[2][1]] if pipes else []
         ours = [pipes[0][1], pipes[1][0], pipes[2][0]] if pipes else []
-        socket.send_fds(self._socket, [json.dumps(request).encode()], [*(files or theirs), answered])
-        for descriptor in (*theirs, answered):
+        socket.send_fds(self._socket, [json.dumps(request).encode()], [*(files or child_ends), answered])
+        for descriptor in (*child_ends, answered):
             os.close(descriptor)
         return ForkedProcess(words, answers, ours)
 
@@ -145,9 +145,9 @@ class ForkedFoldcar:
 @cache
 def original() -> ForkedFoldcar:
     """The process that makes the copies for this one, started by the first call."""
-    one = ForkedFoldcar()
-    atexit.register(one.close)
-    return one
+    runner = ForkedFoldcar()
+    atexit.register(runner.close)
+    return runner
 
 
 def import_all() -> None:
@@ -166,12 +166,12 @@ def import_all() -> None:
     gc.freeze()
 
 
-def serve(asked: socket.socket) -> None:
+def serve(requests: socket.socket) -> None:
     """Run commands in copies of this process until the socket's other end is closed; tell their numbers and ends."""
     # A copy has none of the other threads, which are libraries' for linear algebra.
     warnings.simplefilter("ignore", DeprecationWarning)
     events = select.poll()
-    events.register(asked, select.POLLIN)
+    events.register(requests, select.POLLIN)
     # By a descriptor that becomes readable when the copy ends: the copy and where to tell it.
     running: dict[int, tuple[int, int]] = {}
     while True:
@@ -186,16 +186,16 @@ def serve(asked: socket.socket) -> None:
                     os.write(answered, NUMBER.pack(code))
                 os.close(answered)
                 continue
-            message, given, _, _ = socket.recv_fds(asked, MESSAGE_BYTES, 4)
+            message, given, _, _ = socket.recv_fds(requests, MESSAGE_BYTES, 4)
             if not message:
                 return
             copy = os.fork()
             if copy == 0:
-                asked.close()
+                requests.close()
                 os.close(given[3])
                 _be_foldcar(json.loads(message), given[:3])
-            for one in given[:3]:
-                os.close(one)
+            for stream in given[:3]:
+                os.close(stream)
             os.write(given[3], NUMBER.pack(copy))
             ended = os.pidfd_open(copy)
             events.register(ended, select.POLLIN)

@@ -11,7 +11,7 @@ from foldcar.store.tables import Table
 from foldcar.store.trial_records import Ending, Track, TrialDesign
 from foldcar.store.trial_writer import CarFacts, Drive, write_trials
 from foldcar.store.writer import PlannedDesign, PlannedExperiment, StoreWriter, write_store
-from written_study import FACTS, METRICS, TOLD, add_experiment
+from written_study import EXPERIMENT_FACTS, FACTS, METRICS, add_experiment
 
 CAR = CarFacts("fw", "hash", "/dev/pts/7", "built", "Ada")
 TRACKED = {"frame_error_m": [0.001], "start_error_s": 0.02}
@@ -53,7 +53,7 @@ def full_store(path: Path) -> Path:
 def _add_recording_experiment(writer: StoreWriter) -> None:
     """Experiment 2: one design in two samples; the first run records and has a path, the second failed."""
     environment, spread = writer.environment("environment of 2"), writer.spread("workshop")
-    plan = PlannedExperiment("2", "car", "hills", environment, spread, 2, {**TOLD, "varied": {}})
+    plan = PlannedExperiment("2", "car", "hills", environment, spread, 2, {**EXPERIMENT_FACTS, "varied": {}})
     writer.put_experiment(plan, [PlannedDesign({"width_mm": 80.0}, {"id": "c", "hinges": []}, {"time_limit_s": 9})])
     recorded = {"way": {"kind": "series", "value": [[0.0, 0.0], [0.25, 0.1]]}, "side": {"kind": "final", "value": 1.5}}
     path = {"rows": 2, "compact": "A" * 16}
@@ -69,9 +69,9 @@ def contents(path: Path) -> dict[str, list[dict[str, Any]]]:
     with contextlib.closing(sqlite3.connect(f"{path.as_uri()}?mode=ro", uri=True)) as connection:
         connection.row_factory = sqlite3.Row
         tables = [name for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")]
-        found = {table: [dict(row) for row in connection.execute(f"SELECT * FROM {table}")] for table in tables}
+        rows_of = {table: [dict(row) for row in connection.execute(f"SELECT * FROM {table}")] for table in tables}
         return {
-            table: sorted(rows, key=lambda row: [str(value) for value in row.values()]) for table, rows in found.items()
+            table: sorted(rows, key=lambda row: [str(value) for value in row.values()]) for table, rows in rows_of.items()
         }
 
 

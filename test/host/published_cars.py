@@ -22,7 +22,7 @@ def designs(file: Path) -> dict[str, Design]:
 @cache
 def design(name: str) -> Design:
     """The design of that name."""
-    return next(found[name] for found in map(designs, PATTERNS.glob("*.json")) if name in found)
+    return next(cars[name] for cars in map(designs, PATTERNS.glob("*.json")) if name in cars)
 
 
 def car(name: str) -> FoldedCar:

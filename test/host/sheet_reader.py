@@ -68,11 +68,11 @@ def check_same(meant: Sheet, read: Sheet) -> list[str]:
     findings = []
     if max(abs(read.width_mm - meant.width_mm), abs(read.height_mm - meant.height_mm)) > TOLERANCE_MM:
         findings.append(f"is {read.width_mm} x {read.height_mm} mm large, not {meant.width_mm} x {meant.height_mm}")
-    wanted, found = _vectors(meant.shapes), _vectors(read.shapes)
-    findings += [_row(row, "is missing") for row in wanted[~_matched(wanted, found)]]
-    findings += [_row(row, "is too much") for row in found[~_matched(found, wanted)]]
-    if not findings and len(wanted) != len(found):
-        findings.append(f"has {len(found)} lines, should have {len(wanted)}")
+    wanted, result = _vectors(meant.shapes), _vectors(read.shapes)
+    findings += [_row(row, "is missing") for row in wanted[~_matched(wanted, result)]]
+    findings += [_row(row, "is too much") for row in result[~_matched(result, wanted)]]
+    if not findings and len(wanted) != len(result):
+        findings.append(f"has {len(result)} lines, should have {len(wanted)}")
     return findings[:SHOWN]
 
 
@@ -91,7 +91,7 @@ def check_pdf(meant: Sequence[Sheet], binary: bytes) -> list[str]:
     if len(pages) != len(meant):
         return [f"has {len(pages)} pages, should have {len(meant)}"]
     pairs = enumerate(zip(meant, pages, strict=True), 1)
-    return [f"page {number}: {found}" for number, (sheet, page) in pairs for found in check_same(sheet, page)]
+    return [f"page {number}: {finding}" for number, (sheet, page) in pairs for finding in check_same(sheet, page)]
 
 
 def _vectors(shapes: Iterable[Shape]) -> NDArray[np.float64]:
@@ -139,7 +139,9 @@ def read_svg(text: str) -> Sheet:
     if not all(sizes):
         raise ReadingError("width and height are not given in mm")
     width, height = (float(size[1]) for size in sizes if size)
-    if root.attrib["viewBox"] != f"0 0 {width:g} {height:g}" or any("transform" in one.attrib for one in root.iter()):
+    if root.attrib["viewBox"] != f"0 0 {width:g} {height:g}" or any(
+        "transform" in element.attrib for element in root.iter()
+    ):
         raise ReadingError("is not at true scale")
     shapes: list[Shape] = []
     for group in root.iter(f"{SVG}g"):
@@ -162,12 +164,12 @@ def _layer(name: Any) -> Any:
 def _svg_lines(layer: Any, data: str, height: float) -> Iterator[Path]:
     """The polylines of path data: a start (M), relative steps (l), closed or not (z)."""
     for part in re.findall("M[^M]*", data):
-        found = re.fullmatch(r"M([^a-z]+)l([^a-z]+)(z?)", part)
-        if found is None:
+        match = re.fullmatch(r"M([^a-z]+)l([^a-z]+)(z?)", part)
+        if match is None:
             raise ReadingError(f"has a curve on {layer}")
-        start, steps = (np.reshape(list(map(float, numbers.split())), (-1, 2)) for numbers in found.groups()[:2])
+        start, steps = (np.reshape(list(map(float, numbers.split())), (-1, 2)) for numbers in match.groups()[:2])
         points = np.cumsum(np.vstack([start, steps]), axis=0)
-        yield Path(layer, tuple((x, height - y) for x, y in points.tolist()), bool(found[3]))
+        yield Path(layer, tuple((x, height - y) for x, y in points.tolist()), bool(match[3]))
 
 
 def read_dxf(text: str) -> Sheet:
@@ -196,7 +198,7 @@ def read_dxf(text: str) -> Sheet:
 def read_lbrn(text: str) -> Sheet:
     """The sheet in the project; ReadingError if it is not one, or if its layers are not cut in their order."""
     root = ElementTree.fromstring(text)
-    settings = [{one.tag: one.attrib["Value"] for one in setting} for setting in root.iter("CutSetting")]
+    settings = [{value.tag: value.attrib["Value"] for value in setting} for setting in root.iter("CutSetting")]
     settings.sort(key=lambda setting: int(setting["priority"]))
     names = {setting["index"]: setting["name"] for setting in settings}
     if [name for name in names.values() if name in LAYERS] != list(LAYERS):

@@ -9,9 +9,10 @@ from foldcar.car.folded.pose import compose, translation
 
 def with_faces(car: FoldedCar, changed: Callable[[Face], Face], piece: str = "") -> FoldedCar:
     """The car with the faces of all pieces, or of one, as ``changed`` makes them."""
-    assert not piece or any(one.name == piece for one in car.pieces)
+    assert not piece or any(candidate.name == piece for candidate in car.pieces)
     pieces = (
-        replace(one, faces=tuple(map(changed, one.faces))) if piece in ("", one.name) else one for one in car.pieces
+        replace(candidate, faces=tuple(map(changed, candidate.faces))) if piece in ("", candidate.name) else candidate
+        for candidate in car.pieces
     )
     return replace(car, pieces=tuple(pieces))
 
@@ -19,10 +20,10 @@ def with_faces(car: FoldedCar, changed: Callable[[Face], Face], piece: str = "")
 def with_holes(car: FoldedCar, changed: Callable[[Hole], Hole | None], piece: str = "", face: str = "") -> FoldedCar:
     """The car with the holes of all faces, or of one, as ``changed`` makes them; None takes one out."""
 
-    def on(one: Face) -> Face:
-        if face not in ("", one.name):
-            return one
-        return replace(one, holes=tuple(hole for hole in map(changed, one.holes) if hole is not None))
+    def on(change_named: Face) -> Face:
+        if face not in ("", change_named.name):
+            return change_named
+        return replace(change_named, holes=tuple(hole for hole in map(changed, change_named.holes) if hole is not None))
 
     return with_faces(car, on, piece)
 

@@ -72,7 +72,7 @@ def empty_scene(
     }
 
 
-def asked(carsim: Path, lines: Iterable[Any], *words: str) -> "subprocess.CompletedProcess[str]":
+def run_carsim(carsim: Path, lines: Iterable[Any], *words: str) -> "subprocess.CompletedProcess[str]":
     """What ``carsim batch`` says to lines, JSON data or texts; ``words`` stand in place of "batch"."""
     text = "".join((line if isinstance(line, str) else json.dumps(line)) + "\n" for line in lines)
     return subprocess.run([carsim, *(words or ["batch"])], input=text, capture_output=True, text=True, timeout=600)

@@ -30,7 +30,7 @@ def foldcar(*words: str | Path) -> str:
     return done.output
 
 
-def told(*words: str | Path) -> dict[str, Any]:
+def json_output(*words: str | Path) -> dict[str, Any]:
     """The result of a command as JSON, which may print notes beside it."""
     done = CliRunner().invoke(app, [*map(str, words), "--json"])
     assert done.exit_code == 0, done.output

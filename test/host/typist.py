@@ -18,11 +18,11 @@ COLOURS = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
 
 
 class Typist:
-    """``with Typist(folder, "log", …) as person``; ``said`` is what the command has printed."""
+    """``with Typist(folder, "log", …) as person``; ``output`` is what the command has printed."""
 
     def __init__(self, folder: Path, *words: object) -> None:
         self._terminal, inner = pty.openpty()
-        self.said = ""
+        self.output = ""
         self._read_to = 0
         environment = {**os.environ, "TERM": "xterm", "COLUMNS": "160"}
         self.process = original().start([*map(str, words)], folder, environment, [inner] * 3)
@@ -46,17 +46,17 @@ class Typist:
         """Wait for the first of ``texts`` to appear; returns the output up to its end."""
         end_s = time.monotonic() + WAIT_S
         start = self._read_to
-        while not any(text in self.said[start:] for text in texts):
+        while not any(text in self.output[start:] for text in texts):
             if not self._read(end_s - time.monotonic()):
-                raise AssertionError(f"none of {texts} came, but {self.said[start:]}")
-        self._read_to = min(self.said.index(text, start) + len(text) for text in texts if text in self.said[start:])
-        return self.said[start : self._read_to]
+                raise AssertionError(f"none of {texts} came, but {self.output[start:]}")
+        self._read_to = min(self.output.index(text, start) + len(text) for text in texts if text in self.output[start:])
+        return self.output[start : self._read_to]
 
     def watches_until(self, true: Callable[[], Any]) -> None:
         """Wait until ``true()``, reading on: a terminal that nobody reads holds the command up."""
         end_s = time.monotonic() + WAIT_S
         while not true():
-            assert time.monotonic() < end_s, self.said
+            assert time.monotonic() < end_s, self.output
             self._read(0.02)
 
     def types(self, text: str) -> None:
@@ -83,5 +83,5 @@ class Typist:
             data = os.read(self._terminal, 65536)
         except OSError:
             return False
-        self.said += COLOURS.sub("", data.decode(errors="replace").replace("\r", ""))
+        self.output += COLOURS.sub("", data.decode(errors="replace").replace("\r", ""))
         return bool(data)

@@ -56,9 +56,9 @@ class ReadNode:
         """All nodes of that name in it."""
         result = [self] if self.name == name else []
         for value in self.fields.values():
-            for one in value if isinstance(value, list) else [value]:
-                if isinstance(one, ReadNode):
-                    result += one.all(name)
+            for item in value if isinstance(value, list) else [value]:
+                if isinstance(item, ReadNode):
+                    result += item.all(name)
         return result
 
 

@@ -23,7 +23,7 @@ FACTS = {
 RULE = {"success_rule": "a run has passed if it reaches its Goal", "success_defined": True}
 FIXED = {"height_mm": 50.0}
 # What is said of every experiment.
-TOLD = {
+EXPERIMENT_FACTS = {
     "vehicle_type": "W_B_W",
     "fixed": FIXED,
     "timeout_s": 120.0,
@@ -68,11 +68,13 @@ def add_experiment(
 ) -> None:
     """Add one experiment to an open store, with the runs of the first ``stored`` samples, or of all."""
     environment, spread = writer.environment(fingerprint(name)), writer.spread("nominal")
-    told = {**TOLD, "varied": {key: list(values) for key, values in varied.items()}, **facts}
-    plan = PlannedExperiment(name, "car", "pyramids", environment, spread, samples, told)
+    study = {**EXPERIMENT_FACTS, "varied": {key: list(values) for key, values in varied.items()}, **facts}
+    plan = PlannedExperiment(name, "car", "pyramids", environment, spread, samples, study)
     designs = [{**dict(zip(varied, values, strict=True)), **FIXED} for values in product(*varied.values())]
     bodies = [{"id": name, **design, "segments": [{"mass_kg": 0.2}], "wheels": []} for design in designs]
-    writer.put_experiment(plan, [PlannedDesign(*one, {"time_limit_s": 120}) for one in zip(designs, bodies, strict=True)])
+    writer.put_experiment(
+        plan, [PlannedDesign(*pair, {"time_limit_s": 120}) for pair in zip(designs, bodies, strict=True)]
+    )
     for sample in range(samples):
         writer.put_sample(environment, sample, {"of": fingerprint(name), "sample": sample})
         writer.put_draw(spread, sample, {})
@@ -130,10 +132,10 @@ def import_trials(
 
     They are of so many built ``cars`` of each design in turn; of one without a name if it is one.
     """
-    told = {"experiment": "1", "vehicle_type": "W_B_W", "source": source, "car": "built"}
+    facts = {"experiment": "1", "vehicle_type": "W_B_W", "source": source, "car": "built"}
     with write_trials(store) as writer:
         writer.import_trials(
-            {**told, "uuid": str(uuid.uuid4()), "design": {**varied, **FIXED}, "sample": sample, "outcome": outcome}
+            {**facts, "uuid": str(uuid.uuid4()), "design": {**varied, **FIXED}, "sample": sample, "outcome": outcome}
             | ({"car_name": f"car {at % cars}"} if cars > 1 else {})
             for at, (varied, sample, outcome) in enumerate(trials)
         )

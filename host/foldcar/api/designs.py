@@ -32,8 +32,12 @@ KEPT_DESIGNS = 1000
 def design(type: str, /, **values: float) -> Design:
     """Return the car of this type string with these parameters (mm, degrees), and defaults for all others.
 
-    Names are columns of tables, with or without unit: ``design("W_B_W", width_mm=95, W_length=60, W2_radius=50)``.
-    Raises FoldcarError if there is no such parameter or the car cannot be built.
+    Names are columns of tables, with or without unit. Raises FoldcarError if there is no such parameter or the car cannot
+    be built.
+
+    >>> car = foldcar.design("W_B_W", width_mm=95, W_length=60, W2_radius=50)
+    >>> car.width_mm, car.radii_mm
+    (95.0, (60.0, 50.0))
     """
     letters = set(modules_of(type))
     keys = {parameter.column: key for key, parameter in parameters().items() if parameter.modules & letters}
@@ -81,6 +85,7 @@ def built_cars(body: str, count: int, spread: str | Mapping[str, float], seed: i
 
 @lru_cache(KEPT_DESIGNS)
 def _prepared(type_string: str, values: tuple[tuple[str, float], ...], *arguments: float | None) -> tuple[str, str]:
+    """Return body and settings as JSON, from hashable arguments so that the result is cached."""
     design = compose(type_string, dict(values))
     body = body_json(design)
     # Check the arguments with a listing's limits.

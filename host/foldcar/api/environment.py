@@ -43,7 +43,11 @@ class Environment:
         return f"environment({str(self.program)!r}, seed={self.seed}, params={dict(self.params)})"
 
     def scene(self, k: int) -> Scene:
-        """Return sample ``k`` (0, 1, …), which equals a sweep's. Raises FoldcarError if the program is at fault."""
+        """Return sample ``k`` (0, 1, …), which equals a sweep's. Raises FoldcarError if the program is at fault.
+
+        >>> foldcar.environment("scenarios/step_pyramids.scenic").scene(3).sample
+        3
+        """
         number = checked_int("scene", k, 0, MAX_ENVIRONMENTS - 1)
         if number not in self._scenes:
             self._scenes[number] = Scene(self, number, canonical_json(self._source.sample(number)))
@@ -86,6 +90,10 @@ def environment(program: str | Path, *, seed: int = 0, params: Mapping[str, Any]
     """Return the environment of a Scenic program; the same object for equal program, parameters and seed.
 
     Raises FoldcarError if there is no such file or the seed is invalid.
+
+    >>> steps = foldcar.environment("scenarios/step_pyramids.scenic", seed=42, params={"friction": 0.5})
+    >>> steps.success_defined
+    True
     """
     number = checked_int("seed", seed, 0, MAX_SEED)
     # Absolute, because the working directory may change later.

@@ -75,7 +75,7 @@ class Evaluation:
         if not runs:
             raise FoldcarError(no_rate_text(len(self.runs)))
         what = f"{passed} of {runs} simulated runs that passed"
-        return Rate.counted(passed, runs, what, confidence=self.confidence)
+        return Rate.from_counts(passed, runs, what, confidence=self.confidence)
 
 
 def simulate(
@@ -91,6 +91,11 @@ def simulate(
 
     If ``speed_m_s`` is None, the car drives at full speed. ``path_interval_s`` requests the path, which ends where a
     Scenic program ends the run. Raises FoldcarError if an argument is invalid or the simulator refuses it.
+
+    >>> steps = foldcar.environment("scenarios/step_pyramids.scenic", seed=42)
+    >>> run = foldcar.simulate(foldcar.design("W_B_W", width=95), steps.scene(0), path_interval_s=0.05)
+    >>> run.passed in (True, False), list(run.path.columns[:3])
+    (True, ['t_s', 'x_m', 'y_m'])
     """
     car = design_of(design)
     body, settings_text = prepared(car, timeout_s, speed_m_s, yaw_rate_rad_s)
@@ -142,6 +147,11 @@ def evaluate(
     ``environment`` is a Scenic program, with ``params`` and ``seed`` (None: 0), or a result of :func:`environment`.
     ``variation`` ("workshop", or standard deviations) gives each sample its own built car, as in listings. ``jobs``
     simulators run in parallel (None: one per processor). Raises FoldcarError if an argument is invalid.
+
+    >>> car = foldcar.design("W_B_W", width=95)
+    >>> evaluation = foldcar.evaluate(car, "scenarios/step_pyramids.scenic", 5, seed=42, variation="workshop")
+    >>> len(evaluation.runs), 0 <= evaluation.rate.low <= evaluation.rate.value
+    (5, True)
     """
     check_confidence(confidence)
     car = design_of(design)
@@ -186,6 +196,7 @@ def _scene_json(scene: Mapping[str, Any]) -> str:
 
 
 def _table(answers: Sequence[Mapping[str, Any]], judged: bool) -> "pandas.DataFrame":
+    """Return a row for each answer of carsim, as in :class:`Evaluation`; ``judged``: success is defined."""
     import pandas
 
     outcomes = [outcome_of(answer) for answer in answers]

@@ -26,9 +26,13 @@ MAX_BUILT = 50
 
 
 class Study:
-    """A store of the commands sweep and log. Tables are read once; `reload` makes them be read again.
+    """A store of the commands sweep and log; its tables are read once.
 
     Raises FoldcarError if there is no such store, or it is damaged.
+
+    >>> study = foldcar.Study("width.db")
+    >>> study.runs[["width_mm", "sample", "outcome"]].shape
+    (12, 3)
     """
 
     def __init__(self, store: str | Path) -> None:
@@ -40,7 +44,10 @@ class Study:
         return f"Study({str(self.path)!r})"
 
     def reload(self) -> None:
-        """Forget the tables, so that they are read again with runs and trials stored since."""
+        """Forget the tables, so that the next access reads runs and trials stored since.
+
+        >>> study.reload()
+        """
         for name in ("runs", "trials", "experiments"):
             self.__dict__.pop(name, None)
 
@@ -74,6 +81,10 @@ class Study:
         Parameters are named as columns (``width_mm=95``), or without unit if that is unambiguous (``width=95``). Give
         enough of them to select one design. Rejected runs are left out. Raises FoldcarError if no design or several
         have these parameters, if success is undefined, or if there are no runs (trials).
+
+        >>> rate = study.rate(width=95)
+        >>> rate.low <= rate.value <= rate.high, rate.confidence
+        (True, 0.95)
         """
         if source not in ("simulation", "trials"):
             raise FoldcarError(f'source: {source!r} is neither "simulation" nor "trials"')
@@ -89,7 +100,7 @@ class Study:
             trials_text = f"trials of {cars}"
         name = str(design_rows["experiment"].iloc[0])
         stopped = source == "simulation" and self.experiments[name].until is not None
-        return Rate.counted(count, runs, f"{count} of {runs} {trials_text} that passed", stopped, confidence)
+        return Rate.from_counts(count, runs, f"{count} of {runs} {trials_text} that passed", stopped, confidence)
 
     def select(
         self,
@@ -103,7 +114,10 @@ class Study:
     ) -> list[Selection]:
         """Recommend designs to build next, for each experiment; see :func:`foldcar.inference.selecting.select`.
 
-        Sheets are nested and costs computed only ``with_cost``, which takes a second a car. Raises FoldcarError.
+        Sheets are nested and costs computed only ``with_cost``, which takes a second for each car. Raises FoldcarError.
+
+        >>> len(study.select(build=1)[0].recommendations)
+        1
         """
         number = checked_int("build", build, 1, MAX_BUILT)
         return self._read(
@@ -116,16 +130,22 @@ class Study:
         """Compare simulation with trials of built cars; see :func:`foldcar.inference.comparison.compare`.
 
         Raises FoldcarError.
+
+        >>> print(study.compare().sentence)
+        Nothing to compare: there are no trials of built cars yet. `foldcar select` says which cars to build.
         """
         return self._read(lambda store: compare(store, experiment, margin, simulated_trials))
 
     def success_model(self, *parameters: str, experiment: str | None = None) -> Standardised:
         """Model success as a smooth function of some design parameters, with credible bands, from the simulated runs.
 
-        The result's ``rates([[95], [100]])`` are (rate, low, high) at these values. The model contains all parameters
-        that vary, and each rate is a mean over the same combinations of the other parameters. Averages of the raw runs
-        would mix in the effects of correlated parameters. Raises FoldcarError if there are too few designs or success is
-        undefined.
+        The model contains all parameters that vary. Each rate is a mean over the same combinations of the other
+        parameters, because averages of the raw runs would mix in the effects of correlated parameters. Raises
+        FoldcarError if there are too few designs or success is undefined.
+
+        >>> rate, low, high = study.success_model("width").rates([[80], [95]])
+        >>> len(rate), bool((low <= high).all())
+        (2, True)
         """
         runs = self._judged(self._of_experiment(self.runs, experiment, "simulation"))
         varied = [name for name in _parameters(runs) if runs[name].nunique() > 1]
@@ -134,9 +154,9 @@ class Study:
             raise FoldcarError(f"success_model: name some of {', '.join(varied)}")
         groups = runs.groupby(list(dict.fromkeys([*columns, *varied])), sort=False)
         values = groups.size().index.to_frame()
-        places = tuple(values.columns.get_loc(column) for column in columns)
+        indices = tuple(values.columns.get_loc(column) for column in columns)
         effects = fit_effects(values.to_numpy(dtype=float), groups.ngroup(), runs["sample"], runs["passed"].astype(float))
-        return Standardised(effects, places)
+        return Standardised(effects, indices)
 
     def _judged(self, table: "pandas.DataFrame") -> "pandas.DataFrame":
         """Return the rows without rejected runs."""
@@ -146,6 +166,7 @@ class Study:
         return table[table["passed"].notna()]
 
     def _of_experiment(self, table: "pandas.DataFrame", experiment: str | None, source: str) -> "pandas.DataFrame":
+        """Return the rows of the experiment. Raises FoldcarError if there are none, or it must be named."""
         ids = list(dict.fromkeys(table["experiment"]))
         if not ids:
             what = "runs" if source == "simulation" else "trials of built cars that count"
@@ -157,6 +178,7 @@ class Study:
         return table if experiment is None else table[table["experiment"] == experiment]
 
     def _of_design(self, table: "pandas.DataFrame", design: Mapping[str, float], source: str) -> "pandas.DataFrame":
+        """Return the rows of the only design with these values. Raises FoldcarError if there is none, or several."""
         parameters = _parameters(table)
         result = table
         for column, value in columns_named(design, parameters, "rate").items():
@@ -197,6 +219,10 @@ def sweep(
 
     ``environments`` replaces the listing's number; ``jobs`` simulators run in parallel (None: one per processor). If it
     is interrupted, the same call resumes. Raises FoldcarError if the listing or an argument is invalid.
+
+    >>> study = foldcar.sweep("scenarios/width_study.json", "w.db", environments=1, jobs=1)
+    >>> study.experiments["1"].environments
+    1
     """
     from foldcar.api.sweeping import planned_sweep
     from foldcar.installation import usable_processors

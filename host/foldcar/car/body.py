@@ -58,6 +58,7 @@ def full_speed_m_s(design: Design) -> float:
 
 
 def _segment(design: Design, car: FoldedCar, index: int) -> dict[str, Any]:
+    """Return the segment with that index as carsim's input."""
     box = design.segments[index]
     properties = body_properties(car, f"segment{index}")
     return {
@@ -79,6 +80,7 @@ def _segment(design: Design, car: FoldedCar, index: int) -> dict[str, Any]:
 
 
 def _hinge(hinge: HingeJoint, film: Film) -> dict[str, Any]:
+    """Return a hinge as carsim's input."""
     # A loss factor is damping times angular frequency over stiffness, at the frequency of its measurement.
     damping = film.loss_factor.value * hinge.stiffness_n_m_rad / (2 * math.pi * film.loss_frequency_hz.value)
     return {
@@ -92,6 +94,7 @@ def _hinge(hinge: HingeJoint, film: Film) -> dict[str, Any]:
 
 
 def _wheel(axle: Axle, mass_kg: float, parts: Catalogue) -> dict[str, Any]:
+    """Return a wheel as carsim's input, with its servo if it is driven."""
     servo, supply_v = parts.servo, parts.cells.supply_v.value
     line = servo.at_voltage(supply_v)
     wheel: dict[str, Any] = {
@@ -178,6 +181,7 @@ def _hash(design: Design, body: Mapping[str, Any]) -> str:
 
 
 def _geometry(body: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what the firmware needs to know of the body: radius and positions of driven wheels."""
     wheels = [
         {
             "channel": wheel["channel"] + 1,

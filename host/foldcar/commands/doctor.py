@@ -138,6 +138,7 @@ def _scenic() -> Finding:
 
 
 def _simulator(checkout: Path | None) -> Finding:
+    """Check that carsim starts."""
     from foldcar.simulation.carsim import Carsim
     from foldcar.simulation.engines import BINARY_VARIABLE
 
@@ -152,6 +153,7 @@ def _simulator(checkout: Path | None) -> Finding:
 
 
 def _simulator_with_mujoco(checkout: Path | None) -> Finding:
+    """Check that carsim with MuJoCo starts."""
     from foldcar.simulation.carsim import Carsim
     from foldcar.simulation.engines import MUJOCO
 

@@ -91,6 +91,7 @@ def _project() -> Path:
 
 
 def _pio(project: Path, target: str, port: str, data_folder: Path) -> None:
+    """Run PlatformIO's ``target`` for the board at ``port``. Raises FoldcarError if it fails."""
     program = pio_program()
     if program is None:
         raise FoldcarError("flash: PlatformIO's `pio` is missing; run `make setup`")

@@ -57,6 +57,7 @@ def serve(study: "LiveStudy", title: str, port: int, beside_sweep: bool, as_json
 
 
 def _server(page: str, study: "LiveStudy", port: int, timeout_s: float) -> "PageServer":
+    """Open the server, waiting up to ``timeout_s`` for the port to become free."""
     from foldcar.report.live import PageServer
 
     deadline_s = time.monotonic() + timeout_s

@@ -52,6 +52,7 @@ def command_line() -> str:
 
 
 def _plain(value: Any) -> Any:
+    """Return a value as JSON holds it: paths as strings, infinite numbers as None."""
     if isinstance(value, Mapping):
         return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):

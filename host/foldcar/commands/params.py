@@ -219,6 +219,7 @@ def _show(as_json: bool, values: Mapping[str, float], *lines: str, **more: Any) 
 
 @contextlib.contextmanager
 def _car(port: str | None) -> Iterator["Car"]:
+    """Connect to the car at ``port``, or at the only one, and close the connection at the end."""
     from foldcar.link.car import greet
     from foldcar.link.stream import choose_port
 

@@ -129,6 +129,7 @@ def _print_summary(data: Mapping[str, Any]) -> None:
 
 
 def _lines(experiment: Mapping[str, Any]) -> Iterator[str]:
+    """Yield the sentences on an experiment that the command prints."""
     from foldcar.statistics.words import rate_text
 
     yield from filter(

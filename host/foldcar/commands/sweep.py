@@ -195,6 +195,7 @@ def _counts(progress: "Progress", with_success: bool) -> str:
 
 
 def _success(progress: "Progress") -> str:
+    """Describe the success rate so far, for the progress bar."""
     if not progress.judged:
         return "no rate" if progress.rejected else "success undefined"
     share = f"{100 * progress.passed / progress.judged:.1f} %"

@@ -69,6 +69,7 @@ def print_comparison(comparison: "Comparison") -> None:
 
 
 def _print_rates(console: Console, comparison: "ExperimentComparison") -> None:
+    """Print a row for each design with its rates, its gap and its verdict."""
     designs = comparison.designs
     extra_rates = [
         what for what in ("further_car", "pooled") if any(getattr(design, what) is not None for design in designs)
@@ -98,6 +99,7 @@ def _gap(gap: "Gap | None") -> str:
 
 
 def _print_outcomes(console: Console, designs: "Sequence[DesignComparison]") -> None:
+    """Print how many runs and trials of each design had each outcome."""
     occurring = {
         kind for design in designs for counts in (design.evidence.outcomes, design.driven_outcomes) for kind in counts
     }
@@ -131,6 +133,7 @@ def print_selections(selections: "Sequence[Selection]") -> None:
 
 
 def _print_recommended(console: Console, selection: "Selection") -> None:
+    """Print the designs to build, the environments to set up, and what the costs assume."""
     heads = ("design", "simulated %", "built cars %", "trials", "cars", "sheets", "minutes", "why")
     table = ResultTable(*heads, left=("design", "why"))
     for design in selection.recommendations:
@@ -259,6 +262,7 @@ def print_search(plan: "Plan", result: "Found", store: Path, varied: Sequence[st
 
 
 def _objective(objective: "Objective", value: float | None, interval: tuple[float, float] | None) -> str:
+    """Return the value of an objective with its interval and unit."""
     if value is None:
         return "all rejected"
     texts = [

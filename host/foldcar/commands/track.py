@@ -168,6 +168,7 @@ def _attached_film(store: Path, number: int) -> Path:
 def _film(
     film: Path, store: Path, number: int, course: "Course", lens: "Lens | None", path: Path | None, as_json: bool
 ) -> None:
+    """Track the car in a trial's film, store its path, and print what the film shows."""
     from foldcar.simulation.carsim import Carsim
     from foldcar.store.reader import Store
     from foldcar.store.trial_writer import write_trials

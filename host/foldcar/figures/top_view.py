@@ -108,6 +108,7 @@ def _contoured(piece: Mapping[str, Any]) -> bool:
 
 
 def _draw_contours(axes: Axes, ground: HeightMap) -> None:
+    """Draw height contours of the ground, except at height 0."""
     low, high = float(numpy.min(ground.z_m)), float(numpy.max(ground.z_m))
     steps = numpy.arange(numpy.ceil(low / CONTOUR_STEP_M), high / CONTOUR_STEP_M + 1)
     levels = steps[steps != 0] * CONTOUR_STEP_M
@@ -139,6 +140,7 @@ def _half_diagonal_m(piece: Mapping[str, Any]) -> float:
 
 
 def _draw_goal(axes: Axes, scene: Mapping[str, Any]) -> None:
+    """Draw the goal: a disc, or a line with the direction in which it is crossed."""
     goal = scene["goal"]
     x, y = goal["x_m"], goal["y_m"]
     if goal["kind"] == "disc":

@@ -1,6 +1,6 @@
-"""Belief about the designs of an experiment: of this simulator, and of built cars by simulation and trials together.
+"""The posterior of an experiment's designs: success in simulation, and success of built cars by simulation and trials.
 
-One belief serves `select`, `compare`, the report and the API.
+`select`, `compare`, the report and the API share it.
 """
 
 from collections.abc import Sequence
@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from foldcar.inference.design_evidence import DesignEvidence
-from foldcar.statistics.pooled_bias import MOST_POOLED, Contradictions, contradictions, pooled_bias
+from foldcar.statistics.pooled_bias import MAX_POOLED, Contradictions, contradictions, pooled_bias
 from foldcar.statistics.rate import Rate
 from foldcar.statistics.smoothed_simulation import smoothed_simulation
 
-# Draws of the rates; fewer of many designs, so that there are at most MAX_NUMBERS numbers.
+# Draws of the rates: with many designs fewer, so that there are at most MAX_NUMBERS numbers.
 MAX_DRAWS, MIN_DRAWS, MAX_NUMBERS = 3000, 500, 2_000_000
 
 
@@ -24,15 +24,15 @@ MAX_DRAWS, MIN_DRAWS, MAX_NUMBERS = 3000, 500, 2_000_000
 class Belief:
     """Belief about n designs with runs.
 
-    ``places`` (n,): their indices in the evidence. ``parameters`` (n, k). ``passed`` (n, environments): 1 where the run
-    passed, 0 where not, NaN without a run, in the environments ``samples``. ``simulation`` (n, 3): success in this
-    simulator, smoothed over designs: rate, low, high (95 %). ``built``: the rate of a further built car of each design.
-    ``draws`` (draws, n) of the latter, jointly. ``trials`` (n,): the number that counts. ``unpooled``: driven designs
-    whose trials are left out, as MOST_POOLED others have more.
+    ``design_indices`` (n,) are their indices in the evidence, ``parameters`` (n, k) their varied parameters. ``passed``
+    (n, environments) is 1 where the run passed, 0 where it failed, NaN without a run, in the environments ``samples``.
+    ``trials`` (n,) is the number that counts. ``simulation`` (n, 3) is success in this simulator, smoothed over designs:
+    rate, low, high (95 %). ``built`` is the rate of a further built car of each design, ``draws`` (draws, n) are joint
+    draws of it. ``unpooled`` driven designs are left out, because MAX_POOLED others have more trials.
     """
 
     designs: tuple[DesignEvidence, ...]
-    places: NDArray[Any]
+    design_indices: NDArray[Any]
     parameters: NDArray[Any]
     samples: NDArray[Any]
     passed: NDArray[Any]
@@ -40,7 +40,7 @@ class Belief:
     simulation: NDArray[Any]
     built: tuple[Rate, ...]
     draws: NDArray[Any]
-    contradicting: Contradictions
+    contradictions: Contradictions
     unpooled: int
 
     @property
@@ -58,10 +58,10 @@ class Belief:
         return numpy.asarray((self.draws >= threshold).mean(axis=0))
 
 
-def believe(designs: Sequence[DesignEvidence], places: Sequence[int], names: Sequence[str]) -> Belief | None:
-    """Infer the belief about ``designs`` that have runs, which differ in the parameters ``names``.
+def believe(designs: Sequence[DesignEvidence], design_indices: Sequence[int], names: Sequence[str]) -> Belief | None:
+    """Infer the belief about ``designs`` with runs, which differ in the parameters ``names``; None without designs.
 
-    ``places`` are their indices in the evidence. Returns None without designs.
+    ``design_indices`` are their indices in the evidence.
     """
     if not designs:
         return None
@@ -70,8 +70,8 @@ def believe(designs: Sequence[DesignEvidence], places: Sequence[int], names: Seq
     )
     runs = numpy.array([(design.runs_passed, design.runs) for design in designs], dtype=float)
     trials = numpy.array([(design.trials_passed, len(design.trials)) for design in designs], dtype=float)
-    # Of many driven designs those with most trials tell most.
-    dropped = numpy.argsort(-trials[:, 1], kind="stable")[MOST_POOLED:]
+    # Of many driven designs those with most trials are pooled.
+    dropped = numpy.argsort(-trials[:, 1], kind="stable")[MAX_POOLED:]
     unpooled = int((trials[dropped, 1] > 0).sum())
     trials[dropped] = 0
     cars = [design.cars if counted else None for design, counted in zip(designs, trials[:, 1].tolist(), strict=True)]
@@ -79,13 +79,13 @@ def believe(designs: Sequence[DesignEvidence], places: Sequence[int], names: Seq
     passed = numpy.full((len(designs), len(samples)), numpy.nan)
     for row, design in enumerate(designs):
         passed[row, numpy.searchsorted(samples, design.samples)] = design.passed
-    # Threads for matrices of some tens of rows only wait for each other.
+    # For matrices of some tens of rows threads only wait for each other.
     with threadpool_limits(1):
         simulation = smoothed_simulation(parameters, runs, passed)
         bias = pooled_bias(parameters, runs, trials, cars, simulation)
         draws = bias.draws(max(MIN_DRAWS, min(MAX_DRAWS, MAX_NUMBERS // len(designs))))
         contradicting = contradictions(parameters, runs, trials, cars, simulation)
         return Belief(
-            tuple(designs), numpy.array(places), parameters, samples, passed, trials[:, 1], simulation.rates(),
+            tuple(designs), numpy.array(design_indices), parameters, samples, passed, trials[:, 1], simulation.rates(),
             tuple(bias.rates()), draws, contradicting, unpooled,
         )  # fmt: skip

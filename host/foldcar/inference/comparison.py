@@ -1,8 +1,8 @@
-"""Simulation against trials of built cars, design by design: rates, gaps, ranks, and what follows from them in words.
+"""Compare simulation with trials of built cars, design by design: rates, gaps, ranks, and a verdict in words.
 
-A gap is trials minus simulation. Where trials have a simulation of the same environment, the gap is of these pairs, so
-that harder environments do not count as a difference. The gaps of one experiment and their mean hold together with 95 %:
-each is wider than a single one would be.
+A gap is the rate of trials minus that of simulation. If trials have a simulation of the same environment, the gap is of
+these pairs, so that harder environments do not count as a difference. The intervals of one experiment's gaps and of their
+mean hold together with 95 %, so each is wider than a single one would be.
 """
 
 from collections import Counter
@@ -30,18 +30,18 @@ from foldcar.store.reader import Store
 from foldcar.store.trial_records import Trial
 
 CONFIDENCE = 0.95
-# Rates that differ by less agree, as far as a choice of cars goes.
+# Rates that differ by less lead to the same choice of cars: they agree.
 MARGIN = 0.15
 
 
 @dataclass(frozen=True)
 class DesignComparison:
-    """One design with trials. ``simulated`` and ``gap`` are None without runs; ``driven`` is of the cars that drove.
+    """One design with trials.
 
-    ``further_car`` is what these say of a further car of the design, as simulation's rate is. ``pooled`` is that by
-    simulation and the other designs' trials, too; None of a design outside the family. ``agreeing`` of the ``paired``
-    trials ended as simulation says there, passed or not. ``gap`` is of these pairs if ``gap_is_paired``, else of rates.
-    ``verdict`` is one of those of :mod:`foldcar.statistics.gap`, None where there is nothing to compare.
+    ``driven`` is the rate of the cars that drove; ``further_car`` that of a further car of the design, by its own trials.
+    ``pooled`` also uses simulation and the other designs' trials; None for a design outside the family. ``simulated`` and
+    ``gap`` are None without runs. ``gap`` is of paired trials if ``gap_is_paired``, else of rates. ``verdict`` is one of
+    :mod:`foldcar.statistics.gap`, None if there is nothing to compare.
     """
 
     evidence: DesignEvidence
@@ -55,7 +55,7 @@ class DesignComparison:
 
     @property
     def label(self) -> str:
-        """The design for the reader."""
+        """The design's name for readers."""
         return self.evidence.label
 
     @property
@@ -75,20 +75,20 @@ class DesignComparison:
 
     @property
     def agreeing(self) -> int:
-        """How many paired trials passed where simulation passes, or did not where it does not."""
+        """The number of paired trials that ended as simulated, passed or not passed."""
         return sum(trial.passed == bool(trial.simulated) for trial in self.evidence.paired)
 
     @property
     def driven_outcomes(self) -> Mapping[str, int]:
-        """The trials by outcome."""
+        """The number of trials of each outcome."""
         return Counter(trial.outcome for trial in self.evidence.trials)
 
 
 @dataclass(frozen=True)
 class ExperimentComparison:
-    """One swept experiment; ``mean_gap`` is over its designs with runs and trials, None if there are none.
+    """The comparison of one swept experiment; ``mean_gap`` is over its designs with runs and trials, None without any.
 
-    ``verdict`` is one of a design's, "mixed", or None; ``sentence`` says it. ``info`` is the experiment.
+    ``verdict`` is that of a design, "mixed", or None; ``sentence`` says it in words.
     """
 
     info: ExperimentInfo
@@ -102,7 +102,7 @@ class ExperimentComparison:
 
 @dataclass(frozen=True)
 class Comparison:
-    """A store's comparison; ``sentence`` is its answer in short, ``alone`` tells of trials that no sweep goes with."""
+    """A store's comparison; ``sentence`` is its answer, ``alone`` are sentences on trials of experiments not swept."""
 
     experiments: tuple[ExperimentComparison, ...]
     alone: tuple[str, ...]
@@ -118,22 +118,23 @@ def compare(
 ) -> Comparison:
     """Compare a store's trials with its runs; rates that differ by at most ``margin`` (0 to 1) agree.
 
-    ``simulated_trials``: trials of simulated cars instead of those of built ones. Raises FoldcarError.
+    ``experiment`` limits it to one. ``simulated_trials`` compares trials of simulated cars instead of built ones. Raises
+    FoldcarError if the store cannot be read or has no such experiment.
     """
-    known = {trial.experiment for trial in store.trials()} - swept_ids(store)
-    evidence = [] if experiment in known else read_evidence(store, experiment, simulated_trials)
-    found = compare_evidence(evidence, unswept_trials(store, experiment, simulated_trials), margin)
-    return replace(found, sentence=f"SIMULATED trials. {found.sentence}") if simulated_trials else found
+    unswept = {trial.experiment for trial in store.trials()} - swept_ids(store)
+    evidence = [] if experiment in unswept else read_evidence(store, experiment, simulated_trials)
+    result = compare_evidence(evidence, unswept_trials(store, experiment, simulated_trials), margin)
+    return replace(result, sentence=f"SIMULATED trials. {result.sentence}") if simulated_trials else result
 
 
 def compare_evidence(evidence: Sequence[Evidence], alone: Sequence[Trial] = (), margin: float = MARGIN) -> Comparison:
-    """As :func:`compare`, from evidence that was read; ``alone`` are trials of experiments that were not swept."""
+    """Compare as :func:`compare` does, given evidence; ``alone`` are trials of experiments that were not swept."""
     experiments = tuple(compare_experiment(experiment, margin) for experiment in evidence)
-    apart = tuple(
+    sentences = tuple(
         f"Experiment {name} was not swept: {count(number, 'trial')} without runs."
         for name, number in Counter(trial.experiment for trial in alone).items()
     )
-    return Comparison(experiments, apart, margin, _overall(experiments))
+    return Comparison(experiments, sentences, margin, _overall(experiments))
 
 
 def compare_experiment(evidence: Evidence, margin: float = MARGIN) -> ExperimentComparison:
@@ -144,7 +145,7 @@ def compare_experiment(evidence: Evidence, margin: float = MARGIN) -> Experiment
         rows = tuple(DesignComparison(design, design.driven(CONFIDENCE)) for design in driven)
         return ExperimentComparison(info, rows, f"Nothing to compare: {why}", remarks)
     both = [design for design in driven if design.runs]
-    # Bonferroni: all gaps of the experiment and their mean hold together; of one design the mean is its gap.
+    # Bonferroni: all gaps of the experiment and their mean hold together. With one design the mean is its gap.
     together = 1 - (1 - CONFIDENCE) / (len(both) + 1 if len(both) > 1 else 1)
     belief = evidence.belief
     pooled = {} if belief is None else dict(zip(belief.labels, belief.built, strict=True))
@@ -167,19 +168,19 @@ def compare_experiment(evidence: Evidence, margin: float = MARGIN) -> Experiment
 
 
 def _is_paired(design: DesignEvidence) -> bool:
-    """Whether at least half of a design's trials have a simulation of their environment."""
+    """Return whether at least half of a design's trials have a simulation of their environment."""
     return 2 * len(design.paired) >= len(design.trials)
 
 
 def _rates(design: DesignEvidence, confidence: float) -> Rates:
-    """The rates in simulation and of a further car that a design's gap is between."""
+    """Return the rates whose difference is a design's gap: in simulation, and of a further car."""
     if not _is_paired(design):
         assert design.cars is not None
         return Rates(design.simulated(confidence), design.cars.rate(confidence))
-    # The environments are the same: none is harder for the one than for the other.
+    # The environments are the same, so the shift by their difficulty is dropped.
     pairs = [replace(trial, expected=None) for trial in design.paired]
     passed, simulated = [trial.passed for trial in pairs], [bool(trial.simulated) for trial in pairs]
-    f = Rate.counted(
+    f = Rate.from_counts(
         sum(simulated), len(pairs), f"in the environments of {count(len(pairs), 'trial')}", confidence=confidence
     )
     cars = by_car(pairs, design.spread, design.runs_passed, design.runs)
@@ -187,6 +188,7 @@ def _rates(design: DesignEvidence, confidence: float) -> Rates:
 
 
 def _design(design: DesignEvidence, pooled: Rate | None, rates: Rates | None, margin: float) -> DesignComparison:
+    """Compare a design's trials with its runs; ``rates`` are None without runs."""
     driven = design.driven(CONFIDENCE)
     further = None if design.cars is None else design.cars.rate(CONFIDENCE)
     if rates is None:
@@ -197,26 +199,26 @@ def _design(design: DesignEvidence, pooled: Rate | None, rates: Rates | None, ma
 
 
 def _verdict(compared: Sequence[DesignComparison], mean: Gap, margin: float, simulation: str) -> tuple[str, str]:
-    """The experiment's verdict and its sentence."""
+    """Return the experiment's verdict and its sentence."""
     start = simulation[0].upper() + simulation[1:]
     labels: dict[str, list[str]] = {}
     for design in compared:
         if design.verdict is not None:
             labels.setdefault(design.verdict, []).append(design.label)
     more = "less" if mean.value < 0 else "more"
-    apart = f"trials pass {points(mean.value, sign=False)} points {more} often than {simulation}"
+    difference = f"trials pass {points(mean.value, sign=False)} points {more} often than {simulation}"
     interval = f"{points(mean.low)} to {points(mean.high)}"
     paired = [design.gap_is_paired for design in compared if design.gap is not None]
     where = "in the same environments, " if all(paired) else ""
-    average = f"{where}on average over {count(len(paired), 'design')}, {apart} (95 %: {interval})"
+    average = f"{where}on average over {count(len(paired), 'design')}, {difference} (95 %: {interval})"
     pairs, agreeing = (sum(getattr(design, name) for design in compared) for name in ("paired", "agreeing"))
     if pairs:
         average += f"; {agreeing} of {pairs} trials ended as simulated in the same environment"
     unsure = f"; {TOO_FEW} to say at {listed(labels[TOO_FEW])}" if TOO_FEW in labels else ""
-    said = [verdict for verdict in (OPTIMISTIC, PESSIMISTIC) if verdict in labels]
-    if said:
-        text = " and ".join(f"{verdict} at {listed(labels[verdict])}" for verdict in said)
-        return said[0] if len(said) == 1 else "mixed", f"{start} is {text}{unsure}; {average}."
+    contradictions = [verdict for verdict in (OPTIMISTIC, PESSIMISTIC) if verdict in labels]
+    if contradictions:
+        text = " and ".join(f"{verdict} at {listed(labels[verdict])}" for verdict in contradictions)
+        return contradictions[0] if len(contradictions) == 1 else "mixed", f"{start} is {text}{unsure}; {average}."
     verdict = mean.verdict(margin)
     if verdict in (OPTIMISTIC, PESSIMISTIC):
         return verdict, f"{start} is {verdict} {average}; no single design shows it."
@@ -228,6 +230,7 @@ def _verdict(compared: Sequence[DesignComparison], mean: Gap, margin: float, sim
 
 
 def _overall(experiments: Sequence[ExperimentComparison]) -> str:
+    """Return the sentences of all experiments, and a warning if they are of several builds of carsim."""
     if not experiments:
         return "Nothing to compare: the store has no runs yet; sweep the listing into it with `foldcar sweep`."
     several = len(experiments) > 1

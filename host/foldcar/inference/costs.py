@@ -11,28 +11,28 @@ from foldcar.inference.design_evidence import DesignEvidence
 from foldcar.statistics.selection import Effort
 
 MACHINE = "silhouette"
-# Assumptions, to be replaced by one's own experience: a desktop cutter in film (mm/s), placing the obstacles of a trial
-# (minutes), and building a car that cannot be folded by the guide (minutes).
+# Assumptions: speed of a desktop cutter in film (mm/s), time to place the obstacles of a trial (minutes), and time to
+# build a car that the guide cannot fold (minutes).
 CUTTING_MM_S, PLACING_MIN, UNKNOWN_ASSEMBLY_MIN = 20.0, 3.0, 60.0
 
 
 @dataclass(frozen=True)
 class Cost:
-    """``sheets`` of film, 0 where no car is to be built; ``minutes`` for the cars and the trials."""
+    """``sheets`` of film, 0 if no car is to be built; ``minutes`` of work for the cars and the trials."""
 
     sheets: int
     minutes: int
 
 
 def trial_min(drive_s: float | None) -> float:
-    """Return the minutes of a trial of ``drive_s`` (None: unknown, then without)."""
+    """Return the minutes of a trial with a drive of ``drive_s``; None counts as 0."""
     return PLACING_MIN + (drive_s or 0.0) / 60
 
 
 @lru_cache
 def assembly_min(vehicle_type: str, design: tuple[tuple[str, float | str], ...]) -> float:
     """Return the minutes to build a car of the ``design``, pairs of name and value, as its guide estimates them."""
-    # Sheets and proof take a second to import.
+    # These modules take a second to import.
     from foldcar.fabrication.assembly.operations import operations
     from foldcar.fabrication.patterns.options import options
     from foldcar.fabrication.patterns.sheets import cut_car, enlarge_sheet
@@ -58,7 +58,7 @@ def cost(design: DesignEvidence, effort: Effort, car_min: float) -> Cost | None:
 
 @lru_cache
 def _cut(vehicle_type: str, design: tuple[tuple[str, float | str], ...]) -> tuple[int, float] | None:
-    """The sheets of a car, and the minutes to cut them; None if it cannot be cut."""
+    """Return the number of sheets of a car and the minutes to cut them; None if it cannot be cut."""
     from foldcar.fabrication.patterns.options import options
     from foldcar.fabrication.patterns.sheets import enlarge_sheet, pattern
 

@@ -19,7 +19,7 @@ Design = Mapping[str, float | str]
 
 
 def design_key(vehicle_type: str, design: Design) -> Any:
-    """Return what identifies a design."""
+    """Return a hashable key that identifies a design."""
     return vehicle_type, tuple(sorted(design.items()))
 
 
@@ -27,9 +27,10 @@ def design_key(vehicle_type: str, design: Design) -> Any:
 class PairedTrial:
     """A completed trial of a built car, with the simulation of its environment.
 
-    ``simulated`` is 1 if simulation passes there, 0 if not, None if unknown; ``resimulated``: it was simulated now, as it
-    was placed. ``sample``: the sampled environment, None if unknown. ``expected``: the fraction (0 to 1) of several
-    simulated cars of the design that pass there, None if they were not simulated. ``car_name`` None: a car without name.
+    ``sample`` is the sampled environment, None if unknown. ``simulated`` is 1 if simulation passes in it, 0 if not, None
+    if unknown; ``resimulated`` if this is a new run of the scene as placed, not a stored one. ``expected`` is the
+    fraction (0 to 1) of several simulated cars of the design that pass in it, None if they were not simulated.
+    ``car_name`` is None if the car has no name.
     """
 
     outcome: str
@@ -49,11 +50,11 @@ class PairedTrial:
 class DesignEvidence:
     """The runs and trials of one design.
 
-    ``passed`` (runs,) says whether each run that counts passed, ``samples`` (runs,) in which environment; ``rejected``
+    ``passed`` (runs,) is whether each run that counts passed, ``samples`` (runs,) are their environments. ``rejected``
     are the environments of rejected runs, which do not count. ``outcomes`` counts all runs by outcome. ``mean_time_s`` is
-    the mean time of the runs that count, None without. ``swept`` is False for a design that only trials have; its runs
-    were made now, if any. ``sequential``: a stopping rule ended its runs. ``spread``: weights of how much cars of the
-    design differ (:mod:`foldcar.statistics.built_cars`). ``aborted`` trials count in no rate.
+    the mean time of the runs that count, None without. ``swept`` is False for a design with trials only, whose runs are
+    not stored. ``sequential`` is whether a stopping rule ended its runs. ``spread`` are the weights of the spread of its
+    cars (:mod:`foldcar.statistics.built_cars`). ``aborted`` trials count in no rate.
     """
 
     vehicle_type: str
@@ -91,17 +92,17 @@ class DesignEvidence:
         return [self.outcomes.get(outcome, 0) for outcome in OUTCOMES]
 
     def simulated(self, confidence: float = 0.95) -> Rate:
-        """Return the success rate of its runs, of which there is at least one."""
-        return Rate.counted(self.runs_passed, self.runs, count(self.runs, "run"), self.sequential, confidence)
+        """Return the success rate of its runs, at least one."""
+        return Rate.from_counts(self.runs_passed, self.runs, count(self.runs, "run"), self.sequential, confidence)
 
     def driven(self, confidence: float = 0.95) -> Rate:
-        """Return the success rate of the cars that drove the trials, of which there is at least one."""
+        """Return the success rate of the cars that drove its trials, at least one."""
         cars = "" if self.cars is None else self.cars.text
-        return Rate.counted(self.trials_passed, len(self.trials), cars, confidence=confidence)
+        return Rate.from_counts(self.trials_passed, len(self.trials), cars, confidence=confidence)
 
     @cached_property
     def cars(self) -> BuiltCars | None:
-        """The trials by the car that drove; None without trials."""
+        """The trials grouped by car; None without trials."""
         return by_car(self.trials, self.spread, self.runs_passed, self.runs) if self.trials else None
 
     @property
@@ -113,7 +114,7 @@ class DesignEvidence:
 def by_car(trials: Sequence[PairedTrial], spread: NDArray[Any], runs_passed: int, runs: int) -> BuiltCars:
     """Group trials of one design, at least one, by the car that drove.
 
-    Trials in environments that are easier or harder for simulated cars than all runs shift the log-odds.
+    A car's log-odds are shifted if its environments are easier or harder for simulated cars than all environments.
     """
     cars: dict[str | None, list[PairedTrial]] = {}
     for trial in trials:
@@ -126,12 +127,12 @@ def by_car(trials: Sequence[PairedTrial], spread: NDArray[Any], runs_passed: int
 
 
 def simulated_spread(cars: SimulatedCars | None) -> NDArray[Any]:
-    """Return the weights of how much a design's cars differ: as simulated ones do, or as is assumed without these."""
+    """Return the weights of the spread of a design's cars: by its simulated cars, or the prior without these."""
     return PRIOR if cars is None else simulated_weights(cars.passed.sum(axis=1), cars.passed.shape[1])
 
 
 def in_family(info: ExperimentInfo, vehicle_type: str, design: Design) -> bool:
-    """Return whether a design belongs to the experiment's family: it differs in the varied parameters only."""
+    """Return whether a design belongs to the experiment's family: it differs only in the varied parameters."""
     return (
         vehicle_type == info.vehicle_type
         and all(design.get(name) == value for name, value in info.fixed.items())
@@ -140,7 +141,7 @@ def in_family(info: ExperimentInfo, vehicle_type: str, design: Design) -> bool:
 
 
 def design_label(info: ExperimentInfo, vehicle_type: str, design: Design) -> str:
-    """Return the name of a design for readers: its varied parameters, and what else differs from the family."""
+    """Return the name of a design for readers: its varied parameters, and others that differ from the family's."""
     varied = {name: design[name] for name in info.varied if name in design}
     differing = {name: value for name, value in design.items() if name not in varied and info.fixed.get(name) != value}
     text = design_text(varied | differing)

@@ -1,7 +1,7 @@
-"""The evidence of a store, read once: for each experiment its designs with runs and trials, and what is believed of them.
+"""The evidence of a store: for each experiment its designs with runs and trials, and the belief about them.
 
-A trial is compared with the simulation of the same environment: the stored run, or a run made now where the trial was
-placed otherwise than planned.
+A trial is compared with the simulation of the same environment. This is the stored run, or a new run if the obstacles
+were not placed as planned.
 """
 
 from collections import Counter
@@ -33,7 +33,7 @@ from foldcar.store.trial_records import SIMULATED, Trial, left_out_text, select_
 NO_RUNS = RunArrays(
     numpy.empty(0, numpy.int64), numpy.empty(0, numpy.int64), numpy.empty(0, numpy.uint8), numpy.empty((0, len(NUMBERS)))
 )
-# What is unknown of an experiment that was not swept.
+# Fields of an experiment that was not swept.
 UNKNOWN: dict[str, Any] = {
     **dict.fromkeys(("speed_m_s", "seed", "condition", "variation_seed")),
     **dict.fromkeys(("environments", "timeout_s", "yaw_rate_rad_s", "planned_runs", "stored_runs"), 0),
@@ -43,10 +43,11 @@ UNKNOWN: dict[str, Any] = {
 
 @dataclass(frozen=True)
 class Evidence:
-    """One experiment: ``designs`` of the family in its order, then those of it that only trials have, then others.
+    """The evidence of one experiment.
 
+    ``designs`` are the swept ones of the family in its order, then those of the family with trials only, then others.
     ``runs`` are the stored ones; their ``design`` is an index into ``designs``. ``belief`` is about the designs of the
-    family with runs; None if there are none, or success is undefined. ``remarks``: what readers must know besides.
+    family with runs; None without any, or if success is undefined. ``remarks`` are sentences for readers.
     """
 
     info: ExperimentInfo
@@ -79,39 +80,40 @@ class Evidence:
 
     @cached_property
     def run_counts(self) -> NDArray[Any]:
-        """How many runs of each design of the family passed, and how many count (family, 2)."""
+        """The runs of each design of the family (family, 2): number passed, number that counts."""
         return numpy.array([(design.runs_passed, design.runs) for design in self.family], dtype=int).reshape(-1, 2)
 
     @cached_property
     def trial_counts(self) -> NDArray[Any]:
-        """How many trials of each design of the family passed, and how many count (family, 2)."""
+        """The trials of each design of the family (family, 2): number passed, number that counts."""
         return numpy.array([(design.trials_passed, len(design.trials)) for design in self.family], dtype=int).reshape(
             -1, 2
         )
 
     @cached_property
     def outcome_counts(self) -> NDArray[Any]:
-        """How many runs of each design of the family ended in each way (family, OUTCOMES)."""
+        """The number of runs of each design of the family by outcome (family, OUTCOMES)."""
         return numpy.array([design.outcome_counts for design in self.family], dtype=int).reshape(-1, len(OUTCOMES))
 
     @cached_property
     def values(self) -> dict[str, list[float]]:
-        """The values that occur of each varied parameter, ascending."""
+        """The values of each varied parameter in the family, ascending."""
         return {name: sorted({float(design.design[name]) for design in self.family}) for name in self.info.varied}
 
     def index_of(self, car: Trial | DesignEvidence) -> int | None:
-        """Return the place in the family of a trial's design, or of another experiment's; None without one."""
-        return self._places.get(design_key(car.vehicle_type, car.design))
+        """Return the index in the family of the design of a trial or of another experiment; None if it is not in it."""
+        return self._indices.get(design_key(car.vehicle_type, car.design))
 
     @cached_property
-    def _places(self) -> dict[Any, int]:
+    def _indices(self) -> dict[Any, int]:
         return {design_key(design.vehicle_type, design.design): index for index, design in enumerate(self.family)}
 
 
 def read_evidence(store: Store, experiment: str | None = None, simulated_trials: bool = False) -> list[Evidence]:
-    """Read the evidence of every swept experiment, or of one; none if no sweep has begun.
+    """Read the evidence of every swept experiment, or of ``experiment``; an empty list if no sweep has begun.
 
-    ``simulated_trials``: trials of simulated cars instead of those of built ones; a remark says so. Raises FoldcarError.
+    ``simulated_trials`` reads trials of simulated cars instead of built ones; a remark says so. Raises FoldcarError if
+    the store cannot be read or has no such experiment.
     """
     if not store.holds_study():
         return []
@@ -124,7 +126,7 @@ def read_evidence(store: Store, experiment: str | None = None, simulated_trials:
 
 
 def read_unswept(store: Store) -> dict[str, Evidence]:
-    """Read the evidence of experiments with trials only, one for each type of car, by a name of its own."""
+    """Read the evidence of experiments with trials only, by name; one for each experiment and type of car."""
     swept = swept_ids(store)
     groups: dict[tuple[str, str], list[Trial]] = {}
     for trial in store.trials():
@@ -137,32 +139,32 @@ def read_unswept(store: Store) -> dict[str, Evidence]:
 
 
 def unswept_trials(store: Store, experiment: str | None = None, simulated_trials: bool = False) -> list[Trial]:
-    """Return the trials of built cars that count, or of simulated ones instead, in experiments that were not swept."""
+    """Return the completed trials of experiments that were not swept: of built cars, or of simulated ones instead."""
     kept, _ = _select(list(store.trials(experiment)), simulated_trials)
     swept = swept_ids(store)
     return [trial for trial in kept if trial.completed and trial.experiment not in swept]
 
 
 def swept_ids(store: Store) -> set[str]:
-    """Return the experiments that trials may be compared with, by their names in the listing and in the store."""
+    """Return the names of swept experiments, in the listing and in the store."""
     infos = store.info().experiments if store.holds_study() else {}
     return {*infos, *(info.listed_id for info in infos.values())}
 
 
 def _unswept_info(trials: Sequence[Trial]) -> ExperimentInfo:
-    """An experiment without runs: parameters with several values vary."""
+    """Describe an experiment without runs; parameters with several values in the trials are the varied ones."""
     first, designs = trials[0], [trial.design for trial in trials]
     values = {
         name: sorted({design[name] for design in designs if name in design}) for design in designs for name in design
     }
-    # A design without a parameter has no place among the values of it.
-    varied = {name: tuple(known) for name, known in values.items() if len(known) > 1}
+    # A design may lack a parameter that others have.
+    varied = {name: tuple(values_of_name) for name, values_of_name in values.items() if len(values_of_name) > 1}
     return ExperimentInfo(
         **UNKNOWN,
         id=first.experiment,
         vehicle_type=first.vehicle_type,
         varied=varied,
-        fixed={name: known[0] for name, known in values.items() if name not in varied},
+        fixed={name: values_of_name[0] for name, values_of_name in values.items() if name not in varied},
         scenic_program=first.scenic_program or "an unknown program",
         scenic_params={},
         variation={},
@@ -179,41 +181,44 @@ def _evidence(
     simulated_trials: bool,
     trials: Sequence[Trial] | None = None,
 ) -> Evidence:
-    """Assemble an experiment's evidence; ``trials`` are those of its listed experiment unless given.
+    """Assemble an experiment's evidence; ``trials`` None reads those of its listed experiment.
 
-    Without ``resimulation`` nothing is simulated now.
+    Without ``resimulation`` nothing is simulated.
     """
     trials = list(store.trials(info.listed_id)) if trials is None else trials
-    elsewhere = {} if resimulation is None else store.trials_elsewhere(info)
-    trials, said = _trials(info, trials, elsewhere, simulated_trials)
+    trials_elsewhere = {} if resimulation is None else store.trials_elsewhere(info)
+    trials, sentences = _trials(info, trials, trials_elsewhere, simulated_trials)
     by_design: dict[Any, list[Trial]] = {}
     for trial in trials:
         by_design.setdefault(design_key(trial.vehicle_type, trial.design), []).append(trial)
     designs = {
-        design_key(info.vehicle_type, one.design): one
-        for one in (_swept(store, info, runs) if resimulation is not None else ())
+        design_key(info.vehicle_type, design.design): design
+        for design in (_swept(store, info, runs) if resimulation is not None else ())
     }
     unswept = [key for key in by_design if key not in designs]
-    # Those with most trials first: not all of many are simulated.
+    # Designs with most trials are simulated first, because the number of runs is limited.
     most_first = sorted(unswept, key=lambda key: -len(by_design[key]))
-    made = {key: _unswept(info, by_design[key][0], resimulation) for key in most_first}
+    simulated_now = {key: _unswept(info, by_design[key][0], resimulation) for key in most_first}
     # Designs of the family stand before others.
     unswept.sort(key=lambda key: not in_family(info, *_design_of(by_design[key])))
-    designs |= {key: made[key][0] for key in unswept}
+    designs |= {key: simulated_now[key][0] for key in unswept}
     if resimulation is not None:
-        said += remarks.unswept_designs([made[key] for key in unswept])
-    here = set[int]() if resimulation is None else store.trials_here(info)
-    found = [_with_trials(info, design, by_design.get(key, []), here, resimulation) for key, design in designs.items()]
-    evidence = Evidence(info, tuple(found), runs, None, ())
-    known = [(place, design) for place, design in enumerate(evidence.family) if design.runs and info.success_defined]
-    belief = believe([one for _, one in known], [place for place, _ in known], list(info.varied))
+        sentences += remarks.unswept_designs([simulated_now[key] for key in unswept])
+    ids_in_samples = set[int]() if resimulation is None else store.trials_here(info)
+    with_trials = [
+        _with_trials(info, design, by_design.get(key, []), ids_in_samples, resimulation)
+        for key, design in designs.items()
+    ]
+    evidence = Evidence(info, tuple(with_trials), runs, None, ())
+    with_runs = [(place, design) for place, design in enumerate(evidence.family) if design.runs and info.success_defined]
+    belief = believe([design for _, design in with_runs], [place for place, _ in with_runs], list(info.varied))
     if info.success_defined:
-        said += remarks.cars_of_designs(found)
-        said += remarks.pairs(found) if resimulation is not None else []
-    said += resimulation.remarks(info.id) if resimulation is not None else []
+        sentences += remarks.cars_of_designs(with_trials)
+        sentences += remarks.pairs(with_trials) if resimulation is not None else []
+    sentences += resimulation.remarks(info.id) if resimulation is not None else []
     if belief is not None:
-        said += belief.contradicting.remark(belief.labels)
-    return replace(evidence, belief=belief, remarks=(*remarks.runs(store, info), *said))
+        sentences += belief.contradictions.remark(belief.labels)
+    return replace(evidence, belief=belief, remarks=(*remarks.runs(store, info), *sentences))
 
 
 def _design_of(trials: Sequence[Trial]) -> tuple[str, Mapping[str, float]]:
@@ -221,14 +226,14 @@ def _design_of(trials: Sequence[Trial]) -> tuple[str, Mapping[str, float]]:
 
 
 def _swept(store: Store, info: ExperimentInfo, runs: RunArrays) -> list[DesignEvidence]:
-    """The designs of the family with their runs."""
+    """Return the swept designs of the family with their runs."""
     designs = list(store.designs(info.id).values())
     order = numpy.argsort(runs.design, kind="stable")
-    each = numpy.split(order, numpy.searchsorted(runs.design[order], numpy.arange(1, len(designs))))
+    rows_by_design = numpy.split(order, numpy.searchsorted(runs.design[order], numpy.arange(1, len(designs))))
     elapsed_s = runs.metrics[:, NUMBERS.index("elapsed_time_s")]
     result = []
-    # Split makes one part of no design.
-    for design, all_rows in zip(designs, each, strict=False):
+    # Without designs, numpy.split still returns one part.
+    for design, all_rows in zip(designs, rows_by_design, strict=False):
         discarded = runs.outcome[all_rows] == OUTCOMES.index(REJECTED)
         rows = all_rows[~discarded]
         times = elapsed_s[rows][~numpy.isnan(elapsed_s[rows])]
@@ -250,7 +255,7 @@ def _swept(store: Store, info: ExperimentInfo, runs: RunArrays) -> list[DesignEv
 
 
 def _unswept(info: ExperimentInfo, trial: Trial, resimulation: Resimulation | None) -> tuple[DesignEvidence, str | None]:
-    """A design that only trials have, simulated now if that is possible; else the reason why not."""
+    """Return a design with trials only, with new runs if possible, and the reason if it cannot be simulated."""
     ended, reason = ([], None) if resimulation is None else resimulation.design(info, trial)
     outcomes = [outcome for outcome, _ in ended]
     times = [time_s for _, time_s in ended if time_s is not None]
@@ -268,24 +273,29 @@ def _unswept(info: ExperimentInfo, trial: Trial, resimulation: Resimulation | No
 
 
 def _select(trials: Sequence[Trial], simulated_trials: bool) -> tuple[list[Trial], list[str]]:
-    """The trials of built cars, or of simulated ones instead, aborted ones among them; remarks on the others."""
+    """Return the trials of built cars, or of simulated ones instead, with aborted ones; and remarks on the others."""
     kept, left_out = select_trials(trials, simulated_trials)
     text = left_out_text(left_out)
-    said = [] if text is None else [text]
+    sentences = [] if text is None else [text]
     if not simulated_trials:
-        return kept, said
+        return kept, sentences
     simulated = [trial for trial in kept if trial.standing == SIMULATED]
-    return simulated, [remarks.simulated_cars(len(kept) - len(simulated)), *said]
+    return simulated, [remarks.simulated_cars(len(kept) - len(simulated)), *sentences]
 
 
 def _trials(
     info: ExperimentInfo, trials: Sequence[Trial], elsewhere: Mapping[int, str | None], simulated_trials: bool
 ) -> tuple[list[Trial], list[str]]:
-    """The trials to compare, aborted ones among them; remarks on them and on those left out or driven elsewhere."""
-    kept, said = _select(trials, simulated_trials)
-    said += remarks.trials(info, kept)
-    said += remarks.trials_in_other_environments([elsewhere[trial.id] for trial in kept if trial.id in elsewhere], info)
-    return [trial for trial in kept if trial.id not in elsewhere], said
+    """Return the trials to compare, with aborted ones; and remarks on them and on those left out.
+
+    ``elsewhere`` are trials in other environments than the runs: the number of the trial and its Scenic program.
+    """
+    kept, sentences = _select(trials, simulated_trials)
+    sentences += remarks.trials(info, kept)
+    sentences += remarks.trials_in_other_environments(
+        [elsewhere[trial.id] for trial in kept if trial.id in elsewhere], info
+    )
+    return [trial for trial in kept if trial.id not in elsewhere], sentences
 
 
 def _with_trials(
@@ -295,7 +305,10 @@ def _with_trials(
     here: Container[int],
     resimulation: Resimulation | None,
 ) -> DesignEvidence:
-    """The design with its trials, each beside the simulation of its environment."""
+    """Return the design with its trials, each paired with the simulation of its environment.
+
+    ``here`` are the numbers of trials whose sample is one of the runs' environments.
+    """
     if not trials:
         return design
     stored = dict(zip(design.samples.tolist(), design.passed.tolist(), strict=True))

@@ -1,4 +1,4 @@
-"""What readers must know of evidence beside its numbers: what is missing, left out or assumed, in sentences."""
+"""Remarks on evidence, in sentences: what is missing, left out or assumed."""
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
@@ -16,28 +16,28 @@ SHOWN = 5
 
 def runs(store: Store, info: ExperimentInfo) -> list[str]:
     """Return remarks on runs: what their engine cannot know, how many are missing or rejected."""
-    runs = [info.warning] if info.warning else []
+    sentences = [info.warning] if info.warning else []
     if info.stored_runs < info.planned_runs:
         stored = f"{info.stored_runs:,} of {info.planned_runs:,} runs are stored"
-        runs.append(f"Unfinished: {stored}; the command that started the sweep resumes it.")
+        sentences.append(f"Unfinished: {stored}; the command that started the sweep resumes it.")
     counts = store.design_counts(info.id) if info.stored_runs else None
     rejected = 0 if counts is None else sum(counts.runs) - sum(counts.counted)
     if counts is not None and rejected:
         without = sum(made > 0 and not counted for made, counted in zip(counts.runs, counts.counted, strict=True))
         have = "has" if without == 1 else "have"
         rest = f" {count(without, 'design')} {have} no other run, and so no rate." if without else ""
-        runs.append(
+        sentences.append(
             f"{rejected} of {sum(counts.runs)} runs were rejected: they violated a requirement of the program. Scenic "
             f"discards such runs; they count neither as passed nor as not passed.{rest}"
         )
-    return runs
+    return sentences
 
 
 def trials(info: ExperimentInfo, kept: Sequence[Trial]) -> list[str]:
     """Return remarks on trials that are compared: whether the runs were fitted to them, how many were corrected."""
-    trials = []
+    sentences = []
     if info.under is not None and kept:
-        trials.append(
+        sentences.append(
             f"The runs are of {info.under}: parameters of a file, not what trials say."
             if info.under.startswith(REALITY_KIND)
             else f"The runs are of the {info.under}, which was fitted to trials of experiment {info.listed_id}. They "
@@ -45,8 +45,8 @@ def trials(info: ExperimentInfo, kept: Sequence[Trial]) -> list[str]:
         )
     corrected = sum(trial.corrections > 0 for trial in kept)
     if corrected:
-        trials.append(f"{count(corrected, 'trial')} corrected afterwards: the latest correction counts.")
-    return trials
+        sentences.append(f"{count(corrected, 'trial')} corrected afterwards: the latest correction counts.")
+    return sentences
 
 
 def simulated_cars(left_out: int) -> str:
@@ -57,87 +57,87 @@ def simulated_cars(left_out: int) -> str:
 
 def trials_in_other_environments(programs: Iterable[str | None], info: ExperimentInfo) -> list[str]:
     """Return a remark for each Scenic program of trials that were driven in another environment than the runs."""
-    environments = []
+    sentences = []
     for program, number in Counter(programs).items():
         left_out = f"{count(number, 'trial')} left out: driven"
         if program == info.scenic_program and info.under is not None:
-            environments.append(
+            sentences.append(
                 f"{left_out} in the nominal scenes of {program}, which the {info.under} changes. Experiment "
                 f"{info.listed_id} compares them."
             )
         elif program == info.scenic_program:
-            environments.append(
+            sentences.append(
                 f"{left_out} in other samples of {program} than the runs: its text, parameters or seed, or foldcar, have "
                 "changed. Sweep the environment as it was then to compare them."
             )
         else:
-            environments.append(f"{left_out} in {program or 'an unknown program'}, not in {info.scenic_program}.")
-    return environments
+            sentences.append(f"{left_out} in {program or 'an unknown program'}, not in {info.scenic_program}.")
+    return sentences
 
 
-def unswept_designs(made: Sequence[tuple[DesignEvidence, str | None]]) -> list[str]:
-    """Return remarks on designs that only trials have, with the reason why they could not be simulated, or None.
+def unswept_designs(simulated_now: Sequence[tuple[DesignEvidence, str | None]]) -> list[str]:
+    """Return remarks on designs with trials only, each with the reason why it could not be simulated, or None.
 
-    Of more than SHOWN designs with one reason there is one remark.
+    More than SHOWN designs with the same reason share a remark.
     """
     by_reason: dict[str | None, list[DesignEvidence]] = {}
-    for design, reason in made:
+    for design, reason in simulated_now:
         by_reason.setdefault(reason, []).append(design)
-    result = []
+    sentences = []
     for reason, designs in by_reason.items():
-        named = [(f"{design.label} is", "it was") for design in designs]
+        subjects = [(f"{design.label} is", "it was") for design in designs]
         if len(designs) > SHOWN:
-            named = [(f"{_some([design.label for design in designs])} are", "they were")]
-        for name, was in named:
+            subjects = [(f"{_some([design.label for design in designs])} are", "they were")]
+        for name, was in subjects:
             if reason is None:
-                result.append(f"{name} not in the sweep: {was} simulated now, in {designs[0].runs} environments.")
+                sentences.append(f"{name} not in the sweep: {was} simulated now, in {designs[0].runs} environments.")
             else:
-                result.append(f"{name} not in the sweep, and cannot be simulated now: {reason}.")
-    return result
+                sentences.append(f"{name} not in the sweep, and cannot be simulated now: {reason}.")
+    return sentences
 
 
 def cars_of_designs(designs: Sequence[DesignEvidence]) -> list[str]:
-    """Return remarks on the cars that drove: which have no name, how much cars of a design differ."""
-    result = []
+    """Return remarks on the cars that drove: trials without a car's name, and how much cars of a design differ."""
+    sentences = []
     nameless = [design.label for design in designs if [trial.car_name for trial in design.trials].count(None) > 1]
     if nameless:
-        result.append(
+        sentences.append(
             f"Trials without a car's name are taken for those of one car of their design, at {_some(nameless)}: "
             "`foldcar log --car` and `foldcar trials correct --car-name` tell cars apart."
         )
     driven = [design.cars for design in designs if design.cars is not None]
-    for known, source in ((False, "is assumed"), (True, "is that of simulated ones")):
-        spreads = sorted(cars.spread for cars in driven if (cars.weights is not PRIOR) == known)
-        if spreads:
-            low, high = (f"{spreads[at]:.1f}" for at in (0, -1))
+    for simulated, source in ((False, "is assumed"), (True, "is that of simulated ones")):
+        sds = sorted(cars.spread for cars in driven if (cars.weights is not PRIOR) == simulated)
+        if sds:
+            low, high = (f"{sds[at]:.1f}" for at in (0, -1))
             ends = low if low == high else f"{low} to {high}"
-            result.append(f"How much cars of a design differ, {ends} in log-odds (standard deviation), {source}.")
-    return result
+            sentences.append(f"How much cars of a design differ, {ends} in log-odds (standard deviation), {source}.")
+    return sentences
 
 
 def pairs(designs: Sequence[DesignEvidence]) -> list[str]:
-    """Return remarks on trials without, or with a new, simulation of their environment, and on repeated environments."""
-    pairs = []
+    """Return remarks on trials that have no run of their environment or a new one, and on repeated environments."""
+    sentences = []
     all_trials = [trial for design in designs for trial in design.trials]
     resimulated = sum(trial.resimulated for trial in all_trials)
     if resimulated:
         what = "placed otherwise than planned, or has no stored run"
         what = what if resimulated == 1 else "placed otherwise, or have no run"
-        pairs.append(f"{count(resimulated, 'trial')} {what}: simulated again as placed.")
+        sentences.append(f"{count(resimulated, 'trial')} {what}: simulated again as placed.")
     unpaired = sum(trial.simulated is None for trial in all_trials)
     if unpaired:
-        pairs.append(
+        sentences.append(
             f"{unpaired} of {len(all_trials)} trials cannot be paired with a run of the same environment, which is not "
             "known, not simulated or rejected: they count by their rate alone."
         )
     met = [[trial.sample for trial in design.trials if trial.sample is not None] for design in designs]
     repeated = sum(len(samples) - len(set(samples)) for samples in met)
     if repeated:
-        pairs.append(
+        sentences.append(
             f"{count(repeated, 'trial')} repeat an environment of the same design: intervals take environments as "
             "independent, and are too narrow by that."
         )
-    return pairs
+    return sentences
 
 
 def _some(names: Sequence[str]) -> str:

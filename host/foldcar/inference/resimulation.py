@@ -1,7 +1,8 @@
-"""Simulates what a sweep lacks: trials as they were placed, designs that only trials have, several cars of one design.
+"""Simulate what a sweep lacks: trials as they were placed, designs with trials only, several cars of one design.
 
-Input: a store. Output: outcomes, from the simulator that made the store's runs; nothing is stored. What would not be
-comparable with the runs is not simulated: another build of carsim, a calibration, a program that runs beside the car.
+Input: a store. Output: outcomes, from the simulator that made the store's runs; nothing is stored. Nothing is simulated
+if it would not be comparable with the runs: with another build of carsim, under a calibration, or if the Scenic program
+runs beside the simulation.
 """
 
 import hashlib
@@ -31,15 +32,16 @@ from foldcar.store.trial_records import Trial
 from foldcar.store.writer import canonical_json
 from foldcar.study.experiments import run_settings
 
-# Runs of designs, beyond those of the first, and trials that one command simulates: some twenty seconds each.
-MOST_RUNS, MOST_TRIALS = 5_000, 2_000
-# Cars of a driven design, each simulated in as many environments: those of its trials, and others if these are few.
-# Beyond MOST_CAR_RUNS a design's cars are not simulated.
-CARS, LEAST_SCENES, MOST_SCENES, MOST_CAR_RUNS = 20, 10, 12, 5_000
+# At most so many runs of designs, beyond those of the first, and so many trials are simulated by one command: about
+# twenty seconds each.
+MAX_RUNS, MAX_TRIALS = 5_000, 2_000
+# So many cars of a driven design are simulated in the environments of its trials, and in others if these are too few.
+# After MAX_CAR_RUNS runs the cars of further designs are not simulated.
+CARS, MIN_SCENES, MAX_SCENES, MAX_CAR_RUNS = 20, 10, 12, 5_000
 # An outcome, and the time of the run (s), None if it failed.
 Ended = tuple[str, float | None]
-# What runs ended with, by a hash of build, engine, body, settings and scene. It outlives a store: the live page opens its
-# own anew after every trial.
+# Results by a hash of build, engine, body, settings and scene. They outlive a store, because the live page reopens it
+# after every trial.
 _ENDED: dict[bytes, Ended] = {}
 
 
@@ -47,7 +49,7 @@ _ENDED: dict[bytes, Ended] = {}
 class SimulatedCars:
     """Simulated cars of one design: whether each ``passed`` (cars, scenes).
 
-    ``fractions``: the fraction of them (0 to 1) that passed in the scene of a trial, by its number.
+    ``fractions`` has the fraction of them (0 to 1) that passed in the scene of each trial, by the trial's number.
     """
 
     passed: NDArray[Any]
@@ -55,7 +57,7 @@ class SimulatedCars:
 
 
 class Resimulation:
-    """Runs of one store that are made now. The simulator is looked for when it is first needed."""
+    """New runs for one store; the simulator is started when it is first needed."""
 
     def __init__(self, store: Store) -> None:
         self._store = store
@@ -65,14 +67,17 @@ class Resimulation:
         self._runs = self._trials = self._car_runs = 0
 
     def trial(self, info: ExperimentInfo, trial: Trial) -> str | None:
-        """The outcome of a trial's car in the scene as placed, varied as the run of that sample; None if unknown."""
+        """Return the outcome of a trial's car in the scene as placed; None if it cannot be simulated.
+
+        The car differs from its design as in the run of the trial's sample.
+        """
         drive = self._store.trial_drive(trial.id)
         if drive is None:
             return None
         if self._refusal(info) is not None:
             self._refused[info.id] += 1
             return None
-        if self._trials >= MOST_TRIALS:
+        if self._trials >= MAX_TRIALS:
             self._beyond[info.id] += 1
             return None
         self._trials += 1
@@ -82,13 +87,13 @@ class Resimulation:
         return outcome
 
     def design(self, info: ExperimentInfo, trial: Trial) -> tuple[list[Ended], str | None]:
-        """The design of a trial in all stored environments of the experiment, in order; else none, and why."""
+        """Run a trial's design in all stored environments, in order; or return no results and the reason."""
         refusal = self._refusal(info)
         if refusal is not None:
             return [], refusal
         scenes = self._scenes(info)
-        if self._runs and self._runs + len(scenes) > MOST_RUNS:
-            return [], f"no more than {MOST_RUNS:,} runs are made at a time; sweep it"
+        if self._runs and self._runs + len(scenes) > MAX_RUNS:
+            return [], f"no more than {MAX_RUNS:,} runs are made at a time; sweep it"
         self._runs += len(scenes)
         try:
             body, settings = self._composed(info, trial)
@@ -97,10 +102,13 @@ class Resimulation:
         cases = [(self._variation(info, sample), text) for sample, text in scenes.items()]
         return self._run(self._simulator(info), body, cases, settings), None
 
-    def cars(self, info: ExperimentInfo, trials: Sequence[Trial], here: Container[int]) -> "SimulatedCars | None":
-        """Cars of one design, as the experiment varies them, in the environments of its ``trials``; None if unknown.
+    def cars(
+        self, info: ExperimentInfo, trials: Sequence[Trial], ids_in_samples: Container[int]
+    ) -> "SimulatedCars | None":
+        """Run several cars of one design, as the experiment varies them, in the environments of its ``trials``.
 
-        ``here`` are the trials whose sample is the sweep's.
+        ``ids_in_samples`` are the numbers of trials whose sample is one of the sweep. Returns None if the cars cannot be
+        simulated.
         """
         if self._refusal(info) is not None or not self._drives(info).varied:
             return None
@@ -109,22 +117,22 @@ class Resimulation:
         placed |= {
             trial.id: stored[trial.sample]
             for trial in trials
-            if trial.id not in placed and trial.id in here and trial.sample in stored
+            if trial.id not in placed and trial.id in ids_in_samples and trial.sample in stored
         }
-        scenes = list(dict.fromkeys(placed.values()))[:MOST_SCENES]
-        others = [text for text in stored.values() if text not in scenes]
-        scenes += others[: max(0, LEAST_SCENES - len(scenes))]
+        scenes = list(dict.fromkeys(placed.values()))[:MAX_SCENES]
+        further_scenes = [text for text in stored.values() if text not in scenes]
+        scenes += further_scenes[: max(0, MIN_SCENES - len(scenes))]
         try:
-            known = next((drive[:2] for drive in drives.values() if drive is not None), None)
-            body, settings = known or self._composed(info, trials[0])
+            inputs = next((drive[:2] for drive in drives.values() if drive is not None), None)
+            body, settings = inputs or self._composed(info, trials[0])
         except FoldcarError:
             return None
         cars = [self._variation(info, sample) for sample in sorted(self._drives(info).variations)[:CARS]]
         self._car_runs += len(cars) * len(scenes)
-        if self._car_runs > MOST_CAR_RUNS:
+        if self._car_runs > MAX_CAR_RUNS:
             return None
-        ended = self._run(self._simulator(info), body, [(car, text) for car in cars for text in scenes], settings)
-        table = numpy.array([outcome == "passed" for outcome, _ in ended]).reshape(len(cars), len(scenes))
+        ends = self._run(self._simulator(info), body, [(car, text) for car in cars for text in scenes], settings)
+        table = numpy.array([outcome == "passed" for outcome, _ in ends]).reshape(len(cars), len(scenes))
         fractions = dict(zip(scenes, table.mean(axis=0).tolist(), strict=True))
         return SimulatedCars(table, {number: fractions[text] for number, text in placed.items() if text in fractions})
 
@@ -138,10 +146,10 @@ class Resimulation:
         return canonical_json(body), canonical_json(settings)
 
     def remarks(self, experiment: str) -> list[str]:
-        """What is said of trials of that experiment that should have been simulated and were not."""
-        why = {f"no more than {MOST_TRIALS:,} are at a time": self._beyond[experiment]}
-        why[str(self._refusals.get(experiment))] = self._refused[experiment]
-        return [f"{count(number, 'trial')} not simulated as placed: {text}." for text, number in why.items() if number]
+        """Return remarks on trials of an experiment that could not be simulated as placed."""
+        counts = {f"no more than {MAX_TRIALS:,} are at a time": self._beyond[experiment]}
+        counts[str(self._refusals.get(experiment))] = self._refused[experiment]
+        return [f"{count(number, 'trial')} not simulated as placed: {text}." for text, number in counts.items() if number]
 
     def _refusal(self, info: ExperimentInfo) -> str | None:
         if info.id not in self._refusals:
@@ -149,6 +157,7 @@ class Resimulation:
         return self._refusals[info.id]
 
     def _why_not(self, info: ExperimentInfo) -> str | None:
+        """Return why an experiment's runs cannot be reproduced now; None if they can."""
         if info.under is not None:
             return f"the runs are those of {info.under}"
         if self._drives(info).dynamic:
@@ -167,7 +176,7 @@ class Resimulation:
     def _run(
         self, carsim: Carsim, body: str, cases: Sequence[tuple[Mapping[str, Any], str]], settings: str
     ) -> list[Ended]:
-        """Run the body in each case, which is a variation and a scene, unless that was done before."""
+        """Run the body in each case, a variation and a scene; known results are reused."""
         bodies: dict[str, str] = {}
         keys, cars, scenes, requests = [], {}, {}, []
         for number, (variation, scene) in enumerate(cases):
@@ -190,13 +199,13 @@ class Resimulation:
         return self._store.once(("drives", info.id), lambda: read_drives(self._store, info.id))
 
     def _scenes(self, info: ExperimentInfo) -> dict[int, str]:
-        """The texts of the scenes that the sweep has stored, by sample."""
+        """Return the texts of the stored scenes, by sample."""
         drives = self._drives(info)
         read = lambda: {sample: drives.text("scene", scene) for sample, scene in drives.scenes.items()}  # noqa: E731
         return self._store.once(("scenes", info.id), read)
 
     def _variation(self, info: ExperimentInfo, sample: int | None) -> Mapping[str, Any]:
-        """How the car of that sample differs from its design."""
+        """Return how the car of that sample differs from its design."""
         drives = self._drives(info)
-        known = info.variation and sample in drives.variations
-        return drives.value("variation", drives.variations[sample]) if known and sample is not None else {}
+        varies = info.variation and sample in drives.variations
+        return drives.value("variation", drives.variations[sample]) if varies and sample is not None else {}

@@ -1,8 +1,8 @@
-"""Advises which designs to build next: before any trial, and again after each round of them.
+"""Advise which designs to build next: before any trial, and again after each round of trials.
 
-Before trials it names the middle, the edges and the outside of the feasible region, as the publication of the width
-study chose; after trials the designs whose trials would tell most about which design is best and which ones reach the
-threshold. The report, `foldcar select`, `foldcar log` and the API print the same advice.
+Before trials the advice is the middle, the edges and the outside of the feasible region, as in the publication of the
+width study. After trials it is the designs with the greatest expected gain: which design is best, and which ones reach
+the threshold. The report, `foldcar select`, `foldcar log` and the API print the same advice.
 """
 
 from collections.abc import Sequence
@@ -22,22 +22,22 @@ from foldcar.inference.evidence import Evidence, read_evidence
 from foldcar.inference.sentences import Undecided, first_reason, grounds, headline, next_reason, undecided_text
 from foldcar.simulation.results import no_rate_text
 from foldcar.statistics.built_cars import PRIOR, SPREADS
-from foldcar.statistics.pooled_bias import MOST_POOLED
+from foldcar.statistics.pooled_bias import MAX_POOLED
 from foldcar.statistics.rate import Rate, rate_interval
 from foldcar.statistics.selection import (
     BATCHES,
     Effort,
     Placed,
-    choose,
+    choose_designs,
     correlation_within_cars,
     expected_loss,
     first_designs,
     further_effort,
     gain_per_hour,
-    honest_best,
-    telling_environments,
+    informative_environments,
+    split_sample_best,
     trials_needed,
-    trials_to_tell,
+    trials_to_decide,
 )
 from foldcar.statistics.words import count, listed, percent, points, rate_text
 from foldcar.store.calibrations import measured_values
@@ -46,14 +46,14 @@ from foldcar.store.reader import Store
 from foldcar.study.search.design_simulator import fresh_id
 
 BUILD, THRESHOLD, PRECISION = 4, 0.75, 0.15
-# Trials whose information is compared between designs: what an afternoon allows.
+# Designs are compared by the gain from so many trials: an afternoon's.
 ROUND_TRIALS = 10
-# More designs are thinned out before the most useful are chosen: information is counted for every pair of them.
+# More designs are thinned out before the choice, whose work grows with the number of pairs.
 MAX_CANDIDATES = 400
-# It is enough when the leader lacks no more on average (0 to 1; or the precision, if that is less), and an hour of work
-# wins less of success by a better leader, or of designs put right.
+# Trials are enough if the leader's expected loss (0 to 1) is at most MAX_LOSS and the precision, and an hour of work
+# gains less than MIN_GAIN: in the leader's rate, or in the fraction of designs on the right side of the threshold.
 MAX_LOSS, MIN_GAIN = 0.05, 0.01
-# A design whose chance to reach the threshold, and to be the best, is smaller (0 to 1) is not worth building.
+# A design is not worth building if its chances to reach the threshold and to be the best (0 to 1) are both smaller.
 MIN_CHANCE = 0.025
 NEXT = "next"
 
@@ -62,10 +62,10 @@ NEXT = "next"
 class Recommendation:
     """A design to try next.
 
-    ``place`` is one of :mod:`foldcar.statistics.selection`, or NEXT after trials; ``reason`` says why. ``simulated``: the
-    rate of its runs. ``expected``: the rate of a further built car, by simulation and trials together. ``cars`` more and
-    ``trials`` more in all bring its interval to the precision asked for. ``built``: it was driven before. ``cost`` None:
-    the car cannot be cut, or was not nested.
+    ``place`` is one of :mod:`foldcar.statistics.selection`, or NEXT after trials; ``reason`` explains it. ``simulated``
+    is the rate of its runs, ``expected`` that of a further built car by simulation and trials. ``cars`` further cars with
+    ``trials`` further trials in all narrow its interval to the precision asked for. ``built`` if it was driven before.
+    ``cost`` is None if the car cannot be cut, or costs were not asked for.
     """
 
     label: str
@@ -83,13 +83,14 @@ class Recommendation:
 
 @dataclass(frozen=True, repr=False)
 class Selection:
-    """The advice for one experiment. Print it to read it.
+    """The advice for one experiment; print it to read it.
 
-    ``headline`` says what is known, ``grounds`` what that rests on, ``next_step`` what to do. ``enough``: more trials are
-    not worth their time; then there are no recommendations. ``environments`` are the samples to set up for all
-    recommended designs; the first ``telling`` of them tell the designs apart in simulation. ``leader``: the best design
-    by trials and simulation together. ``loss``: by how much (0 to 1) it lacks on average to the best there may be.
-    ``gain``: what an hour of work wins at most (0 to 1). All three are None before trials. ``basis``: what costs assume.
+    ``headline`` is the answer, ``grounds`` the evidence for it, ``next_step`` what to do. If ``enough``, further trials
+    are not worth their time and there are no recommendations. ``environments`` are the samples to set up for the
+    recommended designs; in the first ``telling`` of them the designs' simulated results differ. ``leader`` is the best
+    design by trials and simulation. ``loss`` (0 to 1) is its expected loss against the truly best design, ``gain`` (0 to
+    1) the greatest expected gain of an hour of work. These three are None before trials. ``basis`` states the assumptions
+    of the costs.
     """
 
     info: ExperimentInfo
@@ -111,7 +112,7 @@ class Selection:
 
     @property
     def sentence(self) -> str:
-        """The whole advice."""
+        """Headline, grounds and next step."""
         return " ".join(text for text in (self.headline, self.grounds, self.next_step) if text)
 
     def __repr__(self) -> str:
@@ -131,11 +132,12 @@ def select(
     with_cost: bool = True,
     simulated_trials: bool = False,
 ) -> list[Selection]:
-    """Advise on every swept experiment, or one: up to ``build`` designs each; none if nothing was swept.
+    """Recommend up to ``build`` designs for every swept experiment, or for ``experiment``; an empty list without a sweep.
 
-    ``threshold`` (0 to 1) is the success that a good design reaches; None: the listing's highest, or THRESHOLD.
-    ``precision`` is the half-width (0 to 0.5) to which trials are to bring a rate. ``with_cost`` nests the sheets, a
-    second a car. ``simulated_trials``: go by trials of simulated cars instead of built ones. Raises FoldcarError.
+    ``threshold`` (0 to 1) is the success that a good design reaches; None stands for the listing's highest, or THRESHOLD.
+    ``precision`` is the half-width (0 to 0.5) to which trials narrow a rate. ``with_cost`` nests the sheets, which takes
+    a second for each car. ``simulated_trials`` uses trials of simulated cars instead of built ones. Raises FoldcarError
+    if the store cannot be read or has no such experiment.
     """
     evidence = read_evidence(store, experiment, simulated_trials)
     selections = select_evidence(evidence, build, threshold, precision, with_cost)
@@ -147,7 +149,7 @@ def select(
 
 
 def measure_first(store: Store, selection: Selection) -> list[str]:
-    """Return a remark on what was not measured of the built cars and obstacles, if more trials are advised."""
+    """Return a remark that names what was not measured on built cars and obstacles, if further trials are advised."""
     missing = [name for name in MEASURABLE if name not in measured_values(store, selection.info.listed_id)]
     # There is no leader before trials.
     if not missing or selection.leader is None or not selection.recommendations:
@@ -162,16 +164,20 @@ def select_evidence(
     precision: float = PRECISION,
     with_cost: bool = True,
 ) -> list[Selection]:
-    """Advise as :func:`select` does, from evidence that was read."""
+    """Advise as :func:`select` does, given evidence."""
     by_id = {experiment.info.id: experiment for experiment in evidence}
-    judged_in = {name: fresh_id(name) for name, one in by_id.items() if one.info.searched and fresh_id(name) in by_id}
-    own = [
+    judged_in = {
+        name: fresh_id(name) for name, searched in by_id.items() if searched.info.searched and fresh_id(name) in by_id
+    }
+    selections = [
         None if experiment.info.id in judged_in else _select_one(experiment, build, threshold, precision, with_cost)
         for experiment in evidence
     ]
-    advice = {experiment.info.id: selection for experiment, selection in zip(evidence, own, strict=True) if selection}
-    result = []
-    for experiment, selection in zip(evidence, own, strict=True):
+    advice = {
+        experiment.info.id: selection for experiment, selection in zip(evidence, selections, strict=True) if selection
+    }
+    answers = []
+    for experiment, selection in zip(evidence, selections, strict=True):
         if selection is None:
             # Rates in the environments that chose the designs are biased.
             fresh = by_id[judged_in[experiment.info.id]]
@@ -179,21 +185,23 @@ def select_evidence(
             start = f"A search tried {count(experiment.swept, 'design')}; {judged}. "
             selection = advice[fresh.info.id]
             selection = replace(selection, info=experiment.info, headline=start + selection.headline)
-        result.append(selection)
-    return result
+        answers.append(selection)
+    return answers
 
 
 def _select_one(evidence: Evidence, build: int, threshold: float | None, precision: float, with_cost: bool) -> Selection:
+    """Advise on one experiment."""
     info, belief = evidence.info, evidence.belief
     limit = threshold if threshold is not None else max(info.thresholds, default=THRESHOLD)
     if belief is None:
         return Selection(info, limit, precision, _nothing(evidence), remarks=evidence.remarks)
-    # Threads for matrices of some tens of rows only wait for each other.
+    # For matrices of some tens of rows threads only wait for each other.
     with threadpool_limits(1):
         return _Adviser(evidence, belief, limit, precision).selection(build, with_cost)
 
 
 def _nothing(evidence: Evidence) -> str:
+    """Return why there is no advice."""
     info = evidence.info
     passed, trials = evidence.trial_counts.sum(axis=0).tolist()
     if not info.success_defined:
@@ -222,10 +230,10 @@ class _Adviser:
         placed = [] if enough else self._placed(build)
         recommended = tuple(self._recommendation(place, with_cost) for place in placed)
         rows = [place.index for place in placed]
-        met = {trial.sample for index in rows for trial in belief.designs[index].trials}
-        known = [column for column, sample in enumerate(belief.samples.tolist()) if sample in met]
-        wanted = max((design.trials for design in recommended), default=0)
-        columns = telling_environments(belief.passed[rows], wanted, known) if rows else []
+        met_samples = {trial.sample for index in rows for trial in belief.designs[index].trials}
+        met_columns = [column for column, sample in enumerate(belief.samples.tolist()) if sample in met_samples]
+        trials_per_design = max((design.trials for design in recommended), default=0)
+        columns = informative_environments(belief.passed[rows], trials_per_design, met_columns) if rows else []
         return Selection(
             info,
             threshold,
@@ -241,45 +249,47 @@ class _Adviser:
             loss if belief.driven else None,
             self._gain if belief.driven else None,
             self._undecided if belief.driven else (),
-            self._remarks(wanted - len(columns)),
+            self._remarks(trials_per_design - len(columns)),
             self._basis,
         )
 
     def _placed(self, build: int) -> list[Placed]:
-        """The designs, the most useful first."""
+        """Choose the designs, the most useful first."""
         belief, first = self.belief, []
         if not belief.driven:
             rate, low, high = belief.simulation.T
-            # How little is known of each design's side of the threshold.
+            # Uncertainty about each design's side of the threshold.
             doubt = 1 / (1 + numpy.abs(rate - self.threshold) / numpy.maximum(high - low, 1e-9))
             first = first_designs(belief.parameters, rate, doubt, self.threshold)[:build]
-        taken = [placed.index for placed in first]
-        candidates = numpy.union1d(self._open_candidates, numpy.array(taken, dtype=int))
+        first_indices = [placed.index for placed in first]
+        candidates = numpy.union1d(self._open_candidates, numpy.array(first_indices, dtype=int))
         zone = self.precision if belief.driven else 0.0
-        chosen = numpy.searchsorted(candidates, taken).tolist()
-        more = choose(belief.draws[:, candidates], self.threshold, ROUND_TRIALS, build - len(first), chosen, zone=zone)
-        return [*first, *(Placed(int(candidates[index]), NEXT) for index in more)]
+        chosen = numpy.searchsorted(candidates, first_indices).tolist()
+        chosen_next = choose_designs(
+            belief.draws[:, candidates], self.threshold, ROUND_TRIALS, build - len(first), chosen, zone=zone
+        )
+        return [*first, *(Placed(int(candidates[index]), NEXT) for index in chosen_next)]
 
     @cached_property
     def _candidates(self) -> NDArray[numpy.int64]:
-        """The driven designs, and evenly spaced ones of the others."""
-        rest = numpy.flatnonzero(self.belief.trials == 0)
-        if len(rest) > MAX_CANDIDATES:
-            rest = rest[numpy.linspace(0, len(rest) - 1, MAX_CANDIDATES).round().astype(int)]
-        return numpy.union1d(rest, numpy.flatnonzero(self.belief.trials))
+        """The indices of the driven designs, and of evenly spaced ones of the others."""
+        undriven = numpy.flatnonzero(self.belief.trials == 0)
+        if len(undriven) > MAX_CANDIDATES:
+            undriven = undriven[numpy.linspace(0, len(undriven) - 1, MAX_CANDIDATES).round().astype(int)]
+        return numpy.union1d(undriven, numpy.flatnonzero(self.belief.trials))
 
     @property
     def _open_candidates(self) -> NDArray[numpy.int64]:
-        """The candidates that may be the best one, or whose side of the threshold is open; all if none is."""
+        """The candidates that may be best, or whose side of the threshold is uncertain; all candidates without any."""
         belief, candidates = self.belief, self._candidates
         chances = belief.chances(self.threshold)[candidates]
         best = (belief.draws.argmax(axis=1)[:, None] == candidates).mean(axis=0)
-        open_ones = ((chances > MIN_CHANCE) & (chances < 1 - MIN_CHANCE)) | (best > MIN_CHANCE)
-        return candidates[open_ones] if open_ones.any() else candidates
+        is_open = ((chances > MIN_CHANCE) & (chances < 1 - MIN_CHANCE)) | (best > MIN_CHANCE)
+        return candidates[is_open] if is_open.any() else candidates
 
     @cached_property
     def _gain(self) -> float:
-        """What an hour of work wins at most."""
+        """The greatest expected gain of an hour of work, 0 to 1."""
         trials_min = [(index, trial_min(self.belief.designs[index].mean_time_s)) for index in self._candidates.tolist()]
         work = [
             [self._effort(index, batch).work_min(self._assembly_min, minutes) for index, minutes in trials_min]
@@ -288,7 +298,7 @@ class _Adviser:
         return gain_per_hour(self.belief.draws[:, self._candidates], self.threshold, self.precision, work)
 
     def _effort(self, index: int, further: int, least: int = 0) -> Effort:
-        """The work for so many further independent trials of a design, or ``least`` in all."""
+        """Return the work for ``further`` independent trials of a design, and for at least ``least`` in all."""
         design = self.belief.designs[index]
         driven = [] if design.cars is None else design.cars.counted.astype(int).tolist()
         minutes = trial_min(design.mean_time_s)
@@ -296,27 +306,28 @@ class _Adviser:
 
     @cached_property
     def _spreads(self) -> NDArray[numpy.float64]:
-        """How much cars of each design differ: where none were simulated, as those of the others do, or as is assumed."""
-        own = [None if design.spread is PRIOR else float(design.spread @ SPREADS) for design in self.belief.designs]
-        known = [spread for spread in own if spread is not None]
-        usual = sum(known) / len(known) if known else float(PRIOR @ SPREADS)
-        return numpy.array([usual if spread is None else spread for spread in own])
+        """The spread of each design's cars; without simulated cars the other designs' mean, or the prior mean."""
+        spreads = [None if design.spread is PRIOR else float(design.spread @ SPREADS) for design in self.belief.designs]
+        simulated = [spread for spread in spreads if spread is not None]
+        mean_spread = sum(simulated) / len(simulated) if simulated else float(PRIOR @ SPREADS)
+        return numpy.array([mean_spread if spread is None else spread for spread in spreads])
 
     @cached_property
     def _correlations(self) -> list[float]:
         """The correlation of trials of one car, by design."""
-        # Some of the draws are enough.
+        # A tenth of the draws is enough.
         draws = self.belief.draws[::10].T
         return [correlation_within_cars(rates, spread) for rates, spread in zip(draws, self._spreads, strict=True)]
 
     @cached_property
     def _assembly_min(self) -> float:
-        """The minutes to build a car, as its guide estimates them, of the design in the middle of the family."""
+        """The minutes to build a car of the design in the middle of the family, as its guide estimates them."""
         design = self.belief.designs[len(self.belief.designs) // 2]
         return assembly_min(design.vehicle_type, tuple(design.design.items()))
 
     @property
     def _basis(self) -> str:
+        """The assumptions of sheets, minutes and numbers of trials."""
         return (
             "Sheets: 12 x 12 inch, 12 x 24 where a piece is longer, as `foldcar pattern` nests them. Minutes assume "
             f"cutting at {CUTTING_MM_S:g} mm/s, {self._assembly_min:.0f} min to build a car (as its guide estimates, "
@@ -327,17 +338,18 @@ class _Adviser:
 
     @cached_property
     def _undecided(self) -> tuple[Undecided, ...]:
-        """The designs whose rate may lie on both sides of the threshold, or is not to be trusted."""
+        """The designs whose rate may be on either side of the threshold, or is not to be trusted."""
         belief, limit, zone, result = self.belief, self.threshold, self.precision, []
         for index, (design, rate) in enumerate(zip(belief.designs, belief.built, strict=True)):
-            doubted = index in belief.contradicting.beside
+            doubted = index in belief.contradictions.undriven_neighbours
             if doubted or rate.low < limit <= rate.high:
-                more = max(1, trials_to_tell(belief.draws[:, index], limit) - len(design.trials))
-                at = not doubted and limit - zone <= rate.low and rate.high <= limit + zone
-                result.append(Undecided(design.label, design.design, at, more))
+                trials = max(1, trials_to_decide(belief.draws[:, index], limit) - len(design.trials))
+                near_threshold = not doubted and limit - zone <= rate.low and rate.high <= limit + zone
+                result.append(Undecided(design.label, design.design, near_threshold, trials))
         return tuple(result)
 
     def _recommendation(self, placed: Placed, with_cost: bool) -> Recommendation:
+        """Return a chosen design with its reason, rates, further work and cost."""
         index, design = placed.index, self.belief.designs[placed.index]
         effort = self._effort(index, 1, trials_needed(self.belief.draws[:, index], self.precision))
         if placed.place == NEXT:
@@ -351,26 +363,28 @@ class _Adviser:
         )  # fmt: skip
 
     def _remarks(self, missing_environments: int) -> tuple[str, ...]:
-        belief, info, found = self.belief, self.evidence.info, []
-        best, passed, number = honest_best(belief.passed)
+        """Return the remarks of the advice, then those of the evidence."""
+        belief, info, sentences = self.belief, self.evidence.info, []
+        best, passed, number = split_sample_best(belief.passed)
         if number and len(belief.designs) > 1:
             rate = rate_text(passed / number, *rate_interval(passed, number, info.until is not None))
-            found.append(
+            sentences.append(
                 f"Best in {info.simulation}: {belief.labels[best]}, {rate}, chosen in one half of the environments "
                 "and counted in the other."
             )
         thinned = len(belief.designs) - len(self._candidates)
         if thinned:
-            found.append(f"{count(thinned, 'design')} between these were left out of the choice, to save time.")
+            sentences.append(f"{count(thinned, 'design')} between these were left out of the choice, to save time.")
         if belief.unpooled:
-            found.append(f"Of the driven designs the {MOST_POOLED} with most trials count.")
+            sentences.append(f"Of the driven designs the {MAX_POOLED} with most trials count.")
         if missing_environments > 0:
-            found.append(
+            sentences.append(
                 f"{count(missing_environments, 'trial')} of a design must repeat an environment: sweep more of them."
             )
-        return (*found, *self.evidence.remarks)
+        return (*sentences, *self.evidence.remarks)
 
     def _next_step(self, recommended: Sequence[Recommendation], leader: str, loss: float, enough: bool) -> str:
+        """Return what to do next, or that trials are enough."""
         lost = f"{points(loss, sign=False)} points"
         if enough:
             worth = points(MIN_GAIN, sign=False)

@@ -1,6 +1,7 @@
-"""The adviser's sentences: what is known of designs, what that rests on, what to do next, and why.
+"""The adviser's sentences: which designs reach the threshold, the evidence for it, and reasons to build a design.
 
-Verbs follow probability: designs *reach* the threshold with a chance of KNOWN at least, *probably* with PROBABLE.
+Verbs follow probability: designs *reach* the threshold with a chance of at least KNOWN, *probably* with at least
+PROBABLE.
 """
 
 from collections.abc import Mapping, Sequence
@@ -36,9 +37,9 @@ _FIRST = {
 
 @dataclass(frozen=True, slots=True)
 class Undecided:
-    """A design whose interval contains the threshold; ``at`` it: within the precision on both sides.
+    """A design whose interval contains the threshold; ``at`` if all of it is within the precision of the threshold.
 
-    About ``trials`` more have an even chance to tell on which side it is.
+    About ``trials`` further trials decide with an even chance on which side it is.
     """
 
     label: str
@@ -48,7 +49,7 @@ class Undecided:
 
 
 def headline(evidence: Evidence, belief: Belief, compared: ExperimentComparison, threshold: float) -> str:
-    """Return what is known: which designs reach the threshold, in simulation or, once cars were driven, as built cars."""
+    """Return which designs reach the threshold: in simulation, or as built cars once cars were driven."""
     limit, simulation = percent(threshold), evidence.info.simulation
     chances = belief.chances(threshold)
     best = int(chances.argmax())
@@ -61,12 +62,12 @@ def headline(evidence: Evidence, belief: Belief, compared: ExperimentComparison,
         names = [design.label for design in compared.designs if design.verdict == verdict]
         wrong += [f"{verdict} at {listed(names)}"] if names else []
     start = f"Trials contradict {simulation}: it is {' and '.join(wrong)}. " if wrong else ""
-    trusted = ~numpy.isin(numpy.arange(len(chances)), belief.contradicting.beside)
-    known, probable = trusted & (chances >= KNOWN), trusted & (chances >= PROBABLE) & (chances < KNOWN)
-    if known.any():
+    trusted = ~numpy.isin(numpy.arange(len(chances)), belief.contradictions.undriven_neighbours)
+    surely, probable = trusted & (chances >= KNOWN), trusted & (chances >= PROBABLE) & (chances < KNOWN)
+    if surely.any():
         also = f"; {_names(belief, evidence, probable)} probably" if probable.any() else ""
-        verb = "reaches" if _is_one(known) else "reach"
-        return f"{start}{_capital(_names(belief, evidence, known))} {verb} {limit}{also}."
+        verb = "reaches" if _is_one(surely) else "reach"
+        return f"{start}{_capital(_names(belief, evidence, surely))} {verb} {limit}{also}."
     if probable.any():
         verb = "reaches" if _is_one(probable) else "reach"
         least = f"a chance of at least {percent(chances[probable].min())}"
@@ -77,50 +78,50 @@ def headline(evidence: Evidence, belief: Belief, compared: ExperimentComparison,
 
 
 def grounds(evidence: Evidence, belief: Belief, threshold: float) -> str:
-    """Return what the headline rests on: which designs simulation cannot rank, and the trials of driven designs."""
-    said, simulation = [], evidence.info.simulation
+    """Return the evidence for the headline: which designs simulation cannot rank, and the trials of driven designs."""
+    sentences, simulation = [], evidence.info.simulation
     if belief.driven:
-        said.append(f"In {simulation} {_simulated(belief, evidence, threshold)}.")
+        sentences.append(f"In {simulation} {_simulated(belief, evidence, threshold)}.")
     rates = belief.simulation
     tied = rates[:, 2] >= rates[:, 0].max()
     if tied.sum() > 1:
         low, high = (f"{100 * end:.0f}" for end in (rates[tied, 0].min(), rates[tied, 0].max()))
         span = f"{low} %" if low == high else f"{low} to {high} %"
         driven = "" if not belief.driven or belief.trials[tied].any() else "; none of these was driven"
-        said.append(f"{_capital(simulation)} cannot rank {_names(belief, evidence, tied)} ({span}){driven}.")
+        sentences.append(f"{_capital(simulation)} cannot rank {_names(belief, evidence, tied)} ({span}){driven}.")
     driven_designs = sorted(evidence.driven, key=lambda design: -design.trials_passed / len(design.trials))
     if driven_designs:
         counts = [
             f"{design.trials_passed} of {len(design.trials)} at {design.label}" for design in driven_designs[:NAMED]
         ]
         rest = f", of {count(len(driven_designs), 'driven design')}" if len(driven_designs) > NAMED else ""
-        said.append(f"Trials that passed: {listed(counts)}{rest}.")
-    return " ".join(said)
+        sentences.append(f"Trials that passed: {listed(counts)}{rest}.")
+    return " ".join(sentences)
 
 
 def undecided_text(undecided: Sequence[Undecided], precision: float) -> str:
-    """Return which designs are undecided and how many trials would decide them; "" without any."""
-    said = []
-    for at in (True, False):
-        group = sorted((design for design in undecided if design.at == at), key=lambda one: one.trials)
+    """Return which designs are undecided and how many trials may decide them; "" without any."""
+    sentences = []
+    for near in (True, False):
+        group = sorted((design for design in undecided if design.at == near), key=lambda design: design.trials)
         if not group:
             continue
-        more = [count(len(group) - NAMED, "further design")] if len(group) > NAMED else []
-        names = listed([*(design.label for design in group[:NAMED]), *more])
+        unnamed = [count(len(group) - NAMED, "further design")] if len(group) > NAMED else []
+        names = listed([*(design.label for design in group[:NAMED]), *unnamed])
         verb = "is" if len(group) == 1 else "are"
-        where = f"within {points(precision, sign=False)} points of the threshold" if at else "undecided"
-        first = f" of {group[0].label}" if len(group) > 1 else ""
-        said.append(f"{names} {verb} {where}; some {_rounded(group[0].trials)} more trials{first} may tell.")
-    return _capital(" ".join(said))
+        where = f"within {points(precision, sign=False)} points of the threshold" if near else "undecided"
+        of_first = f" of {group[0].label}" if len(group) > 1 else ""
+        sentences.append(f"{names} {verb} {where}; some {_rounded(group[0].trials)} more trials{of_first} may tell.")
+    return _capital(" ".join(sentences))
 
 
 def first_reason(place: str, design: DesignEvidence, simulation: str) -> str:
-    """Return why a design is built before there are trials."""
+    """Return the reason to build a design before there are trials."""
     return f"{_FIRST[place]}; {simulation} passes {percent(design.runs_passed / design.runs)}"
 
 
 def next_reason(belief: Belief, index: int, threshold: float) -> str:
-    """Return why a design is tried next, from what is believed of it."""
+    """Return the reason to build a design next, given the trials so far."""
     low, high = belief.built[index].low, belief.built[index].high
     if low < threshold <= high:
         chance = percent(belief.chances(threshold)[index])
@@ -139,7 +140,7 @@ def next_reason(belief: Belief, index: int, threshold: float) -> str:
 
 
 def _simulated(belief: Belief, evidence: Evidence, threshold: float) -> str:
-    """Which designs reach the threshold in simulation, as a clause: ``75 to 150 mm reach 75 %, 80 to 140 mm surely``."""
+    """Return which designs reach the threshold in simulation: ``75 to 150 mm reach 75 %, 80 to 140 mm surely``."""
     rate, low, _ = belief.simulation.T
     limit, reach, surely = percent(threshold), rate >= threshold, low >= threshold
     if not reach.any():
@@ -158,7 +159,7 @@ def _simulated(belief: Belief, evidence: Evidence, threshold: float) -> str:
 
 
 def _names(belief: Belief, evidence: Evidence, chosen: NDArray[numpy.bool_]) -> str:
-    """The chosen designs: ranges of neighbours where one parameter varies, else how many they are."""
+    """Name the chosen designs: ranges of neighbours if one parameter varies, else their number."""
     number, total = int(chosen.sum()), len(chosen)
     if total == 1:
         return "the design"
@@ -167,16 +168,16 @@ def _names(belief: Belief, evidence: Evidence, chosen: NDArray[numpy.bool_]) -> 
     if len(evidence.parameters) != 1:
         return belief.labels[int(chosen.argmax())] if number == 1 else f"{number:,} of {total:,} designs"
     order = numpy.argsort(belief.parameters[:, 0], kind="stable")
-    values, inside = belief.parameters[order, 0], chosen[order]
+    values, is_chosen = belief.parameters[order, 0], chosen[order]
     ranges = []
-    for run in numpy.split(numpy.arange(total), numpy.flatnonzero(numpy.diff(inside)) + 1):
-        if inside[run[0]]:
+    for run in numpy.split(numpy.arange(total), numpy.flatnonzero(numpy.diff(is_chosen)) + 1):
+        if is_chosen[run[0]]:
             ranges.append(span_text(evidence.parameters[0], float(values[run[0]]), float(values[run[-1]])))
     return listed(ranges)
 
 
 def _is_one(chosen: NDArray[numpy.bool_]) -> bool:
-    """Whether the verb after their names is singular."""
+    """Return whether the verb after :func:`_names` is singular."""
     return bool(chosen.sum() == 1 or chosen.all())
 
 

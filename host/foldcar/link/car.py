@@ -184,6 +184,7 @@ class Car:
         return str(entry.description).rstrip(".") if entry is not None else f"fault {trial.fault}"
 
     def _command(self, what: str, command: int, *values: float) -> None:
+        """Send a command until the car acknowledges it. Raises CommandRefusedError if it refuses or stays silent."""
         for repetition in range(TRIES):
             self._send_command(command, values, repetition)
             ack = self.connection.wait_for(lambda m: self._answers(m, command), ANSWER_S)
@@ -201,10 +202,11 @@ class Car:
         return message.target_system in (0, HOST_SYSTEM) and message.target_component in (0, HOST_COMPONENT)
 
     def _reason(self, ack: Any) -> str:
+        """Return why the car refused a command, in words."""
         reason = ack.result_param2
         if not 0 < reason < len(REASONS):
             return f"result {ack.result}, reason {reason}"
-        status_text = self.connection.said
+        status_text = self.connection.status_text
         if reason in (REFUSED_DESIGN, OTHER_HOST) and status_text is not None and status_text.startswith("refused: "):
             return status_text.removeprefix("refused: ")
         fault = self.fault_text() if reason == FAULT_LATCHED else None

@@ -27,7 +27,7 @@ class StoredLog:
 
 def list_logs(car: Car) -> list[StoredLog]:
     """Return the logs in the car, oldest first. Raises FoldcarError if the list is incomplete after 20 s."""
-    car.connection.said = None
+    car.connection.status_text = None
     end_s = time.monotonic() + LIST_S
     for _ in range(TRIES):
         car.connection.send(car.dialect.MAVLink_log_request_list_message(CAR_SYSTEM, CAR_COMPONENT, 0, 0xFFFF))
@@ -50,7 +50,7 @@ def fetch_log(car: Car, log: StoredLog) -> bytes:
     content = bytearray()
     # Received parts after a lost part, by their offsets.
     parts: dict[int, bytes] = {}
-    car.connection.said = None
+    car.connection.status_text = None
     end_s = time.monotonic() + FETCH_S
     while (start := len(content)) < log.size_bytes:
         if time.monotonic() > end_s:
@@ -72,4 +72,4 @@ def fetch_log(car: Car, log: StoredLog) -> bytes:
 
 def _status_suffix(car: Car) -> str:
     """Return the car's status text, such as that wheels are driven, because the log protocol itself cannot refuse."""
-    return f"; it says: {car.connection.said}" if car.connection.said else ""
+    return f"; it says: {car.connection.status_text}" if car.connection.status_text else ""

@@ -30,8 +30,8 @@ LONGEST_LINE = 1000
 class Connection:
     """A connection. Create it with :func:`connect`. ``latest`` has the car's last message of each type, by name.
 
-    ``said`` is the car's last status text (STATUSTEXT), joined from its parts; None before the first. ``log``, if set,
-    gets every packet of both directions. ``received`` counts the car's packets, ``lost`` the gaps in their sequence
+    ``status_text`` is the car's last status text (STATUSTEXT), joined from its parts; None before the first. ``log``, if
+    set, gets every packet of both directions. ``received`` counts the car's packets, ``lost`` the gaps in their sequence
     numbers, ``damaged`` data that is not a valid packet or has impossible numbers. ``clock_rate`` is the car's.
     """
 
@@ -39,7 +39,7 @@ class Connection:
         self.stream = stream
         self.dialect = load_dialect()
         self.latest: dict[str, Any] = {}
-        self.said: str | None = None
+        self.status_text: str | None = None
         self.log: TlogWriter | None = None
         self.received = 0
         self.lost = 0
@@ -91,7 +91,9 @@ class Connection:
             self.last_received_s = time.monotonic()
             self.latest[message.get_type()] = message
             if message.get_type() == "STATUSTEXT":
-                self.said = ((self.said or "") + message.text)[-LONGEST_LINE:] if message.chunk_seq else message.text
+                self.status_text = (
+                    ((self.status_text or "") + message.text)[-LONGEST_LINE:] if message.chunk_seq else message.text
+                )
             if message.get_type() == "FOLDCAR_TRIAL":
                 self.clock_rate.add(message.time_boot_ms / 1000, self.last_received_s)
             messages.append(message)

@@ -166,6 +166,7 @@ def _sender(message: Any) -> str:
 
 
 def _content(message: Any) -> dict[str, Any]:
+    """Return a message's fields that JSON can hold: without NaN and infinity."""
     result = {}
     for name in message.get_fieldnames():
         value = getattr(message, name)
@@ -241,6 +242,7 @@ def _since_boot_us(message: Any) -> int | None:
 
 
 def _log(message: Any, time_us: int) -> dict[str, Any]:
+    """Return a status text as Foxglove's Log message."""
     return {
         "timestamp": time_stamp(time_us),
         "level": LEVELS[message.severity] if message.severity < len(LEVELS) else 0,

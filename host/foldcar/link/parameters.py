@@ -60,7 +60,7 @@ def set_parameter(car: Car, name: str, value: float) -> None:
     if not fits_float32(value):
         raise FoldcarError(f"{name}: {value:g} cannot be stored as a 32-bit floating-point number")
     d = car.dialect
-    car.connection.said = None
+    car.connection.status_text = None
     for _ in range(TRIES):
         car.connection.send(
             d.MAVLink_param_set_message(CAR_SYSTEM, CAR_COMPONENT, name.encode(), value, d.MAV_PARAM_TYPE_REAL32)
@@ -130,5 +130,5 @@ def write_file(file: Path, values: Mapping[str, float], head: str) -> None:
 
 def _reason(car: Car, name: str) -> str:
     """Return the car's status text about the parameter, in brackets; "" if there is none."""
-    status_text = car.connection.said
+    status_text = car.connection.status_text
     return f" ({status_text})" if status_text is not None and status_text.startswith(f"{name} ") else ""

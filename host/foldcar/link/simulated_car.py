@@ -72,6 +72,7 @@ def simulated_car(
 
 
 def _port(binary: str, process: "subprocess.Popen[str]") -> str:
+    """Read the port that carsim prints. Raises CarsimError if it prints none."""
     assert process.stdout is not None and process.stderr is not None
     line = process.stdout.readline()
     try:

@@ -100,6 +100,7 @@ def open_stream(name: str) -> Stream:
 
 
 def _open_serial(name: str) -> Stream:
+    """Open a serial port. Raises FoldcarError that says why it cannot be opened."""
     if not HAS_TERMINALS:
         raise FoldcarError(f"{name}: cars on USB are driven on Linux and macOS; use WSL (docs/installation.md)")
     import serial
@@ -142,6 +143,7 @@ def permission_text(name: str) -> str:
 
 
 def _open_tcp(name: str) -> Stream:
+    """Connect to ``tcp:HOST:PORT``. Raises FoldcarError if it cannot be reached."""
     host, colon, port = name.removeprefix(TCP).rpartition(":")
     if not colon or not (port.isascii() and port.isdecimal()) or not 0 < int(port) < 65536:
         raise FoldcarError(f"{name}: not tcp:HOST:PORT")

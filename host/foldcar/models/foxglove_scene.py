@@ -99,6 +99,7 @@ def _block(piece: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _surface(grid: HeightGrid) -> dict[str, Any]:
+    """Return uneven ground as a triangle mesh."""
     rows, columns = (
         numpy.unique(numpy.linspace(0, count - 1, min(count, MAX_POINTS_PER_SIDE)).round().astype(int))
         for count in grid.z_m.shape

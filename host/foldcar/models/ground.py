@@ -137,6 +137,7 @@ def start_height_m(body: Mapping[str, Any], scene: Mapping[str, Any], grid: Heig
 
 
 def _parts(body: Mapping[str, Any]) -> list[_Part]:
+    """Return the car's parts that may touch the ground: segments and wheels."""
     parts = []
     for segment in body["segments"]:
         bottom = segment["center_z_m"] - segment["height_m"] / 2
@@ -158,6 +159,7 @@ def _points(area: shapely.Polygon) -> Floats:
 
 
 def _block_top(block: Mapping[str, Any], x: Floats, y: Floats) -> Floats:
+    """Return the heights (m) of a block's top at points x, y, which lie within it."""
     half, height = block["length_m"] / 2, block["height_m"]
     if block["kind"] == "box":
         return numpy.full_like(x, height)

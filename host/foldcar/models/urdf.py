@@ -66,6 +66,7 @@ def urdf(body: Mapping[str, Any], name: str) -> str:
 
 
 def _add_wheel(robot: Element, body: Mapping[str, Any], wheel: Mapping[str, Any]) -> None:
+    """Add a wheel's link, its axle, and the transmission of its servo if it has one."""
     name = wheel_name(wheel)
     link = add(robot, "link", name=name)
     spin, across = wheel_inertia_kg_m2(wheel)
@@ -105,6 +106,7 @@ def _add_inertial(link: Element, com: tuple[float, ...], mass: float, inertias: 
 
 
 def _add_shape(link: Element, middle: tuple[float, ...], turn_rad: float, grip: float, shape: str, **size: str) -> None:
+    """Add a shape for drawing and for contacts."""
     for purpose in ("visual", "collision"):
         holder = add(link, purpose)
         add(holder, "origin", xyz=numbers(*middle), rpy=numbers(turn_rad, 0, 0))

@@ -56,6 +56,7 @@ def _block(start: str, lines: Sequence[str], end: str, depth: int) -> str:
 
 
 def _value(value: Any, depth: int) -> str:
+    """Return a field's value as VRML text."""
     match value:
         case Node():
             return node_text(value, depth)
@@ -111,6 +112,7 @@ def placed(geometry: Node, place: tuple[float, ...], turn: tuple[float, ...]) ->
 
 
 def _segment_fields(body: Mapping[str, Any], index: int) -> dict[str, Any]:
+    """Return the fields of a segment's node, with its wheels and the rest of the car behind its hinge."""
     segment = body["segments"][index]
     box = Node("Box", {"size": vector(segment["length_m"], segment["width_m"], segment["height_m"])})
     middle, straight = (segment["x_m"], 0, segment["center_z_m"]), (0, 0, 1, 0)
@@ -129,6 +131,7 @@ def _segment_fields(body: Mapping[str, Any], index: int) -> dict[str, Any]:
 
 
 def _hinge(body: Mapping[str, Any], index: int) -> Node:
+    """Return a hinge joint with the segment behind it."""
     hinge = body["hinges"][index]
     parameters = {
         "axis": vector(0, 1, 0),
@@ -143,6 +146,7 @@ def _hinge(body: Mapping[str, Any], index: int) -> Node:
 
 
 def _wheel(body: Mapping[str, Any], wheel: Mapping[str, Any]) -> Node:
+    """Return the joint of a wheel with its sensor and, if it is driven, its servo."""
     name = wheel_name(wheel)
     spin, across = wheel_inertia_kg_m2(wheel)
     center = tyre_center_m(wheel)

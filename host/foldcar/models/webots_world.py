@@ -71,6 +71,7 @@ def _place(at: Mapping[str, float], z_m: float = 0) -> dict[str, Any]:
 
 
 def _floor(grid: HeightGrid | None) -> list[Node]:
+    """Return a flat floor, or the uneven ground with flat floor around it."""
     if grid is None:
         plane = Node("Plane", {"size": vector(FLOOR_M, FLOOR_M)})
         return [_solid("floor", shape(plane, FLOOR_COLOUR), plane)]
@@ -96,6 +97,7 @@ def _floor(grid: HeightGrid | None) -> list[Node]:
 
 
 def _block(piece: Mapping[str, Any], name: str) -> Node:
+    """Return a block as a solid. Raises FoldcarError if Webots has no shape for its kind."""
     length, width, height = piece["length_m"], piece["width_m"], piece["height_m"]
     place = _place(piece)
     if piece["kind"] == "ramp":

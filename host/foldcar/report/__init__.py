@@ -1,1 +1,1 @@
-"""The report of a study: the store's runs and trials counted (series), drawn (plots) and laid out on one page."""
+"""The report of a study: one page with a replay, figures for papers, and the export of runs and trials."""

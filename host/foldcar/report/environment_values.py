@@ -1,10 +1,10 @@
-"""Read what was sampled for each run beside its design: the values of its scene and of its built car, as columns.
+"""Read the sampled values of each environment, of its scene and of its built car, as columns.
 
 Input: an open store, which keeps every sample's scene and every draw's differences as JSON. Output: a table of
 environments. A column's name counts pieces of terrain by kind in the order of the program: ``scene_box_2_height_m`` is
 the height of the second box. Its label has the object's name in the program, if the store has it: ``kerb2 height``.
-Differences of a built car are those of :mod:`foldcar.car.variation`; of wheels the mean and left less right.
-Columns that are the same in all environments, or linear in a column before them, are left out.
+Differences of a built car are those of :mod:`foldcar.car.variation`. Those of wheels become two columns: the mean, and
+left minus right. Columns that are constant, or linear in a column before them, are left out.
 """
 
 import itertools
@@ -26,13 +26,13 @@ from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
 from foldcar.store.tables import BY_NAME, DESIGN, EXPERIMENT
 
-# Columns that are so nearly lines of one another tell the same.
-SAME = 0.9995
-# Keys of no meaning as numbers.
+# Columns with a greater correlation count as the same.
+MAX_CORRELATION = 0.9995
+# Keys that are not quantities.
 LEFT_OUT = ("seed",)
 SIDES = ("left", "right")
-# Lengths and angles as readers take them.
-READ_AS = {"m": ("mm", 1000.0), "rad": ("°", 180 / math.pi)}
+# Units for readers, with the factor.
+READERS_UNITS = {"m": ("mm", 1000.0), "rad": ("°", 180 / math.pi)}
 NAMES = {
     "box": "block",
     "half_round": "round bump",
@@ -48,7 +48,7 @@ Read = TypeVar("Read")
 
 @dataclass(frozen=True)
 class Column:
-    """A column: its name with its unit, and what readers call it, in their unit, which is ``scale`` times the value."""
+    """A column: its name with the SI unit; its label, unit and scale for readers, who see ``scale`` times the value."""
 
     name: str
     label: str
@@ -58,20 +58,20 @@ class Column:
 
 @dataclass(frozen=True)
 class EnvironmentValues:
-    """``values`` (environments, columns) in SI units, NaN where the environment lacks it or is not sampled yet."""
+    """``values`` (environments, columns) in SI units, NaN if an environment lacks a value or is not sampled yet."""
 
     columns: tuple[Column, ...]
     values: NDArray[Any]
 
     @property
     def shown(self) -> NDArray[Any]:
-        """The values in the units of the columns."""
+        """The values in the readers' units."""
         result: NDArray[Any] = self.values * numpy.array([column.scale for column in self.columns])
         return result
 
 
 def environment_values(store: Store, info: ExperimentInfo) -> EnvironmentValues:
-    """The values of an experiment's environments, read once from an open store. Raises StoreError."""
+    """Return the values of an experiment's environments, read once from an open store. Raises StoreError."""
     return store.once(("environment values", info.id), lambda: _read(store, info))
 
 
@@ -116,6 +116,7 @@ def _piece_label(name: str) -> str:
 
 
 def _read(store: Store, info: ExperimentInfo) -> EnvironmentValues:
+    """Read the scenes and built cars of an experiment into a table."""
     row = store.row(EXPERIMENT, id=info.id)
     stored = read_scenes(store, info)
     scenes = {sample: _scene(scene) for sample, scene in stored.items()}
@@ -125,14 +126,14 @@ def _read(store: Store, info: ExperimentInfo) -> EnvironmentValues:
     cars = _by_sample(store, row, "draw", "spread_id", "variation", lambda drawn: _car(drawn, wheels))
     tables = [scenes, cars]
     names = list(dict.fromkeys(name for table in tables for row in table.values() for name in row))
-    places = {name: place for place, name in enumerate(names)}
+    column_of_name = {name: place for place, name in enumerate(names)}
     values = numpy.full((info.environments, len(names)), numpy.nan)
     for table in tables:
-        for sample, one in table.items():
-            values[sample, [places[name] for name in one]] = list(one.values())
-    kept = _telling(values)
-    columns = _columns([names[at] for at in kept], _objects_by_piece(info, stored))
-    return EnvironmentValues(columns, values[:, kept])
+        for sample, row_values in table.items():
+            values[sample, [column_of_name[name] for name in row_values]] = list(row_values.values())
+    informative = _informative(values)
+    columns = _columns([names[index] for index in informative], _objects_by_piece(info, stored))
+    return EnvironmentValues(columns, values[:, informative])
 
 
 def _objects_by_piece(info: ExperimentInfo, scenes: Mapping[int, Mapping[str, Any]]) -> dict[str, str]:
@@ -146,37 +147,39 @@ def _objects_by_piece(info: ExperimentInfo, scenes: Mapping[int, Mapping[str, An
 
 
 def _by_sample(
-    store: Store, experiment: Any, table: str, key: str, what: str, read: Callable[[Any], Read]
+    store: Store, experiment: Any, table: str, key: str, content_table: str, read: Callable[[Any], Read]
 ) -> dict[int, Read]:
     """Return what ``read`` makes of each sample's scene or variation; equal ones are read once."""
     rows = store.rows(BY_NAME[table], f"WHERE {key} = ?1 AND sample < ?2", experiment[key], experiment["environments"])
-    ids = {row["sample"]: row[f"{what}_id"] for row in rows}
-    wanted = f"WHERE id IN (SELECT {what}_id FROM {table} WHERE {key} = ?1 AND sample < ?2)"
-    texts = store.rows(BY_NAME[what], wanted, experiment[key], experiment["environments"])
-    found = {row["id"]: read(json.loads(row["json"])) for row in texts}
-    return {sample: found[one] for sample, one in ids.items() if one in found}
+    ids = {row["sample"]: row[f"{content_table}_id"] for row in rows}
+    where = f"WHERE id IN (SELECT {content_table}_id FROM {table} WHERE {key} = ?1 AND sample < ?2)"
+    texts = store.rows(BY_NAME[content_table], where, experiment[key], experiment["environments"])
+    values = {row["id"]: read(json.loads(row["json"])) for row in texts}
+    return {sample: values[row_id] for sample, row_id in ids.items() if row_id in values}
 
 
 def _scene(scene: Mapping[str, Any]) -> dict[str, float]:
-    found = _numbers("scene", {"friction": scene.get("friction")})
-    for what in ("start", "goal"):
-        found |= _numbers(f"scene_{what}", scene.get(what) or {})
+    values = _numbers("scene", {"friction": scene.get("friction")})
+    for position in ("start", "goal"):
+        values |= _numbers(f"scene_{position}", scene.get(position) or {})
     terrain = scene.get("terrain", ())
     for name, piece in zip(_piece_names(piece["kind"] for piece in terrain), terrain, strict=True):
-        found |= _numbers(f"scene_{name}", piece)
+        values |= _numbers(f"scene_{name}", piece)
     heights = [piece.get("height_m", 0.0) for piece in terrain]
-    return found | {"scene_pieces": len(heights), "scene_highest_m": max(heights, default=0.0)}
+    return values | {"scene_pieces": len(heights), "scene_highest_m": max(heights, default=0.0)}
 
 
-def _numbers(start: str, some: Mapping[str, Any]) -> dict[str, float]:
+def _numbers(start: str, values: Mapping[str, Any]) -> dict[str, float]:
+    """Return the numbers among ``values``, named with the prefix ``start``."""
     return {
         f"{start}_{key}": float(value)
-        for key, value in some.items()
+        for key, value in values.items()
         if isinstance(value, int | float) and key not in LEFT_OUT
     }
 
 
 def _car(drawn: Mapping[str, Any], wheels: Any) -> dict[str, float]:
+    """Return the differences of a built car from its design, with the mean and the difference of sides for wheels."""
     result = {}
     for name, value in drawn.items():
         if name not in workshop():
@@ -184,31 +187,31 @@ def _car(drawn: Mapping[str, Any], wheels: Any) -> dict[str, float]:
         if not isinstance(value, list):
             result[f"car_{name}"] = float(value)
         elif wheels:
-            having = [wheel for wheel in wheels if "servo" in wheel or name not in SERVO_DIFFERENCES]
+            own_wheels = [wheel for wheel in wheels if "servo" in wheel or name not in SERVO_DIFFERENCES]
             # A servo that is mounted the other way round turns the other way with the same pulse.
-            turned = [wheel["servo"]["direction"] if name == "neutral_us" else 1 for wheel in having]
-            each = [sign * value[wheel["channel"]] for sign, wheel in zip(turned, having, strict=True)]
-            sides = {
-                side: [one for one, wheel in zip(each, having, strict=True) if wheel["side"] == side] for side in SIDES
-            }
-            result[f"car_mean_{name}"] = sum(each) / len(each)
-            if all(sides.values()):
-                left, right = (sum(side) / len(side) for side in sides.values())
+            signs = [wheel["servo"]["direction"] if name == "neutral_us" else 1 for wheel in own_wheels]
+            by_wheel = [sign * value[wheel["channel"]] for sign, wheel in zip(signs, own_wheels, strict=True)]
+            result[f"car_mean_{name}"] = sum(by_wheel) / len(by_wheel)
+            pairs = list(zip(own_wheels, by_wheel, strict=True))
+            sides = [[number for wheel, number in pairs if wheel["side"] == side] for side in SIDES]
+            if all(sides):
+                left, right = (sum(side) / len(side) for side in sides)
                 result[f"car_left_less_right_{name}"] = left - right
     return result
 
 
-def _telling(values: NDArray[Any]) -> list[int]:
-    """The columns that vary and are no line of one before them."""
-    kept: list[int] = []
-    for at, column in enumerate(values.T):
-        there = ~numpy.isnan(column)
-        if there.sum() < 2 or numpy.ptp(column[there]) <= 1e-9 * abs(column[there]).max():
+def _informative(values: NDArray[Any]) -> list[int]:
+    """Return the indices of columns that vary and are not linear in a column before them."""
+    informative: list[int] = []
+    for index, column in enumerate(values.T):
+        present = ~numpy.isnan(column)
+        if present.sum() < 2 or numpy.ptp(column[present]) <= 1e-9 * abs(column[present]).max():
             continue
-        alike = [index for index in kept if (numpy.isnan(values[:, index]) != there).all()]
-        if all(abs(numpy.corrcoef(values[there, other], column[there])[0, 1]) <= SAME for other in alike):
-            kept.append(at)
-    return kept
+        comparable = [other for other in informative if (numpy.isnan(values[:, other]) != present).all()]
+        correlations = [numpy.corrcoef(values[present, other], column[present])[0, 1] for other in comparable]
+        if all(abs(correlation) <= MAX_CORRELATION for correlation in correlations):
+            informative.append(index)
+    return informative
 
 
 def _columns(names: Sequence[str], objects: Mapping[str, str]) -> tuple[Column, ...]:
@@ -220,7 +223,7 @@ def _columns(names: Sequence[str], objects: Mapping[str, str]) -> tuple[Column, 
         # Several pieces of one object may have the same property.
         text = f"{label} ({piece})" if counts[label] > 1 else label
         unit = label_and_unit(name)[1]
-        columns.append(Column(name, text, *READ_AS.get(unit, (unit, 1.0))))
+        columns.append(Column(name, text, *READERS_UNITS.get(unit, (unit, 1.0))))
     return tuple(columns)
 
 

@@ -1,9 +1,10 @@
 """A store's runs, and its trials that count, as CSV or Parquet: a row each, in the store's order.
 
 Runs have a column for each design parameter, each recorded value, and each sampled value of scene and built car
-(:mod:`foldcar.report.environment_values`); `passed` is true or false, and empty where the experiment does not define
-success. Values recorded as numbers, texts or truths stay so; series and all else are JSON text, in Parquet lists where
-all of that name are alike. Trials, aborted ones too, have a column for each design parameter. What is not known is empty.
+(:mod:`foldcar.report.environment_values`). `passed` is true or false, and empty if the experiment does not define
+success. Recorded numbers, strings and booleans keep their type. Series and other values are JSON text; in Parquet they
+are lists if all values of a name have one type. Trials, with aborted ones, have a column for each design parameter.
+Unknown values are empty.
 
 Input: an open Store. Output: a file, written whole or not at all, or a text stream. Runs are streamed.
 """
@@ -12,6 +13,7 @@ import csv
 import io
 import itertools
 import json
+import math
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, TextIO
@@ -34,7 +36,7 @@ TRIAL_TAIL = (
     "design_hash", "log", "log_sha256", "source", "car", "car_name", "scenic_program", "corrections", "uuid",
 )  # fmt: skip
 
-# What a recorded value is in a file, by the types of all its values; whatever mixes or nests is JSON.
+# The kind of a recorded value's column, by the JSON types of all its values; mixed or nested values are JSON.
 RECORDED_KINDS = {
     "number": {"integer", "real", "null"},
     "text": {"text", "null"},
@@ -46,9 +48,9 @@ SUFFIXES = ("mm", "deg", "m", "rad", "v", "us")
 
 
 def export_csv(store: Store, file: Path, failed: bool = False) -> int:
-    """Write the runs, or the ``failed`` ones, as CSV atomically; returns the number of rows. Raises FoldcarError.
+    """Write the runs, or only the ``failed`` ones, as CSV atomically; return the number of rows.
 
-    Numbers are read back exactly.
+    Numbers are read back exactly. Raises FoldcarError if the store cannot be read or the file cannot be written.
     """
     with atomic_file(file) as binary:
         text = io.TextIOWrapper(binary, encoding="utf-8", newline="")
@@ -58,7 +60,7 @@ def export_csv(store: Store, file: Path, failed: bool = False) -> int:
 
 
 def write_csv(store: Store, text: TextIO, failed: bool = False) -> int:
-    """Write the runs, or the ``failed`` ones, as CSV to an open text stream; returns the number of rows."""
+    """Write the runs, or only the ``failed`` ones, as CSV to an open text stream; return the number of rows."""
     table = _RunTable(store, failed)
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(map(spreadsheet_cell, table.columns))
@@ -71,14 +73,17 @@ def write_csv(store: Store, text: TextIO, failed: bool = False) -> int:
 
 
 def export_parquet(store: Store, file: Path, failed: bool = False) -> int:
-    """Write the runs, or the ``failed`` ones, as Parquet atomically; returns the number of rows. Raises FoldcarError."""
+    """Write the runs, or only the ``failed`` ones, as Parquet atomically; return the number of rows.
+
+    Raises FoldcarError if the store cannot be read or the file cannot be written.
+    """
     import pyarrow as pa
     import pyarrow.parquet as pq
 
     table = _RunTable(store, failed)
     nested = [name for name, kind in table.recorded.items() if kind == "json"]
-    found = {name: list_type(result.recorded.get(name) for result in store.results()) for name in nested}
-    lists = {name: kind for name, kind in found.items() if kind is not None}
+    types_of_lists = {name: list_type(result.recorded.get(name) for result in store.results()) for name in nested}
+    lists = {name: kind for name, kind in types_of_lists.items() if kind is not None}
     of_kind = {"number": pa.float64(), "text": pa.string(), "truth": pa.bool_(), "json": pa.string()}
     types = {
         **dict.fromkeys((*TEXT_COLUMNS, "outcome", "message"), pa.string()),
@@ -96,11 +101,11 @@ def export_parquet(store: Store, file: Path, failed: bool = False) -> int:
 
 
 def export_trials(store: Store, file: Path, simulated_trials: bool) -> tuple[int, str | None]:
-    """Write trials of built cars, with ``simulated_trials`` of simulated ones too: Parquet to .parquet, else CSV.
+    """Write trials of built cars atomically, as Parquet if the file ends in .parquet, else as CSV.
 
-    Returns the number of rows and a sentence that says which trials are left out, None if all are there. The file is
-    written atomically. Deviations in CSV are JSON: {name: [x in m, y in m, heading in rad]}; in Parquet a list of name,
-    x_m, y_m, heading_rad. Raises FoldcarError.
+    ``simulated_trials`` adds trials of simulated cars. Deviations in CSV are JSON: {name: [x in m, y in m, heading in
+    rad]}; in Parquet a list of name, x_m, y_m, heading_rad. Returns the number of rows, and a sentence on trials that are
+    left out, None without any. Raises FoldcarError if the store cannot be read or the file cannot be written.
     """
     trials, left_out = select_trials(store.trials(), simulated_trials)
     design = list(dict.fromkeys(name for trial in trials for name in trial.design))
@@ -118,12 +123,15 @@ def export_trials(store: Store, file: Path, simulated_trials: bool) -> tuple[int
 
             types = dict.fromkeys(("trial", "sample", "corrections"), pa.int64())
             types |= dict.fromkeys(("elapsed_time_s", *design), pa.float64())
-            place = ("x_m", "y_m", "heading_rad")
-            moved = pa.struct([("name", pa.string()), *(_field(name, pa.float64()) for name in place)])
+            pose = ("x_m", "y_m", "heading_rad")
+            moved = pa.struct([("name", pa.string()), *(_field(name, pa.float64()) for name in pose)])
             fields = [_field(name, types.get(name, pa.string())) for name in names]
             columns.append(
                 [
-                    [{"name": name, **dict(zip(place, by, strict=True))} for name, by in deviation.items()]
+                    [
+                        {"name": name, **dict(zip(pose, deviation_values, strict=True))}
+                        for name, deviation_values in deviation.items()
+                    ]
                     for deviation in deviations
                 ]
             )
@@ -140,7 +148,7 @@ def export_trials(store: Store, file: Path, simulated_trials: bool) -> tuple[int
 
 
 class _RunTable:
-    """The runs of a store as rows of cells; ``recorded`` has a key of RECORDED_KINDS, or ``json``, by name."""
+    """The runs of a store as rows of cells; ``recorded`` has each recorded name's kind, of RECORDED_KINDS or ``json``."""
 
     def __init__(self, store: Store, failed: bool) -> None:
         self._store, self._failed = store, failed
@@ -151,15 +159,17 @@ class _RunTable:
         }
         infos = store.info().experiments.values() if store.experiment_ids() else ()
         self._sampled = {info.id: environment_values(store, info) for info in infos}
-        # Where the sampled values stand in the table of each experiment.
-        at = {id: {column.name: k for k, column in enumerate(table.columns)} for id, table in self._sampled.items()}
-        names = list(dict.fromkeys(name for places in at.values() for name in places))
-        self._places = {id: [places.get(name) for name in names] for id, places in at.items()}
+        # The indices of sampled values in the table of each experiment.
+        column_index = {
+            id: {column.name: k for k, column in enumerate(table.columns)} for id, table in self._sampled.items()
+        }
+        names = list(dict.fromkeys(name for columns in column_index.values() for name in columns))
+        self._sampled_indices = {id: [columns.get(name) for name in names] for id, columns in column_index.items()}
         recorded = (f"{RECORDED_PREFIX}{name}" for name in self.recorded)
         self.columns = [*RESULT_COLUMNS, *self._design, *recorded, *names]
 
     def rows(self, lists: Collection[str] = ()) -> Iterator[list[Any]]:
-        """The cells of each run; recorded values named in ``lists`` are lists."""
+        """Yield the cells of each run; recorded values named in ``lists`` are lists."""
         defined = self._store.judged_experiments()
         for result in self._store.results():
             if self._failed and result.outcome != "failed":
@@ -178,11 +188,10 @@ class _RunTable:
             ]
 
     def _sampled_cells(self, result: Result) -> Iterator[float | None]:
-        """A run's sampled values; None for what its environment lacks."""
+        """Yield a run's sampled values; None for those that its environment lacks."""
         row = self._sampled[result.experiment].values[result.sample].tolist()
-        for at in self._places[result.experiment]:
-            # NaN, which is unequal to itself, is what is not known.
-            yield None if at is None or row[at] is None or row[at] != row[at] else row[at]
+        for index in self._sampled_indices[result.experiment]:
+            yield None if index is None or row[index] is None or math.isnan(row[index]) else row[index]
 
 
 def _recorded_cell(recorded: Mapping[str, Recorded], name: str, kind: str) -> Any:
@@ -199,7 +208,7 @@ def _csv_cell(cell: Any) -> Any:
 
 
 def _field(name: str, kind: Any) -> Any:
-    """A column of that type of pyarrow's, with its unit, if it has one, as the metadata ``unit``."""
+    """Return pyarrow's field of that type, with the unit, if it has one, as metadata ``unit``."""
     import pyarrow as pa
 
     suffix = name.rpartition("_")[2]
@@ -208,31 +217,31 @@ def _field(name: str, kind: Any) -> Any:
 
 
 def list_type(recorded: Iterable[Recorded | None]) -> Any:
-    """The type of pyarrow's that holds all values of a name as lists; None if only JSON does.
+    """Return pyarrow's list type that holds all values of a name; None if only JSON holds them.
 
     A list of numbers is list<double>, a series list<struct<time_s, value>>.
     """
     import pyarrow as pa
 
-    found = [record for record in recorded if record is not None and record.value is not None]
-    if not found or not all(isinstance(record.value, list) for record in found):
+    values = [record for record in recorded if record is not None and record.value is not None]
+    if not values or not all(isinstance(record.value, list) for record in values):
         return None
-    series = [record.kind == "series" for record in found]
+    series = [record.kind == "series" for record in values]
     if not any(series):
-        return _type_of([record.value for record in found])
-    inner = _type_of([entry[1] for record in found for entry in record.value]) if all(series) else None
+        return _type_of([record.value for record in values])
+    inner = _type_of([entry[1] for record in values for entry in record.value]) if all(series) else None
     return inner and pa.list_(pa.struct([pa.field("time_s", pa.float64(), metadata={"unit": "s"}), ("value", inner)]))
 
 
 def list_cell(recorded: Recorded | None) -> Any:
-    """A value as a cell of a column of :func:`list_type`."""
+    """Return a value as a cell of a column of :func:`list_type`."""
     if recorded is None or recorded.kind != "series":
         return None if recorded is None else recorded.value
     return [{"time_s": time_s, "value": value} for time_s, value in recorded.value or ()]
 
 
 def _type_of(values: list[Any]) -> Any:
-    """The type of numbers, truths, texts, or lists of one of them; None for anything else, or a mixture."""
+    """Return pyarrow's type of numbers, booleans, strings, or lists of one of these; None for other or mixed values."""
     import pyarrow as pa
 
     try:

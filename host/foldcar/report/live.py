@@ -1,8 +1,8 @@
-"""A store's page while runs and trials come: its server, and what the page polls, made anew as the store changes.
+"""Serve a store's page while a sweep or trials write to the store; the page polls for its data.
 
-Threads of the server answer polls, the main thread makes the data (:meth:`LiveStudy.follow`). It takes at most
-SHARE of the machine's time, and none while nobody polls. The server only answers GET and HEAD, on the loopback address.
-It refuses requests for another host: a page of another site could have its name resolved to this address.
+Threads of the server answer polls; the main thread recomputes the data (:meth:`LiveStudy.follow`). It takes at most
+CPU_FRACTION of the machine's time, and none while no page polls. The server answers only GET and HEAD, on the loopback
+address. It refuses requests for another host, because another site's name may resolve to this address (DNS rebinding).
 """
 
 import json
@@ -23,14 +23,14 @@ from foldcar.store.connection import beside, is_written
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
 
-# Time from one making of the data to the next (s), at least; their share of what all processors do meanwhile.
-LEAST_S = 2.0
-SHARE = 0.03
-# A page that has polled so long ago (s) is open; what has ended is served so long for its last poll.
+# Minimum time between recomputations of the data (s); their maximum fraction of the time of all processors.
+MIN_INTERVAL_S = 2.0
+CPU_FRACTION = 0.03
+# A page counts as open for this time after its last poll (s). The last data are served at most this long after the end.
 OPEN_S = 10.0
 LAST_POLL_S = 8.0
 ADDRESS = "127.0.0.1"
-# A client that sends nothing for so long is left.
+# A client that sends nothing for this time (s) is disconnected.
 SILENCE_S = 10.0
 HEADERS = {
     "Content-Security-Policy": "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
@@ -42,7 +42,7 @@ HEADERS = {
 
 
 class LiveStudy:
-    """The page's data of a store that is written. ``command`` is that of the report, ``thresholds`` are its own."""
+    """The page's data of a store that is being written; ``command`` and ``thresholds`` are those of the report."""
 
     def __init__(
         self,
@@ -53,57 +53,57 @@ class LiveStudy:
     ) -> None:
         self._path, self._command, self._thresholds, self._simulated = path, command, thresholds, simulated_trials
         self._study = b"null"
-        # Another server's page has none of its versions.
+        # The name differs between servers, so a page of another server has no version of this one.
         self._name, self._number = secrets.token_hex(4), 0
         self._error = ""
         self._seen: tuple[Any, ...] | None = None
-        # When the sweep was first seen (s), and how many runs there were: the estimated end goes by the runs since.
+        # When the sweep was first seen (s), and its number of runs then: the end is estimated from the runs since.
         self._first: tuple[float, int] | None = None
         self._counts: dict[str, Any] = {"done": 0, "planned": None, "left_s": None, "designs": None, "decided": None}
         self._next_s = 0.0
         self._polled_s = -OPEN_S
-        self._told = ""
-        self._wanted = threading.Event()
+        self._last_answer = ""
+        self._polled = threading.Event()
         self._lock = threading.Lock()
 
     def poll(self, query: str) -> bytes:
-        """What a page that has the data of the version ``query`` is sent, as JSON; any thread may ask.
+        """Return the answer to a page that has the data of version ``query``, as JSON; any thread may call this.
 
         ``version``; ``study``: the data of page_data.py, null if the page has them; ``state``: "waiting" (nothing is
-        stored yet), "running", "killed", "stopped" or "done"; ``done`` and ``planned`` runs, ``left_s`` to the estimated
-        end (null: unknown), ``designs`` and how many of them are ``decided`` (null but for sweeps that stop when they
-        know), ``changed_s`` since the store was last written, ``error``: why it cannot be read.
+        stored yet), "running", "killed", "stopped" or "done"; ``done`` and ``planned`` runs; ``left_s`` to the estimated
+        end, null if unknown; ``designs`` and how many of them are ``decided``, null without a stopping rule;
+        ``changed_s`` since the store was last written; ``error``: why the store cannot be read.
         """
         self._polled_s = time.monotonic()
-        self._wanted.set()
+        self._polled.set()
         changed, state = self._changed_s(), self._state()
         with self._lock:
             version = f"{self._name}-{self._number}"
             status = {"version": version, "state": state, "changed_s": changed, "error": self._error, **self._counts}
             study = b"null" if query == version else self._study
-            self._told = f"{version} {state}"
+            self._last_answer = f"{version} {state}"
         return json.dumps(status, separators=(",", ":")).encode()[:-1] + b',"study":' + study + b"}"
 
     def follow(self, ended: Callable[[], bool] = lambda: False) -> None:
-        """Make the data whenever the store has changed and a page polls, until ``ended`` and a page has the last ones."""
+        """Refresh the data while pages poll, until ``ended``; then wait for an open page to poll the last data."""
         while not ended():
-            self._wanted.wait(0.5)
-            if self._wanted.is_set() and time.monotonic() >= self._next_s:
-                self._wanted.clear()
+            self._polled.wait(0.5)
+            if self._polled.is_set() and time.monotonic() >= self._next_s:
+                self._polled.clear()
                 self.refresh()
-            elif self._wanted.is_set():
+            elif self._polled.is_set():
                 time.sleep(0.1)
         if time.monotonic() - self._polled_s < OPEN_S:
             self.refresh()
             until = time.monotonic() + LAST_POLL_S
             last = f"{self._name}-{self._number} {self._state()}"
-            while self._told != last and time.monotonic() < until:
+            while self._last_answer != last and time.monotonic() < until:
                 time.sleep(0.05)
 
     def refresh(self) -> None:
-        """Make the data, unless the store is as it was then."""
-        begun_s, seen = time.process_time(), _stamp(self._path)
-        if seen == self._seen:
+        """Compute the data if the store has changed since the last time."""
+        begun_s, stamp = time.process_time(), _stamp(self._path)
+        if stamp == self._seen:
             return
         try:
             study, infos = self._made() if self._path.exists() else (b"null", [])
@@ -111,26 +111,30 @@ class LiveStudy:
             self._error = str(problem)
         else:
             with self._lock:
-                self._error, self._seen, self._study = "", seen, study
+                self._error, self._seen, self._study = "", stamp, study
                 self._number += 1
                 self._counts = self._counted(infos)
-        self._next_s = time.monotonic() + max(LEAST_S, (time.process_time() - begun_s) / (SHARE * usable_processors()))
+        self._next_s = time.monotonic() + max(
+            MIN_INTERVAL_S, (time.process_time() - begun_s) / (CPU_FRACTION * usable_processors())
+        )
 
     def _made(self) -> tuple[bytes, list[ExperimentInfo]]:
-        # To import it takes longer than to serve the page.
+        """Compute the page's data from the store, as JSON, and read the experiments."""
+        # The import takes longer than serving the page.
         from foldcar.report.page_data import page_data, read_experiments
 
         with Store.open(self._path) as store:
             infos = list(store.info().experiments.values()) if store.holds_study() else []
             experiments = read_experiments(store, self._thresholds, self._simulated)
-            some = [experiment for experiment in experiments if experiment.trials or experiment.info.stored_runs]
-            data = page_data(store, self._command, some) if some else None
+            shown = [experiment for experiment in experiments if experiment.trials or experiment.info.stored_runs]
+            data = page_data(store, self._command, shown) if shown else None
         return json.dumps(data, separators=(",", ":"), allow_nan=False).encode(), infos
 
     def _counted(self, infos: Sequence[ExperimentInfo]) -> dict[str, Any]:
+        """Count runs and decided designs, and estimate the time to the end."""
         done, planned = sum(info.stored_runs for info in infos), sum(info.planned_runs for info in infos)
         until = [info for info in infos if info.until is not None]
-        # A search plans nothing.
+        # A search has no planned number of runs.
         open_end = not infos or any(info.searched for info in infos)
         now_s = time.monotonic()
         if self._first is None or not infos or not is_written(self._path):
@@ -146,6 +150,7 @@ class LiveStudy:
         }
 
     def _state(self) -> str:
+        """Return the state of the sweep, as :meth:`poll` describes it."""
         written, counts = is_written(self._path), self._counts
         if written:
             return "running" if counts["done"] or self._study != b"null" else "waiting"
@@ -156,12 +161,12 @@ class LiveStudy:
         return "killed" if written is None else "stopped"
 
     def _changed_s(self) -> float | None:
-        seen = _stamp(self._path)
-        return None if not seen else round(max(0.0, time.time() - max(stamp[0] for stamp in seen) / 1e9), 1)
+        stamp = _stamp(self._path)
+        return None if not stamp else round(max(0.0, time.time() - max(stamp[0] for stamp in stamp) / 1e9), 1)
 
 
 def _stamp(path: Path) -> tuple[Any, ...]:
-    """What changes when the store does: time (ns), size and number of its file and of its log."""
+    """Return time (ns), size and inode of the store's file and of its log; they change when the store does."""
     result = []
     for file in (path, beside(path, "-wal")):
         try:
@@ -175,7 +180,7 @@ def _stamp(path: Path) -> tuple[Any, ...]:
 
 
 class PageServer(ThreadingHTTPServer):
-    """Serves ``page`` (HTML), and what ``poll`` makes of a query. ``port`` 0 is a free one.
+    """Serves ``page`` (HTML), and the answers of ``poll`` to queries; ``port`` 0 takes a free one.
 
     Raises FoldcarError if the port is taken.
     """
@@ -195,7 +200,7 @@ class PageServer(ThreadingHTTPServer):
         self.url = f"http://{ADDRESS}:{self.port}/"
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """A client that went away is no error of the server's."""
+        """Ignore clients that disconnect."""
         if not isinstance(sys.exc_info()[1], OSError):
             super().handle_error(request, client_address)
 
@@ -206,6 +211,7 @@ class _Handler(BaseHTTPRequestHandler):
     timeout = SILENCE_S
 
     def do_GET(self) -> None:
+        """Answer the page, its data, or an error."""
         path, _, query = self.path.partition("?")
         hosts = [f"{name}:{self.server.port}" for name in (ADDRESS, "localhost")]
         if self.headers.get_all("Host", []) not in ([host] for host in hosts):
@@ -225,17 +231,18 @@ class _Handler(BaseHTTPRequestHandler):
         self._send(HTTPStatus(code), f"{message or HTTPStatus(code).phrase}\n".encode(), "text/plain")
 
     def _send(self, status: HTTPStatus, content: bytes, kind: str) -> None:
+        """Send an answer with the headers of all answers."""
         self.send_response(status)
         for name, value in HEADERS.items():
             self.send_header(name, value)
         self.send_header("Content-Type", kind)
         self.send_header("Content-Length", str(len(content)))
         if status != HTTPStatus.OK:
-            # What is left of a refused request is not read.
+            # The rest of a refused request is not read.
             self.send_header("Connection", "close")
         self.end_headers()
         if self.command != "HEAD":
             self.wfile.write(content)
 
     def log_message(self, format: str, *args: Any) -> None:
-        """Requests are not logged."""
+        """Log no requests."""

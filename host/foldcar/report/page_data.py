@@ -1,52 +1,52 @@
-"""What the study page shows: one object of plain JSON values, from an open store. This text is its one description.
+"""The data of the study page: one object of plain JSON values, from an open store. It is described only here.
 
 ``{"title", "notes", "engine_notes": [text], "experiments": [experiment]}``; an experiment is
 
-- ``id``, ``headline`` (what is known), ``grounds`` (what that rests on), ``remarks`` (what a reader must know besides),
+- ``id``; ``headline`` (the answer), ``grounds`` (the evidence for it) and ``remarks``, all of `foldcar select`;
   ``thresholds`` (0 to 1, ascending: a design is good if it reaches the last), ``judged`` (whether success is defined),
-  ``simulation`` (what sentences call its engine), ``interval`` (what the intervals of simulated rates are called),
-  ``environments`` (how many there are), ``time_limit_s``.
-- ``next``: what to do next, ``{"text", "designs": [index], "why": [text for each]}``. This, headline and grounds are
-  those of `foldcar select`. ``ranges``: sentences on gaps and ends of ranges; ``leader``: index of a design, or null.
+  ``simulation`` (name of the engine in sentences), ``interval`` (name of the intervals of simulated rates),
+  ``environments`` (their number), ``time_limit_s``.
+- ``next``: what to do next, ``{"text", "designs": [index], "why": [text for each]}``, also of `foldcar select`.
+  ``ranges``: sentences on gaps and ends of ranges; ``leader``: index of a design, or null.
 - ``parameters``: those that vary, ``{"name", "label", "unit", "values": all that occur, ascending}``;
   ``fixed``: [label, text] of the others.
-- ``designs``: columns, an entry per design, null for what is not known. ``value``: per design the indices into the
-  parameters' values; ``name``: the one way in which a design is written;
-  ``swept``; ``runs`` and ``passed`` (rejected runs are in neither), ``rate``, ``low``, ``high`` (simulation, 95 %);
-  ``outcomes``: a column per outcome; ``trials``, ``trials_passed`` (those that count), ``cars`` (how many drove them),
-  ``trials_low``, ``trials_high`` (of these cars); ``smooth``, ``smooth_low``, ``smooth_high``: success in this simulator,
-  smoothed over designs; ``belief``, ``belief_low``, ``belief_high``: what simulation and trials together say of a further
-  built car; ``verdict``: "good", "bad" or "open" by the last threshold and the band of built cars, before trials that of
-  simulation; ``refuted``: "optimistic" or "pessimistic" where the design's own trials
-  contradict simulation; ``measures``:
-  ``{"key", "label", "unit", "better": "less" | "more" | null, "value": column}``.
+- ``designs``: columns with an entry per design, null for unknown values. ``value``: indices into the parameters' values;
+  ``name``: the design's name for readers; ``swept``; ``runs`` and ``passed`` (rejected runs are in neither), ``rate``,
+  ``low``, ``high`` (simulation, 95 %); ``outcomes``: a column per outcome; ``trials`` and ``trials_passed`` (those that
+  count), ``cars`` (their number), ``trials_low``, ``trials_high`` (of these cars); ``smooth``, ``smooth_low``,
+  ``smooth_high``: success in this simulator, smoothed over designs; ``belief``, ``belief_low``, ``belief_high``: success
+  of a further built car, by simulation and trials; ``verdict``: "good", "bad" or "open" by the last threshold and the
+  band of built cars, before trials that of simulation; ``refuted``: "optimistic" or "pessimistic" if the design's own
+  trials contradict simulation; ``measures``: ``{"key", "label", "unit", "better": "less" | "more" | null, "value":
+  column}``.
 - ``engines``: for each other engine or calibration that simulated the same cars in the same samples ``{"id": its
   experiment, "name", "passed", "runs": columns by design, "text": a sentence that compares them, "corrected": null,
   or columns ``rate``, ``low``, ``high``: rates in a slower engine, estimated from all runs and its few}``.
 - ``runs``: columns ``design``, ``environment``, ``outcome``, ``time_s`` in the order of design and environment; null
-  beyond MOST_RUNS, where ``runs_omitted`` says so.
-- ``outcomes``, ``outcome_labels``: what the numbers of ``outcome`` stand for.
-- ``replays``: ``{"design", "environment", "outcome", "blob"}``, the caller's.
+  beyond MAX_RUNS, where ``runs_omitted`` says so.
+- ``outcomes``, ``outcome_labels``: names and labels of the numbers in ``outcome``.
+- ``replays``: ``{"design", "environment", "outcome", "blob"}``, added by the caller.
 - ``trials``: ``{"number", "design": index or null, "car": the design's name, "car_name": that of the car itself or null,
   "standing": "built" | "simulated", "environment": index or null, "passed": null if aborted, "outcome", "time_s",
-  "when", "note", "replay": null, or by replay.py what is drawn of it}``.
-- ``effects``: for each parameter ``{"parameter": its place, "grid": values, "mean", "low", "high": success in
-  simulation, a mean over the same combinations of the other parameters for each value, with the 95 % band of its
-  difference to the mean over all values, "level": [low, high], the 95 % interval of that mean over all values, "curves":
-  at most 20 single combinations, "over": which combinations these are, in words}``. Raw averages are of unequal
-  combinations and stand nowhere. ``importance``: ``{"parameter", "share", "low", "high"}``, the share of the variance of
-  success over designs that would go if it were fixed (shares may add up to more than 1); empty with one parameter.
+  "when", "note", "replay": null, or the drawing data of replay.py}``.
+- ``effects``: for each parameter ``{"parameter": its index, "grid": values, "mean", "low", "high": success in
+  simulation at each value, a mean over the same combinations of the other parameters, with the 95 % band of its
+  difference from the mean over all values, "level": [low, high], the 95 % interval of that mean over all values,
+  "curves": at most 20 single combinations, "over": a text on these combinations}``. Raw averages are not given, because
+  they are of unequal combinations. ``importance``: ``{"parameter", "share", "low", "high"}``, the fraction of the
+  variance of success over designs that would vanish if the parameter were fixed (the sum may exceed 1); empty with one
+  parameter.
 - ``causes``: ``{"name": the export's column, "label", "unit", "separation": 0 to 1, "low", "high",
   "rises": whether greater values pass, "bins": [{"from", "to", "runs", "passed"}]}``, the best first: how well the value
-  separates passed from failed runs of the same design. It tells something where ``low`` is above 0; all intervals of an
+  separates passed from failed runs of the same design. It is informative if ``low`` is above 0. All intervals of an
   experiment hold together with 95 %.
 - ``ends``: null, or where the runs that did not pass ended, by progress from the start towards the goal: ``{"from_m",
-  "step_m", "bins", "goal_m": the goal's mean place, "obstacles": [{"name", "from_m", "to_m": its mean ends, "least_m",
-  "most_m": between which it lies in nine of ten environments}], "design", "outcome", "bin", "obstacle", "count"}``. The
-  last five are columns: how many runs of a design ended so, in that bin, at that obstacle (-1: at none).
+  "step_m", "bins", "goal_m": the goal's mean position, "obstacles": [{"name", "from_m", "to_m": its mean ends, "least_m",
+  "most_m": ends of the range that contains it in nine of ten environments}], "design", "outcome", "bin", "obstacle",
+  "count"}``. The last five are columns: the number of runs of a design with that outcome, bin and obstacle (-1: none).
 - ``front``: null, or of a search ``{"objectives": [{"label", "unit", "better"}], "points": [{"design", "values", "low",
-  "high", "fresh", "beaten"}]}``. Values of designs with ``fresh`` are of environments by which nothing was chosen; only
-  of these one that is not ``beaten`` (by another of them, in all objectives) may be called best. The others are too good.
+  "high", "fresh", "beaten"}]}``. Values with ``fresh`` are of environments that chose no design. Only such a point may be
+  called best, if it is not ``beaten`` (by another of them, in all objectives). Values of the others are biased upwards.
 - ``provenance``: [label, text]; ``files``: [label, relative address].
 """
 
@@ -83,7 +83,7 @@ from foldcar.store.trial_records import Trial, select_trials
 from foldcar.study.search.design_simulator import fresh_id
 
 # Runs that the page holds one by one.
-MOST_RUNS = 50_000
+MAX_RUNS = 50_000
 OMITTED = (
     "{:,} runs of {:,} designs are too many to list one by one: they are counted by design. "
     "`foldcar export` has them all."
@@ -94,11 +94,11 @@ THRESHOLDS = (0.5, 0.75)
 
 @dataclass(frozen=True)
 class Experiment:
-    """An experiment as page and figures take it; ``name`` is its own on the page.
+    """An experiment, prepared for page and figures; ``name`` identifies it on the page.
 
-    ``trials`` are those that are shown, ``left_out`` counts the others by standing; ``elsewhere``: those that were driven
-    in other environments than the runs, with their Scenic programs. ``effects`` is the smooth model of
-    the parameters at ``places``, None if there is none. ``fresh`` is the evidence on a search's best designs in fresh
+    ``trials`` are shown; ``left_out`` counts the others by standing. ``elsewhere`` are those driven in other environments
+    than the runs: number of the trial and its Scenic program. ``effects`` is the smooth model of the parameters with
+    indices ``parameter_indices``, None without one. ``fresh`` is the evidence on a search's best designs in fresh
     environments.
     """
 
@@ -110,7 +110,7 @@ class Experiment:
     elsewhere: Mapping[int, str | None]
     thresholds: tuple[float, ...]
     effects: Effects | None
-    places: list[int]
+    parameter_indices: list[int]
     fresh: Evidence | None = None
 
     @property
@@ -125,10 +125,11 @@ class Experiment:
 
 
 def read_experiments(store: Store, thresholds: Sequence[float] = (), simulated_trials: bool = False) -> list[Experiment]:
-    """Read the experiments of a store in their order, then those with trials only. Raises FoldcarError.
+    """Read the experiments of a store in their order, then those with trials only.
 
-    ``thresholds`` of success, 0 to 1; without any, each experiment has its listing's, or THRESHOLDS.
-    ``simulated_trials``: show trials of simulated cars too; they count in no rate.
+    ``thresholds`` of success are 0 to 1; without any, each experiment has its listing's, or THRESHOLDS.
+    ``simulated_trials`` shows trials of simulated cars too; they count in no rate. Raises FoldcarError if the store
+    cannot be read.
     """
     swept = read_evidence(store)
     limit = max(thresholds, default=None)
@@ -144,12 +145,12 @@ def read_experiments(store: Store, thresholds: Sequence[float] = (), simulated_t
             trial for trial in store.trials(info.listed_id) if name in by_id or trial.vehicle_type == info.vehicle_type
         ]
         shown, left_out = select_trials(trials, simulated_trials)
-        effects, places = read_effects(evidence)
+        effects, indices = read_effects(evidence)
         fresh = by_id.get(fresh_id(name)) if info.searched else None
         good = tuple(sorted(set(thresholds))) or info.thresholds or THRESHOLDS
         advice = replace(selection, remarks=(*measure_first(store, selection), *selection.remarks))
         elsewhere = store.trials_elsewhere(info) if evidence.swept else {}
-        experiments.append(Experiment(name, evidence, advice, shown, left_out, elsewhere, good, effects, places, fresh))
+        experiments.append(Experiment(name, evidence, advice, shown, left_out, elsewhere, good, effects, indices, fresh))
     return experiments
 
 
@@ -158,24 +159,24 @@ def page_data(
 ) -> dict[str, Any]:
     """Return the object described above, without replays and files; ``command`` is that of the report.
 
-    ``experiments`` are those of the store if the caller has them. Raises FoldcarError.
+    ``experiments`` are those of :func:`read_experiments`, read if None. Raises FoldcarError if the store cannot be read.
     """
     study = store.info() if store.holds_study() else None
-    some = read_experiments(store) if experiments is None else experiments
-    # Threads for matrices of some tens of rows only wait for each other.
+    read = read_experiments(store) if experiments is None else experiments
+    # For matrices of some tens of rows threads only wait for each other.
     with threadpool_limits(1):
-        shown = [_experiment(store, study, experiment, some, command) for experiment in some]
+        shown = [_experiment(store, study, experiment, read, command) for experiment in read]
     title, notes = _title(study)
     return {
         "title": title or (study.listing_name if study is not None else store.path.name),
         "notes": notes,
-        "engine_notes": list(dict.fromkeys(experiment.info.warning for experiment in some if experiment.info.warning)),
+        "engine_notes": list(dict.fromkeys(experiment.info.warning for experiment in read if experiment.info.warning)),
         "experiments": shown,
     }
 
 
 def _title(study: StudyInfo | None) -> tuple[str, str]:
-    """Title and notes of the listing; empty without."""
+    """Return title and notes of the listing, "" without them."""
     try:
         listing = json5.loads(study.listing_text) if study is not None else {}
         return str(listing.get("title", "")), str(listing.get("notes", ""))
@@ -185,24 +186,29 @@ def _title(study: StudyInfo | None) -> tuple[str, str]:
 
 
 def _experiment(
-    store: Store, study: StudyInfo | None, one: Experiment, experiments: Sequence[Experiment], command: Sequence[str]
+    store: Store,
+    study: StudyInfo | None,
+    experiment: Experiment,
+    experiments: Sequence[Experiment],
+    command: Sequence[str],
 ) -> dict[str, Any]:
-    info, evidence, effects, places = one.info, one.evidence, one.effects, one.places
-    threshold, few = one.thresholds[-1], info.stored_runs <= MOST_RUNS
+    info, evidence, effects = experiment.info, experiment.evidence, experiment.effects
+    indices = experiment.parameter_indices
+    threshold, listed = experiment.thresholds[-1], info.stored_runs <= MAX_RUNS
     values = environment_values(store, info) if evidence.swept else EnvironmentValues((), numpy.empty((0, 0)))
-    columns, selection = one.columns, one.selection
+    columns, selection = experiment.columns, experiment.selection
     engines = other_simulations(evidence, [other.evidence for other in experiments])
     costs = measures(store, info, [design.design for design in evidence.family], evidence.runs)
     areas = next((cost["value"] for cost in costs if cost["key"] == "sheet_area"), [None] * len(columns.names))
     return {
-        "id": one.name,
+        "id": experiment.name,
         "headline": selection.headline,
         "grounds": selection.grounds,
         "next": _next(columns.names, selection),
-        "leader": _leader(columns.names, one),
-        "ranges": range_sentences(evidence, effects, places, threshold),
-        "remarks": [*(engine["text"] for engine in engines), *remarks(store, one)],
-        "thresholds": list(one.thresholds),
+        "leader": _leader(columns.names, experiment),
+        "ranges": range_sentences(evidence, effects, indices, threshold),
+        "remarks": [*(engine["text"] for engine in engines), *remarks(store, experiment)],
+        "thresholds": list(experiment.thresholds),
         "judged": info.success_defined,
         "simulation": info.simulation,
         "interval": columns.interval_name,
@@ -212,40 +218,43 @@ def _experiment(
         "fixed": [[label_and_unit(name)[0], value_text(name, value)] for name, value in info.fixed.items()],
         "designs": {**columns.page(threshold), "measures": costs},
         "engines": engines,
-        "effects": [] if effects is None else effect_rows(evidence, effects, places),
-        "importance": [] if effects is None else importance_rows(effects, places),
+        "effects": [] if effects is None else effect_rows(evidence, effects, indices),
+        "importance": [] if effects is None else importance_rows(effects, indices),
         "causes": cause_rows(evidence, values),
         "ends": read_run_ends(store, info, evidence.runs.counted) if evidence.swept else None,
-        "runs": _runs(evidence) if few else None,
-        "runs_omitted": "" if few else OMITTED.format(info.stored_runs, evidence.swept),
+        "runs": _runs(evidence) if listed else None,
+        "runs_omitted": "" if listed else OMITTED.format(info.stored_runs, evidence.swept),
         "outcomes": list(OUTCOMES),
         "outcome_labels": [OUTCOME_LABELS[name] for name in OUTCOMES],
         "replays": [],
-        "trials": _trial_rows(store, one),
-        "front": search_front(evidence, areas, one.fresh),
+        "trials": _trial_rows(store, experiment),
+        "front": search_front(evidence, areas, experiment.fresh),
         "provenance": _provenance(study, info, command),
         "files": [],
     }
 
 
 def _next(names: Sequence[str], selection: Selection) -> dict[str, Any]:
-    """What to do next, with the indices of the recommended designs."""
-    known = {name: index for index, name in enumerate(names)}
-    shown = [recommendation for recommendation in selection.recommendations if recommendation.label in known]
-    designs, reasons = [known[design.label] for design in shown], [design.reason for design in shown]
+    """Return the next step, with the indices of the recommended designs and the reasons."""
+    index_of_name = {name: index for index, name in enumerate(names)}
+    recommended = [
+        recommendation for recommendation in selection.recommendations if recommendation.label in index_of_name
+    ]
+    designs, reasons = [index_of_name[design.label] for design in recommended], [design.reason for design in recommended]
     return {"text": selection.next_step, "designs": designs, "why": reasons}
 
 
-def _leader(names: Sequence[str], one: Experiment) -> int | None:
-    """The design of the best chance."""
-    belief = (one.fresh or one.evidence).belief
+def _leader(names: Sequence[str], experiment: Experiment) -> int | None:
+    """Return the index of the design with the best chance to reach the last threshold; None if it is unknown."""
+    belief = (experiment.fresh or experiment.evidence).belief
     if belief is None:
         return None
-    label = belief.labels[int(belief.chances(one.thresholds[-1]).argmax())]
+    label = belief.labels[int(belief.chances(experiment.thresholds[-1]).argmax())]
     return names.index(label) if label in names else None
 
 
 def _provenance(study: StudyInfo | None, info: ExperimentInfo, command: Sequence[str]) -> list[list[str]]:
+    """Return the facts from which the experiment follows, as label and text."""
     speed = "each car's full speed" if info.speed_m_s is None else f"{info.speed_m_s:g} m/s"
     program = info.scenic_program + (f" with {_assigned(info.scenic_params)}" if info.scenic_params else "")
     rows: list[tuple[str, str]] = [
@@ -281,14 +290,14 @@ def _assigned(values: Mapping[str, Any]) -> str:
 def _frozen(info: ExperimentInfo) -> str:
     if info.condition is None:
         return ""
-    what = [*info.condition.get("objects", []), *info.condition.get("params", [])]
-    return f"as in sample {info.condition['sample']}: {', '.join(what) or 'everything'}"
+    frozen = [*info.condition.get("objects", []), *info.condition.get("params", [])]
+    return f"as in sample {info.condition['sample']}: {', '.join(frozen) or 'everything'}"
 
 
-def _trial_rows(store: Store, one: Experiment) -> list[dict[str, Any]]:
-    """A row for each trial, in their order; ``environment`` only where the runs have the same samples."""
-    info, evidence = one.info, one.evidence
-    here = store.trials_here(info) if evidence.swept else set()
+def _trial_rows(store: Store, experiment: Experiment) -> list[dict[str, Any]]:
+    """Return a row for each trial, in their order; ``environment`` is None if the runs have other samples."""
+    info, evidence = experiment.info, experiment.evidence
+    ids_in_samples = store.trials_here(info) if evidence.swept else set()
     return [
         {
             "number": trial.id,
@@ -296,7 +305,7 @@ def _trial_rows(store: Store, one: Experiment) -> list[dict[str, Any]]:
             "car": design_label(info, trial.vehicle_type, trial.design),
             "car_name": trial.car_name,
             "standing": trial.standing,
-            "environment": trial.sample if trial.id in here else None,
+            "environment": trial.sample if trial.id in ids_in_samples else None,
             "passed": trial.outcome == "passed" if trial.completed else None,
             "outcome": trial.outcome.replace("_", " "),
             "time_s": trial.elapsed_time_s,
@@ -304,12 +313,12 @@ def _trial_rows(store: Store, one: Experiment) -> list[dict[str, Any]]:
             "note": trial.note or trial.source or "",
             "replay": None,
         }
-        for trial in one.trials
+        for trial in experiment.trials
     ]
 
 
 def _runs(evidence: Evidence) -> dict[str, list[Any]]:
-    """The runs in the order of design and environment, with their outcomes and times (s)."""
+    """Return the runs in the order of design and environment, with their outcomes and times (s)."""
     runs = evidence.runs
     times_s = runs.metrics[:, NUMBERS.index("elapsed_time_s")].round(3).tolist()
     return {

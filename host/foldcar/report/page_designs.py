@@ -23,7 +23,7 @@ Band = tuple[float, float, float] | None
 class DesignColumns:
     """The designs of the family, in the order of ``evidence``; ``trials`` are those that are shown.
 
-    An interval is (low, high), a band (rate, low, high), all 0 to 1 at 95 %; None where there is no rate.
+    An interval is (low, high), a band (rate, low, high), all 0 to 1 at 95 %; None without a rate.
     """
 
     evidence: Evidence
@@ -31,12 +31,12 @@ class DesignColumns:
 
     @property
     def names(self) -> list[str]:
-        """The designs as readers see them."""
+        """The designs' names for readers."""
         return [design.label for design in self.evidence.family]
 
     @cached_property
     def simulated_trial_counts(self) -> NDArray[Any]:
-        """The completed trials of simulated cars that are shown, which count in no rate: passed and all (designs, 2)."""
+        """The completed trials of simulated cars that are shown: passed and all (designs, 2)."""
         counts = numpy.zeros((len(self.names), 2), dtype=int)
         for trial in self.trials:
             index = self.evidence.index_of(trial)
@@ -56,7 +56,7 @@ class DesignColumns:
 
     @property
     def interval_name(self) -> str:
-        """What the intervals of simulated rates are called."""
+        """The name of the intervals of simulated rates."""
         return rate.interval_name(self.evidence.info.until is not None)
 
     def intervals(self, counts: NDArray[Any], sequential: bool = False) -> list[Interval]:
@@ -85,26 +85,28 @@ class DesignColumns:
         return bands
 
     def _bands(self, rows: Sequence[Sequence[float]]) -> list[Band]:
-        """Bands of all designs from the ``rows`` of those that belief is about."""
+        """Return the bands of all designs from the ``rows`` of those in the belief; None for the others."""
         bands: list[Band] = [None] * len(self.names)
-        places = [] if self.evidence.belief is None else self.evidence.belief.places.tolist()
-        for place, row in zip(places, rows, strict=bool(rows)):
+        indices = [] if self.evidence.belief is None else self.evidence.belief.design_indices.tolist()
+        for index, row in zip(indices, rows, strict=bool(rows)):
             value, low, high = (round(number, 6) for number in row)
-            bands[place] = value, low, high
+            bands[index] = value, low, high
         return bands
 
     def page(self, threshold: float) -> dict[str, Any]:
-        """Return the page's columns but its measures, as page_data.py describes them."""
+        """Return the page's columns, without the measures, as page_data.py describes them."""
         evidence, family = self.evidence, self.evidence.family
         driven = evidence.belief is not None and evidence.belief.driven
         judged = self.built if driven or evidence.belief is None else self.simulation
         values = {
-            name: {value: at for at, value in enumerate(all_values)} for name, all_values in evidence.values.items()
+            name: {value: index for index, value in enumerate(all_values)} for name, all_values in evidence.values.items()
         }
         verdicts = {design.label: design.verdict for design in compare_experiment(evidence).designs}
-        open_places = set()
+        doubtful = set()
         if evidence.belief is not None:
-            open_places = set(evidence.belief.places[list(evidence.belief.contradicting.beside)].tolist())
+            doubtful = set(
+                evidence.belief.design_indices[list(evidence.belief.contradictions.undriven_neighbours)].tolist()
+            )
         return {
             "value": [[values[name][float(design.design[name])] for name in values] for design in family],
             "name": self.names,
@@ -120,7 +122,7 @@ class DesignColumns:
             **_ends("trials_", self.trial_intervals),
             **_bands("smooth", self.simulation),
             **_bands("belief", self.built),
-            "verdict": ["open" if at in open_places else verdict(band, threshold) for at, band in enumerate(judged)],
+            "verdict": ["open" if index in doubtful else verdict(band, threshold) for index, band in enumerate(judged)],
             "refuted": [
                 verdicts.get(name) if verdicts.get(name) in (OPTIMISTIC, PESSIMISTIC) else None for name in self.names
             ],
@@ -137,7 +139,7 @@ def parameter_columns(evidence: Evidence) -> list[dict[str, Any]]:
 
 
 def verdict(band: Band, threshold: float) -> str | None:
-    """Return whether a design is good, bad or open: on which side of the ``threshold`` its band lies."""
+    """Return "good" or "bad" if the band is on one side of the ``threshold``, else "open"; None without a band."""
     if band is None:
         return None
     _, low, high = band
@@ -146,7 +148,8 @@ def verdict(band: Band, threshold: float) -> str | None:
 
 def _ends(name: str, intervals: Sequence[Interval]) -> dict[str, list[float | None]]:
     return {
-        f"{name}{end}": [interval and interval[at] for interval in intervals] for at, end in enumerate(("low", "high"))
+        f"{name}{end}": [interval and interval[index] for interval in intervals]
+        for index, end in enumerate(("low", "high"))
     }
 
 

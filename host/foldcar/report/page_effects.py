@@ -1,4 +1,4 @@
-"""Why designs pass or fail, for the page: effects and importance of parameters, and what separates the environments."""
+"""Effects and importance of parameters, and values of the environment that separate passed from failed runs, as rows."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -18,48 +18,51 @@ DIGITS = 4
 
 
 def read_effects(evidence: Evidence) -> tuple[Effects | None, list[int]]:
-    """The smooth model of the parameters of which runs have several values, and their places; None: too few."""
+    """Fit the smooth model of the parameters with several values in the runs; return it and the indices of these.
+
+    The model is None if there are too few designs, or success is undefined.
+    """
     swept = [design for design in evidence.family if design.swept]
-    known = numpy.array([design.runs > 0 for design in swept])
-    places = []
-    for place, name in enumerate(evidence.values):
+    has_runs = numpy.array([design.runs > 0 for design in swept])
+    indices = []
+    for index, name in enumerate(evidence.values):
         if len({design.design[name] for design in swept if design.runs}) > 1:
-            places.append(place)
-    names = [list(evidence.values)[place] for place in places]
-    # Fewer designs cannot tell so many parameters apart.
-    if not names or known.sum() < 2 ** len(names) or not evidence.info.success_defined:
-        return None, places
+            indices.append(index)
+    names = [list(evidence.values)[index] for index in indices]
+    # Fewer designs cannot separate the effects of so many parameters.
+    if not names or has_runs.sum() < 2 ** len(names) or not evidence.info.success_defined:
+        return None, indices
     runs = evidence.runs.counted
     x = [[float(design.design[name]) for name in names] for design in swept]
     try:
         with threadpool_limits(1):
-            return fit_effects(x, runs.design, runs.sample, runs.outcome == OUTCOMES.index("passed")), places
+            return fit_effects(x, runs.design, runs.sample, runs.outcome == OUTCOMES.index("passed")), indices
     except FoldcarError:
-        return None, places
+        return None, indices
 
 
-def effect_rows(evidence: Evidence, effects: Effects, places: list[int]) -> list[dict[str, Any]]:
-    """The effect of each parameter, over the same combinations of the others for each value."""
+def effect_rows(evidence: Evidence, effects: Effects, indices: list[int]) -> list[dict[str, Any]]:
+    """Return a row with the effect of each parameter, as page_data.py describes it."""
     result = []
-    for at, place in enumerate(places):
-        one = effects.effect(at)
-        curves = one.curves.round(DIGITS).tolist() if len(places) > 1 else []
-        rows = {key: getattr(one, key).round(DIGITS).tolist() for key in ("mean", "low", "high")}
+    for index, parameter in enumerate(indices):
+        effect = effects.effect(index)
+        curves = effect.curves.round(DIGITS).tolist() if len(indices) > 1 else []
+        curve_data = {key: getattr(effect, key).round(DIGITS).tolist() for key in ("mean", "low", "high")}
         result.append(
             {
-                "parameter": place,
-                "grid": one.grid.tolist(),
-                **rows,
-                "level": [round(end, DIGITS) for end in one.level],
+                "parameter": parameter,
+                "grid": effect.grid.tolist(),
+                **curve_data,
+                "level": [round(end, DIGITS) for end in effect.level],
                 "curves": curves,
-                "over": over(one, len(places)),
+                "over": over(effect, len(indices)),
             }
         )
     return result
 
 
 def over(effect: Effect, parameters: int) -> str:
-    """Over what an effect is a mean, in words; "" with a single parameter."""
+    """Describe the combinations that an effect is a mean over; "" with a single parameter."""
     if parameters < 2:
         return ""
     number = f"{count(effect.combinations, 'combination')} of the other parameters"
@@ -68,20 +71,20 @@ def over(effect: Effect, parameters: int) -> str:
     return f"mean over the same {number} by the smooth model: hardly any was run at every value"
 
 
-def importance_rows(effects: Effects, places: Sequence[int]) -> list[dict[str, Any]]:
-    """The importance of each parameter, the greatest first; none of a single parameter."""
-    if len(places) < 2:
+def importance_rows(effects: Effects, indices: Sequence[int]) -> list[dict[str, Any]]:
+    """Return a row with the importance of each parameter, the greatest first; no rows for a single parameter."""
+    if len(indices) < 2:
         return []
-    found = effects.importance()
+    importances = effects.importance()
     rows = [
-        {"parameter": place, **{key: round(getattr(one, key), DIGITS) for key in ("share", "low", "high")}}
-        for place, one in zip(places, found, strict=False)
+        {"parameter": parameter, **{key: round(getattr(importance, key), DIGITS) for key in ("share", "low", "high")}}
+        for parameter, importance in zip(indices, importances, strict=False)
     ]
     return sorted(rows, key=lambda row: -row["share"])
 
 
 def cause_rows(evidence: Evidence, values: EnvironmentValues) -> list[dict[str, Any]]:
-    """What separates runs that passed from runs that failed, the best first, with success over it."""
+    """Return a row for each value that separates passed from failed runs, the best first, with success over it."""
     if not evidence.info.success_defined:
         return []
     runs = evidence.runs.counted

@@ -1,8 +1,8 @@
-"""Compute the measures of each design that stand beside its success: time, energy, mass, sheet area.
+"""Compute further measures of each design: time, energy, mass, sheet area.
 
-``time`` is the mean over all runs, where a run that did not pass counts as the time limit, so that a design gains nothing
-by failing early. ``passing_time`` is the mean over the runs that passed. ``energy`` is the energy drawn in all runs,
-divided by the number of runs that passed.
+``time`` is the mean over all runs. A run that did not pass counts as the time limit, so that a design gains nothing by
+failing early. ``passing_time`` is the mean over the runs that passed. ``energy`` is the energy drawn in all runs, divided
+by the number of runs that passed.
 """
 
 import json
@@ -21,15 +21,15 @@ from foldcar.store.reader import Store
 from foldcar.store.tables import BY_NAME, DESIGN
 from foldcar.study.search.objectives import film_area_cm2
 
-# Folding a car takes some 10 ms: more designs have no sheet area.
-MOST_FOLDED = 300
+# With more designs there is no sheet area, because folding a car takes some 10 ms.
+MAX_FOLDED = 300
 
 
 def measures(
     store: Store, info: ExperimentInfo, designs: Sequence[Mapping[str, Any]], runs: RunArrays
 ) -> list[dict[str, Any]]:
-    """Return a column for each measure of ``designs``, whose first ones are the store's. Raises StoreError."""
-    number, measures = len(designs), []
+    """Return a column for each measure of ``designs``; those in the store come first. Raises StoreError."""
+    number, columns = len(designs), []
     if info.success_defined:
         counted = runs.counted
         passed = counted.outcome == OUTCOMES.index("passed")
@@ -38,23 +38,23 @@ def measures(
         total = numpy.bincount(counted.design, minlength=number)
         crossed = numpy.bincount(counted.design, passed, minlength=number)
         passing_total_s = numpy.bincount(counted.design, passing_s, minlength=number)
-        # A failed run, whose energy is unknown, counts as the mean.
-        known = numpy.bincount(counted.design, ~numpy.isnan(energy_j), minlength=number)
-        drawn = _ratio(numpy.bincount(counted.design, numpy.nan_to_num(energy_j), minlength=number), known)
-        measures += [
+        # The energy of a failed run is unknown: it counts as the mean.
+        with_energy = numpy.bincount(counted.design, ~numpy.isnan(energy_j), minlength=number)
+        mean_energy_j = _ratio(numpy.bincount(counted.design, numpy.nan_to_num(energy_j), minlength=number), with_energy)
+        columns += [
             _measure(
                 "time", "time, failures at the limit", "s",
                 _ratio(passing_total_s + (total - crossed) * info.timeout_s, total),
             ),
             _measure("passing_time", "time of passing runs", "s", _ratio(passing_total_s, crossed)),
-            _measure("energy", "energy per pass", "J", _ratio(drawn * total, crossed)),
+            _measure("energy", "energy per pass", "J", _ratio(mean_energy_j * total, crossed)),
         ]  # fmt: skip
-    measures.append(_measure("mass", "mass", "g", _masses_g(store, info, number)))
-    if number <= MOST_FOLDED:
-        measures.append(
+    columns.append(_measure("mass", "mass", "g", _masses_g(store, info, number)))
+    if number <= MAX_FOLDED:
+        columns.append(
             _measure("sheet_area", "sheet area", "cm²", numpy.array([_area_cm2(info, design) for design in designs]))
         )
-    return measures
+    return columns
 
 
 def _measure(key: str, label: str, unit: str, values: NDArray[Any]) -> dict[str, Any]:
@@ -62,23 +62,25 @@ def _measure(key: str, label: str, unit: str, values: NDArray[Any]) -> dict[str,
     return {"key": key, "label": label, "unit": unit, "better": "less", "value": column}
 
 
-def _ratio(above: NDArray[Any], below: NDArray[Any]) -> NDArray[Any]:
-    result: NDArray[Any] = numpy.divide(above, below, out=numpy.full(len(above), numpy.nan), where=below > 0)
+def _ratio(numerator: NDArray[Any], denominator: NDArray[Any]) -> NDArray[Any]:
+    result: NDArray[Any] = numpy.divide(
+        numerator, denominator, out=numpy.full(len(numerator), numpy.nan), where=denominator > 0
+    )
     return result
 
 
 def _masses_g(store: Store, info: ExperimentInfo, number: int) -> NDArray[Any]:
-    """The designs' masses (g), from the bodies that were simulated; NaN for designs that were not."""
-    result, known = numpy.full(number, numpy.nan), dict[int, float]()
+    """Return the designs' masses (g) from their simulated bodies; NaN for designs that were not simulated."""
+    result, mass_g_of_body = numpy.full(number, numpy.nan), dict[int, float]()
     rows = list(store.rows(DESIGN, "WHERE experiment = ? ORDER BY position", info.id))
-    wanted = {row["body_id"] for row in rows}
+    body_ids = {row["body_id"] for row in rows}
     for body in store.rows(BY_NAME["body"]):
-        if body["id"] in wanted:
+        if body["id"] in body_ids:
             parts = json.loads(body["json"])
             bodies = [*parts.get("segments", ()), *parts.get("wheels", ())]
-            known[body["id"]] = 1000 * sum(part["mass_kg"] for part in bodies) if bodies else numpy.nan
+            mass_g_of_body[body["id"]] = 1000 * sum(part["mass_kg"] for part in bodies) if bodies else numpy.nan
     for index, row in enumerate(rows):
-        result[index] = known.get(row["body_id"], numpy.nan)
+        result[index] = mass_g_of_body.get(row["body_id"], numpy.nan)
     return result
 
 

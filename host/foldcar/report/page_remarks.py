@@ -1,4 +1,4 @@
-"""What a reader must know of an experiment's numbers beside the numbers: what is missing, left out or of another kind."""
+"""Remarks on an experiment's numbers, for the page: what is missing, left out, failed or simulated."""
 
 import shlex
 from typing import TYPE_CHECKING
@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 from foldcar.inference.design_evidence import in_family
 from foldcar.inference.remarks import trials_in_other_environments
 from foldcar.simulation.results import OUTCOMES
-from foldcar.statistics.stopping import LEAST_CHANCE
+from foldcar.statistics.stopping import MIN_CHANCE
 from foldcar.statistics.words import count
 from foldcar.store.calibrations import calibrations
 from foldcar.store.info import ExperimentInfo
@@ -16,39 +16,42 @@ from foldcar.store.trial_records import SIMULATED
 if TYPE_CHECKING:
     from foldcar.report.page_data import Experiment
 
-# Different messages of failed runs, and skipped cars, that are shown.
+# At most so many different messages of failed runs, and skipped cars, are shown.
 SHOWN = 3
 
 
-def remarks(store: Store, one: "Experiment") -> list[str]:
+def remarks(store: Store, experiment: "Experiment") -> list[str]:
     """Return the remarks on an experiment. Raises StoreError."""
-    info, evidence = one.info, one.evidence
-    ends = dict(zip(OUTCOMES, evidence.outcome_counts.sum(axis=0).tolist(), strict=True))
-    found = stopped_remarks(info)
-    if ends["terminated"] and info.success_defined:
-        found.append(
-            f"The program itself ended {ends['terminated']:,} of {info.stored_runs:,} runs; they count as not passed."
+    info, evidence = experiment.info, experiment.evidence
+    counts = dict(zip(OUTCOMES, evidence.outcome_counts.sum(axis=0).tolist(), strict=True))
+    sentences = stopped_remarks(info)
+    if counts["terminated"] and info.success_defined:
+        sentences.append(
+            f"The program itself ended {counts['terminated']:,} of {info.stored_runs:,} runs; they count as not passed."
         )
     if info.skipped:
         more = f"; and {len(info.skipped) - SHOWN} more" if len(info.skipped) > SHOWN else ""
         shown = "; ".join(info.skipped[:SHOWN]) + more
-        found.append(f"{count(len(info.skipped), 'car')} of the family cannot be built: {shown}.")
-    strange = sum(not in_family(info, trial.vehicle_type, trial.design) for trial in one.trials)
-    if strange:
-        found.append(f"{count(strange, 'trial')} of cars that do not belong to this family count in no rate here.")
-    passed, number = one.columns.simulated_trial_counts.sum(axis=0).tolist()
+        sentences.append(f"{count(len(info.skipped), 'car')} of the family cannot be built: {shown}.")
+    outside = sum(not in_family(info, trial.vehicle_type, trial.design) for trial in experiment.trials)
+    if outside:
+        sentences.append(f"{count(outside, 'trial')} of cars that do not belong to this family count in no rate here.")
+    passed, number = experiment.columns.simulated_trial_counts.sum(axis=0).tolist()
     if number:
-        found.append(f"SIMULATED trials, which count in no rate: {passed} of {number} of simulated cars passed.")
-    simulated = [trial.id for trial in one.trials if trial.standing == SIMULATED]
-    found += trials_in_other_environments([one.elsewhere[at] for at in simulated if at in one.elsewhere], info)
+        sentences.append(f"SIMULATED trials, which count in no rate: {passed} of {number} of simulated cars passed.")
+    simulated = [trial.id for trial in experiment.trials if trial.standing == SIMULATED]
+    sentences += trials_in_other_environments(
+        [experiment.elsewhere[id] for id in simulated if id in experiment.elsewhere], info
+    )
     for calibration in calibrations(store):
         if calibration.experiment == info.id:
             findings = " ".join(calibration.summary["findings"])
-            found.append(f"Calibration {calibration.name} ({calibration.created_utc}, UTC): {findings}")
-    return [*one.selection.remarks, *found, *_failures(store, info, ends["failed"])]
+            sentences.append(f"Calibration {calibration.name} ({calibration.created_utc}, UTC): {findings}")
+    return [*experiment.selection.remarks, *sentences, *_failures(store, info, counts["failed"])]
 
 
 def _failures(store: Store, info: ExperimentInfo, failed: int) -> list[str]:
+    """Return a remark on failed runs, with their messages; an empty list without any."""
     if not failed:
         return []
     messages = store.failures([info.id])
@@ -60,7 +63,7 @@ def _failures(store: Store, info: ExperimentInfo, failed: int) -> list[str]:
 
 
 def stopped_remarks(info: ExperimentInfo) -> list[str]:
-    """How many designs are decided, and how to read their rates; nothing after a sweep of all runs."""
+    """Return remarks on how a search or a stopping rule affects the rates; none after a sweep of all runs."""
     if info.searched:
         early = (
             " It left designs early that did worse than the best: of those that would have ended as good, at most 10 %."
@@ -74,8 +77,8 @@ def stopped_remarks(info: ExperimentInfo) -> list[str]:
     undecided = info.designs - info.decided
     rest = ""
     if undecided:
-        left = f", or left before when those would decide with a chance below {100 * LEAST_CHANCE:g} %"
-        why = left if info.until.thresholds else ""
+        abandoned = f", or left before when those would decide with a chance below {100 * MIN_CHANCE:g} %"
+        why = abandoned if info.until.thresholds else ""
         rest = f"; {undecided} are undecided, simulated in all {info.environments} environments{why}"
     if info.stored_runs < info.planned_runs:
         rest = f"; {undecided} are not yet" if undecided else ""

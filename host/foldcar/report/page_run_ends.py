@@ -1,8 +1,8 @@
 """Compute where the runs that did not pass ended along the way from start to goal, and at which obstacle.
 
 Input: counted runs, their designs' bodies, the sampled scenes. Output: counts and obstacles for the page. A run's place
-is its progress: the distance from start to goal less the distance from the car's middle to the goal at the end (m). A
-run ended at an obstacle if the car stood over it there. Of several such obstacles it is the one nearest to the middle.
+is its progress (m): the distance from start to goal minus the final distance from the car's middle to the goal. A run
+ended at an obstacle if the car stood over it. Of several such obstacles it is the one nearest to the middle.
 """
 
 import json
@@ -25,19 +25,20 @@ from foldcar.store.tables import BY_NAME, DESIGN
 # Widths of bins (m): the narrowest that makes at most MAX_BINS is taken.
 STEPS_M = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
 MAX_BINS = 60
-# More objects are not distinguished.
+# With more objects no obstacles are named.
 MAX_OBSTACLES = 60
-# An obstacle's band leaves out this share of the environments at each end.
+# An obstacle's range omits this fraction of the environments at each end.
 TAIL = 0.05
-# In metres of distance from the car's middle, what a metre of an obstacle's length counts: a pothole before its ground.
+# Of equally near obstacles the shorter one counts, as a pothole in its ground: a metre of length counts as so many metres
+# of distance.
 LENGTH_WEIGHT = 0.001
 
 
 @dataclass(frozen=True)
 class Course:
-    """The way from start to goal in each environment: ``goal_m`` (environments,), NaN where there is no goal.
+    """The straight way from start to goal in each environment; its length is ``goal_m`` (environments,), NaN without.
 
-    Obstacles, arrays (environments, obstacles), reach from ``first_m`` to ``last_m`` along the way and are ``gap_m``
+    Obstacles, arrays (environments, obstacles), reach from ``first_m`` to ``last_m`` along the way. They are ``gap_m``
     beside it, 0 if they lie on it.
     """
 
@@ -56,7 +57,7 @@ class Course:
 
 @dataclass(frozen=True)
 class CarExtents:
-    """How far each design's body reaches from its middle (m), arrays (designs,)."""
+    """The extents of each design's body from its middle (m), arrays (designs,)."""
 
     front_m: NDArray[Any]
     back_m: NDArray[Any]
@@ -65,7 +66,7 @@ class CarExtents:
 
 def read_run_ends(store: Store, info: ExperimentInfo, runs: RunArrays) -> dict[str, Any] | None:
     """Return the page's ``ends`` (see page_data.py) of counted ``runs``, None if there are none. Raises StoreError."""
-    # Progress towards the goal says nothing of a car that is to drive in circles.
+    # Progress towards the goal is meaningless for a car that drives in circles.
     if not info.success_defined or info.yaw_rate_rad_s or not len(runs.design):
         return None
     course = read_course(info.terrain_objects, read_scenes(store, info), info.environments)
@@ -102,19 +103,21 @@ def met_obstacles(
     course: Course, extents: CarExtents, place_m: NDArray[Any], design: NDArray[Any], sample: NDArray[Any]
 ) -> NDArray[Any]:
     """Return the index of the obstacle that each car (cars,) stood over with its middle at ``place_m``; -1 if none."""
-    front_m, back_m, side_m = (each[design] for each in (extents.front_m, extents.back_m, extents.side_m))
+    front_m, back_m, side_m = (values[design] for values in (extents.front_m, extents.back_m, extents.side_m))
     nearest_m, obstacles = numpy.full(len(place_m), numpy.inf), numpy.full(len(place_m), -1)
     for obstacle in range(len(course.names)):
-        first_m, last_m, gap_m = (each[sample, obstacle] for each in (course.first_m, course.last_m, course.gap_m))
+        first_m, last_m, gap_m = (values[sample, obstacle] for values in (course.first_m, course.last_m, course.gap_m))
         over = (place_m + front_m >= first_m) & (place_m - back_m <= last_m) & (gap_m <= side_m)
-        away_m = numpy.maximum(numpy.maximum(first_m - place_m, place_m - last_m), 0) + LENGTH_WEIGHT * (last_m - first_m)
-        nearer = over & (away_m < nearest_m)
-        nearest_m[nearer], obstacles[nearer] = away_m[nearer], obstacle
+        distance_m = numpy.maximum(numpy.maximum(first_m - place_m, place_m - last_m), 0) + LENGTH_WEIGHT * (
+            last_m - first_m
+        )
+        nearer = over & (distance_m < nearest_m)
+        nearest_m[nearer], obstacles[nearer] = distance_m[nearer], obstacle
     return obstacles
 
 
 def _obstacle_rows(course: Course) -> list[dict[str, Any]]:
-    """Return the name of each obstacle, its mean ends (m), and between which places it lies in most environments."""
+    """Return each obstacle's name, its mean ends (m), and the ends of the range that contains it in most environments."""
     return [
         {
             "name": name,
@@ -154,9 +157,9 @@ def _extent_m(
     cos, sin = math.cos(way_rad), math.sin(way_rad)
     ends_m = []
     for piece in pieces:
-        # A hill is taken up to two standard deviations.
-        share = 0.5 if kind_of(piece).shape == "bell" else 1.0
-        length_m, width_m = (share * reach for reach in reach_m(piece))
+        # A bell-shaped hill counts up to two standard deviations.
+        fraction = 0.5 if kind_of(piece).shape == "bell" else 1.0
+        length_m, width_m = (fraction * reach for reach in reach_m(piece))
         turn_rad = piece.get("heading_rad", 0.0) - way_rad
         c, s = abs(math.cos(turn_rad)), abs(math.sin(turn_rad))
         along_m, across_m = length_m * c + width_m * s, length_m * s + width_m * c
@@ -172,8 +175,8 @@ def _extent_m(
 def read_car_extents(store: Store, info: ExperimentInfo) -> CarExtents:
     """Return how far the bodies of the experiment's designs reach. Raises StoreError."""
     bodies = [row["body_id"] for row in store.rows(DESIGN, "WHERE experiment = ? ORDER BY position", info.id)]
-    wanted = set(bodies)
-    by_id = {row["id"]: _reach_m(json.loads(row["json"])) for row in store.rows(BY_NAME["body"]) if row["id"] in wanted}
+    body_ids = set(bodies)
+    by_id = {row["id"]: _reach_m(json.loads(row["json"])) for row in store.rows(BY_NAME["body"]) if row["id"] in body_ids}
     unknown = (numpy.nan,) * 3
     front_m, back_m, side_m = numpy.array([by_id.get(body, unknown) for body in bodies]).reshape(-1, 3).T
     return CarExtents(front_m, back_m, side_m)

@@ -1,4 +1,4 @@
-"""Other simulations of an experiment's cars in its samples: their runs beside its own, and rates corrected by theirs."""
+"""Compare an experiment with other simulations of its cars in its samples, and correct its rates by theirs."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -17,20 +17,17 @@ Columns = list[float | None]
 
 
 def other_simulations(evidence: Evidence, experiments: Sequence[Evidence]) -> list[dict[str, Any]]:
-    """For each other engine or calibration of the same cars in the same samples, what page_data.py calls ``engines``.
-
-    Without runs that both judged there is no entry.
-    """
+    """Return the page's ``engines`` (page_data.py): an entry for each other simulation with runs in common."""
     own_runs, simulations = _passed_runs(evidence), []
     for other in experiments:
         if other.info.id == evidence.info.id or _samples(other.info) != _samples(evidence.info):
             continue
-        place = [other.index_of(design) for design in evidence.family]
+        indices = [other.index_of(design) for design in evidence.family]
         other_runs = _passed_runs(other)
         pairs = [
-            (passed, other_runs[at, sample])
+            (passed, other_runs[index, sample])
             for (design, sample), passed in own_runs.items()
-            if (at := place[design]) is not None and (at, sample) in other_runs
+            if (index := indices[design]) is not None and (index, sample) in other_runs
         ]
         if not pairs:
             continue
@@ -38,9 +35,9 @@ def other_simulations(evidence: Evidence, experiments: Sequence[Evidence]) -> li
         own_passed, passed = (sum(side) for side in zip(*pairs, strict=True))
         text = f"{name}: {passed:,} of the same {len(pairs):,} runs passed, {own_name}: {own_passed:,}"
         if other.info.under == evidence.info.under:
-            alike = 100 * sum(own == others for own, others in pairs) / len(pairs)
-            text += f"; {alike:.1f} % of the runs have the same result in both"
-        counts = [(0, 0) if at is None else tuple(other.run_counts[at].tolist()) for at in place]
+            agreement = 100 * sum(own == others for own, others in pairs) / len(pairs)
+            text += f"; {agreement:.1f} % of the runs have the same result in both"
+        counts = [(0, 0) if index is None else tuple(other.run_counts[index].tolist()) for index in indices]
         columns = {key: [count[k] for count in counts] for k, key in enumerate(("passed", "runs"))}
         engines = engine_of(evidence.info.engine), engine_of(other.info.engine)
         corrected = _corrected(evidence, other) if engines == (MULTIBODY, MUJOCO) else None
@@ -51,37 +48,37 @@ def other_simulations(evidence: Evidence, experiments: Sequence[Evidence]) -> li
 
 
 def _simulation(info: ExperimentInfo, other: ExperimentInfo) -> str:
-    """What tells an experiment's simulation apart from the other's: its engine, or what it was simulated under."""
+    """Name an experiment's simulation by its difference from the other's: its engine, or its calibration."""
     if info.engine != other.engine:
         return engine_title(info.engine) or MULTIBODY
     return info.under or "nominal"
 
 
 def _samples(info: ExperimentInfo) -> tuple[Any, ...]:
-    """What two experiments have in common whose cars and samples are the same."""
-    what = (info.listed_id, info.vehicle_type, info.fixed, info.scenic_program, info.scenic_params, info.seed)
-    return *what, info.condition, info.variation, info.variation_seed, info.success_defined and info.success_rule
+    """Return a key that is equal for two experiments with the same cars and samples."""
+    shared = (info.listed_id, info.vehicle_type, info.fixed, info.scenic_program, info.scenic_params, info.seed)
+    return *shared, info.condition, info.variation, info.variation_seed, info.success_defined and info.success_rule
 
 
 def _passed_runs(evidence: Evidence) -> dict[tuple[int, int], bool]:
-    """Whether each run that counts passed, by its design and sample."""
+    """Return whether each run that counts passed, by design and sample."""
     runs = evidence.runs.counted
     passed = runs.outcome == OUTCOMES.index("passed")
     return dict(zip(zip(runs.design.tolist(), runs.sample.tolist(), strict=True), passed.tolist(), strict=True))
 
 
 def _corrected(evidence: Evidence, other: Evidence) -> dict[str, Columns] | None:
-    """The experiment's rates corrected by the other's runs in the same samples, as columns; None if these are too few."""
+    """Return the experiment's rates corrected by the other's runs in the same samples, as columns; None if too few."""
     belief = evidence.belief
     if belief is None or other.belief is None:
         return None
-    rows = {place: row for row, place in enumerate(other.belief.places.tolist())}
+    rows = {index: row for row, index in enumerate(other.belief.design_indices.tolist())}
     _, columns, other_columns = numpy.intersect1d(belief.samples, other.belief.samples, return_indices=True)
     dear: NDArray[Any] = numpy.full(belief.passed.shape, numpy.nan)
-    for at, design in enumerate(belief.designs):
-        place = other.index_of(design)
-        if place in rows:
-            dear[at, columns] = other.belief.passed[rows[place], other_columns]
+    for row_index, design in enumerate(belief.designs):
+        index = other.index_of(design)
+        if index in rows:
+            dear[row_index, columns] = other.belief.passed[rows[index], other_columns]
     try:
         rates = corrected_rates(belief.parameters, belief.passed, dear)
     except FoldcarError:
@@ -89,6 +86,6 @@ def _corrected(evidence: Evidence, other: Evidence) -> dict[str, Columns] | None
     result: dict[str, Columns] = {}
     for name, values in zip(("rate", "low", "high"), rates, strict=True):
         result[name] = [None] * len(evidence.family)
-        for place, value in zip(belief.places.tolist(), values.tolist(), strict=True):
-            result[name][place] = round(value, 6)
+        for index, value in zip(belief.design_indices.tolist(), values.tolist(), strict=True):
+            result[name][index] = round(value, 6)
     return result

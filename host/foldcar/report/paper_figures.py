@@ -1,7 +1,7 @@
-"""The figures for papers that stand beside the page: which there are, and how they are drawn. Shares are in per cent.
+"""Draw the figures for papers, which are saved with the page. Fractions are in per cent.
 
-Input: what the page's data is made of. Output: drawings in the order in which the page lists them. Where several
-parameters vary, all are of the one smooth model of simulation, over the same combinations of the others: no raw average.
+Input: an experiment's designs and smooth model. Output: drawings in the order in which the page lists them. If several
+parameters vary, all drawings are of the smooth model of simulation, over the same combinations of the other parameters.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -27,17 +27,17 @@ from foldcar.statistics.words import label_and_unit
 
 WIDE_IN, HEIGHT_IN = 7.2, 3.7
 GREEN, BLUE, NAVY, REGION, NOT_RUN = "#62b85f", "#3f7fd0", "#14265c", "#dff1ea", "#e6e6e6"
-# For as many thresholds; for more, evenly from a map of colours.
+# Colours of the publication's figure by number of thresholds; more thresholds take colours of a map.
 PUBLISHED = {1: (NAVY, GREEN), 2: (NAVY, BLUE, GREEN)}
-# More values have no tick each.
-MOST_TICKS = 12
-# Figures of effects in a row, and cells of a map that have room for a number each.
-COLUMNS, MOST_NUMBERS = 3, 150
+# With more values, not each has a tick.
+MAX_TICKS = 12
+# Figures of effects in a row; a map with more cells has no numbers in them.
+COLUMNS, MAX_NUMBERS = 3, 150
 
 
 @dataclass(frozen=True)
 class Drawing:
-    """A figure: the name of its files without suffix, its caption, and what makes it."""
+    """A figure: the name of its files without suffix, its caption, and the function that draws it."""
 
     name: str
     caption: str
@@ -45,9 +45,9 @@ class Drawing:
 
 
 def drawings(
-    designs: DesignColumns, effects: Effects | None, places: Sequence[int], thresholds: Sequence[float]
+    designs: DesignColumns, effects: Effects | None, indices: Sequence[int], thresholds: Sequence[float]
 ) -> Iterator[Drawing]:
-    """The drawings of an experiment, none of a single design; ``effects`` are of the parameters at ``places``."""
+    """Yield the drawings of an experiment; ``effects`` are of the parameters with ``indices``."""
     start = "experiment_" + file_name_part(designs.evidence.info.id)
     judged, run = designs.evidence.info.success_defined, bool(designs.evidence.outcome_counts.any())
     if len(designs.evidence.values) == 1 and (run or designs.evidence.trial_counts.any()):
@@ -61,28 +61,28 @@ def drawings(
             yield Drawing(f"{start}_success_by_{name}", said, partial(draw_success, designs, thresholds))
         if run:
             yield Drawing(f"{start}_outcomes_by_{name}", f"Outcomes by {label}", partial(draw_outcomes, designs))
-    if len(places) > 1 and effects is not None:
+    if len(indices) > 1 and effects is not None:
         said = "Success over each parameter, with 95 % bands of the differences between its values"
-        caption = f"{said}: {over(effects.effect(0), len(places))}, for the first. Thin: single combinations."
-        yield Drawing(f"{start}_effects", caption, partial(draw_effects, designs, effects, places, thresholds))
-        two = [row["parameter"] for row in importance_rows(effects, places)][:2]
-        first, second = (list(designs.evidence.values)[place] for place in two)
+        caption = f"{said}: {over(effects.effect(0), len(indices))}, for the first. Thin: single combinations."
+        yield Drawing(f"{start}_effects", caption, partial(draw_effects, designs, effects, indices, thresholds))
+        two = [row["parameter"] for row in importance_rows(effects, indices)][:2]
+        first, second = (list(designs.evidence.values)[index] for index in two)
         said = f"Success over {label_and_unit(first)[0]} and {label_and_unit(second)[0]} by the smooth model"
         yield Drawing(
             f"{start}_map_by_{first}_and_{second}",
             f"{said}, a mean over the same combinations of the others",
-            partial(draw_map, designs, effects, places, two, thresholds),
+            partial(draw_map, designs, effects, indices, two, thresholds),
         )
 
 
 def axis_label(parameter: str) -> str:
-    """``wheel radius (mm)`` of wheel_radius_mm."""
+    """Return ``wheel radius (mm)`` of wheel_radius_mm."""
     label, unit = label_and_unit(parameter)
     return f"{label} ({unit})" if unit else label
 
 
 def class_colours(thresholds: Sequence[float]) -> Sequence[Any]:
-    """A colour for each class between the thresholds, from the lowest class to the highest."""
+    """Return a colour for each class between the thresholds, from the lowest class to the highest."""
     number = len(thresholds)
     if number in PUBLISHED:
         return PUBLISHED[number]
@@ -90,13 +90,13 @@ def class_colours(thresholds: Sequence[float]) -> Sequence[Any]:
 
 
 def success_colour(success: float, thresholds: Sequence[float]) -> Any:
-    """Of the thresholds 0.5 and 0.75: green above 75 %, blue from 50 to 75 %, navy below 50 %."""
+    """Return the colour of a rate; for thresholds 0.5 and 0.75 navy below 50 %, blue to 75 %, green above."""
     reached = sum(success >= threshold for threshold in thresholds[:-1])
     return class_colours(thresholds)[reached + (success > thresholds[-1])]
 
 
 class Axis:
-    """The values of the one parameter, ascending ``ticks`` with ``step`` between them; ``place`` by a design's index."""
+    """The axis of the only parameter: ascending ``ticks`` with minimum distance ``step``; ``place`` by design index."""
 
     def __init__(self, designs: DesignColumns) -> None:
         ((self.name, self.ticks),) = designs.evidence.values.items()
@@ -104,20 +104,20 @@ class Axis:
         self.step = float(numpy.diff(self.ticks).min()) if len(self.ticks) > 1 else 1.0
 
     def finish(self, axes: Axes) -> None:
-        """Label the axis."""
+        """Set the axis' label, ticks and limits."""
         axes.set_xlabel(axis_label(self.name))
-        if len(self.ticks) <= MOST_TICKS:
+        if len(self.ticks) <= MAX_TICKS:
             axes.set_xticks(self.ticks, [f"{tick:g}" for tick in self.ticks])
         axes.set_xlim(self.ticks[0] - 0.65 * self.step, self.ticks[-1] + 0.65 * self.step)
         axes.grid(axis="x", visible=False)
 
 
 def draw_feasibility(designs: DesignColumns, thresholds: Sequence[float]) -> Figure:
-    """Success of this simulator and of built cars, each with its 95 % band; tinted where a built car's rate reaches."""
+    """Draw success in simulation and of built cars, each with its 95 % band; tint values whose built cars are good."""
     axis, figure = Axis(designs), Figure(figsize=(WIDE_IN, 4.0), layout="constrained")
     axes = figure.subplots()
     simulation, built = (
-        numpy.array(sorted((axis.place[at], *band) for at, band in enumerate(bands) if band), dtype=float)
+        numpy.array(sorted((axis.place[index], *band) for index, band in enumerate(bands) if band), dtype=float)
         .reshape(-1, 4)
         .T
         for bands in (designs.simulation, designs.built)
@@ -137,19 +137,19 @@ def draw_feasibility(designs: DesignColumns, thresholds: Sequence[float]) -> Fig
 
 
 def draw_success(designs: DesignColumns, thresholds: Sequence[float]) -> Figure:
-    """Bars for the runs of simulation in the colours of their classes; diamonds for trials."""
+    """Draw bars for simulated runs in the colours of their classes, and diamonds for trials."""
     axis, figure = Axis(designs), Figure(figsize=(WIDE_IN, HEIGHT_IN), layout="constrained")
     axes = figure.subplots()
     # A white outline keeps the dark error bars visible on navy.
     outline = [withStroke(linewidth=2.2, foreground="white")]
     error_bar = {"elinewidth": 0.9, "capsize": 2.0, "ecolor": INK, "path_effects": outline}
-    for at, ((passed, runs), ends) in enumerate(
+    for index, ((passed, runs), ends) in enumerate(
         zip(designs.evidence.run_counts.tolist(), designs.run_intervals, strict=True)
     ):
         if ends is not None:
             rate = passed / runs
             look: dict[str, Any] = {"color": success_colour(rate, thresholds), "error_kw": error_bar}
-            axes.bar(axis.place[at], 100 * rate, 0.8 * axis.step, yerr=error_percent(rate, ends), **look)
+            axes.bar(axis.place[index], 100 * rate, 0.8 * axis.step, yerr=error_percent(rate, ends), **look)
     _draw_trials(axes, axis, designs, 0.2 * axis.step, -0.2 * axis.step)
     _finish_success(axes, axis, thresholds, f"Mean success over all environments, {designs.interval_name} 95 % intervals")
     limits = [f"{100 * threshold:g}" for threshold in thresholds]
@@ -161,13 +161,13 @@ def draw_success(designs: DesignColumns, thresholds: Sequence[float]) -> Figure:
 
 
 def error_percent(rate: float, ends: tuple[float, float]) -> list[list[float]]:
-    """Distances from the rate down and up to the ends of its interval (percentage points), as matplotlib takes them."""
+    """Return the distances from the rate down and up to the ends of its interval (percentage points), for matplotlib."""
     # Rounding can put an end beyond the rate; matplotlib refuses negative bars.
     return [[max(0.0, 100 * (rate - ends[0]))], [max(0.0, 100 * (ends[1] - rate))]]
 
 
 def _draw_trials(axes: Axes, axis: Axis, designs: DesignColumns, built: float, simulated: float) -> None:
-    """Filled diamonds for trials of built cars, open ones for those of simulated cars, so far beside the designs."""
+    """Draw filled diamonds for trials of built cars and open ones for simulated cars, each with an offset in x."""
     _draw_counts(
         axes, axis, designs.evidence.trial_counts, designs.trial_intervals, "trials", built, fmt="D", color=FAILURE
     )
@@ -176,14 +176,15 @@ def _draw_trials(axes: Axes, axis: Axis, designs: DesignColumns, built: float, s
     _draw_counts(axes, axis, designs.simulated_trial_counts, ends, "simulated trials", simulated, **look)
 
 
-def _draw_counts(axes: Axes, axis: Axis, counts: Any, ends: Any, label: str, beside: float = 0.0, **look: Any) -> None:
-    shown = numpy.flatnonzero(counts[:, 1]).tolist()
-    if not shown:
+def _draw_counts(axes: Axes, axis: Axis, counts: Any, ends: Any, label: str, offset: float = 0.0, **look: Any) -> None:
+    """Draw the rate of each design with trials, with error bars, ``offset`` beside its value."""
+    driven = numpy.flatnonzero(counts[:, 1]).tolist()
+    if not driven:
         return
-    rates = [counts[at, 0] / counts[at, 1] for at in shown]
-    bars = ends and numpy.hstack([error_percent(rate, ends[at]) for rate, at in zip(rates, shown, strict=True)])
+    rates = [counts[index, 0] / counts[index, 1] for index in driven]
+    bars = ends and numpy.hstack([error_percent(rate, ends[index]) for rate, index in zip(rates, driven, strict=True)])
     look = {"markeredgecolor": "white", "markersize": 5.5, "elinewidth": 1.4, "capsize": 3.0, "zorder": 5, **look}
-    x, y = [axis.place[at] + beside for at in shown], [100 * rate for rate in rates]
+    x, y = [axis.place[index] + offset for index in driven], [100 * rate for rate in rates]
     axes.errorbar(x, y, yerr=bars, clip_on=False, label=label, **look)
 
 
@@ -201,13 +202,17 @@ def _mark_thresholds(axes: Axes, thresholds: Sequence[float]) -> None:
 
 
 def draw_outcomes(designs: DesignColumns) -> Figure:
-    """Stacked bars of the share of each outcome, one bar per value."""
+    """Draw the fraction of each outcome as stacked bars, one bar per value."""
     axis, figure = Axis(designs), Figure(figsize=(WIDE_IN, HEIGHT_IN), layout="constrained")
     axes = figure.subplots()
-    run = [at for at in axis.place if designs.evidence.outcome_counts[at].sum()]
-    x, bottom = [axis.place[at] for at in run], numpy.zeros(len(run))
+    with_runs = [index for index in axis.place if designs.evidence.outcome_counts[index].sum()]
+    x, bottom = [axis.place[index] for index in with_runs], numpy.zeros(len(with_runs))
     for code, outcome in enumerate(OUTCOMES):
-        shares = 100 * designs.evidence.outcome_counts[run, code] / designs.evidence.outcome_counts[run].sum(axis=1)
+        shares = (
+            100
+            * designs.evidence.outcome_counts[with_runs, code]
+            / designs.evidence.outcome_counts[with_runs].sum(axis=1)
+        )
         if shares.any():
             look: dict[str, Any] = {"color": OUTCOME_COLOURS[outcome], "edgecolor": "white", "linewidth": 0.3}
             axes.bar(x, shares, 0.8 * axis.step, bottom=bottom, label=OUTCOME_LABELS[outcome], **look)
@@ -220,20 +225,20 @@ def draw_outcomes(designs: DesignColumns) -> Figure:
     return figure
 
 
-def draw_effects(designs: DesignColumns, effects: Effects, places: Sequence[int], thresholds: Sequence[float]) -> Figure:
-    """Success over each parameter with its band, and curves of single combinations of the others."""
-    names = [list(designs.evidence.values)[place] for place in places]
+def draw_effects(designs: DesignColumns, effects: Effects, indices: Sequence[int], thresholds: Sequence[float]) -> Figure:
+    """Draw success over each parameter with its band, and curves of single combinations of the others."""
+    names = [list(designs.evidence.values)[parameter] for parameter in indices]
     rows = -(-len(names) // COLUMNS)
     figure = Figure(figsize=(WIDE_IN, 2.7 * rows + 0.4), layout="constrained")
     grid = figure.subplots(rows, COLUMNS, squeeze=False, sharey=True)
-    for at, (name, axes) in enumerate(zip(names, grid.flat, strict=False)):
-        one = effects.effect(at)
-        axes.plot(one.grid, 100 * one.curves.T, color=INK, linewidth=0.5, alpha=0.3)
-        axes.fill_between(one.grid, 100 * one.low, 100 * one.high, color=ACCENT, alpha=0.25, linewidth=0)
-        axes.plot(one.grid, 100 * one.mean, "o-", color=ACCENT, linewidth=1.6, markersize=3.5)
+    for index, (name, axes) in enumerate(zip(names, grid.flat, strict=False)):
+        effect = effects.effect(index)
+        axes.plot(effect.grid, 100 * effect.curves.T, color=INK, linewidth=0.5, alpha=0.3)
+        axes.fill_between(effect.grid, 100 * effect.low, 100 * effect.high, color=ACCENT, alpha=0.25, linewidth=0)
+        axes.plot(effect.grid, 100 * effect.mean, "o-", color=ACCENT, linewidth=1.6, markersize=3.5)
         _mark_thresholds(axes, thresholds)
         axes.set_xlabel(axis_label(name))
-        axes.set_title(f"{one.combinations} combinations", fontsize=8, fontweight="normal")
+        axes.set_title(f"{effect.combinations} combinations", fontsize=8, fontweight="normal")
     for axes in list(grid.flat)[len(names) :]:
         axes.set_visible(False)
     for axes in grid[:, 0]:
@@ -245,10 +250,14 @@ def draw_effects(designs: DesignColumns, effects: Effects, places: Sequence[int]
 
 
 def draw_map(
-    designs: DesignColumns, effects: Effects, places: Sequence[int], two: Sequence[int], thresholds: Sequence[float]
+    designs: DesignColumns,
+    effects: Effects,
+    indices: Sequence[int],
+    two: Sequence[int],
+    thresholds: Sequence[float],
 ) -> Figure:
-    """A cell for each pair of values that was run, and lines where the model crosses the thresholds; ``two`` places."""
-    x_at, y_at = (list(places).index(place) for place in two)
+    """Draw success over the parameters with the indices ``two``, with lines where the model crosses the thresholds."""
+    x_at, y_at = (list(indices).index(index) for index in two)
     run = numpy.unique(effects.parameters[:, [x_at, y_at]], axis=0)
     xs, ys = (numpy.unique(column) for column in run.T)
     rates, _, _ = effects.standardised((x_at, y_at), run)
@@ -258,22 +267,22 @@ def draw_map(
     axes = figure.subplots()
     axes.set_facecolor(NOT_RUN)
     look: dict[str, Any] = {"cmap": "cividis", "vmin": 0, "vmax": 100, "edgecolors": "white", "linewidth": 0.4}
-    # Cells are of values, which stand in their middles.
+    # Each cell has its pair of values in the middle.
     drawn = axes.pcolormesh(xs, ys, cells, shading="nearest", **look)
-    if cells.size <= MOST_NUMBERS:
+    if cells.size <= MAX_NUMBERS:
         for (row, column), value in numpy.ndenumerate(cells):
             if numpy.isfinite(value):
                 colour = "white" if value < 55 else INK
                 axes.text(xs[column], ys[row], f"{value:.0f}", ha="center", va="center", fontsize=8, color=colour)
-    inside = numpy.ma.masked_invalid(cells)
-    levels = [100 * threshold for threshold in thresholds if inside.min() < 100 * threshold < inside.max()]
+    known = numpy.ma.masked_invalid(cells)
+    levels = [100 * threshold for threshold in thresholds if known.min() < 100 * threshold < known.max()]
     if levels and min(cells.shape) > 1:
-        axes.contour(xs, ys, inside, levels=levels, colors="white", linewidths=1.6)
-    names = [list(designs.evidence.values)[place] for place in two]
+        axes.contour(xs, ys, known, levels=levels, colors="white", linewidths=1.6)
+    names = [list(designs.evidence.values)[index] for index in two]
     axes.set_xlabel(axis_label(names[0]))
     axes.set_ylabel(axis_label(names[1]))
-    axes.set_xticks(xs[:: -(-len(xs) // MOST_TICKS)])
-    axes.set_yticks(ys[:: -(-len(ys) // MOST_TICKS)])
+    axes.set_xticks(xs[:: -(-len(xs) // MAX_TICKS)])
+    axes.set_yticks(ys[:: -(-len(ys) // MAX_TICKS)])
     axes.grid(False)
     axes.set_title("Success over {} and {}".format(*(label_and_unit(name)[0] for name in names)))
     figure.colorbar(drawn, ax=axes, label="passed (%)")

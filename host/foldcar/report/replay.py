@@ -1,12 +1,12 @@
-"""All that a page needs to replay an experiment's runs, and the trials beside them.
+"""Add the replay of an experiment's runs and trials to a page.
 
-Input: an experiment of a store, a carsim. Output: rows of the page's data, and blobs that the page decodes when they are
-wanted: ``runs-DESIGN`` has the paths of a design, ``car-DESIGN`` what is drawn of it, made of ``pieces``,
-``scene-ENVIRONMENT`` a ground, ``trial-NUMBER`` the path of a trial. A dynamic program drives beside the simulation: its
-runs cannot be simulated again from the store, and neither can those of another build.
+Input: an experiment of a store, a carsim. Output: rows of the page's data, and blobs that the page decodes on demand.
+``runs-DESIGN`` has the paths of a design, ``car-DESIGN`` its drawing, made of ``pieces``, ``scene-ENVIRONMENT`` a ground,
+``trial-NUMBER`` the path of a trial.
 
-Paths are those that the sweep kept, else simulated again. A run that then ends otherwise than the stored one is left out
-and counted: a page must never show another one.
+The sweep may have kept the paths. Otherwise the runs are simulated again, which is impossible for another build of carsim
+and for a Scenic program that runs beside the simulation. A run that ends differently from the stored one is left out and
+counted, because a page must never show another run.
 """
 
 import base64
@@ -40,9 +40,9 @@ from foldcar.store.trial_records import Trial
 from foldcar.study.kept_paths import MAX_BYTES, MAX_RUNS, REPLAYED
 
 CHUNK_RUNS = 64
-# Each is a ground on the page.
-MOST_SAMPLES = 200
-# Runs of designs near this rate of success come first.
+# Each sample is a ground on the page.
+MAX_SAMPLES = 200
+# Runs of designs with a rate near this come first.
 THRESHOLD = 0.75
 
 # Design and sample.
@@ -53,14 +53,14 @@ End = tuple[str, float]
 
 @dataclass(frozen=True)
 class KeptPath:
-    """A compact path (docs/carsim.md) of so many rows, in base64."""
+    """A compact path (docs/carsim.md) with its number of rows, in base64."""
 
     rows: int
     text: str
 
     @property
     def content(self) -> bytes:
-        """Its bytes."""
+        """The decoded bytes."""
         return base64.b64decode(self.text)
 
 
@@ -75,9 +75,9 @@ class Paths:
 def choose_runs(
     runs: RunArrays, kept: Collection[Key] = (), most_bytes: int = MAX_BYTES, most_runs: int = MAX_RUNS
 ) -> dict[Key, End]:
-    """The runs to replay in order of design and sample, of the ``kept`` ones if there are any, and how they ended.
+    """Choose the runs to replay, only ``kept`` ones if there are any; return their ends in order of design and sample.
 
-    Each design's first of each ending comes first, then the runs of those designs nearest to THRESHOLD, as many as fit.
+    Each design's first run of each outcome is preferred, then runs of the designs nearest to THRESHOLD, as many as fit.
     """
     time_s = runs.metrics[:, NUMBERS.index("elapsed_time_s")]
     table = pandas.DataFrame({"design": runs.design, "sample": runs.sample, "outcome": runs.outcome, "time_s": time_s})
@@ -89,7 +89,7 @@ def choose_runs(
         table = table[[key in kept for key in zip(table["design"], table["sample"], strict=True)]]
     table["again"] = table.groupby(["design", "outcome"]).cumcount() > 0
     table = table.sort_values(["again", "away", "design", "sample"])
-    table = table[table["sample"].isin(table["sample"].unique()[:MOST_SAMPLES])]
+    table = table[table["sample"].isin(table["sample"].unique()[:MAX_SAMPLES])]
     spent = (ROW_BYTES * (2 + table["time_s"] / KEPT_INTERVAL_S)).cumsum()
     chosen = table[spent <= most_bytes][:most_runs].sort_values(["design", "sample"])
     columns = (chosen[name].tolist() for name in ("design", "sample", "outcome", "time_s"))
@@ -97,10 +97,10 @@ def choose_runs(
 
 
 def kept_paths(drives: StoredDrives) -> dict[Key, KeptPath]:
-    """The paths that the sweep kept. Raises StoreError."""
-    places = {position: place for place, position in enumerate(drives.positions)}
-    found = drives.store.kept_paths(drives.experiment)
-    return {(places[position], sample): KeptPath(rows, text) for position, sample, rows, text in found}
+    """Return the paths that the sweep kept. Raises StoreError."""
+    index_of_position = {position: index for index, position in enumerate(drives.positions)}
+    rows = drives.store.kept_paths(drives.experiment)
+    return {(index_of_position[position], sample): KeptPath(rows, text) for position, sample, rows, text in rows}
 
 
 def simulate_paths(
@@ -110,7 +110,10 @@ def simulate_paths(
     jobs: int,
     done: Callable[[int], None] = lambda runs: None,
 ) -> Paths:
-    """The paths of the ``chosen`` runs; ``done`` is called with the number of runs of each chunk. Raises FoldcarError."""
+    """Simulate the paths of the ``chosen`` runs; call ``done`` with the number of runs of each chunk.
+
+    Raises FoldcarError if the simulator breaks down.
+    """
     paths, keys = Paths(), list(chosen)
     chunks = [keys[start : start + CHUNK_RUNS] for start in range(0, len(keys), CHUNK_RUNS)]
     calls = (_run_call(drives, chunk, carsim) for chunk in chunks)
@@ -125,7 +128,7 @@ def simulate_paths(
 
 
 def _run_call(drives: StoredDrives, chunk: Sequence[Key], carsim: Carsim) -> Callable[[], list[dict[str, Any]]]:
-    """A function, for any thread, that simulates these runs with compact paths and returns carsim's answers."""
+    """Return a function, for any thread, that simulates these runs with compact paths and returns carsim's answers."""
     bodies: dict[str, str] = {}
     scenes: dict[str, str] = {}
     settings: dict[int, str] = {}
@@ -151,7 +154,7 @@ def _body(drives: StoredDrives, body: int, variation: int, carsim: Carsim) -> st
     return json.dumps(vary_body(drives.value("body", body), differences, carsim.limits().numbers))
 
 
-# Of a compact path.
+# Units of a compact path.
 UNITS = {"place_m": PLACE_M, "angle_rad": ANGLE_RAD, "interval_s": KEPT_INTERVAL_S}
 
 Blobs = dict[str, str]
@@ -159,21 +162,24 @@ Blobs = dict[str, str]
 
 @dataclass(frozen=True)
 class Replayer:
-    """``carsim`` gives the simulator with an engine, or why it is missing; ``plan`` and ``done`` get numbers of steps."""
+    """Adds replays to a page.
+
+    ``carsim`` returns the simulator with an engine, or why it is missing. ``plan`` and ``done`` get numbers of steps.
+    """
 
     carsim: Callable[[str], Carsim | str]
     jobs: int = 1
     plan: Callable[[int], None] = lambda steps: None
     done: Callable[[int], None] = lambda steps: None
 
-    def add(self, store: Store, one: Experiment, shown: dict[str, Any], key: str) -> Blobs:
-        """Put the replay of an experiment into its data ``shown``; its blobs by their ids, which begin with ``key``.
+    def add(self, store: Store, experiment: Experiment, shown: dict[str, Any], key: str) -> Blobs:
+        """Add the replay of an experiment to its data ``shown``; return its blobs by their ids, which begin with ``key``.
 
         Raises FoldcarError if the simulator breaks down.
         """
-        if not one.evidence.swept:
+        if not experiment.evidence.swept:
             return {}
-        info, runs, remarks = one.info, one.evidence.runs, shown["remarks"]
+        info, runs, remarks = experiment.info, experiment.evidence.runs, shown["remarks"]
         carsim, drives = self.carsim(info.engine), read_drives(store, info.id)
         kept = kept_paths(drives)
         reason = no_replay_because(info, drives, carsim, bool(kept))
@@ -209,19 +215,19 @@ class Replayer:
                 f"{len(paths.paths)} of the {len(runs.design)} runs can be replayed: every design's first of each "
                 "ending, then the designs nearest to 75 % success, as many as fit into the page."
             )
-        loose = sum(row["environment"] is None for row in shown["trials"])
-        if loose:
+        unplaced = sum(row["environment"] is None for row in shown["trials"])
+        if unplaced:
             remarks.append(
-                f"{loose} of {len(one.trials)} trials do not say in which sampled environment they were driven, so they "
-                "cannot be shown on individual runs."
+                f"{unplaced} of {len(experiment.trials)} trials do not say in which sampled environment they were "
+                "driven, so they cannot be shown on individual runs."
             )
-        for row, trial in zip(shown["trials"], one.trials, strict=True):
+        for row, trial in zip(shown["trials"], experiment.trials, strict=True):
             row["replay"] = _trial(store, blobs, trial)
         shown["replay"] = {"key": key, "units": UNITS}
         return {f"{key}-{name}": text for name, text in blobs.items()}
 
     def _scene_blobs(self, drives: StoredDrives, samples: Sequence[int], carsim: Carsim) -> Blobs:
-        """The ground of each sample: samples of one scene, as of a fixed course, have it computed once."""
+        """Return the ground of each sample; samples with the same scene, as of a fixed course, have it computed once."""
         heights, blobs = carsim_heights(carsim), {}
         texts = {drives.scenes[sample]: drives.value("scene", drives.scenes[sample]) for sample in samples}
         calls = (partial(ground_data, scene, heights, len(texts)) for scene in texts.values())
@@ -233,9 +239,9 @@ class Replayer:
 
 
 def no_replay_because(info: ExperimentInfo, drives: StoredDrives, carsim: Carsim | str, kept: bool) -> str | None:
-    """Why the runs of an experiment cannot be replayed; None if they can: paths are ``kept``, or can be simulated again.
+    """Return why the runs of an experiment cannot be replayed; None if paths are ``kept`` or can be simulated again.
 
-    ``carsim`` may be the reason itself.
+    ``carsim`` is the simulator, or why it is missing.
     """
     if isinstance(carsim, str):
         return carsim
@@ -253,6 +259,7 @@ def no_replay_because(info: ExperimentInfo, drives: StoredDrives, carsim: Carsim
 
 
 def _path_blobs(drives: StoredDrives, paths: Paths, chosen: Mapping[Key, End]) -> Blobs:
+    """Return the paths of each design as one blob."""
     by_design: dict[int, list[Key]] = {}
     for key in paths.paths:
         by_design.setdefault(key[0], []).append(key)
@@ -266,23 +273,23 @@ def _path_blobs(drives: StoredDrives, paths: Paths, chosen: Mapping[Key, End]) -
 
 
 def _car_blobs(info: ExperimentInfo, drives: StoredDrives, designs: Sequence[int], carsim: Carsim) -> Blobs:
-    """What is drawn of each design, and the firmware's pulses, which follow from the settings."""
+    """Return the drawing of each design with the firmware's pulses, which follow from the settings."""
     settings = {drives.settings[design]: drives.value("settings", drives.settings[design]) for design in designs}
     same = carsim.build == info.carsim_build
     trains = dict(zip(settings, ask_pulses(carsim, list(settings.values())), strict=True)) if settings and same else {}
-    shapes, found = SceneShapes(), {}
+    shapes, blobs = SceneShapes(), {}
     for design in designs:
         train = trains.get(drives.settings[design])
         changes = zip(train.times_s, train.widths_us, strict=True) if train else ()
         pulses = [[time_s, *widths] for time_s, widths in changes]
         body = drawn_body(drives.value("body", drives.bodies[design]))
         parts = _parts(info, drives.parameters[design], shapes)
-        found[f"car-{design}"] = blob({"body": body, "parts": parts, "pulses": pulses})
-    return {**found, "pieces": blob(shapes.pieces)}
+        blobs[f"car-{design}"] = blob({"body": body, "parts": parts, "pulses": pulses})
+    return {**blobs, "pieces": blob(shapes.pieces)}
 
 
 def _parts(info: ExperimentInfo, parameters: Mapping[str, Any], shapes: SceneShapes) -> list[dict[str, Any]] | None:
-    """The folded car's parts; None if this foldcar cannot fold it: then the page shows its body's boxes."""
+    """Return the folded car's parts; None if this foldcar cannot fold it, and the page shows its body's boxes."""
     try:
         return shapes.add(folded_car(compose_columns(info.vehicle_type, parameters)))
     except (FoldcarError, ValueError):
@@ -290,22 +297,22 @@ def _parts(info: ExperimentInfo, parameters: Mapping[str, Any], shapes: SceneSha
 
 
 def _trial(store: Store, blobs: Blobs, trial: Trial) -> dict[str, Any]:
-    """What is drawn of a trial; its path is a blob of its own."""
-    found = trial_path(store, trial)
-    if found.path is not None:
-        head = {"hinges": 0, "runs": [[0, found.rows, found.end_s]]}
-        blobs[f"trial-{trial.id}"] = blob(head, found.path)
+    """Return the drawing data of a trial, and add its path to ``blobs``."""
+    stored = trial_path(store, trial)
+    if stored.path is not None:
+        head = {"hinges": 0, "runs": [[0, stored.rows, stored.end_s]]}
+        blobs[f"trial-{trial.id}"] = blob(head, stored.path)
     return {
         "moved": len(trial.deviations),
-        "path": found.path is not None,
-        "attitude": found.attitude,
-        "missing": found.missing,
-        "film_error": found.film_error,
+        "path": stored.path is not None,
+        "attitude": stored.attitude,
+        "missing": stored.missing,
+        "film_error": stored.film_error,
     }
 
 
 def blob(head: Any, content: bytes = b"") -> str:
-    """``head`` as JSON, a line feed and ``content``, as text that is safe inside any element."""
+    """Encode ``head`` as JSON, a line feed and ``content``, as text that is safe inside any HTML element."""
     deflater = zlib.compressobj(9, wbits=-15)
     whole = json.dumps(head, separators=(",", ":"), allow_nan=False).encode() + b"\n" + content
     return base64.b64encode(deflater.compress(whole) + deflater.flush()).decode()

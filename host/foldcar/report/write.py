@@ -1,4 +1,4 @@
-"""Writes a report: all files are written to a temporary folder first and then moved to their places."""
+"""Write a report: all files go to a temporary folder first, then into the folder of the report."""
 
 import tempfile
 from collections.abc import Iterable, Sequence
@@ -31,7 +31,7 @@ def write_report(
     """Write the page and its figures (SVG, PNG, PDF) into ``folder``, replacing those of an earlier report.
 
     ``simulated_trials``: show trials of simulated cars too; ``replayer`` simulates the runs that the page replays;
-    ``thresholds`` are those of :func:`read_experiments`. Returns the page's data, for a summary on the terminal. Raises
+    ``thresholds`` are those of :func:`read_experiments`. Returns the page's data, for a summary on the terminal.
     Raises FoldcarError if there is nothing to report or the folder cannot be written.
     """
     check_output_folder(folder)
@@ -45,7 +45,9 @@ def write_report(
     planned: list[Drawing] = []
     for number, (experiment, shown) in enumerate(zip(experiments, data["experiments"], strict=True)):
         with threadpool_limits(1):
-            own = list(drawings(experiment.columns, experiment.effects, experiment.places, experiment.thresholds))
+            own = list(
+                drawings(experiment.columns, experiment.effects, experiment.parameter_indices, experiment.thresholds)
+            )
         planned += own
         shown["files"] = [[drawing.caption, f"{drawing.name}.svg"] for drawing in own]
         blobs |= replayer.add(store, experiment, shown, f"e{number}")
@@ -54,7 +56,7 @@ def write_report(
             made = Path(temporary)
             _save_figures(planned, made)
             page = web_page("foldcar.report", "study", data=data, blobs=blobs)
-            # Names of files may hold bytes that are no text.
+            # Names of files may contain bytes that are not UTF-8.
             (made / PAGE).write_text(page, encoding="utf-8", errors="backslashreplace")
             folder.mkdir(exist_ok=True)
             # The page is moved last, so that it never refers to missing figures.

@@ -1,14 +1,14 @@
-"""What each of several design parameters does to success, by one smooth model of all of them.
+"""Effects of design parameters on success, by one smooth model of all of them.
 
-A parameter's effect is the mean rate over combinations of the other parameters, the same ones for each of its values
-(partial dependence, Friedman 2001, doi:10.1214/aos/1013203451): those that were run at every value, or where too few
-were, all of them by the model. Raw averages show effects that are none where combinations are unequal. Its importance is
-the share of the variance of success over designs that would go if only it were fixed: Sobol's total index over what was
-run, for combinations that differ in it alone.
+Averages of the runs at each value mislead where the values were run with different combinations of the other parameters.
+So a parameter's effect is its partial dependence (Friedman 2001, doi:10.1214/aos/1013203451): the mean rate over the same
+combinations at each value. These are the combinations that were run at every value, or all if those are too few. A
+parameter's importance is the fraction of the variance of success that would vanish if it were fixed: Sobol's total index
+over the designs that were run.
 
 Runs of different designs in one environment are not independent. The posterior's covariance is therefore the sandwich
-S (M + 1) S (Mueller 2013, doi:10.3982/ECTA9097), S the inverse curvature and M = sum over environments of the outer
-product of the gradients of their log-likelihood: were all runs independent, it would be S on average.
+S (M + 1) S (Mueller 2013, doi:10.3982/ECTA9097). S is the inverse curvature. M is the sum over environments of the outer
+product of the gradients of their log-likelihood. If all runs were independent, the sandwich would be S on average.
 """
 
 from collections.abc import Sequence
@@ -19,27 +19,27 @@ from typing import Any
 import numpy
 from numpy.typing import ArrayLike, NDArray
 
-from foldcar.statistics.gaussian_process import SuccessModel, functions_of, success_model
+from foldcar.statistics.gaussian_process import SuccessModel, basis_functions, success_model
 from foldcar.statistics.rate import check_confidence
 
 DRAWS = 400
-# Fewer environments than these do not tell how runs depend on each other.
-LEAST_ENVIRONMENTS = 5
-# Combinations of the other parameters: at least so many, or else all that were run; at most so many, and curves of them.
-LEAST_COMBINATIONS, MOST_COMBINATIONS, MOST_CURVES = 3, 200, 20
-# Values of a parameter between its ends if it has more of them.
-MOST_VALUES = 40
+# With fewer environments the dependence of runs cannot be estimated.
+MIN_ENVIRONMENTS = 5
+# Combinations of the other parameters: at least this many must have been run at every value; at most this many are
+# averaged, and this many are shown as curves.
+MIN_COMBINATIONS, MAX_COMBINATIONS, MAX_CURVES = 3, 200, 20
+# A parameter with more values is shown at this many between its ends.
+MAX_VALUES = 40
 
 
 @dataclass(frozen=True)
 class Effect:
     """Success over the values ``grid`` (v,): ``mean`` (v,) and ``curves`` (c, v) of single combinations.
 
-    ``low`` and ``high`` (v,) are the 95 % band of the differences between the values: how far success at a value may be
-    above or below the mean over all values, about the mean curve. ``level`` is the 95 % interval of that mean over all
-    values. All values share the environments, so the differences are known better than the level.
-    ``combinations`` of the others are averaged; ``run``: all of them were run at every value, none is the model's alone.
-    ``rises``: how probable it is that the mean at the first value, and at the last, is above that of its neighbour.
+    ``low`` and ``high`` (v,) are the 95 % band of the mean curve's shape: its differences from the mean over all values.
+    ``level`` is the 95 % interval of that mean. All values share the environments, so the shape is known better than the
+    level. ``combinations`` is the number of combinations averaged; ``run`` is whether all were run at every value.
+    ``rises`` are the probabilities that the first value, and the last, has a higher mean than its neighbour.
     """
 
     grid: NDArray[Any]
@@ -55,7 +55,7 @@ class Effect:
 
 @dataclass(frozen=True)
 class Importance:
-    """The share of the variance that one parameter carries, alone or with others, 0 to 1, with its 95 % interval."""
+    """The fraction of the variance due to one parameter, alone or with others, 0 to 1, with its 95 % interval."""
 
     share: float
     low: float
@@ -64,144 +64,154 @@ class Importance:
 
 @dataclass(frozen=True)
 class Effects:
-    """Made by :func:`fit_effects`: ``parameters`` (d, k) of the designs with runs, and draws of the model's factors."""
+    """A fit by :func:`fit_effects`: ``parameters`` (d, k) of the designs with runs, and draws of the model's factors."""
 
     model: SuccessModel
     parameters: NDArray[Any]
     factors: tuple[NDArray[Any], ...]
 
     def rates(self, parameters: NDArray[Any]) -> NDArray[Any]:
-        """Draws (draws, m) of the rates of designs (m, k) within the range of those that were run."""
-        scaled, found = (parameters - self.model.low) / self.model.span, []
+        """Draw the rates (draws, m) of designs (m, k) within the range of those that were run."""
+        scaled, log_odds = (parameters - self.model.low) / self.model.span, []
         random = numpy.random.default_rng(1)
         for candidate, drawn in zip(self.model.candidates, self.factors, strict=True):
-            functions = functions_of(candidate.process, candidate.strength, scaled)
-            left = numpy.sqrt(numpy.maximum(candidate.strength**2 - (functions[:, 1:] ** 2).sum(axis=1), 0))
-            found.append(drawn @ functions.T + left * random.standard_normal((len(drawn), len(scaled))))
-        return numpy.asarray(1 / (1 + numpy.exp(-numpy.concatenate(found))))
+            functions = basis_functions(candidate.process, candidate.strength, scaled)
+            residual_sd = numpy.sqrt(numpy.maximum(candidate.strength**2 - (functions[:, 1:] ** 2).sum(axis=1), 0))
+            log_odds.append(drawn @ functions.T + residual_sd * random.standard_normal((len(drawn), len(scaled))))
+        return numpy.asarray(1 / (1 + numpy.exp(-numpy.concatenate(log_odds))))
 
     def effect(self, parameter: int) -> Effect:
-        """The effect of the parameter with that index."""
+        """Compute the effect of the parameter with that index."""
         values = numpy.unique(self.parameters[:, parameter])
         chosen, run = self._combinations([parameter])
-        grid = values if len(values) <= MOST_VALUES else numpy.linspace(values[0], values[-1], MOST_VALUES)
-        drawn = self._over(chosen, [parameter], grid[:, None])
-        means = drawn.mean(axis=1)
+        grid = values if len(values) <= MAX_VALUES else numpy.linspace(values[0], values[-1], MAX_VALUES)
+        draws = self._draws_over(chosen, [parameter], grid[:, None])
+        means = draws.mean(axis=1)
         level = means.mean(axis=1)
         low, high = level.mean() + numpy.quantile(means - level[:, None], (0.025, 0.975), axis=0)
         lowest, highest = numpy.quantile(level, (0.025, 0.975)).tolist()
-        shown = numpy.unique(numpy.linspace(0, len(chosen) - 1, MOST_CURVES).round().astype(int))
-        curves = numpy.median(drawn[:, shown], axis=0)
+        shown = numpy.unique(numpy.linspace(0, len(chosen) - 1, MAX_CURVES).round().astype(int))
+        curves = numpy.median(draws[:, shown], axis=0)
         first, last = (float((means[:, end] > means[:, inner]).mean()) for end, inner in ((0, 1), (-1, -2)))
         mean = means.mean(axis=0)
         return Effect(grid, mean, low, high, (lowest, highest), curves, len(chosen), run, (first, last))
 
     def standardised(
-        self, places: Sequence[int], values: ArrayLike, confidence: float = 0.95
+        self, indices: Sequence[int], values: ArrayLike, confidence: float = 0.95
     ) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
-        """The rate and its band (rate, low, high), each (m,), at values (m, k) of the parameters at ``places``.
+        """Return the rate and its band (rate, low, high), each (m,), at values (m, k) of the parameters at ``indices``.
 
-        Means over the same combinations of the others, as :class:`Effect`. FoldcarError outside the range of the designs.
+        As in :class:`Effect`, all values have the same combinations of the other parameters. Raises FoldcarError outside
+        the range of the designs.
         """
         check_confidence(confidence)
-        self.model.scaled(values, places)
-        means = self._over(self._combinations(places)[0], places, numpy.asarray(values, dtype=float)).mean(axis=1)
+        self.model.scaled(values, indices)
+        means = self._draws_over(self._combinations(indices)[0], indices, numpy.asarray(values, dtype=float)).mean(axis=1)
         low, high = numpy.quantile(means, [(1 - confidence) / 2, (1 + confidence) / 2], axis=0)
         return means.mean(axis=0), low, high
 
-    def _over(self, chosen: NDArray[Any], places: Sequence[int], values: NDArray[Any]) -> NDArray[Any]:
-        """Draws (draws, combinations, m) at values (m, k) of the parameters at ``places`` with each combination."""
+    def _draws_over(self, chosen: NDArray[Any], indices: Sequence[int], values: NDArray[Any]) -> NDArray[Any]:
+        """Draw rates (draws, combinations, m) at values (m, k) of the parameters at ``indices`` in each combination."""
         points = numpy.repeat(chosen, len(values), axis=0)
-        points[:, list(places)] = numpy.tile(values, (len(chosen), 1))
+        points[:, list(indices)] = numpy.tile(values, (len(chosen), 1))
         return self.rates(points).reshape(-1, len(chosen), len(values))
 
-    def _combinations(self, places: Sequence[int]) -> tuple[NDArray[Any], bool]:
-        """Combinations of the other parameters as designs, and whether each was run at every value of those."""
-        others = numpy.delete(self.parameters, list(places), axis=1)
-        values = len(numpy.unique(self.parameters[:, list(places)], axis=0))
+    def _combinations(self, indices: Sequence[int]) -> tuple[NDArray[Any], bool]:
+        """Return combinations of the other parameters, as designs, and whether each was run at every value of these."""
+        others = numpy.delete(self.parameters, list(indices), axis=1)
+        values = len(numpy.unique(self.parameters[:, list(indices)], axis=0))
         kinds, index, counts = numpy.unique(others, axis=0, return_index=True, return_counts=True)
         whole = index[counts == values]
-        run = len(whole) >= min(LEAST_COMBINATIONS, len(kinds))
+        run = len(whole) >= min(MIN_COMBINATIONS, len(kinds))
         chosen = numpy.sort(whole if run else index)
-        if len(chosen) > MOST_COMBINATIONS:
-            chosen = chosen[numpy.linspace(0, len(chosen) - 1, MOST_COMBINATIONS).round().astype(int)]
+        if len(chosen) > MAX_COMBINATIONS:
+            chosen = chosen[numpy.linspace(0, len(chosen) - 1, MAX_COMBINATIONS).round().astype(int)]
         return self.parameters[chosen].copy(), run
 
     def importance(self) -> list[Importance]:
-        """The importance of each parameter; none where all designs pass alike, so that there is nothing to share."""
-        drawn = self._drawn
+        """Return the importance of each parameter; an empty list if all designs have the same rate."""
+        drawn = self._design_draws
         total = drawn.var(axis=1)
         if numpy.median(total) < 1e-6:
             return []
         result = []
         for parameter in range(self.parameters.shape[1]):
-            shares = self._carried(parameter) / total
+            shares = self._variance_over(parameter) / total
             low, middle, high = numpy.quantile(shares.clip(0, 1), (0.025, 0.5, 0.975))
             result.append(Importance(float(middle), float(low), float(high)))
         return result
 
     @cached_property
-    def _drawn(self) -> NDArray[Any]:
+    def _design_draws(self) -> NDArray[Any]:
         return self.rates(self.parameters)
 
-    def _carried(self, parameter: int) -> NDArray[Any]:
-        """The mean variance (draws,) of the rate over the parameter's values, the other parameters fixed."""
+    def _variance_over(self, parameter: int) -> NDArray[Any]:
+        """Return the mean variance (draws,) of the rate over the parameter's values with the other parameters fixed."""
         others = numpy.delete(self.parameters, parameter, axis=1)
         _, group, counts = numpy.unique(others, axis=0, return_inverse=True, return_counts=True)
         group = group.ravel()
         kept = counts[group] > 1
-        drawn, group = self._drawn[:, kept], group[kept]
+        drawn, group = self._design_draws[:, kept], group[kept]
         if kept.mean() < 0.5:
-            # As good as no two designs differ in it alone: the model's rates at its values.
+            # Too few designs differ in this parameter alone: use the model's rates at its values.
             values = numpy.unique(self.parameters[:, parameter])
             values = values[numpy.unique(numpy.linspace(0, len(values) - 1, 9).round().astype(int))]
-            rows = numpy.unique(numpy.linspace(0, len(others) - 1, MOST_COMBINATIONS).round().astype(int))
+            rows = numpy.unique(numpy.linspace(0, len(others) - 1, MAX_COMBINATIONS).round().astype(int))
             points = numpy.repeat(self.parameters[rows], len(values), axis=0)
             points[:, parameter] = numpy.tile(values, len(rows))
             drawn, group = self.rates(points), numpy.repeat(numpy.arange(len(rows)), len(values))
         sizes = numpy.bincount(group)
         number = numpy.maximum(sizes, 1)
-        first = numpy.array([numpy.bincount(group, row) for row in drawn]) / number
-        second = numpy.array([numpy.bincount(group, row) for row in drawn**2]) / number
-        return numpy.asarray(((second - first**2) * sizes).sum(axis=1) / sizes.sum())
+        mean = numpy.array([numpy.bincount(group, row) for row in drawn]) / number
+        mean_square = numpy.array([numpy.bincount(group, row) for row in drawn**2]) / number
+        return numpy.asarray(((mean_square - mean**2) * sizes).sum(axis=1) / sizes.sum())
 
 
 @dataclass(frozen=True)
 class Standardised:
-    """Success over some of the parameters of :class:`Effects`, those at ``places``."""
+    """Success over some of the parameters of :class:`Effects`, those at ``indices``."""
 
     effects: Effects
-    places: tuple[int, ...]
+    indices: tuple[int, ...]
 
     def rates(self, parameters: ArrayLike, confidence: float = 0.95) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
-        """The rate and its band (rate, low, high), each (m,) and 0 to 1, at parameters (m, k). Raises FoldcarError."""
-        return self.effects.standardised(self.places, parameters, confidence)
+        """Return the rate and its band (rate, low, high), each (m,) and 0 to 1, at parameters (m, k).
+
+        Raises FoldcarError outside the range of the designs.
+        """
+        return self.effects.standardised(self.indices, parameters, confidence)
 
 
 def fit_effects(parameters: ArrayLike, design: ArrayLike, environment: ArrayLike, passed: ArrayLike) -> Effects:
-    """Fit to designs (d, k) and runs (n,): index of the design, of the environment, 1 if passed. Raises FoldcarError."""
+    """Fit the model to designs with ``parameters`` (d, k) and their runs.
+
+    Of each run (n,): index of the design, index of the environment, 1 if it passed. Raises FoldcarError if there are runs
+    of fewer than 4 designs or a parameter does not vary.
+    """
     x = numpy.asarray(parameters, dtype=float)
-    at, where = numpy.asarray(design), numpy.asarray(environment)
+    design_index, environment_index = numpy.asarray(design), numpy.asarray(environment)
     ended = numpy.asarray(passed, dtype=float)
-    counted = numpy.bincount(at, minlength=len(x))
-    model = success_model(x, numpy.bincount(at, ended, minlength=len(x)), counted)
+    counted = numpy.bincount(design_index, minlength=len(x))
+    model = success_model(x, numpy.bincount(design_index, ended, minlength=len(x)), counted)
     scaled = (x - model.low) / model.span
     random, factors = numpy.random.default_rng(0), []
-    _, where = numpy.unique(where, return_inverse=True)
-    clusters = int(where.max()) + 1
+    _, environment_index = numpy.unique(environment_index, return_inverse=True)
+    clusters = int(environment_index.max()) + 1
     for candidate in model.candidates:
         number = max(1, round(DRAWS * candidate.weight))
         noise = random.standard_normal((number, len(candidate.factors.mode)))
-        if clusters < LEAST_ENVIRONMENTS:
+        if clusters < MIN_ENVIRONMENTS:
             factors.append(candidate.factors.mode + noise @ candidate.factors.root.T)
             continue
-        functions = functions_of(candidate.process, candidate.strength, scaled)
-        rest = ended - 1 / (1 + numpy.exp(-(functions @ candidate.factors.mode)))[at]
-        gradients = numpy.array([numpy.bincount(where, column[at] * rest, clusters) for column in functions.T])
+        functions = basis_functions(candidate.process, candidate.strength, scaled)
+        residual = ended - 1 / (1 + numpy.exp(-(functions @ candidate.factors.mode)))[design_index]
+        gradients = numpy.array(
+            [numpy.bincount(environment_index, column[design_index] * residual, clusters) for column in functions.T]
+        )
         gradients -= gradients.mean(axis=1, keepdims=True)
-        # As Student's t: the gradients' spread is known from so many environments.
-        freedom = clusters - 1
-        scale = numpy.sqrt(clusters / random.chisquare(freedom, number))[:, None]
+        # Student's t, because the gradients' covariance is estimated from this many environments.
+        degrees_of_freedom = clusters - 1
+        scale = numpy.sqrt(clusters / random.chisquare(degrees_of_freedom, number))[:, None]
         step = scale * random.standard_normal((number, clusters)) @ gradients.T + noise
         factors.append(candidate.factors.mode + step @ candidate.factors.root @ candidate.factors.root.T)
     return Effects(model, x[counted > 0], tuple(factors))

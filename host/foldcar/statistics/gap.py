@@ -1,6 +1,6 @@
-"""How far simulated and driven success rates, and ranks of designs by them, are apart.
+"""Differences between simulated and driven success rates, and between the ranks of designs by them.
 
-A gap is trials minus simulation: below 0 simulation is optimistic.
+A gap is the trials' rate minus simulation's: if it is negative, simulation is optimistic.
 """
 
 from collections.abc import Sequence
@@ -25,10 +25,9 @@ class Gap:
     confidence: float
 
     def verdict(self, margin: float) -> str:
-        """What the interval says of simulation, if rates that differ by no more than ``margin`` (0 to 1) agree.
+        """Return AGREES if the interval is within ``margin`` (0 to 1), OPTIMISTIC below 0, PESSIMISTIC above 0.
 
-        One of AGREES (all of it within the margin), OPTIMISTIC (all of it below 0), PESSIMISTIC (all of it above 0),
-        else TOO_FEW.
+        Otherwise there were TOO_FEW cars or trials.
         """
         if -margin <= self.low and self.high <= margin:
             return AGREES
@@ -39,7 +38,10 @@ class Gap:
 
 @dataclass(frozen=True)
 class Rates:
-    """Rates of one design in simulation and of built cars, of one confidence; ``correlation`` of paired results, or 0."""
+    """The rates of one design in simulation and of built cars, at one confidence.
+
+    ``correlation`` is that of paired results, 0 if they are not paired.
+    """
 
     simulated: Rate
     driven: Rate
@@ -47,11 +49,12 @@ class Rates:
 
 
 def mean_gap(rates: Sequence[Rates]) -> Gap:
-    """Return the mean over designs, at least one, of the differences of their rates.
+    """Return the mean gap over one or more designs.
 
-    By the square-and-add method (Newcombe 1998, doi:10.1002/(SICI)1097-0258(19980430)17:8<873::AID-SIM779>3.0.CO;2-I; Zou
-    and Donner 2008). Of one design with Wilson's intervals it is Newcombe's hybrid score interval, of pairs his method 10
-    for paired differences (doi:10.1002/(SICI)1097-0258(19981130)17:22<2635::AID-SIM954>3.0.CO;2-C).
+    The interval is by the square-and-add method (Newcombe 1998,
+    doi:10.1002/(SICI)1097-0258(19980430)17:8<873::AID-SIM779>3.0.CO;2-I; Zou and Donner 2008). For one design with
+    Wilson's intervals it is Newcombe's hybrid score interval. For paired results it is his method 10
+    (doi:10.1002/(SICI)1097-0258(19981130)17:22<2635::AID-SIM954>3.0.CO;2-C).
     """
     f, y = (
         numpy.array([(rate.value, rate.low, rate.high) for rate in side])
@@ -86,9 +89,9 @@ def pair_correlation(first: Sequence[bool], second: Sequence[bool]) -> float:
 class RankAgreement:
     """How well simulation ranks ``designs`` that have runs and trials.
 
-    ``mmrv`` is the mean maximum rank violation, 0 to 1, best 0 (Li et al. 2024, SIMPLER, 2405.05941): two designs that
-    simulation ranks otherwise than the trials violate by the difference of their driven rates, and each design counts
-    with its largest violation. None with fewer than two.
+    ``mmrv`` is the mean maximum rank violation, 0 to 1, best 0 (Li et al. 2024, SIMPLER, 2405.05941). If simulation and
+    trials rank two designs differently, the violation is the difference of their driven rates. Each design counts with
+    its largest violation. None with fewer than two designs.
     """
 
     designs: int
@@ -96,9 +99,9 @@ class RankAgreement:
 
 
 def rank_agreement(simulated: ArrayLike, driven: ArrayLike) -> RankAgreement:
-    """The agreement of designs' ranks by their rates, of runs and of trials."""
+    """Compare the ranks of designs by their simulated and their driven rates."""
     f, y = numpy.asarray(simulated, float), numpy.asarray(driven, float)
     if len(f) < 2:
         return RankAgreement(len(f))
-    otherwise = (f[:, None] < f[None, :]) != (y[:, None] < y[None, :])
-    return RankAgreement(len(f), float((numpy.abs(y[:, None] - y[None, :]) * otherwise).max(axis=1).mean()))
+    swapped = (f[:, None] < f[None, :]) != (y[:, None] < y[None, :])
+    return RankAgreement(len(f), float((numpy.abs(y[:, None] - y[None, :]) * swapped).max(axis=1).mean()))

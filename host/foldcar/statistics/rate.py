@@ -1,8 +1,8 @@
-"""Success rates and mean times from independent runs, with the interval that holds for how the runs were stopped.
+"""Success rates and mean times from independent runs, with the interval that suits the stopping rule of the runs.
 
-For a number of runs that was fixed beforehand it is Wilson's, which covers 95 % on average over the true rate, and less
-at some rates; that of means is Clopper and Pearson's, which covers at least 95 % at every rate, and is wider (Brown, Cai
-and DasGupta 2001, doi:10.1214/ss/1009213286). The anytime-valid one holds at whatever number of runs one stops.
+If the number of runs was fixed, the interval is Wilson's. It covers 95 % on average over the true rate, and less at some
+rates. Clopper and Pearson's covers at least 95 % at every rate, and is wider (Brown, Cai and DasGupta 2001,
+doi:10.1214/ss/1009213286). The anytime-valid interval holds whenever the runs are stopped.
 """
 
 import math
@@ -14,19 +14,19 @@ from numpy.typing import ArrayLike, NDArray
 
 from foldcar.errors import FoldcarError
 
-# Parameters of the mixture: with 1/2 the anytime-valid interval is narrow near 0 and 1, where most designs are.
+# The anytime-valid interval mixes rates by Beta(1/2, 1/2): it is narrow near 0 and 1, where most designs are.
 MIXTURE = 0.5
-# Halvings of [0, 1]: the ends are exact to 1e-15.
+# Bisections of [0, 1]: the ends are exact to 1e-15.
 HALVINGS = 50
-# Midpoints of equal parts of a distribution.
-PARTS = (numpy.arange(100) + 0.5) / 100
+# Midpoints of equally probable parts of a distribution.
+MIDPOINTS = (numpy.arange(100) + 0.5) / 100
 
 
 @dataclass(frozen=True)
 class Rate:
     """An estimated success probability; ``value``, ``low``, ``high`` and ``confidence`` are 0 to 1.
 
-    ``method`` says in a reader's words what the interval rests on.
+    ``method`` describes the interval and its data to readers.
     """
 
     value: float
@@ -36,8 +36,11 @@ class Rate:
     method: str
 
     @classmethod
-    def counted(cls, passed: int, runs: int, what: str, stopped: bool = False, confidence: float = 0.95) -> "Rate":
-        """The share of ``runs`` that passed; ``what`` was counted, by a sweep that ``stopped`` when it knew."""
+    def from_counts(cls, passed: int, runs: int, what: str, stopped: bool = False, confidence: float = 0.95) -> "Rate":
+        """Estimate the rate from counts; ``what`` names what was counted; ``stopped``: by a stopping rule.
+
+        Raises FoldcarError if the counts are impossible.
+        """
         low, high = rate_interval(passed, runs, stopped, confidence)
         return cls(passed / runs, low, high, confidence, f"{interval_name(stopped)} interval of {what}")
 
@@ -48,7 +51,7 @@ class Rate:
 
 
 def rate_interval(passed: int, runs: int, stopped: bool = False, confidence: float = 0.95) -> tuple[float, float]:
-    """The interval (low, high) of the rate behind ``passed`` of ``runs``: Wilson's, or the anytime-valid one."""
+    """Return the interval (low, high) of the rate: anytime-valid if a rule ``stopped`` the runs, else Wilson's."""
     if not stopped:
         return wilson_interval(passed, runs, confidence)
     low, high = anytime_interval(passed, runs, confidence)
@@ -56,12 +59,12 @@ def rate_interval(passed: int, runs: int, stopped: bool = False, confidence: flo
 
 
 def interval_name(stopped: bool) -> str:
-    """What :func:`rate_interval` is called."""
+    """Return the name of the interval of :func:`rate_interval`."""
     return "anytime-valid" if stopped else "Wilson"
 
 
 def wilson_interval(successes: int, runs: int, confidence: float = 0.95) -> tuple[float, float]:
-    """Wilson's score interval (low, high), each 0 to 1, for ``successes`` of ``runs`` (1927)."""
+    """Return Wilson's score interval (1927) (low, high), each 0 to 1, for ``successes`` of ``runs``."""
     from scipy.special import ndtri
 
     check_counts(successes, runs)
@@ -74,11 +77,11 @@ def wilson_interval(successes: int, runs: int, confidence: float = 0.95) -> tupl
 
 
 def clopper_pearson_interval(successes: ArrayLike, runs: ArrayLike, confidence: float = 0.95) -> tuple[Any, Any]:
-    """The interval (low, high), each 0 to 1, that covers at least ``confidence`` at every rate (1934); of arrays, too."""
+    """Return Clopper and Pearson's interval (1934) (low, high), each 0 to 1, for numbers or arrays of one shape."""
     from scipy.special import betaincinv
 
     passed, total, tail = numpy.asarray(successes, float), numpy.asarray(runs, float), (1 - confidence) / 2
-    # Where there is no failure, or no success, the quantile is not defined.
+    # The quantile is undefined without failures, or without successes.
     low = betaincinv(numpy.maximum(passed, 1), total - passed + 1, tail)
     high = betaincinv(passed + 1, numpy.maximum(total - passed, 1), 1 - tail)
     return numpy.where(passed > 0, low, 0.0), numpy.where(passed < total, high, 1.0)
@@ -87,13 +90,14 @@ def clopper_pearson_interval(successes: ArrayLike, runs: ArrayLike, confidence: 
 def anytime_interval(
     successes: ArrayLike, runs: ArrayLike, confidence: float = 0.95
 ) -> tuple[NDArray[Any], NDArray[Any]]:
-    """The interval (low, high), each 0 to 1, of the rate behind ``successes`` of ``runs``; arrays of one shape.
+    """Return the anytime-valid interval (low, high), each 0 to 1, for arrays ``successes`` and ``runs`` of one shape.
 
-    Each covers its rate with at least ``confidence`` at all numbers of runs together. Without runs it is 0 to 1.
-    If the rate were p, the likelihood of the runs under a mixture of rates, Beta(1/2, 1/2), divided by that under p would
-    exceed 1/alpha at any time with a probability of at most alpha (Ville's inequality). The interval holds the p at which
-    it does not: the Beta-binomial mixture of Robbins (1970, doi:10.1214/aoms/1177696786), as in Howard et al. (2021,
-    1810.08240). After 100 runs, half of them passed, it is 15 instead of Wilson's 10 percentage points to each side.
+    It covers the rate at all numbers of runs together with at least ``confidence``. Without runs it is 0 to 1.
+    Divide the likelihood of the runs under a mixture of rates, Beta(1/2, 1/2), by that under the true rate. By Ville's
+    inequality this ratio ever exceeds 1/alpha with a probability of at most alpha. The interval is the set of rates at
+    which the ratio is at most 1/alpha (Robbins 1970, doi:10.1214/aoms/1177696786; Howard et al. 2021, 1810.08240). After
+    100 runs, half of them passed, it reaches 15 percentage points to each side; Wilson's reaches 10.
+    Raises FoldcarError if the counts are impossible.
     """
     passed, total = numpy.broadcast_arrays(numpy.asarray(successes, float), numpy.asarray(runs, float))
     if not numpy.all((passed >= 0) & (passed <= total)):
@@ -106,13 +110,14 @@ def anytime_interval(
 def limited_mean(
     crossed: int, runs: int, sum_s: float, sum_squares_s2: float, limit_s: float
 ) -> tuple[float, float, float]:
-    """The restricted mean time and its 95 % interval (mean, low, high), in seconds, of runs whose other ones never cross.
+    """Return the restricted mean time to cross with its 95 % interval (mean, low, high), in seconds.
 
-    Those count with the limit, whenever they ended. From sums over the runs that crossed, of their times and of the
-    squares. The interval is a Bayesian bootstrap (Rubin 1981, doi:10.1214/aos/1176345338) with half a run that crosses at
-    once and half a run that never does: where runs cross at once or never, it is Jeffreys'. In closed form but for one
-    step: the mean time of crossing has a beta distribution of the same mean and variance. Student's t covers too little
-    at ten runs.
+    ``crossed`` of ``runs`` crossed; ``sum_s`` and ``sum_squares_s2`` are sums of their times and of the squares. A run
+    that did not cross counts as ``limit_s``. The interval is a Bayesian bootstrap (Rubin 1981,
+    doi:10.1214/aos/1176345338) with half a run that crosses at time 0 and half a run that never crosses. If all runs
+    cross at time 0 or never, it is Jeffreys'. One step is approximate: the mean time of crossing has a beta distribution
+    of the bootstrap's mean and variance. Student's t would cover too little at ten runs. Raises FoldcarError if counts or
+    times are impossible.
     """
     from scipy.special import betaincinv
 
@@ -120,21 +125,21 @@ def limited_mean(
     if not (limit_s > 0 and 0 <= sum_s <= crossed * limit_s * (1 + 1e-9) and sum_squares_s2 >= 0):
         raise FoldcarError(f"times to cross must be 0 to {limit_s:g} s, the limit")
     mean = (sum_s + (runs - crossed) * limit_s) / runs
-    # By the bootstrap's weights the share that crosses and the mean time of these are independent.
-    shares = betaincinv(crossed + 0.5, runs - crossed + 0.5, PARTS)
+    # Under the bootstrap the fraction that crosses and the mean time of crossing are independent.
+    fractions = betaincinv(crossed + 0.5, runs - crossed + 0.5, MIDPOINTS)
     centre = sum_s / (crossed + 0.5) / limit_s
     variance = (sum_squares_s2 / (crossed + 0.5) / limit_s**2 - centre**2) / (crossed + 1.5)
     crossing = numpy.zeros(1)
     if variance > 0 and 0 < centre < 1:
         strength = centre * (1 - centre) / variance - 1
-        crossing = betaincinv(centre * strength, (1 - centre) * strength, PARTS)
-    means = limit_s * (1 - numpy.outer(shares, 1 - crossing))
+        crossing = betaincinv(centre * strength, (1 - centre) * strength, MIDPOINTS)
+    means = limit_s * (1 - numpy.outer(fractions, 1 - crossing))
     low, high = numpy.quantile(means, [0.025, 0.975], method="hazen")
     return mean, min(float(low), mean), max(float(high), mean)
 
 
 def check_counts(successes: float, runs: float) -> None:
-    """Refuse fewer than one run, and successes outside 0 to ``runs``."""
+    """Raise FoldcarError if there is less than one run, or successes are not 0 to ``runs``."""
     if not runs >= 1:
         raise FoldcarError(f"an interval needs at least 1 run; there are {runs:g}")
     if not 0 <= successes <= runs:
@@ -142,13 +147,13 @@ def check_counts(successes: float, runs: float) -> None:
 
 
 def check_confidence(confidence: float) -> None:
-    """Refuse a confidence that is not between 0 and 1."""
+    """Raise FoldcarError if the confidence is not between 0 and 1."""
     if not 0 < confidence < 1:
         raise FoldcarError(f"confidence must be between 0 and 1, as 0.95; it is {confidence:g}")
 
 
 def _lowest_rate(passed: NDArray[Any], total: NDArray[Any], threshold: float) -> NDArray[Any]:
-    """The lowest rates at which the logarithm of the ratio of likelihoods is at most ``threshold``."""
+    """Return the lowest rates at which the log likelihood ratio is at most ``threshold``."""
     from scipy.special import betaln, xlog1py, xlogy
 
     mixed = betaln(passed + MIXTURE, total - passed + MIXTURE) - betaln(MIXTURE, MIXTURE)

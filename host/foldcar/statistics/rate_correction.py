@@ -1,4 +1,4 @@
-"""Estimates success rates in a slow simulation from many runs in a fast one and few runs in both."""
+"""Estimate success rates in a slow simulation from many runs in a fast one and few runs in both."""
 
 from itertools import product
 from typing import Any
@@ -7,14 +7,14 @@ import numpy
 from numpy.typing import ArrayLike, NDArray
 
 from foldcar.errors import FoldcarError
-from foldcar.statistics.gaussian_process import LENGTHS, MANY_LENGTHS, Matern, shares_of, unit_range
+from foldcar.statistics.gaussian_process import LENGTHS, MANY_LENGTHS, Matern, evidence_weights, unit_range
 from foldcar.statistics.rate import check_confidence
 from foldcar.statistics.smoothed_simulation import smoothed_simulation
 
-# Standard deviations of the difference of rates: of its mean over designs; candidates for its smooth part and for the
-# part of each design alone.
+# Standard deviations of the difference of rates: of its mean over designs, candidates of its smooth part, candidates of
+# the part of each design alone.
 MEAN_DIFFERENCE, SMOOTH_DIFFERENCES, OWN_DIFFERENCES = 0.15, (0.1, 0.2), (0.05, 0.1)
-# A design's variance of differences starts from the mean over designs, which counts as so many runs.
+# The mean variance over designs is the prior of each design's variance, and counts as so many runs.
 POOLED_RUNS = 10
 MIN_VARIANCE = 1e-3
 
@@ -29,44 +29,47 @@ def corrected_rates(
     designs. A design without a run in the cheap simulation has NaN. Raises FoldcarError if fewer than two
     environments have runs in both simulations.
 
-    The rate is the cheap one, smoothed over designs, plus the difference of both. The mean differences d of designs,
-    over the environments with runs in both, are normal with covariance K + S. K is that of the true differences: a
-    constant, a Matern process over designs, a part of each design alone; candidates are weighted by their evidence. S is
-    the noise of few environments: a part of each design alone, and one of all designs, which meet the same environments.
-    The difference is K (K + S)^-1 d.
+    The rate is the cheap one, smoothed over designs, plus the difference of both. The mean differences d of designs, over
+    the environments with runs in both, are normal with covariance K + S. K is the covariance of the true differences: a
+    constant, a Matérn process over designs, a part of each design alone. Candidates are weighted by their evidence. S is
+    the sampling noise: a part of each design alone, and a part of all designs, because they share the environments. The
+    estimated difference is K (K + S)^-1 d.
 
     Example: ``rate, low, high = corrected_rates(widths[:, None], multibody, mujoco)``
     """
     from scipy.special import ndtri
 
     check_confidence(confidence)
-    every = numpy.asarray(parameters, dtype=float)
+    all_parameters = numpy.asarray(parameters, dtype=float)
     cheap, dear = (numpy.asarray(table, dtype=float) for table in (passed_cheap, passed_dear))
-    if cheap.ndim != 2 or cheap.shape != dear.shape or every.shape[:1] != cheap.shape[:1]:
+    if cheap.ndim != 2 or cheap.shape != dear.shape or all_parameters.shape[:1] != cheap.shape[:1]:
         raise FoldcarError("a correction needs two tables of designs and environments that are alike, and parameters")
     present = numpy.isfinite(cheap).any(axis=1)
-    cheap, dear, x = cheap[present], dear[present], every[present]
+    cheap, dear, x = cheap[present], dear[present], all_parameters[present]
     counted = numpy.isfinite(cheap).sum(axis=1)
     simulated = smoothed_simulation(x, numpy.column_stack([numpy.nansum(cheap, axis=1), counted]), cheap)
-    before, low, high = simulated.rates(confidence).T
+    cheap_rate, low, high = simulated.rates(confidence).T
     difference, variance = _differences(x, dear - cheap)
     reach = ndtri((1 + confidence) / 2)
     half = reach * numpy.sqrt(variance + ((high - low) / (2 * reach)) ** 2)
-    rate = before + difference
+    rate = cheap_rate + difference
     answer = numpy.full((3, len(present)), numpy.nan)
     answer[:, present] = numpy.clip([rate, rate - half, rate + half], 0, 1)
     return answer[0], answer[1], answer[2]
 
 
 def _differences(x: NDArray[Any], table: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Mean and variance (designs,) of the true mean differences, by a table (designs, environments) with NaN."""
+    """Estimate the true differences of designs, mean and variance (designs,).
+
+    ``table`` (designs, environments) has the difference of each pair of runs, NaN without one.
+    """
     table = table[:, numpy.isfinite(table).any(axis=0)]
     if table.shape[1] < 2:
         raise FoldcarError("a correction needs runs in both simulations in two environments or more")
-    known = numpy.isfinite(table).any(axis=1)
-    counted = numpy.isfinite(table[known]).sum(axis=1)
-    means = numpy.nanmean(table[known], axis=1)
-    residuals = numpy.where(numpy.isfinite(table[known]), table[known] - means[:, None], 0.0)
+    driven = numpy.isfinite(table).any(axis=1)
+    counted = numpy.isfinite(table[driven]).sum(axis=1)
+    means = numpy.nanmean(table[driven], axis=1)
+    residuals = numpy.where(numpy.isfinite(table[driven]), table[driven] - means[:, None], 0.0)
     squares = (residuals**2).sum(axis=1)
     pooled = max(squares.sum() / max(counted.sum() - len(counted), 1), MIN_VARIANCE)
     own = (squares + POOLED_RUNS * pooled) / (numpy.maximum(counted - 1, 0) + POOLED_RUNS)
@@ -78,12 +81,12 @@ def _differences(x: NDArray[Any], table: NDArray[Any]) -> tuple[NDArray[Any], ND
         smooth = Matern(scaled, length).covariance(scaled, scaled)
         for strength, alone in product(SMOOTH_DIFFERENCES, OWN_DIFFERENCES):
             prior = MEAN_DIFFERENCE**2 + strength**2 * smooth + alone**2 * numpy.eye(len(x))
-            covariance = prior[numpy.ix_(known, known)] + noise
-            gain = numpy.linalg.solve(covariance, prior[known]).T
+            covariance = prior[numpy.ix_(driven, driven)] + noise
+            gain = numpy.linalg.solve(covariance, prior[driven]).T
             fit = numpy.linalg.solve(covariance, means)
             evidence.append(-0.5 * (means @ fit + numpy.linalg.slogdet(covariance)[1]))
             middles.append(gain @ means)
-            variances.append(numpy.diag(prior) - (gain * prior[:, known]).sum(axis=1))
-    weights = shares_of(evidence)
+            variances.append(numpy.diag(prior) - (gain * prior[:, driven]).sum(axis=1))
+    weights = evidence_weights(evidence)
     mean = weights @ numpy.array(middles)
     return mean, weights @ (numpy.array(variances) + (numpy.array(middles) - mean) ** 2)

@@ -1,8 +1,8 @@
-"""Which designs to build first, which to try next, how many trials they need, and in which environments.
+"""Select which designs to build first, which to try next, how many trials they need, and in which environments.
 
-First designs mark the feasible region of simulation: those that reach a threshold of success, for one parameter or for
-several. An edge is a feasible design beside one that is not, the middle is the feasible design farthest from all that are
-not and from the ends of the range. Later ones go by draws of the true rates (:mod:`foldcar.statistics.pooled_bias`).
+A design is feasible if its simulated rate reaches the threshold. The first designs mark the feasible region. An edge is a
+feasible design with an infeasible neighbour. The middle is the feasible design farthest from all infeasible ones and from
+the ends of the range. Later designs are chosen by draws of the true rates (:mod:`foldcar.statistics.pooled_bias`).
 """
 
 import math
@@ -20,11 +20,11 @@ from foldcar.statistics.gaussian_process import unit_range
 MIDDLE, LOWER_EDGE, UPPER_EDGE, EDGE, BELOW, ABOVE, OUTSIDE, BEST, END = (
     "middle", "lower edge", "upper edge", "edge", "below", "above", "outside", "best", "end of the range",
 )  # fmt: skip
-MOST_TRIALS = 10_000
-# The most trials of one car that may stand for a trial of many.
-MOST_EACH = 10
-LEAST_DESIGNS, MOST_WEIGHED = 20, 240_000
-# Numbers of independent trials of one design whose worth is weighed.
+MAX_TRIALS = 10_000
+# At most so many trials of one car are planned for each independent trial that is wanted.
+MAX_EACH = 10
+MIN_DESIGNS, MAX_WEIGHED = 20, 240_000
+# Numbers of further independent trials of one design that are compared by their gain.
 BATCHES = (10, 40)
 # The normal quantile of 0.975.
 Z = 1.959963984540054
@@ -39,12 +39,12 @@ class Placed:
 
 
 def first_designs(parameters: ArrayLike, rates: ArrayLike, uncertainty: ArrayLike, threshold: float) -> list[Placed]:
-    """The designs to build before there are trials, the most useful first.
+    """Choose the designs to build before there are trials, the most useful first.
 
-    ``parameters`` (designs, k), ``rates`` (designs,) of simulation, their ``uncertainty`` (designs,; the larger, the less
-    is known of the border there), ``threshold``: all rates 0 to 1. In order: the middle, the edge whose border is less
-    known, designs outside on both sides, the other edge. Without a feasible design: the best one. Without a border in the
-    range: the middle and the range's ends.
+    ``parameters`` (designs, k); ``rates`` (designs,) of simulation and ``threshold``, 0 to 1; ``uncertainty`` (designs,)
+    of the border at each design. The order is: the middle, the edge with the more uncertain border, designs outside on
+    both sides, the other edge. If no design is feasible, the best is chosen. If all are, the middle and the ends of the
+    range.
     """
     x, p, doubt = (numpy.asarray(values, dtype=float) for values in (parameters, rates, uncertainty))
     feasible, unit = p >= threshold, unit_range(x)
@@ -57,71 +57,74 @@ def first_designs(parameters: ArrayLike, rates: ArrayLike, uncertainty: ArrayLik
         sums = unit.sum(axis=1)
         ends = dict.fromkeys(index for index in (int(sums.argmin()), int(sums.argmax())) if index != middle)
         return [Placed(middle, MIDDLE), *(Placed(index, END) for index in ends)]
-    edges = _opposite(_edges(unit, feasible, step), doubt, unit, middle)
-    outside = _opposite(numpy.flatnonzero(~feasible), -numpy.abs(p - threshold / 2), unit, middle, edges[:1])
+    edges = _opposite_pair(_edges(unit, feasible, step), doubt, unit, middle)
+    outside = _opposite_pair(numpy.flatnonzero(~feasible), -numpy.abs(p - threshold / 2), unit, middle, edges[:1])
     varied = numpy.flatnonzero(numpy.ptp(x, axis=0) > 0)
 
     def place(index: int, low: str, high: str, either: str) -> Placed:
-        """With its side, where one parameter varies."""
+        """Name the side, ``low`` or ``high``, if a single parameter varies."""
         if len(varied) != 1:
             return Placed(index, either)
         return Placed(index, low if x[index, varied[0]] < x[middle, varied[0]] else high)
 
     at_edge = [place(index, LOWER_EDGE, UPPER_EDGE, EDGE) for index in edges]
     beyond = [place(index, BELOW, ABOVE, OUTSIDE) for index in outside]
-    found: dict[int, Placed] = {}
-    for one in (Placed(middle, MIDDLE), *at_edge[:1], *beyond, *at_edge[1:]):
-        found.setdefault(one.index, one)
-    return list(found.values())
+    by_index: dict[int, Placed] = {}
+    for placed in (Placed(middle, MIDDLE), *at_edge[:1], *beyond, *at_edge[1:]):
+        by_index.setdefault(placed.index, placed)
+    return list(by_index.values())
 
 
 def _middle(unit: NDArray[Any], feasible: NDArray[Any], step: NDArray[Any]) -> int:
+    """Return the feasible design that is farthest from infeasible ones and from the ends of the range."""
     ends = numpy.minimum(unit, 1 - unit) + step
     # A parameter that does not vary has no ends.
     depth = numpy.where(numpy.ptp(unit, axis=0) > 0, ends, numpy.inf).min(axis=1, initial=numpy.inf)
     depth = numpy.minimum(depth, _distances(unit, unit[~feasible]).min(axis=1, initial=numpy.inf))
     depth = numpy.where(feasible, depth, -numpy.inf)
-    # Of several equally deep ones the central one.
+    # Of equally deep designs take the central one.
     best = numpy.flatnonzero(depth >= depth.max() - 1e-9)
     return int(best[len(best) // 2])
 
 
 def _edges(unit: NDArray[Any], feasible: NDArray[Any], step: NDArray[Any]) -> NDArray[Any]:
-    """The feasible designs with an infeasible neighbour: one step away along one parameter."""
+    """Return the feasible designs with an infeasible neighbour, which is one step away along one parameter."""
     inside, others = numpy.flatnonzero(feasible), unit[~feasible]
     apart = numpy.abs(unit[inside][:, None] - others[None, :])
     near = ((apart <= 1.01 * step).all(axis=2) & ((apart > 1e-9).sum(axis=2) == 1)).any(axis=1)
-    # On a grid with gaps no neighbour may be there: the feasible design nearest to an infeasible one.
+    # A grid with gaps may lack neighbours: then take the feasible design nearest to an infeasible one.
     return inside[near] if near.any() else inside[[int(_distances(unit[inside], others).min(axis=1).argmin())]]
 
 
-def _distances(one: NDArray[Any], other: NDArray[Any]) -> NDArray[Any]:
-    return numpy.asarray(numpy.sqrt(((one[:, None] - other[None, :]) ** 2).sum(axis=2)))
+def _distances(first: NDArray[Any], second: NDArray[Any]) -> NDArray[Any]:
+    return numpy.asarray(numpy.sqrt(((first[:, None] - second[None, :]) ** 2).sum(axis=2)))
 
 
-def _opposite(
+def _opposite_pair(
     indices: NDArray[Any], score: NDArray[Any], unit: NDArray[Any], middle: int, apart_from: Sequence[int] = ()
 ) -> list[int]:
-    """Two of the highest score, the first opposite of ``apart_from`` as seen from the middle, the second of the first."""
+    """Choose two designs of the highest score that lie opposite each other, as seen from the middle.
+
+    The first lies opposite the last of ``apart_from``, if possible.
+    """
     chosen: list[int] = []
     before = list(apart_from)
     for _ in range(min(2, len(indices))):
-        left = numpy.array([index for index in indices if index not in chosen])
+        candidates = numpy.array([index for index in indices if index not in chosen])
         if before:
-            opposite = (unit[left] - unit[middle]) @ (unit[before[-1]] - unit[middle]) < 0
-            left = left[opposite] if opposite.any() else left
-        chosen.append(int(left[score[left].argmax()]))
+            opposite = (unit[candidates] - unit[middle]) @ (unit[before[-1]] - unit[middle]) < 0
+            candidates = candidates[opposite] if opposite.any() else candidates
+        chosen.append(int(candidates[score[candidates].argmax()]))
         before = list(chosen)
     return chosen
 
 
 @dataclass(frozen=True)
 class Value:
-    """What more trials of each design (designs,) are worth on average, 0 to 1.
+    """The expected gain from more trials of each design (designs,), 0 to 1.
 
-    ``choice``: by how much more the design that is best then would pass than the one that is best now (the knowledge
-    gradient, Frazier, Powell and Dayanik 2008). ``threshold``: by how much smaller the share of designs would be that are
-    put on the wrong side of the threshold.
+    ``choice`` is the gain in the rate of the design believed best (the knowledge gradient, Frazier, Powell and Dayanik
+    2008). ``threshold`` is the decrease of the fraction of designs put on the wrong side of the threshold.
     """
 
     choice: NDArray[Any]
@@ -129,9 +132,9 @@ class Value:
 
 
 def value_of_trials(draws: ArrayLike, threshold: float, trials: int, zone: float = 0.0) -> Value:
-    """The value of ``trials`` trials of each design, over how many of them would pass; ``draws`` (draws, designs).
+    """Compute the expected gain of ``trials`` further trials of each design, from ``draws`` (draws, designs) of its rate.
 
-    Within ``zone`` of the threshold (0 to 1) no side is wrong.
+    Designs within ``zone`` of the threshold (0 to 1) are on the right side in any case.
     """
     from scipy.special import gammaln
 
@@ -154,24 +157,24 @@ def value_of_trials(draws: ArrayLike, threshold: float, trials: int, zone: float
 
 
 def gain_per_hour(draws: ArrayLike, threshold: float, zone: float, work_min: ArrayLike) -> float:
-    """What an hour of work wins at most, 0 to 1: the :class:`Value` of one design's trials by their time.
+    """Return the greatest expected gain of an hour of work, 0 to 1: the :class:`Value` of one design's trials per hour.
 
-    ``work_min`` (BATCHES, designs): the minutes that so many further independent trials of each design take, cars that
-    are to be built for them among these (:func:`least_effort`). The best of several numbers of trials: one trial may be
-    worth nothing where many are (Frazier and Powell 2010, doi:10.1287/deca.1100.0188). Of a small family a design is a
-    share of 1/LEAST_DESIGNS.
+    ``work_min`` (BATCHES, designs) are the minutes that the further independent trials of each design take, with the
+    building of cars (:func:`least_effort`). Several numbers of trials are compared, because one trial may be worth
+    nothing where many are worth something (Frazier and Powell 2010, doi:10.1287/deca.1100.0188). In a small family a
+    design counts as 1/MIN_DESIGNS of it.
     """
-    p, found = numpy.asarray(draws, dtype=float), []
+    p, gains = numpy.asarray(draws, dtype=float), []
     number = p.shape[1]
     for trials, minutes in zip(BATCHES, numpy.asarray(work_min), strict=True):
-        # Of many designs some draws are enough.
-        value = value_of_trials(p[:: max(1, p.size // MOST_WEIGHED)], threshold, trials, zone)
-        worth = value.choice + value.threshold * number / max(number, LEAST_DESIGNS)
-        found.append((60 * worth / minutes).max())
-    return float(max(found))
+        # For many designs a part of the draws is enough.
+        value = value_of_trials(p[:: max(1, p.size // MAX_WEIGHED)], threshold, trials, zone)
+        worth = value.choice + value.threshold * number / max(number, MIN_DESIGNS)
+        gains.append((60 * worth / minutes).max())
+    return float(max(gains))
 
 
-def choose(
+def choose_designs(
     draws: ArrayLike,
     threshold: float,
     trials: int,
@@ -180,30 +183,30 @@ def choose(
     near: NDArray[Any] | None = None,
     zone: float = 0.0,
 ) -> list[int]:
-    """Up to ``number`` more designs, first those whose trials are worth most beside those of the ``chosen`` ones.
+    """Choose up to ``number`` further designs by the expected gain of their trials, beside those ``chosen`` already.
 
-    What two tell alike counts once: a design whose rate goes with a chosen one's counts by the rest of its variance. With
-    ``near`` (designs, designs), which says what neighbours are, none is a neighbour of another, and only the threshold
-    counts, not which design is best.
+    A gain counts by the fraction of the design's variance that the chosen designs do not predict. With ``near`` (designs,
+    designs), which marks neighbours, no two neighbours are chosen, and only the threshold counts, not which design is
+    best.
     """
     p = numpy.asarray(draws, dtype=float)
-    # Where nothing is worth a trial the least known designs come first.
+    # If no design has a gain, the designs least predicted by the others come first.
     worth = value_of_trials(p, threshold, trials, zone)
     value = worth.threshold + 1e-9 + (worth.choice if near is None else 0.0)
-    found = list(chosen)
-    while len(found) < min(len(chosen) + number, p.shape[1]):
-        left = value * _unexplained(p, found)
-        left[found] = -numpy.inf
+    indices = list(chosen)
+    while len(indices) < min(len(chosen) + number, p.shape[1]):
+        score = value * _residual_variance_share(p, indices)
+        score[indices] = -numpy.inf
         if near is not None:
-            left[near[found].any(axis=0)] = -numpy.inf
-            if numpy.isinf(left).all():
+            score[near[indices].any(axis=0)] = -numpy.inf
+            if numpy.isinf(score).all():
                 break
-        found.append(int(left.argmax()))
-    return found[len(chosen) :]
+        indices.append(int(score.argmax()))
+    return indices[len(chosen) :]
 
 
-def _unexplained(draws: NDArray[Any], chosen: Sequence[int]) -> NDArray[Any]:
-    """The share of each design's variance (designs,) that a linear regression on the chosen designs leaves."""
+def _residual_variance_share(draws: NDArray[Any], chosen: Sequence[int]) -> NDArray[Any]:
+    """Return the residual fraction of each design's variance (designs,) after regression on the chosen designs."""
     if not chosen:
         return numpy.ones(draws.shape[1])
     centred = draws - draws.mean(axis=0)
@@ -214,43 +217,42 @@ def _unexplained(draws: NDArray[Any], chosen: Sequence[int]) -> NDArray[Any]:
 
 
 def trials_needed(rates: ArrayLike, half_width: float) -> int:
-    """How many trials make Wilson's 95 % interval as narrow as ``half_width`` (0 to 0.5), on average over ``rates``.
+    """Return how many trials narrow Wilson's 95 % interval to ``half_width`` (0 to 0.5), on average over ``rates``.
 
-    At most MOST_TRIALS.
+    At most MAX_TRIALS.
     """
     p = numpy.asarray(rates, dtype=float).ravel()
-    return bisect_left(range(MOST_TRIALS), -half_width, lo=1, key=lambda number: -_mean_half_width(p, number))
+    return bisect_left(range(MAX_TRIALS), -half_width, lo=1, key=lambda number: -_mean_half_width(p, number))
 
 
-def trials_to_tell(rates: ArrayLike, threshold: float) -> int:
-    """How many trials tell, as likely as not, on which side of the threshold a rate is: the median over ``rates``.
+def trials_to_decide(rates: ArrayLike, threshold: float) -> int:
+    """Return how many trials decide on which side of the threshold a rate is: the median over ``rates``.
 
-    The score test tells (95 %) if the share p of n trials is so far off that n > z² t (1 - t) / (p - t)². At most
-    MOST_TRIALS.
+    For n trials with a passed fraction p, the score test decides (95 %) if n > z² t (1 - t) / (p - t)². At most
+    MAX_TRIALS.
     """
     apart = numpy.abs(numpy.asarray(rates, dtype=float) - threshold)
     needed = Z**2 * threshold * (1 - threshold) / numpy.maximum(apart, 1e-9) ** 2
-    return min(MOST_TRIALS, int(numpy.median(needed)) + 1)
+    return min(MAX_TRIALS, int(numpy.median(needed)) + 1)
 
 
 @dataclass(frozen=True)
 class Effort:
-    """``cars`` to build and ``trials`` to drive from now on; each car has ``each`` in the end, or more already."""
+    """Further ``cars`` to build and ``trials`` to drive; in the end each car has at least ``each`` trials."""
 
     cars: int
     trials: int
     each: int
 
     def work_min(self, car_min: float, trial_min: float) -> float:
-        """How many minutes that takes, by those of a car and of a trial."""
+        """Return the minutes of work, given those of a car and of a trial."""
         return self.cars * car_min + self.trials * trial_min
 
 
 def correlation_within_cars(rates: ArrayLike, car_sd: float) -> float:
-    """The correlation of two trials of one car: the part of a trial's variance that lies between cars of a design.
+    """Return the intraclass correlation of trials: the fraction of their variance that lies between cars of a design.
 
-    A car passes with log-odds that are normal over cars, of deviation ``car_sd``; a design's rate, one of ``rates``, is
-    the mean of its cars'. By quadrature.
+    The log-odds of a design's cars are normal with deviation ``car_sd``; the mean rate of its cars is one of ``rates``.
     """
     p = numpy.asarray(rates, dtype=float).ravel().clip(1e-6, 1 - 1e-6)
     nodes, weights = numpy.polynomial.hermite_e.hermegauss(40)
@@ -261,10 +263,10 @@ def correlation_within_cars(rates: ArrayLike, car_sd: float) -> float:
 
 
 def independent_trials(done: ArrayLike, correlation: float) -> Any:
-    """As how many independent trials those of each car (..., cars) count together, by the ``correlation`` within cars.
+    """Return the number of independent trials that equals ``done`` trials of each car (..., cars).
 
-    m cars with n trials each give a design's rate a variance of p (1 - p) (1 + (n - 1) ρ) / (m n) (Kish 1965, design
-    effect).
+    m cars with n trials each give a design's rate a variance of p (1 - p) (1 + (n - 1) ρ) / (m n), where ρ is the
+    ``correlation`` within cars (Kish 1965, design effect).
     """
     number = numpy.asarray(done, dtype=float)
     return (number / (1 + (number - 1) * correlation)).sum(axis=-1)
@@ -273,15 +275,15 @@ def independent_trials(done: ArrayLike, correlation: float) -> Any:
 def least_effort(
     independent: float, correlation: float, car_min: float, trial_min: float, done: Sequence[int] = ()
 ) -> Effort:
-    """The quickest way to know a design's rate as well as from so many ``independent`` trials, each of another car.
+    """Find the quickest way to know a design's rate as well as from ``independent`` trials of different cars.
 
-    ``correlation`` is that within cars, below 1, ``done`` trials of each car that is built; a further one takes
+    ``correlation`` is that within cars, below 1. ``done`` are the trials of each car built so far. A further car takes
     ``car_min`` minutes, a trial ``trial_min``.
     """
-    each = numpy.arange(1, MOST_EACH * math.ceil(independent) + 1)[:, None]
+    each = numpy.arange(1, MAX_EACH * math.ceil(independent) + 1)[:, None]
     built = numpy.array(done, dtype=int)[None]
-    left = independent - independent_trials(numpy.maximum(each, built), correlation)
-    cars = numpy.ceil(left / independent_trials(each, correlation) - 1e-9).clip(0).astype(int)
+    missing = independent - independent_trials(numpy.maximum(each, built), correlation)
+    cars = numpy.ceil(missing / independent_trials(each, correlation) - 1e-9).clip(0).astype(int)
     trials = cars * each[:, 0] + (each - built).clip(0).sum(axis=1)
     best = int((cars * car_min + trials * trial_min).argmin())
     return Effort(int(cars[best]), int(trials[best]), int(each[best, 0]))
@@ -290,63 +292,63 @@ def least_effort(
 def further_effort(
     further: int, correlation: float, car_min: float, trial_min: float, done: Sequence[int] = (), least: int = 0
 ) -> Effort:
-    """The quickest way to so many ``further`` independent trials, or to ``least`` in all; else as least_effort."""
+    """Find the quickest way to ``further`` independent trials, and to at least ``least`` in all; see least_effort."""
     wanted = max(least, independent_trials(done, correlation) + further)
     return least_effort(wanted, correlation, car_min, trial_min, done)
 
 
 def _mean_half_width(rates: NDArray[Any], number: int) -> float:
-    """The mean over rates of the half-width of Wilson's interval when a share of the rate has passed."""
+    """Return the mean half-width of Wilson's interval over ``rates``, if the passed fraction equals the rate."""
     widths = numpy.sqrt(rates * (1 - rates) / number + (Z / (2 * number)) ** 2) * Z / (1 + Z**2 / number)
     return float(widths.mean())
 
 
-def telling_environments(passed: ArrayLike, number: int, met: Collection[int] = ()) -> list[int]:
-    """Environments that represent all, and in which simulation tells the designs apart as often as may be.
+def informative_environments(passed: ArrayLike, number: int, met: Collection[int] = ()) -> list[int]:
+    """Choose environments that represent all of them, and in which the designs' simulated results differ.
 
-    ``passed`` (designs, environments): simulation's results, NaN where there is none; ``met`` are not chosen again. Each
-    choice brings the designs' shares of passed runs nearest to those of all environments; of equally good ones the one in
-    which the designs differ most. So trials in them are not of harder or easier environments than the others.
-    Deterministic. The telling ones stand first.
+    ``passed`` (designs, environments) are simulation's results, NaN without one; environments in ``met`` are excluded.
+    Each choice brings the designs' passed fractions nearest to those over all environments. So the chosen environments
+    are neither harder nor easier than the others. Of equally good environments the one in which designs differ most is
+    chosen. Returns indices, the most informative first; deterministic.
     """
     table = numpy.asarray(passed, dtype=float)
-    known = ~numpy.isnan(table).any(axis=0)
-    free = [index for index in numpy.flatnonzero(known) if index not in met]
-    if not free:
+    complete = ~numpy.isnan(table).any(axis=0)
+    available = [index for index in numpy.flatnonzero(complete) if index not in met]
+    if not available:
         return []
-    shares = table[:, known].mean(axis=1)
+    fractions = table[:, complete].mean(axis=1)
     spread = table.std(axis=0)
     chosen: list[int] = []
     total = numpy.zeros(len(table))
-    for size in range(1, min(number, len(free)) + 1):
-        left = numpy.array([index for index in free if index not in chosen])
-        off = (((total[:, None] + table[:, left]) / size - shares[:, None]) ** 2).sum(axis=0)
+    for size in range(1, min(number, len(available)) + 1):
+        candidates = numpy.array([index for index in available if index not in chosen])
+        errors = (((total[:, None] + table[:, candidates]) / size - fractions[:, None]) ** 2).sum(axis=0)
         # Differences below a tenth of an environment count as equal.
-        order = numpy.lexsort((left, -spread[left], numpy.round(off * size**2, 1)))
-        chosen.append(int(left[order[0]]))
+        order = numpy.lexsort((candidates, -spread[candidates], numpy.round(errors * size**2, 1)))
+        chosen.append(int(candidates[order[0]]))
         total = total + table[:, chosen[-1]]
     return sorted(chosen, key=lambda index: (-spread[index], index))
 
 
-def honest_best(passed: ArrayLike) -> tuple[int, int, int]:
-    """The best design in simulation, and how many of how many runs it passed in environments that did not choose it.
+def split_sample_best(passed: ArrayLike) -> tuple[int, int, int]:
+    """Return the index of the best design in simulation, how many runs it passed, and of how many.
 
-    ``passed`` (designs, environments), NaN where there is no run. Every second environment chooses, the others count: the
-    rate of the best of many in the environments that chose it is too high.
+    ``passed`` (designs, environments), NaN without a run. The rate of the best of many is biased upwards in the
+    environments that chose it. So every second environment chooses, and only the others count.
     """
     table = numpy.asarray(passed, dtype=float)
     choosing, counting = table[:, 0::2], table[:, 1::2]
-    known = (~numpy.isnan(choosing)).sum(axis=1)
-    shares = (numpy.nansum(choosing, axis=1) + 0.5) / (known + 1)
-    # Of equally good ones the middle one: neighbours that are as good make it a safer choice.
-    ties = numpy.flatnonzero(shares >= shares.max() - 1e-12)
+    counts = (~numpy.isnan(choosing)).sum(axis=1)
+    rates = (numpy.nansum(choosing, axis=1) + 0.5) / (counts + 1)
+    # Of equally good designs take the middle one: neighbours that are as good make it a safer choice.
+    ties = numpy.flatnonzero(rates >= rates.max() - 1e-12)
     best = int(ties[len(ties) // 2])
     counted = counting[best][~numpy.isnan(counting[best])]
     return best, int(counted.sum()), len(counted)
 
 
 def expected_loss(draws: ArrayLike) -> tuple[int, float]:
-    """The design of the highest mean rate, and by how much the truly best one passes more often, 0 to 1, on average."""
+    """Return the design of the highest mean rate, and its expected loss, 0 to 1, against the truly best design."""
     p = numpy.asarray(draws, dtype=float)
     best = int(numpy.argmax(p.mean(axis=0)))
     return best, float((p.max(axis=1) - p[:, best]).mean())

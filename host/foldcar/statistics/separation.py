@@ -1,19 +1,19 @@
 """Measure which values of the environment separate runs that passed from runs that failed.
 
-Of two runs of one design, one passed and one failed, with what probability does the passed one have the greater value?
-Twice that less 1 is Somers' D (1962, doi:10.2307/2090408), -1 to 1: 0 if the value tells nothing, and 2 AUC - 1 where
-there is one design. Designs that always pass or always fail say nothing.
+Take two runs of one design, of which one passed and one failed. Let q be the probability that the passed run has the
+greater value. Somers' D (1962, doi:10.2307/2090408) is 2 q - 1, from -1 to 1. It is 0 if the value is uninformative; for
+a single design it equals 2 AUC - 1. Designs that always pass or always fail do not count.
 
-All designs share the environments, so chance is that of which environment has which values. It is measured by permuting
-the environments' values, those of all columns together. D reaches r = c standard deviations of its permutations with
-c the 95 % quantile of the largest such deviation of any column, so that all intervals hold together (Westfall and Young's
-max T, 1993). The interval is tanh(artanh D ± artanh r): like a correlation's, it is narrower far from 0 (Fisher's z).
+The null distribution of D comes from permuting the environments, with all columns together, because all designs share
+them. The critical value is r = c standard deviations of the permutations. c is the 95 % quantile of the largest
+standardised deviation of any column, so all intervals hold together (Westfall and Young's max T, 1993). The interval is
+tanh(artanh D ± artanh r): like a correlation's, it is narrower far from 0 (Fisher's z).
 
-With S_ij the sign of the difference of two environments' values and A_ij how many more designs passed in i and failed in
-j than the other way round, D is the sum of A_ij S_ij over all i < j, divided by the number of pairs. Where each design
-was run in every environment, A_ij = w_i - w_j with w_i the designs that passed in i, and the sum is that of w_i s_i, with
-s_i the sum of S_ij over j: permutations cost no more than a product of matrices. Elsewhere w is fitted by least squares,
-and what it leaves of A adds its variance, a third of its sum of squares, to that of the sum.
+Let S_ij be the sign of the difference of two environments' values. Let A_ij be the number of designs that passed in i and
+failed in j, minus the reverse. D is the sum of A_ij S_ij over all i < j, divided by the number of pairs. If each design
+was run in every environment, A_ij = w_i - w_j, where w_i designs passed in i. Then the sum is that of w_i s_i, with s_i
+the sum of S_ij over j, so all permutations are one product of matrices. Otherwise w is fitted by least squares. The
+residual of A adds a third of its sum of squares to the variance of the sum.
 """
 
 from dataclasses import dataclass
@@ -22,10 +22,10 @@ from typing import Any
 import numpy
 from numpy.typing import ArrayLike, NDArray
 
-# Fewer environments say nothing of their values.
-LEAST_ENVIRONMENTS = 8
-# Of more environments so many are compared, evenly chosen: all pairs are counted.
-MOST_ENVIRONMENTS = 2000
+# With fewer environments no column is measured.
+MIN_ENVIRONMENTS = 8
+# At most so many environments, evenly chosen, are compared, because the work grows with the number of pairs.
+MAX_ENVIRONMENTS = 2000
 PERMUTATIONS = 999
 # Artanh of 1 is infinite.
 MAX_SHARE = 1 - 1e-9
@@ -33,9 +33,10 @@ MAX_SHARE = 1 - 1e-9
 
 @dataclass(frozen=True)
 class Separation:
-    """Somers' ``difference``, -1 to 1: above 0 runs pass at greater values. Intervals of all columns hold together.
+    """Somers' D of a column, ``difference``, -1 to 1: above 0 runs pass at greater values.
 
-    ``share`` is its magnitude, 0 to 1, with its interval ``low`` to ``high``; a value tells something if low is above 0.
+    ``share`` is its magnitude, 0 to 1, with the interval ``low`` to ``high``. A value is informative if low is above 0.
+    The intervals of all columns hold together.
     """
 
     column: int
@@ -45,61 +46,68 @@ class Separation:
 
     @property
     def share(self) -> float:
-        """How well the value separates, 0 to 1."""
+        """How well the value separates passed from failed runs, 0 to 1."""
         return abs(self.difference)
 
 
 def separations(values: ArrayLike, design: ArrayLike, environment: ArrayLike, passed: ArrayLike) -> list[Separation]:
     """Return how well each column of ``values`` (environments, columns; NaN where unknown) separates, the best first.
 
-    Runs (n,): index of the design, of the environment, 1 if passed. A column is left out where fewer than
-    LEAST_ENVIRONMENTS have it, or where nothing passed or nothing failed.
+    Of each run (n,): index of the design, index of the environment, 1 if it passed. A column is left out if fewer than
+    MIN_ENVIRONMENTS have a value, or if all runs passed or all failed.
     """
     table = numpy.asarray(values, dtype=float)
-    at, where, ended = numpy.asarray(design), numpy.asarray(environment), numpy.asarray(passed, dtype=bool)
-    if not len(at) or not table.size:
+    design_index, environment_index, has_passed = (
+        numpy.asarray(design),
+        numpy.asarray(environment),
+        numpy.asarray(passed, dtype=bool),
+    )
+    if not len(design_index) or not table.size:
         return []
-    chosen = numpy.unique(where)
-    if len(chosen) > MOST_ENVIRONMENTS:
-        chosen = chosen[numpy.linspace(0, len(chosen) - 1, MOST_ENVIRONMENTS).round().astype(int)]
-    kept = numpy.isin(where, chosen)
-    where = numpy.searchsorted(chosen, where[kept])
-    _, at = numpy.unique(at[kept], return_inverse=True)
-    table, ended = table[chosen], ended[kept]
-    good, bad = (numpy.zeros((at.max() + 1, len(chosen)), dtype=numpy.float32) for _ in range(2))
-    good[at[ended], where[ended]], bad[at[~ended], where[~ended]] = 1, 1
-    # Of how many designs the run passed in one environment (rows) and failed in the other (columns).
+    chosen = numpy.unique(environment_index)
+    if len(chosen) > MAX_ENVIRONMENTS:
+        chosen = chosen[numpy.linspace(0, len(chosen) - 1, MAX_ENVIRONMENTS).round().astype(int)]
+    kept = numpy.isin(environment_index, chosen)
+    environment_index = numpy.searchsorted(chosen, environment_index[kept])
+    _, design_index = numpy.unique(design_index[kept], return_inverse=True)
+    table, has_passed = table[chosen], has_passed[kept]
+    good, bad = (numpy.zeros((design_index.max() + 1, len(chosen)), dtype=numpy.float32) for _ in range(2))
+    (
+        good[design_index[has_passed], environment_index[has_passed]],
+        bad[design_index[~has_passed], environment_index[~has_passed]],
+    ) = 1, 1
+    # The number of designs that passed in one environment (rows) and failed in the other (columns).
     pairs = good.T @ bad
-    more = pairs - pairs.T
+    excess = pairs - pairs.T
     columns, differences, totals, scores = [], [], [], []
-    for column, some in enumerate(table.T):
-        known = ~numpy.isnan(some)
-        total = float(known @ pairs @ known)
-        if known.sum() < LEAST_ENVIRONMENTS or numpy.ptp(some[known]) == 0 or not total:
+    for column, column_values in enumerate(table.T):
+        present = ~numpy.isnan(column_values)
+        total = float(present @ pairs @ present)
+        if present.sum() < MIN_ENVIRONMENTS or numpy.ptp(column_values[present]) == 0 or not total:
             continue
-        ranks = numpy.unique(some, return_inverse=True)[1].astype(numpy.float32)
+        ranks = numpy.unique(column_values, return_inverse=True)[1].astype(numpy.float32)
         signs = numpy.sign(ranks[:, None] - ranks[None, :])
-        signs[~known], signs[:, ~known] = 0, 0
+        signs[~present], signs[:, ~present] = 0, 0
         columns.append(column)
         totals.append(total)
-        differences.append(float((more * signs).sum(dtype=float)) / 2 / total)
+        differences.append(float((excess * signs).sum(dtype=float)) / 2 / total)
         scores.append(signs.sum(axis=1, dtype=float))
     if not columns:
         return []
     separations = []
-    reaches = _reaches(numpy.array(scores).T, more) / numpy.array(totals)
-    for column, difference, reach in zip(columns, differences, reaches.tolist(), strict=True):
-        middle, half = numpy.arctanh(numpy.minimum([abs(difference), reach], MAX_SHARE))
+    critical_values = _critical_values(numpy.array(scores).T, excess) / numpy.array(totals)
+    for column, difference, critical_value in zip(columns, differences, critical_values.tolist(), strict=True):
+        middle, half = numpy.arctanh(numpy.minimum([abs(difference), critical_value], MAX_SHARE))
         # The interval of the magnitude, from that of the difference.
         low, high = max(0.0, float(numpy.tanh(middle - half))), float(numpy.tanh(middle + half))
         separations.append(Separation(column, difference, low, high))
     return sorted(separations, key=lambda separation: -separation.share)
 
 
-def _reaches(scores: NDArray[Any], more: NDArray[Any]) -> NDArray[Any]:
-    """Return how far chance takes each column's sum of A_ij S_ij: ``scores`` (environments, columns), A."""
-    weights = more.mean(axis=1, dtype=float)
-    residual = (more - weights[:, None] + weights[None, :]) / numpy.sqrt(2)
+def _critical_values(scores: NDArray[Any], excess: NDArray[Any]) -> NDArray[Any]:
+    """Return the critical value of each column's sum of A_ij S_ij, given s (environments, columns) and A."""
+    weights = excess.mean(axis=1, dtype=float)
+    residual = (excess - weights[:, None] + weights[None, :]) / numpy.sqrt(2)
     random = numpy.random.default_rng(0)
     orders = random.permuted(numpy.tile(numpy.arange(len(weights)), (PERMUTATIONS, 1)), axis=1)
     sums = weights[orders] @ scores
@@ -110,7 +118,7 @@ def _reaches(scores: NDArray[Any], more: NDArray[Any]) -> NDArray[Any]:
 
 @dataclass(frozen=True)
 class Bin:
-    """Runs at values from ``first`` to ``last``: how many, and how many of them passed."""
+    """Runs at values from ``first`` to ``last``: their number, and the number that passed."""
 
     first: float
     last: float
@@ -119,18 +127,20 @@ class Bin:
 
 
 def binned(values: ArrayLike, environment: ArrayLike, passed: ArrayLike, most: int = 8) -> list[Bin]:
-    """Runs by the value (environments,) of their environment, in at most ``most`` bins of as many environments each."""
-    some, where = numpy.asarray(values, dtype=float), numpy.asarray(environment)
-    ended = numpy.asarray(passed, dtype=float)
-    known = some[~numpy.isnan(some)]
-    kinds = numpy.unique(known)
-    edges = kinds if len(kinds) <= most else numpy.unique(numpy.quantile(known, numpy.linspace(0, 1, most + 1)[:-1]))
-    place = numpy.searchsorted(edges, some, side="right") - 1
+    """Count runs by the value (environments,) of their environment, in at most ``most`` bins of equal size."""
+    value, environment_index = numpy.asarray(values, dtype=float), numpy.asarray(environment)
+    has_passed = numpy.asarray(passed, dtype=float)
+    present = value[~numpy.isnan(value)]
+    kinds = numpy.unique(present)
+    edges = kinds if len(kinds) <= most else numpy.unique(numpy.quantile(present, numpy.linspace(0, 1, most + 1)[:-1]))
+    place = numpy.searchsorted(edges, value, side="right") - 1
     result = []
     for at in range(len(edges)):
-        inside = (place == at) & ~numpy.isnan(some)
-        runs = inside[where]
+        inside = (place == at) & ~numpy.isnan(value)
+        runs = inside[environment_index]
         if runs.any():
-            held = some[inside]
-            result.append(Bin(float(held.min()), float(held.max()), int(runs.sum()), int(ended[runs].sum())))
+            bin_values = value[inside]
+            result.append(
+                Bin(float(bin_values.min()), float(bin_values.max()), int(runs.sum()), int(has_passed[runs].sum()))
+            )
     return result

@@ -1,4 +1,4 @@
-"""Stopping rules: when the runs of a design suffice, for `foldcar sweep --until` and `foldcar optimize`."""
+"""Stopping rules: whether a design has enough runs, for `foldcar sweep --until` and `foldcar optimize`."""
 
 import math
 from collections.abc import Mapping
@@ -11,12 +11,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from foldcar.statistics.rate import anytime_interval
 
-# A design is left undecided when the runs that it may still get would decide it with a lower chance.
-LEAST_CHANCE = 0.02
+# A design gets no further runs if these would decide it with a lower probability.
+MIN_CHANCE = 0.02
 NEAR_HORIZON = 10
-# Parts of the greatest stake that are betted against a design.
+# Fractions of the greatest possible stake, in bets that a design is not worse.
 STAKES = numpy.arange(1, 10)[:, None] / 10
-# Of sums of losses (shares, seconds or joules).
+# Rounding error of sums of losses (rates, seconds or joules).
 ROUNDING = 1e-9
 
 
@@ -24,8 +24,8 @@ ROUNDING = 1e-9
 class StoppingRule:
     """A design is decided when its anytime-valid interval is narrow enough, or on one side of every threshold.
 
-    Shares are 0 to 1: ``half_width`` is the greatest half of an interval's width, None where ``thresholds``, in ascending
-    order, decide. The ``confidence`` is that of each design by itself.
+    ``half_width`` (0 to 1) is half of the widest interval that decides; None if ``thresholds`` (0 to 1, ascending)
+    decide. The ``confidence`` is that of a single design.
     """
 
     half_width: float | None
@@ -33,7 +33,7 @@ class StoppingRule:
     confidence: float = 0.95
 
     def decided(self, successes: ArrayLike, runs: ArrayLike) -> NDArray[Any]:
-        """Whether each of the designs (designs,) is decided."""
+        """Return whether each design (designs,) is decided."""
         low, high = anytime_interval(successes, runs, self.confidence)
         if self.half_width is not None:
             return numpy.asarray((high - low) / 2 <= self.half_width)
@@ -41,9 +41,9 @@ class StoppingRule:
         return numpy.asarray(numpy.all(sides, axis=0))
 
     def chance(self, rates: ArrayLike, masses: ArrayLike, passed: int, runs: int, then: int) -> float:
-        """The chance that the design is decided after ``then`` runs, of which ``runs`` are made.
+        """Return the probability that the design is decided after ``then`` runs, given ``passed`` of ``runs`` so far.
 
-        Its rate is one of ``rates`` with ``masses``, both (rates,).
+        Its rate is one of ``rates`` with probabilities ``masses``, both (rates,).
         """
         from scipy.stats import binom
 
@@ -53,24 +53,24 @@ class StoppingRule:
         return float(numpy.asarray(masses) @ likely)
 
     def hopeless(self, passed: int, runs: int, most: int) -> bool:
-        """Whether ``most`` runs of a design would decide it with a chance below LEAST_CHANCE, by its ``runs`` alone.
+        """Return whether ``most`` runs of a design would decide it with a probability below MIN_CHANCE.
 
-        Jeffreys' prior. Only of thresholds: an interval that does not reach a width becomes narrower all the same.
+        By its ``runs`` so far and Jeffreys' prior. Never for a ``half_width``: further runs always narrow the interval.
         """
         if self.half_width is not None:
             return False
-        # The near horizon spares the far one, whose table is long.
+        # The near horizon is checked first, because the far one needs a long table.
         horizons = (min(most, NEAR_HORIZON * (runs + 1)), most)
-        return all(_later_chance(self, passed, runs, then) < LEAST_CHANCE for then in horizons)
+        return all(_later_chance(self, passed, runs, then) < MIN_CHANCE for then in horizons)
 
     @classmethod
     def from_facts(cls, facts: Mapping[str, Any]) -> "StoppingRule":
-        """The rule as a store keeps it in JSON: an object of its fields."""
+        """Make the rule from its fields, as a store keeps them in JSON."""
         return cls(**{**facts, "thresholds": tuple(facts["thresholds"])})
 
     @property
     def text(self) -> str:
-        """What makes a design decided, as a clause: ``its 95 % interval is …``."""
+        """The condition for a design to be decided, as a clause: ``its 95 % interval is …``."""
         interval = f"its {100 * self.confidence:g} % interval"
         if self.half_width is not None:
             return f"{interval} is at most {100 * self.half_width:g} percentage points to each side"
@@ -80,13 +80,13 @@ class StoppingRule:
 
 @lru_cache(maxsize=256)
 def _decided(rule: StoppingRule, runs: int) -> NDArray[Any]:
-    """Whether 0 to ``runs`` passed runs decide a design."""
+    """Return whether a design is decided with 0, 1, … ``runs`` passed runs (runs + 1,)."""
     return rule.decided(numpy.arange(runs + 1), runs)
 
 
 @lru_cache(maxsize=4096)
 def _later_chance(rule: StoppingRule, passed: int, runs: int, then: int) -> float:
-    """The chance that the design is decided after ``then`` runs, by Jeffreys' prior."""
+    """Return the probability that the design is decided after ``then`` runs, by Jeffreys' prior."""
     from scipy.stats import betabinom
 
     new = numpy.arange(then - runs + 1)
@@ -95,20 +95,22 @@ def _later_chance(rule: StoppingRule, passed: int, runs: int, then: int) -> floa
 
 
 def evidence_of_worse(excess: ArrayLike, number: int, most_better: float) -> float:
-    """How strongly a design's first runs say that it ends worse than another over ``number`` environments.
+    """Return the evidence that a design ends worse than another over ``number`` environments, as a betting score.
 
-    ``excess`` (n,): its loss less the other's in the environments so far, which are in random order; none is below
-    -``most_better``. If the sum over all environments were 0 or less, this number would reach 1/risk at any time with a
-    probability of at most ``risk``. In the symbols below, x_i being the excess in environment i of N and b
-    ``most_better``, the mean of x_i given those before would then be at most μ_i = -(x_1 + … + x_(i-1)) / (N - i + 1). So
-    Π (1 + c (x_i - μ_i) / (b + μ_i)) is a supermartingale for each stake c of 0 to 1, and so is its mean over STAKES
-    (Ville's inequality; Waudby-Smith and Ramdas 2020, 2006.04347). Infinite where what is left cannot make up for it.
+    ``excess`` (n,) is its loss minus the other's in the environments so far, in random order; at least -``most_better``.
+    If the sum over all environments is 0 or less, the score ever reaches 1/risk with a probability of at most ``risk``.
+    It is infinite if the remaining environments cannot bring the sum down to 0.
+
+    Let x_i be the excess in environment i of N, and b ``most_better``. If the sum is at most 0, the mean of x_i given
+    those before is at most μ_i = -(x_1 + … + x_(i-1)) / (N - i + 1). So Π (1 + c (x_i - μ_i) / (b + μ_i)) is a
+    supermartingale for each stake c of 0 to 1, and so is its mean over STAKES (Ville's inequality; Waudby-Smith and
+    Ramdas 2020, 2006.04347).
     """
     x = numpy.asarray(excess, dtype=float)
     before = numpy.cumsum(x) - x
     mean = -before / (number - numpy.arange(len(x)))
     room = most_better + mean
-    # Without room every environment left must be -b, or the sum is above 0.
+    # Without room every remaining excess must be -b, or the sum is above 0.
     if ((room < ROUNDING) & (x - mean > ROUNDING)).any():
         return math.inf
     gains = numpy.divide(x - mean, room, out=numpy.zeros(len(x)), where=room >= ROUNDING)

@@ -12,7 +12,7 @@ COLUMN_UNITS = {
 
 
 def design_text(design: Mapping[str, float | str]) -> str:
-    """A design by the given parameters: the value with its unit; with names if there are several or it has no unit."""
+    """Describe a design: ``95 mm``; with names if there are several parameters or it has no unit."""
     if not design:
         return "the design"
     parts = {name: value_text(name, value) for name, value in design.items()}
@@ -23,7 +23,7 @@ def design_text(design: Mapping[str, float | str]) -> str:
 
 
 def value_text(name: str, value: float | str | None) -> str:
-    """The value of the parameter ``name`` with its unit."""
+    """Return the value of the parameter ``name`` with its unit; ``unknown`` for None."""
     if value is None:
         return "unknown"
     unit = label_and_unit(name)[1]
@@ -31,14 +31,14 @@ def value_text(name: str, value: float | str | None) -> str:
 
 
 def label_and_unit(name: str) -> tuple[str, str]:
-    """What a column is called, and its unit: ``wheel radius`` and ``mm`` of wheel_radius_mm; no unit is empty."""
+    """Return a column's label and unit: ``wheel radius`` and ``mm`` of wheel_radius_mm; "" if it has no unit."""
     stem = next((end for end in COLUMN_UNITS if name.endswith(f"_{end}")), "")
     label = name.removesuffix(f"_{stem}") if stem else name
     return label.replace("_", " "), COLUMN_UNITS.get(stem, "")
 
 
 def percent(share: float) -> str:
-    """A share of 0 to 1 in whole per cent; what is not quite none or all is said so."""
+    """Return a fraction of 0 to 1 in whole per cent; ``below 0.5 %`` and ``above 99.5 %`` near the ends."""
     if 0 < share < 0.005:
         return "below 0.5 %"
     if 0.995 < share < 1:
@@ -47,25 +47,25 @@ def percent(share: float) -> str:
 
 
 def rate_text(rate: float, low: float, high: float) -> str:
-    """A rate of 0 to 1 with its interval: ``70 % (40 % to 89 %)``."""
+    """Return a rate of 0 to 1 with its interval: ``70 % (40 % to 89 %)``."""
     return f"{percent(rate)} ({percent(low)} to {percent(high)})"
 
 
 def points(difference: float, sign: bool = True) -> str:
-    """A difference of shares in whole points, with a sign: ``-30``."""
+    """Return a difference of rates in whole percentage points, with a sign: ``-30``."""
     return f"{100 * difference:+.0f}" if sign and round(100 * difference) else f"{abs(100 * difference):.0f}"
 
 
 def span_text(name: str, first: float, last: float) -> str:
-    """A range of values of the parameter ``name``: ``75 to 150 mm``; the one value if it is one."""
+    """Return a range of values of the parameter ``name``: ``75 to 150 mm``; ``75 mm`` if both ends are equal."""
     low, high = value_text(name, first), value_text(name, last)
     return low if low == high else f"{first:g} to {high}"
 
 
 def listed(names: Iterable[str]) -> str:
-    """``a``, ``a and b``, ``a, b and c``; numbers with one unit share it: ``95, 115 and 180 mm``.
+    """Return ``a``, ``a and b``, ``a, b and c``; ``none`` without names.
 
-    Names that have commas themselves are set apart by semicolons: ``a, b; c, d``.
+    Numbers with one unit share it: ``95, 115 and 180 mm``. Names with commas are separated by semicolons: ``a, b; c, d``.
     """
     texts = _sharing_unit(list(names))
     if len(texts) > 1 and any("," in text for text in texts):
@@ -74,14 +74,14 @@ def listed(names: Iterable[str]) -> str:
 
 
 def count(number: int, noun: str) -> str:
-    """``1 trial``, ``2 trials``."""
+    """Return ``1 trial``, ``2 trials``."""
     return f"{number:,} {noun}{'' if number == 1 else 's'}"
 
 
 def duration_text(seconds: float) -> str:
-    """``12 s``, ``3 min``, ``5.5 h``, ``4.2 days``."""
-    for unit, length_s, most in (("s", 1, 100), ("min", 60, 100), ("h", 3600, 48)):
-        if seconds < most * length_s:
+    """Return ``12 s``, ``3 min``, ``5.5 h``, ``4.2 days``."""
+    for unit, length_s, maximum in (("s", 1, 100), ("min", 60, 100), ("h", 3600, 48)):
+        if seconds < maximum * length_s:
             return f"{seconds / length_s:.2g} {unit}"
     return f"{seconds / 86400:,.1f} days"
 
@@ -94,7 +94,7 @@ def _sharing_unit(texts: Sequence[str]) -> list[str]:
 
 
 def rank_text(ranks: RankAgreement | None) -> str | None:
-    """How well simulation ranks the driven designs; None for fewer than two."""
+    """Return a sentence on how well simulation ranks the driven designs; None for fewer than two."""
     if ranks is None or ranks.mmrv is None:
         return None
     return f"Over {ranks.designs} designs: mean maximum rank violation {ranks.mmrv:.2f}."

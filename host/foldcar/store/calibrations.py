@@ -137,6 +137,7 @@ def new_calibration(
 
 
 def _read(path: Path, row: Row, builds: Mapping[int, str]) -> Calibration:
+    """Read a calibration from its row. Raises StoreError if its build is missing."""
     if row["build_id"] not in builds:
         raise StoreError(f"{path}: build (id={row['build_id']}) is missing")
     return Calibration(

@@ -297,7 +297,7 @@ def _close_writing(path: Path, connection: sqlite3.Connection, status: os.stat_r
 
 @contextlib.contextmanager
 def _transaction(connection: sqlite3.Connection) -> Iterator[None]:
-    """Commit everything in the block, or nothing."""
+    """Commit the block's changes. Raises StoreError if the file was moved or deleted meanwhile."""
     connection.execute("BEGIN IMMEDIATE")
     try:
         yield

@@ -112,6 +112,7 @@ def _frame(store: Store, name: str) -> pd.DataFrame:
 
 
 def _read_runs(store: Store, name: str) -> RunArrays:
+    """Read an experiment's runs into arrays. Raises StoreError if a design is missing."""
     codes = {outcome: code for code, outcome in enumerate(OUTCOMES)}
     metric_columns = [RUN_CELLS.index(metric) for metric in NUMBERS]
     outcome_column = RUN_CELLS.index("outcome")

@@ -165,6 +165,7 @@ class Store:
         return self.once(("trials here", info.id), lambda: self._trials_here(info))
 
     def _trials_here(self, info: ExperimentInfo) -> set[int]:
+        """Return the numbers of trials whose scenes are those of the experiment's samples."""
         here = self._environment_id(info)
         trials = list(self.rows(TRIAL, "WHERE experiment = ? AND environment_id IS NOT NULL", info.listed_id))
         elsewhere = any(row["environment_id"] != here for row in trials)
@@ -291,6 +292,7 @@ class Store:
         return types
 
     def _results(self, name: str) -> Iterator[Result]:
+        """Yield the results of an experiment's runs with their recorded values."""
         experiment = self._experiment(name)
         designs = self.designs(name)
         with_recorded = self.holds_recorded()
@@ -321,6 +323,7 @@ class Store:
         return self.rows(RECORDED, f"WHERE {where} ORDER BY name", *(run[column] for column in RUN.key))
 
     def _experiments(self) -> Iterator[ExperimentInfo]:
+        """Yield the swept experiments with their counts."""
         builds = {row["id"]: row["name"] for row in self.rows(BY_NAME["build"])}
         for row in self.rows(EXPERIMENT, "ORDER BY position"):
             counts, facts = self.design_counts(row["id"]), self._facts(row)

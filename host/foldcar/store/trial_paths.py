@@ -70,6 +70,7 @@ def _logged(store: Store, trial: Trial) -> Rows | TrialPath:
 
 
 def _reported_path(messages: list[Any], start_s: float) -> Rows | None:
+    """Return the true path that a simulated car reported; None without one."""
     rows = {}
     end_s = LONGEST_S
     for message in messages:
@@ -113,6 +114,7 @@ def _compacted(rows: Rows) -> TrialPath:
 
 
 def _attitudes(messages: list[Any], start_s: float) -> TrialPath:
+    """Return pitch and roll of a built car with an IMU, or the reason why there is no path."""
     attitudes = [
         (round(message.time_boot_ms / 1000 - start_s, 3), round(message.pitch, 3), round(message.roll, 3))
         for message in messages

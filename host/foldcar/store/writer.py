@@ -124,6 +124,7 @@ class StoreWriter(StoreConnection):
             self._put_design(experiment, position, design)
 
     def _put_design(self, experiment: str, position: int, design: PlannedDesign) -> None:
+        """Store a design with its body and settings."""
         row = {
             "experiment": experiment,
             "position": position,

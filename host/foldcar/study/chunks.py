@@ -160,6 +160,7 @@ class ChunkPool:
             yield from self._collect()
 
     def _submit(self) -> None:
+        """Start the runs of the chunk that is being filled."""
         runs, self._chunk = self._chunk, []
         runner = self._runner
         assert runner is not None, "runs are added inside `using`"
@@ -200,6 +201,7 @@ class ChunkPool:
         }
 
     def _collect(self) -> Iterator[list[FinishedRun]]:
+        """Wait for finished chunks, adapt the size of the next ones, and yield their runs."""
         done, _ = wait(self._futures, return_when=FIRST_COMPLETED)
         for future in done:
             del self._futures[future]

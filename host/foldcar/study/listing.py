@@ -53,6 +53,7 @@ def _values(raw: Any) -> tuple[float, ...]:
 
 
 def _range_values(raw: dict[str, Any]) -> tuple[float, ...]:
+    """Return the values of a range. Raises ValueError if its keys or its step are invalid."""
     if set(raw) != {"from", "to", "step"}:
         raise ValueError('a range has exactly the keys "from", "to", "step"')
     first, last, step = (_number(raw[key]) for key in ("from", "to", "step"))

@@ -118,6 +118,7 @@ def validated_listing(data: Any) -> tuple[Listing, list[str]]:
 
 
 def _mistake(mistake: Any) -> str:
+    """Return one of pydantic's mistakes as a line that names key, value and limit."""
     path = ".".join(map(str, mistake["loc"])) or "the file"
     kind, message = mistake["type"], mistake["msg"].removeprefix("Value error, ")
     if kind == "extra_forbidden":
@@ -135,6 +136,7 @@ def _mistake(mistake: Any) -> str:
 
 
 def _reference_mistakes(listing: Listing) -> list[str]:
+    """Return a line for each experiment that names a missing vehicle or environment."""
     sections: dict[str, Mapping[str, Any]] = {"veh_id": listing.vehicles, "env_id": listing.environments}
     return [
         f'experiments.{name}.{key}: no "{reference}"; known: {", ".join(known) or "none"}{did_you_mean(reference, known)}'
@@ -145,6 +147,7 @@ def _reference_mistakes(listing: Listing) -> list[str]:
 
 
 def _missing_programs(file: Path, listing: Listing) -> list[str]:
+    """Return a line for each environment whose Scenic program is missing."""
     missing = []
     for name, environment in listing.environments.items():
         program = file.parent / environment.scenic_filename

@@ -48,6 +48,7 @@ def _sampled_inputs(
 def _asymmetries(
     carsim: Carsim, experiment: Experiment, bodies: Sequence[Mapping[str, Any]], scenes: Sequence[Mapping[str, Any]]
 ) -> Iterator[str]:
+    """Yield what differs between left and right: ground, turn, cars."""
     unlike = [k for k, alike in enumerate(_symmetric_ground(carsim, [bodies[0], bodies[-1]], scenes)) if not alike]
     if unlike:
         yield f"ground (not the same under both tracks in sample {unlike[0]})"

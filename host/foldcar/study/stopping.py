@@ -127,6 +127,7 @@ class Schedule:
         return bool(self.decided[design]) or runs >= self._most or self._rule.hopeless(passed, counted, max_counted)
 
     def _batch(self, design: int) -> Batch:
+        """Return the next runs of a design; for a design that has ended, those it had reached before."""
         passed, runs, counted = int(self.passed[design]), int(self.runs[design]), int(self.counted[design])
         if runs and self._ended(design):
             return Batch(design, range(runs, int(self._reached[design])))
@@ -136,6 +137,7 @@ class Schedule:
         return Batch(design, range(runs, self._ends[counts]))
 
     def _end(self, passed: int, runs: int, counted: int) -> int:
+        """Return at how many runs the next batch ends: where the design is decided with BATCH_CHANCE, or a maximum."""
         masses = _rate_masses(passed, counted)
         last = min(self._most, runs + max(BATCH_RUNS, int(BATCH_SHARE * runs)))
         first = min(last, max(runs + 1, MIN_RUNS))

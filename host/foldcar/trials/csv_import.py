@@ -105,6 +105,7 @@ def _rows(file: Path, text: str, separator: str) -> Iterator[tuple[int, list[str
 
 
 def _check_header(file: Path, header: list[str]) -> None:
+    """Raise FoldcarError for unknown, repeated and missing columns."""
     parameter_columns = [parameter.column for parameter in parameters().values()]
     known = [*REQUIRED, *OPTIONAL, *parameter_columns]
     if len(header) == 1 and (separator := next((sign for sign in "\t|" if sign in header[0]), None)):
@@ -196,6 +197,7 @@ def _number(
     minimum: int = 0,
     maximum: float = math.inf,
 ) -> float:
+    """Return a cell as a number. Raises FoldcarError if it is not one, or beyond its limits."""
     try:
         value = kind(row[name])
     except ValueError:

@@ -92,6 +92,7 @@ def drive(
 
 
 def _count_down(car: Car, countdown_s: int, view: DriveView) -> str | None:
+    """Wait for the countdown; return why it was stopped, None if it was not."""
     end_s = time.monotonic() + countdown_s
     while (remaining_s := end_s - time.monotonic()) > 0:
         car.connection.receive(min(STEP_S, remaining_s), view.other_input)
@@ -103,6 +104,7 @@ def _count_down(car: Car, countdown_s: int, view: DriveView) -> str | None:
 
 
 def _watch(car: Car, trial: int, view: DriveView, end_s: float) -> DriveEnd:
+    """Wait for the end of the drive. Raises LinkLostError if the car is silent or does not end."""
     dialect, connection = car.dialect, car.connection
     booted_ms = 0
 
@@ -134,6 +136,7 @@ def _watch(car: Car, trial: int, view: DriveView, end_s: float) -> DriveEnd:
 
 
 def _car_ended(car: Car, message: Any) -> DriveEnd:
+    """Return how the car ended the drive by itself."""
     elapsed_s = message.elapsed_ms / 1000
     if message.end == car.dialect.FOLDCAR_END_TIME_LIMIT:
         return DriveEnd("time limit", "timeout", elapsed_s)
@@ -155,6 +158,7 @@ def _pace_hint(car: Car, message: str) -> str:
 
 
 def _simulated_outcome(car: Car, message: Any) -> DriveEnd:
+    """Stop a simulated car at the outcome that its simulator reports, and return that."""
     car.stop_trial()
     dialect = car.dialect
     outcome = {

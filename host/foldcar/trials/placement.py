@@ -163,6 +163,7 @@ def placed(scene: Mapping[str, Any], things: Mapping[str, Obstacle], deviations:
 
 
 def _move(thing: dict[str, Any], middle: tuple[float, float], deviation: tuple[float, float, float]) -> None:
+    """Move a piece of an obstacle by the obstacle's deviation, turned around the obstacle's ``middle``."""
     x_m, y_m, turned_rad = deviation
     ahead, left = thing["x_m"] - middle[0], thing["y_m"] - middle[1]
     cos, sin = math.cos(turned_rad), math.sin(turned_rad)

@@ -154,6 +154,7 @@ def _end_earlier_trial(car: Car) -> None:
 
 
 def _clear_fault(car: Car, answers: Answers | None) -> None:
+    """Acknowledge the car's fault, after asking if there is someone to ask."""
     fault = car.fault_text()
     if fault is None:
         return

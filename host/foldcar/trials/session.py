@@ -270,6 +270,7 @@ class Session:
         return _Driven(trial_number, sample, log, stored, end)
 
     def _drive(self, settings: dict[str, Any], number: int, log: Path, identity: CarIdentity) -> DriveEnd:
+        """Drive one trial with its log, and return how it ended."""
         car, options, limit_s = self._plugged.connected, self._options, settings["time_limit_s"]
         print_line(f"Countdown {options.countdown_s} s, then {limit_s:g} s at most. Ctrl-C stops.")
         try:

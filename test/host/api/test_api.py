@@ -1,5 +1,6 @@
 """foldcar in Python: the oracle gives a sweep's numbers, studies read a store, mistakes are one plain line."""
 
+import doctest
 import json
 import math
 import subprocess
@@ -64,16 +65,16 @@ def test_the_oracle_gives_the_numbers_of_a_sweep(study: foldcar.Study) -> None:
     vehicle = {"type": "W_B_W", "params": [{"common": {"width": 65}}, {"B": {"length": 100}}]}
     plain, built = swept(study, "plain", 65, 100), swept(study, "built", 65, 100)
 
-    found = foldcar.evaluate(car, place, SAMPLES, timeout_s=60).runs
+    runs = foldcar.evaluate(car, place, SAMPLES, timeout_s=60).runs
     varied = foldcar.evaluate(vehicle, STEP_PYRAMIDS, SAMPLES, seed=SEED, variation="workshop", variation_seed=5, jobs=1)
     singly = [foldcar.simulate(vehicle, place.scene(k), timeout_s=60) for k in range(SAMPLES)]
 
     columns = ["sample", "outcome", "passed", *NUMBERS]
-    assert found[columns].equals(plain[columns])
+    assert runs[columns].equals(plain[columns])
     assert varied.runs[columns].equals(built[columns])
     assert not plain[list(NUMBERS)].equals(built[list(NUMBERS)])
-    assert [one.metrics for one in singly] == plain[list(NUMBERS)].to_dict("records")
-    assert [one.passed for one in singly] == plain["passed"].to_list()
+    assert [run.metrics for run in singly] == plain[list(NUMBERS)].to_dict("records")
+    assert [run.passed for run in singly] == plain["passed"].to_list()
 
 
 def test_a_path_goes_from_start_to_end() -> None:
@@ -100,6 +101,22 @@ def test_rates_and_models_come_from_the_store(study: foldcar.Study) -> None:
     assert list(study.experiments) == ["plain", "built"]
     assert study.compare().experiments[0].verdict is None
     assert study.select(build=1, experiment="plain")[0].info.id == "plain"
+
+
+def test_the_examples_in_docstrings_are_true(carsim_binary: Path, tmp_path: Path, monkeypatch: Any) -> None:
+    vehicles = {"1": {"type": "W_B_W", "params": [{"common": {"width": [65, 80, 95, 110]}}]}}
+    listing = {**LISTING, "experiments": {"1": LISTING["experiments"]["plain"]}, "vehicles": vehicles}
+    (tmp_path / "listing.json").write_text(json.dumps(listing), encoding="utf-8")
+    (tmp_path / "scenarios").symlink_to(STEP_PYRAMIDS.parent)
+    monkeypatch.chdir(tmp_path)
+    swept = foldcar.sweep("listing.json", "width.db", jobs=1)
+    names = {"foldcar": foldcar, "study": swept}
+    finder, runner = doctest.DocTestFinder(exclude_empty=True), doctest.DocTestRunner()
+
+    for name in foldcar.__all__:
+        for example in finder.find(getattr(foldcar, name), name, globs=names):
+            runner.run(example)
+    assert runner.failures == 0 and runner.tries > 20
 
 
 SCENE = empty_scene()

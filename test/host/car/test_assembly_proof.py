@@ -26,7 +26,7 @@ from spoiled_car import with_block, with_holes, with_mounts
 ROOF = DEFAULT_CHOICES.changed({"battery_place": "roof"})
 
 
-def found(car: FoldedCar) -> list[str]:
+def assembly_findings(car: FoldedCar) -> list[str]:
     return [str(finding) for finding in prove(car).findings]
 
 
@@ -58,7 +58,7 @@ def test_things_come_in_on_the_side_that_is_open_and_the_battery_changes_with_th
 def test_a_battery_on_the_roof_is_put_on_last_and_taken_off_first() -> None:
     folded = folded_car(compose_design("W_B_W", {"width": 95}, ROOF))
 
-    assert found(folded) == []
+    assert assembly_findings(folded) == []
     assert [add.name for add in assembly_steps(folded)[-1].adds] == [folded.parts.battery.name]
     assert [step.adds != () for step in service_steps(folded) if step.adds or step.folds] == [True, False]
 
@@ -76,19 +76,22 @@ def test_a_module_too_short_for_a_latch_is_refused_with_what_would_do(
 
     (least,) = re.findall(r"minimum ([0-9.]+)", str(refused.value))
     if roof:
-        assert found(folded_car(compose_design(type_string, {**values, "B.length": float(least)}, choices))) == []
+        assert (
+            assembly_findings(folded_car(compose_design(type_string, {**values, "B.length": float(least)}, choices)))
+            == []
+        )
 
 
 def test_a_lid_that_is_glued_shut_leaves_no_way_for_what_is_inside() -> None:
     folded = car("w95")
     glued = replace(folded, joins=tuple(replace(j, kind="tab") if j.kind == "lock" else j for j in folded.joins))
 
-    findings = found(glued)
+    findings = assembly_findings(glued)
 
     for name in (folded.parts.battery.name, folded.parts.lipo.name, "bridge"):
-        (finding,) = (one for one in findings if one.startswith("assembly: step") and f": {name}" in one)
+        (finding,) = (finding for finding in findings if finding.startswith("assembly: step") and f": {name}" in finding)
         assert "has no way out" in finding and "along +z it meets beam: lid" in finding
-    assert any(one.startswith("assembly: service") and folded.parts.battery.name in one for one in findings)
+    assert any(finding.startswith("assembly: service") and folded.parts.battery.name in finding for finding in findings)
 
 
 def test_openings_that_are_missing_or_too_small_and_a_battery_that_is_too_high_are_found() -> None:
@@ -105,7 +108,7 @@ def test_openings_that_are_missing_or_too_small_and_a_battery_that_is_too_high_a
         x, y, z = mount.size_mm
         return replace(mount, size_mm=(x, y, z + 22), pose=compose(mount.pose, translation(0, 0, 11)))
 
-    findings = found(with_mounts(with_holes(folded, spoiled), battery, higher))
+    findings = assembly_findings(with_mounts(with_holes(folded, spoiled), battery, higher))
 
     for words in (
         ("Screw the servos in", "front left servo", "beam: left"),
@@ -150,7 +153,7 @@ def test_screws_under_the_module_or_under_a_part_of_the_board_are_found() -> Non
 
     screw = folded.parts.board_screw.name
     for spoiled in (with_mounts(folded, screw, under), with_mounts(folded, feather.part, covered)):
-        findings = found(spoiled)
+        findings = assembly_findings(spoiled)
         for number in (1, 2):
             assert any("does not fit" in finding and f"board screw {number}" in finding for finding in findings), findings
 
@@ -158,12 +161,16 @@ def test_screws_under_the_module_or_under_a_part_of_the_board_are_found() -> Non
 def face_pose(car: FoldedCar, name: str) -> Pose:
     """The pose in the car of a face of its first beam."""
     beam = next(piece for piece in car.pieces if piece.name.startswith("beam"))
-    placed = next(one for one in car.placed if one.piece == beam.name)
+    placed = next(piece for piece in car.placed if piece.piece == beam.name)
     return compose(placed.pose, folded_poses(beam)[name])
 
 
 def blocked(car: FoldedCar) -> list[str]:
-    return [one for one in found(car) if "block" in one.rpartition(": ")[2] and one.endswith("is in the way")]
+    return [
+        finding
+        for finding in assembly_findings(car)
+        if "block" in finding.rpartition(": ")[2] and finding.endswith("is in the way")
+    ]
 
 
 def in_front(car: FoldedCar, part: str, index: int, off_mm: float, beside_mm: float = 0.0) -> Pose:
@@ -194,13 +201,16 @@ def test_blocks_in_the_way_of_fingers_tongues_plugs_and_drivers_are_found() -> N
     ]
     poses = [compose(face_pose(folded, face), translation(*at)) for face, at in at_beam.values()]
 
-    findings = blocked(with_block(folded, *poses, *(in_front(folded, *one[:4]) for one in reached)))
+    findings = blocked(with_block(folded, *poses, *(in_front(folded, *tool_position[:4]) for tool_position in reached)))
 
-    for told in at_beam:
-        assert any(told in finding and "Push the levers outwards" in finding for finding in findings), (told, findings)
+    for sentence in at_beam:
+        assert any(sentence in finding and "Push the levers outwards" in finding for finding in findings), (
+            sentence,
+            findings,
+        )
     for i, (name, _, _, _, tool, state) in enumerate(reached, len(at_beam)):
-        told = f"{name} has no room for its {tool}: block {i} is in the way"
-        assert any(told in finding and state in finding for finding in findings), (told, findings)
+        sentence = f"{name} has no room for its {tool}: block {i} is in the way"
+        assert any(sentence in finding and state in finding for finding in findings), (sentence, findings)
     beyond = [in_front(folded, parts.switch.name, 0, *off) for off in ((30, 10.0), (38, 0.0))]
     assert blocked(with_block(folded, *beyond)) == []
 
@@ -236,9 +246,9 @@ def test_a_wrong_order_is_found() -> None:
     closed = list(map(str, prove_steps(folded, [*open_steps[:9], shut, *open_steps[9:]]).findings))
 
     for part, screw in early:
-        assert any(f"{screw} passes {part}, which is not there yet" in one for one in passed), passed
-    assert any("the nut of board screw 2 has no way out" in one for one in behind), behind
-    assert any(folded.parts.battery.name in one and "beam: lid" in one for one in closed), closed
+        assert any(f"{screw} passes {part}, which is not there yet" in finding for finding in passed), passed
+    assert any("the nut of board screw 2 has no way out" in finding for finding in behind), behind
+    assert any(folded.parts.battery.name in finding and "beam: lid" in finding for finding in closed), closed
 
 
 def test_parts_list_and_view_follow_the_same_order() -> None:
@@ -254,6 +264,6 @@ def test_parts_list_and_view_follow_the_same_order() -> None:
             for add in step.adds if add.kind != "unit"
         ]  # fmt: skip
         assert starts == sorted(starts)
-        for one in (add for add in step.adds if add.nut_mm):
-            (first, *_) = [way for n, way, _, _ in shown.ways["nut", one.name, 0] if n == number]
-            assert np.allclose(first[0], -np.array(one.nut_mm[-1]), atol=1e-3)
+        for added in (add for add in step.adds if add.nut_mm):
+            (first, *_) = [way for n, way, _, _ in shown.ways["nut", added.name, 0] if n == number]
+            assert np.allclose(first[0], -np.array(added.nut_mm[-1]), atol=1e-3)

@@ -51,18 +51,18 @@ def passes(low: np.ndarray, high: np.ndarray, move: np.ndarray) -> bool:
 def test_boxes_past_boxes_agree_with_the_slab_method() -> None:
     # A box that moves past another one is a point that moves past the sum of both.
     rng = np.random.default_rng(5)
-    found = []
+    free_cases = []
     for _ in range(300):
         (a, b), centre, move = rng.uniform(1, 10, (2, 3)), rng.uniform(-10, 10, 3), rng.uniform(-30, 30, 3)
         half = (a + b) / 2 - 2 * SKIN_MM
-        one = blocks_of([box(tuple(a))], "one")
+        block = blocks_of([box(tuple(a))], "one")
         other = blocks_of([box(tuple(b))], "other").moved(translation(*centre))
         free = passes(centre - half, centre + half, move)
 
-        assert (first_obstacle(one, other, move) is None) is free
-        found.append(free)
+        assert (first_obstacle(block, other, move) is None) is free
+        free_cases.append(free)
 
-    assert 60 < sum(found) < 240
+    assert 60 < sum(free_cases) < 240
 
 
 def test_two_moves_lead_out_of_a_hook_and_none_out_of_a_closed_box() -> None:

@@ -312,11 +312,11 @@ def test_commands_accept_user_modules(
     (tmp_path / "own.py").write_text(TAIL.replace(*change))
     (tmp_path / "cars.json").write_text('{"vehicles": {"V": {"type": "W_B_Tail", "params": [{"Tail": {"offset": 4}}]}}}')
 
-    said = foldcar("model", "cars.json", "--vehicle", "V", "--components", "own.py", "--to", "urdf", "-o", "out")
+    done = foldcar("model", "cars.json", "--vehicle", "V", "--components", "own.py", "--to", "urdf", "-o", "out")
 
-    assert said.returncode == code
-    assert (said.stdout if code == 0 else said.stderr).startswith("out/" + answer if code == 0 else answer)
-    assert said.stderr.count("\n") == (code != 0)
+    assert done.returncode == code
+    assert (done.stdout if code == 0 else done.stderr).startswith("out/" + answer if code == 0 else answer)
+    assert done.stderr.count("\n") == (code != 0)
     assert (tmp_path / "out").exists() == (code == 0)
 
 
@@ -333,8 +333,8 @@ def test_the_parameter_table_is_that_of_the_components() -> None:
 
 
 def test_the_components_are_where_it_says() -> None:
-    found = re.findall(r"^\|`(\w+)`(?: \w)?\|`(\w+)\.py`\|", DOC, re.M)
+    matches = re.findall(r"^\|`(\w+)`(?: \w)?\|`(\w+)\.py`\|", DOC, re.M)
 
-    assert len(found) == 6
-    for name, module in found:
+    assert len(matches) == 6
+    for name, module in matches:
         assert hasattr(import_module(f"foldcar.car.components.{module}"), name), name

@@ -196,8 +196,8 @@ def test_commands_make_a_script_s_car(tmp_path: Path, foldcar: Any) -> None:
     (tmp_path / "snake.py").write_text(SNAKE)
     (tmp_path / "cars.json").write_text('{"vehicles": {"1": {"type": "Snake"}}}')
 
-    said = foldcar("model", "cars.json", "--vehicle", "1", "--components", "snake.py", "--to", "urdf", "-o", "out")
+    done = foldcar("model", "cars.json", "--vehicle", "1", "--components", "snake.py", "--to", "urdf", "-o", "out")
 
-    assert said.returncode == 0, said.stderr
+    assert done.returncode == 0, done.stderr
     (file,) = (tmp_path / "out").iterdir()
     assert file.read_text().count("<transmission") == 4

@@ -119,9 +119,11 @@ def test_the_largest_usb_plug_passes_however_high_its_socket_is() -> None:
 def test_openings_without_room_for_tolerances_are_found(
     chosen: Callable[[str], bool], size: tuple[float, float], name: str, lacks: float
 ) -> None:
-    found = [str(fit) for fit in check_fits(resized(study_car(), chosen, size))]
+    findings = [str(fit) for fit in check_fits(resized(study_car(), chosen, size))]
 
-    assert any(one.startswith(f"fit: {name}: lacks {lacks:.2f} mm in the worst case") for one in found), found
+    assert any(finding.startswith(f"fit: {name}: lacks {lacks:.2f} mm in the worst case") for finding in findings), (
+        findings
+    )
 
 
 def test_barbs_in_too_few_layers_and_a_lipo_close_to_the_flange_are_found() -> None:
@@ -129,14 +131,16 @@ def test_barbs_in_too_few_layers_and_a_lipo_close_to_the_flange_are_found() -> N
     pieces = tuple(replace(p, count=1) if p.name == "switch doubler" else p for p in car.pieces)
     thin = [str(fit) for fit in check_fits(replace(car, pieces=pieces))]
     # Two films of 0.23 mm, and 0.05 mm of tape between them, behind a switch for panels of 1 mm.
-    assert [one for one in thin if one.startswith("fit: switch's barbs behind layers of film: lacks 0.49 mm")], thin
+    assert [
+        finding for finding in thin if finding.startswith("fit: switch's barbs behind layers of film: lacks 0.49 mm")
+    ], thin
 
     # The flange is the bridge's edge at the battery.
     lipo, battery = (next(m for m in car.mounts if m.part == part.name) for part in (car.parts.lipo, car.parts.battery))
     near = chain(translation(math.copysign(1.5, battery.pose[0][3] - lipo.pose[0][3]), 0, 0), lipo.pose)
     mounts = tuple(replace(m, pose=near) if m is lipo else m for m in car.mounts)
-    (found,) = map(str, check_fits(replace(car, mounts=mounts)))
-    assert found.startswith("fit: LiPo beside the bridge's flange: lacks 1.30 mm"), found
+    (finding,) = map(str, check_fits(replace(car, mounts=mounts)))
+    assert finding.startswith("fit: LiPo beside the bridge's flange: lacks 1.30 mm"), finding
 
 
 def test_the_parts_list_has_every_fit() -> None:

@@ -24,7 +24,7 @@ def with_piece(name: str, change: Callable[[Piece], Piece]) -> Spoil:
 
 def with_face(piece: str, face: str, change: Callable[[Face], Face]) -> Spoil:
     """The car with one of its faces changed."""
-    return lambda car: with_faces(car, lambda one: change(one) if one.name == face else one, piece)
+    return lambda car: with_faces(car, lambda old_face: change(old_face) if old_face.name == face else old_face, piece)
 
 
 def stretched(dx: float, dy: float) -> Callable[[Face], Face]:
@@ -41,7 +41,9 @@ def with_angle(piece: str, crease: str, degrees: float) -> Spoil:
     """The car with one fold of another angle."""
 
     def spoil(old: Piece) -> Piece:
-        assert any(one.name == crease for one in old.creases), [one.name for one in old.creases]
+        assert any(old_crease.name == crease for old_crease in old.creases), [
+            old_crease.name for old_crease in old.creases
+        ]
         creases = [replace(c, angle_rad=math.radians(degrees)) if c.name == crease else c for c in old.creases]
         return replace(old, creases=tuple(creases))
 
@@ -123,11 +125,11 @@ def test_parts_that_are_out_of_place_are_found() -> None:
     for name, at in places.items():
         spoiled = with_mounts(spoiled, name, lambda mount, at=at: moved(mount, *at))
 
-    found = "\n".join(map(str, prove(spoiled).findings))
+    findings = "\n".join(map(str, prove(spoiled).findings))
 
-    assert "front left servo does not fit: at its place it runs into beam: left" in found
-    assert "does not fit: at its place it runs into 500 mAh LiPo" in found
-    assert "rear left servo screw 1 does not fit" in found
+    assert "front left servo does not fit: at its place it runs into beam: left" in findings
+    assert "does not fit: at its place it runs into 500 mAh LiPo" in findings
+    assert "rear left servo screw 1 does not fit" in findings
 
 
 def with_hinge(**changes: float) -> FoldedCar:
@@ -140,9 +142,11 @@ def test_hinges_are_checked_at_their_limits() -> None:
     assert check_folded_car(with_hinge()) == []
     # The stop reaches to the other cap; the lids, 6 mm apart and 49.75 mm above the strip, meet at 6.9 degrees.
     stopped = check_folded_car(with_hinge(max_rad=math.radians(4)))
-    assert stopped and all("folded by 4.0 degrees: front cap 2: cap runs into hinge stop" in str(one) for one in stopped)
+    assert stopped and all(
+        "folded by 4.0 degrees: front cap 2: cap runs into hinge stop" in str(finding) for finding in stopped
+    )
     met = check_folded_car(with_hinge(max_rad=math.radians(9)))
-    assert any("folded by 9.0 degrees: front cap 2: cap runs into rear cap 1: cap" in str(one) for one in met)
+    assert any("folded by 9.0 degrees: front cap 2: cap runs into rear cap 1: cap" in str(finding) for finding in met)
     # At axle height the strip would let the floors run into each other over a crest.
     down = check_folded_car(with_hinge(center_mm=(-40.0, 0.0, 0.0)))
-    assert any("folded by -60.0 degrees: beam 2: floor runs into beam 1: floor" in str(one) for one in down)
+    assert any("folded by -60.0 degrees: beam 2: floor runs into beam 1: floor" in str(finding) for finding in down)

@@ -126,7 +126,10 @@ def test_exports_have_motors_for_driven_wheels_only(native: Carsim) -> None:
     free = model.joint("wheel2_axle")
     assert model.dof_armature[free.dofadr[0]] == 0 and model.dof_armature[model.joint("wheel0_axle").dofadr[0]] > 0
     robot = ElementTree.fromstring(urdf(body, "Car"))
-    assert [one.get("name") for one in robot.findall("transmission")] == ["wheel0_transmission", "wheel1_transmission"]
+    assert [transmission.get("name") for transmission in robot.findall("transmission")] == [
+        "wheel0_transmission",
+        "wheel1_transmission",
+    ]
     assert robot.find("joint[@name='wheel2_axle']/limit") is None
     proto = webots_proto(body, "Car", "car")
     assert proto.count("RotationalMotor") == 2 and proto.count("PositionSensor") == 4
@@ -165,8 +168,8 @@ def test_a_listing_says_true_or_false() -> None:
 def test_the_command_line_says_true_or_false(foldcar: Any, tmp_path: Any) -> None:
     (tmp_path / "cars.json").write_text('{"vehicles": {"1": {"type": "W_B_W"}}}')
 
-    said = foldcar("model", "cars.json", "--vehicle", "1", "--to", "urdf", "--set", "W2.driven=false", "-o", "out")
+    done = foldcar("model", "cars.json", "--vehicle", "1", "--to", "urdf", "--set", "W2.driven=false", "-o", "out")
 
-    assert said.returncode == 0, said.stderr
+    assert done.returncode == 0, done.stderr
     (file,) = (tmp_path / "out").iterdir()
     assert file.read_text().count("<transmission") == 2

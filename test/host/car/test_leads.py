@@ -79,7 +79,7 @@ def test_a_way_of_the_length_that_is_told_leads_from_every_servo_to_its_output_p
     servo, wing = folded.parts.servo, folded.parts.featherwing
     board = next(m for m in folded.mounts if m.part == wing.name)
     mounts = {mount.name: mount for mount in folded.mounts}
-    told = {lead.start: lead.way_mm for lead in leads(folded)}
+    way_mm_of = {lead.start: lead.way_mm for lead in leads(folded)}
     for axle in folded.axles:
         # The lead leaves the end that is nearer to the shaft, 4.8 mm above the bottom, which lies inside.
         exit_mm = apply(mounts[axle.servo].pose, -servo.length_mm.value / 2 - 0.7, 0.0, servo.depth_mm.value / 2 - 4.8)
@@ -91,12 +91,12 @@ def test_a_way_of_the_length_that_is_told_leads_from_every_servo_to_its_output_p
         free = shortest_mm(folded, "segment0", exit_mm, plug)
 
         # The slack, 10 % and 15 mm, takes what parts are in the way.
-        assert told[axle.servo] - 2 < free < told[axle.servo] * 1.1 + 2, (axle.servo, free)
+        assert way_mm_of[axle.servo] - 2 < free < way_mm_of[axle.servo] * 1.1 + 2, (axle.servo, free)
 
 
 def test_a_lead_over_a_hinge_is_long_enough_at_the_hinge_s_limits() -> None:
     folded = car("hinged")
-    lead = {one.start: one for one in leads(folded)}["axle 2 left servo"]
+    lead = {lead_.start: lead_ for lead_ in leads(folded)}["axle 2 left servo"]
     # Slits are at the caps' middles, 24.875 mm above the floor, where the hinge is; caps stand 6 mm apart.
     hinge, height = folded.hinges[0], 24.875 + 0.25
     assert hinge.min_rad == pytest.approx(-math.radians(60))
@@ -115,7 +115,9 @@ def test_a_lead_over_a_hinge_is_long_enough_at_the_hinge_s_limits() -> None:
 
 def test_an_extension_is_the_shortest_that_reaches_with_the_least_lengths_of_both() -> None:
     sold = part_data("extensions")["sold"]
-    lengths = [(one["name"], 250 - 10 + one["length_mm"]["value"] - one["length_mm"]["tolerance"] - 6) for one in sold]
+    lengths = [
+        (entry["name"], 250 - 10 + entry["length_mm"]["value"] - entry["length_mm"]["tolerance"] - 6) for entry in sold
+    ]
     for length in (80.0, 200.0, 320.0, 400.0):
         for lead in leads(folded_car(compose("W_B_W", {"width": 200, "B.length": length, "W.length": 100}))):
             if lead.start.endswith("servo"):
@@ -143,17 +145,17 @@ def test_extensions_are_bought_plugged_in_drawn_and_find_room() -> None:
 
 def test_wire_is_lengthened_by_solder_and_weighs_and_costs_what_it_is_long() -> None:
     folded = folded_car(compose("W_B_W", {"width": 95, "W.length": 60, "B.length": 400}))
-    found = {lead.start: lead for lead in leads(folded)}
+    lead_of = {lead.start: lead for lead in leads(folded)}
     battery, switch = folded.parts.battery.name, folded.parts.switch.name
-    cut_mm = max(0, found[f"{battery} +"].needed_mm - 130) + max(0, found[f"{battery} -"].needed_mm - 130)
-    cut_mm += found[f"{switch} 2"].needed_mm
+    cut_mm = max(0, lead_of[f"{battery} +"].needed_mm - 130) + max(0, lead_of[f"{battery} -"].needed_mm - 130)
+    cut_mm += lead_of[f"{switch} 2"].needed_mm
     more_m = (cut_mm - number("wiring", "wire_mm")) / 1000
     row = next(row for row in parts_list(folded) if row.name == folded.parts.wiring.name)
 
     assert more_m > 0.2
     assert row.mass_kg == pytest.approx(number("wiring", "mass_kg") + more_m * number("wiring", "wire_kg_m"))
     assert row.cost_usd == pytest.approx(number("wiring", "cost_usd") + more_m * number("wiring", "wire_usd_m"))
-    missing = math.ceil((found[f"{battery} +"].needed_mm - 130) / 5) * 5
+    missing = math.ceil((lead_of[f"{battery} +"].needed_mm - 130) / 5) * 5
     assert f"solder {missing} mm of wire to it" in wiring_text(folded, "a car")
 
 

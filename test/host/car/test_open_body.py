@@ -22,10 +22,12 @@ HINGED = ("W_B_H_W_H_W", {"radius": 40.0, "W.length": 90.0})
 
 def corners(car: FoldedCar, piece: str, face: str) -> list[tuple[float, float, float]]:
     """The outline of a face of the first copy of a piece, in the car (mm)."""
-    shape = next(one for one in car.pieces if one.name == piece)
-    placed = next(one for one in car.placed if one.piece == piece)
+    shape = next(candidate for candidate in car.pieces if candidate.name == piece)
+    placed = next(candidate for candidate in car.placed if candidate.piece == piece)
     pose = chain(placed.pose, folded(shape)[face])
-    return [apply(pose, *point) for one in shape.faces if one.name == face for point in one.outline_mm]
+    return [
+        apply(pose, *point) for shape_face in shape.faces if shape_face.name == face for point in shape_face.outline_mm
+    ]
 
 
 @pytest.mark.parametrize(("film", "t"), [("0.127", 0.127), ("card_300", 0.38), ("pp_0.8", 0.8)])

@@ -40,7 +40,7 @@ def test_a_tyre_grips_in_proportion_to_the_default_one_and_the_belly_as_ever() -
     assert [body["segments"][0]["grip"] for body in bodies.values()] == pytest.approx([0.35 / 0.6] * len(bodies))
     # Without a tyre it is the film that grips.
     for film in ("card_160", "pp_0.5"):
-        (grip,) = {one["grip"] for one in body_json(compose(f"W_B_W+film={film}+tyre=none", {}))["wheels"]}
+        (grip,) = {wheel["grip"] for wheel in body_json(compose(f"W_B_W+film={film}+tyre=none", {}))["wheels"]}
         assert grip == pytest.approx(number(f"film_{film}", "friction") / 0.6)
 
 

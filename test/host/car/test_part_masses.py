@@ -41,7 +41,7 @@ def film_mm2(car: FoldedCar) -> float:
 
 def leads_g(car: FoldedCar) -> float:
     """Servo extensions, and wire beyond that which the wiring's mass includes."""
-    sold = {one["name"]: one["mass_kg"]["value"] for one in part_data("extensions")["sold"]}
+    sold = {entry["name"]: entry["mass_kg"]["value"] for entry in part_data("extensions")["sold"]}
     more_mm = max(0.0, stock_wire_mm(leads(car)) - number("wiring", "wire_mm"))
     extensions = sum(sold[lead.extension] for lead in leads(car) if lead.extension)
     return 1e3 * extensions + more_mm * number("wiring", "wire_kg_m")

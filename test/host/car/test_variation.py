@@ -102,7 +102,7 @@ def test_without_spread_nothing_changes(body: dict[str, Any], carsim_limits: Car
 
 
 @pytest.mark.parametrize(
-    ("asked", "message"),
+    ("spread", "message"),
     [
         ("garage", "here: unknown variation 'garage'; known: \"workshop\""),
         ({}, 'here: unknown variation None; known: "workshop"'),
@@ -112,9 +112,9 @@ def test_without_spread_nothing_changes(body: dict[str, Any], carsim_limits: Car
         ({"from": "workshop", "mass": "1"}, "here.mass: '1' is not a number"),
     ],
 )
-def test_unknown_spreads_are_refused(asked: Any, message: str) -> None:
+def test_unknown_spreads_are_refused(spread: Any, message: str) -> None:
     with pytest.raises(FoldcarError) as caught:
-        spread_named(asked, "here")
+        spread_named(spread, "here")
 
     assert str(caught.value).startswith(message)
 

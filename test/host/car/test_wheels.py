@@ -191,7 +191,7 @@ def critical_n_m(outer_m: float, ties: int) -> float:
         bending.append(mean * stiffness * (energy + 2 * (1 - nu) * product(twist, twist)))
         loading.append(mean * (product(w1 * radial, w1) + product(n * w / r * around, n * w / r)))
     free = scipy.linalg.null_space(np.ones((1, 4 * terms)))
-    matrices = (free.T @ scipy.linalg.block_diag(*some) @ free for some in (loading, bending))
+    matrices = (free.T @ scipy.linalg.block_diag(*blocks) @ free for blocks in (loading, bending))
     return float(1 / scipy.linalg.eigh(*matrices, eigvals_only=True)[-1])
 
 

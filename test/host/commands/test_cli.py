@@ -40,9 +40,9 @@ def test_wrong_usage_is_told_without_traceback(foldcar: Any) -> None:
 
 
 def test_without_carsim_the_way_to_one_is_named(tmp_path: Path, listing: Path, refused: Any) -> None:
-    told = refused("sweep", listing, "--store", "s.db", env={**os.environ, "FOLDCAR_CARSIM": "/none/carsim"})
+    message = refused("sweep", listing, "--store", "s.db", env={**os.environ, "FOLDCAR_CARSIM": "/none/carsim"})
 
-    assert told == "FOLDCAR_CARSIM: /none/carsim is not a program"
+    assert message == "FOLDCAR_CARSIM: /none/carsim is not a program"
     assert not (tmp_path / "s.db").exists()
 
 
@@ -52,10 +52,10 @@ def test_run_tells_the_outcome_and_draws(tmp_path: Path, listing: Path, foldcar:
     answer = foldcar("run", listing, *words)
 
     assert answer.returncode == 0, answer.stderr
-    told = dict(line.split(maxsplit=1) for line in answer.stdout.splitlines())
-    assert told["outcome"] in {"passed", "tipped", "stuck", "off_course", "timeout", "fault"}
-    assert "width 120 mm" in told["design"]
-    assert 0 < float(told["elapsed_time_s"]) <= 120
+    printed = dict(line.split(maxsplit=1) for line in answer.stdout.splitlines())
+    assert printed["outcome"] in {"passed", "tipped", "stuck", "off_course", "timeout", "fault"}
+    assert "width 120 mm" in printed["design"]
+    assert 0 < float(printed["elapsed_time_s"]) <= 120
     assert (tmp_path / "run.svg").read_text().startswith("<?xml")
 
 
@@ -65,10 +65,10 @@ def test_run_shows_how_the_car_differs_from_its_design(write_listing: Any, listi
 
     answers = [foldcar(*words, sample) for sample in ("0", "1", "0")]
 
-    told = [dict(line.split(maxsplit=1) for line in answer.stdout.splitlines()) for answer in answers]
-    assert told[0] == told[2]
-    assert told[0]["variation"] != told[1]["variation"]
-    assert all(one["variation"].endswith("(seed 5)") for one in told)
+    printed = [dict(line.split(maxsplit=1) for line in answer.stdout.splitlines()) for answer in answers]
+    assert printed[0] == printed[2]
+    assert printed[0]["variation"] != printed[1]["variation"]
+    assert all(facts["variation"].endswith("(seed 5)") for facts in printed)
 
 
 GOAL_RULE = "experiment 1: a run has passed if it reaches its Goal, within the time limit\n"

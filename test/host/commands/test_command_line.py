@@ -123,7 +123,7 @@ print(heavy & set(sys.modules) | early)
 
 
 def test_each_summary_is_one_json_object(foldcar: Any, study: Path, tmp_path: Path) -> None:
-    def told(*words: str | Path) -> dict[str, Any]:
+    def json_output(*words: str | Path) -> dict[str, Any]:
         done = foldcar(*words, "--json")
         assert done.returncode == 0, done.stderr
         # A sweep says its rule of success there, an import which of its cars were not swept.
@@ -139,32 +139,34 @@ def test_each_summary_is_one_json_object(foldcar: Any, study: Path, tmp_path: Pa
 
     environment = PROJECT / "scenarios" / "two_bumps.scenic"
     published = PROJECT / "scenarios" / "published_trials.csv"
-    assert len(told("new", "first")["files"]) == 3
-    again = told("sweep", study, "--store", "s.db")
+    assert len(json_output("new", "first")["files"]) == 3
+    again = json_output("sweep", study, "--store", "s.db")
     assert (again["runs"], again["new"], again["there"], again["failed"]) == (6, 0, 6, 0)
-    run = told("run", study, "--experiment", "1", "--set", "width=95", "--sample", "1")
+    run = json_output("run", study, "--experiment", "1", "--set", "width=95", "--sample", "1")
     assert run["design"]["width_mm"] == 95
     assert run["metrics"]["elapsed_time_s"] > 0
-    report = told("report", "s.db", "-o", "report", "--no-replay")
-    (one,) = report["experiments"]
-    assert one["parameters"][0]["values"] == [95, 245]
-    assert sum(one["designs"]["passed"]) == again["passed"]
-    assert told("check", "s.db")["findings"] == []
-    assert told("export", "s.db", "--csv", "runs.csv")["written"] == [{"path": "runs.csv", "runs": 6}]
-    assert [scene["id"] for scene in told("sample", environment, "-n", "2")["scenes"]] == ["0/0", "0/1"]
-    assert told("sample", environment, "-o", "scenes.jsonl")["file"] == "scenes.jsonl"
-    assert told("gallery", environment, "-o", "pictures")["files"] == ["pictures/two_bumps.png"]
-    model = told("model", study, "--vehicle", "2", "--to", "urdf", "-o", "models")
-    view = told("view", study, "--vehicle", "2", "-o", "car.html")
+    report = json_output("report", "s.db", "-o", "report", "--no-replay")
+    (experiment,) = report["experiments"]
+    assert experiment["parameters"][0]["values"] == [95, 245]
+    assert sum(experiment["designs"]["passed"]) == again["passed"]
+    assert json_output("check", "s.db")["findings"] == []
+    assert json_output("export", "s.db", "--csv", "runs.csv")["written"] == [{"path": "runs.csv", "runs": 6}]
+    assert [scene["id"] for scene in json_output("sample", environment, "-n", "2")["scenes"]] == ["0/0", "0/1"]
+    assert json_output("sample", environment, "-o", "scenes.jsonl")["file"] == "scenes.jsonl"
+    assert json_output("gallery", environment, "-o", "pictures")["files"] == ["pictures/two_bumps.png"]
+    model = json_output("model", study, "--vehicle", "2", "--to", "urdf", "-o", "models")
+    view = json_output("view", study, "--vehicle", "2", "-o", "car.html")
     for file in (*model["files"], *view["files"]):
         assert (tmp_path / file).is_file()
-    assert told("trials", "import", "s.db", published, "--experiment", "1")["imported"] == list(range(1, 45))
-    said = told("trials", "correct", "s.db", "7", "--outcome", "tipped", "--reason", "film")["corrections"]
-    assert [(one["trial"], one["field"], one["after"]) for one in said] == [(7, "outcome", "tipped")]
-    trials = told("trials", "list", "s.db")
-    assert (len(trials["trials"]), trials["corrections"]) == (44, said)
+    assert json_output("trials", "import", "s.db", published, "--experiment", "1")["imported"] == list(range(1, 45))
+    corrections = json_output("trials", "correct", "s.db", "7", "--outcome", "tipped", "--reason", "film")["corrections"]
+    assert [(correction["trial"], correction["field"], correction["after"]) for correction in corrections] == [
+        (7, "outcome", "tipped")
+    ]
+    trials = json_output("trials", "list", "s.db")
+    assert (len(trials["trials"]), trials["corrections"]) == (44, corrections)
     assert trials["trials"][6]["outcome"] == "tipped"
-    assert told("trials", "dialect", "-o", "dialect")["files"] == ["dialect/v1.0/foldcar.xml"]
+    assert json_output("trials", "dialect", "-o", "dialect")["files"] == ["dialect/v1.0/foldcar.xml"]
 
 
 def outputs() -> list[tuple[tuple[str, ...], str]]:
@@ -172,10 +174,10 @@ def outputs() -> list[tuple[tuple[str, ...], str]]:
     environment = str(PROJECT / "scenarios" / "two_bumps.scenic")
     cars = str(PROJECT / "patterns" / "published_cars.json")
     study = str(PROJECT / "scenarios" / "two_bumps.json")
-    one = ("--experiment", "1")
+    experiment = ("--experiment", "1")
     return [
         (("sweep", study, "--store"), "s.db"),
-        (("run", study, *one, "--plot"), "r.png"),
+        (("run", study, *experiment, "--plot"), "r.png"),
         (("sample", environment, "-o"), "s.jsonl"),
         (("gallery", environment, "-o"), ""),
         (("report", "s.db", "-o"), ""),

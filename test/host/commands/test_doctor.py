@@ -16,11 +16,11 @@ def test_the_machine_of_the_tests_is_sound(foldcar: Command, carsim_binary: Path
     done = foldcar("doctor")
 
     assert (done.returncode, done.stderr) == (0, "")
-    found = {line[9:20].strip(): line for line in done.stdout.splitlines()}
+    line_of = {line[9:20].strip(): line for line in done.stdout.splitlines()}
     for name in ("foldcar", "packages", "Scenic", "carsim", "results", "temporary", "PlatformIO", "MuJoCo", "MAVProxy"):
-        assert found[name].startswith("ok "), found[name]
-    assert f"build {Carsim(carsim_binary).build}, " in found["carsim"] and f" {tmp_path}: " in found["results"]
-    assert all(" -> " in line for line in found.values() if not line.startswith("ok "))
+        assert line_of[name].startswith("ok "), line_of[name]
+    assert f"build {Carsim(carsim_binary).build}, " in line_of["carsim"] and f" {tmp_path}: " in line_of["results"]
+    assert all(" -> " in line for line in line_of.values() if not line.startswith("ok "))
 
 
 def test_what_is_missing_is_told_with_what_to_do(tmp_path: Path) -> None:
@@ -31,12 +31,12 @@ def test_what_is_missing_is_told_with_what_to_do(tmp_path: Path) -> None:
     done = subprocess.run(command, cwd=closed, env=environment, capture_output=True, text=True)
 
     assert (done.returncode, done.stderr) == (1, "")
-    found = {one["name"]: one for one in json.loads(done.stdout)["findings"]}
-    assert found["carsim"] == {
+    finding_of = {finding["name"]: finding for finding in json.loads(done.stdout)["findings"]}
+    assert finding_of["carsim"] == {
         "name": "carsim",
         "state": "missing",
         "text": "FOLDCAR_CARSIM: /none/carsim is not a program",
         "advice": "let FOLDCAR_CARSIM name a carsim, or leave it out",
     }
-    assert found["results"]["text"] == f"{closed}: cannot be written: Permission denied"
-    assert [one["name"] for one in found.values() if one["state"] == "missing"] == ["carsim", "results"]
+    assert finding_of["results"]["text"] == f"{closed}: cannot be written: Permission denied"
+    assert [finding["name"] for finding in finding_of.values() if finding["state"] == "missing"] == ["carsim", "results"]

@@ -55,13 +55,13 @@ def test_the_projects_environment_tells_its_designs_apart(foldcar: Command, tmp_
     listing = tmp_path / "yard" / "study.json"
     done = foldcar("sweep", listing, "--store", "yard.db", "--environments", "6", "--json")
     assert done.returncode == 0, done.stderr
-    told = json.loads(foldcar("report", "yard.db", "-o", "report", "--no-replay", "--json").stdout)
+    output = json.loads(foldcar("report", "yard.db", "-o", "report", "--no-replay", "--json").stdout)
 
-    (one,) = told["experiments"]
-    k = [parameter["name"] for parameter in one["parameters"]].index("radius_mm")
+    (experiment,) = output["experiments"]
+    k = [parameter["name"] for parameter in experiment["parameters"]].index("radius_mm")
     passed: dict[float, list[float]] = {}
-    for values, rate in zip(one["designs"]["value"], one["designs"]["rate"], strict=True):
-        passed.setdefault(one["parameters"][k]["values"][values[k]], []).append(rate)
+    for values, rate in zip(experiment["designs"]["value"], experiment["designs"]["rate"], strict=True):
+        passed.setdefault(experiment["parameters"][k]["values"][values[k]], []).append(rate)
     shares = {radius_mm: sum(rates) / len(rates) for radius_mm, rates in passed.items()}
     # A kerb of 30 mm is most of what the smallest wheels, of 44 mm, can climb; the largest have room.
     assert shares[44.0] < 0.8 < shares[60.0]

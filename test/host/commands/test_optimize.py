@@ -68,7 +68,7 @@ def optimized(command: Command, listing: Path, store: str, *words: str) -> Any:
 def test_a_search_of_all_designs_finds_what_a_sweep_finds(
     foldcar_command: Command, listing: Path, tmp_path: Path
 ) -> None:
-    found = optimized(foldcar_command, listing, "s.db", "--designs", "9", "--no-prune")
+    search = optimized(foldcar_command, listing, "s.db", "--designs", "9", "--no-prune")
     swept = json.loads(foldcar_command("sweep", listing, "--store", "s.db", "--json").stdout)
     multiple = optimized(
         foldcar_command, listing, "s.db", "--designs", "9", "--objective", "time", "--objective", "sheet-area"
@@ -78,25 +78,25 @@ def test_a_search_of_all_designs_finds_what_a_sweep_finds(
     runs = study.runs[study.runs["experiment"] == "1"]
     rates = runs.groupby(["width_mm", "radius_mm"])["passed"].mean()
     # Every design that can be built was simulated, under the keys of a sweep.
-    assert (found["designs"], found["exhausted"], found["runs"]) == (len(rates), True, 3 * len(rates))
-    assert list(found["unbuildable"].values()) != [] and "wheels touch" in str(found["unbuildable"])
+    assert (search["designs"], search["exhausted"], search["runs"]) == (len(rates), True, 3 * len(rates))
+    assert list(search["unbuildable"].values()) != [] and "wheels touch" in str(search["unbuildable"])
     assert (swept["new"], swept["there"]) == (0, 3 * len(rates))
-    assert found["best"][0]["chosen_by"]["success"] == rates.max()
-    for one in found["best"]:
-        place = (one["design"]["width_mm"], one["design"]["radius_mm"])
+    assert search["best"][0]["chosen_by"]["success"] == rates.max()
+    for design in search["best"]:
+        place = (design["design"]["width_mm"], design["design"]["radius_mm"])
         rate = study.rate(experiment="1 fresh", width_mm=place[0], radius_mm=place[1])
-        assert one["chosen_by"]["success"] == rates[place]
-        assert one["fresh"]["success"] == {"value": rate.value, "interval": [rate.low, rate.high]}
+        assert design["chosen_by"]["success"] == rates[place]
+        assert design["fresh"]["success"] == {"value": rate.value, "interval": [rate.low, rate.high]}
     # None of the best of two objectives is beaten in both by any design.
     times = runs["elapsed_time_s"].where(runs["passed"].astype(bool), 30.0)
     worth = {
         key: (times[index].mean(), film_area_cm2(compose("W_B_W", dict(zip(("width", "radius"), key, strict=True)))))
         for key, index in runs.groupby(["width_mm", "radius_mm"]).groups.items()
     }
-    for one in multiple["best"]:
-        mine = worth[one["design"]["width_mm"], one["design"]["radius_mm"]]
-        assert (one["chosen_by"]["time"], one["chosen_by"]["sheet-area"]) == pytest.approx(mine)
-        assert not any(other[0] < mine[0] and other[1] < mine[1] for other in worth.values())
+    for design in multiple["best"]:
+        own_value = worth[design["design"]["width_mm"], design["design"]["radius_mm"]]
+        assert (design["chosen_by"]["time"], design["chosen_by"]["sheet-area"]) == pytest.approx(own_value)
+        assert not any(other[0] < own_value[0] and other[1] < own_value[1] for other in worth.values())
     assert multiple["new"] <= 2 * 4
 
 
@@ -108,12 +108,12 @@ def test_a_search_under_a_calibration_shares_the_runs_of_such_a_sweep(
         writer.put(new_calibration("high", "1", "a build", [{**draw, "obstacle_height": 2.0}], {"findings": []}), False)
     words = ("--calibration", "high")
 
-    found = optimized(foldcar_command, listing, "s.db", "--designs", "2", "--no-prune", *words)
+    search = optimized(foldcar_command, listing, "s.db", "--designs", "2", "--no-prune", *words)
     swept = json.loads(foldcar_command("sweep", listing, "--store", "s.db", "--json", *words).stdout)
 
-    assert (found["experiment"], found["runs"], swept["there"]) == ("1 (calibrated high)", 6, 6)
+    assert (search["experiment"], search["runs"], swept["there"]) == ("1 (calibrated high)", 6, 6)
     # No car climbs steps of 48 mm; in the fresh environments one may slide off them.
-    assert swept["passed"] == 0 and found["best"][0]["fresh"]["success"]["value"] < 0.5
+    assert swept["passed"] == 0 and search["best"][0]["fresh"]["success"]["value"] < 0.5
     assert list(foldcar.Study(tmp_path / "s.db").experiments) == ["1 (calibrated high)", "1 fresh (calibrated high)"]
 
 
@@ -179,13 +179,13 @@ def test_the_excess_sums_to_what_a_design_is_worse_than_the_best(name: str) -> N
     assert objective.value is not None
     for _ in range(50):
         pair = [[row(draw.choice([None, draw.uniform(1, 30)]), draw.uniform(1, 9)) for _ in range(12)] for _ in "ab"]
-        mine, best = (objective.value(rows, 30.0) for rows in pair)
-        if not all(map(math.isfinite, (mine, best))):
+        own_value, best = (objective.value(rows, 30.0) for rows in pair)
+        if not all(map(math.isfinite, (own_value, best))):
             continue
-        found, most_better = objective.excess(*pair, 30.0)
-        assert min(found) >= -most_better - 1e-9 and sum(objective.excess(pair[1], pair[1], 30.0)[0]) == 0
-        apart = best - mine if objective.largest else mine - best
-        assert math.copysign(1, round(sum(found), 9)) == math.copysign(1, round(apart, 9))
+        excess, most_better = objective.excess(*pair, 30.0)
+        assert min(excess) >= -most_better - 1e-9 and sum(objective.excess(pair[1], pair[1], 30.0)[0]) == 0
+        apart = best - own_value if objective.largest else own_value - best
+        assert math.copysign(1, round(sum(excess), 9)) == math.copysign(1, round(apart, 9))
     rejected = Row("rejected", None, None)
     assert objective.excess([rejected, row(3.0)], [row(3.0), rejected, row(3.0)], 30.0)[0] == [0, 0]
 
@@ -195,8 +195,8 @@ def test_of_designs_that_end_as_good_as_the_best_few_are_left_early() -> None:
     for equal in ([1, 1, -1, -1, 0, 0], [0.4, -1, 0.3, 0.3, -0.5, 0.5], [0, 0, 0]):
         orders = list(permutations(equal))
         for n in range(1, len(equal) + 1):
-            found = [evidence_of_worse(order[:n], len(equal), 1.0) for order in orders]
-            assert sum(found) / len(found) == pytest.approx(1)
+            evidence = [evidence_of_worse(order[:n], len(equal), 1.0) for order in orders]
+            assert sum(evidence) / len(evidence) == pytest.approx(1)
     # What is left cannot make up for it: three environments of at most -1 each.
     assert evidence_of_worse([1] * 4, 6, 1.0) == math.inf and evidence_of_worse([0, 0, 1], 9, 0.0) == math.inf
     draw = random.Random(5)

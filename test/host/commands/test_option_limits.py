@@ -37,20 +37,20 @@ def test_options_have_the_limits_of_the_listing(foldcar: Any, words: tuple[str, 
     ],
 )
 def test_a_parameter_that_is_set_twice_is_refused(listing: Any, refused: Any, words: tuple[str, ...]) -> None:
-    told = refused(words[0], listing, *words[2:], *SETTINGS)
+    message = refused(words[0], listing, *words[2:], *SETTINGS)
 
-    assert told == "--set width=115: width is given twice, first as 95"
+    assert message == "--set width=115: width is given twice, first as 95"
 
 
 @pytest.mark.parametrize("command", [("select", "s.db"), ("report", "s.db", "-o", "r", "--threshold", "0.6")])
 def test_a_threshold_reads_like_the_listings(
     write_listing: Any, listing_data: Any, refused: Any, command: tuple[str, ...]
 ) -> None:
-    said = "75 is not between 0 and 1: a threshold is a fraction of runs: write 0.75 for 75 %"
-    assert refused(*command, "--threshold", "75") == f"--threshold: {said}"
+    sentence = "75 is not between 0 and 1: a threshold is a fraction of runs: write 0.75 for 75 %"
+    assert refused(*command, "--threshold", "75") == f"--threshold: {sentence}"
     listing_data["experiments"]["1"]["params"] = {"threshold": [0.5, 75]}
     file = write_listing(listing_data)
-    assert refused("run", file, "--experiment", "1") == f"{file}: experiments.1.params.threshold: {said}"
+    assert refused("run", file, "--experiment", "1") == f"{file}: experiments.1.params.threshold: {sentence}"
 
 
 def test_a_parameter_of_a_program_that_is_given_twice_is_refused(tmp_path: Any, refused: Any) -> None:

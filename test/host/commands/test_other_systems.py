@@ -96,6 +96,6 @@ def test_what_needs_no_terminal_works(project: Path, commands: tuple[tuple[str, 
 
 def test_what_such_a_system_lacks_is_said_in_one_line(project: Path) -> None:
     done = poorer(project, ("params", "get", "--port", "COM3"))
-    told, ended = done.stderr.splitlines()[-2:]
-    assert told.startswith("foldcar: error: COM3: cars on USB are driven on Linux and macOS; use WSL ")
+    error, ended = done.stderr.splitlines()[-2:]
+    assert error.startswith("foldcar: error: COM3: cars on USB are driven on Linux and macOS; use WSL ")
     assert ended == "ended with 2"

@@ -72,8 +72,11 @@ def test_every_car_is_made_and_its_own_command_makes_it_anew_alike_but_never_ove
     assert lines[-2] == f"skipped, as it cannot be built: {why}"
     made = {name: files_of(tmp_path / "cars" / name) for name in folders}
     manifests = [json.loads(files["pattern.json"]) for files in made.values()]
-    assert [one["parameters"]["width"] for one in manifests] == list(folders.values())
-    sheets, mass_g = sum(one["sheets"] for one in manifests), 1000 * sum(one["mass_kg"] for one in manifests)
+    assert [manifest["parameters"]["width"] for manifest in manifests] == list(folders.values())
+    sheets, mass_g = (
+        sum(manifest["sheets"] for manifest in manifests),
+        1000 * sum(manifest["mass_kg"] for manifest in manifests),
+    )
     assert lines[-1].startswith(f"2 cars of 2 vehicles in cars: {sheets} sheets, cut ")
     assert f", {mass_g:.0f} g, " in lines[-1]
 
@@ -108,7 +111,7 @@ def test_every_car_is_made_and_its_own_command_makes_it_anew_alike_but_never_ove
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "message"),
     [
         (("--set", "width=95", "--sheet", "110x110"), "it cannot be split; --sheet 12in would do"),
         (("--set", "width=95", "--machine", "axe"), "--machine axe: not one of silhouette, cricut, laser, scissors"),
@@ -116,12 +119,12 @@ def test_every_car_is_made_and_its_own_command_makes_it_anew_alike_but_never_ove
     ],
 )
 def test_mistakes_are_one_line_and_leave_no_folder(
-    foldcar: Command, listing: Path, tmp_path: Path, words: tuple[str, ...], said: str
+    foldcar: Command, listing: Path, tmp_path: Path, words: tuple[str, ...], message: str
 ) -> None:
     done = foldcar("pattern", listing, "-o", "car", *words)
 
     assert done.returncode == 2
-    assert said in done.stderr
+    assert message in done.stderr
     assert done.stderr.count("\n") == 1
     assert {file.name for file in tmp_path.iterdir()} == {"listing.json"}
 
@@ -140,11 +143,11 @@ def test_a_file_in_the_folders_place_is_refused(foldcar: Command, listing: Path,
 
 def test_options_are_of_any_case_and_within_their_limits() -> None:
     assert options("Laser", sheet="A4", fold="Score") == options("laser", sheet="a4", fold="score")
-    for changes, said in (
+    for changes, message in (
         ({"sheet": "huge"}, "--sheet huge: neither one of a4, letter, 12in"),
         ({"kerf_mm": 3}, "--kerf 3: not within 0 to 1 mm"),
         ({"fold": "bite"}, "--fold bite: not one of dash, score"),
         ({"margin_mm": 40, "sheet": "60x60"}, "--margin 40: leaves nothing"),
     ):
-        with pytest.raises(OptionError, match=re.escape(said)):
+        with pytest.raises(OptionError, match=re.escape(message)):
             options("silhouette", **changes)

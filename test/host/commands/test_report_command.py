@@ -35,7 +35,7 @@ from written_study import add_experiment, add_trials, write_study
 
 WIDTHS, SAMPLES = tuple(float(width) for width in range(65, 250, 15)), 40
 FACTS = {**written_study.FACTS, "listing_text": '{"experiments": "<&>"}'}
-TOLD = {
+EXPERIMENT_FACTS = {
     "scenic_params": {"friction": 0.6},
     "condition": {"sample": 3, "objects": ["bump"], "params": ["friction"]},
     "variation": {"supply_v": 0.2},
@@ -54,7 +54,7 @@ def study(tmp_path: Path) -> Path:
     store = tmp_path / "study.db"
     with write_store(store) as writer:
         writer.begin_study(FACTS, "build-7")
-        add_experiment(writer, "1", {"width_mm": WIDTHS}, SAMPLES, width_outcome, TOLD)
+        add_experiment(writer, "1", {"width_mm": WIDTHS}, SAMPLES, width_outcome, EXPERIMENT_FACTS)
     return store
 
 
@@ -80,11 +80,13 @@ def test_a_width_study_gives_one_page_with_figures_and_the_same_again(study: Pat
     assert "passed (%)" in pdf.extract_text() and pdf.mediabox.width == pytest.approx(7.2 * 72, rel=0.1)
     html = (folder / "index.html").read_text()
     assert html.startswith("<!doctype html>") and not re.search(r"<script [^>]*src|<link|<img", html)
-    (one,) = study_of(folder)["experiments"]
-    assert any("No replay: the runs are of carsim build build-7, and the one here is " in text for text in one["remarks"])
+    (experiment,) = study_of(folder)["experiments"]
+    assert any(
+        "No replay: the runs are of carsim build build-7, and the one here is " in text for text in experiment["remarks"]
+    )
     passed = [sum(width_outcome({"width_mm": width}, k) == "passed" for k in range(SAMPLES)) for width in WIDTHS]
-    assert one["designs"]["passed"] == passed and one["thresholds"] == [0.6, 0.8]
-    facts = " ".join(text for _, text in one["provenance"])
+    assert experiment["designs"]["passed"] == passed and experiment["thresholds"] == [0.6, 0.8]
+    facts = " ".join(text for _, text in experiment["provenance"])
     for fact in (
         *(FACTS[name] for name in ("foldcar_version", "scenic_version", "created_utc", "command", "listing_text")),
         f"foldcar report {study} -o {folder} --threshold 0.6 --threshold 0.8",
@@ -95,7 +97,7 @@ def test_a_width_study_gives_one_page_with_figures_and_the_same_again(study: Pat
         "seed 42; spread: supply_v 0.2",
     ):
         assert fact in facts
-    assert sorted(address for _, address in one["files"]) == sorted(f"{figure}.svg" for figure in figures)
+    assert sorted(address for _, address in experiment["files"]) == sorted(f"{figure}.svg" for figure in figures)
 
     rows = [line.split() for line in shown.splitlines()]
     assert [row[2:4] for row in rows if row[:2] == ["80", "mm"]] == [[str(SAMPLES), f"{100 * passed[1] / SAMPLES:.1f}"]]
@@ -113,9 +115,9 @@ def test_several_experiments_and_several_parameters_and_unfinished_ones(tmp_path
     with write_store(store) as writer:
         writer.begin_study(FACTS, "build-7")
         two = {"width_mm": (80.0, 100.0), "radius_mm": (50.0, 60.0)}
-        add_experiment(writer, "a/b", two, 4, width_outcome, TOLD, 3)
-        add_experiment(writer, "../x", {"width_mm": (80.0, 100.0)}, 3, lambda design, sample: "tipped", TOLD)
-        add_experiment(writer, "later", {"width_mm": (80.0, 100.0)}, 5, width_outcome, TOLD, 0)
+        add_experiment(writer, "a/b", two, 4, width_outcome, EXPERIMENT_FACTS, 3)
+        add_experiment(writer, "../x", {"width_mm": (80.0, 100.0)}, 3, lambda design, sample: "tipped", EXPERIMENT_FACTS)
+        add_experiment(writer, "later", {"width_mm": (80.0, 100.0)}, 5, width_outcome, EXPERIMENT_FACTS, 0)
     code, shown = report(store, "-o", folder, "--no-replay")
     assert code == 0
     starts = [f"experiment_{file_name_part(name)}" for name in ("a/b", "../x")]
@@ -124,7 +126,7 @@ def test_several_experiments_and_several_parameters_and_unfinished_ones(tmp_path
     kinds += [f"{starts[1]}_{kind}_by_width_mm" for kind in ("feasibility", "success", "outcomes")]
     assert {path.name for path in folder.glob("*.svg")} == {f"{kind}.svg" for kind in kinds}
     assert sorted(path.name for path in tmp_path.iterdir()) == ["report", "study.db"]
-    said = " ".join(shown.split())
+    text = " ".join(shown.split())
     for sentence in (
         "Unfinished: 12 of 16 runs are stored",
         "In simulation no run passed",
@@ -132,7 +134,7 @@ def test_several_experiments_and_several_parameters_and_unfinished_ones(tmp_path
         "No run is stored yet.",
         "No replay: the report was made with --no-replay.",
     ):
-        assert sentence in said
+        assert sentence in text
     assert '<script type="text/plain"' not in (folder / "index.html").read_text()
 
 
@@ -141,7 +143,7 @@ def test_mistakes_are_one_line_and_leave_nothing(study: Path, tmp_path: Path) ->
     text.write_text("no database, but long enough to be taken for one by its size alone " * 20)
     with write_store(empty) as writer:
         writer.begin_study(FACTS, "build-7")
-        add_experiment(writer, "1", {"width_mm": (80.0, 100.0)}, 3, width_outcome, TOLD, 0)
+        add_experiment(writer, "1", {"width_mm": (80.0, 100.0)}, 3, width_outcome, EXPERIMENT_FACTS, 0)
     before = sorted(path.name for path in tmp_path.iterdir())
     for store, folder, part in (
         (tmp_path / "none.db", tmp_path / "out", "none.db: "),
@@ -149,8 +151,8 @@ def test_mistakes_are_one_line_and_leave_nothing(study: Path, tmp_path: Path) ->
         (empty, tmp_path / "out", "empty.db: contains no runs yet"),
         (study, text, "text.db: not a folder"),
     ):
-        code, said = report(store, "-o", folder)
-        assert code != 0 and part in said and said.count("\n") <= 1
+        code, output = report(store, "-o", folder)
+        assert code != 0 and part in output and output.count("\n") <= 1
         assert sorted(path.name for path in tmp_path.iterdir()) == before
 
 
@@ -173,15 +175,18 @@ def test_the_map_has_the_rates_of_the_designs_and_the_effects_their_means(tmp_pa
         return "passed" if sample < round(share * samples) else "tipped"
 
     with Store.open(write_study(tmp_path / "s.db", {"width_mm": widths, "radius_mm": radii}, samples, passes)) as store:
-        (one,) = read_experiments(store)
-    assert one.effects is not None
-    passed, runs = one.evidence.run_counts.T
+        (experiment,) = read_experiments(store)
+    assert experiment.effects is not None
+    passed, runs = experiment.evidence.run_counts.T
     shares = (passed / runs).reshape(len(widths), len(radii))
 
-    names = [drawing.name for drawing in drawings(one.columns, one.effects, one.places, one.thresholds)]
+    names = [
+        drawing.name
+        for drawing in drawings(experiment.columns, experiment.effects, experiment.places, experiment.thresholds)
+    ]
     with threadpool_limits(1):
-        axes = draw_map(one.columns, one.effects, one.places, (0, 1), (0.5, 0.75)).axes[0]
-        (across, _) = draw_effects(one.columns, one.effects, one.places, (0.5,)).axes[:2]
+        axes = draw_map(experiment.columns, experiment.effects, experiment.places, (0, 1), (0.5, 0.75)).axes[0]
+        (across, _) = draw_effects(experiment.columns, experiment.effects, experiment.places, (0.5,)).axes[:2]
 
     assert names == ["experiment_1_effects", "experiment_1_map_by_width_mm_and_radius_mm"]
     (mesh,) = [collection for collection in axes.collections if isinstance(collection, QuadMesh)]
@@ -198,11 +203,11 @@ def test_the_region_is_tinted_where_simulation_and_trials_together_say_so(tmp_pa
     add_trials(store, [({"width_mm": 100.0}, sample, "tipped") for sample in range(20)])
 
     with Store.open(store) as opened:
-        (one,) = read_experiments(opened)
-        axes = draw_feasibility(one.columns, (0.75,)).axes[0]
+        (experiment,) = read_experiments(opened)
+        axes = draw_feasibility(experiment.columns, (0.75,)).axes[0]
 
     assert before["designs"]["verdict"] == ["good"] * len(widths)
-    assert one.columns.built[2] is not None and one.columns.built[2][0] < 0.3
+    assert experiment.columns.built[2] is not None and experiment.columns.built[2][0] < 0.3
     assert 100.0 not in [patch.get_x() + patch.get_width() / 2 for patch in axes.patches]
 
 

@@ -28,8 +28,8 @@ def test_a_picture_alone_comes_with_a_summary(foldcar: Any, tmp_path: Path) -> N
     assert friction.startswith("  friction 0.") and terrain and all(" in each scene" in line for line in terrain)
     picture = (tmp_path / "scenes.svg").read_text()
     assert picture.count("distance from the start (m)") == 4
-    asked = foldcar("sample", PYRAMIDS, "-n", "4", "--seed", "42", "-o", "-", "--plot", "scenes.svg")
-    assert [json.loads(line)["scene"]["id"] for line in asked.stdout.splitlines()] == [f"42/{k}" for k in range(4)]
+    written = foldcar("sample", PYRAMIDS, "-n", "4", "--seed", "42", "-o", "-", "--plot", "scenes.svg")
+    assert [json.loads(line)["scene"]["id"] for line in written.stdout.splitlines()] == [f"42/{k}" for k in range(4)]
 
 
 def test_parameters_are_read_as_json_values(foldcar: Any) -> None:

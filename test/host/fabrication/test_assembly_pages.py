@@ -99,7 +99,7 @@ def test_a_run_on_the_page_ends_at_the_goal(tmp_path: Path, foldcar: Command, fr
 
 
 @pytest.mark.parametrize(
-    ("listing", "words", "said"),
+    ("listing", "words", "message"),
     [
         (PUBLISHED, ["-o", "x.html"], "--vehicle"),
         (PUBLISHED, ["--vehicle", "w66", "-o", "x.html"], "w66"),
@@ -110,9 +110,9 @@ def test_a_run_on_the_page_ends_at_the_goal(tmp_path: Path, foldcar: Command, fr
     ],
 )
 def test_view_refuses_cars_and_runs_that_there_are_not(
-    foldcar: Command, free_course: Path, tmp_path: Path, listing: Path | None, words: list[str], said: str
+    foldcar: Command, free_course: Path, tmp_path: Path, listing: Path | None, words: list[str], message: str
 ) -> None:
     done = foldcar("view", listing or free_course, *words)
 
-    assert done.returncode == 2 and said in done.stderr and len(done.stderr.splitlines()) == 1
+    assert done.returncode == 2 and message in done.stderr and len(done.stderr.splitlines()) == 1
     assert not (tmp_path / "x.html").exists()

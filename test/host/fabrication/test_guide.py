@@ -51,16 +51,16 @@ def label(folded: FoldedCar, added: Added) -> str:
     return labels.get((added.kind, added.name), added.name)
 
 
-def told(lines: tuple[str, ...], labels: set[str]) -> Iterator[str]:
+def named_parts(lines: tuple[str, ...], labels: set[str]) -> Iterator[str]:
     """The labels of what goes in, in the order of a step's lines; "4 times: …" repeats."""
     for line in lines:
         times, text = re.fullmatch(r"(?:(\d+) times: )?(.*)", line).groups()
         for _ in range(int(times or 1)):
             for part in text.split("; then "):
-                found = re.match(r"(?:(\d+) × )?(.+?): (?:from |lay |wind |stretch )", part)
-                name = next((one for one in labels if found and one.lower() == found[2].lower()), None)
-                if found and name:
-                    yield from [name] * int(found[1] or 1)
+                match = re.match(r"(?:(\d+) × )?(.+?): (?:from |lay |wind |stretch )", part)
+                name = next((candidate for candidate in labels if match and candidate.lower() == match[2].lower()), None)
+                if match and name:
+                    yield from [name] * int(match[1] or 1)
 
 
 @pytest.mark.parametrize("name", CARS)
@@ -69,10 +69,10 @@ def test_the_guide_puts_things_in_in_the_order_that_is_proved(name: str) -> None
 
     for step, shown in zip(proved, guide(name)[-len(proved) :], strict=True):
         first = [add for add in step.adds if not step.unit or add.body == step.adds[0].body]
-        labels = [label(folded, one) for one in first if one.name != folded.parts.wiring.name]
+        labels = [label(folded, part) for part in first if part.name != folded.parts.wiring.name]
         repeated = f" ({len(folded.axles)} times)" if step.unit == "wheel" else ""
         assert shown.title == step.title + repeated
-        assert list(told(shown.lines, set(labels))) == labels, (shown.title, shown.lines)
+        assert list(named_parts(shown.lines, set(labels))) == labels, (shown.title, shown.lines)
 
 
 def test_the_guide_is_one_page_that_tells_all_steps_and_needs_no_other_file() -> None:
@@ -131,10 +131,10 @@ def test_hidden_surfaces_agree_with_rays() -> None:
     facets = list(merge_shapes(state.shape(part) for part in parts).facets)
     view = camera(-55, 32)
     seen = {facet.facet.key: facet for facet in visible_facets(facets, view)}
-    low_u, low_v, high_u, high_v = shapely.total_bounds([one.region for one in seen.values()])
+    low_u, low_v, high_u, high_v = shapely.total_bounds([view.region for view in seen.values()])
     points = np.random.default_rng(1).uniform((low_u, low_v), (high_u, high_v), (500, 2))
 
-    edges = shapely.union_all([one.region.boundary for one in seen.values()])
+    edges = shapely.union_all([view.region.boundary for view in seen.values()])
     # A facet that the rays run in, or the inner side of a closed body, is not met.
     slopes = [(facet, float(facet.normal @ view.toward)) for facet in facets]
     met = [(facet, slope) for facet, slope in slopes if abs(slope) > 1e-9 and not (facet.closed and slope < 0)]
@@ -165,25 +165,25 @@ def test_guide_shows_every_piece_and_tells_every_join(name: str, machine: str, s
     folded = car(name)
     parted = cut_car(folded, options(machine, sheet=sheet))
 
-    found = steps(folded, parted, machine)
+    guide_steps = steps(folded, parted, machine)
 
-    text = " ".join(line for step in found for line in step.lines)
-    told: set[int] = set()
+    text = " ".join(line for step in guide_steps for line in step.lines)
+    numbers: set[int] = set()
     for first, last in re.findall(r"(\d+)(?: to (\d+))?", " ".join(re.findall(r"[Jj]oins? ([\d, to]+)", text))):
-        told |= set(range(int(first), int(last or first) + 1))
-    assert told == {join.number for join in parted.car.joins}
+        numbers |= set(range(int(first), int(last or first) + 1))
+    assert numbers == {join.number for join in parted.car.joins}
     whole = {piece.name for piece in folded.pieces} & {piece.name for piece in parted.car.pieces}
     assert len(re.findall(" is cut as ", text)) == len(folded.pieces) - len(whole)
     assert (len(whole) < len(folded.pieces)) == (sheet == "a4")
-    assert len(found[0].pictures) == len(parted.car.pieces)
-    assert all(step.pictures for step in found if step.title != "Join the parts of pieces")
+    assert len(guide_steps[0].pictures) == len(parted.car.pieces)
+    assert all(step.pictures for step in guide_steps if step.title != "Join the parts of pieces")
 
 
 def test_pieces_in_the_guide_have_the_numbers_of_their_joins_none_on_another() -> None:
-    folded, found = car("hinged"), guide("hinged")
+    folded, guide_steps = car("hinged"), guide("hinged")
     # The pictures of the page are drawn already.
     drawn = re.findall(r"<svg.*?</svg>", page(), re.DOTALL)[1:]
-    pictures = [[ET.fromstring(drawn.pop(0)) for _ in step.pictures] for step in found]
+    pictures = [[ET.fromstring(drawn.pop(0)) for _ in step.pictures] for step in guide_steps]
 
     slots = 0
     for piece, picture in zip(folded.pieces, pictures[0], strict=True):
@@ -197,7 +197,7 @@ def test_pieces_in_the_guide_have_the_numbers_of_their_joins_none_on_another() -
         assert all(numbers.count(str(join.number)) == 2 for join in slotted)
         slots += len(slotted)
     assert slots
-    for step, shown in zip(found, pictures, strict=True):
+    for step, shown in zip(guide_steps, pictures, strict=True):
         for circles in (list(picture.iterfind("{*}circle")) for picture in shown):
             shapes = [(float(c.attrib["cx"]), float(c.attrib["cy"]), float(c.attrib["r"])) for c in circles]
             for a, b in combinations(shapes, 2):
@@ -210,7 +210,7 @@ def test_pictures_show_what_goes_in() -> None:
 
     for step, shown in zip(proved, guide("w65")[-len(proved) :], strict=True):
         first = step.adds[0].body if step.adds else ""
-        seen = {one.facet.key for picture in shown.pictures for one in picture.seen}
+        seen = {view.facet.key for picture in shown.pictures for view in picture.seen}
         for added in step.adds:
             hidden_in_others = step.unit and added.body != first
             if added.kind == "unit" or hidden_in_others or added.name == folded.parts.wiring.name:

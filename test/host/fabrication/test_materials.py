@@ -124,7 +124,7 @@ def test_the_parts_list_says_what_is_curled_and_how_long_tyres_are() -> None:
     assert bent["beam 1"] == "7" and bent["hinge strip"] == "0 and a hinge: do not crease that"
     # A strip of that size has the tyre's volume.
     tyre = folded.parts.tyre
-    (told,) = (row.note for row in parts_list(folded) if row.name == tyre.name)
-    length, width = (float(word) for word in told.rpartition("a strip of ")[2].split(" mm")[0].split(" x "))
+    (note,) = (row.note for row in parts_list(folded) if row.name == tyre.name)
+    length, width = (float(word) for word in note.rpartition("a strip of ")[2].split(" mm")[0].split(" x "))
     volume_m3 = length * width * tyre.thickness_mm.value * 1e-9
     assert volume_m3 * tyre.density_kg_m3.value == pytest.approx(tyre.mass_kg(50, 12), rel=0.003)

@@ -42,7 +42,8 @@ def test_steps_put_every_copy_and_part_in_once_and_make_every_join(car: FoldedCa
     placed = {(add.name, add.body) for step in steps for add in step.adds if add.kind == "unit"}
 
     assert added == Counter(
-        [("piece", one.piece, one.copy) for one in car.placed] + [("mount", mount.name, 0) for mount in car.mounts]
+        [("piece", placed.piece, placed.copy) for placed in car.placed]
+        + [("mount", mount.name, 0) for mount in car.mounts]
     )
     assert joined == dict.fromkeys({join.number for join in car.joins}, 1)
     for piece in car.pieces:
@@ -55,25 +56,25 @@ def test_operations_are_those_of_pieces_joins_parts_and_wires(car: FoldedCar) ->
     parts = cut_car(car, options("laser"))
     cut, wheels = parts.car, len(car.axles)
 
-    found = operations(car, parts)
+    work = operations(car, parts)
 
-    of_wheels = {one.piece for one in car.placed if one.body.startswith("wheel")}
+    of_wheels = {placed.piece for placed in car.placed if placed.body.startswith("wheel")}
     joins: Counter[str] = Counter()
     for join in cut.joins:
         joins[join.kind] += wheels if join.piece_a in of_wheels else 1
     screws = sum(is_screw(car.parts, mount) for mount in car.mounts)
-    assert found.piece == sum(piece.count for piece in cut.pieces)
+    assert work.piece == sum(piece.count for piece in cut.pieces)
     # The LiPo lies on a strip of tape.
-    assert found.tape == sum(joins[kind] for kind in ("lap", "tab", "laminate")) + 1
-    assert found.tongue == joins["tab_slot"] + joins["lock"] + joins["rim"]
-    assert found.screw == screws
+    assert work.tape == sum(joins[kind] for kind in ("lap", "tab", "laminate")) + 1
+    assert work.tongue == joins["tab_slot"] + joins["lock"] + joins["rim"]
+    assert work.screw == screws
     # Two at each servo and at the boards; those of horns have none.
-    assert found.nut == 2 * wheels + 2
-    assert found.plug == sum(wire.carries != "usb" for wire in car.wires)
+    assert work.nut == 2 * wheels + 2
+    assert work.plug == sum(wire.carries != "usb" for wire in car.wires)
     # A wheel is put on as one, and so is every other unit.
     units = {(step.unit, add.body) for step in assembly_steps(car) if step.unit for add in step.adds}
     wiring = sum(mount.part == car.parts.wiring.name for mount in car.mounts)
-    assert found.part == len(car.mounts) - screws - wiring + len(units)
+    assert work.part == len(car.mounts) - screws - wiring + len(units)
 
 
 @pytest.mark.parametrize("car", ["four wheels"], indirect=True)
@@ -137,11 +138,11 @@ def test_minutes_are_seconds_of_each_kind_at_the_pace_of_a_first_build() -> None
 def test_the_published_car_of_95_mm_is_built_in_an_hour() -> None:
     folded = published_cars.car("w95")
 
-    found = operations(folded, cut_car(folded, options("silhouette")))
+    work = operations(folded, cut_car(folded, options("silhouette")))
 
-    assert found.total <= 220
-    assert found.minutes <= 60
+    assert work.total <= 220
+    assert work.minutes <= 60
     # Weeding is told apart, its minutes are not.
-    seconds = found.weed * kinds()["weed"].value * kinds()["pace"].value
-    assert found.total == sum(found.counts.values()) - found.weed
-    assert replace(found, weed=0).minutes == pytest.approx(found.minutes - seconds / 60)
+    seconds = work.weed * kinds()["weed"].value * kinds()["pace"].value
+    assert work.total == sum(work.counts.values()) - work.weed
+    assert replace(work, weed=0).minutes == pytest.approx(work.minutes - seconds / 60)

@@ -41,14 +41,14 @@ def made() -> Made:
 
 
 @pytest.fixture(scope="module")
-def found(made: Made) -> dict[str, Sheet]:
+def sheets(made: Made) -> dict[str, Sheet]:
     """What is read back, by ending."""
     return {ending: read(made.texts[ending]) for ending, read in READERS.items()} | {"pdf": read_pdf(made.pdf)[1]}
 
 
-def test_written_files_have_no_findings_and_a_reference_bar_of_100_mm(made: Made, found: dict[str, Sheet]) -> None:
+def test_written_files_have_no_findings_and_a_reference_bar_of_100_mm(made: Made, sheets: dict[str, Sheet]) -> None:
     assert check_sheet(made.sheet, CHOSEN.margin_mm) == []
-    for ending, sheet in found.items():
+    for ending, sheet in sheets.items():
         assert check_same(made.sheet, sheet) == [], ending
         long = [s.length_mm for s in sheet.shapes if isinstance(s, Path) and s.layer == "LABEL" and s.length_mm > 90]
         assert long == [pytest.approx(100.0, abs=1e-3)]
@@ -116,8 +116,8 @@ def test_colours_are_layers_of_lightburn() -> None:
     assert {layer.lightburn: layer.rgb for layer in LAYERS.values()} == LIGHTBURN
 
 
-def test_the_code_says_the_command(found: dict[str, Sheet]) -> None:
-    shapes = found["pdf"].shapes
+def test_the_code_says_the_command(sheets: dict[str, Sheet]) -> None:
+    shapes = sheets["pdf"].shapes
     lines = [s for s in shapes if isinstance(s, Path) and s.layer == "QR_CODE"]
     left, low, right, top = bounds(lines)
     module = LAYERS["QR_CODE"].width_mm
@@ -218,11 +218,11 @@ def mixed_sheet() -> Sheet:
 
 @pytest.mark.parametrize("ending", WRITERS)
 def test_files_have_openings_before_outlines_small_before_large_near_to_near(ending: str) -> None:
-    found = READERS[ending](WRITERS[ending](mixed_sheet())).shapes
+    shapes = READERS[ending](WRITERS[ending](mixed_sheet())).shapes
 
-    assert [shape.layer for shape in found] == ["CUT_INNER"] * 18 + ["CUT_OUTER"] * 9
+    assert [shape.layer for shape in shapes] == ["CUT_INNER"] * 18 + ["CUT_OUTER"] * 9
     for layer in ("CUT_INNER", "CUT_OUTER"):
-        cuts = [shape for shape in found if shape.layer == layer]
+        cuts = [shape for shape in shapes if shape.layer == layer]
         sizes = [round(shape.length_mm, 3) for shape in cuts]
         assert sizes == sorted(sizes)
         place = (0.0, 0.0)

@@ -176,8 +176,8 @@ def test_film_between_cuts_is_wide_enough_to_hold(machine: str) -> None:
     holes = (circle("near a fold", 30.0, 2.5, 2.0), circle("near the edge", 117.4, 15.0, 2.0))
     piece = beam()
     faces = tuple(replace(face, holes=holes) if face.name == "right" else face for face in piece.faces)
-    for one in (replace(piece, faces=faces), cap()):
-        flat = flat_piece(one, chosen)
+    for shape in (replace(piece, faces=faces), cap()):
+        flat = flat_piece(shape, chosen)
         cuts = cuts_of(flat, chosen)
         least = min(
             a.distance(b) - (0.0 if machine == "silhouette" else chosen.kerf_mm)

@@ -45,7 +45,7 @@ def test_the_sheets_are_those_that_are_kept(vehicle: str) -> None:
 
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)
 def test_every_design_passes_the_verification(file: Path) -> None:
-    assert {name: verify(one).findings for name, one in designs(file).items()} == dict.fromkeys(designs(file), ())
+    assert {name: verify(design).findings for name, design in designs(file).items()} == dict.fromkeys(designs(file), ())
 
 
 @pytest.mark.parametrize(("name", "sheet"), [("w95", "12in"), ("six", "12x24in")])
@@ -68,10 +68,10 @@ def test_pieces_have_room_for_their_labels_and_no_film_that_may_tear(name: str, 
     for flat in cut.pieces:
         for turn in range(4):
             assert piece_shapes(flat, chosen, join_marks(flat, cut.car, cut.whole), turn)[1] == []
-    films = [found for flat in cut.pieces if (found := narrowest_film(flat, chosen)) is not None]
-    assert not any(found.narrow for found in films)
+    films = [film for flat in cut.pieces if (film := narrowest_film(flat, chosen)) is not None]
+    assert not any(film.narrow for film in films)
     # The film around a servo's notches: 1 mm, as between a fold's cuts, is enough.
-    assert 1.09 < min(found.width_mm for found in films) < 1.11
+    assert 1.09 < min(film.width_mm for film in films) < 1.11
 
 
 def test_numbers_of_layers_stand_where_the_layers_lie() -> None:

@@ -41,7 +41,7 @@ def test_random_designs_are_made_or_refused_with_what_would_do(monkeypatch: pyte
 
 
 @pytest.mark.parametrize(
-    ("error", "said"),
+    ("error", "message"),
     [
         (CheckError("beam: runs through lid"), "fails its checks"),
         (FoldcarError("something is wrong"), "says not what would do"),
@@ -49,8 +49,8 @@ def test_random_designs_are_made_or_refused_with_what_would_do(monkeypatch: pyte
         (ZeroDivisionError("division by zero"), "ZeroDivisionError"),
     ],
 )
-def test_a_design_that_ends_otherwise_is_a_fault(error: Exception, said: str) -> None:
+def test_a_design_that_ends_otherwise_is_a_fault(error: Exception, message: str) -> None:
     def make(_design: Design, _chosen: Options) -> None:
         raise error
 
-    assert said in tried(foldable(), make).fault
+    assert message in tried(foldable(), make).fault

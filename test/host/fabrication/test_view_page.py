@@ -42,23 +42,23 @@ def film_box(folded: FoldedCar) -> np.ndarray:
 
 def test_page_puts_the_car_together_and_names_its_parts(tmp_path: Path) -> None:
     folded = folded_car(compose("W_B_W", {}))
-    found = probed(view_page(folded, "a car"), tmp_path, "", PUT_TOGETHER)
+    probe = probed(view_page(folded, "a car"), tmp_path, "", PUT_TOGETHER)
 
-    flat, built = np.array(found["boxes"][0]), np.array(found["boxes"][-1])
+    flat, built = np.array(probe["boxes"][0]), np.array(probe["boxes"][-1])
     assert flat[5] - flat[2] == pytest.approx(0, abs=1e-3)
     assert built == pytest.approx(film_box(folded), abs=2e-3)
     nuts = sum("nut" in mount.part for mount in folded.mounts)
     # Nothing is put in twice, nothing leaves, and in the end all is there.
-    assert found["counts"][1:] == sorted(found["counts"][1:])
-    assert found["counts"][-1] == len(folded.placed) + len(folded.mounts) + nuts
+    assert probe["counts"][1:] == sorted(probe["counts"][1:])
+    assert probe["counts"][-1] == len(folded.placed) + len(folded.mounts) + nuts
     # Exploded parts are apart: the film takes more room to the left and above.
-    assert (np.array(found["exploded"])[4:] > built[4:] + 10).all()
+    assert (np.array(probe["exploded"])[4:] > built[4:] + 10).all()
     names = {piece.name for piece in folded.pieces} | {mount.name for mount in folded.mounts}
-    assert len(found["named"]) >= 4
-    for name in found["named"]:
+    assert len(probe["named"]) >= 4
+    for name in probe["named"]:
         assert any(name.startswith(known) for known in names)
-    assert found["tip"] == found["tapped"] != ""
-    assert found["turned_rad"] == pytest.approx(0.12, abs=1e-6)
+    assert probe["tip"] == probe["tapped"] != ""
+    assert probe["turned_rad"] == pytest.approx(0.12, abs=1e-6)
 
 
 # Pictures are not looked at here.
@@ -116,10 +116,10 @@ def test_wheels_that_do_not_slip_turn_by_the_way_of_each(tmp_path: Path) -> None
     back = circle[-1] + np.outer(np.linspace(0, 1, 11)[1:], [1, 0.5, 0, 0, 0, 0, 0])
     run = run_data(folded, body, np.vstack([circle, back]))
 
-    found = probed(view_page(folded, "a car", run), tmp_path, "time=0", WHEELS)
+    probe = probed(view_page(folded, "a car", run), tmp_path, "time=0", WHEELS)
 
     track = body["track_m"]
-    for wheel, angles in zip(body["wheels"], found, strict=True):
+    for wheel, angles in zip(body["wheels"], probe, strict=True):
         side = -1 if wheel["side"] == "left" else 1
         half = np.pi * (1 + side * track / 2) / wheel["radius_m"]
         for angle, way in zip(angles, (half, half - 0.5 / wheel["radius_m"]), strict=True):
@@ -161,9 +161,9 @@ def test_page_replays_a_run_of_a_hinged_car_on_the_simulators_ground(tmp_path: P
     run = recorded_run(folded, body, where, {"outcome": "passed"}, rows, heights, "Told.")
     points = f"const points = {np.column_stack([x, y]).tolist()};"
 
-    found = probed(view_page(folded, "a car", run), tmp_path, "time=1", points + REPLAY)
+    probe = probed(view_page(folded, "a car", run), tmp_path, "time=1", points + REPLAY)
 
-    poses = {name: np.array(pose) for name, pose in found["bodies"].items()}
+    poses = {name: np.array(pose) for name, pose in probe["bodies"].items()}
     # Intrinsic: about z, then nose up, then left side up.
     turn = Rotation.from_euler("ZYX", [0.5, -0.3, -0.2]).as_matrix()
     main = poses[f"segment{main_segment(body)}"]
@@ -178,11 +178,11 @@ def test_page_replays_a_run_of_a_hinged_car_on_the_simulators_ground(tmp_path: P
         center = np.array([*np.array(axle.center_mm) / 1000, 1.0])
         assert poses[axle.wheel] @ center == pytest.approx(poses[axle.body] @ center, abs=1e-6)
     # The simulator's half-round has facets; points at a block's very edge may be on either side of it.
-    assert np.quantile(np.abs(np.array(found["ground_m"]) - heights(where, x, y)), 0.99) < 0.001
-    assert np.ptp(found["ground_m"]) > 0.06 and min(found["ground_m"]) < -0.01
-    assert "did not slip" in found["told"]
+    assert np.quantile(np.abs(np.array(probe["ground_m"]) - heights(where, x, y)), 0.99) < 0.001
+    assert np.ptp(probe["ground_m"]) > 0.06 and min(probe["ground_m"]) < -0.01
+    assert "did not slip" in probe["told"]
     # The camera has an obstacle in its picture.
-    assert np.abs(found["seen"]).max() < 1
+    assert np.abs(probe["seen"]).max() < 1
 
 
 REPLAY = """
@@ -224,18 +224,18 @@ def test_every_face_of_film_is_where_the_car_is_folded(tmp_path: Path) -> None:
 def test_a_stuck_cars_belly_is_marked_where_it_hangs(tmp_path: Path) -> None:
     design = compose("W_B_W", {})
     folded, body = folded_car(design), body_json(design)
-    bottom = min(one["center_z_m"] - one["height_m"] / 2 for one in body["segments"])
+    bottom = min(segment["center_z_m"] - segment["height_m"] / 2 for segment in body["segments"])
     rail = {"kind": "box", "x_m": 0.5, "y_m": 0.0, "heading_rad": 0.0, "length_m": 0.02, "width_m": 0.5, "height_m": 0.08}
     z = 0.08 - bottom
     rows = [[0.0, 0.5, 0.0, z, 0.0, 0.0, 0.0], [1.0, 0.5, 0.0, z, 0.0, 0.0, 0.0]]
     page = view_page(folded, "a car", run_data(folded, body, rows, [rail], "stuck"))
 
-    found = probed(page, tmp_path, "time=1", """
+    probe = probed(page, tmp_path, "time=1", """
       const [{ marks }] = view.run.cars();
       return marks.visible ? marks.children.map(one => one.position.toArray()) : null;
     """)  # fmt: skip
 
-    assert found and all(abs(x - 0.5) <= 0.011 and place == pytest.approx(0.08, abs=0.003) for x, _, place in found)
+    assert probe and all(abs(x - 0.5) <= 0.011 and place == pytest.approx(0.08, abs=0.003) for x, _, place in probe)
 
 
 def test_without_webgl_a_run_has_roll_and_pitch(tmp_path: Path) -> None:
@@ -248,9 +248,9 @@ def test_without_webgl_a_run_has_roll_and_pitch(tmp_path: Path) -> None:
       own.getContext = function (kind, ...rest) {
         return /webgl/.test(kind) && this.id !== "model" ? null : get.call(this, kind, ...rest);
       };"""
-    found = probed(page.replace("<body>", f"<body><script>{no_webgl}</script>"), tmp_path, "time=0", """
+    probe = probed(page.replace("<body>", f"<body><script>{no_webgl}</script>"), tmp_path, "time=0", """
       view.run.time(0.8);
       return [document.querySelector(".scene-picture").textContent, document.querySelector(".strips").height];
     """)  # fmt: skip
 
-    assert found[0].startswith("Without WebGL") and found[1] > 60
+    assert probe[0].startswith("Without WebGL") and probe[1] > 60

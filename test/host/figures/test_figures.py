@@ -114,12 +114,12 @@ def highest_box(terrain: Any, line: Any, index: int, offset: Any, tolerance_m: f
 def test_a_map_of_a_hill_is_its_formula_at_the_middles_of_cells(heights: Heights) -> None:
     hill = {"kind": "hill", "x_m": 0.5, "y_m": 0.2, "heading_rad": math.pi / 2}
     scene = {**SCENE, "terrain": [{**hill, "sd_along_m": 0.1, "sd_across_m": 0.2, "height_m": -0.03}]}
-    one = height_map(heights, scene, Extent(0.0, 1.0, 0.0, 0.5), 20)
-    assert one.z_m.shape == (10, 20)
+    block_map = height_map(heights, scene, Extent(0.0, 1.0, 0.0, 0.5), 20)
+    assert block_map.z_m.shape == (10, 20)
     for row, column in ((4, 10), (0, 0), (9, 19)):
         x, y = 0.05 * (column + 0.5) - 0.5, 0.05 * (row + 0.5) - 0.2
         expected = -0.03 * math.exp(-((y / 0.1) ** 2 + (x / 0.2) ** 2) / 2)
-        assert one.z_m[row, column] == pytest.approx(expected, abs=1e-9)
+        assert block_map.z_m[row, column] == pytest.approx(expected, abs=1e-9)
 
 
 def test_level_ground_has_its_colour_and_slopes_towards_the_light_are_brighter() -> None:
@@ -128,7 +128,7 @@ def test_level_ground_has_its_colour_and_slopes_towards_the_light_are_brighter()
     maps = [HeightMap(extent, 0.01, z) for z in (numpy.zeros((30, 30)), slope, slope[:, ::-1], slope - 0.05)]
     scale = height_scale(maps)
     assert scale.get_clim() == pytest.approx((-50.0, 30.0))
-    level, rises, falls, below = (shaded(one, scale) for one in maps)
+    level, rises, falls, below = (shaded(height_map_, scale) for height_map_ in maps)
     assert level == pytest.approx(numpy.broadcast_to(scale.to_rgba(0.0)[:3], level.shape), abs=1e-6)
     assert (rises.mean(axis=2) > falls[:, ::-1].mean(axis=2)).all()
     assert (below[..., 2] > below[..., 0]).all()

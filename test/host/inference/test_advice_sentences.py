@@ -42,14 +42,14 @@ def store(tmp_path: Path) -> Callable[..., Path]:
 def study(store: Callable[..., Path]) -> Studied:
     def made(*words: Any, **facts: Any) -> Selection:
         with Store.open(store(*words, **facts)) as opened:
-            (one,) = select(opened, with_cost=False)
-        return one
+            (selection,) = select(opened, with_cost=False)
+        return selection
 
     return made
 
 
 @pytest.mark.parametrize(
-    ("counts", "said"),
+    ("counts", "message"),
     [
         ({75.0: 0, 95.0: 0}, "no run passed. No car was driven yet"),
         ({75.0: 12, 95.0: 2}, "no design reaches 75 %; the best, 75 mm, passes 60 %."),
@@ -58,10 +58,12 @@ def study(store: Callable[..., Path]) -> Studied:
         ({75.0: 4, 95.0: 20, 115.0: 4}, "95 mm reaches 75 %"),
     ],
 )
-def test_before_trials_the_headline_tells_simulation_from_built_cars(study: Studied, counts: Counts, said: str) -> None:
+def test_before_trials_the_headline_tells_simulation_from_built_cars(
+    study: Studied, counts: Counts, message: str
+) -> None:
     headline = study(counts).headline
 
-    assert re.match(rf"In simulation {said}", headline)
+    assert re.match(rf"In simulation {message}", headline)
     assert "No car was driven yet; of built cars " in headline
 
 
@@ -87,9 +89,9 @@ def test_the_verb_follows_the_chance(study: Studied) -> None:
 
 
 def test_designs_that_simulation_cannot_rank_are_named(study: Studied) -> None:
-    one = study({75.0: 3, 85.0: 20, 95.0: 19, 105.0: 20, 115.0: 2})
+    store = study({75.0: 3, 85.0: 20, 95.0: 19, 105.0: 20, 115.0: 2})
 
-    assert re.search(r"Simulation cannot rank 85 to 105 mm \(\d+ to \d+ %\)\.", one.grounds)
+    assert re.search(r"Simulation cannot rank 85 to 105 mm \(\d+ to \d+ %\)\.", store.grounds)
 
 
 def test_trials_of_one_design_move_its_neighbours_less_than_itself(store: Callable[..., Path]) -> None:
@@ -141,8 +143,8 @@ def test_a_search_is_judged_by_its_best_in_fresh_environments(tmp_path: Path) ->
             lambda design, sample: "passed" if sample < counts[design["width_mm"]] else "tipped",
         )
         with Store.open(path) as opened:
-            (one,) = read_evidence(opened)
-        return replace(one, info=replace(one.info, **facts))
+            (evidence,) = read_evidence(opened)
+        return replace(evidence, info=replace(evidence.info, **facts))
 
     searched = evidence("s", {60.0: 20, 70.0: 18, 80.0: 16}, searched=True, objectives=("success",))
     fresh = evidence("f", {70.0: 8, 80.0: 12}, id="1 fresh")
@@ -169,7 +171,7 @@ def test_few_runs_in_mujoco_correct_the_rates_of_many(tmp_path: Path) -> None:
         add_experiment(writer, "1 (MuJoCo)", {"width_mm": widths}, 40, passing(12), facts, stored=10)
 
     with Store.open(path) as opened:
-        experiments = {one["id"]: one for one in page_data(opened)["experiments"]}
+        experiments = {experiment["id"]: experiment for experiment in page_data(opened)["experiments"]}
 
     (mujoco,) = experiments["1"]["engines"]
     (multibody,) = experiments["1 (MuJoCo)"]["engines"]
@@ -186,13 +188,13 @@ def test_few_runs_in_mujoco_correct_the_rates_of_many(tmp_path: Path) -> None:
 
 @pytest.fixture
 def ranges(store: Callable[..., Path]) -> Callable[..., list[str]]:
-    def said(counts: Counts, searched: bool = False, **facts: Any) -> list[str]:
+    def sentences_of(counts: Counts, searched: bool = False, **facts: Any) -> list[str]:
         with Store.open(store(counts, **facts)) as opened:
-            (one,) = read_experiments(opened)
-        evidence = replace(one.evidence, info=replace(one.info, searched=searched))
-        return range_sentences(evidence, one.effects, one.places, 0.75)
+            (experiment,) = read_experiments(opened)
+        evidence = replace(experiment.evidence, info=replace(experiment.info, searched=searched))
+        return range_sentences(evidence, experiment.effects, experiment.parameter_indices, 0.75)
 
-    return said
+    return sentences_of
 
 
 def test_success_that_rises_to_an_end_of_the_range_is_told_and_a_plateau_is_not(
@@ -202,19 +204,19 @@ def test_success_that_rises_to_an_end_of_the_range_is_told_and_a_plateau_is_not(
     rising = dict(zip(values, (0, 1, 2, 4, 6, 8, 10, 12, 14, 16, 19), strict=True))
     level = dict(zip(values, (20, 20, 20, 18, 14, 10, 6, 2, 0, 0, 0), strict=True))
 
-    said = "Success still rises at plate 60 mm, the range's upper end: extend it if it can be built."
-    assert ranges(rising, key="plate_mm") == [said]
+    sentence = "Success still rises at plate 60 mm, the range's upper end: extend it if it can be built."
+    assert ranges(rising, key="plate_mm") == [sentence]
     assert ranges(level, key="plate_mm") == ranges(rising, searched=True, key="plate_mm") == []
 
 
 def test_a_gap_that_hides_the_border_is_to_be_swept_first(ranges: Callable[..., list[str]]) -> None:
     gapped = {60.0: 20, 65.0: 20, 70.0: 20, 75.0: 20, 120.0: 0, 125.0: 0, 130.0: 0}
-    (said,) = ranges(gapped)
+    (sentence,) = ranges(gapped)
 
     start = "Nothing was simulated"
-    found = re.match(rf"{start} between width 75 mm and 120 mm; sweep there first: 97 mm has a (\d+) %", said)
+    match = re.match(rf"{start} between width 75 mm and 120 mm; sweep there first: 97 mm has a (\d+) %", sentence)
     # Simulation is sure of each design, and knows nothing of the middle: even odds within what a smooth model sees.
-    assert found is not None and 10 <= int(found[1]) <= 90
+    assert match is not None and 10 <= int(match[1]) <= 90
     assert ranges(gapped, searched=True) == []
     # Both sides pass: the border is elsewhere, at 70 mm.
     elsewhere = {60.0: 0, 65.0: 4, 70.0: 15, 75.0: 20, 120.0: 20, 125.0: 20, 130.0: 20}

@@ -126,22 +126,22 @@ def run(folder: Path, *words: str, code: int = 0) -> Any:
 
 
 def test_trials_that_fail_raise_obstacles_and_predict_failures(swept: Path) -> None:
-    told = json.loads((swept / "told.json").read_text())
+    output = json.loads((swept / "told.json").read_text())
 
-    high = next(one for one in told["parameters"] if one["name"] == "obstacle_height")
+    high = next(parameter for parameter in output["parameters"] if parameter["name"] == "obstacle_height")
     assert high["posterior"]["median"] > 1.15 * high["prior"]["median"] and high["explained"] > 0.1
-    for one in told["designs"]:
-        assert one["simulated"]["median"] < one["nominal"] or one["nominal"] < 0.2
-        assert one["predicted"]["low"] == 0 and one["built"]["low"] < 0.2
-    assert told["log_likelihood"]["best"] == 0 > told["log_likelihood"]["draws"] > told["log_likelihood"]["nominal"]
-    assert any("None of the 16 trials passed" in note for note in told["notes"])
-    assert len(told["draws"]) == DRAWS and all(set(one) == set(NAMES) for one in told["draws"])
+    for design in output["designs"]:
+        assert design["simulated"]["median"] < design["nominal"] or design["nominal"] < 0.2
+        assert design["predicted"]["low"] == 0 and design["built"]["low"] < 0.2
+    assert output["log_likelihood"]["best"] == 0 > output["log_likelihood"]["draws"] > output["log_likelihood"]["nominal"]
+    assert any("None of the 16 trials passed" in note for note in output["notes"])
+    assert len(output["draws"]) == DRAWS and all(set(draw) == set(NAMES) for draw in output["draws"])
     # What was measured is known, not inferred.
-    assert all(one["track_m"] == pytest.approx(0, abs=1e-9) for one in told["draws"])
-    assert not any("track_m" in pair["parameters"] for pair in told["correlations"])
+    assert all(draw["track_m"] == pytest.approx(0, abs=1e-9) for draw in output["draws"])
+    assert not any("track_m" in pair["parameters"] for pair in output["correlations"])
     assert (
         "Measuring often tells more than trials: obstacle_height and com_height_m (`foldcar trials measure`)."
-        in told["findings"]
+        in output["findings"]
     )
 
 

@@ -72,15 +72,23 @@ def test_a_design_is_judged_by_its_cars_and_by_what_simulation_finds_of_their_en
     (tmp_path / "t.csv").write_text("\n".join(lines))
     assert foldcar("trials", "import", "s.db", "t.csv", "--experiment", "1").returncode == 0
 
-    (found,) = json.loads(foldcar("compare", "s.db", "--json").stdout)["experiments"]
+    (experiment,) = json.loads(foldcar("compare", "s.db", "--json").stdout)["experiments"]
 
-    two, one = found["designs"]
-    assert (two["cars"], one["cars"], two["trials"], one["trials"]) == (2, 1, len(failed[:8]), len(failed[:8]))
-    assert "of 2 cars, for a further car" in two["further_car"]["method"]
-    assert two["further_car"]["high"] - two["further_car"]["low"] > two["driven"]["high"] - two["driven"]["low"]
+    two_cars, one_car = experiment["designs"]
+    assert (two_cars["cars"], one_car["cars"], two_cars["trials"], one_car["trials"]) == (
+        2,
+        1,
+        len(failed[:8]),
+        len(failed[:8]),
+    )
+    assert "of 2 cars, for a further car" in two_cars["further_car"]["method"]
+    assert (
+        two_cars["further_car"]["high"] - two_cars["further_car"]["low"]
+        > two_cars["driven"]["high"] - two_cars["driven"]["low"]
+    )
     # Simulation fails more often in these environments than in all.
-    assert two["further_car"]["value"] > two["driven"]["value"]
-    remarks = " ".join(found["remarks"])
+    assert two_cars["further_car"]["value"] > two_cars["driven"]["value"]
+    remarks = " ".join(experiment["remarks"])
     assert "Trials without a car's name are taken for those of one car of their design, at 120 mm" in remarks
     assert "in log-odds (standard deviation), is that of simulated ones" in remarks
     shown = foldcar("compare", "s.db").stdout

@@ -41,7 +41,7 @@ from foldcar.store.trial_records import Ending, TrialDesign
 from foldcar.store.trial_writer import CarFacts, Drive, write_trials
 from live_car import write_free_course
 from study_car import car_body
-from swept_listing import foldcar, swept, told
+from swept_listing import foldcar, json_output, swept
 from written_study import add_trial, add_trials, fingerprint, import_trials, write_study
 
 WIDTHS = {"width_mm": [65.0, 95.0, 115.0, 180.0]}
@@ -51,7 +51,7 @@ PUBLISHED = {65.0: (0, 10), 95.0: (7, 10), 115.0: (3, 12), 180.0: (0, 12)}
 
 
 def compare(*words: Any) -> dict[str, Any]:
-    return told("compare", *words)
+    return json_output("compare", *words)
 
 
 def plain(store: Path) -> str:
@@ -76,12 +76,15 @@ def test_a_gap_is_newcombes_hybrid_score_interval() -> None:
         ((9, 10), (3, 10)): (0.1705, 0.8090),
         ((10, 10), (0, 20)): (0.6791, 1.0),
     }.items():
-        found = mean_gap([Rates(rate(*simulated), rate(*driven))])
-        assert (found.low, found.high) == pytest.approx((low, high), abs=5e-5)
+        gap = mean_gap([Rates(rate(*simulated), rate(*driven))])
+        assert (gap.low, gap.high) == pytest.approx((low, high), abs=5e-5)
     # Two alike, which err independently: by the root of two less.
-    one, two = (mean_gap([Rates(rate(48, 80), rate(56, 70))] * n) for n in (1, 2))
-    ends = one.value + (one.low - one.value) / math.sqrt(2), one.value + (one.high - one.value) / math.sqrt(2)
-    assert (two.value, two.low, two.high) == pytest.approx((one.value, *ends))
+    single, double = (mean_gap([Rates(rate(48, 80), rate(56, 70))] * n) for n in (1, 2))
+    ends = (
+        single.value + (single.low - single.value) / math.sqrt(2),
+        single.value + (single.high - single.value) / math.sqrt(2),
+    )
+    assert (double.value, double.low, double.high) == pytest.approx((single.value, *ends))
 
 
 @pytest.mark.parametrize(
@@ -99,9 +102,9 @@ def test_a_gap_of_pairs_is_newcombes_for_paired_proportions(
     y = [passed for passed, number in zip((True, True, False, False), counts, strict=True) for _ in range(number)]
     f = [passed for passed, number in zip((True, False, True, False), counts, strict=True) for _ in range(number)]
 
-    found = mean_gap([Rates(rate(sum(f), len(f)), rate(sum(y), len(y)), pair_correlation(y, f))])
+    gap = mean_gap([Rates(rate(sum(f), len(f)), rate(sum(y), len(y)), pair_correlation(y, f))])
 
-    assert (found.low, found.high) == pytest.approx(ends, abs=5e-4)
+    assert (gap.low, gap.high) == pytest.approx(ends, abs=5e-4)
 
 
 def test_trials_that_end_as_simulated_in_hard_environments_do_not_contradict_simulation(tmp_path: Path) -> None:
@@ -110,25 +113,25 @@ def test_trials_that_end_as_simulated_in_hard_environments_do_not_contradict_sim
     met = [*range(53, 56), *range(60, 69)]
     import_trials(store, [({"width_mm": 180.0}, k, "passed" if k < 56 else "stuck") for k in met], cars=12)
 
-    (found,) = compare(store)["experiments"]
-    (one,) = found["designs"]
+    (experiment,) = compare(store)["experiments"]
+    (design,) = experiment["designs"]
 
-    assert one["gap_is_paired"] and one["gap"]["value"] == pytest.approx(0) and one["verdict"] == TOO_FEW
-    assert "in the same environments, on average over 1 design, trials pass 0 points more often" in found["sentence"]
-    assert found["sentence"].endswith("12 of 12 trials ended as simulated in the same environment.")
+    assert design["gap_is_paired"] and design["gap"]["value"] == pytest.approx(0) and design["verdict"] == TOO_FEW
+    assert "in the same environments, on average over 1 design, trials pass 0 points more often" in experiment["sentence"]
+    assert experiment["sentence"].endswith("12 of 12 trials ended as simulated in the same environment.")
 
 
 def test_the_mean_of_gaps_covers() -> None:
     random = numpy.random.default_rng(3)
     truth = [(0.3, 0.4), (0.9, 0.8), (0.5, 0.2)]
-    held = 0
+    covering = 0
     for _ in range(200):
         f = [rate(random.binomial(100, p), 100) for p, _ in truth]
         y = [rate(random.binomial(12, p), 12) for _, p in truth]
-        found = mean_gap([Rates(*one) for one in zip(f, y, strict=True)])
-        held += found.low <= -0.1 <= found.high
+        gap = mean_gap([Rates(*pair) for pair in zip(f, y, strict=True)])
+        covering += gap.low <= -0.1 <= gap.high
     # 95 % of 200, less three standard deviations.
-    assert held >= 180
+    assert covering >= 180
 
 
 def test_verdicts_are_those_of_the_interval() -> None:
@@ -160,9 +163,9 @@ def test_simulation_agrees_if_all_designs_and_their_mean_do(labels: Any, mean_hi
         for label in labels
     ]
 
-    found, sentence = _verdict(compared, Gap(0.02, -0.1, mean_high, 0.95), 0.15, "simulation")
+    result, sentence = _verdict(compared, Gap(0.02, -0.1, mean_high, 0.95), 0.15, "simulation")
 
-    assert found == verdict and sentence.startswith("Simulation and trials agree within 15 points at 65 ")
+    assert result == verdict and sentence.startswith("Simulation and trials agree within 15 points at 65 ")
 
 
 def test_the_published_table_says_that_simulation_is_optimistic(tmp_path: Path) -> None:
@@ -173,37 +176,40 @@ def test_the_published_table_says_that_simulation_is_optimistic(tmp_path: Path) 
         import_trials(store, [(design, None, outcome) for design, _, outcome in trials])
 
     whole = compare(store, "--csv", tmp_path / "gaps.csv")
-    (found,) = whole["experiments"]
+    (experiment,) = whole["experiments"]
 
     assert whole["trials_alone"] == []
-    designs = {one["design"]["width_mm"]: one for one in found["designs"]}
+    designs = {design["design"]["width_mm"]: design for design in experiment["designs"]}
     verdicts = {width: design["verdict"] for width, design in designs.items()}
     # Of one car each: less than the same trials of several would tell.
     assert verdicts == {65: TOO_FEW, 95: OPTIMISTIC, 115: OPTIMISTIC, 180: TOO_FEW}
-    assert found["ranks"]["mmrv"] == pytest.approx(0.45 / 4)
-    assert found["mean_gap"]["value"] == pytest.approx((-7 - 30 - 75 - 56) / 400)
-    assert "optimistic at 95 and 115 mm; too few cars or trials to say at 65 and 180 mm" in found["sentence"]
-    assert "over 4 designs, trials pass 42 points less often than simulation" in found["sentence"]
+    assert experiment["ranks"]["mmrv"] == pytest.approx(0.45 / 4)
+    assert experiment["mean_gap"]["value"] == pytest.approx((-7 - 30 - 75 - 56) / 400)
+    assert "optimistic at 95 and 115 mm; too few cars or trials to say at 65 and 180 mm" in experiment["sentence"]
+    assert "over 4 designs, trials pass 42 points less often than simulation" in experiment["sentence"]
     # Simulation and the neighbours tell something of 65 mm.
     assert designs[65]["pooled"]["high"] < designs[65]["driven"]["high"]
-    remarks = " ".join(found["remarks"])
+    remarks = " ".join(experiment["remarks"])
     assert "44 of 44 trials cannot be paired" in remarks
     with (tmp_path / "gaps.csv").open() as text:
         rows = list(csv.DictReader(text))
     assert list(rows[0])[:3] == ["experiment", "vehicle_type", "width_mm"]
     assert [float(row["gap"]) for row in rows] == pytest.approx([-0.07, -0.3, -0.75, -0.56])
     # Bonferroni: each of four gaps and their mean is one of 99 %; shown rates are each of 95 %.
-    for one in found["designs"]:
-        width = one["design"]["width_mm"]
+    for design in experiment["designs"]:
+        width = design["design"]["width_mm"]
         (passed, number), runs_passed = PUBLISHED[width], SIMULATED[width]
-        car, y, f = BuiltCars.one(passed, number).rate(0.99), passed / number, runs_passed / 100
+        car, y, f = BuiltCars.of_one_car(passed, number).rate(0.99), passed / number, runs_passed / 100
         f_low, f_high = wilson_interval(runs_passed, 100, 0.99)
         low, high = y - f - math.hypot(y - car.low, f_high - f), y - f + math.hypot(car.high - y, f - f_low)
-        assert (one["gap"]["low"], one["gap"]["high"]) == pytest.approx((max(-1, low), min(1, high)), abs=1e-4)
+        assert (design["gap"]["low"], design["gap"]["high"]) == pytest.approx((max(-1, low), min(1, high)), abs=1e-4)
         # Of the car that drove, and of a further one.
-        assert (one["driven"]["low"], one["driven"]["high"]) == pytest.approx(wilson_interval(passed, number))
-        assert one["further_car"]["low"] <= one["driven"]["low"] and one["driven"]["high"] < one["further_car"]["high"]
-        assert one["cars"] == 1 and f"{number} trials of 1 car" in one["further_car"]["method"]
+        assert (design["driven"]["low"], design["driven"]["high"]) == pytest.approx(wilson_interval(passed, number))
+        assert (
+            design["further_car"]["low"] <= design["driven"]["low"]
+            and design["driven"]["high"] < design["further_car"]["high"]
+        )
+        assert design["cars"] == 1 and f"{number} trials of 1 car" in design["further_car"]["method"]
 
 
 def test_only_built_cars_count_each_beside_its_run(tmp_path: Path) -> None:
@@ -216,15 +222,21 @@ def test_only_built_cars_count_each_beside_its_run(tmp_path: Path) -> None:
     add_trial(store, design, 1, "aborted")
     add_trial(store, design, 0, "passed", environment="elsewhere", program="hills.scenic")
 
-    (found,) = compare(store)["experiments"]
-    (one,) = found["designs"]
+    (experiment,) = compare(store)["experiments"]
+    (built_design,) = experiment["designs"]
 
-    assert (one["trials"], one["trials_passed"], one["paired"], one["agreeing"], one["aborted"]) == (16, 6, 16, 16, 1)
-    remarks = " ".join(found["remarks"])
+    assert (
+        built_design["trials"],
+        built_design["trials_passed"],
+        built_design["paired"],
+        built_design["agreeing"],
+        built_design["aborted"],
+    ) == (16, 6, 16, 16, 1)
+    remarks = " ".join(experiment["remarks"])
     assert "5 of a simulated car" in remarks and "5 of a car that may be" in remarks
     assert "1 trial left out: driven in hills.scenic" in remarks
     (simulated,) = compare(store, "--simulated-trials")["experiments"]
-    assert [(one["trials"], one["trials_passed"]) for one in simulated["designs"]] == [(5, 5)]
+    assert [(design["trials"], design["trials_passed"]) for design in simulated["designs"]] == [(5, 5)]
     assert "SIMULATED trials" in simulated["remarks"][0] and "18 trials of built cars left out" in simulated["remarks"][0]
 
 
@@ -232,8 +244,8 @@ def test_imported_samples_are_of_the_environment_that_the_store_had(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def paired(store: Path) -> tuple[int, str]:
-        (found,) = compare(store)["experiments"]
-        return sum(one["paired"] for one in found["designs"]), " ".join(found["remarks"])
+        (experiment,) = compare(store)["experiments"]
+        return sum(design["paired"] for design in experiment["designs"]), " ".join(experiment["remarks"])
 
     def write(store: Path) -> Path:
         return write_study(store, {"width_mm": [95.0, 180.0]}, 20, passing({95.0: 90, 180.0: 50}))
@@ -266,7 +278,7 @@ def test_trials_in_other_samples_of_a_program_of_that_name_count_nowhere(tmp_pat
         (selected,) = select_designs(opened, with_cost=False)
         (shown,) = page_data(opened)["experiments"]
 
-    assert [(one["design"]["width_mm"], one["trials"]) for one in compared["designs"]] == [(115.0, 3)]
+    assert [(design["design"]["width_mm"], design["trials"]) for design in compared["designs"]] == [(115.0, 3)]
     assert sum(shown["designs"]["trials"]) == 3
     left_out = "6 trials left out: driven in other samples of step_pyramids.scenic than the runs"
     assert all(left_out in " ".join(remarks) for remarks in (compared["remarks"], shown["remarks"], selected.remarks))
@@ -299,15 +311,18 @@ def test_what_the_sweep_lacks_is_simulated_as_it_was_placed(tmp_path: Path, free
         for changed in ({"width_mm": 100.0}, {"wit_mm": 3.0}, {"width_mm": 10.0}):
             writer.import_trials([{**other, "uuid": str(changed), "design": {**design, **changed}}])
 
-    (found,) = compare(free_course)["experiments"]
+    (experiment,) = compare(free_course)["experiments"]
 
-    as_swept, new, *cannot = found["designs"]
+    as_swept, new, *cannot = experiment["designs"]
     assert (as_swept["simulated"]["value"], as_swept["paired"], as_swept["agreeing"]) == (1.0, 1, 1)
     assert (new["design"]["width_mm"], new["swept"], new["runs"], new["simulated"]["value"]) == (100, False, 2, 1.0)
-    assert any("simulated again as placed" in one for one in found["remarks"])
-    assert any("100 mm is not in the sweep: it was simulated now, in 2 environments" in one for one in found["remarks"])
-    assert [(one["runs"], one["simulated"], one["gap"]) for one in cannot] == [(0, None, None)] * 2
-    narrow, unknown = (one for one in found["remarks"] if "cannot be simulated now" in one)
+    assert any("simulated again as placed" in remark for remark in experiment["remarks"])
+    assert any(
+        "100 mm is not in the sweep: it was simulated now, in 2 environments" in remark
+        for remark in experiment["remarks"]
+    )
+    assert [(design["runs"], design["simulated"], design["gap"]) for design in cannot] == [(0, None, None)] * 2
+    narrow, unknown = (remark for remark in experiment["remarks"] if "cannot be simulated now" in remark)
     assert unknown.endswith("cannot be simulated now: no module has the parameter wit_mm.")
     assert "width" in narrow.partition("cannot be simulated now: ")[2]
 
@@ -326,17 +341,17 @@ def test_of_many_designs_that_the_sweep_lacks_a_bounded_number_is_simulated(
     made = []
     run = Carsim.run
     monkeypatch.setattr(Carsim, "run", lambda *words: made.append(words) or run(*words))
-    monkeypatch.setattr("foldcar.inference.resimulation.MOST_RUNS", 4)
+    monkeypatch.setattr("foldcar.inference.resimulation.MAX_RUNS", 4)
 
-    (found,) = compare(store)["experiments"]
+    (experiment,) = compare(store)["experiments"]
 
-    runs = {one["design"]["width_mm"]: one["runs"] for one in found["designs"] if not one["swept"]}
+    runs = {design["design"]["width_mm"]: design["runs"] for design in experiment["designs"] if not design["swept"]}
     assert list(runs) == widths[:-1] and len(made) == 2
     # The one with most trials, and the first of the rest.
     assert {width for width, number in runs.items() if number} == {97.0, 90.0}
-    assert "97 mm is not in the sweep: it was simulated now, in 2 environments." in found["remarks"]
+    assert "97 mm is not in the sweep: it was simulated now, in 2 environments." in experiment["remarks"]
     many = "91 mm, 92 mm, 93 mm, 94 mm, 96 mm and 3 further designs are not in the sweep, and cannot be simulated now: "
-    assert any(one == f"{many}no more than 4 runs are made at a time; sweep it." for one in found["remarks"])
+    assert any(remark == f"{many}no more than 4 runs are made at a time; sweep it." for remark in experiment["remarks"])
 
 
 def test_of_more_designs_than_can_be_pooled_the_rest_are_compared_alone(
@@ -345,21 +360,21 @@ def test_of_more_designs_than_can_be_pooled_the_rest_are_compared_alone(
     store = write_study(tmp_path / "s.db", WIDTHS, 100, passing(SIMULATED))
     add_trials(store, [({"width_mm": width}, k, "passed") for width in WIDTHS["width_mm"] for k in range(4)])
     (pooled,) = compare(store)["experiments"]
-    monkeypatch.setattr("foldcar.inference.belief.MOST_POOLED", 3)
+    monkeypatch.setattr("foldcar.inference.belief.MAX_POOLED", 3)
     (alone,) = compare(store)["experiments"]
 
     changed = [a["pooled"] != b["pooled"] for a, b in zip(pooled["designs"], alone["designs"], strict=True)]
     assert any(changed)
-    assert all(one["gap"] is not None for one in alone["designs"] if one["trials"])
+    assert all(design["gap"] is not None for design in alone["designs"] if design["trials"])
     assert pooled["mean_gap"] == alone["mean_gap"]
 
 
 def test_what_is_simulated_now_is_the_car_as_it_varied_then(carsim_limits: CarsimLimits) -> None:
     body = car_body()
-    asked: list[Any] = []
+    simulated: list[Any] = []
 
     def answers(bodies: dict[str, str], scenes: dict[str, str], requests: list[RunRequest]) -> list[dict[str, Any]]:
-        asked.extend((json.loads(bodies[request.body]), scenes[request.scene]) for request in requests)
+        simulated.extend((json.loads(bodies[request.body]), scenes[request.scene]) for request in requests)
         return [{"outcome": "passed", "elapsed_time_s": 2.0}, {"error": "no"}]
 
     carsim: Any = SimpleNamespace(limits=lambda: carsim_limits, run=answers, build="a build of this test")
@@ -370,7 +385,7 @@ def test_what_is_simulated_now_is_the_car_as_it_varied_then(carsim_limits: Carsi
     assert ended == [("passed", 2.0), ("failed", None)]
     # What was run once is not run again.
     assert Resimulation(unread)._run(carsim, json.dumps(body), [({}, "as drawn")], "{}") == ended[:1]
-    (drawn, first), (heavier, second) = asked
+    (drawn, first), (heavier, second) = simulated
     assert (drawn, first, second) == (body, "as drawn", "heavier")
     assert heavier["segments"][0]["mass_kg"] == pytest.approx(1.1 * body["segments"][0]["mass_kg"])
 

@@ -20,25 +20,25 @@ LISTING = Path(__file__).resolve().parents[3] / "scenarios" / "width_study.json"
 def test_a_reality_changes_what_it_names_and_nothing_else(tmp_path: Path) -> None:
     file = tmp_path / "reality.json"
     file.write_text('{"obstacle_height": 1.3, "servo_torque": 0.6, "track_m": 0.016}')
-    one = listed_run(LISTING, "1", ["width=95"], 3)
+    run = listed_run(LISTING, "1", ["width=95"], 3)
 
     values = read_reality(file, "multibody")
-    body, scene = real_run(one.experiment, one.nominal, one.scene, values, 3, one.carsim.limits().numbers)
+    body, scene = real_run(run.experiment, run.nominal, run.scene, values, 3, run.carsim.limits().numbers)
 
     assert {name for name, value in values.items() if value != NOMINAL[name]} == {
         "obstacle_height",
         "servo_torque",
         "track_m",
     }
-    assert scene["friction"] == one.scene["friction"] and scene["start"] == one.scene["start"]
-    believed_heights = [piece["height_m"] for piece in one.scene["terrain"]]
+    assert scene["friction"] == run.scene["friction"] and scene["start"] == run.scene["start"]
+    believed_heights = [piece["height_m"] for piece in run.scene["terrain"]]
     heights = [piece["height_m"] for piece in scene["terrain"]]
     assert heights and heights == pytest.approx([1.3 * height for height in believed_heights], rel=1e-8)
-    assert body["track_m"] == pytest.approx(one.nominal["track_m"] + 0.016)
+    assert body["track_m"] == pytest.approx(run.nominal["track_m"] + 0.016)
     torques = [wheel["servo"]["stall_torque_n_m"] for wheel in body["wheels"]]
-    believed_torques = [wheel["servo"]["stall_torque_n_m"] for wheel in one.nominal["wheels"]]
+    believed_torques = [wheel["servo"]["stall_torque_n_m"] for wheel in run.nominal["wheels"]]
     assert torques == pytest.approx([0.6 * torque for torque in believed_torques])
-    assert body["segments"] == one.nominal["segments"]
+    assert body["segments"] == run.nominal["segments"]
 
 
 def test_what_the_host_believes_may_be_the_truth(tmp_path: Path) -> None:
@@ -51,8 +51,8 @@ def test_what_the_host_believes_may_be_the_truth(tmp_path: Path) -> None:
 
 def test_what_no_calibration_knows_reaches_the_car_in_mujoco(tmp_path: Path) -> None:
     """Camber, soft tyres, a centre of mass aside and ahead, a supply that sags: each makes another run."""
-    one = listed_run(LISTING, "1", ["width=95"], 3, "mujoco")
-    told = {"wheel_camber_rad": -0.035, "tyre_contact_time_s": 0.02, "com_x_m": 0.004, "com_y_m": 0.006,
+    listed = listed_run(LISTING, "1", ["width=95"], 3, "mujoco")
+    facts = {"wheel_camber_rad": -0.035, "tyre_contact_time_s": 0.02, "com_x_m": 0.004, "com_y_m": 0.006,
             "supply_resistance_ohm": 0.4}  # fmt: skip
     file = tmp_path / "reality.json"
 
@@ -60,18 +60,18 @@ def test_what_no_calibration_knows_reaches_the_car_in_mujoco(tmp_path: Path) -> 
         file.write_text(json.dumps(values))
         real = read_reality(file, "mujoco")
         assert real == {**NOMINAL, **values}
-        return real_run(one.experiment, one.nominal, one.scene, real, 3, one.carsim.limits().numbers)[0]
+        return real_run(listed.experiment, listed.nominal, listed.scene, real, 3, listed.carsim.limits().numbers)[0]
 
-    body = car(told)
+    body = car(facts)
 
-    (segment,), (nominal,) = body["segments"], one.nominal["segments"]
+    (segment,), (nominal,) = body["segments"], listed.nominal["segments"]
     moved = [segment[key] - nominal[key] for key in ("com_x_m", "com_y_m")]
     assert moved == pytest.approx([0.004, 0.006])
     assert {(wheel["camber_rad"], wheel["contact_time_s"]) for wheel in body["wheels"]} == {(-0.035, 0.02)}
     assert body["supply_resistance_ohm"] == 0.4
-    run, _ = simulated_run(one)
-    elapsed_s = {replace(run, body=car(values)).by(one.carsim)["elapsed_time_s"]
-                 for values in ({}, *({name: told[name]} for name in told))}  # fmt: skip
+    run, _ = simulated_run(listed)
+    elapsed_s = {replace(run, body=car(values)).by(listed.carsim)["elapsed_time_s"]
+                 for values in ({}, *({name: facts[name]} for name in facts))}  # fmt: skip
     assert len(elapsed_s) == 6
 
 

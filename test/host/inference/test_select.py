@@ -32,7 +32,7 @@ from foldcar.statistics.rate import wilson_interval
 from foldcar.statistics.selection import BEST, MIDDLE, Effort
 from foldcar.store.calibrations import write_calibrations
 from foldcar.store.reader import Store
-from swept_listing import told
+from swept_listing import json_output
 from written_study import add_trials, import_trials, write_study
 
 
@@ -85,7 +85,7 @@ def test_advice_before_trials_and_after_each_round(tmp_path: Path, monkeypatch: 
     store = write_study(tmp_path / "s.db", FAMILY, 40, outcome, thresholds=[0.5, 0.75])
 
     (before,) = advise(store)
-    (printed,) = told("select", store, "--build", "1", "--csv", tmp_path / "build.csv")["experiments"]
+    (printed,) = json_output("select", store, "--build", "1", "--csv", tmp_path / "build.csv")["experiments"]
 
     assert before.threshold == 0.75 and not before.enough and before.loss is None
     assert "100 to 130 mm surely" in before.headline and "No car was driven yet" in before.headline
@@ -117,7 +117,9 @@ def test_advice_before_trials_and_after_each_round(tmp_path: Path, monkeypatch: 
     assert after.next_step.startswith("Next, ") and (after.loss or 0) > 0
     assert after.recommendations and all(recommendation.place == NEXT for recommendation in after.recommendations)
     assert any(recommendation.design["width_mm"] not in first for recommendation in after.recommendations)
-    assert {one.label for one in (*before.recommendations, *after.recommendations)} >= {after.recommendations[0].label}
+    assert {design.label for design in (*before.recommendations, *after.recommendations)} >= {
+        after.recommendations[0].label
+    }
     assert not set(after.environments) & set(met) or all(
         not recommendation.built for recommendation in after.recommendations
     )
@@ -130,26 +132,26 @@ def test_it_ends_with_a_design_at_the_threshold_and_names_it(tmp_path: Path) -> 
     ends = [({"width_mm": w}, k, "passed" if k < n else "stuck") for w, n in rates.items() for k in range(40)]
     import_trials(store, ends, cars=20)
 
-    (found,) = advise(store)
+    (selection,) = advise(store)
 
-    (at,) = (one for one in found.undecided if one.label == "100 mm")
-    assert found.enough and not found.recommendations and at.at and at.trials > 100
-    assert found.headline.endswith("70 to 90 mm reach 75 %.")
-    said = r"Enough: expected loss if you stop with \d+ mm: \d points; an hour of work wins less"
-    assert re.match(said, found.next_step)
-    assert "100 mm is within 15 points of the threshold; some " in found.next_step
+    (at,) = (design for design in selection.undecided if design.label == "100 mm")
+    assert selection.enough and not selection.recommendations and at.at and at.trials > 100
+    assert selection.headline.endswith("70 to 90 mm reach 75 %.")
+    sentence = r"Enough: expected loss if you stop with \d+ mm: \d points; an hour of work wins less"
+    assert re.match(sentence, selection.next_step)
+    assert "100 mm is within 15 points of the threshold; some " in selection.next_step
 
 
 def test_cars_that_differ_ask_for_several_of_a_design(tmp_path: Path) -> None:
     with Store.open(write_study(tmp_path / "s.db", FAMILY, 40, outcome)) as opened:
-        (one,) = read_evidence(opened)
-        assert one.belief is not None
+        (evidence,) = read_evidence(opened)
+        assert evidence.belief is not None
 
         def with_spread(spread: float) -> Selection:
-            belief = one.belief
+            belief = evidence.belief
             assert belief is not None
             designs = tuple(replace(design, spread=(spread == SPREADS).astype(float)) for design in belief.designs)
-            (result,) = select_evidence([replace(one, belief=replace(belief, designs=designs))], with_cost=False)
+            (result,) = select_evidence([replace(evidence, belief=replace(belief, designs=designs))], with_cost=False)
             return result
 
         alike, differing = with_spread(0.0), with_spread(1.0)
@@ -164,16 +166,16 @@ def test_a_lone_failing_design_is_named_and_rates_beside_it_are_open(tmp_path: P
     driven = (70.0, 90.0, 110.0, 130.0, 150.0)
     import_trials(store, [({"width_mm": w}, k, "stuck" if w == 110 else "passed") for w in driven for k in range(15)])
 
-    (found,) = advise(store)
+    (selection,) = advise(store)
     with Store.open(store) as opened:
         (compared,) = compare(opened).experiments
         (shown,) = read_experiments(opened)
         verdicts = dict(zip(shown.columns.names, shown.columns.page(0.1)["verdict"], strict=True))
 
-    said = "The trials of 110 mm contradict those of the other designs: rates of designs not driven beside it"
-    assert f"{said} (100 and 120 mm) are not to be trusted." in found.remarks
-    assert any(remark.startswith(said) for remark in compared.remarks)
-    assert {"100 mm", "120 mm"} <= {one.label for one in found.undecided}
+    sentence = "The trials of 110 mm contradict those of the other designs: rates of designs not driven beside it"
+    assert f"{sentence} (100 and 120 mm) are not to be trusted." in selection.remarks
+    assert any(remark.startswith(sentence) for remark in compared.remarks)
+    assert {"100 mm", "120 mm"} <= {design.label for design in selection.undecided}
     assert verdicts["100 mm"] == verdicts["120 mm"] == "open" and verdicts["80 mm"] == "good"
     assert contradictions([[1.0], [2.0]], [[9, 10]] * 2, [[0, 9], [9, 9]]) == NONE
 
@@ -185,14 +187,14 @@ def test_advice_of_two_parameters_of_one_design_and_of_none_that_passes(tmp_path
     write_study(tmp_path / "none.db", FAMILY, 20, lambda design, sample: "stuck")
 
     (two,) = advise(tmp_path / "two.db")
-    (one,) = advise(tmp_path / "one.db", precision=0.1)
+    (selection,) = advise(tmp_path / "one.db", precision=0.1)
     (none,) = advise(tmp_path / "none.db")
     import_trials(tmp_path / "one.db", [({"width_mm": 100.0}, k, "passed") for k in range(20)], cars=20)
     (driven,) = advise(tmp_path / "one.db")
 
-    assert len({tuple(found.design.values()) for found in two.recommendations}) == 4
+    assert len({tuple(recommendation.design.values()) for recommendation in two.recommendations}) == 4
     assert two.recommendations[0].label.startswith("width ")
-    assert len(one.recommendations) == 1 and "the design reaches 75 %" in one.headline
+    assert len(selection.recommendations) == 1 and "the design reaches 75 %" in selection.headline
     assert "In simulation no run passed" in none.headline and none.recommendations[0].place == BEST
     assert driven.enough and "Enough: " in driven.next_step and driven.undecided == ()
 
@@ -231,11 +233,11 @@ def test_of_very_many_driven_designs_those_with_most_trials_count(
     import_trials(store, trials)
     (whole,) = advise(store)
     for module in ("belief", "selecting"):
-        monkeypatch.setattr(f"foldcar.inference.{module}.MOST_POOLED", 2)
-    (found,) = advise(store)
+        monkeypatch.setattr(f"foldcar.inference.{module}.MAX_POOLED", 2)
+    (selection,) = advise(store)
 
-    said = "Of the driven designs the 2 with most trials count."
-    assert said in found.remarks and said not in whole.remarks
+    sentence = "Of the driven designs the 2 with most trials count."
+    assert sentence in selection.remarks and sentence not in whole.remarks
 
 
 def test_a_car_costs_its_sheets_and_minutes_of_cutting_assembly_and_trials(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -261,9 +263,9 @@ def test_a_car_costs_its_sheets_and_minutes_of_cutting_assembly_and_trials(monke
 
 def test_many_designs_are_thinned_evenly_from_first_to_last(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(selecting, "MAX_CANDIDATES", 3)
-    (found,) = advise(write_study(tmp_path / "s.db", FAMILY, 20, outcome))
+    (selection,) = advise(write_study(tmp_path / "s.db", FAMILY, 20, outcome))
 
-    assert "9 designs between these were left out of the choice, to save time." in found.remarks
+    assert "9 designs between these were left out of the choice, to save time." in selection.remarks
 
 
 def test_a_car_takes_as_long_as_its_guide_says() -> None:

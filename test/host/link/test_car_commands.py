@@ -81,15 +81,15 @@ def test_a_servo_is_calibrated_by_looking_at_it(tmp_path: Path) -> None:
     ):
         person.sees("Output 2, right")
         while "saved" not in person.sees_one_of(" µs: f, b or n? ", "saved in the car"):
-            pulse = int(person.said.rpartition(" µs: f")[0].split()[-1])
+            pulse = int(person.output.rpartition(" µs: f")[0].split()[-1])
             # A right wheel's servo is mounted mirrored: it drives forward below its neutral.
             person.types("n\n" if abs(pulse - neutral) <= deadband else "b\n" if pulse > neutral else "f\n")
         assert person.ends() == 0
         with greeted(car.port) as connected:
             values = read_parameters(connected)
 
-    found = values["CH2_NEUTRAL_US"], values["CH2_DEADBAND_US"]
-    assert found == pytest.approx((neutral, deadband), abs=2)
+    calibrated = values["CH2_NEUTRAL_US"], values["CH2_DEADBAND_US"]
+    assert calibrated == pytest.approx((neutral, deadband), abs=2)
 
 
 @pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGHUP])
@@ -100,7 +100,7 @@ def test_posing_as_a_car_ends_clean(tmp_path: Path, free_course: Path, end: sign
         with greeted(port) as car:
             assert car.identity().name == "W_B_W 120x200 r60"
         person.process.send_signal(end)
-        assert person.ends() == 130 and "Traceback" not in person.said
+        assert person.ends() == 130 and "Traceback" not in person.output
 
     with pytest.raises(FoldcarError, match="Connection refused"):
         greet(port)

@@ -44,14 +44,14 @@ def test_two_hosts_at_once_and_only_the_one_that_armed_drives() -> None:
             return ack
 
         ours.arm()
-        assert ours.connection.said == f"armed by host {HOST_SYSTEM}/{HOST_COMPONENT}"
+        assert ours.connection.status_text == f"armed by host {HOST_SYSTEM}/{HOST_COMPONENT}"
         for number, value in ((START, 0.2), (ARM, 1.0), (mavlink.MAV_CMD_ACTUATOR_TEST, 0.1)):
             refused = command(number, value, 0.0, 5.0)
             assert (refused.result, refused.result_param2) == (NOT_NOW, HELD)
-            assert ours.connection.said == f"refused: host {HOST_SYSTEM}/{HOST_COMPONENT} holds the car"
+            assert ours.connection.status_text == f"refused: host {HOST_SYSTEM}/{HOST_COMPONENT} holds the car"
         ours.start_trial(0.1, 0.0, 20.0, 3)
         assert command(mavlink.MAV_CMD_FOLDCAR_STOP_TRIAL).result == ACCEPTED
-        assert ours.connection.said == "stopped by host 200/7"
+        assert ours.connection.status_text == "stopped by host 200/7"
 
         assert command(ARM, 1).result == ACCEPTED
         with pytest.raises(CommandRefusedError, match=r"the car refuses to arm: host 200/7 holds the car$"):
@@ -59,7 +59,7 @@ def test_two_hosts_at_once_and_only_the_one_that_armed_drives() -> None:
         with pytest.raises(FoldcarError, match=r"STAGGER_MS: .*is not set: host 200/7 holds the car\); it stays 40"):
             set_parameter(ours, "STAGGER_MS", 50.0)
         ours.disarm()
-        assert ours.connection.said == f"disarmed by host {HOST_SYSTEM}/{HOST_COMPONENT}"
+        assert ours.connection.status_text == f"disarmed by host {HOST_SYSTEM}/{HOST_COMPONENT}"
         ours.arm()
         ours.connection.close()
 
@@ -121,9 +121,9 @@ def test_a_refused_design_is_named_when_arming_is_refused(start: Callable[..., C
     (tmp_path / "car.json").write_text('{"format": 1, "name": "w95"')
     with greeted(start("--design", str(tmp_path / "car.json")).port) as car:
         assert car.request("FOLDCAR_DESIGN").source == car.dialect.FOLDCAR_DESIGN_SOURCE_REFUSED
-        if car.connection.said != "car.json: is not a JSON object":
-            said = car.connection.wait_for(lambda message: message.get_type() == "STATUSTEXT", 30.0)
-            assert said is not None and said.text == "car.json: is not a JSON object"
+        if car.connection.status_text != "car.json: is not a JSON object":
+            reply = car.connection.wait_for(lambda message: message.get_type() == "STATUSTEXT", 30.0)
+            assert reply is not None and reply.text == "car.json: is not a JSON object"
         car.acknowledge_fault()
 
         with pytest.raises(CommandRefusedError, match=r"the car refuses to arm: car.json: is not a JSON object$"):

@@ -20,12 +20,12 @@ def test_standard_messages_are_those_of_every_ground_station() -> None:
     from pymavlink.dialects.v20 import ardupilotmega
 
     ours = {kind.msgname: kind for kind in mavlink.mavlink_map.values()}
-    theirs = {kind.msgname: kind for kind in ardupilotmega.mavlink_map.values()}
+    by_name = {kind.msgname: kind for kind in ardupilotmega.mavlink_map.values()}
     standard = [name for name in ours if not name.startswith("FOLDCAR_")]
     assert set(listed("message")) | {"HEARTBEAT"} <= set(standard)
     for name in standard:
-        assert (ours[name].id, ours[name].crc_extra) == (theirs[name].id, theirs[name].crc_extra), name
-        assert ours[name].fieldnames == theirs[name].fieldnames, name
+        assert (ours[name].id, ours[name].crc_extra) == (by_name[name].id, by_name[name].crc_extra), name
+        assert ours[name].fieldnames == by_name[name].fieldnames, name
     for name in listed("command"):
         assert getattr(mavlink, name) == getattr(ardupilotmega, name)
 

@@ -23,6 +23,6 @@ def test_requests_are_accepted_in_the_states_that_the_page_names() -> None:
     rows = dict(re.findall(r"^\|([^|]+)\|([^|]+)\|", page.partition("## States")[2].partition("## ")[0], re.MULTILINE))
 
     for request, words in REQUESTS.items():
-        said = rows[words]
-        named = [state for state in states if state != "fault"] if said == "all but fault" else said.split(", ")
+        cell = rows[words]
+        named = [state for state in states if state != "fault"] if cell == "all but fault" else cell.split(", ")
         assert sorted(named) == sorted(accepted[request]), request

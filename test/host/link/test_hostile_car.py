@@ -102,8 +102,8 @@ def test_a_message_with_a_number_that_no_car_can_have_is_damaged(tmp_path: Path,
     with car_that_sends(*packets) as car:
         received = car.connection.wait_for(lambda message: message.get_type() == kind, 10.0)
         assert car.connection.damaged == 1
-    for one in packets:
-        log.write(one)
+    for sent in packets:
+        log.write(sent)
     log.close()
 
     (logged,) = [message for _, message in read_tlog(log.file)]
@@ -129,7 +129,7 @@ def test_texts_of_cars_are_utf_8() -> None:
     names = dict(name="Käfer 虫".encode(), hash=b"1", build=b"2")
     message = d.MAVLink_foldcar_design_message(0.06, 0.1, 1, 4, **names)
     with car_that_sends(bytes(message.pack(d.MAVLink(None, srcSystem=1, srcComponent=1)))) as car:
-        design = car.connection.wait_for(lambda one: one.get_type() == "FOLDCAR_DESIGN", 10.0)
+        design = car.connection.wait_for(lambda message: message.get_type() == "FOLDCAR_DESIGN", 10.0)
 
     assert design.name == "Käfer 虫"
 

@@ -48,14 +48,14 @@ class Station:
         self.process.stdin.flush()
 
     @property
-    def said(self) -> str:
+    def output(self) -> str:
         return self.text[self.position :]
 
     def sees(self, text: str, timeout_s: float = 300) -> None:
         """Wait until it has printed ``text``; earlier output is discarded."""
         end_s = time.monotonic() + timeout_s
-        while text not in self.said:
-            assert time.monotonic() < end_s, f"no {text!r} in: {self.said}"
+        while text not in self.output:
+            assert time.monotonic() < end_s, f"no {text!r} in: {self.output}"
             time.sleep(0.05)
         self.position = self.text.index(text, self.position) + len(text)
 
@@ -112,7 +112,7 @@ def test_mavproxy_lists_sets_and_saves_parameters_and_arms(tmp_path: Path, carsi
             assert "Mode ACRO" not in station.text and "Mode MANUAL" not in station.text
             # A busy machine may lose packets in one second, but not in each.
             assert any(station.lost_in_a_second() == 0 for _ in range(30))
-            assert "no link" not in station.said and "timeout" not in station.said
+            assert "no link" not in station.output and "timeout" not in station.output
         finally:
             station.end()
     values = read_file(saved)

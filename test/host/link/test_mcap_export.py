@@ -26,12 +26,12 @@ def conforms(value: Any, schema: dict[str, Any]) -> bool:
     if not isinstance(value, kinds[schema["type"]]):
         return False
     if isinstance(value, list):
-        return all(conforms(one, schema["items"]) for one in value)
+        return all(conforms(item, schema["items"]) for item in value)
     if not isinstance(value, dict) or "properties" not in schema:
         return True
     properties = schema["properties"]
     return set(schema.get("required", ())) <= set(value) <= set(properties) and all(
-        conforms(one, properties[name]) for name, one in value.items()
+        conforms(item, properties[name]) for name, item in value.items()
     )
 
 
@@ -91,9 +91,9 @@ def test_times_are_the_cars_at_any_rate_of_the_simulation(tmp_path: Path, rate: 
     log = write_log(tmp_path / "t.tlog", sorted(rows, key=lambda row: row[0]))
     export_mcap(log, tmp_path / "t.mcap", {})
 
-    found = read(tmp_path / "t.mcap")
-    simulated = [(t, content["x"]) for topic, t, content, _ in found if topic == "/simulator/FOLDCAR_TRUTH"]
-    beats = [t for topic, t, *_ in found if topic == "/host/HEARTBEAT"]
+    messages = read(tmp_path / "t.mcap")
+    simulated = [(t, content["x"]) for topic, t, content, _ in messages if topic == "/simulator/FOLDCAR_TRUTH"]
+    beats = [t for topic, t, *_ in messages if topic == "/host/HEARTBEAT"]
     assert [t for t, _ in simulated] == pytest.approx([0.02 * i for i in range(101)], abs=1e-3)
     # The car drives 0.5 m/s by its own clock.
     assert (simulated[-1][1] - simulated[0][1]) / (simulated[-1][0] - simulated[0][0]) == pytest.approx(0.5, rel=1e-3)

@@ -176,9 +176,9 @@ def physics_places(node: ReadNode, frame: Any) -> Any:
         physics = node.fields["physics"].fields
         yield physics["mass"], frame + numpy.array(physics["centerOfMass"][0])
     inner = [*node.fields.get("children", []), node.fields.get("endPoint")]
-    for one in inner:
-        if isinstance(one, ReadNode):
-            yield from physics_places(one, frame)
+    for inner_node in inner:
+        if isinstance(inner_node, ReadNode):
+            yield from physics_places(inner_node, frame)
 
 
 def test_a_webots_world_holds_the_car_and_the_scene() -> None:

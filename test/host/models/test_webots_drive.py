@@ -98,14 +98,14 @@ def test_the_controller_drives_as_the_firmware_does(
         rows = motors[f"wheel{wheel['channel']} servo"].rows
         side = 1 if wheel["side"] == "left" else -1
         # What the car is told: both sides' speeds over the ground, by the wheels' radius.
-        asked = (speed_m_s - side * yaw_rate_rad_s * body["track_m"] / 2) / wheel["radius_m"]
+        wanted_rad_s = (speed_m_s - side * yaw_rate_rad_s * body["track_m"] / 2) / wheel["radius_m"]
         by_time = {round(t, 3): (velocity, torque) for t, velocity, torque in rows}
         assert by_time[0.2] == (0.0, 0.0)
-        assert by_time[1.752] == (pytest.approx(asked, rel=0.02), stall)
+        assert by_time[1.752] == (pytest.approx(wanted_rad_s, rel=0.02), stall)
         # The firmware ends the trial: no pulses.
         assert by_time[2.5] == (0.0, 0.0)
         rise = [v for t, v, _ in rows if SETTLING_S < t < SETTLING_S + 0.1]
-        assert abs(rise[0]) < 0.3 * abs(asked)
+        assert abs(rise[0]) < 0.3 * abs(wanted_rad_s)
 
 
 def test_the_controller_is_python_of_the_oldest_webots() -> None:

@@ -60,9 +60,9 @@ def test_the_core_sweeps_and_reports_and_other_commands_name_their_extra(tmp_pat
     codes = [end[0] for end in ends[1:]] + [last[0]]
     assert codes == ["0"] * len(core) + ["2"] * len(others), done.stderr
     for (extra, words), end in zip(others, ends[len(core) :], strict=True):
-        (told,) = end.splitlines()[1:]
-        assert told.startswith("foldcar: error: this needs the package "), (words, told)
-        assert told.endswith(f"install the extra: pip install 'foldcar[{extra}]'"), (words, told)
+        (error,) = end.splitlines()[1:]
+        assert error.startswith("foldcar: error: this needs the package "), (words, error)
+        assert error.endswith(f"install the extra: pip install 'foldcar[{extra}]'"), (words, error)
     assert {file.name for file in tmp_path.iterdir()} == {"l.json", "free.scenic", "yard", "s.db", "report"}
 
 
@@ -70,7 +70,11 @@ def test_what_foldcar_imports_it_declares_and_an_extra_brings_the_modules_that_i
     declared = [Requirement(text) for text in importlib.metadata.requires("foldcar") or []]
     packages = importlib.metadata.packages_distributions()
     for extra, modules in MODULES.items():
-        brought = {one.name.lower() for one in declared if one.marker and one.marker.evaluate({"extra": extra})}
+        brought = {
+            requirement.name.lower()
+            for requirement in declared
+            if requirement.marker and requirement.marker.evaluate({"extra": extra})
+        }
         for module in modules:
             # A package of the extra, or one that these bring (Dask by its scheduler).
             assert brought & {name.lower() for name in packages[module]} or module == "dask", module
@@ -78,11 +82,13 @@ def test_what_foldcar_imports_it_declares_and_an_extra_brings_the_modules_that_i
     imported = set()
     for file in Path(foldcar.__file__).parent.rglob("*.py"):
         for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
-            found = [name.name for name in node.names] if isinstance(node, ast.Import) else []
-            imported |= {name.partition(".")[0] for name in [*found, getattr(node, "module", None) or ""]}
-    names = {one.name.lower() for one in declared}
+            imported_names = [name.name for name in node.names] if isinstance(node, ast.Import) else []
+            imported |= {name.partition(".")[0] for name in [*imported_names, getattr(node, "module", None) or ""]}
+    names = {requirement.name.lower() for requirement in declared}
     # These come with Jinja, Matplotlib, Scenic and its scheduler; the last is Webots' own.
     others = {*sys.stdlib_module_names, "foldcar", "", "markupsafe", "PIL", "rv_ltl", "dask", "controller"}
 
     assert len(imported - others) > 20
-    assert [name for name in imported - others if not names & {one.lower() for one in packages[name]}] == []
+    assert [
+        name for name in imported - others if not names & {distribution.lower() for distribution in packages[name]}
+    ] == []

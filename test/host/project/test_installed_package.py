@@ -50,10 +50,10 @@ def environment(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     subprocess.run([sys.executable, "-m", "venv", "--without-pip", folder], check=True)
     pip = [sys.executable, "-m", "pip", "--quiet", "--python", folder / "bin" / "python"]
     subprocess.run([*pip, "install", "--no-deps", wheel], check=True)
-    mine, site = Path(sysconfig.get_path("purelib")), site_of(folder)
-    (site / "dependencies.pth").write_text(f"{mine}\n", encoding="utf-8")
+    own_site, site = Path(sysconfig.get_path("purelib")), site_of(folder)
+    (site / "dependencies.pth").write_text(f"{own_site}\n", encoding="utf-8")
     # foldcar[mujoco] puts it there.
-    (site / "mujoco").symlink_to(mine / "mujoco")
+    (site / "mujoco").symlink_to(own_site / "mujoco")
     return folder
 
 
@@ -78,8 +78,8 @@ def test_without_a_compiler_the_sources_say_what_they_need(sources: Path, tmp_pa
         [sys.executable, "-m", "pip", "wheel", *options, sources], env=alone, capture_output=True, text=True
     )
     assert done.returncode != 0 and not list(tmp_path.iterdir())
-    (told,) = [line.strip() for line in (done.stdout + done.stderr).splitlines() if "error: carsim" in line]
-    assert told == (
+    (error,) = [line.strip() for line in (done.stdout + done.stderr).splitlines() if "error: carsim" in line]
+    assert error == (
         "error: carsim is built from its sources here, which needs g++ "
         "(Debian, Ubuntu: apt-get install g++); foldcar's wheel needs none"
     )
@@ -100,7 +100,7 @@ print(json.dumps([foldcar.__file__, *programs]))
     file, *programs = json.loads(done.stdout)
     assert Path(file).parent == package
     built = (("carsim", Carsim()), ("carsim_mujoco", Carsim(engine=MUJOCO)))
-    assert programs == [[str(package / name), one.build, one.firmware] for name, one in built]
+    assert programs == [[str(package / name), carsim.build, carsim.firmware] for name, carsim in built]
 
 
 @pytest.mark.slow

@@ -29,37 +29,39 @@ def required() -> list[Requirement]:
     own = project["project"]
     extras = [line for lines in own["optional-dependencies"].values() for line in lines]
     lines = own["dependencies"] + extras + project["build-system"]["requires"]
-    return [one for one in map(Requirement, lines) if one.name != own["name"]]
+    return [requirement for requirement in map(Requirement, lines) if requirement.name != own["name"]]
 
 
 def spelled_alike(name: str) -> str:
     return re.sub(r"[-_.]+", "-", name).lower()
 
 
-def holds(one: Requirement, python: str) -> bool:
+def holds(requirement: Requirement, python: str) -> bool:
     environment = {
         "python_version": python,
         "python_full_version": f"{python}.0",
         "sys_platform": "linux",
         "platform_machine": "x86_64",
     }
-    return one.marker is None or one.marker.evaluate(environment)
+    return requirement.marker is None or requirement.marker.evaluate(environment)
 
 
 @pytest.mark.parametrize("python", PYTHONS)
 def test_the_lock_has_one_fitting_version_of_all_that_is_required(python: str) -> None:
     versions: dict[str, list[str]] = {}
-    for one in (one for one in locked() if holds(one, python)):
-        (specifier,) = one.specifier
-        assert specifier.operator == "==", f"{one}: no exact version"
-        versions.setdefault(spelled_alike(one.name), []).append(specifier.version)
-    assert {name: found for name, found in versions.items() if len(found) != 1} == {}
-    wanted = [one for one in required() if holds(one, python)]
+    for requirement in (requirement for requirement in locked() if holds(requirement, python)):
+        (specifier,) = requirement.specifier
+        assert specifier.operator == "==", f"{requirement}: no exact version"
+        versions.setdefault(spelled_alike(requirement.name), []).append(specifier.version)
+    assert {name: spellings for name, spellings in versions.items() if len(spellings) != 1} == {}
+    wanted = [requirement for requirement in required() if holds(requirement, python)]
     assert len(wanted) > 25
-    for one in wanted:
-        found = versions.get(spelled_alike(one.name))
-        assert found, f"Python {python}: the lock has no {one}; run `make lock`"
-        assert one.specifier.contains(found[0]), f"Python {python}: the lock has {found[0]} for {one}; run `make lock`"
+    for requirement in wanted:
+        version = versions.get(spelled_alike(requirement.name))
+        assert version, f"Python {python}: the lock has no {requirement}; run `make lock`"
+        assert requirement.specifier.contains(version[0]), (
+            f"Python {python}: the lock has {version[0]} for {requirement}; run `make lock`"
+        )
 
 
 def test_every_locked_package_has_hashes_and_none_is_bound_to_a_place() -> None:

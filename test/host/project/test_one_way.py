@@ -36,11 +36,11 @@ def imports_of(file: Path) -> set[str]:
 
 def edges() -> set[tuple[str, str]]:
     """(importing, imported) rooms of the package, those to the same room left out."""
-    found = set()
+    imports = set()
     for file in PACKAGE.rglob("*.py"):
         room = room_of(file.relative_to(PACKAGE).with_suffix("").as_posix())
-        found |= {(room, room_of(imported)) for imported in imports_of(file)}
-    return {(a, b) for a, b in found if a != b}
+        imports |= {(room, room_of(imported)) for imported in imports_of(file)}
+    return {(a, b) for a, b in imports if a != b}
 
 
 def test_the_overview_names_every_room() -> None:
@@ -55,8 +55,8 @@ def test_imports_go_one_way() -> None:
     everybodys.append("read_files")
     order = [*everybodys, *documented_rooms(), "cli", "__main__", "__init__"]
 
-    found = edges()
-    against = [f"{a} imports {b}" for a, b in sorted(found) if order.index(b) > order.index(a)]
+    imports = edges()
+    against = [f"{a} imports {b}" for a, b in sorted(imports) if order.index(b) > order.index(a)]
 
-    assert len(found) > 50
+    assert len(imports) > 50
     assert against == []

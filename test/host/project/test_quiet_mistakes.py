@@ -71,7 +71,7 @@ def test_imported_trials_of_other_experiments_and_samples_are_noticed(folder: Pa
     rows = ["experiment,vehicle_type,width_mm,sample,outcome,source", "1,W_B_W,95,7,passed,me", "7,W_B_W,95,,passed,me"]
     (folder / "t.csv").write_text("\n".join(rows))
 
-    said = foldcar(folder, "trials", "import", "a.db", "t.csv")
+    done = foldcar(folder, "trials", "import", "a.db", "t.csv")
 
-    assert 'note: experiment "1" was swept in samples 0 to 1; sample 7 has no runs' in said
-    assert 'note: experiment "7" was not swept in a.db, only 1' in said
+    assert 'note: experiment "1" was swept in samples 0 to 1; sample 7 has no runs' in done
+    assert 'note: experiment "7" was not swept in a.db, only 1' in done

@@ -121,5 +121,5 @@ def test_of_box2ds_archive_headers_and_sources_are_taken(tmp_path: Path) -> None
             members.add(tmp_path / Path(name).name, f"box2d-2.4.1/{name}")
     folder = tmp_path / "library"
     box2d_source.extract_box2d(archive, folder)
-    found = {file.relative_to(folder).as_posix(): file.read_text() for file in folder.rglob("*") if file.is_file()}
-    assert found == {name: name for name in names[:2]}
+    texts = {file.relative_to(folder).as_posix(): file.read_text() for file in folder.rglob("*") if file.is_file()}
+    assert texts == {name: name for name in names[:2]}

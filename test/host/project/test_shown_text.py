@@ -46,7 +46,7 @@ def steering(steered: Path, tmp_path: Path) -> str:
 
 def test_names_and_notes_do_not_steer_the_terminal(foldcar: Any, steering: str) -> None:
     run = ("run", steering, "--experiment")
-    told = [
+    answers = [
         foldcar(*run, STEERING, "--set", "width=95"),
         foldcar(*run, f"{STEERING}x", "--set", "width=95"),
         foldcar(*run, STEERING, "--set", f"{STEERING}=95"),
@@ -57,8 +57,8 @@ def test_names_and_notes_do_not_steer_the_terminal(foldcar: Any, steering: str) 
         foldcar("sweep", f"{STEERING}.json", "--store", "s.db"),
     ]
 
-    assert [answer.returncode for answer in told] == [0, 2, 2, 0, 0, 0, 2, 2]
-    for answer in told:
+    assert [answer.returncode for answer in answers] == [0, 2, 2, 0, 0, 0, 2, 2]
+    for answer in answers:
         text = answer.stdout + answer.stderr
         assert "X\\u202eab\\x9b2J[" in text, answer.args
         assert not {"\x1b", "\u202e", "\x9b"} & set(text), answer.args

@@ -48,30 +48,30 @@ def test_values_are_those_that_scenic_samples_and_the_workshop_draws(store: Path
     scenes = store.parent / "scenes.jsonl"
     foldcar("sample", store.parent / "bumps.scenic", "-n", ENVIRONMENTS, "--seed", 3, "-o", scenes)
     sampled = [json.loads(line) for line in scenes.read_text().splitlines()]
-    sampled = [one.get("scene", one) for one in sampled]
+    sampled = [scene.get("scene", scene) for scene in sampled]
     drawn = [draw(spread_named("workshop", ""), 5, sample) for sample in range(ENVIRONMENTS)]
 
     with Store.open(store) as opened:
-        found = environment_values(opened, opened.info().experiments["1"])
-    columns = {column.name: found.values[:, at] for at, column in enumerate(found.columns)}
+        environments = environment_values(opened, opened.info().experiments["1"])
+    columns = {column.name: environments.values[:, at] for at, column in enumerate(environments.columns)}
 
-    assert columns["scene_friction"] == pytest.approx([one["friction"] for one in sampled])
-    heights = [[piece["height_m"] for piece in one["terrain"]] for one in sampled]
+    assert columns["scene_friction"] == pytest.approx([scene["friction"] for scene in sampled])
+    heights = [[piece["height_m"] for piece in scene["terrain"]] for scene in sampled]
     assert columns["scene_box_1_height_m"] == pytest.approx([height[0] for height in heights])
     assert columns["scene_box_2_height_m"] == pytest.approx([height[1] for height in heights])
     assert columns["scene_highest_m"] == pytest.approx([max(height) for height in heights])
-    assert columns["car_supply_v"] == pytest.approx([one["supply_v"] for one in drawn])
+    assert columns["car_supply_v"] == pytest.approx([variation["supply_v"] for variation in drawn])
     # Channels 0 and 2 are left wheels; a neutral's error turns right servos the other way.
-    speeds = [one["servo_speed"] for one in drawn]
+    speeds = [variation["servo_speed"] for variation in drawn]
     assert columns["car_left_less_right_servo_speed"] == pytest.approx([(a + c - b - d) / 2 for a, b, c, d, *_ in speeds])
-    neutrals = [one["neutral_us"] for one in drawn]
+    neutrals = [variation["neutral_us"] for variation in drawn]
     assert columns["car_mean_neutral_us"] == pytest.approx([(a - b + c - d) / 4 for a, b, c, d, *_ in neutrals])
     # What is the same everywhere tells nothing.
     assert not {"scene_goal_x_m", "scene_start_x_m", "scene_box_1_length_m", "scene_pieces"} & set(columns)
-    friction = next(column for column in found.columns if column.name == "scene_friction")
+    friction = next(column for column in environments.columns if column.name == "scene_friction")
     assert (friction.label, friction.unit) == ("friction", "")
     # Objects have the program's names; the bumps of the loop have none.
-    labels = {column.name: (column.label, column.unit, column.scale) for column in found.columns}
+    labels = {column.name: (column.label, column.unit, column.scale) for column in environments.columns}
     assert labels["scene_box_1_height_m"] == ("bump 1 height", "mm", 1000)
     assert labels["scene_ramp_1_height_m"] == ("kerb2 height", "mm", 1000)
     assert labels["scene_box_5_height_m"] == ("steps[1] height", "mm", 1000)
@@ -95,11 +95,11 @@ def test_the_export_has_them_beside_every_run(store: Path) -> None:
         rows = list(csv.DictReader(file))
 
     with Store.open(store) as opened:
-        found = environment_values(opened, opened.info().experiments["1"])
+        environments = environment_values(opened, opened.info().experiments["1"])
 
     for row in rows:
-        for at, column in enumerate(found.columns):
-            value = found.values[int(row["sample"]), at]
+        for at, column in enumerate(environments.columns):
+            value = environments.values[int(row["sample"]), at]
             assert row[column.name] == "" if numpy.isnan(value) else float(row[column.name]) == value
 
 
@@ -109,10 +109,12 @@ def test_of_one_design_the_separation_is_mann_whitneys_statistic() -> None:
     passed = values[:, 0] + random.normal(size=40) > 0
     design, environment = numpy.zeros(40, int), numpy.arange(40)
 
-    found = {separation.column: separation.difference for separation in separations(values, design, environment, passed)}
+    difference_of = {
+        separation.column: separation.difference for separation in separations(values, design, environment, passed)
+    }
 
-    assert set(found) == {0, 1}  # a constant column separates nothing
-    for column, difference in found.items():
+    assert set(difference_of) == {0, 1}  # a constant column separates nothing
+    for column, difference in difference_of.items():
         u = mannwhitneyu(values[passed, column], values[~passed, column]).statistic
         assert difference == pytest.approx(2 * u / (passed.sum() * (~passed).sum()) - 1)
 
@@ -129,14 +131,18 @@ def test_intervals_hold_the_separation_of_all_environments_together() -> None:
         return values, design, environment, (values[:, 0] + noise)[environment] > hard[design]
 
     truth = {separation.column: separation.difference for separation in separations(*sample(2000))}
-    held, ranked = [], 0
+    covered, ranked = [], 0
     for _ in range(60):
-        found = separations(*sample(40))
-        ranked += found[0].column == 0
-        held.append(all(one.low - 0.03 <= abs(truth[one.column]) <= one.high + 0.03 for one in found))
+        columns = separations(*sample(40))
+        ranked += columns[0].column == 0
+        covered.append(
+            all(
+                separation.low - 0.03 <= abs(truth[separation.column]) <= separation.high + 0.03 for separation in columns
+            )
+        )
 
     assert ranked == 60
-    assert numpy.mean(held) > 0.9
+    assert numpy.mean(covered) > 0.9
 
 
 def sample_with_noise(random: numpy.random.Generator, environments: int, effect: float) -> Any:
@@ -165,18 +171,18 @@ def test_columns_that_tell_nothing_seldom_seem_to_tell_even_of_ten_environments(
 
 def test_a_column_that_tells_is_found() -> None:
     random = numpy.random.default_rng(4)
-    found = [
+    found_columns = [
         {separation.column for separation in separations(*sample_with_noise(random, 40, 0.6)) if separation.low > 0}
         for _ in range(60)
     ]
 
-    assert sum(0 in one for one in found) > 40
+    assert sum(0 in hits for hits in found_columns) > 40
 
 
 def test_bins_count_every_run_once() -> None:
     values = numpy.array([0.0, 1.0, 2.0, 3.0, numpy.nan])
     environment, passed = numpy.array([0, 0, 1, 2, 3, 4]), numpy.array([1, 0, 1, 1, 0, 1])
 
-    found = binned(values, environment, passed, most=2)
+    bins = binned(values, environment, passed, most=2)
 
-    assert [(one.first, one.last, one.runs, one.passed) for one in found] == [(0, 1, 3, 2), (2, 3, 2, 1)]
+    assert [(bin.first, bin.last, bin.runs, bin.passed) for bin in bins] == [(0, 1, 3, 2), (2, 3, 2, 1)]

@@ -26,8 +26,8 @@ def store_file(tmp_path: Path) -> Path:
 
 
 def test_both_formats_have_a_row_per_run_and_read_back_exactly(tmp_path: Path, store_file: Path, foldcar: Any) -> None:
-    told = foldcar("export", "s.db", "--csv", "runs.csv", "--parquet", "runs.parquet")
-    assert told.stderr == "runs.csv: 4 runs\nruns.parquet: 4 runs\n"
+    done = foldcar("export", "s.db", "--csv", "runs.csv", "--parquet", "runs.parquet")
+    assert done.stderr == "runs.csv: 4 runs\nruns.parquet: 4 runs\n"
     assert foldcar("export", "s.db", "--csv", "-").stdout == (tmp_path / "runs.csv").read_text()
     with Store.open(store_file) as store:
         results = list(store.results())
@@ -44,7 +44,7 @@ def test_both_formats_have_a_row_per_run_and_read_back_exactly(tmp_path: Path, s
     assert table["elapsed_time_s"].to_pylist() == [r.metrics["elapsed_time_s"] for r in results]
     assert table["sample"].to_pylist() == [r.sample for r in results]
     assert table["width_mm"].to_pylist() == [r.design["width_mm"] for r in results]
-    units = {one.name: one.metadata[b"unit"].decode() for one in table.schema if b"unit" in (one.metadata or {})}
+    units = {field.name: field.metadata[b"unit"].decode() for field in table.schema if b"unit" in (field.metadata or {})}
     assert units == {**{metric.name: metric.unit for metric in METRICS}, "width_mm": "mm", "height_mm": "mm"}
 
 
@@ -61,8 +61,8 @@ def test_both_formats_have_a_row_per_run_and_read_back_exactly(tmp_path: Path, s
     ],
 )
 def test_recorded_lists_that_are_alike_are_lists(values: Any, kind: str | None) -> None:
-    found = list_type(values)
-    assert (None if found is None else str(found)) == kind
+    list_kind = list_type(values)
+    assert (None if list_kind is None else str(list_kind)) == kind
 
 
 def test_recorded_values_are_columns_of_their_types(tmp_path: Path) -> None:

@@ -49,9 +49,9 @@ def designs_of(table: pandas.DataFrame, page: dict[str, Any]) -> pandas.Series:
     """The index of each row's design on the page."""
     places = {}
     for index, at in enumerate(page["designs"]["value"]):
-        values = [one["values"][place] for one, place in zip(page["parameters"], at, strict=True)]
+        values = [parameter["values"][place] for parameter, place in zip(page["parameters"], at, strict=True)]
         places[tuple(values)] = index
-    names = [one["name"] for one in page["parameters"]]
+    names = [parameter["name"] for parameter in page["parameters"]]
     return table[names].apply(lambda row: places[tuple(row)], axis=1)
 
 
@@ -61,19 +61,19 @@ def test_counts_intervals_and_runs_are_those_of_the_export(store: Path, monkeypa
     designs = page["designs"]
 
     for index in range(4):
-        mine = runs[at == index]
-        passed = int(mine["passed"].sum())
-        assert (designs["runs"][index], designs["passed"][index]) == (len(mine), passed)
-        low, high = wilson_interval(passed, len(mine))
+        own_runs = runs[at == index]
+        passed = int(own_runs["passed"].sum())
+        assert (designs["runs"][index], designs["passed"][index]) == (len(own_runs), passed)
+        low, high = wilson_interval(passed, len(own_runs))
         assert (designs["low"][index], designs["high"][index]) == pytest.approx((low, high), abs=1e-6)
-        ends = mine["outcome"].value_counts()
+        ends = own_runs["outcome"].value_counts()
         assert [column[index] for column in designs["outcomes"]] == [ends.get(name, 0) for name in OUTCOMES]
     assert page["runs"]["design"] == at.tolist() and len(runs) == 4 * SAMPLES
     assert page["runs"]["environment"] == runs["sample"].tolist()
     assert [OUTCOMES[code] for code in page["runs"]["outcome"]] == runs["outcome"].tolist()
     assert page["runs"]["time_s"] == pytest.approx(runs["elapsed_time_s"].tolist(), abs=1e-3)
     # More runs than the page holds are counted.
-    monkeypatch.setattr(module, "MOST_RUNS", 4 * SAMPLES - 1)
+    monkeypatch.setattr(module, "MAX_RUNS", 4 * SAMPLES - 1)
     again = read(store)
     assert again["runs"] is None and "12 runs of 4 designs" in again["runs_omitted"]
 
@@ -81,19 +81,19 @@ def test_counts_intervals_and_runs_are_those_of_the_export(store: Path, monkeypa
 def test_time_counts_the_limit_and_energy_is_per_pass(store: Path) -> None:
     page, runs = read(store), Study(store).runs
     at = designs_of(runs, page)
-    measures = {one["key"]: one["value"] for one in page["designs"]["measures"]}
-    labels = [one["label"] for one in page["designs"]["measures"]]
+    measures = {measure["key"]: measure["value"] for measure in page["designs"]["measures"]}
+    labels = [measure["label"] for measure in page["designs"]["measures"]]
 
     assert labels[:2] == ["time, failures at the limit", "time of passing runs"]
 
     for index in range(4):
-        mine = runs[at == index]
-        passed = mine["passed"].astype(bool)
-        time_s = mine["elapsed_time_s"].where(passed, 120.0).mean()
+        own_runs = runs[at == index]
+        passed = own_runs["passed"].astype(bool)
+        time_s = own_runs["elapsed_time_s"].where(passed, 120.0).mean()
         assert measures["time"][index] == pytest.approx(time_s, rel=1e-4)
-        passing_s = mine["elapsed_time_s"][passed].mean() if passed.any() else None
+        passing_s = own_runs["elapsed_time_s"][passed].mean() if passed.any() else None
         assert measures["passing_time"][index] == (None if passing_s is None else pytest.approx(passing_s, rel=1e-4))
-        energy = mine["consumed_energy_j"].sum() / passed.sum() if passed.any() else None
+        energy = own_runs["consumed_energy_j"].sum() / passed.sum() if passed.any() else None
         assert measures["energy"][index] == (None if energy is None else pytest.approx(energy, rel=1e-4))
     assert all(150 < mass < 500 for mass in measures["mass"][:4])
     assert measures["sheet_area"][2] > measures["sheet_area"][0]  # wider
@@ -137,18 +137,18 @@ def test_trials_that_refute_simulation_make_a_design_bad(store: Path, tmp_path: 
     # The page and `foldcar compare` name the same.
     with Store.open(again) as opened:
         compared = {design.label: design.verdict for design in compare(opened, "1").experiments[0].designs}
-    said = {name: how for name, how in zip(after["name"], after["refuted"], strict=True) if how}
-    assert said == {name: how for name, how in compared.items() if how in ("optimistic", "pessimistic")}
+    refuted = {name: how for name, how in zip(after["name"], after["refuted"], strict=True) if how}
+    assert refuted == {name: how for name, how in compared.items() if how in ("optimistic", "pessimistic")}
 
 
 def test_effects_are_of_every_parameter(store: Path) -> None:
     page = read(store)
 
-    assert {one["parameter"] for one in page["effects"]} == {0, 1}
-    for one in page["effects"]:
-        assert len(one["grid"]) == len(one["mean"]) == 2
-        assert "same 2 combinations of the other parameters" in one["over"]
-    shares = [one["share"] for one in page["importance"]]
+    assert {effect["parameter"] for effect in page["effects"]} == {0, 1}
+    for effect in page["effects"]:
+        assert len(effect["grid"]) == len(effect["mean"]) == 2
+        assert "same 2 combinations of the other parameters" in effect["over"]
+    shares = [row["share"] for row in page["importance"]]
     assert shares == sorted(shares, reverse=True)
     assert page["causes"] == []  # three environments tell nothing
 

@@ -39,7 +39,7 @@ def searched(
 def beaten(front: Mapping[str, Any] | None) -> dict[int, tuple[bool, bool]]:
     """Whether each design on the front is beaten, and judged in fresh environments."""
     assert front is not None
-    return {one["design"]: (one["beaten"], one["fresh"]) for one in front["points"]}
+    return {point["design"]: (point["beaten"], point["fresh"]) for point in front["points"]}
 
 
 def test_a_design_is_beaten_by_one_as_good_in_all_and_better_in_one(tmp_path: Path) -> None:
@@ -49,7 +49,7 @@ def test_a_design_is_beaten_by_one_as_good_in_all_and_better_in_one(tmp_path: Pa
 
     # 70 mm passes as often as 60 mm with more film, 90 mm less often than 80 mm with as much.
     assert beaten(front) == {0: (False, False), 1: (True, False), 2: (False, False), 3: (True, False)}
-    assert front is not None and [one["values"] for one in front["points"]] == [
+    assert front is not None and [point["values"] for point in front["points"]] == [
         [50.0, 100.0], [50.0, 120.0], [80.0, 300.0], [60.0, 300.0],
     ]  # fmt: skip
     assert front["objectives"][0] == {"label": "share of runs that pass", "unit": "%", "better": "more"}
@@ -68,7 +68,7 @@ def test_of_a_search_only_designs_judged_in_fresh_environments_are_compared_ther
 
     # The first was best where it was chosen, and was not judged; of the others the one that was worse there is the best.
     assert beaten(front) == {0: (False, False), 1: (True, True), 2: (False, True)}
-    assert front is not None and [one["values"] for one in front["points"]] == [[100.0], [40.0], [60.0]]
+    assert front is not None and [point["values"] for point in front["points"]] == [[100.0], [40.0], [60.0]]
 
 
 def test_designs_that_were_left_early_are_not_on_the_front(tmp_path: Path) -> None:
@@ -84,6 +84,6 @@ def test_a_design_that_never_passes_has_no_energy_per_pass_and_is_beaten(tmp_pat
 
     # 3 J each of 20 runs, of which 10 passed.
     assert tried.runs.metrics[0, NUMBERS.index("consumed_energy_j")] == 3.0
-    assert front is not None and [one["values"] for one in front["points"]] == [[None], [6.0]]
+    assert front is not None and [point["values"] for point in front["points"]] == [[None], [6.0]]
     assert beaten(front) == {0: (True, False), 1: (False, False)}
     assert search_front(replace(tried, info=replace(tried.info, objectives=())), [None] * 2, None) is None

@@ -39,18 +39,18 @@ def test_a_run_ends_at_the_obstacle_that_the_car_stands_over(turn: bool) -> None
     course = read_course(OBJECTS, {0: scene(0.0, turn), 1: scene(0.3, turn)}, 2)
     runs = ended((0, "stuck", 0.85), (0, "tipped", 1.5), (0, "stuck", 1.85), (1, "stuck", 1.85), (1, "passed", 3.0))
 
-    found = run_ends(course, CAR, runs)
+    ends = run_ends(course, CAR, runs)
 
-    assert found is not None
+    assert ends is not None
     # The car reaches 0.1 m ahead of its middle; the block aside is out of its way and not shown.
-    assert [one["name"] for one in found["obstacles"]] == ["kerb1", "kerb2"]
-    columns = [found[name] for name in ("outcome", "bin", "obstacle", "count")]
+    assert [obstacle["name"] for obstacle in ends["obstacles"]] == ["kerb1", "kerb2"]
+    columns = [ends[name] for name in ("outcome", "bin", "obstacle", "count")]
     rows = {(OUTCOMES[outcome], bin, obstacle): count for outcome, bin, obstacle, count in zip(*columns, strict=True)}
-    assert found["step_m"] == 0.1
+    assert ends["step_m"] == 0.1
     assert rows == {("stuck", 8, 0): 1, ("tipped", 15, -1): 1, ("stuck", 18, 1): 1, ("stuck", 18, -1): 1}
-    assert (found["obstacles"][1]["from_m"], found["obstacles"][1]["to_m"]) == pytest.approx((2.05, 2.25))
-    assert found["obstacles"][1]["least_m"] < 2.05 < 2.25 < found["obstacles"][1]["most_m"]
-    assert found["goal_m"] == 3
+    assert (ends["obstacles"][1]["from_m"], ends["obstacles"][1]["to_m"]) == pytest.approx((2.05, 2.25))
+    assert ends["obstacles"][1]["least_m"] < 2.05 < 2.25 < ends["obstacles"][1]["most_m"]
+    assert ends["goal_m"] == 3
 
 
 def test_without_failures_or_a_goal_there_are_no_ends() -> None:
@@ -63,6 +63,6 @@ def test_environments_with_different_pieces_keep_the_places_without_obstacles() 
     fewer = scene(0.0)
     course = read_course(OBJECTS, {0: scene(0.0), 1: {**fewer, "terrain": fewer["terrain"][:2]}}, 2)
 
-    found = run_ends(course, CAR, ended((0, "stuck", 0.85), (1, "stuck", 0.85)))
+    ends = run_ends(course, CAR, ended((0, "stuck", 0.85), (1, "stuck", 0.85)))
 
-    assert found is not None and found["obstacles"] == [] and found["obstacle"] == [-1] and found["count"] == [2]
+    assert ends is not None and ends["obstacles"] == [] and ends["obstacle"] == [-1] and ends["count"] == [2]

@@ -44,9 +44,9 @@ def started(*words: object) -> Iterator["subprocess.Popen[str]"]:
 
 
 def url_of(line: str) -> str:
-    found = re.search(r"http://127\.0\.0\.1:\d+/", line)
-    assert found is not None, line
-    return found[0]
+    match = re.search(r"http://127\.0\.0\.1:\d+/", line)
+    assert match is not None, line
+    return match[0]
 
 
 def note_of(process: "subprocess.Popen[str]") -> str:
@@ -76,14 +76,14 @@ def test_page_follows_a_sweep_that_is_killed_and_resumed(
             assert tab.ask(SELECTED) == selected
             assert tab.ask("scrollY") == scrolled
             assert tab.ask("document.querySelector('#belief .behind').open")
-            told = "document.querySelector('#live .told').textContent"
-            tab.wait(rf"/ of 40,000 runs · about \S+ (s|min|h) left · changed/.test({told})")
+            live_text = "document.querySelector('#live .told').textContent"
+            tab.wait(rf"/ of 40,000 runs · about \S+ (s|min|h) left · changed/.test({live_text})")
 
             sweep.kill()
             assert tab.wait(f"['killed', 'gone'].includes({STATE}) && {STATE}")
             tab.wait(f"{STATE} === 'gone'")
-            said = tab.ask("document.querySelector('#live .state').textContent")
-            assert said == "Killed: the same command resumes it. The server has ended"
+            state = tab.ask("document.querySelector('#live .state').textContent")
+            assert state == "Killed: the same command resumes it. The server has ended"
             stored = stored_runs(store)
             assert tab.ask(SHOWN) == stored
             port = url.rstrip("/").rpartition(":")[2]
@@ -98,8 +98,8 @@ def test_page_follows_a_sweep_that_is_killed_and_resumed(
                 errors = resumed.stderr.read()
                 assert resumed.returncode == 130 and "\nstopped: " in f"\n{errors}", errors
                 tab.wait(f"{STATE} === 'gone'")
-                said = tab.ask("document.querySelector('#live .state').textContent")
-                assert said == "Stopped: the same command resumes it. The server has ended"
+                state = tab.ask("document.querySelector('#live .state').textContent")
+                assert state == "Stopped: the same command resumes it. The server has ended"
                 assert tab.ask(SHOWN) == stored_runs(store)
     assert sorted(file.name for file in tmp_path.iterdir()) == ["listing.json", "s.db"]
 
@@ -119,7 +119,7 @@ def test_report_live_answers_its_page_alone_and_changes_nothing(store: Path, car
         assert report.stdout is not None
         port = int(url_of(report.stdout.readline()).rstrip("/").rpartition(":")[2])
 
-        def asked(path: str, method: str = "GET", **headers: str) -> tuple[int, bytes]:
+        def request(path: str, method: str = "GET", **headers: str) -> tuple[int, bytes]:
             connection = http.client.HTTPConnection("127.0.0.1", port, timeout=60)
             connection.request(method, path, headers=headers)
             answer = connection.getresponse()
@@ -135,22 +135,22 @@ def test_report_live_answers_its_page_alone_and_changes_nothing(store: Path, car
             (501, "/study.json", "PUT", {}),
             (501, "/", "DELETE", {}),
         ]:
-            assert asked(path, method, **headers)[0] == status, (path, method, headers)
-        assert asked("/", "HEAD") == (200, b"")
-        assert asked("/", Host=f"localhost:{port}")[1].startswith(b"<!doctype html>")
+            assert request(path, method, **headers)[0] == status, (path, method, headers)
+        assert request("/", "HEAD") == (200, b"")
+        assert request("/", Host=f"localhost:{port}")[1].startswith(b"<!doctype html>")
         # Other addresses of this machine are not served.
         with pytest.raises(OSError):
             socket.create_connection(("127.0.0.2", port), timeout=5)
         until = time.monotonic() + 120
-        while (answer := json.loads(asked("/study.json")[1]))["study"] is None:
+        while (answer := json.loads(request("/study.json")[1]))["study"] is None:
             assert time.monotonic() < until
             time.sleep(0.1)
         assert answer["state"] == "done" and answer["planned"] == answer["done"] == stored_runs(store)
         assert (answer["designs"], answer["decided"], answer["error"]) == (3, 3, "")
-        (one,) = answer["study"]["experiments"]
-        assert sum(one["designs"]["runs"]) == stored_runs(store)
+        (experiment,) = answer["study"]["experiments"]
+        assert sum(experiment["designs"]["runs"]) == stored_runs(store)
         # Who has this version is not sent it again.
-        assert json.loads(asked(f"/study.json?{answer['version']}")[1])["study"] is None
+        assert json.loads(request(f"/study.json?{answer['version']}")[1])["study"] is None
         report.send_signal(signal.SIGINT)
         _, errors = report.communicate(timeout=60)
     assert report.returncode == 130
@@ -196,7 +196,7 @@ def test_live_refuses_what_it_cannot_serve_by_one_line(
         taken.listen()
         port = taken.getsockname()[1]
         listing = write_listing(listing_data)
-        for words, said in [
+        for words, message in [
             (["report", store, "--live", "--port", str(port)], f"--port {port}"),
             (["sweep", listing, "--store", tmp_path / "n.db", "--live", "--port", str(port)], f"--port {port}"),
             (["sweep", listing, "--store", tmp_path / "n.db", "--port", "0"], "--live"),
@@ -207,5 +207,5 @@ def test_live_refuses_what_it_cannot_serve_by_one_line(
         ]:
             done = (new_foldcar if words[0] == "sweep" else foldcar)(*words)
             assert (done.returncode, len(done.stderr.splitlines())) == (2, 1), done.stderr
-            assert said in done.stderr
+            assert message in done.stderr
     assert not (tmp_path / "n.db").exists()

@@ -30,15 +30,15 @@ def stored(study: Path) -> list[tuple[int, int, str]]:
 
 def test_the_page_is_one_small_file_with_every_run_as_stored(study: Path) -> None:
     page = (study / "report" / "index.html").read_text()
-    (one,) = study_of(study / "report")["experiments"]
+    (experiment,) = study_of(study / "report")["experiments"]
 
-    columns = [one["runs"][name] for name in ("design", "environment", "outcome")]
-    shown = [(design, sample, one["outcomes"][outcome]) for design, sample, outcome in zip(*columns, strict=True)]
+    columns = [experiment["runs"][name] for name in ("design", "environment", "outcome")]
+    shown = [(design, sample, experiment["outcomes"][outcome]) for design, sample, outcome in zip(*columns, strict=True)]
     assert shown == stored(study) and len(shown) == len(WIDTHS) * SAMPLES
     assert page_findings(re.sub(r"<script.*?</script>", "", page, flags=re.DOTALL)) == []
     assert not re.search(r"<(script|link|img)[^>]*(src|href)=|@import", page.partition("<script")[0])
     assert len(page) < 3e6
-    for _, address in one["files"]:
+    for _, address in experiment["files"]:
         assert (study / "report" / address).read_text().startswith("<?xml")
 
 
@@ -49,15 +49,15 @@ def probed(study: Path, script: str, fragment: str = "", width: int = WIDE) -> A
     """What the script puts into ``found``, of the page opened at ``fragment`` in a window of that width."""
     with Tab(f"{(study / 'report' / 'index.html').as_uri()}#{fragment}", width) as tab:
         tab.wait("document.body?.dataset.state === 'ready'")
-        told = tab.ask(f"""(async () => {{
+        answer = tab.ask(f"""(async () => {{
           const pause = time => new Promise(go => setTimeout(go, time));
           const one = (css, of = document) => of.querySelector(css), found = {{}};
           await pause(200);
           {script}
           return {{ ...found, width: document.documentElement.scrollWidth, errors }};
         }})()""")
-    assert told.pop("errors") == []
-    return told
+    assert answer.pop("errors") == []
+    return answer
 
 
 # Without a screen Chromium tells of no scrolling.
@@ -154,10 +154,10 @@ def used(study: Path) -> Any:
 
 
 def test_every_chart_is_drawn_and_fits_and_every_control_has_a_name(study: Path, used: Any) -> None:
-    for width, found in ((WIDE, used), (390, probed(study, LOOK, width=390))):
-        assert found["charts"] == [[name, True] for name in ("curve", "parallel", "scatter", "ends", "grid")]
-        assert found["clipped"] == found["unnamed"] == [] and found["unlabelled"] == 0
-        assert found["width"] <= width
+    for width, probe in ((WIDE, used), (390, probed(study, LOOK, width=390))):
+        assert probe["charts"] == [[name, True] for name in ("curve", "parallel", "scatter", "ends", "grid")]
+        assert probe["clipped"] == probe["unnamed"] == [] and probe["unlabelled"] == 0
+        assert probe["width"] <= width
     # Five screens, but on a telephone.
     assert used["height"] <= 5 * 900
 
@@ -209,9 +209,9 @@ def test_arrow_keys_go_from_run_to_run_which_are_replayed(study: Path, used: Any
 
 
 def test_new_data_are_drawn_and_what_was_chosen_stays(used: Any) -> None:
-    panel, told, kept = used["news"]
+    panel, cell, kept = used["news"]
 
-    assert panel.startswith("245 mm") and told.startswith("245 mm, environment 1: ")
+    assert panel.startswith("245 mm") and cell.startswith("245 mm, environment 1: ")
     assert "2 of 4 designs" in kept
     assert "design=245+mm" in used["hash"] and "b.width_mm=90..245" in used["hash"]
 
@@ -226,14 +226,14 @@ OPENED = """
 
 
 def test_an_address_opens_the_run_at_its_time_with_its_filters_and_scrolls_there(study: Path) -> None:
-    found = probed(study, OPENED, "design=95+mm&env=2&t=0.75&at=runs&b.width_mm=90..245&outcome=passed")
+    probe = probed(study, OPENED, "design=95+mm&env=2&t=0.75&at=runs&b.width_mm=90..245&outcome=passed")
 
-    assert found["t"] == 0.75
-    assert found["told"].startswith("95 mm, environment 2: ")
+    assert probe["t"] == 0.75
+    assert probe["told"].startswith("95 mm, environment 2: ")
     # Under the bar that stays at the top, or as far up as the end of the page allows.
-    assert 0 <= found["top"] < 450
+    assert 0 <= probe["top"] < 450
     passed = sum(run[0] == 1 and run[2] == "passed" for run in stored(study))
-    assert found["listed"].startswith(f"{passed} runs of 95 mm")
+    assert probe["listed"].startswith(f"{passed} runs of 95 mm")
 
 
 def test_two_engines_have_a_sentence_and_a_curve_each(tmp_path: Path, carsim_binary: Path) -> None:
@@ -244,21 +244,21 @@ def test_two_engines_have_a_sentence_and_a_curve_each(tmp_path: Path, carsim_bin
     foldcar("report", tmp_path / "s.db", "-o", tmp_path / "report")
 
     first, second = study_of(tmp_path / "report")["experiments"]
-    for one, other in ((first, second), (second, first)):
-        (engine,) = one["engines"]
+    for experiment, other in ((first, second), (second, first)):
+        (engine,) = experiment["engines"]
         assert engine["id"] == other["id"]
         assert [engine[name] for name in ("passed", "runs")] == [other["designs"][name] for name in ("passed", "runs")]
-        assert engine["text"] in one["remarks"]
-    outcomes = [numpy.array(one["runs"]["outcome"]) == 0 for one in (first, second)]
+        assert engine["text"] in experiment["remarks"]
+    outcomes = [numpy.array(experiment["runs"]["outcome"]) == 0 for experiment in (first, second)]
     counts = [int(passed.sum()) for passed in outcomes]
     alike = 100 * numpy.mean(outcomes[0] == outcomes[1])
     assert first["engines"][0]["text"] == (
         f"side-view: {counts[1]} of the same 12 runs passed, multibody: {counts[0]}; "
         f"{alike:.1f} % of the runs have the same result in both."
     )
-    found = probed(tmp_path, 'found.legend = one("[data-chart=curve]").previousSibling.textContent;' + SERIES)
-    assert "side-view" in found["legend"]
-    assert found["dashed"] == 1
+    probe = probed(tmp_path, 'found.legend = one("[data-chart=curve]").previousSibling.textContent;' + SERIES)
+    assert "side-view" in probe["legend"]
+    assert probe["dashed"] == 1
 
 
 SERIES = """

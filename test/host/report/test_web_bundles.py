@@ -21,14 +21,14 @@ def test_the_notice_has_every_package_that_is_bundled_with_its_version_and_licen
     notice = (PROJECT / "host" / "foldcar" / "bundles" / "NOTICE.txt").read_text(encoding="utf-8")
 
     for name in json.loads((PROJECT / "host" / "web" / "package.json").read_text(encoding="utf-8"))["dependencies"]:
-        one = locked[f"node_modules/{name}"]
-        assert f"{name} {one['version']} ({one['license']})" in notice.splitlines()
+        package = locked[f"node_modules/{name}"]
+        assert f"{name} {package['version']} ({package['license']})" in notice.splitlines()
     assert "Copyright © 2010-2026 three.js authors" in notice
 
 
 def test_the_lock_of_npm_pins_hashes_and_names_no_host() -> None:
     text = (PROJECT / "host" / "web" / "package-lock.json").read_text(encoding="utf-8")
-    packages = {name: one for name, one in json.loads(text)["packages"].items() if name}
+    packages = {name: package for name, package in json.loads(text)["packages"].items() if name}
 
     assert packages and all(package["integrity"].startswith("sha512-") for package in packages.values())
     assert not any("resolved" in package for package in packages.values())

@@ -85,8 +85,8 @@ def test_named_objects_keep_their_place_and_the_others_vary(
     kept, scenes = frozen(source, objects=names, params=params)
     for index in range(5):
         expected = {place(kept["terrain"][index])} if index in still else None
-        found = places(scenes, index)
-        assert found == expected if expected is not None else len(found) == len(SAMPLES)
+        positions = places(scenes, index)
+        assert positions == expected if expected is not None else len(positions) == len(SAMPLES)
     goals = {place(scene["goal"]) for scene in scenes}
     assert goals == {place(kept["goal"])} if "goal" in names else len(goals) == len(SAMPLES)
     # Objects that share a parameter leave it free.

@@ -104,8 +104,8 @@ def test_a_frozen_mutated_point_keeps_its_noise_and_what_stands_at_it(tmp_path: 
     kept = source.describe(scene, 3)
     foldcar.condition(source.scenario, scene, objects=["middle"])
     scenes = [source.sample(k) for k in range(20)]
-    assert all(one["terrain"] == kept["terrain"] for one in scenes)
-    assert len({xy(one["goal"]) for one in scenes}) == 20
+    assert all(scene["terrain"] == kept["terrain"] for scene in scenes)
+    assert len({xy(scene["goal"]) for scene in scenes}) == 20
 
 
 @pytest.mark.parametrize(

@@ -71,8 +71,8 @@ def test_a_tape_finds_the_edge_that_is_nearest_to_the_mark() -> None:
         assert min(abs(z - complex(*other))) == pytest.approx(0, abs=1e-9)
         assert abs(complex(*other) - complex(*near)) == pytest.approx(max(length_m, width_m))
         (row,) = (row for row in instructions(empty_scene([piece]), {"A": thing}) if row[0] == "A")
-        told = [complex(*map(float, end.split(", "))) for end in row[4].split(" to ")]
-        assert [abs(end) for end in told] == pytest.approx([float(far) for far in row[5].split(" and ")], abs=1.3)
+        ends = [complex(*map(float, end.split(", "))) for end in row[4].split(" to ")]
+        assert [abs(end) for end in ends] == pytest.approx([float(far) for far in row[5].split(" and ")], abs=1.3)
 
 
 def corners(piece: dict[str, Any]) -> numpy.ndarray:

@@ -66,13 +66,13 @@ def test_what_is_compiled_is_what_the_fingerprint_is_of(experiment: Experiment) 
     before = Environment(experiment).fingerprint
     environment = Environment(experiment)
     experiment.program.write_text(f"{HEAD}param friction = 0.3\n")
-    found = environment.fingerprint
+    fingerprint = environment.fingerprint
     experiment.program.write_text(f"{HEAD}param friction = 0.4\n")
 
     assert environment.sample(1)["friction"] == 0.3
-    assert environment.fingerprint == found != before
+    assert environment.fingerprint == fingerprint != before
     experiment.program.write_text(f"{HEAD}param friction = 0.3\n")
-    assert Environment(experiment).fingerprint == found
+    assert Environment(experiment).fingerprint == fingerprint
 
 
 def test_a_program_beside_the_simulation_that_is_edited_during_a_sweep_is_refused(
@@ -93,7 +93,7 @@ def test_each_program_has_its_own_neighbour_of_a_name(tmp_path: Path, monkeypatc
     """Also where it imports it no sooner than it is sampled; the caller's own module of that name stays."""
     (tmp_path / "helper.py").write_text("value = 'mine'\n")
     monkeypatch.syspath_prepend(tmp_path)
-    mine = importlib.import_module("helper")
+    own_module = importlib.import_module("helper")
     sources = {}
     text = "def value(x):\n    import helper\n    return helper.value(x)\n"
     for folder, number in (("a", 0.3), ("b", 0.4)):
@@ -103,7 +103,7 @@ def test_each_program_has_its_own_neighbour_of_a_name(tmp_path: Path, monkeypatc
         sources[folder] = open_environment(tmp_path / folder / "p.scenic", {}, 1)
 
     assert [source.sample(k)["friction"] for source in sources.values() for k in range(2)] == [0.3, 0.3, 0.4, 0.4]
-    assert sys.modules.pop("helper") is mine
+    assert sys.modules.pop("helper") is own_module
 
 
 def test_a_neighbour_that_was_edited_is_read_again_whatever_its_size_and_time(program: Path) -> None:
@@ -197,13 +197,13 @@ def test_a_program_is_not_compiled_if_its_files_and_all_results_are_there(
         opened.append(Environment(experiment))
         return opened[-1]
 
-    found = [
-        Sweep(read_study(one), tmp_path / "s.db", Carsim(carsim_binary), "a test", environment_of).run(1).new
-        for one in (*listings, *reversed(listings))
+    compilations = [
+        Sweep(read_study(listing), tmp_path / "s.db", Carsim(carsim_binary), "a test", environment_of).run(1).new
+        for listing in (*listings, *reversed(listings))
     ]
-    compiled = [one._source is not None for one in opened]
-    assert (found, compiled) == ([1, 1, 0, 0], [True, True, False, True])
-    assert {one.files["a.txt" if at in (0, 3) else "b.txt"] for at, one in enumerate(opened)} == {
+    compiled = [environment._source is not None for environment in opened]
+    assert (compilations, compiled) == ([1, 1, 0, 0], [True, True, False, True])
+    assert {environment.files["a.txt" if at in (0, 3) else "b.txt"] for at, environment in enumerate(opened)} == {
         sha256(text).hexdigest() for text in (b"0.3", b"0.4")
     }
 
@@ -327,6 +327,6 @@ def test_environment_variables_are_no_part_of_an_environment(
 
 
 def test_parameters_seed_and_condition_are_part_of_the_fingerprint(experiment: Experiment) -> None:
-    one = replace(experiment, program=STEP_PYRAMIDS)
+    changed = replace(experiment, program=STEP_PYRAMIDS)
     changes: list[dict[str, Any]] = [{}, {"seed": 1}, {"scenic_params": {"friction": 0.5}}, {"condition": {"sample": 0}}]
-    assert len({Environment(replace(one, **change)).fingerprint for change in changes}) == len(changes)
+    assert len({Environment(replace(changed, **change)).fingerprint for change in changes}) == len(changes)

@@ -47,14 +47,17 @@ def test_carsim_takes_every_scene_and_success_is_defined(name: str, carsim_binar
 def test_listings_are_sound_and_small(name: str) -> None:
     study = read_study(SCENARIOS / f"{name}.json")
     # Of all designs, as it takes seconds to see which of a thousand cannot be built.
-    families = [(one.family.members, one.family.choices.values()) for one in study.experiments]
+    families = [(experiment.family.members, experiment.family.choices.values()) for experiment in study.experiments]
     designs = [len(members) if members is not None else math.prod(map(len, choices)) for members, choices in families]
-    runs = sum(count * one.environments for count, one in zip(designs, study.experiments, strict=True))
+    runs = sum(count * experiment.environments for count, experiment in zip(designs, study.experiments, strict=True))
     most = {"width_study": 3700, "fidelity": 3700, "across": 2000, "kerb": 1_000_000}
     assert runs <= most.get(name, 500)
     for experiment in study.experiments:
         next(iter(experiment.family))
-    environments = {repr((one.program, one.scenic_params, one.seed)): one for one in study.experiments}
+    environments = {
+        repr((experiment.program, experiment.scenic_params, experiment.seed)): experiment
+        for experiment in study.experiments
+    }
     for experiment in environments.values():
         open_environment(experiment.program, dict(experiment.scenic_params), experiment.seed).sample(0)
 
@@ -79,22 +82,23 @@ def test_every_experiment_runs_in_both_engines(name: str, tmp_path: Path) -> Non
     ]
     study = replace(study, experiments=tuple(first))
     # Compiled once for both.
-    environments = {one.place: Environment(one) for one in first}
+    environments = {experiment.place: Environment(experiment) for experiment in first}
     for carsim in carsims:
         named = engine_study(study, carsim)
-        Sweep(named, tmp_path / "s.db", carsim, "", lambda one: environments[one.place]).run(1)
+        Sweep(named, tmp_path / "s.db", carsim, "", lambda experiment: environments[experiment.place]).run(1)
 
     with Store.open(tmp_path / "s.db") as store:
         in_multibody, in_mujoco = (
-            [result for one in first for result in store.results(engine_id(one.id, carsim.engine))] for carsim in carsims
+            [result for experiment in first for result in store.results(engine_id(experiment.id, carsim.engine))]
+            for carsim in carsims
         )
     assert len(in_multibody) == 2 * len(first)
-    for one, other in zip(in_multibody, in_mujoco, strict=True):
-        assert (one.sample, one.design) == (other.sample, other.design)
-        for result in (one, other):
+    for run, other_run in zip(in_multibody, in_mujoco, strict=True):
+        assert (run.sample, run.design) == (other_run.sample, other_run.design)
+        for result in (run, other_run):
             assert result.outcome != "failed" and result.metrics["elapsed_time_s"] > 0
             assert result.metrics["consumed_energy_j"] > 0
-        assert one.metrics != other.metrics
+        assert run.metrics != other_run.metrics
 
 
 def test_figure_10_has_a_bump_for_each_side() -> None:
@@ -135,8 +139,8 @@ def test_figure_12_has_ten_bumps_in_their_region_that_never_intersect() -> None:
         assert [bump["heading_rad"] for bump in bumps] == pytest.approx([math.pi / 2] * 10)
         assert scene["start"] == {"x_m": 0.0, "y_m": 1.0, "heading_rad": pytest.approx(-math.pi / 2)}
         assert scene["goal"]["heading_rad"] == pytest.approx(-math.pi / 2)
-        for one, other in combinations(bumps, 2):
+        for bump, other_bump in combinations(bumps, 2):
             # All face +y: length lies along y.
-            apart_x = abs(one["x_m"] - other["x_m"]) >= (one["width_m"] + other["width_m"]) / 2
-            apart_y = abs(one["y_m"] - other["y_m"]) >= (one["length_m"] + other["length_m"]) / 2
+            apart_x = abs(bump["x_m"] - other_bump["x_m"]) >= (bump["width_m"] + other_bump["width_m"]) / 2
+            apart_y = abs(bump["y_m"] - other_bump["y_m"]) >= (bump["length_m"] + other_bump["length_m"]) / 2
             assert apart_x or apart_y

@@ -21,10 +21,10 @@ def message(folder: Path, text: str, params: dict[str, Any] | None = None) -> st
     program.write_text(text)
     with pytest.raises(FoldcarError) as caught:
         open_environment(program, params or {}, 1).sample(0)
-    said = str(caught.value)
-    assert said.startswith(f"{program}: ")
-    assert "\n" not in said
-    return said
+    line = str(caught.value)
+    assert line.startswith(f"{program}: ")
+    assert "\n" not in line
+    return line
 
 
 def accepted(folder: Path, text: str) -> dict[str, Any]:
@@ -153,9 +153,9 @@ def test_names_that_the_program_defines_somewhere(tmp_path: Path) -> None:
 )
 def test_statements_that_an_import_would_lose(tmp_path: Path, text: str, part: str) -> None:
     (tmp_path / "other.scenic").write_text(f"model model\n{EGO}{text}")
-    said = message(tmp_path, f"model model\nfrom other import ego\n{GOAL}")
-    assert f"other.scenic: {part}" in said or ("line 0" in said and part in said)
-    assert said.endswith("move them to the program, or into the scenario, that is run")
+    line = message(tmp_path, f"model model\nfrom other import ego\n{GOAL}")
+    assert f"other.scenic: {part}" in line or ("line 0" in line and part in line)
+    assert line.endswith("move them to the program, or into the scenario, that is run")
 
 
 def test_what_an_import_takes_over_is_accepted(tmp_path: Path) -> None:
@@ -167,8 +167,8 @@ def test_what_an_import_takes_over_is_accepted(tmp_path: Path) -> None:
 
 def test_statements_beside_a_scenario_that_scenic_would_drop(tmp_path: Path) -> None:
     scenario = "scenario Main():\n    setup:\n        ego = new Robot at (0, 0)\n"
-    said = message(tmp_path, f"model model\nterminate when 1 > 2\n{scenario}")
-    assert "bad.scenic: line 2: `terminate when`: Scenic drops" in said
+    text = message(tmp_path, f"model model\nterminate when 1 > 2\n{scenario}")
+    assert "bad.scenic: line 2: `terminate when`: Scenic drops" in text
 
 
 @pytest.mark.parametrize(
@@ -261,8 +261,8 @@ def test_too_many_objects(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> No
 def test_a_program_that_loops(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, loop: str, what: str) -> None:
     limit = (scenic_program, "COMPILE_LIMIT_S") if what == "compiling" else (source, "SAMPLE_LIMIT_S")
     monkeypatch.setattr(*limit, 0.5)
-    said = message(tmp_path, f"model model\n{EGO}{GOAL}{loop}")
-    assert f"{what} takes longer than the limit of 0.5 s" in said
+    text = message(tmp_path, f"model model\n{EGO}{GOAL}{loop}")
+    assert f"{what} takes longer than the limit of 0.5 s" in text
 
 
 def test_parameters_are_checked(tmp_path: Path) -> None:

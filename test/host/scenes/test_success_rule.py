@@ -70,46 +70,48 @@ def test_the_rule_is_read_from_the_program(program: Path, text: str, rule: str) 
 def test_the_publications_own_ending_passes(listing: Path, program: Path, foldcar: Any) -> None:
     program.write_text(f"{HEAD}{TARGET}{ARRIVAL}terminate after 10 seconds\n")
 
-    said = foldcar("sweep", listing, "--store", "s.db", "--jobs", "1")
+    done = foldcar("sweep", listing, "--store", "s.db", "--jobs", "1")
 
-    assert said.returncode == 0, said.stderr
-    assert ", 100.0 % passed; store" in said.stdout
+    assert done.returncode == 0, done.stderr
+    assert ", 100.0 % passed; store" in done.stdout
     rule = "experiment 1: a run has passed if `terminate when distance from ego to target <= 0.05` (line 4) ends it"
-    assert said.stderr.startswith(rule)
+    assert done.stderr.startswith(rule)
     again = foldcar("sweep", listing, "--store", "s.db", "--jobs", "1")
-    assert again.stderr == said.stderr and ", 100.0 % passed; store" in again.stdout
+    assert again.stderr == done.stderr and ", 100.0 % passed; store" in again.stdout
 
 
 def told_of_run(foldcar: Any, listing: Path) -> dict[str, str]:
     """What `foldcar run` tells of the narrow car."""
-    said = foldcar("run", listing, "--experiment", "1", "--set", "width=95")
-    assert said.returncode == 0, said.stderr
-    return dict(line.split(maxsplit=1) for line in said.stdout.splitlines())
+    done = foldcar("run", listing, "--experiment", "1", "--set", "width=95")
+    assert done.returncode == 0, done.stderr
+    return dict(line.split(maxsplit=1) for line in done.stdout.splitlines())
 
 
 @pytest.mark.parametrize("text", [MONITOR, f"{MONITOR}record final ego.speed > 0 as passed\n"])
 def test_a_monitor_may_end_a_run_without_a_goal(listing: Path, program: Path, foldcar: Any, text: str) -> None:
     program.write_text(HEAD + text)
-    told = told_of_run(foldcar, listing)
-    assert told["outcome"] == ("passed" if "record" in text else "terminated")
-    assert float(told["elapsed_time_s"]) == pytest.approx(0.5)
+    printed = told_of_run(foldcar, listing)
+    assert printed["outcome"] == ("passed" if "record" in text else "terminated")
+    assert float(printed["elapsed_time_s"]) == pytest.approx(0.5)
 
 
 def test_no_share_is_given_where_success_is_undefined(listing: Path, program: Path, foldcar: Any, tmp_path: Path) -> None:
     program.write_text(HEAD + MONITOR)
 
-    said = foldcar("sweep", listing, "--store", "s.db", "--jobs", "1")
+    done = foldcar("sweep", listing, "--store", "s.db", "--jobs", "1")
     report = foldcar("report", "s.db", "-o", "report", "--no-replay")
     export = foldcar("export", "s.db", "--csv", "runs.csv")
 
-    assert (said.returncode, report.returncode, export.returncode) == (0, 0, 0), (said, report, export)
-    assert "success undefined; store" in said.stdout and "%" not in said.stdout
-    assert f"experiment 1: {UNDEFINED}" in said.stderr
+    assert (done.returncode, report.returncode, export.returncode) == (0, 0, 0), (done, report, export)
+    assert "success undefined; store" in done.stdout and "%" not in done.stdout
+    assert f"experiment 1: {UNDEFINED}" in done.stderr
     assert UNDEFINED in " ".join(report.stdout.split())
     assert not re.search(r"\b0\.0\b", report.stdout) and report.stdout.count("undefined") == 3
-    (one,) = study_of(tmp_path / "report")["experiments"]
-    assert any(UNDEFINED in text for label, text in one["provenance"] if label == "rule") and not one["judged"]
-    assert all(set(one["designs"][name]) == {None} for name in ("low", "high", "belief"))
+    (experiment,) = study_of(tmp_path / "report")["experiments"]
+    assert (
+        any(UNDEFINED in text for label, text in experiment["provenance"] if label == "rule") and not experiment["judged"]
+    )
+    assert all(set(experiment["designs"][name]) == {None} for name in ("low", "high", "belief"))
     assert [file.name for file in (tmp_path / "report").glob("*.svg")] == ["experiment_1_outcomes_by_width_mm.svg"]
     with (tmp_path / "runs.csv").open(newline="") as file:
         assert {(row["outcome"], row["passed"]) for row in csv.DictReader(file)} == {("terminated", "")}

@@ -195,8 +195,8 @@ def test_a_ramp_leads_up_from_the_side_that_it_is_met_from(tmp_path: Path, carsi
     x_m = [0.0, 0.1, 0.2, 0.3, 0.5, 0.7, 0.75, 0.85, 0.91]
     expected = [0.0, 0.0, 0.01, 0.02, 0.04, 0.04, 0.03, 0.01, 0.0]
     heights = carsim_heights(Carsim(carsim_binary))
-    found = heights(empty_scene(pieces), numpy.array(x_m), numpy.full(len(x_m), 0.1))
-    assert found == pytest.approx(expected, abs=1e-6)
+    heights_m = heights(empty_scene(pieces), numpy.array(x_m), numpy.full(len(x_m), 0.1))
+    assert heights_m == pytest.approx(expected, abs=1e-6)
 
 
 def test_rough_ground_differs_from_sample_to_sample_unless_it_has_a_seed(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from foldcar.car.body import body_json
 from foldcar.car.design import compose
 from foldcar.scenes.source import open_environment
 from foldcar.study.experiments import read_study
-from study_car import asked
+from study_car import run_carsim
 
 WIDTHS = ("65", "115", "245")
 TOP_HEAVY = "top-heavy"
@@ -48,7 +48,7 @@ def test_the_same_input_gives_the_same_bytes_in_the_order_of_the_runs(
 ) -> None:
     lines = definitions + all_runs(path_interval_s=0.1)
 
-    first, second = (asked(carsim_binary, lines) for _ in range(2))
+    first, second = (run_carsim(carsim_binary, lines) for _ in range(2))
 
     assert (first.returncode, first.stderr) == (0, "")
     assert first.stdout == second.stdout
@@ -58,9 +58,9 @@ def test_the_same_input_gives_the_same_bytes_in_the_order_of_the_runs(
 
 
 def test_a_run_does_not_depend_on_those_before_it(carsim_binary: Path, definitions: list[Any]) -> None:
-    together = asked(carsim_binary, definitions + all_runs()).stdout.splitlines()
+    together = run_carsim(carsim_binary, definitions + all_runs()).stdout.splitlines()
 
-    backwards = asked(carsim_binary, definitions + all_runs()[::-1]).stdout.splitlines()
+    backwards = run_carsim(carsim_binary, definitions + all_runs()[::-1]).stdout.splitlines()
 
     assert backwards == together[::-1]
 
@@ -69,7 +69,7 @@ def test_bad_lines_are_answered_in_their_places_and_the_rest_goes_on(carsim_bina
     runs = all_runs()[:3]
     lines = [*definitions, runs[0], "nonsense", runs[1], " ", run_line("no such", 0), runs[2]]
 
-    answer = asked(carsim_binary, lines)
+    answer = run_carsim(carsim_binary, lines)
 
     replies = [json.loads(line) for line in answer.stdout.splitlines()]
     assert [reply.get("run", "error") for reply in replies] == ["65/0", "error", "115/0", "error", "245/0"]

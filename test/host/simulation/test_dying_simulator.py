@@ -166,11 +166,11 @@ def beside(tmp_path: Path, carsim_binary: Path) -> Iterator[tuple[ScenicRunner, 
 def simulator_of(worker: int, other_than: int = 0) -> int:
     """The carsim that a Scenic worker's copy for a run has started, once it has."""
 
-    def found() -> set[int]:
+    def processes() -> set[int]:
         runs = [run for sample in children(worker) for run in children(sample)]
         return {process for run in runs for process in children(run)} - {other_than}
 
-    (process,) = awaited(found, "the worker has started no carsim")
+    (process,) = awaited(processes, "the worker has started no carsim")
     return int(process)
 
 

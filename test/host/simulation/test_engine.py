@@ -31,7 +31,7 @@ def driven(carsim: Carsim, body: dict[str, Any], scene: dict[str, Any], **settin
 
 
 def test_engines_are_known_by_what_their_programs_say() -> None:
-    assert [engine_of(told) for told in ("", "side-view", "MuJoCo 4.0.0", "MuJoCo 3.17.0, half step")] == [
+    assert [engine_of(text) for text in ("", "side-view", "MuJoCo 4.0.0", "MuJoCo 3.17.0, half step")] == [
         "multibody",
         "side-view",
         "mujoco",
@@ -54,15 +54,15 @@ def test_the_exported_model_drives_as_the_native_one(native: Carsim) -> None:
     model = mujoco.MjModel.from_xml_string(mjcf(native, body, scene))
     data = mujoco.MjData(model)
     mujoco.mj_step(model, data, round(rules.settling_s / rules.step_s))
-    mine = []
+    own_runs = []
     for i in range(round(path[-1][0] / rules.step_s)):
         for number, wheel in enumerate(body["wheels"]):
             fraction = drive_fraction(wheel["servo"], pulses.at(i * rules.step_s)[wheel["channel"]])
             data.ctrl[number] = fraction or 0.0
         mujoco.mj_step(model, data)
-        mine.append(data.qpos[:3].tolist())
+        own_runs.append(data.qpos[:3].tolist())
     for t_s, *place in path[1:]:
-        assert place[:3] == pytest.approx(mine[round(t_s / rules.step_s) - 1], abs=0.003), t_s
+        assert place[:3] == pytest.approx(own_runs[round(t_s / rules.step_s) - 1], abs=0.003), t_s
     assert path[-1][1] > 0.35 and path[-1][3] > 0.06 + 0.9 * STEP_M
 
 
@@ -96,12 +96,12 @@ def test_a_sweep_gives_the_same_numbers_over_jobs_and_stands_beside_the_multibod
         assert done.returncode == 0, done.stderr
     assert foldcar("sweep", listing, "--store", "2.db").returncode == 0
 
-    found = []
+    results = []
     for jobs in ("1", "2"):
         with Store.open(tmp_path / f"{jobs}.db") as store:
-            found.append([(r.sample, r.outcome, r.metrics) for r in store.results("1 (MuJoCo)")])
+            results.append([(r.sample, r.outcome, r.metrics) for r in store.results("1 (MuJoCo)")])
             infos = store.info().experiments
-    assert found[0] == found[1] and len(found[0]) == 4
+    assert results[0] == results[1] and len(results[0]) == 4
     assert [info.engine.partition(" ")[0] for info in infos.values()] == ["MuJoCo", ""]
     assert {info.listed_id for info in infos.values()} == {"1"}
     page = foldcar("report", "2.db", "-o", "page", "--no-replay")

@@ -177,7 +177,10 @@ def outcome(make: Any) -> tuple[Any, dict[str, Any]]:
     return simulation, {
         "end": end,
         "actions": [
-            [[simulation.objects.index(agent), [type(one).__name__ for one in taken]] for agent, taken in step.items()]
+            [
+                [simulation.objects.index(agent), [type(action).__name__ for action in taken]]
+                for agent, taken in step.items()
+            ]
             for step in simulation.actionSequence
         ],
         "records": {name: to_json(value, name) for name, value in simulation.records.items()},
@@ -224,11 +227,11 @@ def test_programs_do_what_they_do_in_scenics_own_simulation(tmp_path: Path, step
         assert shown["actions"] == expected["actions"]
         if not whole:
             # The moment of the ending lies before Scenic's last look: the last values are those of that moment.
-            for one in (shown, expected):
-                one["trajectory"].pop()
-                one["records"] = {
+            for result in (shown, expected):
+                result["trajectory"].pop()
+                result["records"] = {
                     key: value[:-1] if isinstance(value, list) and isinstance(value[0], list) else None
-                    for key, value in one["records"].items()
+                    for key, value in result["records"].items()
                 }
         assert list(shown["records"]) == list(expected["records"])
         for key, value in expected["records"].items():

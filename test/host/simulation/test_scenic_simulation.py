@@ -61,13 +61,13 @@ def simulator(stepped: SteppedCarsim, source: SceneSource, k: int = 0, **options
 def run(tmp_path: Path, stepped: SteppedCarsim) -> Run:
     """Runs a program given as text and returns the result, with ``scene`` as carsim was given it."""
 
-    def one(text: str, again: bool = False, **options: Any) -> dict[str, Any]:
+    def single_run(text: str, again: bool = False, **options: Any) -> dict[str, Any]:
         own, scene, described = simulator(stepped, opened(tmp_path, text), **options)
         result = own.run(scene)
         assert not again or own.run(scene) == result
         return {**result, "scene": described}
 
-    return one
+    return single_run
 
 
 def value(result: dict[str, Any], name: str) -> Any:
@@ -189,7 +189,7 @@ def test_records_are_what_the_car_did(run: Run, carsim_binary: Path) -> None:
     )
     path = in_batch(carsim_binary, result["scene"], path_interval_s=0.25)["path"]
     assert result["outcome"] == "passed"
-    assert {name: one["kind"] for name, one in result["recorded"].items()} == {
+    assert {name: entry["kind"] for name, entry in result["recorded"].items()} == {
         "place": "series", "begin": "initial", "speed": "final", "list": "final"
     }  # fmt: skip
     series = value(result, "place")

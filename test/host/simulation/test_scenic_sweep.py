@@ -43,11 +43,11 @@ def listing(write_listing: WriteListing, listing_data: Any, program: Path) -> Pa
 def answers(listing: Path, carsim: Path, *samples: int) -> list[dict[str, Any]]:
     """What a worker answers to runs of the first design in these samples of program.scenic, beside the listing."""
     program, design = listing.with_name("program.scenic"), next(iter(read_study(listing).experiments[0].family))
-    told = {"program": str(program), "params": {}, "seed": 42, "condition": None, "files": None}
+    facts = {"program": str(program), "params": {}, "seed": 42, "condition": None, "files": None}
     source, body = open_environment(program, {}, 42), body_json(design)
     settings = read_study(listing).experiments[0].settings(design, body, Carsim(carsim).parameter_table())
     texts = {"body": json.dumps(body), "settings": json.dumps(settings)}
-    with contextlib.closing(scenic_worker.ScenicWorker({**told, "command": [str(carsim)]})) as worker:
+    with contextlib.closing(scenic_worker.ScenicWorker({**facts, "command": [str(carsim)]})) as worker:
         scenes = {k: json.dumps(source.sample(k)) for k in samples}
         return [worker.answer({**texts, "scene": scenes[k], "sample": k}) for k in samples]
 
@@ -68,13 +68,13 @@ def test_both_ways_store_the_same_and_recorded_values_reach_store_and_export(
     native = rows(tmp_path / "native.db")
     program.write_text(HEAD + GOAL + RECORDS)
     store = tmp_path / "s.db"
-    said = foldcar("sweep", listing, "--store", store, "--jobs", "1")
-    assert said.returncode == 0, said.stderr
+    done = foldcar("sweep", listing, "--store", store, "--jobs", "1")
+    assert done.returncode == 0, done.stderr
 
     with Store.open(store) as opened:
         assert [(r.outcome, r.metrics) for r in opened.results()] == [(r.outcome, r.metrics) for r in native]
     assert "passed" in {r.outcome for r in native}
-    told = shown(store, "recorded, elapsed_time_s, sample")
+    stored = shown(store, "recorded, elapsed_time_s, sample")
     connection = sqlite3.connect(store)
     starts = dict(
         connection.execute(
@@ -82,9 +82,9 @@ def test_both_ways_store_the_same_and_recorded_values_reach_store_and_export(
         ).fetchall()
     )
     connection.close()
-    for text, elapsed_s, sample in told:
+    for text, elapsed_s, sample in stored:
         recorded = json.loads(text)
-        assert {name: one["kind"] for name, one in recorded.items()} == {
+        assert {name: entry["kind"] for name, entry in recorded.items()} == {
             "begin": "initial", "end": "final", "speed": "series", "elapsed": "final"
         }  # fmt: skip
         # The car settles by less than 0.1 mm before the trial begins.
@@ -97,8 +97,8 @@ def test_both_ways_store_the_same_and_recorded_values_reach_store_and_export(
     assert foldcar("export", store, "--csv", tmp_path / "runs.csv").returncode == 0
     with (tmp_path / "runs.csv").open(newline="") as file:
         exported = list(csv.DictReader(file))
-    assert len(exported) == len(told) == 3
-    for row, (text, _, _) in zip(exported, told, strict=True):
+    assert len(exported) == len(stored) == 3
+    for row, (text, _, _) in zip(exported, stored, strict=True):
         recorded = json.loads(text)
         assert float(row["recorded_begin"]) == recorded["begin"]["value"]
         assert json.loads(row["recorded_speed"]) == recorded["speed"]["value"]
@@ -137,7 +137,7 @@ def test_a_run_begins_as_if_it_were_the_first(listing: Path, program: Path, cars
     first, again, other = answers(listing, carsim_binary, 0, 0, 1)
 
     recorded = first["result"]["recorded"]
-    assert {name: one["value"] for name, one in recorded.items()} == dict.fromkeys(recorded, 1)
+    assert {name: entry["value"] for name, entry in recorded.items()} == dict.fromkeys(recorded, 1)
     assert again == first
     assert [other, first] == answers(listing, carsim_binary, 1, 0)
 
@@ -163,7 +163,7 @@ def test_a_violated_precondition_rejects_its_own_run_only(
         "    compose:\n        while ego.position.x < 0.1:\n            wait\n"
     )
     counts, results = swept(listing, tmp_path / "s.db", carsim_binary, 1), rows(tmp_path / "s.db")
-    starts = {k: one["start"]["x_m"] for k in range(3) if (one := open_environment(program, {}, 42).sample(k))}
+    starts = {k: scene["start"]["x_m"] for k in range(3) if (scene := open_environment(program, {}, 42).sample(k))}
     assert counts.failed == 0
     assert {r.outcome for r in results} == {"rejected", "terminated"}
     for sample, outcome in shown(tmp_path / "s.db", "sample, outcome"):
@@ -217,8 +217,8 @@ def test_a_program_that_ends_the_process_costs_its_own_run_only(
     assert counts.new == 3
     failed = [r for r in results if r.outcome == "failed"]
     assert 0 < len(failed) == counts.failed < 3
-    for (said,) in shown(tmp_path / "s.db", "message"):
-        assert said is None or said.endswith(message)
+    for (stored_message,) in shown(tmp_path / "s.db", "message"):
+        assert stored_message is None or stored_message.endswith(message)
 
 
 def test_the_listings_condition_reaches_the_workers(

@@ -16,11 +16,11 @@ def test_results_come_in_order_and_a_bounded_number_waits() -> None:
             made.append(number)
             yield lambda number=number: (time.sleep(0.002 * (number % 3)), number)[1]
 
-    found = []
+    answers = []
     for number in side_by_side(calls(), 2, lambda: None):
-        found.append(number)
+        answers.append(number)
         assert len(made) <= number + 4
-    assert found == list(range(20))
+    assert answers == list(range(20))
 
 
 def test_a_call_that_fails_stops_the_others_and_is_told() -> None:

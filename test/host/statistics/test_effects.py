@@ -23,7 +23,7 @@ def score(x: Any) -> Any:
 def family(unequal: bool = False) -> Any:
     """Designs of radius, length and width; with large radii only wide ones, if unequal."""
     grid = product((40, 45, 50, 55, 60), (60, 80, 100, 120), (100, 120, 140))
-    return numpy.array([one for one in grid if not unequal or one[2] >= 2 * one[0] + 10], dtype=float)
+    return numpy.array([design for design in grid if not unequal or design[2] >= 2 * design[0] + 10], dtype=float)
 
 
 def fitted(x: Any, seed: int, environments: int = ENVIRONMENTS) -> Effects:
@@ -36,20 +36,20 @@ def fitted(x: Any, seed: int, environments: int = ENVIRONMENTS) -> Effects:
 
 
 def test_bands_hold_an_additive_truth_although_designs_share_environments() -> None:
-    x, held, levels = family(), [], []
+    x, inside, levels = family(), [], []
     points = numpy.unique(x[:, 1:], axis=0)
     for seed in range(12):
-        found = fitted(x, seed).effect(0)
+        effect = fitted(x, seed).effect(0)
         # The true effect at each value: the mean over the combinations of the others.
-        truth = numpy.array([norm.cdf(score(numpy.insert(points, 0, value, axis=1))).mean() for value in found.grid])
-        shape = truth - truth.mean() + found.mean.mean()
-        held.append((found.low <= shape) & (shape <= found.high))
-        levels.append(found.level[0] <= truth.mean() <= found.level[1])
+        truth = numpy.array([norm.cdf(score(numpy.insert(points, 0, value, axis=1))).mean() for value in effect.grid])
+        shape = truth - truth.mean() + effect.mean.mean()
+        inside.append((effect.low <= shape) & (shape <= effect.high))
+        levels.append(effect.level[0] <= truth.mean() <= effect.level[1])
         # Designs pass or fail together: differences are known better than the level.
-        assert (found.high - found.low).max() < found.level[1] - found.level[0]
+        assert (effect.high - effect.low).max() < effect.level[1] - effect.level[0]
 
     # Independent runs, as success_model takes them, would hold about half.
-    assert numpy.mean(held) > 0.85
+    assert numpy.mean(inside) > 0.85
     assert numpy.mean(levels) > 0.8
 
 
@@ -58,18 +58,18 @@ def test_a_parameter_without_effect_is_flat_over_unequal_combinations() -> None:
     effects = fitted(x, seed=3)
     raw = [norm.cdf(score(x[x[:, 2] == width])).mean() for width in (100, 120, 140)]
 
-    found = effects.effect(2)
+    effect = effects.effect(2)
 
     assert raw[2] - raw[0] > 0.15  # what the average over the designs of each width would show
-    assert found.run
-    assert found.combinations == 8  # two radii go with all widths
-    assert numpy.ptp(found.mean) < 0.03
-    assert found.low.max() < found.high.min()
+    assert effect.run
+    assert effect.combinations == 8  # two radii go with all widths
+    assert numpy.ptp(effect.mean) < 0.03
+    assert effect.low.max() < effect.high.min()
     assert effects.importance()[2].share < 0.02
     # Success over some parameters is a mean over the same combinations of the others, too.
     rate, low, high = effects.standardised([2], [[100], [140]])
     both, _, _ = effects.standardised([0, 2], [[40, 100], [40, 140]])
-    assert rate == pytest.approx(found.mean[[0, 2]]) and (low < rate).all() and (rate < high).all()
+    assert rate == pytest.approx(effect.mean[[0, 2]]) and (low < rate).all() and (rate < high).all()
     assert abs(both[1] - both[0]) < 0.05
     with pytest.raises(FoldcarError, match="only within the range"):
         effects.standardised([2], [[150]])
@@ -80,10 +80,13 @@ def test_importance_is_sobols_total_index() -> None:
     rate = norm.cdf(score(x)).reshape(5, 4, 3)
     truth = [rate.var(axis=axis).mean() / rate.var() for axis in range(3)]
 
-    found = fitted(x, seed=0, environments=400).importance()
+    importances = fitted(x, seed=0, environments=400).importance()
 
-    assert [one.share for one in found] == pytest.approx(truth, abs=0.06)
-    assert [one.low - 0.02 <= true <= one.high + 0.02 for one, true in zip(found, truth, strict=True)] == [True] * 3
+    assert [importance.share for importance in importances] == pytest.approx(truth, abs=0.06)
+    assert [
+        importance.low - 0.02 <= true <= importance.high + 0.02
+        for importance, true in zip(importances, truth, strict=True)
+    ] == [True] * 3
 
 
 def test_without_pairs_that_differ_in_one_parameter_the_model_makes_them() -> None:
@@ -92,10 +95,10 @@ def test_without_pairs_that_differ_in_one_parameter_the_model_makes_them() -> No
     x = random.uniform((40, 60, 100), (60, 120, 140), (60, 3))
 
     effects = fitted(x, seed=1, environments=100)
-    found = effects.effect(0)
+    effect = effects.effect(0)
 
-    assert not found.run
-    assert found.combinations == 60
-    truth = [norm.cdf(score(numpy.insert(x[:, 1:], 0, value, axis=1))).mean() for value in found.grid]
-    assert found.mean == pytest.approx(truth, abs=0.1)
+    assert not effect.run
+    assert effect.combinations == 60
+    truth = [norm.cdf(score(numpy.insert(x[:, 1:], 0, value, axis=1))).mean() for value in effect.grid]
+    assert effect.mean == pytest.approx(truth, abs=0.1)
     assert effects.importance()[2].share < 0.1 < effects.importance()[0].share

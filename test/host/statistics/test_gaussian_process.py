@@ -36,22 +36,22 @@ def test_mode_and_evidence_are_those_of_scikit_learns_classifier() -> None:
     """Which knows trials one by one: a design with 3 of 5 passed is there five times."""
     x = numpy.array([[0.0, 0.3], [0.2, 0.9], [0.5, 0.5], [1.0, 0.0]])
     passed, counted = numpy.array([3, 0, 4, 1]), numpy.array([5, 4, 4, 1])
-    each = numpy.repeat(numpy.arange(4), counted)
+    design_of_run = numpy.repeat(numpy.arange(4), counted)
     outcomes = numpy.concatenate([numpy.arange(n) < k for k, n in zip(passed, counted, strict=True)]).astype(int)
     kernel = ConstantKernel(1.7**2) * Matern([0.3, 0.8], nu=2.5)
-    there = GaussianProcessClassifier(kernel, optimizer=None, max_iter_predict=1000).fit(x[each], outcomes)
+    there = GaussianProcessClassifier(kernel, optimizer=None, max_iter_predict=1000).fit(x[design_of_run], outcomes)
     process = gaussian_process.Matern(x, (0.3, 0.8))
     functions = 1.7 * process.functions(x)
 
-    found = laplace(functions, numpy.zeros(4), binomial(passed.astype(float), counted.astype(float)))
+    posterior = laplace(functions, numpy.zeros(4), binomial(passed.astype(float), counted.astype(float)))
 
     assert functions @ functions.T == pytest.approx(kernel(x))
-    assert expit(functions @ found.mode)[each] == pytest.approx(there.base_estimator_.pi_, abs=1e-5)
-    assert found.evidence == pytest.approx(there.log_marginal_likelihood_value_, abs=1e-6)
+    assert expit(functions @ posterior.mode)[design_of_run] == pytest.approx(there.base_estimator_.pi_, abs=1e-5)
+    assert posterior.evidence == pytest.approx(there.log_marginal_likelihood_value_, abs=1e-6)
     # The covariance at the mode is (K^-1 + W)^-1.
-    rate = expit(functions @ found.mode)
+    rate = expit(functions @ posterior.mode)
     covariance = numpy.linalg.inv(numpy.linalg.inv(kernel(x)) + numpy.diag(counted * rate * (1 - rate)))
-    assert functions @ found.root @ found.root.T @ functions.T == pytest.approx(covariance, abs=1e-6)
+    assert functions @ posterior.root @ posterior.root.T @ functions.T == pytest.approx(covariance, abs=1e-6)
 
 
 def sampled(x: Any, runs: Any, trials: Any) -> tuple[Any, Any, Any]:
@@ -79,8 +79,8 @@ def sampled(x: Any, runs: Any, trials: Any) -> tuple[Any, Any, Any]:
         for spread, weight in zip(range_, within, strict=True):
             rates = expit(math.sqrt(1 + CAR_SLOPE * spread**2) * grid + spread * z)
             chances += weight / within.sum() * stats.binom.pmf(trials[:, 0], trials[:, 1], rates).mean(axis=1)
-        each = [numpy.interp(draws[..., at], grid[:, 0, 0], chances[:, at]) for at in range(len(trials))]
-        likelihood.append(within.sum() * numpy.prod(each, axis=0))
+        by_design = [numpy.interp(draws[..., at], grid[:, 0, 0], chances[:, at]) for at in range(len(trials))]
+        likelihood.append(within.sum() * numpy.prod(by_design, axis=0))
     return draws, numpy.stack(likelihood, axis=1), kernels
 
 
@@ -89,25 +89,25 @@ def test_pooled_rates_and_draws_are_those_of_importance_sampling() -> None:
     runs, trials = numpy.array([[20, 100], [90, 100], [80, 100]]), numpy.array([[1, 10], [7, 9], [0, 0]])
     draws, likelihood, kernels = sampled(x, runs, trials)
 
-    found = pooled_bias(x, runs, trials)
+    bias = pooled_bias(x, runs, trials)
 
-    for candidate, kernel in zip(found.candidates[:: len(RANGES)], kernels, strict=True):
+    for candidate, kernel in zip(bias.candidates[:: len(RANGES)], kernels, strict=True):
         assert candidate.common @ candidate.common.T + numpy.diag(candidate.own**2) == pytest.approx(kernel, abs=1e-6)
     # How probable the trials are under each kernel, all alike beforehand, and range of spreads.
     evidence = likelihood.mean(axis=2).ravel()
-    assert found.weights == pytest.approx(evidence / evidence.sum(), rel=0.15)
+    assert bias.weights == pytest.approx(evidence / evidence.sum(), rel=0.15)
     flat, masses = draws.reshape(-1, 3), likelihood.sum(axis=1).ravel() / likelihood.sum()
-    for design, rate in enumerate(found.rates()):
+    for design, rate in enumerate(bias.rates()):
         order = numpy.argsort(flat[:, design])
         expected = flat[order, design][numpy.searchsorted(masses[order].cumsum(), [0.025, 0.5, 0.975])]
         ends = numpy.array([rate.low, rate.value, rate.high])
         assert numpy.log(ends / (1 - ends)) == pytest.approx(expected, abs=0.15)
     # Draws are normal about the mode.
-    joint = found.draws(40_000, 3)
+    joint = bias.draws(40_000, 3)
     assert joint.mean(axis=0) == pytest.approx(masses @ expit(flat), abs=0.03)
     exact = numpy.cov(expit(flat).T, aweights=masses)
     assert numpy.cov(joint.T) == pytest.approx(exact, abs=0.01)
-    assert numpy.array_equal(found.draws(50, 1), found.draws(50, 1))
+    assert numpy.array_equal(bias.draws(50, 1), bias.draws(50, 1))
 
 
 def test_many_designs_are_spanned_and_keep_the_variance_between() -> None:
@@ -115,17 +115,17 @@ def test_many_designs_are_spanned_and_keep_the_variance_between() -> None:
     runs, trials = numpy.full((300, 2), 100), numpy.zeros((300, 2))
     trials[[10, 290]] = 6, 10
 
-    found = pooled_bias(x, runs, trials)
+    bias = pooled_bias(x, runs, trials)
 
     simulation = smoothed_simulation(x, runs)
     away = simulation.mean - simulation.mean[[10, 290]].mean()
-    every = found.candidates[:: len(RANGES)]
-    for one, (length, smooth, alone) in zip(every, product(LENGTHS, SMOOTH, ALONE), strict=True):
-        total = (one.common**2).sum(axis=1) + one.own**2
+    every = bias.candidates[:: len(RANGES)]
+    for candidate, (length, smooth, alone) in zip(every, product(LENGTHS, SMOOTH, ALONE), strict=True):
+        total = (candidate.common**2).sum(axis=1) + candidate.own**2
         assert total == pytest.approx(COMMON**2 + SLOPE**2 * away**2 + simulation.variance + smooth**2 + alone**2)
         # Neighbours two steps away are as close as the process says.
         shared = COMMON**2 + SLOPE**2 * away[100] * away[102] + simulation.columns[100] @ simulation.columns[102]
-        near = (one.common[100] * one.common[102]).sum() - shared
+        near = (candidate.common[100] * candidate.common[102]).sum() - shared
         assert near == pytest.approx(smooth**2 * Matern(length, nu=2.5)([[0.0]], [[2 / 299]])[0, 0], rel=0.01)
 
 
@@ -134,8 +134,8 @@ def test_smoothed_simulation_is_the_posterior_of_a_dense_process() -> None:
     x = numpy.linspace(0, 1, 12)[:, None]
     counted = numpy.full(12, 20)
     passed = numpy.array([0, 2, 5, 9, 14, 18, 20, 20, 20, 19, 20, 20])
-    found = smoothed_simulation(x, numpy.column_stack([passed, counted]).astype(float))
-    each = numpy.repeat(numpy.arange(12), counted)
+    smoothed = smoothed_simulation(x, numpy.column_stack([passed, counted]).astype(float))
+    design_of_run = numpy.repeat(numpy.arange(12), counted)
     ended = numpy.concatenate([numpy.arange(20) < k for k in passed]).astype(int)
     kernels = [
         ConstantKernel(16.0)
@@ -145,15 +145,15 @@ def test_smoothed_simulation_is_the_posterior_of_a_dense_process() -> None:
         for strength in (1.5, 5.0)
         for own in (1e-3, 0.3, 1.0)
     ]
-    fitted = [GaussianProcessClassifier(kernel, optimizer=None).fit(x[each], ended) for kernel in kernels]
-    evidence = numpy.array([one.log_marginal_likelihood_value_ for one in fitted])
+    fitted = [GaussianProcessClassifier(kernel, optimizer=None).fit(x[design_of_run], ended) for kernel in kernels]
+    evidence = numpy.array([regressor.log_marginal_likelihood_value_ for regressor in fitted])
     weights = numpy.exp(evidence - evidence.max())
     weights /= weights.sum()
     modes = []
-    for one in fitted:
-        rate = one.base_estimator_.pi_[numpy.concatenate([[0], counted.cumsum()[:-1]])]
+    for regressor in fitted:
+        rate = regressor.base_estimator_.pi_[numpy.concatenate([[0], counted.cumsum()[:-1]])]
         modes.append(numpy.log(rate / (1 - rate)))
-    assert found.mean == pytest.approx(weights @ numpy.array(modes), abs=0.02)
+    assert smoothed.mean == pytest.approx(weights @ numpy.array(modes), abs=0.02)
 
 
 def test_equal_runs_beside_each_other_mean_equal_success() -> None:
@@ -172,9 +172,9 @@ def test_many_designs_are_smoothed_from_some_and_their_own_runs() -> None:
     true = 3 * numpy.sin(x[:, 0] / 60)
     random = numpy.random.default_rng(2)
     runs = numpy.column_stack([random.binomial(50, expit(true)), numpy.full(400, 50)]).astype(float)
-    found = smoothed_simulation(x, runs)
-    away = (found.mean - true) / numpy.sqrt(found.variance)
-    assert numpy.sqrt(((expit(found.mean) - expit(true)) ** 2).mean()) < 0.03
+    smoothed = smoothed_simulation(x, runs)
+    away = (smoothed.mean - true) / numpy.sqrt(smoothed.variance)
+    assert numpy.sqrt(((expit(smoothed.mean) - expit(true)) ** 2).mean()) < 0.03
     assert (numpy.abs(away) < 1.96).mean() > 0.88
 
 

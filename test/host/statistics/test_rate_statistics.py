@@ -30,7 +30,7 @@ def test_intervals_rise_with_successes_stay_within_0_to_1_and_mirror(interval: o
 
 
 def test_a_rate_has_the_interval_of_how_its_runs_were_stopped() -> None:
-    fixed, stopped = (Rate.counted(30, 40, "40 runs", stopped) for stopped in (False, True))
+    fixed, stopped = (Rate.from_counts(30, 40, "40 runs", stopped) for stopped in (False, True))
 
     assert (fixed.value, fixed.low, fixed.high) == (0.75, *wilson_interval(30, 40))
     assert (stopped.low, stopped.high) == tuple(map(float, anytime_interval(30, 40)))

@@ -19,16 +19,16 @@ from foldcar.statistics.selection import (
     MIDDLE,
     UPPER_EDGE,
     Effort,
-    choose,
+    choose_designs,
     correlation_within_cars,
     expected_loss,
     first_designs,
     gain_per_hour,
-    honest_best,
+    informative_environments,
     least_effort,
-    telling_environments,
+    split_sample_best,
     trials_needed,
-    trials_to_tell,
+    trials_to_decide,
     value_of_trials,
 )
 
@@ -40,14 +40,16 @@ def test_first_designs_mark_the_region() -> None:
     rates = numpy.where((WIDTHS >= 95) & (WIDTHS <= 140), 0.9, numpy.where(WIDTHS > 140, 0.4, 0.1))
     doubt = numpy.where(WIDTHS < 100, 0.5, 0.1)
 
-    found = [(WIDTHS[design.index], design.place) for design in first_designs(WIDTHS[:, None], rates, doubt, 0.75)]
+    placed = [(WIDTHS[design.index], design.place) for design in first_designs(WIDTHS[:, None], rates, doubt, 0.75)]
 
-    assert [place for _, place in found] == [MIDDLE, LOWER_EDGE, ABOVE, BELOW, UPPER_EDGE]
-    places = {place: width for width, place in found}
+    assert [place for _, place in placed] == [MIDDLE, LOWER_EDGE, ABOVE, BELOW, UPPER_EDGE]
+    places = {place: width for width, place in placed}
     assert (places[LOWER_EDGE], places[UPPER_EDGE]) == (95, 140)
     assert 115 <= places[MIDDLE] <= 120 and places[BELOW] < 95 and places[ABOVE] > 140
     # A rate at the threshold reaches it.
-    assert [(WIDTHS[design.index], design.place) for design in first_designs(WIDTHS[:, None], rates, doubt, 0.9)] == found
+    assert [
+        (WIDTHS[design.index], design.place) for design in first_designs(WIDTHS[:, None], rates, doubt, 0.9)
+    ] == placed
     (best,) = first_designs(WIDTHS[:, None], rates, doubt, 0.95)
     assert best.place == BEST
     assert [design.place for design in first_designs(WIDTHS[:, None], rates, doubt, 0.05)] == [MIDDLE, END, END]
@@ -57,20 +59,20 @@ def test_first_designs_of_two_parameters_are_on_the_level_set() -> None:
     grid = numpy.array(list(product(range(11), range(11))), dtype=float)
     away = numpy.hypot(grid[:, 0] - 5, grid[:, 1] - 5)
 
-    found = first_designs(grid, 1 / (1 + numpy.exp(away - 3.2)), numpy.zeros(len(grid)), 0.5)
+    placed = first_designs(grid, 1 / (1 + numpy.exp(away - 3.2)), numpy.zeros(len(grid)), 0.5)
 
-    distance = [away[one.index] for one in found]
+    distance = [away[design.index] for design in placed]
     assert distance[0] == 0
-    for one, far in zip(found[1:], distance[1:], strict=True):
-        assert (2.2 <= far <= 3.2) if "edge" in one.place else (far > 3.2)
-    first, second = (grid[one.index] for one in found if "edge" in one.place)
+    for design, far in zip(placed[1:], distance[1:], strict=True):
+        assert (2.2 <= far <= 3.2) if "edge" in design.place else (far > 3.2)
+    first, second = (grid[design.index] for design in placed if "edge" in design.place)
     assert numpy.hypot(*(first - second)) > 3
 
 
 def test_the_value_of_trials_is_what_they_improve() -> None:
     random = numpy.random.default_rng(5)
     p = random.random((200, 3))
-    found = value_of_trials(p, 0.6, 4)
+    value = value_of_trials(p, 0.6, 4)
 
     for design in range(3):
         best, wrong = 0.0, 0.0
@@ -80,14 +82,14 @@ def test_the_value_of_trials_is_what_they_improve() -> None:
             best += share * numpy.average(p, axis=0, weights=weight).max()
             above = numpy.average(p >= 0.6, axis=0, weights=weight)
             wrong += share * numpy.minimum(above, 1 - above).mean()
-        assert found.choice[design] == pytest.approx(best - p.mean(axis=0).max())
+        assert value.choice[design] == pytest.approx(best - p.mean(axis=0).max())
         above = (p >= 0.6).mean(axis=0)
-        assert found.threshold[design] == pytest.approx(numpy.minimum(above, 1 - above).mean() - wrong)
+        assert value.threshold[design] == pytest.approx(numpy.minimum(above, 1 - above).mean() - wrong)
 
 
 def test_within_the_zone_no_side_is_wrong() -> None:
     """A design that lies at the threshold is worth no trial; of one that may be far on either side each trial tells."""
-    near, far = (one.ravel() for one in numpy.meshgrid(numpy.linspace(0.66, 0.84, 50), [0.5, 0.95]))
+    near, far = (axis.ravel() for axis in numpy.meshgrid(numpy.linspace(0.66, 0.84, 50), [0.5, 0.95]))
     draws = numpy.column_stack([near, far, numpy.full(100, 0.99)])
 
     assert value_of_trials(draws, 0.75, 10, 0.1).threshold == pytest.approx([0, 0.5 / 3, 0], abs=0.02)
@@ -96,8 +98,8 @@ def test_within_the_zone_no_side_is_wrong() -> None:
     assert (best, loss) == (0, pytest.approx(0.05))
     # A twin of a chosen design tells nothing more.
     random = numpy.random.default_rng(6)
-    one, other = random.beta(2, 2, 400), random.beta(4, 4, 400)
-    assert choose(numpy.column_stack([one, one, other]), 0.5, 10, 2, [0]) == [2, 1]
+    first, second = random.beta(2, 2, 400), random.beta(4, 4, 400)
+    assert choose_designs(numpy.column_stack([first, first, second]), 0.5, 10, 2, [0]) == [2, 1]
     # 10 trials of 3 min and a car of 60 min are 1.5 h; of three designs each counts as one of 20.
     gain = gain_per_hour(draws, 0.75, 0.1, [[60.0 + 10 * 3.0] * 3, [1e9] * 3])
     assert gain == pytest.approx(value_of_trials(draws, 0.75, 10, 0.1).threshold[1] * 3 / 20 / 1.5)
@@ -105,12 +107,12 @@ def test_within_the_zone_no_side_is_wrong() -> None:
 
 @pytest.mark.parametrize("rate", [0.5, 0.65, 0.9])
 def test_trials_tell_the_side_as_likely_as_not(rate: float) -> None:
-    number = trials_to_tell([rate], 0.75)
+    number = trials_to_decide([rate], 0.75)
 
     passed = numpy.arange(number + 1)
     ends = numpy.array([wilson_interval(int(k), number) for k in passed])
-    told = (ends[:, 0] > 0.75) | (ends[:, 1] < 0.75)
-    assert binom.pmf(passed[told], number, rate).sum() == pytest.approx(0.5, abs=0.12)
+    decided = (ends[:, 0] > 0.75) | (ends[:, 1] < 0.75)
+    assert binom.pmf(passed[decided], number, rate).sum() == pytest.approx(0.5, abs=0.12)
 
 
 @pytest.mark.parametrize(("rate", "car_sd"), [(0.5, 1.0), (0.8, 2.0), (0.95, 0.7)])
@@ -134,9 +136,9 @@ def test_cars_and_trials_are_the_quickest_that_suffice() -> None:
     for alike, car_min, needed in product((0.05, 0.5), (10.0, 90.0), (5, 30)):
         plans = product(range(1, 50), range(1, 10 * needed + 1))
         enough = [m * (car_min + 3.5 * n) for m, n in plans if m * worth(n, alike) >= needed - 1e-9]
-        found = least_effort(needed, alike, car_min, 3.5)
-        assert found.trials == found.cars * found.each
-        assert found.cars * car_min + found.trials * 3.5 == pytest.approx(min(enough))
+        effort = least_effort(needed, alike, car_min, 3.5)
+        assert effort.trials == effort.cars * effort.each
+        assert effort.cars * car_min + effort.trials * 3.5 == pytest.approx(min(enough))
     assert least_effort(30, 0.0, 90.0, 3.5) == Effort(1, 30, 30)
     assert least_effort(30, 0.0, 90.0, 3.5, [12]) == Effort(0, 18, 30)
     more = least_effort(10, 0.2, 90.0, 3.5, [12])
@@ -161,22 +163,22 @@ def test_environments_represent_all_and_tell_designs_apart() -> None:
     passed = (numpy.array([0.9, 0.5, 0.3])[:, None] > hardness).astype(float)
     passed[0, 7] = numpy.nan
 
-    chosen = telling_environments(passed, 20, met=[3])
+    chosen = informative_environments(passed, 20, met=[3])
 
-    assert chosen == telling_environments(passed, 20, met=[3]) and len(set(chosen)) == 20
+    assert chosen == informative_environments(passed, 20, met=[3]) and len(set(chosen)) == 20
     assert not {3, 7} & set(chosen)
     shares = numpy.nanmean(passed, axis=1)
     assert numpy.abs(passed[:, chosen].mean(axis=1) - shares).max() <= 0.05
     spread = numpy.ptp(passed[:, chosen], axis=0)
     assert list(spread) == sorted(spread, reverse=True)
-    assert len(telling_environments(passed, 500)) == 99
+    assert len(informative_environments(passed, 500)) == 99
 
 
 def test_the_best_is_not_quoted_from_the_environments_that_chose_it() -> None:
     random = numpy.random.default_rng(9)
     tables = (random.random((100, 30, 40)) < 0.5).astype(float)
 
-    quoted = [k / n for _, k, n in map(honest_best, tables)]
+    quoted = [k / n for _, k, n in map(split_sample_best, tables)]
 
     assert numpy.mean(quoted) == pytest.approx(0.5, abs=0.03) and tables.mean(axis=2).max(axis=1).mean() > 0.6
 
@@ -185,9 +187,9 @@ def test_designs_beside_a_contradiction_in_two_parameters() -> None:
     """Driven in a cross: the centre fails. Beside it are those between it and the arms, none beyond them."""
     grid = numpy.array(list(product(range(5), range(5))), dtype=float)
     driven = [(0, 2), (4, 2), (2, 0), (2, 4), (2, 2)]
-    passed = [(0, 30) if one == (2, 2) else (30, 30) if one in driven else (0, 0) for one in map(tuple, grid)]
+    passed = [(0, 30) if cell == (2, 2) else (30, 30) if cell in driven else (0, 0) for cell in map(tuple, grid)]
 
-    found = contradictions(grid, numpy.tile([95, 100], (25, 1)), passed)
+    flagged = contradictions(grid, numpy.tile([95, 100], (25, 1)), passed)
 
-    assert [tuple(grid[index]) for index in found.designs] == [(2, 2)]
-    assert {tuple(grid[index]) for index in found.beside} == set(product((1, 2, 3), (1, 2, 3))) - {(2, 2)}
+    assert [tuple(grid[index]) for index in flagged.designs] == [(2, 2)]
+    assert {tuple(grid[index]) for index in flagged.undriven_neighbours} == set(product((1, 2, 3), (1, 2, 3))) - {(2, 2)}

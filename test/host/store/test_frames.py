@@ -62,7 +62,14 @@ def test_trials_count_as_the_trial_view_says(store: Path) -> None:
         expected = connection.execute("SELECT trial, counts FROM trial_result ORDER BY trial").fetchall()
     assert list(zip(trials.trial, trials.counts.astype(int), strict=True)) == expected
     assert trials.counts.sum() == 2
-    assert [None if pd.isna(one) else bool(one) for one in trials.passed] == [True, None, False, True, False, True]
+    assert [None if pd.isna(passed) else bool(passed) for passed in trials.passed] == [
+        True,
+        None,
+        False,
+        True,
+        False,
+        True,
+    ]
 
 
 def test_a_store_without_runs_has_an_empty_table_of_the_same_columns(tmp_path: Path) -> None:

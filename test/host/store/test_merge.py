@@ -112,14 +112,14 @@ def test_trials_are_kept_with_their_logs_and_corrections(tmp_path: Path) -> None
 
     merge_stores([store, other], tmp_path / "m.db")
 
-    with Store.open(store) as one, Store.open(other) as two, Store.open(tmp_path / "m.db") as opened:
-        trials, both = list(opened.trials()), [*one.trials(), *two.trials()]
+    with Store.open(store) as first, Store.open(other) as second, Store.open(tmp_path / "m.db") as opened:
+        trials, both = list(opened.trials()), [*first.trials(), *second.trials()]
         # Imported trials are of one sheet: they are there once.
         assert [trial.uuid for trial in trials] == list(dict.fromkeys(trial.uuid for trial in both))
         assert len(trials) == 6 and [trial.withdrawn for trial in trials].count(True) == 2
         assert len(opened.corrections()) == 6 and opened.corrections(1)[0].after == "over the edge"
-    found = check_store(tmp_path / "m.db")
-    assert (found.findings, found.logs) == ([], 4)
+    report = check_store(tmp_path / "m.db")
+    assert (report.findings, report.logs) == ([], 4)
     for trial in trials:
         if trial.log is not None:
             assert (tmp_path / trial.log).read_bytes().endswith(b"log of trial 1" if trial.note else b"log of trial 2")
@@ -170,7 +170,7 @@ def test_a_trial_that_was_running_when_its_store_was_copied_is_the_completed_one
 
 
 @pytest.mark.parametrize(
-    ("table", "where", "values", "told"),
+    ("table", "where", "values", "message"),
     [
         (RUN, "body_id = 1 AND scene_id = 1", {"outcome": "stuck"},
          r"^run \(build_id \S+, body_id \w{12}, .*\): outcome is stuck in .*b\.db, \w+ in .*a\.db: the same build"),
@@ -180,13 +180,13 @@ def test_a_trial_that_was_running_when_its_store_was_copied_is_the_completed_one
     ],
 )  # fmt: skip
 def test_contradictions_are_refused_and_nothing_is_written(
-    tmp_path: Path, table: Table, where: str, values: dict[str, Any], told: str
+    tmp_path: Path, table: Table, where: str, values: dict[str, Any], message: str
 ) -> None:
     fill(tmp_path / "a.db", answer=answer)
     shutil.copy(tmp_path / "a.db", tmp_path / "b.db")
     change(tmp_path / "b.db", table, where, **values)
 
-    with pytest.raises(StoreError, match=told):
+    with pytest.raises(StoreError, match=message):
         merge_stores([tmp_path / "a.db", tmp_path / "b.db"], tmp_path / "m.db")
 
     assert sorted(file.name for file in tmp_path.iterdir()) == ["a.db", "b.db"]
@@ -219,14 +219,14 @@ def test_what_cannot_be_merged_is_said_in_one_line(tmp_path: Path, foldcar: Call
     for name in ("a.db", "old.db"):
         fill(tmp_path / name)
     alter(tmp_path / "old.db", "PRAGMA user_version = 1")
-    told = {
+    facts = {
         ("a.db", "old.db", "-o", "m.db"): f"old.db: {OLD}",
         ("a.db", "none.db", "-o", "m.db"): "none.db: no such store",
         ("a.db", "-o", "m.db"): "merge: name two stores or more",
         ("a.db", "old.db", "-o", "a.db"): "a.db: is read by this command; name another file to write",
         ("a.db", "a.db", "-o", "old.db"): "old.db: already exists; name a new store",
     }
-    for words, line in told.items():
+    for words, line in facts.items():
         refused = foldcar("merge", *words)
         assert (refused.returncode, refused.stderr) == (2, f"foldcar: error: {line}\n")
     assert not (tmp_path / "m.db").exists()

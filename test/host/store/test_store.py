@@ -15,7 +15,7 @@ from foldcar.store.errors import StoreError
 from foldcar.store.reader import Store
 from foldcar.store.tables import TABLES, VERSION, VIEWS
 from foldcar.store.writer import PlannedDesign, PlannedExperiment, PlannedRun, StoreWriter, write_store
-from written_study import FACTS, TOLD
+from written_study import EXPERIMENT_FACTS, FACTS
 
 
 def plan(
@@ -23,8 +23,8 @@ def plan(
 ) -> PlannedExperiment:
     """Record an experiment whose bodies are told apart by their width."""
     environment_id, spread_id = writer.environment("fingerprint"), writer.spread(spread)
-    told = {**TOLD, "varied": {"width_mm": [65, 95]}}
-    planned = PlannedExperiment(name, "car", "steps", environment_id, spread_id, 2, told)
+    facts = {**EXPERIMENT_FACTS, "varied": {"width_mm": [65, 95]}}
+    planned = PlannedExperiment(name, "car", "steps", environment_id, spread_id, 2, facts)
     writer.put_experiment(
         planned, (PlannedDesign({"width_mm": w, "height_mm": 50}, {"width": w}, {"speed": 1}) for w in widths)
     )
@@ -173,9 +173,9 @@ def test_scenes_and_variations_that_look_alike_may_differ(tmp_path: Path) -> Non
 
 
 def test_whether_a_program_is_dynamic_is_remembered(tmp_path: Path) -> None:
-    for found in (True, False):
+    for dynamic in (True, False):
         with write_store(tmp_path / "s.db") as writer:
-            assert writer.is_dynamic(writer.environment("fingerprint"), lambda found=found: found)
+            assert writer.is_dynamic(writer.environment("fingerprint"), lambda dynamic=dynamic: dynamic)
 
 
 def test_a_failed_transaction_leaves_nothing(tmp_path: Path) -> None:
@@ -279,11 +279,11 @@ def test_a_name_that_sqlite_does_not_take_for_a_file_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, foldcar: Any
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    said = foldcar("sweep", "none.json", "--store", ":memory:")
+    done = foldcar("sweep", "none.json", "--store", ":memory:")
 
-    assert (said.returncode, said.stdout) == (2, "")
+    assert (done.returncode, done.stdout) == (2, "")
     message = "SQLite does not treat this as a file name; use another, such as study.db"
-    assert said.stderr == f"foldcar: error: :memory:: {message}\n"
+    assert done.stderr == f"foldcar: error: :memory:: {message}\n"
     for name in (":memory:", "file:s.db"):
         for use in (check_new, Store.open, lambda path: write_store(path).__enter__()):
             with pytest.raises(StoreError, match=message):

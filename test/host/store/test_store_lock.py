@@ -74,7 +74,7 @@ def another(program: str, store: Path) -> Iterator["subprocess.Popen[str]"]:
             process.kill()
 
 
-def held(store: Path) -> contextlib.AbstractContextManager["subprocess.Popen[str]"]:
+def writing_process(store: Path) -> contextlib.AbstractContextManager["subprocess.Popen[str]"]:
     """Another process writes the store."""
     return another(HOLD, store)
 
@@ -88,7 +88,7 @@ def attempt(store: Path) -> str:
 def test_the_lock_is_the_file_s_whatever_its_name(store: Path) -> None:
     names = [store, linked(store)]
 
-    with held(store):
+    with writing_process(store):
         for name in names:
             with pytest.raises(StoreError, match=IN_USE), writing(name):
                 pass
@@ -100,7 +100,7 @@ def test_the_lock_is_the_file_s_whatever_its_name(store: Path) -> None:
 
 
 def test_a_killed_writer_leaves_the_way_free(store: Path) -> None:
-    with held(store) as process:
+    with writing_process(store) as process:
         process.send_signal(signal.SIGKILL)
         process.wait()
 
@@ -129,7 +129,7 @@ def test_a_reader_keeps_no_writer_out_and_sees_one_moment(store: Path) -> None:
 
         assert reader.info().command == FACTS["command"]
         assert len(list(reader.results())) == 4
-    with held(store), Store.open(store) as reader:
+    with writing_process(store), Store.open(store) as reader:
         assert reader.info().command == "held"
         with pytest.raises(sqlite3.OperationalError):
             reader._connection.execute("DELETE FROM run")

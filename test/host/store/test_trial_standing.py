@@ -16,7 +16,7 @@ from foldcar.store.reader import Store
 from foldcar.store.trial_records import Ending, TrialDesign
 from foldcar.store.trial_writer import write_trials
 from full_store import contents
-from test_report_command import TOLD, width_outcome
+from test_report_command import EXPERIMENT_FACTS, width_outcome
 from test_trial_store import begin
 from written_study import write_study
 
@@ -26,7 +26,7 @@ CARS = ("built", "built", "simulated", "simulated", None)
 @pytest.fixture
 def mixed(tmp_path: Path) -> Path:
     """A study of 95 and 115 mm with trials of 95 mm: built passed, stuck; simulated 2 passed; 1 unknown passed."""
-    path = write_study(tmp_path / "s.db", {"width_mm": (95.0, 115.0)}, 3, width_outcome, **TOLD)
+    path = write_study(tmp_path / "s.db", {"width_mm": (95.0, 115.0)}, 3, width_outcome, **EXPERIMENT_FACTS)
     with write_trials(path) as writer:
         for outcome, car in zip(("passed", "stuck", "passed", "passed", "passed"), CARS, strict=True):
             row = {"experiment": "1", "vehicle_type": "W_B_W", "design": {"width_mm": 95.0, "height_mm": 50.0}}
@@ -37,17 +37,17 @@ def mixed(tmp_path: Path) -> Path:
 
 def counted(folder: Path) -> tuple[int, int, int]:
     """Trials of 95 mm that count on the report's page, how many of them passed, and how many simulated cars it lists."""
-    (one,) = study_of(folder)["experiments"]
-    at = one["designs"]["name"].index("95 mm")
-    simulated = sum(trial["standing"] == "simulated" for trial in one["trials"])
-    return one["designs"]["trials"][at], one["designs"]["trials_passed"][at], simulated
+    (experiment,) = study_of(folder)["experiments"]
+    at = experiment["designs"]["name"].index("95 mm")
+    simulated = sum(trial["standing"] == "simulated" for trial in experiment["trials"])
+    return experiment["designs"]["trials"][at], experiment["designs"]["trials_passed"][at], simulated
 
 
 def test_the_report_counts_built_cars_and_says_what_is_left_out(mixed: Path, foldcar: Any) -> None:
     plain = foldcar("report", "s.db", "-o", "plain", "--no-replay")
-    asked = foldcar("report", "s.db", "-o", "asked", "--no-replay", "--simulated-trials")
+    done = foldcar("report", "s.db", "-o", "asked", "--no-replay", "--simulated-trials")
 
-    assert (plain.returncode, asked.returncode) == (0, 0), plain.stderr + asked.stderr
+    assert (plain.returncode, done.returncode) == (0, 0), plain.stderr + done.stderr
     page = (mixed.parent / "plain" / "index.html").read_text()
     assert counted(mixed.parent / "plain") == (2, 1, 0)
     assert "Trials left out: 2 of a simulated car (--simulated-trials shows them); 1 of a car that may be" in page
@@ -56,12 +56,12 @@ def test_the_report_counts_built_cars_and_says_what_is_left_out(mixed: Path, fol
     # What is asked for stands apart: the built cars' numbers are the same.
     assert counted(mixed.parent / "asked") == (2, 1, 2)
     assert "simulated trials" in (mixed.parent / "asked" / "experiment_1_success_by_width_mm.svg").read_text()
-    assert "SIMULATED trials" in asked.stdout and "foldcar report s.db -o asked --simulated-trials" in page
+    assert "SIMULATED trials" in done.stdout and "foldcar report s.db -o asked --simulated-trials" in page
 
 
 def test_the_export_leaves_them_out_too(mixed: Path, foldcar: Any) -> None:
     plain = foldcar("export", "s.db", "--trials", "plain.csv")
-    asked = foldcar("export", "s.db", "--trials", "asked.csv", "--simulated-trials")
+    done = foldcar("export", "s.db", "--trials", "asked.csv", "--simulated-trials")
 
     def cars(name: str) -> list[str]:
         with (mixed.parent / name).open(newline="") as file:
@@ -69,7 +69,7 @@ def test_the_export_leaves_them_out_too(mixed: Path, foldcar: Any) -> None:
 
     assert cars("plain.csv") == ["built"] * 2 and cars("asked.csv") == ["built"] * 2 + ["simulated"] * 2
     assert plain.stderr.startswith("plain.csv: 2 trials\nplain.csv: Trials left out: 2 of a simulated car")
-    assert asked.stderr.startswith("asked.csv: 4 trials\nasked.csv: Trials left out: 1 of a car that may be built")
+    assert done.stderr.startswith("asked.csv: 4 trials\nasked.csv: Trials left out: 1 of a car that may be built")
 
 
 def test_the_list_marks_them(mixed: Path, foldcar: Any) -> None:

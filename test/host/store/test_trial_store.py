@@ -12,7 +12,7 @@ from foldcar.report.page_data import page_data
 from foldcar.store.reader import Store
 from foldcar.store.trial_records import Ending, TrialDesign
 from foldcar.store.trial_writer import CarFacts, Drive, TrialWriter, write_trials
-from test_report_command import TOLD, width_outcome
+from test_report_command import EXPERIMENT_FACTS, width_outcome
 from written_study import import_trials, write_study
 
 PUBLISHED = Path(__file__).resolve().parents[3] / "scenarios" / "published_trials.csv"
@@ -163,17 +163,17 @@ def test_exports_have_a_row_for_each_trial_and_in_parquet_numbers_lists_and_unit
 
 
 def test_a_car_that_the_file_does_not_tell_is_the_experiments_or_refused(tmp_path: Path, foldcar: Any) -> None:
-    write_study(tmp_path / "s.db", WIDTHS, 3, width_outcome, **TOLD)
+    write_study(tmp_path / "s.db", WIDTHS, 3, width_outcome, **EXPERIMENT_FACTS)
     (tmp_path / "t.csv").write_text(HEADER + "W_B_W,95,passed,1,me\nW_B_W,99,stuck,2,me\n")
     (tmp_path / "bad.csv").write_text("vehicle_type,height_mm,outcome,source\nW_B_W,50,passed,you\n")
     (tmp_path / "new.csv").write_text(HEADER + "W_B_W,95,passed,1,me\n")
 
-    said = foldcar("trials", "import", "s.db", "t.csv", "--experiment", "1")
+    done = foldcar("trials", "import", "s.db", "t.csv", "--experiment", "1")
     refused = foldcar("trials", "import", "s.db", "bad.csv", "--experiment", "1")
     alone = foldcar("trials", "import", "new.db", "new.csv", "--experiment", "1")
 
-    assert 'note: experiment "1" was swept without a car of width 99 mm' in said.stderr
-    assert "it has 2 trials" in said.stderr
+    assert 'note: experiment "1" was swept without a car of width 99 mm' in done.stderr
+    assert "it has 2 trials" in done.stderr
     assert refused.returncode == 2 and refused.stderr.count("\n") == 1
     assert 'bad.csv: line 2: width_mm: missing; experiment "1" has several values' in refused.stderr
     assert (
@@ -184,7 +184,7 @@ def test_a_car_that_the_file_does_not_tell_is_the_experiments_or_refused(tmp_pat
 
 
 def test_the_report_shows_trials_beside_runs(tmp_path: Path) -> None:
-    write_study(tmp_path / "s.db", WIDTHS, 3, width_outcome, **TOLD)
+    write_study(tmp_path / "s.db", WIDTHS, 3, width_outcome, **EXPERIMENT_FACTS)
     trials = [(95.0, "passed")] * 7 + [(95.0, "stuck")] * 3 + [(95.0, "aborted")] * 2 + [(97.0, "tipped")]
     import_trials(tmp_path / "s.db", [({"width_mm": width}, None, outcome) for width, outcome in trials])
     with write_trials(tmp_path / "s.db") as writer:
@@ -192,16 +192,16 @@ def test_the_report_shows_trials_beside_runs(tmp_path: Path) -> None:
         writer.import_trials([{"experiment": "1", "vehicle_type": "W_B_W", "outcome": "passed", **unknown_car}])
 
     with Store.open(tmp_path / "s.db") as store:
-        (one,) = page_data(store)["experiments"]
-    at = one["designs"]["name"].index("95 mm")
-    assert (one["designs"]["trials"][at], one["designs"]["trials_passed"][at]) == (10, 7)
+        (experiment,) = page_data(store)["experiments"]
+    at = experiment["designs"]["name"].index("95 mm")
+    assert (experiment["designs"]["trials"][at], experiment["designs"]["trials_passed"][at]) == (10, 7)
     # Wilson's score interval of 7 in 10 at z = 1.959964, solved by hand.
     z, n, p = 1.959964, 10, 0.7
     middle = (p + z * z / (2 * n)) / (1 + z * z / n)
     half = z / (1 + z * z / n) * (p * (1 - p) / n + z * z / (4 * n * n)) ** 0.5
-    ends = one["designs"]["trials_low"][at], one["designs"]["trials_high"][at]
+    ends = experiment["designs"]["trials_low"][at], experiment["designs"]["trials_high"][at]
     assert ends == pytest.approx((middle - half, middle + half), abs=1e-6)
-    assert "1 trial of cars that do not belong to this family" in " ".join(one["remarks"])
+    assert "1 trial of cars that do not belong to this family" in " ".join(experiment["remarks"])
 
 
 def test_trials_alone_make_a_page(tmp_path: Path, foldcar: Any) -> None:

@@ -13,7 +13,7 @@ from foldcar.scenes.checks import MAX_COORDINATE_M
 from foldcar.scenes.scene_json import MAX_FRICTION, MAX_NODES, MAX_PIECES, PLACE_KEYS
 from foldcar.scenes.terrain_kinds import KINDS
 from foldcar.simulation.carsim import CarsimLimits
-from study_car import asked, car_body, empty_scene, hinged_body
+from study_car import car_body, empty_scene, hinged_body, run_carsim
 
 PLACE = {"x_m": 0.0, "y_m": 0.0, "heading_rad": 0.0}
 PIECES: dict[str, dict[str, Any]] = {
@@ -69,7 +69,7 @@ def test_batch_holds_its_input_to_the_printed_limits(carsim_binary: Path, carsim
             beyond.append((path, largest + span, f"is above the limit {json.dumps(largest)}"))
     lines = [line_with(path, value) for path, value, _ in beyond]
 
-    done = asked(carsim_binary, lines)
+    done = run_carsim(carsim_binary, lines)
 
     messages = [json.loads(line)["error"]["message"] for line in done.stdout.splitlines()]
     assert len(messages) == len(beyond) > 120
@@ -82,7 +82,7 @@ def test_what_lies_between_the_limits_is_taken(carsim_binary: Path) -> None:
     lines: list[dict[str, Any]] = [{"body": {"id": "b", **hinged_body()}}]
     lines += [line_with(f"scene.terrain.{kind}.x_m", 0.0) for kind in PIECES]
 
-    done = asked(carsim_binary, lines)
+    done = run_carsim(carsim_binary, lines)
 
     assert (done.returncode, done.stdout) == (0, "")
 
@@ -135,7 +135,7 @@ def answer_of(binary: Path, body: dict[str, Any], terrain: list[dict[str, Any]],
     scene = {**empty_scene(goal_x_m=1.0), "terrain": terrain, **scene}
     run = {"id": "r", "body": "b", "scene": "s", "speed_m_s": 5.0, "time_limit_s": 0.5}
     lines = [{"body": {**body, "id": "b"}}, {"scene": {**scene, "id": "s"}}, {"run": run}]
-    done = asked(binary, lines)
+    done = run_carsim(binary, lines)
     assert done.returncode in (0, 2), done.stderr
     answer: dict[str, Any] = json.loads(done.stdout)
     return answer

@@ -219,10 +219,10 @@ def test_the_published_listing_says_all_that_must_change_and_runs_then(tmp_path:
     listing = tmp_path / "l.json"
     listing.write_text(text)
 
-    said = foldcar("sweep", "l.json", "--store", "s.db")
+    answer = foldcar("sweep", "l.json", "--store", "s.db")
 
-    assert said.returncode == 2
-    assert said.stderr.splitlines() == [
+    assert answer.returncode == 2
+    assert answer.stderr.splitlines() == [
         "foldcar: error: l.json: 5 mistakes:",
         '  experiments.3.veh_id: no "5"; known: 1',
         "  vehicles.1.params.0.common.height: 36 is below the minimum 47.74 (the boards and their plugs over the LiPo)",
@@ -292,12 +292,12 @@ def test_cars_that_cannot_be_built_are_skipped_and_named(
     rows = list(csv.DictReader(foldcar("export", "s.db", "--csv", "-").stdout.splitlines()))
 
     assert swept.returncode == 0, swept.stderr
-    said = ["experiment 1: 2 of 3 cars cannot be built and are skipped:", *(f"  {one}" for one in why)]
-    assert swept.stderr.splitlines()[1:] == said
+    warning = ["experiment 1: 2 of 3 cars cannot be built and are skipped:", *(f"  {reason}" for reason in why)]
+    assert swept.stderr.splitlines()[1:] == warning
     head, refused, *lines = dry.stdout.splitlines()
     assert head == "experiment 1: 3 designs, 1 run if all can be built"
     assert refused == "  2 of 3 cannot be built and would be skipped:"
-    assert lines[:2] == [f"    {one}" for one in why]
+    assert lines[:2] == [f"    {reason}" for reason in why]
     assert re.fullmatch(r"about [0-9.]+ s with 1 simulator; the store about 0\.[0-9] MB", lines[2])
     assert [row["width_mm"] for row in rows] == ["95"]
     remark = f"2 cars of the family cannot be built: {'; '.join(why)}."

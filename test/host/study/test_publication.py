@@ -128,8 +128,8 @@ def test_figure_10_as_printed_says_word_by_word_what_must_change(
     with pytest.raises(FoldcarError) as caught:
         compile_program(file, {})
 
-    said = caught.value.lines()[0]
-    assert re.match(rf"{re.escape(str(file))}: line \d+: {re.escape(message)}", said), said
+    line = caught.value.lines()[0]
+    assert re.match(rf"{re.escape(str(file))}: line \d+: {re.escape(message)}", line), line
 
 
 @pytest.mark.parametrize("figure", FIGURES)

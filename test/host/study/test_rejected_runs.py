@@ -51,7 +51,7 @@ def test_a_report_counts_them_apart(store: Path) -> None:
     assert designs["rate"] == [None, 1.0, 1.0, pytest.approx(8 / 9, abs=1e-6)]
     assert designs["low"][0] is None and designs["belief"][0] is None and designs["verdict"][0] is None
     # A run that got stuck counts with the limit of 120 s; none of 80 mm tells of its time.
-    (time,) = (one["value"] for one in designs["measures"] if one["key"] == "time")
+    (time,) = (measure["value"] for measure in designs["measures"] if measure["key"] == "time")
     assert time[0] is None and time[3] == pytest.approx((8 * 12.5 + 120) / 9, rel=1e-4)
 
 
@@ -65,11 +65,11 @@ def test_advice_goes_by_the_others_and_says_so(store: Path, tmp_path: Path) -> N
     rates = {recommendation.label: recommendation.simulated.value for recommendation in advice.recommendations}
     assert set(rates) == {"100 mm", "120 mm", "140 mm"} and rates["100 mm"] == 1
     remark = "53 of 80 runs were rejected: they violated a requirement of the program."
-    assert any(one.startswith(remark) and "1 design has no other run" in one for one in advice.remarks)
-    (one,) = compared.designs
-    assert one.simulated is not None and one.simulated.value == 1 and one.evidence.outcomes["rejected"] == 11
+    assert any(sentence.startswith(remark) and "1 design has no other run" in sentence for sentence in advice.remarks)
+    (design,) = compared.designs
+    assert design.simulated is not None and design.simulated.value == 1 and design.evidence.outcomes["rejected"] == 11
     # The trial in a rejected run's environment has nothing to be paired with.
-    assert [trial.simulated for trial in one.evidence.trials] == [None, 1]
+    assert [trial.simulated for trial in design.evidence.trials] == [None, 1]
 
 
 def test_an_export_keeps_the_outcome_without_a_verdict(store: Path, foldcar: Any) -> None:
@@ -99,22 +99,22 @@ def test_a_sweep_counts_them_apart(listing: Path, tmp_path: Path, foldcar: Any) 
     assert (numbers["judged"], numbers["passed"], numbers["rejected"]) == (12, 12, 8)
     assert "8 of 20 runs were rejected: they violated a requirement of the program." in report.stdout
     assert "In simulation each of 2 designs reaches 50 %" in " ".join(report.stdout.split())
-    found = evaluate({"type": "W_B_W", "params": [{"common": {"width": 95}}]}, tmp_path / "p.scenic", 10, jobs=1)
-    assert found.rate.value == 1 and found.runs["passed"].isna().sum() == 4
+    evaluation = evaluate({"type": "W_B_W", "params": [{"common": {"width": 95}}]}, tmp_path / "p.scenic", 10, jobs=1)
+    assert evaluation.rate.value == 1 and evaluation.runs["passed"].isna().sum() == 4
 
 
 def test_a_sweep_until_decided_and_a_search_go_by_the_others(listing: Path, foldcar: Any) -> None:
     until = json.loads(foldcar("sweep", listing, "--store", "u.db", "--jobs", "1", "--until", "decided", "--json").stdout)
-    found = json.loads(
+    output = json.loads(
         foldcar("optimize", listing, "--store", "o.db", "--jobs", "1", "--designs", "2", "--fresh", "3", "--json").stdout
     )
 
     rule = StoppingRule(None, (0.5,))
-    for one in until["designs"]:
-        assert one["rejected"] and one["passed"] == one["runs"] - one["rejected"]
-        assert one["decided"] == bool(rule.decided(one["passed"], one["passed"]))
-        assert one["low"] == pytest.approx(float(anytime_interval(one["passed"], one["passed"])[0]))
-    assert [one["chosen_by"]["success"] for one in found["best"]] == [1, 1]
+    for design in until["designs"]:
+        assert design["rejected"] and design["passed"] == design["runs"] - design["rejected"]
+        assert design["decided"] == bool(rule.decided(design["passed"], design["passed"]))
+        assert design["low"] == pytest.approx(float(anytime_interval(design["passed"], design["passed"])[0]))
+    assert [design["chosen_by"]["success"] for design in output["best"]] == [1, 1]
 
 
 FAILS_FROM = (
@@ -144,11 +144,11 @@ def test_three_failed_runs_of_ten_are_said_everywhere(failing: Path, tmp_path: P
 
     why = f"3 x {program}: sample …: line 4: ZeroDivisionError: division by zero"
     command = "foldcar export s.db --failed --csv -"
-    for said in (swept, again):
-        assert said.returncode == 1
-        assert ", 70.0 % passed, 3 failed; store: s.db" in said.stdout
+    for done in (swept, again):
+        assert done.returncode == 1
+        assert ", 70.0 % passed, 3 failed; store: s.db" in done.stdout
         lines = ["3 of 10 runs failed and count as not passed:", f"  {why}", f"list them: {command}"]
-        assert said.stderr.splitlines()[1:] == lines
+        assert done.stderr.splitlines()[1:] == lines
     rows = list(csv.DictReader(foldcar(*command.split()[1:]).stdout.splitlines()))
     assert [int(row["sample"]) for row in rows] == bad
     assert all(row["outcome"] == "failed" and "division by zero" in row["message"] for row in rows)
@@ -157,8 +157,8 @@ def test_three_failed_runs_of_ten_are_said_everywhere(failing: Path, tmp_path: P
     remark = f"3 of 10 runs failed, and count as not passed: {why}. List them: {command}"
     assert report.returncode == 0
     assert remark.replace(" ", "") in "".join(report.stdout.split())
-    (one,) = study_of(tmp_path / "report")["experiments"]
-    assert remark in one["remarks"]
+    (experiment,) = study_of(tmp_path / "report")["experiments"]
+    assert remark in experiment["remarks"]
 
     run = foldcar("run", failing, "--experiment", "1", "--sample", str(bad[0]))
     assert run.returncode == 1 and "division by zero" in run.stdout

@@ -9,7 +9,7 @@ import pytest
 
 from foldcar.simulation.carsim import Carsim
 from foldcar.statistics.rate import anytime_interval
-from foldcar.statistics.stopping import LEAST_CHANCE, StoppingRule
+from foldcar.statistics.stopping import MIN_CHANCE, StoppingRule
 from foldcar.store.reader import Store
 from foldcar.study.experiments import read_study
 from foldcar.study.stopping import Batch, Schedule, stopping_rules
@@ -55,8 +55,8 @@ def test_a_design_is_left_when_the_rest_would_hardly_decide_it() -> None:
     for passed, runs in ((6, 12), (4, 12), (20, 30), (28, 30), (13, 20)):
         rates = random.beta(passed + 0.5, runs - passed + 0.5, 40_000)
         chance = RULE.decided(passed + random.binomial(100 - runs, rates), 100).mean()
-        assert abs(chance - LEAST_CHANCE) > 0.004, "too near to tell"
-        assert RULE.hopeless(passed, runs, 100) is bool(chance < LEAST_CHANCE)
+        assert abs(chance - MIN_CHANCE) > 0.004, "too near to tell"
+        assert RULE.hopeless(passed, runs, 100) is bool(chance < MIN_CHANCE)
     assert not RULE.hopeless(50, 100, 100_000)
     assert not StoppingRule(0.05, ()).hopeless(50, 100, 101)
 
@@ -111,17 +111,17 @@ def test_a_sweep_in_mujoco_makes_the_runs_of_the_schedule(
         assert 12 <= info.stored_runs < info.planned_runs
     resumed = swept(listing, stores[1], native, 3, until="decided")
 
-    found = []
+    orders = []
     for path in stores:
         with Store.open(path) as store:
-            found.append([(r.design, r.sample, r.outcome, r.metrics) for r in store.results("1 (MuJoCo)")])
+            orders.append([(r.design, r.sample, r.outcome, r.metrics) for r in store.results("1 (MuJoCo)")])
             info = store.info().experiments["1 (MuJoCo)"]
-            assert info.stored_runs == info.planned_runs == len(found[-1])
-    assert found[0] == found[1] and resumed.states == counts.states
+            assert info.stored_runs == info.planned_runs == len(orders[-1])
+    assert orders[0] == orders[1] and resumed.states == counts.states
     assert resumed.new + resumed.there == counts.new == resumed.total == counts.total
     # The same schedule on the results alone.
     passed = numpy.zeros((3, 24), bool)
-    for design, sample, outcome, _ in found[0]:
+    for design, sample, outcome, _ in orders[0]:
         passed[[95.0, 150.0, 240.0].index(design["width_mm"]), sample] = outcome == "passed"
     (rule,) = {stopping_rules("decided", read_study(listing))["1"]}
     schedule = ended(passed, rule)

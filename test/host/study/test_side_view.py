@@ -10,7 +10,7 @@ import pytest
 
 from foldcar.store.reader import Store
 from foldcar.study.side_view_check import one_sided
-from study_car import asked, car_body, empty_scene
+from study_car import car_body, empty_scene, run_carsim
 
 Command = Callable[..., "subprocess.CompletedProcess[str]"]
 
@@ -88,8 +88,8 @@ def test_it_is_named_by_the_sweep_and_wherever_its_rates_are_shown(
     page = foldcar("report", "s.db", "-o", "page", "--no-replay")
     assert warning in " ".join(page.stdout.split())
     assert json.dumps(named)[1:-1] in (tmp_path / "page" / "index.html").read_text()
-    told = foldcar("report", "s.db", "--no-replay", "--json", "-o", "page")
-    assert warning in json.loads(told.stdout)["experiments"][0]["remarks"]
+    answer = foldcar("report", "s.db", "--no-replay", "--json", "-o", "page")
+    assert warning in json.loads(answer.stdout)["experiments"][0]["remarks"]
     assert named in " ".join(foldcar("select", "s.db", "--build", "1").stdout.split())
     assert "which matter here" not in foldcar("sweep", listing, "--store", "s.db").stderr
 
@@ -100,7 +100,7 @@ def test_a_segment_too_heavy_for_its_wheels_fails_with_its_numbers(carsim_binary
     run = {"id": "r", "body": "b", "scene": "s", "speed_m_s": 0.3, "time_limit_s": 1}
     lines = [{"body": {**body, "id": "b"}}, {"scene": {**empty_scene(), "id": "s"}}, {"run": run}]
 
-    done = asked(carsim_binary, lines, "--side-view", "batch")
+    done = run_carsim(carsim_binary, lines, "--side-view", "batch")
 
     error = json.loads(done.stdout)["error"]
     assert (done.returncode, error["run"]) == (2, "r")

@@ -74,9 +74,9 @@ def test_a_sweep_keeps_out_of_another_studys_store(
     listing_data["experiments"] = {"other": listing_data["experiments"]["1"]}
     write_listing(listing_data)
 
-    told = refused("sweep", "listing.json", "--store", "s.db", "--json")
-    assert told.startswith("s.db: holds the study of renamed.json, which has none of these experiments; sweep")
-    assert "--store listing.db" in told
+    message = refused("sweep", "listing.json", "--store", "s.db", "--json")
+    assert message.startswith("s.db: holds the study of renamed.json, which has none of these experiments; sweep")
+    assert "--store listing.db" in message
 
 
 def test_a_million_designs_are_estimated_from_some_that_are_spread_out(
@@ -127,7 +127,7 @@ def test_nearby_cars_are_other_runs_and_the_same_for_every_design(store: Path, l
     assert run() == (0, 6)
     params["variation_seed"] = 7
     assert run() == (6, 0)
-    assert len({tuple(r.metrics["elapsed_time_s"] for r in some) for some in (nominal, varied, rows(store))}) == 3
+    assert len({tuple(r.metrics["elapsed_time_s"] for r in runs) for runs in (nominal, varied, rows(store))}) == 3
     connection = sqlite3.connect(store)
     (pairs,) = connection.execute("SELECT count(DISTINCT sample || ' ' || variation_id) FROM result").fetchone()
     connection.close()
@@ -192,7 +192,7 @@ def test_cars_are_folded_once_and_again_only_if_they_may_differ(
 
 def test_a_module_of_the_users_that_changes_changes_the_designs(tmp_path: Path) -> None:
     """The fingerprint covers the file that --components names, and its neighbours."""
-    told = (
+    program = (
         "import sys; from pathlib import Path; from foldcar.car.user_modules import load_components; "
         "from foldcar.study.experiments import read_study; from foldcar.study.planned_designs import *; "
         "load_components(Path(sys.argv[1])); study = read_study(Path(sys.argv[2])); "
@@ -201,10 +201,12 @@ def test_a_module_of_the_users_that_changes_changes_the_designs(tmp_path: Path) 
     part = "from foldcar.car.components.module import Module\nclass Tail(Module):\n    letter, title = 'Tail', 'a tail'\n"
     module = tmp_path / "tail.py"
     listing = PROJECT / "scenarios" / "two_bumps.json"
-    found = []
+    fingerprints = []
     for text, neighbour in ((part, ""), (part, ""), (part + "# new\n", ""), (part + "# new\n", "lid = 1\n")):
         module.write_text(text)
         (tmp_path / "lid.py").write_text(neighbour)
-        done = subprocess.run([sys.executable, "-c", told, module, listing], capture_output=True, text=True, check=True)
-        found.append(done.stdout)
-    assert found[0] == found[1] and len(set(found)) == 3
+        done = subprocess.run(
+            [sys.executable, "-c", program, module, listing], capture_output=True, text=True, check=True
+        )
+        fingerprints.append(done.stdout)
+    assert fingerprints[0] == fingerprints[1] and len(set(fingerprints)) == 3

@@ -118,11 +118,11 @@ def test_runs_go_where_they_are_undecided_and_are_the_same_however_they_are_made
     interrupted = len(rows(tmp_path / "resumed.db"))
     resumed = swept(listing, tmp_path / "resumed.db", carsim_binary, jobs=3, until="decided")
 
-    found, everything = rows(store), rows(full_store)
-    assert found == rows(tmp_path / "resumed.db")
-    assert 20 <= interrupted < len(found) == counts.total == counts.new
+    stored, everything = rows(store), rows(full_store)
+    assert stored == rows(tmp_path / "resumed.db")
+    assert 20 <= interrupted < len(stored) == counts.total == counts.new
     assert (resumed.there, resumed.total) == (interrupted, counts.total)
-    made = Counter(result.design["width_mm"] for result in found)
+    made = Counter(result.design["width_mm"] for result in stored)
     for width in WIDTHS:
         passed = [result.outcome == "passed" for result in everything if result.design["width_mm"] == width]
         ends = [anytime_interval(sum(passed[:n]), n) for n in range(1, MOST + 1)]
@@ -166,8 +166,8 @@ def test_a_sweep_that_stopped_is_complete_and_weighs_its_designs_alike(
     with Store.open(store) as opened:
         info = opened.info().experiments["1"]
     assert info.stored_runs == info.planned_runs < 3 * MOST
-    said = "2 of 3 designs are decided; 1 are undecided, simulated in all 30 environments, or left"
-    assert said in stopped_remarks(info)[0]
+    sentence = "2 of 3 designs are decided; 1 are undecided, simulated in all 30 environments, or left"
+    assert sentence in stopped_remarks(info)[0]
     first, _, named = stopping_lines(study.experiments[0], stopping_rules("decided", study)["1"], counts.states)
     assert first.startswith("experiment 1: 2 of 3 designs decided, 1 undecided; ")
     assert first.endswith(f"{counts.new} of at most {3 * MOST} runs")
@@ -175,7 +175,7 @@ def test_a_sweep_that_stopped_is_complete_and_weighs_its_designs_alike(
 
 
 @pytest.mark.parametrize(
-    ("until", "threshold", "said"),
+    ("until", "threshold", "message"),
     [
         ("5", 0.75, "--until: '5' is neither decided nor a number of percentage points, such as 5pp"),
         ("decided", None, "experiments.1.params.threshold: is missing; --until decided needs it"),
@@ -184,7 +184,7 @@ def test_a_sweep_that_stopped_is_complete_and_weighs_its_designs_alike(
     ],
 )
 def test_what_cannot_be_decided_is_refused(
-    until: str, threshold: Any, said: str, listing_data: Any, write_listing: Callable[[Any], Path]
+    until: str, threshold: Any, message: str, listing_data: Any, write_listing: Callable[[Any], Path]
 ) -> None:
     if threshold is not None:
         listing_data["experiments"]["1"]["params"]["threshold"] = threshold
@@ -192,7 +192,7 @@ def test_what_cannot_be_decided_is_refused(
     with pytest.raises(FoldcarError) as caught:
         stopping_rules(until, read_study(write_listing(listing_data)))
 
-    assert said in str(caught.value)
+    assert message in str(caught.value)
 
 
 def test_undefined_success_is_refused_before_the_store_is_made(
@@ -218,13 +218,13 @@ def test_advice_and_python_give_the_interval_that_a_sweep_that_stopped_may_give(
         (selection,) = select(opened, with_cost=False)
     study = Study(store)
 
-    for state, one in zip(counts.states, stopped, strict=True):
+    for state, design in zip(counts.states, stopped, strict=True):
         expected = pytest.approx([float(end) for end in anytime_interval(state.passed, state.runs)])
-        for rate in (one.simulated(), study.rate(width=state.design["width_mm"])):
+        for rate in (design.simulated(), study.rate(width=state.design["width_mm"])):
             assert [rate.low, rate.high] == expected
             assert rate.method.startswith("anytime-valid interval of")
     shown = [recommendation.simulated for recommendation in selection.recommendations]
     assert shown and all(rate.method.startswith("anytime-valid") for rate in shown)
-    assert [(one.simulated().low, one.simulated().high) for one in fixed] == [
-        wilson_interval(one.runs_passed, one.runs) for one in fixed
+    assert [(design.simulated().low, design.simulated().high) for design in fixed] == [
+        wilson_interval(design.runs_passed, design.runs) for design in fixed
     ]

@@ -92,11 +92,11 @@ def test_a_film_gives_path_start_and_outcome(trial: Any) -> None:
     done = original().run(["track", "trial.mp4", *options], folder)
 
     assert done.returncode == 0, done.stderr
-    said = json.loads(done.stdout)
+    output = json.loads(done.stdout)
     # The rows' read-out is known to half of it.
-    assert abs(said["start_s"] - START_S) < 0.02
-    assert (said["outcome"], answer["outcome"]) == ("passed", "passed")
-    assert abs(said["end_s"] - answer["elapsed_time_s"]) < 0.03 and abs(said["end_x_m"] - 1.0) < 0.01
+    assert abs(output["start_s"] - START_S) < 0.02
+    assert (output["outcome"], answer["outcome"]) == ("passed", "passed")
+    assert abs(output["end_s"] - answer["elapsed_time_s"]) < 0.03 and abs(output["end_x_m"] - 1.0) < 0.01
     assert "stored as stuck: foldcar trials correct s.db 1 --outcome passed" in done.stderr
     with (folder / "p.csv").open(newline="") as file:
         rows = [{name: float(text) for name, text in row.items()} for row in csv.DictReader(file)]
@@ -108,7 +108,7 @@ def test_a_film_gives_path_start_and_outcome(trial: Any) -> None:
     assert numpy.degrees(numpy.median(numpy.abs(angles), axis=0)).max() < 0.5
     # The film's errors are as large as it says.
     spread_m2 = numpy.median([row["var_x_m2"] + row["var_y_m2"] for row in rows])
-    said_m = numpy.hypot(max(said["frame_error_m"]), numpy.sqrt(spread_m2))
+    said_m = numpy.hypot(max(output["frame_error_m"]), numpy.sqrt(spread_m2))
     assert numpy.median(place_m) < 2 * said_m < 0.02
     # Without a log the replay is of the film.
     with Store.open(folder / "s.db") as store:
@@ -130,7 +130,7 @@ def pictures(scene: Any) -> tuple[list[tuple[Any, Any]], Any, Any]:
         flat = numpy.array([(-side, side, 0), (side, side, 0), (side, -side, 0), (-side, -side, 0)])
         return camera.pixels(thing.place + flat @ thing.turn.T) + chance.normal(0, 0.15, (4, 2))
 
-    floor = {one.id: corners(thing) for one, thing in zip(course.floor, floor_markers(course), strict=True)}
+    floor = {marker.id: corners(thing) for marker, thing in zip(course.floor, floor_markers(course), strict=True)}
     view = find_view(floor, course, (filming.width, filming.height), None, "picture")
     shown = [(numpy.array(row[1:7]), corners(car.things(row[1:7])[-1])) for row in answer["path"]]
     return shown, view, json.loads(body)
@@ -143,16 +143,20 @@ def test_obstacles_are_as_high_as_the_car_shows(factor: float) -> None:
     planned, car = standing({**SCENE, "terrain": [box]}, carsim_heights(Carsim()), body), car_marker(body, COURSE)
 
     poses = [find_pose(seen, view, car, planned) for _, seen in shown]
-    found = fit_heights([pose for pose in poses if pose], planned, 0.15)
+    heights = fit_heights([pose for pose in poses if pose], planned, 0.15)
 
-    height, error = found.factors[1], found.factor_errors[1]
+    height, error = heights.factors[1], heights.factor_errors[1]
     assert abs(height - factor) < 2 * error < 0.15
-    told = [f"obstacle at 700, 90 mm were {height:.2f} ± {error:.2f} times as high as planned"] if factor != 1 else []
-    remarks = height_remarks(found, "film")
+    sentences = (
+        [f"obstacle at 700, 90 mm were {height:.2f} ± {error:.2f} times as high as planned"] if factor != 1 else []
+    )
+    remarks = height_remarks(heights, "film")
     with pytest.raises(FoldcarError, match=r"film: is a film of another trial: .* obstacle at 700, 90 mm"):
-        height_remarks(replace(found, factors=found.factors * [1, 0.3]), "film")
-    assert len(remarks) == len(told) and all(one in remark for one, remark in zip(told, remarks, strict=True))
-    off = numpy.array([find_pose(seen, view, car, found).values - true for true, seen in shown])
+        height_remarks(replace(heights, factors=heights.factors * [1, 0.3]), "film")
+    assert len(remarks) == len(sentences) and all(
+        sentence in remark for sentence, remark in zip(sentences, remarks, strict=True)
+    )
+    off = numpy.array([find_pose(seen, view, car, heights).values - true for true, seen in shown])
     place_m = numpy.hypot(off[:, 0], off[:, 1])
     assert numpy.median(place_m) < 0.003 and numpy.quantile(place_m, 0.95) < 0.006
 
@@ -230,13 +234,13 @@ def test_a_photo_gives_the_places_of_car_and_obstacles() -> None:
     picture = photo(COURSE, card_marker, pose=pose)
     ground = standing({**SCENE, "terrain": []}, carsim_heights(Carsim()), body)
     things = {"A": thing, "B": thing}
-    found = find_placed(picture, "photo", COURSE, None, SCENE, things, car_marker(body, COURSE), ground)
+    placed = find_placed(picture, "photo", COURSE, None, SCENE, things, car_marker(body, COURSE), ground)
 
-    assert found.missing == ("B",)
+    assert placed.missing == ("B",)
     for name, true in {"A": (0.01, -0.01, 0.02), "car": (0.004, -0.005, 0.03)}.items():
-        off = numpy.abs(numpy.subtract(found.deviations[name], true))
-        assert (off < 3 * numpy.array(found.errors[name])).all() and off[:2].max() < 0.003 and off[2] < 0.012, name
-        assert max(found.errors[name][:2]) < 0.004
+        off = numpy.abs(numpy.subtract(placed.deviations[name], true))
+        assert (off < 3 * numpy.array(placed.errors[name])).all() and off[:2].max() < 0.003 and off[2] < 0.012, name
+        assert max(placed.errors[name][:2]) < 0.004
 
 
 def test_a_card_on_a_hill_or_a_hole_lies_as_high_as_these_carry_it() -> None:
@@ -253,12 +257,12 @@ def test_a_card_on_a_hill_or_a_hole_lies_as_high_as_these_carry_it() -> None:
     body = json.loads(car_texts()[0])
     ground = standing(scene, carsim_heights(Carsim()), body)
 
-    found = find_placed(photo(COURSE, *cards), "photo", COURSE, None, scene, things, car_marker(body, COURSE), ground)
+    placed = find_placed(photo(COURSE, *cards), "photo", COURSE, None, scene, things, car_marker(body, COURSE), ground)
 
     for name, true in {"A": (0.01, -0.015, 0.05), "B": (-0.01, 0.02, 0.0)}.items():
-        off = numpy.abs(numpy.subtract(found.deviations[name], true))
-        assert (off < 3 * numpy.array(found.errors[name])).all() and off[:2].max() < 0.004 and off[2] < 0.012, name
-        assert 0.002 < max(found.errors[name][:2]) < {"A": 0.012, "B": 0.006}[name]
+        off = numpy.abs(numpy.subtract(placed.deviations[name], true))
+        assert (off < 3 * numpy.array(placed.errors[name])).all() and off[:2].max() < 0.004 and off[2] < 0.012, name
+        assert 0.002 < max(placed.errors[name][:2]) < {"A": 0.012, "B": 0.006}[name]
 
 
 def test_places_by_a_photo_are_a_correction_of_the_trial(trial: Any, tmp_path: Path) -> None:
@@ -269,10 +273,10 @@ def test_places_by_a_photo_are_a_correction_of_the_trial(trial: Any, tmp_path: P
         made = [writer.place(1, {"car": (0.01, 0.02, -0.03)}, scene, "by photo.jpg", "Ada") for _ in range(2)]
 
     with Store.open(tmp_path / "s.db") as store:
-        found, drive = store.trial(1), store.trial_drive(1)
+        result, drive = store.trial(1), store.trial_drive(1)
         (correction,) = store.corrections(1)
-    assert [len(one) for one in made] == [1, 0]
-    assert found.deviations == {"car": (0.01, 0.02, -0.03)} and drive is not None and json.loads(drive[2]) == scene
+    assert [len(batch) for batch in made] == [1, 0]
+    assert result.deviations == {"car": (0.01, 0.02, -0.03)} and drive is not None and json.loads(drive[2]) == scene
     assert (correction.field, correction.before, correction.reason) == ("deviations", "{}", "by photo.jpg")
 
 
@@ -330,7 +334,7 @@ def test_a_film_of_another_trial_is_refused(
 def test_missing_and_moved_floor_markers_are_told() -> None:
     size = (FILMING.width, FILMING.height)
     whole = seen(COURSE)
-    three = {number: one for number, one in whole.items() if number != 2}
+    three = {number: marker for number, marker in whole.items() if number != 2}
     pushed = replace(COURSE, floor=tuple(replace(m, x_m=m.x_m + 0.04 * (m.id == 1)) for m in COURSE.floor))
     camera = Camera(FILMING)
 
@@ -338,9 +342,9 @@ def test_missing_and_moved_floor_markers_are_told() -> None:
     view = find_view(three, COURSE, size, None, "photo")
     assert view.remarks == ("floor marker 2 is not seen",)
     assert abs(view.lens.focal_px / camera.focal - 1) < 0.02 and numpy.abs(view.place_m - camera.place).max() < 0.03
-    (told,) = find_view(seen(pushed), COURSE, size, None, "photo").remarks
+    (remarks,) = find_view(seen(pushed), COURSE, size, None, "photo").remarks
     message = r"floor marker 1 lies (3[89]|4[012]) mm from its position, at 11[34]\d, \d+ mm; it is left out"
-    assert re.fullmatch(message, told)
+    assert re.fullmatch(message, remarks)
     turned = replace(COURSE, floor=(FloorMarker(0, 0.0, 0.4, 1.2), *COURSE.floor[1:]))
     assert find_view(seen(turned), turned, size, None, "photo").remarks == ()
     with pytest.raises(FoldcarError, match=r"^photo: floor markers 1, 2 not seen: 3 of 4 are needed$"):
@@ -359,8 +363,8 @@ def test_the_lens_of_a_board_is_that_of_the_camera(tmp_path: Path) -> None:
     ]
     filming = Filming(width=640, height=360, k1=-0.05, k2=0.01, moments=1)
     for at, place in enumerate(places):
-        one = replace(filming, place_m=place, aim_m=(0.02 * (at % 3 - 1), 0.015 * (at % 4 - 1), 0.0))
-        cv2.imwrite(str(tmp_path / f"{at}.png"), Film(one, [plate], None, None).frame(0.0))
+        moved = replace(filming, place_m=place, aim_m=(0.02 * (at % 3 - 1), 0.015 * (at % 4 - 1), 0.0))
+        cv2.imwrite(str(tmp_path / f"{at}.png"), Film(moved, [plate], None, None).frame(0.0))
 
     lens, views = calibrate(sorted(tmp_path.glob("*.png")))
 
@@ -380,7 +384,7 @@ def test_sheets_have_markers_of_their_size_that_are_read(tmp_path: Path, foldcar
     assert (done.returncode, done.stdout.split()) == (0, ["m/markers.pdf", "m/course.json"])
     assert json.loads((tmp_path / "m" / "course.json").read_text()) == course_json(COURSE)
     pages = PdfReader(tmp_path / "m" / "markers.pdf").pages
-    found = {}
+    facts = {}
     for page in pages:
         assert [round(float(side) / 72 * 25.4) for side in page.mediabox[2:]] == [210, 297]
         picture = numpy.full((2970, 2100), 255, numpy.uint8)
@@ -390,8 +394,8 @@ def test_sheets_have_markers_of_their_size_that_are_read(tmp_path: Path, foldcar
         for words in re.findall(r"([-.\d]+) ([-.\d]+) ([-.\d]+) ([-.\d]+) re", filled):
             x, y, wide, high = (10 * float(number) for number in words)
             picture[round(2970 - y - high) : round(2970 - y), round(x) : round(x + wide)] = 0
-        found |= Detector().find(picture)
-    sides = {number: float(numpy.linalg.norm(one[0] - one[1])) / 10 for number, one in found.items()}
+        facts |= Detector().find(picture)
+    sides = {number: float(numpy.linalg.norm(corners_px[0] - corners_px[1])) / 10 for number, corners_px in facts.items()}
     expected = {**dict.fromkeys(range(4), 120), 10: 50, **dict.fromkeys(range(20, 24), 60)}
     assert {number: round(side) for number, side in sides.items()} == expected
 
@@ -431,7 +435,7 @@ def test_the_smooth_path_leaves_wrong_readings_out() -> None:
     assert numpy.flatnonzero(~used).tolist() == [40]
     off = path[used] - true[used]
     assert numpy.sqrt(numpy.mean(off[:, 0] ** 2)) < 0.0018
-    scores = off / numpy.sqrt(numpy.array([numpy.diag(one) for one in spreads[used]]))
+    scores = off / numpy.sqrt(numpy.array([numpy.diag(covariance) for covariance in spreads[used]]))
     assert 0.6 < numpy.sqrt(numpy.mean(scores**2)) < 1.2
 
 
@@ -444,9 +448,9 @@ def test_a_film_is_in_the_mcap_of_its_trial(tmp_path: Path) -> None:
     export_mcap(log, tmp_path / "t.mcap", {}, filmed=rows)
 
     with (tmp_path / "t.mcap").open("rb") as file:
-        found = [(m.log_time, json.loads(m.data)) for _, c, m in make_reader(file).iter_messages(topics=["/camera/pose"])]
-    assert [content["x_m"] for _, content in found] == [row[1] for row in rows]
-    assert abs((found[-1][0] - found[0][0]) / 1e9 - 0.95) < 1e-6
+        poses = [(m.log_time, json.loads(m.data)) for _, c, m in make_reader(file).iter_messages(topics=["/camera/pose"])]
+    assert [content["x_m"] for _, content in poses] == [row[1] for row in rows]
+    assert abs((poses[-1][0] - poses[0][0]) / 1e9 - 0.95) < 1e-6
 
 
 def test_a_byte_order_mark_is_no_part_of_a_course(tmp_path: Path) -> None:
@@ -456,7 +460,7 @@ def test_a_byte_order_mark_is_no_part_of_a_course(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "message"),
     [
         (("gone.mp4",), "gone.mp4: no such file"),
         (("text.mp4",), "text.mp4: cannot be read as a film (MP4, MOV, MKV, AVI)"),
@@ -471,7 +475,9 @@ def test_a_byte_order_mark_is_no_part_of_a_course(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_what_cannot_be_used_is_told_in_a_line(trial: Any, tmp_path: Path, foldcar: Any, words: Any, told: str) -> None:
+def test_what_cannot_be_used_is_told_in_a_line(
+    trial: Any, tmp_path: Path, foldcar: Any, words: Any, message: str
+) -> None:
     for name in ("text.mp4", "text.jpg", "text.heic"):
         (tmp_path / name).write_bytes(b"no film or photo")
     course = course_json(COURSE)
@@ -483,7 +489,7 @@ def test_what_cannot_be_used_is_told_in_a_line(trial: Any, tmp_path: Path, foldc
 
     answer = foldcar("track", *words, "--trial", "1", "--store", "s.db")
 
-    assert (answer.returncode, answer.stdout, answer.stderr) == (2, "", f"foldcar: error: {told}\n")
+    assert (answer.returncode, answer.stdout, answer.stderr) == (2, "", f"foldcar: error: {message}\n")
 
 
 def test_a_camera_that_moves_is_refused(tmp_path: Path) -> None:

@@ -32,10 +32,10 @@ def log_and(folder: Path, port: str, accident: Callable[[], object]) -> tuple[in
     words = [*LOG, "--port", port, "--yes", "--countdown", "2"]
     process = original().start(words, folder, {**os.environ, "PYTHONUNBUFFERED": "1"})
     process.stdin.close()
-    said = ""
-    while not said.startswith("Countdown"):
-        said = process.stdout.readline()
-        assert said, process.stderr.read()
+    sentence = ""
+    while not sentence.startswith("Countdown"):
+        sentence = process.stdout.readline()
+        assert sentence, process.stderr.read()
     # The log is made after the line is printed.
     time.sleep(1.0)
     accident()
@@ -89,10 +89,10 @@ def test_a_logs_folder_that_is_a_file_is_named_before_the_drive(tmp_path: Path, 
 def test_a_second_program_at_a_tcp_port_is_told_why(refused: Refused) -> None:
     with car_at_port(tcp=True) as car:
         first = open_stream(car.port)
-        told = refused("params", "get", "--port", car.port)
+        message = refused("params", "get", "--port", car.port)
         first.close()
 
-    assert told == f"{car.port}: it closed the connection at once; another program may be using the car"
+    assert message == f"{car.port}: it closed the connection at once; another program may be using the car"
 
 
 def test_the_report_tells_trials_of_another_environment(
@@ -108,10 +108,10 @@ def test_the_report_tells_trials_of_another_environment(
     assert foldcar("sweep", "l.json", "--store", "s.db", "--jobs", "1").returncode == 0
     other: Any = json.loads(foldcar("report", "s.db", "-o", "r", "--no-replay", "--simulated-trials", "--json").stdout)
 
-    told = "1 trial left out: driven in free.scenic, not in other.scenic."
-    assert told in other["experiments"][0]["remarks"]
-    assert told not in same["experiments"][0]["remarks"]
-    assert told in (tmp_path / "r" / "index.html").read_text()
+    sentence = "1 trial left out: driven in free.scenic, not in other.scenic."
+    assert sentence in other["experiments"][0]["remarks"]
+    assert sentence not in same["experiments"][0]["remarks"]
+    assert sentence in (tmp_path / "r" / "index.html").read_text()
 
 
 def test_a_link_lost_before_the_start_has_no_time_of_an_earlier_trial(

@@ -38,25 +38,25 @@ def test_tilts_heading_and_time_of_a_drive_over_a_box_are_those_of_its_truth(tmp
     assert done.returncode == 0, done.stderr
     (file,) = tmp_path.glob("s-logs/*.tlog")
 
-    found = log_features(file)
+    features = log_features(file)
     shown = foldcar("trials", "replay", "s.db", "1", "--json")
 
     messages = [message for _, message in read_tlog(file)]
     start_s = trial_start_s(messages)
-    assert start_s is not None and found.elapsed_time_s is not None
+    assert start_s is not None and features.elapsed_time_s is not None
     true = [m for m in messages if m.get_type() == "FOLDCAR_TRUTH"]
-    true = [m for m in true if 0 <= m.time_usec / 1e6 - start_s <= found.elapsed_time_s]
+    true = [m for m in true if 0 <= m.time_usec / 1e6 - start_s <= features.elapsed_time_s]
     ended_s = next(m.outcome_time for m in messages if m.get_type() == "FOLDCAR_TRUTH" and m.outcome)
     # The host stops the car when it has seen the end.
-    assert -0.002 < found.elapsed_time_s - ended_s < 0.3
-    assert found.tilt_error_rad is not None and found.heading_error_rad is not None
+    assert -0.002 < features.elapsed_time_s - ended_s < 0.3
+    assert features.tilt_error_rad is not None and features.heading_error_rad is not None
     roll, pitch = (max(abs(getattr(m, name)) for m in true) for name in ("roll", "pitch"))
     assert pitch > 0.08
-    assert abs(found.max_roll_rad) == pytest.approx(roll, abs=3 * found.tilt_error_rad)
-    assert abs(found.max_pitch_rad) == pytest.approx(pitch, abs=3 * found.tilt_error_rad)
+    assert abs(features.max_roll_rad) == pytest.approx(roll, abs=3 * features.tilt_error_rad)
+    assert abs(features.max_pitch_rad) == pytest.approx(pitch, abs=3 * features.tilt_error_rad)
     turned = numpy.unwrap([m.heading for m in true])
-    assert found.heading_change_rad == pytest.approx(turned[-1] - turned[0], abs=3 * found.heading_error_rad)
-    assert json.loads(shown.stdout)["log"]["max_pitch_rad"] == found.max_pitch_rad
+    assert features.heading_change_rad == pytest.approx(turned[-1] - turned[0], abs=3 * features.heading_error_rad)
+    assert json.loads(shown.stdout)["log"]["max_pitch_rad"] == features.max_pitch_rad
 
 
 def written(file: Path, imu: bool, mv: tuple[int, ...], end: int) -> Path:
@@ -80,11 +80,11 @@ def written(file: Path, imu: bool, mv: tuple[int, ...], end: int) -> Path:
 
 
 def test_the_pull_of_an_acceleration_is_taken_off_the_pitch(tmp_path: Path) -> None:
-    found = log_features(written(tmp_path / "a.tlog", True, (4000, 3700, 3800), 1))
+    features = log_features(written(tmp_path / "a.tlog", True, (4000, 3700, 3800), 1))
 
     # Uncorrected it would be 0.18.
-    assert found.max_pitch_rad is not None and abs(found.max_pitch_rad) < 0.05
-    assert (found.elapsed_time_s, found.battery_sag_v, found.shocks_s) == (2.0, 0.3, ())
+    assert features.max_pitch_rad is not None and abs(features.max_pitch_rad) < 0.05
+    assert (features.elapsed_time_s, features.battery_sag_v, features.shocks_s) == (2.0, 0.3, ())
 
 
 def test_what_a_log_does_not_tell_is_none(tmp_path: Path) -> None:

@@ -31,16 +31,16 @@ def test_second_thoughts_are_kept_at_once(tmp_path: Path, free_course: Path) -> 
         person.sees("Trial 2: sample 0")
         person.answers(("A stays", ""), ("Enter starts", ""), ("Outcome:", ""), ("Enter: next", "r"), ("(w)ithdrawn", ""))
         person.answers(("deviation: ", ""), ("Enter starts", "q"))
-        assert person.ends() == 0, person.said
+        assert person.ends() == 0, person.output
 
-    assert "Trial 1: tipped" in person.said
+    assert "Trial 1: tipped" in person.output
     first, second = trials_in(tmp_path / "s.db")
     assert (first.outcome, first.note, first.standing) == ("tipped", "wheel slipped; twice", "withdrawn")
     assert (second.outcome, second.standing, second.sample) == ("passed", "simulated", first.sample)
     with Store.open(tmp_path / "s.db") as opened:
         trail = [(c.trial, c.field, c.before, c.after, c.operator) for c in opened.corrections()]
     assert trail == [(1, "outcome", "passed", "tipped", "Ada"), (1, "withdrawn", 0, 1, "Ada")]
-    summary = person.said[person.said.index("This session") :]
+    summary = person.output[person.output.index("This session") :]
     assert "1 of 1 passed in experiment 1; 1 more trial aborted or withdrawn" in summary
     assert "was not swept in s.db" in summary
 
@@ -84,12 +84,12 @@ def test_photos_and_films_belong_to_their_trials(tmp_path: Path, free_course: Pa
             person.answers(("Enter: next", "q"))
             person.sees("waiting until drive.mp4")
         film = (folder / "drive.mp4").read_bytes()
-        assert person.ends() == 0, person.said
+        assert person.ends() == 0, person.output
 
     store = tmp_path / "s.db"
     with Store.open(store) as opened:
-        found = {one.file: (one.trial, one.kind, one.sha256) for one in opened.media()}
-    assert found == {
+        media = {medium.file: (medium.trial, medium.kind, medium.sha256) for medium in opened.media()}
+    assert media == {
         "extra.png": (1, "photo", hashlib.sha256(b"extra").hexdigest()),
         "phone/drive.mp4": (1, "film", hashlib.sha256(film).hexdigest()),
     }
@@ -107,7 +107,7 @@ def test_photos_and_films_belong_to_their_trials(tmp_path: Path, free_course: Pa
     (tmp_path / "m").mkdir()
     merge_stores([store], tmp_path / "m" / "s.db")
     with Store.open(tmp_path / "m" / "s.db") as opened:
-        assert {one.file for one in opened.media()} == {str(tmp_path.resolve() / name) for name in found}
+        assert {medium.file for medium in opened.media()} == {str(tmp_path.resolve() / name) for name in media}
     assert check_store(tmp_path / "m" / "s.db").findings == []
 
 
@@ -149,7 +149,7 @@ def test_an_experiments_name_may_have_a_slash(tmp_path: Path, free_course: Path)
     words = [word if word != "1" else "a/b" for word in LOG]
     with car_at_port() as car, Typist(tmp_path, *words, "--port", car.port, "--countdown", "0") as person:
         person.answers(("deviation: ", ""), ("Enter starts", "q"))
-        assert person.ends() == 0, person.said
+        assert person.ends() == 0, person.output
 
     (picture,) = (tmp_path / "s-logs").glob("place-a_b_*-0.png")
-    assert picture.name in person.said
+    assert picture.name in person.output

@@ -69,14 +69,14 @@ def test_the_car_follows_to_the_sample_of_each_trial(
         other = refused("log", "l.json", "--experiment", "2", "--store", "s.db", "--port", port, "--yes")
         made_nothing = not (course / "s.db").exists() and not (course / "s-logs").exists()
         answer = foldcar(*LOG, "--port", port, "--yes", "--trials", "3", "--countdown", "0")
-        asked = foldcar(*LOG, "--port", port, "--yes", "--trials", "1", "--countdown", "0", "--sample", "3")
+        done = foldcar(*LOG, "--port", port, "--yes", "--trials", "1", "--countdown", "0", "--sample", "3")
 
     assert made_nothing
     assert other == (
         "the simulated car cannot drive in sample 0 of experiment 2: start `foldcar link` with this experiment of l.json "
         "as it is now, and with --sample 0"
     )
-    assert (answer.returncode, asked.returncode) == (0, 0), answer.stderr + asked.stderr
+    assert (answer.returncode, done.returncode) == (0, 0), answer.stderr + done.stderr
     assert "SIMULATED CAR: its trials are stored as simulated" in answer.stdout
     assert "Trial 1: passed (SIMULATED CAR); log: " in answer.stdout
     # The ramp is one obstacle.

@@ -68,9 +68,9 @@ def test_what_cannot_be_is_named_with_line_and_column(tmp_path: Path, text: str,
 def test_a_bad_row_keeps_the_others_out(tmp_path: Path, refused: Any) -> None:
     (tmp_path / "t.csv").write_text(column("elapsed_time_s", "1", "x"))
 
-    told = refused("trials", "import", "s.db", "t.csv", "--experiment", "1")
+    message = refused("trials", "import", "s.db", "t.csv", "--experiment", "1")
 
-    assert told == 't.csv: line 3: elapsed_time_s: "x" is not a number'
+    assert message == 't.csv: line 3: elapsed_time_s: "x" is not a number'
     assert not (tmp_path / "s.db").exists()
 
 
@@ -78,11 +78,11 @@ def test_outcomes_are_read_as_a_spreadsheet_capitalises_them_and_times_in_utc(tm
     times = ("2026-05-01T09:30:00+02:00", "2026-05-01T09:30:00Z", "2026-05-01")
     cells = ("Passed,p,Built", "NOT_PASSED,p,", "stuck,p,simulated")
     rows = [f"W_B_W,95,{cell},{time}\n" for cell, time in zip(cells, times, strict=True)]
-    found = read(tmp_path, "vehicle_type,width_mm,outcome,source,car,started_utc\n" + "".join(rows))
+    messages = read(tmp_path, "vehicle_type,width_mm,outcome,source,car,started_utc\n" + "".join(rows))
 
-    told = [("passed", "built"), ("not_passed", "built"), ("stuck", "simulated")]
-    assert [(trial["outcome"], trial["car"]) for trial in found] == told
-    assert [trial["started_utc"] for trial in found] == ["2026-05-01T07:30:00+00:00", *times[1:]]
+    outcomes = [("passed", "built"), ("not_passed", "built"), ("stuck", "simulated")]
+    assert [(trial["outcome"], trial["car"]) for trial in messages] == outcomes
+    assert [trial["started_utc"] for trial in messages] == ["2026-05-01T07:30:00+00:00", *times[1:]]
 
 
 def test_a_cell_may_have_line_breaks_and_a_row_may_begin_with_a_hash(tmp_path: Path) -> None:

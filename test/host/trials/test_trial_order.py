@@ -31,7 +31,10 @@ def test_the_order_moves_the_fewest_obstacles_of_all_orders() -> None:
     for _ in range(8):
         # Few places, so that some obstacles stay.
         drawn = rng.integers([3, 2], size=(5, 3, 2)).astype(float)
-        places = [standing(**{name: (x, y) for name, (x, y) in zip("ABC", one, strict=True)}) for one in drawn.tolist()]
+        places = [
+            standing(**{name: (x, y) for name, (x, y) in zip("ABC", variation, strict=True)})
+            for variation in drawn.tolist()
+        ]
         now, met = places[0], {0: 1}
         driven: list[int] = []
         for _ in range(4):

@@ -42,16 +42,16 @@ def test_a_bad_deviation_says_what_is_wrong(text: str) -> None:
 
 @pytest.mark.parametrize(("neutral", "deadband"), [(1487, 5), (1531, 90)])
 def test_a_servos_edges_are_found_within_the_drivers_step(neutral: float, deadband: float) -> None:
-    asked = []
+    questions = []
 
     def turns(pulse_us: int) -> int:
-        asked.append(pulse_us)
+        questions.append(pulse_us)
         return 0 if abs(pulse_us - neutral) <= deadband else int(math.copysign(1, pulse_us - neutral))
 
     edges = find_edges(turns)
 
     assert edges.neutral_us == pytest.approx(neutral, abs=2) and edges.deadband_us == pytest.approx(deadband, abs=2)
-    assert len(asked) <= 20 and len(set(asked)) == len(asked)
+    assert len(questions) <= 20 and len(set(questions)) == len(questions)
 
 
 @pytest.mark.parametrize("turns", [lambda pulse: 0, lambda pulse: 1 if pulse < 1500 else -1])
@@ -221,15 +221,17 @@ def test_the_only_board_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize(
-    ("found", "message"),
+    ("plugged_in", "message"),
     [
         ([], "no car is plugged in"),
         ([("/dev/ttyACM0", 1, 2)], "no port with a Feather's USB bridge.*--port /dev/ttyACM0 "),
         ([("/dev/a", 0x1A86, 0x55D4), ("/dev/b", 0x10C4, 0xEA60)], "/dev/a .*, /dev/b .*; choose one with --port"),
     ],
 )
-def test_without_a_single_board_a_port_must_be_named(monkeypatch: pytest.MonkeyPatch, found: Any, message: str) -> None:
-    ports(monkeypatch, *found)
+def test_without_a_single_board_a_port_must_be_named(
+    monkeypatch: pytest.MonkeyPatch, plugged_in: Any, message: str
+) -> None:
+    ports(monkeypatch, *plugged_in)
 
     with pytest.raises(FoldcarError, match=message):
         choose_port(None)
@@ -241,9 +243,9 @@ def test_messages_that_come_together_are_all_read() -> None:
     try:
         os.write(ours, b"".join(heartbeats(5)))
 
-        found = [connection.wait_for(lambda m: m.get_type() == "HEARTBEAT", 5.0) for _ in range(5)]
+        beats = [connection.wait_for(lambda m: m.get_type() == "HEARTBEAT", 5.0) for _ in range(5)]
 
-        assert [message.custom_mode for message in found if message is not None] == [0, 1, 2, 3, 4]
+        assert [message.custom_mode for message in beats if message is not None] == [0, 1, 2, 3, 4]
         assert (connection.received, connection.lost, connection.damaged) == (5, 0, 0)
         os.write(ours, heartbeats(9)[8])
         connection.wait_for(lambda m: m.custom_mode == 8, 5.0)
@@ -271,9 +273,9 @@ def test_a_log_that_breaks_off_or_lacks_bytes_is_told() -> None:
             20_000, 7, 3_000, 3_000, 0.2, 0.0, dialect.FOLDCAR_STATE_FINISHED, getattr(dialect, f"FOLDCAR_END_{how}"),
             dialect.FOLDCAR_FAULT_NONE, 1, log_lost, dialect.FOLDCAR_LOG_OPEN,
         )  # fmt: skip
-        told = drive_end(dialect, message, lost_bytes)
-        assert told.elapsed_time_s == 3.0
-        return told.ending, told.outcome
+        end = drive_end(dialect, message, lost_bytes)
+        assert end.elapsed_time_s == 3.0
+        return end.ending, end.outcome
 
     assert end("TIME_LIMIT", 0, 0) == ("time limit, untethered", "timeout")
     assert end("TIME_LIMIT", 12, 40) == ("time limit, untethered, 40 bytes of its log lost", "timeout")

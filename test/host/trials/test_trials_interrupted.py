@@ -153,7 +153,7 @@ def test_ctrl_c_stops_the_car_and_aborts_the_trial(tmp_path: Path, free_course: 
         with Typist(tmp_path, *LOG, "--port", car.port, "--countdown", "0", "--yes") as person:
             person.watches_until(lambda: moving(tmp_path))
             person.process.send_signal(signal.SIGINT)
-            assert person.ends() == 130 and "Traceback" not in person.said
+            assert person.ends() == 130 and "Traceback" not in person.output
         stands_still(car.port)
 
     (trial,) = trials_in(tmp_path / "s.db")

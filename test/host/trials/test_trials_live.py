@@ -95,12 +95,14 @@ def check_export(log: Path, file: Path) -> None:
     messages = list(read_tlog(log))
     with file.open("rb") as opened:
         read = list(make_reader(opened).iter_messages())
-    told = [(schema, channel, m) for schema, channel, m in read if schema is not None and schema.name[:9] != "foxglove."]
-    assert count == len(told) == len(messages)
-    for schema, channel, message in told:
+    result = [
+        (schema, channel, m) for schema, channel, m in read if schema is not None and schema.name[:9] != "foxglove."
+    ]
+    assert count == len(result) == len(messages)
+    for schema, channel, message in result:
         assert channel.topic.endswith(schema.name) and conforms(json.loads(message.data), json.loads(schema.data))
     truth = [m for _, m in messages if m.get_type() == "FOLDCAR_TRUTH"]
-    places = [json.loads(m.data)["x"] for _, c, m in told if c.topic == "/simulator/FOLDCAR_TRUTH"]
+    places = [json.loads(m.data)["x"] for _, c, m in result if c.topic == "/simulator/FOLDCAR_TRUTH"]
     assert places == [m.x for m in truth]
 
 
@@ -110,8 +112,8 @@ def test_another_design_is_refused_and_does_not_move(tmp_path: Path, free_course
         other = foldcar("params", "get", "TRACK_M", "--port", car.port)
 
     assert answer.returncode == 2 and answer.stderr.count("\n") == 1
-    for said in ("the car is W_B_W 150x200 r60", "not one of the 2 of experiment 1", "foldcar flash"):
-        assert said in answer.stderr
+    for message in ("the car is W_B_W 150x200 r60", "not one of the 2 of experiment 1", "foldcar flash"):
+        assert message in answer.stderr
     assert not (tmp_path / "s.db").exists() and not (tmp_path / "s-logs").exists()
     assert float(other.stdout.split()[1]) == pytest.approx(body_json(compose("W_B_W", {"width": 150.0}))["track_m"])
 
@@ -123,7 +125,7 @@ def test_an_untethered_car_brings_its_log_home(tmp_path: Path, free_course: Path
     ):
         person.watches_until(lambda: moving(tmp_path))
         inject(car, inject="unplug", for_s=4)
-        assert person.ends() == 0, person.said
+        assert person.ends() == 0, person.output
 
     (trial,) = trials_in(tmp_path / "s.db")
     assert (trial.outcome, trial.ending) == ("timeout", "time limit, untethered")

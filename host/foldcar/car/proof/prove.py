@@ -256,6 +256,7 @@ def _closing(lid: Lid, angles_rad: Mapping[str, float]) -> Iterator[dict[str, fl
 
 
 def _failure_message(way: ExitPath) -> str:
+    """Return why a part does not fit, or what it meets along each way out."""
     if way.stuck:
         return f"does not fit: at its place it runs into {way.stuck}"
     met = []

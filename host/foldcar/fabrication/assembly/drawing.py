@@ -108,6 +108,7 @@ class Drawing:
 
 
 def _face(seen: VisibleFacet, size: float, faded: bool) -> str:
+    """Return a visible facet as a filled path, shaded by its light."""
     base = np.array(COLOURS[seen.facet.material][0 if seen.front else 1])
     if faded:
         base = base + (PALE - base) * FADED
@@ -121,6 +122,7 @@ def _face(seen: VisibleFacet, size: float, faded: bool) -> str:
 
 
 def _lines(shape: Shape, seen: Sequence[VisibleFacet], view: Camera, size: float) -> list[str]:
+    """Return the visible parts of edges and creases as stroked paths, one for each kind of line."""
     visible = {visible_facet.facet.key: visible_facet for visible_facet in seen}
     groups: dict[tuple[str, tuple[str, ...]], list[Vector]] = {}
     for line in shape.lines:
@@ -151,6 +153,7 @@ def _lines(shape: Shape, seen: Sequence[VisibleFacet], view: Camera, size: float
 
 
 def _marks(marks: Sequence[Mark], seen: Sequence[VisibleFacet], view: Camera, size: float) -> list[str]:
+    """Return the numbers of joins on visible faces, moved apart where they would overlap."""
     regions = {visible_facet.facet.key: visible_facet.region for visible_facet in seen}
     texts: list[str] = []
     placed: list[Vector] = []

@@ -198,6 +198,7 @@ class Scene:
         return self._insert(added, parts)
 
     def _insert(self, added: Added, parts: Sequence[Part]) -> list[Shape]:
+        """Show ``parts`` apart from their place, with arrows along the moves that bring them in."""
         in_place = points([self.state.shape(part) for part in parts])
         box = np.stack([in_place.min(axis=0), in_place.max(axis=0)])
         moves = self._moves(added, box)

@@ -42,6 +42,7 @@ def step_lines(step: AssemblyStep, before: State) -> tuple[str, ...]:
 
 
 def _folds(step: AssemblyStep, before: State) -> Iterator[str]:
+    """Yield the sentences of a step on folding: which pieces, how many folds, in which direction."""
     wound = [before.pieces[name] for name in step.folds if is_wound(before.pieces[name])]
     if wound:
         labels = join_words([f"the {piece.label}" for piece in wound])
@@ -131,6 +132,7 @@ def _directions(added: Added, moves: Sequence[Vector], before: State, apart: boo
 
 
 def _joins(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
+    """Yield the sentences of a step on joins: tape, slots, locks."""
     joins = [join for join in car.joins if join.number in step.joins]
     layers = {join.number: join for join in joins if join.kind == "laminate"}
     labels = {piece.name: piece.label for piece in car.pieces}
@@ -182,6 +184,7 @@ def _wheel_joins(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
 
 
 def _plugs(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
+    """Yield the sentences of a step on plugs and wires."""
     wires = plugs_in(car, step)
     mounts = {mount.name: mount.part for mount in car.mounts}
     signals = [wire for wire in wires if wire.carries == "signal"]

@@ -100,6 +100,7 @@ def parts_list_csv(folded: FoldedCar, sheets: Sequence[Sheet] = ()) -> str:
 
 
 def _film(folded: FoldedCar, sheets: Sequence[Sheet]) -> Iterator[Row]:
+    """Yield a row for each thickness of film."""
     areas: dict[float, float] = {}
     for piece in folded.pieces:
         areas[piece.thickness_mm] = areas.get(piece.thickness_mm, 0.0) + piece.count * piece_area_mm2(piece)
@@ -116,6 +117,7 @@ def _film(folded: FoldedCar, sheets: Sequence[Sheet]) -> Iterator[Row]:
 
 
 def _bought(folded: FoldedCar) -> list[Row]:
+    """Return a row for each kind of bought part, in the order of assembly."""
     bought = {part.name: part for part in folded.parts.bought}
     mounts = {mount.name: mount for mount in folded.mounts}
     counts: dict[str, int] = Counter(mount.part for mount in folded.mounts)

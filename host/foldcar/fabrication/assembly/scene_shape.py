@@ -67,6 +67,7 @@ class SceneShapes:
         return parts
 
     def _faces(self, piece: Piece) -> int:
+        """Return the number of a piece's faces among the shared pieces, and add them on first use."""
         if piece not in self._film:
             plain, poses, faces = _without_small_holes(piece), face_poses(piece), []
             for face in plain.faces:
@@ -107,6 +108,7 @@ def _beyond_hinge(folded: FoldedCar, placed: PlacedPiece, piece: Piece) -> dict[
 
 
 def _solids(mount: Mount) -> list[dict[str, Any]]:
+    """Return the solids that show a mount; none if it is small, a single one if it has too many."""
     if max(mount.size_mm) < MIN_PART_MM:
         return []
     shapes = [(solid.kind, solid.size_mm, np.array(solid.pose)) for solid in mount.solids]

@@ -5,7 +5,7 @@ import { evidence, percent, withUnit } from "./data.js";
 import { byId, make, select } from "../../figures/web/dom.js";
 
 // Values of a parameter that have cells of their own in the map.
-const MOST_CELLS = 40;
+const MAX_CELLS = 40;
 const CURVE_HEIGHT = 400;
 
 const table = model => () => {
@@ -143,7 +143,7 @@ function mapFigure(model) {
   const place = (key, otherwise) => { const k = e.axes.findIndex(axis => axis.key === key && axis.parameter !== undefined); return k < 0 ? otherwise : k; };
   const [kx, ky] = [place(model.state.mx, first), place(model.state.my, second)];
   const axes = [e.axes[kx], e.axes[ky]];
-  const apart = axes.every(axis => new Set(axis.values).size <= MOST_CELLS);
+  const apart = axes.every(axis => new Set(axis.values).size <= MAX_CELLS);
   const levels = axes.map(axis => [...new Set(axis.values)].filter(value => value !== null).sort((a, b) => a - b));
   const { cells, side, rows } = apart ? mapPlaces(e, kx, ky) : { cells: null };
   // Designs that stand in one cell stand together.

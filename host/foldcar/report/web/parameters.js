@@ -8,7 +8,7 @@ import { byId, make, select } from "../../figures/web/dom.js";
 const NARROW = 640;
 const BANDS = "Bands hold the differences between values, with 95 %: how far success at a value is above or below the mean over all values. All values were run in the same environments, so the level of a whole curve is less sure than its shape.";
 // Rows of the table of designs.
-const MOST_ROWS = 500;
+const MAX_ROWS = 500;
 
 export class Parameters {
   constructor(model) { this.model = model; this.charts = []; }
@@ -100,7 +100,7 @@ function effectFigure(e, { parameter, grid, mean, low, high, curves, over }) {
 }
 
 function designTable({ e, within }) {
-  const shown = [...Array(e.count).keys()].filter(k => within[k]).slice(0, MOST_ROWS);
+  const shown = [...Array(e.count).keys()].filter(k => within[k]).slice(0, MAX_ROWS);
   return { head: ["design", "trials", ...e.axes.map(withUnit)], rows: shown.map(k => [e.designs.name[k], e.designs.trials[k] ? `${e.designs.trials_passed[k]} of ${e.designs.trials[k]}` : "–", ...e.axes.map(axis => number(axis.values[k]))]) };
 }
 

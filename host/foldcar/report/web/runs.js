@@ -5,10 +5,10 @@ import { number, percent, withUnit } from "./data.js";
 import { RunEnds } from "./run_ends.js";
 import { byId, make } from "../../figures/web/dom.js";
 
-const MOST_CAUSES = 6;
-const MOST_LISTED = 200;
+const MAX_CAUSES = 6;
+const MAX_LISTED = 200;
 // Cells that are elements of their own, which print sharply.
-const MOST_DRAWN = 5000;
+const MAX_DRAWN = 5000;
 // Heights of a row and room for axes (px).
 const ROW = 4;
 const LEAST = 260;
@@ -42,7 +42,7 @@ export class Runs {
 
   // Pictures of those that tell something; the rest is in the table.
   causes(causes) {
-    const place = byId("causes"), pictures = make("div", { class: "multiples" }), telling = causes.filter(one => one.low > 0).slice(0, MOST_CAUSES);
+    const place = byId("causes"), pictures = make("div", { class: "multiples" }), telling = causes.filter(one => one.low > 0).slice(0, MAX_CAUSES);
     const [strongest] = causes, interval = ({ separation, low, high }) => `${percent(separation)} (${percent(low)} to ${percent(high)})`;
     place.append(make("h3", { text: "Why do they fail?" }), make("p", { class: "note", text: telling.length
       ? "What the environments drew at random, by how well it separates failed from passed runs of the same design: 0 % not at all, 100 % wholly. Bars: success at such values."
@@ -106,7 +106,7 @@ function listed(model) {
   const table = () => {
     const rows = [];
     for (const run of keptRuns(model)) {
-      if (rows.length >= MOST_LISTED) break;
+      if (rows.length >= MAX_LISTED) break;
       const design = e.runs.design[run], environment = e.runs.environment[run];
       rows.push([make("button", { type: "button", class: "design", text: `${e.designs.name[design]}, environment ${environment}`, onclick: () => model.set({ design: e.designs.name[design], env: environment, t: null }) }),
         e.outcome_labels[e.runs.outcome[run]], `${number(e.runs.time_s[run])} s`]);
@@ -116,7 +116,7 @@ function listed(model) {
   let count = 0;
   for (const _ of keptRuns(model)) count += 1;
   const of = model.design === null ? "" : ` of ${e.designs.name[model.design]}`;
-  place.replaceChildren(tableBehind(table, `${count.toLocaleString("en")} runs${of} as a table${count > MOST_LISTED ? ` (the first ${MOST_LISTED})` : ""}`));
+  place.replaceChildren(tableBehind(table, `${count.toLocaleString("en")} runs${of} as a table${count > MAX_LISTED ? ` (the first ${MAX_LISTED})` : ""}`));
   if (open) place.querySelector("details").open = true;
 }
 
@@ -129,7 +129,7 @@ class Grid {
     const figure = make("figure", { "data-chart": "grid" });
     place.append(make("p", { class: "note", text: "Press a cell, or use the arrow keys: it is a run." }), figure, this.told);
     this.arrange();
-    this.chart = new Chart(figure, { label: "Outcome of every run: a column for each design, a row for each environment", renderer: e.runs.design.length > MOST_DRAWN ? "canvas" : "svg", option: (theme, width) => this.option(theme, width) });
+    this.chart = new Chart(figure, { label: "Outcome of every run: a column for each design, a row for each environment", renderer: e.runs.design.length > MAX_DRAWN ? "canvas" : "svg", option: (theme, width) => this.option(theme, width) });
     this.chart.place.tabIndex = 0;
     this.chart.place.setAttribute("role", "application");
     this.chart.place.setAttribute("aria-label", "Outcomes: a column for each design, a row for each environment. Arrow keys move from run to run.");

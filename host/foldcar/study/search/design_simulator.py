@@ -82,6 +82,7 @@ class DesignSimulator:
             self._record(sorted({*self._positions, *skipped}))
 
     def _place(self, values: Values) -> tuple[PlannedExperiment, int]:
+        """Return the plan with a design's position in it; a new design is added to the store."""
         if self._plan is None:
             self._record([*self._known(), values])
         assert self._plan is not None

@@ -193,6 +193,7 @@ def _value(objective: Objective, experiment: Experiment, values: Values, rows: S
 
 
 def _judged(experiment: Experiment, plan: Plan, tried: Tried, rows: Sequence[Row]) -> Judged:
+    """Return a design with its objectives in the environments that chose it, and in these ``rows``."""
     objectives = [objective if rows or objective.value is None else None for objective in plan.objectives]
     return Judged(
         experiment.family.design(tried.values).columns,

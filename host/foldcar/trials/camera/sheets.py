@@ -130,6 +130,7 @@ def _car_page(canvas: Any, course: Course) -> None:
 
 
 def _obstacle_pages(canvas: Any, course: Course, count: int) -> None:
+    """Draw the cards of ``count`` obstacles, as many on a page as fit."""
     size = 1000 * course.obstacle_size_m
     side = size * (1 + 2 * CARD_MARGIN)
     columns = max(1, int((PAGE_MM[0] - 2 * EDGE_MM) // (side + 4)))
@@ -150,6 +151,7 @@ def _obstacle_pages(canvas: Any, course: Course, count: int) -> None:
 
 
 def _board_page(canvas: Any) -> None:
+    """Draw the board for the calibration of a lens."""
     _begin(canvas)
     columns, rows = BOARD_SQUARES
     # Resolution of the picture: 100 pixels for each module of a marker.

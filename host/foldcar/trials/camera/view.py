@@ -184,6 +184,7 @@ def _largest_offset(view: View, course: Course, seen: Mapping[int, Floats]) -> f
 def _split(
     unknowns: Floats, start: Lens, with_lens: bool, course: Course
 ) -> tuple[Lens, Floats, Floats, float, list[FloorMarker]]:
+    """Return lens, turn, shift, scale and floor markers for a vector of unknowns."""
     lens = start
     if not with_lens:
         log_focal, k1, x, y = unknowns[6:10]
@@ -200,6 +201,7 @@ def _split(
 
 
 def _fit(seen: Mapping[int, Floats], course: Course, size: tuple[int, int], lens: Lens | None) -> View:
+    """Fit camera, lens, scale of print and floor markers to the corners ``seen`` in a picture, by least squares."""
     visible_course = replace(course, floor=tuple(marker for marker in course.floor if marker.id in seen))
     start = lens or assumed_lens(*size)
     pixels = numpy.concatenate([seen[marker.id] for marker in visible_course.floor])

@@ -4,14 +4,14 @@ import * as THREE from "three";
 import { matrix } from "./film.js";
 import { INKS, LIT, PAINTS } from "./paints.js";
 
-const MOST_APART = 12;
+const MAX_APART = 12;
 
 export class Bought {
   constructor(part) {
     this.part = part;
     this.group = new THREE.Group();
     // A ring of many solids is meant to be round.
-    const apart = part.solids.length <= MOST_APART;
+    const apart = part.solids.length <= MAX_APART;
     this.meshes = part.solids.map(solid => {
       const mesh = new THREE.Mesh(shape(solid, apart ? 1 : 0), PAINTS[part.material][0]);
       mesh.applyMatrix4(matrix(solid.pose));

@@ -12,6 +12,7 @@ physics. FOLDCAR_GOLDEN=own puts the compiler into the id instead, so that such 
 import os
 import sys
 from pathlib import Path
+from typing import Any
 
 from SCons.Script import Import
 
@@ -43,7 +44,7 @@ write_header(folder / "build_id.h", "FOLDCAR_BUILD_ID", digest)
 env.Append(CPPPATH=[str(folder)])
 
 
-def check_golden_numbers(target, source, env):
+def check_golden_numbers(target: Any, source: Any, env: Any) -> int:
     """Remove a program that computes other numbers, and fail."""
     program = Path(str(target[0]))
     lines = difference(golden_answers(), answers([str(program)]))

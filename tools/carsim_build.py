@@ -50,7 +50,7 @@ def sources(without: Sequence[str] = ()) -> list[Path]:
     return files + sorted((box2d / "src").rglob("*.cpp"))
 
 
-def files_in(folders: Iterable[Path]) -> list[Path]:
+def files_in(folders: Iterable[Path | str]) -> list[Path]:
     """Return the C++ sources in these folders of the project."""
     return [file for folder in folders for file in sorted((ROOT / folder).glob("*.cpp"))]
 

@@ -21,7 +21,6 @@ import pandas
 
 from foldcar.car.design import compose_columns
 from foldcar.car.folded_car import folded_car
-from foldcar.car.variation import vary_body
 from foldcar.errors import FoldcarError
 from foldcar.fabrication.assembly.scene_shape import SceneShapes, drawn_body
 from foldcar.figures.scene_data import ground_data
@@ -135,26 +134,20 @@ def _run_call(drives: StoredDrives, chunk: Sequence[Key], carsim: Carsim) -> Cal
     requests = []
     for design, sample in chunk:
         variation, scene = drives.variations[sample], drives.scenes[sample]
-        body = f"b{drives.bodies[design]}v{variation}"
-        if body not in bodies:
-            bodies[body] = _body(drives, drives.bodies[design], variation, carsim)
+        body = f"b{drives.bodies[design]}"
+        bodies.setdefault(body, drives.text("body", drives.bodies[design]))
         if f"s{scene}" not in scenes:
             scenes[f"s{scene}"] = drives.text("scene", scene)
         number = drives.settings[design]
         if number not in settings:
             settings[number] = drives.text("settings", number)
         label = f"design {design + 1}, sample {sample}"
-        requests.append(RunRequest(body, f"s{scene}", settings[number], label, sample, True))
+        requests.append(
+            RunRequest(body, f"s{scene}", settings[number], label, sample, drives.text("variation", variation), True)
+        )
     return lambda: carsim.run(bodies, scenes, requests)
 
 
-def _body(drives: StoredDrives, body: int, variation: int, carsim: Carsim) -> str:
-    if not drives.varied or not (differences := drives.value("variation", variation)):
-        return drives.text("body", body)
-    return json.dumps(vary_body(drives.value("body", body), differences, carsim.limits().numbers))
-
-
-# Units of a compact path.
 UNITS = {"place_m": PLACE_M, "angle_rad": ANGLE_RAD, "interval_s": KEPT_INTERVAL_S}
 
 Blobs = dict[str, str]

@@ -224,7 +224,7 @@ def run_line(name: str, request: RunRequest) -> str:
     head = f'"body": {json.dumps(request.body)}, "scene": {json.dumps(request.scene)}'
     if request.compact_path:
         head += f', "path_interval_s": {KEPT_INTERVAL_S}, "path_form": "compact"'
-    return input_line("run", name, f"{{{head}, {request.settings[1:]}")
+    return input_line("run", name, f"{{{head}, {request.keys[1:]}")
 
 
 @dataclass(frozen=True)

@@ -5,18 +5,15 @@ shrink, so that all simulators finish at about the same time.
 """
 
 import contextlib
-import json
 import time
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any, Protocol
 
-from foldcar.car.variation import NumberLimits, vary_body
 from foldcar.simulation.runner import Runner, RunRequest
-from foldcar.store.writer import PlannedRun, StoreWriter, canonical_json
+from foldcar.store.writer import PlannedRun, StoreWriter
 from foldcar.study.kept_paths import KeptPaths
 
 
@@ -90,12 +87,10 @@ class ChunkPool:
     """A pool of threads; each waits for one simulator at a time. Only the caller's thread reads the store.
 
     ``simulators`` is an object, or the number of simulators on this machine. Runs go to the runner of :meth:`using`.
-    ``limits`` are the simulator's limits for bodies with variation.
     """
 
-    def __init__(self, writer: StoreWriter, simulators: Simulators | int, limits: NumberLimits) -> None:
+    def __init__(self, writer: StoreWriter, simulators: Simulators | int) -> None:
         self._writer = writer
-        self._limits = limits
         self._simulators = LocalSimulators(simulators) if isinstance(simulators, int) else simulators
         self._pool = ThreadPoolExecutor(self._simulators.most, thread_name_prefix="carsim")
         self._futures: dict[Future[_Chunk], Runner] = {}
@@ -164,16 +159,18 @@ class ChunkPool:
         runs, self._chunk = self._chunk, []
         runner = self._runner
         assert runner is not None, "runs are added inside `using`"
-        bodies = self._bodies(runs)
+        bodies = {f"b{key}": text for key, text in self._writer.texts("body", (run.body_id for run in runs)).items()}
         scenes = {f"s{key}": text for key, text in self._writer.texts("scene", (run.scene_id for run in runs)).items()}
         settings = self._writer.texts("settings", (run.settings_id for run in runs))
+        realities = self._writer.texts("variation", (run.variation_id for run in runs))
         requests = [
             RunRequest(
-                _body_name(run),
+                f"b{run.body_id}",
                 f"s{run.scene_id}",
                 settings[run.settings_id],
                 f"design {run.design + 1}, sample {run.sample}",
                 run.sample,
+                realities[run.variation_id],
                 self._keepers[_key(run)] is not None,
             )
             for run in runs
@@ -183,22 +180,6 @@ class ChunkPool:
             return _Chunk(runner, runs, *self._simulators.run(runner, bodies, scenes, requests))
 
         self._futures[self._pool.submit(work)] = runner
-
-    def _bodies(self, runs: list[PlannedRun]) -> dict[str, str]:
-        """Return the JSON text of every body of a chunk by its name, with its variation applied."""
-        designs = self._writer.texts("body", (run.body_id for run in runs))
-        texts = self._writer.texts("variation", (run.variation_id for run in runs))
-        variations = {key: _parsed(text) for key, text in texts.items()}
-        if not any(variations.values()):
-            return {_body_name(run): designs[run.body_id] for run in runs}
-        parsed = {key: _parsed(text) for key, text in designs.items()}
-        cars = {_body_name(run): (run.body_id, run.variation_id) for run in runs}
-        return {
-            name: canonical_json(vary_body(parsed[body], variations[variation], self._limits))
-            if variations[variation]
-            else designs[body]
-            for name, (body, variation) in cars.items()
-        }
 
     def _collect(self) -> Iterator[list[FinishedRun]]:
         """Wait for finished chunks, adapt the size of the next ones, and yield their runs."""
@@ -233,13 +214,5 @@ class ChunkPool:
         self._futures.clear()
 
 
-# Chunks share designs and variations, and parsing them again takes time.
-_parsed = lru_cache(maxsize=4096)(json.loads)
-
-
 def _key(run: PlannedRun) -> Key:
     return run.body_id, run.scene_id, run.settings_id, run.variation_id
-
-
-def _body_name(run: PlannedRun) -> str:
-    return f"b{run.body_id}v{run.variation_id}"

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from itertools import islice
 
 from foldcar.car.body import body_json
-from foldcar.car.variation import vary_body
 from foldcar.simulation.runner import RunRequest
 from foldcar.store.writer import canonical_json
 from foldcar.study.environments import Environment
@@ -74,13 +73,13 @@ def _estimate(sweep: Sweep, experiment: Experiment, environment: Environment, jo
     started_s = time.perf_counter()
     for sample in range(min(PROBES, experiment.environments)):
         scenes[f"{sample}"] = canonical_json(environment.sample(sample))
-    sample_s, limits = (time.perf_counter() - started_s) / len(scenes), sweep.carsim.limits().numbers
+    sample_s = (time.perf_counter() - started_s) / len(scenes)
     for position, design in enumerate(probes):
         sample, nominal = position % len(scenes), body_json(design)
-        variation = environment.variation(sample)
-        bodies[f"{position}"] = canonical_json(vary_body(nominal, variation, limits) if variation else nominal)
+        bodies[f"{position}"] = canonical_json(nominal)
         settings = canonical_json(experiment.settings(design, nominal, table))
-        requests.append(RunRequest(f"{position}", f"{sample}", settings, f"design {position + 1}", sample))
+        reality = canonical_json(environment.variation(sample))
+        requests.append(RunRequest(f"{position}", f"{sample}", settings, f"design {position + 1}", sample, reality))
     with environment.runner(sweep.carsim, environment.dynamic) as runner:
         started_s = time.perf_counter()
         runner.run(bodies, scenes, requests[:1])

@@ -14,10 +14,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from foldcar.car.variation import NumberLimits, named_car, vary_body
 from foldcar.errors import FoldcarError
 from foldcar.inference.calibration import effects
-from foldcar.inference.calibration.effects import REAL_ONLY, calibrated_scene, calibrated_variation
+from foldcar.inference.calibration.effects import REAL_ONLY, drawn_reality
 from foldcar.inference.calibration.parameters import NAMES, NOMINAL, parameter_named
 from foldcar.scenes.fingerprint import variation_code
 from foldcar.simulation.engines import ENGINES, MUJOCO, MUJOCO_ENVIRONMENT
@@ -66,13 +65,9 @@ class CalibratedEnvironment(Environment):
         under = {"name": one.name, "fingerprint": one.fingerprint, "experiment": self._listed_id}
         return under if one.kind == CALIBRATION_KIND else {"kind": one.kind, **under}
 
-    def sample(self, k: int) -> dict[str, Any]:
-        """Sample ``k`` of the nominal environment, changed by the calibration's draw."""
-        return calibrated_scene(super().sample(k), self._calibration.draw_of(k), self._seed, k)
-
     def variation(self, k: int) -> dict[str, Any]:
-        """The differences of the cars of sample ``k`` from their designs: the draw's, and the listing's of whole cars."""
-        return calibrated_variation(self._calibration.draw_of(k), self._experiment.variation, self._seed, k)
+        """Return how car and ground of sample ``k`` differ from design and scene by the calibration's draw."""
+        return drawn_reality(self._calibration.draw_of(k), self._experiment.variation, self._seed, k, k)
 
     def variation_identity(self) -> str:
         """A hash of the code that applies variations."""
@@ -133,21 +128,3 @@ def as_calibration(file: Path, values: Mapping[str, float]) -> Calibration:
     """
     unnamed = Calibration("", "", "", "", (values,), {}, REALITY_KIND)
     return replace(unnamed, name=f"{file.stem} {unnamed.fingerprint[:NAME_DIGITS]}")
-
-
-def real_run(
-    experiment: Experiment,
-    nominal: Mapping[str, Any],
-    scene: Mapping[str, Any],
-    values: Mapping[str, float],
-    sample: int,
-    limits: NumberLimits,
-    car: str | None = None,
-) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Body and scene of sample ``sample`` with these values, for the body and the scene that the host believes in.
-
-    The name of a built ``car`` draws what belongs to the car; without one it is the sample's.
-    """
-    seed = experiment.variation_seed
-    variation = calibrated_variation(values, experiment.variation, seed, sample if car is None else named_car(car))
-    return vary_body(nominal, variation, limits), calibrated_scene(scene, values, seed, sample)

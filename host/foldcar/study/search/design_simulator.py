@@ -133,7 +133,7 @@ def open_simulator(
     dynamic = writer.is_dynamic(writer.environment(environment.fingerprint), lambda: environment.dynamic)
     samples, table = StoredSamples(environment, writer, dynamic), carsim.parameter_table()
     with (
-        ChunkPool(writer, simulators, carsim.limits().numbers) as pool,
+        ChunkPool(writer, simulators) as pool,
         environment.runner(carsim, dynamic) as runner,
         pool.using(runner),
     ):

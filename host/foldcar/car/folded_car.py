@@ -294,11 +294,11 @@ def _between_tyres(design: Design, module: int) -> tuple[float, float]:
     """Return the limits (mm from the module's rear) between which a USB plug clears the tyres next to it."""
     rear = design.module_centers_mm[module] - design.length_of(module) / 2
     gap = design.parts.assembly.part_gap_mm.value
-    off = usb_height_mm(design.parts) - wall_mm(design.height_mm, design.parts) / 2
+    usb_offset_mm = usb_height_mm(design.parts) - wall_mm(design.height_mm, design.parts) / 2
     low, high = -FAR_MM, FAR_MM
     for x, radius in zip(design.axles_mm, design.radii_mm, strict=True):
         reach = radius + plug_room_mm(design.parts.plugs.usb) / 2 + gap
-        need = math.sqrt(max(reach**2 - off**2, 0.0))
+        need = math.sqrt(max(reach**2 - usb_offset_mm**2, 0.0))
         if x < rear:
             low = max(low, x + need - rear)
         elif x > rear:

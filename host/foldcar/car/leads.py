@@ -129,9 +129,9 @@ def _ends(mount: Mount, battery: BoxPart) -> Iterator[tuple[str, Points]]:
     """Yield the middles of both ends of a battery's length, each with its side of the car."""
     axis = min((0, 1), key=lambda i: abs(mount.size_mm[i] - battery.length_mm.value))
     pose = np.array(mount.pose)
-    for off in (-pose[:3, axis] * mount.size_mm[axis] / 2, pose[:3, axis] * mount.size_mm[axis] / 2):
-        along = int(np.argmax(np.abs(off[:2])))
-        yield SIDES[along][int(off[along] > 0)], pose[:3, 3] + off
+    for offset in (-pose[:3, axis] * mount.size_mm[axis] / 2, pose[:3, axis] * mount.size_mm[axis] / 2):
+        along = int(np.argmax(np.abs(offset[:2])))
+        yield SIDES[along][int(offset[along] > 0)], pose[:3, 3] + offset
 
 
 class _Ways:

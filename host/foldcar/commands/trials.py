@@ -192,8 +192,8 @@ def correct(
 
     outcome, car = (None if word is None else word.lower() for word in (outcome, car))
     name = None if car_name is None else checked_name(car_name, "--car-name")
-    given = {"outcome": outcome, "note": note, "elapsed_time_s": elapsed_time, "car": car, "car_name": name}
-    changes = {name: value for name, value in given.items() if value is not None}
+    new_values = {"outcome": outcome, "note": note, "elapsed_time_s": elapsed_time, "car": car, "car_name": name}
+    changes = {name: value for name, value in new_values.items() if value is not None}
     if not changes:
         raise FoldcarError(
             "trials correct: nothing to change; use --outcome, --note, --elapsed-time, --car or --car-name"

@@ -124,7 +124,7 @@ def _compared(experiment: str, design: DesignComparison) -> dict[str, Any]:
     row |= {**_counts(design), "gap_is_paired": design.gap_is_paired, "verdict": design.verdict}
     row |= _ends({name: getattr(design, name) for name in (*RATES, "gap")})
     outcomes: Mapping[str, Mapping[str, int]] = {"runs": design.evidence.outcomes, "trials": design.driven_outcomes}
-    return row | {f"{what}_{name}": number for what, counts in outcomes.items() for name, number in counts.items()}
+    return row | {f"{source}_{name}": number for source, counts in outcomes.items() for name, number in counts.items()}
 
 
 def _selected(selection: Selection, rank: int, design: Recommendation) -> dict[str, Any]:

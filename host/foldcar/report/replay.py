@@ -314,5 +314,5 @@ def _trial(store: Store, blobs: Blobs, trial: Trial) -> dict[str, Any]:
 def blob(head: Any, content: bytes = b"") -> str:
     """Encode ``head`` as JSON, a line feed and ``content``, as text that is safe inside any HTML element."""
     deflater = zlib.compressobj(9, wbits=-15)
-    whole = json.dumps(head, separators=(",", ":"), allow_nan=False).encode() + b"\n" + content
-    return base64.b64encode(deflater.compress(whole) + deflater.flush()).decode()
+    plain_bytes = json.dumps(head, separators=(",", ":"), allow_nan=False).encode() + b"\n" + content
+    return base64.b64encode(deflater.compress(plain_bytes) + deflater.flush()).decode()

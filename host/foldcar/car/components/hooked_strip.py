@@ -217,8 +217,8 @@ def _tongue_mm(size: WheelSize) -> Point:
 
 def _slot(size: WheelSize) -> list[Point]:
     """Return the slot in the last facet's frame: narrow where the tongue passes, wide where its head is put in."""
-    short, apart = _start_mm(size)
-    along = math.sqrt(_through_mm(size) ** 2 - (2 * apart) ** 2)
+    short, distance_mm = _start_mm(size)
+    along = math.sqrt(_through_mm(size) ** 2 - (2 * distance_mm) ** 2)
     start = size.facet_mm - short - OUTSIDE_MM
     right = start + size.film_mm / 2 + size.clearance_mm
     middle, left = start - along - OVER_MM, start - along - OVER_MM - WIDE_MM

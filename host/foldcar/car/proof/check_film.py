@@ -51,16 +51,16 @@ def _outlines(piece: Piece, face: Face) -> Iterator[Finding]:
     if not outline.is_valid or not shapely.is_ccw(outline.exterior):
         yield Finding("outline", place, "its outline crosses itself or runs clockwise")
         return
-    taken: shapely.Geometry = shapely.Polygon()
+    occupied: shapely.Geometry = shapely.Polygon()
     for hole in face.holes:
         shape = shapely.Polygon(hole.outline_mm)
         if not shape.is_valid or shape.area <= 0:
             yield Finding("outline", f"{place}: {hole.name}", "the hole's outline crosses itself")
         elif not outline.contains(shape):
             yield Finding("outline", f"{place}: {hole.name}", "the hole is not inside its face")
-        elif shape.intersects(taken):
+        elif shape.intersects(occupied):
             yield Finding("outline", f"{place}: {hole.name}", "the hole runs into another one")
-        taken = shapely.union(taken, shape)
+        occupied = shapely.union(occupied, shape)
 
 
 def _holes_at_folds(piece: Piece, min_distance_mm: float) -> Iterator[Finding]:

@@ -189,12 +189,12 @@ class _Prover:
         way = find_exit_path(head, standing, [vector(axis)], only_own=True)
         if not nuts:
             return way, None
-        nut, off = merge_blocks(nuts), vector(-axis * self.car.parts.tools.nut_room_mm.value)
-        obstacle = first_obstacle(nut, standing, off)
+        nut, nut_clearance = merge_blocks(nuts), vector(-axis * self.car.parts.tools.nut_room_mm.value)
+        obstacle = first_obstacle(nut, standing, nut_clearance)
         if obstacle is not None:
             return way, ExitPath(None, ((vector(-axis), obstacle),))
-        rest = find_exit_path(nut.moved(translation(*off)), standing, own)
-        return way, rest if rest.moves_mm is None else ExitPath((off, *rest.moves_mm))
+        rest = find_exit_path(nut.moved(translation(*nut_clearance)), standing, own)
+        return way, rest if rest.moves_mm is None else ExitPath((nut_clearance, *rest.moves_mm))
 
     def _name(self, added: Added) -> str:
         if added.kind == "unit" and added.name not in self.roles.wheel_units:
@@ -247,12 +247,12 @@ def _closing(lid: Lid, angles_rad: Mapping[str, float]) -> Iterator[dict[str, fl
         yield from ({hinge: i / SWING_STEPS} for i in range(SWING_STEPS + 1))
         return
     flap, *others = flaps
-    whole = dict.fromkeys(others, 1.0)
-    yield from ({hinge: 0.0, flap: i / SWING_STEPS, **whole} for i in range(SWING_STEPS))
+    all_fractions = dict.fromkeys(others, 1.0)
+    yield from ({hinge: 0.0, flap: i / SWING_STEPS, **all_fractions} for i in range(SWING_STEPS))
     ratio = angles_rad[hinge] / angles_rad[flap]
     for i in range(SWING_STEPS + 1):
         closed = i / SWING_STEPS
-        yield {hinge: closed, flap: 1.0 + ratio * min(closed, 1.0 - closed), **whole}
+        yield {hinge: closed, flap: 1.0 + ratio * min(closed, 1.0 - closed), **all_fractions}
 
 
 def _failure_message(way: ExitPath) -> str:
@@ -260,12 +260,12 @@ def _failure_message(way: ExitPath) -> str:
     if way.stuck:
         return f"does not fit: at its place it runs into {way.stuck}"
     met = []
-    for move, what in way.met:
+    for move, obstacle in way.met:
         axis = int(np.argmax(np.abs(move)))
         direction = "(" + ", ".join(f"{value:.2f}" for value in move) + ")"
         if abs(move[axis]) > 0.999:
             direction = f"{'+' if move[axis] > 0 else '-'}{'xyz'[axis]}"
-        met.append(f"along {direction} it meets {what}")
+        met.append(f"along {direction} it meets {obstacle}")
     return "has no way out: " + ", ".join(met)
 
 

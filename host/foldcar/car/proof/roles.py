@@ -152,8 +152,8 @@ class Roles:
         onto = inverse(compose(screw.pose, shank.pose))
         passed: list[tuple[float, Thing]] = []
         for mount in self.held_by(screw):
-            held = [solid for solid in mount.solids if stands_in(screw, shank, mount, solid)]
-            heights = [compose(onto, mount.pose, solid.pose)[2][3] for solid in held]
+            holding_solids = [solid for solid in mount.solids if stands_in(screw, shank, mount, solid)]
+            heights = [compose(onto, mount.pose, solid.pose)[2][3] for solid in holding_solids]
             passed += [(max(heights), ("mount", mount.name, 0))] if heights else []
         for copy in self.placed(screw.body):
             for face in self.pieces[copy.piece].faces:

@@ -62,8 +62,10 @@ class Stage:
             return IDENTITY
         piece, face = host
         above = self._shift(self.roles.host(piece))
-        now, then = self._folded(piece.piece)[face], self.roles.finished[piece.piece][face]
-        return above if now == then else compose(above, piece.pose, now, inverse(then), inverse(piece.pose))
+        current, finished = self._folded(piece.piece)[face], self.roles.finished[piece.piece][face]
+        return (
+            above if current == finished else compose(above, piece.pose, current, inverse(finished), inverse(piece.pose))
+        )
 
 
 TONGUES = frozenset({"lock", "tab_slot", "rim"})

@@ -96,9 +96,9 @@ def flat_piece(piece: Piece, chosen: Options) -> FlatPiece:
     faces = {face.name: face for face in piece.faces}
     inward = {face.name: [_free_edge_mm(face, chosen)] * len(face.outline_mm) for face in piece.faces}
     for crease in piece.creases:
-        taken = _saved_mm(crease, thickness, chosen) / 2
-        inward[crease.parent.face][crease.parent.index] = taken
-        inward[crease.child.face][crease.child.index] = taken
+        shortening_mm = _saved_mm(crease, thickness, chosen) / 2
+        inward[crease.parent.face][crease.parent.index] = shortening_mm
+        inward[crease.child.face][crease.child.index] = shortening_mm
     corners = {name: offset_edges(face.outline_mm, inward[name]) for name, face in faces.items()}
     placings = _placings(piece, thickness, chosen)
     flat = tuple(_flat_face(face, corners[face.name], placings[face.name]) for face in piece.faces)

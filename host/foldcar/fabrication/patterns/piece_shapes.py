@@ -107,9 +107,9 @@ def dashes(
     return [(at(low + trim), at(high - trim)) for low, high, trim in trims]
 
 
-def _free(a: Point, b: Point, taken: BaseGeometry) -> Iterator[tuple[float, float]]:
+def _free(a: Point, b: Point, occupied: BaseGeometry) -> Iterator[tuple[float, float]]:
     """Yield the parts of the fold outside of ``taken`` by their distances from ``a`` (mm)."""
-    for part in shapely.get_parts(LineString([a, b]).difference(taken)):
+    for part in shapely.get_parts(LineString([a, b]).difference(occupied)):
         if part.length > 0:
             low, high = sorted(math.dist(a, p) for p in (part.coords[0], part.coords[-1]))
             yield low, high
@@ -147,10 +147,10 @@ def fold_cuts(flat: FlatPiece, chosen: Options) -> tuple[tuple[Fold, tuple[Cut, 
     if chosen.fold != "dash":
         return ()
     lines = [flat.outline.boundary, *(hole for _, hole in _openings(flat)), *(LineString(slit) for slit in flat.slits)]
-    taken = shapely.union_all(lines).buffer(MIN_FILM_MM + chosen.kerf_mm / 2, quad_segs=16)
-    shapely.prepare(taken)
+    occupied = shapely.union_all(lines).buffer(MIN_FILM_MM + chosen.kerf_mm / 2, quad_segs=16)
+    shapely.prepare(occupied)
     return tuple(
-        (fold, tuple(dashes(fold.a, fold.b, chosen.dash_cut_mm, chosen.dash_bridge_mm, chosen.kerf_mm, taken)))
+        (fold, tuple(dashes(fold.a, fold.b, chosen.dash_cut_mm, chosen.dash_bridge_mm, chosen.kerf_mm, occupied)))
         for fold in flat.folds
         if fold.kind != "flexure"
     )
@@ -166,8 +166,8 @@ def narrowest_film(flat: FlatPiece, chosen: Options) -> Film | None:
     shapes, widths = [shape for _, shape, _ in cuts], [width for *_, width in cuts]
     best = None
     for i, shape in enumerate(shapes[:-1]):
-        apart = shapely.distance(shape, shapes[i + 1 :])
-        for k, distance in enumerate(apart.tolist(), i + 1):
+        distances = shapely.distance(shape, shapes[i + 1 :])
+        for k, distance in enumerate(distances.tolist(), i + 1):
             # Slits begin at edges and folds.
             if SLIT in (cuts[i][0], cuts[k][0]) and distance < ROUNDING_MM:
                 continue

@@ -228,22 +228,22 @@ def _pace(scale: float) -> str:
     return f"{scale:.2g} times as slow" if scale > 1 else f"{1 / max(scale, 1e-3):.2g} times as fast"
 
 
-def _time_scale(times_s: Floats, away: Floats, simulated: Floats, simulated_away: Floats) -> float:
+def _time_scale(times_s: Floats, distances_m: Floats, simulated: Floats, simulated_distances_m: Floats) -> float:
     """Return how many times longer the film's car takes for the distances of SCALED_M that both cars reach."""
-    farthest = min(away.max(), simulated_away.max())
+    farthest = min(distances_m.max(), simulated_distances_m.max())
     distances = SCALED_M[: int(numpy.searchsorted(SCALED_M, farthest, "right"))]
-    first, end = (int(numpy.argmax(distance >= distances[-1])) + 1 for distance in (away, simulated_away))
-    reached = [_when(times_s[:first], away[:first], distance) for distance in distances]
-    wanted = [_when(simulated[:end, 0], simulated_away[:end], distance) for distance in distances]
-    return float(numpy.polyfit(wanted, reached, 1)[0])
+    first, end = (int(numpy.argmax(distance >= distances[-1])) + 1 for distance in (distances_m, simulated_distances_m))
+    reached = [_when(times_s[:first], distances_m[:first], distance) for distance in distances]
+    simulated_times_s = [_when(simulated[:end, 0], simulated_distances_m[:end], distance) for distance in distances]
+    return float(numpy.polyfit(simulated_times_s, reached, 1)[0])
 
 
-def _when(times_s: Floats, away: Floats, distance: float) -> float:
+def _when(times_s: Floats, distances_m: Floats, distance: float) -> float:
     """The last time at which ``away`` rose through ``far``."""
-    index = int(numpy.flatnonzero(away < distance)[-1]) if (away < distance).any() else 0
-    if index + 1 >= len(away):
+    index = int(numpy.flatnonzero(distances_m < distance)[-1]) if (distances_m < distance).any() else 0
+    if index + 1 >= len(distances_m):
         return float(times_s[-1])
-    fraction = (distance - away[index]) / max(away[index + 1] - away[index], 1e-9)
+    fraction = (distance - distances_m[index]) / max(distances_m[index + 1] - distances_m[index], 1e-9)
     return float(times_s[index] + fraction * (times_s[index + 1] - times_s[index]))
 
 

@@ -132,7 +132,7 @@ def built(passed: Any, each: int, weights: Sequence[Any]) -> list[BuiltCars]:
 
 
 def pooled(cars: int, rough: bool, spread: float, simulated_spread: bool, n: int) -> Cell:
-    """Pool the bias of designs in a row with n trials each; ``simulated_spread``: the spread is that of simulated cars."""
+    """Pool the bias of designs in a row, n trials each; ``simulated_spread``: the spread is that of simulated cars."""
 
     def intervals() -> Iterator[tuple[float, float, float]]:
         for row in rows(numpy.random.default_rng(SEED), DESIGNS, cars, n // cars, rough, spread, POOLED_ROWS):

@@ -58,7 +58,7 @@ def _asymmetries(
     if turn_rad_s:
         yield f"heading (a turn of {turn_rad_s:g} rad/s is commanded)"
     if experiment.variation:
-        yield "the cars' sides (nearby cars vary wheel by wheel)"
+        yield "the cars' sides (built cars vary wheel by wheel)"
     else:
         yield from (f"the cars' sides ({difference})" for difference in islice(filter(None, map(one_sided, bodies)), 1))
 

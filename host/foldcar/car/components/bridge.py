@@ -136,21 +136,37 @@ def _put_boards(shape: Shape, on: str, under: Pose, holes: Sequence[str]) -> Non
         return ToolClearance("plug", pose, plug_room_mm(data), data.length_mm.max_value)
 
     (_, y, z), socket = feather.usb.at_mm, feather.battery_socket
-    usb = compose(translation(-mouth_mm(parts), y, z), rotation("y", -math.pi / 2))
+    usb_plug_pose = compose(translation(-mouth_mm(parts), y, z), rotation("y", -math.pi / 2))
     (along, across, up), (_, reach, _) = socket.at_mm, socket.size_mm
-    battery = compose(translation(along, across + reach / 2, up), rotation("x", -math.pi / 2))
-    _put(shape, feather, on, under, feather.standing, [plug("usb", usb), plug("battery", battery)], holes)
-    # The servos' plugs stand upright, their leads bend over them.
-    top, low = wing.plug_top_mm.value + wing.plug_bend_mm.value, wing.board_mm.value
-    solids, ways = [*wing.headers, wing.terminal_block, wing.reset], []
+    battery_plug_pose = compose(translation(along, across + reach / 2, up), rotation("x", -math.pi / 2))
+    _put(
+        shape,
+        feather,
+        on,
+        under,
+        feather.standing,
+        [plug("usb", usb_plug_pose), plug("battery", battery_plug_pose)],
+        holes,
+    )
+    # The servos' plugs stand upright with their leads bent over them: each is one solid with its header.
+    plugs_top_mm, plugs_bottom_mm = wing.plug_top_mm.value + wing.plug_bend_mm.value, wing.board_mm.value
+    solids, clearances = [*wing.headers, wing.terminal_block, wing.reset], []
     for header in wing.servo_headers:
-        (x, y, _), size = header.at_mm, (*header.size_mm[:2], top - low)
-        solids.append(header.model_copy(update={"at_mm": (x, y, (top + low) / 2), "size_mm": size}))
-        ways.append(plug("servo", translation(x, y, top)))
+        (x, y, _), size = header.at_mm, (*header.size_mm[:2], plugs_top_mm - plugs_bottom_mm)
+        solids.append(header.model_copy(update={"at_mm": (x, y, (plugs_top_mm + plugs_bottom_mm) / 2), "size_mm": size}))
+        clearances.append(plug("servo", translation(x, y, plugs_top_mm)))
     # The reset button stands between plugs, so that a screwdriver's tip presses it, not a finger.
     x, y, z = wing.reset.at_mm
-    ways.append(ToolClearance("driver", translation(x, y, z + wing.reset.size_mm[2] / 2), *parts.tools.driver_mm))
-    _put(shape, wing, on, compose(under, translation(0, 0, feather.board_mm.value + wing.gap_mm.value)), solids, ways, ())
+    clearances.append(ToolClearance("driver", translation(x, y, z + wing.reset.size_mm[2] / 2), *parts.tools.driver_mm))
+    _put(
+        shape,
+        wing,
+        on,
+        compose(under, translation(0, 0, feather.board_mm.value + wing.gap_mm.value)),
+        solids,
+        clearances,
+        (),
+    )
 
 
 def _put(

@@ -176,16 +176,17 @@ def _tab(join: Join, a: PlacedFace, b: PlacedFace) -> Iterator[Finding]:
 
 
 def _tongue(join: Join, a: PlacedFace, b: PlacedFace) -> Iterator[Finding]:
+    """Yield findings on a tongue: a missing slot, a tongue that is too short or does not fit the slot."""
     place = f"join {join.number}: {a.title} through {b.title}"
     slot = next((hole for hole in b.face.holes if hole.name == join.slot), None)
-    local = b.in_face(a.edge_mm(join.a.index))
-    end_mm = float(np.max(local[:, 2]))
+    edge_in_slot_face = b.in_face(a.edge_mm(join.a.index))
+    end_mm = float(np.max(edge_in_slot_face[:, 2]))
     if slot is None:
         yield Finding("slot", place, f'there is no slot "{join.slot}"')
     elif end_mm > -b.piece.thickness_mm / 2:
         yield Finding("slot", place, f"the tongue ends {end_mm:.2f} mm inside the slot")
     else:
-        section = shapely.LineString(local[:, :2]).buffer(a.piece.thickness_mm / 2, cap_style="flat")
-        over = section.difference(shapely.Polygon(slot.outline_mm)).area
-        if over > 1e-6:
-            yield Finding("slot", place, f"{over:.3f} mm² of the tongue's section do not go through {slot.name}")
+        section = shapely.LineString(edge_in_slot_face[:, :2]).buffer(a.piece.thickness_mm / 2, cap_style="flat")
+        outside_mm2 = section.difference(shapely.Polygon(slot.outline_mm)).area
+        if outside_mm2 > 1e-6:
+            yield Finding("slot", place, f"{outside_mm2:.3f} mm² of the tongue's section do not go through {slot.name}")

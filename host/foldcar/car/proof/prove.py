@@ -115,14 +115,16 @@ class _Prover:
     def _fold(self, place: str, step: AssemblyStep) -> None:
         """Close folds, and add a finding if a swinging face collides with its own piece or with others in place."""
         for name, fractions in step.folds.items():
-            before = self.stage.folds.get(name, {})
+            earlier_fractions = self.stage.folds.get(name, {})
             lid = self.roles.lids.get(name)
             if lid is not None and lid.creases and set(fractions) == set(lid.creases):
                 angles = {crease.name: crease.angle_rad for crease in self.roles.pieces[name].creases}
                 self._check_swing(place, name, f"the lid of {name} does not shut", list(_closing(lid, angles)))
             elif any(key[1] == name for standing in self.standing.values() for key in standing):
-                fractions_closed = [i / SWING_STEPS for i in range(SWING_STEPS + 1)]
-                path = [{c: before.get(c, 0.0) * (1 - s) + f * s for c, f in fractions.items()} for s in fractions_closed]
+                shares = [i / SWING_STEPS for i in range(SWING_STEPS + 1)]
+                path = [
+                    {c: earlier_fractions.get(c, 0.0) * (1 - s) + f * s for c, f in fractions.items()} for s in shares
+                ]
                 self._check_swing(place, name, f"{name} does not fold", path)
         self._close(step.folds)
 
@@ -217,7 +219,10 @@ class _Prover:
                 self._add_finding(place, f"{name} has no room for its {clearance.tool}: {obstacle} is in the way")
 
     def _check_swing(self, place: str, name: str, failure: str, path: Sequence[Mapping[str, float]]) -> None:
-        """Add a finding if a piece, or a part on it, collides while its folds take the fractions of ``path``."""
+        """Add a finding if faces of a piece, or parts on them, collide while its creases close along ``path``.
+
+        ``path`` has the closed fraction of each crease, step by step.
+        """
         stages = [self.stage.closed({name: fractions}) for fractions in path]
         first, last = stages[0], stages[-1]
         for standing in self.standing.values():
@@ -225,17 +230,21 @@ class _Prover:
             piece_keys = [key for key in keys if key[:2] == ("piece", name)]
             faces: set[str] = set()
             for key in piece_keys:
-                ends = last.poses(key)
-                faces |= {title(name, face) for face, pose in first.poses(key).items() if pose != ends[face]}
+                last_poses = last.poses(key)
+                faces |= {title(name, face) for face, pose in first.poses(key).items() if pose != last_poses[face]}
             still = [standing[key].where(faces, among=False) for key in piece_keys]
-            rest = merge_blocks([*still, *(blocks for key, blocks in standing.items() if key not in keys)])
+            obstacles = merge_blocks([*still, *(blocks for key, blocks in standing.items() if key not in keys)])
             start: Blocks | None = None
-            for share, stage in zip(path, stages, strict=True):
-                swung = [self.scene.solid(key, stage).where(faces) for key in piece_keys]
-                end = merge_blocks([*swung, *(self.scene.solid(key, stage) for key in keys if key not in piece_keys)])
-                obstacle = None if start is None else swept_obstacle(start, end, rest, self.joined)
+            for fractions_of_creases, stage in zip(path, stages, strict=True):
+                swinging_faces = [self.scene.solid(key, stage).where(faces) for key in piece_keys]
+                end = merge_blocks(
+                    [*swinging_faces, *(self.scene.solid(key, stage) for key in keys if key not in piece_keys)]
+                )
+                obstacle = None if start is None else swept_obstacle(start, end, obstacles, self.joined)
                 if obstacle is not None:
-                    self._add_finding(place, f"{failure}: {next(iter(share.values())):.0%} closed, it meets {obstacle}")
+                    self._add_finding(
+                        place, f"{failure}: {next(iter(fractions_of_creases.values())):.0%} closed, it meets {obstacle}"
+                    )
                     break
                 start = end
 

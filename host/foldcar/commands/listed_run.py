@@ -98,12 +98,12 @@ class SimulatedRun:
     settings: Mapping[str, Any]
     sample: int
 
-    def by(self, runner: "Runner", **more: float) -> dict[str, Any]:
-        """Return the runner's answer; ``more`` is added to the settings."""
+    def simulate(self, runner: "Runner", **extra_settings: float) -> dict[str, Any]:
+        """Return the runner's answer, with these settings beside the run's own."""
         from foldcar.simulation.runner import RunRequest
         from foldcar.store.writer import canonical_json
 
-        settings = canonical_json({**self.settings, **more})
+        settings = canonical_json({**self.settings, **extra_settings})
         (answer,) = runner.run(
             {"car": canonical_json(self.body)},
             {"scene": canonical_json(self.scene)},
@@ -118,7 +118,7 @@ class SimulatedRun:
         """
         from foldcar.simulation.runner import PATH_INTERVAL_S
 
-        native = {} if "error" in answer else self.by(carsim, path_interval_s=PATH_INTERVAL_S)
+        native = {} if "error" in answer else self.simulate(carsim, path_interval_s=PATH_INTERVAL_S)
         if "path" not in native:
             raise FoldcarError(f"{wanted}: a failed run has no path to show")
         return [row for row in native["path"] if row[0] <= answer["elapsed_time_s"]]
@@ -129,7 +129,7 @@ def simulated_run(listed: ListedRun) -> tuple[SimulatedRun, dict[str, Any]]:
     settings = listed.experiment.settings(listed.design, listed.nominal, listed.carsim.parameter_table())
     run = SimulatedRun(listed.name, listed.body, listed.scene, settings, listed.sample)
     with listed.environment.runner(listed.carsim, listed.environment.dynamic) as runner:
-        return run, run.by(runner)
+        return run, run.simulate(runner)
 
 
 def listed_families(

@@ -109,7 +109,7 @@ def replay(
         raise FoldcarError(f"{store}: trial {number} was imported without a scene and cannot be simulated")
     # The dynamic parts of a Scenic program are not simulated.
     body, settings, scene = map(json.loads, drive)
-    answer = SimulatedRun(f"trial {number}", body, scene, settings, 0).by(carsim, path_interval_s=PATH_INTERVAL_S)
+    answer = SimulatedRun(f"trial {number}", body, scene, settings, 0).simulate(carsim, path_interval_s=PATH_INTERVAL_S)
     outcome, simulated_s = outcome_of(answer), answer.get("elapsed_time_s")
     agrees = None
     if not trial.completed:

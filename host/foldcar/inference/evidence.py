@@ -288,7 +288,7 @@ def _trials(
 ) -> tuple[list[Trial], list[str]]:
     """Return the trials to compare, with aborted ones; and remarks on them and on those left out.
 
-    ``elsewhere`` are trials in other environments than the runs: the number of the trial and its Scenic program.
+    ``trials_elsewhere`` are trials in other environments than the runs: the number of the trial and its Scenic program.
     """
     kept, sentences = _select(trials, simulated_trials)
     sentences += remarks.trials(info, kept)
@@ -307,7 +307,7 @@ def _with_trials(
 ) -> DesignEvidence:
     """Return the design with its trials, each paired with the simulation of its environment.
 
-    ``here`` are the numbers of trials whose sample is one of the runs' environments.
+    ``ids_in_samples`` are the numbers of trials whose sample is one of the runs' environments.
     """
     if not trials:
         return design

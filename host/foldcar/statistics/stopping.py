@@ -41,7 +41,7 @@ class StoppingRule:
         return numpy.asarray(numpy.all(sides, axis=0))
 
     def chance(self, rates: ArrayLike, masses: ArrayLike, passed: int, runs: int, later_runs: int) -> float:
-        """Return the probability that the design is decided after ``then`` runs, given ``passed`` of ``runs`` so far.
+        """Return the probability that the design is decided after ``later_runs`` runs, given the ``runs`` so far.
 
         Its rate is one of ``rates`` with probabilities ``masses``, both (rates,).
         """
@@ -86,7 +86,7 @@ def _decided(rule: StoppingRule, runs: int) -> NDArray[Any]:
 
 @lru_cache(maxsize=4096)
 def _later_chance(rule: StoppingRule, passed: int, runs: int, later_runs: int) -> float:
-    """Return the probability that the design is decided after ``then`` runs, by Jeffreys' prior."""
+    """Return the probability that the design is decided after ``later_runs`` runs, by Jeffreys' prior."""
     from scipy.stats import betabinom
 
     new = numpy.arange(later_runs - runs + 1)

@@ -137,7 +137,7 @@ class ExperimentRuns:
         writer.end_experiment(plan, int(schedule.runs.sum()))
 
     def _simulate(self, samples_of_design: Mapping[int, range] | None, total: int) -> Iterator[list[FinishedRun]]:
-        """Simulate the ``wanted`` samples of designs, by position (None: all). Afterwards ``total`` runs are counted."""
+        """Simulate ``samples_of_design`` by position (None: all of each); afterwards ``total`` runs are counted."""
         plan = self.plan
         all_samples = range(plan.environments)
         if samples_of_design is not None:

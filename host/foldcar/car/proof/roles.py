@@ -211,14 +211,14 @@ def lid_of(car: FoldedCar, base: Piece) -> Lid:
         if crease.parent.face in moving:
             moving.add(crease.child.face)
     panels = {face.name for face in base.faces if face.name in moving and face.role == "panel"}
-    order = tuple(crease.name for crease in base.creases if crease.child.face in panels)
-    shutting = set()
+    crease_names = tuple(crease.name for crease in base.creases if crease.child.face in panels)
+    closing_joins = set()
     for join in (join for join in car.joins if join.kind in ("lock", "tuck")):
         ends = {(join.piece_a, join.a.face), (join.piece_b, join.b.face)}
         if sum(piece == base.name and face in moving for piece, face in ends) == 1:
-            shutting.add(join.number)
+            closing_joins.add(join.number)
     gripped = tuple(face for face in base.faces if face.name in moving and face.clearances)
-    return Lid(frozenset(moving), order, tuple(sorted(shutting)), gripped)
+    return Lid(frozenset(moving), crease_names, tuple(sorted(closing_joins)), gripped)
 
 
 def stands_in(screw: Mount, solid: Solid, other: Mount, held: Solid) -> bool:

@@ -115,7 +115,7 @@ def _origin(added: Added, before: State, is_apart: bool) -> str:
 
 
 def _directions(added: Added, moves: Sequence[Vector], before: State, is_apart: bool) -> str:
-    """Return the sides that moves come from: the wheel's if ``apart``, else outside or inside of the car's walls."""
+    """Return from which sides a part moves in: a wheel's sides if ``is_apart``, else the outside or inside of the car."""
     axle = next((axle for axle in before.car.axles if axle.wheel == added.body), None)
     place = before.mounts[added.name].pose[1][3] if added.kind == "mount" else 0.0
     y = axle.center_mm[1] if axle else place

@@ -163,7 +163,7 @@ def _in_faces(flat: FlatPiece, turn: float) -> list[_Place]:
 def join_marks(piece: FlatPiece, car: FoldedCar, unsplit_car: FoldedCar) -> Iterator[EdgeMark]:
     """Yield the numbers of all joins of the piece, and the names of parts laid onto it.
 
-    ``car`` has pieces split to fit the sheets, ``whole`` has whole pieces, as they are placed in the car.
+    ``car`` has pieces split to fit the sheets, ``unsplit_car`` has whole pieces, as they are placed in the car.
     """
     faces = {face.name: face for face in piece.faces}
     seen: set[tuple[int, str]] = set()

@@ -84,11 +84,11 @@ def _folds(flat: FlatPiece, chosen: Options) -> Iterator[Shape]:
 
 
 def dashes(
-    a: Point, b: Point, cut_mm: float, bridge_mm: float, kerf_mm: float = 0.0, taken: BaseGeometry | None = None
+    a: Point, b: Point, cut_mm: float, bridge_mm: float, kerf_mm: float = 0.0, occupied: BaseGeometry | None = None
 ) -> list[Cut]:
-    """Return the cuts along the fold from ``a`` to ``b``, outside of ``taken``: other cuts with the film around them.
+    """Return the cuts along the fold from ``a`` to ``b``, outside of ``occupied``: other cuts with the film around them.
 
-    Without ``taken`` the fold has a bridge at both ends. The finished cuts, kerf included, have the length ``cut_mm``;
+    Without ``occupied`` the fold has a bridge at both ends. The finished cuts, kerf included, have the length ``cut_mm``;
     bridges are at least ``bridge_mm``, equal between two cuts. A short fold has a shorter cut, a tiny fold none.
     """
     length = math.dist(a, b)
@@ -97,7 +97,7 @@ def dashes(
         fraction = distance / length
         return a[0] + fraction * (b[0] - a[0]), a[1] + fraction * (b[1] - a[1])
 
-    free = [(bridge_mm, length - bridge_mm)] if taken is None else list(_free(a, b, taken))
+    free = [(bridge_mm, length - bridge_mm)] if occupied is None else list(_free(a, b, occupied))
     cuts = [cut for low, high in free for cut in _row(low, high, cut_mm, bridge_mm)]
     half = length * SHORT_FOLD_FRACTION / 2
     if not cuts and 2 * half >= MIN_FOLD_CUT_MM:
@@ -108,7 +108,7 @@ def dashes(
 
 
 def _free(a: Point, b: Point, occupied: BaseGeometry) -> Iterator[tuple[float, float]]:
-    """Yield the parts of the fold outside of ``taken`` by their distances from ``a`` (mm)."""
+    """Yield the parts of the fold outside of ``occupied`` by their distances from ``a`` (mm)."""
     for part in shapely.get_parts(LineString([a, b]).difference(occupied)):
         if part.length > 0:
             low, high = sorted(math.dist(a, p) for p in (part.coords[0], part.coords[-1]))

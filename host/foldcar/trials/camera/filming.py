@@ -239,7 +239,7 @@ def _time_scale(times_s: Floats, distances_m: Floats, simulated: Floats, simulat
 
 
 def _when(times_s: Floats, distances_m: Floats, distance: float) -> float:
-    """The last time at which ``away`` rose through ``far``."""
+    """Return the last time at which the distance rose through ``distance``."""
     index = int(numpy.flatnonzero(distances_m < distance)[-1]) if (distances_m < distance).any() else 0
     if index + 1 >= len(distances_m):
         return float(times_s[-1])

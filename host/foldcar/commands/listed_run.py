@@ -111,16 +111,16 @@ class SimulatedRun:
         )
         return answer
 
-    def path(self, carsim: "Carsim", answer: Mapping[str, Any], wanted: object) -> list[list[float]]:
-        """Simulate the car's path. It ends where the Scenic program ended the run.
+    def path(self, carsim: "Carsim", answer: Mapping[str, Any], label: object) -> list[list[float]]:
+        """Simulate the car's path, up to where the Scenic program ended the run.
 
-        Raises FoldcarError if the run failed; the message begins with ``wanted``.
+        Raises FoldcarError, beginning with ``label``, if the run failed.
         """
         from foldcar.simulation.runner import PATH_INTERVAL_S
 
         native = {} if "error" in answer else self.simulate(carsim, path_interval_s=PATH_INTERVAL_S)
         if "path" not in native:
-            raise FoldcarError(f"{wanted}: a failed run has no path to show")
+            raise FoldcarError(f"{label}: a failed run has no path to show")
         return [row for row in native["path"] if row[0] <= answer["elapsed_time_s"]]
 
 

@@ -162,17 +162,19 @@ class _Sheet:
     _blocked: dict[int, tuple[Cells, int]] = field(default_factory=dict)
 
     def blocked(self, turned: _RotatedPiece) -> Cells:
-        """Return the rows and columns at which the piece would come too near to another."""
+        """Return a mask of the rows and columns at which the piece would come too near to another."""
         blocked, placed_count = self._blocked.get(id(turned)) or (np.zeros(turned.places, dtype=bool), 0)
         rows, columns = turned.places
         for other, row, column in self.placed[placed_count:]:
-            kept = self.area.no_fit_mask(other, turned)
-            up = row - other.padding_cells - turned.cells.shape[0] + 1
-            right = column - other.padding_cells - turned.cells.shape[1] + 1
-            above, beyond = min(rows, up + kept.shape[0]), min(columns, right + kept.shape[1])
-            low, left = max(0, up), max(0, right)
-            if low < above and left < beyond:
-                blocked[low:above, left:beyond] |= kept[low - up : above - up, left - right : beyond - right]
+            mask = self.area.no_fit_mask(other, turned)
+            first_row = row - other.padding_cells - turned.cells.shape[0] + 1
+            first_column = column - other.padding_cells - turned.cells.shape[1] + 1
+            end_row, end_column = min(rows, first_row + mask.shape[0]), min(columns, first_column + mask.shape[1])
+            row_from, column_from = max(0, first_row), max(0, first_column)
+            if row_from < end_row and column_from < end_column:
+                blocked[row_from:end_row, column_from:end_column] |= mask[
+                    row_from - first_row : end_row - first_row, column_from - first_column : end_column - first_column
+                ]
         self._blocked[id(turned)] = (blocked, len(self.placed))
         return blocked
 

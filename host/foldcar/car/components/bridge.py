@@ -6,6 +6,7 @@ plug, which would fold the legs over. The bridge drops in from above with the bo
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 from foldcar.car.components.mounts import add_screw, cylinder
 from foldcar.car.components.shape import Shape
@@ -170,19 +171,16 @@ def _put_boards(shape: Shape, on: str, under: Pose, holes: Sequence[str]) -> Non
 
 
 def _put(
-    shape: Shape, board: Feather | FeatherWing, on: str, under: Pose, boxes: Sequence[Box], clearances_on_board: Sequence[ToolClearance],
-    holes: Sequence[str],
+    shape: Shape, board: Feather | FeatherWing, on: str, under: Pose, boxes: Sequence[Box],
+    clearances: Sequence[ToolClearance], holes: Sequence[str],
 ) -> None:  # fmt: skip
-    """Add a board with ``boxes`` and ``clearances_on_board``, both in the board's frame."""
+    """Add a board with ``boxes`` and ``clearances``, both in the board's frame."""
     length, width, height = board.size_mm
     down = translation(0, 0, -height / 2)
     middle = translation(0, 0, (board.board_mm.value - height) / 2)
     screw_holes = tuple((x, y, pattern.diameter_mm) for pattern in board.holes for x, y in pattern.at_mm)
     plate = Solid("box", (length, width, board.board_mm.value), middle, screw_holes)
     solids = [plate, *(Solid("box", box.size_mm, compose(down, translation(*box.at_mm))) for box in boxes)]
-    clearances = [
-        ToolClearance(clearance.tool, compose(down, clearance.pose), clearance.diameter_mm, clearance.length_mm)
-        for clearance in clearances_on_board
-    ]
+    clearances = [replace(clearance, pose=compose(down, clearance.pose)) for clearance in clearances]
     pose = compose(under, translation(0, 0, height / 2))
     shape.box(board.name, board.name, on, pose, board.size_mm, board.mass_kg.value, holes, solids, clearances)

@@ -93,24 +93,26 @@ def _in_discs_and_walls(name: str, hole: Hole, parts: Catalogue) -> Iterator[Fit
 
 
 def _servo(opening: Hole, parts: Catalogue) -> Iterator[Fit]:
+    """Yield the fits of a servo in its opening: length, width, screws."""
     servo, screw = parts.servo, parts.screw.diameter_mm
     # The notches for the screws reach beyond the body's ends, but not at its long sides.
     span, width = _size(opening)
-    far = max(y for _, y in opening.outline_mm)
-    length = float(np.ptp([x for x, y in opening.outline_mm if far - y < ROUNDING_MM]))
+    long_side_y = max(y for _, y in opening.outline_mm)
+    length = float(np.ptp([x for x, y in opening.outline_mm if long_side_y - y < ROUNDING_MM]))
     yield _inside("servo's length in its opening", length, servo.length_mm, parts)
     yield _inside("servo's width in its opening", width, servo.width_mm, parts)
     # If the holes are nearer to each other, the ears' own slots, which are open outwards, take the screws.
-    reach = span / 2 + (servo.screw_hole_mm.value - screw.value) / 2
-    room = reach - (servo.screw_spacing_mm.value + screw.value) / 2
+    outer_reach_mm = span / 2 + (servo.screw_hole_mm.value - screw.value) / 2
+    room = outer_reach_mm - (servo.screw_spacing_mm.value + screw.value) / 2
     tolerance_mm = _sum(servo.screw_spacing_mm, servo.screw_hole_mm) / 2 + screw.tolerance
     yield Fit("servo's screws, farther apart, in wall and ears", room, tolerance_mm, parts.assembly.cut_mm.value)
 
 
 def _board_screw(hole: Hole, parts: Catalogue) -> Fit:
-    screw, drilled = parts.board_screw.diameter_mm, parts.feather.holes[0]
-    room = (_size(hole)[0] + drilled.diameter_mm) / 2 - screw.value
-    tolerance_mm = 1.5 * drilled.tolerance + screw.tolerance
+    """Return the fit of the boards' screws."""
+    screw, board_hole = parts.board_screw.diameter_mm, parts.feather.holes[0]
+    room = (_size(hole)[0] + board_hole.diameter_mm) / 2 - screw.value
+    tolerance_mm = 1.5 * board_hole.tolerance + screw.tolerance
     return Fit("boards' screws in bridge and Feather", room, tolerance_mm, 2 * parts.assembly.cut_mm.value)
 
 

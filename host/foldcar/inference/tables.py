@@ -74,6 +74,7 @@ def write_selection(selections: Sequence[Selection], file: Path) -> None:
 
 
 def _experiment_object(experiment: ExperimentComparison) -> dict[str, Any]:
+    """Return the comparison of an experiment as plain data."""
     info = experiment.info
     return {
         "experiment": info.id,
@@ -106,6 +107,7 @@ def _object(estimate: Rate | Gap | None) -> dict[str, Any] | None:
 
 
 def _counts(design: DesignComparison) -> dict[str, int]:
+    """Return the numbers of runs, trials and cars of a design."""
     evidence = design.evidence
     return {
         "runs": evidence.runs,

@@ -166,6 +166,7 @@ class _Pieces:
         return [self._piece(index, sheet) for index, sheet in enumerate(self.sheets)]
 
     def _piece(self, index: int, sheet: dict[str, Pose]) -> Piece:
+        """Return a piece with its faces, its tabs and its creases, each child after its parent."""
         order = {first: i for i, first in enumerate(sheet)}
         creases = []
         for link, a, b, _ in (seam for seam in self.folds if seam.a[0] in order):

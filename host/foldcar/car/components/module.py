@@ -237,6 +237,7 @@ class ElectronicsModule(BrainModule):
 
 
 def _power_wires(parts: Catalogue) -> list[Wire]:
+    """Return the wires between batteries, switch and boards."""
     feather, wing, switch = parts.feather.name, parts.featherwing.name, parts.switch.name
     return [
         Wire(f"{feather} headers", f"{wing} headers", "stack", "the wing sits on the Feather: I2C on SDA 23 and SCL 22"),

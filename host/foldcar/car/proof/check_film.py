@@ -46,6 +46,7 @@ def flat_polygons(piece: Piece) -> dict[str, shapely.Polygon]:
 
 
 def _outlines(piece: Piece, face: Face) -> Iterator[Finding]:
+    """Yield findings on outlines that cross themselves, and on holes outside of their face or in each other."""
     place = f"{piece.name}: {face.name}"
     outline = shapely.Polygon(face.outline_mm)
     if not outline.is_valid or not shapely.is_ccw(outline.exterior):
@@ -64,6 +65,7 @@ def _outlines(piece: Piece, face: Face) -> Iterator[Finding]:
 
 
 def _holes_at_folds(piece: Piece, min_distance_mm: float) -> Iterator[Finding]:
+    """Yield findings on holes that are too near to a fold."""
     faces = {face.name: face for face in piece.faces}
     refs = (ref for crease in piece.creases if not crease.bend for ref in (crease.parent, crease.child))
     lines: dict[str, list[shapely.LineString]] = defaultdict(list)
@@ -78,6 +80,7 @@ def _holes_at_folds(piece: Piece, min_distance_mm: float) -> Iterator[Finding]:
 
 
 def _overlaps(piece: Piece) -> Iterator[Finding]:
+    """Yield findings on faces of a piece that overlap in the flat."""
     flat = flat_polygons(piece)
     names, shapes = list(flat), list(flat.values())
     tree = shapely.STRtree(shapes)
@@ -156,23 +159,24 @@ def _gap_mm(join: Join, a: PlacedFace, b: PlacedFace) -> float:
 
 
 def _tab(join: Join, a: PlacedFace, b: PlacedFace) -> Iterator[Finding]:
+    """Yield findings on a tab: edges that do not meet, a tab that stands off its face or reaches beyond it."""
     place = f"join {join.number}: {a.title} on {b.title}"
     gap = _gap_mm(join, a, b)
     if gap > CLOSURE_MM:
         yield Finding("closure", place, f"the edges are {gap:.3f} mm apart, the limit is {CLOSURE_MM:g} mm")
-    local = b.in_face(a.corners_mm)
+    corners_on_face = b.in_face(a.corners_mm)
     # A tab lies inside the wall, one film above it.
     layer = (a.piece.thickness_mm + b.piece.thickness_mm) / 2 if join.kind == "tab" else 0.0
-    height = float(np.abs(local[:, 2] - layer).max())
+    height = float(np.abs(corners_on_face[:, 2] - layer).max())
     limit = FIT_MM if join.kind == "tab" else CLOSURE_MM
     if height > limit:
         message = f"the tab stands {height:.3f} mm off the face it is glued to, the limit is {limit:g} mm"
         yield Finding("tab", place, message)
         return
-    over = shapely.Polygon(local[:, :2]).difference(b.polygon)
+    outside = shapely.Polygon(corners_on_face[:, :2]).difference(b.polygon)
     # Shrinking removes the slivers that a tab as wide as its face leaves.
-    if over.buffer(-CLOSURE_MM).area > TAB_OVER_MM2:
-        yield Finding("tab", place, f"{over.area:.2f} mm² of the tab lie beside its face or over a hole in it")
+    if outside.buffer(-CLOSURE_MM).area > TAB_OVER_MM2:
+        yield Finding("tab", place, f"{outside.area:.2f} mm² of the tab lie beside its face or over a hole in it")
 
 
 def _tongue(join: Join, a: PlacedFace, b: PlacedFace) -> Iterator[Finding]:

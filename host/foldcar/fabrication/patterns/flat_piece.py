@@ -189,6 +189,7 @@ def _placed(p: Point, pose: Pose, shift: Point) -> Point:
 
 
 def _flat_face(face: Face, corners: list[list[Point]], place: Callable[[Point], Point]) -> FlatFace:
+    """Return a face with its edges and holes, moved to their ``place`` in the flat piece."""
     points = [[place(p) for p in corner] for corner in corners]
     edges = {i: (points[i][-1], points[(i + 1) % len(points)][0]) for i in range(len(points))}
     outline = Polygon([p for corner in points for p in corner])

@@ -71,6 +71,7 @@ def _path(layer: LayerName, points: Iterable[tuple[float, ...]]) -> Path:
 
 
 def _folds(flat: FlatPiece, chosen: Options) -> Iterator[Shape]:
+    """Yield the lines or cuts of folds, and lines on the label layer for folds that are neither cut nor scored."""
     for fold in flat.folds:
         # A flexure is neither cut nor scored, which would weaken it; a line on the label layer shows its place.
         if fold.kind == "flexure":

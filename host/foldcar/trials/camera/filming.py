@@ -141,6 +141,7 @@ def _simulated(body: Any, settings: Any, scene: Any, carsim: Carsim) -> Floats:
 
 
 def _facts(filmed: Filmed, start: Start, ending: Ending, lens: Lens | None, remarks: list[str]) -> dict[str, Any]:
+    """Return the facts of a track that are stored with it: its end, its errors, its camera."""
     x, y, heading = filmed.frame_error
     view = filmed.view
     return {
@@ -156,12 +157,13 @@ def _facts(filmed: Filmed, start: Start, ending: Ending, lens: Lens | None, rema
 
 
 def _rows(times_s: Any, filmed: Filmed) -> list[list[float]]:
-    upper = [(0, 0), (0, 1), (0, 3), (1, 1), (1, 3), (3, 3), (2, 2), (4, 4), (5, 5)]
+    """Return rows of time, pose and the stored elements of its covariance."""
+    covariance_elements = [(0, 0), (0, 1), (0, 3), (1, 1), (1, 3), (3, 3), (2, 2), (4, 4), (5, 5)]
     return [
         [
             round(float(time_s), 4),
             *(round(float(value), 5) for value in pose),
-            *(float(f"{spread[k]:.3g}") for k in upper),
+            *(float(f"{spread[k]:.3g}") for k in covariance_elements),
         ]
         for time_s, pose, spread in zip(times_s, filmed.poses, filmed.covariances, strict=True)
     ]

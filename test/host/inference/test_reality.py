@@ -70,7 +70,7 @@ def test_what_no_calibration_knows_reaches_the_car_in_mujoco(tmp_path: Path) -> 
     assert {(wheel["camber_rad"], wheel["contact_time_s"]) for wheel in body["wheels"]} == {(-0.035, 0.02)}
     assert body["supply_resistance_ohm"] == 0.4
     run, _ = simulated_run(listed)
-    elapsed_s = {replace(run, body=car(values)).by(listed.carsim)["elapsed_time_s"]
+    elapsed_s = {replace(run, body=car(values)).simulate(listed.carsim)["elapsed_time_s"]
                  for values in ({}, *({name: facts[name]} for name in facts))}  # fmt: skip
     assert len(elapsed_s) == 6
 

@@ -85,11 +85,11 @@ def _prepared(type_string: str, values: tuple[tuple[str, float], ...], *argument
     design = compose(type_string, dict(values))
     body = body_json(design)
     # Check the arguments with a listing's limits.
-    given = {
+    listing_values = {
         key: argument for key, argument in zip(LISTING_KEYS.values(), arguments, strict=True) if argument is not None
     }
     try:
-        params = ExperimentParams.model_validate(given)
+        params = ExperimentParams.model_validate(listing_values)
     except ValidationError as error:
         first = error.errors()[0]
         name = {listed: name for name, listed in LISTING_KEYS.items()}[str(first["loc"][0])]

@@ -74,8 +74,8 @@ class Evaluation:
         passed, runs = int(counted.sum()), len(counted)
         if not runs:
             raise FoldcarError(no_rate_text(len(self.runs)))
-        what = f"{passed} of {runs} simulated runs that passed"
-        return Rate.from_counts(passed, runs, what, confidence=self.confidence)
+        counts_text = f"{passed} of {runs} simulated runs that passed"
+        return Rate.from_counts(passed, runs, counts_text, confidence=self.confidence)
 
 
 def simulate(

@@ -92,12 +92,12 @@ class SimulatedRun:
     sample: int
     reality: Mapping[str, Any] = field(default_factory=dict)
 
-    def by(self, runner: "Runner", **more: float) -> dict[str, Any]:
-        """Return the runner's answer; ``more`` is added to the settings."""
+    def simulate(self, runner: "Runner", **extra_settings: float) -> dict[str, Any]:
+        """Return the runner's answer, with these settings beside the run's own."""
         from foldcar.simulation.runner import RunRequest
         from foldcar.store.writer import canonical_json
 
-        settings = canonical_json({**self.settings, **more})
+        settings = canonical_json({**self.settings, **extra_settings})
         (answer,) = runner.run(
             {"car": canonical_json(self.body)},
             {"scene": canonical_json(self.scene)},
@@ -105,16 +105,16 @@ class SimulatedRun:
         )
         return answer
 
-    def path(self, carsim: "Carsim", answer: Mapping[str, Any], wanted: object) -> list[list[float]]:
-        """Simulate the car's path. It ends where the Scenic program ended the run.
+    def path(self, carsim: "Carsim", answer: Mapping[str, Any], label: object) -> list[list[float]]:
+        """Simulate the car's path, up to where the Scenic program ended the run.
 
-        Raises FoldcarError if the run failed; the message begins with ``wanted``.
+        Raises FoldcarError, beginning with ``label``, if the run failed.
         """
         from foldcar.simulation.runner import PATH_INTERVAL_S
 
-        native = {} if "error" in answer else self.by(carsim, path_interval_s=PATH_INTERVAL_S)
+        native = {} if "error" in answer else self.simulate(carsim, path_interval_s=PATH_INTERVAL_S)
         if "path" not in native:
-            raise FoldcarError(f"{wanted}: a failed run has no path to show")
+            raise FoldcarError(f"{label}: a failed run has no path to show")
         return [row for row in native["path"] if row[0] <= answer["elapsed_time_s"]]
 
 
@@ -123,7 +123,7 @@ def simulated_run(listed: ListedRun) -> tuple[SimulatedRun, dict[str, Any]]:
     settings = listed.experiment.settings(listed.design, listed.body, listed.carsim.parameter_table())
     run = SimulatedRun(listed.name, listed.body, listed.scene, settings, listed.sample, listed.variation)
     with listed.environment.runner(listed.carsim, listed.environment.dynamic) as runner:
-        return run, run.by(runner)
+        return run, run.simulate(runner)
 
 
 def listed_families(

@@ -399,9 +399,9 @@ class _Adviser:
         design = self.belief.designs[index]
         minutes = first.cars * self._assembly_min + first.trials * trial_min(design.mean_time_s)
         hours = f", about {_hours(round(minutes))}"
-        then = f"; then {listed([design.label for design in recommended[1:]])}" if len(recommended) > 1 else ""
+        later_text = f"; then {listed([design.label for design in recommended[1:]])}" if len(recommended) > 1 else ""
         verb = "build" if first.cars else "drive"
-        plan = f"Next, {verb} {first.label}: {chance}; {count(first.trials, 'trial')}{cars}{hours}{then}."
+        plan = f"Next, {verb} {first.label}: {chance}; {count(first.trials, 'trial')}{cars}{hours}{later_text}."
         if not self.belief.driven:
             return plan
         gain = f"an hour of work wins up to {100 * self._gain:.1f}"

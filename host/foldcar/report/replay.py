@@ -82,12 +82,12 @@ def choose_runs(
     table = pandas.DataFrame({"design": runs.design, "sample": runs.sample, "outcome": runs.outcome, "time_s": time_s})
     counted = table[table["outcome"] != OUTCOMES.index(REJECTED)]
     success = (counted["outcome"] == OUTCOMES.index("passed")).groupby(counted["design"]).mean()
-    table["away"] = (table["design"].map(success) - THRESHOLD).abs()
+    table["distance"] = (table["design"].map(success) - THRESHOLD).abs()
     table = table[table["outcome"].isin([OUTCOMES.index(name) for name in REPLAYED])]
     if kept:
         table = table[[key in kept for key in zip(table["design"], table["sample"], strict=True)]]
-    table["again"] = table.groupby(["design", "outcome"]).cumcount() > 0
-    table = table.sort_values(["again", "away", "design", "sample"])
+    table["repeated"] = table.groupby(["design", "outcome"]).cumcount() > 0
+    table = table.sort_values(["repeated", "distance", "design", "sample"])
     table = table[table["sample"].isin(table["sample"].unique()[:MAX_SAMPLES])]
     spent = (ROW_BYTES * (2 + table["time_s"] / KEPT_INTERVAL_S)).cumsum()
     chosen = table[spent <= most_bytes][:most_runs].sort_values(["design", "sample"])
@@ -307,5 +307,5 @@ def _trial(store: Store, blobs: Blobs, trial: Trial) -> dict[str, Any]:
 def blob(head: Any, content: bytes = b"") -> str:
     """Encode ``head`` as JSON, a line feed and ``content``, as text that is safe inside any HTML element."""
     deflater = zlib.compressobj(9, wbits=-15)
-    whole = json.dumps(head, separators=(",", ":"), allow_nan=False).encode() + b"\n" + content
-    return base64.b64encode(deflater.compress(whole) + deflater.flush()).decode()
+    plain_bytes = json.dumps(head, separators=(",", ":"), allow_nan=False).encode() + b"\n" + content
+    return base64.b64encode(deflater.compress(plain_bytes) + deflater.flush()).decode()

@@ -149,11 +149,11 @@ class Store:
         Their rates cannot be compared with these runs. For an imported trial without a sample, only the program is known,
         and only if its experiment had been swept.
         """
-        here = self.trials_here(info)
+        ids_in_samples = self.trials_here(info)
         return {
             row["id"]: row["scenic_program"]
             for row in self.rows(TRIAL, "WHERE experiment = ?", info.listed_id)
-            if row["id"] not in here
+            if row["id"] not in ids_in_samples
             and (row["environment_id"] is not None or row["scenic_program"] not in (None, info.scenic_program))
         }
 
@@ -166,11 +166,11 @@ class Store:
 
     def _trials_here(self, info: ExperimentInfo) -> set[int]:
         """Return the numbers of trials whose scenes are those of the experiment's samples."""
-        here = self._environment_id(info)
+        environment_id = self._environment_id(info)
         trials = list(self.rows(TRIAL, "WHERE experiment = ? AND environment_id IS NOT NULL", info.listed_id))
-        elsewhere = any(row["environment_id"] != here for row in trials)
-        scenes = self._sampled_scenes(here) if elsewhere else {}
-        result, same = set(), {here: True}
+        has_other_environments = any(row["environment_id"] != environment_id for row in trials)
+        scenes = self._sampled_scenes(environment_id) if has_other_environments else {}
+        result, same = set(), {environment_id: True}
         for row in trials:
             other = row["environment_id"]
             if other not in same:

@@ -198,9 +198,11 @@ class StoreWriter(StoreConnection):
         """Store the variation of a sample; equal variations with different ``identity`` are stored separately."""
         self._put_drawn("draw", {"spread_id": spread_id, "sample": sample}, "variation", variation, identity)
 
-    def _put_drawn(self, table: str, key: dict[str, int], what: str, value: Mapping[str, Any], identity: str) -> None:
+    def _put_drawn(
+        self, table: str, key: dict[str, int], content_table: str, value: Mapping[str, Any], identity: str
+    ) -> None:
         with self._transaction():
-            row = {**key, f"{what}_id": self._put_text(what, canonical_json(value), identity)}
+            row = {**key, f"{content_table}_id": self._put_text(content_table, canonical_json(value), identity)}
             self._insert(BY_NAME[table], [row], "OR IGNORE")
 
     def design_counts(self, plan: PlannedExperiment) -> DesignCounts:

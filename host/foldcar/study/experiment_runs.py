@@ -124,29 +124,31 @@ class ExperimentRuns:
         schedule = Schedule(rule, plan.environments, writer.design_counts(plan).reached)
         total, decided = self.counts.total, self.counts.decided
         while batches := schedule.next():
-            wanted = {batch.design: batch.samples for batch in batches}
-            yield from self._simulate(wanted, self.counts.done + sum(map(len, wanted.values())))
+            samples_of_design = {batch.design: batch.samples for batch in batches}
+            yield from self._simulate(samples_of_design, self.counts.done + sum(map(len, samples_of_design.values())))
             yield from self.pool.finish()
             schedule.record(
-                {design: writer.run_counts(plan, design, samples) for design, samples in wanted.items()}, batches
+                {design: writer.run_counts(plan, design, samples) for design, samples in samples_of_design.items()},
+                batches,
             )
             self.counts.total = total - int((plan.environments - schedule.runs)[schedule.closed].sum())
             self.counts.decided = decided + int((schedule.decided & schedule.closed).sum())
             self.report(self.counts)
         writer.end_experiment(plan, int(schedule.runs.sum()))
 
-    def _simulate(self, wanted: Mapping[int, range] | None, total: int) -> Iterator[list[FinishedRun]]:
-        """Simulate the ``wanted`` samples of designs, by position (None: all). Afterwards ``total`` runs are counted."""
+    def _simulate(self, samples_of_design: Mapping[int, range] | None, total: int) -> Iterator[list[FinishedRun]]:
+        """Simulate ``samples_of_design`` by position (None: all of each); afterwards ``total`` runs are counted."""
         plan = self.plan
         all_samples = range(plan.environments)
-        if wanted is not None:
+        if samples_of_design is not None:
             all_samples = range(
-                min(samples.start for samples in wanted.values()), max(samples.stop for samples in wanted.values())
+                min(samples.start for samples in samples_of_design.values()),
+                max(samples.stop for samples in samples_of_design.values()),
             )
         for sample in all_samples:
             self._samples.reach(sample)
             for run in self.writer.planned_runs(plan, sample):
-                if wanted is not None and sample not in wanted.get(run.design, ()):
+                if samples_of_design is not None and sample not in samples_of_design.get(run.design, ()):
                     continue
                 if run.outcome is not None or self.pool.joins(run):
                     self.counts.there += 1

@@ -63,7 +63,7 @@ def test_what_no_calibration_knows_reaches_the_car_in_mujoco(tmp_path: Path) -> 
         assert real == {**NOMINAL, **values}
         reality = drawn_reality(real, {}, listed.experiment.variation_seed, 3, 3)
         assert {name: reality[name] for name in values} == values
-        return float(replace(run, reality=reality).by(listed.carsim)["elapsed_time_s"])
+        return float(replace(run, reality=reality).simulate(listed.carsim)["elapsed_time_s"])
 
     assert len({elapsed_s(values) for values in ({}, *({name: value} for name, value in facts.items()))}) == 6
 

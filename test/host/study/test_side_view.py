@@ -110,7 +110,7 @@ def test_a_segment_too_heavy_for_its_wheels_fails_with_its_numbers(carsim_binary
 def test_cars_that_vary_wheel_by_wheel_have_unlike_sides(foldcar: Command, listing_of: Callable[..., Path]) -> None:
     listing = listing_of(ACROSS, variation="workshop")
 
-    assert "the cars' sides (nearby cars vary" in swept(foldcar, listing, "s.db").stderr
+    assert "the cars' sides (built cars vary" in swept(foldcar, listing, "s.db").stderr
 
 
 def test_a_body_is_one_sided_by_its_mass_or_any_pair_of_wheels() -> None:

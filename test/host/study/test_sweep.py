@@ -1,4 +1,4 @@
-"""Sweeps with the real simulator and real environments: what is run and folded, once each; nearby cars."""
+"""Sweeps with the real simulator and real environments: what is run and folded, once each; built cars that vary."""
 
 import json
 import sqlite3

@@ -108,8 +108,8 @@ class DesignSimulator:
         environments, designs = self._writer.swept(self._experiment.id, environment_id, spread_id)
         self._experiment = replace(self._experiment, environments=max(environments, self._experiment.environments))
         family = self._experiment.family
-        known = [tuple(design.get(column, float("nan")) for column in family.columns()) for design in designs]
-        return [values for values in known if family.has(values)]
+        stored_values = [tuple(design.get(column, float("nan")) for column in family.columns()) for design in designs]
+        return [values for values in stored_values if family.has(values)]
 
     def _keep(self, finished: list[FinishedRun]) -> None:
         self._writer.add_results((run.run, run.answer) for run in finished)

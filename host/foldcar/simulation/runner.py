@@ -11,8 +11,6 @@ from foldcar.errors import FoldcarError
 
 # Interval of the rows of a path to draw.
 PATH_INTERVAL_S = 0.02
-# Interval of the rows of a compact path (docs/carsim.md); stores keep many of these.
-KEPT_INTERVAL_S = 0.05
 
 
 class CarsimError(FoldcarError):
@@ -24,7 +22,7 @@ class RunRequest:
     """One run: keys of the chunk's bodies and scenes, the settings as a JSON object, a name for errors.
 
     ``sample`` is the scene's sample of the environment. ``reality`` is a JSON object: how the real car and ground differ
-    from body and scene. ``compact_path``: carsim's answer includes the compact path; Scenic's do not.
+    from body and scene.
     """
 
     body: str
@@ -33,7 +31,6 @@ class RunRequest:
     label: str
     sample: int
     reality: str = ""
-    compact_path: bool = False
 
     @property
     def keys(self) -> str:

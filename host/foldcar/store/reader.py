@@ -1,6 +1,5 @@
 """Reads the results store: the facts of the study, and its runs as rows. docs/store.md describes the file."""
 
-import base64
 import itertools
 import json
 import re
@@ -24,7 +23,6 @@ from foldcar.store.tables import (
     ENVIRONMENT,
     EXPERIMENT,
     MEDIA,
-    PATH_JOIN,
     RECORDED,
     RESULT_JOIN,
     RUN,
@@ -119,15 +117,6 @@ class Store:
         rows = self._rows(query, name)
         while batch := list(itertools.islice(rows, BATCH_ROWS)):
             yield [row[:2] for row in batch], [row[2:] for row in batch]
-
-    def kept_paths(self, name: str) -> Iterator[tuple[int, int, int, str]]:
-        """Yield an experiment's stored paths: the design's position, the sample, the number of rows, the compact path."""
-        query = f"SELECT d.position, s.sample, p.row_count, p.compact {PATH_JOIN} AND e.id = ?"
-        for design, sample, rows, text in self._rows(query, name):
-            if not _is_compact_path(text, rows):
-                where = f'path (experiment="{name}", design={design}, sample={sample})'
-                raise StoreError(f"{self.path}: {where} is damaged: its compact is not what foldcar writes")
-            yield design, sample, rows, text
 
     def run_rows(self, name: str) -> Iterator[tuple[int, int, Row]]:
         """Yield an experiment's runs, ordered by design and sample: the design's position, the sample, the row."""
@@ -355,17 +344,6 @@ class Store:
     def _rows(self, query: str, *values: Any) -> Iterator[Any]:
         with store_errors(self.path):
             yield from self._connection.execute(query, values)
-
-
-def _is_compact_path(text: str, rows: int) -> bool:
-    """Return whether a text is a compact path with ``rows`` rows in base64; a row has six numbers and hinge angles."""
-    try:
-        content = base64.b64decode(text, validate=True)
-    except ValueError:
-        return False
-    # The top bit of a number's last byte is 0.
-    count = sum(byte < 0x80 for byte in content)
-    return rows > 0 and count >= 6 * rows and count % rows == 0 and content[-1] < 0x80
 
 
 def _stopped(facts: Mapping[str, Any] | None, counts: DesignCounts) -> "tuple[StoppingRule | None, list[bool]]":

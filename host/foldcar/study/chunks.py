@@ -14,7 +14,6 @@ from typing import Any, Protocol
 
 from foldcar.simulation.runner import Runner, RunRequest
 from foldcar.store.writer import PlannedRun, StoreWriter
-from foldcar.study.kept_paths import KeptPaths
 
 
 class Simulators(Protocol):
@@ -99,8 +98,6 @@ class ChunkPool:
         self._chunk_runs = FIRST_CHUNK_RUNS
         # For each result that is being computed: how many runs of the study need it.
         self._in_flight: Counter[Key] = Counter()
-        # For each run: what decides whether its path is kept; None if it is not.
-        self._keepers: dict[Key, KeptPaths | None] = {}
 
     def __enter__(self) -> "ChunkPool":
         return self
@@ -131,15 +128,13 @@ class ChunkPool:
         self._in_flight[_key(run)] += 1
         return True
 
-    def add(self, run: PlannedRun, runs_left: int, paths: KeptPaths) -> Iterator[list[FinishedRun]]:
+    def add(self, run: PlannedRun, runs_left: int) -> Iterator[list[FinishedRun]]:
         """Add a run; yield the chunks that finish while it waits for a free worker.
 
-        ``runs_left`` is the number of runs without a result, including those that were added. ``paths`` decides which
-        paths of the experiment are kept.
+        ``runs_left`` is the number of runs without a result, including those that were added.
         """
         not_submitted = runs_left - len(self._in_flight) + len(self._chunk)
         self._in_flight[_key(run)] = 1
-        self._keepers[_key(run)] = paths if paths.wants(run.design) else None
         self._chunk.append(run)
         if len(self._chunk) >= min(self._chunk_runs, max(MIN_CHUNK_RUNS, not_submitted // (2 * self._simulators.count))):
             self._submit()
@@ -171,7 +166,6 @@ class ChunkPool:
                 f"design {run.design + 1}, sample {run.sample}",
                 run.sample,
                 realities[run.variation_id],
-                self._keepers[_key(run)] is not None,
             )
             for run in runs
         ]
@@ -191,18 +185,11 @@ class ChunkPool:
                 target_runs = round(self._simulators.chunk_s / max(chunk.seconds, 1e-6) * len(chunk.runs))
                 self._chunk_runs = max(1, min(target_runs, 4 * self._chunk_runs, MAX_CHUNK_RUNS))
             yield [
-                FinishedRun(run, self._trimmed(run, answer), self._in_flight[_key(run)])
+                FinishedRun(run, answer, self._in_flight[_key(run)])
                 for run, answer in zip(chunk.runs, chunk.answers, strict=True)
             ]
             for run in chunk.runs:
-                del self._in_flight[_key(run)], self._keepers[_key(run)]
-
-    def _trimmed(self, run: PlannedRun, answer: dict[str, Any]) -> dict[str, Any]:
-        """Return the answer, without its path unless the path is kept."""
-        keeper, path = self._keepers[_key(run)], answer.get("path")
-        if path and keeper and keeper.keeps(run.design, answer["outcome"], len(path["compact"])):
-            return answer
-        return {name: value for name, value in answer.items() if name != "path"}
+                del self._in_flight[_key(run)]
 
     def _abandon(self) -> None:
         """Stop running chunks and discard waiting ones."""

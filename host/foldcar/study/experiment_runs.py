@@ -16,7 +16,6 @@ from foldcar.store.tables import DRAW, SAMPLE
 from foldcar.store.writer import PlannedExperiment, StoreWriter, canonical_json
 from foldcar.study.chunks import ChunkPool, FinishedRun
 from foldcar.study.environments import Environment
-from foldcar.study.kept_paths import KeptPaths
 from foldcar.study.stopping import DesignState, Schedule
 
 
@@ -110,10 +109,6 @@ class ExperimentRuns:
     def _samples(self) -> StoredSamples:
         return StoredSamples(self.environment, self.writer, self.dynamic)
 
-    @cached_property
-    def _paths(self) -> KeptPaths:
-        return KeptPaths(self.designs, self.writer.kept_paths(self.plan))
-
     def all(self) -> Iterator[list[FinishedRun]]:
         """Simulate every design in every sample; the last chunks may still be running afterwards."""
         yield from self._simulate(None, self.counts.total)
@@ -154,5 +149,5 @@ class ExperimentRuns:
                     self.counts.there += 1
                     self.counts.count(run.outcome)
                 else:
-                    yield from self.pool.add(run, total - self.counts.done, self._paths)
+                    yield from self.pool.add(run, total - self.counts.done)
             self.report(self.counts)

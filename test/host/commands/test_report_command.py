@@ -118,7 +118,7 @@ def test_several_experiments_and_several_parameters_and_unfinished_ones(tmp_path
         add_experiment(writer, "a/b", two, 4, width_outcome, EXPERIMENT_FACTS, 3)
         add_experiment(writer, "../x", {"width_mm": (80.0, 100.0)}, 3, lambda design, sample: "tipped", EXPERIMENT_FACTS)
         add_experiment(writer, "later", {"width_mm": (80.0, 100.0)}, 5, width_outcome, EXPERIMENT_FACTS, 0)
-    code, shown = report(store, "-o", folder, "--no-replay")
+    code, shown = report(store, "-o", folder)
     assert code == 0
     starts = [f"experiment_{file_name_part(name)}" for name in ("a/b", "../x")]
     # Of several parameters nothing is averaged as the runs have it.

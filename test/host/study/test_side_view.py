@@ -85,10 +85,10 @@ def test_it_is_named_by_the_sweep_and_wherever_its_rates_are_shown(
     (line,) = [line for line in done.stderr.splitlines() if "which matter here" in line]
     assert line.startswith("experiment 1 (side-view): ") and named in line and line.endswith("Use --engine multibody.")
     warning = line.partition(": ")[2]
-    page = foldcar("report", "s.db", "-o", "page", "--no-replay")
+    page = foldcar("report", "s.db", "-o", "page")
     assert warning in " ".join(page.stdout.split())
     assert json.dumps(named)[1:-1] in (tmp_path / "page" / "index.html").read_text()
-    answer = foldcar("report", "s.db", "--no-replay", "--json", "-o", "page")
+    answer = foldcar("report", "s.db", "--json", "-o", "page")
     assert warning in json.loads(answer.stdout)["experiments"][0]["remarks"]
     assert named in " ".join(foldcar("select", "s.db", "--build", "1").stdout.split())
     assert "which matter here" not in foldcar("sweep", listing, "--store", "s.db").stderr

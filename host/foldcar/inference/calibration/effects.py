@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from foldcar.car.body import CHANNELS
 from foldcar.car.variation import draw, workshop
 
 # Parameters that are a factor of the reality.
@@ -43,16 +44,18 @@ def drawn_reality(
 ) -> dict[str, Any]:
     """Return how car and ground of a drive differ from design and scene, as the run line's ``reality`` (docs/carsim.md).
 
-    ``listed`` are the listing's own spreads by name, empty without any: those of wheels give way to ``wheel_spread``,
-    those of the whole car stay. ``drive`` draws the start's scatter, ``car`` what belongs to the car.
+    ``listed`` are the listing's own spreads by name, empty without any. Those of wheels give way to ``wheel_spread``, if
+    ``values`` has it. ``drive`` draws the start's scatter, ``car`` what belongs to the car.
     """
-    spread = dict(listed) | {
-        name: values["wheel_spread"] * quantity.sd for name, quantity in workshop().items() if quantity.per == "wheel"
-    }
+    spread = dict(listed)
+    if "wheel_spread" in values:
+        for name, quantity in workshop().items():
+            if quantity.per == "wheel":
+                spread[name] = values["wheel_spread"] * quantity.sd
     reality = draw(spread, seed, car)
     for name in ("servo_torque", "servo_speed"):
         # A difference is relative: 0 is the design's.
-        reality[name] = [values[name] * (1 + deviation) - 1 for deviation in reality[name]]
+        reality[name] = [values[name] * (1 + deviation) - 1 for deviation in reality.get(name, [0.0] * CHANNELS)]
     reality["com_z_m"] = reality.get("com_z_m", 0.0) + values["com_height_m"]
     reality["track_m"] = values["track_m"]
     for name in REAL_ONLY.keys() & values.keys():

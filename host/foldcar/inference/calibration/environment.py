@@ -27,7 +27,9 @@ from foldcar.study.experiments import Experiment, Study
 from foldcar.study.listing_file import load_listing
 
 # Beyond these scores the priors have no mass that matters, and the simulator's limits come near.
-MOST_SCORE = 6.0
+MAX_REAL_SCORE = 6.0
+# Realities may leave it out.
+WHEEL_SPREAD = "wheel_spread"
 # Of the hash of the values, in a reality's name.
 NAME_DIGITS = 8
 
@@ -37,9 +39,10 @@ class CalibratedEnvironment(Environment):
 
     def __init__(self, experiment: Experiment, calibration: Calibration, listed_id: str) -> None:
         super().__init__(experiment)
-        beyond = set() if calibration.kind == CALIBRATION_KIND else set(REAL_ONLY)
+        beyond, optional = (set(), set()) if calibration.kind == CALIBRATION_KIND else (set(REAL_ONLY), {WHEEL_SPREAD})
         if not all(
-            set(draw) - beyond == set(NAMES) and all(map(math.isfinite, draw.values())) for draw in calibration.draws
+            set(NAMES) - optional <= set(draw) <= set(NAMES) | beyond and all(map(math.isfinite, draw.values()))
+            for draw in calibration.draws
         ):
             raise FoldcarError(
                 f'calibration "{calibration.name}": its parameters are not those of this foldcar: calibrate again'
@@ -97,17 +100,19 @@ def _hashed(*parts: Any) -> str:
 
 
 def read_reality(file: Path, engine: str) -> dict[str, float]:
-    """Parameters by name for an engine: all that calibrations have, those of ``file`` and the nominal values of the
-    others, and those of realities only that are not nominal. Raises FoldcarError."""
+    """Return the parameters of a reality for an engine by name. Raises FoldcarError.
+
+    Parameters that ``file`` leaves out have their nominal values; differences between wheels stay those of the listing.
+    """
     data, _ = load_listing(file)
     if not isinstance(data, Mapping):
         raise FoldcarError(f"{file}: is not a JSON object of parameters, as docs/calibration.md has them")
-    values = dict(NOMINAL)
+    values = {name: value for name, value in NOMINAL.items() if name != WHEEL_SPREAD}
     for name, value in data.items():
         if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
             raise FoldcarError(f"{file}: {name}: {value!r} is not a number")
         if name not in REAL_ONLY:
-            parameter_named(name, value, f"{file}: {name}", MOST_SCORE, with_nominal=True, others=REAL_ONLY)
+            parameter_named(name, value, f"{file}: {name}", MAX_REAL_SCORE, with_nominal=True, others=REAL_ONLY)
             values[name] = float(value)
             continue
         one = REAL_ONLY[name]

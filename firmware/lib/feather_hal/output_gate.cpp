@@ -5,17 +5,17 @@
 namespace foldcar {
 namespace {
 
-void shut(void*) { digitalWrite(OutputGate::kPin, HIGH); }
+void disable_output(void*) { digitalWrite(OutputGate::kPin, HIGH); }
 
 }  // namespace
 
 // The level is set first, so that the pin is never driven low here.
 bool OutputGate::begin() {
   is_used_ = true;
-  shut(nullptr);
+  disable_output(nullptr);
   pinMode(kPin, OUTPUT);
   esp_timer_create_args_t settings{};
-  settings.callback = shut;
+  settings.callback = disable_output;
   settings.name = "output gate";
   return esp_timer_create(&settings, &timer_) == ESP_OK;
 }
@@ -31,7 +31,7 @@ bool OutputGate::open() {
 
 void OutputGate::close() {
   if (!is_used_) return;
-  shut(nullptr);
+  disable_output(nullptr);
   if (timer_ != nullptr) esp_timer_stop(timer_);
 }
 

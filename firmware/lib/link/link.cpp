@@ -87,11 +87,11 @@ void Link::handle(const mavlink_message_t& message, bool late) {
   const Host host{message.sysid, message.compid};
   const Sender sender{host, note_host(host.system), false};
   // Any packet of the host that armed or drives shows that it is still there.
-  if (!is_held_by_other(sender)) application_.refresh_command();
+  if (!is_controlled_by_other(sender)) application_.refresh_command();
   switch (message.msgid) {
     case MAVLINK_MSG_ID_COMMAND_LONG: {
       const auto command = decoded<mavlink_command_long_t>(mavlink_msg_command_long_decode, message);
-      if (is_for_car(command)) commands_.handle(command, sender, view(), holder_);
+      if (is_for_car(command)) commands_.handle(command, sender, view(), controlling_host_);
       return;
     }
     case MAVLINK_MSG_ID_MANUAL_CONTROL: return drive_manually(message, sender);
@@ -123,7 +123,8 @@ void Link::handle(const mavlink_message_t& message, bool late) {
 void Link::handle_late(const mavlink_message_t& message) {
   if (message.msgid != MAVLINK_MSG_ID_COMMAND_LONG) return;
   const auto command = decoded<mavlink_command_long_t>(mavlink_msg_command_long_decode, message);
-  if (is_for_car(command)) commands_.handle(command, {{message.sysid, message.compid}, false, true}, view(), holder_);
+  if (!is_for_car(command)) return;
+  commands_.handle(command, {{message.sysid, message.compid}, false, true}, view(), controlling_host_);
 }
 
 void Link::handle_log_request(const mavlink_message_t& message, const Sender& sender) {
@@ -144,7 +145,7 @@ void Link::handle_log_request(const mavlink_message_t& message, const Sender& se
     }
     case MAVLINK_MSG_ID_LOG_ERASE:
       if (!is_for_car(decoded<mavlink_log_erase_t>(mavlink_msg_log_erase_decode, message))) return;
-      if (is_held_by_other(sender)) return complain(HeldBy(holder_).text);
+      if (is_controlled_by_other(sender)) return complain(HeldBy(controlling_host_).text);
       return logs_.erase();
     case MAVLINK_MSG_ID_LOG_REQUEST_END:
       if (is_for_car(decoded<mavlink_log_request_end_t>(mavlink_msg_log_request_end_decode, message))) logs_.end();
@@ -156,8 +157,8 @@ void Link::handle_log_request(const mavlink_message_t& message, const Sender& se
 void Link::set_parameter(const mavlink_message_t& message, const Sender& sender) {
   const auto request = decoded<mavlink_param_set_t>(mavlink_msg_param_set_decode, message);
   if (!is_for_car(request)) return;
-  const HeldBy held(holder_);
-  parameters_.set(request, is_held_by_other(sender) ? held.text : nullptr);
+  const HeldBy held(controlling_host_);
+  parameters_.set(request, is_controlled_by_other(sender) ? held.text : nullptr);
 }
 
 // What ground stations send to vehicles that have modes and a radio control.
@@ -204,8 +205,8 @@ void Link::drive_manually(const mavlink_message_t& message, const Sender& sender
   };
   const float forward = axis(stick.x), left = axis(stick.r);
   const bool moves = forward != 0.0f || left != 0.0f;
-  if (is_held_by_other(sender)) {
-    if (moves) complain(HeldBy(holder_).text);
+  if (is_controlled_by_other(sender)) {
+    if (moves) complain(HeldBy(controlling_host_).text);
     return;
   }
   const Refusal refusal = application_.drive_manually(forward, left);
@@ -254,7 +255,7 @@ void Link::report_host_timeout() {
   // In tenths, because printing a float may take memory from the heap.
   const long tenths = std::lround(10.0f * application_.parameters().get(Parameter::kArmTimeoutS));
   char line[96];
-  std::snprintf(line, sizeof line, "disarmed: %s was silent for %ld.%ld s", HostName(holder_).text, tenths / 10,
+  std::snprintf(line, sizeof line, "disarmed: %s was silent for %ld.%ld s", HostName(controlling_host_).text, tenths / 10,
                 tenths % 10);
   status_text_.send(MAV_SEVERITY_WARNING, line);
 }

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 from foldcar.api.arguments import checked_int, column_named, columns_named
 from foldcar.errors import FoldcarError
+from foldcar.inference.adviser import Selection
 from foldcar.inference.comparison import MARGIN, Comparison, compare
-from foldcar.inference.selecting import BUILD, PRECISION, Selection, select
+from foldcar.inference.selecting import BUILD, PRECISION, select
 from foldcar.simulation.results import no_rate_text
 from foldcar.statistics.effects import Standardised, fit_effects
 from foldcar.statistics.rate import Rate

@@ -17,8 +17,8 @@ from foldcar.statistics.words import design_text, points, rank_text
 from foldcar.store.trial_records import BUILT, SIMULATED, UNKNOWN, WITHDRAWN, Correction, Trial
 
 if TYPE_CHECKING:
+    from foldcar.inference.adviser import Recommendation, Selection
     from foldcar.inference.comparison import Comparison, DesignComparison, ExperimentComparison
-    from foldcar.inference.selecting import Recommendation, Selection
     from foldcar.statistics.gap import Gap
     from foldcar.statistics.rate import Rate
     from foldcar.store.calibrations import Calibration

@@ -7,8 +7,8 @@ from typing import Any
 
 import pandas
 
+from foldcar.inference.adviser import Recommendation, Selection
 from foldcar.inference.comparison import Comparison, DesignComparison, ExperimentComparison
-from foldcar.inference.selecting import Recommendation, Selection
 from foldcar.outputs import atomic_file
 from foldcar.shown_text import spreadsheet_cell
 from foldcar.statistics.gap import Gap

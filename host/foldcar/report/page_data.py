@@ -65,9 +65,10 @@ import numpy
 from threadpoolctl import threadpool_limits
 
 from foldcar.figures.style import OUTCOME_LABELS
+from foldcar.inference.adviser import Selection
 from foldcar.inference.design_evidence import design_label
 from foldcar.inference.evidence import Evidence, read_evidence, read_unswept
-from foldcar.inference.selecting import Selection, measure_first, select_evidence
+from foldcar.inference.selecting import measure_first, select_evidence
 from foldcar.report.environment_values import EnvironmentValues, environment_values
 from foldcar.report.page_designs import DesignColumns, parameter_columns
 from foldcar.report.page_effects import cause_rows, effect_rows, importance_rows, read_effects

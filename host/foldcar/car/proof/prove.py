@@ -185,7 +185,7 @@ class _Prover:
         return mount.part in boards and bool(names & (boards - {mount.part}))
 
     def _screw_ways(self, screw: Mount, standing: Blocks, own: Sequence[Vector]) -> tuple[ExitPath, ExitPath | None]:
-        """Return the exit paths of head with shank, along the driver, and of the nut, which first leaves the shank."""
+        """Return the exit path of the screw along the driver's axis, and of its nut, which first leaves the shank."""
         head, *nuts = self.scene.screw(screw, self.stage)
         axis = np.array(compose(self.stage.mount(screw), screw.clearances[0].pose))[:3, 2]
         way = find_exit_path(head, standing, [vector(axis)], only_own=True)

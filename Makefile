@@ -282,11 +282,11 @@ wheel: .venv/installed .pio/release/installed
 # Both, checked: their form, what the programs load, and as a user has them, with no compiler and no checkout.
 release: wheel
 	.pio/release/bin/twine check --strict dist/*
-	@tools/try_wheel.sh dist/*.whl
+	@tools/try_wheel.sh dist/*linux*.whl
 
 # On a bare machine: the wheel in dist/, which was built on another, as the Dockerfile installs it.
 installed:
-	tools/install_wheel.sh dist/*.whl /opt/foldcar '[all]'
+	tools/install_wheel.sh dist/*linux*.whl /opt/foldcar '[all]'
 	tools/smoke.sh /opt/foldcar/bin/foldcar
 
 .pio/release/installed: $(RELEASE_LOCK) | system-packages

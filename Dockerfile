@@ -11,7 +11,7 @@ FROM debian:bookworm-slim
 COPY --from=build /foldcar/dist /foldcar/dist
 COPY --from=build /foldcar/tools/install_system_packages.sh /foldcar/tools/install_wheel.sh /foldcar/tools/
 COPY --from=build /foldcar/host/requirements.txt /foldcar/host/
-RUN /foldcar/tools/install_wheel.sh /foldcar/dist/*.whl /opt/foldcar '[all]' \
+RUN /foldcar/tools/install_wheel.sh /foldcar/dist/*linux*.whl /opt/foldcar '[all]' \
   && rm -rf /foldcar /root/.cache /var/lib/apt/lists/*
 RUN useradd --create-home foldcar && mkdir /work && chown foldcar /work
 USER foldcar

@@ -157,3 +157,14 @@ TEST(an_imu_that_falls_silent_leaves_the_sample_alone) {
   TEST_ASSERT_EQUAL_FLOAT(7.0f, sample.rate_rad_s[2]);
   TEST_ASSERT_TRUE(bench.hal.imu.present());
 }
+
+// It would hold the attitude, and with it the protection against tilting, for ever.
+TEST(an_imu_that_was_switched_off_by_a_dip_of_its_supply_does_not_answer) {
+  BegunBench bench(true);
+  ImuSample sample;
+  TEST_ASSERT_TRUE(bench.hal.imu.read(sample));
+  bench.imu_chip.dip();
+  sample.rate_rad_s[2] = 7.0f;
+  TEST_ASSERT_FALSE(bench.hal.imu.read(sample));
+  TEST_ASSERT_EQUAL_FLOAT(7.0f, sample.rate_rad_s[2]);
+}

@@ -8,6 +8,7 @@
 #include "flash_logs.h"
 #include "flash_storage.h"
 #include "hal.h"
+#include "parameters.h"
 
 namespace foldcar {
 
@@ -32,6 +33,12 @@ struct FeatherHal {
     imu.begin();
     storage.begin();
     logs.begin();
+  }
+
+  // Obeys the parameters that describe the board itself. They are read here only, at the start.
+  void apply(const Parameters& parameters) {
+    if (parameters.get(Parameter::kOeWired) == 1.0f) servos.use_output_enable();
+    servos.set_oscillator_hz(parameters.get(Parameter::kPwmOscHz));
   }
 };
 

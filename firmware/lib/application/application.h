@@ -46,7 +46,8 @@ class Application {
   Refusal disarm();
   // Starts a trial with the controller's parameters as they are now; one that changes during the trial acts on the next.
   Refusal start(const TrialRequest& request);
-  // Drives at the fraction forward (-1 to 1) of the largest speed and left (-1 to 1) of the largest yaw rate.
+  // Drives at the fraction forward (-1 to 1) of the largest speed and left (-1 to 1) of the largest yaw rate. Only this
+  // call keeps manual driving alive, refresh_command() does not.
   Refusal drive_manually(float forward, float left);
   // Sends one output of a disarmed car (channel from 0) a pulse of pulse_us (1000 to 2000 µs, or kNoPulse) for time_s (s).
   Refusal test(std::size_t channel, float pulse_us, float time_s);

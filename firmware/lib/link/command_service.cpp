@@ -85,6 +85,8 @@ void CommandService::report(const mavlink_command_long_t& command, const Host& h
     status_text_.send(MAV_SEVERITY_WARNING, "refused:", HeldBy(holder).text);
   } else if (answer.refusal == Refusal::kDesign) {
     status_text_.send(MAV_SEVERITY_WARNING, "refused:", application_.design().problem);
+  } else if (command.command == MAV_CMD_REQUEST_MESSAGE && answer.refusal == Refusal::kMessage) {
+    // Ground stations try which messages a vehicle has. The acknowledgement tells them.
   } else if (answer.refusal != Refusal::kNone) {
     status_text_.send(MAV_SEVERITY_WARNING, "refused:", text(answer.refusal));
   } else if (command.command == MAV_CMD_COMPONENT_ARM_DISARM && was_armed != application_.is_armed()) {
@@ -109,6 +111,8 @@ CommandService::Answer CommandService::execute(const mavlink_command_long_t& com
   const auto answer = [](Refusal refusal) { return Answer{result_of(refusal), refusal}; };
   if (moves(command) && !sender.known) return answer(Refusal::kUnknownHost);
   if (controls(command) && application_.is_armed() && sender.host != holder) return answer(Refusal::kHeld);
+  // A step of storing stops both cores for up to 0.6 s.
+  if (moves(command) && !trial_log_.is_idle()) return answer(Refusal::kStoring);
   switch (command.command) {
     case MAV_CMD_COMPONENT_ARM_DISARM: return arm_or_disarm(command.param1);
     case MAV_CMD_FOLDCAR_START_TRIAL: return start(command);
@@ -159,7 +163,7 @@ CommandService::Answer CommandService::start(const mavlink_command_long_t& comma
   request.time_limit_s = command.param3;
   request.untethered = command.param4 != 0.0f;
   request.id = static_cast<std::uint32_t>(command.param5);
-  const bool lacks_log = request.untethered && !trial_log_.is_ready();
+  const bool lacks_log = request.untethered && !hal_.logs.present();
   const Refusal refusal = lacks_log ? Refusal::kNoLog : application_.start(request);
   return {result_of(refusal), refusal};
 }

@@ -57,6 +57,7 @@ class Link {
   // Says that a control which a host sends many times a second is refused, once in a while.
   void complain(const char* why);
   void drive_manually(const mavlink_message_t& message, const Sender& sender);
+  void answer_mission_list(const mavlink_message_t& message);
   void answer_timesync(const mavlink_message_t& message);
   void answer_ping(const mavlink_message_t& message);
   void report_changes();

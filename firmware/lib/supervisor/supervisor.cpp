@@ -30,8 +30,9 @@ constexpr Refusal kRefusals[][7] = {
                  Refusal::kNone, Refusal::kRunning},
     /* test */ {Refusal::kNone, Refusal::kNotDisarmed, Refusal::kRunning, Refusal::kNone, Refusal::kFaultLatched,
                 Refusal::kRunning, Refusal::kNone},
+    // The stick alone keeps manual driving alive.
     /* refresh */ {Refusal::kNotRunning, Refusal::kNone, Refusal::kNone, Refusal::kNotRunning, Refusal::kFaultLatched,
-                   Refusal::kNone, Refusal::kNone},
+                   Refusal::kNotRunning, Refusal::kNone},
     /* acknowledge */ {Refusal::kNoFault, Refusal::kNoFault, Refusal::kNoFault, Refusal::kNoFault, Refusal::kNone,
                        Refusal::kNoFault, Refusal::kNoFault},
 };

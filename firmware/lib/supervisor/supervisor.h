@@ -33,7 +33,7 @@ enum class Fault : std::uint8_t {
 // How the last trial ended; kNone before the first and while one runs.
 enum class TrialEnd : std::uint8_t { kNone, kTimeLimit, kStopped, kDisarmed, kFault };
 
-// Why a request changed nothing; kNone if it was accepted.
+// Why a request changed nothing; kNone if it was accepted. From kUnknownParameter on: why a parameter was not set or saved.
 enum class Refusal : std::uint8_t {
   kNone,
   kNotArmed,
@@ -58,7 +58,15 @@ enum class Refusal : std::uint8_t {
   kNoDesign,
   kUnknownCommand,
   kNoLog,
-  kStoring
+  kStoring,
+  kNoButton,
+  kUnknownParameter,
+  kBelowMinimum,
+  kAboveMaximum,
+  kNotAnInteger,
+  kNotASign,
+  kFixed,
+  kNotSaved
 };
 
 const char* text(State state);

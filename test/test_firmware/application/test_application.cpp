@@ -58,6 +58,11 @@ TEST(pulses_come_only_while_a_trial_runs) {
   TEST_ASSERT_TRUE_MESSAGE(pulses_after_tick(), "running");
   car.stop();
   TEST_ASSERT_FALSE_MESSAGE(any_pulse(bench.last_us()), "stop acts at once");
+  car.arm();
+  car.start(kTrial);
+  TEST_ASSERT_TRUE(pulses_after_tick());
+  car.disarm();
+  TEST_ASSERT_FALSE_MESSAGE(any_pulse(bench.last_us()), "disarming acts at once");
   TEST_ASSERT_FALSE_MESSAGE(pulses_after_tick(), "finished");
   car.arm();
   car.start(kTrial);

@@ -77,7 +77,7 @@ constexpr Refusal kUnreadable = Refusal::kBatteryUnreadable, kDesign = Refusal::
 constexpr Refusal kNotArmed = Refusal::kNotArmed, kNotANumber = Refusal::kNotANumber, kTest = Refusal::kTest;
 constexpr Refusal kNotDisarmed = Refusal::kNotDisarmed, kNoFault = Refusal::kNoFault, kNotRunning = Refusal::kNotRunning;
 
-// A tick at that time; the host was heard at heard_ms, if at all.
+// A tick at that time; the host was heard at heard_ms, if at all, which does not count in manual driving.
 Happening tick(std::uint64_t time_ms, float battery_v = kGoodV, bool imu_lost = false, std::uint64_t heard_ms = 0) {
   return [=](Supervisor& s) {
     if (heard_ms > 0) s.refresh_command(ms(heard_ms));
@@ -133,17 +133,17 @@ const std::vector<Event> kTable = {
     {"acknowledge", [](Supervisor& s) { return s.acknowledge(); },
      {kNoFault, kNoFault, kNoFault, kNoFault, kDisarmed, kNoFault, kNoFault}},
     {"the host is heard", [](Supervisor& s) { return s.refresh_command(ms(50)); },
-     {kNotRunning, kArmed, kRunning, kNotRunning, kLatched, kManual, kTesting}},
+     {kNotRunning, kArmed, kRunning, kNotRunning, kLatched, kNotRunning, kTesting}},
     {"a fault is reported", [](Supervisor& s) { return s.report(Fault::kBus), Refusal::kNone; },
      {kFault, kFault, kFault, kFault, kFault, kFault, kFault}},
     {"a tick without anything", tick(100), {kDisarmed, kArmed, kRunning, kFinished, kFault, kManual, kTesting}},
     {"the trial's time limit passes", tick(10000, kGoodV, false, 9900),
-     {kDisarmed, kArmed, kFinished, kFinished, kFault, kManual, kDisarmed}},
+     {kDisarmed, kArmed, kFinished, kFinished, kFault, kFault, kDisarmed}},
     {"the test's time-out passes", tick(3000, kGoodV, false, 2900),
-     {kDisarmed, kArmed, kRunning, kFinished, kFault, kManual, kDisarmed}},
+     {kDisarmed, kArmed, kRunning, kFinished, kFault, kFault, kDisarmed}},
     {"the host is silent", tick(501), {kDisarmed, kArmed, kFault, kFinished, kFault, kFault, kFault}},
     {"the host is silent for 5 s", tick(5001), {kDisarmed, kDisarmed, kFault, kFinished, kFault, kFault, kDisarmed}},
-    {"the battery dips", ticks(20, 499, kLowV, 0, 100),
+    {"the battery dips", ticks(20, 449, kLowV, 0, 100),
      {kDisarmed, kArmed, kRunning, kFinished, kFault, kManual, kTesting}},
     {"the battery stays low", ticks(0, 500, kLowV, 0), {kDisarmed, kFault, kFault, kFinished, kFault, kFault, kFault}},
     {"the battery becomes unreadable", tick(20, NAN), {kDisarmed, kFault, kFault, kFinished, kFault, kFault, kFault}},

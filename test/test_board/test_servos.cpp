@@ -8,6 +8,7 @@
 using namespace foldcar;
 
 extern "C" void __wrap_esp_panic_handler(void* info);
+extern "C" [[noreturn]] void __wrap_esp_restart_noos();
 
 static PulsesUs pulse_on(std::size_t channel, float pulse_us) {
   PulsesUs pulses_us{};
@@ -187,15 +188,26 @@ TEST(pulses_are_let_through_after_they_are_written_and_held_back_before_they_are
 static int level_in_the_sdks_handler = LOW;
 extern "C" void __real_esp_panic_handler(void*) { level_in_the_sdks_handler = fake_esp32.pin_levels[27]; }
 
+extern "C" [[noreturn]] void __real_esp_restart_noos() { throw FakeRestart(); }
+
 // The SDK's handler prints and restarts the processors, which leaves the pins as they are.
-TEST(a_crash_ends_the_pulses_first) {
-  BegunBench bench;
-  TEST_ASSERT_TRUE(bench.hal.servos.use_output_enable());
-  TEST_ASSERT_TRUE(bench.hal.servos.write_pulses(pulse_on(0, 1500.0f)));
-  TEST_ASSERT_EQUAL_INT(LOW, fake_esp32.pin_levels[27]);
-  __wrap_esp_panic_handler(nullptr);
-  TEST_ASSERT_EQUAL_INT(HIGH, level_in_the_sdks_handler);
-  TEST_ASSERT_EQUAL_INT(HIGH, fake_esp32.pin_levels[27]);
+TEST(a_crash_and_a_dip_of_the_supply_end_the_pulses_first) {
+  for (const bool crashes : {true, false}) {
+    BegunBench bench;
+    TEST_ASSERT_TRUE(bench.hal.servos.use_output_enable());
+    TEST_ASSERT_TRUE(bench.hal.servos.write_pulses(pulse_on(0, 1500.0f)));
+    TEST_ASSERT_EQUAL_INT(LOW, fake_esp32.pin_levels[27]);
+    if (crashes) {
+      __wrap_esp_panic_handler(nullptr);
+      TEST_ASSERT_EQUAL_INT(HIGH, level_in_the_sdks_handler);
+    } else {
+      try {
+        __wrap_esp_restart_noos();
+      } catch (const FakeRestart&) {
+      }
+    }
+    TEST_ASSERT_EQUAL_INT(HIGH, fake_esp32.pin_levels[27]);
+  }
 }
 
 TEST(without_a_timer_output_enable_stays_high_and_no_pulse_is_written) {

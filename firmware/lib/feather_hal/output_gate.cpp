@@ -43,11 +43,20 @@ void OutputGate::close() {
 
 }  // namespace foldcar
 
-// In the place of the SDK's, by the linker (platformio.ini): crashes and watchdogs end here, and the SDK's handler restarts
-// the processors without a reset of the pins. In RAM, because flash may be off. Without a wire the pin is no output, and
-// its level has no effect.
-extern "C" void __real_esp_panic_handler(void* info);  // NOLINT(bugprone-reserved-identifier)
-extern "C" IRAM_ATTR void __wrap_esp_panic_handler(void* info) {  // NOLINT(bugprone-reserved-identifier)
+// In the place of the SDK's, by the linker (platformio.ini): the SDK restarts the processors without a reset of the pins,
+// after a crash or a watchdog's time-out, which print first, and at a dip of the supply. In RAM, because flash may be off.
+// Without a wire the pin is no output, and its level has no effect.
+// NOLINTBEGIN(bugprone-reserved-identifier)
+extern "C" void __real_esp_panic_handler(void* info);
+extern "C" [[noreturn]] void __real_esp_restart_noos();
+
+extern "C" IRAM_ATTR void __wrap_esp_panic_handler(void* info) {
   foldcar::end_pulses();
   __real_esp_panic_handler(info);
 }
+
+extern "C" [[noreturn]] IRAM_ATTR void __wrap_esp_restart_noos() {
+  foldcar::end_pulses();
+  __real_esp_restart_noos();
+}
+// NOLINTEND(bugprone-reserved-identifier)

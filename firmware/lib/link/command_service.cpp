@@ -1,7 +1,9 @@
 #include "command_service.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <iterator>
 
 namespace foldcar {
 namespace {
@@ -19,6 +21,7 @@ MAV_RESULT result_of(Refusal refusal) {
     case Refusal::kSpeedLimit:
     case Refusal::kYawRateLimit:
     case Refusal::kTimeLimit:
+    case Refusal::kDelay:
     case Refusal::kTest:
     case Refusal::kMessage: return MAV_RESULT_DENIED;
     case Refusal::kUnknownCommand: return MAV_RESULT_UNSUPPORTED;
@@ -154,14 +157,17 @@ CommandService::Answer CommandService::test(const mavlink_command_long_t& comman
 }
 
 CommandService::Answer CommandService::start(const mavlink_command_long_t& command) {
-  const bool whole =
-      is_whole(command.param4, FOLDCAR_TRIAL_FLAGS_UNTETHERED) && is_whole(command.param5, kLargestTrialId);
-  if (!whole) return {MAV_RESULT_DENIED, Refusal::kNotANumber};
+  // The button is for a car without a cable.
+  constexpr float kFlags[] = {0, FOLDCAR_TRIAL_FLAGS_UNTETHERED, FOLDCAR_TRIAL_FLAGS_UNTETHERED | FOLDCAR_TRIAL_FLAGS_BUTTON};
+  const bool has_flags = std::find(std::begin(kFlags), std::end(kFlags), command.param4) != std::end(kFlags);
+  if (!has_flags || !is_whole(command.param5, kLargestTrialId)) return {MAV_RESULT_DENIED, Refusal::kNotANumber};
   TrialRequest request;
   request.speed_m_s = command.param1;
   request.yaw_rate_rad_s = command.param2;
   request.time_limit_s = command.param3;
   request.untethered = command.param4 != 0.0f;
+  request.waits_for_button = command.param4 > FOLDCAR_TRIAL_FLAGS_UNTETHERED;
+  request.delay_s = command.param6;
   request.id = static_cast<std::uint32_t>(command.param5);
   const bool lacks_log = request.untethered && !hal_.logs.present();
   const Refusal refusal = lacks_log ? Refusal::kNoLog : application_.start(request);

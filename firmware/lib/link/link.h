@@ -40,6 +40,8 @@ class Link {
   // For another task: stores a part of a trial's log. Returns whether there is more to do at once.
   bool store_log() { return trial_log_.store(); }
 
+  LogState log_state() const { return trial_log_.status().state; }
+
   // Whether a host has requested a restart of the board, and all is stored.
   bool restart_is_due() const;
 

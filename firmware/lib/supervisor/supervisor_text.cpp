@@ -12,6 +12,7 @@ const char* text(State state) {
     case State::kFault: return "fault";
     case State::kManual: return "manual";
     case State::kTesting: return "testing";
+    case State::kCounting: return "counting";
   }
   return "?";
 }
@@ -62,6 +63,7 @@ const char* text(Refusal refusal) {
     case Refusal::kNoLog: return "no log can be stored: flash memory cannot be read";
     case Refusal::kStoring: return "the log of the last trial is being stored";
     case Refusal::kNoButton: return "BUTTON_WIRED is 0";
+    case Refusal::kDelay: return "delay below 0 or above 60 s";
     case Refusal::kUnknownParameter: return "not a parameter";
     case Refusal::kBelowMinimum: return "below the parameter's minimum";
     case Refusal::kAboveMaximum: return "above the parameter's maximum";

@@ -168,7 +168,9 @@ TEST(outputs_are_off_before_parameters_are_loaded) {
   storage.values["TRACK_M"] = 0.25f;
   Parameters parameters;
   Application application(
-      {board.clock, board.servos, board.battery, board.link, storage, board.imu, board.logs, board.board}, parameters);
+      {board.clock, board.servos, board.battery, board.servo_battery, board.link, storage, board.imu, board.logs,
+       board.board},
+      parameters);
 
   application.begin();
 

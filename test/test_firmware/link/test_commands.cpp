@@ -45,7 +45,7 @@ TEST(every_enum_of_the_firmware_has_the_dialects_values) {
       {FOLDCAR_STATE_DISARMED, State::kDisarmed}, {FOLDCAR_STATE_ARMED, State::kArmed},
       {FOLDCAR_STATE_RUNNING, State::kRunning}, {FOLDCAR_STATE_FINISHED, State::kFinished},
       {FOLDCAR_STATE_FAULT, State::kFault}, {FOLDCAR_STATE_MANUAL, State::kManual},
-      {FOLDCAR_STATE_TESTING, State::kTesting}});
+      {FOLDCAR_STATE_TESTING, State::kTesting}, {FOLDCAR_STATE_COUNTING, State::kCounting}});
   expect_same<FOLDCAR_FAULT, Fault>({
       {FOLDCAR_FAULT_BUS, Fault::kBus}, {FOLDCAR_FAULT_BATTERY_UNREADABLE, Fault::kBatteryUnreadable},
       {FOLDCAR_FAULT_BATTERY_LOW, Fault::kBatteryLow}, {FOLDCAR_FAULT_COMMAND_STALE, Fault::kCommandStale},
@@ -73,7 +73,7 @@ TEST(every_enum_of_the_firmware_has_the_dialects_values) {
       {FOLDCAR_REFUSAL_HELD, Refusal::kHeld}, {FOLDCAR_REFUSAL_LATE, Refusal::kLate},
       {FOLDCAR_REFUSAL_NO_DESIGN, Refusal::kNoDesign}, {FOLDCAR_REFUSAL_UNKNOWN_COMMAND, Refusal::kUnknownCommand},
       {FOLDCAR_REFUSAL_NO_LOG, Refusal::kNoLog}, {FOLDCAR_REFUSAL_STORING, Refusal::kStoring},
-      {FOLDCAR_REFUSAL_NO_BUTTON, Refusal::kNoButton}, {FOLDCAR_REFUSAL_UNKNOWN_PARAMETER, Refusal::kUnknownParameter},
+      {FOLDCAR_REFUSAL_NO_BUTTON, Refusal::kNoButton}, {FOLDCAR_REFUSAL_DELAY, Refusal::kDelay}, {FOLDCAR_REFUSAL_UNKNOWN_PARAMETER, Refusal::kUnknownParameter},
       {FOLDCAR_REFUSAL_BELOW_MINIMUM, Refusal::kBelowMinimum}, {FOLDCAR_REFUSAL_ABOVE_MAXIMUM, Refusal::kAboveMaximum},
       {FOLDCAR_REFUSAL_NOT_AN_INTEGER, Refusal::kNotAnInteger}, {FOLDCAR_REFUSAL_NOT_A_SIGN, Refusal::kNotASign},
       {FOLDCAR_REFUSAL_FIXED, Refusal::kFixed}, {FOLDCAR_REFUSAL_NOT_SAVED, Refusal::kNotSaved}});

@@ -71,7 +71,9 @@ struct SlowBench {
   RecordingHal board;
   SlowLogs logs{board.clock};
   SlowStorage storage{board.clock};
-  Firmware firmware{Hal{board.clock, board.servos, board.battery, board.link, storage, board.imu, logs, board.board},
+  Firmware firmware{Hal{board.clock,  board.servos, board.battery, board.servo_battery,
+                        board.link,   storage,      board.imu,     logs,
+                        board.board},
                     kBuild};
   MavlinkHost host;
   bool erasing_stops_both_cores = false;  // as on the ESP32; else the task that writes is alone in waiting

@@ -86,6 +86,14 @@ class Car:
         status = self.connection.latest.get("SYS_STATUS") or self.request("SYS_STATUS")
         return None if status.voltage_battery == 0xFFFF else status.voltage_battery / 1000
 
+    def servo_battery_v(self) -> float | None:
+        """Return the voltage (V) of the servos' battery; None if the car cannot measure it."""
+        try:
+            status = self.connection.latest.get("BATTERY_STATUS") or self.request("BATTERY_STATUS")
+        except NoCarError:
+            return None
+        return float(status.voltages[0]) / 1000
+
     def enter_scene(self, scene_id: str) -> bool:
         """Move a disarmed simulated car to the scene with this id; return whether it has moved."""
         for _ in range(TRIES):
@@ -114,15 +122,31 @@ class Car:
         self._command("disarm", self.dialect.MAV_CMD_COMPONENT_ARM_DISARM, 0.0)
 
     def start_trial(
-        self, speed_m_s: float, yaw_rate_rad_s: float, time_limit_s: float, trial: int, untethered: bool = False
+        self,
+        speed_m_s: float,
+        yaw_rate_rad_s: float,
+        time_limit_s: float,
+        trial: int,
+        untethered: bool = False,
+        delay_s: float = 0.0,
+        button: bool = False,
     ) -> None:
         """Start driving at constant speed and yaw rate; the car stops itself at the time limit.
 
-        Raises CommandRefusedError.
+        The car counts for ``delay_s`` first; with ``button``, from the moment at which its button is pressed. Raises
+        CommandRefusedError.
         """
         flags = self.dialect.FOLDCAR_TRIAL_FLAGS_UNTETHERED if untethered else 0
-        command = self.dialect.MAV_CMD_FOLDCAR_START_TRIAL
-        self._command("start", command, speed_m_s, yaw_rate_rad_s, time_limit_s, float(flags), float(trial))
+        flags |= self.dialect.FOLDCAR_TRIAL_FLAGS_BUTTON if button else 0
+        values = speed_m_s, yaw_rate_rad_s, time_limit_s, float(flags), float(trial), delay_s
+        self._command("start", self.dialect.MAV_CMD_FOLDCAR_START_TRIAL, *values)
+
+    def is_under_way(self, trial: Any) -> bool:
+        """Return whether a FOLDCAR_TRIAL says that its trial drives, counts, or waits for the car's button."""
+        d = self.dialect
+        if trial.state == d.FOLDCAR_STATE_ARMED:
+            return bool(trial.flags & d.FOLDCAR_TRIAL_FLAGS_BUTTON and trial.end == d.FOLDCAR_END_NONE)
+        return trial.state in (d.FOLDCAR_STATE_RUNNING, d.FOLDCAR_STATE_COUNTING)
 
     def stop_trial(self) -> None:
         """Stop a trial or an output test. Raises CommandRefusedError if neither is running."""

@@ -54,7 +54,9 @@ def test_two_hosts_at_once_and_only_the_one_that_armed_drives() -> None:
         assert ours.connection.status_text == "stopped by host 200/7"
 
         assert command(ARM, 1).result == ACCEPTED
-        with pytest.raises(CommandRefusedError, match=r"refuses to arm: another host has armed it \(host 200/7 holds the car\)$"):
+        with pytest.raises(
+            CommandRefusedError, match=r"refuses to arm: another host has armed it \(host 200/7 holds the car\)$"
+        ):
             ours.arm()
         with pytest.raises(FoldcarError, match=r"STAGGER_MS: the car refuses 50: another host has armed it$"):
             set_parameter(ours, "STAGGER_MS", 50.0)
@@ -126,7 +128,9 @@ def test_a_refused_design_is_named_when_arming_is_refused(start: Callable[..., C
             assert reply is not None and reply.text == "car.json: is not a JSON object"
         car.acknowledge_fault()
 
-        with pytest.raises(CommandRefusedError, match=r"refuses to arm: its car.json is refused \(car.json: is not a JSON object\)$"):
+        with pytest.raises(
+            CommandRefusedError, match=r"refuses to arm: its car.json is refused \(car.json: is not a JSON object\)$"
+        ):
             car.arm()
 
 

@@ -21,8 +21,9 @@ import numpy
 from synthetic_trials import SIMULATED_CARS, centre_of, logistic, of_built
 from threadpoolctl import threadpool_limits
 
+from foldcar.inference.adviser import MAX_LOSS, MIN_GAIN, ROUND_TRIALS
 from foldcar.inference.costs import PLACING_MIN, UNKNOWN_ASSEMBLY_MIN
-from foldcar.inference.selecting import MAX_LOSS, MIN_GAIN, PRECISION, ROUND_TRIALS
+from foldcar.inference.selecting import PRECISION
 from foldcar.statistics.built_cars import SPREADS, BuiltCars, simulated_weights
 from foldcar.statistics.pooled_bias import pooled_bias
 from foldcar.statistics.selection import (

@@ -22,6 +22,7 @@ BUNDLES = PACKAGE / "bundles"
 # The script of each page, which imports the others.
 ENTRIES = {
     "study.js": PACKAGE / "report" / "web" / "study.js",
+    "worker.js": PACKAGE / "report" / "web" / "worker.js",
     "view.js": PACKAGE / "fabrication" / "assembly" / "web" / "view.js",
 }
 ESBUILD = MODULES / "esbuild" / "bin" / "esbuild"

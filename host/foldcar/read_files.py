@@ -37,12 +37,12 @@ class HeardFiles:
         self.read: dict[Path, FileState | None] = {}
         self.written: set[Path] = set()
 
-    def note(self, given: Any, mode: object, flags: int) -> None:
+    def note(self, path_or_descriptor: Any, mode: object, flags: int) -> None:
         """Record an event `open` with these arguments."""
-        if isinstance(given, int) or threading.get_ident() != self._thread or _is_shown():
+        if isinstance(path_or_descriptor, int) or threading.get_ident() != self._thread or _is_shown():
             return
         with suppress(OSError, TypeError, ValueError):
-            path = Path(os.path.normpath(Path(os.fsdecode(given)).absolute()))
+            path = Path(os.path.normpath(Path(os.fsdecode(path_or_descriptor)).absolute()))
             if flags & (os.O_WRONLY | os.O_RDWR) and self.read.get(path) is None:
                 self.written.add(path)
             elif (state := file_state(path)) is not None or not path.exists():

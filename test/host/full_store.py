@@ -51,13 +51,12 @@ def full_store(path: Path) -> Path:
 
 
 def _add_recording_experiment(writer: StoreWriter) -> None:
-    """Experiment 2: one design in two samples; the first run records and has a path, the second failed."""
+    """Experiment 2: one design in two samples; the first run records, the second failed."""
     environment, spread = writer.environment("environment of 2"), writer.spread("workshop")
     plan = PlannedExperiment("2", "car", "hills", environment, spread, 2, {**EXPERIMENT_FACTS, "varied": {}})
     writer.put_experiment(plan, [PlannedDesign({"width_mm": 80.0}, {"id": "c", "hinges": []}, {"time_limit_s": 9})])
     recorded = {"way": {"kind": "series", "value": [[0.0, 0.0], [0.25, 0.1]]}, "side": {"kind": "final", "value": 1.5}}
-    path = {"rows": 2, "compact": "A" * 16}
-    passed = {**METRICS, "outcome": "passed", "recorded": recorded, "path": path}
+    passed = {**METRICS, "outcome": "passed", "recorded": recorded}
     for sample, result in enumerate((passed, {"error": "no"})):
         writer.put_sample(environment, sample, {"of": "2", "sample": sample})
         writer.put_draw(spread, sample, {"sample": sample})

@@ -61,9 +61,9 @@ def car_at_port(
     for wheel in body["wheels"]:
         wheel["servo"].update(servo)
     scene, named = empty_scene(goal_x_m=goal_x_m), free_course_scene()
-    worlds = [(body, {**scene, "id": scene_name(named, k)}) for k in range(SAMPLES)]
+    worlds = [({**scene, "id": scene_name(named, k)}, {}) for k in range(SAMPLES)]
     port = 0 if tcp else None
-    with simulated_car([str(find_carsim())], worlds, car_json(design), 1.0, port, subprocess.PIPE) as car:
+    with simulated_car([str(find_carsim())], body, worlds, car_json(design), 1.0, port, subprocess.PIPE) as car:
         yield car
 
 

@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-#include "../closed_forms.h"
+#include "../closed_form_tests.h"
 #include "mujoco_car.h"
 #include "mujoco_engine.h"
 #include "mujoco_xml.h"

@@ -1,7 +1,7 @@
 // Cars and trials in multibody.
 #pragma once
 
-#include "../closed_forms.h"
+#include "../closed_form_tests.h"
 #include "multibody_car.h"
 #include "multibody_engine.h"
 #include "trial.h"

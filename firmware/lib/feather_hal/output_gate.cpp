@@ -10,18 +10,18 @@ constexpr std::uint32_t kPinBit = 1u << OutputGate::kPin;
 
 // The GPIO register itself: it holds its level before the pin is an output, through a crash and through a restart of the
 // processors, and can be written while flash is off.
-inline __attribute__((always_inline)) void end_pulses() { GPIO.out_w1ts = kPinBit; }
+inline __attribute__((always_inline)) void disable_output() { GPIO.out_w1ts = kPinBit; }
 
-void end_pulses_late(void*) { end_pulses(); }
+void disable_output_late(void*) { disable_output(); }
 
 }  // namespace
 
 bool OutputGate::begin() {
   is_used_ = true;
-  end_pulses();  // before the pin is an output, so that it is never driven low here
+  disable_output();  // before the pin is an output, so that it is never driven low here
   pinMode(kPin, OUTPUT);
   esp_timer_create_args_t settings{};
-  settings.callback = end_pulses_late;
+  settings.callback = disable_output_late;
   settings.name = "output gate";
   return esp_timer_create(&settings, &timer_) == ESP_OK;
 }
@@ -37,7 +37,7 @@ bool OutputGate::open() {
 
 void OutputGate::close() {
   if (!is_used_) return;
-  end_pulses();
+  disable_output();
   if (timer_ != nullptr) esp_timer_stop(timer_);
 }
 
@@ -51,12 +51,12 @@ extern "C" void __real_esp_panic_handler(void* info);
 extern "C" [[noreturn]] void __real_esp_restart_noos();
 
 extern "C" IRAM_ATTR void __wrap_esp_panic_handler(void* info) {
-  foldcar::end_pulses();
+  foldcar::disable_output();
   __real_esp_panic_handler(info);
 }
 
 extern "C" [[noreturn]] IRAM_ATTR void __wrap_esp_restart_noos() {
-  foldcar::end_pulses();
+  foldcar::disable_output();
   __real_esp_restart_noos();
 }
 // NOLINTEND(bugprone-reserved-identifier)

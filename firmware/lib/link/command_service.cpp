@@ -40,15 +40,15 @@ bool moves(const mavlink_command_long_t& command) {
   return command.command == MAV_CMD_FOLDCAR_START_TRIAL || command.command == MAV_CMD_ACTUATOR_TEST;
 }
 
-// Makes its sender the car's holder.
-bool takes_hold(const mavlink_command_long_t& command) {
+// Makes its sender the car's controlling host.
+bool takes_control(const mavlink_command_long_t& command) {
   return command.command == MAV_CMD_COMPONENT_ARM_DISARM || command.command == MAV_CMD_ACTUATOR_TEST;
 }
 
-// Is executed for the holder only.
+// Is executed for the controlling host only.
 bool controls(const mavlink_command_long_t& command) {
   if (ends_driving(command)) return false;
-  return moves(command) || takes_hold(command) || command.command == MAV_CMD_PREFLIGHT_STORAGE ||
+  return moves(command) || takes_control(command) || command.command == MAV_CMD_PREFLIGHT_STORAGE ||
          command.command == MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN;
 }
 
@@ -57,7 +57,7 @@ bool is_whole(float value, float largest) { return value >= 0.0f && value <= lar
 }  // namespace
 
 void CommandService::handle(const mavlink_command_long_t& command, const Sender& sender, const CarView& car,
-                            Host& holder) {
+                            Host& controlling_host) {
   const bool was_armed = application_.is_armed();
   Answer answer;
   if (sender.late && !ends_driving(command)) {
@@ -65,15 +65,16 @@ void CommandService::handle(const mavlink_command_long_t& command, const Sender&
   } else if (is_repeated(command, sender.host)) {
     return acknowledge(command.command, sender.host, last_answer_);
   } else {
-    answer = execute(command, sender, car, holder);
-    if (answer.refusal == Refusal::kNone && application_.is_armed() && takes_hold(command)) holder = sender.host;
+    answer = execute(command, sender, car, controlling_host);
+    const bool executed = answer.refusal == Refusal::kNone;
+    if (executed && application_.is_armed() && takes_control(command)) controlling_host = sender.host;
     last_ = command;
     last_host_ = sender.host;
     last_us_ = hal_.clock.now_us();
     last_answer_ = answer;
     has_last_ = true;
   }
-  report(command, sender.host, answer, was_armed, holder);
+  report(command, sender.host, answer, was_armed, controlling_host);
   acknowledge(command.command, sender.host, answer);
 }
 
@@ -83,9 +84,9 @@ void CommandService::refuse(std::uint16_t command, const Host& host, MAV_RESULT 
 }
 
 void CommandService::report(const mavlink_command_long_t& command, const Host& host, const Answer& answer,
-                            bool was_armed, const Host& holder) {
+                            bool was_armed, const Host& controlling_host) {
   if (answer.refusal == Refusal::kHeld) {
-    status_text_.send(MAV_SEVERITY_WARNING, "refused:", HeldBy(holder).text);
+    status_text_.send(MAV_SEVERITY_WARNING, "refused:", HeldBy(controlling_host).text);
   } else if (answer.refusal == Refusal::kDesign) {
     status_text_.send(MAV_SEVERITY_WARNING, "refused:", application_.design().problem);
   } else if (command.command == MAV_CMD_REQUEST_MESSAGE && answer.refusal == Refusal::kMessage) {
@@ -94,7 +95,7 @@ void CommandService::report(const mavlink_command_long_t& command, const Host& h
     status_text_.send(MAV_SEVERITY_WARNING, "refused:", text(answer.refusal));
   } else if (command.command == MAV_CMD_COMPONENT_ARM_DISARM && was_armed != application_.is_armed()) {
     status_text_.send(MAV_SEVERITY_NOTICE, was_armed ? "disarmed by" : "armed by", HostName(host).text);
-  } else if (command.command == MAV_CMD_FOLDCAR_STOP_TRIAL && was_armed && host != holder) {
+  } else if (command.command == MAV_CMD_FOLDCAR_STOP_TRIAL && was_armed && host != controlling_host) {
     status_text_.send(MAV_SEVERITY_NOTICE, "stopped by", HostName(host).text);
   }
 }
@@ -110,10 +111,10 @@ void CommandService::acknowledge(std::uint16_t command, const Host& host, const 
 }
 
 CommandService::Answer CommandService::execute(const mavlink_command_long_t& command, const Sender& sender,
-                                               const CarView& car, const Host& holder) {
+                                               const CarView& car, const Host& controlling_host) {
   const auto answer = [](Refusal refusal) { return Answer{result_of(refusal), refusal}; };
   if (moves(command) && !sender.known) return answer(Refusal::kUnknownHost);
-  if (controls(command) && application_.is_armed() && sender.host != holder) return answer(Refusal::kHeld);
+  if (controls(command) && application_.is_armed() && sender.host != controlling_host) return answer(Refusal::kHeld);
   // A step of storing stops both cores for up to 0.6 s.
   if (moves(command) && !trial_log_.is_idle()) return answer(Refusal::kStoring);
   switch (command.command) {

@@ -24,9 +24,9 @@ class CommandService {
         outbox_(outbox),
         status_text_(status_text) {}
 
-  // Handles a command for this car. Whoever arms the car or tests an output becomes its holder: while it is armed, all
-  // others may only stop and disarm it and ask for messages.
-  void handle(const mavlink_command_long_t& command, const Sender& sender, const CarView& car, Host& holder);
+  // Handles a command for this car. Whoever arms the car or tests an output becomes its controlling host: while it is
+  // armed, all others may only stop and disarm it and ask for messages.
+  void handle(const mavlink_command_long_t& command, const Sender& sender, const CarView& car, Host& controlling_host);
   // Answers a request that this car does not know; command: the number that the acknowledgement carries.
   void refuse(std::uint16_t command, const Host& host, MAV_RESULT result);
 
@@ -40,9 +40,10 @@ class CommandService {
     Refusal refusal = Refusal::kNone;
   };
 
-  Answer execute(const mavlink_command_long_t& command, const Sender& sender, const CarView& car, const Host& holder);
+  Answer execute(const mavlink_command_long_t& command, const Sender& sender, const CarView& car,
+                 const Host& controlling_host);
   void report(const mavlink_command_long_t& command, const Host& host, const Answer& answer, bool was_armed,
-              const Host& holder);
+              const Host& controlling_host);
   void acknowledge(std::uint16_t command, const Host& host, const Answer& answer);
   Answer arm_or_disarm(float arm);
   Answer test(const mavlink_command_long_t& command);

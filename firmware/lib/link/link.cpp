@@ -88,11 +88,11 @@ void Link::handle(const mavlink_message_t& message, bool late) {
   const Host host{message.sysid, message.compid};
   const Sender sender{host, note_host(host.system), false};
   // Any packet of the host that armed or drives shows that it is still there; in manual driving only its stick does.
-  if (!is_held_by_other(sender)) application_.refresh_command();
+  if (!is_controlled_by_other(sender)) application_.refresh_command();
   switch (message.msgid) {
     case MAVLINK_MSG_ID_COMMAND_LONG: {
       const auto command = decoded<mavlink_command_long_t>(mavlink_msg_command_long_decode, message);
-      if (is_for_car(command)) commands_.handle(command, sender, view(), holder_);
+      if (is_for_car(command)) commands_.handle(command, sender, view(), controlling_host_);
       return;
     }
     case MAVLINK_MSG_ID_MANUAL_CONTROL: return drive_manually(message, sender);
@@ -127,7 +127,7 @@ void Link::handle_late(const mavlink_message_t& message) {
   if (message.msgid == MAVLINK_MSG_ID_PARAM_SET) return set_parameter(message, sender);
   if (message.msgid != MAVLINK_MSG_ID_COMMAND_LONG) return;
   const auto command = decoded<mavlink_command_long_t>(mavlink_msg_command_long_decode, message);
-  if (is_for_car(command)) commands_.handle(command, sender, view(), holder_);
+  if (is_for_car(command)) commands_.handle(command, sender, view(), controlling_host_);
 }
 
 void Link::handle_log_request(const mavlink_message_t& message, const Sender& sender) {
@@ -148,7 +148,7 @@ void Link::handle_log_request(const mavlink_message_t& message, const Sender& se
     }
     case MAVLINK_MSG_ID_LOG_ERASE:
       if (!is_for_car(decoded<mavlink_log_erase_t>(mavlink_msg_log_erase_decode, message))) return;
-      if (is_held_by_other(sender)) return complain(HeldBy(holder_).text);
+      if (is_controlled_by_other(sender)) return complain(HeldBy(controlling_host_).text);
       return logs_.erase();
     case MAVLINK_MSG_ID_LOG_REQUEST_END:
       if (is_for_car(decoded<mavlink_log_request_end_t>(mavlink_msg_log_request_end_decode, message))) logs_.end();
@@ -161,7 +161,7 @@ void Link::set_parameter(const mavlink_message_t& message, const Sender& sender)
   const auto request = decoded<mavlink_param_set_t>(mavlink_msg_param_set_decode, message);
   if (!is_for_car(request)) return;
   if (sender.late) return parameters_.refuse(request, Refusal::kLate, text(Refusal::kLate));
-  if (is_held_by_other(sender)) return parameters_.refuse(request, Refusal::kHeld, HeldBy(holder_).text);
+  if (is_controlled_by_other(sender)) return parameters_.refuse(request, Refusal::kHeld, HeldBy(controlling_host_).text);
   parameters_.set(request);
 }
 
@@ -211,8 +211,8 @@ void Link::drive_manually(const mavlink_message_t& message, const Sender& sender
   // at rest may be anything from 0 to 500; so is r, whose sign depends on the age of MAVLink's definition.
   const float forward = axis(stick.x), left = -axis(stick.y);
   const bool moves = forward != 0.0f || left != 0.0f;
-  if (is_held_by_other(sender)) {
-    if (moves) complain(HeldBy(holder_).text);
+  if (is_controlled_by_other(sender)) {
+    if (moves) complain(HeldBy(controlling_host_).text);
     return;
   }
   const Refusal refusal = trial_log_.is_idle() ? application_.drive_manually(forward, left) : Refusal::kStoring;
@@ -272,7 +272,7 @@ void Link::report_host_timeout() {
   // In tenths, because printing a float may take memory from the heap.
   const long tenths = std::lround(10.0f * application_.parameters().get(Parameter::kArmTimeoutS));
   char line[96];
-  std::snprintf(line, sizeof line, "disarmed: %s was silent for %ld.%ld s", HostName(holder_).text, tenths / 10,
+  std::snprintf(line, sizeof line, "disarmed: %s was silent for %ld.%ld s", HostName(controlling_host_).text, tenths / 10,
                 tenths % 10);
   status_text_.send(MAV_SEVERITY_WARNING, line);
 }

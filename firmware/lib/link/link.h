@@ -55,7 +55,9 @@ class Link {
   // at most kKnownHostMs before.
   bool note_host(std::uint8_t system);
   // Whether another host than the sender has armed the car.
-  bool is_held_by_other(const Sender& sender) const { return application_.is_armed() && sender.host != holder_; }
+  bool is_controlled_by_other(const Sender& sender) const {
+    return application_.is_armed() && sender.host != controlling_host_;
+  }
   // Says that a control which a host sends many times a second is refused, once in a while.
   void complain(const char* why);
   void drive_manually(const mavlink_message_t& message, const Sender& sender);
@@ -79,7 +81,7 @@ class Link {
   TrialLog trial_log_{hal_.logs, status_text_};
   CommandService commands_{application_, hal_, telemetry_, trial_log_, outbox_, status_text_};
   LogService logs_{hal_.logs, outbox_};
-  Host holder_;  // the host that armed the car last
+  Host controlling_host_;  // the host that armed the car last
   std::array<std::uint32_t, 256> last_packet_ms_{};  // by system number; 0 before the first
   Fault reported_fault_ = Fault::kNone;
   bool reported_host_timeout_ = false;

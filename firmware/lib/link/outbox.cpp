@@ -28,11 +28,11 @@ bool Outbox::has_room_for(std::size_t packet_count) const {
 
 void Outbox::flush(ByteLink& link) {
   while (size_ > 0) {
-    const std::size_t straight = std::min(size_, bytes_.size() - first_);
-    const std::size_t taken = link.write(bytes_.data() + first_, straight);
-    first_ = (first_ + taken) % bytes_.size();
-    size_ -= taken;
-    if (taken < straight) return;
+    const std::size_t contiguous = std::min(size_, bytes_.size() - first_);
+    const std::size_t written = link.write(bytes_.data() + first_, contiguous);
+    first_ = (first_ + written) % bytes_.size();
+    size_ -= written;
+    if (written < contiguous) return;
   }
 }
 

@@ -1,6 +1,5 @@
 """Cars in Python, by type and values or as a listing's vehicle, and the simulator's input for their runs."""
 
-import json
 from collections.abc import Mapping
 from functools import cache, lru_cache
 from pathlib import Path
@@ -14,7 +13,7 @@ from foldcar.car.body import TableRow, body_json
 from foldcar.car.design import Design, compose, modules_of
 from foldcar.car.design_parameters import find_parameter, names_in, parameters
 from foldcar.car.folded_car import folded_car
-from foldcar.car.variation import draw, spread_named, vary_body
+from foldcar.car.variation import draw, spread_named
 from foldcar.errors import FoldcarError
 from foldcar.store.writer import canonical_json
 from foldcar.study.experiments import run_settings
@@ -73,14 +72,11 @@ def prepared(design: Design, timeout_s: float, speed_m_s: float | None, yaw_rate
     return _prepared(design.type, tuple(design.values.items()), *numbers)
 
 
-def built_cars(body: str, count: int, spread: str | Mapping[str, float], seed: int) -> dict[str, str]:
-    """Return the bodies of ``count`` built cars by name, drawn as for a listing's ``variation``. Raises FoldcarError."""
+def built_cars(count: int, spread: str | Mapping[str, float], seed: int) -> list[str]:
+    """Return the realities of ``count`` built cars, drawn as for a listing's ``variation``. Raises FoldcarError."""
     standard_deviations = spread_named(spread, "variation")
     number = checked_int("variation_seed", seed, 0, MAX_SEED)
-    nominal, limits = json.loads(body), simulator().limits().numbers
-    return {
-        f"car {k}": canonical_json(vary_body(nominal, draw(standard_deviations, number, k), limits)) for k in range(count)
-    }
+    return [canonical_json(draw(standard_deviations, number, k)) for k in range(count)]
 
 
 @lru_cache(KEPT_DESIGNS)
@@ -89,11 +85,11 @@ def _prepared(type_string: str, values: tuple[tuple[str, float], ...], *argument
     design = compose(type_string, dict(values))
     body = body_json(design)
     # Check the arguments with a listing's limits.
-    given = {
+    listing_values = {
         key: argument for key, argument in zip(LISTING_KEYS.values(), arguments, strict=True) if argument is not None
     }
     try:
-        params = ExperimentParams.model_validate(given)
+        params = ExperimentParams.model_validate(listing_values)
     except ValidationError as error:
         first = error.errors()[0]
         name = {listed: name for name, listed in LISTING_KEYS.items()}[str(first["loc"][0])]

@@ -74,8 +74,8 @@ class Evaluation:
         passed, runs = int(counted.sum()), len(counted)
         if not runs:
             raise FoldcarError(no_rate_text(len(self.runs)))
-        what = f"{passed} of {runs} simulated runs that passed"
-        return Rate.from_counts(passed, runs, what, confidence=self.confidence)
+        counts_text = f"{passed} of {runs} simulated runs that passed"
+        return Rate.from_counts(passed, runs, counts_text, confidence=self.confidence)
 
 
 def simulate(
@@ -159,18 +159,15 @@ def evaluate(
     count = checked_int("n", n, 1, MAX_ENVIRONMENTS)
     workers = checked_int("jobs", jobs, 1, MAX_JOBS) if jobs is not None else usable_processors()
     body, settings_text = prepared(car, timeout_s, speed_m_s, yaw_rate_rad_s)
-    bodies = {"car": body}
+    realities = [""] * count
     if variation is not None:
-        bodies = built_cars(
-            body, count, variation, sampled_environment.seed if variation_seed is None else variation_seed
-        )
+        realities = built_cars(count, variation, sampled_environment.seed if variation_seed is None else variation_seed)
     scenes = {f"s{k}": sampled_environment.scene(k).json for k in range(count)}
-    names = list(bodies)
     requests = [
-        RunRequest(names[k % len(names)], f"s{k}", settings_text, f"{car.title}, sample {k}", k) for k in range(count)
+        RunRequest("car", f"s{k}", settings_text, f"{car.title}, sample {k}", k, realities[k]) for k in range(count)
     ]
     runner, size = sampled_environment.runner, -(-count // min(workers, count))
-    calls = (partial(runner.run, bodies, scenes, requests[i : i + size]) for i in range(0, count, size))
+    calls = (partial(runner.run, {"car": body}, scenes, requests[i : i + size]) for i in range(0, count, size))
     answers = [answer for answers_of_call in side_by_side(calls, workers, runner.stop) for answer in answers_of_call]
     return Evaluation(
         _table(answers, sampled_environment.success_defined),

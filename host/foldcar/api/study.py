@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 from foldcar.api.arguments import checked_int, column_named, columns_named
 from foldcar.errors import FoldcarError
+from foldcar.inference.adviser import Selection
 from foldcar.inference.comparison import MARGIN, Comparison, compare
-from foldcar.inference.selecting import BUILD, PRECISION, Selection, select
+from foldcar.inference.selecting import BUILD, PRECISION, select
 from foldcar.simulation.results import no_rate_text
 from foldcar.statistics.effects import Standardised, fit_effects
 from foldcar.statistics.rate import Rate
@@ -169,8 +170,8 @@ class Study:
         """Return the rows of the experiment. Raises FoldcarError if there are none, or it must be named."""
         ids = list(dict.fromkeys(table["experiment"]))
         if not ids:
-            what = "runs" if source == "simulation" else "trials of built cars that count"
-            raise FoldcarError(f"{self.path}: has no {what}")
+            rows_text = "runs" if source == "simulation" else "trials of built cars that count"
+            raise FoldcarError(f"{self.path}: has no {rows_text}")
         if experiment is None and len(ids) > 1:
             raise FoldcarError(f"{self.path}: has several experiments; choose with experiment=: {', '.join(ids)}")
         if experiment is not None and experiment not in ids:
@@ -191,8 +192,8 @@ class Study:
             values = sorted(result[column].dropna().unique())
             if len(values) > 1:
                 values_text = ", ".join(f"{number:g}" for number in values[:5])
-                more = f", … {values[-1]:g}" if len(values) > 5 else ""
-                raise FoldcarError(f"rate: {column} has several values ({values_text}{more}): choose one")
+                rest_text = f", … {values[-1]:g}" if len(values) > 5 else ""
+                raise FoldcarError(f"rate: {column} has several values ({values_text}{rest_text}): choose one")
         return result
 
     def _read(self, read: Callable[[Store], T]) -> T:

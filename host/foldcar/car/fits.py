@@ -87,31 +87,33 @@ def _in_discs_and_walls(name: str, hole: Hole, parts: Catalogue) -> Iterator[Fit
         usb = parts.plugs.usb
         diagonal = math.hypot(usb.width_mm.value, usb.thickness_mm.value)
         # A deviation in height counts twice in a diameter. The hole and the bridge's legs are cut.
-        taken = math.hypot(usb.width_mm.max_value, usb.thickness_mm.max_value) - diagonal
-        taken += 2 * (parts.feather.usb.tolerance + parts.spacer.length_mm.tolerance)
-        yield Fit("USB plug in its hole", _size(hole)[0] - diagonal, taken, 4 * cut)
+        tolerance_mm = math.hypot(usb.width_mm.max_value, usb.thickness_mm.max_value) - diagonal
+        tolerance_mm += 2 * (parts.feather.usb.tolerance + parts.spacer.length_mm.tolerance)
+        yield Fit("USB plug in its hole", _size(hole)[0] - diagonal, tolerance_mm, 4 * cut)
 
 
 def _servo(opening: Hole, parts: Catalogue) -> Iterator[Fit]:
+    """Yield the fits of a servo in its opening: length, width, screws."""
     servo, screw = parts.servo, parts.screw.diameter_mm
     # The notches for the screws reach beyond the body's ends, but not at its long sides.
     span, width = _size(opening)
-    far = max(y for _, y in opening.outline_mm)
-    length = float(np.ptp([x for x, y in opening.outline_mm if far - y < ROUNDING_MM]))
+    long_side_y = max(y for _, y in opening.outline_mm)
+    length = float(np.ptp([x for x, y in opening.outline_mm if long_side_y - y < ROUNDING_MM]))
     yield _inside("servo's length in its opening", length, servo.length_mm, parts)
     yield _inside("servo's width in its opening", width, servo.width_mm, parts)
     # If the holes are nearer to each other, the ears' own slots, which are open outwards, take the screws.
-    reach = span / 2 + (servo.screw_hole_mm.value - screw.value) / 2
-    room = reach - (servo.screw_spacing_mm.value + screw.value) / 2
-    taken = _sum(servo.screw_spacing_mm, servo.screw_hole_mm) / 2 + screw.tolerance
-    yield Fit("servo's screws, farther apart, in wall and ears", room, taken, parts.assembly.cut_mm.value)
+    outer_reach_mm = span / 2 + (servo.screw_hole_mm.value - screw.value) / 2
+    room = outer_reach_mm - (servo.screw_spacing_mm.value + screw.value) / 2
+    tolerance_mm = _sum(servo.screw_spacing_mm, servo.screw_hole_mm) / 2 + screw.tolerance
+    yield Fit("servo's screws, farther apart, in wall and ears", room, tolerance_mm, parts.assembly.cut_mm.value)
 
 
 def _board_screw(hole: Hole, parts: Catalogue) -> Fit:
-    screw, drilled = parts.board_screw.diameter_mm, parts.feather.holes[0]
-    room = (_size(hole)[0] + drilled.diameter_mm) / 2 - screw.value
-    taken = 1.5 * drilled.tolerance + screw.tolerance
-    return Fit("boards' screws in bridge and Feather", room, taken, 2 * parts.assembly.cut_mm.value)
+    """Return the fit of the boards' screws."""
+    screw, board_hole = parts.board_screw.diameter_mm, parts.feather.holes[0]
+    room = (_size(hole)[0] + board_hole.diameter_mm) / 2 - screw.value
+    tolerance_mm = 1.5 * board_hole.tolerance + screw.tolerance
+    return Fit("boards' screws in bridge and Feather", room, tolerance_mm, 2 * parts.assembly.cut_mm.value)
 
 
 def _switch(opening: Hole, car: FoldedCar) -> Iterator[Fit]:
@@ -123,8 +125,8 @@ def _switch(opening: Hole, car: FoldedCar) -> Iterator[Fit]:
     holes = [(piece, hole) for piece in car.pieces for face in piece.faces for hole in face.holes]
     count = sum(piece.count for piece, hole in holes if math.dist(_size(hole), slot) < ROUNDING_MM)
     thick = count * film.value + (count - 1) * tape.value
-    taken = count * film.tolerance + (count - 1) * tape.tolerance + switch.panel_least_mm.tolerance
-    yield Fit("switch's barbs behind layers of film", thick - switch.panel_least_mm.value, taken, 0.0)
+    tolerance_mm = count * film.tolerance + (count - 1) * tape.tolerance + switch.panel_least_mm.tolerance
+    yield Fit("switch's barbs behind layers of film", thick - switch.panel_least_mm.value, tolerance_mm, 0.0)
 
 
 def _lipo(mount: Mount, faces: list[PlacedFace], parts: Catalogue) -> Iterator[Fit]:
@@ -138,8 +140,8 @@ def _lipo(mount: Mount, faces: list[PlacedFace], parts: Catalogue) -> Iterator[F
 
     # The feet's edges face the LiPo, whereas shelf and flange face it with a side, half a film nearer.
     yield Fit("LiPo below the bridge", gap("shelf", 2) - film / 2, lipo.height_mm.tolerance, cut)
-    taken = lipo.width_mm.tolerance / 2 + laid
-    yield Fit("LiPo beside the bridge's flange", gap("flange", 0) - film / 2, taken, cut)
+    tolerance_mm = lipo.width_mm.tolerance / 2 + laid
+    yield Fit("LiPo beside the bridge's flange", gap("flange", 0) - film / 2, tolerance_mm, cut)
     feet = min(gap(f"{side} foot", 1) for side in ("left", "right"))
     yield Fit("LiPo between the bridge's feet", feet, lipo.length_mm.tolerance / 2 + laid, 2 * cut)
 
@@ -152,8 +154,8 @@ def _under_lid(mount: Mount, faces: list[PlacedFace], parts: Catalogue) -> Itera
     top = max(compose(mount.pose, solid.pose)[2][3] + solid.size_mm[2] / 2 for solid in mount.shape)
     up = float(walls[:, 2].max()) - film / 2 - top
     if mount.part == wing.name:
-        taken = _sum(wing.gap_mm, wing.plug_top_mm, parts.feather.board_mm, wing.board_mm, parts.spacer.length_mm)
-        yield Fit("servo leads' bend under the lid", up + wing.plug_bend_mm.value, taken, cuts)
+        height_mm = _sum(wing.gap_mm, wing.plug_top_mm, parts.feather.board_mm, wing.board_mm, parts.spacer.length_mm)
+        yield Fit("servo leads' bend under the lid", up + wing.plug_bend_mm.value, height_mm, cuts)
     elif up > 0:
         across = battery.length_mm if mount.size_mm[1] == battery.length_mm.value else battery.width_mm
         room = float(np.ptp(walls[:, 1])) - film - 2 * mount.half_mm(1)

@@ -137,20 +137,20 @@ def _check_stance(design: Design, car: FoldedCar) -> None:
     half, belly = design.height_mm / 2, design.parts.assembly.belly_clearance_mm.value
     ends = [segment.center_mm + side * segment.length_mm / 2 for segment in design.segments for side in (-1, 1)]
 
-    def clear(least: float) -> bool:
-        """Whether the belly clears the ground if wheels smaller than this had this radius."""
-        wheels = [(at, max(radius, least)) for at, radius in zip(design.axles_mm, design.radii_mm, strict=True)]
+    def is_clear(min_radius_mm: float) -> bool:
+        """Return whether the body clears the ground if no wheel is smaller than ``min_radius_mm``."""
+        wheels = [(at, max(radius, min_radius_mm)) for at, radius in zip(design.axles_mm, design.radii_mm, strict=True)]
         stands = standing(wheels, (x, z))
         return all(stands.height_mm(end, -half) >= belly - ROUNDING for end in ends)
 
     low, high = min(design.radii_mm), max(design.radii_mm)
     # A car that tips over its first or last axle does so on equal wheels too.
-    if clear(low) or not clear(high):
+    if is_clear(low) or not is_clear(high):
         return
     module = min(design.wheel_modules, key=lambda i: design.of(i, "radius"))
     while high - low > STANCE_TOLERANCE_MM:
         middle = (low + high) / 2
-        low, high = (low, middle) if clear(middle) else (middle, high)
+        low, high = (low, middle) if is_clear(middle) else (middle, high)
     why = f"beside {max(design.radii_mm):g}: the tilted body is less than {belly:g} above the ground"
     message = f"{design.of(module, 'radius'):g} is below the minimum {minimum_text(high)} ({why})"
     raise DesignError(design.of_modules[module].keys.get("radius"), message)
@@ -294,11 +294,11 @@ def _between_tyres(design: Design, module: int) -> tuple[float, float]:
     """Return the limits (mm from the module's rear) between which a USB plug clears the tyres next to it."""
     rear = design.module_centers_mm[module] - design.length_of(module) / 2
     gap = design.parts.assembly.part_gap_mm.value
-    off = usb_height_mm(design.parts) - wall_mm(design.height_mm, design.parts) / 2
+    usb_offset_mm = usb_height_mm(design.parts) - wall_mm(design.height_mm, design.parts) / 2
     low, high = -FAR_MM, FAR_MM
     for x, radius in zip(design.axles_mm, design.radii_mm, strict=True):
         reach = radius + plug_room_mm(design.parts.plugs.usb) / 2 + gap
-        need = math.sqrt(max(reach**2 - off**2, 0.0))
+        need = math.sqrt(max(reach**2 - usb_offset_mm**2, 0.0))
         if x < rear:
             low = max(low, x + need - rear)
         elif x > rear:

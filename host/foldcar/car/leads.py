@@ -129,9 +129,9 @@ def _ends(mount: Mount, battery: BoxPart) -> Iterator[tuple[str, Points]]:
     """Yield the middles of both ends of a battery's length, each with its side of the car."""
     axis = min((0, 1), key=lambda i: abs(mount.size_mm[i] - battery.length_mm.value))
     pose = np.array(mount.pose)
-    for off in (-pose[:3, axis] * mount.size_mm[axis] / 2, pose[:3, axis] * mount.size_mm[axis] / 2):
-        along = int(np.argmax(np.abs(off[:2])))
-        yield SIDES[along][int(off[along] > 0)], pose[:3, 3] + off
+    for offset in (-pose[:3, axis] * mount.size_mm[axis] / 2, pose[:3, axis] * mount.size_mm[axis] / 2):
+        along = int(np.argmax(np.abs(offset[:2])))
+        yield SIDES[along][int(offset[along] > 0)], pose[:3, 3] + offset
 
 
 class _Ways:
@@ -146,18 +146,20 @@ class _Ways:
     def servos(self) -> Iterator[Lead]:
         """Yield the servos' leads to their outputs."""
         parts, servo, wing = self.parts, self.parts.servo, self.parts.featherwing
-        leaves = (-servo.length_mm.value / 2, 0.0, servo.depth_mm.value / 2 - servo.lead_height_mm.value)
+        lead_exit_mm = (-servo.length_mm.value / 2, 0.0, servo.depth_mm.value / 2 - servo.lead_height_mm.value)
         # Where leads bend over the plugs, in the frame of the driver's box.
-        up = wing.plug_top_mm.value + wing.plug_bend_mm.value - wing.height_mm.value / 2
-        ends = parts.wiring.slack_mm.value + parts.plugs.servo.length_mm.value
+        bend_z_mm = wing.plug_top_mm.value + wing.plug_bend_mm.value - wing.height_mm.value / 2
+        allowance_mm = parts.wiring.slack_mm.value + parts.plugs.servo.length_mm.value
         for axle in (axle for axle in self.car.axles if axle.driven):
-            start = np.array(apply(self.mounts[axle.servo].pose, *leaves))
-            way = self.way(start, self._at(self.wing, (*wing.outputs.at_mm[axle.channel], up)), axle.body, self.wing)
+            start = np.array(apply(self.mounts[axle.servo].pose, *lead_exit_mm))
+            way = self.way(
+                start, self._at(self.wing, (*wing.outputs.at_mm[axle.channel], bend_z_mm)), axle.body, self.wing
+            )
             available, extension_name = servo.lead_length_mm.min_value, ""
-            chained = [self.mounts[w.a].part for w in self.car.wires if w.b == axle.servo and w.a in self.mounts]
-            for extension in (extension for extension in parts.extensions.sold if extension.name in chained):
+            extension_names = [self.mounts[w.a].part for w in self.car.wires if w.b == axle.servo and w.a in self.mounts]
+            for extension in (extension for extension in parts.extensions.sold if extension.name in extension_names):
                 available, extension_name = _extended_mm(self.car, available, extension), extension.name
-            length, needed = self._needed(way, ends)
+            length, needed = self._needed(way, allowance_mm)
             yield Lead(axle.servo, f"{self.wing} {axle.channel}", "plug", length, needed, available, extension_name)
 
     def lipo(self) -> Lead:

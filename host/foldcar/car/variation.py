@@ -1,8 +1,8 @@
-"""Variation of built cars around their design: distributions, draws from them, and the body of one built car.
+"""Variation of built cars around their design: distributions, and draws from them.
 
-Input: standard deviations by name (defaults and their sources in workshop.json), a seed, a sample number; a body as in
-docs/carsim.md and the simulator's limits. Output: differences as JSON values, for wheels as lists of eight by servo
-channel; the body with them. The firmware keeps the parameters of the design, because it does not know the differences.
+Input: standard deviations by name (defaults and their sources in workshop.json), a seed, a sample number. Output:
+differences as JSON values, for wheels as lists of eight by servo channel; carsim applies them as a run's reality
+(docs/carsim.md). The firmware keeps the parameters of the design, because it does not know the differences.
 """
 
 import json
@@ -94,67 +94,5 @@ def phase_name(name: str) -> str:
     return name.removesuffix("_m") + "_phase_rad"
 
 
-# Minimum and maximum of a body's numbers by their path, as `carsim limits` prints them.
-NumberLimits = Mapping[str, tuple[float, float]]
-# FACTORS: numbers that are multiplied by 1 + the difference named. SHIFTS: numbers to which the difference of the same
-# name is added.
-FACTORS = {
-    "body": {},
-    "body.segments": {
-        "grip": "belly_grip",
-        **dict.fromkeys(("mass_kg", "roll_inertia_kg_m2", "pitch_inertia_kg_m2", "yaw_inertia_kg_m2"), "mass"),
-    },
-    "body.wheels": {"radius_m": "wheel_radius", "grip": "tyre_grip"},
-    "body.wheels.servo": {"no_load_speed_rad_s": "servo_speed", "stall_torque_n_m": "servo_torque"},
-}
-SHIFTS = {
-    "body": ("track_m", "supply_v"),
-    "body.segments": ("com_x_m", "com_y_m", "com_z_m"),
-    "body.wheels": (),
-    "body.wheels.servo": ("neutral_us", "deadband_us"),
-}
 # The differences of servos, which wheels without a servo do not have.
-SERVO_DIFFERENCES = frozenset((*FACTORS["body.wheels.servo"].values(), *SHIFTS["body.wheels.servo"]))
-# Numbers that the difference named replaces: only hidden realities have these; they are alike at all wheels.
-GIVEN = {
-    "body": {"supply_resistance_ohm": "supply_resistance_ohm"},
-    "body.wheels": {"wheel_camber_rad": "camber_rad", "tyre_contact_time_s": "contact_time_s"},
-}
-# No mass or speed becomes less than this fraction of its nominal value.
-MIN_FACTOR = 0.05
-# The maximum eccentricity of a wheel as a fraction of its radius.
-MAX_ECCENTRICITY = 0.4
-
-
-def vary_body(body: Mapping[str, Any], variation: Mapping[str, Any], limits: NumberLimits) -> dict[str, Any]:
-    """Return the body with the differences; values outside the limits are clamped to them."""
-    segments = [_varied("body.segments", segment, variation, limits) for segment in body["segments"]]
-    own, alike = ({GIVEN[place][name]: variation[name] for name in variation if name in GIVEN[place]} for place in GIVEN)
-    wheels = [{**_wheel(wheel, variation, limits), **alike} for wheel in body["wheels"]]
-    return {**_varied("body", body, variation, limits), **own, "segments": segments, "wheels": wheels}
-
-
-def _varied(place: str, values: Mapping[str, Any], variation: Mapping[str, Any], limits: NumberLimits) -> dict[str, Any]:
-    """Return the numbers at a place of the body with the differences that apply there."""
-    changed = {key: values[key] * max(MIN_FACTOR, 1 + variation.get(name, 0.0)) for key, name in FACTORS[place].items()}
-    changed |= {key: values[key] + variation.get(key, 0.0) for key in SHIFTS[place]}
-    return {**values, **{key: _within(limits[f"{place}.{key}"], value) for key, value in changed.items()}}
-
-
-def _wheel(wheel: Mapping[str, Any], variation: Mapping[str, Any], limits: NumberLimits) -> dict[str, Any]:
-    own = {name: of[wheel["channel"]] for name, of in variation.items() if isinstance(of, list)}
-    varied = _varied("body.wheels", wheel, own, limits)
-    if "servo" in wheel:
-        servo = varied["servo"] = _varied("body.wheels.servo", wheel["servo"], own, limits)
-        servo["saturation_us"] = max(servo["saturation_us"], servo["deadband_us"] + 1)
-    if own.get("eccentricity_m", 0.0) > 0:
-        varied["eccentricity_m"] = _within((0, MAX_ECCENTRICITY * varied["radius_m"]), own["eccentricity_m"])
-        phase = phase_name("eccentricity_m")
-        varied[phase] = _within(limits[f"body.wheels.{phase}"], own[phase])
-    return varied
-
-
-def _within(limits: tuple[float, float], value: float) -> float:
-    """Clamp the value to the limits and round it to nine significant digits, as in body_json."""
-    least, largest = limits
-    return float(f"{min(max(value, least), largest):.9g}") + 0.0
+SERVO_DIFFERENCES = frozenset(("servo_speed", "servo_torque", "neutral_us", "deadband_us"))

@@ -148,5 +148,5 @@ def _pio(project: Path, target: str, port: str, data_folder: Path) -> None:
         os.killpg(process.pid, signal.SIGTERM)
         raise
     if code != 0:
-        what = "the firmware" if target == "upload" else "the design"
-        raise FoldcarError(f"flash: {what} was not loaded: see PlatformIO's message above")
+        loaded = "the firmware" if target == "upload" else "the design"
+        raise FoldcarError(f"flash: {loaded} was not loaded: see PlatformIO's message above")

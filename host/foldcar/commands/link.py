@@ -62,11 +62,11 @@ def link(
         print_note(f"experiment {run.experiment.id} has no variation: {built} has the nominal body, as all cars have")
     real_values = None if reality is None else read_reality(reality, engine)
     others = (k for k in range(min(run.experiment.environments, MAX_SAMPLES)) if k != sample)
-    cars_and_scenes = [_car_and_scene(run, k, real_values, built) for k in (sample, *others)]
+    worlds = [_world(run, k, real_values, built) for k in (sample, *others)]
     # carsim ends when the process that reads its output ends: see sim2d/src/reader_watch.h.
     design, stdin = car_json(run.design), sys.stdin.fileno()
     with (
-        simulated_car(run.carsim.command, cars_and_scenes, design, speedup, tcp, stdin) as linked,
+        simulated_car(run.carsim.command, run.body, worlds, design, speedup, tcp, stdin) as linked,
         message_on_signal(lambda: "ended"),
     ):
         typer.echo(linked.port)
@@ -83,17 +83,19 @@ def link(
         raise CarsimError(f"{run.carsim.binary} link: {messages[-1] if messages else f'exit code {code}'}")
 
 
-def _car_and_scene(run: ListedRun, k: int, reality: Mapping[str, float] | None, car: str | None) -> tuple[Any, Any]:
-    """Return body and scene of sample ``k`` with the parameters of ``reality``. `foldcar log` expects the scene's id.
+def _world(run: ListedRun, k: int, values: Mapping[str, float] | None, car: str | None) -> tuple[Any, Any]:
+    """Return scene and reality of sample ``k`` with these parameters. `foldcar log` expects the scene's id.
 
-    The variation is that of the built ``car`` of this name. If it is None, it is the sample's own.
+    Differences of the car are those of the built ``car`` of this name. If it is None, they are the sample's own.
     """
-    from foldcar.inference.calibration.environment import real_run
+    from foldcar.car.variation import named_car
+    from foldcar.inference.calibration.effects import drawn_reality
     from foldcar.scenes.fingerprint import scene_name
 
-    scene, limits = run.environment.sample(k), run.carsim.limits().numbers
-    if reality is None:
-        body, true_scene = run.body_in(k, car), scene
+    experiment, scene = run.experiment, run.environment.sample(k)
+    if values is None:
+        reality = run.variation_in(k, car)
     else:
-        body, true_scene = real_run(run.experiment, run.nominal, scene, reality, k, limits, car)
-    return body, {**true_scene, "id": scene_name(scene, k)}
+        number = k if car is None else named_car(car)
+        reality = drawn_reality(values, experiment.variation, experiment.variation_seed, k, number)
+    return {**scene, "id": scene_name(scene, k)}, reality

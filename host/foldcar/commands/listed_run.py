@@ -1,7 +1,7 @@
 """Finds what a command's options name in a listing: designs of a vehicle, or a run of an experiment in a sample."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,15 +21,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ListedRun:
-    """A run that options name. ``nominal`` is the design's body; ``body`` is the built car's, with its ``variation``."""
+    """A run that options name: the design's ``body``, and the ``variation`` of the sample's built car."""
 
     carsim: "Carsim"
     experiment: "Experiment"
     design: "Design"
     environment: "Environment"
-    nominal: dict[str, Any]
-    variation: dict[str, Any]
     body: dict[str, Any]
+    variation: dict[str, Any]
     scene: dict[str, Any]
     sample: int
 
@@ -54,22 +53,16 @@ class ListedRun:
         """Return the run of another design in the same environment, with the same variation."""
         from foldcar.car.body import body_json
 
-        listed = replace(self, design=design, nominal=body_json(design))
-        return replace(listed, body=listed._varied(self.variation))
+        return replace(self, design=design, body=body_json(design))
 
-    def body_in(self, sample: int, car: str | None = None) -> dict[str, Any]:
-        """Return the body in another sample: of the built ``car`` of that name, or else of the sample's own car."""
+    def variation_in(self, sample: int, car: str | None = None) -> dict[str, Any]:
+        """Return the variation in another sample: of the built ``car`` of that name, or else of the sample's own car."""
         from foldcar.car.variation import draw, named_car
 
         experiment = self.experiment
         if car is None or not experiment.variation:
-            return self._varied(self.environment.variation(sample))
-        return self._varied(draw(experiment.variation, experiment.variation_seed, named_car(car)))
-
-    def _varied(self, variation: Mapping[str, Any]) -> dict[str, Any]:
-        from foldcar.car.variation import vary_body
-
-        return vary_body(self.nominal, variation, self.carsim.limits().numbers) if variation else self.nominal
+            return self.environment.variation(sample)
+        return draw(experiment.variation, experiment.variation_seed, named_car(car))
 
 
 def listed_run(
@@ -85,7 +78,7 @@ def listed_run(
     environment = Environment(listed_experiment)
     variation, scene = environment.variation(sample), environment.sample(sample)
     carsim = Carsim(engine=engine)
-    return ListedRun(carsim, listed_experiment, design, environment, {}, variation, {}, scene, sample).with_design(design)
+    return ListedRun(carsim, listed_experiment, design, environment, {}, variation, scene, sample).with_design(design)
 
 
 @dataclass(frozen=True)
@@ -97,39 +90,40 @@ class SimulatedRun:
     scene: Mapping[str, Any]
     settings: Mapping[str, Any]
     sample: int
+    reality: Mapping[str, Any] = field(default_factory=dict)
 
-    def by(self, runner: "Runner", **more: float) -> dict[str, Any]:
-        """Return the runner's answer; ``more`` is added to the settings."""
+    def simulate(self, runner: "Runner", **extra_settings: float) -> dict[str, Any]:
+        """Return the runner's answer, with these settings beside the run's own."""
         from foldcar.simulation.runner import RunRequest
         from foldcar.store.writer import canonical_json
 
-        settings = canonical_json({**self.settings, **more})
+        settings = canonical_json({**self.settings, **extra_settings})
         (answer,) = runner.run(
             {"car": canonical_json(self.body)},
             {"scene": canonical_json(self.scene)},
-            [RunRequest("car", "scene", settings, self.label, self.sample)],
+            [RunRequest("car", "scene", settings, self.label, self.sample, canonical_json(self.reality))],
         )
         return answer
 
-    def path(self, carsim: "Carsim", answer: Mapping[str, Any], wanted: object) -> list[list[float]]:
-        """Simulate the car's path. It ends where the Scenic program ended the run.
+    def path(self, carsim: "Carsim", answer: Mapping[str, Any], label: object) -> list[list[float]]:
+        """Simulate the car's path, up to where the Scenic program ended the run.
 
-        Raises FoldcarError if the run failed; the message begins with ``wanted``.
+        Raises FoldcarError, beginning with ``label``, if the run failed.
         """
         from foldcar.simulation.runner import PATH_INTERVAL_S
 
-        native = {} if "error" in answer else self.by(carsim, path_interval_s=PATH_INTERVAL_S)
+        native = {} if "error" in answer else self.simulate(carsim, path_interval_s=PATH_INTERVAL_S)
         if "path" not in native:
-            raise FoldcarError(f"{wanted}: a failed run has no path to show")
+            raise FoldcarError(f"{label}: a failed run has no path to show")
         return [row for row in native["path"] if row[0] <= answer["elapsed_time_s"]]
 
 
 def simulated_run(listed: ListedRun) -> tuple[SimulatedRun, dict[str, Any]]:
     """Return the run's input, and the answer of its environment's runner. Raises FoldcarError."""
-    settings = listed.experiment.settings(listed.design, listed.nominal, listed.carsim.parameter_table())
-    run = SimulatedRun(listed.name, listed.body, listed.scene, settings, listed.sample)
+    settings = listed.experiment.settings(listed.design, listed.body, listed.carsim.parameter_table())
+    run = SimulatedRun(listed.name, listed.body, listed.scene, settings, listed.sample, listed.variation)
     with listed.environment.runner(listed.carsim, listed.environment.dynamic) as runner:
-        return run, run.by(runner)
+        return run, run.simulate(runner)
 
 
 def listed_families(

@@ -110,9 +110,10 @@ def model(
 def _drive(
     file: Path, listed: "listings.Listing", vehicle: str, environment: str | None, design: "Design"
 ) -> "tuple[PulseTrain, float]":
-    """The firmware's pulses, and how long the car stands before them (s).
+    """Return the firmware's pulses, and the time for which the car stands before them (s).
 
-    They are those of the listing's first experiment with vehicle and environment, else full speed straight on.
+    The pulses are those of the listing's first experiment with this vehicle and environment. Without one the car drives
+    straight on at full speed.
     """
     from foldcar.car.body import body_json, firmware_parameters, full_speed_m_s
     from foldcar.simulation.carsim import Carsim, ask_pulses

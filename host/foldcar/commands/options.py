@@ -43,7 +43,7 @@ def print_note(text: str) -> None:
 
 def counts_text(counts: Mapping[str, int]) -> str:
     """Return text such as ``12 runs, 3 trials``."""
-    return ", ".join(f"{count} {what}" for what, count in counts.items())
+    return ", ".join(f"{count} {name}" for name, count in counts.items())
 
 
 def command_line() -> str:

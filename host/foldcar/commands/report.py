@@ -1,7 +1,6 @@
 """`foldcar report` writes a page with figures of a store's study and prints a summary, or serves the page."""
 
 from collections.abc import Iterator, Mapping
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -20,7 +19,7 @@ PIPED_WIDTH = 160
 # Number of designs in the printed table; `foldcar export` lists all.
 MAX_DESIGNS = 60
 # Keys of the page's data that the JSON summary does not contain.
-PAGE_ONLY = ("runs", "runs_omitted", "replay", "replays", "files", "provenance", "outcome_labels")
+PAGE_ONLY = ("runs", "runs_omitted", "drives", "files", "provenance", "outcome_labels")
 
 
 def report(
@@ -42,17 +41,14 @@ def report(
             help="Success rate of good designs, 0 to 1; may be repeated. Default: the listing's, or 0.5 and 0.75.",
         ),
     ] = None,
-    replay: Annotated[
-        bool, typer.Option("--replay/--no-replay", help="Simulate the runs again so that the page can replay them.")
-    ] = True,
     beside_sweep: Annotated[bool, typer.Option("--beside-sweep", hidden=True)] = False,
     as_json: Json = False,
 ) -> None:
     """Write a report of a study, or of trials alone.
 
     The report is DIR/index.html, one file that needs no network. Each figure is also written as SVG, PNG and PDF, and a
-    summary is printed. The page can replay runs: the same build of carsim simulates them again, and each must end as
-    the stored one did.
+    summary is printed. The page contains the simulator: it simulates every run, checks it against the stored one, and
+    shows what changes if car or ground differ from what was simulated.
 
     With --live nothing is written. The page shows the store's content while a sweep, a search or trials go on.
 
@@ -81,15 +77,13 @@ def report(
         serve(study, store.name, PORT if port is None else port, beside_sweep, as_json)
         return
     from foldcar.commands.progress_bar import TerminalBar
-    from foldcar.report.replay import Replayer
+    from foldcar.report.drives import PageDrives
     from foldcar.report.write import PAGE, write_report
     from foldcar.store.reader import Store
 
-    if not replay:
-        command.append("--no-replay")
-    with Store.open(store) as reader, TerminalBar("replay", 0) as bar:
-        replayer = Replayer(partial(_carsim, replay), usable_processors(), bar.plan, bar.done)
-        data = write_report(reader, output, command, simulated_trials, replayer, thresholds)
+    with Store.open(store) as reader, TerminalBar("report", 0) as bar:
+        drives = PageDrives(_carsim, usable_processors(), bar.plan, bar.done)
+        data = write_report(reader, output, command, simulated_trials, drives, thresholds)
     if as_json:
         shown_experiments = [
             {key: value for key, value in experiment.items() if key not in PAGE_ONLY}
@@ -101,14 +95,12 @@ def report(
     typer.echo(f"report: {output / PAGE}")
 
 
-def _carsim(replay: bool, engine: str) -> "Carsim | str":
+def _carsim(engine: str) -> "Carsim | str":
     """Return the simulator with that engine, or the reason why there is none. The report is written in both cases."""
     from foldcar.simulation.carsim import Carsim
     from foldcar.simulation.engines import engine_of
     from foldcar.simulation.runner import CarsimError
 
-    if not replay:
-        return "the report was made with --no-replay"
     try:
         return Carsim(engine=engine_of(engine))
     except CarsimError as error:

@@ -100,11 +100,11 @@ def export(
     from foldcar.store.reader import Store
 
     if not (csv or parquet or trials or digest):
-        what = "--csv FILE, --parquet FILE, --trials FILE or --digest"
-        raise FoldcarError(f"export: nothing to write; use {what}")
+        options_text = "--csv FILE, --parquet FILE, --trials FILE or --digest"
+        raise FoldcarError(f"export: nothing to write; use {options_text}")
     check_distinct([store], [csv, parquet, trials])
-    for option, given in (("--json", as_json), ("--digest", digest)):
-        if given and csv == STANDARD_OUTPUT:
+    for option, is_given in (("--json", as_json), ("--digest", digest)):
+        if is_given and csv == STANDARD_OUTPUT:
             raise FoldcarError(f"export: --csv - and {option} both print on standard output; choose one")
     if failed and csv is None and parquet is None:
         raise FoldcarError("export: --failed: has no effect without --csv FILE or --parquet FILE")
@@ -130,7 +130,7 @@ def export(
         *([f"{digest_result['digest']}  {digest_result['runs']} runs"] if digest else []),
     )
     for entry in () if as_json else written:
-        counts = {what: count for what, count in entry.items() if what not in ("path", "left_out")}
+        counts = {name: count for name, count in entry.items() if name not in ("path", "left_out")}
         typer.echo(f"{entry['path']}: {counts_text(counts)}", err=True)
     for message in messages:
         typer.echo(message, err=True)

@@ -191,7 +191,7 @@ def _counts(progress: "Progress", with_success: bool) -> str:
     # With a stopping rule, designs have different numbers of runs, so that a rate over all runs means nothing.
     success = f", {_success(progress)}" if with_success else ""
     unusual = {"rejected": progress.rejected, "failed": progress.failed}
-    return f"{counts_text}{rate}{success}{''.join(f', {count} {what}' for what, count in unusual.items() if count)}"
+    return f"{counts_text}{rate}{success}{''.join(f', {count} {name}' for name, count in unusual.items() if count)}"
 
 
 def _success(progress: "Progress") -> str:
@@ -220,8 +220,8 @@ def stopping_lines(experiment: "Experiment", rule: "StoppingRule", states: "Sequ
     if undecided:
         shown = undecided[:SHOWN_UNDECIDED]
         names = listed(design_text({name: state.design[name] for name in experiment.family.varied}) for state in shown)
-        more = f" and {len(undecided) - len(shown)} more" if len(undecided) > len(shown) else ""
-        yield f"  undecided: {names}{more}; --environments N allows more runs"
+        rest_text = f" and {len(undecided) - len(shown)} more" if len(undecided) > len(shown) else ""
+        yield f"  undecided: {names}{rest_text}; --environments N allows more runs"
 
 
 def _print_failed(store: Path, experiments: Sequence[str], failed: int, total: int) -> None:

@@ -17,8 +17,8 @@ from foldcar.statistics.words import design_text, points, rank_text
 from foldcar.store.trial_records import BUILT, SIMULATED, UNKNOWN, WITHDRAWN, Correction, Trial
 
 if TYPE_CHECKING:
+    from foldcar.inference.adviser import Recommendation, Selection
     from foldcar.inference.comparison import Comparison, DesignComparison, ExperimentComparison
-    from foldcar.inference.selecting import Recommendation, Selection
     from foldcar.statistics.gap import Gap
     from foldcar.statistics.rate import Rate
     from foldcar.store.calibrations import Calibration
@@ -72,9 +72,9 @@ def _print_rates(console: Console, comparison: "ExperimentComparison") -> None:
     """Print a row for each design with its rates, its gap and its verdict."""
     designs = comparison.designs
     extra_rates = [
-        what for what in ("further_car", "pooled") if any(getattr(design, what) is not None for design in designs)
+        name for name in ("further_car", "pooled") if any(getattr(design, name) is not None for design in designs)
     ]
-    extra_heads = [f"{what.replace('_', ' ')} %" for what in extra_rates]
+    extra_heads = [f"{name.replace('_', ' ')} %" for name in extra_rates]
     paired = ["same outcome"] * any(design.paired for design in designs)
     heads = ("design", "runs", "simulated %", "cars", "passed", "these %", *extra_heads, *paired, "gap")
     table = ResultTable(*heads, "verdict", left=("design", "verdict"))
@@ -86,7 +86,7 @@ def _print_rates(console: Console, comparison: "ExperimentComparison") -> None:
             str(design.cars),
             f"{design.evidence.trials_passed} of {len(design.evidence.trials)}",
             _rate(design.driven),
-            *(_rate(getattr(design, what)) for what in extra_rates),
+            *(_rate(getattr(design, name)) for name in extra_rates),
             *(f"{design.agreeing} of {design.paired}" if design.paired else "-" for _ in paired),
             _gap(design.gap),
             design.verdict or "-",
@@ -106,12 +106,12 @@ def _print_outcomes(console: Console, designs: "Sequence[DesignComparison]") -> 
     kinds = [kind for kind in TRIAL_LABELS if kind in occurring]
     table = ResultTable("outcomes", "of", *(TRIAL_LABELS[kind] for kind in kinds), "aborted", left=("outcomes", "of"))
     for design in designs:
-        for what, counts, aborted in (
+        for source, counts, aborted in (
             ("runs", design.evidence.outcomes, ""),
             ("trials", design.driven_outcomes, str(design.evidence.aborted)),
         ):
             if counts:
-                table.add_row(design.label, what, *(str(counts.get(kind, 0)) for kind in kinds), aborted)
+                table.add_row(design.label, source, *(str(counts.get(kind, 0)) for kind in kinds), aborted)
     table.print_on(console)
 
 

@@ -274,6 +274,7 @@ def _photo(
 
 
 def _write_csv(file: Path, rows: Any) -> None:
+    """Write the poses of a film as CSV."""
     from foldcar.link.mcap_export import FILMED
     from foldcar.outputs import atomic_file
 

@@ -109,7 +109,7 @@ def replay(
         raise FoldcarError(f"{store}: trial {number} was imported without a scene and cannot be simulated")
     # The dynamic parts of a Scenic program are not simulated.
     body, settings, scene = map(json.loads, drive)
-    answer = SimulatedRun(f"trial {number}", body, scene, settings, 0).by(carsim, path_interval_s=PATH_INTERVAL_S)
+    answer = SimulatedRun(f"trial {number}", body, scene, settings, 0).simulate(carsim, path_interval_s=PATH_INTERVAL_S)
     outcome, simulated_s = outcome_of(answer), answer.get("elapsed_time_s")
     agrees = None
     if not trial.completed:
@@ -194,8 +194,8 @@ def correct(
 
     outcome, car = (None if word is None else word.lower() for word in (outcome, car))
     name = None if car_name is None else checked_name(car_name, "--car-name")
-    given = {"outcome": outcome, "note": note, "elapsed_time_s": elapsed_time, "car": car, "car_name": name}
-    changes = {name: value for name, value in given.items() if value is not None}
+    new_values = {"outcome": outcome, "note": note, "elapsed_time_s": elapsed_time, "car": car, "car_name": name}
+    changes = {name: value for name, value in new_values.items() if value is not None}
     if not changes:
         raise FoldcarError(
             "trials correct: nothing to change; use --outcome, --note, --elapsed-time, --car or --car-name"

@@ -62,8 +62,8 @@ def draw_placement(
                 middle_m = sum(y_m for _, y_m in edge) / len(edge)
                 above = (end[1] >= middle_m) != (abs(end[1] - middle_m) > LONG_M)
                 right = end[0] > thing.x_m
-                text, away = f"{round(1000 * end[0])}, {round(1000 * end[1])}", (4 if right else -4, 5 if above else -5)
-                axes.annotate(text, end, away, textcoords="offset points", ha="left" if right else "right",
+                text, offset = f"{round(1000 * end[0])}, {round(1000 * end[1])}", (4 if right else -4, 5 if above else -5)
+                axes.annotate(text, end, offset, textcoords="offset points", ha="left" if right else "right",
                               va="bottom" if above else "top", fontsize=8, zorder=8,
                               bbox={"facecolor": "#ffffffcc", "edgecolor": "none", "pad": 1})  # fmt: skip
         for label, (x_m, y_m, turn_rad, side_m) in zip(["a camera's cards", *[None] * len(cards)], cards, strict=False):

@@ -117,6 +117,7 @@ def _fit_height(figure: Figure, side: Axes, above: Axes) -> None:
 def _draw_side(
     axes: Axes, body: Mapping[str, Any], scene: Mapping[str, Any], result: Mapping[str, Any], rows: Any, heights: Heights
 ) -> None:
+    """Draw the car at several times over the ground under its wheels, seen from the right side."""
     wheels = body["wheels"]
     reach = max(abs(wheel["x_m"]) + wheel["radius_m"] for wheel in wheels)
     reach = max(reach, *(abs(box["x_m"]) + box["length_m"] / 2 for box in body["segments"]))

@@ -1,6 +1,6 @@
 """The ground of a scene as pages draw it: blocks as they are, hills and rough ground as a grid of heights.
 
-Input: a scene of docs/carsim.md. Output: what ``ground.js`` reads: a head and the integers of compact_path.py, row by row
+Input: a scene of docs/carsim.md. Output: what ``ground.js`` reads: a head and integers, row by row
 from the lowest y, each point's difference from the one before it.
 """
 
@@ -9,9 +9,9 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy
+from numpy.typing import NDArray
 
 from foldcar.models.ground import SPACINGS_M, smooth_bounds_m, smooth_ground
-from foldcar.simulation.compact_path import varints
 from foldcar.simulation.heights import Heights
 
 HEIGHT_M = 0.0005
@@ -45,3 +45,19 @@ def ground_data(scene: Mapping[str, Any], heights: Heights, scenes: int = 1) -> 
     }
     integers = numpy.rint(grid.z_m.ravel() / HEIGHT_M).astype(numpy.int64)
     return {"scene": dict(scene), "grid": head}, varints(numpy.diff(integers, prepend=0))
+
+
+def varints(values: NDArray[numpy.int64]) -> bytes:
+    """Encode integers as zigzag LEB128: 0, -1, 1, -2 … become 0, 1, 2, 3 …, in groups of 7 bits."""
+    remaining = ((values << 1) ^ (values >> 63)).astype(numpy.uint64)
+    groups = numpy.zeros((len(remaining), 10), dtype=numpy.uint8)
+    is_used = numpy.zeros(groups.shape, dtype=bool)
+    is_used[:, 0] = True
+    for index in range(groups.shape[1]):
+        groups[:, index] = remaining & numpy.uint64(0x7F)
+        remaining = remaining >> numpy.uint64(7)
+        if not remaining.any():
+            break
+        groups[remaining > 0, index] |= 0x80
+        is_used[remaining > 0, index + 1] = True
+    return groups[is_used].tobytes()

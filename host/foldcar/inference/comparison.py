@@ -205,8 +205,8 @@ def _verdict(compared: Sequence[DesignComparison], mean: Gap, margin: float, sim
     for design in compared:
         if design.verdict is not None:
             labels.setdefault(design.verdict, []).append(design.label)
-    more = "less" if mean.value < 0 else "more"
-    difference = f"trials pass {points(mean.value, sign=False)} points {more} often than {simulation}"
+    direction = "less" if mean.value < 0 else "more"
+    difference = f"trials pass {points(mean.value, sign=False)} points {direction} often than {simulation}"
     interval = f"{points(mean.low)} to {points(mean.high)}"
     paired = [design.gap_is_paired for design in compared if design.gap is not None]
     where = "in the same environments, " if all(paired) else ""

@@ -284,40 +284,40 @@ def _select(trials: Sequence[Trial], simulated_trials: bool) -> tuple[list[Trial
 
 
 def _trials(
-    info: ExperimentInfo, trials: Sequence[Trial], elsewhere: Mapping[int, str | None], simulated_trials: bool
+    info: ExperimentInfo, trials: Sequence[Trial], trials_elsewhere: Mapping[int, str | None], simulated_trials: bool
 ) -> tuple[list[Trial], list[str]]:
     """Return the trials to compare, with aborted ones; and remarks on them and on those left out.
 
-    ``elsewhere`` are trials in other environments than the runs: the number of the trial and its Scenic program.
+    ``trials_elsewhere`` are trials in other environments than the runs: the number of the trial and its Scenic program.
     """
     kept, sentences = _select(trials, simulated_trials)
     sentences += remarks.trials(info, kept)
     sentences += remarks.trials_in_other_environments(
-        [elsewhere[trial.id] for trial in kept if trial.id in elsewhere], info
+        [trials_elsewhere[trial.id] for trial in kept if trial.id in trials_elsewhere], info
     )
-    return [trial for trial in kept if trial.id not in elsewhere], sentences
+    return [trial for trial in kept if trial.id not in trials_elsewhere], sentences
 
 
 def _with_trials(
     info: ExperimentInfo,
     design: DesignEvidence,
     trials: Sequence[Trial],
-    here: Container[int],
+    ids_in_samples: Container[int],
     resimulation: Resimulation | None,
 ) -> DesignEvidence:
     """Return the design with its trials, each paired with the simulation of its environment.
 
-    ``here`` are the numbers of trials whose sample is one of the runs' environments.
+    ``ids_in_samples`` are the numbers of trials whose sample is one of the runs' environments.
     """
     if not trials:
         return design
     stored = dict(zip(design.samples.tolist(), design.passed.tolist(), strict=True))
     completed = [trial for trial in trials if trial.completed]
-    cars = resimulation.cars(info, completed, here) if completed and resimulation is not None else None
+    cars = resimulation.cars(info, completed, ids_in_samples) if completed and resimulation is not None else None
     paired = []
     for trial in completed:
         expected = None if cars is None else cars.fractions.get(trial.id)
-        sample = trial.sample if trial.id in here else None
+        sample = trial.sample if trial.id in ids_in_samples else None
         planned = sample is not None and not trial.deviations
         if planned and (sample in stored or sample in design.rejected):
             simulated, resimulated = (int(stored[sample]) if sample in stored else None), False

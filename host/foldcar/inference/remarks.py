@@ -121,9 +121,9 @@ def pairs(designs: Sequence[DesignEvidence]) -> list[str]:
     all_trials = [trial for design in designs for trial in design.trials]
     resimulated = sum(trial.resimulated for trial in all_trials)
     if resimulated:
-        what = "placed otherwise than planned, or has no stored run"
-        what = what if resimulated == 1 else "placed otherwise, or have no run"
-        sentences.append(f"{count(resimulated, 'trial')} {what}: simulated again as placed.")
+        reason = "placed otherwise than planned, or has no stored run"
+        reason = reason if resimulated == 1 else "placed otherwise, or have no run"
+        sentences.append(f"{count(resimulated, 'trial')} {reason}: simulated again as placed.")
     unpaired = sum(trial.simulated is None for trial in all_trials)
     if unpaired:
         sentences.append(

@@ -6,7 +6,6 @@ runs beside the simulation.
 """
 
 import hashlib
-import json
 from collections import Counter
 from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
@@ -18,7 +17,6 @@ from numpy.typing import NDArray
 from foldcar.car.body import body_json
 from foldcar.car.design import compose_columns
 from foldcar.car.folded_car import folded_car
-from foldcar.car.variation import vary_body
 from foldcar.errors import FoldcarError
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.engines import engine_of
@@ -177,22 +175,17 @@ class Resimulation:
         self, carsim: Carsim, body: str, cases: Sequence[tuple[Mapping[str, Any], str]], settings: str
     ) -> list[Ended]:
         """Run the body in each case, a variation and a scene; known results are reused."""
-        bodies: dict[str, str] = {}
-        keys, cars, scenes, requests = [], {}, {}, []
+        keys, scenes, requests = [], {}, []
         for number, (variation, scene) in enumerate(cases):
-            varied = canonical_json(variation)
-            if varied not in bodies:
-                limits = carsim.limits().numbers
-                bodies[varied] = canonical_json(vary_body(json.loads(body), variation, limits)) if variation else body
-            facts = [carsim.build, bodies[varied], settings, scene]
+            reality = canonical_json(variation)
+            facts = [carsim.build, body, reality, settings, scene]
             keys.append(hashlib.sha256("\0".join(facts).encode()).digest())
             if keys[-1] not in _ENDED:
-                name = str(number)
-                cars[name], scenes[name] = bodies[varied], scene
-                requests.append(RunRequest(name, name, settings, f"environment {number}", number))
-        answers = carsim.run(cars, scenes, requests) if requests else []
+                scenes[str(number)] = scene
+                requests.append(RunRequest("car", str(number), settings, f"environment {number}", number, reality))
+        answers = carsim.run({"car": body}, scenes, requests) if requests else []
         for request, answer in zip(requests, answers, strict=True):
-            _ENDED[keys[int(request.body)]] = outcome_of(answer), answer.get("elapsed_time_s")
+            _ENDED[keys[request.sample]] = outcome_of(answer), answer.get("elapsed_time_s")
         return [_ENDED[key] for key in keys]
 
     def _drives(self, info: ExperimentInfo) -> StoredDrives:

@@ -7,8 +7,8 @@ from typing import Any
 
 import pandas
 
+from foldcar.inference.adviser import Recommendation, Selection
 from foldcar.inference.comparison import Comparison, DesignComparison, ExperimentComparison
-from foldcar.inference.selecting import Recommendation, Selection
 from foldcar.outputs import atomic_file
 from foldcar.shown_text import spreadsheet_cell
 from foldcar.statistics.gap import Gap
@@ -74,6 +74,7 @@ def write_selection(selections: Sequence[Selection], file: Path) -> None:
 
 
 def _experiment_object(experiment: ExperimentComparison) -> dict[str, Any]:
+    """Return the comparison of an experiment as plain data."""
     info = experiment.info
     return {
         "experiment": info.id,
@@ -106,6 +107,7 @@ def _object(estimate: Rate | Gap | None) -> dict[str, Any] | None:
 
 
 def _counts(design: DesignComparison) -> dict[str, int]:
+    """Return the numbers of runs, trials and cars of a design."""
     evidence = design.evidence
     return {
         "runs": evidence.runs,
@@ -124,7 +126,7 @@ def _compared(experiment: str, design: DesignComparison) -> dict[str, Any]:
     row |= {**_counts(design), "gap_is_paired": design.gap_is_paired, "verdict": design.verdict}
     row |= _ends({name: getattr(design, name) for name in (*RATES, "gap")})
     outcomes: Mapping[str, Mapping[str, int]] = {"runs": design.evidence.outcomes, "trials": design.driven_outcomes}
-    return row | {f"{what}_{name}": number for what, counts in outcomes.items() for name, number in counts.items()}
+    return row | {f"{source}_{name}": number for source, counts in outcomes.items() for name, number in counts.items()}
 
 
 def _selected(selection: Selection, rank: int, design: Recommendation) -> dict[str, Any]:

@@ -178,7 +178,7 @@ class Car:
         entry = self.dialect.enums["FOLDCAR_FAULT"].get(trial.fault)
         return str(entry.description).rstrip(".") if entry is not None else f"fault {trial.fault}"
 
-    def _command(self, what: str, command: int, *values: float) -> None:
+    def _command(self, action: str, command: int, *values: float) -> None:
         """Send a command until the car acknowledges it. Raises CommandRefusedError if it refuses or stays silent."""
         self.connection.status_text = None
         for repetition in range(TRIES):
@@ -188,8 +188,8 @@ class Car:
                 continue
             if ack.result == self.dialect.MAV_RESULT_ACCEPTED:
                 return
-            raise CommandRefusedError(f"the car refuses to {what}: {self._reason(ack)}")
-        raise CommandRefusedError(f"the car does not acknowledge the command to {what}")
+            raise CommandRefusedError(f"the car refuses to {action}: {self._reason(ack)}")
+        raise CommandRefusedError(f"the car does not acknowledge the command to {action}")
 
     def _answers(self, message: Any, command: int) -> bool:
         """Return whether a message acknowledges this host's command; other hosts' acknowledgements arrive, too."""

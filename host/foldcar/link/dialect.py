@@ -179,7 +179,6 @@ def _dialect_file() -> Iterator[Path]:
 
 
 def _generate(xml: Path, language: str, output: Path) -> None:
-    """Generate the dialect's code in a language by pymavlink."""
     # pymavlink reads this variable when it is first imported.
     os.environ["MAVLINK20"] = "1"
     from pymavlink.generator import mavgen, mavparse

@@ -1,6 +1,6 @@
 """Starts `carsim link`: the firmware on simulated hardware, with a car's link (docs/carsim.md).
 
-Input: bodies in scenes, a car.json. Output: a running process and the port on which it listens.
+Input: a body, scenes with their realities, a car.json. Output: a running process and the port on which it listens.
 """
 
 import contextlib
@@ -29,7 +29,8 @@ class SimulatedCar:
 @contextlib.contextmanager
 def simulated_car(
     simulator: Sequence[str],
-    cars_and_scenes: Iterable[tuple[Mapping[str, Any], Mapping[str, Any]]],
+    body: Mapping[str, Any],
+    worlds: Iterable[tuple[Mapping[str, Any], Mapping[str, Any]]],
     design: Mapping[str, Any],
     speedup: float = 1.0,
     tcp_port: int | None = None,
@@ -37,16 +38,17 @@ def simulated_car(
 ) -> Iterator[SimulatedCar]:
     """Run a simulated car until the end of the block. Raises CarsimError if it does not start.
 
-    ``simulator`` is the command that starts carsim. ``cars_and_scenes`` are pairs of a body and a scene with its id. The
-    car begins in the first scene; a host can move it to the others. ``stdin`` is a file descriptor with commands that
-    inject faults. The process prints the port in its first line, then answers to commands.
+    ``simulator`` is the command that starts carsim. ``worlds`` are pairs of a scene with its id and the reality there
+    (docs/carsim.md). The car begins in the first scene; a host can move it to the others. ``stdin`` is a file descriptor
+    with commands that inject faults. The process prints the port in its first line, then answers to commands.
     """
     with tempfile.TemporaryDirectory(prefix="foldcar-link-", ignore_cleanup_errors=True) as folder:
         command = [*simulator, "link", *(["--tcp", str(tcp_port)] if tcp_port is not None else ["--pty"])]
-        pairs = list(cars_and_scenes)
+        pairs = list(worlds)
         contents: dict[str, list[Mapping[str, Any]]] = {
-            "body": [{"body": {"id": "car", **body}} for body, _ in pairs],
-            "scene": [{"scene": scene} for _, scene in pairs],
+            "body": [{"body": {"id": "car", **body}}],
+            "scene": [{"scene": scene} for scene, _ in pairs],
+            "reality": [reality for _, reality in pairs],
             "design": [design],
         }
         for name, lines in contents.items():

@@ -121,11 +121,11 @@ def trial_start_s(messages: Sequence[Any]) -> float | None:
     return (last[0].time_boot_ms - last[0].elapsed_ms) / 1000 if last else None
 
 
-def merge_records(file: Path, more: Iterable[tuple[int, bytes]]) -> None:
+def merge_records(file: Path, added_records: Iterable[tuple[int, bytes]]) -> None:
     """Merge more records into a log in order of time, atomically."""
     records, _ = records_of(file.read_bytes())
     with atomic_file(file) as binary:
-        for time_us, packet in sorted([*records, *more], key=lambda record: record[0]):
+        for time_us, packet in sorted([*records, *added_records], key=lambda record: record[0]):
             binary.write(STAMP.pack(time_us) + packet)
 
 

@@ -58,8 +58,8 @@ def wheel_inertia_kg_m2(wheel: Mapping[str, Any]) -> tuple[float, float]:
 
 def tyre_center_m(wheel: Mapping[str, Any]) -> tuple[float, float, float]:
     """Return the tyre's centre (m) relative to the axle in the car's axes, at the wheel's initial angle."""
-    phase, off = wheel["eccentricity_phase_rad"], wheel["eccentricity_m"]
-    return off * math.cos(phase), 0.0, off * math.sin(phase)
+    phase, eccentricity_m = wheel["eccentricity_phase_rad"], wheel["eccentricity_m"]
+    return eccentricity_m * math.cos(phase), 0.0, eccentricity_m * math.sin(phase)
 
 
 def axle_m(body: Mapping[str, Any], wheel: Mapping[str, Any]) -> tuple[float, float, float]:

@@ -159,6 +159,7 @@ def _by_sample(
 
 
 def _scene(scene: Mapping[str, Any]) -> dict[str, float]:
+    """Return the numbers of a scene: friction, start, goal, each piece of terrain, the number of pieces, the highest."""
     values = _numbers("scene", {"friction": scene.get("friction")})
     for position in ("start", "goal"):
         values |= _numbers(f"scene_{position}", scene.get(position) or {})

@@ -193,8 +193,8 @@ class PageServer(ThreadingHTTPServer):
         try:
             super().__init__((ADDRESS, port), _Handler)
         except OSError as error:
-            what = error.strerror or error
-            raise FoldcarError(f"--port {port}: {what}; name another one, or 0 for a free one") from None
+            reason = error.strerror or error
+            raise FoldcarError(f"--port {port}: {reason}; name another one, or 0 for a free one") from None
         self.page, self.poll = page.encode(), poll
         self.port = int(self.server_address[1])
         self.url = f"http://{ADDRESS}:{self.port}/"

@@ -25,10 +25,13 @@
 - ``runs``: columns ``design``, ``environment``, ``outcome``, ``time_s`` in the order of design and environment; null
   beyond MAX_RUNS, where ``runs_omitted`` says so.
 - ``outcomes``, ``outcome_labels``: names and labels of the numbers in ``outcome``.
-- ``replays``: ``{"design", "environment", "outcome", "blob"}``, added by the caller.
+- ``drives``: null, or what the page needs to simulate runs, added by the caller: ``{"key": start of the blobs' names,
+  "engine": carsim's option, "build": of the stored runs, "designs", "environments": which it can simulate,
+  "path_interval_s", "sliders": [{"name", "unit", "meaning", "nominal", "low", "high", "prior": null or [5 %, median,
+  95 %]}]}``, see drives.py.
 - ``trials``: ``{"number", "design": index or null, "car": the design's name, "car_name": that of the car itself or null,
   "standing": "built" | "simulated", "environment": index or null, "passed": null if aborted, "outcome", "time_s",
-  "when", "note", "replay": null, or the drawing data of replay.py}``.
+  "when", "note", "replay": null, or the drawing data of drives.py}``.
 - ``effects``: for each parameter ``{"parameter": its index, "grid": values, "mean", "low", "high": success in
   simulation at each value, a mean over the same combinations of the other parameters, with the 95 % band of its
   difference from the mean over all values, "level": [low, high], the 95 % interval of that mean over all values,
@@ -62,9 +65,10 @@ import numpy
 from threadpoolctl import threadpool_limits
 
 from foldcar.figures.style import OUTCOME_LABELS
+from foldcar.inference.adviser import Selection
 from foldcar.inference.design_evidence import design_label
 from foldcar.inference.evidence import Evidence, read_evidence, read_unswept
-from foldcar.inference.selecting import Selection, measure_first, select_evidence
+from foldcar.inference.selecting import measure_first, select_evidence
 from foldcar.report.environment_values import EnvironmentValues, environment_values
 from foldcar.report.page_designs import DesignColumns, parameter_columns
 from foldcar.report.page_effects import cause_rows, effect_rows, importance_rows, read_effects
@@ -226,7 +230,7 @@ def _experiment(
         "runs_omitted": "" if listed else OMITTED.format(info.stored_runs, evidence.swept),
         "outcomes": list(OUTCOMES),
         "outcome_labels": [OUTCOME_LABELS[name] for name in OUTCOMES],
-        "replays": [],
+        "drives": None,
         "trials": _trial_rows(store, experiment),
         "front": search_front(evidence, areas, experiment.fresh),
         "provenance": _provenance(study, info, command),

@@ -30,8 +30,8 @@ def remarks(store: Store, experiment: "Experiment") -> list[str]:
             f"The program itself ended {counts['terminated']:,} of {info.stored_runs:,} runs; they count as not passed."
         )
     if info.skipped:
-        more = f"; and {len(info.skipped) - SHOWN} more" if len(info.skipped) > SHOWN else ""
-        shown = "; ".join(info.skipped[:SHOWN]) + more
+        rest_text = f"; and {len(info.skipped) - SHOWN} more" if len(info.skipped) > SHOWN else ""
+        shown = "; ".join(info.skipped[:SHOWN]) + rest_text
         sentences.append(f"{count(len(info.skipped), 'car')} of the family cannot be built: {shown}.")
     outside = sum(not in_family(info, trial.vehicle_type, trial.design) for trial in experiment.trials)
     if outside:
@@ -56,10 +56,10 @@ def _failures(store: Store, info: ExperimentInfo, failed: int) -> list[str]:
         return []
     messages = store.failures([info.id])
     shown = "; ".join(f"{number} x {message}" for message, number in messages[:SHOWN])
-    more = f"; and {len(messages) - SHOWN} other messages" if len(messages) > SHOWN else ""
+    rest_text = f"; and {len(messages) - SHOWN} other messages" if len(messages) > SHOWN else ""
     command = shlex.join(["foldcar", "export", str(store.path), "--failed", "--csv", "-"])
     counted = ", and count as not passed" if info.success_defined else ""
-    return [f"{failed:,} of {info.stored_runs:,} runs failed{counted}: {shown}{more}. List them: {command}"]
+    return [f"{failed:,} of {info.stored_runs:,} runs failed{counted}: {shown}{rest_text}. List them: {command}"]
 
 
 def stopped_remarks(info: ExperimentInfo) -> list[str]:
@@ -82,12 +82,12 @@ def stopped_remarks(info: ExperimentInfo) -> list[str]:
         rest = f"; {undecided} are undecided, simulated in all {info.environments} environments{why}"
     if info.stored_runs < info.planned_runs:
         rest = f"; {undecided} are not yet" if undecided else ""
-    away = "the thresholds" if info.until.thresholds else "50 %"
+    reference = "the thresholds" if info.until.thresholds else "50 %"
     most = info.designs * info.environments
     return [
         f"The sweep stopped simulating a design when {info.until.text}: {info.decided} of {info.designs} designs are "
         f"decided{rest}. {info.stored_runs} of at most {most} runs were made.",
         "Intervals are anytime-valid (Beta-binomial mixture): each holds for its design at whatever number of runs it "
         "stopped, by itself and not for all designs together. Rates of designs that stopped early lie on average "
-        f"somewhat too far from {away}. Rates over several designs count each design alike.",
+        f"somewhat too far from {reference}. Rates over several designs count each design alike.",
     ]

@@ -74,13 +74,13 @@ def _corrected(evidence: Evidence, other: Evidence) -> dict[str, Columns] | None
         return None
     rows = {index: row for row, index in enumerate(other.belief.design_indices.tolist())}
     _, columns, other_columns = numpy.intersect1d(belief.samples, other.belief.samples, return_indices=True)
-    dear: NDArray[Any] = numpy.full(belief.passed.shape, numpy.nan)
+    passed_slow: NDArray[Any] = numpy.full(belief.passed.shape, numpy.nan)
     for row_index, design in enumerate(belief.designs):
         index = other.index_of(design)
         if index in rows:
-            dear[row_index, columns] = other.belief.passed[rows[index], other_columns]
+            passed_slow[row_index, columns] = other.belief.passed[rows[index], other_columns]
     try:
-        rates = corrected_rates(belief.parameters, belief.passed, dear)
+        rates = corrected_rates(belief.parameters, belief.passed, passed_slow)
     except FoldcarError:
         return None
     result: dict[str, Columns] = {}

@@ -54,23 +54,23 @@ def drawings(
         (name,) = designs.evidence.values
         label = label_and_unit(name)[0]
         if judged:
-            said = f"Success by {label}: what simulation and trials say, with 95 % bands"
-            yield Drawing(f"{start}_feasibility_by_{name}", said, partial(draw_feasibility, designs, thresholds))
+            caption_start = f"Success by {label}: what simulation and trials say, with 95 % bands"
+            yield Drawing(f"{start}_feasibility_by_{name}", caption_start, partial(draw_feasibility, designs, thresholds))
         if judged and run:
-            said = f"Mean success by {label} over all environments, with {designs.interval_name} 95 % intervals"
-            yield Drawing(f"{start}_success_by_{name}", said, partial(draw_success, designs, thresholds))
+            caption_start = f"Mean success by {label} over all environments, with {designs.interval_name} 95 % intervals"
+            yield Drawing(f"{start}_success_by_{name}", caption_start, partial(draw_success, designs, thresholds))
         if run:
             yield Drawing(f"{start}_outcomes_by_{name}", f"Outcomes by {label}", partial(draw_outcomes, designs))
     if len(indices) > 1 and effects is not None:
-        said = "Success over each parameter, with 95 % bands of the differences between its values"
-        caption = f"{said}: {over(effects.effect(0), len(indices))}, for the first. Thin: single combinations."
+        caption_start = "Success over each parameter, with 95 % bands of the differences between its values"
+        caption = f"{caption_start}: {over(effects.effect(0), len(indices))}, for the first. Thin: single combinations."
         yield Drawing(f"{start}_effects", caption, partial(draw_effects, designs, effects, indices, thresholds))
         two = [row["parameter"] for row in importance_rows(effects, indices)][:2]
         first, second = (list(designs.evidence.values)[index] for index in two)
-        said = f"Success over {label_and_unit(first)[0]} and {label_and_unit(second)[0]} by the smooth model"
+        caption_start = f"Success over {label_and_unit(first)[0]} and {label_and_unit(second)[0]} by the smooth model"
         yield Drawing(
             f"{start}_map_by_{first}_and_{second}",
-            f"{said}, a mean over the same combinations of the others",
+            f"{caption_start}, a mean over the same combinations of the others",
             partial(draw_map, designs, effects, indices, two, thresholds),
         )
 
@@ -274,10 +274,10 @@ def draw_map(
             if numpy.isfinite(value):
                 colour = "white" if value < 55 else INK
                 axes.text(xs[column], ys[row], f"{value:.0f}", ha="center", va="center", fontsize=8, color=colour)
-    known = numpy.ma.masked_invalid(cells)
-    levels = [100 * threshold for threshold in thresholds if known.min() < 100 * threshold < known.max()]
+    rates_percent = numpy.ma.masked_invalid(cells)
+    levels = [100 * threshold for threshold in thresholds if rates_percent.min() < 100 * threshold < rates_percent.max()]
     if levels and min(cells.shape) > 1:
-        axes.contour(xs, ys, known, levels=levels, colors="white", linewidths=1.6)
+        axes.contour(xs, ys, rates_percent, levels=levels, colors="white", linewidths=1.6)
     names = [list(designs.evidence.values)[index] for index in two]
     axes.set_xlabel(axis_label(names[0]))
     axes.set_ylabel(axis_label(names[1]))

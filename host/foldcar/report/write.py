@@ -9,15 +9,17 @@ from threadpoolctl import threadpool_limits
 
 from foldcar.errors import FoldcarError
 from foldcar.figures.output import UNDATED, save_figure
-from foldcar.figures.page import web_page
+from foldcar.figures.page import bundle, web_page
 from foldcar.figures.style import drawing_style
 from foldcar.outputs import check_output_folder
+from foldcar.report.drives import PageDrives, deflated
 from foldcar.report.page_data import page_data, read_experiments
 from foldcar.report.paper_figures import Drawing, drawings
-from foldcar.report.replay import Replayer
+from foldcar.simulation.engines import find_wasm
 from foldcar.store.reader import Store
 
 PAGE = "index.html"
+NO_MODULE = "this foldcar has no carsim.wasm; `make setup` builds it where Emscripten is installed"
 
 
 def write_report(
@@ -25,12 +27,12 @@ def write_report(
     folder: Path,
     report_command: Sequence[str],
     simulated_trials: bool,
-    replayer: Replayer,
+    drives: PageDrives,
     thresholds: Sequence[float] = (),
 ) -> dict[str, Any]:
     """Write the page and its figures (SVG, PNG, PDF) into ``folder``, replacing those of an earlier report.
 
-    ``simulated_trials``: show trials of simulated cars too; ``replayer`` simulates the runs that the page replays;
+    ``simulated_trials``: show trials of simulated cars too; ``drives`` adds what the page simulates;
     ``thresholds`` are those of :func:`read_experiments`. Returns the page's data, for a summary on the terminal.
     Raises FoldcarError if there is nothing to report or the folder cannot be written.
     """
@@ -50,7 +52,15 @@ def write_report(
             )
         planned += own
         shown["files"] = [[drawing.caption, f"{drawing.name}.svg"] for drawing in own]
-        blobs |= replayer.add(store, experiment, shown, f"e{number}")
+        blobs |= drives.add(store, experiment, shown, f"e{number}")
+    if any(shown["drives"] for shown in data["experiments"]):
+        module = find_wasm()
+        if module is None:
+            data["engine_notes"].append(f"The page cannot simulate: {NO_MODULE}.")
+            for shown in data["experiments"]:
+                shown["drives"] = None
+        else:
+            blobs |= {"carsim": deflated(module.read_bytes()), "worker": bundle("worker.js")}
     try:
         with tempfile.TemporaryDirectory(dir=folder.parent, prefix=f".{folder.name}.") as temporary:
             made = Path(temporary)

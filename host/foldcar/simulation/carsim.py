@@ -16,7 +16,7 @@ from typing import Any, TypeVar
 from foldcar.car.body import TableRow
 from foldcar.simulation import results
 from foldcar.simulation.engines import ENGINES, MULTIBODY, engine_title, find_carsim, program_command
-from foldcar.simulation.runner import KEPT_INTERVAL_S, CarsimError, RunRequest, process_ending
+from foldcar.simulation.runner import CarsimError, RunRequest, process_ending
 
 T = TypeVar("T")
 
@@ -222,9 +222,7 @@ def input_line(kind: str, name: str, object_text: str) -> str:
 def run_line(name: str, request: RunRequest) -> str:
     """Return the line that requests the run, with its id."""
     head = f'"body": {json.dumps(request.body)}, "scene": {json.dumps(request.scene)}'
-    if request.compact_path:
-        head += f', "path_interval_s": {KEPT_INTERVAL_S}, "path_form": "compact"'
-    return input_line("run", name, f"{{{head}, {request.settings[1:]}")
+    return input_line("run", name, f"{{{head}, {request.keys[1:]}")
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from foldcar.simulation.engines import find_carsim
+from foldcar.simulation.engines import find_carsim, program_command
 from foldcar.simulation.runner import CarsimError
 
 # The outcomes that carsim reports, best first; "terminated": the Scenic program ended the run.
@@ -15,9 +15,10 @@ NATIVE_OUTCOMES = ("passed", "tipped", "stuck", "off_course", "timeout", "fault"
 # A run that violated a requirement of the Scenic program. Scenic discards such simulations: they say nothing about the
 # design and count in no rate.
 REJECTED = "rejected"
+FAILED = "failed"
 
 # All outcomes, in the order of tables, legends and stacked bars.
-OUTCOMES = (*NATIVE_OUTCOMES, REJECTED, "failed")
+OUTCOMES = (*NATIVE_OUTCOMES, REJECTED, FAILED)
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +42,7 @@ def __getattr__(name: str) -> Any:
         raise AttributeError(name)
     program = find_carsim()
     try:
-        output = subprocess.run([program, "metrics"], capture_output=True, check=True).stdout
+        output = subprocess.run([*program_command(program), "metrics"], capture_output=True, check=True).stdout
         metrics = tuple(Metric(**row) for row in json.loads(output))
     except (OSError, subprocess.SubprocessError, ValueError, TypeError) as error:
         raise CarsimError(f"{program}: `carsim metrics` printed no metrics") from error
@@ -51,7 +52,7 @@ def __getattr__(name: str) -> Any:
 
 def outcome_of(answer: Mapping[str, Any]) -> str:
     """Return the outcome of a simulator's answer to a run; an answer with an ``error`` is a failed run."""
-    return "failed" if "error" in answer else str(answer["outcome"])
+    return FAILED if "error" in answer else str(answer["outcome"])
 
 
 def has_passed(outcome: str) -> bool | None:

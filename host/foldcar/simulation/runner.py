@@ -11,8 +11,6 @@ from foldcar.errors import FoldcarError
 
 # Interval of the rows of a path to draw.
 PATH_INTERVAL_S = 0.02
-# Interval of the rows of a compact path (docs/carsim.md); stores keep many of these.
-KEPT_INTERVAL_S = 0.05
 
 
 class CarsimError(FoldcarError):
@@ -23,8 +21,8 @@ class CarsimError(FoldcarError):
 class RunRequest:
     """One run: keys of the chunk's bodies and scenes, the settings as a JSON object, a name for errors.
 
-    ``sample`` is the scene's sample of the environment. ``compact_path``: carsim's answer includes the compact path;
-    answers of Scenic beside carsim do not.
+    ``sample`` is the scene's sample of the environment. ``reality`` is a JSON object: how the real car and ground differ
+    from body and scene.
     """
 
     body: str
@@ -32,7 +30,13 @@ class RunRequest:
     settings: str
     label: str
     sample: int
-    compact_path: bool = False
+    reality: str = ""
+
+    @property
+    def keys(self) -> str:
+        """The keys of carsim's run line that the request decides, as a JSON object."""
+        is_nominal = self.reality.strip() in ("", "{}")
+        return self.settings if is_nominal else f'{{"reality": {self.reality}, {self.settings.lstrip()[1:]}'
 
 
 class Runner(Protocol):

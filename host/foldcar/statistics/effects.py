@@ -121,9 +121,9 @@ class Effects:
         others = numpy.delete(self.parameters, list(indices), axis=1)
         values = len(numpy.unique(self.parameters[:, list(indices)], axis=0))
         kinds, index, counts = numpy.unique(others, axis=0, return_index=True, return_counts=True)
-        whole = index[counts == values]
-        run = len(whole) >= min(MIN_COMBINATIONS, len(kinds))
-        chosen = numpy.sort(whole if run else index)
+        complete = index[counts == values]
+        run = len(complete) >= min(MIN_COMBINATIONS, len(kinds))
+        chosen = numpy.sort(complete if run else index)
         if len(chosen) > MAX_COMBINATIONS:
             chosen = chosen[numpy.linspace(0, len(chosen) - 1, MAX_COMBINATIONS).round().astype(int)]
         return self.parameters[chosen].copy(), run

@@ -265,9 +265,9 @@ def _settings(
     if parameters in LENGTHS:
         return list(product(product(LENGTHS[parameters], repeat=parameters), STRENGTHS))
     best: tuple[tuple[float, ...], float] = ((MANY_LENGTHS[2],) * parameters, STRENGTHS[0])
-    tried, before = {best: None}, None
-    while best != before:
-        before = best
+    tried, previous = {best: None}, None
+    while best != previous:
+        previous = best
         for parameter in range(parameters):
             lengths, strength = best
             alternatives = [

@@ -161,7 +161,7 @@ def pooled_bias(
     if not all(numpy.all((k[:, 0] >= 0) & (k[:, 0] <= k[:, 1])) for k in (f, y)) or not numpy.all(f[:, 1] >= 1):
         raise FoldcarError("pooled rates need 0 ≤ passed ≤ all, and at least 1 simulated run of each design")
     one_each = [BuiltCars.of_one_car(*row) if row[1] else None for row in y.tolist()]
-    built = tuple(one_each if cars is None else (own and given for own, given in zip(one_each, cars, strict=True)))
+    built = tuple(one_each if cars is None else (own and own_cars for own, own_cars in zip(one_each, cars, strict=True)))
     if not len(x):
         return PooledBias(numpy.zeros(0), built, (), numpy.zeros(0))
     simulation = smoothed_simulation(x, f) if simulation is None else simulation
@@ -228,14 +228,14 @@ class Contradictions:
             listed([labels[index] for index in self.designs]),
             [labels[index] for index in self.undriven_neighbours],
         )
-        which = (
+        neighbours_text = (
             f" ({listed([*neighbours[:3], *[f'{len(neighbours) - 3} more'] * (len(neighbours) > 3)])})"
             if neighbours
             else ""
         )
         return [
             f"The trials of {names} contradict those of the other designs: rates of designs not driven beside "
-            f"{'it' if len(self.designs) == 1 else 'them'}{which} are not to be trusted."
+            f"{'it' if len(self.designs) == 1 else 'them'}{neighbours_text} are not to be trusted."
         ]
 
 
@@ -258,9 +258,9 @@ def contradictions(
     if len(driven) < MIN_DRIVEN or not x.size:
         return NONE
     checked = driven[numpy.argsort(-y[driven, 1], kind="stable")][:MAX_CHECKED]
-    alike = (SPREADS == 0).astype(float)
+    no_spread = (SPREADS == 0).astype(float)
     built = [
-        BuiltCars(y[index, :1], y[index, 1:], numpy.zeros(1), alike) if cars is None else cars[index]
+        BuiltCars(y[index, :1], y[index, 1:], numpy.zeros(1), no_spread) if cars is None else cars[index]
         for index in checked.tolist()
     ]
     smoothed = (smoothed_simulation(x, f) if simulation is None else simulation).subset(checked)
@@ -296,9 +296,11 @@ def _undriven_neighbours(unit: NDArray[Any], driven: NDArray[Any], flagged: Sequ
     Toussaint (1980, doi:10.1016/0031-3203(80)90066-7). With one parameter, its value lies between theirs.
     """
     result = numpy.zeros(len(unit), dtype=bool)
-    apart = numpy.sqrt(((unit[:, None] - unit[driven][None]) ** 2).sum(axis=2))
+    distances = numpy.sqrt(((unit[:, None] - unit[driven][None]) ** 2).sum(axis=2))
     for index in flagged:
-        away = numpy.sqrt(((unit - unit[index]) ** 2).sum(axis=1))
-        result |= ~((apart < away[:, None]) & (away[driven] < away[:, None]) & (driven != index)).any(axis=1)
+        from_flagged = numpy.sqrt(((unit - unit[index]) ** 2).sum(axis=1))
+        result |= ~(
+            (distances < from_flagged[:, None]) & (from_flagged[driven] < from_flagged[:, None]) & (driven != index)
+        ).any(axis=1)
     result[driven] = False
     return result

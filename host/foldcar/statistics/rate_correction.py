@@ -20,16 +20,16 @@ MIN_VARIANCE = 1e-3
 
 
 def corrected_rates(
-    parameters: ArrayLike, passed_cheap: ArrayLike, passed_dear: ArrayLike, confidence: float = 0.95
+    parameters: ArrayLike, passed_fast: ArrayLike, passed_slow: ArrayLike, confidence: float = 0.95
 ) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
-    """Return success rates in the dear simulation with their credible bands (rate, low, high), each (designs,), 0 to 1.
+    """Return success rates in the slow simulation with their credible bands (rate, low, high), each (designs,), 0 to 1.
 
-    ``passed_cheap`` and ``passed_dear`` (designs, environments) are 1 where a run passed, 0 where it did not, NaN where
+    ``passed_fast`` and ``passed_slow`` (designs, environments) are 1 where a run passed, 0 where it did not, NaN where
     the simulation has no run; a column is the same environment in both. ``parameters`` (designs, k) are those of the
-    designs. A design without a run in the cheap simulation has NaN. Raises FoldcarError if fewer than two
+    designs. A design without a run in the fast simulation has NaN. Raises FoldcarError if fewer than two
     environments have runs in both simulations.
 
-    The rate is the cheap one, smoothed over designs, plus the difference of both. The mean differences d of designs, over
+    The rate is the fast one, smoothed over designs, plus the difference of both. The mean differences d of designs, over
     the environments with runs in both, are normal with covariance K + S. K is the covariance of the true differences: a
     constant, a Matérn process over designs, a part of each design alone. Candidates are weighted by their evidence. S is
     the sampling noise: a part of each design alone, and a part of all designs, because they share the environments. The
@@ -41,21 +41,21 @@ def corrected_rates(
 
     check_confidence(confidence)
     all_parameters = numpy.asarray(parameters, dtype=float)
-    cheap, dear = (numpy.asarray(table, dtype=float) for table in (passed_cheap, passed_dear))
-    if cheap.ndim != 2 or cheap.shape != dear.shape or all_parameters.shape[:1] != cheap.shape[:1]:
+    fast, slow = (numpy.asarray(table, dtype=float) for table in (passed_fast, passed_slow))
+    if fast.ndim != 2 or fast.shape != slow.shape or all_parameters.shape[:1] != fast.shape[:1]:
         raise FoldcarError("a correction needs two tables of designs and environments that are alike, and parameters")
-    present = numpy.isfinite(cheap).any(axis=1)
-    cheap, dear, x = cheap[present], dear[present], all_parameters[present]
-    counted = numpy.isfinite(cheap).sum(axis=1)
-    simulated = smoothed_simulation(x, numpy.column_stack([numpy.nansum(cheap, axis=1), counted]), cheap)
-    cheap_rate, low, high = simulated.rates(confidence).T
-    difference, variance = _differences(x, dear - cheap)
-    reach = ndtri((1 + confidence) / 2)
-    half = reach * numpy.sqrt(variance + ((high - low) / (2 * reach)) ** 2)
-    rate = cheap_rate + difference
-    answer = numpy.full((3, len(present)), numpy.nan)
-    answer[:, present] = numpy.clip([rate, rate - half, rate + half], 0, 1)
-    return answer[0], answer[1], answer[2]
+    present = numpy.isfinite(fast).any(axis=1)
+    fast, slow, x = fast[present], slow[present], all_parameters[present]
+    counted = numpy.isfinite(fast).sum(axis=1)
+    simulated = smoothed_simulation(x, numpy.column_stack([numpy.nansum(fast, axis=1), counted]), fast)
+    fast_rate, low, high = simulated.rates(confidence).T
+    difference, variance = _differences(x, slow - fast)
+    quantile = ndtri((1 + confidence) / 2)
+    half_width = quantile * numpy.sqrt(variance + ((high - low) / (2 * quantile)) ** 2)
+    rate = fast_rate + difference
+    result = numpy.full((3, len(present)), numpy.nan)
+    result[:, present] = numpy.clip([rate, rate - half_width, rate + half_width], 0, 1)
+    return result[0], result[1], result[2]
 
 
 def _differences(x: NDArray[Any], table: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:

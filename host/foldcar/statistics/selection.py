@@ -90,8 +90,8 @@ def _middle(unit: NDArray[Any], feasible: NDArray[Any], step: NDArray[Any]) -> i
 def _edges(unit: NDArray[Any], feasible: NDArray[Any], step: NDArray[Any]) -> NDArray[Any]:
     """Return the feasible designs with an infeasible neighbour, which is one step away along one parameter."""
     inside, others = numpy.flatnonzero(feasible), unit[~feasible]
-    apart = numpy.abs(unit[inside][:, None] - others[None, :])
-    near = ((apart <= 1.01 * step).all(axis=2) & ((apart > 1e-9).sum(axis=2) == 1)).any(axis=1)
+    differences = numpy.abs(unit[inside][:, None] - others[None, :])
+    near = ((differences <= 1.01 * step).all(axis=2) & ((differences > 1e-9).sum(axis=2) == 1)).any(axis=1)
     # A grid with gaps may lack neighbours: then take the feasible design nearest to an infeasible one.
     return inside[near] if near.any() else inside[[int(_distances(unit[inside], others).min(axis=1).argmin())]]
 
@@ -149,9 +149,9 @@ def value_of_trials(draws: ArrayLike, threshold: float, trials: int, zone: float
     for design, (log_pass, log_fail) in enumerate(zip(numpy.log(rates).T, numpy.log1p(-rates).T, strict=True)):
         # Rows: outcomes of the trials; columns: draws, by their weight once the outcome is known.
         chance = numpy.exp(ways + passed * log_pass + (trials - passed) * log_fail) / len(p)
-        then = (chance @ sides).reshape(trials + 1, 3, -1)
-        choice[design] = then[:, 0].max(axis=1).sum() - now
-        right[design] = wrong_now - numpy.minimum(then[:, 1], then[:, 2]).sum(axis=0).mean()
+        expected = (chance @ sides).reshape(trials + 1, 3, -1)
+        choice[design] = expected[:, 0].max(axis=1).sum() - now
+        right[design] = wrong_now - numpy.minimum(expected[:, 1], expected[:, 2]).sum(axis=0).mean()
     # Rounding may leave a hair below 0.
     return Value(choice.clip(0), right.clip(0))
 
@@ -231,8 +231,8 @@ def trials_to_decide(rates: ArrayLike, threshold: float) -> int:
     For n trials with a passed fraction p, the score test decides (95 %) if n > z² t (1 - t) / (p - t)². At most
     MAX_TRIALS.
     """
-    apart = numpy.abs(numpy.asarray(rates, dtype=float) - threshold)
-    needed = Z**2 * threshold * (1 - threshold) / numpy.maximum(apart, 1e-9) ** 2
+    distances = numpy.abs(numpy.asarray(rates, dtype=float) - threshold)
+    needed = Z**2 * threshold * (1 - threshold) / numpy.maximum(distances, 1e-9) ** 2
     return min(MAX_TRIALS, int(numpy.median(needed)) + 1)
 
 
@@ -280,21 +280,21 @@ def least_effort(
     ``correlation`` is that within cars, below 1. ``done`` are the trials of each car built so far. A further car takes
     ``car_min`` minutes, a trial ``trial_min``.
     """
-    each = numpy.arange(1, MAX_EACH * math.ceil(independent) + 1)[:, None]
+    trials_per_car = numpy.arange(1, MAX_EACH * math.ceil(independent) + 1)[:, None]
     built = numpy.array(done, dtype=int)[None]
-    missing = independent - independent_trials(numpy.maximum(each, built), correlation)
-    cars = numpy.ceil(missing / independent_trials(each, correlation) - 1e-9).clip(0).astype(int)
-    trials = cars * each[:, 0] + (each - built).clip(0).sum(axis=1)
+    missing = independent - independent_trials(numpy.maximum(trials_per_car, built), correlation)
+    cars = numpy.ceil(missing / independent_trials(trials_per_car, correlation) - 1e-9).clip(0).astype(int)
+    trials = cars * trials_per_car[:, 0] + (trials_per_car - built).clip(0).sum(axis=1)
     best = int((cars * car_min + trials * trial_min).argmin())
-    return Effort(int(cars[best]), int(trials[best]), int(each[best, 0]))
+    return Effort(int(cars[best]), int(trials[best]), int(trials_per_car[best, 0]))
 
 
 def further_effort(
     further: int, correlation: float, car_min: float, trial_min: float, done: Sequence[int] = (), least: int = 0
 ) -> Effort:
     """Find the quickest way to ``further`` independent trials, and to at least ``least`` in all; see least_effort."""
-    wanted = max(least, independent_trials(done, correlation) + further)
-    return least_effort(wanted, correlation, car_min, trial_min, done)
+    independent = max(least, independent_trials(done, correlation) + further)
+    return least_effort(independent, correlation, car_min, trial_min, done)
 
 
 def _mean_half_width(rates: NDArray[Any], number: int) -> float:

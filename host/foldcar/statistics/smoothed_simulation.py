@@ -138,15 +138,15 @@ def _extrapolated(
     prior: _Prior, posterior: _Posterior, chosen: NDArray[Any], passed: NDArray[Any], counted: NDArray[Any]
 ) -> SmoothedSimulation:
     """Predict all designs from the posterior of those with the indices ``chosen``, and from their own runs."""
-    everything = numpy.arange(len(prior.scaled))
-    across = prior.between(everything, chosen)
+    all_designs = numpy.arange(len(prior.scaled))
+    across = prior.between(all_designs, chosen)
     weights = numpy.linalg.solve(prior.covariance(chosen), across.T).T
     mean = weights @ posterior.mode
     columns = weights @ _directions(posterior.covariance)[0]
     residual = CONSTANT**2 + prior.strength**2 + prior.own**2 - (weights * across).sum(axis=1)
     rest = numpy.maximum(residual, 1e-6)
     # Condition each of the other designs on its own runs, by Newton's method.
-    own = numpy.setdiff1d(everything, chosen)
+    own = numpy.setdiff1d(all_designs, chosen)
     prior_mean, variance, log_odds = mean[own], (columns[own] ** 2).sum(axis=1) + rest[own], mean[own].copy()
     for _ in range(NEWTON_STEPS):
         rate = 1 / (1 + numpy.exp(-log_odds))

@@ -40,16 +40,16 @@ class StoppingRule:
         sides = [(low > threshold) | (high < threshold) for threshold in self.thresholds]
         return numpy.asarray(numpy.all(sides, axis=0))
 
-    def chance(self, rates: ArrayLike, masses: ArrayLike, passed: int, runs: int, then: int) -> float:
-        """Return the probability that the design is decided after ``then`` runs, given ``passed`` of ``runs`` so far.
+    def chance(self, rates: ArrayLike, masses: ArrayLike, passed: int, runs: int, later_runs: int) -> float:
+        """Return the probability that the design is decided after ``later_runs`` runs, given the ``runs`` so far.
 
         Its rate is one of ``rates`` with probabilities ``masses``, both (rates,).
         """
         from scipy.stats import binom
 
-        new = numpy.arange(then - runs + 1)
-        decided = _decided(self, then)[passed : passed + len(new)]
-        likely = binom.pmf(new[decided], then - runs, numpy.asarray(rates)[:, None]).sum(axis=1)
+        new = numpy.arange(later_runs - runs + 1)
+        decided = _decided(self, later_runs)[passed : passed + len(new)]
+        likely = binom.pmf(new[decided], later_runs - runs, numpy.asarray(rates)[:, None]).sum(axis=1)
         return float(numpy.asarray(masses) @ likely)
 
     def hopeless(self, passed: int, runs: int, most: int) -> bool:
@@ -61,7 +61,7 @@ class StoppingRule:
             return False
         # The near horizon is checked first, because the far one needs a long table.
         horizons = (min(most, NEAR_HORIZON * (runs + 1)), most)
-        return all(_later_chance(self, passed, runs, then) < MIN_CHANCE for then in horizons)
+        return all(_later_chance(self, passed, runs, later_runs) < MIN_CHANCE for later_runs in horizons)
 
     @classmethod
     def from_facts(cls, facts: Mapping[str, Any]) -> "StoppingRule":
@@ -85,13 +85,13 @@ def _decided(rule: StoppingRule, runs: int) -> NDArray[Any]:
 
 
 @lru_cache(maxsize=4096)
-def _later_chance(rule: StoppingRule, passed: int, runs: int, then: int) -> float:
-    """Return the probability that the design is decided after ``then`` runs, by Jeffreys' prior."""
+def _later_chance(rule: StoppingRule, passed: int, runs: int, later_runs: int) -> float:
+    """Return the probability that the design is decided after ``later_runs`` runs, by Jeffreys' prior."""
     from scipy.stats import betabinom
 
-    new = numpy.arange(then - runs + 1)
-    decided = _decided(rule, then)[passed : passed + len(new)]
-    return float(betabinom.pmf(new[decided], then - runs, passed + 0.5, runs - passed + 0.5).sum())
+    new = numpy.arange(later_runs - runs + 1)
+    decided = _decided(rule, later_runs)[passed : passed + len(new)]
+    return float(betabinom.pmf(new[decided], later_runs - runs, passed + 0.5, runs - passed + 0.5).sum())
 
 
 def evidence_of_worse(excess: ArrayLike, number: int, most_better: float) -> float:

@@ -19,7 +19,7 @@ from foldcar.store.errors import SQLITE_ERRORS, StoreError
 from foldcar.store.log_files import log_file, logs_folder, sha256_of, store_folder
 from foldcar.store.reader import Store
 from foldcar.store.rows import read_rows
-from foldcar.store.tables import BY_NAME, PATH, RECORDED, RUN, TABLES
+from foldcar.store.tables import BY_NAME, RECORDED, RUN, TABLES
 
 
 @dataclass(slots=True)
@@ -61,10 +61,9 @@ def missing_references(connection: sqlite3.Connection) -> list[str]:
     """Return a line for each kind of rows that refer to missing rows."""
     where = " AND ".join(f"r.{name} = v.{name}" for name in RUN.key)
     missing = Counter((row[0], row[2]) for row in connection.execute("PRAGMA foreign_key_check"))
-    for table in (RECORDED, PATH):
-        (missing[table.name, RUN.name],) = connection.execute(
-            f"SELECT count(*) FROM {table.name} v WHERE NOT EXISTS (SELECT 1 FROM {RUN.name} r WHERE {where})"
-        ).fetchone()
+    (missing[RECORDED.name, RUN.name],) = connection.execute(
+        f"SELECT count(*) FROM {RECORDED.name} v WHERE NOT EXISTS (SELECT 1 FROM {RUN.name} r WHERE {where})"
+    ).fetchone()
     return [
         f"table {name}: {count} rows refer to rows of {referred} that are not there"
         for (name, referred), count in sorted((+missing).items())

@@ -297,7 +297,7 @@ def _close_writing(path: Path, connection: sqlite3.Connection, status: os.stat_r
 
 @contextlib.contextmanager
 def _transaction(connection: sqlite3.Connection) -> Iterator[None]:
-    """Commit the block's changes. Raises StoreError if the file was moved or deleted meanwhile."""
+    """Commit the block's changes, or roll them back after an exception."""
     connection.execute("BEGIN IMMEDIATE")
     try:
         yield
@@ -359,6 +359,7 @@ class StoreConnection:
 
     @contextlib.contextmanager
     def _transaction(self) -> Iterator[None]:
+        """Commit the block's changes. Raises StoreError if the file was moved or deleted meanwhile."""
         with store_errors(self.path), _transaction(self._connection):
             yield
         if not leads_to(self.path, self._file):

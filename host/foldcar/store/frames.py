@@ -141,5 +141,5 @@ def _numbers(values: Sequence[float | str | None]) -> Any:
     return np.array(values, dtype=object if texts else np.float64)
 
 
-def _booleans(values: Any, known: Any) -> Any:
-    return pd.arrays.BooleanArray(np.asarray(values, dtype=bool), ~np.asarray(known, dtype=bool))
+def _booleans(values: Any, is_known: Any) -> Any:
+    return pd.arrays.BooleanArray(np.asarray(values, dtype=bool), ~np.asarray(is_known, dtype=bool))

@@ -31,9 +31,9 @@ def listed_id(experiment: str, calibration: Mapping[str, str] | None, engine: st
     return listed_name.removesuffix(engine_id("", engine))
 
 
-def unlike_sides_text(what: str) -> str:
-    """Return the warning that the side view does not simulate ``what``, which matters for the experiment."""
-    return f"The side view knows neither roll, yaw nor sides, which matter here: {what}. Use --engine multibody."
+def unlike_sides_text(difference: str) -> str:
+    """Return the warning that the side view does not simulate ``difference``, which matters for the experiment."""
+    return f"The side view knows neither roll, yaw nor sides, which matter here: {difference}. Use --engine multibody."
 
 
 @dataclass(frozen=True, slots=True)

@@ -28,7 +28,6 @@ from foldcar.store.tables import (
     ENVIRONMENT,
     EXPERIMENT,
     MEDIA,
-    PATH,
     RECORDED,
     RUN,
     STUDY,
@@ -258,7 +257,7 @@ class _Merge:
                 number for number, merged_number in self._numbers[TRIAL.name].items() if merged_number == row["id"]
             )
             raise StoreError(f"trial {number} of {new} ({row['uuid']}): {values}: correct one of them")
-        is_run = table in (RUN, RECORDED, PATH)
+        is_run = table in (RUN, RECORDED)
         key = ", ".join(f"{column} {self._shown(column, row.get(column))}" for column in (RUN if is_run else table).key)
         explanation = ": the same build gave two results, so one of them is not that build" if is_run else ""
         raise StoreError(f"{'run' if is_run else table.name} ({key}): {values}{explanation}")

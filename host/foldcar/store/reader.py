@@ -1,6 +1,5 @@
 """Reads the results store: the facts of the study, and its runs as rows. docs/store.md describes the file."""
 
-import base64
 import itertools
 import json
 import re
@@ -24,7 +23,6 @@ from foldcar.store.tables import (
     ENVIRONMENT,
     EXPERIMENT,
     MEDIA,
-    PATH_JOIN,
     RECORDED,
     RESULT_JOIN,
     RUN,
@@ -120,15 +118,6 @@ class Store:
         while batch := list(itertools.islice(rows, BATCH_ROWS)):
             yield [row[:2] for row in batch], [row[2:] for row in batch]
 
-    def kept_paths(self, name: str) -> Iterator[tuple[int, int, int, str]]:
-        """Yield an experiment's stored paths: the design's position, the sample, the number of rows, the compact path."""
-        query = f"SELECT d.position, s.sample, p.row_count, p.compact {PATH_JOIN} AND e.id = ?"
-        for design, sample, rows, text in self._rows(query, name):
-            if not _is_compact_path(text, rows):
-                where = f'path (experiment="{name}", design={design}, sample={sample})'
-                raise StoreError(f"{self.path}: {where} is damaged: its compact is not what foldcar writes")
-            yield design, sample, rows, text
-
     def run_rows(self, name: str) -> Iterator[tuple[int, int, Row]]:
         """Yield an experiment's runs, ordered by design and sample: the design's position, the sample, the row."""
         for places, rows in self.run_batches(name):
@@ -149,11 +138,11 @@ class Store:
         Their rates cannot be compared with these runs. For an imported trial without a sample, only the program is known,
         and only if its experiment had been swept.
         """
-        here = self.trials_here(info)
+        ids_in_samples = self.trials_here(info)
         return {
             row["id"]: row["scenic_program"]
             for row in self.rows(TRIAL, "WHERE experiment = ?", info.listed_id)
-            if row["id"] not in here
+            if row["id"] not in ids_in_samples
             and (row["environment_id"] is not None or row["scenic_program"] not in (None, info.scenic_program))
         }
 
@@ -166,11 +155,11 @@ class Store:
 
     def _trials_here(self, info: ExperimentInfo) -> set[int]:
         """Return the numbers of trials whose scenes are those of the experiment's samples."""
-        here = self._environment_id(info)
+        environment_id = self._environment_id(info)
         trials = list(self.rows(TRIAL, "WHERE experiment = ? AND environment_id IS NOT NULL", info.listed_id))
-        elsewhere = any(row["environment_id"] != here for row in trials)
-        scenes = self._sampled_scenes(here) if elsewhere else {}
-        result, same = set(), {here: True}
+        has_other_environments = any(row["environment_id"] != environment_id for row in trials)
+        scenes = self._sampled_scenes(environment_id) if has_other_environments else {}
+        result, same = set(), {environment_id: True}
         for row in trials:
             other = row["environment_id"]
             if other not in same:
@@ -355,17 +344,6 @@ class Store:
     def _rows(self, query: str, *values: Any) -> Iterator[Any]:
         with store_errors(self.path):
             yield from self._connection.execute(query, values)
-
-
-def _is_compact_path(text: str, rows: int) -> bool:
-    """Return whether a text is a compact path with ``rows`` rows in base64; a row has six numbers and hinge angles."""
-    try:
-        content = base64.b64decode(text, validate=True)
-    except ValueError:
-        return False
-    # The top bit of a number's last byte is 0.
-    count = sum(byte < 0x80 for byte in content)
-    return rows > 0 and count >= 6 * rows and count % rows == 0 and content[-1] < 0x80
 
 
 def _stopped(facts: Mapping[str, Any] | None, counts: DesignCounts) -> "tuple[StoppingRule | None, list[bool]]":

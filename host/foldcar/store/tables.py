@@ -12,7 +12,7 @@ from foldcar.simulation.results import METRICS, OUTCOMES
 from foldcar.store.trial_records import BUILT, CARS, MEDIA_ENDINGS, TRIAL_OUTCOMES, UNKNOWN
 
 # Raised by every change of a table or view; stores of other versions are refused.
-VERSION = 3
+VERSION = 4
 
 # SQL types of columns. JSON is a JSON text, VALUE a text or a number, COUNT a number from 0.
 SQL_TYPES = {
@@ -136,17 +136,6 @@ RECORDED = Table(
     ),
     key=(*_RUN_KEY_NAMES, "name"),
     order=(*_RUN_ORDER, "name"),
-)
-PATH = Table(
-    "path",
-    "where the car was in a run; of a bounded number of runs, for pictures",
-    (
-        *(Column(column.name, column.type, column.meaning) for column in _RUN_KEY),
-        Column("row_count", "COUNT", "how many rows it has: one each 0.05 s, and the last"),
-        Column("compact", "TEXT", "the rows as carsim's compact path, in base64"),
-    ),
-    key=_RUN_KEY_NAMES,
-    order=_RUN_ORDER,
 )
 STUDY = Table(
     "study",
@@ -335,7 +324,6 @@ TABLES = (
     DESIGN,
     RUN,
     RECORDED,
-    PATH,
     TRIAL,
     CORRECTION,
     TRACK,
@@ -351,12 +339,6 @@ RESULT_JOIN = """FROM experiment e CROSS JOIN design d CROSS JOIN sample s CROSS
         AND w.spread_id = e.spread_id AND w.sample = s.sample
         AND r.build_id = e.build_id AND r.body_id = d.body_id AND r.scene_id = s.scene_id
         AND r.settings_id = d.settings_id AND r.variation_id = w.variation_id"""
-# The stored paths of these runs, joined by the whole key; a condition is appended.
-PATH_JOIN = f"""FROM path p CROSS JOIN run r USING ({", ".join(_RUN_KEY_NAMES)})
-    JOIN experiment e JOIN design d JOIN sample s JOIN draw w
-    WHERE r.build_id = e.build_id AND d.experiment = e.id AND d.body_id = r.body_id AND d.settings_id = r.settings_id
-        AND s.environment_id = e.environment_id AND s.scene_id = r.scene_id AND s.sample < e.environments
-        AND w.spread_id = e.spread_id AND w.sample = s.sample AND w.variation_id = r.variation_id"""
 
 RESULT_VIEW = f"""CREATE VIEW result AS
     SELECT e.position AS experiment_position, e.id AS experiment, e.vehicle, e.environment,

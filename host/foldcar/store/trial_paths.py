@@ -1,12 +1,12 @@
 """The path of a trial's car: a simulated car's from its log, a built car's from a film, else its IMU's roll and pitch.
 
-Input: a trial of the store. Output: rows of time (s), x, y, z (m), heading, pitch, roll (rad); a compact path, or angles
+Input: a trial of the store. Output: rows of time (s), x, y, z (m), heading, pitch, roll (rad); a path, or angles
 over time, or a sentence that says why both are missing.
 """
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy
@@ -15,25 +15,23 @@ from numpy.typing import NDArray
 from foldcar.errors import FoldcarError
 from foldcar.link.connection import CAR_SYSTEM
 from foldcar.link.tlog import read_tlog, trial_start_s
-from foldcar.simulation.compact_path import compact_path
-from foldcar.simulation.runner import KEPT_INTERVAL_S as INTERVAL_S
 from foldcar.store.log_files import intact_log
 from foldcar.store.reader import Store
 from foldcar.store.trial_records import LONGEST_S, Track, Trial
 
 Rows = NDArray[numpy.float64]
+# Of a drawn path.
+INTERVAL_S = 0.05
 
 
 @dataclass(frozen=True)
 class TrialPath:
-    """``path`` with ``rows`` rows until ``end_s``, or ``attitude`` (s; pitch, roll in rad), or why both are ``missing``.
+    """The path's ``rows`` (n, 7), or ``attitude`` (s; pitch, roll in rad), or why both are ``missing``.
 
     ``film_error`` of a filmed path: standard deviations of the position (m) and of the start (s).
     """
 
-    path: bytes | None = None
-    rows: int = 0
-    end_s: float = 0.0
+    rows: Rows | None = None
     attitude: tuple[tuple[float, float, float], ...] = ()
     missing: str = ""
     film_error: tuple[float, float] | None = None
@@ -43,12 +41,12 @@ def trial_path(store: Store, trial: Trial) -> TrialPath:
     """Return the path of a trial's car from its log, or else from a film; without a path, return its tilt."""
     logged = _logged(store, trial)
     if not isinstance(logged, TrialPath):
-        return _compacted(logged)
+        return TrialPath(_resampled(logged))
     track = store.track(trial.id)
     filmed = _filmed(track)
     if track is None or filmed is None:
         return logged
-    return replace(_compacted(filmed), film_error=_film_error(track))
+    return TrialPath(_resampled(filmed), film_error=_film_error(track))
 
 
 def _logged(store: Store, trial: Trial) -> Rows | TrialPath:
@@ -106,11 +104,11 @@ def _film_error(track: Track) -> tuple[float, float]:
     return round(place_m, 4), round(track.facts["start_error_s"], 3)
 
 
-def _compacted(rows: Rows) -> TrialPath:
+def _resampled(rows: Rows) -> Rows:
+    """Return the path at times INTERVAL_S apart and at its end."""
     last_s = float(rows[-1, 0])
     times_s = numpy.append(numpy.arange(0, last_s - 1e-9, INTERVAL_S), last_s)
-    path = numpy.column_stack([times_s, *(numpy.interp(times_s, rows[:, 0], column) for column in rows[:, 1:].T)])
-    return TrialPath(compact_path(path.tolist()), len(path), last_s)
+    return numpy.column_stack([times_s, *(numpy.interp(times_s, rows[:, 0], column) for column in rows[:, 1:].T)])
 
 
 def _attitudes(messages: list[Any], start_s: float) -> TrialPath:
@@ -125,4 +123,4 @@ def _attitudes(messages: list[Any], start_s: float) -> TrialPath:
     )
     if len(driving_attitudes) < 2:
         return TrialPath(missing="its log has no path, because a built car without an IMU does not measure its position")
-    return TrialPath(attitude=driving_attitudes, end_s=driving_attitudes[-1][0])
+    return TrialPath(attitude=driving_attitudes)

@@ -22,8 +22,6 @@ from foldcar.store.tables import (
     DESIGN,
     ENVIRONMENT,
     EXPERIMENT,
-    PATH,
-    PATH_JOIN,
     RECORDED,
     RESULT_JOIN,
     RUN,
@@ -198,9 +196,11 @@ class StoreWriter(StoreConnection):
         """Store the variation of a sample; equal variations with different ``identity`` are stored separately."""
         self._put_drawn("draw", {"spread_id": spread_id, "sample": sample}, "variation", variation, identity)
 
-    def _put_drawn(self, table: str, key: dict[str, int], what: str, value: Mapping[str, Any], identity: str) -> None:
+    def _put_drawn(
+        self, table: str, key: dict[str, int], content_table: str, value: Mapping[str, Any], identity: str
+    ) -> None:
         with self._transaction():
-            row = {**key, f"{what}_id": self._put_text(what, canonical_json(value), identity)}
+            row = {**key, f"{content_table}_id": self._put_text(content_table, canonical_json(value), identity)}
             self._insert(BY_NAME[table], [row], "OR IGNORE")
 
     def design_counts(self, plan: PlannedExperiment) -> DesignCounts:
@@ -245,11 +245,6 @@ class StoreWriter(StoreConnection):
                 return
             next_design = rows[-1][0] + 1
 
-    def kept_paths(self, plan: PlannedExperiment) -> list[tuple[int, str, int]]:
-        """Return design's position, outcome and number of characters of the experiment's stored paths."""
-        query = f"SELECT d.position, r.outcome, length(p.compact) {PATH_JOIN} AND e.id = ?"
-        return list(self._run(query, plan.id))
-
     def texts(self, table: str, row_ids: Iterable[int]) -> dict[int, str]:
         """Return the JSON texts of rows of ``body``, ``scene``, ``settings`` or ``variation``; at most some thousands."""
         ids = set(row_ids)
@@ -270,7 +265,7 @@ class StoreWriter(StoreConnection):
 
     def add_results(self, results: Iterable[tuple[PlannedRun, Mapping[str, Any]]]) -> None:
         """Store a chunk: runs with the simulator's answers (:mod:`foldcar.simulation.carsim`)."""
-        runs, recorded, paths = [], [], []
+        runs, recorded = [], []
         for run, result in results:
             key = self._key(run)
             if "error" in result:
@@ -280,13 +275,9 @@ class StoreWriter(StoreConnection):
             for name, record in result.get("recorded", {}).items():
                 value = json.dumps(record["value"], allow_nan=False)
                 recorded.append({**key, "name": name, "kind": record["kind"], "value": value})
-            if "path" in result:
-                path = result["path"]
-                paths.append({**key, "row_count": path["rows"], "compact": path["compact"]})
         with self._transaction():
             self._insert(RUN, runs, "OR IGNORE")
             self._insert(RECORDED, recorded, "OR IGNORE")
-            self._insert(PATH, paths, "OR IGNORE")
 
 
 @contextlib.contextmanager

@@ -5,19 +5,15 @@ shrink, so that all simulators finish at about the same time.
 """
 
 import contextlib
-import json
 import time
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any, Protocol
 
-from foldcar.car.variation import NumberLimits, vary_body
 from foldcar.simulation.runner import Runner, RunRequest
-from foldcar.store.writer import PlannedRun, StoreWriter, canonical_json
-from foldcar.study.kept_paths import KeptPaths
+from foldcar.store.writer import PlannedRun, StoreWriter
 
 
 class Simulators(Protocol):
@@ -90,12 +86,10 @@ class ChunkPool:
     """A pool of threads; each waits for one simulator at a time. Only the caller's thread reads the store.
 
     ``simulators`` is an object, or the number of simulators on this machine. Runs go to the runner of :meth:`using`.
-    ``limits`` are the simulator's limits for bodies with variation.
     """
 
-    def __init__(self, writer: StoreWriter, simulators: Simulators | int, limits: NumberLimits) -> None:
+    def __init__(self, writer: StoreWriter, simulators: Simulators | int) -> None:
         self._writer = writer
-        self._limits = limits
         self._simulators = LocalSimulators(simulators) if isinstance(simulators, int) else simulators
         self._pool = ThreadPoolExecutor(self._simulators.most, thread_name_prefix="carsim")
         self._futures: dict[Future[_Chunk], Runner] = {}
@@ -104,8 +98,6 @@ class ChunkPool:
         self._chunk_runs = FIRST_CHUNK_RUNS
         # For each result that is being computed: how many runs of the study need it.
         self._in_flight: Counter[Key] = Counter()
-        # For each run: what decides whether its path is kept; None if it is not.
-        self._keepers: dict[Key, KeptPaths | None] = {}
 
     def __enter__(self) -> "ChunkPool":
         return self
@@ -136,15 +128,13 @@ class ChunkPool:
         self._in_flight[_key(run)] += 1
         return True
 
-    def add(self, run: PlannedRun, runs_left: int, paths: KeptPaths) -> Iterator[list[FinishedRun]]:
+    def add(self, run: PlannedRun, runs_left: int) -> Iterator[list[FinishedRun]]:
         """Add a run; yield the chunks that finish while it waits for a free worker.
 
-        ``runs_left`` is the number of runs without a result, including those that were added. ``paths`` decides which
-        paths of the experiment are kept.
+        ``runs_left`` is the number of runs without a result, including those that were added.
         """
         not_submitted = runs_left - len(self._in_flight) + len(self._chunk)
         self._in_flight[_key(run)] = 1
-        self._keepers[_key(run)] = paths if paths.wants(run.design) else None
         self._chunk.append(run)
         if len(self._chunk) >= min(self._chunk_runs, max(MIN_CHUNK_RUNS, not_submitted // (2 * self._simulators.count))):
             self._submit()
@@ -164,17 +154,18 @@ class ChunkPool:
         runs, self._chunk = self._chunk, []
         runner = self._runner
         assert runner is not None, "runs are added inside `using`"
-        bodies = self._bodies(runs)
+        bodies = {f"b{key}": text for key, text in self._writer.texts("body", (run.body_id for run in runs)).items()}
         scenes = {f"s{key}": text for key, text in self._writer.texts("scene", (run.scene_id for run in runs)).items()}
         settings = self._writer.texts("settings", (run.settings_id for run in runs))
+        realities = self._writer.texts("variation", (run.variation_id for run in runs))
         requests = [
             RunRequest(
-                _body_name(run),
+                f"b{run.body_id}",
                 f"s{run.scene_id}",
                 settings[run.settings_id],
                 f"design {run.design + 1}, sample {run.sample}",
                 run.sample,
-                self._keepers[_key(run)] is not None,
+                realities[run.variation_id],
             )
             for run in runs
         ]
@@ -183,22 +174,6 @@ class ChunkPool:
             return _Chunk(runner, runs, *self._simulators.run(runner, bodies, scenes, requests))
 
         self._futures[self._pool.submit(work)] = runner
-
-    def _bodies(self, runs: list[PlannedRun]) -> dict[str, str]:
-        """Return the JSON text of every body of a chunk by its name, with its variation applied."""
-        designs = self._writer.texts("body", (run.body_id for run in runs))
-        texts = self._writer.texts("variation", (run.variation_id for run in runs))
-        variations = {key: _parsed(text) for key, text in texts.items()}
-        if not any(variations.values()):
-            return {_body_name(run): designs[run.body_id] for run in runs}
-        parsed = {key: _parsed(text) for key, text in designs.items()}
-        cars = {_body_name(run): (run.body_id, run.variation_id) for run in runs}
-        return {
-            name: canonical_json(vary_body(parsed[body], variations[variation], self._limits))
-            if variations[variation]
-            else designs[body]
-            for name, (body, variation) in cars.items()
-        }
 
     def _collect(self) -> Iterator[list[FinishedRun]]:
         """Wait for finished chunks, adapt the size of the next ones, and yield their runs."""
@@ -210,18 +185,11 @@ class ChunkPool:
                 target_runs = round(self._simulators.chunk_s / max(chunk.seconds, 1e-6) * len(chunk.runs))
                 self._chunk_runs = max(1, min(target_runs, 4 * self._chunk_runs, MAX_CHUNK_RUNS))
             yield [
-                FinishedRun(run, self._trimmed(run, answer), self._in_flight[_key(run)])
+                FinishedRun(run, answer, self._in_flight[_key(run)])
                 for run, answer in zip(chunk.runs, chunk.answers, strict=True)
             ]
             for run in chunk.runs:
-                del self._in_flight[_key(run)], self._keepers[_key(run)]
-
-    def _trimmed(self, run: PlannedRun, answer: dict[str, Any]) -> dict[str, Any]:
-        """Return the answer, without its path unless the path is kept."""
-        keeper, path = self._keepers[_key(run)], answer.get("path")
-        if path and keeper and keeper.keeps(run.design, answer["outcome"], len(path["compact"])):
-            return answer
-        return {name: value for name, value in answer.items() if name != "path"}
+                del self._in_flight[_key(run)]
 
     def _abandon(self) -> None:
         """Stop running chunks and discard waiting ones."""
@@ -233,13 +201,5 @@ class ChunkPool:
         self._futures.clear()
 
 
-# Chunks share designs and variations, and parsing them again takes time.
-_parsed = lru_cache(maxsize=4096)(json.loads)
-
-
 def _key(run: PlannedRun) -> Key:
     return run.body_id, run.scene_id, run.settings_id, run.variation_id
-
-
-def _body_name(run: PlannedRun) -> str:
-    return f"b{run.body_id}v{run.variation_id}"

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from itertools import islice
 
 from foldcar.car.body import body_json
-from foldcar.car.variation import vary_body
 from foldcar.simulation.runner import RunRequest
 from foldcar.store.writer import canonical_json
 from foldcar.study.environments import Environment
@@ -20,8 +19,8 @@ from foldcar.study.sweep import Sweep
 # Time limit for folding designs of an experiment, and how many of them are simulated, each in one sample.
 FOLDING_S = 20.0
 PROBES = 8
-# Bytes of an empty store, of a run and of a kept path, and the maximum number of kept paths.
-EMPTY_BYTES, RUN_BYTES, PATH_BYTES, MAX_PATHS = 100_000, 85, 320, 9_000
+# Bytes of an empty store and of a run.
+EMPTY_BYTES, RUN_BYTES = 100_000, 85
 
 
 @dataclass(frozen=True)
@@ -74,13 +73,13 @@ def _estimate(sweep: Sweep, experiment: Experiment, environment: Environment, jo
     started_s = time.perf_counter()
     for sample in range(min(PROBES, experiment.environments)):
         scenes[f"{sample}"] = canonical_json(environment.sample(sample))
-    sample_s, limits = (time.perf_counter() - started_s) / len(scenes), sweep.carsim.limits().numbers
+    sample_s = (time.perf_counter() - started_s) / len(scenes)
     for position, design in enumerate(probes):
         sample, nominal = position % len(scenes), body_json(design)
-        variation = environment.variation(sample)
-        bodies[f"{position}"] = canonical_json(vary_body(nominal, variation, limits) if variation else nominal)
+        bodies[f"{position}"] = canonical_json(nominal)
         settings = canonical_json(experiment.settings(design, nominal, table))
-        requests.append(RunRequest(f"{position}", f"{sample}", settings, f"design {position + 1}", sample))
+        reality = canonical_json(environment.variation(sample))
+        requests.append(RunRequest(f"{position}", f"{sample}", settings, f"design {position + 1}", sample, reality))
     with environment.runner(sweep.carsim, environment.dynamic) as runner:
         started_s = time.perf_counter()
         runner.run(bodies, scenes, requests[:1])
@@ -90,7 +89,6 @@ def _estimate(sweep: Sweep, experiment: Experiment, environment: Environment, jo
         run_s = max(0.0, time.perf_counter() - started_s - 2 * first_s) / (2 * len(requests) - 1)
     buildable = round(combinations * (1 - len(refused) / folded_count))
     runs = buildable * experiment.environments
-    paths = 0 if environment.dynamic else min(runs, MAX_PATHS)
     scene_bytes = 2 * sum(map(len, scenes.values())) / len(scenes) if environment.variation(0) else len(scenes["0"])
     design_bytes = sum(map(len, bodies.values())) / len(bodies)
     return Estimate(
@@ -102,7 +100,7 @@ def _estimate(sweep: Sweep, experiment: Experiment, environment: Environment, jo
         folding_s,
         folding_s + experiment.environments * sample_s + runs * run_s / jobs,
         round(
-            EMPTY_BYTES + runs * RUN_BYTES + paths * PATH_BYTES + buildable * design_bytes
+            EMPTY_BYTES + runs * RUN_BYTES + buildable * design_bytes
             + experiment.environments * scene_bytes
         ),
     )  # fmt: skip

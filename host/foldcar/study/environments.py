@@ -51,9 +51,9 @@ class Environment:
         return self._open().fixed_files() if self._recalled is None else self._recalled
 
     def recall(self, files: Files | None, is_known: Callable[[str], bool]) -> None:
-        """Take ``files`` from an earlier sweep as the program's files, so that it need not be compiled to learn them.
+        """Reuse the program's ``files`` of an earlier sweep, which saves compiling the program.
 
-        They are taken only if none has changed and ``is_known`` says that their fingerprint is in the store.
+        They are reused only if none has changed, and if ``is_known`` finds their fingerprint in the store.
         """
         if files is None or self._source is not None or not ProgramFiles(self.program, files).unchanged():
             return

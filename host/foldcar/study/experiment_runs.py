@@ -16,7 +16,6 @@ from foldcar.store.tables import DRAW, SAMPLE
 from foldcar.store.writer import PlannedExperiment, StoreWriter, canonical_json
 from foldcar.study.chunks import ChunkPool, FinishedRun
 from foldcar.study.environments import Environment
-from foldcar.study.kept_paths import KeptPaths
 from foldcar.study.stopping import DesignState, Schedule
 
 
@@ -110,10 +109,6 @@ class ExperimentRuns:
     def _samples(self) -> StoredSamples:
         return StoredSamples(self.environment, self.writer, self.dynamic)
 
-    @cached_property
-    def _paths(self) -> KeptPaths:
-        return KeptPaths(self.designs, self.writer.kept_paths(self.plan))
-
     def all(self) -> Iterator[list[FinishedRun]]:
         """Simulate every design in every sample; the last chunks may still be running afterwards."""
         yield from self._simulate(None, self.counts.total)
@@ -124,33 +119,35 @@ class ExperimentRuns:
         schedule = Schedule(rule, plan.environments, writer.design_counts(plan).reached)
         total, decided = self.counts.total, self.counts.decided
         while batches := schedule.next():
-            wanted = {batch.design: batch.samples for batch in batches}
-            yield from self._simulate(wanted, self.counts.done + sum(map(len, wanted.values())))
+            samples_of_design = {batch.design: batch.samples for batch in batches}
+            yield from self._simulate(samples_of_design, self.counts.done + sum(map(len, samples_of_design.values())))
             yield from self.pool.finish()
             schedule.record(
-                {design: writer.run_counts(plan, design, samples) for design, samples in wanted.items()}, batches
+                {design: writer.run_counts(plan, design, samples) for design, samples in samples_of_design.items()},
+                batches,
             )
             self.counts.total = total - int((plan.environments - schedule.runs)[schedule.closed].sum())
             self.counts.decided = decided + int((schedule.decided & schedule.closed).sum())
             self.report(self.counts)
         writer.end_experiment(plan, int(schedule.runs.sum()))
 
-    def _simulate(self, wanted: Mapping[int, range] | None, total: int) -> Iterator[list[FinishedRun]]:
-        """Simulate the ``wanted`` samples of designs, by position (None: all). Afterwards ``total`` runs are counted."""
+    def _simulate(self, samples_of_design: Mapping[int, range] | None, total: int) -> Iterator[list[FinishedRun]]:
+        """Simulate ``samples_of_design`` by position (None: all of each); afterwards ``total`` runs are counted."""
         plan = self.plan
         all_samples = range(plan.environments)
-        if wanted is not None:
+        if samples_of_design is not None:
             all_samples = range(
-                min(samples.start for samples in wanted.values()), max(samples.stop for samples in wanted.values())
+                min(samples.start for samples in samples_of_design.values()),
+                max(samples.stop for samples in samples_of_design.values()),
             )
         for sample in all_samples:
             self._samples.reach(sample)
             for run in self.writer.planned_runs(plan, sample):
-                if wanted is not None and sample not in wanted.get(run.design, ()):
+                if samples_of_design is not None and sample not in samples_of_design.get(run.design, ()):
                     continue
                 if run.outcome is not None or self.pool.joins(run):
                     self.counts.there += 1
                     self.counts.count(run.outcome)
                 else:
-                    yield from self.pool.add(run, total - self.counts.done, self._paths)
+                    yield from self.pool.add(run, total - self.counts.done)
             self.report(self.counts)

@@ -188,8 +188,8 @@ class Family:
         for key, values in self.choices.items():
             if len(values) > 1:
                 first_values = ", ".join(f"{value:g}" for value in values[:3])
-                more = f", … {values[-1]:g}" if len(values) > 3 else ""
-                count_text = f"has {len(values)} values ({first_values}{more})"
+                rest_text = f", … {values[-1]:g}" if len(values) > 3 else ""
+                count_text = f"has {len(values)} values ({first_values}{rest_text})"
                 raise self._listing_error([(self.origins[key], f"{count_text}; choose one with --set {key}=…")])
         return next(iter(self))
 

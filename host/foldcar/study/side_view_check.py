@@ -49,16 +49,18 @@ def _asymmetries(
     carsim: Carsim, experiment: Experiment, bodies: Sequence[Mapping[str, Any]], scenes: Sequence[Mapping[str, Any]]
 ) -> Iterator[str]:
     """Yield what differs between left and right: ground, turn, cars."""
-    unlike = [k for k, alike in enumerate(_symmetric_ground(carsim, [bodies[0], bodies[-1]], scenes)) if not alike]
-    if unlike:
-        yield f"ground (not the same under both tracks in sample {unlike[0]})"
+    asymmetric_samples = [
+        k for k, is_symmetric in enumerate(_symmetric_ground(carsim, [bodies[0], bodies[-1]], scenes)) if not is_symmetric
+    ]
+    if asymmetric_samples:
+        yield f"ground (not the same under both tracks in sample {asymmetric_samples[0]})"
     turn_rad_s = experiment.yaw_rate_rad_s
     if turn_rad_s:
         yield f"heading (a turn of {turn_rad_s:g} rad/s is commanded)"
     if experiment.variation:
-        yield "the cars' sides (nearby cars vary wheel by wheel)"
+        yield "the cars' sides (built cars vary wheel by wheel)"
     else:
-        yield from (f"the cars' sides ({what})" for what in islice(filter(None, map(one_sided, bodies)), 1))
+        yield from (f"the cars' sides ({difference})" for difference in islice(filter(None, map(one_sided, bodies)), 1))
 
 
 def _crests(bodies: Sequence[Mapping[str, Any]], scenes: Sequence[Mapping[str, Any]]) -> Iterator[str]:
@@ -107,8 +109,8 @@ def _symmetric_ground(
     result = []
     for answer in carsim.answers(lines):
         heights, friction = (numpy.reshape(answer[name], (2, -1)) for name in ("z_m", "friction"))
-        apart = [numpy.abs(left - right).max() for left, right in (heights, friction)]
-        result.append(bool(apart[0] <= HEIGHT_TOLERANCE_M and apart[1] <= FRICTION_TOLERANCE))
+        differences = [numpy.abs(left - right).max() for left, right in (heights, friction)]
+        result.append(bool(differences[0] <= HEIGHT_TOLERANCE_M and differences[1] <= FRICTION_TOLERANCE))
     return result
 
 

@@ -45,8 +45,8 @@ def stopping_rules(until: str, study: Study) -> dict[str, StoppingRule]:
     if until == "decided":
         for experiment in study.experiments:
             if not experiment.thresholds:
-                what = "is missing; --until decided needs it, as 0.75 or [0.5, 0.75]"
-                raise FoldcarError(f"{experiment.place}.params.threshold: {what}")
+                problem = "is missing; --until decided needs it, as 0.75 or [0.5, 0.75]"
+                raise FoldcarError(f"{experiment.place}.params.threshold: {problem}")
         return {experiment.id: StoppingRule(None, experiment.thresholds) for experiment in study.experiments}
     points = re.fullmatch(r"([0-9]+(?:\.[0-9]+)?) ?pp", until)
     if points is None:

@@ -103,7 +103,7 @@ class Sweep:
             counts.judged = sum(
                 len(self.designs[plan.id]) * plan.environments for plan in plans if plan.facts["success_defined"]
             )
-            with ChunkPool(writer, simulators, carsim.limits().numbers) as pool:
+            with ChunkPool(writer, simulators) as pool:
                 for (experiment, environment), plan in zip(planned, plans, strict=True):
                     dynamic = writer.is_dynamic(plan.environment_id, partial(getattr, environment, "dynamic"))
                     rule, rejected = self.until.get(plan.id), counts.rejected

@@ -172,20 +172,22 @@ def _design(
     place: str, row: Mapping[str, str], experiment_id: str, swept: ExperimentInfo | None, defaults: dict[str, float]
 ) -> Design:
     """Return the car of a row; add the parameters that are not given to ``defaults``."""
-    given = {name: _number(place, row, name, decimal_number) for name in row if key_of(name)}
+    design_values = {name: _number(place, row, name, decimal_number) for name in row if key_of(name)}
     of_family = swept is not None and row["vehicle_type"] == swept.vehicle_type
     if swept is not None and of_family:
-        missing = [name for name in swept.varied if name not in given]
+        missing = [name for name in swept.varied if name not in design_values]
         if missing:
             raise FoldcarError(f'{place}: {", ".join(missing)}: missing; experiment "{experiment_id}" has several values')
-        given = {**swept.fixed, **given}
+        design_values = {**swept.fixed, **design_values}
     try:
-        design = compose_columns(row["vehicle_type"], {name: value for name, value in given.items() if key_of(name)})
+        design = compose_columns(
+            row["vehicle_type"], {name: value for name, value in design_values.items() if key_of(name)}
+        )
     except DesignError as error:
         raise FoldcarError(f"{place}: {error}") from error
-    if not given:
+    if not design_values:
         raise FoldcarError(f"{place}: has no parameters of the car; give some of {', '.join(design.columns)}")
-    defaults.update({name: value for name, value in design.columns.items() if name not in given})
+    defaults.update({name: value for name, value in design.columns.items() if name not in design_values})
     return design
 
 
@@ -201,8 +203,8 @@ def _number(
     try:
         value = kind(row[name])
     except ValueError:
-        whole = "whole " if kind is whole_number else ""
-        raise FoldcarError(f'{place}: {name}: "{row[name]}" is not a {whole}number') from None
+        kind_text = "whole " if kind is whole_number else ""
+        raise FoldcarError(f'{place}: {name}: "{row[name]}" is not a {kind_text}number') from None
     if not minimum <= value <= maximum or value == math.inf:
         limit = f"above the maximum {maximum}" if value > maximum else f"below the minimum {minimum} or not finite"
         raise FoldcarError(f"{place}: {name}: {row[name]} is {limit}")
@@ -253,9 +255,9 @@ def import_notes(store: Path, trials: Sequence[Mapping[str, Any]]) -> list[str]:
             swept_designs = {frozenset(design.items()) for design in opened.designs(info.id).values()}
         unswept: Counter[str] = Counter()
         for trial in own_trials:
-            given = {key: value for key, value in trial["design"].items() if info.fixed.get(key) != value}
+            values = {key: value for key, value in trial["design"].items() if info.fixed.get(key) != value}
             is_swept = trial["vehicle_type"] == info.vehicle_type and frozenset(trial["design"].items()) in swept_designs
-            unswept[design_text(given) or trial["vehicle_type"]] += not is_swept
+            unswept[design_text(values) or trial["vehicle_type"]] += not is_swept
         for car, number in (+unswept).most_common(SHOWN_CARS):
             notes.append(f'experiment "{name}" was swept without a car of {car}; it has {count(number, "trial")}')
         for sample in sorted(sample for sample in samples if sample >= info.environments):

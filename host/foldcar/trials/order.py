@@ -56,18 +56,18 @@ def next_sample(
     return min(itertools.permutations(block), key=cost)[0]
 
 
-def _cost(now: Standing | None, then: Standing | None) -> tuple[int, float]:
+def _cost(current: Standing | None, later: Standing | None) -> tuple[int, float]:
     """Return how many obstacles move, and their total distance (m)."""
-    if now is None or then is None:
+    if current is None or later is None:
         return 0, 0.0
-    moved = [letter for letter in {**now, **then} if _move(now.get(letter), then.get(letter))]
-    both = [(now[letter][0], then[letter][0]) for letter in moved if letter in now and letter in then]
+    moved = [letter for letter in {**current, **later} if _move(current.get(letter), later.get(letter))]
+    both = [(current[letter][0], later[letter][0]) for letter in moved if letter in current and letter in later]
     return len(moved), sum(math.hypot(b.x_m - a.x_m, b.y_m - a.y_m) for a, b in both)
 
 
-def moves_text(now: Standing, then: Standing) -> str:
+def moves_text(current: Standing, later: Standing) -> str:
     """Return how to move the obstacles, such as "A and D stay; move B 120 mm back along x; take E away"."""
-    moves = {letter: _move(now.get(letter), then.get(letter)) for letter in {**now, **then}}
+    moves = {letter: _move(current.get(letter), later.get(letter)) for letter in {**current, **later}}
     stay = [letter for letter, move in moves.items() if not move]
     letters_by_move: dict[str, list[str]] = {}
     for letter, move in moves.items():
@@ -78,13 +78,13 @@ def moves_text(now: Standing, then: Standing) -> str:
     return "; ".join([*stay_texts, *texts]) or "nothing to move"
 
 
-def _move(now: tuple[Obstacle, str] | None, then: tuple[Obstacle, str] | None) -> str:
+def _move(current: tuple[Obstacle, str] | None, later: tuple[Obstacle, str] | None) -> str:
     """Return how to move one obstacle, with {} for its letter; "" if it stays."""
-    if now is None:
+    if current is None:
         return "put {} down"
-    if then is None:
+    if later is None:
         return "take {} away"
-    (a, old_text), (b, new_text) = now, then
+    (a, old_text), (b, new_text) = current, later
     if old_text != new_text:
         return "exchange {} for another size"
     x_m, y_m = b.x_m - a.x_m, b.y_m - a.y_m
@@ -96,6 +96,6 @@ def _move(now: tuple[Obstacle, str] | None, then: tuple[Obstacle, str] | None) -
     ]
     texts = [f"move {{}} {' and '.join(shifts)}"] if shifts else []
     if abs(turned_rad) >= MIN_RAD:
-        which = "counter-clockwise" if turned_rad > 0 else "clockwise"
-        texts.append(f"turn {'it' if shifts else '{}'} by {math.degrees(abs(turned_rad)):.1f}° {which}")
+        direction = "counter-clockwise" if turned_rad > 0 else "clockwise"
+        texts.append(f"turn {'it' if shifts else '{}'} by {math.degrees(abs(turned_rad)):.1f}° {direction}")
     return ", ".join(texts)

@@ -92,7 +92,7 @@ void face_of(const Belly& belly, int axis, double side, std::vector<Vec3>& polyg
 
 }  // namespace
 
-void meet_level_ground(const Belly& belly, double margin_m, Contact contact, std::vector<Contact>& contacts) {
+void add_level_ground_contacts(const Belly& belly, double margin_m, Contact contact, std::vector<Contact>& contacts) {
   contact.normal = {0, 0, 1};
   if (belly.middle.z - extent_m(belly, contact.normal) > margin_m) return;
   int index = 0;
@@ -109,8 +109,8 @@ void meet_level_ground(const Belly& belly, double margin_m, Contact contact, std
   }
 }
 
-void meet_solid(const Belly& belly, const Solid& solid, double margin_m, Contact contact,
-                std::vector<Contact>& contacts) {
+void add_solid_contacts(const Belly& belly, const Solid& solid, double margin_m, Contact contact,
+                        std::vector<Contact>& contacts) {
   Meeting meeting;
   if (!find_meeting(belly, solid, margin_m, meeting)) return;
   contact.normal = meeting.normal;

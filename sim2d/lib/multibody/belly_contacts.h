@@ -18,8 +18,8 @@ struct Belly {
 };
 
 // Appends the contacts closer than margin_m, each a copy of contact with its point, normal, gap and lateral coordinate.
-void meet_level_ground(const Belly& belly, double margin_m, Contact contact, std::vector<Contact>& contacts);
-void meet_solid(const Belly& belly, const Solid& solid, double margin_m, Contact contact,
-                std::vector<Contact>& contacts);
+void add_level_ground_contacts(const Belly& belly, double margin_m, Contact contact, std::vector<Contact>& contacts);
+void add_solid_contacts(const Belly& belly, const Solid& solid, double margin_m, Contact contact,
+                        std::vector<Contact>& contacts);
 
 }  // namespace foldcar

@@ -158,7 +158,7 @@ void CarDynamics::accelerate(const std::vector<double>& torque_n_m, const std::v
     damping_ = wheel_damping;
     update_inverses();
   }
-  // The velocities' part of M that belongs to a translation gives what gravity does.
+  // Gravity accelerates the car's translation: its generalised force is the columns of M of translation times gravity.
   const Vec3 gravity = turn.to_body({0, 0, -kGravity_m_s2});
   for (std::size_t i = 0; i < size_; ++i) {
     force_[i] = mass_[i * size_] * gravity.x + mass_[i * size_ + 1] * gravity.y + mass_[i * size_ + 2] * gravity.z;

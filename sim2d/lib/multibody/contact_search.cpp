@@ -107,13 +107,13 @@ void ContactSearch::find_near(const Vec3& at_m) {
 }
 
 template <typename Part>
-void ContactSearch::meet_near(const Part& part, const Vec3& middle, double margin_m, const Contact& contact,
-                              std::vector<Contact>& contacts) {
+void ContactSearch::add_nearby_solid_contacts(const Part& part, const Vec3& middle, double margin_m,
+                                              const Contact& contact, std::vector<Contact>& contacts) {
   const double reach_m = part.reach_m() + margin_m;
   for (const Solid* solid : near_) {
     if (middle.z > solid->top_m + reach_m || !overlap(solid->reach, {middle.x, middle.y, reach_m})) continue;
     faces_ += solid->faces.size();
-    meet_solid(part, *solid, margin_m, contact, contacts);
+    add_solid_contacts(part, *solid, margin_m, contact, contacts);
   }
   if (static_cast<double>(faces_) > kMostFaces) {
     throw std::runtime_error("scene.terrain.faces: the blocks at wheels and bellies have " + std::to_string(faces_) +
@@ -135,8 +135,8 @@ void ContactSearch::find_tyre(std::size_t wheel, const CarDynamics& car, const T
   contact.segment = static_cast<std::size_t>(spec.segment);
   contact.wheel = static_cast<int>(wheel);
   const Tyre tyre{centre, car.turn.left, spec.radius_m, 0.5 * spec.width_m};
-  meet_near(tyre, centre, margin_m, contact, contacts);
-  if (ground == nullptr) return meet_level_ground(tyre, margin_m, contact, contacts);
+  add_nearby_solid_contacts(tyre, centre, margin_m, contact, contacts);
+  if (ground == nullptr) return add_level_ground_contacts(tyre, margin_m, contact, contacts);
   const CutPlane plane(ground->at());
   const int outline = static_cast<int>(spec.side);
   const LateralSpan span = ground->across(outline);
@@ -184,8 +184,8 @@ void ContactSearch::find_belly(std::size_t segment, const CarDynamics& car, cons
   Contact contact;
   contact.segment = segment;
   const Belly belly{middle, {forward, car.turn.left, up}, {half_length_m, 0.5 * spec.width_m, half_height_m}};
-  meet_near(belly, middle, margin_m, contact, contacts);
-  if (ground == nullptr) return meet_level_ground(belly, margin_m, contact, contacts);
+  add_nearby_solid_contacts(belly, middle, margin_m, contact, contacts);
+  if (ground == nullptr) return add_level_ground_contacts(belly, margin_m, contact, contacts);
   const CutPlane plane(ground->at());
   const b2Vec2 at = plane.to_plane(middle);
   const float reach_x = to_units(hypotenuse(half_length_m, half_height_m) + margin_m);

@@ -38,8 +38,8 @@ class ContactSearch {
 
   // Appends the contacts of a tyre or belly with the blocks within its reach.
   template <typename Part>
-  void meet_near(const Part& part, const Vec3& middle, double margin_m, const Contact& contact,
-                 std::vector<Contact>& contacts);
+  void add_nearby_solid_contacts(const Part& part, const Vec3& middle, double margin_m, const Contact& contact,
+                                 std::vector<Contact>& contacts);
 
   const BodySpec& body_;
   const Terrain& terrain_;

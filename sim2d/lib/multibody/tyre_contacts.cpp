@@ -103,10 +103,11 @@ void for_each_edge_within(const Tyre& tyre, const Solid& solid, const Visit& vis
   }
 }
 
-// The way out to the free side of a tyre one disc of which overlaps the solid, if it is shorter than limit_m: through a
-// wall beside the tyre, or off edges that press into the tyre's side. Appends its contacts.
-bool meet_aside(const Tyre& tyre, const CrossDisc& disc, double free_side, const Solid& solid, double limit_m,
-                Contact contact, std::vector<Contact>& contacts) {
+// Appends the contacts that push a tyre sideways out of a solid which one of its two discs overlaps: off a wall of the
+// solid, or off edges that press into the tyre's side. free_side is the side of the other disc. Returns false, without
+// contacts, if the way out is not shorter than limit_m.
+bool add_sideways_contacts(const Tyre& tyre, const CrossDisc& disc, double free_side, const Solid& solid,
+                           double limit_m, Contact contact, std::vector<Contact>& contacts) {
   const Solid::Face* wall = nullptr;
   for (const Solid::Face& face : solid.faces) {
     if (dot(face.normal, tyre.axis) * free_side < kWall) continue;
@@ -144,7 +145,7 @@ bool meet_aside(const Tyre& tyre, const CrossDisc& disc, double free_side, const
 
 }  // namespace
 
-void meet_level_ground(const Tyre& tyre, double margin_m, Contact contact, std::vector<Contact>& contacts) {
+void add_level_ground_contacts(const Tyre& tyre, double margin_m, Contact contact, std::vector<Contact>& contacts) {
   if (tyre.centre.z > tyre.radius_m + tyre.half_width_m + margin_m) return;
   contact.normal = {0, 0, 1};
   const Vec3 down = unit(tyre.axis.z * tyre.axis - contact.normal);
@@ -156,7 +157,8 @@ void meet_level_ground(const Tyre& tyre, double margin_m, Contact contact, std::
   }
 }
 
-void meet_solid(const Tyre& tyre, const Solid& solid, double margin_m, Contact contact, std::vector<Contact>& contacts) {
+void add_solid_contacts(const Tyre& tyre, const Solid& solid, double margin_m, Contact contact,
+                        std::vector<Contact>& contacts) {
   const auto disc_at = [&](double across_m) {
     CrossDisc disc;
     disc.centre = tyre.centre + across_m * tyre.axis;
@@ -178,7 +180,7 @@ void meet_solid(const Tyre& tyre, const Solid& solid, double margin_m, Contact c
     const CrossDisc& in = right_in ? right : left;
     double depth_m = -in.gap_m;
     for_each_edge_under(tyre, solid, margin_m, [&](const CrossDisc& disc) { depth_m = std::max(depth_m, -disc.gap_m); });
-    if (meet_aside(tyre, in, right_in ? 1 : -1, solid, depth_m, contact, contacts)) return;
+    if (add_sideways_contacts(tyre, in, right_in ? 1 : -1, solid, depth_m, contact, contacts)) return;
   }
   add(right);
   add(left);

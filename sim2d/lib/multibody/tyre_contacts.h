@@ -10,7 +10,8 @@
 namespace foldcar {
 
 // Appends the contacts closer than margin_m, each a copy of contact with its point, normal, gap and lateral coordinate.
-void meet_level_ground(const Tyre& tyre, double margin_m, Contact contact, std::vector<Contact>& contacts);
-void meet_solid(const Tyre& tyre, const Solid& solid, double margin_m, Contact contact, std::vector<Contact>& contacts);
+void add_level_ground_contacts(const Tyre& tyre, double margin_m, Contact contact, std::vector<Contact>& contacts);
+void add_solid_contacts(const Tyre& tyre, const Solid& solid, double margin_m, Contact contact,
+                        std::vector<Contact>& contacts);
 
 }  // namespace foldcar

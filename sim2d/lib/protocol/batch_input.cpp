@@ -111,7 +111,6 @@ RunLine read_run(const json& line) {
   run.reality = read_reality_of(reader, "run");
   read_set_point(reader, run.trial);
   run.trial.path_interval_s = reader.number_or("path_interval_s", 0);
-  if (reader.has("path_form")) run.compact = reader.choice("path_form", {"rows", "compact"}) == 1;
   reader.finish();
   return run;
 }

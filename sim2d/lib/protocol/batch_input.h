@@ -25,7 +25,6 @@ struct RunLine {
   std::string scene;
   Reality reality;
   TrialSpec trial;
-  bool compact = false;  // the path's form in the answer
 };
 
 // Points of a scene whose ground's height and friction are wanted.

@@ -1,6 +1,5 @@
 #include "batch_session.h"
 
-#include "compact_path.h"
 #include "printed_number.h"
 #include "pulse_record.h"
 #include "trial.h"
@@ -19,11 +18,7 @@ namespace {
 std::string result_reply(const RunLine& run, const TrialResult& result) {
   ordered_json reply = {{"run", run.id}};
   reply.update(result_object(result));
-  if (run.trial.path_interval_s > 0 && run.compact) {
-    reply["path"] = {{"rows", result.path.size()}, {"compact", compact_path(result.path)}};
-  } else if (run.trial.path_interval_s > 0) {
-    reply["path"] = result.path;
-  }
+  if (run.trial.path_interval_s > 0) reply["path"] = result.path;
   return one_line(reply);
 }
 

@@ -8,7 +8,7 @@
 namespace foldcar {
 namespace {
 
-constexpr Limits kDifference{-1, 10};
+constexpr Limits kDifference{-10, 10};
 constexpr Limits kFactor{0, 10};
 constexpr Limits kShift_m{-2, 2};
 constexpr Limits kAngle_rad{-100, 100};

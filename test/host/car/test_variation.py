@@ -1,5 +1,6 @@
 """Variation: draws with the declared spreads, the same for every design, bodies as computed by hand."""
 
+import json
 import math
 import statistics
 from pathlib import Path
@@ -9,9 +10,9 @@ import pytest
 
 from foldcar.car.body import body_json, firmware_parameters, full_speed_m_s
 from foldcar.car.design import compose
-from foldcar.car.variation import draw, spread_named, vary_body, workshop
+from foldcar.car.variation import draw, spread_named, workshop
 from foldcar.errors import FoldcarError
-from foldcar.simulation.carsim import Carsim, CarsimLimits
+from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.runner import RunRequest
 from foldcar.store.writer import canonical_json
 from study_car import empty_scene
@@ -68,37 +69,79 @@ def test_a_draw_depends_on_seed_and_sample_alone() -> None:
     }
 
 
-def test_a_body_is_changed_as_computed_by_hand(body: dict[str, Any], carsim_limits: CarsimLimits) -> None:
-    of_wheels = {"servo_speed": 0.1, "servo_torque": -0.1, "deadband_us": 5.0, "eccentricity_m": 0.001,
-                 "eccentricity_phase_rad": 2.0, "tyre_grip": 0.2, "wheel_radius": 0.05}  # fmt: skip
-    variation: dict[str, Any] = {name: [value] * 8 for name, value in of_wheels.items()}
-    variation |= {"neutral_us": [12.0, -12.0] * 4, "supply_v": -0.2, "mass": 0.1, "belly_grip": -0.5}
-    variation |= {"com_x_m": 0.003, "com_y_m": -0.002, "com_z_m": 0.001}
-    nominal, wheel = body["segments"][0], body["wheels"][1]
-    before = canonical_json(body)
+def test_carsim_changes_a_car_and_its_ground_as_computed_by_hand(carsim_binary: Path) -> None:
+    """The run with a reality has the numbers of a run whose body and scene were changed by hand."""
+    design = compose("W_B_W", {"width": 95.0})
+    body, carsim = body_json(design), Carsim(carsim_binary)
+    settings = canonical_json(
+        {"speed_m_s": full_speed_m_s(design), "time_limit_s": 3, "parameters": firmware_parameters(design, body)}
+    )
+    scene = empty_scene(goal_x_m=1.0)
+    half_round = {"kind": "half_round", "x_m": 0.5, "y_m": 0.0, "heading_rad": 0.0, "length_m": 0.02, "width_m": 1.0}
+    scene["terrain"] = [
+        {**half_round, "height_m": 0.008},
+        {**half_round, "kind": "box", "x_m": 0.8, "height_m": 0.01},
+        {**half_round, "kind": "patch", "x_m": 0.2, "friction": 0.3},
+    ]
+    wheels: dict[str, float] = {"servo_speed": 0.1, "servo_torque": -0.1, "deadband_us": 5.0, "eccentricity_m": 0.001,
+                                "eccentricity_phase_rad": 2.0, "tyre_grip": 0.2, "wheel_radius": 0.05}  # fmt: skip
+    reality: dict[str, Any] = {name: [value] * 8 for name, value in wheels.items()}
+    reality |= {"neutral_us": [12.0, -12.0] * 4, "supply_v": -0.2, "mass": 0.1, "belly_grip": -0.5, "track_m": 0.004}
+    reality |= {"com_x_m": 0.003, "com_y_m": -0.002, "com_z_m": 0.001, "supply_resistance_ohm": 0.2}
+    reality |= {"friction": 0.9, "obstacle_height": 1.4, "start_x_m": -0.02, "start_y_m": 0.01, "start_heading_rad": 0.05}
+    by_hand = json.loads(canonical_json(body))
+    for segment in by_hand["segments"]:
+        for key in ("mass_kg", "roll_inertia_kg_m2", "pitch_inertia_kg_m2", "yaw_inertia_kg_m2"):
+            segment[key] *= 1 + 0.1
+        segment["grip"] *= 1 - 0.5
+        for key in ("com_x_m", "com_y_m", "com_z_m"):
+            segment[key] += reality[key]
+    for wheel in by_hand["wheels"]:
+        wheel["radius_m"] *= 1 + 0.05
+        wheel["grip"] *= 1 + 0.2
+        wheel |= {"eccentricity_m": 0.001, "eccentricity_phase_rad": 2.0}
+        servo = wheel["servo"]
+        servo["no_load_speed_rad_s"] *= 1 + 0.1
+        servo["stall_torque_n_m"] *= 1 - 0.1
+        servo["deadband_us"] += 5
+        servo["neutral_us"] += reality["neutral_us"][wheel["channel"]]
+    by_hand["track_m"] += 0.004
+    by_hand["supply_v"] -= 0.2
+    by_hand["supply_resistance_ohm"] = 0.2
+    ground = json.loads(canonical_json(scene))
+    ground["friction"] *= 0.9
+    # An arc is at most half as high as long.
+    ground["terrain"][0]["height_m"] = 0.01
+    ground["terrain"][1]["height_m"] *= 1.4
+    ground["terrain"][2]["friction"] *= 0.9
+    for key, shift in (("x_m", -0.02), ("y_m", 0.01), ("heading_rad", 0.05)):
+        ground["start"][key] += shift
+    bodies = {"design": canonical_json(body), "by hand": canonical_json(by_hand)}
+    scenes = {"nominal": canonical_json(scene), "by hand": canonical_json(ground)}
 
-    varied = vary_body(body, variation, carsim_limits.numbers)
+    nominal, real, changed = carsim.run(
+        bodies,
+        scenes,
+        [
+            RunRequest("design", "nominal", settings, "nominal", 0),
+            RunRequest("design", "nominal", settings, "reality", 0, canonical_json(reality)),
+            RunRequest("by hand", "by hand", settings, "by hand", 0),
+        ],
+    )
 
-    assert canonical_json(body) == before
-    # The same shape of 1.1 times the density, its centre moved; what does not vary stays.
-    same_shape = ("mass_kg", "roll_inertia_kg_m2", "pitch_inertia_kg_m2", "yaw_inertia_kg_m2")
-    expected = {**nominal, **{key: 1.1 * nominal[key] for key in same_shape}, "grip": 0.5 * 0.35 / 0.6}
-    expected |= {key: nominal[key] + variation[key] for key in ("com_x_m", "com_y_m", "com_z_m")}
-    assert varied["segments"] == [pytest.approx(expected)]
-    changed = {"radius_m": 0.063, "grip": 1.2, "eccentricity_m": 0.001, "eccentricity_phase_rad": 2.0}
-    servo = {"neutral_us": 1488, "deadband_us": 50, "rated_v": 5.2}
-    servo |= {key: by * wheel["servo"][key] for key, by in (("no_load_speed_rad_s", 1.1), ("stall_torque_n_m", 0.9))}
-    second, own = varied["wheels"][1], wheel.pop("servo")
-    assert second.pop("servo") == pytest.approx({**own, **servo})
-    assert second == pytest.approx({**wheel, **changed})
-    assert varied["supply_v"] == pytest.approx(5.0)
+    assert real == changed != nominal
 
 
-def test_without_spread_nothing_changes(body: dict[str, Any], carsim_limits: CarsimLimits) -> None:
-    still = draw({name: 0.0 for name in workshop()}, 42, 0)
+def test_without_spread_nothing_changes(carsim_binary: Path) -> None:
+    design = compose("W_B_W", {"width": 95.0})
+    body, still = body_json(design), draw({name: 0.0 for name in workshop()}, 42, 0)
+    settings = canonical_json({"speed_m_s": 0.5, "time_limit_s": 0.5, "parameters": firmware_parameters(design, body)})
+    requests = [RunRequest("car", "flat", settings, "run", 0, canonical_json(reality)) for reality in ({}, still)]
 
-    assert vary_body(body, still, carsim_limits.numbers) == body
-    assert vary_body(body, {}, carsim_limits.numbers) == body
+    scenes = {"flat": canonical_json(empty_scene(goal_x_m=1.0))}
+    nominal, unchanged = Carsim(carsim_binary).run({"car": canonical_json(body)}, scenes, requests)
+
+    assert nominal == unchanged
 
 
 @pytest.mark.parametrize(
@@ -120,7 +163,7 @@ def test_unknown_spreads_are_refused(spread: Any, message: str) -> None:
 
 
 @pytest.mark.parametrize("type_string", ["W_B_W", "W_B_H_W_H_W"])
-def test_the_simulator_takes_every_nearby_car(carsim_binary: Path, carsim_limits: CarsimLimits, type_string: str) -> None:
+def test_the_simulator_takes_every_nearby_car(carsim_binary: Path, type_string: str) -> None:
     # The largest spreads that a listing may ask for.
     spread = spread_named({"from": "workshop"} | {n: s.largest_sd for n, s in workshop().items()}, "here")
     design = compose(type_string, {"W.length": 140})
@@ -132,10 +175,8 @@ def test_the_simulator_takes_every_nearby_car(carsim_binary: Path, carsim_limits
             "parameters": firmware_parameters(design, nominal),
         }
     )
-    bodies = {str(k): canonical_json(vary_body(nominal, draw(spread, 5, k), carsim_limits.numbers)) for k in range(40)}
-
     flat = canonical_json(empty_scene(goal_x_m=1.0))
-    requests = [RunRequest(name, "flat", settings, name, 0) for name in bodies]
-    results = Carsim(carsim_binary).run(bodies, {"flat": flat}, requests)
+    requests = [RunRequest("car", "flat", settings, f"car {k}", 0, canonical_json(draw(spread, 5, k))) for k in range(40)]
+    results = Carsim(carsim_binary).run({"car": canonical_json(nominal)}, {"flat": flat}, requests)
 
     assert len({result["distance_to_target_m"] for result in results}) == 40

@@ -145,7 +145,7 @@ def test_each_summary_is_one_json_object(foldcar: Any, study: Path, tmp_path: Pa
     run = json_output("run", study, "--experiment", "1", "--set", "width=95", "--sample", "1")
     assert run["design"]["width_mm"] == 95
     assert run["metrics"]["elapsed_time_s"] > 0
-    report = json_output("report", "s.db", "-o", "report", "--no-replay")
+    report = json_output("report", "s.db", "-o", "report")
     (experiment,) = report["experiments"]
     assert experiment["parameters"][0]["values"] == [95, 245]
     assert sum(experiment["designs"]["passed"]) == again["passed"]

@@ -55,7 +55,7 @@ def test_the_projects_environment_tells_its_designs_apart(foldcar: Command, tmp_
     listing = tmp_path / "yard" / "study.json"
     done = foldcar("sweep", listing, "--store", "yard.db", "--environments", "6", "--json")
     assert done.returncode == 0, done.stderr
-    output = json.loads(foldcar("report", "yard.db", "-o", "report", "--no-replay", "--json").stdout)
+    output = json.loads(foldcar("report", "yard.db", "-o", "report", "--json").stdout)
 
     (experiment,) = output["experiments"]
     k = [parameter["name"] for parameter in experiment["parameters"]].index("radius_mm")

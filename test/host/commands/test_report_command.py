@@ -118,7 +118,7 @@ def test_several_experiments_and_several_parameters_and_unfinished_ones(tmp_path
         add_experiment(writer, "a/b", two, 4, width_outcome, EXPERIMENT_FACTS, 3)
         add_experiment(writer, "../x", {"width_mm": (80.0, 100.0)}, 3, lambda design, sample: "tipped", EXPERIMENT_FACTS)
         add_experiment(writer, "later", {"width_mm": (80.0, 100.0)}, 5, width_outcome, EXPERIMENT_FACTS, 0)
-    code, shown = report(store, "-o", folder, "--no-replay")
+    code, shown = report(store, "-o", folder)
     assert code == 0
     starts = [f"experiment_{file_name_part(name)}" for name in ("a/b", "../x")]
     # Of several parameters nothing is averaged as the runs have it.
@@ -182,11 +182,13 @@ def test_the_map_has_the_rates_of_the_designs_and_the_effects_their_means(tmp_pa
 
     names = [
         drawing.name
-        for drawing in drawings(experiment.columns, experiment.effects, experiment.places, experiment.thresholds)
+        for drawing in drawings(
+            experiment.columns, experiment.effects, experiment.parameter_indices, experiment.thresholds
+        )
     ]
     with threadpool_limits(1):
-        axes = draw_map(experiment.columns, experiment.effects, experiment.places, (0, 1), (0.5, 0.75)).axes[0]
-        (across, _) = draw_effects(experiment.columns, experiment.effects, experiment.places, (0.5,)).axes[:2]
+        axes = draw_map(experiment.columns, experiment.effects, experiment.parameter_indices, (0, 1), (0.5, 0.75)).axes[0]
+        (across, _) = draw_effects(experiment.columns, experiment.effects, experiment.parameter_indices, (0.5,)).axes[:2]
 
     assert names == ["experiment_1_effects", "experiment_1_map_by_width_mm_and_radius_mm"]
     (mesh,) = [collection for collection in axes.collections if isinstance(collection, QuadMesh)]

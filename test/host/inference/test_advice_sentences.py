@@ -9,8 +9,9 @@ from typing import Any
 
 import pytest
 
+from foldcar.inference.adviser import Selection
 from foldcar.inference.evidence import Evidence, read_evidence
-from foldcar.inference.selecting import Selection, select, select_evidence
+from foldcar.inference.selecting import select, select_evidence
 from foldcar.report.page_data import page_data, read_experiments
 from foldcar.report.page_ranges import range_sentences
 from foldcar.store.reader import Store

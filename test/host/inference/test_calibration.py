@@ -9,20 +9,20 @@ import numpy as np
 import pytest
 from scipy.stats import binom, halfnorm, lognorm, norm
 
-from foldcar.car.variation import draw, vary_body, workshop
+from foldcar.car.variation import draw, workshop
 from foldcar.errors import FoldcarError
-from foldcar.inference.calibration.effects import calibrated_scene, calibrated_variation
+from foldcar.inference.calibration.effects import drawn_reality
 from foldcar.inference.calibration.parameters import NAMES, NOMINAL, PARAMETERS
 from foldcar.inference.calibration.predictions import fraction_interval
-from foldcar.simulation.carsim import CarsimLimits
 from foldcar.store.calibrations import Calibration, calibration_named
 from foldcar.store.reader import Store
+from foldcar.store.stored_drives import read_drives
 from foldcar.store.tables import BY_NAME
 from foldcar.store.trial_records import Ending, TrialDesign
 from foldcar.store.trial_writer import CarFacts, Drive, write_trials
 from forked_foldcar import original
 from full_store import alter
-from study_car import car_body, listing_of
+from study_car import listing_of
 
 BUMP = """model model
 param height = 0.03
@@ -52,46 +52,29 @@ def test_a_standard_normal_score_has_the_declared_prior() -> None:
         assert [parameter.score(value) for value in values] == pytest.approx(list(scores))
 
 
-def test_effects_are_those_that_the_table_names(carsim_limits: CarsimLimits) -> None:
+def test_a_reality_has_the_values_and_random_parts_that_all_values_share() -> None:
     values = {**NOMINAL, "friction": 0.5, "servo_torque": 0.7, "servo_speed": 1.2, "obstacle_height": 1.5}
     values |= {"com_height_m": 0.01, "track_m": 0.016}
-    round_bump = {"kind": "half_round", "length_m": 0.06, "height_m": 0.025}
-    terrain = [{"kind": "box", "height_m": 0.02}, {"kind": "pothole", "depth_m": 0.01}, round_bump]
-    scene = {"friction": 0.6, "start": {"x_m": 0, "y_m": 0.1, "heading_rad": 0.2}}
-    scene["terrain"] = [*terrain, {"kind": "patch", "friction": 0.3}]
-    body = car_body()
 
-    changed = calibrated_scene(scene, values, 1, 2)
-    varied = vary_body(body, calibrated_variation(values, {}, 1, 2), carsim_limits.numbers)
+    reality = drawn_reality(values, {}, 1, 2, 2)
 
-    assert changed["friction"] == pytest.approx(0.3) and changed["start"] == scene["start"]
-    heights = [piece.get("height_m", piece.get("depth_m", piece.get("friction"))) for piece in changed["terrain"]]
-    # An arc is at most half as high as long.
-    assert heights == pytest.approx([0.03, 0.015, 0.03, 0.15])
-    assert varied["track_m"] == pytest.approx(body["track_m"] + 0.016)
-    assert varied["segments"][0]["com_z_m"] == pytest.approx(body["segments"][0]["com_z_m"] + 0.01)
-    for wheel, drawn in zip(varied["wheels"], body["wheels"], strict=True):
-        servo = drawn["servo"]
-        assert wheel["servo"]["stall_torque_n_m"] == pytest.approx(0.7 * servo["stall_torque_n_m"])
-        assert wheel["servo"]["no_load_speed_rad_s"] == pytest.approx(1.2 * servo["no_load_speed_rad_s"])
-        assert wheel["grip"] == drawn["grip"]
-
-
-def test_scatter_has_its_spread_and_is_shared_by_all_values() -> None:
-    scene = {"friction": 1, "terrain": [], "start": {"x_m": 0, "y_m": 0, "heading_rad": 0}}
-    wide = {**NOMINAL, "start_position_sd_m": 0.02, "start_heading_sd_rad": 0.1, "wheel_spread": 2.0}
-    starts = [calibrated_scene(scene, wide, 5, k)["start"] for k in range(2000)]
-
-    sds = [np.std([start[key] for start in starts]) for key in ("x_m", "y_m", "heading_rad")]
-
-    assert sds == pytest.approx([0.02, 0.02, 0.1], rel=0.08)
-    half = calibrated_scene(scene, {**wide, "start_heading_sd_rad": 0.05}, 5, 7)["start"]
-    assert half["heading_rad"] == pytest.approx(starts[7]["heading_rad"] / 2) and half["x_m"] == starts[7]["x_m"]
+    assert {name: reality[name] for name in ("friction", "obstacle_height", "com_z_m", "track_m")} == {
+        "friction": 0.5, "obstacle_height": 1.5, "com_z_m": 0.01, "track_m": 0.016,
+    }  # fmt: skip
+    assert reality["servo_torque"] == pytest.approx([-0.3] * 8) and reality["servo_speed"] == pytest.approx([0.2] * 8)
+    assert (reality["start_x_m"], reality["start_heading_rad"]) == (0, 0)
+    wide = {**values, "start_position_sd_m": 0.02, "start_heading_sd_rad": 0.1, "wheel_spread": 2.0}
+    starts = [drawn_reality(wide, {}, 5, k, k) for k in range(2000)]
+    names = ("start_x_m", "start_y_m", "start_heading_rad")
+    assert [np.std([start[name] for start in starts]) for name in names] == pytest.approx([0.02, 0.02, 0.1], rel=0.08)
+    half = drawn_reality({**wide, "start_heading_sd_rad": 0.05}, {}, 5, 7, 7)
+    assert half["start_heading_rad"] == pytest.approx(starts[7]["start_heading_rad"] / 2)
+    assert half["start_x_m"] == starts[7]["start_x_m"]
     # The listing's own spreads of the whole car stay, those of wheels give way.
-    varied = calibrated_variation({**wide, "servo_torque": 0.7}, {"mass": 0.03, "tyre_grip": 0.5}, 5, 7)
+    varied = drawn_reality(wide, {"mass": 0.03, "tyre_grip": 0.5}, 5, 7, 7)
     doubled = draw({name: 2 * workshop()[name].sd for name in ("tyre_grip", "servo_torque")} | {"mass": 0.03}, 5, 7)
     assert varied["tyre_grip"] == pytest.approx(doubled["tyre_grip"]) and varied["mass"] == doubled["mass"]
-    # A servo has its own share of what all servos have.
+    # A servo has its own part of what all servos have.
     torques = [1 + difference for difference in varied["servo_torque"]]
     assert torques == pytest.approx([0.7 * (1 + difference) for difference in doubled["servo_torque"]])
 
@@ -245,20 +228,15 @@ def test_a_sweep_under_a_calibration_takes_its_draws_and_leaves_nominal_runs(swe
     with Store.open(store) as opened:
         info = opened.info().experiments
         assert [len(list(opened.results(name))) for name in ("1", "1 (calibrated mine)")] == [40, 6]
-        scenes: dict[str, list[Any]] = {
-            name: [json.loads(json_text) for (json_text,) in opened._rows(
-                "SELECT c.json FROM experiment e JOIN sample s USING (environment_id) JOIN scene c ON c.id = s.scene_id "
-                "WHERE e.id = ? ORDER BY s.sample LIMIT 3", name)]
-            for name in info
-        }  # fmt: skip
+        under = read_drives(opened, "1 (calibrated mine)")
+        realities = [under.value("variation", under.variations[k]) for k in range(3)]
+        assert under.scenes == {k: read_drives(opened, "1").scenes[k] for k in range(3)}
     assert info["1"].calibration is None
     assert info["1 (calibrated mine)"].calibration == {
         "name": "mine", "fingerprint": calibration(swept).fingerprint, "experiment": "1",
     }  # fmt: skip
-    for k, (nominal, calibrated) in enumerate(zip(scenes["1"], scenes["1 (calibrated mine)"], strict=True)):
-        factor = calibrated["terrain"][0]["height_m"] / nominal["terrain"][0]["height_m"]
-        assert factor == pytest.approx(draws[k]["obstacle_height"])
-        assert calibrated["friction"] == pytest.approx(0.6 * draws[k]["friction"])
+    for k, reality in enumerate(realities):
+        assert reality["obstacle_height"] == draws[k]["obstacle_height"] and reality["friction"] == draws[k]["friction"]
     refused = run(swept, "calibrate", store.name, "--experiment", "1 (calibrated mine)", code=2)
     assert "has no trials of experiment" in refused.stderr
     kept = run(swept, "calibrate", store.name, "--name", "mine", "--replace", code=2)

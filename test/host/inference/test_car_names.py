@@ -4,8 +4,10 @@ import json
 from pathlib import Path
 from typing import Any
 
+from foldcar.car.variation import named_car
 from foldcar.commands.listed_run import listed_run
-from foldcar.inference.calibration.environment import read_reality, real_run
+from foldcar.inference.calibration.effects import drawn_reality
+from foldcar.inference.calibration.environment import read_reality
 from foldcar.store.reader import Store
 from live_car import LOG, car_at_port, trials_in, write_free_course
 from study_car import listing_of
@@ -22,20 +24,20 @@ def write_listing(folder: Path, **params: Any) -> Path:
 def test_a_named_car_is_the_same_in_every_sample_and_no_other(tmp_path: Path) -> None:
     listing = write_listing(tmp_path, variation="workshop")
     first, second = (listed_run(listing, "1", ["width=180"], k) for k in (0, 1))
-    ada = first.body_in(0, "Ada")
+    ada = first.variation_in(0, "Ada")
 
-    assert ada == first.body_in(1, "Ada") == second.body_in(0, "Ada") and first.scene != second.scene
-    assert first.body_in(0) == first.body and first.body_in(1) == second.body
-    assert len({json.dumps(body) for body in (ada, first.body_in(0, "Ben"), first.body_in(0))}) == 3
+    assert ada == first.variation_in(1, "Ada") == second.variation_in(0, "Ada") and first.scene != second.scene
+    assert first.variation_in(0) == first.variation and first.variation_in(1) == second.variation
+    assert len({json.dumps(car) for car in (ada, first.variation_in(0, "Ben"), first.variation_in(0))}) == 3
     # Under a reality the start scatters in each trial.
     (tmp_path / "reality.json").write_text('{"wheel_spread": 1.5, "start_heading_sd_rad": 0.1}')
-    values, limits = read_reality(tmp_path / "reality.json", "multibody"), first.carsim.limits().numbers
-    real = [
-        real_run(first.experiment, first.nominal, first.scene, values, sample, limits, car)
+    values, experiment = read_reality(tmp_path / "reality.json", "multibody"), first.experiment
+    ada_0, ada_1, ben_0 = (
+        drawn_reality(values, experiment.variation, experiment.variation_seed, sample, named_car(car))
         for sample, car in ((0, "Ada"), (1, "Ada"), (0, "Ben"))
-    ]
-    assert real[0][0] == real[1][0] != real[2][0]
-    assert real[0][1]["start"] != real[1][1]["start"] and real[0][1] == real[2][1]
+    )
+    assert ada_0["servo_torque"] == ada_1["servo_torque"] != ben_0["servo_torque"]
+    assert ada_0["start_heading_rad"] != ada_1["start_heading_rad"] and ada_0["start_x_m"] == ben_0["start_x_m"]
 
 
 def test_a_driven_trial_has_its_cars_name_which_a_correction_changes(tmp_path: Path, foldcar: Any, refused: Any) -> None:

@@ -5,15 +5,19 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from foldcar.commands.listed_run import listed_run, simulated_run
 from foldcar.errors import FoldcarError
-from foldcar.inference.calibration.environment import read_reality, real_run
+from foldcar.inference.calibration.effects import GROUND_FACTORS, drawn_reality
+from foldcar.inference.calibration.environment import read_reality
 from foldcar.inference.calibration.parameters import NOMINAL
 from foldcar.store.calibrations import new_calibration, write_calibrations
 from foldcar.store.reader import Store
 
+# Differences between wheels stay those of the listing.
+NOMINAL_REALITY = {name: value for name, value in NOMINAL.items() if name != "wheel_spread"}
 LISTING = Path(__file__).resolve().parents[3] / "scenarios" / "width_study.json"
 
 
@@ -23,22 +27,19 @@ def test_a_reality_changes_what_it_names_and_nothing_else(tmp_path: Path) -> Non
     run = listed_run(LISTING, "1", ["width=95"], 3)
 
     values = read_reality(file, "multibody")
-    body, scene = real_run(run.experiment, run.nominal, run.scene, values, 3, run.carsim.limits().numbers)
+    reality = drawn_reality(values, {}, run.experiment.variation_seed, 3, 3)
 
     assert {name for name, value in values.items() if value != NOMINAL[name]} == {
         "obstacle_height",
         "servo_torque",
         "track_m",
     }
-    assert scene["friction"] == run.scene["friction"] and scene["start"] == run.scene["start"]
-    believed_heights = [piece["height_m"] for piece in run.scene["terrain"]]
-    heights = [piece["height_m"] for piece in scene["terrain"]]
-    assert heights and heights == pytest.approx([1.3 * height for height in believed_heights], rel=1e-8)
-    assert body["track_m"] == pytest.approx(run.nominal["track_m"] + 0.016)
-    torques = [wheel["servo"]["stall_torque_n_m"] for wheel in body["wheels"]]
-    believed_torques = [wheel["servo"]["stall_torque_n_m"] for wheel in run.nominal["wheels"]]
-    assert torques == pytest.approx([0.6 * torque for torque in believed_torques])
-    assert body["segments"] == run.nominal["segments"]
+    assert {name: value for name, value in reality.items() if name in GROUND_FACTORS} == {
+        "friction": 1, "obstacle_height": 1.3,
+    }  # fmt: skip
+    assert reality.pop("track_m") == 0.016 and reality.pop("servo_torque") == pytest.approx([-0.4] * 8)
+    others = [value for name, value in reality.items() if name not in GROUND_FACTORS and "phase" not in name]
+    assert set(np.hstack(others)) == {0.0}
 
 
 def test_what_the_host_believes_may_be_the_truth(tmp_path: Path) -> None:
@@ -56,23 +57,17 @@ def test_what_no_calibration_knows_reaches_the_car_in_mujoco(tmp_path: Path) -> 
             "supply_resistance_ohm": 0.4}  # fmt: skip
     file = tmp_path / "reality.json"
 
-    def car(values: dict[str, float]) -> dict[str, Any]:
+    run, _ = simulated_run(listed)
+
+    def elapsed_s(values: dict[str, float]) -> float:
         file.write_text(json.dumps(values))
         real = read_reality(file, "mujoco")
-        assert real == {**NOMINAL, **values}
-        return real_run(listed.experiment, listed.nominal, listed.scene, real, 3, listed.carsim.limits().numbers)[0]
+        assert real == {**NOMINAL_REALITY, **values}
+        reality = drawn_reality(real, {}, listed.experiment.variation_seed, 3, 3)
+        assert {name: reality[name] for name in values} == values
+        return float(replace(run, reality=reality).simulate(listed.carsim)["elapsed_time_s"])
 
-    body = car(facts)
-
-    (segment,), (nominal,) = body["segments"], listed.nominal["segments"]
-    moved = [segment[key] - nominal[key] for key in ("com_x_m", "com_y_m")]
-    assert moved == pytest.approx([0.004, 0.006])
-    assert {(wheel["camber_rad"], wheel["contact_time_s"]) for wheel in body["wheels"]} == {(-0.035, 0.02)}
-    assert body["supply_resistance_ohm"] == 0.4
-    run, _ = simulated_run(listed)
-    elapsed_s = {replace(run, body=car(values)).by(listed.carsim)["elapsed_time_s"]
-                 for values in ({}, *({name: facts[name]} for name in facts))}  # fmt: skip
-    assert len(elapsed_s) == 6
+    assert len({elapsed_s(values) for values in ({}, *({name: value} for name, value in facts.items()))}) == 6
 
 
 @pytest.mark.parametrize(

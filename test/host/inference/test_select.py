@@ -20,11 +20,12 @@ from foldcar.fabrication.assembly.operations import operations
 from foldcar.fabrication.patterns import nesting, sheets
 from foldcar.fabrication.patterns.options import options
 from foldcar.fabrication.patterns.sheets import cut_car, enlarge_sheet
-from foldcar.inference import costs, selecting
+from foldcar.inference import adviser, costs
+from foldcar.inference.adviser import NEXT, Selection
 from foldcar.inference.comparison import compare
 from foldcar.inference.evidence import read_evidence
-from foldcar.inference.selecting import NEXT, Selection, select_evidence
 from foldcar.inference.selecting import select as select_designs
+from foldcar.inference.selecting import select_evidence
 from foldcar.report.page_data import read_experiments
 from foldcar.statistics.built_cars import SPREADS
 from foldcar.statistics.pooled_bias import NONE, contradictions
@@ -232,7 +233,7 @@ def test_of_very_many_driven_designs_those_with_most_trials_count(
     trials = [({"width_mm": width}, k, "passed") for at, width in enumerate(widths) for k in range(1 + at % 4)]
     import_trials(store, trials)
     (whole,) = advise(store)
-    for module in ("belief", "selecting"):
+    for module in ("belief", "adviser"):
         monkeypatch.setattr(f"foldcar.inference.{module}.MAX_POOLED", 2)
     (selection,) = advise(store)
 
@@ -262,7 +263,7 @@ def test_a_car_costs_its_sheets_and_minutes_of_cutting_assembly_and_trials(monke
 
 
 def test_many_designs_are_thinned_evenly_from_first_to_last(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(selecting, "MAX_CANDIDATES", 3)
+    monkeypatch.setattr(adviser, "MAX_CANDIDATES", 3)
     (selection,) = advise(write_study(tmp_path / "s.db", FAMILY, 20, outcome))
 
     assert "9 designs between these were left out of the choice, to save time." in selection.remarks

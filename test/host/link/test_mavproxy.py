@@ -122,8 +122,8 @@ def test_mavproxy_lists_sets_and_saves_parameters_and_arms(tmp_path: Path, carsi
     design = compose("W_B_W", {"width": 95.0})
     table = Carsim(carsim_binary).parameter_table()
     saved = tmp_path / "saved.parm"
-    worlds = [(body_json(design), {**empty_scene(goal_x_m=1.0), "id": "flat"})]
-    with simulated_car([str(carsim_binary)], worlds, car_json(design), 1.0, None, subprocess.PIPE) as car:
+    body, worlds = body_json(design), [({**empty_scene(goal_x_m=1.0), "id": "flat"}, {})]
+    with simulated_car([str(carsim_binary)], body, worlds, car_json(design), 1.0, None, subprocess.PIPE) as car:
         station = Station(car.port, tmp_path)
         try:
             station.sees("online system 1")

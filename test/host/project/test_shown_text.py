@@ -52,7 +52,7 @@ def test_names_and_notes_do_not_steer_the_terminal(foldcar: Any, steering: str) 
         foldcar(*run, STEERING, "--set", f"{STEERING}=95"),
         foldcar("trials", "list", "s.db"),
         foldcar("trials", "correct", "s.db", "1", "--note", "x", "--reason", STEERING),
-        foldcar("report", "s.db", "-o", "page", "--no-replay"),
+        foldcar("report", "s.db", "-o", "page"),
         foldcar("log", steering, "--experiment", STEERING, "--port", STEERING),
         foldcar("sweep", f"{STEERING}.json", "--store", "s.db"),
     ]

@@ -1,4 +1,4 @@
-"""The paths, grounds and cars that the report's page replays: a real study of two widths."""
+"""What the report's page needs to simulate its runs: a real study of two widths."""
 
 import json
 import re
@@ -12,17 +12,16 @@ from typing import Any
 import numpy
 import pytest
 
+from browser import study_of
 from foldcar.figures.scene_data import HEIGHT_M, ground_data
+from foldcar.inference.calibration.environment import read_reality
+from foldcar.inference.calibration.parameters import NOMINAL
 from foldcar.report import write
-from foldcar.report.replay import choose_runs
+from foldcar.report.drives import result_hashes
 from foldcar.simulation.carsim import Carsim
-from foldcar.simulation.compact_path import ANGLE_RAD, PLACE_M, compact_path
 from foldcar.simulation.heights import carsim_heights
-from foldcar.simulation.results import NUMBERS
-from foldcar.simulation.runner import KEPT_INTERVAL_S as INTERVAL_S
-from foldcar.store.frames import RunArrays
-from foldcar.study.kept_paths import MAX_DESIGNS, KeptPaths
-from swept_listing import foldcar, reported
+from foldcar.simulation.results import NUMBERS, OUTCOMES
+from swept_listing import reported
 
 WIDTHS, SAMPLES = (95, 245), 3
 
@@ -55,102 +54,56 @@ def integers(content: bytes) -> list[int]:
     return integers
 
 
-def test_a_path_comes_back_within_half_a_unit() -> None:
-    turn = numpy.linspace(3.0, 3.3, 40)
-    path = numpy.column_stack([numpy.arange(40) * INTERVAL_S, *([numpy.sin(7 * turn + k) for k in range(7)])])
-    # Beyond a half turn the simulator's heading leaps to the other side.
-    path[:, 4] = (turn + numpy.pi) % (2 * numpy.pi) - numpy.pi
-
-    columns = numpy.array(integers(compact_path(path.tolist()))).reshape(7, 40)
-
-    back = numpy.cumsum(numpy.cumsum(columns, axis=1), axis=1) * numpy.array([PLACE_M] * 3 + [ANGLE_RAD] * 4)[:, None]
-    assert numpy.abs(back[:3] - path[:, 1:4].T).max() <= PLACE_M / 2 + 1e-12
-    assert numpy.abs(numpy.exp(1j * back[3]) - numpy.exp(1j * path[:, 4])).max() <= ANGLE_RAD / 2 + 1e-9
-    assert numpy.abs(numpy.diff(back[3])).max() < 0.1
-
-
-def test_carsims_compact_path_is_that_of_its_rows(study: Path, carsim_binary: Path) -> None:
-    query = "SELECT b.json, s.json, t.json FROM design d JOIN body b ON b.id = d.body_id JOIN settings t JOIN scene s"
-    body, scene, settings = map(json.loads, sqlite3.connect(study / "s.db").execute(query).fetchone())
-    scene["start"]["heading_rad"] = 3.14159
-    run = {"body": "b", "scene": "s", **settings, "time_limit_s": 3.0, "path_interval_s": INTERVAL_S}
-    lines = [{"body": {**body, "id": "b"}}, {"scene": {**scene, "id": "s"}}]
-    lines += [{"run": {"id": "rows", **run}}, {"run": {"id": "few", **run, "path_form": "compact"}}]
-
-    rows, few = (answer["path"] for answer in Carsim(carsim_binary).answers([json.dumps(line) for line in lines]))
-
-    assert few["rows"] == len(rows) >= 20
-    assert b64decode(few["compact"]) == compact_path(rows)
-
-
-def test_a_report_simulates_only_without_kept_paths_and_gives_the_same(
-    study: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    (tmp_path / "s.db").write_bytes((study / "s.db").read_bytes())
-    with sqlite3.connect(tmp_path / "s.db") as connection:
-        connection.execute("DELETE FROM path")
-    foldcar("report", tmp_path / "s.db", "-o", tmp_path / "report")
-
-    def refuse(*_: object) -> None:
-        raise AssertionError("a run is simulated")
-
-    monkeypatch.setattr(Carsim, "run", refuse)
-    foldcar("report", study / "s.db", "-o", study / "again")
-
-    first, *others = (folder / "index.html" for folder in (study / "report", study / "again", tmp_path / "report"))
-    for name in ("e0-runs-0", "e0-runs-1"):
-        expected = blob_of(first.read_text(), name)
-        assert [blob_of(page.read_text(), name) for page in others] == [expected] * 2
-
-
-def test_kept_paths_are_bounded_but_for_the_first_of_each_ending() -> None:
-    keeper = KeptPaths(designs=2 * MAX_DESIGNS)
-    endings = ["passed", "tipped"] * 10_000 + ["stuck", "stuck", "rejected"]
-
-    shown = [design for design in range(2 * MAX_DESIGNS) if keeper.wants(design)]
-    kept = [keeper.keeps(shown[number % 7], outcome, 1000) for number, outcome in enumerate(endings)]
-
-    assert len(shown) == MAX_DESIGNS and shown[0] == 0 and shown[-1] == 2 * MAX_DESIGNS - 1
-    # 750 bytes each of 3 million.
-    assert kept[:4000] == [True] * 4000 and not any(kept[4000:20_000])
-    assert kept[20_000:] == [True, True, False]
-    # What the store has counts.
-    assert not KeptPaths(1, [(0, "passed", 4_000_000)]).keeps(0, "passed", 10)
-
-
-def test_the_page_holds_every_run_as_stored(study: Path) -> None:
+def test_the_page_holds_the_inputs_of_every_run(study: Path, carsim_binary: Path) -> None:
+    """Carsim's answers to the page's inputs have the hashes of the stored results."""
     page = (study / "report" / "index.html").read_text()
-    query = "SELECT design_position, sample, elapsed_time_s, distance_to_target_m FROM result"
-    runs = sqlite3.connect(study / "s.db").execute(query).fetchall()
+    (experiment,) = study_of(study / "report")["experiments"]
+    inputs, checks = blob_of(page, "e0-inputs")[0], blob_of(page, "e0-checks")[1]
+    runs = experiment["runs"]
+    stored = dict(
+        zip(zip(runs["design"], runs["environment"], strict=True), numpy.frombuffer(checks, "<u4"), strict=True)
+    )
+    lines, keys = [], []
+    for design, (body, setting) in inputs["designs"].items():
+        lines.append({"body": {**inputs["bodies"][body], "id": f"b{body}"}})
+        for sample in range(SAMPLES):
+            lines.append({"scene": {**blob_of(page, f"e0-scene-{sample}")[0]["scene"], "id": f"s{sample}"}})
+            reality = inputs["realities"][str(sample)]
+            run = {
+                **inputs["settings"][setting],
+                "id": "r",
+                "body": f"b{body}",
+                "scene": f"s{sample}",
+                "reality": reality,
+            }
+            lines.append({"run": run})
+            keys.append((int(design), sample))
 
-    assert len(runs) == len(WIDTHS) * SAMPLES
-    assert "No replay" not in page and "end otherwise" not in page
-    for design, sample, elapsed_s, distance_m in runs:
-        head, content = blob_of(page, f"e0-runs-{design}")
-        goal = blob_of(page, f"e0-scene-{sample}")[0]["scene"]["goal"]
-        at = [run[0] for run in head["runs"]].index(sample)
-        assert head["runs"][at][2] == elapsed_s
-        values, skipped = integers(content), sum(6 * run[1] for run in head["runs"][:at])
-        rows = head["runs"][at][1]
-        columns = numpy.array(values[skipped : skipped + 6 * rows]).reshape(6, rows)
-        x, y = (numpy.cumsum(numpy.cumsum(column))[-1] * PLACE_M for column in columns[:2])
-        # The path ends where the stored distance to the goal says.
-        assert numpy.hypot(x - goal["x_m"], y - goal["y_m"]) == pytest.approx(distance_m, abs=1e-3)
+    answers = Carsim(carsim_binary).answers([json.dumps(line) for line in lines])
+
+    outcomes = numpy.array([OUTCOMES.index(answer["outcome"]) for answer in answers])
+    metrics = numpy.array(
+        [[numpy.nan if answer[name] is None else answer[name] for name in NUMBERS] for answer in answers]
+    )
+    assert len(answers) == len(WIDTHS) * SAMPLES == len(stored)
+    assert result_hashes(outcomes, metrics).tolist() == [stored[key] for key in keys]
+    # One bit of one number is enough.
+    metrics[0, 0] = numpy.nextafter(metrics[0, 0], 1)
+    assert result_hashes(outcomes, metrics).tolist()[0] != stored[keys[0]]
 
 
-def test_a_page_that_cannot_hold_all_runs_keeps_every_kind_and_those_at_the_threshold() -> None:
-    designs, samples = (at.ravel() for at in numpy.indices((20, 3000)))
-    outcome = numpy.zeros(len(designs), dtype=numpy.uint8)
-    outcome[(designs == 7) & (samples == 2900)] = 1
-    outcome[(designs == 11) & (samples < 800)] = 2
-    metrics = numpy.full((len(designs), len(NUMBERS)), 5.0)
+def test_sliders_begin_at_what_was_simulated_and_stay_within_the_limits(study: Path, carsim_binary: Path) -> None:
+    (experiment,) = study_of(study / "report")["experiments"]
+    sliders = {slider["name"]: slider for slider in experiment["drives"]["sliders"]}
 
-    chosen = choose_runs(RunArrays(designs, samples, outcome, metrics), most_bytes=1_000_000, most_runs=150)
-
-    assert len(chosen) == 150 and list(chosen) == sorted(chosen)
-    assert (chosen[7, 2900], chosen[11, 0]) == (("tipped", 5.0), ("stuck", 5.0))
-    # The design at 73 % success is nearest to the threshold of 75 %: after one run of each kind come its runs.
-    assert sum(design == 11 for design, _ in chosen) > 100
+    assert set(sliders) == {*NOMINAL, "supply_resistance_ohm"} - {"wheel_spread"}
+    for name, slider in sliders.items():
+        assert slider["low"] <= slider["nominal"] == NOMINAL.get(name, 0.0) <= slider["high"]
+        low, median, high = slider["prior"] or (0, 0, 0)
+        assert slider["low"] <= low <= median <= high <= slider["high"]
+        for value in (slider["low"], slider["high"]):
+            (study / "reality.json").write_text(json.dumps({name: value}))
+            assert read_reality(study / "reality.json", "multibody").get(name, 0.0) == value
 
 
 def test_smooth_ground_is_the_simulators(study: Path, carsim_binary: Path) -> None:

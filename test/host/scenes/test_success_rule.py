@@ -99,7 +99,7 @@ def test_no_share_is_given_where_success_is_undefined(listing: Path, program: Pa
     program.write_text(HEAD + MONITOR)
 
     done = foldcar("sweep", listing, "--store", "s.db", "--jobs", "1")
-    report = foldcar("report", "s.db", "-o", "report", "--no-replay")
+    report = foldcar("report", "s.db", "-o", "report")
     export = foldcar("export", "s.db", "--csv", "runs.csv")
 
     assert (done.returncode, report.returncode, export.returncode) == (0, 0, 0), (done, report, export)

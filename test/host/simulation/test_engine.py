@@ -104,7 +104,7 @@ def test_a_sweep_gives_the_same_numbers_over_jobs_and_stands_beside_the_multibod
     assert results[0] == results[1] and len(results[0]) == 4
     assert [info.engine.partition(" ")[0] for info in infos.values()] == ["MuJoCo", ""]
     assert {info.listed_id for info in infos.values()} == {"1"}
-    page = foldcar("report", "2.db", "-o", "page", "--no-replay")
+    page = foldcar("report", "2.db", "-o", "page")
     assert page.returncode == 0, page.stderr
     first, second = study_of(tmp_path / "page")["experiments"]
     assert dict(first["provenance"])["engine"].startswith("MuJoCo ")

@@ -132,14 +132,6 @@ def test_tables_and_views_that_are_not_as_foldcar_makes_them_are_refused(
         assert (answer.returncode, answer.stderr) == (2, f"foldcar: error: s.db: {message}\n")
 
 
-@pytest.mark.parametrize("text", ["A", "a\0b", "é", "AAAA", "gICA", ""])
-def test_paths_that_are_not_compact_paths_are_refused(store: Path, text: str) -> None:
-    change(store, BY_NAME["path"], "1", compact=text)
-
-    with Store.open(store) as opened, pytest.raises(StoreError, match=r'path \(experiment="2", .* is damaged'):
-        list(opened.kept_paths("2"))
-
-
 def test_experiments_without_a_study_are_refused(store: Path, foldcar: Any) -> None:
     alter(store, "DELETE FROM study")
 

@@ -44,8 +44,8 @@ def counted(folder: Path) -> tuple[int, int, int]:
 
 
 def test_the_report_counts_built_cars_and_says_what_is_left_out(mixed: Path, foldcar: Any) -> None:
-    plain = foldcar("report", "s.db", "-o", "plain", "--no-replay")
-    done = foldcar("report", "s.db", "-o", "asked", "--no-replay", "--simulated-trials")
+    plain = foldcar("report", "s.db", "-o", "plain")
+    done = foldcar("report", "s.db", "-o", "asked", "--simulated-trials")
 
     assert (plain.returncode, done.returncode) == (0, 0), plain.stderr + done.stderr
     page = (mixed.parent / "plain" / "index.html").read_text()

@@ -209,7 +209,7 @@ def test_trials_alone_make_a_page(tmp_path: Path, foldcar: Any) -> None:
     with write_trials(tmp_path / "s.db") as writer:
         writer.complete(begin(writer, car="simulated"), Ending("passed", "goal", 2.5, "<b>", None))
 
-    answer = foldcar("report", "s.db", "-o", "out", "--no-replay")
+    answer = foldcar("report", "s.db", "-o", "out")
 
     assert answer.returncode == 0, answer.stderr
     page = (tmp_path / "out" / "index.html").read_text()

@@ -75,7 +75,7 @@ def test_a_run_that_crashes_is_a_result_and_the_rest_goes_on(
 
     crashing = foldcar(*words, env={**os.environ, "FOLDCAR_CARSIM": str(dying)})
     again = foldcar(*words, env={**os.environ, "FOLDCAR_CARSIM": str(carsim_binary)})
-    report = foldcar("report", "s.db", "-o", "report", "--no-replay")
+    report = foldcar("report", "s.db", "-o", "report")
 
     assert crashing.returncode == 1
     assert "2 of 6 runs failed and count as not passed:\n  2 x the simulation crashed" in crashing.stderr

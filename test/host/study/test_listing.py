@@ -288,7 +288,7 @@ def test_cars_that_cannot_be_built_are_skipped_and_named(
     dry = foldcar("sweep", listing, "--store", "s.db", "--jobs", "1", "--dry-run")
     assert not (tmp_path / "s.db").exists()
     swept = foldcar("sweep", listing, "--store", "s.db", "--jobs", "1")
-    report = foldcar("report", "s.db", "-o", "report", "--no-replay")
+    report = foldcar("report", "s.db", "-o", "report")
     rows = list(csv.DictReader(foldcar("export", "s.db", "--csv", "-").stdout.splitlines()))
 
     assert swept.returncode == 0, swept.stderr

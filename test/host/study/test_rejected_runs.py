@@ -93,7 +93,7 @@ def listing(tmp_path: Path, write_listing: Callable[[Any], Path], listing_data: 
 def test_a_sweep_counts_them_apart(listing: Path, tmp_path: Path, foldcar: Any) -> None:
     swept = foldcar("sweep", listing, "--store", "s.db", "--jobs", "1")
     numbers = json.loads(foldcar("sweep", listing, "--store", "s.db", "--jobs", "1", "--json").stdout)
-    report = foldcar("report", "s.db", "-o", "report", "--no-replay")
+    report = foldcar("report", "s.db", "-o", "report")
 
     assert ", 100.0 % of 12 passed, 8 rejected; store: s.db" in swept.stdout, swept.stderr
     assert (numbers["judged"], numbers["passed"], numbers["rejected"]) == (12, 12, 8)
@@ -153,7 +153,7 @@ def test_three_failed_runs_of_ten_are_said_everywhere(failing: Path, tmp_path: P
     assert [int(row["sample"]) for row in rows] == bad
     assert all(row["outcome"] == "failed" and "division by zero" in row["message"] for row in rows)
 
-    report = foldcar("report", "s.db", "-o", "report", "--no-replay")
+    report = foldcar("report", "s.db", "-o", "report")
     remark = f"3 of 10 runs failed, and count as not passed: {why}. List them: {command}"
     assert report.returncode == 0
     assert remark.replace(" ", "") in "".join(report.stdout.split())

@@ -85,10 +85,10 @@ def test_it_is_named_by_the_sweep_and_wherever_its_rates_are_shown(
     (line,) = [line for line in done.stderr.splitlines() if "which matter here" in line]
     assert line.startswith("experiment 1 (side-view): ") and named in line and line.endswith("Use --engine multibody.")
     warning = line.partition(": ")[2]
-    page = foldcar("report", "s.db", "-o", "page", "--no-replay")
+    page = foldcar("report", "s.db", "-o", "page")
     assert warning in " ".join(page.stdout.split())
     assert json.dumps(named)[1:-1] in (tmp_path / "page" / "index.html").read_text()
-    answer = foldcar("report", "s.db", "--no-replay", "--json", "-o", "page")
+    answer = foldcar("report", "s.db", "--json", "-o", "page")
     assert warning in json.loads(answer.stdout)["experiments"][0]["remarks"]
     assert named in " ".join(foldcar("select", "s.db", "--build", "1").stdout.split())
     assert "which matter here" not in foldcar("sweep", listing, "--store", "s.db").stderr
@@ -110,7 +110,7 @@ def test_a_segment_too_heavy_for_its_wheels_fails_with_its_numbers(carsim_binary
 def test_cars_that_vary_wheel_by_wheel_have_unlike_sides(foldcar: Command, listing_of: Callable[..., Path]) -> None:
     listing = listing_of(ACROSS, variation="workshop")
 
-    assert "the cars' sides (nearby cars vary" in swept(foldcar, listing, "s.db").stderr
+    assert "the cars' sides (built cars vary" in swept(foldcar, listing, "s.db").stderr
 
 
 def test_a_body_is_one_sided_by_its_mass_or_any_pair_of_wheels() -> None:

@@ -1,4 +1,4 @@
-"""Sweeps with the real simulator and real environments: what is run and folded, once each; nearby cars."""
+"""Sweeps with the real simulator and real environments: what is run and folded, once each; built cars that vary."""
 
 import json
 import sqlite3
@@ -14,7 +14,7 @@ import pytest
 from conftest import PROJECT
 from foldcar.car.body import body_json
 from foldcar.car.design import Design
-from foldcar.car.variation import draw, spread_named, vary_body
+from foldcar.car.variation import draw, spread_named
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.results import NUMBERS
 from foldcar.simulation.runner import RunRequest
@@ -151,9 +151,9 @@ def test_a_sweep_does_with_a_nearby_car_what_carsim_does_with_its_body(
         body = body_json(design)
         settings = experiment.settings(design, body, carsim.parameter_table())
         for k in range(3):
-            car = vary_body(body, draw(spread_named("workshop", ""), 42, k), carsim.limits().numbers)
-            texts = [json.dumps(part) for part in (car, environment.sample(k), settings)]
-            request = RunRequest("car", "scene", texts[2], "", k)
+            reality = draw(spread_named("workshop", ""), 42, k)
+            texts = [json.dumps(part) for part in (body, environment.sample(k), settings, reality)]
+            request = RunRequest("car", "scene", texts[2], "", k, texts[3])
             expected += carsim.run({"car": texts[0]}, {"scene": texts[1]}, [request])
 
     assert [(r.outcome, r.metrics) for r in rows(tmp_path / "s.db")] == [

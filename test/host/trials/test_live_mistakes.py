@@ -100,13 +100,13 @@ def test_the_report_tells_trials_of_another_environment(
 ) -> None:
     assert foldcar("sweep", "l.json", "--store", "s.db", "--jobs", "1").returncode == 0
     assert foldcar(*LOG, "--port", port, "--yes", "--countdown", "0").returncode == 0
-    same: Any = json.loads(foldcar("report", "s.db", "-o", "r", "--no-replay", "--simulated-trials", "--json").stdout)
+    same: Any = json.loads(foldcar("report", "s.db", "-o", "r", "--simulated-trials", "--json").stdout)
     text = (tmp_path / "free.scenic").read_text()
     (tmp_path / "other.scenic").write_text(text.replace("(1.0, 0)", "(0.7, 0)"))
     free_course.write_text(free_course.read_text().replace("free.scenic", "other.scenic"))
 
     assert foldcar("sweep", "l.json", "--store", "s.db", "--jobs", "1").returncode == 0
-    other: Any = json.loads(foldcar("report", "s.db", "-o", "r", "--no-replay", "--simulated-trials", "--json").stdout)
+    other: Any = json.loads(foldcar("report", "s.db", "-o", "r", "--simulated-trials", "--json").stdout)
 
     sentence = "1 trial left out: driven in free.scenic, not in other.scenic."
     assert sentence in other["experiments"][0]["remarks"]

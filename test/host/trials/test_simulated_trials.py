@@ -112,7 +112,7 @@ def test_a_changed_program_is_refused(course: Path, carsim_binary: Path, refused
 def test_a_car_in_a_scene_of_ones_own_is_refused(course: Path, carsim_binary: Path, refused: Any, scene_id: str) -> None:
     design = compose("W_B_W", {"width": 95.0})
     scene = {**empty_scene(goal_x_m=0.6), "id": scene_id}
-    with simulated_car([str(carsim_binary)], [(body_json(design), scene)], car_json(design)) as car:
+    with simulated_car([str(carsim_binary)], body_json(design), [(scene, {})], car_json(design)) as car:
         with greeted(car.port) as connected:
             identity = connected.identity()
         message = refused(*LOG, "--port", car.port, "--yes")

@@ -6,7 +6,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "../../closed_forms.h"
+#include "../../closed_form_tests.h"
 #include "side_view_engine.h"
 #include "trial.h"
 

@@ -60,8 +60,8 @@ double touching_m(const Terrain& terrain, const Place& place) {
     const double middle_m = 0.5 * (low_m + high_m);
     const Part part = place(middle_m);
     std::vector<Contact> contacts;
-    meet_level_ground(part, 0, {}, contacts);
-    for (const Solid& solid : terrain.solids()) meet_solid(part, solid, 0, {}, contacts);
+    add_level_ground_contacts(part, 0, {}, contacts);
+    for (const Solid& solid : terrain.solids()) add_solid_contacts(part, solid, 0, {}, contacts);
     (contacts.empty() ? high_m : low_m) = middle_m;
   }
   return high_m;
@@ -85,7 +85,7 @@ Tyre tyre_at(const Vec3& centre, double roll_rad, double heading_rad = 0) {
 
 std::vector<Contact> contacts_of(const Tyre& tyre, const Solid& solid, double margin_m = 0.001) {
   std::vector<Contact> contacts;
-  meet_solid(tyre, solid, margin_m, {}, contacts);
+  add_solid_contacts(tyre, solid, margin_m, {}, contacts);
   return contacts;
 }
 

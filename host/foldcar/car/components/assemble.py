@@ -166,6 +166,7 @@ class _Pieces:
         return [self._piece(index, sheet) for index, sheet in enumerate(self.sheets)]
 
     def _piece(self, index: int, sheet: dict[str, Pose]) -> Piece:
+        """Return a piece with its faces, its tabs and its creases, each child after its parent."""
         order = {first: i for i, first in enumerate(sheet)}
         creases = []
         for link, a, b, _ in (seam for seam in self.folds if seam.a[0] in order):
@@ -214,9 +215,9 @@ class _Pieces:
         return [poses[i] for i in range(len(self.sheets))]
 
     def joins(self) -> Iterator[IndexedJoin]:
-        """Yield the joins of tabs, of placed layers, and of faces that other joins have placed already.
+        """Yield the joins of tabs, of laminated layers, and of contacts between faces whose poses are known already.
 
-        Edges that tuck into the same edge are one seam, as are all hooks of one strip in one disc.
+        Joins of one seam get the same number: edges that tuck into the same edge, and all hooks of a strip in a disc.
         """
         for i, (face, (_, a, b, length)) in enumerate(self.tabs):
             kind: JoinKind = "lap" if self.home[a[0]] == self.home[b[0]] else "tab"

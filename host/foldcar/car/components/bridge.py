@@ -6,6 +6,7 @@ plug, which would fold the legs over. The bridge drops in from above with the bo
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 from foldcar.car.components.mounts import add_screw, cylinder
 from foldcar.car.components.shape import Shape
@@ -136,34 +137,50 @@ def _put_boards(shape: Shape, on: str, under: Pose, holes: Sequence[str]) -> Non
         return ToolClearance("plug", pose, plug_room_mm(data), data.length_mm.max_value)
 
     (_, y, z), socket = feather.usb.at_mm, feather.battery_socket
-    usb = compose(translation(-mouth_mm(parts), y, z), rotation("y", -math.pi / 2))
+    usb_plug_pose = compose(translation(-mouth_mm(parts), y, z), rotation("y", -math.pi / 2))
     (along, across, up), (_, reach, _) = socket.at_mm, socket.size_mm
-    battery = compose(translation(along, across + reach / 2, up), rotation("x", -math.pi / 2))
-    _put(shape, feather, on, under, feather.standing, [plug("usb", usb), plug("battery", battery)], holes)
-    # The servos' plugs stand upright, their leads bend over them.
-    top, low = wing.plug_top_mm.value + wing.plug_bend_mm.value, wing.board_mm.value
-    solids, ways = [*wing.headers, wing.terminal_block, wing.reset], []
+    battery_plug_pose = compose(translation(along, across + reach / 2, up), rotation("x", -math.pi / 2))
+    _put(
+        shape,
+        feather,
+        on,
+        under,
+        feather.standing,
+        [plug("usb", usb_plug_pose), plug("battery", battery_plug_pose)],
+        holes,
+    )
+    # The servos' plugs stand upright with their leads bent over them: each is one solid with its header.
+    plugs_top_mm, plugs_bottom_mm = wing.plug_top_mm.value + wing.plug_bend_mm.value, wing.board_mm.value
+    solids, clearances = [*wing.headers, wing.terminal_block, wing.reset], []
     for header in wing.servo_headers:
-        (x, y, _), size = header.at_mm, (*header.size_mm[:2], top - low)
-        solids.append(header.model_copy(update={"at_mm": (x, y, (top + low) / 2), "size_mm": size}))
-        ways.append(plug("servo", translation(x, y, top)))
+        (x, y, _), size = header.at_mm, (*header.size_mm[:2], plugs_top_mm - plugs_bottom_mm)
+        solids.append(header.model_copy(update={"at_mm": (x, y, (plugs_top_mm + plugs_bottom_mm) / 2), "size_mm": size}))
+        clearances.append(plug("servo", translation(x, y, plugs_top_mm)))
     # The reset button stands between plugs, so that a screwdriver's tip presses it, not a finger.
     x, y, z = wing.reset.at_mm
-    ways.append(ToolClearance("driver", translation(x, y, z + wing.reset.size_mm[2] / 2), *parts.tools.driver_mm))
-    _put(shape, wing, on, compose(under, translation(0, 0, feather.board_mm.value + wing.gap_mm.value)), solids, ways, ())
+    clearances.append(ToolClearance("driver", translation(x, y, z + wing.reset.size_mm[2] / 2), *parts.tools.driver_mm))
+    _put(
+        shape,
+        wing,
+        on,
+        compose(under, translation(0, 0, feather.board_mm.value + wing.gap_mm.value)),
+        solids,
+        clearances,
+        (),
+    )
 
 
 def _put(
-    shape: Shape, board: Feather | FeatherWing, on: str, under: Pose, boxes: Sequence[Box], ways: Sequence[ToolClearance],
-    holes: Sequence[str],
+    shape: Shape, board: Feather | FeatherWing, on: str, under: Pose, boxes: Sequence[Box],
+    clearances: Sequence[ToolClearance], holes: Sequence[str],
 ) -> None:  # fmt: skip
-    """Add a board with ``boxes`` on it and the clearances ``ways``, both in the board's frame."""
+    """Add a board with ``boxes`` and ``clearances``, both in the board's frame."""
     length, width, height = board.size_mm
     down = translation(0, 0, -height / 2)
     middle = translation(0, 0, (board.board_mm.value - height) / 2)
-    bores = tuple((x, y, pattern.diameter_mm) for pattern in board.holes for x, y in pattern.at_mm)
-    plate = Solid("box", (length, width, board.board_mm.value), middle, bores)
+    screw_holes = tuple((x, y, pattern.diameter_mm) for pattern in board.holes for x, y in pattern.at_mm)
+    plate = Solid("box", (length, width, board.board_mm.value), middle, screw_holes)
     solids = [plate, *(Solid("box", box.size_mm, compose(down, translation(*box.at_mm))) for box in boxes)]
-    clearances = [ToolClearance(way.tool, compose(down, way.pose), way.diameter_mm, way.length_mm) for way in ways]
+    clearances = [replace(clearance, pose=compose(down, clearance.pose)) for clearance in clearances]
     pose = compose(under, translation(0, 0, height / 2))
     shape.box(board.name, board.name, on, pose, board.size_mm, board.mass_kg.value, holes, solids, clearances)

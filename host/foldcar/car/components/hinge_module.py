@@ -103,18 +103,20 @@ class HingeModule(Component):
         strip determines the pose of everything behind it.
         """
         film, (front, rear) = self.parts.film_mm, modules
-        under, glue = -(film + self["thickness"]) / 2, self.parts.assembly.hinge_glue_mm.value
-        at = translation(-self["length"] / 2, 0, under)
-        shape.place(f"{hinge}.front half", f"{front}.beam.floor", at, laminated=True)
+        strip_z_mm, glue_mm = -(film + self["thickness"]) / 2, self.parts.assembly.hinge_glue_mm.value
+        front_pose = translation(-self["length"] / 2, 0, strip_z_mm)
+        shape.place(f"{hinge}.front half", f"{front}.beam.floor", front_pose, laminated=True)
         length = shape.face_size_mm(f"{rear}.beam.floor")[0]
-        shape.place(f"{hinge}.rear half", f"{rear}.beam.floor", translation(length - glue, 0, under), laminated=True)
+        shape.place(
+            f"{hinge}.rear half", f"{rear}.beam.floor", translation(length - glue_mm, 0, strip_z_mm), laminated=True
+        )
         if self._stop_mm() >= MIN_STOP_MM:
-            width = shape.face_size_mm(f"{caps[0]}.cap")[0]
-            top = wall_mm(self["height"], self.parts) - STOP_FROM_LID_MM - cap_inset_mm(self.parts)
-            glue = self._web_mm() * GLUE_SHARE
+            cap_width_mm = shape.face_size_mm(f"{caps[0]}.cap")[0]
+            stop_top_mm = wall_mm(self["height"], self.parts) - STOP_FROM_LID_MM - cap_inset_mm(self.parts)
+            glue_mm = self._web_mm() * GLUE_SHARE
             # A cap's printed side faces inwards, and the stop stands outside: it is turned over.
-            corner = translation(width * (1 + STOP_SHARE) / 2, top - glue, -film)
-            shape.place(f"{hinge}.glue 1", f"{caps[0]}.cap", compose(corner, rotation("y", math.pi)), laminated=True)
+            stop_pose = translation(cap_width_mm * (1 + STOP_SHARE) / 2, stop_top_mm - glue_mm, -film)
+            shape.place(f"{hinge}.glue 1", f"{caps[0]}.cap", compose(stop_pose, rotation("y", math.pi)), laminated=True)
 
     def _stop_mm(self) -> float:
         """Depth of the stop (mm) from the front segment's cap, with which it meets the other cap at the upper limit."""

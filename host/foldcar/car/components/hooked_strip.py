@@ -196,16 +196,17 @@ def first_facet_pose(size: WheelSize, strip: int) -> Pose:
 
 
 def _strip(shape: Shape, size: WheelSize, strip: int, count: int) -> None:
-    length, width, turn = size.facet_mm, size.between_mm, math.degrees(size.turn_rad)
-    dip = math.degrees(size.turn_rad - size.slope_rad)
+    """Add one strip of the rim: ``count`` facets, with hooks at each tie, a tongue at one end, a slot at the other."""
+    length_mm, width_mm, turn_deg = size.facet_mm, size.between_mm, math.degrees(size.turn_rad)
+    dip_deg = math.degrees(size.turn_rad - size.slope_rad)
     hook = Hook(NECK_MM, HOOK_MM, HOOK_MM, 2 * size.clearance_mm + size.film_mm)
     for i in range(count):
         hooks = (None, None) if i % size.facets_per_tie else (hook, hook)
-        outline = facet(length, width, hooks, 0.0 if i else _tongue_mm(size)[0])
+        outline = facet(length_mm, width_mm, hooks, 0.0 if i else _tongue_mm(size)[0])
         shape.face(f"rim {strip} {i}", outline, role="rim", piece="wheel rim")
     for i in range(count - 1):
-        extra = dip if i == count - 2 else 0.0
-        shape.connect(f"rim {strip} {i}.next", f"rim {strip} {i + 1}.last", "bend", turn + extra)
+        extra_deg = dip_deg if i == count - 2 else 0.0
+        shape.connect(f"rim {strip} {i}.next", f"rim {strip} {i + 1}.last", "bend", turn_deg + extra_deg)
     _tongue(shape, size, strip)
     shape.polygon_hole(f"rim {strip} {count - 1}", f"rim {strip} slot", "slot", _slot(size))
 
@@ -217,8 +218,8 @@ def _tongue_mm(size: WheelSize) -> Point:
 
 def _slot(size: WheelSize) -> list[Point]:
     """Return the slot in the last facet's frame: narrow where the tongue passes, wide where its head is put in."""
-    short, apart = _start_mm(size)
-    along = math.sqrt(_through_mm(size) ** 2 - (2 * apart) ** 2)
+    short, distance_mm = _start_mm(size)
+    along = math.sqrt(_through_mm(size) ** 2 - (2 * distance_mm) ** 2)
     start = size.facet_mm - short - OUTSIDE_MM
     right = start + size.film_mm / 2 + size.clearance_mm
     middle, left = start - along - OVER_MM, start - along - OVER_MM - WIDE_MM

@@ -76,8 +76,8 @@ class WheelModule(Module):
         out = -(parts.film_mm / 2 + gap + self["tire_thickness"] / 2)
         running = self.parts.tyre.running_width_mm(self["tire_thickness"])
         if not self["driven"]:
-            apart = wall_mm(self["width"], parts)
-            put_rod(shape, ("beam.left", "beam.right"), axis, apart, gap, self["tire_thickness"])
+            wall_distance_mm = wall_mm(self["width"], parts)
+            put_rod(shape, ("beam.left", "beam.right"), axis, wall_distance_mm, gap, self["tire_thickness"])
             for side in SIDES:
                 shape.axle(f"beam.{side}", "", side, (*axis, out), self["radius"], running)
             return
@@ -237,6 +237,7 @@ class ElectronicsModule(BrainModule):
 
 
 def _power_wires(parts: Catalogue) -> list[Wire]:
+    """Return the wires between batteries, switch and boards."""
     feather, wing, switch = parts.feather.name, parts.featherwing.name, parts.switch.name
     return [
         Wire(f"{feather} headers", f"{wing} headers", "stack", "the wing sits on the Feather: I2C on SDA 23 and SCL 22"),

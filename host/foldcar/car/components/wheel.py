@@ -84,9 +84,12 @@ class Wheel(Component):
             shape.round_hole(face, f"{face}.hub", "axle", (0, 0), horn.recess_diameter_mm.value)
             for i, center in enumerate(wheel_screws_mm(horn)):
                 # Slots towards the axle, for horns whose holes lie nearer to it or farther from it.
-                off, far = horn.wheel_screws.tolerance, math.hypot(*center)
+                position_tolerance, far = horn.wheel_screws.tolerance, math.hypot(*center)
                 wide = self.parts.horn_screw.diameter_mm.max_value + 2 * assembly.cut_mm.value
-                near, out = ((center[0] * scale, center[1] * scale) for scale in (1 - off / far, 1 + off / far))
+                near, out = (
+                    (center[0] * scale, center[1] * scale)
+                    for scale in (1 - position_tolerance / far, 1 + position_tolerance / far)
+                )
                 shape.slotted_hole(face, f"{face}.horn screw {i + 1}", "screw", near, out, wide)
         shape.round_hole("outer", "outer.access", "opening", (0, 0), 2 * access_radius_mm(self.parts))
 
@@ -168,5 +171,5 @@ def _tyre(shape: Shape, size: WheelSize) -> None:
     middle = size.disc_radius_mm + thick / 2
     box = (thick, 2 * middle * math.tan(step / 2), width)
     solids = [Solid("box", box, compose(rotation("z", i * step), translation(middle, 0, 0))) for i in range(TYRE_BOXES)]
-    pose, whole = translation(0, 0, (size.width_mm - size.film_mm) / 2), (2 * size.radius_mm, 2 * size.radius_mm, width)
-    shape.box(tyre.name, "tyre", "inner", pose, whole, tyre.mass_kg(size.radius_mm, size.width_mm), solids=solids)
+    pose, size_mm = translation(0, 0, (size.width_mm - size.film_mm) / 2), (2 * size.radius_mm, 2 * size.radius_mm, width)
+    shape.box(tyre.name, "tyre", "inner", pose, size_mm, tyre.mass_kg(size.radius_mm, size.width_mm), solids=solids)

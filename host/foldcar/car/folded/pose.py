@@ -93,8 +93,8 @@ def folded(piece: Piece, fraction: float | Mapping[str, float] = 1.0) -> dict[st
     faces = {face.name: face for face in piece.faces}
     poses = {piece.faces[0].name: IDENTITY}
     for crease in piece.creases:
-        share = fraction.get(crease.name, 0.0) if isinstance(fraction, Mapping) else fraction
-        turn = across_crease(edge(faces, crease.parent), edge(faces, crease.child), crease.angle_rad * share)
+        closed_fraction = fraction.get(crease.name, 0.0) if isinstance(fraction, Mapping) else fraction
+        turn = across_crease(edge(faces, crease.parent), edge(faces, crease.child), crease.angle_rad * closed_fraction)
         poses[crease.child.face] = compose(poses[crease.parent.face], turn)
     return poses
 

@@ -205,11 +205,11 @@ class Feather(BoxPart):
         """Return the holes where a screw's nut can be turned, because nothing on the board is in the way."""
         nut = screw.nut_width_mm.value / math.sqrt(3) if screw.nut_width_mm else screw.diameter_mm.value / 2
 
-        def apart(box: Box, at: tuple[float, float]) -> float:
+        def distance_mm(box: Box, at: tuple[float, float]) -> float:
             return math.hypot(*(max(0.0, abs(at[i] - box.at_mm[i]) - box.size_mm[i] / 2) for i in (0, 1)))
 
         holes = [at for pattern in self.holes for at in pattern.at_mm]
-        return [at for at in holes if all(apart(box, at) > nut for box in self.standing)]
+        return [at for at in holes if all(distance_mm(box, at) > nut for box in self.standing)]
 
 
 class FeatherWing(BoxPart):

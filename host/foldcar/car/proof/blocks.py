@@ -173,13 +173,13 @@ def first_obstacle(
 
 
 def swept_obstacle(start: Blocks, end: Blocks, standing: Blocks, ignored: Ignored = NOTHING) -> str | None:
-    """Return the title of the nearest solid that the solids collide with between two places, or None."""
+    """Return the title of the nearest standing solid that solids hit on their way from ``start`` to ``end``, or None."""
     if not start.titles or not standing.titles:
         return None
     pairs = _near(np.minimum(start.low, end.low), np.maximum(start.high, end.high), standing)
-    first, second = pairs.T
+    moving, obstacles = pairs.T
     # Distances of the bounds at the start: the nearest obstacle is named.
-    gaps = np.maximum(standing.low[second] - start.high[first], start.low[first] - standing.high[second])
+    gaps = np.maximum(standing.low[obstacles] - start.high[moving], start.low[moving] - standing.high[obstacles])
     hulls: dict[int, fcl.CollisionObject] = {}
     for i, k in pairs[np.argsort(gaps.max(axis=1), kind="stable")].tolist():
         if (start.titles[i], standing.titles[k]) in ignored:

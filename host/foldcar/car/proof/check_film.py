@@ -46,24 +46,26 @@ def flat_polygons(piece: Piece) -> dict[str, shapely.Polygon]:
 
 
 def _outlines(piece: Piece, face: Face) -> Iterator[Finding]:
+    """Yield findings on outlines that cross themselves, and on holes outside of their face or in each other."""
     place = f"{piece.name}: {face.name}"
     outline = shapely.Polygon(face.outline_mm)
     if not outline.is_valid or not shapely.is_ccw(outline.exterior):
         yield Finding("outline", place, "its outline crosses itself or runs clockwise")
         return
-    taken: shapely.Geometry = shapely.Polygon()
+    occupied: shapely.Geometry = shapely.Polygon()
     for hole in face.holes:
         shape = shapely.Polygon(hole.outline_mm)
         if not shape.is_valid or shape.area <= 0:
             yield Finding("outline", f"{place}: {hole.name}", "the hole's outline crosses itself")
         elif not outline.contains(shape):
             yield Finding("outline", f"{place}: {hole.name}", "the hole is not inside its face")
-        elif shape.intersects(taken):
+        elif shape.intersects(occupied):
             yield Finding("outline", f"{place}: {hole.name}", "the hole runs into another one")
-        taken = shapely.union(taken, shape)
+        occupied = shapely.union(occupied, shape)
 
 
 def _holes_at_folds(piece: Piece, min_distance_mm: float) -> Iterator[Finding]:
+    """Yield findings on holes that are too near to a fold."""
     faces = {face.name: face for face in piece.faces}
     refs = (ref for crease in piece.creases if not crease.bend for ref in (crease.parent, crease.child))
     lines: dict[str, list[shapely.LineString]] = defaultdict(list)
@@ -78,6 +80,7 @@ def _holes_at_folds(piece: Piece, min_distance_mm: float) -> Iterator[Finding]:
 
 
 def _overlaps(piece: Piece) -> Iterator[Finding]:
+    """Yield findings on faces of a piece that overlap in the flat."""
     flat = flat_polygons(piece)
     names, shapes = list(flat), list(flat.values())
     tree = shapely.STRtree(shapes)
@@ -156,36 +159,38 @@ def _gap_mm(join: Join, a: PlacedFace, b: PlacedFace) -> float:
 
 
 def _tab(join: Join, a: PlacedFace, b: PlacedFace) -> Iterator[Finding]:
+    """Yield findings on a tab: edges that do not meet, a tab that stands off its face or reaches beyond it."""
     place = f"join {join.number}: {a.title} on {b.title}"
     gap = _gap_mm(join, a, b)
     if gap > CLOSURE_MM:
         yield Finding("closure", place, f"the edges are {gap:.3f} mm apart, the limit is {CLOSURE_MM:g} mm")
-    local = b.in_face(a.corners_mm)
+    corners_on_face = b.in_face(a.corners_mm)
     # A tab lies inside the wall, one film above it.
     layer = (a.piece.thickness_mm + b.piece.thickness_mm) / 2 if join.kind == "tab" else 0.0
-    height = float(np.abs(local[:, 2] - layer).max())
+    height = float(np.abs(corners_on_face[:, 2] - layer).max())
     limit = FIT_MM if join.kind == "tab" else CLOSURE_MM
     if height > limit:
         message = f"the tab stands {height:.3f} mm off the face it is glued to, the limit is {limit:g} mm"
         yield Finding("tab", place, message)
         return
-    over = shapely.Polygon(local[:, :2]).difference(b.polygon)
+    outside = shapely.Polygon(corners_on_face[:, :2]).difference(b.polygon)
     # Shrinking removes the slivers that a tab as wide as its face leaves.
-    if over.buffer(-CLOSURE_MM).area > TAB_OVER_MM2:
-        yield Finding("tab", place, f"{over.area:.2f} mm² of the tab lie beside its face or over a hole in it")
+    if outside.buffer(-CLOSURE_MM).area > TAB_OVER_MM2:
+        yield Finding("tab", place, f"{outside.area:.2f} mm² of the tab lie beside its face or over a hole in it")
 
 
 def _tongue(join: Join, a: PlacedFace, b: PlacedFace) -> Iterator[Finding]:
+    """Yield findings on a tongue: a missing slot, a tongue that is too short or does not fit the slot."""
     place = f"join {join.number}: {a.title} through {b.title}"
     slot = next((hole for hole in b.face.holes if hole.name == join.slot), None)
-    local = b.in_face(a.edge_mm(join.a.index))
-    end_mm = float(np.max(local[:, 2]))
+    edge_in_slot_face = b.in_face(a.edge_mm(join.a.index))
+    end_mm = float(np.max(edge_in_slot_face[:, 2]))
     if slot is None:
         yield Finding("slot", place, f'there is no slot "{join.slot}"')
     elif end_mm > -b.piece.thickness_mm / 2:
         yield Finding("slot", place, f"the tongue ends {end_mm:.2f} mm inside the slot")
     else:
-        section = shapely.LineString(local[:, :2]).buffer(a.piece.thickness_mm / 2, cap_style="flat")
-        over = section.difference(shapely.Polygon(slot.outline_mm)).area
-        if over > 1e-6:
-            yield Finding("slot", place, f"{over:.3f} mm² of the tongue's section do not go through {slot.name}")
+        section = shapely.LineString(edge_in_slot_face[:, :2]).buffer(a.piece.thickness_mm / 2, cap_style="flat")
+        outside_mm2 = section.difference(shapely.Polygon(slot.outline_mm)).area
+        if outside_mm2 > 1e-6:
+            yield Finding("slot", place, f"{outside_mm2:.3f} mm² of the tongue's section do not go through {slot.name}")

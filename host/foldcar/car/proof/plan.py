@@ -42,9 +42,9 @@ class Building:
         """Append a step, unless it would be empty. Pieces come in folded, unless the step is ``flat``."""
         pieces, mounts, units, closed = list(pieces), list(mounts), list(units), dict(folds or {})
         for piece in pieces:
-            whole = self.roles.all_folded(piece.piece)
-            if not flat and whole:
-                closed.setdefault(piece.piece, whole)
+            all_folds = self.roles.all_folded(piece.piece)
+            if not flat and all_folds:
+                closed.setdefault(piece.piece, all_folds)
         self._present |= {(piece.piece, piece.copy) for piece in pieces}
         self.parts |= {mount.name for mount in mounts}
         self._folded |= {name for name, fractions in closed.items() if any(fractions.values())}
@@ -80,13 +80,13 @@ class Building:
         Layers are joined while flat.
         """
         pieces = self.roles.car.pieces
-        whole = {piece.name for piece in pieces if all((piece.name, i) in self._present for i in range(piece.count))}
+        complete = {piece.name for piece in pieces if all((piece.name, i) in self._present for i in range(piece.count))}
         numbers = set()
         for join in self.roles.car.joins:
             ends = {join.piece_a, join.piece_b}
             shaped = ends <= self._folded or (join.kind == "laminate" and flat)
             together = ends <= self._in_units if unit else not ends & self._in_units
-            if join.number not in self._made_joins | self._lid_joins and ends <= whole and shaped and together:
+            if join.number not in self._made_joins | self._lid_joins and ends <= complete and shaped and together:
                 numbers.add(join.number)
         self._made_joins |= numbers
         return tuple(sorted(numbers))
@@ -160,9 +160,9 @@ def _inside(roles: Roles, building: Building) -> None:
     under = [m for m in parts if m.part == car.parts.lipo.name and carriers]
     for carrier in carriers:
         boards = sorted((m for m in roles.carried(carrier) if not roles.is_fastener(m)), key=lambda m: m.pose[2][3])
-        name, parts_on, whole = _unit(roles, carrier), building.with_screws(boards), roles.all_folded(carrier.piece)
+        name, parts_on, all_folds = _unit(roles, carrier), building.with_screws(boards), roles.all_folded(carrier.piece)
         building.step(f"Screw the boards onto the flat {carrier.piece}", [carrier], parts_on, unit=name, flat=True)
-        building.step(f"Fold the {carrier.piece}", folds={carrier.piece: whole} if whole else {}, unit=name)
+        building.step(f"Fold the {carrier.piece}", folds={carrier.piece: all_folds} if all_folds else {}, unit=name)
     for mount in under:
         building.step(f"Put the {mount.name} in", mounts=building.with_screws([mount]))
     for carrier in carriers:
@@ -216,8 +216,8 @@ def plan_service(car: FoldedCar) -> tuple[AssemblyStep, ...]:
     for mount in (m for m in car.mounts if not roles.is_fastener(m)):
         for i, clearance in enumerate(mount.clearances):
             outside = roles.from_outside(mount, clearance)
-            what = f"{USES[clearance.tool]} {mount.name}, the lid {'shut' if outside else 'open'}"
-            (shut if outside else opened).append(AssemblyStep(what, {}, (), (), (ToolUse(mount.name, i),)))
+            action = f"{USES[clearance.tool]} {mount.name}, the lid {'shut' if outside else 'open'}"
+            (shut if outside else opened).append(AssemblyStep(action, {}, (), (), (ToolUse(mount.name, i),)))
     folds = {name: dict.fromkeys(lid.creases, 0.0) for name, lid in sorted(roles.lids.items()) if lid.creases}
     for mount in (m for m in car.mounts if m.part == car.parts.battery.name):
         on_lid = roles.is_on_lid(mount)

@@ -115,14 +115,16 @@ class _Prover:
     def _fold(self, place: str, step: AssemblyStep) -> None:
         """Close folds, and add a finding if a swinging face collides with its own piece or with others in place."""
         for name, fractions in step.folds.items():
-            before = self.stage.folds.get(name, {})
+            earlier_fractions = self.stage.folds.get(name, {})
             lid = self.roles.lids.get(name)
             if lid is not None and lid.creases and set(fractions) == set(lid.creases):
                 angles = {crease.name: crease.angle_rad for crease in self.roles.pieces[name].creases}
                 self._check_swing(place, name, f"the lid of {name} does not shut", list(_closing(lid, angles)))
             elif any(key[1] == name for standing in self.standing.values() for key in standing):
-                fractions_closed = [i / SWING_STEPS for i in range(SWING_STEPS + 1)]
-                path = [{c: before.get(c, 0.0) * (1 - s) + f * s for c, f in fractions.items()} for s in fractions_closed]
+                shares = [i / SWING_STEPS for i in range(SWING_STEPS + 1)]
+                path = [
+                    {c: earlier_fractions.get(c, 0.0) * (1 - s) + f * s for c, f in fractions.items()} for s in shares
+                ]
                 self._check_swing(place, name, f"{name} does not fold", path)
         self._close(step.folds)
 
@@ -183,18 +185,18 @@ class _Prover:
         return mount.part in boards and bool(names & (boards - {mount.part}))
 
     def _screw_ways(self, screw: Mount, standing: Blocks, own: Sequence[Vector]) -> tuple[ExitPath, ExitPath | None]:
-        """Return the exit paths of head with shank, along the driver, and of the nut, which first leaves the shank."""
+        """Return the exit path of the screw along the driver's axis, and of its nut, which first leaves the shank."""
         head, *nuts = self.scene.screw(screw, self.stage)
         axis = np.array(compose(self.stage.mount(screw), screw.clearances[0].pose))[:3, 2]
         way = find_exit_path(head, standing, [vector(axis)], only_own=True)
         if not nuts:
             return way, None
-        nut, off = merge_blocks(nuts), vector(-axis * self.car.parts.tools.nut_room_mm.value)
-        obstacle = first_obstacle(nut, standing, off)
+        nut, nut_clearance = merge_blocks(nuts), vector(-axis * self.car.parts.tools.nut_room_mm.value)
+        obstacle = first_obstacle(nut, standing, nut_clearance)
         if obstacle is not None:
             return way, ExitPath(None, ((vector(-axis), obstacle),))
-        rest = find_exit_path(nut.moved(translation(*off)), standing, own)
-        return way, rest if rest.moves_mm is None else ExitPath((off, *rest.moves_mm))
+        rest = find_exit_path(nut.moved(translation(*nut_clearance)), standing, own)
+        return way, rest if rest.moves_mm is None else ExitPath((nut_clearance, *rest.moves_mm))
 
     def _name(self, added: Added) -> str:
         if added.kind == "unit" and added.name not in self.roles.wheel_units:
@@ -217,7 +219,10 @@ class _Prover:
                 self._add_finding(place, f"{name} has no room for its {clearance.tool}: {obstacle} is in the way")
 
     def _check_swing(self, place: str, name: str, failure: str, path: Sequence[Mapping[str, float]]) -> None:
-        """Add a finding if a piece, or a part on it, collides while its folds take the fractions of ``path``."""
+        """Add a finding if faces of a piece, or parts on them, collide while its creases close along ``path``.
+
+        ``path`` has the closed fraction of each crease, step by step.
+        """
         stages = [self.stage.closed({name: fractions}) for fractions in path]
         first, last = stages[0], stages[-1]
         for standing in self.standing.values():
@@ -225,17 +230,21 @@ class _Prover:
             piece_keys = [key for key in keys if key[:2] == ("piece", name)]
             faces: set[str] = set()
             for key in piece_keys:
-                ends = last.poses(key)
-                faces |= {title(name, face) for face, pose in first.poses(key).items() if pose != ends[face]}
+                last_poses = last.poses(key)
+                faces |= {title(name, face) for face, pose in first.poses(key).items() if pose != last_poses[face]}
             still = [standing[key].where(faces, among=False) for key in piece_keys]
-            rest = merge_blocks([*still, *(blocks for key, blocks in standing.items() if key not in keys)])
+            obstacles = merge_blocks([*still, *(blocks for key, blocks in standing.items() if key not in keys)])
             start: Blocks | None = None
-            for share, stage in zip(path, stages, strict=True):
-                swung = [self.scene.solid(key, stage).where(faces) for key in piece_keys]
-                end = merge_blocks([*swung, *(self.scene.solid(key, stage) for key in keys if key not in piece_keys)])
-                obstacle = None if start is None else swept_obstacle(start, end, rest, self.joined)
+            for fractions_of_creases, stage in zip(path, stages, strict=True):
+                swinging_faces = [self.scene.solid(key, stage).where(faces) for key in piece_keys]
+                end = merge_blocks(
+                    [*swinging_faces, *(self.scene.solid(key, stage) for key in keys if key not in piece_keys)]
+                )
+                obstacle = None if start is None else swept_obstacle(start, end, obstacles, self.joined)
                 if obstacle is not None:
-                    self._add_finding(place, f"{failure}: {next(iter(share.values())):.0%} closed, it meets {obstacle}")
+                    self._add_finding(
+                        place, f"{failure}: {next(iter(fractions_of_creases.values())):.0%} closed, it meets {obstacle}"
+                    )
                     break
                 start = end
 
@@ -247,12 +256,12 @@ def _closing(lid: Lid, angles_rad: Mapping[str, float]) -> Iterator[dict[str, fl
         yield from ({hinge: i / SWING_STEPS} for i in range(SWING_STEPS + 1))
         return
     flap, *others = flaps
-    whole = dict.fromkeys(others, 1.0)
-    yield from ({hinge: 0.0, flap: i / SWING_STEPS, **whole} for i in range(SWING_STEPS))
+    all_fractions = dict.fromkeys(others, 1.0)
+    yield from ({hinge: 0.0, flap: i / SWING_STEPS, **all_fractions} for i in range(SWING_STEPS))
     ratio = angles_rad[hinge] / angles_rad[flap]
     for i in range(SWING_STEPS + 1):
         closed = i / SWING_STEPS
-        yield {hinge: closed, flap: 1.0 + ratio * min(closed, 1.0 - closed), **whole}
+        yield {hinge: closed, flap: 1.0 + ratio * min(closed, 1.0 - closed), **all_fractions}
 
 
 def _failure_message(way: ExitPath) -> str:
@@ -260,12 +269,12 @@ def _failure_message(way: ExitPath) -> str:
     if way.stuck:
         return f"does not fit: at its place it runs into {way.stuck}"
     met = []
-    for move, what in way.met:
+    for move, obstacle in way.met:
         axis = int(np.argmax(np.abs(move)))
         direction = "(" + ", ".join(f"{value:.2f}" for value in move) + ")"
         if abs(move[axis]) > 0.999:
             direction = f"{'+' if move[axis] > 0 else '-'}{'xyz'[axis]}"
-        met.append(f"along {direction} it meets {what}")
+        met.append(f"along {direction} it meets {obstacle}")
     return "has no way out: " + ", ".join(met)
 
 

@@ -152,8 +152,8 @@ class Roles:
         onto = inverse(compose(screw.pose, shank.pose))
         passed: list[tuple[float, Thing]] = []
         for mount in self.held_by(screw):
-            held = [solid for solid in mount.solids if stands_in(screw, shank, mount, solid)]
-            heights = [compose(onto, mount.pose, solid.pose)[2][3] for solid in held]
+            holding_solids = [solid for solid in mount.solids if stands_in(screw, shank, mount, solid)]
+            heights = [compose(onto, mount.pose, solid.pose)[2][3] for solid in holding_solids]
             passed += [(max(heights), ("mount", mount.name, 0))] if heights else []
         for copy in self.placed(screw.body):
             for face in self.pieces[copy.piece].faces:
@@ -211,14 +211,14 @@ def lid_of(car: FoldedCar, base: Piece) -> Lid:
         if crease.parent.face in moving:
             moving.add(crease.child.face)
     panels = {face.name for face in base.faces if face.name in moving and face.role == "panel"}
-    order = tuple(crease.name for crease in base.creases if crease.child.face in panels)
-    shutting = set()
+    crease_names = tuple(crease.name for crease in base.creases if crease.child.face in panels)
+    closing_joins = set()
     for join in (join for join in car.joins if join.kind in ("lock", "tuck")):
         ends = {(join.piece_a, join.a.face), (join.piece_b, join.b.face)}
         if sum(piece == base.name and face in moving for piece, face in ends) == 1:
-            shutting.add(join.number)
+            closing_joins.add(join.number)
     gripped = tuple(face for face in base.faces if face.name in moving and face.clearances)
-    return Lid(frozenset(moving), order, tuple(sorted(shutting)), gripped)
+    return Lid(frozenset(moving), crease_names, tuple(sorted(closing_joins)), gripped)
 
 
 def stands_in(screw: Mount, solid: Solid, other: Mount, held: Solid) -> bool:

@@ -62,8 +62,10 @@ class Stage:
             return IDENTITY
         piece, face = host
         above = self._shift(self.roles.host(piece))
-        now, then = self._folded(piece.piece)[face], self.roles.finished[piece.piece][face]
-        return above if now == then else compose(above, piece.pose, now, inverse(then), inverse(piece.pose))
+        current, finished = self._folded(piece.piece)[face], self.roles.finished[piece.piece][face]
+        return (
+            above if current == finished else compose(above, piece.pose, current, inverse(finished), inverse(piece.pose))
+        )
 
 
 TONGUES = frozenset({"lock", "tab_slot", "rim"})
@@ -142,14 +144,15 @@ class Scene:
         return plate(shape, piece.thickness_mm, title(name, face_name))
 
     def _through(self, join: Join) -> Iterator[tuple[str, shapely.Geometry]]:
-        """Yield bands of faces, in their frames, from the film that a tongue goes through to the tongue's tip.
+        """Yield the part of each face, in its frame, that goes through the slot of a join: from the film to the tip.
 
-        All faces of the tongue's piece are cut there, unless it locks into itself: tongues may share a slot.
+        All faces of the tongue's piece are returned, because tongues may share a slot. If the piece locks into itself,
+        only the tongue's face is.
         """
         roles, piece = self.roles, self.roles.pieces[join.piece_a]
         tip = np.mean(edge(roles.faces[join.piece_a], join.a), axis=0)
         copies = ([copy for copy in roles.car.placed if copy.piece == name] for name in (join.piece_a, join.piece_b))
-        # No piece with a tongue is twice in one body.
+        # A piece with a tongue occurs only once in a body, so the body tells which copies are joined.
         tongue, slotted = next(pair for pair in itertools.product(*copies) if pair[0].body == pair[1].body)
         onto = inverse(roles.pose_of(slotted, join.b.face))
         height = apply(compose(onto, roles.pose_of(tongue, join.a.face)), *tip)[2]

@@ -174,15 +174,15 @@ def _marks(marks: Sequence[Mark], seen: Sequence[VisibleFacet], view: Camera, si
     return texts
 
 
-def _free(at: Vector, placed: Sequence[Vector], apart: float) -> Vector:
+def _free(at: Vector, placed: Sequence[Vector], min_distance: float) -> Vector:
     """Return the place, moved away from earlier marks that it would cover."""
     for _ in placed:
         near = min(placed, key=lambda other: float(np.linalg.norm(at - other)))
-        off = at - near
-        distance = float(np.linalg.norm(off))
-        if distance > apart - 1e-9:
+        offset = at - near
+        distance = float(np.linalg.norm(offset))
+        if distance > min_distance - 1e-9:
             break
-        at = near + (off / distance if distance > 1e-6 else np.array([1.0, 0.0])) * apart
+        at = near + (offset / distance if distance > 1e-6 else np.array([1.0, 0.0])) * min_distance
     return at
 
 

@@ -83,9 +83,9 @@ def service_picture(car: FoldedCar) -> tuple[Drawing, ...]:
     lids = [step.folds for step in service_steps(car) if step.folds]
     pictures: list[Drawing] = []
     if lids:
-        off = [part for part in shown if not (isinstance(part, Mount) and roles_of(car).is_on_lid(part))]
+        outside_lid = [part for part in shown if not (isinstance(part, Mount) and roles_of(car).is_on_lid(part))]
         caption = "the lid shut, without wheels: push each lever outwards, lift by the pull tab"
-        shut = merge_shapes(map(state.shape, off))
+        shut = merge_shapes(map(state.shape, outside_lid))
         pictures.append(Drawing(shut, FROM_RIGHT, "Open", arrows=_opening(car, state), caption=caption))
     for folds in lids:
         state.close(folds)
@@ -238,18 +238,18 @@ class Scene:
         if self._is_screw(added):
             return [move * min(1.0, SCREW_APART_MM / length) for move, length in zip(moves, lengths, strict=True)]
         least = min(max(MIN_APART_MM, APART_SHARE * float(np.ptp(box, axis=0).max())), APART_MM)
-        wanted = [min(max(length, 0.0 if i else least), APART_MM) for i, length in enumerate(lengths)]
-        return [move * (want / length) for move, length, want in zip(moves, lengths, wanted, strict=True)]
+        lengths_mm = [min(max(length, 0.0 if i else least), APART_MM) for i, length in enumerate(lengths)]
+        return [move * (want / length) for move, length, want in zip(moves, lengths, lengths_mm, strict=True)]
 
     def _is_screw(self, added: Added) -> bool:
         return added.kind == "mount" and is_screw(self.state.car.parts, self.state.mounts[added.name])
 
     def _fold_arrows(self, part: PlacedPiece) -> None:
         """Add arrows for the largest faces that a fold moves, from where they were to where they are."""
-        then, now = (self.state.face_centres(part, stage) for stage in (self.state.before, self.state.stage))
+        earlier, later = (self.state.face_centres(part, stage) for stage in (self.state.before, self.state.stage))
         faces = sorted(self.state.pieces[part.piece].faces, key=lambda face: -_spread(face.outline_mm))
-        moved_names = [f.name for f in faces if np.linalg.norm(now[f.name] - then[f.name]) > MOVED_MM]
-        self.arrows += [Arrow(np.stack([then[name], now[name]])) for name in moved_names[:FOLD_ARROWS]]
+        moved_names = [f.name for f in faces if np.linalg.norm(later[f.name] - earlier[f.name]) > MOVED_MM]
+        self.arrows += [Arrow(np.stack([earlier[name], later[name]])) for name in moved_names[:FOLD_ARROWS]]
 
     def _mark(self, part: PlacedPiece, shift: Vector) -> None:
         """Add marks with the numbers of this step's joins on a piece."""
@@ -318,9 +318,9 @@ def _place(join: Join, piece: Piece, side: str) -> tuple[str, Vector] | None:
     if hole is not None:
         middle = np.array(hole.outline_mm).mean(axis=0)
         inward = outline.mean(axis=0) - middle
-        apart = float(np.linalg.norm(inward))
-        if apart > BESIDE_EDGE_MM:
-            step = inward * BESIDE_EDGE_MM / apart
+        depth_mm = float(np.linalg.norm(inward))
+        if depth_mm > BESIDE_EDGE_MM:
+            step = inward * BESIDE_EDGE_MM / depth_mm
             opened = any(Polygon(hole.outline_mm).covers(Point(*(middle + step))) for hole in face.holes)
             return face.name, middle - step if opened else middle + step
         # A wound strip's faces are short, so the number is on the next face.

@@ -47,7 +47,7 @@ def _folds(step: AssemblyStep, before: State) -> Iterator[str]:
     if wound:
         labels = join_words([f"the {piece.label}" for piece in wound])
         yield f"Curl {labels} evenly, without a crease, printed side inside."
-    alike: dict[str, list[str]] = {}
+    pieces_by_text: dict[str, list[str]] = {}
     for name, creases in step.folds.items():
         piece = before.pieces[name]
         made = closing(step, before.closed, piece)
@@ -59,8 +59,8 @@ def _folds(step: AssemblyStep, before: State) -> Iterator[str]:
         left = f"; fold {join_words(opened)} too, and open them again" if opened else ""
         named = f" ({join_words([crease.name for crease in shut])})" if before.closed.get(name) else ""
         if made:
-            alike.setdefault(f"{join_words(texts)}{named}{left}", []).append(f"the {piece.label}")
-    for text, pieces in alike.items():
+            pieces_by_text.setdefault(f"{join_words(texts)}{named}{left}", []).append(f"the {piece.label}")
+    for text, pieces in pieces_by_text.items():
         yield f"Fold {join_words(pieces)}: {text}{', each' if len(pieces) > 1 else ''}."
 
 
@@ -73,7 +73,7 @@ def _put_in(step: AssemblyStep, before: State) -> list[str]:
     wires = {mount.name for mount in before.car.mounts if mount.part == before.car.parts.wiring.name}
     placed = [added for added in shown if added.name not in wires]
     instructions = [f"{_label(added, before)}: {_origin(added, before, bool(step.unit))}" for added in placed]
-    counted = [(text, len(list(alike))) for text, alike in itertools.groupby(instructions)]
+    counted = [(text, len(list(group))) for text, group in itertools.groupby(instructions)]
     texts = [f"{count} × {text}" if count > 1 else text for text, count in counted]
     period = next((p for p in range(1, len(texts) + 1) if texts == texts[:p] * (len(texts) // p)), 1)
     if 1 < period < len(texts):
@@ -89,7 +89,7 @@ def _label(added: Added, before: State) -> str:
     return before.mounts[added.name].part
 
 
-def _origin(added: Added, before: State, apart: bool) -> str:
+def _origin(added: Added, before: State, is_apart: bool) -> str:
     """Return where a part comes from, move by move; for a screw also what it passes, its tool and its nut."""
     car = before.car
     if added.kind == "mount" and is_screw(car.parts, before.mounts[added.name]):
@@ -103,10 +103,10 @@ def _origin(added: Added, before: State, apart: bool) -> str:
         through = f" through {join_words([f'the {name}' for name in passed])}" if passed else ""
         nut = ""
         if added.nut_mm:
-            nut = f", its nut {_directions(added, added.nut_mm[-1:], before, apart)}, held with pliers"
-        return f"{_directions(added, added.way_mm, before, apart)}{through}{into}, with the {DRIVER}{nut}"
+            nut = f", its nut {_directions(added, added.nut_mm[-1:], before, is_apart)}, held with pliers"
+        return f"{_directions(added, added.way_mm, before, is_apart)}{through}{into}, with the {DRIVER}{nut}"
     if added.way_mm:
-        return _directions(added, added.way_mm, before, apart)
+        return _directions(added, added.way_mm, before, is_apart)
     if added.kind == "piece" and is_wound(before.pieces[added.name]):
         return "wind it around the discs"
     if added.kind == "mount" and added.body in {axle.wheel for axle in car.axles}:
@@ -114,8 +114,8 @@ def _origin(added: Added, before: State, apart: bool) -> str:
     return "lay it down"
 
 
-def _directions(added: Added, moves: Sequence[Vector], before: State, apart: bool) -> str:
-    """Return the sides that moves come from: the wheel's if ``apart``, else outside or inside of the car's walls."""
+def _directions(added: Added, moves: Sequence[Vector], before: State, is_apart: bool) -> str:
+    """Return from which sides a part moves in: a wheel's sides if ``is_apart``, else the outside or inside of the car."""
     axle = next((axle for axle in before.car.axles if axle.wheel == added.body), None)
     place = before.mounts[added.name].pose[1][3] if added.kind == "mount" else 0.0
     y = axle.center_mm[1] if axle else place
@@ -124,7 +124,7 @@ def _directions(added: Added, moves: Sequence[Vector], before: State, apart: boo
         axis = int(np.argmax(np.abs(move)))
         if axis != 1 or abs(y) < BESIDE_MM:
             places.append(SIDES[axis][0 if move[axis] < 0 else 1])
-        elif apart:
+        elif is_apart:
             places.append("its outer side" if move[1] * y < 0 else "its inner side")
         else:
             places.append("outside" if move[1] * y < 0 else "inside")
@@ -192,8 +192,8 @@ def _plugs(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
     for wire in (wire for wire in signals if wire.a in mounts):
         extended.setdefault(mounts[wire.a], []).append(f"the {wire.b}")
     for extension, servos in extended.items():
-        each = ", each" if len(servos) > 1 else ""
-        yield f"Plug {join_words(servos)} into a {extension}{each}; tape the joints to the floor."
+        each_text = ", each" if len(servos) > 1 else ""
+        yield f"Plug {join_words(servos)} into a {extension}{each_text}; tape the joints to the floor."
     if signals:
         count = sum(axle.driven for axle in car.axles)
         yield f"Plug {count} servos into the outputs that their leads are marked with; the brown lead is ground."
@@ -252,8 +252,8 @@ def _cautions(car: FoldedCar, step: AssemblyStep, before: State) -> Iterator[str
     if strips & {added.name for added in step.adds}:
         limits = [(-math.degrees(hinge.min_rad), math.degrees(hinge.max_rad)) for hinge in car.hinges]
         texts = [f"from {down:.0f}° nose down to {up:.0f}° nose up" for down, up in limits]
-        alike = len(set(texts)) == 1
-        ranges = texts[0] if alike else join_words([f"{text} at hinge {n}" for n, text in enumerate(texts, 1)])
+        all_equal = len(set(texts)) == 1
+        ranges = texts[0] if all_equal else join_words([f"{text} at hinge {n}" for n, text in enumerate(texts, 1)])
         yield (
             f"A hinge's strip stays uncreased between the segments, which then pitch freely {ranges} against each other."
         )

@@ -89,12 +89,12 @@ def visible_facets(facets: Sequence[Facet], view: Camera) -> list[VisibleFacet]:
     for place, hidden in _hidden(shapes, planes).items():
         facet, region = facets[kept[place]], shapes[place]
         rest = _polygons(shapely.difference(region, shapely.union_all(hidden))) if hidden else region
-        whole = region.area - rest.area < MIN_AREA_MM2
-        if not whole:
+        is_whole = region.area - rest.area < MIN_AREA_MM2
+        if not is_whole:
             # Rounding leaves slivers between adjacent hiding faces.
             region = rest.buffer(-SLIVER_MM, join_style="mitre").buffer(SLIVER_MM, join_style="mitre")
         if region.area > MIN_AREA_MM2:
-            result.append(_visible_facet(facet, region, whole, view))
+            result.append(_visible_facet(facet, region, is_whole, view))
     return sorted(result, key=lambda seen: float((seen.facet.rings_mm[0] @ view.toward).mean()))
 
 
@@ -107,10 +107,10 @@ def _hidden(shapes: NDArray[np.object_], planes: Vector) -> dict[int, list[BaseG
     # A face completely behind another one is invisible, and hides nothing that the other one does not hide.
     covered = behind[wholly][shapely.covers(shapes[ahead[wholly]], shapes[behind[wholly]])]
     hidden: dict[int, list[BaseGeometry]] = {int(rear): [] for rear in np.setdiff1d(range(len(shapes)), covered)}
-    wanted = ~np.isin(behind, covered) & ~np.isin(ahead, covered)
-    for rear, front, whole in zip(behind[wanted], ahead[wanted], wholly[wanted], strict=True):
+    undecided = ~np.isin(behind, covered) & ~np.isin(ahead, covered)
+    for rear, front, is_wholly_hidden in zip(behind[undecided], ahead[undecided], wholly[undecided], strict=True):
         part = shapes[front]
-        if not whole:
+        if not is_wholly_hidden:
             part = _nearer(_polygons(shapely.intersection(shapes[rear], part)), planes[front] - planes[rear])
         hidden[rear].append(part)
     return hidden
@@ -131,9 +131,9 @@ def _overlapping(
     # The common region lies within the corners of both.
     somewhere = np.minimum(greatest[ahead, behind], -least[behind, ahead]) > TOUCHING_MM
     everywhere = np.maximum(least[ahead, behind], -greatest[behind, ahead]) > -TOUCHING_MM
-    wanted = np.flatnonzero(somewhere)
-    wanted = wanted[~shapely.touches(shapes[behind[wanted]], shapes[ahead[wanted]])]
-    return behind[wanted], ahead[wanted], everywhere[wanted]
+    pairs = np.flatnonzero(somewhere)
+    pairs = pairs[~shapely.touches(shapes[behind[pairs]], shapes[ahead[pairs]])]
+    return behind[pairs], ahead[pairs], everywhere[pairs]
 
 
 def _depth(facet: Facet, view: Camera) -> Vector:

@@ -107,9 +107,13 @@ def operations_of_splices(car: FoldedCar, cut: CutCar) -> Operations:
     """Return the operations that join split pieces: tabs along folds, with their folds."""
     numbers = {join.number for join in car.joins}
     new = [join for join in cut.car.joins if join.number not in numbers]
-    split, whole = (sum(p.count * len(_hand_folds(p)) for p in pieces) for pieces in (cut.car.pieces, car.pieces))
-    more = split - whole
-    return Operations(fold=max(more, 0), tape=sum(_repetitions(cut.car, join) for join in new if join.kind in TAPED))
+    split_folds, unsplit_folds = (
+        sum(p.count * len(_hand_folds(p)) for p in pieces) for pieces in (cut.car.pieces, car.pieces)
+    )
+    extra_folds = split_folds - unsplit_folds
+    return Operations(
+        fold=max(extra_folds, 0), tape=sum(_repetitions(cut.car, join) for join in new if join.kind in TAPED)
+    )
 
 
 def operations_by_step(car: FoldedCar) -> list[tuple[AssemblyStep, Operations]]:

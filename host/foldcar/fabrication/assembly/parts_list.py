@@ -139,9 +139,9 @@ def _bought(folded: FoldedCar) -> list[Row]:
 def _with_wire(folded: FoldedCar, row: Row) -> Row:
     """Return the row of the wires with the length to cut, and the cost of wire beyond the length included."""
     wiring, car_leads = folded.parts.wiring, leads(folded)
-    more = extra_wire_m(car_leads, wiring) * wiring.wire_usd_m.value
+    extra_cost_usd = extra_wire_m(car_leads, wiring) * wiring.wire_usd_m.value
     note = f"{math.ceil(stock_wire_mm(car_leads) / 10) * 10} mm of wire, solder, heat-shrink: see the wiring"
-    return replace(row, cost_usd=(row.cost_usd or 0.0) + more, note=note)
+    return replace(row, cost_usd=(row.cost_usd or 0.0) + extra_cost_usd, note=note)
 
 
 def _cost(part: Bought | None, count: int, folded: FoldedCar) -> tuple[float | None, str]:

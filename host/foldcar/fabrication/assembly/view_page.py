@@ -111,6 +111,7 @@ def _part(body: str, pose: Pose, steps: ViewSteps, key: Part) -> dict[str, Any]:
 
 
 def _piece(piece: Piece, steps: ViewSteps, glued: set[tuple[str, str]]) -> dict[str, Any]:
+    """Return a piece for the page: triangles of its faces, smooth and uncut edges, folds with the time of closing."""
     number = {face.name: i for i, face in enumerate(piece.faces)}
     faces = {face.name: face for face in piece.faces}
     creases = {crease.child.face: crease for crease in piece.creases}

@@ -75,10 +75,10 @@ def coupon(chosen: Options, parts: Catalogue) -> Sheet:
             _, _, width, height = flat.outline.bounds
             x, top, right = x + width + chosen.gap_mm + chosen.kerf_mm, max(top, y + height), max(right, x + width)
         y = top + chosen.gap_mm + chosen.kerf_mm
-    taken = Polygon(box(margin, margin, right, y).exterior)
+    occupied = Polygon(box(margin, margin, right, y).exterior)
     if not fits((right - margin, y - margin), chosen.sheet_size_mm, margin):
-        large = too_large_message("calibration coupon", taken, chosen.sheet_size_mm, margin)
-        raise NestingError(f"{large}; {suggest_sheet(lambda other: all_fit([taken], other), [taken], chosen)}")
+        large = too_large_message("calibration coupon", occupied, chosen.sheet_size_mm, margin)
+        raise NestingError(f"{large}; {suggest_sheet(lambda other: all_fit([occupied], other), [occupied], chosen)}")
     size = chosen.sheet_size_mm if right + margin <= chosen.sheet_size_mm[0] else chosen.sheet_size_mm[::-1]
     return Sheet("coupon", *size, tuple(tuple(rounded(group)) for group in groups), chosen.dashed)
 

@@ -149,10 +149,10 @@ class Sheet:
         return ((layer, list(self.on(layer.name))) for layer in LAYERS.values())
 
     def on(self, layer: LayerName) -> Iterator[tuple[Shape, ...]]:
-        """Yield a layer's cuts in their order: a closed line or circle alone, a group's open lines together.
+        """Yield a layer's cuts in the order of cutting: a closed line or circle alone, a group's open lines together.
 
-        Small cuts precede large ones, since film is held less the more of it is cut. Among cuts of a size class (factors
-        of two), the next is the nearest to the end of the last, beginning at the sheet's lower left corner.
+        Small cuts come first, because large cuts loosen the film. Cuts within a factor of two in size form a class. In
+        each class the next cut is the one nearest to the end of the last, from the sheet's lower left corner.
         """
         cuts: list[tuple[Shape, ...]] = []
         for group in self.groups:
@@ -164,12 +164,12 @@ class Sheet:
         for cut in cuts:
             x0, y0, x1, y1 = bounds(cut)
             sizes.setdefault(math.frexp(max(x1 - x0, y1 - y0))[1], []).append(cut)
-        place = (0.0, 0.0)
+        position = (0.0, 0.0)
         for _, remaining in sorted(sizes.items()):
             while remaining:
-                starts = [math.dist(place, _ends(cut[0])[0]) for cut in remaining]
+                starts = [math.dist(position, _ends(cut[0])[0]) for cut in remaining]
                 cut = remaining.pop(starts.index(min(starts)))
-                place = _ends(cut[-1])[1]
+                position = _ends(cut[-1])[1]
                 yield cut
 
 

@@ -96,9 +96,9 @@ def flat_piece(piece: Piece, chosen: Options) -> FlatPiece:
     faces = {face.name: face for face in piece.faces}
     inward = {face.name: [_free_edge_mm(face, chosen)] * len(face.outline_mm) for face in piece.faces}
     for crease in piece.creases:
-        taken = _saved_mm(crease, thickness, chosen) / 2
-        inward[crease.parent.face][crease.parent.index] = taken
-        inward[crease.child.face][crease.child.index] = taken
+        shortening_mm = _saved_mm(crease, thickness, chosen) / 2
+        inward[crease.parent.face][crease.parent.index] = shortening_mm
+        inward[crease.child.face][crease.child.index] = shortening_mm
     corners = {name: offset_edges(face.outline_mm, inward[name]) for name, face in faces.items()}
     placings = _placings(piece, thickness, chosen)
     flat = tuple(_flat_face(face, corners[face.name], placings[face.name]) for face in piece.faces)
@@ -189,6 +189,7 @@ def _placed(p: Point, pose: Pose, shift: Point) -> Point:
 
 
 def _flat_face(face: Face, corners: list[list[Point]], place: Callable[[Point], Point]) -> FlatFace:
+    """Return a face with its edges and holes, moved to their ``place`` in the flat piece."""
     points = [[place(p) for p in corner] for corner in corners]
     edges = {i: (points[i][-1], points[(i + 1) % len(points)][0]) for i in range(len(points))}
     outline = Polygon([p for corner in points for p in corner])

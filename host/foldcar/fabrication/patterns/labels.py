@@ -60,10 +60,10 @@ def label_paths(
 ) -> tuple[list[Path], list[str]]:
     """Return the strokes of name and numbers, upright after ``quarter_turns``, and the texts that did not fit."""
     turn = quarter_turns * math.pi / 2
-    taken: list[BaseGeometry] = [LineString([f.a, f.b]) for f in flat.folds]
-    taken += [LineString(line) for line in (*flat.slits, *flat.marks)]
-    taken += [ShapelyPoint(p).buffer(d / 2) for p, d in flat.circles]
-    blocked = shapely.union_all([line.buffer(CLEAR_MM, quad_segs=2) for line in taken])
+    occupied: list[BaseGeometry] = [LineString([f.a, f.b]) for f in flat.folds]
+    occupied += [LineString(line) for line in (*flat.slits, *flat.marks)]
+    occupied += [ShapelyPoint(p).buffer(d / 2) for p, d in flat.circles]
+    blocked = shapely.union_all([line.buffer(CLEAR_MM, quad_segs=2) for line in occupied])
     free: BaseGeometry = flat.outline.buffer(-CLEAR_MM, quad_segs=2).difference(blocked)
     paths: list[Path] = []
     missing: list[str] = []
@@ -160,10 +160,10 @@ def _in_faces(flat: FlatPiece, turn: float) -> list[_Place]:
     return places
 
 
-def join_marks(piece: FlatPiece, car: FoldedCar, whole: FoldedCar) -> Iterator[EdgeMark]:
+def join_marks(piece: FlatPiece, car: FoldedCar, unsplit_car: FoldedCar) -> Iterator[EdgeMark]:
     """Yield the numbers of all joins of the piece, and the names of parts laid onto it.
 
-    ``car`` has pieces split to fit the sheets, ``whole`` has whole pieces, as they are placed in the car.
+    ``car`` has pieces split to fit the sheets, ``unsplit_car`` has whole pieces, as they are placed in the car.
     """
     faces = {face.name: face for face in piece.faces}
     seen: set[tuple[int, str]] = set()
@@ -174,7 +174,7 @@ def join_marks(piece: FlatPiece, car: FoldedCar, whole: FoldedCar) -> Iterator[E
                 continue
             if join.kind == "laminate" and ref is join.b:
                 if (join.number, ref.face) not in seen:
-                    yield from (EdgeMark(str(join.number), edges) for edges in _under(faces[ref.face], join, whole))
+                    yield from (EdgeMark(str(join.number), edges) for edges in _under(faces[ref.face], join, unsplit_car))
                 seen.add((join.number, ref.face))
                 continue
             edges = _edges(faces[ref.face], ref, join, slot)
@@ -194,10 +194,10 @@ def join_marks(piece: FlatPiece, car: FoldedCar, whole: FoldedCar) -> Iterator[E
         yield EdgeMark(name, tuple(longest), shapely.MultiLineString(outline).convex_hull)
 
 
-def _under(face: FlatFace, join: Join, whole: FoldedCar) -> Iterator[tuple[Edge, ...]]:
+def _under(face: FlatFace, join: Join, unsplit_car: FoldedCar) -> Iterator[tuple[Edge, ...]]:
     """Yield, for each layer that a join lays on a face, the edges of the opening in it, or of its own outline."""
     above, below = (name.partition(PART)[0] for name in (join.piece_a, join.piece_b))
-    piece = next(other for other in whole.pieces if other.name == below)
+    piece = next(other for other in unsplit_car.pieces if other.name == below)
     outline = next(other for other in piece.faces if other.name == face.name).outline_mm
     pairs = [((outline[i], outline[(i + 1) % len(outline)]), edge) for i, edge in face.edges.items() if i < len(outline)]
     # The motion from the face's frame to the flat, by its longest unsplit edge; a bend shortens it by less than 1 mm.
@@ -210,7 +210,7 @@ def _under(face: FlatFace, join: Join, whole: FoldedCar) -> Iterator[tuple[Edge,
     )
     turn = (to_b - to_a) / (b - a)
     turn /= abs(turn)
-    for layer in _layers(whole, above, join.a.face, below, face.name):
+    for layer in _layers(unsplit_car, above, join.a.face, below, face.name):
         flat = [(complex(*point) - (a + b) / 2) * turn + (to_a + to_b) / 2 for point in layer.exterior.coords]
         area = shapely.Polygon([(point.real, point.imag) for point in flat]).intersection(face.outline)
         if area.is_empty or area.geom_type != "Polygon":
@@ -226,10 +226,10 @@ def _layers(car: FoldedCar, piece_a: str, face_a: str, piece_b: str, face_b: str
     """Return the outlines (mm) of laminated faces like ``face_a`` on ``face_b``, in its frame, each place once."""
     placed = [face for faces in placed_faces(car).values() for face in faces if face.piece.name in (piece_a, piece_b)]
     lower_face = next(face for face in placed if (face.piece.name, face.face.name) == (piece_b, face_b))
-    alike = {join.a.face for join in car.joins if (join.piece_a, join.kind) == (piece_a, "laminate")} | {face_a}
+    same_faces = {join.a.face for join in car.joins if (join.piece_a, join.kind) == (piece_a, "laminate")} | {face_a}
     outlines: dict[tuple[int, int], shapely.Polygon] = {}
     for placed_face in placed:
-        if placed_face.piece.name != piece_a or placed_face.face.name not in alike:
+        if placed_face.piece.name != piece_a or placed_face.face.name not in same_faces:
             continue
         points = lower_face.in_face(placed_face.corners_mm)
         area = shapely.Polygon(points[:, :2])

@@ -162,17 +162,19 @@ class _Sheet:
     _blocked: dict[int, tuple[Cells, int]] = field(default_factory=dict)
 
     def blocked(self, turned: _RotatedPiece) -> Cells:
-        """Return the rows and columns at which the piece would come too near to another."""
-        blocked, known = self._blocked.get(id(turned)) or (np.zeros(turned.places, dtype=bool), 0)
+        """Return a mask of the rows and columns at which the piece would come too near to another."""
+        blocked, placed_count = self._blocked.get(id(turned)) or (np.zeros(turned.places, dtype=bool), 0)
         rows, columns = turned.places
-        for other, row, column in self.placed[known:]:
-            kept = self.area.no_fit_mask(other, turned)
-            up = row - other.padding_cells - turned.cells.shape[0] + 1
-            right = column - other.padding_cells - turned.cells.shape[1] + 1
-            above, beyond = min(rows, up + kept.shape[0]), min(columns, right + kept.shape[1])
-            low, left = max(0, up), max(0, right)
-            if low < above and left < beyond:
-                blocked[low:above, left:beyond] |= kept[low - up : above - up, left - right : beyond - right]
+        for other, row, column in self.placed[placed_count:]:
+            mask = self.area.no_fit_mask(other, turned)
+            first_row = row - other.padding_cells - turned.cells.shape[0] + 1
+            first_column = column - other.padding_cells - turned.cells.shape[1] + 1
+            end_row, end_column = min(rows, first_row + mask.shape[0]), min(columns, first_column + mask.shape[1])
+            row_from, column_from = max(0, first_row), max(0, first_column)
+            if row_from < end_row and column_from < end_column:
+                blocked[row_from:end_row, column_from:end_column] |= mask[
+                    row_from - first_row : end_row - first_row, column_from - first_column : end_column - first_column
+                ]
         self._blocked[id(turned)] = (blocked, len(self.placed))
         return blocked
 
@@ -226,8 +228,8 @@ def nest(
 
 def _min_sheets(area: _Area, pieces: Sequence[tuple[str, Polygon, int]]) -> int:
     """Lower bound of the sheets: pieces grown by half the gap do not overlap in the usable area grown as much."""
-    taken: float = sum(outline.buffer(area.gap_mm / 2).area * count for _, outline, count in pieces)
-    return math.ceil(taken / math.prod(side + area.gap_mm for side in area.usable_mm))
+    occupied_mm2: float = sum(outline.buffer(area.gap_mm / 2).area * count for _, outline, count in pieces)
+    return math.ceil(occupied_mm2 / math.prod(side + area.gap_mm for side in area.usable_mm))
 
 
 @dataclass(frozen=True, slots=True)
@@ -248,8 +250,8 @@ class _Layout:
         """The cost to minimise: number of sheets, missing titles, height and area (cells) taken of the last sheet."""
         if self.last is None:
             return (0,)
-        taken = sum(int(turned.cells.sum()) for turned, _, _ in self.last.placed)
-        return len(self.sheets), self.titles.count(None), self.last.top_of_pieces, taken
+        occupied_cells = sum(int(turned.cells.sum()) for turned, _, _ in self.last.placed)
+        return len(self.sheets), self.titles.count(None), self.last.top_of_pieces, occupied_cells
 
 
 def _search_layout(

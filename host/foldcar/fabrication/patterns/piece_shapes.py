@@ -71,6 +71,7 @@ def _path(layer: LayerName, points: Iterable[tuple[float, ...]]) -> Path:
 
 
 def _folds(flat: FlatPiece, chosen: Options) -> Iterator[Shape]:
+    """Yield the lines or cuts of folds, and lines on the label layer for folds that are neither cut nor scored."""
     for fold in flat.folds:
         # A flexure is neither cut nor scored, which would weaken it; a line on the label layer shows its place.
         if fold.kind == "flexure":
@@ -84,11 +85,11 @@ def _folds(flat: FlatPiece, chosen: Options) -> Iterator[Shape]:
 
 
 def dashes(
-    a: Point, b: Point, cut_mm: float, bridge_mm: float, kerf_mm: float = 0.0, taken: BaseGeometry | None = None
+    a: Point, b: Point, cut_mm: float, bridge_mm: float, kerf_mm: float = 0.0, occupied: BaseGeometry | None = None
 ) -> list[Cut]:
-    """Return the cuts along the fold from ``a`` to ``b``, outside of ``taken``: other cuts with the film around them.
+    """Return the cuts along the fold from ``a`` to ``b``, outside of ``occupied``: other cuts with the film around them.
 
-    Without ``taken`` the fold has a bridge at both ends. The finished cuts, kerf included, have the length ``cut_mm``;
+    Without ``occupied`` the fold has a bridge at both ends. The finished cuts, kerf included, have the length ``cut_mm``;
     bridges are at least ``bridge_mm``, equal between two cuts. A short fold has a shorter cut, a tiny fold none.
     """
     length = math.dist(a, b)
@@ -97,7 +98,7 @@ def dashes(
         fraction = distance / length
         return a[0] + fraction * (b[0] - a[0]), a[1] + fraction * (b[1] - a[1])
 
-    free = [(bridge_mm, length - bridge_mm)] if taken is None else list(_free(a, b, taken))
+    free = [(bridge_mm, length - bridge_mm)] if occupied is None else list(_free(a, b, occupied))
     cuts = [cut for low, high in free for cut in _row(low, high, cut_mm, bridge_mm)]
     half = length * SHORT_FOLD_FRACTION / 2
     if not cuts and 2 * half >= MIN_FOLD_CUT_MM:
@@ -107,9 +108,9 @@ def dashes(
     return [(at(low + trim), at(high - trim)) for low, high, trim in trims]
 
 
-def _free(a: Point, b: Point, taken: BaseGeometry) -> Iterator[tuple[float, float]]:
-    """Yield the parts of the fold outside of ``taken`` by their distances from ``a`` (mm)."""
-    for part in shapely.get_parts(LineString([a, b]).difference(taken)):
+def _free(a: Point, b: Point, occupied: BaseGeometry) -> Iterator[tuple[float, float]]:
+    """Yield the parts of the fold outside of ``occupied`` by their distances from ``a`` (mm)."""
+    for part in shapely.get_parts(LineString([a, b]).difference(occupied)):
         if part.length > 0:
             low, high = sorted(math.dist(a, p) for p in (part.coords[0], part.coords[-1]))
             yield low, high
@@ -147,10 +148,10 @@ def fold_cuts(flat: FlatPiece, chosen: Options) -> tuple[tuple[Fold, tuple[Cut, 
     if chosen.fold != "dash":
         return ()
     lines = [flat.outline.boundary, *(hole for _, hole in _openings(flat)), *(LineString(slit) for slit in flat.slits)]
-    taken = shapely.union_all(lines).buffer(MIN_FILM_MM + chosen.kerf_mm / 2, quad_segs=16)
-    shapely.prepare(taken)
+    occupied = shapely.union_all(lines).buffer(MIN_FILM_MM + chosen.kerf_mm / 2, quad_segs=16)
+    shapely.prepare(occupied)
     return tuple(
-        (fold, tuple(dashes(fold.a, fold.b, chosen.dash_cut_mm, chosen.dash_bridge_mm, chosen.kerf_mm, taken)))
+        (fold, tuple(dashes(fold.a, fold.b, chosen.dash_cut_mm, chosen.dash_bridge_mm, chosen.kerf_mm, occupied)))
         for fold in flat.folds
         if fold.kind != "flexure"
     )
@@ -166,8 +167,8 @@ def narrowest_film(flat: FlatPiece, chosen: Options) -> Film | None:
     shapes, widths = [shape for _, shape, _ in cuts], [width for *_, width in cuts]
     best = None
     for i, shape in enumerate(shapes[:-1]):
-        apart = shapely.distance(shape, shapes[i + 1 :])
-        for k, distance in enumerate(apart.tolist(), i + 1):
+        distances = shapely.distance(shape, shapes[i + 1 :])
+        for k, distance in enumerate(distances.tolist(), i + 1):
             # Slits begin at edges and folds.
             if SLIT in (cuts[i][0], cuts[k][0]) and distance < ROUNDING_MM:
                 continue

@@ -202,8 +202,8 @@ def _suggested_sheet(car: FoldedCar, chosen: Options) -> str:
     def outlines(other: Options) -> list[Polygon]:
         return [outer_cut(piece, other.kerf_mm) for piece in cut_car(car, other).pieces]
 
-    whole = [outer_cut(flat_piece(piece, chosen), chosen.kerf_mm) for piece in car.pieces]
-    return suggest_sheet(lambda other: all_fit(outlines(other), other), whole, chosen)
+    unsplit_outlines = [outer_cut(flat_piece(piece, chosen), chosen.kerf_mm) for piece in car.pieces]
+    return suggest_sheet(lambda other: all_fit(outlines(other), other), unsplit_outlines, chosen)
 
 
 def _lay_out(cut: CutCar, chosen: Options, title: str, command: str) -> tuple[tuple[Sheet, ...], list[str]]:

@@ -51,8 +51,8 @@ def _split_pieces(
         if crease is None:
             done.append(part)
             continue
-        rest, taken = _cut_along(part, crease, depth_mm)
-        waiting += [rest, taken]
+        rest, cut_off = _cut_along(part, crease, depth_mm)
+        waiting += [rest, cut_off]
         ends = EdgeRef(_tab_name(crease), 0), crease.child
         length = _length_mm(part, crease)
         joins[crease.child.face] = Join(next(numbers), "tab", piece.name, ends[0], piece.name, ends[1], length)

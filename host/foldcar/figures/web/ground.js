@@ -67,11 +67,20 @@ function smoothHeight(grid, x, y) {
 }
 
 // The ground of a blob: its head is {scene, grid} with the grid's unit height_m, its bytes the differences of heights.
-export function readGround({ scene, grid }, read) {
+// height: of obstacles, relative to the scene's.
+export function readGround({ scene: planned, grid }, read, height = 1) {
+  const scene = height === 1 ? planned : { ...planned, terrain: planned.terrain.map(piece => raised(piece, height)) };
   if (!grid) return new Ground(scene);
   const z_m = new Float32Array(grid.columns * grid.rows);
-  for (let cell = 0, sum = 0; cell < z_m.length; cell++) z_m[cell] = (sum += read()) * grid.height_m;
+  for (let cell = 0, sum = 0; cell < z_m.length; cell++) z_m[cell] = (sum += read()) * grid.height_m * height;
   return new Ground(scene, { ...grid, z_m });
+}
+
+// A block of another height; an arc is at most half as high as long.
+function raised(piece, height) {
+  if (piece.height_m === undefined) return piece;
+  const height_m = piece.height_m * height;
+  return { ...piece, height_m: piece.kind === "half_round" ? Math.min(height_m, piece.length_m / 2) : height_m };
 }
 
 export function rectangle(x, y, heading, length, width) {

@@ -1,4 +1,4 @@
-// Where a car was at any time of its run: the compact paths of docs/carsim.md, or rows. SI units.
+// Where a car was at any time of its run. SI units.
 
 // columns: x, y, z, heading, pitch, roll, hinges, typed arrays; times_s: of the rows, increasing.
 export class Path {
@@ -48,17 +48,6 @@ export function pathOfRows(rows) {
     columns[3][row] += turn;
   }
   return new Path(columns, Float64Array.from(rows, row => row[0]));
-}
-
-// A compact path: read gives its integers one after the other; units are {place_m, angle_rad, interval_s}.
-export function compactPath(read, rows, hinges, end_s, units) {
-  const columns = [];
-  for (let column = 0; column < 6 + hinges; column++) {
-    const unit = column < 3 ? units.place_m : units.angle_rad, values = new Float64Array(rows);
-    for (let row = 0, sum = 0, difference = 0; row < rows; row++) values[row] = (sum += difference += read()) * unit;
-    columns.push(values);
-  }
-  return new Path(columns, Float64Array.from({ length: rows }, (_, row) => (row === rows - 1 ? end_s : row * units.interval_s)));
 }
 
 // Reads zigzag LEB128 integers one after the other.

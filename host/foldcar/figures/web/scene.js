@@ -14,7 +14,7 @@ import { softwareOnly } from "./paint.js";
 import { groundGroup, lineOver } from "./surface.js";
 
 export { readGround } from "./ground.js";
-export { compactPath, integerReader, pathOfRows } from "./path.js";
+export { integerReader, pathOfRows } from "./path.js";
 
 const BACKS = { light: 0xf3f2ee, dark: 0x22252a };
 const CAMERAS = { orbit: "around", chase: "chase", side: "side" };

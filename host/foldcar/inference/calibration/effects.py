@@ -1,9 +1,9 @@
-"""What values of the parameters do to a run: a changed scene, and a variation of the car (car/variation.py).
+"""Draws the reality of a drive from values of the simulator's parameters.
 
-Input: a scene of docs/carsim.md, values by name, a seed and the number of the run's sample. What scatters depends on
-seed and number alone, so that runs with other values share it.
+Input: values by name, a seed, the numbers of the drive and of the car. Output: the differences of car and ground that
+carsim applies. Random differences depend on seed and number alone, so that runs with other values share them.
 
-Some parameters no calibration knows: only a reality may have them (REAL_ONLY).
+No calibration infers the parameters of REAL_ONLY: only a reality may have them.
 """
 
 import random
@@ -11,10 +11,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from foldcar.car.body import CHANNELS
 from foldcar.car.variation import draw, workshop
 
-# How far each kind of terrain stands out of the plane.
-HEIGHT_KEYS = ("height_m", "depth_m", "height_sd_m")
+# Parameters that are a factor of the reality.
+GROUND_FACTORS = ("friction", "obstacle_height")
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,56 +39,36 @@ REAL_ONLY = {
 }
 
 
-def calibrated_scene(scene: Mapping[str, Any], values: Mapping[str, float], seed: int, number: int) -> dict[str, Any]:
-    """The scene with scaled friction and heights and a scattered start."""
-    stream = random.Random(f"{seed}/{number}/start")
-    start = dict(scene["start"])
-    position_sd, heading_sd = values["start_position_sd_m"], values["start_heading_sd_rad"]
-    for key, sd in (("x_m", position_sd), ("y_m", position_sd), ("heading_rad", heading_sd)):
-        start[key] = _rounded(start[key] + sd * stream.gauss(0, 1))
-    return {
-        **scene,
-        "friction": _rounded(scene["friction"] * values["friction"]),
-        "terrain": [_piece(piece, values) for piece in scene["terrain"]],
-        "start": start,
-    }
-
-
-def calibrated_variation(
-    values: Mapping[str, float], listed: Mapping[str, float], seed: int, number: int | str
+def drawn_reality(
+    values: Mapping[str, float], listed: Mapping[str, float], seed: int, drive: int, car: int | str
 ) -> dict[str, Any]:
-    """The variation, as :func:`draw` makes it, of a car with these values.
+    """Return how car and ground of a drive differ from design and scene, as the run line's ``reality`` (docs/carsim.md).
 
-    ``listed`` are the listing's own spreads by name, empty without any: those of wheels give way to ``wheel_spread``,
-    those of the whole car stay.
+    ``listed`` are the listing's own spreads by name, empty without any. Those of wheels give way to ``wheel_spread``, if
+    ``values`` has it. ``drive`` draws the start's scatter, ``car`` what belongs to the car.
     """
-    spread = dict(listed) | {
-        name: values["wheel_spread"] * known.sd for name, known in workshop().items() if known.per == "wheel"
-    }
-    variation = draw(spread, seed, number)
-    for name, factor in (("servo_torque", values["servo_torque"]), ("servo_speed", values["servo_speed"])):
+    spread = dict(listed)
+    if "wheel_spread" in values:
+        for name, quantity in workshop().items():
+            if quantity.per == "wheel":
+                spread[name] = values["wheel_spread"] * quantity.sd
+    reality = draw(spread, seed, car)
+    for name in ("servo_torque", "servo_speed"):
         # A difference is relative: 0 is the design's.
-        variation[name] = [_rounded(factor * (1 + deviation) - 1) for deviation in variation[name]]
-    variation["com_z_m"] = _rounded(variation.get("com_z_m", 0.0) + values["com_height_m"])
-    variation["track_m"] = values["track_m"]
+        reality[name] = [values[name] * (1 + deviation) - 1 for deviation in reality.get(name, [0.0] * CHANNELS)]
+    reality["com_z_m"] = reality.get("com_z_m", 0.0) + values["com_height_m"]
+    reality["track_m"] = values["track_m"]
     for name in REAL_ONLY.keys() & values.keys():
-        # A spread of the listing's has its draw already.
-        variation[name] = _rounded(variation.get(name, 0.0) + values[name])
-    return variation
+        # A spread of the listing has its draw already.
+        reality[name] = reality.get(name, 0.0) + values[name]
+    reality |= {name: values[name] for name in GROUND_FACTORS}
+    for name, deviate in start_deviates(seed, drive).items():
+        sd = values["start_heading_sd_rad" if name == "start_heading_rad" else "start_position_sd_m"]
+        reality[name] = sd * deviate
+    return reality
 
 
-def _piece(piece: Mapping[str, Any], values: Mapping[str, float]) -> dict[str, Any]:
-    changed = dict(piece)
-    for key in HEIGHT_KEYS:
-        if key in piece:
-            changed[key] = _rounded(piece[key] * values["obstacle_height"])
-    if piece["kind"] == "half_round":
-        # Higher than half its chord, it would be no arc.
-        changed["height_m"] = min(changed["height_m"], piece["length_m"] / 2)
-    if piece["kind"] == "patch":
-        changed["friction"] = _rounded(piece["friction"] * values["friction"])
-    return changed
-
-
-def _rounded(value: float) -> float:
-    return float(f"{value:.9g}") + 0.0
+def start_deviates(seed: int, drive: int) -> dict[str, float]:
+    """Return the standard normal deviates of a drive's start, by name in a reality."""
+    stream = random.Random(f"{seed}/{drive}/start")
+    return {name: stream.gauss(0, 1) for name in ("start_x_m", "start_y_m", "start_heading_rad")}

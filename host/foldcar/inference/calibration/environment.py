@@ -14,10 +14,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from foldcar.car.variation import NumberLimits, named_car, vary_body
 from foldcar.errors import FoldcarError
 from foldcar.inference.calibration import effects
-from foldcar.inference.calibration.effects import REAL_ONLY, calibrated_scene, calibrated_variation
+from foldcar.inference.calibration.effects import REAL_ONLY, drawn_reality
 from foldcar.inference.calibration.parameters import NAMES, NOMINAL, parameter_named
 from foldcar.scenes.fingerprint import variation_code
 from foldcar.simulation.engines import ENGINES, MUJOCO, MUJOCO_ENVIRONMENT
@@ -28,7 +27,9 @@ from foldcar.study.experiments import Experiment, Study
 from foldcar.study.listing_file import load_listing
 
 # Beyond these scores the priors have no mass that matters, and the simulator's limits come near.
-MOST_SCORE = 6.0
+MAX_REAL_SCORE = 6.0
+# Realities may leave it out.
+WHEEL_SPREAD = "wheel_spread"
 # Of the hash of the values, in a reality's name.
 NAME_DIGITS = 8
 
@@ -38,9 +39,10 @@ class CalibratedEnvironment(Environment):
 
     def __init__(self, experiment: Experiment, calibration: Calibration, listed_id: str) -> None:
         super().__init__(experiment)
-        beyond = set() if calibration.kind == CALIBRATION_KIND else set(REAL_ONLY)
+        beyond, optional = (set(), set()) if calibration.kind == CALIBRATION_KIND else (set(REAL_ONLY), {WHEEL_SPREAD})
         if not all(
-            set(draw) - beyond == set(NAMES) and all(map(math.isfinite, draw.values())) for draw in calibration.draws
+            set(NAMES) - optional <= set(draw) <= set(NAMES) | beyond and all(map(math.isfinite, draw.values()))
+            for draw in calibration.draws
         ):
             raise FoldcarError(
                 f'calibration "{calibration.name}": its parameters are not those of this foldcar: calibrate again'
@@ -66,13 +68,9 @@ class CalibratedEnvironment(Environment):
         under = {"name": one.name, "fingerprint": one.fingerprint, "experiment": self._listed_id}
         return under if one.kind == CALIBRATION_KIND else {"kind": one.kind, **under}
 
-    def sample(self, k: int) -> dict[str, Any]:
-        """Sample ``k`` of the nominal environment, changed by the calibration's draw."""
-        return calibrated_scene(super().sample(k), self._calibration.draw_of(k), self._seed, k)
-
     def variation(self, k: int) -> dict[str, Any]:
-        """The differences of the cars of sample ``k`` from their designs: the draw's, and the listing's of whole cars."""
-        return calibrated_variation(self._calibration.draw_of(k), self._experiment.variation, self._seed, k)
+        """Return how car and ground of sample ``k`` differ from design and scene by the calibration's draw."""
+        return drawn_reality(self._calibration.draw_of(k), self._experiment.variation, self._seed, k, k)
 
     def variation_identity(self) -> str:
         """A hash of the code that applies variations."""
@@ -102,17 +100,19 @@ def _hashed(*parts: Any) -> str:
 
 
 def read_reality(file: Path, engine: str) -> dict[str, float]:
-    """Parameters by name for an engine: all that calibrations have, those of ``file`` and the nominal values of the
-    others, and those of realities only that are not nominal. Raises FoldcarError."""
+    """Return the parameters of a reality for an engine by name. Raises FoldcarError.
+
+    Parameters that ``file`` leaves out have their nominal values; differences between wheels stay those of the listing.
+    """
     data, _ = load_listing(file)
     if not isinstance(data, Mapping):
         raise FoldcarError(f"{file}: is not a JSON object of parameters, as docs/calibration.md has them")
-    values = dict(NOMINAL)
+    values = {name: value for name, value in NOMINAL.items() if name != WHEEL_SPREAD}
     for name, value in data.items():
         if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
             raise FoldcarError(f"{file}: {name}: {value!r} is not a number")
         if name not in REAL_ONLY:
-            parameter_named(name, value, f"{file}: {name}", MOST_SCORE, with_nominal=True, others=REAL_ONLY)
+            parameter_named(name, value, f"{file}: {name}", MAX_REAL_SCORE, with_nominal=True, others=REAL_ONLY)
             values[name] = float(value)
             continue
         one = REAL_ONLY[name]
@@ -133,21 +133,3 @@ def as_calibration(file: Path, values: Mapping[str, float]) -> Calibration:
     """
     unnamed = Calibration("", "", "", "", (values,), {}, REALITY_KIND)
     return replace(unnamed, name=f"{file.stem} {unnamed.fingerprint[:NAME_DIGITS]}")
-
-
-def real_run(
-    experiment: Experiment,
-    nominal: Mapping[str, Any],
-    scene: Mapping[str, Any],
-    values: Mapping[str, float],
-    sample: int,
-    limits: NumberLimits,
-    car: str | None = None,
-) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Body and scene of sample ``sample`` with these values, for the body and the scene that the host believes in.
-
-    The name of a built ``car`` draws what belongs to the car; without one it is the sample's.
-    """
-    seed = experiment.variation_seed
-    variation = calibrated_variation(values, experiment.variation, seed, sample if car is None else named_car(car))
-    return vary_body(nominal, variation, limits), calibrated_scene(scene, values, seed, sample)

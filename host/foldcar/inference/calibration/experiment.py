@@ -12,9 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from foldcar.car.variation import vary_body
 from foldcar.errors import FoldcarError
-from foldcar.inference.calibration.effects import calibrated_scene, calibrated_variation
+from foldcar.inference.calibration.effects import drawn_reality
 from foldcar.inference.calibration.parameters import FloatArray
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.results import outcome_of
@@ -121,7 +120,6 @@ class Simulator:
         self.experiment = experiment
         self.seed = seed
         self._carsim = carsim
-        self._limits = carsim.limits().numbers
         self._jobs = jobs
 
     def passes(self, runs: Iterable[CalibrationRun], done: Callable[[int], None] = lambda runs: None) -> FloatArray:
@@ -147,10 +145,9 @@ class Simulator:
         bodies, scenes, requests = {}, {}, []
         for name, run in zip(map(str, range(len(chunk))), chunk, strict=True):
             design = self.experiment.designs[run.design]
-            variation = calibrated_variation(run.values, self.experiment.info.variation, self.seed, run.car)
-            bodies[name] = canonical_json(vary_body(design.body, variation, self._limits))
-            scenes[name] = canonical_json(calibrated_scene(run.scene, run.values, self.seed, run.number))
+            reality = drawn_reality(run.values, self.experiment.info.variation, self.seed, run.number, run.car)
+            bodies[name], scenes[name] = canonical_json(design.body), canonical_json(run.scene)
             label = f"design {run.design + 1}, drive {run.number}"
-            requests.append(RunRequest(name, name, design.settings, label, run.number))
+            requests.append(RunRequest(name, name, design.settings, label, run.number, canonical_json(reality)))
         outcomes = [outcome_of(answer) for answer in self._carsim.run(bodies, scenes, requests)]
         return [np.nan if outcome == "failed" else float(outcome == PASSED) for outcome in outcomes]

@@ -123,7 +123,7 @@ NAMED_CELLS = (
 # What a rule and a tilted board measure.
 MEASURABLE = ("obstacle_height", "com_height_m", "track_m")
 # Farther out, the emulator has seen no runs.
-LARGEST_SCORE = 2.5
+MAX_SCORE = 2.5
 NOMINAL: Mapping[str, float] = {parameter.name: parameter.nominal for parameter in PARAMETERS}
 
 
@@ -172,7 +172,7 @@ def measured_value(text: str, place: str) -> tuple[str, float]:
         value = decimal_number(number)
     except ValueError:
         raise FoldcarError(f"{place} {text}: is not NAME=VALUE with a number") from None
-    parameter_named(name, value, f"{place} {name}".strip(), LARGEST_SCORE, with_nominal=False)
+    parameter_named(name, value, f"{place} {name}".strip(), MAX_SCORE, with_nominal=False)
     return name, value
 
 
@@ -180,8 +180,8 @@ def measured_priors(measured: Mapping[str, float], place: str) -> dict[int, Scor
     """The priors of measured values, by the parameter's index. FoldcarError names the ``place``."""
     priors = {}
     for name, value in measured.items():
-        parameter = parameter_named(name, value, f"{place} {name}", LARGEST_SCORE, with_nominal=False)
-        priors[NAMES.index(name)] = ScorePrior(max(-LARGEST_SCORE, parameter.score(value)), 0.0, "measured")
+        parameter = parameter_named(name, value, f"{place} {name}", MAX_SCORE, with_nominal=False)
+        priors[NAMES.index(name)] = ScorePrior(max(-MAX_SCORE, parameter.score(value)), 0.0, "measured")
     return priors
 
 

@@ -12,8 +12,6 @@ export class Experiment {
     this.axes = [...raw.parameters.map((one, k) => parameterAxis(raw, one, k)), ...(raw.judged ? [successAxis(BELIEF, "built cars, success", raw.designs.belief), successAxis(SIMULATED, "success in simulation", raw.designs.rate)] : []), ...raw.designs.measures.map(measureAxis)];
     this.axis = Object.fromEntries(this.axes.map(axis => [axis.key, axis]));
     if (this.runs) this.indexRuns();
-    this.replay = new Map(raw.replays.map(one => [`${one.design}/${one.environment}`, one]));
-    this.replayed = raw.replay;
     this.place = new Map(raw.designs.name.map((name, design) => [name, design]));
   }
 

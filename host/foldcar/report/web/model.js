@@ -1,15 +1,16 @@
 // What is shown, and who is told when it changes: data, state (also the address's fragment) and the design pointed at.
 
 import { Experiment } from "./data.js";
+import { Drives } from "./drives.js";
 
-// Of the fragment: #e=2&design=95 mm&env=17&t=1.2&outcome=tipped,stuck&b.width_mm=65..95&at=runs
+// Of the fragment: #e=2&design=95 mm&env=17&t=1.2&outcome=tipped,stuck&b.width_mm=65..95&r.friction=0.8&at=runs
 const PLAIN = { e: "e", design: "design", env: "env", t: "t", x: "x", y: "y", mx: "mx", my: "my", at: "at" };
-export const SECTIONS = ["summary", "belief", "parameters", "runs", "trials"];
+export const SECTIONS = ["summary", "belief", "whatif", "parameters", "runs", "trials"];
 
 export class Model {
   constructor() {
     this.told = { data: [], state: [], hover: [] };
-    this.state = { e: null, design: null, env: null, t: null, outcomes: [], brushes: {}, at: null, x: null, y: null, mx: null, my: null };
+    this.state = { e: null, design: null, env: null, t: null, outcomes: [], brushes: {}, reality: {}, at: null, x: null, y: null, mx: null, my: null };
     this.hovered = null;
     this.read();
     window.addEventListener("hashchange", () => {
@@ -42,7 +43,10 @@ export class Model {
   // The experiment that the state names, or the first.
   choose() {
     const raw = this.experiments.get(this.state.e) || this.study.experiments[0];
-    if (!this.decoded || this.decoded.raw !== raw) this.decoded = Object.assign(new Experiment(raw), { raw });
+    if (!this.decoded || this.decoded.raw !== raw) {
+      this.decoded = Object.assign(new Experiment(raw), { raw });
+      this.drives = raw.drives ? new Drives(this.decoded) : null;
+    }
     this.e = this.decoded;
     this.mask = null;
   }
@@ -53,7 +57,7 @@ export class Model {
 
   set(change) {
     const other = "e" in change && change.e !== this.state.e;
-    if (other) Object.assign(this.state, { design: null, env: null, t: null, outcomes: [], brushes: {}, x: null, y: null, mx: null, my: null });
+    if (other) Object.assign(this.state, { design: null, env: null, t: null, outcomes: [], brushes: {}, reality: {}, x: null, y: null, mx: null, my: null });
     Object.assign(this.state, change);
     this.mask = null;
     this.write();
@@ -104,7 +108,9 @@ export class Model {
     if (!SECTIONS.includes(state.at)) state.at = null;
     state.outcomes = (asked.get("outcome") || "").split(",").filter(Boolean);
     state.brushes = {};
+    state.reality = {};
     for (const [name, text] of asked) {
+      if (name.startsWith("r.") && Number.isFinite(Number(text))) state.reality[name.slice(2)] = Number(text);
       const intervals = text.split(";").map(part => part.split("..").map(Number)).filter(([low, high]) => low <= high);
       if (name.startsWith("b.") && intervals.length) state.brushes[name.slice(2)] = intervals;
     }
@@ -117,6 +123,7 @@ export class Model {
     }
     if (state.outcomes.length) parts.set("outcome", state.outcomes.join(","));
     for (const [key, intervals] of Object.entries(state.brushes)) parts.set(`b.${key}`, intervals.map(([low, high]) => `${low}..${high}`).join(";"));
+    for (const [key, value] of Object.entries(state.reality)) parts.set(`r.${key}`, value);
     return `#${parts}`;
   }
 

@@ -34,7 +34,7 @@ export class Runs {
     byId("grid").replaceChildren();
     this.grid = e.runs && e.count ? new Grid(model, byId("grid")) : null;
     if (this.grid) this.charts.push(this.grid.chart);
-    byId("replay").hidden = !e.replayed;
+    byId("replay").hidden = !e.drives;
     byId("omitted").textContent = e.runs_omitted || "";
     byId("runs").hidden = !e.count;
     for (const chart of this.charts) if (chart !== this.grid?.chart && chart !== this.ends?.chart) chart.draw();
@@ -61,7 +61,7 @@ export class Runs {
     if (this.ends) this.ends.mark();
     if (this.grid) this.grid.mark();
     listed(model);
-    if (model.e.replayed) this.replay.show(model.design, model.env, model.state.t ?? 0, model.state.t === null && document.body.dataset.state === "ready");
+    if (model.e.drives) this.replay.show(model.design, model.env, model.state.t ?? 0, model.state.t === null && document.body.dataset.state === "ready");
   }
 }
 

@@ -8,6 +8,8 @@ import { Parameters } from "./parameters.js";
 import { ReplayPlace } from "./replay_place.js";
 import { Runs } from "./runs.js";
 import { showDesign, showSummary, showTrials } from "./summary.js";
+import { Verify } from "./verify.js";
+import { WhatIf } from "./whatif.js";
 
 function chooser(model) {
   const several = model.study.experiments.length > 1;
@@ -45,13 +47,15 @@ function follow(model) {
 
 function start() {
   const model = new Model(), belief = new Belief(model), parameters = new Parameters(model);
-  const runs = new Runs(model, new ReplayPlace(byId("replay"), model));
+  const runs = new Runs(model, new ReplayPlace(byId("replay"), model)), verify = new Verify(model), whatif = new WhatIf(model);
   model.on("data", () => {
     chooser(model);
     showSummary(model);
     belief.use();
     parameters.use();
     runs.use();
+    verify.use();
+    whatif.use();
     showTrials(model);
   });
   model.on("state", () => { belief.mark(); parameters.mark(); runs.mark(); showDesign(model); });

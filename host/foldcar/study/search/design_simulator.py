@@ -16,7 +16,6 @@ from foldcar.study.chunks import ChunkPool, FinishedRun, Simulators
 from foldcar.study.environments import Environment
 from foldcar.study.experiment_runs import StoredSamples
 from foldcar.study.experiments import Experiment
-from foldcar.study.kept_paths import KeptPaths
 from foldcar.study.planned_designs import PlannedDesigns, planned_design
 from foldcar.study.sweep import plan_experiment
 
@@ -58,7 +57,6 @@ class DesignSimulator:
     _plan: PlannedExperiment | None = None
     _positions: dict[Values, int] = field(default_factory=dict)
     # Paths of earlier searches do not count: the limit holds for each search.
-    _paths: KeptPaths = field(default_factory=lambda: KeptPaths(None))
 
     def rows(self, values: Values, samples: Sequence[int]) -> list[Row]:
         """Return a buildable design's results in these samples; simulate missing ones. Raises FoldcarError."""
@@ -69,7 +67,7 @@ class DesignSimulator:
             (run,) = (planned for planned in self._writer.planned_runs(plan, sample) if planned.design == position)
             runs.append(run)
             if run.outcome is None and not self._pool.joins(run):
-                for finished in self._pool.add(run, len(samples) - index, self._paths):
+                for finished in self._pool.add(run, len(samples) - index):
                     self._keep(finished)
         for finished in self._pool.finish():
             self._keep(finished)
@@ -108,8 +106,8 @@ class DesignSimulator:
         environments, designs = self._writer.swept(self._experiment.id, environment_id, spread_id)
         self._experiment = replace(self._experiment, environments=max(environments, self._experiment.environments))
         family = self._experiment.family
-        known = [tuple(design.get(column, float("nan")) for column in family.columns()) for design in designs]
-        return [values for values in known if family.has(values)]
+        stored_values = [tuple(design.get(column, float("nan")) for column in family.columns()) for design in designs]
+        return [values for values in stored_values if family.has(values)]
 
     def _keep(self, finished: list[FinishedRun]) -> None:
         self._writer.add_results((run.run, run.answer) for run in finished)
@@ -133,7 +131,7 @@ def open_simulator(
     dynamic = writer.is_dynamic(writer.environment(environment.fingerprint), lambda: environment.dynamic)
     samples, table = StoredSamples(environment, writer, dynamic), carsim.parameter_table()
     with (
-        ChunkPool(writer, simulators, carsim.limits().numbers) as pool,
+        ChunkPool(writer, simulators) as pool,
         environment.runner(carsim, dynamic) as runner,
         pool.using(runner),
     ):

@@ -89,8 +89,8 @@ def _energy_interval(rows: Sequence[Row], limit_s: float) -> Interval:
 
 def _energies(rows: Sequence[Row]) -> Any:
     """Return (runs, 2): energy (J) and whether the run passed. A failed run has unknown energy and gets the mean."""
-    known = [row.consumed_energy_j for row in rows if row.consumed_energy_j is not None]
-    mean = math.fsum(known) / len(known) if known else math.inf
+    energies_j = [row.consumed_energy_j for row in rows if row.consumed_energy_j is not None]
+    mean = math.fsum(energies_j) / len(energies_j) if energies_j else math.inf
     return np.array([(mean if row.consumed_energy_j is None else row.consumed_energy_j, row.passed) for row in rows])
 
 

@@ -174,8 +174,8 @@ def grid(levels: Sequence[int], points: int) -> list[tuple[int, ...]]:
     counts = [1] * len(levels)
 
     def fits(axis: int) -> bool:
-        more = counts[axis] + 1
-        return more <= levels[axis] and math.prod(counts) // counts[axis] * more <= points
+        level_count = counts[axis] + 1
+        return level_count <= levels[axis] and math.prod(counts) // counts[axis] * level_count <= points
 
     while axes := [axis for axis in range(len(levels)) if fits(axis)]:
         counts[min(axes, key=lambda axis: counts[axis] / levels[axis])] += 1

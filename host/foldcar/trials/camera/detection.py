@@ -99,6 +99,7 @@ def _same_square(squares: list[Floats], expected: Floats) -> Floats | None:
 
 
 def _aruco() -> Any:
+    """Return OpenCV's detector of markers, with parameters for small and soft pictures."""
     parameters = cv2.aruco.DetectorParameters()
     parameters.adaptiveThreshWinSizeMin = 5
     parameters.adaptiveThreshWinSizeMax = 29
@@ -129,6 +130,7 @@ def refined(grey: Grey, corners: Floats) -> Floats:
 
 
 def _refined_once(grey: Grey, corners: Floats) -> Floats | None:
+    """Return corners where lines fitted to the four edges meet; None if an edge is not found near the corners."""
     following = numpy.roll(corners, -1, axis=0)
     sides = following - corners
     lengths = numpy.linalg.norm(sides, axis=1)

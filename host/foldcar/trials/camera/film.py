@@ -65,6 +65,7 @@ def read_film(file: Path) -> Iterator[tuple[float, Grey]]:
 
 
 def _open(file: Path) -> Any:
+    """Open a film. Raises FoldcarError if it cannot be read."""
     if not file.is_file():
         raise FoldcarError(f"{file}: {'is no file' if file.exists() else 'no such file'}")
     if file.suffix.lower() in (".heic", ".heif"):

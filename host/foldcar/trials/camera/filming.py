@@ -141,6 +141,7 @@ def _simulated(body: Any, settings: Any, scene: Any, carsim: Carsim) -> Floats:
 
 
 def _facts(filmed: Filmed, start: Start, ending: Ending, lens: Lens | None, remarks: list[str]) -> dict[str, Any]:
+    """Return the facts of a track that are stored with it: its end, its errors, its camera."""
     x, y, heading = filmed.frame_error
     view = filmed.view
     return {
@@ -156,12 +157,13 @@ def _facts(filmed: Filmed, start: Start, ending: Ending, lens: Lens | None, rema
 
 
 def _rows(times_s: Any, filmed: Filmed) -> list[list[float]]:
-    upper = [(0, 0), (0, 1), (0, 3), (1, 1), (1, 3), (3, 3), (2, 2), (4, 4), (5, 5)]
+    """Return rows of time, pose and the stored elements of its covariance."""
+    covariance_elements = [(0, 0), (0, 1), (0, 3), (1, 1), (1, 3), (3, 3), (2, 2), (4, 4), (5, 5)]
     return [
         [
             round(float(time_s), 4),
             *(round(float(value), 5) for value in pose),
-            *(float(f"{spread[k]:.3g}") for k in upper),
+            *(float(f"{spread[k]:.3g}") for k in covariance_elements),
         ]
         for time_s, pose, spread in zip(times_s, filmed.poses, filmed.covariances, strict=True)
     ]
@@ -228,22 +230,22 @@ def _pace(scale: float) -> str:
     return f"{scale:.2g} times as slow" if scale > 1 else f"{1 / max(scale, 1e-3):.2g} times as fast"
 
 
-def _time_scale(times_s: Floats, away: Floats, simulated: Floats, simulated_away: Floats) -> float:
+def _time_scale(times_s: Floats, distances_m: Floats, simulated: Floats, simulated_distances_m: Floats) -> float:
     """Return how many times longer the film's car takes for the distances of SCALED_M that both cars reach."""
-    farthest = min(away.max(), simulated_away.max())
+    farthest = min(distances_m.max(), simulated_distances_m.max())
     distances = SCALED_M[: int(numpy.searchsorted(SCALED_M, farthest, "right"))]
-    first, end = (int(numpy.argmax(distance >= distances[-1])) + 1 for distance in (away, simulated_away))
-    reached = [_when(times_s[:first], away[:first], distance) for distance in distances]
-    wanted = [_when(simulated[:end, 0], simulated_away[:end], distance) for distance in distances]
-    return float(numpy.polyfit(wanted, reached, 1)[0])
+    first, end = (int(numpy.argmax(distance >= distances[-1])) + 1 for distance in (distances_m, simulated_distances_m))
+    reached = [_when(times_s[:first], distances_m[:first], distance) for distance in distances]
+    simulated_times_s = [_when(simulated[:end, 0], simulated_distances_m[:end], distance) for distance in distances]
+    return float(numpy.polyfit(simulated_times_s, reached, 1)[0])
 
 
-def _when(times_s: Floats, away: Floats, distance: float) -> float:
-    """The last time at which ``away`` rose through ``far``."""
-    index = int(numpy.flatnonzero(away < distance)[-1]) if (away < distance).any() else 0
-    if index + 1 >= len(away):
+def _when(times_s: Floats, distances_m: Floats, distance: float) -> float:
+    """Return the last time at which the distance rose through ``distance``."""
+    index = int(numpy.flatnonzero(distances_m < distance)[-1]) if (distances_m < distance).any() else 0
+    if index + 1 >= len(distances_m):
         return float(times_s[-1])
-    fraction = (distance - away[index]) / max(away[index + 1] - away[index], 1e-9)
+    fraction = (distance - distances_m[index]) / max(distances_m[index + 1] - distances_m[index], 1e-9)
     return float(times_s[index] + fraction * (times_s[index + 1] - times_s[index]))
 
 

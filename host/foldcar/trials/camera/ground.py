@@ -265,7 +265,12 @@ def standing(scene: Mapping[str, Any], heights: Heights, body: Mapping[str, Any]
 
 
 def fit_heights(poses: "Sequence[Pose]", ground: Standing, pixel: float) -> Standing:
-    """Fit the obstacles' heights to these poses, whose corners have the standard deviation ``pixel``."""
+    """Fit the obstacles' heights to poses by weighted least squares; corners have the standard deviation ``pixel``.
+
+    Unknowns are the change of each obstacle's height, as a fraction, and an offset of height, pitch and roll that all
+    poses share. A pose deviates from its planned stance by the offset and by the changes of the obstacles under its
+    wheels. Outliers have less weight.
+    """
     count = len(ground.factors) - 1
     zeros = numpy.zeros(count + 1)
     planned = ground.rescaled(zeros + 1, zeros)
@@ -278,6 +283,7 @@ def fit_heights(poses: "Sequence[Pose]", ground: Standing, pixel: float) -> Stan
         stance = planned.at(place)
         values, spread = pose.by_corners(pixel)
         deviation = values[GROUND_INDICES] - stance.values
+        # The deviation is design @ unknowns.
         design = numpy.zeros((3, count + 3))
         design[:, count:] = numpy.eye(3)
         middle = planned.planes(place)[0].mean(axis=0)

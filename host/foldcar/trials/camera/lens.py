@@ -141,6 +141,7 @@ def calibrate(files: Sequence[Path]) -> tuple[Lens, int]:
 
 
 def _pictures(files: Sequence[Path]) -> Iterator[tuple[Path, Grey]]:
+    """Yield photos, and a few frames a second of films."""
     for file in files:
         if file.suffix.lower() in PHOTOS:
             yield file, read_photo(file)

@@ -106,6 +106,7 @@ def _level_pose(view: View, corners: Floats, size_m: float, height_m: float) -> 
 def _errors(
     view: View, corners: Floats, height_m: float, placing_errors: tuple[float, float, float]
 ) -> tuple[float, float, float]:
+    """Return the standard errors of a card's x, y (m) and heading (rad)."""
     middle, top = corners.mean(axis=0), corners[:2].mean(axis=0)
     frame = view.frame_error(middle, top, height_m)
     # Noise of the corners; that of the middle of four corners is half of one corner's.

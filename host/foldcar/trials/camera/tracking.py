@@ -188,16 +188,17 @@ def _view(seen: _MarkersSeen, course: Course, lens: Lens | None, where: str) -> 
 
 
 def smooth(times_s: Floats, poses: Floats, covariances: Floats) -> tuple[Floats, Floats, Floats]:
-    """Smooth poses at ascending times; return poses (n, 6), covariances (n, 6, 6) and which were used (n).
+    """Smooth poses at ascending times by a Kalman filter and the Rauch-Tung-Striebel recursion.
 
-    Headings are continuous and may exceed π.
+    The state is a pose with its rates; accelerations are white noise. Poses that are improbable by the filter are left
+    out. Returns poses (n, 6), covariances (n, 6, 6) and which were used (n). Headings are continuous and may exceed π.
     """
     poses = poses.copy()
     poses[:, 3:] = numpy.unwrap(poses[:, 3:], axis=0)
     n = len(times_s)
     states, spreads = numpy.zeros((n, 12)), numpy.zeros((n, 12, 12))
-    before, before_spreads = numpy.zeros((n, 12)), numpy.zeros((n, 12, 12))
-    moves = numpy.zeros((n, 12, 12))
+    predicted, predicted_spreads = numpy.zeros((n, 12)), numpy.zeros((n, 12, 12))
+    transitions = numpy.zeros((n, 12, 12))
     used = numpy.zeros(n, dtype=bool)
     state = numpy.concatenate([poses[0], numpy.zeros(6)])
     spread = numpy.zeros((12, 12))
@@ -205,24 +206,24 @@ def smooth(times_s: Floats, poses: Floats, covariances: Floats) -> tuple[Floats,
     last_used_s = times_s[0]
     for k in range(n):
         dt = times_s[k] - times_s[k - 1] if k else 0.0
-        move, noise = numpy.eye(12), numpy.zeros((12, 12))
-        move[:6, 6:] = dt * numpy.eye(6)
+        transition, noise = numpy.eye(12), numpy.zeros((12, 12))
+        transition[:6, 6:] = dt * numpy.eye(6)
         noise[:6, :6], noise[6:, 6:] = numpy.diag(DENSITY * dt**3 / 3), numpy.diag(DENSITY * dt)
         noise[:6, 6:] = noise[6:, :6] = numpy.diag(DENSITY * dt**2 / 2)
-        state, spread = move @ state, move @ spread @ move.T + noise
-        before[k], before_spreads[k], moves[k] = state, spread, move
+        state, spread = transition @ state, transition @ spread @ transition.T + noise
+        predicted[k], predicted_spreads[k], transitions[k] = state, spread, transition
         innovation = poses[k] - state[:6]
         innovation[3:] = numpy.remainder(innovation[3:] + numpy.pi, 2 * numpy.pi) - numpy.pi
-        weight = numpy.linalg.inv(spread[:6, :6] + covariances[k])
-        if k == 0 or innovation @ weight @ innovation <= GATE_CHI2 or times_s[k] - last_used_s > MAX_LOST_S:
-            gain = spread[:, :6] @ weight if k else numpy.zeros((12, 6))
+        inverse_spread = numpy.linalg.inv(spread[:6, :6] + covariances[k])
+        if k == 0 or innovation @ inverse_spread @ innovation <= GATE_CHI2 or times_s[k] - last_used_s > MAX_LOST_S:
+            gain = spread[:, :6] @ inverse_spread if k else numpy.zeros((12, 6))
             state = state + gain @ innovation
             spread = spread - gain @ spread[:6]
             spread = (spread + spread.T) / 2
             used[k], last_used_s = True, times_s[k]
         states[k], spreads[k] = state, spread
     for k in range(n - 2, -1, -1):
-        gain = spreads[k] @ moves[k + 1].T @ numpy.linalg.pinv(before_spreads[k + 1], hermitian=True)
-        states[k] += gain @ (states[k + 1] - before[k + 1])
-        spreads[k] += gain @ (spreads[k + 1] - before_spreads[k + 1]) @ gain.T
+        gain = spreads[k] @ transitions[k + 1].T @ numpy.linalg.pinv(predicted_spreads[k + 1], hermitian=True)
+        states[k] += gain @ (states[k + 1] - predicted[k + 1])
+        spreads[k] += gain @ (spreads[k + 1] - predicted_spreads[k + 1]) @ gain.T
     return states[:, :6], spreads[:, :6, :6], used

@@ -1,0 +1,313 @@
+"""Choose which designs to build next for one experiment, and put the advice into words.
+
+Input: the evidence of an experiment and the belief about its designs. Output: a Selection.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy
+from numpy.typing import NDArray
+
+from foldcar.inference.belief import Belief
+from foldcar.inference.comparison import compare_experiment
+from foldcar.inference.costs import CUTTING_MM_S, PLACING_MIN, Cost, assembly_min, cost, trial_min
+from foldcar.inference.design_evidence import Design
+from foldcar.inference.evidence import Evidence
+from foldcar.inference.sentences import Undecided, first_reason, grounds, headline, next_reason, undecided_text
+from foldcar.statistics.built_cars import PRIOR, SPREADS
+from foldcar.statistics.pooled_bias import MAX_POOLED
+from foldcar.statistics.rate import Rate, rate_interval
+from foldcar.statistics.selection import (
+    BATCHES,
+    Effort,
+    Placed,
+    choose_designs,
+    correlation_within_cars,
+    expected_loss,
+    first_designs,
+    further_effort,
+    gain_per_hour,
+    informative_environments,
+    split_sample_best,
+    trials_needed,
+    trials_to_decide,
+)
+from foldcar.statistics.words import count, listed, percent, points, rate_text
+from foldcar.store.info import ExperimentInfo
+
+# Designs are compared by the gain from so many trials: an afternoon's.
+ROUND_TRIALS = 10
+# More designs are thinned out before the choice, whose work grows with the number of pairs.
+MAX_CANDIDATES = 400
+# Trials are enough if the leader's expected loss (0 to 1) is at most MAX_LOSS and the precision, and an hour of work
+# gains less than MIN_GAIN: in the leader's rate, or in the fraction of designs on the right side of the threshold.
+MAX_LOSS, MIN_GAIN = 0.05, 0.01
+# A design is not worth building if its chances to reach the threshold and to be the best (0 to 1) are both smaller.
+MIN_CHANCE = 0.025
+NEXT = "next"
+
+
+@dataclass(frozen=True)
+class Recommendation:
+    """A design to try next.
+
+    ``place`` is one of :mod:`foldcar.statistics.selection`, or NEXT after trials; ``reason`` explains it. ``simulated``
+    is the rate of its runs, ``expected`` that of a further built car by simulation and trials. ``cars`` further cars with
+    ``trials`` further trials in all narrow its interval to the precision asked for. ``built`` if it was driven before.
+    ``cost`` is None if the car cannot be cut, or costs were not asked for.
+    """
+
+    label: str
+    design: Design
+    place: str
+    reason: str
+    simulated: Rate
+    expected: Rate
+    built: bool
+    trials_done: int
+    cars: int
+    trials: int
+    cost: Cost | None
+
+
+@dataclass(frozen=True, repr=False)
+class Selection:
+    """The advice for one experiment; print it to read it.
+
+    ``headline`` is the answer, ``grounds`` the evidence for it, ``next_step`` what to do. If ``enough``, further trials
+    are not worth their time and there are no recommendations. ``environments`` are the samples to set up for the
+    recommended designs; in the first ``telling`` of them the designs' simulated results differ. ``leader`` is the best
+    design by trials and simulation. ``loss`` (0 to 1) is its expected loss against the truly best design, ``gain`` (0 to
+    1) the greatest expected gain of an hour of work. These three are None before trials. ``basis`` states the assumptions
+    of the costs.
+    """
+
+    info: ExperimentInfo
+    threshold: float
+    precision: float
+    headline: str
+    grounds: str = ""
+    next_step: str = ""
+    recommendations: tuple[Recommendation, ...] = ()
+    environments: tuple[int, ...] = ()
+    telling: int = 0
+    enough: bool = False
+    leader: Design | None = None
+    loss: float | None = None
+    gain: float | None = None
+    undecided: tuple[Undecided, ...] = ()
+    remarks: tuple[str, ...] = ()
+    basis: str = ""
+
+    @property
+    def sentence(self) -> str:
+        """Headline, grounds and next step."""
+        return " ".join(text for text in (self.headline, self.grounds, self.next_step) if text)
+
+    def __repr__(self) -> str:
+        rows = [
+            f"  {design.label}: {design.trials} trials of {count(design.cars, 'car')}; {design.reason}"
+            for design in self.recommendations
+        ]
+        return "\n".join([f"Experiment {self.info.id}: {self.sentence}", *rows])
+
+
+@dataclass(frozen=True)
+class Adviser:
+    """Advises on one experiment by the belief about its designs."""
+
+    evidence: Evidence
+    belief: Belief
+    threshold: float
+    precision: float
+
+    def selection(self, build: int, with_cost: bool) -> Selection:
+        """Return the advice with up to ``build`` designs."""
+        belief, info, threshold = self.belief, self.evidence.info, self.threshold
+        best, loss = expected_loss(belief.draws)
+        enough = belief.driven and loss <= min(MAX_LOSS, self.precision) and self._gain < MIN_GAIN
+        placed = [] if enough else self._placed(build)
+        recommended = tuple(self._recommendation(place, with_cost) for place in placed)
+        rows = [place.index for place in placed]
+        met_samples = {trial.sample for index in rows for trial in belief.designs[index].trials}
+        met_columns = [column for column, sample in enumerate(belief.samples.tolist()) if sample in met_samples]
+        trials_per_design = max((design.trials for design in recommended), default=0)
+        columns = informative_environments(belief.passed[rows], trials_per_design, met_columns) if rows else []
+        return Selection(
+            info,
+            threshold,
+            self.precision,
+            headline(self.evidence, belief, compare_experiment(self.evidence), threshold),
+            grounds(self.evidence, belief, threshold),
+            self._next_step(recommended, belief.labels[best], loss, enough),
+            recommended,
+            tuple(int(belief.samples[column]) for column in columns),
+            int(sum(numpy.ptp(belief.passed[rows][:, column]) > 0 for column in columns)),
+            enough,
+            belief.designs[best].design if belief.driven else None,
+            loss if belief.driven else None,
+            self._gain if belief.driven else None,
+            self._undecided if belief.driven else (),
+            self._remarks(trials_per_design - len(columns)),
+            self._basis,
+        )
+
+    def _placed(self, build: int) -> list[Placed]:
+        """Choose the designs, the most useful first."""
+        belief, first = self.belief, []
+        if not belief.driven:
+            rate, low, high = belief.simulation.T
+            # Uncertainty about each design's side of the threshold.
+            doubt = 1 / (1 + numpy.abs(rate - self.threshold) / numpy.maximum(high - low, 1e-9))
+            first = first_designs(belief.parameters, rate, doubt, self.threshold)[:build]
+        first_indices = [placed.index for placed in first]
+        candidates = numpy.union1d(self._open_candidates, numpy.array(first_indices, dtype=int))
+        zone = self.precision if belief.driven else 0.0
+        chosen = numpy.searchsorted(candidates, first_indices).tolist()
+        chosen_next = choose_designs(
+            belief.draws[:, candidates], self.threshold, ROUND_TRIALS, build - len(first), chosen, zone=zone
+        )
+        return [*first, *(Placed(int(candidates[index]), NEXT) for index in chosen_next)]
+
+    @cached_property
+    def _candidates(self) -> NDArray[numpy.int64]:
+        """The indices of the driven designs, and of evenly spaced ones of the others."""
+        undriven = numpy.flatnonzero(self.belief.trials == 0)
+        if len(undriven) > MAX_CANDIDATES:
+            undriven = undriven[numpy.linspace(0, len(undriven) - 1, MAX_CANDIDATES).round().astype(int)]
+        return numpy.union1d(undriven, numpy.flatnonzero(self.belief.trials))
+
+    @property
+    def _open_candidates(self) -> NDArray[numpy.int64]:
+        """The candidates that may be best, or whose side of the threshold is uncertain; all candidates without any."""
+        belief, candidates = self.belief, self._candidates
+        chances = belief.chances(self.threshold)[candidates]
+        best = (belief.draws.argmax(axis=1)[:, None] == candidates).mean(axis=0)
+        is_open = ((chances > MIN_CHANCE) & (chances < 1 - MIN_CHANCE)) | (best > MIN_CHANCE)
+        return candidates[is_open] if is_open.any() else candidates
+
+    @cached_property
+    def _gain(self) -> float:
+        """The greatest expected gain of an hour of work, 0 to 1."""
+        trials_min = [(index, trial_min(self.belief.designs[index].mean_time_s)) for index in self._candidates.tolist()]
+        work = [
+            [self._effort(index, batch).work_min(self._assembly_min, minutes) for index, minutes in trials_min]
+            for batch in BATCHES
+        ]
+        return gain_per_hour(self.belief.draws[:, self._candidates], self.threshold, self.precision, work)
+
+    def _effort(self, index: int, further: int, least: int = 0) -> Effort:
+        """Return the work for ``further`` independent trials of a design, and for at least ``least`` in all."""
+        design = self.belief.designs[index]
+        driven = [] if design.cars is None else design.cars.counted.astype(int).tolist()
+        minutes = trial_min(design.mean_time_s)
+        return further_effort(further, self._correlations[index], self._assembly_min, minutes, driven, least)
+
+    @cached_property
+    def _spreads(self) -> NDArray[numpy.float64]:
+        """The spread of each design's cars; without simulated cars the other designs' mean, or the prior mean."""
+        spreads = [None if design.spread is PRIOR else float(design.spread @ SPREADS) for design in self.belief.designs]
+        simulated = [spread for spread in spreads if spread is not None]
+        mean_spread = sum(simulated) / len(simulated) if simulated else float(PRIOR @ SPREADS)
+        return numpy.array([mean_spread if spread is None else spread for spread in spreads])
+
+    @cached_property
+    def _correlations(self) -> list[float]:
+        """The correlation of trials of one car, by design."""
+        # A tenth of the draws is enough.
+        draws = self.belief.draws[::10].T
+        return [correlation_within_cars(rates, spread) for rates, spread in zip(draws, self._spreads, strict=True)]
+
+    @cached_property
+    def _assembly_min(self) -> float:
+        """The minutes to build a car of the design in the middle of the family, as its guide estimates them."""
+        design = self.belief.designs[len(self.belief.designs) // 2]
+        return assembly_min(design.vehicle_type, tuple(design.design.items()))
+
+    @property
+    def _basis(self) -> str:
+        """The assumptions of sheets, minutes and numbers of trials."""
+        return (
+            "Sheets: 12 x 12 inch, 12 x 24 where a piece is longer, as `foldcar pattern` nests them. Minutes assume "
+            f"cutting at {CUTTING_MM_S:g} mm/s, {self._assembly_min:.0f} min to build a car (as its guide estimates, "
+            f"headers and firmware aside), {PLACING_MIN:g} min to place a trial, and the time that simulation drives. "
+            f"Cars and trials are planned for cars of a design that differ by {self._spreads.mean():.1f} in log-odds "
+            "(standard deviation)."
+        )
+
+    @cached_property
+    def _undecided(self) -> tuple[Undecided, ...]:
+        """The designs whose rate may be on either side of the threshold, or is not to be trusted."""
+        belief, limit, zone, result = self.belief, self.threshold, self.precision, []
+        for index, (design, rate) in enumerate(zip(belief.designs, belief.built, strict=True)):
+            doubted = index in belief.contradictions.undriven_neighbours
+            if doubted or rate.low < limit <= rate.high:
+                trials = max(1, trials_to_decide(belief.draws[:, index], limit) - len(design.trials))
+                near_threshold = not doubted and limit - zone <= rate.low and rate.high <= limit + zone
+                result.append(Undecided(design.label, design.design, near_threshold, trials))
+        return tuple(result)
+
+    def _recommendation(self, placed: Placed, with_cost: bool) -> Recommendation:
+        """Return a chosen design with its reason, rates, further work and cost."""
+        index, design = placed.index, self.belief.designs[placed.index]
+        effort = self._effort(index, 1, trials_needed(self.belief.draws[:, index], self.precision))
+        if placed.place == NEXT:
+            reason = next_reason(self.belief, index, self.threshold)
+        else:
+            reason = first_reason(placed.place, design, self.evidence.info.simulation)
+        return Recommendation(
+            design.label, design.design, placed.place, reason, design.simulated(), self.belief.built[index],
+            bool(design.trials), len(design.trials), effort.cars, effort.trials,
+            cost(design, effort, self._assembly_min) if with_cost else None,
+        )  # fmt: skip
+
+    def _remarks(self, missing_environments: int) -> tuple[str, ...]:
+        """Return the remarks of the advice, then those of the evidence."""
+        belief, info, sentences = self.belief, self.evidence.info, []
+        best, passed, number = split_sample_best(belief.passed)
+        if number and len(belief.designs) > 1:
+            rate = rate_text(passed / number, *rate_interval(passed, number, info.until is not None))
+            sentences.append(
+                f"Best in {info.simulation}: {belief.labels[best]}, {rate}, chosen in one half of the environments "
+                "and counted in the other."
+            )
+        thinned = len(belief.designs) - len(self._candidates)
+        if thinned:
+            sentences.append(f"{count(thinned, 'design')} between these were left out of the choice, to save time.")
+        if belief.unpooled:
+            sentences.append(f"Of the driven designs the {MAX_POOLED} with most trials count.")
+        if missing_environments > 0:
+            sentences.append(
+                f"{count(missing_environments, 'trial')} of a design must repeat an environment: sweep more of them."
+            )
+        return (*sentences, *self.evidence.remarks)
+
+    def _next_step(self, recommended: Sequence[Recommendation], leader: str, loss: float, enough: bool) -> str:
+        """Return what to do next, or that trials are enough."""
+        lost = f"{points(loss, sign=False)} points"
+        if enough:
+            worth = points(MIN_GAIN, sign=False)
+            stop = (
+                f"Enough: expected loss if you stop with {leader}: {lost}; an hour of work wins less than {worth} point."
+            )
+            return f"{stop} {undecided_text(self._undecided, self.precision)}".strip()
+        first = recommended[0]
+        index = self.belief.labels.index(first.label)
+        chance = f"{percent(self.belief.chances(self.threshold)[index])} chance to reach {percent(self.threshold)}"
+        cars = f" of {count(first.cars, 'car')}" if first.cars else ""
+        design = self.belief.designs[index]
+        minutes = first.cars * self._assembly_min + first.trials * trial_min(design.mean_time_s)
+        hours = f", about {_hours(round(minutes))}"
+        later_text = f"; then {listed([design.label for design in recommended[1:]])}" if len(recommended) > 1 else ""
+        verb = "build" if first.cars else "drive"
+        plan = f"Next, {verb} {first.label}: {chance}; {count(first.trials, 'trial')}{cars}{hours}{later_text}."
+        if not self.belief.driven:
+            return plan
+        gain = f"an hour of work wins up to {100 * self._gain:.1f}"
+        return f"{plan} Expected loss if you stop with {leader}: {lost}; {gain}."
+
+
+def _hours(minutes: int) -> str:
+    return f"{minutes} min" if minutes < 90 else f"{minutes / 60:.0f} hours"

@@ -1,0 +1,232 @@
+"""Gives a page all that it needs to simulate the runs of an experiment itself, with carsim.wasm, and to draw them.
+
+Input: an experiment of a store, a native carsim. Output: rows of the page's data, and blobs that the page decodes when
+they are needed: ``inputs`` has bodies, settings and realities of the runs, ``pieces`` and ``car-DESIGN`` the shapes of
+the cars, ``scene-ENVIRONMENT`` a scene with its ground, ``checks`` a hash of each stored result, ``trial-NUMBER`` the
+path of a trial. A page cannot simulate runs of MuJoCo, nor those of a Scenic program that runs beside the simulation.
+"""
+
+import base64
+import json
+import zlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy
+from numpy.typing import NDArray
+
+from foldcar.car.design import compose_columns
+from foldcar.car.folded_car import folded_car
+from foldcar.errors import FoldcarError
+from foldcar.fabrication.assembly.scene_shape import SceneShapes, drawn_body
+from foldcar.figures.scene_data import ground_data
+from foldcar.inference.calibration.effects import REAL_ONLY, start_deviates
+from foldcar.inference.calibration.parameters import MAX_SCORE, PARAMETERS
+from foldcar.report.page_data import Experiment
+from foldcar.simulation.carsim import Carsim
+from foldcar.simulation.engines import ENGINES, MUJOCO_ENVIRONMENT, engine_of
+from foldcar.simulation.heights import carsim_heights
+from foldcar.simulation.results import FAILED, OUTCOMES, REJECTED
+from foldcar.simulation.runner import PATH_INTERVAL_S, side_by_side
+from foldcar.store.frames import RunArrays
+from foldcar.store.info import ExperimentInfo
+from foldcar.store.reader import Store
+from foldcar.store.stored_drives import StoredDrives, read_drives
+from foldcar.store.trial_paths import trial_path
+from foldcar.store.trial_records import Trial
+
+# More designs cannot be told apart on a screen; each environment is a ground on the page.
+MAX_DESIGNS, MAX_SAMPLES = 400, 200
+# Parameters of the page's sliders. Differences between wheels are those of the runs.
+SLIDERS = tuple(parameter for parameter in PARAMETERS if parameter.name != "wheel_spread")
+# The largest resistance (Ω) of the supply's slider.
+MAX_SUPPLY_OHM = 0.6
+FNV_OFFSET, FNV_PRIME = 0x811C9DC5, 0x01000193
+
+Blobs = dict[str, str]
+
+
+@dataclass(frozen=True)
+class PageDrives:
+    """``carsim`` returns the native simulator, or why it is missing; ``plan`` and ``done`` get numbers of steps."""
+
+    carsim: Callable[[str], Carsim | str]
+    jobs: int = 1
+    plan: Callable[[int], None] = lambda steps: None
+    done: Callable[[int], None] = lambda steps: None
+
+    def add(self, store: Store, experiment: Experiment, shown: dict[str, Any], key: str) -> Blobs:
+        """Add to an experiment's page data ``shown`` what the page simulates; its blobs' names begin with ``key``.
+
+        Raises FoldcarError if the simulator breaks down.
+        """
+        if not experiment.evidence.swept:
+            return {}
+        info, runs = experiment.info, experiment.evidence.runs
+        drives = read_drives(store, info.id)
+        carsim = self.carsim(info.engine)
+        reason = carsim if isinstance(carsim, str) else why_not(info, drives)
+        if reason is not None:
+            shown["remarks"].append(f"The page cannot simulate: {reason}.")
+            return {}
+        assert not isinstance(carsim, str)
+        designs, samples = _shown_designs(len(drives.bodies)), sorted(drives.scenes)[:MAX_SAMPLES]
+        self.plan(len(samples))
+        blobs = {"inputs": _inputs(info, drives, designs, samples), "checks": _checks(runs)}
+        blobs |= self._scene_blobs(drives, samples, carsim)
+        blobs |= _car_blobs(info, drives, designs)
+        shown["drives"] = {
+            "key": key,
+            "engine": " ".join(ENGINES[engine_of(info.engine)].options),
+            "build": info.carsim_build,
+            "designs": designs,
+            "environments": samples,
+            "path_interval_s": PATH_INTERVAL_S,
+            "sliders": [] if info.under else sliders(),
+        }
+        if len(designs) < len(drives.bodies) or len(samples) < len(drives.scenes):
+            shown["remarks"].append(
+                f"The page can simulate {len(designs)} of {len(drives.bodies)} designs in the first {len(samples)} of "
+                f"{len(drives.scenes)} environments."
+            )
+        without_sample = sum(row["environment"] is None for row in shown["trials"])
+        if without_sample:
+            shown["remarks"].append(
+                f"{without_sample} of {len(experiment.trials)} trials do not say in which sampled environment they were "
+                "driven, so they cannot be shown on individual runs."
+            )
+        for row, trial in zip(shown["trials"], experiment.trials, strict=True):
+            row["replay"] = _trial(store, blobs, trial)
+        return {f"{key}-{name}": text for name, text in blobs.items()}
+
+    def _scene_blobs(self, drives: StoredDrives, samples: Sequence[int], carsim: Carsim) -> Blobs:
+        """Return the scene of each sample with its ground; equal scenes are computed once."""
+        heights, blobs = carsim_heights(carsim), {}
+        scenes = {drives.scenes[sample]: drives.value("scene", drives.scenes[sample]) for sample in samples}
+        calls = (partial(ground_data, scene, heights, len(scenes)) for scene in scenes.values())
+        grounds = dict(zip(scenes, (blob(*data) for data in side_by_side(calls, self.jobs, carsim.stop)), strict=True))
+        for sample in samples:
+            blobs[f"scene-{sample}"] = grounds[drives.scenes[sample]]
+            self.done(1)
+        return blobs
+
+
+def why_not(info: ExperimentInfo, drives: StoredDrives) -> str | None:
+    """Return why a page cannot simulate the runs of an experiment; None if it can."""
+    if ENGINES[engine_of(info.engine)].environment == MUJOCO_ENVIRONMENT:
+        return "MuJoCo does not run in a page; `foldcar view --run` shows its runs"
+    if drives.dynamic is not False:
+        beside = "runs beside the simulation" if drives.dynamic else "may run beside the simulation"
+        return f"{info.scenic_program} {beside}; `foldcar view --run` shows its runs"
+    return None
+
+
+def sliders() -> list[dict[str, Any]]:
+    """Return the parameters that a page can change: range, nominal value, and the prior's median and 90 % interval."""
+    rows = []
+    for parameter in SLIDERS:
+        ends = [float(parameter.value(score)) for score in (-MAX_SCORE, -1.6449, 0.0, 1.6449, MAX_SCORE)]
+        low, prior, high = ends[0], ends[1:4], ends[4]
+        low = 0.0 if parameter.prior == "half-normal" else min(low, parameter.nominal)
+        rows.append(_slider(parameter.name, parameter.unit, parameter.meaning, parameter.nominal, low, high, prior))
+    supply = REAL_ONLY["supply_resistance_ohm"]
+    meaning = "resistance of cells, wires and switch of the servo supply, beyond the design's"
+    rows.append(_slider("supply_resistance_ohm", supply.unit, meaning, supply.nominal, 0.0, MAX_SUPPLY_OHM, None))
+    return rows
+
+
+def _slider(
+    name: str, unit: str, meaning: str, nominal: float, low: float, high: float, prior: list[float] | None
+) -> dict[str, Any]:
+    return {
+        "name": name,
+        "unit": unit,
+        "meaning": meaning,
+        "nominal": nominal,
+        "low": float(f"{low:.3g}"),
+        "high": float(f"{high:.3g}"),
+        "prior": None if prior is None else [float(f"{value:.4g}") for value in prior],
+    }
+
+
+def _shown_designs(count: int) -> list[int]:
+    """Return all designs, or MAX_DESIGNS that are evenly spread over the family."""
+    if count <= MAX_DESIGNS:
+        return list(range(count))
+    return [place * (count - 1) // (MAX_DESIGNS - 1) for place in range(MAX_DESIGNS)]
+
+
+def _inputs(info: ExperimentInfo, drives: StoredDrives, designs: Sequence[int], samples: Sequence[int]) -> str:
+    """Return bodies and settings by number, both numbers of each design; realities and deviates of each sample."""
+    body_numbers = {number: index for index, number in enumerate(dict.fromkeys(drives.bodies[d] for d in designs))}
+    setting_numbers = {number: index for index, number in enumerate(dict.fromkeys(drives.settings[d] for d in designs))}
+    head = {
+        "bodies": [drives.value("body", number) for number in body_numbers],
+        "settings": [drives.value("settings", number) for number in setting_numbers],
+        "designs": {d: [body_numbers[drives.bodies[d]], setting_numbers[drives.settings[d]]] for d in designs},
+        "realities": {k: drives.value("variation", drives.variations[k]) if drives.varied else {} for k in samples},
+        "deviates": {k: start_deviates(info.variation_seed, k) for k in samples},
+    }
+    return blob(head)
+
+
+def _checks(runs: RunArrays) -> str:
+    """Return a hash (FNV-1a, 32 bits) of outcome and metrics of each run, 0 for one that no simulator ended alone."""
+    hashes = result_hashes(runs.outcome, runs.metrics)
+    for name in (REJECTED, FAILED):
+        hashes[runs.outcome == OUTCOMES.index(name)] = 0
+    return blob({"runs": len(hashes)}, hashes.astype("<u4").tobytes())
+
+
+def result_hashes(outcome: NDArray[Any], metrics: NDArray[Any]) -> NDArray[Any]:
+    """Return the hashes (n,) of outcomes (n,) and metrics (n, k), of their bytes as drives.js computes them."""
+    numbers = numpy.where(numpy.isnan(metrics), numpy.nan, metrics).astype("<f8")
+    octets = numpy.column_stack([outcome.astype(numpy.uint8), numbers.view(numpy.uint8).reshape(len(numbers), -1)])
+    hashes = numpy.full(len(octets), FNV_OFFSET, dtype=numpy.uint32)
+    for column in octets.T:
+        hashes = (hashes ^ column) * numpy.uint32(FNV_PRIME)
+    return hashes
+
+
+def _car_blobs(info: ExperimentInfo, drives: StoredDrives, designs: Sequence[int]) -> Blobs:
+    """Return what is drawn of each design."""
+    shapes, blobs = SceneShapes(), {}
+    for design in designs:
+        body = drawn_body(drives.value("body", drives.bodies[design]))
+        blobs[f"car-{design}"] = blob({"body": body, "parts": _parts(info, drives.parameters[design], shapes)})
+    return {**blobs, "pieces": blob(shapes.pieces)}
+
+
+def _parts(info: ExperimentInfo, parameters: Mapping[str, Any], shapes: SceneShapes) -> list[dict[str, Any]] | None:
+    """Return the folded car's parts; None if this foldcar cannot fold it: then the page shows its body's boxes."""
+    try:
+        return shapes.add(folded_car(compose_columns(info.vehicle_type, parameters)))
+    except (FoldcarError, ValueError):
+        return None
+
+
+def _trial(store: Store, blobs: Blobs, trial: Trial) -> dict[str, Any]:
+    """Return what is drawn of a trial; its path is a blob of its own."""
+    path = trial_path(store, trial)
+    if path.rows is not None:
+        blobs[f"trial-{trial.id}"] = blob(path.rows.round(4).tolist())
+    return {
+        "moved": len(trial.deviations),
+        "path": path.rows is not None,
+        "attitude": path.attitude,
+        "missing": path.missing,
+        "film_error": path.film_error,
+    }
+
+
+def blob(head: Any, content: bytes = b"") -> str:
+    """Return ``head`` as JSON, a line feed and ``content``, deflated, as text that is safe inside any element."""
+    return deflated(json.dumps(head, separators=(",", ":"), allow_nan=False).encode() + b"\n" + content)
+
+
+def deflated(content: bytes) -> str:
+    """Return bytes as a page's ``inflate`` reads them: deflated without header, in base64."""
+    deflater = zlib.compressobj(9, wbits=-15)
+    return base64.b64encode(deflater.compress(content) + deflater.flush()).decode()

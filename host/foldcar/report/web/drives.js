@@ -1,0 +1,210 @@
+// Runs of an experiment that the page simulates itself: carsim.wasm in workers, with bodies, scenes and realities of drives.py.
+//
+// A run answers as in docs/carsim.md: {outcome, elapsed_time_s, …, path}. Times in seconds, lengths in metres.
+
+import { integerReader, readGround } from "../../figures/web/scene.js";
+import { byId } from "../../figures/web/dom.js";
+
+// Blobs of drives.py, decoded when they are first wanted: {head, bytes}; null if the page has none of that name.
+const decoded = new Map();
+
+export function readBlob(name) {
+  if (!decoded.has(name)) {
+    const element = byId(name);
+    decoded.set(name, element ? inflate(element.textContent.trim()).then(split) : Promise.resolve(null));
+  }
+  return decoded.get(name);
+}
+
+async function inflate(base64) {
+  const packed = Uint8Array.from(atob(base64), letter => letter.charCodeAt(0));
+  const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate-raw"));
+  return new Uint8Array(await new Response(stream).arrayBuffer());
+}
+
+function split(whole) {
+  const end = whole.indexOf(10);
+  return { head: JSON.parse(new TextDecoder().decode(whole.subarray(0, end))), bytes: whole.subarray(end + 1) };
+}
+
+// The module is compiled once for all experiments.
+let compiled = null;
+const compileCarsim = () => (compiled ??= inflate(byId("carsim").textContent.trim()).then(bytes => WebAssembly.compile(bytes)));
+
+// Simulators in workers, one for each thread of the machine. Tasks of a higher priority run first.
+class Pool {
+  constructor(engine) {
+    this.tasks = [];
+    this.workers = [];
+    this.ready = this.start(engine);
+  }
+
+  async start(engine) {
+    const module = await compileCarsim();
+    const url = URL.createObjectURL(new Blob([byId("worker").textContent], { type: "text/javascript" }));
+    const count = Math.max(1, navigator.hardwareConcurrency || 2);
+    await Promise.all(Array.from({ length: count }, () => new Promise((resolve, reject) => {
+      const worker = new Worker(url), one = { worker, known: new Set(), task: null };
+      worker.onerror = event => { this.failed = new Error(event.message); one.task?.reject(this.failed); reject(this.failed); };
+      worker.onmessage = ({ data }) => {
+        if (data.build) {
+          this.build = data.build;
+          this.workers.push(one);
+          resolve();
+          this.next();
+          return;
+        }
+        const { task } = one;
+        one.task = null;
+        task.resolve(data.answers.map(text => JSON.parse(text)));
+        this.next();
+      };
+      worker.postMessage({ module, engine });
+    })));
+    URL.revokeObjectURL(url);
+  }
+
+  // Answers to the run lines; definitions are lines by name of bodies and scenes that a simulator needs first.
+  answers(definitions, lines, priority, group) {
+    return new Promise((resolve, reject) => {
+      if (this.failed) { reject(this.failed); return; }
+      this.tasks.push({ definitions, lines, priority, group, resolve, reject });
+      this.tasks.sort((a, b) => b.priority - a.priority);
+      this.next();
+    });
+  }
+
+  // Forgets tasks of a group that have not begun; their promises stay open.
+  drop(group) { this.tasks = this.tasks.filter(task => task.group !== group); }
+
+  next() {
+    for (const one of this.workers) {
+      if (one.task || !this.tasks.length) continue;
+      const task = (one.task = this.tasks.shift()), missing = [];
+      for (const [name, line] of Object.entries(task.definitions)) {
+        if (!one.known.has(name)) missing.push(line);
+        one.known.add(name);
+      }
+      one.worker.postMessage({ id: 0, lines: [...missing, ...task.lines] });
+    }
+  }
+}
+
+const pools = new Map();
+
+export const URGENT = 2, SOON = 1, LATER = 0;
+
+export class Drives {
+  // e: the experiment of data.js, with `drives` of page_data.py.
+  constructor(e) {
+    Object.assign(this, { e, ...e.drives });
+    this.canDrive = new Set(this.designs);
+    this.canMeet = new Set(this.environments);
+    this.grounds = new Map();
+  }
+
+  has(design, environment) { return this.canDrive.has(design) && this.canMeet.has(environment) && this.check(design, environment) !== 0; }
+
+  // Number of runs that the page can simulate and has a stored result of.
+  get pairs() {
+    return this.environments.flatMap(environment => this.designs.filter(design => this.e.run(design, environment) >= 0 && this.has(design, environment)).map(design => [design, environment]));
+  }
+
+  // Starts the simulators and reads the inputs.
+  async ready() {
+    if (!this.begun) {
+      if (!pools.has(this.engine)) pools.set(this.engine, new Pool(this.engine));
+      this.pool = pools.get(this.engine);
+      this.begun = Promise.all([readBlob(`${this.key}-inputs`), readBlob(`${this.key}-checks`), this.pool.ready]).then(([inputs, checks]) => {
+        this.inputs = inputs.head;
+        this.checks = new DataView(checks.bytes.buffer, checks.bytes.byteOffset);
+      });
+    }
+    await this.begun;
+  }
+
+  // The ground of an environment, with obstacles of a relative height.
+  async ground(environment, height = 1) {
+    const name = `${environment} ${height}`;
+    if (!this.grounds.has(name)) this.grounds.set(name, readBlob(`${this.key}-scene-${environment}`).then(({ head, bytes }) => readGround(head, integerReader(bytes), height)));
+    return this.grounds.get(name);
+  }
+
+  // Answers of runs of designs in an environment, in order. values: what-if values by name, null for the run as stored.
+  async simulate(designs, environment, { values = null, path = false, priority = LATER, group = null } = {}) {
+    await this.ready();
+    const { inputs, key } = this, scene = await readBlob(`${key}-scene-${environment}`);
+    const reality = realityOf(values, inputs.realities[environment], inputs.deviates[environment]);
+    const definitions = { [`${key} s${environment}`]: JSON.stringify({ scene: { ...scene.head.scene, id: `${key} s${environment}` } }) };
+    const lines = designs.map(design => {
+      const [body, setting] = inputs.designs[design];
+      definitions[`${key} b${body}`] ??= JSON.stringify({ body: { ...inputs.bodies[body], id: `${key} b${body}` } });
+      return JSON.stringify({ run: { ...inputs.settings[setting], id: String(design), body: `${key} b${body}`, scene: `${key} s${environment}`, reality, ...(path ? { path_interval_s: this.path_interval_s } : {}) } });
+    });
+    return this.pool.answers(definitions, lines, priority, group);
+  }
+
+  // Rows of times and pulse widths of a design's servos.
+  async pulses(design) {
+    await this.ready();
+    const { speed_m_s, yaw_rate_rad_s, time_limit_s, parameters } = this.inputs.settings[this.inputs.designs[design][1]];
+    const line = JSON.stringify({ pulses: { id: "pulses", speed_m_s, yaw_rate_rad_s, time_limit_s, parameters } });
+    const [{ changes }] = await this.pool.answers({}, [line], URGENT);
+    return changes;
+  }
+
+  check(design, environment) {
+    const run = this.e.run(design, environment);
+    return run < 0 || !this.checks ? null : this.checks.getUint32(4 * run, true);
+  }
+
+  // Whether an answer has the stored outcome and metrics, bit by bit; null without a stored result.
+  agrees(design, environment, answer) {
+    const stored = this.check(design, environment);
+    return stored === null || stored === 0 ? null : stored === hashOf(this.e.outcomes, answer);
+  }
+
+  // What a reader must know of an answer beside its path.
+  verdict(design, environment, answer) {
+    const agrees = this.agrees(design, environment, answer);
+    if (agrees === null) return "";
+    if (agrees) return "✓ This page computed the stored outcome and numbers, bit by bit.";
+    const run = this.e.run(design, environment), label = this.e.outcome_labels[this.e.runs.outcome[run]];
+    const builds = this.build === this.pool.build ? "" : ` It was made by carsim ${this.build}, this page has ${this.pool.build}.`;
+    return `✗ The stored run ${label} after ${this.e.runs.time_s[run]} s; this page computes: ${outcomeText(this.e, answer)}.${builds}`;
+  }
+}
+
+const outcomeText = (e, answer) => (answer.error ? `failed (${answer.error.message})` : `${e.outcome_labels[e.outcomes.indexOf(answer.outcome)]} after ${answer.elapsed_time_s} s`);
+
+// FNV-1a over the outcome's number and the metrics as doubles, as result_hashes of drives.py.
+function hashOf(outcomes, answer) {
+  if (answer.error) return -1;
+  const { run, outcome, path, recorded, ...metrics } = answer, numbers = Object.values(metrics);
+  const bytes = new Uint8Array(1 + 8 * numbers.length), view = new DataView(bytes.buffer);
+  bytes[0] = outcomes.indexOf(outcome);
+  numbers.forEach((value, k) => view.setFloat64(1 + 8 * k, value ?? NaN, true));
+  let hash = 0x811c9dc5;
+  for (const byte of bytes) hash = Math.imul(hash ^ byte, 0x01000193) >>> 0;
+  return hash;
+}
+
+const CHANNELS = 8;
+
+// The reality of a run: how car and ground differ from design and scene. As drawn_reality of calibration/effects.py.
+export function realityOf(values, base, deviates) {
+  if (values === null) return base;
+  const reality = { ...base };
+  for (const name of ["servo_torque", "servo_speed"]) {
+    reality[name] = Array.from(base[name] ?? Array(CHANNELS).fill(0), deviation => values[name] * (1 + deviation) - 1);
+  }
+  reality.com_z_m = (base.com_z_m ?? 0) + values.com_height_m;
+  reality.track_m = values.track_m;
+  if (values.supply_resistance_ohm) reality.supply_resistance_ohm = (base.supply_resistance_ohm ?? 0) + values.supply_resistance_ohm;
+  reality.friction = values.friction;
+  reality.obstacle_height = values.obstacle_height;
+  for (const [name, deviate] of Object.entries(deviates)) {
+    reality[name] = (name === "start_heading_rad" ? values.start_heading_sd_rad : values.start_position_sd_m) * deviate;
+  }
+  return reality;
+}

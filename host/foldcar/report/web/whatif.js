@@ -1,0 +1,232 @@
+// What if the world differed: sliders for the simulator's parameters; each change simulates all designs in all environments.
+//
+// Parameters, their priors and limits: `drives.sliders` of page_data.py. Results: success by design beside the stored runs, how
+// probable the trials are, and success of one design over each slider.
+
+import { Chart, axisStyle, band, successAxis, tipStyle } from "./charts.js";
+import { number, withUnit } from "./data.js";
+import { LATER, SOON } from "./drives.js";
+import { byId, make } from "../../figures/web/dom.js";
+
+const REDRAW_MS = 250, WAIT_MS = 120;
+// Values of each slider in its small picture, and environments of these.
+const STEPS = 11, STEP_ENVIRONMENTS = 40;
+const LABELS = {
+  friction: "friction", servo_torque: "servo torque", servo_speed: "servo speed", obstacle_height: "obstacle height", com_height_m: "centre of mass, raised",
+  track_m: "track, widened", start_position_sd_m: "start scatter, position", start_heading_sd_rad: "start scatter, heading", supply_resistance_ohm: "supply resistance",
+};
+// Shown units: factors from SI.
+const SHOWN = { m: ["mm", 1000], rad: ["°", 180 / Math.PI] };
+const shownUnit = unit => SHOWN[unit] ?? [unit, 1];
+
+export class WhatIf {
+  constructor(model) { Object.assign(this, { model, charts: [], group: null }); }
+
+  use() {
+    for (const chart of this.charts) chart.dispose();
+    this.stop();
+    Object.assign(this, { charts: [], rates: null });
+    const { e } = this.model, place = byId("whatif");
+    place.hidden = !e.drives?.sliders.length || !e.judged;
+    if (place.hidden) return;
+    this.sliders = e.drives.sliders;
+    this.values = Object.fromEntries(this.sliders.map(one => [one.name, one.nominal]));
+    this.fields = new Map();
+    const figure = make("figure", {});
+    byId("whatif-sliders").replaceChildren(...this.sliders.map(one => this.row(one)), this.buttons());
+    byId("whatif-chart").replaceChildren(this.legend(), figure);
+    byId("whatif-single").replaceChildren();
+    this.chart = new Chart(figure, this.figure());
+    this.charts.push(this.chart);
+    this.read();
+  }
+
+  // One slider: the prior's 90 % interval is a band below it.
+  row(one) {
+    const [unit, scale] = shownUnit(one.unit), label = LABELS[one.name] ?? one.name, step = (one.high - one.low) / 200;
+    const range = make("input", { type: "range", min: one.low, max: one.high, step, value: one.nominal, "aria-label": `${label} (${unit})`, title: one.meaning });
+    const output = make("output");
+    const show = () => { output.textContent = `${number(scale * this.values[one.name])} ${unit}`; range.setAttribute("aria-valuetext", output.textContent); };
+    range.addEventListener("input", () => { this.values[one.name] = snapped(one, Number(range.value), step); show(); this.changed(); });
+    this.fields.set(one.name, { range, show });
+    show();
+    const share = value => 100 * (Math.min(one.high, Math.max(one.low, value)) - one.low) / (one.high - one.low);
+    const band = one.prior ? make("i", { class: "prior", style: `left:${share(one.prior[0])}%;width:${share(one.prior[2]) - share(one.prior[0])}%`, title: `90 % of the prior: ${number(scale * one.prior[0])} to ${number(scale * one.prior[2])} ${unit}` }) : "";
+    const nominal = make("i", { class: "nominal", style: `left:${share(one.nominal)}%`, title: `as simulated: ${number(scale * one.nominal)} ${unit}` });
+    return make("label", { class: "slider" }, make("span", { text: label }), make("span", { class: "track" }, range, make("span", { class: "marks" }, band, nominal)), output);
+  }
+
+  buttons() {
+    this.status = make("span", { class: "note", role: "status" });
+    this.copied = make("button", { type: "button", text: "copy as reality.json", onclick: () => this.copy() });
+    return make("p", { class: "controls" },
+      make("button", { type: "button", text: "as simulated", onclick: () => this.reset() }), this.copied,
+      make("button", { type: "button", id: "marginals", text: "which unknown matters most?", onclick: () => this.marginals() }), this.status);
+  }
+
+  get different() { return this.sliders.filter(one => this.values[one.name] !== one.nominal); }
+
+  // Values of the address.
+  read() {
+    const { state } = this.model;
+    for (const one of this.sliders) {
+      const value = state.reality[one.name];
+      this.values[one.name] = value === undefined ? one.nominal : Math.min(one.high, Math.max(one.low, value));
+      const { range, show } = this.fields.get(one.name);
+      range.value = this.values[one.name];
+      show();
+    }
+    if (this.different.length) this.changed();
+    else this.chart.draw();
+  }
+
+  reset() {
+    for (const one of this.sliders) {
+      this.values[one.name] = one.nominal;
+      const { range, show } = this.fields.get(one.name);
+      range.value = one.nominal;
+      show();
+    }
+    this.changed();
+  }
+
+  changed() {
+    const { model } = this;
+    model.state.reality = Object.fromEntries(this.different.map(one => [one.name, Number(this.values[one.name].toPrecision(6))]));
+    for (const [name, value] of Object.entries(model.state.reality)) this.values[name] = value;
+    model.write();
+    this.stop();
+    clearTimeout(this.waiting);
+    this.waiting = setTimeout(() => this.simulate(), WAIT_MS);
+  }
+
+  stop() {
+    if (this.group) this.model.drives?.pool?.drop(this.group);
+    this.group = null;
+  }
+
+  async simulate() {
+    const { e, drives } = this.model;
+    if (!this.different.length) {
+      this.rates = null;
+      this.status.textContent = "";
+      this.chart.draw();
+      return;
+    }
+    const group = (this.group = {}), values = { ...this.values }, begun = performance.now();
+    const rates = { passed: new Uint32Array(e.count), runs: new Uint32Array(e.count) };
+    let done = 0, drawn = 0;
+    this.status.textContent = "simulating …";
+    const environments = drives.environments.filter(k => e.runsIn ? e.runsIn[k] : true);
+    await Promise.all(environments.map(async environment => {
+      const answers = await drives.simulate(drives.designs, environment, { values, priority: SOON, group });
+      if (group !== this.group) return;
+      answers.forEach((answer, k) => {
+        rates.runs[drives.designs[k]] += 1;
+        rates.passed[drives.designs[k]] += answer.outcome === "passed";
+      });
+      done += 1;
+      this.rates = rates;
+      if (performance.now() - drawn > REDRAW_MS || done === environments.length) {
+        drawn = performance.now();
+        this.chart.draw();
+        this.tell(done, environments.length, (drawn - begun) / 1000);
+      }
+    }));
+    if (group === this.group) byId("whatif").dataset.done = String(done);
+  }
+
+  // How far it is, and how probable the trials are.
+  tell(done, all, seconds) {
+    const { e } = this.model, driven = [...e.designs.trials.keys()].filter(k => e.designs.trials[k] && this.rates.runs[k] && e.designs.runs[k]);
+    const score = (passed, runs) => driven.reduce((sum, k) => {
+      const rate = (passed[k] + 0.5) / (runs[k] + 1), failed = e.designs.trials[k] - e.designs.trials_passed[k];
+      return sum + e.designs.trials_passed[k] * Math.log(rate) + failed * Math.log(1 - rate);
+    }, 0);
+    const ratio = driven.length ? Math.exp(score(this.rates.passed, this.rates.runs) - score(e.designs.passed, e.designs.runs)) : null;
+    const trials = ratio === null ? "" : ` The trials are ${ratio >= 1 ? `${factor(ratio)} times as probable as` : `${factor(1 / ratio)} times less probable than`} with the simulated values.`;
+    this.status.textContent = `${done} of ${all} environments, ${seconds.toFixed(1)} s.${trials}`;
+  }
+
+  figure() {
+    const { model } = this, { e } = model, single = e.parameters.length === 1, axis = single ? e.axes[0] : null;
+    const share = (passed, runs) => (runs ? 100 * passed / runs : null);
+    const stored = k => share(e.designs.passed[k], e.designs.runs[k]), now = k => (this.rates ? share(this.rates.passed[k], this.rates.runs[k]) : null);
+    const order = () => (single ? [...axis.values.keys()].filter(k => axis.values[k] !== null).sort((a, b) => axis.values[a] - axis.values[b]) : [...Array(e.count).keys()]);
+    const tip = theme => ({ trigger: "item", formatter: ({ data }) => (data?.design === undefined ? "" : `<b>${e.designs.name[data.design]}</b><br>as simulated ${number(stored(data.design))} %<br>what if ${number(now(data.design))} %`), ...tipStyle(theme) });
+    const option = theme => (single ? {
+      height: 300, grid: { left: 58, right: 18, top: 16, bottom: 48 }, tooltip: tip(theme),
+      xAxis: axisStyle(theme, withUnit(axis), { type: "value", scale: true }), yAxis: successAxis(theme),
+      series: [
+        { name: "as simulated", type: "line", symbol: "rect", symbolSize: 5, lineStyle: { color: theme.soft, width: 1, type: "dashed" }, itemStyle: { color: theme.soft }, data: order().map(k => ({ value: [axis.values[k], stored(k)], design: k })) },
+        { name: "what if", type: "line", symbol: "circle", symbolSize: 6, lineStyle: { color: theme.bad, width: 2 }, itemStyle: { color: theme.bad }, z: 5, data: this.rates ? order().filter(k => now(k) !== null).map(k => ({ value: [axis.values[k], now(k)], design: k })) : [] },
+        { name: "trials", type: "scatter", symbol: "diamond", symbolSize: 13, z: 6, itemStyle: { color: theme.trial, borderColor: theme.paper }, data: order().filter(k => e.designs.trials[k]).map(k => ({ value: [axis.values[k], share(e.designs.trials_passed[k], e.designs.trials[k])], design: k })) },
+      ],
+    } : {
+      height: 380, grid: { left: 58, right: 18, top: 16, bottom: 48 }, tooltip: tip(theme),
+      xAxis: successAxis(theme, "as simulated", { nameGap: 26 }), yAxis: successAxis(theme, "what if"),
+      series: [
+        { type: "line", silent: true, symbol: "none", lineStyle: { color: theme.soft, type: "dashed", width: 1 }, data: [[0, 0], [100, 100]] },
+        { name: "designs", type: "scatter", symbolSize: 9, cursor: "pointer", data: this.rates ? order().filter(k => now(k) !== null).map(k => ({ value: [stored(k), now(k)], design: k, itemStyle: { color: e.designs.trials[k] ? theme.trial : theme.bad, opacity: model.within[k] ? 0.85 : 0.15 } })) : [] },
+      ],
+    });
+    const table = () => ({ head: ["design", "as simulated", "what if", "trials"], rows: order().map(k => [e.designs.name[k], `${e.designs.passed[k] ?? "–"} of ${e.designs.runs[k]}`, this.rates?.runs[k] ? `${this.rates.passed[k]} of ${this.rates.runs[k]}` : "–", e.designs.trials[k] ? `${e.designs.trials_passed[k]} of ${e.designs.trials[k]}` : "–"]) });
+    return { label: "Success of each design as simulated and with these values", option, table };
+  }
+
+  legend() {
+    const { e } = this.model, keys = e.parameters.length === 1 ? [["engine", "as simulated"], ["whatif", "what if"], ["trials", "trials"]] : [["whatif", "a design"], ["trials", "a design with trials"]];
+    return make("span", { class: "legend" }, ...keys.map(([kind, text]) => make("span", {}, make("i", { class: `key ${kind}` }), text)));
+  }
+
+  async copy() {
+    const text = `${JSON.stringify(Object.fromEntries(this.different.map(one => [one.name, this.values[one.name]])), null, 1)}\n`;
+    try { await navigator.clipboard.writeText(text); this.copied.textContent = "copied: foldcar sweep LISTING --reality reality.json"; } catch { window.prompt("reality.json:", text); }
+    setTimeout(() => { this.copied.textContent = "copy as reality.json"; }, 4000);
+  }
+
+  // Success of the chosen design over each slider, all others as they are.
+  async marginals() {
+    const { e, drives } = this.model, design = this.model.design ?? e.leader ?? drives.designs[0], place = byId("whatif-single");
+    if (this.single) drives.pool?.drop(this.single);
+    const group = (this.single = {}), environments = drives.environments.slice(0, STEP_ENVIRONMENTS), base = { ...this.values };
+    const curves = this.sliders.map(one => ({ ...one, at: Array.from({ length: STEPS }, (_, k) => one.low + (one.high - one.low) * k / (STEPS - 1)), passed: new Uint32Array(STEPS) }));
+    const bar = make("progress", { max: "1" }), pictures = make("div", { class: "multiples" });
+    place.replaceChildren(make("h3", { text: `Success of ${e.designs.name[design]} over each unknown, in ${environments.length} environments` }), bar, pictures);
+    let done = 0;
+    const all = curves.length * STEPS * environments.length;
+    await Promise.all(curves.flatMap(curve => curve.at.flatMap((value, k) => environments.map(async environment => {
+      const [answer] = await drives.simulate([design], environment, { values: { ...base, [curve.name]: value }, priority: LATER, group });
+      if (group !== this.single) return;
+      curve.passed[k] += answer.outcome === "passed";
+      done += 1;
+      bar.value = done / all;
+    }))));
+    if (group !== this.single) return;
+    bar.remove();
+    // Over the likely range, or over all where no range is known.
+    const likely = ({ at, prior, passed }) => [...passed].filter((_, k) => !prior || (at[k] >= prior[0] && at[k] <= prior[2]));
+    const span = curve => Math.max(0, ...likely(curve)) - Math.min(environments.length, ...likely(curve));
+    for (const curve of curves.sort((a, b) => span(b) - span(a))) {
+      const [unit, scale] = shownUnit(curve.unit), label = LABELS[curve.name] ?? curve.name;
+      const figure = make("figure", {}, make("figcaption", {}, make("b", { text: label }), ` changes success by ${Math.round(100 * Math.max(0, span(curve)) / environments.length)} points${curve.prior ? " over its likely range" : ""}`));
+      pictures.append(figure);
+      const chart = new Chart(figure, {
+        label: `Success by ${label}`, table: () => ({ head: [`${label} (${unit})`, "passed"], rows: curve.at.map((value, k) => [number(scale * value), `${curve.passed[k]} of ${environments.length}`]) }),
+        option: theme => ({
+          height: 150, grid: { left: 48, right: 10, top: 10, bottom: 40 }, xAxis: axisStyle(theme, `${label} (${unit})`, { type: "value", min: scale * curve.low, max: scale * curve.high }), yAxis: successAxis(theme, ""),
+          series: [...(curve.prior ? [band([[scale * curve.prior[0], 0, 100], [scale * curve.prior[2], 0, 100]], theme.soft, 0.12)] : []), { type: "line", symbolSize: 4, lineStyle: { color: theme.bad }, itemStyle: { color: theme.bad }, data: curve.at.map((value, k) => [scale * value, 100 * curve.passed[k] / environments.length]),
+            markLine: { silent: true, symbol: "none", label: { show: false }, lineStyle: { color: theme.soft, type: "dashed" }, data: [{ xAxis: scale * base[curve.name] }] } }],
+        }),
+      });
+      this.charts.push(chart);
+      chart.draw();
+    }
+    place.dataset.done = "1";
+  }
+}
+
+// A slider's value near its nominal one is the nominal one.
+const snapped = ({ nominal }, value, step) => (Math.abs(value - nominal) < 0.75 * step ? nominal : value);
+
+const factor = ratio => (ratio > 1e6 ? "over a million" : ratio >= 100 ? Number(ratio.toPrecision(1)).toLocaleString("en") : number(Number(ratio.toPrecision(2))));

@@ -180,7 +180,7 @@ class Car:
 
     def _command(self, action: str, command: int, *values: float) -> None:
         """Send a command until the car acknowledges it. Raises CommandRefusedError if it refuses or stays silent."""
-        self.connection.status_text = None
+        self.connection.warning_text = None
         for repetition in range(TRIES):
             self._send_command(command, values, repetition)
             ack = self.connection.wait_for(lambda m: self._answers(m, command), ANSWER_S)
@@ -205,7 +205,7 @@ class Car:
             detail = self.fault_text()
         elif reason in (dialect.FOLDCAR_REFUSAL_DESIGN, dialect.FOLDCAR_REFUSAL_HELD):
             # Before it acknowledges, the car says which host, or what is wrong with car.json.
-            detail = (self.connection.status_text or "").removeprefix("refused: ")
+            detail = (self.connection.warning_text or "").removeprefix("refused: ")
         text = self.refusal_text(reason) or f"result {ack.result}, reason {reason}"
         return f"{text} ({detail})" if detail else text
 

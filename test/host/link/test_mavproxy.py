@@ -85,8 +85,8 @@ class Station:
 
 def test_mavproxys_stick_drives_forward_and_to_the_right(tmp_path: Path, carsim_binary: Path) -> None:
     design = compose("W_B_W", {"width": 95.0})
-    worlds = [(body_json(design), {**empty_scene(goal_x_m=None), "id": "flat"})]
-    with simulated_car([str(carsim_binary)], worlds, car_json(design), 1.0, None, subprocess.PIPE) as car:
+    body, worlds = body_json(design), [({**empty_scene(goal_x_m=None), "id": "flat"}, {})]
+    with simulated_car([str(carsim_binary)], body, worlds, car_json(design), 1.0, None, subprocess.PIPE) as car:
         station = Station(car.port, tmp_path)
 
         def pulses_us(stick: str) -> list[int]:

@@ -179,4 +179,4 @@ def test_the_button_starts_a_trial_without_a_cable_from_start_to_report(
     assert trial.elapsed_time_s == pytest.approx(3, abs=0.05)
     features = log_features(tmp_path / str(trial.log))
     assert features.servo_battery_v == pytest.approx(body_json(compose("W_B_W", {"width": 95.0}))["supply_v"], abs=1e-3)
-    assert foldcar("report", "s.db", "-o", "report", "--simulated-trials", "--no-replay").returncode == 0
+    assert foldcar("report", "s.db", "-o", "report", "--simulated-trials").returncode == 0

@@ -123,7 +123,7 @@ def _has_cable(car: Car) -> bool:
     return design is not None and design.hardware == car.dialect.FOLDCAR_HARDWARE_BOARD
 
 
-def _watch(car: Car, trial: int, view: DriveView, end_s: float, must_be_unplugged: bool) -> DriveEnd:
+def _watch(car: Car, trial: int, view: DriveView, end_s: float, must_be_unplugged: bool = False) -> DriveEnd:
     """Wait for the end of the drive. Raises LinkLostError if the car is silent or does not end.
 
     If it ``must_be_unplugged``, it is stopped when its wheels start while the cable is still plugged in.

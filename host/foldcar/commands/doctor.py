@@ -1,16 +1,18 @@
 """`foldcar doctor` prints a line for each thing that foldcar needs: whether it is installed, and which version."""
 
 import importlib.metadata
+import json
 import os
 import platform
 import shutil
 import sys
 import tempfile
+import time
 import warnings
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import typer
 
@@ -22,6 +24,10 @@ from foldcar.version import __version__
 if TYPE_CHECKING:
     from packaging.requirements import Requirement
 
+    from foldcar.simulation.carsim import Carsim
+
+# Simulated time (s) of a run by which the simulator's speed is measured, and the number of runs.
+SPEED_RUN_S, SPEED_RUNS = 5.0, 40
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 REINSTALL = "make setup; where the package is installed by itself: pip install --force-reinstall foldcar-….whl"
 # Packages of Debian and Ubuntu that Scenic's image library loads.
@@ -138,18 +144,49 @@ def _scenic() -> Finding:
 
 
 def _simulator(checkout: Path | None) -> Finding:
-    """Check that carsim starts."""
+    """Check that carsim simulates, and measure how fast."""
     from foldcar.simulation.carsim import Carsim
-    from foldcar.simulation.engines import BINARY_VARIABLE
+    from foldcar.simulation.engines import BINARY_VARIABLE, is_wasm
 
     try:
         carsim = Carsim()
+        speedup = _speedup(carsim)
     except FoldcarError as error:
         advice = "make setup" if checkout is not None else "pip install --force-reinstall foldcar-….whl"
         if os.environ.get(BINARY_VARIABLE):
             advice = f"let {BINARY_VARIABLE} name a carsim, or leave it out"
         return Finding("carsim", "missing", str(error), advice)
-    return Finding("carsim", "ok", f"build {carsim.build}, firmware {carsim.firmware}, {carsim.binary}")
+    how = "WebAssembly with Node" if is_wasm(carsim.binary) else "native"
+    text = f"{how}, {speedup:.0f} times real time, build {carsim.build}, firmware {carsim.firmware}, {carsim.binary}"
+    return Finding("carsim", "ok", text)
+
+
+def _speedup(carsim: "Carsim") -> float:
+    """Return the ratio of simulated time to computing time of one simulator, driving on level ground."""
+    from foldcar.car.body import body_json, firmware_parameters, full_speed_m_s
+    from foldcar.car.design import compose
+    from foldcar.simulation.runner import RunRequest
+
+    design = compose("W_B_W", {})
+    body = body_json(design)
+    settings: dict[str, Any] = {"speed_m_s": full_speed_m_s(design), "time_limit_s": SPEED_RUN_S}
+    settings["parameters"] = firmware_parameters(design, body)
+    course = {"x_min_m": -1000, "x_max_m": 1000, "y_min_m": -1000, "y_max_m": 1000}
+    scene = {
+        "friction": 0.6,
+        "terrain": [],
+        "start": {"x_m": 0, "y_m": 0, "heading_rad": 0},
+        "goal": None,
+        "course": course,
+    }
+    texts = {"body": json.dumps(body)}, {"scene": json.dumps(scene)}
+    # The start of the process must not count.
+    durations_s = []
+    for runs in (1, 1 + SPEED_RUNS):
+        started_s = time.perf_counter()
+        carsim.run(*texts, [RunRequest("body", "scene", json.dumps(settings), "speed", 0)] * runs)
+        durations_s.append(time.perf_counter() - started_s)
+    return SPEED_RUNS * SPEED_RUN_S / max(1e-3, durations_s[1] - durations_s[0])
 
 
 def _simulator_with_mujoco(checkout: Path | None) -> Finding:

@@ -21,6 +21,7 @@ from foldcar.commands.options import (
 )
 from foldcar.errors import FoldcarError
 from foldcar.installation import pio_program, source_tree
+from foldcar.system import end_group
 
 CAR_FILE = "car.json"
 LOGS_FOLDER = "car-logs"
@@ -145,7 +146,7 @@ def _pio(project: Path, target: str, port: str, data_folder: Path) -> None:
     try:
         code = process.wait()
     except KeyboardInterrupt:
-        os.killpg(process.pid, signal.SIGTERM)
+        end_group(process, signal.SIGTERM)
         raise
     if code != 0:
         loaded = "the firmware" if target == "upload" else "the design"

@@ -15,6 +15,7 @@ import typer
 from foldcar.commands.options import print_note, print_result
 from foldcar.errors import FoldcarError
 from foldcar.installation import python_command
+from foldcar.system import lower_priority
 
 if TYPE_CHECKING:
     from foldcar.report.live import LiveStudy, PageServer
@@ -47,8 +48,7 @@ def serve(study: "LiveStudy", title: str, port: int, beside_sweep: bool, as_json
     ):
         print_result(as_json, {"url": server.url}, f"{server.url} (until Ctrl-C)")
         sys.stdout.flush()
-        if hasattr(os, "nice"):
-            os.nice(NICENESS)
+        lower_priority(NICENESS)
         threading.Thread(target=server.serve_forever, daemon=True).start()
         if beside_sweep:
             threading.Thread(target=_wait_for_end, args=(sweep_ended,), daemon=True).start()

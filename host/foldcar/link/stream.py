@@ -16,20 +16,15 @@ from pathlib import Path
 from typing import Any
 
 from foldcar.errors import FoldcarError
-
-try:
-    import termios  # noqa: F401
-except ImportError:
-    # On Windows, a program cannot wait for a serial port and other input at the same time.
-    HAS_TERMINALS = False
-else:
-    HAS_TERMINALS = True
+from foldcar.system import SELECTS_FILES, ThreadedPort
 
 BAUD = 115200
 CONNECT_S = 5.0
 # A buffer that stays full for this long means that the car has stopped reading.
 WRITE_S = 1.0
 READ_BYTES = 65536
+# How long a thread waits for a byte of a port that `select` cannot wait for.
+READ_S = 0.05
 TCP = "tcp:"
 # USB (vendor, product) numbers of the bridges on ESP32 Feather boards of all revisions.
 BRIDGES = {
@@ -101,17 +96,16 @@ def open_stream(name: str) -> Stream:
 
 def _open_serial(name: str) -> Stream:
     """Open a serial port. Raises FoldcarError that says why it cannot be opened."""
-    if not HAS_TERMINALS:
-        raise FoldcarError(f"{name}: cars on USB are driven on Linux and macOS; use WSL (docs/installation.md)")
     import serial
 
-    if not Path(name).exists():
-        raise FoldcarError(f"{name}: no such port")
-    if not Path(name).is_char_device():
-        raise FoldcarError(f"{name}: not a serial port")
+    if SELECTS_FILES:
+        if not Path(name).exists():
+            raise FoldcarError(f"{name}: no such port")
+        if not Path(name).is_char_device():
+            raise FoldcarError(f"{name}: not a serial port")
     try:
-        # Exclusive: two programs that read one port each get half of the packets.
-        port = serial.Serial(name, BAUD, timeout=0, exclusive=True)
+        # Exclusive: two programs that read one port each get half of the packets. Windows opens ports only so.
+        port = serial.Serial(name, BAUD, timeout=0 if SELECTS_FILES else READ_S, exclusive=True)
     except (OSError, serial.SerialException) as error:
         number = getattr(error, "errno", None)
         if number == errno.EACCES:
@@ -122,6 +116,9 @@ def _open_serial(name: str) -> Stream:
         if type(error.__context__).__module__ == "termios":
             raise FoldcarError(f"{name}: not a serial port") from error
         raise FoldcarError(f"{name}: cannot be opened: {os.strerror(number) if number else error}") from error
+    if not SELECTS_FILES:
+        threaded = ThreadedPort(lambda: bytes(port.read(port.in_waiting or 1)), port.close)
+        return Stream(name, threaded, threaded.take, lambda data: int(port.write(data) or 0))
     os.set_blocking(port.fileno(), False)
     return Stream(name, port, partial(os.read, port.fileno()), partial(os.write, port.fileno()))
 

@@ -72,6 +72,10 @@ class PageDrives:
             shown["remarks"].append(f"The page cannot simulate: {reason}.")
             return {}
         assert not isinstance(carsim, str)
+        if carsim.build != info.carsim_build:
+            shown["remarks"].append(
+                f"The runs are of carsim build {info.carsim_build}, this page has {carsim.build}: it may compute others."
+            )
         designs, samples = _shown_designs(len(drives.bodies)), sorted(drives.scenes)[:MAX_SAMPLES]
         self.plan(len(samples))
         blobs = {"inputs": _inputs(info, drives, designs, samples), "checks": _checks(runs)}

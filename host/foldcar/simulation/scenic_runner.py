@@ -8,7 +8,6 @@ one simulation at a time, so there is a worker for each running call. A worker c
 import contextlib
 import json
 import os
-import signal
 import threading
 import weakref
 from collections.abc import Mapping, Sequence
@@ -20,6 +19,7 @@ from foldcar.read_files import minimal_variables
 from foldcar.scenes.program_files import Files
 from foldcar.simulation.carsim_step import LineProcess
 from foldcar.simulation.runner import CarsimError, RunRequest, process_ending
+from foldcar.system import kill_group
 
 # The error of a run whose worker dies.
 CRASH = "the process that simulates with Scenic died"
@@ -56,7 +56,7 @@ class _Worker(LineProcess):
         """Kill the process with its copies and simulators, which form the process group of its session."""
         if self._process.returncode is None:
             with contextlib.suppress(ProcessLookupError):
-                os.killpg(self._process.pid, signal.SIGKILL)
+                kill_group(self._process)
 
 
 class ScenicRunner:
@@ -91,6 +91,8 @@ class ScenicRunner:
             if (runner := reference()) is not None:
                 runner._forget()
 
+        if not hasattr(os, "fork"):
+            raise CarsimError(f"{program}: runs beside the simulation, which needs Linux or macOS")
         # A forked process must not use its parent's workers.
         os.register_at_fork(after_in_child=forget)
 

@@ -1,18 +1,15 @@
 """Talks with the person beside the car: prints lines and reads answers.
 
-Input: standard input, read by its descriptor, because the buffer of a Python file object would hide lines from `select`.
-Output: lines, choices and keys; text on standard output and error.
+Input: standard input. Output: lines, choices and keys; text on standard output and error.
 """
 
 import contextlib
-import os
-import select
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 
 from foldcar.errors import FoldcarError
+from foldcar.system import TypedInput
 
-INPUT = 0
 IDLE_S = 0.05
 
 
@@ -27,10 +24,14 @@ def print_warning(error: object) -> None:
 
 
 class Answers:
-    """Reads answers as lines or keys. While it waits, it calls ``idle``, which keeps the link to the car alive."""
+    """Reads answers as lines or keys. While it waits, it calls ``idle``, which keeps the link to the car alive.
+
+    ``waitable`` is a descriptor for `select` that reports keys, or None.
+    """
 
     def __init__(self, idle: Callable[[], None]) -> None:
-        self.is_terminal = os.isatty(INPUT)
+        self._input = TypedInput()
+        self.is_terminal, self.waitable = self._input.is_terminal, self._input.waitable
         self._idle = idle
         self._typed = b""
 
@@ -39,9 +40,9 @@ class Answers:
         print(question, end="", flush=True)
         while b"\n" not in self._typed:
             self._idle()
-            if not select.select([INPUT], [], [], IDLE_S)[0]:
+            data = self._input.read(IDLE_S)
+            if data is None:
                 continue
-            data = os.read(INPUT, 4096)
             if not data:
                 print_line("")
                 raise FoldcarError(f'no answer to "{question.strip()}": the input has ended; see `foldcar log --help`')
@@ -63,27 +64,6 @@ class Answers:
                 return choices.get(typed, typed)
             print_line(f"  type one of {', '.join(f'{key} ({value})' for key, value in choices.items())}")
 
-    @contextlib.contextmanager
-    def keys(self) -> Iterator[Callable[[], str | None]]:
-        """Yield a function that returns the last key pressed, or None, without waiting."""
-        if not self.is_terminal:
-            yield lambda: None
-            return
-        # These modules do not exist on Windows.
-        import termios
-        import tty
-
-        before = termios.tcgetattr(INPUT)
-        try:
-            tty.setcbreak(INPUT)
-            termios.tcflush(INPUT, termios.TCIFLUSH)
-            yield _pressed
-        finally:
-            termios.tcflush(INPUT, termios.TCIFLUSH)
-            termios.tcsetattr(INPUT, termios.TCSADRAIN, before)
-
-
-def _pressed() -> str | None:
-    if not select.select([INPUT], [], [], 0)[0]:
-        return None
-    return os.read(INPUT, 64)[-1:].decode(errors="replace") or None
+    def keys(self) -> contextlib.AbstractContextManager[Callable[[], str | None]]:
+        """Return a context manager that yields a function: it returns the last key pressed, or None, without waiting."""
+        return self._input.keys()

@@ -34,7 +34,7 @@ from foldcar.trials.drive_view import DriveView
 from foldcar.trials.driving import CTRL_C, DRIVES_ON, DriveEnd, drive
 from foldcar.trials.media import Arrivals, media_kind
 from foldcar.trials.order import Standing, moves_text, next_sample, standing
-from foldcar.trials.person import IDLE_S, INPUT, Answers, print_line, print_warning
+from foldcar.trials.person import IDLE_S, Answers, print_line, print_warning
 from foldcar.trials.placement import ask_deviations, draw_placement, lettered, placed, show_placement
 from foldcar.trials.plugged_car import SIMULATED_TEXT, PluggedCar, enter_sample, require_same_car, welcome
 from foldcar.trials.recording import OUTCOME_KEYS, OUTCOME_QUESTION, complete_interrupted, record_outcome
@@ -285,8 +285,7 @@ class Session:
                 for message in ("AUTOPILOT_VERSION", "SYS_STATUS"):
                     car.request(message)
                 read_parameters(car)
-                other_input = INPUT if self._answers.is_terminal else None
-                view = DriveView(options.countdown_s, limit_s, other_input)
+                view = DriveView(options.countdown_s, limit_s, self._answers.waitable)
                 with self._answers.keys() as pressed, view.watching(pressed):
                     end = drive(car, settings, number, options.countdown_s, view, options.untethered, options.button)
                 return replace(end, outcome="passed") if view.passed and end.outcome is None else end

@@ -13,6 +13,7 @@ import pytest
 
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.engines import MUJOCO
+from foldcar.store.reader import Store
 
 PROJECT = Path(__file__).resolve().parents[3]
 SOURCES = ("pyproject.toml", "setup.py", "MANIFEST.in", "README.md", "LICENSE", "host")
@@ -68,7 +69,42 @@ def test_the_wheel_is_for_every_python_and_has_every_file(wheel: Path) -> None:
     source = {file.relative_to(PROJECT / "host").as_posix() for file in package.rglob("*") if file.is_file()}
     with ZipFile(wheel) as archive:
         names = {name for name in archive.namelist() if name.startswith("foldcar/")}
-    assert names == {name for name in source if "__pycache__" not in name} | {"foldcar/carsim", "foldcar/carsim_mujoco"}
+    assert names == {name for name in source if "__pycache__" not in name} | {
+        "foldcar/carsim",
+        "foldcar/carsim_mujoco",
+        "foldcar/carsim.wasm",
+    }
+
+
+@pytest.mark.slow
+def test_the_wheel_for_every_system_simulates_with_node(sources: Path, carsim_binary: Path, tmp_path: Path) -> None:
+    """The same results as the native simulator's, from a folder without any other simulator."""
+    options = ["--quiet", "--no-deps", "--no-build-isolation", "--wheel-dir", tmp_path]
+    variables = {**os.environ, "FOLDCAR_BUILD_DIR": str(carsim_binary.parents[1]), "FOLDCAR_WHEEL": "any"}
+    subprocess.run([sys.executable, "-m", "pip", "wheel", *options, sources], check=True, cwd=sources, env=variables)
+    (wheel,) = tmp_path.glob("*.whl")
+    installed = tmp_path / "site"
+    with ZipFile(wheel) as archive:
+        archive.extractall(installed)
+    (tmp_path / "yard").mkdir()
+    python = [sys.executable, "-c", "import sys; sys.path.insert(0, sys.argv.pop(1)); from foldcar.cli import app; app()"]
+
+    def foldcar(folder: Path, *words: str) -> str:
+        command = [*python, str(folder), *words]
+        return subprocess.run(command, cwd=tmp_path / "yard", check=True, capture_output=True, text=True).stdout
+
+    foldcar(installed, "new", ".")
+    for name, folder in (("node", installed), ("native", PROJECT / "host")):
+        foldcar(folder, "sweep", "study.json", "--store", f"{name}.db", "--environments", "2")
+
+    assert wheel.name.endswith("-py3-none-any.whl")
+    assert not (installed / "foldcar" / "carsim").exists() and (installed / "foldcar" / "carsim.wasm").is_file()
+    with Store.open(tmp_path / "yard" / "node.db") as node, Store.open(tmp_path / "yard" / "native.db") as native:
+        assert list(node.results("yard")) == list(native.results("yard"))
+    assert foldcar(installed, "sweep", "study.json", "--store", "native.db", "--environments", "2").startswith(
+        "0 runs new"
+    )
+    assert "WebAssembly with Node, " in foldcar(installed, "doctor")
 
 
 def test_without_a_compiler_the_sources_say_what_they_need(sources: Path, tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from foldcar.store.check import check_store, store_digest
 from foldcar.store.errors import StoreError
 from foldcar.store.merge import merge_stores
 from foldcar.store.reader import Store
-from foldcar.store.tables import EXPERIMENT, MEASURED, RUN, TRIAL, Table
+from foldcar.store.tables import EXPERIMENT, MEASURED, RUN, TRIAL, VERSION, Table
 from foldcar.store.trial_records import Ending
 from foldcar.store.trial_writer import write_trials
 from full_store import alter, change, contents, full_store
@@ -20,7 +20,10 @@ from swept_listing import swept
 from test_store import answer, fill
 from test_trial_store import begin
 
-OLD = "is a store of version 1, and this foldcar reads version 3: sweep into a new store, or use the foldcar that made it"
+OLD = (
+    f"is a store of version 1, and this foldcar reads version {VERSION}: "
+    "sweep into a new store, or use the foldcar that made it"
+)
 
 
 def digest(store: Path) -> tuple[str, int]:

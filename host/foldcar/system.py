@@ -1,0 +1,128 @@
+"""What differs between operating systems: typed input, serial ports to wait for, groups of processes, priority.
+
+Linux and macOS wait for any file descriptor with `select`. On Windows `select` takes sockets only: threads read there.
+Nothing else in foldcar asks which system it runs on.
+"""
+
+import contextlib
+import importlib
+import os
+import queue
+import select
+import signal
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from typing import Any
+
+INPUT = 0
+# Whether `select` waits for terminals and serial ports.
+SELECTS_FILES = sys.platform != "win32"
+
+
+def end_group(process: "subprocess.Popen[Any]", number: int) -> None:
+    """Send signal ``number`` to a process that was started with ``start_new_session``, and to what it started."""
+    if hasattr(os, "killpg"):
+        os.killpg(process.pid, number)
+    else:
+        process.terminate()
+
+
+def kill_group(process: "subprocess.Popen[Any]") -> None:
+    """Kill a process that was started with ``start_new_session``, and what it started."""
+    end_group(process, getattr(signal, "SIGKILL", signal.SIGTERM))
+
+
+def lower_priority(steps: int) -> None:
+    """Let other processes have the processor first."""
+    if hasattr(os, "nice"):
+        os.nice(steps)
+
+
+class ThreadedPort:
+    """A port whose ``read`` blocks, as a socket that `select` waits for; a thread copies the bytes.
+
+    ``read`` returns b"" after a while without bytes, and raises OSError when the port is gone. ``close`` ends both.
+    """
+
+    def __init__(self, read: Callable[[], bytes], close: Callable[[], None]) -> None:
+        self._read, self._close = read, close
+        self._ours, self._theirs = socket.socketpair()
+        self._ours.setblocking(False)
+        self._ended = False
+        threading.Thread(target=self._copy, daemon=True).start()
+
+    def _copy(self) -> None:
+        with contextlib.suppress(OSError, ValueError), self._theirs:
+            while not self._ended:
+                if data := self._read():
+                    self._theirs.sendall(data)
+
+    def fileno(self) -> int:
+        """The file descriptor for `select`."""
+        return self._ours.fileno()
+
+    def take(self, size: int) -> bytes:
+        """Return at most ``size`` available bytes, b"" when the port is gone. Raises BlockingIOError without any."""
+        return self._ours.recv(size)
+
+    def close(self) -> None:
+        """Close the port."""
+        self._ended = True
+        self._close()
+        self._ours.close()
+
+
+class TypedInput:
+    """Standard input, read by its descriptor: the buffer of a Python file object would hide lines from `select`."""
+
+    def __init__(self) -> None:
+        self.is_terminal = os.isatty(INPUT)
+        self._lines: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+        if not SELECTS_FILES:
+            threading.Thread(target=self._copy, daemon=True).start()
+
+    def _copy(self) -> None:
+        while data := os.read(INPUT, 4096):
+            self._lines.put(data)
+        self._lines.put(b"")
+
+    @property
+    def waitable(self) -> int | None:
+        """The descriptor for `select` if keys can be waited for, else None."""
+        return INPUT if self.is_terminal and SELECTS_FILES else None
+
+    def read(self, wait_s: float) -> bytes | None:
+        """Return what was typed, b"" at the end of input; None if nothing was typed within ``wait_s``."""
+        if not SELECTS_FILES:
+            with contextlib.suppress(queue.Empty):
+                return self._lines.get(timeout=wait_s)
+            return None
+        return os.read(INPUT, 4096) if select.select([INPUT], [], [], wait_s)[0] else None
+
+    @contextlib.contextmanager
+    def keys(self) -> Iterator[Callable[[], str | None]]:
+        """Yield a function that returns the last key pressed, or None, without waiting.
+
+        On Windows a key counts when Enter follows.
+        """
+        if not self.is_terminal:
+            yield lambda: None
+            return
+        if not SELECTS_FILES:
+            yield self._last_key
+            return
+        termios, tty = importlib.import_module("termios"), importlib.import_module("tty")
+        before = termios.tcgetattr(INPUT)
+        try:
+            tty.setcbreak(INPUT)
+            termios.tcflush(INPUT, termios.TCIFLUSH)
+            yield self._last_key
+        finally:
+            termios.tcflush(INPUT, termios.TCIFLUSH)
+            termios.tcsetattr(INPUT, termios.TCSADRAIN, before)
+
+    def _last_key(self) -> str | None:
+        return (self.read(0) or b"").strip()[-1:].decode(errors="replace") or None
